@@ -162,7 +162,7 @@ def scatter(
     """Draw rows as points of time and error on logarithmic axes, a line for each method."""
     from matplotlib.figure import Figure as Sheet
 
-    from lrf3d.output import replacing
+    from lrf3d.files import replacing
 
     figure = Sheet(figsize=(8, 5), layout="constrained")
     axes = figure.subplots()

@@ -23,16 +23,14 @@ from lrf3d.io import load_log
 from lrf3d.laser import LaserRangeFinder, ProportionalNoise
 from lrf3d.mapping import LineMapper
 from lrf3d.mapping.mapper import MODES
-from lrf3d.robot.sides import buildings_around
+from lrf3d.planning.free_space import find_free_space
+from lrf3d.planning.sides import survey
 from lrf3d.scoring import score_log, score_run
 from lrf3d.simulation import simulate
 from lrf3d.world import World, load_world
 
 CLEARANCE = 1.0
 """Least distance of a random pose to any wall [m]."""
-
-TRIES = 1000
-"""Rounds of drawing after which a world is taken to have no room."""
 
 LOG_ENDINGS = (".log", ".clf", ".gz")
 """Endings of recorded logs."""
@@ -81,10 +79,10 @@ def maker_of(label: str, sigma: float) -> Callable[[], Any]:
         return lambda: LineMapper(label, sigma=sigma)
     if ":" not in label:
         raise InputError(f"--mapper {label}: expected {', '.join(MODES)} or FILE.py:NAME")
-    from lrf3d.cli.plugins import load_plugin
+    from lrf3d.cli.plugins import load_plugin, made
 
-    plugin: Any = load_plugin("mapper", label)
-    return lambda: plugin.make()
+    found = load_plugin("mapper", label)
+    return lambda: made(found)
 
 
 def score_world(
@@ -154,25 +152,11 @@ def score_recorded(report: Report, source: str, makers: dict[str, Callable[[], A
 
 
 def random_poses(world: World, count: int, rng: np.random.Generator) -> Float:
-    """Poses (count, 3), evenly spread over the bounds of a world, in no building and off all walls.
+    """Poses (count, 3), evenly spread over the free space of a world.
 
     Raises:
         InputError: There is no such room in the world.
     """
-    import shapely
-
-    local = world.segments - np.tile(world.origin, 2)
-    ends = local.reshape(-1, 2)
-    low, high = ends.min(axis=0), ends.max(axis=0)
-    tree = shapely.STRtree(shapely.linestrings(local.reshape(-1, 2, 2)))
-    found: list[Float] = []
-    for _ in range(TRIES):
-        places = rng.uniform(low, high, (count, 2))
-        close, _ = tree.query(shapely.points(places), predicate="dwithin", distance=CLEARANCE)
-        free = buildings_around(world, places) < 0
-        free[close] = False
-        found.extend(places[free])
-        if len(found) >= count:
-            heading = rng.uniform(-np.pi, np.pi, count)
-            return np.column_stack([np.array(found[:count]) + world.origin, heading])
-    raise InputError(f"{world.name or 'world'}: no room {CLEARANCE:g} m off all walls")
+    cells = find_free_space(survey(world), CLEARANCE).places
+    heading = rng.uniform(-np.pi, np.pi, count)
+    return np.column_stack([cells[rng.integers(len(cells), size=count)] + world.origin, heading])

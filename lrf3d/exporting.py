@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.output import replacing
+from lrf3d.files import replacing
 from lrf3d.run import Run
 
 

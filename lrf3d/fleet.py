@@ -8,7 +8,7 @@ import numpy as np
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.casting.timed import Caster
 from lrf3d.laser import LaserRangeFinder
-from lrf3d.laser.noise import AnyNoise
+from lrf3d.laser.noise import Noise
 from lrf3d.progress import Progress, silent
 from lrf3d.robot import Trajectory
 from lrf3d.robot.unicycle import RADIUS
@@ -29,7 +29,7 @@ def simulate_fleet(
     radius: float = RADIUS,
     height: float = HEIGHT,
     caster: Caster | str = "embree",
-    noise: AnyNoise | None = None,
+    noise: Noise | None = None,
     mapper: Callable[[], Mapper] | None = None,
     rng: np.random.Generator | int | None = None,
     progress: Progress = silent,

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.errors import InputError, shown
+from lrf3d.files import some_rows
 from lrf3d.geometry import Float, Int, Value, sealed
 from lrf3d.laser import LaserRangeFinder, LaserScan
-from lrf3d.mapped_files import some_rows
 from lrf3d.mapping import LineMap
 from lrf3d.mapping.tracking import ObjectTracker, numbers_by_truth
 from lrf3d.notebook import Pictured, Video

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from lrf3d.errors import OutputError
-from lrf3d.output import replacing
+from lrf3d.files import replacing
 
 INK, FAINT, GRID, SPINE = "#20262e", "#68727f", "#e8ebef", "#c9ced6"
 """Colours of titles and walls, of small text, of the grid, and of the frame around axes."""

@@ -20,7 +20,7 @@ from exact_light import ExactLight
 from rational import ExactWorld
 
 from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
-from lrf3d.cli import main, options
+from lrf3d.cli import main
 from lrf3d.cores import core_count, process_pool
 from lrf3d.geometry import Float
 from lrf3d.progress import Progress, silent
@@ -356,7 +356,9 @@ def command(
         float, typer.Option(min=0.0, help="Stop after this time and report what was tried.")
     ] = 480.0,
     seed: Annotated[int, typer.Option(min=0, help="The same seed, the same beams.")] = 0,
-    json: options.Json = False,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
+    ] = False,
 ) -> None:
     """Cast the hardest beams with both casters, and compare each with rational numbers.
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.casting.kernels.scans import PlainLaser, cast_scans, laser_of
+from lrf3d.casting.kernels.scans import NOT_ASKED, PlainLaser, cast_scans, laser_of
 from lrf3d.casting.kernels.tree import Tree, build_tree
 from lrf3d.cores import core_count
 from lrf3d.errors import InputError, shown
@@ -64,8 +64,8 @@ class PlanarCaster:
 
     def cast(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> LaserScan:
         """The true scan from a pose."""
-        pose = as_pose(pose)
-        poses = np.array([pose])
+        laser, pose = laser_of(lrf), as_pose(pose)
+        poses = np.fromiter(pose, np.float64, 3)[None]
         if self._lighting is not None:
             lit = self._lit(lrf, poses)
             echoes = (lit.echo_ranges[0], lit.echo_intensities[0]) if lrf.echoes > 1 else ()
@@ -73,18 +73,16 @@ class PlanarCaster:
                 lrf, pose, lit.ranges[0], lit.walls[0], lit.intensities[0], *echoes
             )
         ranges, walls = np.empty(lrf.beams), np.empty(lrf.beams, np.int64)
-        self._fill(lrf.height, laser_of(lrf), poses, ranges[None], walls[None])
+        self._fill(lrf.height, laser, poses, ranges[None], walls[None])
         return LaserScan.unchecked(lrf, pose, ranges, walls)
 
     def cast_batch(self, lrf: LaserRangeFinder, poses: ArrayLike) -> Float:
         """Ranges (k, beams) from poses (k, 3), on all cores."""
-        return self._batch(lrf, as_poses(poses), np.empty((0, lrf.beams), np.int64))
+        return self._batch(lrf, as_poses(poses), keep_walls=False)[0]
 
     def scan_batch(self, lrf: LaserRangeFinder, poses: ArrayLike) -> tuple[Float, Int]:
         """Ranges and walls (k, beams) from poses (k, 3), on all cores."""
-        poses = as_poses(poses)
-        walls = np.empty((len(poses), lrf.beams), np.int64)
-        return self._batch(lrf, poses, walls), walls
+        return self._batch(lrf, as_poses(poses), keep_walls=True)
 
     def chains(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> Int:
         """The walls (beams, k) on the way of each beam of a scan: mirrors, glass, and the last.
@@ -135,15 +133,15 @@ class PlanarCaster:
 
         Beams end at the first wall, also at mirrors and glass.
         """
-        cast_scans(self.tree(height)[:], laser, poses, ranges, walls, False)
+        cast_scans(self.tree(height)[:], laser, *NOT_ASKED, poses, ranges, walls)
 
-    def _batch(self, lrf: LaserRangeFinder, poses: Float, walls: Int) -> Float:
-        poses = np.ascontiguousarray(poses)
+    def _batch(self, lrf: LaserRangeFinder, poses: Float, *, keep_walls: bool) -> tuple[Float, Int]:
+        laser, poses = laser_of(lrf), np.ascontiguousarray(poses)
         if self._lighting is not None:
             lit = self._lit(lrf, poses)
-            walls[:] = lit.walls[: len(walls)]
-            return lit.ranges
-        ranges, laser = np.empty((len(poses), lrf.beams)), laser_of(lrf)
+            return lit.ranges, lit.walls
+        ranges = np.empty((len(poses), lrf.beams))
+        walls = np.empty((len(poses) if keep_walls else 0, lrf.beams), np.int64)
         # A batch of none builds what all threads need.
         self._fill(lrf.height, laser, poses[:0], ranges[:0], walls[:0])
 
@@ -152,15 +150,15 @@ class PlanarCaster:
             self._fill(lrf.height, laser, poses[part], ranges[part], walls[part])
 
         share(work, len(poses))
-        return ranges
+        return ranges, walls
 
     def _lit(self, lrf: LaserRangeFinder, poses: Float, *, chains: bool = False) -> "Lit":
         """The light of scans from poses (k, 3), on all cores."""
         lighting = self._lighting
         assert lighting is not None
-        lit = lighting.empty(lrf, len(poses), chains=chains)
         # Mirrors may be nearer than range_min, and what they show beyond it.
         laser, tree = laser_of(lrf, range_min=0.0), self.tree(lrf.height)
+        lit = lighting.empty(lrf, len(poses), chains=chains)
         self._fill(lrf.height, laser, poses[:0], lit.ranges[:0], lit.walls[:0])
 
         def work(start: int, stop: int) -> None:

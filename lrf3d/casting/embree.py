@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lrf3d.casting.caster import PlanarCaster
-from lrf3d.casting.kernels.scans import PlainLaser
+from lrf3d.casting.kernels.scans import PlainLaser, laser_of
 from lrf3d.casting.mesh_scene import MeshScene, level_cut
 from lrf3d.casting.triangle_rays import embreex_installed
 from lrf3d.casting.wall_scene import WallScene
@@ -88,6 +88,7 @@ class EmbreeCaster(PlanarCaster):
         """The true scan from a pose; for a mesh, ``walls`` holds indices of triangles."""
         if self._triangles is None:
             return super().cast(lrf, pose)
+        laser_of(lrf)
         caster, faces = self._cut(self._triangles, lrf.height)
         scan = caster.cast(lrf, pose)
         return LaserScan.unchecked(lrf, scan.pose, scan.ranges, _named(faces, scan.walls))
@@ -201,22 +202,24 @@ class EmbreeCaster(PlanarCaster):
     def _fill(
         self, height: float, laser: PlainLaser, poses: Float, ranges: Float, walls: Int
     ) -> None:
-        if not embreex_installed():
-            super()._fill(height, laser, poses, ranges, walls)
-            return
         # A scene is built for ranges up to a power of two.
         key = bisect_left(self._levels, height), math.frexp(laser[-1])[1]
-        if key not in self._scenes:
-            self._scenes[key] = WallScene(self.tree(height), math.ldexp(1.0, key[1]))
-        self._scenes[key].cast(laser, poses, ranges, walls)
+        scene = self._scenes.get(key)
+        if scene is None:
+            tree = self.tree(height)
+            if not len(tree.walls) or not embreex_installed():
+                super()._fill(height, laser, poses, ranges, walls)
+                return
+            scene = self._scenes[key] = WallScene(tree, math.ldexp(1.0, key[1]))
+        scene.cast(laser, poses, ranges, walls)
 
-    def _batch(self, lrf: LaserRangeFinder, poses: Float, walls: Int) -> Float:
+    def _batch(self, lrf: LaserRangeFinder, poses: Float, *, keep_walls: bool) -> tuple[Float, Int]:
         if self._triangles is None:
-            return super()._batch(lrf, poses, walls)
+            return super()._batch(lrf, poses, keep_walls=keep_walls)
+        laser_of(lrf)
         caster, faces = self._cut(self._triangles, lrf.height)
-        ranges = caster._batch(lrf, poses, walls)
-        walls[:] = _named(faces, walls)
-        return ranges
+        ranges, walls = caster._batch(lrf, poses, keep_walls=keep_walls)
+        return ranges, _named(faces, walls)
 
 
 def _named(names: Int, rows: Int) -> Int:

@@ -22,8 +22,8 @@ import numpy as np
 import shapely
 import trimesh
 
-from lrf3d.casting.kernels.embree import Frame, prove, rays_of
-from lrf3d.casting.kernels.scans import PlainLaser, cast_scans
+from lrf3d.casting.kernels.embree import Trust
+from lrf3d.casting.kernels.scans import PlainLaser, cast_scans, rays_of
 from lrf3d.casting.kernels.tree import Tree
 from lrf3d.geometry import Float, Int
 
@@ -40,10 +40,10 @@ POSES_SENT = 64
 
 
 class WallScene:
-    """Walls in a tree, to be cast at for ranges up to a distance [m]."""
+    """Walls in a tree, at least one, to be cast at for ranges up to a distance [m]."""
 
     def __init__(self, tree: Tree, distance: float) -> None:
-        box = tree.boxes[0] if len(tree.walls) else np.zeros(4)
+        box = tree.boxes[0]
         # Coordinates are counted from the middle before trimesh rounds them.
         centre = np.round(0.5 * (box[:2] + box[2:]))
         # Half as far again: the laser may stand beside the world.
@@ -53,26 +53,24 @@ class WallScene:
         longest = float(np.hypot(along[:, 0], along[:, 1]).max(initial=0.0))
         delta = 2.0 * float32_error(radius, min(distance + 2.0 * longest, 4.0 * radius))
         beyond = 8.0 / FLAT * float32_error(radius, 4.0 * radius)
-        self._frame = Frame(float(centre[0]), float(centre[1]), radius, 1.5 * delta, beyond)
+        self._x, self._y = centre.tolist()
+        trust = Trust(self._x, self._y, radius, 1.5 * delta, beyond, FLAT, STEEP)
         parts = [clear_parts(walls, along, (7.0 + 5.0 / sine) * delta) for sine in (FLAT, STEEP)]
-        self._tree, self._clear = tree, np.hstack(parts)
+        self._tree, self._clear, self._trust = tree[:], np.hstack(parts), np.array(trust)
         vertices = triangles(walls, along, delta)
         faces = np.arange(len(vertices)).reshape(-1, 3)
         self.mesh = trimesh.Trimesh(vertices, faces, process=False, validate=False)
-        if len(walls):
-            # Embree's scene is built at its first ray; threads that cast share it.
-            self.mesh.ray.intersects_first(np.zeros((1, 3)), np.ones((1, 3)))
+        # Embree's scene is built at its first ray; threads that cast share it.
+        self.mesh.ray.intersects_first(np.zeros((1, 3)), np.ones((1, 3)))
 
     def cast(self, laser: PlainLaser, poses: Float, ranges: Float, walls: Int) -> None:
         """Fill ranges (k, beams) of scans from poses (k, 3), and walls unless empty."""
-        hits = walls if len(walls) else np.empty(ranges.shape, np.int64)
-        for k in range(0, len(poses) if len(self.mesh.faces) else 0, POSES_SENT):
+        for k in range(0, len(poses), POSES_SENT):
             part = slice(k, k + POSES_SENT)
-            rays = rays_of(laser, poses[part], self._frame.x, self._frame.y)
-            found = np.asarray(self.mesh.ray.intersects_first(*rays), np.int32)
-            known = self._clear, self._frame[:], (FLAT, STEEP), found
-            prove(self._tree[:], *known, laser, poses[part], hits[part])
-        cast_scans(self._tree[:], laser, poses, ranges, hits, len(self.mesh.faces) > 0)
+            rays = rays_of(laser, poses[part], self._x, self._y)
+            found = self.mesh.ray.intersects_first(*rays)
+            asked = self._clear, self._trust, found
+            cast_scans(self._tree, laser, *asked, poses[part], ranges[part], walls[part])
 
 
 def float32_error(radius: float, distance: float) -> float:

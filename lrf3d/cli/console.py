@@ -4,39 +4,61 @@ import json
 import logging
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from time import monotonic
-from typing import Any, TextIO
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import typer
 
 from lrf3d.errors import Lrf3dWarning, one_line
 from lrf3d.interrupts import check
 from lrf3d.progress import Progress
 
-BETWEEN_LINES = 30.0
-"""Time between two lines of progress where there is no terminal [s]."""
+Rows = Sequence[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a command prints: a summary, one JSON value or nothing; notes and progress on stderr."""
+
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
+    ] = False
+    quiet: Annotated[
+        bool, typer.Option("--quiet", "-q", help="Print no summary, notes and progress.")
+    ] = False
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print more figures.")] = False
+
+    def print(self, figures: Any, rows: Rows, details: Rows = ()) -> None:
+        """Print figures as JSON or as a table, to which ``-v`` adds the details."""
+        if self.json:
+            print_json(figures)
+        elif not self.quiet:
+            print_table([*rows, *(details if self.verbose else ())])
+
+    def note(self, message: str) -> None:
+        """Print on stderr what was chosen by default."""
+        if not self.quiet:
+            say(message)
+
+    @contextmanager
+    def progress(self, title: str) -> Iterator[Progress]:
+        """A progress bar if stderr is a terminal; a request to stop raises KeyboardInterrupt."""
+        check()
+        if self.quiet or not sys.stderr.isatty():
+            yield lambda done, total: check()
+            return
+        with progress_bar(title) as report:
+            yield report
 
 
 @contextmanager
 def progress_bar(title: str) -> Iterator[Progress]:
-    """A progress bar on stderr; a line now and then if stderr is not a terminal.
-
-    A signal that has asked to stop raises KeyboardInterrupt at the next report.
-    """
-    check()
-    if not sys.stderr.isatty():
-        yield progress_lines(title)
-        return
+    """A progress bar on stderr."""
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        TextColumn,
-        TimeRemainingColumn,
-    )
-    from rich.progress import (
-        Progress as Bar,
-    )
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bar
 
     columns = (
         TextColumn("{task.description:<13}"),
@@ -58,32 +80,6 @@ def progress_bar(title: str) -> Iterator[Progress]:
         yield report
 
 
-def progress_lines(title: str, clock: Callable[[], float] = monotonic) -> Progress:
-    """Progress as lines on stderr, so seldom that a short command prints none.
-
-    Args:
-        title: What is counted.
-        clock: Gives the time [s].
-    """
-    began = last = clock()
-    # The first step may compile for half a minute, so it is not one to go by.
-    first = 0
-
-    def report(done: int, total: int) -> None:
-        nonlocal began, first, last
-        check()
-        now = clock()
-        if not first:
-            began, first, last = now, done, now
-        if now - last < BETWEEN_LINES or not first < done < total:
-            return
-        last = now
-        left = (now - began) * (total - done) / (done - first) / 60.0
-        say(f"{title}: {done:,} of {total:,}, about {max(left, 1.0):.0f} min left")
-
-    return report
-
-
 def quiet_libraries() -> None:
     """Silence the warnings of libraries, which the user cannot fix; our own are shown in one line.
 
@@ -92,34 +88,19 @@ def quiet_libraries() -> None:
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
         warnings.simplefilter("default", Lrf3dWarning)
-        usual = warnings.showwarning
-
-        def show(
-            message: Warning | str,
-            category: type[Warning],
-            filename: str,
-            lineno: int,
-            file: TextIO | None = None,
-            line: str | None = None,
-        ) -> None:
-            if issubclass(category, Lrf3dWarning):
-                warn(str(message))
-            else:
-                usual(message, category, filename, lineno, file, line)
-
-        warnings.showwarning = show
+        warnings.showwarning = lambda message, *_, **__: warn(str(message))
     # Without a handler, Python prints log messages of libraries from warnings on.
     logging.lastResort = logging.NullHandler()
 
 
 def say(message: str) -> None:
-    """Print on stderr what was chosen by default, or how far the work is."""
+    """Print a note on stderr."""
     print(f"lrf3d: {one_line(message)}", file=sys.stderr)
 
 
 def warn(message: str) -> None:
     """Print a warning on stderr."""
-    print(f"lrf3d: warning: {one_line(message)}", file=sys.stderr)
+    say(f"warning: {message}")
 
 
 def print_json(value: Any) -> None:
@@ -135,18 +116,18 @@ def json_text(value: Any) -> str:
 def _rounded(value: Any) -> Any:
     if isinstance(value, float):
         return float(f"{value:.9g}")
-    if isinstance(value, dict):
+    if isinstance(value, Mapping):
         return {name: _rounded(each) for name, each in value.items()}
     return [_rounded(each) for each in value] if isinstance(value, list | tuple) else value
 
 
-def print_table(rows: list[tuple[str, str]], width: int = 0) -> None:
-    """Print names and values in two columns, the first with a least width [characters]."""
+def print_table(rows: Rows) -> None:
+    """Print names and values in two columns."""
     # Imported here, because the help of a command needs no rich.
     from lrf3d.text import table
 
     cells = [(name, one_line(value)) for name, value in rows]
-    print_text(table((), cells, left=(0, 1), width=width) + "\n")
+    print_text(table((), cells, left=(0, 1), width=9) + "\n")
 
 
 def print_text(text: str) -> None:

@@ -5,19 +5,20 @@ from typing import Annotated
 
 import typer
 
-from lrf3d.cli import options
+from lrf3d.cli.console import Report
+from lrf3d.cli.options import RunArgument
 
 
 def export(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run.npz, or its folder.")],
+    run: RunArgument,
     to: Annotated[
         str, typer.Option(metavar="FORMAT", help="The format: carmen, mcap, rosbag2 or glb.")
     ],
+    report: Report,
     out: Annotated[
-        Path | None, typer.Option(help="The file; in the run's folder if not given.")
+        Path | None, typer.Option("--out", "-o", help="The file; in the run's folder if not given.")
     ] = None,
     every: Annotated[int, typer.Option(min=1, help="Keep every n-th scan.")] = 1,
-    json: options.Json = False,
 ) -> None:
     """Write a run for another program.
 
@@ -25,22 +26,23 @@ def export(
     a folder, for ros2 bag play, rviz and slam_toolbox; glb is an animated 3D scene for Blender and
     web viewers: the world, the robot, its beams and its map as it grows.
     """
-    from lrf3d.cli.console import print_json, print_table
+    from lrf3d.io import load_run
+
+    kept = load_run(run)
+
     from lrf3d.errors import InputError
     from lrf3d.exporting import EXPORTERS, export_run
-    from lrf3d.io import load_run
-    from lrf3d.output import make_folder
+    from lrf3d.files import make_folder
 
     if to not in EXPORTERS:
         raise InputError(f"--to {to}: expected one of {', '.join(EXPORTERS)}")
-    kept = load_run(run)
     folder = run if run.is_dir() else run.parent
     path = folder / EXPORTERS[to].name if out is None else out
     make_folder(path.parent)
     export_run(kept, to, path, every=every)
     files = [path] if path.is_file() else sorted(path.iterdir())
     scans, size = len(range(0, len(kept), every)), sum(file.stat().st_size for file in files)
-    if json:
-        print_json({"file": str(path), "format": to, "scans": scans, "bytes": size})
-        return
-    print_table([(to, str(path)), ("scans", str(scans)), ("size", f"{size / 1e6:.1f} MB")])
+    report.print(
+        {"file": str(path), "format": to, "scans": scans, "bytes": size},
+        [(to, str(path)), ("scans", f"{scans:,}"), ("size", f"{size / 1e6:.1f} MB")],
+    )

@@ -1,15 +1,17 @@
-"""Films on the command line, with defaults for what is not given."""
+"""The options of films and pictures, and how they are drawn."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from lrf3d.cli.console import progress_bar, warn
-from lrf3d.run import Run
+import typer
 
-Result = TypeVar("Result")
+from lrf3d.cli.console import Report
+from lrf3d.cli.options import FILM, Workers
+
+if TYPE_CHECKING:
+    from lrf3d.run import Run
 
 _LARGE, _SMALL = (1280, 720), (640, 360)
 """Sizes [pixels] of films for players, and of films that are drawn slowly or shared."""
@@ -17,124 +19,139 @@ _LARGE, _SMALL = (1280, 720), (640, 360)
 _RATE, _GIF_RATE = 25.0, 10.0
 """Frames a second. A GIF of 15 s then has less than 10 MB."""
 
-_ANIMATIONS = (".gif", ".webp")
-"""Endings of films that are embedded in pages."""
 
+@dataclass(frozen=True)
+class Film:
+    """The options of a film; None means the default of the run, the format or the machine."""
 
-@dataclass(frozen=True, slots=True)
-class FilmOptions:
-    """Options of a film; None means the default of the run, the format or the machine.
+    view: Annotated[
+        str | None,
+        typer.Option(
+            rich_help_panel=FILM,
+            help="Camera: story, chase, first, orbit, overview, top, or one of the world.",
+        ),
+    ] = None
+    size: Annotated[
+        str | None,
+        typer.Option(
+            metavar="WxH",
+            rich_help_panel=FILM,
+            help="Size [pixels]; 1280x720, but 640x360 for .webp, .gif and with Embree.",
+        ),
+    ] = None
+    fps: Annotated[
+        float | None,
+        typer.Option(
+            min=0.1,
+            max=1000.0,
+            rich_help_panel=FILM,
+            help="Frames per second; 25, but 10 for .gif.",
+        ),
+    ] = None
+    playback: Annotated[
+        float | None,
+        typer.Option(min=0.01, rich_help_panel=FILM, help="Simulated seconds per second of film."),
+    ] = None
+    samples: Annotated[
+        int,
+        typer.Option(rich_help_panel=FILM, help="Samples per pixel for smooth edges: 0 or 4."),
+    ] = 4
+    workers: Workers = None
+    renderer: Annotated[
+        Literal["gl", "embree"] | None,
+        typer.Option(
+            rich_help_panel=FILM,
+            help="Renderer; embree needs no OpenGL. The best available if not given.",
+        ),
+    ] = None
 
-    Args:
-        size: Width and height [pixels].
-        fps: Frames a second.
-        playback: Seconds of the run in a second of the film.
-        view: Name of the camera.
-        samples: Samples a pixel, 0 or 4.
-        workers: Number of processes.
-        renderer: Name of the renderer.
-    """
+    def check(self) -> None:
+        """Check the size, before any work.
 
-    size: tuple[int, int] | None
-    fps: float | None
-    playback: float | None
-    view: str | None
-    samples: int
-    workers: int | None
-    renderer: str | None
+        Raises:
+            InputError: It is invalid.
+        """
+        self._size()
 
-    def still(self, renderer: str) -> dict[str, Any]:
-        """Keyword arguments to draw a single picture with a renderer."""
+    def write(
+        self,
+        run: "Run",
+        path: Path,
+        report: Report,
+        *,
+        frames: bool = False,
+        part: tuple[float | None, float | None] = (None, None),
+    ) -> dict[str, Any]:
+        """Write the film of a run, or its frames to a folder, and return its figures."""
+        from lrf3d.render.video import render_frames, render_video
+        from lrf3d.scene.stage import stage_of
+
+        ending, options = path.suffix.lower(), self._still()
+        if self.size is None and ending in (".gif", ".webp"):
+            options["size"] = _SMALL
+        options |= {"fps": self.fps or (_GIF_RATE if ending == ".gif" else _RATE)}
+        options |= {"workers": self.workers, "part": part}
+        count, began = 0, perf_counter()
+        # The light is baked once, for all that draw.
+        with report.progress("light") as progress:
+            stage_of(run, progress)
+        with report.progress("frames" if frames else "film") as progress:
+
+            def counting(done: int, total: int) -> None:
+                nonlocal count
+                count = total
+                progress(done, total)
+
+            (render_frames if frames else render_video)(run, path, **options, progress=counting)
         return {
-            "size": self.size or (_LARGE if renderer == "gl" else _SMALL),
+            "frames": count,
+            "size": list(options["size"]),
+            "renderer": options["renderer"],
+            "seconds": perf_counter() - began,
+        }
+
+    def draw(self, run: "Run", path: Path, time: float) -> None:
+        """Write the picture of a run at a time [s]."""
+        from lrf3d.files import replacing
+        from lrf3d.render.pictures import save_png
+        from lrf3d.render.video import frame
+
+        picture = frame(run, time, **self._still())
+        with replacing(path) as unfinished:
+            save_png(picture, unfinished)
+
+    def _still(self) -> dict[str, Any]:
+        """Keyword arguments to draw a picture: with OpenGL, or else with Embree."""
+        from lrf3d.cli.console import warn
+        from lrf3d.errors import MissingLibraryError
+        from lrf3d.render.gl import require_gl
+
+        renderer = self.renderer
+        if renderer is None:
+            try:
+                require_gl()
+                renderer = "gl"
+            except MissingLibraryError as error:
+                warn(f"Embree draws instead, smaller and slower: {error}")
+                renderer = "embree"
+        return {
+            "size": self._size() or (_LARGE if renderer == "gl" else _SMALL),
             "playback": self.playback,
             "view": self.view,
             "samples": self.samples,
             "renderer": renderer,
         }
 
-    def moving(self, ending: str, renderer: str) -> dict[str, Any]:
-        """Keyword arguments to draw a film, in the format of an ending, with a renderer."""
-        usual = _SMALL if ending in _ANIMATIONS else None
-        return {
-            **replace(self, size=self.size or usual).still(renderer),
-            "fps": self.fps or (_GIF_RATE if ending == ".gif" else _RATE),
-            "workers": self.workers,
-        }
+    def _size(self) -> tuple[int, int] | None:
+        """Width and height; both even, as H.264 needs them."""
+        from lrf3d.errors import InputError
 
-
-Part = tuple[float | None, float | None]
-"""From when to when a film shows its run [s]; None for its start and its end."""
-
-
-def make_film(run: Run, path: Path, options: FilmOptions, part: Part = (None, None)) -> str:
-    """Write the film of a run, in the format of the path's ending, and print how long it took."""
-    from lrf3d.render.video import render_video
-
-    def draw(renderer: str) -> str:
-        arguments = options.moving(path.suffix.lower(), renderer)
-        frames = 0
-        began = perf_counter()
-        _light(run)
-        with progress_bar("film") as progress:
-
-            def count(done: int, total: int) -> None:
-                nonlocal frames
-                frames = total
-                progress(done, total)
-
-            render_video(run, path, **arguments, part=part, progress=count)
-        seconds = perf_counter() - began
-        width, height = arguments["size"]
-        by = "OpenGL" if renderer == "gl" else "Embree"
-        each = 1000.0 * seconds / max(frames, 1)
-        return f"{frames} of {width}x{height} by {by} in {seconds:.1f} s, {each:.0f} ms each"
-
-    return drawn_by(options.renderer, draw)
-
-
-def make_frames(run: Run, folder: Path, options: FilmOptions, part: Part = (None, None)) -> int:
-    """Write the frames of the film of a run as pictures; returns their number."""
-    from lrf3d.render.video import render_frames
-
-    def draw(renderer: str) -> int:
-        arguments = options.moving(".png", renderer)
-        _light(run)
-        with progress_bar("frames") as progress:
-            return render_frames(run, folder, **arguments, part=part, progress=progress)
-
-    return drawn_by(options.renderer, draw)
-
-
-def make_picture(run: Run, path: Path, time: float, options: FilmOptions) -> None:
-    """Write a picture of a run at a time [s]."""
-    from lrf3d.output import replacing
-    from lrf3d.render.pictures import save_png
-    from lrf3d.render.video import frame
-
-    picture = drawn_by(
-        options.renderer, lambda renderer: frame(run, time, **options.still(renderer))
-    )
-    with replacing(path) as unfinished:
-        save_png(picture, unfinished)
-
-
-def _light(run: Run) -> None:
-    """Bake the light of a run's world, which the films and pictures that follow have at hand."""
-    from lrf3d.scene.stage import stage_of
-
-    with progress_bar("light") as progress:
-        stage_of(run, progress)
-
-
-def drawn_by(wanted: str | None, draw: Callable[[str], Result]) -> Result:
-    """Draw with the given renderer; if None, with OpenGL, or else with Embree."""
-    from lrf3d.errors import MissingLibraryError
-
-    try:
-        return draw(wanted or "gl")
-    except MissingLibraryError as error:
-        if wanted is not None:
-            raise
-        warn(f"Embree draws instead, smaller and slower: {error}")
-        return draw("embree")
+        if self.size is None:
+            return None
+        width, _, height = self.size.lower().partition("x")
+        if not (width.isdigit() and height.isdigit()):
+            raise InputError(f"--size {self.size}: expected WIDTHxHEIGHT, such as 1280x720")
+        size = int(width), int(height)
+        if min(size) < 64 or max(size) > 7680 or size[0] % 2 or size[1] % 2:
+            raise InputError(f"--size {self.size}: expected even numbers from 64 to 7680")
+        return size

@@ -1,26 +1,16 @@
 """``lrf3d map``: the mapper on a recorded log."""
 
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from lrf3d.cli import options
-from lrf3d.cli.console import progress_bar
+from lrf3d.cli.console import Report
 from lrf3d.text import counted
 
 if TYPE_CHECKING:
     from lrf3d.recorded import MappedLog
-
-
-class Poses(StrEnum):
-    """Where the poses of a log may come from."""
-
-    AUTO = "auto"
-    TRUTH = "truth"
-    TF = "tf"
-    ODOM = "odom"
 
 
 def map_(
@@ -32,24 +22,21 @@ def map_(
             help="A CARMEN log (.log, .clf, .gz), a ROS 2 bag (.mcap, .db3, a folder), or a run.",
         ),
     ],
+    report: Report,
     out: options.Out = None,
     mode: options.ModeOption = None,
     sigma: Annotated[
         float | None, typer.Option(help="Noise [m] of the ranges at the largest range.")
     ] = None,
-    largest_range: Annotated[
-        float | None, typer.Option(help="CARMEN: readings [m] of this or more are no return.")
-    ] = None,
-    poses: Annotated[
-        Poses, typer.Option(help="Source of the poses; auto takes the best that the log has.")
-    ] = Poses.AUTO,
-    scan_topic: Annotated[
-        str | None, typer.Option(help="Bags: topic of the scans; /scan if not given.")
-    ] = None,
     all_scans: Annotated[
         bool, typer.Option("--all", help="Build the map from all scans, without a test.")
     ] = False,
-    json: options.Json = False,
+    largest_range: options.LargestRange = None,
+    poses: Annotated[
+        Literal["auto", "truth", "tf", "odom"],
+        typer.Option(help="Source of the poses; auto takes the best that the log has."),
+    ] = "auto",
+    scan_topic: options.ScanTopic = None,
 ) -> None:
     """Build a map from the even scans of a log, and test it on the odd ones.
 
@@ -58,52 +45,55 @@ def map_(
 
     Writes map.geojson, map.png and summary.json.
     """
+    from lrf3d.io.reading import load_log
+
+    # A log that cannot be read is reported before the mapper is imported.
+    drive = load_log(log, largest_range=largest_range, poses=poses, scan_topic=scan_topic)
+
     from lrf3d.cli.folder import results_folder
-    from lrf3d.io import load_log
     from lrf3d.mapping import save_map
     from lrf3d.recorded import map_log
 
-    drive = load_log(log, largest_range=largest_range, poses=poses.value, scan_topic=scan_topic)
-    with progress_bar("scans") as progress:
+    with report.progress("scans") as progress:
         mapped = map_log(
-            drive,
-            mode=(options.Mode.ROBUST if mode is None else mode).value,
-            sigma=sigma,
-            all_scans=all_scans,
-            progress=progress,
+            drive, mode=mode or "robust", sigma=sigma, all_scans=all_scans, progress=progress
         )
-    output = results_folder(context, [log], drive.name, out)
-    files = {"map": output.path / "map.geojson"}
-    save_map(mapped.map, files["map"], free=mapped.free_cells())
+    output = results_folder(context, report, [log], drive.name, out)
+    save_map(mapped.map, output.path / "map.geojson", free=mapped.free_cells())
+    rows, details = rows_of(mapped)
     output.finish(
         mapped.summary(),
-        files,
-        {"map picture": (output.path / "map.png", mapped.draw)},
-        rows=rows(mapped),
-        kept=f"{files['map']} holds the map",
-        json=json,
+        {"map": "map.geojson"},
+        {"map picture": ("map.png", mapped.draw)},
+        rows=rows,
+        details=details,
+        following=f"lrf3d run {output.path / 'map.geojson'}",
+        kept=f"{output.path / 'map.geojson'} holds the map",
     )
 
 
-def rows(mapped: "MappedLog") -> list[tuple[str, str]]:
-    """The figures of a mapped log as a printed table."""
+def rows_of(mapped: "MappedLog") -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
+    """The figures of a mapped log as a table, and more of them."""
     log, score, figures = mapped.log, mapped.score, mapped.summary()
-    beams = counted(len(log.scans[0].ranges), "beam")
-    bad = counted(log.bad_count, f"bad {log.bad_lines[0].kind if log.bad_lines else 'line'}")
-    table = [("log", f"{counted(len(log), 'scan')} of {beams}, {bad}")]
-    table += [("", str(line)) for line in log.bad_lines]
+    text = f"{counted(len(log), 'scan')} of {counted(len(log.scans[0].ranges), 'beam')}"
+    rows = [("log", f"{text}, poses from {log.source}")]
+    if log.bad_count:
+        bad = counted(log.bad_count, f"bad {log.bad_lines[0].kind}")
+        rows += [("", f"{bad} left out"), *(("", str(line)) for line in log.bad_lines)]
     if log.not_numbers:
-        table.append(("", f"{counted(log.not_numbers, 'reading')} NaN: no return"))
-    table.append(("poses", log.source))
-    table.append(("map", f"{mapped.map.counts}, {score.length:.0f} m long"))
+        rows.append(("", f"{counted(log.not_numbers, 'reading')} NaN: no return"))
+    rows.append(("map", f"{mapped.map.counts}, {score.length:.0f} m long"))
+    details = []
     if score.returns:
-        explained = f"{_share(score.explained)} of {score.returns} returns explained"
+        explained = f"{_share(score.explained)} of the {score.returns:,} returns of the odd scans"
+        rows.append(("explains", f"{explained}, which it was not built from"))
         error = score.median_range_error
         off = "–" if error != error else f"{error:.3f} m"
-        violated = f"{_share(score.violation)} violated, median range error {off}"
-        table.append(("odd scans", f"{explained}, {violated}"))
-    mean, median = figures["milliseconds_a_scan"], figures["median_milliseconds_a_scan"]
-    return [*table, ("time", f"{mean:.2f} ms a scan, median {median:.2f} ms")]
+        details.append(("violated", f"{_share(score.violation)} of their beams go through a wall"))
+        details.append(("error", f"{off}, the median of their ranges"))
+    rows.append(("time", f"{figures['milliseconds_a_scan']:.2f} ms a scan"))
+    details.append(("", f"median {figures['median_milliseconds_a_scan']:.2f} ms"))
+    return rows, details
 
 
 def _share(value: float) -> str:

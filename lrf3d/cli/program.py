@@ -22,10 +22,11 @@ def main(program: "Any" = None, name: str = "lrf3d") -> None:
         name: Name of the program.
     """
     handle_signals(name)
+    status = 1
     try:
         status = _run(program, name)
     except KeyboardInterrupt as error:
-        status = _report(name, error, "stopped")
+        _report(name, error, "stopped")
     except BrokenPipeError:
         # The reader of the output has closed it, as `head` does; that is no error.
         _discard_output(sys.stdout, sys.stderr)
@@ -34,7 +35,7 @@ def main(program: "Any" = None, name: str = "lrf3d") -> None:
         message = _message(error)
         if message is None:
             raise
-        status = _report(name, error, message)
+        _report(name, error, message)
     finally:
         # Python gives signals their default action while it ends, which would be a death by signal.
         ignore_signals()
@@ -80,23 +81,19 @@ def _message(error: Exception) -> str | None:
     if isinstance(error, Lrf3dError):
         return str(error)
     if isinstance(error, OSError):
-        return _system_error(error, "standard output" if _discard_output(sys.stdout) else "")
+        default = "standard output" if _discard_output(sys.stdout) else ""
+        reason = error.strerror or str(error) or type(error).__name__
+        names = [os.fsdecode(name) for name in (error.filename, error.filename2)
+                 if isinstance(name, str | bytes)]  # fmt: skip
+        return ": ".join(filter(None, [" to ".join(names) or default, reason]))
     if isinstance(error, MemoryError):
         why = f" ({error})" if str(error) else ""
         return f"out of memory{why}; ask for less at once, or use a machine with more memory"
     return None
 
 
-def _system_error(error: OSError, default: str) -> str:
-    """The error of the system, with the file that it names, or else a default name."""
-    reason = error.strerror or str(error) or type(error).__name__
-    names = [os.fsdecode(name) for name in (error.filename, error.filename2)
-             if isinstance(name, str | bytes)]  # fmt: skip
-    return ": ".join(filter(None, [" to ".join(names) or default, reason]))
-
-
 def _discard_output(*streams: "Any") -> bool:
-    """Drop the output that streams cannot print; otherwise Python would try again when it ends.
+    """Drop the output that streams cannot print, or Python would try again when it ends.
 
     Returns:
         Whether there was such a stream.
@@ -111,8 +108,8 @@ def _discard_output(*streams: "Any") -> bool:
     return found
 
 
-def _report(name: str, error: BaseException, message: str) -> int:
-    """Print why the program ends and what is kept, if stderr is open; return the exit status."""
+def _report(name: str, error: BaseException, message: str) -> None:
+    """Print why the program ends and what is kept, if stderr is open."""
     # What is kept can be continued unless the input is wrong.
     kept = isinstance(error, KeyboardInterrupt | OSError | MemoryError)
     parts = [message, *(getattr(error, "__notes__", []) if kept else [])]
@@ -120,4 +117,3 @@ def _report(name: str, error: BaseException, message: str) -> int:
         print(f"{name}: {' '.join('; '.join(parts).splitlines())}", file=sys.stderr, flush=True)
     except OSError:
         _discard_output(sys.stderr)
-    return 1

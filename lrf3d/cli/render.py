@@ -2,20 +2,26 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, Literal
 
 import typer
 
-from lrf3d.cli import options
+from lrf3d.cli.console import Report
+from lrf3d.cli.film import Film
+from lrf3d.cli.options import FILM, RunArgument
 
 
 def render(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run.npz, or its folder.")],
+    run: RunArgument,
+    film: Film,
+    report: Report,
     out: Annotated[
         Path | None,
         typer.Option(
+            "--out",
+            "-o",
             help="The film: .mp4, .webp or .gif; with --at a .png, with --frames a folder. "
-            "In the run's folder if not given."
+            "In the run's folder if not given.",
         ),
     ] = None,
     at: Annotated[
@@ -30,44 +36,39 @@ def render(
     last: Annotated[
         float | None, typer.Option("--to", help="End the film at this time of the run [s].")
     ] = None,
-    view: options.ViewOption = None,
-    size: options.Size = None,
-    fps: options.Fps = None,
-    playback: options.Playback = None,
-    points_by: options.PointsBy = None,
-    samples: options.Samples = 4,
-    workers: options.Workers = None,
-    renderer: options.RendererOption = None,
+    points_by: Annotated[
+        Literal["range", "intensity"] | None,
+        typer.Option(
+            rich_help_panel=FILM,
+            help="What the colour of hit points shows; that of the run if not given.",
+        ),
+    ] = None,
 ) -> None:
     """Draw the film of a run, a picture of one moment of it, or all its frames as pictures."""
-    from lrf3d.cli.console import print_table
-    from lrf3d.cli.film import make_film, make_frames, make_picture
-    from lrf3d.io import load_run
-    from lrf3d.output import make_folder
-
-    film = options.film_options(
-        size=size,
-        fps=fps,
-        playback=playback,
-        view=view,
-        samples=samples,
-        workers=workers,
-        renderer=renderer,
-    )
+    film.check()
     path = _output_path(run, out, at is not None, frames)
+
+    from lrf3d.files import make_folder
+    from lrf3d.io import load_run
+
     kept = load_run(run)
     if points_by is not None:
-        kept = replace(kept, film=replace(kept.film, points_by=points_by.value))
+        kept = replace(kept, film=replace(kept.film, points_by=points_by))
     make_folder(path.parent)
-    if frames:
-        count = make_frames(kept, path, film, (first, last))
-        print_table([("frames", f"{count} in {path}")])
-    elif at is not None:
-        make_picture(kept, path, at, film)
-        print_table([("picture", str(path))])
+    figures: dict[str, Any] = {}
+    if at is None:
+        figures = film.write(kept, path, report, frames=frames, part=(first, last))
     else:
-        drawn = make_film(kept, path, film, (first, last))
-        print_table([("video", str(path)), ("frames", drawn)])
+        film.draw(kept, path, at)
+    what = "frames" if frames else "video" if at is None else "picture"
+    rows = [("film" if what == "video" else what, str(path))]
+    if figures:
+        each = 1e3 * figures["seconds"] / max(figures["frames"], 1)
+        by = "OpenGL" if figures["renderer"] == "gl" else "Embree"
+        size = "x".join(map(str, figures["size"]))
+        drawn = f"{figures['seconds']:.1f} s, {each:.0f} ms each by {by}"
+        rows += [("drawn", f"{figures['frames']} frames of {size}"), ("time", drawn)]
+    report.print({what: str(path), **({} if not figures else {"drawn": figures})}, rows)
 
 
 def _output_path(run: Path, out: Path | None, picture: bool, frames: bool) -> Path:

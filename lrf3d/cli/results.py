@@ -9,20 +9,20 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from lrf3d.cli.plugins import Plugin
+from lrf3d.cli.folder import Drawing
+from lrf3d.cli.plugins import made
 from lrf3d.errors import InputError
+from lrf3d.geometry import lengths
 from lrf3d.interrupts import noting
 from lrf3d.io import record
 from lrf3d.mapping import save_map
-from lrf3d.output import Drawing
 from lrf3d.progress import Progress
 from lrf3d.run import Run
 from lrf3d.scenario import Scenario
-from lrf3d.scoring.summary import drawn_part, summarise
+from lrf3d.scoring import visible_walls
+from lrf3d.scoring.summary import drawn_part, judged_part, summarise
 from lrf3d.simulation import Simulation, collect
 from lrf3d.text import counted
-
-Bar = Callable[[str], AbstractContextManager[Progress]]
 
 KEPT = "all scans kept; go on with --resume"
 """The note on a run that is stopped after its last scan."""
@@ -30,127 +30,140 @@ KEPT = "all scans kept; go on with --resume"
 
 @dataclass(frozen=True)
 class Results:
-    """The runs of a scenario, one for each noise, and the summary.
+    """The runs of a scenario, one for each noise level [m], of which the first is recorded.
 
     Args:
         scenario: The scenario.
-        sigmas: The noise levels [m]; the first is that of the main run.
-        runs: A run for each noise level.
-        summary: The figures, in JSON's types.
-        single_poses: Whether the scans are from single poses, without a drive.
+        sigmas: The noise levels [m].
+        runs: A run for each of them.
+        main: The simulation of the first run, with its mapper.
+        seconds: The time that the scans of this call took.
+        taken: Their number.
+        driven: Whether the robot drove, rather than scanned from single poses.
     """
 
     scenario: Scenario
     sigmas: tuple[float, ...]
     runs: tuple[Run, ...]
-    summary: dict[str, Any]
-    single_poses: bool
-
-    @classmethod
-    def of(
-        cls,
-        scenario: Scenario,
-        sigmas: tuple[float, ...],
-        folder: Path,
-        *,
-        plugins: Mapping[str, Plugin],
-        bar: Bar,
-        resume: bool,
-        seed: int,
-        caster: str,
-        scans: int | None,
-        on_collision: Callable[[str], None] | None,
-        **settings: Any,
-    ) -> "Results":
-        """Drive, scan and map a scenario at each noise level, and summarise it.
-
-        The main run is recorded to a run.npz in the folder, where it may be resumed.
-        """
-        if "controller" not in plugins:
-            # All noise levels have the same drive, which is computed and checked once.
-            settings["drive"] = scenario.trajectory(scans=scans, on_collision=on_collision)
-
-        def simulation(sigma: float | None) -> Simulation:
-            made = {kind: plugin.make() for kind, plugin in plugins.items()}
-            arguments = {"scans": scans, "on_collision": on_collision, **settings, **made}
-            return scenario.simulation(rng=seed, sigma=sigma, caster=caster, **arguments)
-
-        main = simulation(None if sigmas == scenario.sigmas else sigmas[0])
-        mapper: Any = main.mapper
-        begin, taken = perf_counter(), 0
-        with bar("scans") as progress:
-
-            def count(done: int, total: int) -> None:
-                # Only the scans of this call count, not those before a resumed run.
-                nonlocal taken
-                taken += 1
-                progress(done, total)
-
-            runs = [record(main, folder / "run.npz", resume=resume, progress=count)]
-            with noting(lambda: KEPT):
-                runs += [collect(simulation(sigma), count) for sigma in sigmas[1:]]
-        seconds = perf_counter() - begin
-        named = {kind: plugins[kind].name for kind in ("mapper", "controller") if kind in plugins}
-        summary = {
-            "name": scenario.name,
-            "seed": seed,
-            "caster": caster,
-            "mode": None if "mapper" in plugins else mapper.mode,
-            **named,
-            "sigma_m": sigmas[0],
-            "planned": scenario.planned,
-            **summarise(runs[0], getattr(mapper, "local_map", None)),
-            "milliseconds_a_scan": 1e3 * seconds / taken if taken else None,
-            "milliseconds_an_update": main.milliseconds_an_update,
-        }
-        single_poses = "controller" not in plugins and scenario.poses is not None
-        if single_poses:
-            # The robot did not drive between the poses.
-            summary["drive"]["length_m"] = 0.0
-        if callable(getattr(mapper, "report", None)):
-            if not main.updates:
-                # The run was finished before, so this mapper has no scans yet.
-                for scan in runs[0].scans:
-                    mapper.update(scan)
-            summary["report"] = _checked(mapper, mapper.report(runs[0], folder))
-        if len(sigmas) > 1:
-            summary["noise_levels"] = [
-                {"sigma_m": sigma, "segments": len(run.map), "objects": run.map.object_count}
-                for sigma, run in zip(sigmas, runs, strict=True)
-            ]
-        return cls(scenario, sigmas, tuple(runs), summary, single_poses)
+    main: Simulation
+    seconds: float
+    taken: int
+    driven: bool
 
     @property
     def run(self) -> Run:
         """The main run."""
         return self.runs[0]
 
-    def rows(self) -> list[tuple[str, str]]:
-        """The summary as a table."""
-        drive, score = self.summary["drive"], self.summary["score"]
-        buildings, stored = self.summary["buildings"], self.summary["storage"]
-        scans = f"{counted(drive['scans'], 'scan')} of {counted(self.run.lrf.beams, 'beam')}"
+
+def simulated(
+    scenario: Scenario,
+    sigmas: tuple[float, ...],
+    folder: Path,
+    *,
+    plugins: Mapping[str, Any],
+    progress: Callable[[str], AbstractContextManager[Progress]],
+    resume: bool,
+    **settings: Any,
+) -> Results:
+    """Drive, scan and map a scenario at each noise level; settings are those of a simulation.
+
+    The main run is recorded to a run.npz in the folder, where it may be resumed.
+    """
+
+    def simulation(sigma: float | None) -> Simulation:
+        own = {kind: made(found) for kind, found in plugins.items()}
+        return scenario.simulation(sigma=sigma, **settings, **own)
+
+    main = simulation(None if sigmas == scenario.sigmas else sigmas[0])
+    begin, taken = perf_counter(), 0
+    with progress("scans") as report:
+
+        def count(done: int, total: int) -> None:
+            # Only the scans of this call count, not those before a resumed run.
+            nonlocal taken
+            taken += 1
+            report(done, total)
+
+        runs = [record(main, folder / "run.npz", resume=resume, progress=count)]
+        with noting(lambda: KEPT):
+            runs += [collect(simulation(sigma), count) for sigma in sigmas[1:]]
+    seconds = perf_counter() - begin
+    driven = "controller" in plugins or scenario.poses is None
+    return Results(scenario, sigmas, tuple(runs), main, seconds, taken, driven)
+
+
+def summary_of(results: Results, settings: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """The figures of the runs, in JSON's types."""
+    run: Run = results.run
+    mapper: Any = results.main.mapper
+    parts, _ = visible_walls(judged_part(run))
+    summary = {
+        "name": results.scenario.name,
+        "mode": getattr(mapper, "mode", None),
+        **settings,
+        "sigma_m": results.sigmas[0],
+        "planned": results.scenario.planned,
+        **summarise(run),
+        "walls_seen": float(lengths(parts).sum() / lengths(run.world.segments).sum()),
+        "seconds": results.seconds,
+        "milliseconds_a_scan": 1e3 * results.seconds / results.taken if results.taken else None,
+        "milliseconds_an_update": results.main.milliseconds_an_update,
+    }
+    if not results.driven:
+        # The robot did not drive between the poses.
+        summary["drive"]["length_m"] = 0.0
+    if callable(getattr(mapper, "report", None)):
+        if not results.main.updates:
+            # The run was finished before, so this mapper has no scans yet.
+            for scan in run.scans:
+                mapper.update(scan)
+        summary["report"] = _checked(mapper, mapper.report(run, folder))
+    if len(results.runs) > 1:
+        summary["noise_levels"] = [
+            {"sigma_m": sigma, "segments": len(run.map), "objects": run.map.object_count}
+            for sigma, run in zip(results.sigmas, results.runs, strict=True)
+        ]
+    return summary
+
+
+def rows_of(
+    results: Results, summary: dict[str, Any]
+) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
+    """The summary as a table, and more of it."""
+    run, drive, score = results.run, summary["drive"], summary["score"]
+    scans = f"{counted(drive['scans'], 'scan')} of {counted(run.lrf.beams, 'beam')}"
+    details: list[tuple[str, str]] = []
+    if results.driven:
         rows = [("drive", f"{drive['length_m']:.1f} m in {drive['duration_s']:.1f} s, {scans}")]
-        if self.single_poses:
-            rows = [("scans", f"{scans}, from single poses")]
-        if score is not None:
-            text = f"{self.run.map.counts}, length F1"
-            text += f" {_share(score['length_f1'])}, segment F1 {_share(score['segment_f1'])}"
-            rows.append(("map", text))
-            text = f"{buildings['seen_on_all_sides']} of {buildings['buildings']} seen on all sides"
-            rows.append(("objects", f"{text}, {buildings['whole']} of them whole in the map"))
-        if stored is not None:
-            text = f"{counted(stored['union_numbers'], 'number')} as objects of segments"
-            text += f", {stored['polyline_numbers']:,} as polylines"
-            rows.append(("storage", f"{text}, {stored['grid_cells']:,} as a grid of 0.1 m"))
-        update = self.summary["milliseconds_an_update"]
-        if "mapper" in self.summary and update is not None:
-            rows.append(("mapper", f"{self.summary['mapper']}, {update:.2f} ms an update"))
-        rows += [(str(name), str(value)) for name, value in self.summary.get("report", {}).items()]
-        if len(self.runs) > 1:
-            levels = zip(self.sigmas, self.runs, strict=True)
-            rows += [(f"σ {sigma:g} m", run.map.counts) for sigma, run in levels]
-        return rows
+    else:
+        rows = [("scans", f"{scans}, from single poses")]
+    rows.append(("seen", f"{100 * summary['walls_seen']:.0f} % of the walls' length"))
+    if score is not None:
+        found = f"{score['matched_segments']} of {score['visible_segments']} walls found"
+        recall, buildings = score["length_recall"], summary["buildings"]
+        if recall is not None:
+            found += f", {100 * recall:.1f} % of their length"
+        rows.append(("map", f"{run.map.counts}: {found}"))
+        f1 = f"length {_share(score['length_f1'])}, segments {_share(score['segment_f1'])}"
+        seen = f"{buildings['seen_on_all_sides']} of {buildings['buildings']} seen on all sides"
+        details.append(("F1", f1))
+        details.append(("objects", f"{seen}, {buildings['whole']} of them whole in the map"))
+    if len(results.runs) > 1:
+        levels = zip(results.sigmas, results.runs, strict=True)
+        rows += [(f"σ {sigma:g} m", run.map.counts) for sigma, run in levels]
+    rows += [(str(name), str(value)) for name, value in summary.get("report", {}).items()]
+    time = f"{summary['seconds']:.1f} s"
+    if summary["milliseconds_a_scan"] is not None:
+        time += f", {summary['milliseconds_a_scan']:.1f} ms a scan"
+    if summary["milliseconds_an_update"] is not None:
+        by = summary.get("mapper", "mapping")
+        time += f", {summary['milliseconds_an_update']:.1f} ms of it {by}"
+    return [*rows, ("time", time)], details
+
+
+def _share(value: float | None) -> str:
+    return "–" if value is None else f"{value:.3f}"
 
 
 def _checked(mapper: Any, report: Any) -> dict[str, Any]:
@@ -168,40 +181,29 @@ def _checked(mapper: Any, report: Any) -> dict[str, Any]:
         ) from None
 
 
-def _share(value: float | None) -> str:
-    return "–" if value is None else f"{value:.3f}"
-
-
-def write_results(results: Results, folder: Path) -> dict[str, Path]:
-    """Write the map of the run to the folder of the run.
-
-    Returns:
-        The files by their contents.
-
-    Raises:
-        OutputError: A file cannot be written.
-    """
-    files = {"run": folder / "run.npz"}
+def files_of(results: Results, folder: Path) -> dict[str, str]:
+    """Write the map next to the run; returns the names of both files by their contents."""
+    files = {"run": "run.npz"}
     # A user's mapper may make no LineMap.
     if results.run.maps:
-        files["map"] = folder / "map.geojson"
-        save_map(results.run.map, files["map"], free=results.run.free_cells())
+        files["map"] = "map.geojson"
+        save_map(results.run.map, folder / files["map"], free=results.run.free_cells())
     return files
 
 
-def pictures_of(results: Results, folder: Path) -> dict[str, Drawing]:
-    """The pictures of a run by name."""
+def pictures_of(results: Results) -> dict[str, tuple[str, Drawing]]:
+    """The pictures of a run: their files, and what draws them, by their contents."""
     from lrf3d.render.figures import draw_map, draw_noise_levels, draw_world
 
     run, scenario = drawn_part(results.run), results.scenario
-    pictures: dict[str, Drawing] = {}
+    pictures: dict[str, tuple[str, Drawing]] = {}
     if run.maps:
-        pictures["map picture"] = folder / "map.png", partial(draw_map, run)
+        pictures["map picture"] = "map.png", partial(draw_map, run)
     world = partial(
         draw_world, run.world, scan=run.scan(0), route=scenario.route, poses=scenario.poses
     )
-    pictures["world picture"] = folder / "world.png", world
+    pictures["world picture"] = "world.png", world
     if len(results.runs) > 1:
         levels = partial(draw_noise_levels, results.runs, results.sigmas)
-        pictures["noise picture"] = folder / "noise.png", levels
+        pictures["noise picture"] = "noise.png", levels
     return pictures

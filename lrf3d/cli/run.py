@@ -1,130 +1,154 @@
 """``lrf3d run``: simulate, map and draw a world."""
 
-from typing import Annotated
+from functools import partial
+from typing import Annotated, Any, Literal
 
 import typer
 
 from lrf3d.cli import options
-from lrf3d.cli.console import progress_bar, warn
+from lrf3d.cli.console import Report
+from lrf3d.cli.film import Film
+from lrf3d.cli.options import MAP, OWN, Drive
 
 
 def run(
     context: typer.Context,
     world: options.WorldArgument,
+    drive: Drive,
+    film: Film,
+    report: Report,
     out: options.Out = None,
-    mode: options.ModeOption = None,
     sigma: Annotated[
-        list[float] | None,
+        list[str] | None,
         typer.Option(
-            help="Noise [m] at range_max; repeat it to compare several maps in one figure."
+            metavar="S,S,…",
+            rich_help_panel=MAP,
+            help="Noise [m] at range_max; of several, maps are compared in a figure.",
         ),
     ] = None,
-    settings: options.Settings = None,
-    scale: options.Scale = 1.0,
-    inside: options.Inside = None,
-    seed: options.Seed = 0,
-    caster: Annotated[
-        options.CasterName, typer.Option(help="Caster of the beams.")
-    ] = options.CasterName.EMBREE,
-    ignore_collisions: options.IgnoreCollisions = False,
-    mapper: Annotated[
-        str | None, typer.Option(metavar="MODULE:OBJECT", help="Your mapper: update(scan).")
-    ] = None,
+    mode: options.ModeOption = None,
     slam: Annotated[
         bool,
         typer.Option(
-            "--slam", help="Map without true poses: from the scans and wheels that slip and drift."
+            "--slam",
+            rich_help_panel=MAP,
+            help="Map without true poses: from the scans and wheels that slip and drift.",
         ),
     ] = False,
-    controller: Annotated[
-        str | None,
-        typer.Option(
-            metavar="MODULE:OBJECT", help="Your controller: command(time, pose, scan) -> (v, w)."
-        ),
-    ] = None,
-    noise: Annotated[
-        str | None, typer.Option(metavar="MODULE:OBJECT", help="Your noise: noise(scan, rng).")
-    ] = None,
+    seed: options.Seed = 0,
+    caster: Annotated[
+        Literal["embree", "planar"], typer.Option(help="Caster of the beams.")
+    ] = "embree",
     scans: Annotated[
         int | None,
         typer.Option(
             min=1,
+            rich_help_panel=options.DRIVE,
             help="Number of scans; the route is driven there and back until then.",
+        ),
+    ] = None,
+    mapper: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MODULE:OBJECT", rich_help_panel=OWN, help="Your mapper: update(scan)."
+        ),
+    ] = None,
+    controller: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MODULE:OBJECT",
+            rich_help_panel=OWN,
+            help="Your controller: command(time, pose, scan) -> (v, w).",
+        ),
+    ] = None,
+    noise: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MODULE:OBJECT", rich_help_panel=OWN, help="Your noise: noise(scan, rng)."
         ),
     ] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue this run where it was stopped.")
     ] = False,
-    video: Annotated[bool, typer.Option(help="Make the film.")] = True,
-    view: options.ViewOption = None,
-    size: options.Size = None,
-    fps: options.Fps = None,
-    playback: options.Playback = None,
-    samples: options.Samples = 4,
-    workers: options.Workers = None,
-    renderer: options.RendererOption = None,
-    json: options.Json = False,
+    video: Annotated[
+        bool, typer.Option(rich_help_panel=options.FILM, help="Make the film.")
+    ] = True,
 ) -> None:
     """Drive through a world, scan it, map it, and draw the results.
 
     Writes run.npz, map.geojson, map.png, world.png, summary.json and run.mp4. MODULE:OBJECT is
     imported from a file, the current folder or the installed modules.
     """
-    import shlex
-
-    from lrf3d.cli.film import make_film
-    from lrf3d.cli.folder import results_folder
-    from lrf3d.cli.plugins import load_plugin, slam_plugin
-    from lrf3d.cli.results import KEPT, Results, pictures_of, write_results
     from lrf3d.errors import InputError
+
+    sigmas = _numbers(sigma)
+    film.check()
+    if controller is not None and drive.inside is not None:
+        raise InputError("--inside, --outside: a controller drives, so no route is planned")
+    if slam and (mapper is not None or mode is not None):
+        raise InputError("--slam: it is a mapper itself; leave out --mapper and --mode")
+    if controller is None:
+        scenario = drive.read(world, report)
+    else:
+        scenario = options.read_world(
+            world, drive.settings, scale=drive.scale, resolution=drive.resolution
+        )
+
+    from lrf3d.cli.folder import results_folder
+    from lrf3d.cli.plugins import load_plugin
     from lrf3d.world.cameras import check_view
 
-    film = options.film_options(
-        size=size,
-        fps=fps,
-        playback=playback,
-        view=view,
-        samples=samples,
-        workers=workers,
-        renderer=renderer,
-    )
+    check_view(scenario.view if film.view is None else film.view, scenario.world.cameras)
     own = {"mapper": mapper, "noise": noise, "controller": controller}
-    plugins = {kind: load_plugin(kind, name) for kind, name in own.items() if name is not None}
+    plugins: dict[str, Any] = {
+        kind: load_plugin(kind, name) for kind, name in own.items() if name is not None
+    }
+    named = {kind: own[kind] for kind in plugins if kind != "noise"}
     if slam:
-        if mapper is not None or mode is not None:
-            raise InputError("--slam: it is a mapper itself; leave out --mapper and --mode")
-        plugins["mapper"] = slam_plugin(seed)
+        from lrf3d.slam.simulated import SlamMapper
+
+        plugins["mapper"], named["mapper"] = partial(SlamMapper, rng=seed), "lrf3d.slam:SlamMapper"
+    settings: dict[str, Any] = {
+        "mode": mode, "caster": caster, "scans": scans, "on_collision": drive.on_collision
+    }  # fmt: skip
     if controller is None:
-        scenario = options.read_drive(world, settings, scale=scale, inside=inside)
-    else:
-        if inside is not None:
-            raise InputError("--inside, --outside: a controller drives, so no route is planned")
-        scenario = options.read_world(world, settings, scale=scale)
-    check_view(scenario.view if view is None else view, scenario.world.cameras)
-    output = results_folder(context, [world], scenario.name, out)
-    folder = output.path
-    sigmas = tuple(sigma) if sigma else scenario.sigmas
-    results = Results.of(
+        # All noise levels have the same drive, which is computed and checked once.
+        settings["drive"] = scenario.trajectory(scans=scans, on_collision=drive.on_collision)
+    output = results_folder(context, report, [world], scenario.name, out)
+
+    from lrf3d.cli.results import KEPT, files_of, pictures_of, rows_of, simulated, summary_of
+
+    results = simulated(
         scenario,
-        sigmas,
-        folder,
+        sigmas or scenario.sigmas,
+        output.path,
         plugins=plugins,
-        bar=progress_bar,
+        progress=report.progress,
         resume=resume,
-        seed=seed,
-        mode=None if mode is None else mode.value,
-        caster=caster.value,
-        scans=scans,
-        on_collision=warn if ignore_collisions else None,
+        rng=seed,
+        **settings,
     )
-    drawings = pictures_of(results, folder)
-    files = write_results(results, folder)
-    kept = f"{files['run']} holds the run, "
+    summary = summary_of(results, {"seed": seed, "caster": caster, **named}, output.path)
+    files, pictures = files_of(results, output.path), pictures_of(results)
     if video:
-        drawings["video"] = folder / "run.mp4", lambda path: make_film(results.run, path, film)
-        kept += f"`lrf3d render {shlex.quote(str(folder))}` draws its film"
-    else:
-        kept += "the same command with --resume draws it"
+        pictures["video"] = "run.mp4", lambda path: film.write(results.run, path, report)
+    rows, details = rows_of(results, summary)
     output.finish(
-        results.summary, files, drawings, rows=results.rows(), kept=kept, note=KEPT, json=json
+        summary,
+        files,
+        pictures,
+        rows=rows,
+        details=details,
+        following=f"lrf3d {'view' if video else 'render'} {output.path}",
+        kept=KEPT,
     )
+
+
+def _numbers(words: list[str] | None) -> tuple[float, ...]:
+    """The numbers of ``--sigma``, which commas separate."""
+    try:
+        return tuple(float(word) for each in words or () for word in each.split(","))
+    except ValueError:
+        raise typer.BadParameter(
+            f"{','.join(words or ())!r}: expected numbers, such as 0.02,0.2", param_hint="--sigma"
+        ) from None

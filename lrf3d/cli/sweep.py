@@ -6,10 +6,12 @@ from typing import Annotated, Any
 import typer
 
 from lrf3d.cli import options
+from lrf3d.cli.console import Report
 
 
 def sweep(
     context: typer.Context,
+    report: Report,
     worlds: Annotated[
         list[str] | None,
         typer.Argument(metavar="[WORLD]…", help="Built-in worlds or world files; not with --grid."),
@@ -44,12 +46,7 @@ def sweep(
         str | None,
         typer.Option(metavar="tcp://HOST:PORT", help="A Dask scheduler instead of this machine."),
     ] = None,
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            min=1, max=512, help="Processes on this machine; one for each core if not given."
-        ),
-    ] = None,
+    workers: options.Workers = None,
     shard: Annotated[
         str | None,
         typer.Option(metavar="I/N", help="Make only the runs of job I of N, such as 2/8."),
@@ -63,7 +60,6 @@ def sweep(
     inside: options.Inside = None,
     ignore_collisions: options.IgnoreCollisions = False,
     out: options.Out = None,
-    json: options.Json = False,
 ) -> None:
     """Run every combination of worlds, mappers, noises, beams and settings with many seeds.
 
@@ -75,28 +71,28 @@ def sweep(
     """
     from importlib.util import find_spec
 
-    from lrf3d.cli.console import progress_bar, say, warn
-    from lrf3d.cli.folder import results_folder
+    from lrf3d.cli.console import print_text, warn
     from lrf3d.errors import InputError
-    from lrf3d.input import own_name
+    from lrf3d.world.files import find_world
+
+    if grid is None and not worlds:
+        raise InputError("sweep: no world; name one, such as city, or give --grid FILE")
+    # An unknown name is reported before the simulation is imported.
+    for world in worlds or ():
+        find_world(world)
+    job = None if shard is None else _job(shard)
+    flags = {"noise.sigma": ("--sigma", sigma), "laser.beams": ("--beams", beams)}
+
+    from lrf3d.cli.folder import results_folder
+    from lrf3d.files import own_name
     from lrf3d.sweeping.drawing import figures_of
-    from lrf3d.sweeping.grid import (
-        BEAMS,
-        SIGMA,
-        SIGMAS,
-        SweepGrid,
-        parse_axis,
-        parse_values,
-        read_grid,
-    )
+    from lrf3d.sweeping.grid import SIGMA, SIGMAS, SweepGrid, parse_axis, parse_values, read_grid
     from lrf3d.sweeping.plan import make_plan
     from lrf3d.sweeping.running import executor_of, known_rows, run_plan
     from lrf3d.sweeping.table import SweepTable, missing_parquet
 
     if find_spec("pyarrow") is None:
         raise missing_parquet()
-    job = None if shard is None else _job(shard)
-    flags = {SIGMA: ("--sigma", sigma), BEAMS: ("--beams", beams)}
     axes = {
         key: parse_values(text, flag) for key, (flag, text) in flags.items() if text is not None
     }
@@ -107,47 +103,44 @@ def sweep(
     chosen = {name: value for name, value in chosen.items() if value is not None}
     if grid is not None:
         asked = read_grid(grid, axes, worlds=tuple(worlds or ()), **chosen)
-    elif worlds:
-        asked = SweepGrid(tuple(worlds), {SIGMA: SIGMAS, **axes}, **chosen)
     else:
-        raise InputError("sweep: no world; name one, such as city, or give --grid FILE")
+        asked = SweepGrid(tuple(worlds or ()), {SIGMA: SIGMAS, **axes}, **chosen)
     plan = make_plan(
         asked,
         collision=warn if ignore_collisions else None,
         where=options.side_of(inside),
-        say=say,
+        say=report.note,
         warn=warn,
     )
     name = plan.worlds[0] if grid is None else own_name(grid)
     sources = asked.worlds if grid is None else [grid]
-    output = results_folder(context, sources, f"{name}_sweep", out)
+    output = results_folder(context, report, sources, f"{name}_sweep", out, alone=job is None)
     if merge:
         rows = known_rows(plan, output.path)
         result = SweepTable(plan, [rows[run.key] for run in plan.runs if run.key in rows])
     else:
-        with progress_bar("runs") as bar, executor_of(workers, scheduler) as executor:
+        with report.progress("runs") as bar, executor_of(workers, scheduler) as executor:
             result = run_plan(plan, output.path, executor, resume=resume, shard=job, progress=bar)
     missing = len(plan.runs) - len(result.rows)
     if missing and job is None:
         raise InputError(f"{output.path}: {missing} runs are missing; make them, then --merge")
-    files = {}
-    if not missing:
-        table = output.path / "sweep.parquet"
-        result.to_parquet(table)
-        result.to_csv(output.path / "means.csv")
-        result.to_latex(output.path / "means.tex")
-        files = {"table": table, "means": output.path / "means.csv",
-                 "means in LaTeX": output.path / "means.tex"}  # fmt: skip
-        if not json:
-            print(result, end="\n\n", flush=True)
+    done = [("runs", f"{len(result.rows)}, of them {result.made} made now")]
+    if job is not None:
+        # Other jobs write to the folder, too: what they all made is written by --merge.
+        report.print(result.summary(), done)
+        return
+    files = {"table": "sweep.parquet", "means": "means.csv", "means in LaTeX": "means.tex"}
+    result.to_parquet(output.path / files["table"])
+    result.to_csv(output.path / files["means"])
+    result.to_latex(output.path / files["means in LaTeX"])
+    if not (report.json or report.quiet):
+        print_text(f"{result}\n\n")
     output.finish(
         result.summary(),
         files,
-        {} if missing else figures_of(result, output.path),
-        rows=[("runs", f"{len(result.rows)}, of them {result.made} made now")],
-        kept=f"{output.path} holds the runs, the same command with --resume draws them",
-        note="all runs kept; go on with --resume",
-        json=json,
+        figures_of(result),
+        rows=done,
+        kept="all runs kept; go on with --resume",
     )
 
 
@@ -165,4 +158,4 @@ def _mapper(label: str) -> Any:
     """A mode of the LineMapper, or the class or object that a user names."""
     from lrf3d.cli.plugins import load_plugin
 
-    return load_plugin("mapper", label).found if ":" in label else label
+    return load_plugin("mapper", label) if ":" in label else label

@@ -4,7 +4,8 @@ from typing import Annotated
 
 import typer
 
-from lrf3d.cli import options
+from lrf3d.cli.console import Report
+from lrf3d.cli.options import Drive, Seed
 
 
 def view(
@@ -16,6 +17,8 @@ def view(
             " before a folder of the same name: write ./NAME for that.",
         ),
     ],
+    drive: Drive,
+    report: Report,
     host: Annotated[
         str,
         typer.Option(
@@ -28,10 +31,10 @@ def view(
         typer.Option(min=1, max=65535, help="Port; the first free one from 8080 if not given."),
     ] = None,
     browser: Annotated[bool, typer.Option(help="Open the browser.")] = True,
-    playback: options.Playback = None,
-    seed: options.Seed = 0,
-    scale: options.Scale = 1.0,
-    inside: options.Inside = None,
+    playback: Annotated[
+        float | None, typer.Option(min=0.01, help="Simulated seconds per second.")
+    ] = None,
+    seed: Seed = 0,
 ) -> None:
     """Play a run in the browser, or drive through a world by hand.
 
@@ -39,19 +42,26 @@ def view(
     drive the robot, which scans and maps as it goes. Ctrl-C ends the server.
     """
     from lrf3d.io.reading import is_run
+    from lrf3d.world.files import find_world
+
+    run = is_run(what)
+    if not run:
+        # An unknown name is reported before the server is imported.
+        find_world(what)
     from lrf3d.view.opening import open_view
 
     def say(address: str) -> None:
-        print(f"{what} is shown at {address}; Ctrl-C ends it", flush=True)
+        text = f"{what} is shown at {address}; Ctrl-C ends it"
+        report.print({"address": address}, [("view", text)])
 
     open_view(
         what,
-        is_run=is_run(what),
+        is_run=run,
         host=host,
         port=port,
         browser=browser,
         playback=playback,
         seed=seed,
         started=say,
-        read=lambda name: options.read_drive(name, scale=scale, inside=inside),
+        read=lambda name: drive.read(name, report),
     )

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from lrf3d.errors import InputError, MissingLibraryError, missing_extra
-from lrf3d.input import check_ordinary
+from lrf3d.files import check_ordinary
 from lrf3d.io.laser_log import BadLine
 
 SCAN = "sensor_msgs/msg/LaserScan"

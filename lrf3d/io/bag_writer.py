@@ -14,9 +14,9 @@ from typing import Any, Literal
 import numpy as np
 
 from lrf3d.errors import InputError, OutputError
+from lrf3d.files import replacing, unfinished_folder
 from lrf3d.io.bag_messages import ODOMETRY, SCAN, STATIC_FRAMES, TRANSFORMS, missing_rosbags
 from lrf3d.laser import LaserScan, Stamp
-from lrf3d.output import replacing, unfinished_folder
 from lrf3d.pose import Pose
 from lrf3d.run import Run
 from lrf3d.scene.look import object_tints

@@ -11,14 +11,13 @@ messages are read::
     TRUEPOS x y theta  odom_x odom_y odom_theta  time host logger_time
     PARAM robot_frontlaser_offset metres  time host logger_time
 
-Lines that cannot be read are skipped and reported.
+Lines that cannot be read are skipped and reported. If a log holds each scan twice, as an old and as
+a new message, only the kind that comes first is read.
 """
 
-from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from math import inf, isfinite, isnan, nan, pi
+from math import inf, isfinite, pi
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -34,7 +33,7 @@ from lrf3d.io.laser_log import (
     log_name,
 )
 from lrf3d.io.no_return import without_no_returns
-from lrf3d.io.packed import LogLine, lines_of
+from lrf3d.io.packed import lines_of
 from lrf3d.laser import LaserScan
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
@@ -43,41 +42,10 @@ from lrf3d.world.schema import LARGEST_COORDINATE
 MOST_WITHOUT_SCAN = 1_000_000
 """Largest number of successive lines without a scan: hours of other messages."""
 
-LONGEST_NAME = 40
-"""Length of the longest name of a message [characters]."""
-
 FARTHEST_LASER = 10.0
 """How far a laser may stand from its robot's centre [m]: farther, the number is in other units."""
 
-
-class _BadMessage(ValueError):
-    """A message that cannot be read, with the reason."""
-
-
-class LaserOffset(NamedTuple):
-    """How far the laser stands ahead of the robot's centre [m], from a PARAM message."""
-
-    metres: float
-
-
-class NotNumbers(NamedTuple):
-    """Readings of the next scan that are no numbers, such as NaN, which mean no return."""
-
-    readings: int
-
-
-class LoggedPose(NamedTuple):
-    """A pose of the robot from an ODOM or a TRUEPOS message.
-
-    Args:
-        track: ``odom`` or ``truth``.
-        time: When it was there [s].
-        pose: Where.
-    """
-
-    track: str
-    time: float
-    pose: Pose
+TRACKS = {b"ODOM": "odom", b"TRUEPOS": "truth"}
 
 
 def load_carmen(
@@ -100,65 +68,42 @@ def load_carmen(
     path = Path(path)
     if largest_range is not None and not largest_range > 0.0:
         raise InputError(f"largest range {largest_range}: expected metres, more than 0")
-    scans: list[LaserScan] = []
-    tracks: dict[str, list[LoggedPose]] = {"odom": [], "truth": []}
-    named: list[BadLine] = []
-    wheels: list[LoggedPose] = []
-    places: list[int] = []
-    offset = 0.0
-    bad = readings = not_numbers = 0
-    for item in read_carmen(lines_of(path), largest_range=largest_range, source=str(path)):
-        if isinstance(item, BadLine):
-            bad += 1
-            named += [item] if len(named) < NAMED else []
-            continue
-        if isinstance(item, LoggedPose):
-            track = tracks[item.track]
-            # A pose that is no later than the one before is left out.
-            if not track or item.time > track[-1].time:
-                track.append(item)
-            if item.track == "odom":
-                wheels.append(item)
-            continue
-        if isinstance(item, LaserOffset):
-            offset = item.metres
-            continue
-        if isinstance(item, NotNumbers):
-            not_numbers += item.readings
-            continue
-        readings += len(item.ranges)
-        if readings > MOST_READINGS:
+    reading = _Reading(largest_range)
+    bad: list[BadLine] = []
+    idle = bad_count = 0
+    for number, text, fault in lines_of(path):
+        scans = len(reading.scans)
+        try:
+            if fault:
+                raise ValueError(fault)
+            reading.take(text.split())
+        except ValueError as error:
+            bad_count += 1
+            bad += [BadLine(number, str(error))] if len(bad) < NAMED else []
+        idle = 0 if len(reading.scans) > scans else idle + 1
+        if idle > MOST_WITHOUT_SCAN:
+            raise InputError(
+                f"{path}: line {number}: no scan in {MOST_WITHOUT_SCAN:,} lines before it;"
+                " expected FLASER or ROBOTLASER1 lines"
+            )
+        if reading.readings > MOST_READINGS:
             raise InputError(
                 f"{path}: more than {MOST_READINGS:,} readings; cut the log into parts"
             )
-        scans.append(item)
-        places.append(len(wheels) - 1)
-    if not scans:
-        why = f"; {bad} bad lines, first {named[0]}" if named else ""
+    if not reading.scans:
+        why = f"; {bad_count} bad lines, first {bad[0]}" if bad else ""
         raise InputError(f"{path}: no laser scan in it, expected FLASER or ROBOTLASER1 lines{why}")
-    known = {
-        name: Trajectory([row.time for row in rows], [row.pose for row in rows])
-        for name, rows in tracks.items()
-        if rows
-    }
-    record = WheelRecord(
-        np.array([row.time for row in wheels]),
-        np.array([row.pose for row in wheels]).reshape(-1, 3),
-        np.array(places),
-        offset,
-    )
-    if largest_range is None:
-        scans = without_no_returns(scans)
+    wheels = reading.wheels()
     log = LaserLog(
         log_name(path),
-        scans,
-        bad,
-        tuple(named),
-        tracks=known,
-        wheels=record if len(record) else None,
+        without_no_returns(reading.scans) if largest_range is None else reading.scans,
+        bad_count,
+        tuple(bad),
+        tracks=reading.tracks(),
+        wheels=wheels,
         # Without ODOM lines the poses of the scans are the odometry, and those are the laser's.
-        mount=Pose(0.0 if wheels else offset, 0.0, 0.0),
-        not_numbers=not_numbers,
+        mount=Pose(0.0 if wheels else reading.offset, 0.0, 0.0),
+        not_numbers=reading.not_numbers,
     )
     return log if poses == "auto" else _placed_by(log, poses, path)
 
@@ -183,218 +128,178 @@ def _placed_by(log: LaserLog, name: str, path: Path) -> LaserLog:
     return replace(log, scans=scans, source=source, wheels=wheels)
 
 
-def read_carmen(
-    lines: Iterable[LogLine], *, largest_range: float | None = None, source: str = "log"
-) -> Iterator[LaserScan | LoggedPose | LaserOffset | NotNumbers | BadLine]:
-    """Read scans and poses line by line, in constant memory.
+class _Reading:
+    """What the messages so far contain."""
 
-    If a log holds each scan twice, as an old and as a new message, only the kind that comes first
-    is read.
+    def __init__(self, largest_range: float | None) -> None:
+        self.scans: list[LaserScan] = []
+        self.readings = self.not_numbers = 0
+        self.offset = 0.0
+        self._largest_range = largest_range
+        self._kind = b""
+        self._places: list[int] = []
+        self._stamped: dict[str, list[tuple[float, Pose]]] = {"odom": [], "truth": []}
+        self._fan: tuple[tuple[int, float, float], Float] = ((0, 0.0, 0.0), np.empty(0))
 
-    Args:
-        lines: The lines.
-        largest_range: Readings from here on are no return [m].
-        source: Name of the log, for messages.
+    def take(self, words: list[bytes]) -> None:
+        """Read a message.
 
-    Yields:
-        A scan, a pose or the laser's offset for each line that holds one, and a BadLine for each
-        that cannot be read.
+        Raises:
+            ValueError: It cannot be read, with the reason.
+        """
+        name = words[0] if words else b"#"
+        if name in TRACKS:
+            if len(words) != 10:
+                raise ValueError(f"{len(words)} words, expected 10")
+            stamped = (_number(words[7], "time"), _pose(words[1:4]))
+            self._stamped[TRACKS[name]].append(stamped)
+        elif name == b"PARAM" and words[1:2] == [b"robot_frontlaser_offset"]:
+            offset = _number(words[2] if len(words) > 2 else b"", "robot_frontlaser_offset")
+            if abs(offset) > FARTHEST_LASER:
+                raise ValueError(f"robot_frontlaser_offset {offset:g} m, expected at most 10 m")
+            self.offset = offset
+        elif name in (b"FLASER", b"ROBOTLASER1"):
+            if self._kind in (b"", name):
+                scan = self._front(words) if name == b"FLASER" else self._robot(words)
+                self._kind = name
+                self.scans.append(scan)
+                self._places.append(len(self._stamped["odom"]) - 1)
+                self.readings += len(scan.ranges)
+        elif not name.startswith(b"#") and not (name.isupper() and name[:1].isalpha()):
+            raise ValueError("not a CARMEN message")
 
-    Raises:
-        InputError: A million lines in a row hold no scan.
-    """
-    fans: dict[tuple[int, float, float], Float] = {}
-    chosen = b""
-    idle = 0
-    for number, text, fault in lines:
-        idle += 1
-        if idle > MOST_WITHOUT_SCAN:
-            raise InputError(
-                f"{source}: line {number}: no scan in {MOST_WITHOUT_SCAN:,} lines before it;"
-                " expected FLASER or ROBOTLASER1 lines"
+    def _front(self, words: list[bytes]) -> LaserScan:
+        """The scan of a FLASER message, 180° wide."""
+        count = _count(words, 1)
+        if len(words) != count + 11:
+            raise ValueError(f"{len(words)} words, {count} readings need {count + 11}")
+        farthest = LARGEST_RANGE if self._largest_range is None else self._largest_range
+        pose, time = words[count + 2 : count + 5], words[count + 8]
+        return self._scan(words[2 : count + 2], pose, time, front(count), farthest)
+
+    def _robot(self, words: list[bytes]) -> LaserScan:
+        """The scan of a ROBOTLASER1 message, which holds its angles and its range."""
+        count = _count(words, 8)
+        remissions = _count(words, count + 9, least=0)
+        tail = count + remissions + 10
+        if len(words) != tail + 14:
+            raise ValueError(
+                f"{len(words)} words, {count} readings and {remissions} remissions need {tail + 14}"
             )
+        start, step, farthest = (_number(words[k]) for k in (2, 4, 5))
+        if not 0.0 < step * (count - 1) < 2.1 * pi:
+            raise ValueError(f"{count} beams {step} rad apart, expected at most a full turn")
+        if farthest > LARGEST_COORDINATE:
+            raise ValueError(
+                f"a range of {farthest:g} m, expected at most {LARGEST_COORDINATE:g} m"
+            )
+        # A message without a range says 0; the user's limit holds where it is nearer.
+        known = farthest if farthest > 0.0 else None
+        limits = [limit for limit in (known, self._largest_range) if limit is not None]
+        pose, time = words[tail : tail + 3], words[tail + 11]
+        readings = words[9 : count + 9]
+        return self._scan(readings, pose, time, (start, step), min(limits, default=LARGEST_RANGE))
+
+    def _scan(
+        self,
+        readings: list[bytes],
+        pose: list[bytes],
+        time: bytes,
+        fan: tuple[float, float],
+        farthest: float,
+    ) -> LaserScan:
         try:
-            if fault:
-                raise _BadMessage(fault)
-            words = text.split()
-            name = words[0] if words else b"#"
-            if name in _TRACKS:
-                yield _logged_pose(words)
-            elif name == b"PARAM" and words[1:2] == [b"robot_frontlaser_offset"]:
-                yield LaserOffset(_offset(words))
-            elif name not in _READERS:
-                _check_name(name)
-            elif chosen in (b"", name):
-                scan = _READERS[name](words, largest_range, fans)
-                chosen, idle = name, 0
-                if count := sum(word.lower().lstrip(b"+-") == b"nan" for word in words):
-                    yield NotNumbers(count)
-                yield scan
-        except _BadMessage as error:
-            yield BadLine(number, str(error))
+            ranges = np.array([float(word) for word in readings])
+        except ValueError:
+            wrong = next(word for word in readings if not _is_number(word))
+            raise ValueError(f"reading {_shown(wrong)}, expected a number") from None
+        if (ranges < 0.0).any():
+            raise ValueError(f"reading {ranges[ranges < 0.0][0]:g}, expected metres")
+        # Some drivers write NaN for a beam without a return.
+        self.not_numbers += int(np.isnan(ranges).sum())
+        ranges[~(ranges < farthest)] = inf
+        # Some drivers write a reading of 0 for a beam without a valid range.
+        ranges[ranges == 0.0] = -inf
+        angles = self._angles(len(ranges), *fan)
+        stamp = _number(time, "time")
+        return LaserScan(_pose(pose), angles, ranges, range_max=farthest, time=stamp)
+
+    def _angles(self, count: int, start: float, step: float) -> Float:
+        """The angles of a fan (count,) [rad], one array for successive scans that share them."""
+        if self._fan[0] != (count, start, step):
+            angles = fan_angles(count, start, step)
+            angles.flags.writeable = False
+            self._fan = (count, start, step), angles
+        return self._fan[1]
+
+    def tracks(self) -> dict[str, Trajectory]:
+        """The trajectories of ODOM and TRUEPOS messages.
+
+        A pose that is no later than the one before is left out.
+        """
+        tracks = {}
+        for name, stamped in self._stamped.items():
+            if stamped:
+                times = np.array([time for time, _ in stamped])
+                latest = np.maximum.accumulate(times)
+                later = np.concatenate([[True], times[1:] > latest[:-1]])
+                poses = np.array([pose for _, pose in stamped])
+                tracks[name] = Trajectory(times[later], poses[later])
+        return tracks
+
+    def wheels(self) -> WheelRecord | None:
+        """The ODOM messages as they stand, and the places of the scans between them."""
+        odom = self._stamped["odom"]
+        if not odom:
+            return None
+        times, poses = zip(*odom, strict=True)
+        return WheelRecord(np.array(times), np.array(poses), np.array(self._places), self.offset)
 
 
-def _check_name(name: bytes) -> None:
-    """Distinguish messages that may be skipped from lines that are not messages."""
-    known = name.replace(b"_", b"").isalnum() and name == name.upper() and name[:1].isalpha()
-    if not (name.startswith(b"#") or (known and len(name) <= LONGEST_NAME)):
-        raise _BadMessage("not a CARMEN message")
-
-
-def _logged_pose(words: list[bytes]) -> LoggedPose:
-    """The pose of an ODOM or a TRUEPOS message."""
-    if len(words) != 10:
-        raise _BadMessage(f"{len(words)} words, expected 10")
-    return LoggedPose(_TRACKS[words[0]], _number(words[7], "time"), _pose(words[1:4]))
-
-
-def _offset(words: list[bytes]) -> float:
-    """The value of a PARAM message of robot_frontlaser_offset [m]."""
-    offset = _number(words[2] if len(words) > 2 else b"", "robot_frontlaser_offset")
-    if abs(offset) > FARTHEST_LASER:
-        raise _BadMessage(f"robot_frontlaser_offset {offset:g} m, expected at most 10 m")
-    return offset
-
-
-def _front_laser(
-    words: list[bytes], largest_range: float | None, fans: dict[tuple[int, float, float], Float]
-) -> LaserScan:
-    """The scan of a FLASER message, 180° wide."""
-    count = _count(words, 1)
-    if len(words) != count + 11:
-        raise _BadMessage(f"{len(words)} words, {count} readings need {count + 11}")
-    return _scan(
-        words[2 : count + 2],
-        words[count + 2 : count + 5],
-        words[count + 8],
-        _fan(fans, count, *_front(count)),
-        LARGEST_RANGE if largest_range is None else largest_range,
-    )
-
-
-def _front(count: int) -> tuple[float, float]:
+def front(count: int) -> tuple[float, float]:
     """First angle and step [rad] of a FLASER message's beams.
 
-    An odd fan looks to both −90° and +90°; an even one leaves +90° out.
+    An odd fan reaches both −90° and +90°; an even one leaves +90° out.
     """
     return -0.5 * pi, pi / (count - 1) if count % 2 else pi / count
 
 
-def front_angles(count: int) -> Float:
-    """Angles (count,) [rad] of a FLASER message's beams."""
-    start, step = _front(count)
+def fan_angles(count: int, start: float, step: float) -> Float:
+    """Angles (count,) [rad] of a message's beams."""
     angles: Float = start + step * np.arange(count, dtype=np.float64)
     return angles
 
 
-def _robot_laser(
-    words: list[bytes], largest_range: float | None, fans: dict[tuple[int, float, float], Float]
-) -> LaserScan:
-    """The scan of a ROBOTLASER1 message, which holds its angles and its range."""
-    count = _count(words, 8)
-    remissions = _count(words, count + 9, least=0)
-    tail = count + remissions + 10
-    if len(words) != tail + 14:
-        raise _BadMessage(
-            f"{len(words)} words, {count} readings and {remissions} remissions need {tail + 14}"
-        )
-    start, step, farthest = (_number(words[k]) for k in (2, 4, 5))
-    if not 0.0 < step * (count - 1) < 2.1 * pi:
-        raise _BadMessage(f"{count} beams {step} rad apart, expected at most a full turn")
-    return _scan(
-        words[9 : count + 9],
-        words[tail : tail + 3],
-        words[tail + 11],
-        _fan(fans, count, start, step),
-        _farthest(farthest, largest_range),
-    )
-
-
-def _farthest(said: float, largest_range: float | None) -> float:
-    """Least reading that means no return: that of the message, if it has one, or the user's."""
-    if said > LARGEST_COORDINATE:
-        raise _BadMessage(f"a range of {said:g} m, expected at most {LARGEST_COORDINATE:g} m")
-    if largest_range is None:
-        return said if said > 0.0 else LARGEST_RANGE
-    return min(said, largest_range) if said > 0.0 else largest_range
-
-
-_READERS = {b"FLASER": _front_laser, b"ROBOTLASER1": _robot_laser}
-_TRACKS = {b"ODOM": "odom", b"TRUEPOS": "truth"}
-
-
-def _scan(
-    readings: list[bytes], pose: list[bytes], time: bytes, angles: Float, farthest: float
-) -> LaserScan:
-    try:
-        ranges = np.array([float(word) for word in readings])
-    except ValueError:
-        # Only here each reading is looked at alone, to name the one that is wrong.
-        ranges = np.array(
-            [
-                _number(word, f"reading {place}", finite=False)
-                for place, word in enumerate(readings, 1)
-            ]
-        )
-    if (ranges < 0.0).any():
-        place = int(np.flatnonzero(ranges < 0.0)[0])
-        raise _BadMessage(f"reading {place + 1} is {_shown(readings[place])}, expected metres")
-    # Some drivers write NaN for a beam without a return.
-    ranges[~(ranges < farthest)] = inf
-    # Some drivers write a reading of 0 for a beam without a valid range.
-    ranges[ranges == 0.0] = -inf
-    return LaserScan(
-        _pose(pose),
-        angles,
-        ranges,
-        range_max=farthest,
-        time=_number(time, "time"),
-    )
-
-
-def _reading(word: bytes, place: int) -> float:
-    """A reading, which may be NaN; the message of one that is no number says which it is."""
-    return nan if word.lower() == b"nan" else _number(word, f"reading {place}", finite=False)
-
-
 def _pose(words: list[bytes]) -> Pose:
     x, y, theta = (
-        _number(word, what) for word, what in zip(words, "x y theta".split(), strict=True)
+        _number(word, name) for word, name in zip(words, ("x", "y", "theta"), strict=True)
     )
     if not max(abs(x), abs(y), abs(theta)) <= LARGEST_COORDINATE:
-        raise _BadMessage(f"pose {x:g} {y:g} {theta:g}, expected at most {LARGEST_COORDINATE:g} m")
+        raise ValueError(f"pose {x:g} {y:g} {theta:g}, expected at most {LARGEST_COORDINATE:g} m")
     return Pose(x, y, float(wrap_angle(theta)))
-
-
-def _fan(
-    fans: dict[tuple[int, float, float], Float], count: int, start: float, step: float
-) -> Float:
-    """The angles of a fan (count,) [rad], one array for all scans that share them."""
-    if (count, start, step) not in fans:
-        angles: Float = start + step * np.arange(count, dtype=np.float64)
-        angles.flags.writeable = False
-        fans.clear()
-        fans[count, start, step] = angles
-    return fans[count, start, step]
 
 
 def _count(words: list[bytes], place: int, least: int = 2) -> int:
     word = words[place] if place < len(words) else b""
     if not word.isdigit() or len(word) > 7 or int(word) < least:
-        raise _BadMessage(f"{_shown(word)} readings, expected a number from {least}")
+        raise ValueError(f"{_shown(word)} readings, expected a number from {least}")
     return int(word)
 
 
-def _number(word: bytes, what: str = "a value", *, finite: bool = True) -> float:
+def _number(word: bytes, what: str = "a value") -> float:
+    if not _is_number(word) or not isfinite(float(word)):
+        raise ValueError(f"{what} is {_shown(word)}, expected a finite number")
+    return float(word)
+
+
+def _is_number(word: bytes) -> bool:
     try:
-        value = float(word)
+        float(word)
     except ValueError:
-        raise _BadMessage(f"{what} is {_shown(word)}, expected a number") from None
-    if isnan(value) or (finite and not isfinite(value)):
-        raise _BadMessage(f"{what} is {_shown(word)}, expected a finite number")
-    return value
+        return False
+    return True
 
 
 def _shown(word: bytes) -> str:
     """A word without spaces, for a message of one line."""
-    return repr(word[:LONGEST_NAME].decode("ascii", "backslashreplace"))
+    return repr(word[:40].decode("ascii", "backslashreplace"))

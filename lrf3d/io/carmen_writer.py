@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
+from lrf3d.files import replacing
 from lrf3d.geometry import Float
-from lrf3d.io.carmen import front_angles
+from lrf3d.io.carmen import fan_angles, front
 from lrf3d.laser import LaserScan
-from lrf3d.output import replacing
 from lrf3d.run import Run
 
 HOST = "lrf3d"
@@ -73,5 +73,5 @@ def _is_front(angles: Float) -> bool:
     """Whether a fan is that of FLASER messages with the same number of beams."""
     if len(angles) < 2:
         return False
-    front = front_angles(len(angles))
-    return bool((np.abs(angles - front) <= SAME).all())
+    expected = fan_angles(len(angles), *front(len(angles)))
+    return bool((np.abs(angles - expected) <= SAME).all())

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from lrf3d.files import own_name
 from lrf3d.geometry import Float, Int, Value, sealed
-from lrf3d.input import own_name
 from lrf3d.laser import LaserScan
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory

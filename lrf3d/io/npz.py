@@ -20,9 +20,8 @@ from numpy.lib import format as npy
 from numpy.typing import DTypeLike, NDArray
 
 from lrf3d.errors import OutputError
-from lrf3d.input import check_ordinary
+from lrf3d.files import check_ordinary, replacing
 from lrf3d.io.packed import LARGEST_RATIO
-from lrf3d.output import replacing
 
 SMALL_RUN = 1 << 28
 """Bytes that any file may unpack to, regardless of its size."""

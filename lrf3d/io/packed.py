@@ -4,13 +4,13 @@ import gzip
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO, NamedTuple, cast
 
 from lrf3d.errors import InputError
-from lrf3d.input import opened
+from lrf3d.files import opened
 
-BLOCK_BYTES = 1 << 20
-"""Bytes that are read at a time, and length of the longest line: more than 100,000 beams."""
+LONGEST_LINE = 1 << 20
+"""Length of the longest line [bytes]: more than 100,000 beams."""
 
 LARGEST_RATIO = 100
 """Largest ratio of the sizes of unpacked and packed data: that of recorded scans is 5, for a robot
@@ -32,7 +32,7 @@ class LogLine(NamedTuple):
 
 
 def lines_of(path: Path) -> Iterator[LogLine]:
-    """Yield the lines of a file that are not empty, with one block of it in memory.
+    """Yield the lines of a file, of which only one is in memory.
 
     A line that is too long has no text, but a fault; if packed data are damaged or truncated, a
     last line reports it.
@@ -43,45 +43,27 @@ def lines_of(path: Path) -> Iterator[LogLine]:
     with opened(path, what="a log") as file:
         packed = file.read(len(GZIP)) == GZIP
         file.seek(0)
-        if not packed:
-            yield from _lines(file, path, None)
-            return
+        stream = cast("BinaryIO", gzip.open(file)) if packed else file
         allowed = max(SMALL_LOG, LARGEST_RATIO * path.stat().st_size)
-        with gzip.open(file) as unpacked:
-            yield from _lines(unpacked, path, allowed)
-
-
-def _lines(stream: BinaryIO | gzip.GzipFile, path: Path, allowed: int | None) -> Iterator[LogLine]:
-    number, total, rest, long = 1, 0, b"", False
-    while True:
-        fault = ""
-        try:
-            block = (
-                stream.read1(BLOCK_BYTES)
-                if isinstance(stream, gzip.GzipFile)
-                else stream.read(BLOCK_BYTES)
-            )
-        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-            block, fault = b"", f"the packed data are damaged from here on ({error})"
-        total += len(block)
-        if allowed is not None and total > allowed:
-            raise InputError(
-                f"{path}: line {number}: unpacks to over {LARGEST_RATIO} times its size, which no"
-                " log does; unpack it first if it is one"
-            )
-        # A truncated last line cannot be distinguished from a complete one.
-        parts = [] if fault else (rest + block).split(b"\n")
-        # The last part continues in the next block, unless this is the end.
-        rest = parts.pop() if block else b""
-        for text in parts:
-            if long:
-                yield LogLine(number, b"", f"longer than {BLOCK_BYTES} bytes")
-            elif text:
+        number, total, long = 1, 0, False
+        while True:
+            try:
+                text = stream.readline(LONGEST_LINE)
+            except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+                yield LogLine(number, b"", f"the packed data are damaged from here on ({error})")
+                return
+            if not text:
+                return
+            total += len(text)
+            if total > allowed:
+                raise InputError(
+                    f"{path}: line {number}: unpacks to over {LARGEST_RATIO} times its size, which"
+                    " no log does; unpack it first if it is one"
+                )
+            ends = text.endswith(b"\n")
+            if long or (not ends and len(text) == LONGEST_LINE):
+                if not long:
+                    yield LogLine(number, b"", f"longer than {LONGEST_LINE} bytes")
+            else:
                 yield LogLine(number, text)
-            number, long = number + 1, False
-        if len(rest) > BLOCK_BYTES:
-            rest, long = b"", True
-        if not block:
-            if fault:
-                yield LogLine(number, b"", fault)
-            return
+            number, long = number + ends, not ends

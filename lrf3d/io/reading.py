@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from lrf3d.errors import InputError
-from lrf3d.input import own_name
+from lrf3d.files import own_name
 from lrf3d.io.laser_log import LaserLog
 from lrf3d.world import world_names
 

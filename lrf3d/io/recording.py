@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.errors import InputError, OutputError
-from lrf3d.input import check_ordinary
+from lrf3d.files import check_ordinary, locked
 from lrf3d.interrupts import check, noting, stoppable
 from lrf3d.io.fingerprint import fingerprint_of
 from lrf3d.io.journal import Journal, row_type
@@ -31,7 +31,6 @@ from lrf3d.io.run_file import (
 )
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapping import LineMap
-from lrf3d.output import lock_of, locked
 from lrf3d.pose import Pose
 from lrf3d.progress import Progress, silent
 from lrf3d.run import LIGHT, Run, SnapshotSchedule, run_bytes
@@ -96,7 +95,7 @@ def record(
 @contextmanager
 def _writing(path: Path) -> Iterator[None]:
     """Lock a run and its auxiliary file until it is complete."""
-    with locked(lock_of(path), path):
+    with locked(path):
         for name in (path, path.with_suffix(JOURNAL)):
             # Files that cannot be replaced are found now, not after hours of work.
             if name.exists():

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.input import check_ordinary
+from lrf3d.files import check_ordinary
 from lrf3d.io.npz import DAMAGES, Column, read_arrays, write_npz
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.laser.range_finder import ECHO_CHOICES

@@ -15,9 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from lrf3d.errors import InputError
+from lrf3d.files import read_text, write_text
 from lrf3d.geometry import Float
-from lrf3d.input import read_text
-from lrf3d.output import write_text
 from lrf3d.scoring.trajectory_score import Relations
 
 

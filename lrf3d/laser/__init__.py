@@ -5,7 +5,6 @@ from lrf3d.laser.mixed_pixels import MixedPixels
 from lrf3d.laser.noise import (
     Chain,
     ConstantNoise,
-    IntensityNoise,
     Limits,
     Noise,
     ProportionalNoise,
@@ -13,7 +12,6 @@ from lrf3d.laser.noise import (
     RangeNoise,
 )
 from lrf3d.laser.range_finder import LaserRangeFinder, beam_directions, layer_directions
-from lrf3d.laser.ros_echoes import RosEchoes, RosEchoScan
 from lrf3d.laser.ros_scan import RosHeader, RosScan, Stamp
 from lrf3d.laser.scan import LaserScan, reflection_points
 
@@ -23,7 +21,6 @@ __all__ = [
     "ConstantNoise",
     "DropOuts",
     "Imperfections",
-    "IntensityNoise",
     "LaserRangeFinder",
     "LaserScan",
     "Limits",
@@ -32,8 +29,6 @@ __all__ = [
     "ProportionalNoise",
     "Quantised",
     "RangeNoise",
-    "RosEchoScan",
-    "RosEchoes",
     "RosHeader",
     "RosScan",
     "Stamp",

@@ -1,14 +1,13 @@
-"""Echoes of scans: the noise of the ranges on each of them, and echoes that come by themselves.
+"""Echoes of scans: the noise of the ranges on each of them.
 
-The true scan with its echoes enters, and what a noise made of its ranges; the measured scan with
-its echoes leaves.
+The true scan with its echoes enters, and the measured scan with its echoes leaves.
 """
 
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from lrf3d.geometry import Float
 from lrf3d.laser.noise import Chain, Noise
 from lrf3d.laser.scan import LaserScan
 
@@ -20,11 +19,6 @@ def measured(true_scan: LaserScan, noise: Noise, rng: np.random.Generator) -> La
     each other one has its own. Echoes that a noise loses are left out. A noise that changes echoes
     itself, as `MixedPixels`, is left alone.
 
-    Args:
-        true_scan: The scan without noise.
-        noise: The noise.
-        rng: Its generator.
-
     Examples:
         >>> import lrf3d
         >>> import numpy as np
@@ -35,36 +29,29 @@ def measured(true_scan: LaserScan, noise: Noise, rng: np.random.Generator) -> La
         >>> bool(scan.echoes[0, 0] == scan.ranges[0] != 1.0)
         True
     """
-    if true_scan.echoes is None:
-        return noise(true_scan, rng)
     scan = true_scan
     for part in noise.noises if isinstance(noise, Chain) else (noise,):
         changed = part(scan, rng)
         # What a user's noise returns is checked by who asked for the scan.
         if not isinstance(changed, LaserScan):
             return changed
-        scan = _with_noise(scan, changed, part, rng)
+        if scan.echoes is not None and scan.echo_intensities is not None:
+            changed = _with_echoes(scan, scan.echoes, scan.echo_intensities, changed, part, rng)
+        scan = changed
     return scan
 
 
-def _with_noise(
-    true_scan: LaserScan, scan: LaserScan, noise: Noise, rng: np.random.Generator
-) -> LaserScan:
-    """What a noise made of a scan, with noise on its other echoes as well."""
-    true_echoes, light = true_scan.echoes, true_scan.echo_intensities
-    if true_echoes is None or light is None:
-        return scan
+def _with_echoes(
+    true_scan: LaserScan, true_echoes: Float, light: Float, scan: LaserScan, noise: Noise,
+    rng: np.random.Generator,
+) -> LaserScan:  # fmt: skip
+    """What a noise made of a scan with echoes and their light (beams, k), with noise on these."""
     if scan.echoes is not None and not np.array_equal(scan.echoes, true_echoes):
         return scan
     echoes, lit = true_echoes.copy(), light.copy()
+    bare = replace(true_scan, echoes=None, echo_intensities=None)
     for column in range(echoes.shape[1]):
-        alone = replace(
-            true_scan,
-            ranges=true_echoes[:, column],
-            intensities=light[:, column],
-            echoes=None,
-            echo_intensities=None,
-        )
+        alone = replace(bare, ranges=true_echoes[:, column], intensities=light[:, column])
         echoes[:, column] = noise(alone, rng).ranges
     chosen = np.isfinite(true_echoes) & (true_echoes == true_scan.ranges[:, None])
     # Two echoes at one place have one range as well.
@@ -72,38 +59,5 @@ def _with_noise(
     lost = ~np.isfinite(echoes)
     echoes[lost], lit[lost] = np.inf, 0.0
     order = np.argsort(echoes, axis=1, kind="stable")
-    return replace(
-        scan,
-        echoes=np.take_along_axis(echoes, order, axis=1),
-        echo_intensities=np.take_along_axis(lit, order, axis=1),
-    )
-
-
-def with_echoes(
-    scans: Sequence[LaserScan], stamps: Sequence[int], echo_scans: Mapping[int, LaserScan]
-) -> list[LaserScan]:
-    """Scans with the echoes of those of the same stamps and beams.
-
-    All of them have room for the same number of echoes: the most that any of them has.
-    """
-    lit = [
-        replace(scan, echoes=other.echoes, echo_intensities=other.echo_intensities)
-        if (other := echo_scans.get(stamp)) is not None and len(other.ranges) == len(scan.ranges)
-        else scan
-        for scan, stamp in zip(scans, stamps, strict=True)
-    ]
-    most = max((scan.echoes.shape[1] for scan in lit if scan.echoes is not None), default=0)
-    return [_padded(scan, most) if scan.echoes is not None else scan for scan in lit]
-
-
-def _padded(scan: LaserScan, slots: int) -> LaserScan:
-    """A scan with room for a number of echoes of each beam."""
-    echoes, light = scan.echoes, scan.echo_intensities
-    if echoes is None or light is None or echoes.shape[1] == slots:
-        return scan
-    more = (0, 0), (0, slots - echoes.shape[1])
-    return replace(
-        scan,
-        echoes=np.pad(echoes, more, constant_values=np.inf),
-        echo_intensities=np.pad(light, more),
-    )
+    echoes, lit = (np.take_along_axis(values, order, axis=1) for values in (echoes, lit))
+    return replace(scan, echoes=echoes, echo_intensities=lit)

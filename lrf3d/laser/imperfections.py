@@ -4,12 +4,13 @@ Beams deviate from their angle, do not return, or hit a near and a far surface a
 `mixed_pixels`). Each is a separate noise; Imperfections chains those that are given.
 """
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
-from lrf3d.errors import InputError
+from lrf3d.errors import InputError, shown
 from lrf3d.geometry import Float, is_finite
 from lrf3d.laser.mixed_pixels import MixedPixels, on_one_wall
 from lrf3d.laser.noise import (
@@ -28,7 +29,7 @@ from lrf3d.laser.scan import LaserScan
 
 @dataclass(frozen=True, slots=True)
 class Imperfections:
-    """Imperfections in addition to the noise of Eq. 7; all are off by default.
+    """Imperfections in addition to the noise of Eq. 7, as world files name them; all are off.
 
     Args:
         constant: Noise of every range [m]; see ConstantNoise.
@@ -36,9 +37,10 @@ class Imperfections:
         beam_deg: Width of a beam [°]; see MixedPixels.
         drop_outs: Probability that any beam is lost; see DropOuts.
         drop_outs_far: Probability that a beam is lost at range_max.
-        drop_outs_grazing: Probability that a beam along a wall is lost, of world files of earlier
-            versions. In worlds with materials the threshold of the laser decides instead.
         resolution: Ranges are rounded to multiples of it [m]; see Quantised.
+
+    Raises:
+        InputError: One is not a number of at least 0, or a probability is above 1.
     """
 
     constant: float = 0.0
@@ -46,29 +48,31 @@ class Imperfections:
     beam_deg: float = 0.0
     drop_outs: float = 0.0
     drop_outs_far: float = 0.0
-    drop_outs_grazing: float = 0.0
     resolution: float = 0.0
 
+    def __post_init__(self) -> None:
+        for name in (each.name for each in fields(self)):
+            value = getattr(self, name)
+            if not (is_finite(value) and value >= 0.0):
+                raise InputError(f"noise: {name} {shown(value)}, expected a number, at least 0")
+        DropOuts(self.drop_outs, self.drop_outs_far)
+
     def noise(self, sigma: float, lrf: LaserRangeFinder | None = None) -> Noise:
-        """The chain of all imperfections, in physical order.
+        """The chain of those that are on, in physical order, with sigma [m] at range_max.
 
-        Imperfections that are off are left out; if all are off, it is the noise of Eq. 7 alone.
-
-        Args:
-            sigma: Noise [m] at range_max.
-            lrf: The range finder, whose echo and threshold mixed pixels take.
+        If all are off, it is the noise of Eq. 7 alone. Mixed pixels take the echo and the threshold
+        of the range finder.
         """
-        probabilities = self.drop_outs, self.drop_outs_far, self.drop_outs_grazing
+        light: dict[str, Any] = (
+            {} if lrf is None else {"echo": lrf.echo, "threshold": lrf.threshold}
+        )
         chain: list[Noise] = []
         if self.angle_deg:
-            chain.append(AngleNoise(float(np.radians(self.angle_deg))))
+            chain.append(AngleNoise(math.radians(self.angle_deg)))
         if self.beam_deg:
-            light: dict[str, Any] = (
-                {} if lrf is None else {"echo": lrf.echo, "threshold": lrf.threshold}
-            )
-            chain.append(MixedPixels(float(np.radians(self.beam_deg)), **light))
-        if any(probabilities):
-            chain.append(DropOuts(*probabilities))
+            chain.append(MixedPixels(math.radians(self.beam_deg), **light))
+        if self.drop_outs or self.drop_outs_far:
+            chain.append(DropOuts(self.drop_outs, self.drop_outs_far))
         if self.constant:
             chain.append(ConstantNoise(self.constant))
         chain.append(ProportionalNoise(sigma))
@@ -101,50 +105,36 @@ class AngleNoise:
 
 @dataclass(frozen=True, slots=True)
 class DropOuts:
-    """Beams that do not return: some anywhere, more at long range, more at a grazing angle.
+    """Beams that do not return: some anywhere, more at long range.
 
-    A beam is lost for one of three reasons, independent of each other: anywhere with the
-    probability ``share``; at the range d with ``far`` · (d / range_max)², as the light spreads;
-    at the angle i from the wall's normal with ``grazing`` · (1 − cos i), as a dull wall reflects.
-    Scans with intensities have no such losses: there the threshold of the laser makes them. In a
-    chain it comes before noises of the range, because it derives the angle from the ranges.
-
-    Args:
-        share: Probability anywhere.
-        far: Probability at range_max.
-        grazing: Probability along a wall.
+    A beam is lost for one of two reasons, independent of each other: anywhere with the probability
+    ``share``; at the range d with ``far`` · (d / range_max)², as the light spreads. Losses at a
+    grazing angle come of the threshold of a laser in a world with materials.
 
     Raises:
-        InputError: A probability is invalid.
+        InputError: A probability is invalid; or, when it is applied, the scan has no range_max.
     """
 
     share: float = 0.0
     far: float = 0.0
-    grazing: float = 0.0
     spread: ClassVar[tuple[float, float]] = NO_SPREAD
 
     def __post_init__(self) -> None:
-        for name in ("share", "far", "grazing"):
-            if not (is_finite(getattr(self, name)) and 0.0 <= getattr(self, name) <= 1.0):
+        for name, value in (("share", self.share), ("far", self.far)):
+            if not (is_finite(value) and 0.0 <= value <= 1.0):
                 raise InputError(
-                    f"drop-outs: {name} is {getattr(self, name)}, expected a probability, 0 to 1"
+                    f"drop-outs: {name} {shown(value)}, expected a probability, 0 to 1"
                 )
 
     def probabilities(self, scan: LaserScan) -> Float:
-        """The probability (beams,) that each beam is lost.
-
-        Raises:
-            InputError: Losses grow with the range, and the scan has no finite range_max.
-        """
-        if self.far and not np.isfinite(scan.range_max):
-            raise InputError(
-                "scan without range_max: drop-outs grow with the range up to it; give one"
-            )
+        """The probability (beams,) that each beam is lost."""
         kept = np.full(len(scan.ranges), 1.0 - self.share)
         if self.far:
+            if not np.isfinite(scan.range_max):
+                raise InputError(
+                    "scan without range_max: drop-outs grow with the range up to it; give one"
+                )
             kept *= 1.0 - self.far * np.clip(scan.ranges / scan.range_max, 0.0, 1.0) ** 2
-        if self.grazing and scan.intensities is None:
-            kept *= 1.0 - self.grazing * (1.0 - np.cos(incidences(scan)))
         return 1.0 - kept
 
     def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
@@ -159,37 +149,6 @@ class DropOuts:
         )
 
 
-def losses_by_light(noise: Noise) -> str | None:
-    """A warning for a world with materials if a noise loses beams at grazing incidence, or None."""
-    parts = noise.noises if isinstance(noise, Chain) else (noise,)
-    if not any(isinstance(part, DropOuts) and part.grazing for part in parts):
-        return None
-    return (
-        "noise.drop_outs_grazing has no effect in a world with materials, where laser.threshold"
-        " decides which walls return light; remove it"
-    )
-
-
-def incidences(scan: LaserScan) -> Float:
-    """Angles (beams,) [rad] of the beams to the normal of their wall: 0 straight, π/2 grazing.
-
-    A beam that is alone on its wall does not show its incidence, and counts as straight.
-    """
-    joined = on_one_wall(scan)
-    angles = np.zeros(len(scan.ranges))
-    pair = np.flatnonzero(joined)
-    near, far = scan.ranges[pair], scan.ranges[pair + 1]
-    turn = np.abs(scan.angles[pair + 1] - scan.angles[pair])
-    # The vector from one point to the other, along and across the beam of the first.
-    along, across = far * np.cos(turn) - near, far * np.sin(turn)
-    first = np.arctan2(np.abs(along), np.abs(across))
-    along, across = near * np.cos(turn) - far, near * np.sin(turn)
-    second = np.arctan2(np.abs(along), np.abs(across))
-    angles[pair + 1] = second
-    angles[pair] = first
-    return angles
-
-
 def ranges_between(scan: LaserScan, angles: Float) -> Float:
     """Ranges (n,) [m] that beams at other angles (n,) of the fan would have had.
 
@@ -201,8 +160,7 @@ def ranges_between(scan: LaserScan, angles: Float) -> Float:
     before = after - 1
     turn = scan.angles[after] - scan.angles[before]
     ahead = np.clip(angles - scan.angles[before], 0.0, turn)
-    nearest = np.where(2.0 * ahead > turn, after, before)
-    ranges = scan.ranges[nearest]
+    ranges = scan.ranges[np.where(2.0 * ahead > turn, after, before)]
     # At the beams themselves the measured ranges are kept, to the last bit.
     inside = on_one_wall(scan)[before] & (ahead > 0.0) & (ahead < turn)
     near, far = scan.ranges[before[inside]], scan.ranges[after[inside]]

@@ -4,16 +4,15 @@ A true scan comes in; what leaves is the scan with mixed ranges at its edges, or
 known and the two surfaces are farther apart than a pulse is long, with an echo of each.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
 from lrf3d.errors import InputError, shown
-from lrf3d.geometry import Bool, Float, Int, is_finite
+from lrf3d.geometry import Bool, Float, is_finite
 from lrf3d.laser.noise import NO_SPREAD
-from lrf3d.laser.range_finder import ECHO_CHOICES
 from lrf3d.laser.scan import LaserScan
 
 PULSE = 0.75
@@ -21,12 +20,15 @@ PULSE = 0.75
 that the pulses of common range finders last."""
 
 
-class _Echo(NamedTuple):
-    """Light that returns: its range [m], its intensity, and its wall, −1 where it is mixed."""
+Echo = tuple[float, float, int]
+"""Light that returns: its range [m], its intensity, and its wall, −1 where it is mixed."""
 
-    range: float
-    light: float
-    wall: int
+CHOOSE: dict[str, Callable[[list[Echo]], Echo]] = {
+    "first": lambda found: found[0],
+    "last": lambda found: found[-1],
+    "strongest": lambda found: max(found, key=_light),
+}
+"""The echo that is the range, of those of a beam in the order of their ranges."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,15 +44,8 @@ class MixedPixels:
     two are one echo, whose range is weighted by the light of both; farther apart they are two
     echoes, of which ``echo`` is the range, and those below ``threshold`` are not detected.
 
-    Args:
-        divergence: Width of a beam [rad].
-        jump: Least difference of the ranges at an edge [m].
-        pulse: Distance [m] within which two surfaces return one echo.
-        echo: Which echo is the range, as `LaserRangeFinder.echo`.
-        threshold: Least intensity that is detected, as `LaserRangeFinder.threshold`.
-
     Raises:
-        InputError: A length is not a positive number, or there is no such choice of an echo.
+        InputError: A number is invalid, or there is no such choice of an echo.
 
     Examples:
         >>> import lrf3d
@@ -73,35 +68,35 @@ class MixedPixels:
 
     def __post_init__(self) -> None:
         for name in ("divergence", "jump", "pulse"):
-            if not (is_finite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise InputError(
-                    f"mixed pixels: {name} is {getattr(self, name)}, expected a positive number"
-                )
-        if self.echo not in ECHO_CHOICES:
+            value = getattr(self, name)
+            if not (is_finite(value) and value > 0.0):
+                raise InputError(f"mixed pixels: {name} {shown(value)}, expected a positive number")
+        if not (is_finite(self.threshold) and self.threshold >= 0.0):
             raise InputError(
-                f"mixed pixels: echo {shown(self.echo)}, expected one of {', '.join(ECHO_CHOICES)}"
+                f"mixed pixels: threshold {shown(self.threshold)}, expected a number, at least 0"
             )
-
-    def edges(self, scan: LaserScan) -> Bool:
-        """Whether there is an edge between each beam and the next (beams − 1,)."""
-        returned = np.isfinite(scan.ranges)
-        ranges = np.where(returned, scan.ranges, 0.0)
-        apart = np.abs(np.diff(ranges)) > self.jump
-        return np.asarray(returned[:-1] & returned[1:] & apart & ~on_one_wall(scan))
+        if not isinstance(self.echo, str) or self.echo not in CHOOSE:
+            raise InputError(
+                f"mixed pixels: echo {shown(self.echo)}, expected one of {', '.join(CHOOSE)}"
+            )
 
     def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
         """Return the scan with mixed ranges, or two echoes, at its edges."""
         gaps = np.abs(np.diff(scan.angles))
         offsets = rng.random(len(scan.ranges))[1:] * gaps
-        edge = np.flatnonzero(self.edges(scan))
-        # A beam may have an edge on either side, each with light on the neighbour's surface.
-        beyond = self._beyond(offsets[edge]), self._beyond((gaps - offsets)[edge])
+        returned = np.isfinite(scan.ranges)
+        apart = np.abs(np.diff(np.where(returned, scan.ranges, 0.0))) > self.jump
+        edge = np.flatnonzero(returned[:-1] & returned[1:] & apart & ~on_one_wall(scan))
+        # The shares of each beam that fall on the surface of the beam before it, and after it.
+        before, after = np.zeros((2, len(scan.ranges)))
+        after[edge] = self._beyond(offsets[edge])
+        before[edge + 1] = self._beyond((gaps - offsets)[edge])
         if scan.intensities is not None:
-            return self._lit(scan, scan.intensities, edge, beyond)
+            return self._lit(scan, scan.intensities, before, after)
         ranges = scan.ranges.copy()
         near, far = scan.ranges[edge], scan.ranges[edge + 1]
-        ranges[edge] += beyond[0] * (far - near)
-        ranges[edge + 1] += beyond[1] * (near - far)
+        ranges[edge] += after[edge] * (far - near)
+        ranges[edge + 1] += before[edge + 1] * (near - far)
         walls = np.where(ranges == scan.ranges, scan.walls, -1)
         return replace(scan, ranges=ranges, walls=walls)
 
@@ -109,71 +104,54 @@ class MixedPixels:
         """Share of a beam that falls beyond an edge at an angle (n,) from its middle [rad]."""
         return np.clip(0.5 - away / self.divergence, 0.0, 0.5)
 
-    def _lit(
-        self, scan: LaserScan, light: Float, edge: Int, beyond: tuple[Float, Float]
-    ) -> LaserScan:
-        """The scan with the light of both surfaces at its edges.
-
-        Args:
-            scan: The scan.
-            light: (beams,) its intensities.
-            edge: (e,) the beams that have an edge after them.
-            beyond: The shares (e,) of these beams beyond the edge, and of those after it.
-        """
+    def _lit(self, scan: LaserScan, light: Float, before: Float, after: Float) -> LaserScan:
+        """The scan with intensities (beams,), with the light of both surfaces at its edges."""
         ranges, walls, lights = scan.ranges.copy(), scan.walls.copy(), light.copy()
         echoes, echo_lights = scan.echoes, scan.echo_intensities
         if echoes is None or echo_lights is None:
             echoes, echo_lights = ranges[:, None], lights[:, None]
         echoes, echo_lights = echoes.copy(), echo_lights.copy()
-        shares = np.zeros((len(ranges), 2))
-        shares[edge + 1, 0], shares[edge, 1] = beyond[1], beyond[0]
-        for beam in np.flatnonzero(shares.any(axis=1)).tolist():
-            own = 1.0 - float(shares[beam].sum())
+        for beam in np.flatnonzero(before + after).tolist():
+            own = 1.0 - (before[beam] + after[beam])
+            parts = (own, beam), (before[beam], beam - 1), (after[beam], beam + 1)
             met = [
-                _Echo(float(scan.ranges[at]), share * float(light[at]), int(scan.walls[at]))
-                for at, share in zip(
-                    (beam, beam - 1, beam + 1), (own, *shares[beam].tolist()), strict=True
-                )
-                if share > 0.0
+                (float(scan.ranges[at]), float(part * light[at]), int(scan.walls[at]))
+                for part, at in parts
+                if part > 0.0
             ]
             others = [
-                _Echo(float(away), own * float(back), -1)
+                (away, own * back, -1)
                 for away, back in zip(echoes[beam], echo_lights[beam], strict=True)
                 if np.isfinite(away) and away != scan.ranges[beam]
             ]
             found = sorted([*self._together(met), *others])
-            found = [one for one in found if one.light >= self.threshold]
-            chosen = _Echo(np.inf, 0.0, -1)
-            if found:
-                strongest = max(found, key=lambda one: one.light)
-                chosen = {"first": found[0], "last": found[-1]}.get(self.echo, strongest)
+            found = [echo for echo in found if echo[1] >= self.threshold]
+            chosen = CHOOSE[self.echo](found) if found else (np.inf, 0.0, -1)
             ranges[beam], lights[beam], walls[beam] = chosen
-            slots = echoes.shape[1]
-            kept = sorted(sorted(found, key=lambda one: -one.light)[:slots])
-            none = [_Echo(np.inf, 0.0, -1)] * (slots - len(kept))
-            echoes[beam] = [one.range for one in (*kept, *none)]
-            echo_lights[beam] = [one.light for one in (*kept, *none)]
-        several = scan.echoes is not None
-        return replace(
-            scan,
-            ranges=ranges,
-            walls=walls,
-            intensities=lights,
-            echoes=echoes if several else None,
-            echo_intensities=echo_lights if several else None,
-        )
+            kept = sorted(sorted(found, key=_light, reverse=True)[: echoes.shape[1]])
+            echoes[beam], echo_lights[beam] = np.inf, 0.0
+            for slot, (away, back, _) in enumerate(kept):
+                echoes[beam, slot], echo_lights[beam, slot] = away, back
+        made = replace(scan, ranges=ranges, walls=walls, intensities=lights)
+        if scan.echoes is None:
+            return made
+        return replace(made, echoes=echoes, echo_intensities=echo_lights)
 
-    def _together(self, echoes: Sequence[_Echo]) -> list[_Echo]:
+    def _together(self, echoes: list[Echo]) -> list[Echo]:
         """Echoes in the order of their ranges, those within a pulse as one."""
-        found: list[_Echo] = []
-        for echo in sorted(echoes):
-            if found and echo.range - found[-1].range <= self.pulse:
-                last = found.pop()
-                light = last.light + echo.light
-                away = last.range + (echo.range - last.range) * echo.light / light
-                echo = _Echo(away, light, -1)
-            found.append(echo)
+        found: list[Echo] = []
+        for away, light, wall in sorted(echoes):
+            if found and away - found[-1][0] <= self.pulse:
+                nearer, back, _ = found.pop()
+                both = back + light
+                share = light / both if both else 0.5
+                away, light, wall = nearer + (away - nearer) * share, both, -1
+            found.append((away, light, wall))
         return found
+
+
+def _light(echo: Echo) -> float:
+    return echo[1]
 
 
 def on_one_wall(scan: LaserScan) -> Bool:

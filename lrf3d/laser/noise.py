@@ -1,20 +1,22 @@
 """Noise of the laser range finder, which turns a true scan into a measured one.
 
-All models are off by default. The imperfections of a range finder are chained in physical order:
-the angle of the beam, the surface hit, the loss of beams, the range, its rounding and limits::
+All models are off by default. They are chained in physical order: the angle of the beam, the
+surface hit, the loss of beams, the range, its rounding and limits::
 
     Chain([AngleNoise(0.002), MixedPixels(0.01), DropOuts(far=0.1), ConstantNoise(0.01),
            ProportionalNoise(0.04), Quantised(0.01), Limits()])
 
 Each draws a fixed number of random numbers for each beam, so that a seed gives the same noise for
-any scan.
+any scan. A noise whose measured ranges scatter about the true ones has an attribute ``spread``, for
+mappers: standard deviations [m] of the part that is the same at every distance, and of the part
+that grows with the distance, at range_max.
 """
 
 import inspect
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, NamedTuple, Protocol, cast
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
@@ -41,6 +43,9 @@ FLOOR = 0.01
 USUAL_RANGE = 80.0
 """The range [m] at which the standard deviation is sigma, for scans without a range_max."""
 
+NO_SPREAD = (0.0, 0.0)
+"""The spread of a noise that does not scatter ranges about the true ones."""
+
 
 class RangeNoise(NamedTuple):
     """The noise of ranges that mapping and localisation assume.
@@ -65,12 +70,7 @@ class RangeNoise(NamedTuple):
     def from_sigma(
         cls, sigma: float = SIGMA, floor: float = FLOOR, range_max: float = USUAL_RANGE
     ) -> "RangeNoise":
-        """The noise of Eq. 7 with a floor.
-
-        Args:
-            sigma: Standard deviation [m] at range_max.
-            floor: Standard deviation [m] at zero distance.
-            range_max: Range [m] that sigma is given at.
+        """The noise of Eq. 7 with a standard deviation sigma [m] at range_max [m], and a floor [m].
 
         Raises:
             InputError: A number is negative or not finite, or range_max is 0.
@@ -85,23 +85,8 @@ class RangeNoise(NamedTuple):
         return self.floor**2 + (self.growth * ranges) ** 2
 
 
-AnyNoise = Noise | Callable[[LaserScan], LaserScan]
-"""A noise written by a user; a deterministic one needs no rng."""
-
-
-NO_SPREAD = (0.0, 0.0)
-"""The spread of a noise that does not scatter ranges about the true ones."""
-
-
 def spread_of(noise: object) -> tuple[float, float] | None:
-    """Standard deviations [m] of the ranges of a noise: its constant and its growing part.
-
-    The first part is the same at every distance; the second grows with the distance and is given
-    at range_max. A noise reports both as its attribute ``spread``.
-
-    Returns:
-        Both, or None if the noise does not report them.
-    """
+    """The spread of a noise, or None where it has none: see the head of this file."""
     try:
         constant, growing = noise.spread  # type: ignore[attr-defined]
         return float(constant), float(growing)
@@ -110,39 +95,20 @@ def spread_of(noise: object) -> tuple[float, float] | None:
         return None
 
 
-@dataclass(frozen=True, slots=True)
-class DeterministicNoise:
-    """A noise that draws no random numbers: ``noise(scan)``."""
-
-    change: Callable[[LaserScan], LaserScan]
-
-    @property
-    def spread(self) -> tuple[float, float] | None:
-        """The standard deviations that the user's noise reports."""
-        return spread_of(self.change)
-
-    def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
-        """Return the measured scan."""
-        return self.change(scan)
-
-
-def as_noise(noise: AnyNoise) -> Noise:
-    """A noise of a scan and an rng, from ``noise(scan, rng)`` or ``noise(scan)``.
+def as_noise(noise: Any) -> Noise:
+    """A noise that comes from outside.
 
     Raises:
-        InputError: It accepts neither.
+        InputError: It is not a function of a scan and an rng.
     """
     try:
-        signature = inspect.signature(noise)
+        inspect.signature(noise).bind("scan", "rng")
     except (TypeError, ValueError):
-        raise InputError(f"noise {noise!r}: expected a function of a scan and an rng") from None
-    for count in (2, 1):
-        try:
-            signature.bind(*range(count))
-        except TypeError:
-            continue
-        return cast(Noise, noise) if count == 2 else DeterministicNoise(cast(Any, noise))
-    raise InputError(f"noise {noise!r}: expected a function of a scan and an rng, or of a scan")
+        raise InputError(
+            f"noise {shown(noise)}: expected a function of a scan and an rng"
+        ) from None
+    checked: Noise = noise
+    return checked
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,6 +118,9 @@ class ProportionalNoise:
     σ is the standard deviation [m] at range_max. A beam without return stays without; a noisy range
     below 0 is reported as 0. With σ = 0 the scan is returned unchanged and no random numbers are
     drawn.
+
+    Raises:
+        InputError: σ is invalid; or, when it is applied, the scan has no range_max.
 
     Examples:
         >>> import lrf3d
@@ -174,11 +143,7 @@ class ProportionalNoise:
         return 0.0, self.sigma
 
     def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
-        """Return the scan with noise on each range.
-
-        Raises:
-            InputError: The scan has no finite range_max, which Eq. 7 divides by.
-        """
+        """Return the scan with noise on each range."""
         if self.sigma == 0.0:
             return scan
         if not np.isfinite(scan.range_max):
@@ -187,7 +152,7 @@ class ProportionalNoise:
         finite = np.isfinite(ranges)
         draws = rng.normal(0.0, self.sigma, len(ranges))[finite]
         ranges[finite] += ranges[finite] / scan.range_max * draws
-        return replace(scan, ranges=not_negative(ranges))
+        return _measured(scan, ranges)
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,45 +177,7 @@ class ConstantNoise:
         if self.sigma == 0.0:
             return scan
         # Adding to an infinity does not change it.
-        ranges = scan.ranges + rng.normal(0.0, self.sigma, len(scan.ranges))
-        return replace(scan, ranges=not_negative(ranges))
-
-
-@dataclass(frozen=True, slots=True)
-class IntensityNoise:
-    """Gaussian noise that grows as the light fades: d + N(0, σ) / √intensity.
-
-    The photons that are counted have the standard deviation of the square root of their number. σ
-    [m] is that of the intensity 1, a white wall at 1 m; a range below 0 is reported as 0.
-
-    Examples:
-        >>> import lrf3d
-        >>> import numpy as np
-        >>> from lrf3d.laser import IntensityNoise
-        >>> world = lrf3d.World([[5, -9, 5, 9]], materials=["dark cloth"])
-        >>> lrf = lrf3d.LaserRangeFinder(0.0, 0.0, beams=1)
-        >>> scan = lrf3d.PlanarCaster(world).cast(lrf, (0, 0, 0))
-        >>> IntensityNoise(0.001)(scan, np.random.default_rng(0)).ranges.round(3).tolist()
-        [5.003]
-    """
-
-    sigma: float
-    spread: ClassVar[None] = None
-
-    def __post_init__(self) -> None:
-        check_sigma(self.sigma, "metres")
-
-    def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
-        """Return the scan with noise on each range; a beam without return stays without.
-
-        Raises:
-            InputError: The scan has no intensities.
-        """
-        if scan.intensities is None:
-            raise InputError("scan without intensities: give the world materials")
-        draws = rng.normal(0.0, self.sigma, len(scan.ranges))
-        root = np.sqrt(np.where(scan.intensities > 0.0, scan.intensities, 1.0))
-        return replace(scan, ranges=not_negative(scan.ranges + draws / root))
+        return _measured(scan, scan.ranges + rng.normal(0.0, self.sigma, len(scan.ranges)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,7 +189,7 @@ class Quantised:
 
     def __post_init__(self) -> None:
         if not (is_finite(self.step) and self.step > 0.0):
-            raise InputError(f"resolution {self.step}: expected a positive number of metres")
+            raise InputError(f"resolution {shown(self.step)}: expected a positive number of metres")
 
     def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
         """Return the scan with rounded ranges; infinities stay."""
@@ -285,26 +212,28 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """Noise models applied in order; an empty chain returns the scan unchanged.
+    """Noises (n,) applied in order; an empty chain returns the scan unchanged.
 
-    Args:
-        noises: The noises, in the order in which they are applied.
+    Raises:
+        InputError: They are not functions of a scan and an rng.
     """
 
     noises: tuple[Noise, ...] = field(default=())
 
     def __init__(self, noises: Iterable[Noise] = ()) -> None:
-        object.__setattr__(self, "noises", tuple(noises))
+        if not isinstance(noises, Iterable):
+            raise InputError(f"chain of {shown(noises)}: expected a list of noises")
+        object.__setattr__(self, "noises", tuple(as_noise(noise) for noise in noises))
 
     @property
     def spread(self) -> tuple[float, float] | None:
-        """The spread of all its noises, whose variances add up; None if one does not report it."""
-        spreads = [spread_of(noise) for noise in self.noises]
-        if any(spread is None for spread in spreads):
+        """The spread of all its noises, whose variances add up; None if one has none."""
+        parts = [NO_SPREAD, *map(spread_of, self.noises)]
+        known = [part for part in parts if part is not None]
+        if len(known) < len(parts):
             return None
-        known = [spread for spread in spreads if spread is not None]
-        constant, growing = (math.hypot(*part) for part in zip(NO_SPREAD, *known, strict=True))
-        return constant, growing
+        constant, growing = zip(*known, strict=True)
+        return math.hypot(*constant), math.hypot(*growing)
 
     def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
         """Return the scan after all noises."""
@@ -319,19 +248,18 @@ def at_sigma(noise: Noise, sigma: float) -> Noise:
     Raises:
         InputError: No part of it is a ProportionalNoise.
     """
-    if isinstance(noise, ProportionalNoise):
-        return ProportionalNoise(sigma)
-    parts = noise.noises if isinstance(noise, Chain) else ()
+    parts = noise.noises if isinstance(noise, Chain) else (noise,)
+    changed = [
+        ProportionalNoise(sigma) if isinstance(part, ProportionalNoise) else part for part in parts
+    ]
     if not any(isinstance(part, ProportionalNoise) for part in parts):
         raise InputError(f"sigma {shown(sigma)}: {noise!r} has no ProportionalNoise to give it to")
-    return Chain(
-        ProportionalNoise(sigma) if isinstance(part, ProportionalNoise) else part for part in parts
-    )
+    return Chain(changed) if isinstance(noise, Chain) else changed[0]
 
 
-def not_negative(ranges: Float) -> Float:
-    """Noisy ranges, raised to at least 0; infinities stay."""
-    return np.where((ranges < 0.0) & np.isfinite(ranges), 0.0, ranges)
+def _measured(scan: LaserScan, ranges: Float) -> LaserScan:
+    """The scan with noisy ranges, raised to at least 0; infinities stay."""
+    return replace(scan, ranges=np.where((ranges < 0.0) & np.isfinite(ranges), 0.0, ranges))
 
 
 def check_sigma(sigma: float, unit: str) -> None:

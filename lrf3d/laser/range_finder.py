@@ -106,7 +106,6 @@ class LaserRangeFinder(Value):
                 f"range finder: scan_duration {shown(self.scan_duration)}, expected a finite number"
                 " of seconds, at least 0"
             )
-
         for name in ("threshold", "near_field"):
             value = getattr(self, name)
             if not (is_finite(value) and value >= 0.0):
@@ -137,12 +136,6 @@ class LaserRangeFinder(Value):
         return sealed(np.where(np.abs(fan) < TINY, 0.0, fan))
 
     @cached_property
-    def least_number(self) -> float:
-        """Smallest size of a nonzero number among range_min [m] and the fan, for the casters."""
-        numbers = np.abs(np.append(self.fan, self.range_min))
-        return float(numbers.min(where=numbers > 0.0, initial=np.inf))
-
-    @cached_property
     def time_increment(self) -> float:
         """Time from one beam to the next [s]."""
         return self.scan_duration / (self.beams - 1) if self.beams > 1 else 0.0
@@ -157,16 +150,6 @@ class LaserRangeFinder(Value):
             single.__dict__["fan"] = self.fan[:, beam : beam + 1]
             singles.append(single)
         return tuple(singles)
-
-    @cached_property
-    def from_zero(self) -> "LaserRangeFinder":
-        """The same range finder with a range_min of 0."""
-        if self.range_min == 0.0:
-            return self
-        bare = replace(self, range_min=0.0)
-        # The same numbers, also where a single beam has them from its fan.
-        bare.__dict__["fan"] = self.fan
-        return bare
 
     @cached_property
     def spread(self) -> tuple[float, float]:

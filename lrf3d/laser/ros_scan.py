@@ -69,18 +69,10 @@ class RosHeader:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ScanFields:
-    """What ``sensor_msgs/LaserScan`` and ``MultiEchoLaserScan`` have alike; numbers are float32.
+class RosScan:
+    """``sensor_msgs/LaserScan``: its fields in [rad], [s] and [m]; all numbers are float32.
 
-    Args:
-        header: Stamp of the first beam, and frame of the laser.
-        angle_min: Angle of the first beam [rad].
-        angle_max: Angle of the last beam [rad].
-        angle_increment: Angle from one beam to the next [rad].
-        time_increment: Time from one beam to the next [s].
-        scan_time: Time between two scans [s].
-        range_min: Nearest range that counts [m].
-        range_max: Farthest range that counts [m].
+    The ranges (n,) are +inf and −inf after REP 117, the intensities (n,) may be empty.
     """
 
     header: RosHeader
@@ -91,23 +83,12 @@ class ScanFields:
     scan_time: float
     range_min: float
     range_max: float
+    ranges: Float32
+    intensities: Float32
 
     def as_dict(self) -> dict[str, Any]:
         """The message as nested dicts."""
         return asdict(self)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RosScan(ScanFields):
-    """``sensor_msgs/LaserScan``: its fields are those of `ScanFields`, and these.
-
-    Args:
-        ranges: (n,) float32 ranges [m]; +inf and −inf after REP 117.
-        intensities: (n,) float32, or empty.
-    """
-
-    ranges: Float32
-    intensities: Float32
 
 
 def make_ros_scan(scan: "LaserScan", frame_id: str, scan_time: float) -> RosScan:

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import LARGEST_COORDINATE, Bool, Float, Int, Value, is_finite, read_only, sealed
 from lrf3d.laser.range_finder import LARGEST_ANGLE, LaserRangeFinder, beam_directions
-from lrf3d.laser.ros_echoes import RosEchoScan, has_echoes, make_ros_echoes, read_ros_echoes
 from lrf3d.laser.ros_scan import RosScan, make_ros_scan, read_ros_scan
 from lrf3d.notebook import Pictured
 from lrf3d.pose import Pose, as_pose
@@ -61,12 +60,12 @@ class LaserScan(Value, Pictured):
     walls: Int
     range_min: float
     range_max: float
-    time: float
     time_increment: float
-    pose_covariance: Float | None
-    intensities: Float | None
-    echoes: Float | None
-    echo_intensities: Float | None
+    time: float = 0.0
+    pose_covariance: Float | None = None
+    intensities: Float | None = None
+    echoes: Float | None = None
+    echo_intensities: Float | None = None
 
     def __init__(
         self,
@@ -156,6 +155,7 @@ class LaserScan(Value, Pictured):
     ) -> "LaserScan":
         """The scan of new arrays of a caster: they are made read-only, not checked or copied."""
         scan = object.__new__(cls)
+        # What is left out has its default in the class: a scan costs microseconds.
         scan.__dict__.update(
             pose=pose,
             angles=lrf.angles,
@@ -163,13 +163,12 @@ class LaserScan(Value, Pictured):
             walls=sealed(walls),
             range_min=lrf.range_min,
             range_max=lrf.range_max,
-            time=0.0,
             time_increment=lrf.time_increment,
-            pose_covariance=None,
-            intensities=None if intensities is None else sealed(intensities),
-            echoes=None if echoes is None else sealed(echoes),
-            echo_intensities=None if echo_intensities is None else sealed(echo_intensities),
         )
+        if intensities is not None:
+            scan.__dict__["intensities"] = sealed(intensities)
+        if echoes is not None and echo_intensities is not None:
+            scan.__dict__.update(echoes=sealed(echoes), echo_intensities=sealed(echo_intensities))
         return scan
 
     def at_time(self, time: float) -> "LaserScan":
@@ -180,52 +179,22 @@ class LaserScan(Value, Pictured):
 
     @classmethod
     def from_ros(cls, message: Any, pose: Sequence[float] = (0.0, 0.0, 0.0)) -> "LaserScan":
-        """The scan of a ROS message, taken at a pose: see `ros_scan` and `ros_echoes`.
-
-        Of a ``sensor_msgs/MultiEchoLaserScan`` the range of a beam is its strongest echo; of a
-        ``sensor_msgs/LaserScan`` it is the only one.
+        """The scan of a ROS ``sensor_msgs/LaserScan``, taken at a pose: see `ros_scan`.
 
         Raises:
             InputError: The message is invalid, or its angles and limits are.
         """
-        read = read_ros_echoes if has_echoes(message) else read_ros_scan
-        return cls(as_pose(pose), **read(message))
+        return cls(as_pose(pose), **read_ros_scan(message))
 
     def as_ros(self, frame_id: str = "laser", *, scan_time: float = 0.0) -> RosScan:
         """The scan as a ROS ``sensor_msgs/LaserScan``: see `ros_scan`.
 
-        Args:
-            frame_id: Name of the frame of the laser.
-            scan_time: Time between two scans [s]; 0 if it is unknown.
+        The time between two scans [s] is 0 if it is unknown.
 
         Raises:
             InputError: The beams are not evenly spaced, which the message cannot express.
         """
         return make_ros_scan(self, frame_id, scan_time)
-
-    def as_ros_echoes(self, frame_id: str = "laser", *, scan_time: float = 0.0) -> RosEchoScan:
-        """The scan as a ROS ``sensor_msgs/MultiEchoLaserScan``: see `ros_echoes`.
-
-        Args:
-            frame_id: Name of the frame of the laser.
-            scan_time: Time between two scans [s]; 0 if it is unknown.
-
-        Raises:
-            InputError: The scan has no echoes, or its beams are not evenly spaced.
-
-        Examples:
-            >>> import lrf3d
-            >>> echoes = [[1.0, 3.0], [2.0, float("inf")]]
-            >>> light = [[0.5, 0.1], [0.2, 0.0]]
-            >>> scan = lrf3d.LaserScan((0, 0, 0), [0.0, 0.1], [1.0, 2.0], range_max=9.0,
-            ...                        echoes=echoes, echo_intensities=light)
-            >>> message = scan.as_ros_echoes()
-            >>> [beam.echoes.tolist() for beam in message.ranges]
-            [[1.0, 3.0], [2.0]]
-            >>> lrf3d.LaserScan.from_ros(message).echoes.tolist() == echoes
-            True
-        """
-        return make_ros_echoes(self, frame_id, scan_time)
 
     @cached_property
     def hits(self) -> Bool:

@@ -2,7 +2,11 @@
 
 import math
 import os
+from collections.abc import Iterable, Iterator
+from contextlib import closing
+from dataclasses import replace
 from functools import lru_cache
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.errors import InputError, OutputError, shown
+from lrf3d.files import locked, make_folder, replacing, unfinished_folder
 from lrf3d.geometry import Float, is_finite, read_only, whole_number
 from lrf3d.interrupts import stoppable
-from lrf3d.output import lock_of, locked, make_folder, replacing, unfinished_folder
-from lrf3d.render.film_parts import FRAMES, Job, draw_parts
 from lrf3d.render.gl import gl_available, require_gl
-from lrf3d.render.pictures import FrameProgress
+from lrf3d.render.pictures import FrameProgress, Picture
+from lrf3d.render.workers import Job, draw
 from lrf3d.run import Run
 from lrf3d.scene.cameras import margins
 from lrf3d.scene.stage import stage_of
@@ -36,6 +40,9 @@ _SLACK = 1e-6
 
 _SMALLEST, _LARGEST = 16, 8192
 """Sides of pictures [pixels] that can be drawn."""
+
+_EXAMPLES = 24
+"""How many pictures of a film choose the colours of a GIF: more choose the same ones."""
 
 
 @stoppable()
@@ -68,8 +75,7 @@ def render_video(
         renderer: What draws: ``gl``, or ``embree`` which needs no OpenGL and takes longer; where
             not given, OpenGL where it is there.
         part: From when to when the run is shown [s]; from its start, to its end if not given.
-        progress: Called with frames done and frames in all, as the film grows. A .gif is packed
-            when all of it is drawn; then a frame that is drawn counts as a part of one.
+        progress: Called with frames done and frames in all, as the film grows.
 
     Raises:
         InputError: An argument is out of its range.
@@ -82,62 +88,51 @@ def render_video(
         >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], rng=0)
         >>> lrf3d.render_video(run, "run.gif", size=(64, 64), fps=1, renderer="embree", workers=1)
     """
-    from lrf3d.render.formats import format_of
+    from lrf3d.render.encode import encode, format_of
 
     path = Path(path)
-    kind = format_of(path)
-    ending = path.suffix.lower()
-    job = _job(run, size, fps, playback, view, samples, workers, renderer, ending, part)
-    if kind.even and (size[0] % 2 or size[1] % 2):
-        raise InputError(f"size {size[0]}x{size[1]}: H.264 needs even numbers")
-    if fps > kind.fastest:
-        raise InputError(
-            f"fps {fps:g}: players show at most {kind.fastest:g} frames a second of {path.suffix}"
-        )
+    job = _job(
+        run,
+        fps,
+        part,
+        workers,
+        size=size,
+        playback=playback,
+        view=view,
+        samples=samples,
+        renderer=renderer,
+    )
+    kind = format_of(path, job.film["size"], fps)
+    total = len(job.times)
+    chosen = np.linspace(0, total - 1, min(total, _EXAMPLES) * kind.palette).astype(int)
+    job = replace(job, times=np.concatenate([job.times[chosen], job.times]))
     with replacing(path) as unfinished, unfinished_folder(path) as folder:
         # A folder that cannot be written to is better known before the film is drawn.
         unfinished.touch()
-        unfinished.unlink()
-        drawing = share_of(progress, 0.0, 1.0 - kind.joining, len(job.times))
-        parts, frames = draw_parts(job, folder, workers, drawing)
-        joining = share_of(progress, 1.0 - kind.joining, 1.0, len(job.times))
-        kind.join(parts, frames, unfinished, fps=fps, progress=joining)
+        with closing(draw(job, folder)) as pictures:
+            examples = [picture.copy() for picture in islice(pictures, len(chosen))]
+            encode(
+                _counted(pictures, total, progress), unfinished, kind, fps=fps, examples=examples
+            )
 
 
-def share_of(
-    progress: FrameProgress | None, first: float, last: float, total: int
-) -> FrameProgress | None:
-    """Progress of one stage of a work in steps, from one share of the whole to another."""
-    if progress is None:
-        return None
-    whole = progress
-
-    def report(done: int, steps: int) -> None:
-        share = first + (last - first) * (done / steps)
-        # Rounded down, but for what a sum of shares lacks.
-        whole(int(share * total + 1e-6), total)
-
-    return report
+def _counted(
+    pictures: Iterable[Picture], total: int, progress: FrameProgress | None
+) -> Iterator[Picture]:
+    """The pictures; progress is called after each with their number and that of all."""
+    for number, picture in enumerate(pictures):
+        yield picture
+        if progress is not None:
+            progress(number + 1, total)
 
 
 @stoppable()
 def render_frames(
-    run: Run,
-    folder: str | Path,
-    *,
-    size: tuple[int, int] = (1280, 720),
-    fps: float = 25.0,
-    playback: float | None = None,
-    view: str | None = None,
-    samples: int = 4,
-    workers: int | None = None,
-    renderer: str | None = None,
-    part: tuple[float | None, float | None] = (None, None),
-    progress: FrameProgress | None = None,
+    run: Run, folder: str | Path, *, progress: FrameProgress | None = None, **options: Any
 ) -> int:
     """Draw the frames of a run's film as frame_000000.png and on, in a new or an empty folder.
 
-    All come at once, when the last is drawn. The arguments are those of :func:`render_video`.
+    All come at once, when the last is drawn. The options are those of :func:`render_video`.
 
     Returns:
         How many there are.
@@ -149,19 +144,18 @@ def render_frames(
     """
     # The current folder has a name, too, and one above it.
     folder = Path(os.path.abspath(folder))
-    job = _job(run, size, fps, playback, view, samples, workers, renderer, FRAMES, part)
+    job = _job(run, **options)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise InputError(f"{folder}: not empty; name a new or an empty folder")
     make_folder(folder.parent)
     try:
         # Beside its place, so that it can be put there at once.
-        with locked(lock_of(folder), folder), unfinished_folder(folder) as place:
-            parts, _ = draw_parts(job, place, workers, progress)
+        with locked(folder), unfinished_folder(folder) as place:
             whole = place / "frames"
             whole.mkdir()
-            for drawn in parts:
-                for picture in drawn.iterdir():
-                    os.replace(picture, whole / picture.name)
+            with closing(draw(replace(job, folder=whole), place)) as pictures:
+                for _ in _counted(pictures, len(job.times), progress):
+                    pass
             # An empty folder is replaced, one that was filled meanwhile is not.
             os.replace(whole, folder)
     except OSError as error:
@@ -183,8 +177,9 @@ def frame(
     goal: tuple[float, float, float] | None = None,
 ) -> NDArray[np.uint8]:
     """The picture (h, w, 3) of a run at a time, with a goal x, y, radius [m]: see `Run.frame`."""
-    view, playback = _view_and_playback(run, view, playback)
-    size = _checked(run, size, view, samples, playback)
+    film = _film_options(
+        run, size=size, view=view, samples=samples, playback=playback, renderer=renderer
+    )
     if not is_finite(time):
         raise InputError(f"time {shown(time)}: expected a finite number of seconds")
     if goal is not None:
@@ -192,70 +187,46 @@ def frame(
         if place.shape != (3,) or not is_finite(*place):
             raise InputError(f"goal {shown(goal)}: expected x, y and radius [m]")
         goal = tuple(place.tolist())
-    timeline = Timeline(run, playback=playback)
+    timeline = Timeline(run, playback=film["playback"])
     # The pictures of the opening and the end can be looked at, too.
-    opening, closing = (playback * margin for margin in margins(view))
-    low, high = timeline.start - opening, timeline.end + closing
+    before, after = (film["playback"] * margin for margin in margins(film["view"]))
+    low, high = timeline.start - before, timeline.end + after
     # Checked before anything is painted, which takes seconds.
     if not low - _SLACK <= time <= high + _SLACK:
         raise InputError(
             f"time {time:g} s: the run goes from {timeline.start:g} to {timeline.end:g} s"
         )
-    film = _film(run, size, view, samples, float(playback), choose_renderer(renderer), goal)
-    return np.array(film.draw(time)[:, :, :3])
+    return np.array(_film(run, goal=goal, **film).draw(time)[:, :, :3])
 
 
 @lru_cache(maxsize=1)
-def _film(
-    run: Run,
-    size: tuple[int, int],
-    view: str,
-    samples: int,
-    playback: float,
-    renderer: str,
-    goal: tuple[float, float, float] | None,
-) -> Any:
+def _film(run: Run, **options: Any) -> Any:
     """The film of the pictures asked for last: setting one up costs as much as forty pictures."""
     from lrf3d.render.film import Film
 
-    return Film(
-        run,
-        size=size,
-        view=view,
-        samples=samples,
-        playback=playback,
-        renderer=renderer,
-        goal=goal,
-    )
+    return Film(run, **options)
 
 
 def _job(
     run: Run,
-    size: tuple[int, int],
-    fps: float,
-    playback: float | None,
-    view: str | None,
-    samples: int,
-    workers: int | None,
-    renderer: str | None,
-    ending: str,
-    part: tuple[float | None, float | None],
+    fps: float = 25.0,
+    part: tuple[float | None, float | None] = (None, None),
+    workers: int | None = None,
+    **options: Any,
 ) -> Job:
-    """The film to draw, when all that is asked for can be."""
-    view, playback = _view_and_playback(run, view, playback)
-    size = _checked(run, size, view, samples, playback)
+    """The pictures of a film, when all that is asked for can be drawn."""
+    film = _film_options(run, **options)
     if not (is_finite(fps) and fps > 0.0):
         raise InputError(f"fps {shown(fps)}: expected a number of more than 0")
     if workers is not None:
         workers = whole_number(workers, "workers")
     if not (isinstance(part, tuple) and len(part) == 2 and _numbers_or_none(*part)):
         raise InputError(f"part {shown(part)}: expected the first and the last time [s], or None")
-    timeline = Timeline(run, playback=playback)
-    times = _within(timeline, timeline.frame_times(fps, margins(view)), *part)
+    timeline = Timeline(run, playback=film["playback"])
+    times = _within(timeline, timeline.frame_times(fps, margins(film["view"])), *part)
     # Worked out here once, it goes with the run to all that draw.
     _ = run.lasting_objects
-    drawn = choose_renderer(renderer)
-    return Job(run, times, size, fps, playback, view, samples, drawn, ending, stage_of(run))
+    return Job(run, times, film, stage_of(run), workers)
 
 
 def _within(timeline: Timeline, times: Float, first: float | None, last: float | None) -> Float:
@@ -271,18 +242,18 @@ def _within(timeline: Timeline, times: Float, first: float | None, last: float |
     return np.asarray(chosen)
 
 
-def _view_and_playback(run: Run, view: str | None, playback: float | None) -> tuple[str, float]:
-    """What is asked for, and of what is not, what the run says."""
-    return (
-        run.film.view if view is None else view,
-        run.film.playback if playback is None else playback,
-    )
-
-
-def _checked(
-    run: Run, size: tuple[int, int], view: str, samples: int, playback: float
-) -> tuple[int, int]:
-    """The size, when all that is asked for can be drawn."""
+def _film_options(
+    run: Run,
+    *,
+    size: tuple[int, int] = (1280, 720),
+    view: str | None = None,
+    samples: int = 4,
+    playback: float | None = None,
+    renderer: str | None = None,
+) -> dict[str, Any]:
+    """What a film is made with, when all of it can be drawn; what is not given, the run says."""
+    view = run.film.view if view is None else view
+    playback = run.film.playback if playback is None else playback
     sides = size if isinstance(size, tuple | list) else ()
     if len(sides) != 2 or not all(
         is_finite(side) and side == int(side) and _SMALLEST <= side <= _LARGEST for side in sides
@@ -297,7 +268,13 @@ def _checked(
         raise InputError(f"samples {shown(samples)}: expected 0 or 4")
     if not (is_finite(playback) and playback > 0.0):
         raise InputError(f"playback {shown(playback)}: expected a number of more than 0")
-    return int(sides[0]), int(sides[1])
+    return {
+        "size": (int(sides[0]), int(sides[1])),
+        "view": view,
+        "samples": samples,
+        "playback": float(playback),
+        "renderer": choose_renderer(renderer),
+    }
 
 
 def _numbers_or_none(*values: object) -> bool:
@@ -305,15 +282,7 @@ def _numbers_or_none(*values: object) -> bool:
 
 
 def choose_renderer(wanted: str | None) -> str:
-    """The renderer of a name; where none is named, OpenGL's where it is there, else Embree's.
-
-    Args:
-        wanted: The name.
-
-    Raises:
-        InputError: There is no renderer of that name.
-        MissingLibraryError: OpenGL is wanted and is not there.
-    """
+    """The renderer of a name; where none is named, OpenGL's where it is there, else Embree's."""
     if wanted is None:
         return "gl" if gl_available() else "embree"
     if wanted not in RENDERERS:

@@ -7,8 +7,8 @@ import shapely
 import trimesh
 from numpy.typing import NDArray
 
+from lrf3d.files import assets_folder
 from lrf3d.geometry import Float, Single
-from lrf3d.input import assets_folder
 from lrf3d.scene.look import (
     DART,
     GOAL,

@@ -11,18 +11,12 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.geometry import Float, Int, Single
+from lrf3d.geometry import Float
 
 Texels = NDArray[np.uint8]
 
-FACADE, PLAIN, ROOF, CAP, TILED = 0.0, 1.0, 2.0, 3.0, 4.0
-"""What a face is: the whole part of the fourth colour value of :mod:`lrf3d.scene.walls`."""
-
 BAY, STOREY = 2.7, 3.1
 """About the distance between windows and the height of a storey [m]."""
-
-CORNICE, NARROW = 0.45, 1.7
-"""Height of the band under the roof, and the shortest face that has windows [m]."""
 
 TILE, BAYS, ROWS = 64, 8, 4
 """Texels along both sides of a bay's storey; bays and storeys of a layer."""
@@ -35,10 +29,10 @@ BLANK, FOOT, PLINTH, WINDOWED = 0, 1, 2, 3
 """Layers: nothing painted, the foot of a plain wall, that of a house, and the first of those with
 windows."""
 
-_STYLES = ((12, 16), (14, 15), (11, 18))
+STYLES = ((12, 16), (14, 15), (11, 18))
 """Half the width and height of a window [texels], for each style of houses."""
 
-_GROUND, _UPPER = WINDOWED, WINDOWED + SLANTS * len(_STYLES)
+GROUND, UPPER = WINDOWED, WINDOWED + SLANTS * len(STYLES)
 """The first layers of ground floors and of those above."""
 
 _WOOD = np.array([[0.30, 0.20, 0.15], [0.16, 0.24, 0.22], [0.30, 0.20, 0.15]])
@@ -53,11 +47,8 @@ _MIDDLE, _RIM, _DOOR = 35, 2, (13, 45)
 _SILL, _SILL_PAINT = (5, 5), np.array([0.56, 0.55, 0.53, 0.25])
 """How far a sill reaches to both sides of its window and below it [texels], and its colour."""
 
-_PLINTH_HEIGHT, _SKIRTING_HEIGHT = 0.45, 0.09
+PLINTH_HEIGHT, SKIRTING_HEIGHT = 0.45, 0.09
 """Heights of the darker foot of a house, and of that of a wall in rooms [m]."""
-
-ROOF_GREY, _ROOF_SHARE = np.array([0.52, 0.52, 0.53]), 0.75
-"""Colour of roofs, and its share in a roof: the rest is the wall's."""
 
 
 @cache
@@ -71,7 +62,7 @@ def layers(indoor: bool) -> tuple[Texels, ...]:
         rng = np.random.default_rng(4)
         painted.append(_darkened(_blank()))
         for ground in (True, False):
-            for style in range(len(_STYLES)):
+            for style in range(len(STYLES)):
                 painted += _slants(_windows(style, rng, ground=ground))
     level = np.round(255.0 * np.array(painted)).astype(np.uint8)
     levels = [level]
@@ -93,13 +84,13 @@ def _foot(indoor: bool) -> Float:
     """The lowest storey of a plain wall, with the skirting of one in rooms."""
     layer = _blank()
     if indoor:
-        layer[(np.arange(len(layer)) + 0.5) / len(layer) * STOREY <= _SKIRTING_HEIGHT, :, 3] = 0.62
+        layer[(np.arange(len(layer)) + 0.5) / len(layer) * STOREY <= SKIRTING_HEIGHT, :, 3] = 0.62
     return layer
 
 
 def _darkened(layer: Float) -> Float:
     """A layer with the plinth of a house over its lowest storey."""
-    layer[:TILE][(np.arange(TILE) + 0.5) / TILE * STOREY <= _PLINTH_HEIGHT] *= 0.82
+    layer[:TILE][(np.arange(TILE) + 0.5) / TILE * STOREY <= PLINTH_HEIGHT] *= 0.82
     # What lies under the foot where the layer repeats is seen with it from far away.
     layer[-TILE // 4 :] = layer[:1]
     return layer
@@ -108,7 +99,7 @@ def _darkened(layer: Float) -> Float:
 def _windows(style: int, rng: np.random.Generator, *, ground: bool) -> Float:
     """Windows in all bays of all storeys, or of the ground floor, with a door in its first bay."""
     layer = _blank()
-    wide, tall = _STYLES[style]
+    wide, tall = STYLES[style]
     height = ((np.arange(TILE) + 0.5) / TILE)[:, None, None]
     for row in range(1 if ground else ROWS):
         for bay in range(BAYS):
@@ -143,97 +134,3 @@ def _slants(layer: Float) -> list[Float]:
         layer = 0.5 * (layer + np.roll(layer, (-1) ** step * 2**step, axis=1))
         found.append(layer)
     return found
-
-
-def lay_walls(quads: Single, faces: Int, *, indoor: bool) -> tuple[Single, Int]:
-    """Cut walls into ground floors, upper floors and cornices, and lay them on the texture.
-
-    Args:
-        quads: (n, 4, 15) parts of walls, see :mod:`lrf3d.scene.walls`.
-        faces: (n,) number of the wall that each is a part of: all parts of it have one pattern.
-        indoor: Whether this is the inside of a house.
-
-    Returns:
-        The pieces (m, 4, 16), and which of the quads (m,) each is of. A corner has its position,
-        its normal, its place along and up the texture in bays and storeys, its layer, the wall's
-        colour, the light on it, and how far under the edge of its shadow it lies [m].
-    """
-    length, height = (quads[:, 0, k].astype(np.float64) for k in (8, 9))
-    kind = np.floor(quads[:, 0, 13])
-    seed = (quads[:, 0, 13] - kind) / 0.9
-    bays = np.maximum(1.0, np.floor(length / BAY))
-    top = height - CORNICE
-    storey = top / np.maximum(1.0, np.floor(top / STOREY))
-    style = SLANTS * np.floor(len(_STYLES) * np.modf(seed * 7.31)[0])
-    wide, facade, plain = length > NARROW, kind == FACADE, kind == PLAIN
-    # The door, in the first bay of the texture, goes to one bay of the face, if it has several.
-    door = np.where(bays > 1.5, -np.floor(seed * 0.999 * bays), 1.0)
-    pattern = np.floor(seed * 997.0) + 3.0 * faces
-    none, one = np.zeros(len(quads)), np.ones(len(quads))
-    ground, upper = np.where(wide, _GROUND + style, PLINTH), np.where(wide, _UPPER + style, BLANK)
-    tall, foot, cap = facade & (top > 1.5 * storey), np.minimum(height, STOREY), kind == CAP
-    # Which faces, from and up to which height [m]; the layer, the first bay and storey of it, how
-    # high a storey is [m], and how much brighter than the wall the piece is.
-    rows = (
-        (facade, none, storey, ground, door, none, storey, 1.0),
-        (tall, storey, top, upper, pattern % BAYS, pattern % ROWS, storey, 1.0),
-        (facade, top, height, none, none, none, one, 1.10),
-        (plain, none, foot, FOOT * one, none, none, STOREY / ROWS * one, 1.0),
-        (plain & (height > STOREY), foot, height, none, none, none, one, 1.0),
-        (cap, none, none, none, none, none, one, 0.55 if indoor else 0.85),
-    )
-    pieces, owners = [], []
-    for chosen, low, high, layer, first, up, unit, bright in rows:
-        number = np.flatnonzero(chosen)
-        quad = quads[number].astype(np.float64)
-        level = quad[:, :, 5] > 0.5
-        ends = np.column_stack([low[number], low[number], high[number], high[number]])
-        raised = np.where(level, 0.0, ends - quad[:, :, 7])
-        piece = np.zeros((len(number), 4, 16))
-        piece[..., :6] = quad[..., :6]
-        piece[..., 2] += raised
-        piece[..., 6] = (
-            first[number, None] + quad[..., 6] * (bays / np.maximum(length, 1e-9))[number, None]
-        )
-        piece[..., 7] = up[number, None] + (ends - low[number, None]) / unit[number, None]
-        piece[..., 8] = layer[number, None]
-        blank = layer[number] < WINDOWED
-        # Along the wall, only windows differ from place to place.
-        piece[blank, :, 6] = 0.0
-        piece[..., 9:12] = bright * quad[..., 10:13]
-        piece[..., 12:15] = 1.0
-        piece[..., 15] = quad[..., 14] - raised
-        pieces.append(piece)
-        owners.append(number)
-    return np.concatenate(pieces).astype(np.float32), np.concatenate(owners)
-
-
-def bare_above_foot(pieces: Single, *, indoor: bool) -> Single:
-    """Pieces (n, 4, 16) of walls, with nothing painted on those above the foot of their wall.
-
-    Half of a picture may be such walls, and without a texture they are drawn in half the time.
-    """
-    low, layer = pieces[:, :, 7].min(axis=1), pieces[:, 0, 8]
-    # The foot of a plain wall is painted in rooms only.
-    foot = (_SKIRTING_HEIGHT / STOREY * ROWS) if indoor else -1.0
-    above = (layer == FOOT) & (low > foot)
-    above |= (layer == PLINTH) & (low > _PLINTH_HEIGHT / STOREY)
-    bare = pieces.copy()
-    bare[above, :, 8] = BLANK
-    return bare
-
-
-def lay_roofs(roofs: Single, *, indoor: bool) -> Single:
-    """Roof triangles (t, 3, 15) as corners (t, 3, 16) like those of :func:`lay_walls`."""
-    rows = np.zeros((len(roofs), 3, 16), np.float32)
-    rows[..., :6] = roofs[..., :6]
-    colour = roofs[..., 10:13].astype(np.float64)
-    if not indoor:
-        grey = 1.08 * (colour + _ROOF_SHARE * (ROOF_GREY - colour))
-        rim = 0.5 * (colour + grey)
-        kind = np.floor(roofs[..., 13:14])
-        colour = np.where(kind == CAP, rim, np.where(kind == TILED, colour, grey))
-    rows[..., 9:12] = 1.02 * colour if indoor else colour
-    rows[..., 12:15] = 1.0
-    rows[..., 15] = roofs[..., 14]
-    return rows

@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from PIL import Image, ImageChops
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
@@ -12,9 +11,11 @@ from lrf3d.geometry import Float
 from lrf3d.scene.brush import Brush
 from lrf3d.scene.light import Light, open_light, screen
 from lrf3d.scene.look import SUN, SUNSHINE
+from lrf3d.scene.shadows import swept
 from lrf3d.scene.shapes import GroundPicture
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.town import KERB, PAVEMENT, STREET, plan_town
+from lrf3d.scene.trees import Crowns, shadows
 
 _PIXELS = 3072
 """Longest side of the picture [pixels]; larger ones take longer to paint than a second."""
@@ -76,7 +77,7 @@ _AROUND = 1.6
 """How far round its path a robot has a floor under it [m], where there are no rooms."""
 
 
-def paint_ground(structures: Structures, light: Light) -> GroundPicture:
+def paint_ground(structures: Structures, crowns: Crowns, light: Light) -> GroundPicture:
     """Paint the ground of a world in its light, coarser the larger it is."""
     brush, indoor = _brush(structures), structures.indoor
     cover = _floor(structures, brush) if indoor else _streets(structures, brush)
@@ -88,8 +89,9 @@ def paint_ground(structures: Structures, light: Light) -> GroundPicture:
         open_sky = open_sky + sun
         fine = brush.finer()
         shadow = fine.blank()
-        fine.polygons(shadow, structures.crowns.shadows(), fill=_LEAVES)
-        fine.quads(shadow, _shadows(structures))
+        fine.polygons(shadow, shadows(crowns), fill=_LEAVES)
+        # The walls of a solid sweep what it hides, but for the ground under it.
+        fine.quads(shadow, swept(structures.segments, structures.heights))
         shadow = fine.reduced(shadow, _SHADOW_BLUR)
         shining = Image.composite(shining, _as_light(dark + sun, brush), shadow)
     far = np.clip(np.array(_land(indoor=indoor)) * screen(open_sky), 0.0, 1.0)
@@ -135,7 +137,7 @@ def _fading(width: int, height: int) -> Image.Image:
 
 def _reach(structures: Structures) -> float:
     """How far the longest shadow reaches [m], along x or y."""
-    tallest = max(each.max(initial=0.0) for each in (structures.heights, structures.trees[:, 3]))
+    tallest = structures.heights.max(initial=0.0)
     return float(tallest * np.abs(SUN[:2]).max() / SUN[2])
 
 
@@ -184,15 +186,15 @@ def _streets(structures: Structures, brush: Brush) -> Image.Image:
         fine.polygons(kerbs, shapely.buffer(plan.streets, KERB))
         fine.polygons(streets, plan.streets)
         # Where the ground is paved, trees stand in beds of their own.
-        trees = shapely.points(structures.trees[:, :2])
+        trees = shapely.centroid(structures.solids[structures.trees])
         trees = trees[shapely.dwithin(plan.paved, trees, _BED)]
         for picture in (paved, kerbs, streets):
             fine.polygons(picture, shapely.buffer(trees, _BED), fill=0)
     else:
         # From so far away, a street is what lies between houses.
         for picture, reach in ((paved, STREET + PAVEMENT), (streets, STREET)):
-            fine.polygons(picture, shapely.buffer(structures.solids, reach, quad_segs=4))
-        fine.polygons(streets, shapely.buffer(structures.solids, PAVEMENT, quad_segs=4), fill=0)
+            fine.polygons(picture, shapely.buffer(structures.houses, reach, quad_segs=4))
+        fine.polygons(streets, shapely.buffer(structures.houses, PAVEMENT, quad_segs=4), fill=0)
     return _covered(
         brush,
         (None, _LAWN),
@@ -234,14 +236,3 @@ def floor_of(structures: Structures) -> Any:
     floor = shapely.union_all([rooms, *shapely.buffer(shapely.points(outside), _AROUND)])
     # Where these meet rooms there are no corners.
     return shapely.buffer(shapely.buffer(floor, _AROUND), -_AROUND)
-
-
-def _shadows(structures: Structures) -> NDArray[np.float64]:
-    """What walls (n, 4) hide from the sun on the ground: quads (n, 4, 2).
-
-    The walls of a solid together with its roof sweep just what the solid hides; the roof's own
-    shadow is that of its walls' tops, so the walls are enough but for the ground under it.
-    """
-    slide = -SUN[:2] / SUN[2] * structures.heights[:, None]
-    start, end = structures.segments[:, :2], structures.segments[:, 2:]
-    return np.stack([start, end, end + slide, start + slide], axis=1)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.casting.triangle_rays import TriangleRays, embreex_installed
-from lrf3d.geometry import Bool, Float, Int, Single, quad_indices
+from lrf3d.geometry import Bool, Float, Int, Single
 from lrf3d.progress import Progress, silent
 from lrf3d.scene.facades import layers
 from lrf3d.scene.look import (
@@ -25,6 +25,8 @@ from lrf3d.scene.look import (
     SUN,
     SUNSHINE,
 )
+from lrf3d.scene.panels import Panels
+from lrf3d.scene.shapes import single
 from lrf3d.scene.structures import Structures
 
 _RAYS, _GROUND_RAYS = 128, 96
@@ -72,7 +74,7 @@ def open_light(*, indoor: bool) -> Float:
 
 
 class _Points(NamedTuple):
-    """Points that light is gathered at: places (n, 3) and normals (n, 3)."""
+    """Points (n,) that light is gathered at: places (n, 3) and normals (n, 3)."""
 
     places: Float
     normals: Float
@@ -83,55 +85,55 @@ class Light:
 
     Args:
         structures: What stands in it.
-        quads: (m, 4, ≥ 12) its walls, in the rows of :func:`~lrf3d.scene.walls.paint_walls`.
-        roofs: (t, 3, ≥ 12) its roofs.
+        walls: (m quads) its walls.
+        roofs: (t triangles) its roofs.
         progress: Called with the points that light has been gathered at, and the number of all.
 
     Attributes:
-        quads: (m, 4, 3) light at the corners of the walls.
+        walls: (m, 4, 3) light at the corners of the walls.
         roofs: (t, 3, 3) light at those of the roofs.
     """
 
     def __init__(
-        self, structures: Structures, quads: Single, roofs: Single, progress: Progress = silent
+        self, structures: Structures, walls: Panels, roofs: Panels, progress: Progress = silent
     ) -> None:
         self._indoor = structures.indoor
-        self._count = len(quads) + len(roofs)
+        self._count = len(walls.places) + len(roofs.places)
         self._open = open_light(indoor=self._indoor)
-        self.quads: Float = np.broadcast_to(self._open, (len(quads), 4, 3))
-        self.roofs: Float = np.broadcast_to(self._open, (len(roofs), 3, 3))
+        self.walls: Float = np.broadcast_to(self._open, walls.places.shape)
+        self.roofs: Float = np.broadcast_to(self._open, roofs.places.shape)
         self._rays: TriangleRays | None = None
         # Without Embree the rays of all faces would take minutes: they get the light of the open.
         if not 0 < self._count <= _MOST_FACES or not embreex_installed():
             return
         rng = np.random.default_rng(7)
         self._turns = rng.uniform(0.0, 2.0 * np.pi, 4096)
-        self._build(quads, roofs)
+        self._build(walls, roofs)
         self._grid(structures)
-        corners, owner = _corners(quads, roofs)
+        corners, owner = _corners(walls, roofs)
         cells = self._cells()
         first, total = len(corners.places), len(corners.places) + len(cells.places)
         seen, sky = self._gather(corners, _RAYS, lambda done, _: progress(done, total))
         seen_below, sky_below = self._gather(
             cells, _GROUND_RAYS, lambda done, _: progress(first + done, total)
         )
-        sun, albedo = self._sunlit(quads, roofs, cells), self._albedo(quads, roofs)
+        sun, albedo = self._sunlit(walls, roofs, cells), self._albedo(walls, roofs, cells)
         # What patches send on: faces, cells of the ground, the land around; insides of houses
         # and the sky, whose light is known, nothing.
         sent = np.zeros((self._count + len(cells.places) + 3, 3), np.float32)
         land = GROUND_ALBEDO_INDOOR if self._indoor else GROUND_ALBEDO
         shone = self._shone(np.array([[0.0, 0.0, 1.0]]))[0]
         sent[-3] = land * (self._open + shone)
-        light = sky
+        light, cut = sky, 4 * len(walls.places)
         for _ in range(_BOUNCES):
-            light = sky + _mean_of(sent, seen)
+            light = (sky + _mean_of(sent, seen))[owner]
+            self.walls, self.roofs = light[:cut].reshape(-1, 4, 3), light[cut:].reshape(-1, 3, 3)
             below = sky_below + _mean_of(sent, seen_below)
-            faces = _mean_by(light[owner], quads, roofs)
-            sent[:-3] = albedo * (np.concatenate([faces, below]) + sun)
+            faces = np.concatenate([self.walls.mean(axis=1), self.roofs.mean(axis=1), below])
+            sent[:-3] = albedo * (faces + sun)
         self._sent = sent
         light = (sky + _mean_of(sent, seen))[owner]
-        self.quads = light[: 4 * len(quads)].reshape(-1, 4, 3)
-        self.roofs = light[4 * len(quads) :].reshape(-1, 3, 3)
+        self.walls, self.roofs = light[:cut].reshape(-1, 4, 3), light[cut:].reshape(-1, 3, 3)
 
     def ground(self, places: Float) -> tuple[Float, Bool]:
         """The light (n, 3) on the ground at places (n, 2), and which are not inside of a house."""
@@ -144,16 +146,15 @@ class Light:
         seen, sky = self._gather(points, _GROUND_RAYS)
         return sky + _mean_of(self._sent, seen), (seen == self._land + 1).mean(axis=1) < _INSIDE
 
-    def _build(self, quads: Single, roofs: Single) -> None:
-        corners = quads[:, quad_indices(1).reshape(2, 3), :3].reshape(-1, 3, 3)
-        self._rays = TriangleRays(np.concatenate([corners, roofs[:, :, :3]]))
-        self._owner = np.concatenate(
-            [np.repeat(np.arange(len(quads)), 2), len(quads) + np.arange(len(roofs))]
-        )
+    def _build(self, walls: Panels, roofs: Panels) -> None:
+        halves = walls.places[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 3)
+        self._rays = TriangleRays(single(np.concatenate([halves, roofs.places])))
+        quads = len(walls.places)
+        self._owner = np.concatenate([np.arange(2 * quads) // 2, np.arange(quads, self._count)])
         # Only leaves look another way at each corner.
-        leaves = roofs[:, :, 3:6].mean(axis=1)
+        leaves = roofs.normals.mean(axis=1)
         leaves /= np.linalg.norm(leaves, axis=1)[:, None]
-        self._facing = np.concatenate([quads[:, 0, 3:6], leaves])
+        self._facing = np.concatenate([walls.normals[:, 0], leaves])
 
     def _grid(self, structures: Structures) -> None:
         ends = structures.places
@@ -193,16 +194,10 @@ class Light:
             progress(first + len(places), count)
         return seen, sky
 
-    def _met_faces(self, origins: Float, ways: Float) -> NDArray[np.int32]:
-        """The triangle (n,) that each ray meets first, or −1."""
-        assert self._rays is not None
-        return self._rays.first(
-            np.ascontiguousarray(origins, np.float32), np.ascontiguousarray(ways, np.float32)
-        )
-
     def _met(self, origins: Float, ways: Float) -> Int:
         """The patch that each ray meets: faces, cells, the land around, insides, the sky."""
-        hits = self._met_faces(origins, ways)
+        assert self._rays is not None
+        hits = self._rays.first(single(origins), single(ways))
         patches = np.full(len(ways), self._land + 2)
         down = (hits < 0) & (ways[:, 2] < 0.0)
         reach = origins[down, 2] / -ways[down, 2]
@@ -223,59 +218,60 @@ class Light:
             return np.zeros((len(normals), 3))
         return np.asarray(np.maximum(normals @ SUN, 0.0)[:, None] * SUNSHINE)
 
-    def _sunlit(self, quads: Single, roofs: Single, cells: _Points) -> Float:
-        """The mean light (n, 3) of the sun on all patches."""
-        middles = np.concatenate([quads[:, :, :3].mean(axis=1), roofs[:, :, :3].mean(axis=1)])
-        corners = np.concatenate([quads[:, :2, :3], roofs[:, :2, :3]])
-        spots = [middles, *(0.5 * (middles + corners[:, k]) for k in range(2))]
-        normals = np.concatenate([self._facing.astype(np.float64), cells.normals])
-        shine = self._shone(normals)
+    def _sunlit(self, walls: Panels, roofs: Panels, cells: _Points) -> Float:
+        """The mean light (n, 3) of the sun on all patches, by three rays from each."""
+        shine = self._shone(np.concatenate([self._facing, cells.normals]))
         if self._indoor:
             return shine
         assert self._rays is not None
-        free = np.zeros(len(normals))
-        for number, spot in enumerate(spots):
-            aside = 0.25 * self._cell * np.array([[0, 0, 0], [1, 1, 0], [-1, 1, 0]][number])
-            origins = np.concatenate([spot + _OFF * self._facing, cells.places + aside])
-            wiggle = _SPREAD * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]][number])
-            ways = np.broadcast_to(SUN + wiggle, origins.shape)
-            free += self._met_faces(origins, ways) < 0
-        return shine * (free / len(spots))[:, None]
+        middles = np.concatenate([walls.places.mean(axis=1), roofs.places.mean(axis=1)])
+        corners = np.concatenate([walls.places[:, :2], roofs.places[:, :2]])
+        free = np.zeros(len(shine))
+        for number, aside in enumerate(np.array([[0, 0, 0], [1, 1, 0], [-1, 1, 0]])):
+            spot = middles if number == 0 else 0.5 * (middles + corners[:, number - 1])
+            places = cells.places + 0.25 * self._cell * aside
+            origins = np.concatenate([spot + _OFF * self._facing, places])
+            ways = np.broadcast_to(SUN + _SPREAD * aside, origins.shape)
+            free += self._rays.first(single(origins), single(ways)) < 0
+        return shine * (free / 3.0)[:, None]
 
-    def _albedo(self, quads: Single, roofs: Single) -> Float:
+    def _albedo(self, walls: Panels, roofs: Panels, cells: _Points) -> Float:
         """What share (n, 3) of light all patches send on."""
         # The coarsest copy of the texture is its mean.
         means = layers(self._indoor)[-1][:, 0, 0].astype(np.float64) / 255.0
-        rows = np.concatenate([quads[:, 0], roofs[:, 0]]).astype(np.float64)
-        painted = means[rows[:, 8].astype(int)]
-        colours = rows[:, 9:12] * painted[:, 3:] + painted[:, :3]
+        layer = np.concatenate([each.texture[:, 0, 2] for each in (walls, roofs)]).astype(int)
+        own = np.concatenate([each.colours[:, 0] for each in (walls, roofs)])
+        colours = own * means[layer, 3:] + means[layer, :3]
         ground = GROUND_ALBEDO_INDOOR if self._indoor else GROUND_ALBEDO
-        cells = np.broadcast_to(ground, (int(np.prod(self._shape)), 3))
-        return np.concatenate([np.clip(colours, 0.0, 1.0) ** GAMMA, cells])
+        below = np.broadcast_to(ground, cells.places.shape)
+        return np.concatenate([np.clip(colours, 0.0, 1.0) ** GAMMA, below])
 
 
-def _corners(quads: Single, roofs: Single) -> tuple[_Points, Int]:
+def _corners(walls: Panels, roofs: Panels) -> tuple[_Points, Int]:
     """The different corners of faces, and which of them each corner of each face is."""
-    rows = np.concatenate([quads[:, :, :6].reshape(-1, 6), roofs[:, :, :6].reshape(-1, 6)])
-    middles = np.concatenate(
-        [
-            np.repeat(quads[:, :, :3].mean(axis=1), 4, axis=0),
-            np.repeat(roofs[:, :, :3].mean(axis=1), 3, axis=0),
-        ]
+    places, normals, middles = (
+        np.concatenate([each.reshape(-1, 3) for each in columns])
+        for columns in (
+            (walls.places, roofs.places),
+            (walls.normals, roofs.normals),
+            [
+                np.repeat(each.places.mean(axis=1), each.places.shape[1], axis=0)
+                for each in (walls, roofs)
+            ],
+        )
     )
-    keys = np.round(rows * [100, 100, 100, 50, 50, 50]).astype(np.int64)
+    keys = np.round(np.concatenate([100.0 * places, 50.0 * normals], axis=1)).astype(np.int64)
     _, first, owner = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     owner = owner.reshape(-1)
-    counts = np.bincount(owner)[:, None]
     inward = np.zeros((len(first), 3))
-    np.add.at(inward, owner, (middles - rows[:, :3]).astype(np.float64))
-    inward /= counts
+    np.add.at(inward, owner, middles - places)
+    inward /= np.bincount(owner)[:, None]
+    places, normals = places[first], normals[first]
     # Along the faces: the corner of a round body would else lie within it.
-    inward -= (inward * rows[first, 3:6]).sum(axis=1)[:, None] * rows[first, 3:6]
+    inward -= (inward * normals).sum(axis=1)[:, None] * normals
     length = np.maximum(np.linalg.norm(inward, axis=1), 1e-9)[:, None]
     step = inward / length * np.minimum(_INWARD, 0.3 * length)
-    normals = rows[first, 3:6].astype(np.float64)
-    return _Points(rows[first, :3] + step + _OFF * normals, normals), owner
+    return _Points(places + step + _OFF * normals, normals), owner
 
 
 def _sphere(count: int) -> Float:
@@ -309,11 +305,3 @@ def _mean_of(sent: Single, seen: NDArray[np.int32]) -> Float:
     for first in range(0, len(seen), 4096):
         light[first : first + 4096] = sent[seen[first : first + 4096]].mean(axis=1)
     return light
-
-
-def _mean_by(light: Float, quads: Single, roofs: Single) -> Float:
-    """The mean light (m + t, 3) of faces whose corners have light."""
-    cut = 4 * len(quads)
-    return np.concatenate(
-        [light[:cut].reshape(-1, 4, 3).mean(axis=1), light[cut:].reshape(-1, 3, 3).mean(axis=1)]
-    )

@@ -228,7 +228,7 @@ MIRROR_COLOUR, GLASS_COLOUR, RETRO_COLOUR = (
 )
 """Colours of mirrors, glass and retro-reflectors that have none of their own."""
 
-BARK_COLOUR = np.array([0.52, 0.44, 0.36])
+BARK_COLOUR = (0.52, 0.44, 0.36)
 LEAF_COLOURS = np.array([[0.34, 0.45, 0.22], [0.40, 0.49, 0.25], [0.30, 0.42, 0.24]])
 """Colours of trunks, and of the crowns of trees."""
 
@@ -237,6 +237,8 @@ def material_colour(material: Material | None) -> tuple[float, float, float] | N
     """The colour by which a material is known at sight; None where it has none."""
     if material is None:
         return None
+    if material.name == "bark":
+        return BARK_COLOUR
     if material.passes:
         return GLASS_COLOUR
     if material.mirrors:

@@ -10,12 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 
-from lrf3d.geometry import Float, Int, Single, cross
+from lrf3d.geometry import Float, Int, cross, directions, lengths
 from lrf3d.scene.look import SUN
+from lrf3d.scene.panels import LIT
 from lrf3d.scene.structures import Structures
-
-LIT = -1e3
-"""How far under the shadow's edge a corner lies that is in the sun [m]: not at all."""
+from lrf3d.scene.trees import Crowns, screens
 
 _SLOPE = float(SUN[2] / np.hypot(SUN[0], SUN[1]))
 """By how much the edge of a shadow falls with the distance [m/m]."""
@@ -38,79 +37,33 @@ _MOST_WALLS = 60_000
 _MOST_PIECES = 24
 """Number of the highest shadows on a wall that are used; behind a fence of posts there are more."""
 
-_POSITION, _ALONG = slice(0, 3), 6
-"""Where in a row of a face its position is, and its place along the face."""
 
-
-class Cast(NamedTuple):
-    """What walls hide of the sun from others, as straight pieces of a profile.
-
-    Args:
-        face: (p,) the face that each lies on, rising.
-        start: (p,) where it begins along the face [m].
-        end: (p,) where it ends [m].
-        low: (p,) its height at the start [m].
-        high: (p,) its height at the end [m].
-    """
+class Strips(NamedTuple):
+    """Strips of walls, in each of which the edge of the shadow is straight."""
 
     face: Int
+    """(p,) the face that each lies on."""
     start: Float
     end: Float
+    """(p,) where it begins and ends along the face [m]."""
     low: Float
     high: Float
+    """(p,) heights of the edge at its start and its end [m]."""
 
 
-def shade_quads(structures: Structures, quads: Single) -> tuple[Single, Int]:
-    """Cut walls where the edge of their shadow bends.
-
-    Args:
-        structures: What stands in the sun.
-        quads: (n, 4, 14) faces; upright ones may be in shadow.
-
-    Returns:
-        Faces (m, 4, 15), each corner with how far under the shadow's edge it lies [m], and the
-        face (m,) that each was.
-    """
-    plain = np.concatenate([quads, np.full((*quads.shape[:2], 1), LIT, np.float32)], axis=2)
-    everything = np.arange(len(quads))
+def shade_walls(structures: Structures, crowns: Crowns, segments: Float) -> Strips:
+    """Cut the faces of walls (n, 4), which look to the right, where the edge of a shadow bends."""
+    count = len(segments)
+    lit, length = np.full(count, LIT), lengths(segments)
+    whole = Strips(np.arange(count), np.zeros(count), length, lit, lit)
     if structures.indoor or not 0 < len(structures.segments) <= _MOST_WALLS:
-        return plain, everything
-    cast = _cast(structures, quads)
+        return whole
+    cast = _cast(structures, crowns, segments)
     if not len(cast.face):
-        return plain, everything
-    strips = _profiles(cast, quads[:, 1, _ALONG].astype(np.float64))
-    cut = plain[strips.face]
-    length = np.maximum(quads[strips.face, 1, _ALONG].astype(np.float64), 1e-9)
-    for corner, (place, height) in enumerate(
-        [(strips.start, strips.low), (strips.end, strips.high)] * 2
-    ):
-        # The corners run round the face: start and end below, end and start above.
-        corner, up = (corner, 0) if corner < 2 else (5 - corner, 1)
-        low, high = (quads[strips.face, k] for k in ((0, 1), (3, 2))[up])
-        share = (place / length)[:, None]
-        cut[:, corner, :14] = low + (high - low) * share
-        cut[:, corner, 14] = height - cut[:, corner, 2]
-    whole = np.setdiff1d(everything, strips.face)
-    return np.concatenate([plain[whole], cut]), np.concatenate([whole, strips.face])
-
-
-def height_of_shadows(structures: Structures, places: Float) -> Float:
-    """Height (n,) [m] up to which walls hide the sun over places (n, 2); :data:`LIT` for none."""
-    heights = np.full(len(places), LIT)
-    walls = structures.segments
-    if structures.indoor or not 0 < len(walls) <= _MOST_WALLS or not len(places):
-        return heights
-    reach = structures.heights.max() / _SLOPE
-    ways = shapely.linestrings(np.stack([places, places + reach * _TOWARD], axis=1))
-    tree = shapely.STRtree(shapely.linestrings(walls.reshape(-1, 2, 2)))
-    place, wall = tree.query(ways, predicate="intersects")
-    start, end = walls[wall, :2], walls[wall, 2:]
-    turn = cross(end - start, np.broadcast_to(_TOWARD, start.shape))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        away = -cross(end - start, places[place] - start) / turn
-    high = structures.heights[wall] - _SLOPE * np.nan_to_num(np.abs(away), nan=0.0, posinf=0.0)
-    np.maximum.at(heights, place, high)
-    return heights
+        return whole
+    strips = _profiles(cast, length)
+    bright = np.setdiff1d(whole.face, strips.face)
+    return Strips(*(np.concatenate([a[bright], b]) for a, b in zip(whole, strips, strict=True)))
 
 
 def shade_roofs(structures: Structures) -> tuple[Any, Int, Float]:
@@ -124,7 +77,7 @@ def shade_roofs(structures: Structures) -> tuple[Any, Int, Float]:
     if structures.indoor or not len(solids) or len(structures.segments) > _MOST_WALLS:
         return solids, every, lit
     wall, solid = shapely.STRtree(solids).query(
-        shapely.polygons(_swept(structures.segments, structures.heights)), predicate="intersects"
+        shapely.polygons(swept(structures.segments, structures.heights)), predicate="intersects"
     )
     above = structures.heights[wall] - structures.solid_heights[solid]
     higher = (above > _LOWEST) & (structures.objects[wall] != structures.solid_objects[solid])
@@ -132,7 +85,7 @@ def shade_roofs(structures: Structures) -> tuple[Any, Int, Float]:
     wall, solid, above = wall[higher][order], solid[higher][order], above[higher][order]
     if not len(solid):
         return solids, every, lit
-    shades = shapely.polygons(_swept(structures.segments[wall], above))
+    shades = shapely.polygons(swept(structures.segments[wall], above))
     dark, starts = np.unique(solid, return_index=True)
     hidden = np.array(
         [shapely.union_all(part) for part in np.split(shades, starts[1:])], dtype=object
@@ -151,32 +104,27 @@ def shade_roofs(structures: Structures) -> tuple[Any, Int, Float]:
     return tuple(np.concatenate(part) for part in pieces)  # type: ignore[return-value]
 
 
-def _swept(segments: Float, heights: Float) -> Float:
+def swept(segments: Float, heights: Float) -> Float:
     """What walls (n, 4) hide from the sun on the ground so far below their tops: (n, 4, 2)."""
     slide = -_TOWARD / _SLOPE * heights[:, None]
     start, end = segments[:, :2], segments[:, 2:]
     return np.stack([start, end, end + slide, start + slide], axis=1)
 
 
-def _cast(structures: Structures, quads: Single) -> Cast:
-    """What all walls and trees hide from the faces that look at the sun."""
-    base = quads[:, :2, :2].astype(np.float64)
-    # Upright faces whose normal looks to the sun; float32 leaves some walls no length.
-    bright = quads[:, 0, 3:5].astype(np.float64) @ _TOWARD
-    wide = (base[:, 0] != base[:, 1]).any(axis=1)
-    faces = np.flatnonzero((bright > _GRAZED) & (quads[:, 0, 5] < 0.5) & wide)
-    screens, tops = structures.crowns.screens()
-    walls = np.concatenate([structures.segments, screens])
+def _cast(structures: Structures, crowns: Crowns, segments: Float) -> Strips:
+    """What walls and trees hide from the faces that look at the sun, as straight pieces."""
+    along = directions(segments)
+    faces = np.flatnonzero(along[:, 1] * _TOWARD[0] - along[:, 0] * _TOWARD[1] > _GRAZED)
+    hedges, tops = screens(crowns)
+    walls = np.concatenate([structures.segments, hedges])
     tops = np.concatenate([np.column_stack([structures.heights] * 2), tops])
     reach = tops.max(initial=0.0) / _SLOPE
-    sides = np.concatenate([base[faces, 0], base[faces, 1]], axis=1)
+    sides = segments[faces]
     tree = shapely.STRtree(shapely.linestrings(walls.reshape(-1, 2, 2)))
-    toward = shapely.polygons(_swept(sides, np.full(len(sides), -reach * _SLOPE)))
+    toward = shapely.polygons(swept(sides, np.full(len(sides), -reach * _SLOPE)))
     face, wall = tree.query(toward, predicate="intersects")
     face = faces[face]
-    first, second = base[face, 0], base[face, 1]
-    length = np.hypot(*(second - first).T)
-    along = (second - first) / np.maximum(length, 1e-9)[:, None]
+    first, along, length = segments[face, :2], along[face], lengths(segments[face])
     turn = cross(along, np.broadcast_to(_TOWARD, along.shape))
     place, away = np.empty((2, len(face))), np.empty((2, len(face)))
     for end in range(2):
@@ -203,14 +151,14 @@ def _cast(structures: Structures, quads: Single) -> Cast:
     good = (share[1] > share[0]) & (ends[1] - ends[0] > 1e-6) & (heights.max(axis=0) > _LOWEST)
     chosen = np.flatnonzero(good)
     chosen = chosen[np.lexsort([-heights[:, chosen].max(axis=0), face[chosen]])]
-    cast = Cast(face[chosen], ends[0, chosen], ends[1, chosen], *heights[:, chosen])
+    cast = Strips(face[chosen], ends[0, chosen], ends[1, chosen], *heights[:, chosen])
     _, starts, sizes = np.unique(cast.face, return_index=True, return_counts=True)
     rank = np.arange(len(chosen)) - np.repeat(starts, sizes)
     kept = rank < _MOST_PIECES
-    return Cast(cast.face[kept], *(column[kept] for column in cast[1:]))
+    return Strips(cast.face[kept], *(column[kept] for column in cast[1:]))
 
 
-def _profiles(cast: Cast, lengths: Float) -> Cast:
+def _profiles(cast: Strips, lengths: Float) -> Strips:
     """The highest of the pieces over each place of their faces, and the lit strips between them."""
     faces, starts, sizes = np.unique(cast.face, return_index=True, return_counts=True)
     found = []
@@ -225,12 +173,12 @@ def _profiles(cast: Cast, lengths: Float) -> Cast:
             index = np.where(there, starts[group, None] + columns, 0)
             pieces = [np.where(there, column[index], LIT) for column in cast[1:]]
             found.append(_envelopes(faces[group], lengths[faces[group]], *pieces))
-    return Cast(*(np.concatenate(column) for column in zip(*found, strict=True)))
+    return Strips(*(np.concatenate(column) for column in zip(*found, strict=True)))
 
 
 def _envelopes(
     faces: Int, lengths: Float, start: Float, end: Float, low: Float, high: Float
-) -> Cast:
+) -> Strips:
     """The upper envelopes of pieces (f, m), one for each face (f,)."""
     slope = (high - low) / np.maximum(end - start, 1e-9)
     level = low - slope * start
@@ -263,4 +211,4 @@ def _envelopes(
         np.where(piece < 0, LIT, level[row, piece] + slope[row, piece] * place)
         for place in (begin, finish)
     ]
-    return Cast(faces[row], begin, finish, *edges)
+    return Strips(faces[row], begin, finish, *edges)

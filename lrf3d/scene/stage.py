@@ -7,15 +7,40 @@ to other processes.
 from functools import lru_cache
 from typing import NamedTuple
 
+import numpy as np
+
+from lrf3d.geometry import Float
 from lrf3d.progress import Progress, silent
 from lrf3d.run import Run
 from lrf3d.scene.ground import paint_ground
-from lrf3d.scene.shapes import GroundPicture, Painted
+from lrf3d.scene.light import Light, screen
+from lrf3d.scene.look import SUN, SUNSHINE
+from lrf3d.scene.panels import Panels, cut_small, joined
+from lrf3d.scene.roofs import build_roofs
+from lrf3d.scene.shapes import GroundPicture, Painted, single
 from lrf3d.scene.structures import Structures
-from lrf3d.scene.walls import paint_walls
+from lrf3d.scene.trees import Crowns, crowns_of
+from lrf3d.scene.walls import bare_above_foot, lay_walls
 
 _GROUND_SHARE = 0.25
 """What the ground takes of a bake, against the walls."""
+
+_STEP, _STEP_INDOOR = 3.2, 0.8
+"""Sides of the pieces that walls are cut into for their light [m]."""
+
+_MOST_PIECES = 60_000
+"""About how many pieces there may be: beyond, light takes seconds."""
+
+
+class Walls(NamedTuple):
+    """What pictures show of what stands in a world."""
+
+    walls: Painted
+    """(n quads) Walls and the tops of free ones."""
+    roofs: Painted
+    """(t triangles) Roofs and leaves."""
+    light: Light
+    """The light of the world."""
 
 
 class Stage(NamedTuple):
@@ -57,7 +82,35 @@ def paint_stage(structures: Structures, progress: Progress = silent) -> Stage:
         whole = total + max(1, round(_GROUND_SHARE * total))
         progress(done, whole)
 
-    walls, roofs, light = paint_walls(structures, progress=report)
-    ground = paint_ground(structures, light)
+    crowns = crowns_of(structures)
+    walls, roofs, light = paint_walls(structures, crowns, progress=report)
+    ground = paint_ground(structures, crowns, light)
     progress(whole, whole)
     return Stage(structures, walls, roofs, ground)
+
+
+def paint_walls(structures: Structures, crowns: Crowns, *, progress: Progress = silent) -> Walls:
+    """Paint walls, roofs and leaves in their light."""
+    indoor = structures.indoor
+    step = _STEP_INDOOR if indoor else _STEP
+    walls = cut_small(lay_walls(structures, crowns), step, _MOST_PIECES)
+    walls = bare_above_foot(walls, indoor=indoor)
+    roofs = joined(build_roofs(structures), crowns.faces)
+    light = Light(structures, walls, roofs, progress)
+    found = (_painted(walls, light.walls, indoor), _painted(roofs, light.roofs, indoor))
+    return Walls(*found, light)
+
+
+def _painted(faces: Panels, light: Float, indoor: bool) -> Painted:
+    """Faces in their light, in the sun and where it is hidden."""
+    sun = 0.0 if indoor else np.maximum(faces.normals @ SUN, 0.0)[..., None] * SUNSHINE
+    return Painted(
+        places=single(faces.places),
+        normals=single(faces.normals),
+        texture=single(faces.texture),
+        colours=single(faces.colours),
+        lit=single(screen(light + sun)),
+        shaded=single(screen(light)),
+        under=single(faces.under),
+        objects=faces.objects,
+    )

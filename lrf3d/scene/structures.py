@@ -6,8 +6,8 @@ drawn any more. The frame's origin lies among them, as graphics count in float32
 their origin knows no centimetres.
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from lrf3d.geometry import Bool, Float, Int, directions, lengths
 from lrf3d.run import Run
 from lrf3d.scene.look import object_colours, spread
-from lrf3d.scene.trees import Crowns, find_trees, tree_rows
 from lrf3d.world import World
 
 SIGHT_DISTANCE = 4000.0
@@ -104,7 +103,10 @@ def _cut(segments: Float, low: Float, high: Float) -> tuple[Float, Int]:
 INDOOR_HEIGHT = 3.5
 """Walls up to here [m] are those of rooms: a storey; they get no windows and no sun."""
 
-_WINDOWLESS = {"dark cloth", "glass", "metal", "mirror", "retro-reflector"}
+_BARK, _THICKEST = "bark", 1.5
+"""The material of trunks, and their largest radius [m]: what is thicker is something else."""
+
+_WINDOWLESS = {_BARK, "dark cloth", "glass", "metal", "mirror", "retro-reflector"}
 """Materials of walls that have no windows and no doors, however high they are."""
 
 _DOOR, _ENCLOSED, _AS_HIGH = 2.0, 0.9, 0.4
@@ -135,9 +137,7 @@ class Structures:
         solid_objects: (k,) the object that each solid is.
         solid_heights: (k,) heights of their roofs [m].
         solid_colours: (k, 3) colours of their walls.
-        trees: (t, 4) x and y, radius of the trunk, height of each tree [m]; its walls are not
-            among the others.
-        tree_objects: (t,) the object that each tree is.
+        trees: (t,) the solids that are trunks of trees.
         indoor: Whether this is the inside of a house.
         origin: (2,) where the origin of the film's frame lies in the world [m].
         path: (k, 2) where a robot drives [m].
@@ -154,8 +154,7 @@ class Structures:
     solid_objects: Int
     solid_heights: Float
     solid_colours: Float
-    trees: Float
-    tree_objects: Int
+    trees: Int
     indoor: bool
     origin: Float
     path: Float
@@ -182,11 +181,6 @@ class Structures:
         segments = world.segments - np.tile(origin, 2)
         path = np.zeros((0, 2)) if path is None else path - origin
         areas = _areas(segments, world.objects, world.object_count)
-        tops = np.zeros(world.object_count)
-        np.maximum.at(tops, world.objects, world.heights)
-        grown = np.flatnonzero(find_trees(world, areas))
-        trees = tree_rows(areas[grown], tops[grown])
-        areas[grown] = None
         areas[_entered(areas, path) | _holds_others(areas, segments, world.objects)] = None
         closed = np.zeros(len(segments), dtype=bool)
         facing = segments.copy()
@@ -203,22 +197,23 @@ class Structures:
         )
         colours = object_colours(world, indoor=indoor)
         found = np.flatnonzero(~shapely.is_missing(areas))
-        built = ~np.isin(world.objects, grown)
-        objects = world.objects[built]
+        tops = np.zeros(world.object_count)
+        np.maximum.at(tops, world.objects, world.heights)
+        bark = _of_materials(world, {_BARK})[found]
+        slender = np.sqrt(shapely.area(areas[found]) / np.pi) < _THICKEST
         return cls(
-            segments=facing[built],
-            objects=objects,
-            heights=world.heights[built],
-            colours=colours[objects].reshape(-1, 3),
-            seeds=spread(objects, 0.11),
-            closed=closed[built],
-            smooth=_without_windows(world)[objects],
+            segments=facing,
+            objects=world.objects,
+            heights=world.heights,
+            colours=colours[world.objects].reshape(-1, 3),
+            seeds=spread(world.objects, 0.11),
+            closed=closed,
+            smooth=_of_materials(world, _WINDOWLESS)[world.objects],
             solids=areas[found],
             solid_objects=found,
             solid_heights=tops[found],
             solid_colours=colours[found].reshape(-1, 3),
-            trees=trees,
-            tree_objects=grown,
+            trees=np.flatnonzero(bark & slender),
             indoor=indoor,
             origin=origin,
             path=path,
@@ -226,26 +221,20 @@ class Structures:
 
     @property
     def places(self) -> Float:
-        """Places (n, 2) that are the farthest out: ends of walls, and trees [m]."""
-        return np.concatenate([self.segments.reshape(-1, 2), self.trees[:, :2]])
+        """Ends (m, 2) of all walls [m]."""
+        return self.segments.reshape(-1, 2)
 
     @property
-    def footprints(self) -> NDArray[Any]:
-        """Polygons (k + t,) of solids and of the trunks of trees."""
-        trunks = shapely.buffer(shapely.points(self.trees[:, :2]), self.trees[:, 2])
-        return np.concatenate([self.solids, trunks])
-
-    @cached_property
-    def crowns(self) -> Crowns:
-        """The crowns of the trees."""
-        return Crowns.of(self.trees, self.solids)
+    def houses(self) -> NDArray[Any]:
+        """Polygons of the solids that are no trees."""
+        return np.delete(self.solids, self.trees)
 
 
-def _without_windows(world: World) -> Bool:
-    """Which objects (k,) of a world are of a material that has no windows."""
+def _of_materials(world: World, names: Collection[str]) -> Bool:
+    """Which objects (k,) of a world are of a material of some names."""
     found = np.zeros(world.object_count, dtype=bool)
     for number, material in enumerate(world.materials):
-        found[number] = material is not None and material.name in _WINDOWLESS
+        found[number] = material is not None and material.name in names
     return found
 
 

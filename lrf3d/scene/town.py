@@ -64,7 +64,7 @@ class TownPlan(NamedTuple):
 
 def plan_town(structures: Structures) -> TownPlan:
     """Plan the streets round the houses of a town."""
-    solids, way = structures.solids, _way(structures.path)
+    solids, way = structures.houses, _way(structures.path)
     around = blocks(solids, way)
     feet = shapely.union_all(shapely.buffer(solids, _FOOT, join_style="mitre"))
     far = shapely.buffer(around, STREET + SQUARE, quad_segs=4)

@@ -1,26 +1,20 @@
-"""Trees: trunks of bark that a world has, with crowns over them.
+"""Trees: solids of bark, with crowns over them.
 
-A world and the areas of its objects enter; leave which of them are trees, and the faces of trunks
-and crowns in the rows of :mod:`lrf3d.scene.walls`. A beam meets the trunk, which is as high as its
-tree; the crown is drawn round its upper part, above a laser that looks ahead. Its leaves hide the
-sun from the ground, and from what stands near.
+The trunk, which is as high as its tree, is a wall like others, that beams meet; its crown is drawn
+round its upper part, above a laser that looks ahead, and hides the sun from the ground and from
+what stands near.
 """
 
 from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
+import trimesh
 
-from lrf3d.geometry import Bool, Float, Int, Single
-from lrf3d.scene.facades import CAP, TILED
-from lrf3d.scene.look import BARK_COLOUR, LEAF_COLOURS, SUN, spread
-from lrf3d.world import World
-
-BARK = "bark"
-"""The material of trunks."""
-
-_THICKEST = 1.5
-"""Largest radius of a trunk [m]: what is thicker is something else of bark."""
+from lrf3d.geometry import Float
+from lrf3d.scene.look import LEAF_COLOURS, SUN, spread
+from lrf3d.scene.panels import LIT, Panels, panels
+from lrf3d.scene.structures import Structures
 
 _LOWEST = 3.0
 """Trunks below this height [m] are posts: they have no crown."""
@@ -31,161 +25,93 @@ _FOOT, _CLEAR = 0.30, 2.2
 _TOP, _WIDTH = 1.03, 0.30
 """Where it ends, and its radius, in heights of its tree."""
 
-_BESIDE = 0.15
-"""How far a crown stays off walls [m], where that leaves it more than the next."""
-
-_NARROWEST = 0.4
-"""What is left of its radius at the least."""
+_BESIDE, _NARROWEST = 0.15, 0.4
+"""How far a crown stays off walls [m], where that leaves it so much of its radius."""
 
 _TALLEST = 1.5
 """Half the height of a crown, in its radius, at the most."""
 
-_LUMPS = 0.16
-"""How far corners of a crown lie off its ellipsoid, in its radius."""
+_LUMPS, _SKYWARD = 0.16, 0.35
+"""How far its corners lie off an ellipsoid, in its radius, and how far leaves are turned up."""
 
-_SKYWARD = 0.35
-"""How far leaves are turned up: they look at the light, and let some of it through."""
-
-_SHAPES = 7
-"""Different crowns; each tree turns and stretches one of them."""
-
-_FINE = 400
-"""Up to so many trees have crowns of 80 triangles; where there are more, of 20."""
-
-_PATCHES = 0.10
-"""By how much triangles of a crown differ in brightness."""
-
-
-def find_trees(world: World, areas: Any) -> Bool:
-    """Which objects of a world are trees, by the area (k,) that the walls of each close round."""
-    bark = [material is not None and material.name == BARK for material in world.materials]
-    found = np.zeros(world.object_count, dtype=bool)
-    found[: len(bark)] = bark
-    slender = np.sqrt(np.nan_to_num(shapely.area(areas)) / np.pi) < _THICKEST
-    return np.asarray(found & ~shapely.is_missing(areas) & slender)
-
-
-def tree_rows(areas: Any, heights: Float) -> Float:
-    """Trees (t, 4), x and y, radius of the trunk, height [m], by areas and heights of trunks."""
-    middles = shapely.get_coordinates(shapely.centroid(areas)).reshape(-1, 2)
-    return np.column_stack([middles, np.sqrt(shapely.area(areas) / np.pi), heights])
+_FINE, _PATCHES = 400, 0.10
+"""Up to so many trees have crowns of 80 triangles, where there are more, of 20; by how much
+triangles of a crown differ in brightness."""
 
 
 class Crowns(NamedTuple):
-    """Crowns, each the body of a shape turned and stretched.
+    """The crowns of some trees."""
 
-    Args:
-        trees: (c,) the tree that each is of.
-        middles: (c, 3) their middles [m].
-        sizes: (c, 2) their level and upright radii [m].
-        corners: (c, v, 3) corners of their triangles [m].
-        normals: (c, v, 3) which way leaves look at them.
-        triangles: (f, 3) which corners make the triangles of each.
-    """
-
-    trees: Int
     middles: Float
+    """(c, 3) their middles [m]."""
     sizes: Float
-    corners: Float
-    normals: Float
-    triangles: Int
-
-    @classmethod
-    def of(cls, trees: Float, houses: Any) -> "Crowns":
-        """The crowns of trees (t, 4); they stay off the polygons of houses where they can."""
-        high = np.flatnonzero(trees[:, 3] >= _LOWEST)
-        rows, seeds = trees[high], spread(high, 0.31)
-        low = np.maximum(_CLEAR, _FOOT * rows[:, 3])
-        half = 0.5 * (_TOP * rows[:, 3] - low)
-        radius = _WIDTH * (0.82 + 0.36 * seeds) * rows[:, 3]
-        points, index = shapely.points(rows[:, :2]), shapely.STRtree(houses)
-        near, house = index.query(points, predicate="dwithin", distance=radius.max(initial=0.1))
-        room = np.full(len(rows), np.inf)
-        np.minimum.at(room, near, shapely.distance(points[near], index.geometries[house]))
-        room = (room - _BESIDE) / (1.0 + _LUMPS)
-        radius = np.maximum(np.minimum(radius, room), _NARROWEST * radius)
-        half = np.minimum(half, _TALLEST * radius)
-        middles = np.column_stack([rows[:, :2], _TOP * rows[:, 3] - half])
-        shapes, triangles = _shapes(1 if len(high) <= _FINE else 0)
-        turn = 2.0 * np.pi * spread(high, 0.77)
-        body = shapes[(seeds * 997.0).astype(int) % _SHAPES]
-        cos, sin = np.cos(turn)[:, None], np.sin(turn)[:, None]
-        body = np.stack(
-            [cos * body[..., 0] - sin * body[..., 1], sin * body[..., 0] + cos * body[..., 1],
-             body[..., 2]], axis=-1
-        )  # fmt: skip
-        scale = np.column_stack([radius, radius, half])[:, None]
-        normals = body / scale
-        normals /= np.linalg.norm(normals, axis=2)[..., None]
-        normals[..., 2] += _SKYWARD
-        normals /= np.linalg.norm(normals, axis=2)[..., None]
-        sizes = np.column_stack([radius, half])
-        return cls(high, middles, sizes, middles[:, None] + body * scale, normals, triangles)
-
-    def faces(self) -> Single:
-        """Their triangles (c · f, 3, 14)."""
-        count, each = len(self.trees), len(self.triangles)
-        rows = np.zeros((count, each, 3, 14), np.float32)
-        rows[..., :3] = self.corners[:, self.triangles]
-        rows[..., 3:6] = self.normals[:, self.triangles]
-        rows[..., 8:10] = 1.0
-        leaf = LEAF_COLOURS[(spread(self.trees, 0.05) * len(LEAF_COLOURS)).astype(int)]
-        patch = 1.0 + _PATCHES * (2.0 * spread(np.arange(count * each), 0.5) - 1.0)
-        rows[..., 10:13] = (leaf[:, None] * patch.reshape(count, each, 1))[:, :, None]
-        rows[..., 13] = TILED + 0.5
-        return rows.reshape(-1, 3, 14)
-
-    def screens(self) -> tuple[Float, Float]:
-        """Walls (4 · c, 4), and heights (4 · c, 2) of both ends, that hide as much of the sun.
-
-        They stand across its way under the middle of the crown. As the sun stands high, what it
-        sees between the crown and the ground lies too near to the trunk for a house.
-        """
-        level = SUN[:2] / np.hypot(*SUN[:2])
-        side = np.array([-level[1], level[0]])
-        share = np.array([-1.0, -0.7, 0.0, 0.7, 1.0])
-        radius, half = self.sizes.T
-        # The outline of an ellipsoid along a slanting way, where it meets the upright plane.
-        high = np.hypot(half, radius * SUN[2] / np.hypot(*SUN[:2]))
-        tops = self.middles[:, 2:] + high[:, None] * np.sqrt(1.0 - share**2)
-        ends = self.middles[:, None, :2] + radius[:, None, None] * share[:, None] * side
-        walls = np.concatenate([ends[:, :-1], ends[:, 1:]], axis=2)
-        return walls.reshape(-1, 4), np.stack([tops[:, :-1], tops[:, 1:]], axis=2).reshape(-1, 2)
-
-    def shadows(self) -> Any:
-        """What they hide from the sun on the ground: polygons (c,)."""
-        slide = self.corners[..., 2:] * (SUN[:2] / SUN[2])
-        return shapely.convex_hull(shapely.multipoints(self.corners[..., :2] - slide))
+    """(c, 2) their level and upright radii [m]."""
+    faces: Panels
+    """(c · f triangles) of leaves."""
 
 
-def trunk_faces(trees: Float, crowns: Crowns) -> Single:
-    """The sides (6 · t, 4, 14) of the trunks of trees (t, 4), up to within their crowns."""
-    heights = trees[:, 3].copy()
-    heights[crowns.trees] = crowns.middles[:, 2]
-    turn = np.arange(7) * (np.pi / 3.0)
-    ring = np.column_stack([np.cos(turn), np.sin(turn)])
-    places = trees[:, None, :2] + trees[:, 2, None, None] * ring
-    faces = np.zeros((len(trees), 6, 4, 14), np.float32)
-    for corner, (end, up) in enumerate([(0, 0), (1, 0), (1, 1), (0, 1)]):
-        faces[:, :, corner, :2] = places[:, end : end + 6]
-        faces[:, :, corner, 2] = up * heights[:, None]
-    middle = 0.5 * (ring[1:] + ring[:-1])
-    faces[..., 3:5] = (middle / np.linalg.norm(middle, axis=1)[:, None])[:, None]
-    faces[..., 8:10] = 1.0
-    faces[..., 10:13] = BARK_COLOUR
-    faces[..., 13] = CAP + 0.5
-    return faces.reshape(-1, 4, 14)
-
-
-def _shapes(level: int) -> tuple[Float, Int]:
-    """Lumpy balls: corners (:data:`_SHAPES`, v, 3) about the origin, and triangles (f, 3).
-
-    They are icosahedra whose triangles are cut in four as often as the level says.
-    """
-    import trimesh
-
-    ball = trimesh.creation.icosphere(subdivisions=level)
-    corners = np.asarray(ball.vertices)
+def crowns_of(structures: Structures) -> Crowns:
+    """The crowns of all trees that are high enough; they stay off houses where they can."""
+    trees = structures.trees[structures.solid_heights[structures.trees] >= _LOWEST]
+    stems = shapely.centroid(structures.solids[trees])
+    places = shapely.get_coordinates(stems).reshape(-1, 2)
+    heights, seeds = structures.solid_heights[trees], spread(np.arange(len(trees)), 0.31)
+    half = 0.5 * (_TOP * heights - np.maximum(_CLEAR, _FOOT * heights))
+    radius = _WIDTH * (0.82 + 0.36 * seeds) * heights
+    index, room = shapely.STRtree(structures.houses), np.full(len(trees), np.inf)
+    near, house = index.query(stems, predicate="dwithin", distance=radius.max(initial=0.1))
+    np.minimum.at(room, near, shapely.distance(stems[near], index.geometries[house]))
+    free = (room - _BESIDE) / (1.0 + _LUMPS)
+    radius = np.maximum(np.minimum(radius, free), _NARROWEST * radius)
+    half = np.minimum(half, _TALLEST * radius)
+    middles = np.column_stack([places, _TOP * heights - half])
+    ball = trimesh.creation.icosphere(subdivisions=1 if len(trees) <= _FINE else 0)
+    body = np.asarray(ball.vertices)
     rng = np.random.default_rng(11)
-    lumps = 1.0 + _LUMPS * rng.uniform(-1.0, 1.0, (_SHAPES, len(corners), 1))
-    return corners * lumps, np.asarray(ball.faces)
+    body = body * (1.0 + _LUMPS * rng.uniform(-1.0, 1.0, (len(trees), len(body), 1)))
+    scale = np.column_stack([radius, radius, half])[:, None]
+    normals = _unit(_unit(body / scale) + np.array([0.0, 0.0, _SKYWARD]))
+    count, corners = len(trees) * len(ball.faces), (middles[:, None] + body * scale)[:, ball.faces]
+    leaf = LEAF_COLOURS[(spread(np.arange(len(trees)), 0.05) * len(LEAF_COLOURS)).astype(int)]
+    patch = 1.0 + _PATCHES * (2.0 * spread(np.arange(count), 0.5) - 1.0)
+    colours = np.repeat(leaf, len(ball.faces), axis=0) * patch[:, None]
+    objects = np.repeat(structures.solid_objects[trees], len(ball.faces))
+    shape = (count, 3, 3)
+    faces = panels(
+        corners.reshape(shape),
+        normals[:, ball.faces].reshape(shape),
+        colours[:, None],
+        np.array(LIT),
+        objects,
+    )
+    return Crowns(middles, np.column_stack([radius, half]), faces)
+
+
+def screens(crowns: Crowns) -> tuple[Float, Float]:
+    """Walls (4 · c, 4), and heights (4 · c, 2) of both ends, that hide as much of the sun.
+
+    They stand across its way under the middle of the crown. As the sun stands high, what it sees
+    between the crown and the ground lies too near to the trunk for a house.
+    """
+    level = SUN[:2] / np.hypot(*SUN[:2])
+    side = np.array([-level[1], level[0]])
+    share = np.array([-1.0, -0.7, 0.0, 0.7, 1.0])
+    radius, half = crowns.sizes.T
+    # The outline of an ellipsoid along a slanting way, where it meets the upright plane.
+    high = np.hypot(half, radius * SUN[2] / np.hypot(*SUN[:2]))
+    tops = crowns.middles[:, 2:] + high[:, None] * np.sqrt(1.0 - share**2)
+    ends = crowns.middles[:, None, :2] + radius[:, None, None] * share[:, None] * side
+    walls = np.concatenate([ends[:, :-1], ends[:, 1:]], axis=2)
+    return walls.reshape(-1, 4), np.stack([tops[:, :-1], tops[:, 1:]], axis=2).reshape(-1, 2)
+
+
+def shadows(crowns: Crowns) -> Any:
+    """What crowns hide from the sun on the ground: polygons (c,)."""
+    count = len(crowns.middles)
+    corners = crowns.faces.places.reshape(count, -1 if count else 0, 3)
+    slide = corners[..., 2:] * (SUN[:2] / SUN[2])
+    return shapely.convex_hull(shapely.multipoints(corners[..., :2] - slide))
+
+
+def _unit(ways: Float) -> Float:
+    return np.asarray(ways / np.linalg.norm(ways, axis=-1, keepdims=True))

@@ -1,11 +1,10 @@
 """The figures of a sweep: one for each world and each axis of numbers."""
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
-from lrf3d.output import Drawing
 from lrf3d.render.sweep_figure import Curve, draw_sweep
 from lrf3d.sweeping.table import INTERVAL_CONFIDENCE, MEASURES, CellMean, SweepTable
 
@@ -13,9 +12,9 @@ AXIS_LABELS = {"sigma_m": "noise σ at range_max [m]", "beams": "beams"}
 """Labels of the axes of figures."""
 
 
-def figures_of(result: SweepTable, folder: Path) -> dict[str, Drawing]:
-    """The figures by their titles."""
-    figures: dict[str, Drawing] = {}
+def figures_of(result: SweepTable) -> dict[str, tuple[str, Callable[[Path], object]]]:
+    """The figures by their titles: their files, and what draws them."""
+    figures: dict[str, tuple[str, Callable[[Path], object]]] = {}
     plan = result.plan
     for world in plan.worlds:
         for column, values in plan.grid.varied.items():
@@ -29,7 +28,7 @@ def figures_of(result: SweepTable, folder: Path) -> dict[str, Drawing]:
                 axis=AXIS_LABELS.get(column, column),
                 titles=(f"{world}: maps over {name}", f"{words} interval"),
             )
-            figures[f"{world} over {name}"] = folder / f"{world}_{name}.png", draw
+            figures[f"{world} over {name}"] = f"{world}_{name}.png", draw
     return figures
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from lrf3d.errors import InputError, shown
-from lrf3d.input import read_text
+from lrf3d.files import read_text
 from lrf3d.mapping.mapper import MODES
 from lrf3d.world.schema import TABLES, read_settings, value_of
 

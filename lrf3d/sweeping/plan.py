@@ -13,10 +13,9 @@ from typing import Any, NamedTuple
 from lrf3d.digest import digest, name_of, seed_of
 from lrf3d.errors import InputError
 from lrf3d.laser import Noise
+from lrf3d.planning.sides import Side
 from lrf3d.robot import Trajectory
-from lrf3d.robot.free_space import Side
-from lrf3d.scenario import Scenario
-from lrf3d.scenario_file import read_scenario_file, scenario_of
+from lrf3d.scenario import Scenario, read_scenario_file, scenario_of
 from lrf3d.simulation import line_mapper
 from lrf3d.sweeping.grid import MODE, SettingValue, SweepGrid, column_of, setting
 from lrf3d.world.size import size_warning
@@ -125,7 +124,7 @@ def make_plan(
             scenario = scenario_of(file, [setting(*each) for each in values.items()])
             drive_key = _drive_key(scenario)
             if drive_key not in drives:
-                routed = scenario.with_route(where=where)
+                routed = scenario.with_route(where=where, say=warn)
                 if routed.planned is not None:
                     say(f"{name}: the route is planned {routed.planned} the walls")
                 drive = routed.trajectory(on_collision=collision)

@@ -14,8 +14,8 @@ from typing import Any
 from lrf3d.casting import PlanarCaster
 from lrf3d.cores import core_count, process_pool
 from lrf3d.errors import InputError, Lrf3dError, missing_extra
+from lrf3d.files import locked, make_folder, scratch_folder
 from lrf3d.interrupts import check, noting, stoppable
-from lrf3d.output import lock_of, locked, make_folder, scratch_folder
 from lrf3d.progress import Progress, silent
 from lrf3d.run import Run
 from lrf3d.scoring import buildings_seen, score_run
@@ -123,7 +123,7 @@ def run_plan(
     """
     path = make_folder(folder) / ROWS.format("" if shard is None else ".{}of{}".format(*shard))
     mine = plan.runs if shard is None else plan.runs[shard[0] - 1 :: shard[1]]
-    with locked(lock_of(path), path):
+    with locked(path):
         kept = known_rows(plan, folder)
         missing = [run for run in mine if run.key not in kept]
         done = len(mine) - len(missing)

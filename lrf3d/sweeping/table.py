@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lrf3d.errors import MissingLibraryError, missing_extra
-from lrf3d.output import replacing, write_text
+from lrf3d.files import replacing, write_text
 from lrf3d.sweeping.plan import Plan
 from lrf3d.sweeping.rows import Row
 from lrf3d.text import table

@@ -17,9 +17,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lrf3d.errors import WorldError
+from lrf3d.files import opened, own_name, replacing
 from lrf3d.geometry import Float, Int, lengths
-from lrf3d.input import opened, own_name
-from lrf3d.output import replacing
 from lrf3d.world.collinear import merge_collinear
 from lrf3d.world.extrude import extrude
 from lrf3d.world.materials import Material, material_of, material_value

@@ -251,7 +251,6 @@ TABLES: Mapping[str, Mapping[str, Check]] = {
         "beam_deg": number(least=0.0, most=90.0),
         "drop_outs": _SHARE,
         "drop_outs_far": _SHARE,
-        "drop_outs_grazing": _SHARE,
         "resolution": number(least=0.0),
     },
     "mapper": {

@@ -15,8 +15,8 @@ from typing import Any, NoReturn
 import numpy as np
 
 from lrf3d.errors import InputError, WorldError
+from lrf3d.files import own_name, read_text
 from lrf3d.geometry import Float, lengths
-from lrf3d.input import own_name, read_text
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.locate import KeyPath, lines_of_keys, nearest_line
@@ -82,7 +82,16 @@ class WorldFile:
         _Document(self.path, self.text).refuse(path, message)
 
 
-def read_toml(path: Path) -> WorldFile:
+def read_toml(path: Path) -> World:
+    """The walls of a world file; :func:`read_world_file` reads its tables, too.
+
+    Raises:
+        WorldError: As for :func:`read_world_file`.
+    """
+    return read_world_file(path).world
+
+
+def read_world_file(path: Path) -> WorldFile:
     """Read a world file.
 
     Raises:

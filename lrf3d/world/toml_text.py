@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from lrf3d.files import write_text
 from lrf3d.geometry import Float
-from lrf3d.output import write_text
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.materials import BUILT_IN, Material

@@ -5,7 +5,7 @@ import pytest
 from program import lrf3d
 
 from lrf3d import load_run, load_world
-from lrf3d.scenario_file import read_scenario_file, scenario_of
+from lrf3d.scenario import read_scenario_file, scenario_of
 
 
 def test_a_generated_world_goes_through_every_format(tmp_path):
@@ -90,7 +90,7 @@ def test_a_drawing_on_paper_is_warned_of_and_enlarged(tmp_path):
     assert small.returncode == 0 and small.stderr.count("\n") == 1
     assert "0.1 m by 0.07 m" in small.stderr and "--scale 100" in small.stderr
     large = lrf3d("world", "show", plan, "--scale", 100)
-    assert large.stderr == "" and "bounds   x 1.00 to 11.00 m, y 1.00 to 8.00 m" in large.stdout
+    assert large.stderr == "" and "bounds     x 1.00 to 11.00 m, y 1.00 to 8.00 m" in large.stdout
     huge = lrf3d("world", "show", plan, "--scale", 100_000)
     assert "10,000 m by 7,000 m" in huge.stderr and "--scale 0.001" in huge.stderr
 

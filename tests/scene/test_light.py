@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from test_render import box
 
-from lrf3d.scene.light import Light, open_light, screen, sky_light
+from lrf3d.scene.light import open_light, screen, sky_light
 from lrf3d.scene.look import GAMMA, SKYSHINE
+from lrf3d.scene.stage import paint_walls
 from lrf3d.scene.structures import Structures
-from lrf3d.scene.walls import paint_walls
+from lrf3d.scene.trees import crowns_of
 from lrf3d.world import World
 
 
@@ -15,7 +16,7 @@ def painted(walls, height, colours=None):
     count = len(walls) // 4
     objects, heights = np.repeat(np.arange(count), 4), np.full(len(walls), float(height))
     structures = Structures.from_world(World(walls, objects, heights, colours=colours))
-    return structures, paint_walls(structures)
+    return structures, paint_walls(structures, crowns_of(structures))
 
 
 def middles(walls):
@@ -67,7 +68,8 @@ def test_the_inner_corner_of_a_room_is_darker_than_the_middle_of_its_floor():
     walls = [[0, 0, 6, 0], [6, 0, 6, 5], [6, 5, 0, 5], [0, 5, 0, 0]]
     structures = Structures.from_world(World(walls), np.array([[3.0, 2.0]]))
     places = np.array([[3.0, 2.5], [0.15, 0.15]]) - structures.origin
-    light, open_air = paint_walls(structures).light.ground(places)
+    walls = paint_walls(structures, crowns_of(structures))
+    light, open_air = walls.light.ground(places)
     assert open_air.all() and light[1].mean() < 0.85 * light[0].mean()
 
 
@@ -75,11 +77,8 @@ def test_light_is_the_same_each_time_and_that_of_an_open_field_without_a_wall():
     walls = np.array(box(0.0, 0.0, 6.0, 4.0))
     one, other = (painted(walls, 7.0)[1].walls.shaded for _ in range(2))
     assert np.array_equal(one, other)
-    empty = Light(
-        Structures.from_world(World(np.zeros((0, 4)))),
-        np.zeros((0, 4, 16), np.float32),
-        np.zeros((0, 3, 16), np.float32),
-    )
+    bare = Structures.from_world(World(np.zeros((0, 4))))
+    empty = paint_walls(bare, crowns_of(bare)).light
     light, open_air = empty.ground(np.zeros((2, 2)))
     assert open_air.all() and light[0] == pytest.approx(open_light(indoor=True), rel=1e-6)
 

@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 import shapely
 
-from lrf3d.scene.hipped_roofs import plan_hips
 from lrf3d.scene.look import SUN
-from lrf3d.scene.roofs import build_roofs
-from lrf3d.scene.shadows import LIT
+from lrf3d.scene.roofs import build_roofs, plan_hips
 from lrf3d.scene.structures import Structures
 from lrf3d.world import load_world
 
@@ -17,11 +15,6 @@ def town():
     return Structures.from_world(load_world("city"))
 
 
-def roofs_of(town):
-    solids = np.arange(len(town.solids))
-    return build_roofs(town, town.solids, solids, np.full(len(solids), LIT))
-
-
 def covered(faces):
     """The area (t,) of triangles from above."""
     first, second = (faces[:, k, :2] - faces[:, 0, :2] for k in (1, 2))
@@ -29,8 +22,8 @@ def covered(faces):
 
 
 def test_roofs_cover_each_house_once(town):
-    roofs = roofs_of(town)
-    areas = covered(roofs.faces.astype(np.float64))
+    roofs = build_roofs(town)
+    areas = covered(roofs.places)
     assert (areas > 0.0).all()
     found = np.bincount(roofs.objects, areas, minlength=town.solid_objects.max() + 1)
     assert found[town.solid_objects] == pytest.approx(shapely.area(town.solids), rel=1e-3)
@@ -39,18 +32,19 @@ def test_roofs_cover_each_house_once(town):
 def test_a_hipped_roof_starts_at_the_eaves_and_all_of_it_sees_the_sun(town):
     hips = plan_hips(town)
     assert 5 < hips.chosen.sum() < len(town.solids)
-    roofs = roofs_of(town)
+    roofs = build_roofs(town)
     for solid in np.flatnonzero(hips.chosen):
-        faces = roofs.faces[roofs.objects == town.solid_objects[solid]]
+        own = roofs.objects == town.solid_objects[solid]
+        faces, normals = roofs.places[own], roofs.normals[own, 0]
         heights = faces[..., 2]
         assert heights.min() == pytest.approx(town.solid_heights[solid], abs=1e-3)
         assert heights.max() > heights.min() + 0.5
-        assert (faces[:, 0, 3:6] @ SUN > 0.1).all()
+        assert (normals @ SUN > 0.1).all()
         # Its normals are those of its triangles.
-        a, b, c = (faces[:, k, :3].astype(np.float64) for k in range(3))
+        a, b, c = (faces[:, k] for k in range(3))
         normal = np.cross(b - a, c - a)
         normal /= np.linalg.norm(normal, axis=1)[:, None]
-        assert np.abs(normal - faces[:, 0, 3:6]).max() < 5e-3
+        assert np.abs(normal - normals).max() < 5e-3
 
 
 def test_rooms_have_no_hips():

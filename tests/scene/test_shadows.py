@@ -5,10 +5,13 @@ import pytest
 import shapely
 from test_render import box, room_run
 
+from lrf3d.geometry import directions, lengths
 from lrf3d.scene.look import SUN
-from lrf3d.scene.shadows import LIT, shade_quads, shade_roofs
+from lrf3d.scene.panels import LIT
+from lrf3d.scene.shadows import shade_roofs, shade_walls
 from lrf3d.scene.structures import Structures
-from lrf3d.scene.walls import wall_quads
+from lrf3d.scene.trees import crowns_of
+from lrf3d.scene.walls import wall_sides
 from lrf3d.world import World
 
 
@@ -54,42 +57,42 @@ def judged(structures, points):
     return hidden(structures, points, -0.01), ~hidden(structures, points, 0.01)
 
 
+def shaded(structures):
+    """The sides of walls (n, 4), and the strips in which the edge of their shadow is straight."""
+    segments = wall_sides(structures).segments
+    return segments, shade_walls(structures, crowns_of(structures), segments)
+
+
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_walls_are_shaded_where_a_ray_to_the_sun_is_stopped(seed):
     structures = Structures.from_world(crowded_world(seed))
-    quads = wall_quads(structures)[0]
-    faces, _ = shade_quads(structures, quads)
-    upright = (faces[:, 0, 5] == 0.0) & (faces[:, 0, 3:5] @ SUN[:2] > 0.05)
-    faces = faces[upright].astype(float)
-    # Points on all faces, with the shade between that of their corners.
+    segments, strips = shaded(structures)
+    along = directions(segments)[strips.face]
+    sunny = along[:, 1] * SUN[0] - along[:, 0] * SUN[1] > 0.05
+    heights = structures.heights[wall_sides(structures).walls][strips.face]
+    # Points on all faces, with the shadow's edge between those at the ends of its strip.
     rng = np.random.default_rng(seed)
-    u, v = rng.uniform(0.01, 0.99, (2, len(faces), 8, 1))
-    corners = faces[:, None]
-    below = (1 - u) * corners[:, :, 0] + u * corners[:, :, 1]
-    above = (1 - u) * corners[:, :, 3] + u * corners[:, :, 2]
-    rows = ((1 - v) * below + v * above).reshape(-1, 15)
-    dark, bright = judged(structures, rows[:, :3] + [*0.001 * SUN[:2], 0.0])
-    assert dark.mean() > 0.05 and bright.mean() > 0.3 and (dark | bright).mean() > 0.9
-    assert (rows[dark, 14] > -0.1).all()
-    assert (rows[bright, 14] < 0.1).all()
-    assert rows[:, 7] == pytest.approx(rows[:, 2], abs=1e-4)
+    for share in rng.uniform(0.01, 0.99, 8):
+        up = rng.uniform(0.01, 0.99, len(heights)) * heights
+        place = strips.start + share * (strips.end - strips.start)
+        points = segments[strips.face, :2] + place[:, None] * along
+        points = np.column_stack([points + 0.001 * SUN[:2], up])[sunny]
+        under = (strips.low + share * (strips.high - strips.low) - up)[sunny]
+        dark, bright = judged(structures, points)
+        assert dark.mean() > 0.03 and bright.mean() > 0.3 and (dark | bright).mean() > 0.85
+        assert (under[dark] > -0.1).all() and (under[bright] < 0.1).all()
 
 
-def test_cut_walls_cover_what_they_did():
+def test_strips_cover_their_walls_and_join_without_a_gap():
     structures = Structures.from_world(crowded_world(4))
-    quads = wall_quads(structures)[0]
-    faces, origin = shade_quads(structures, quads)
-    assert len(faces) > len(quads)
-    lengths = np.hypot(*(faces[:, 1, :2] - faces[:, 0, :2]).astype(float).T)
-    whole = np.hypot(*(quads[:, 1, :2] - quads[:, 0, :2]).astype(float).T)
-    assert np.bincount(origin, lengths, len(quads)) == pytest.approx(whole, abs=1e-3)
-    assert np.array_equal(faces[:, 0, 8:14], quads[origin, 0, 8:14])
-    # Neighbouring strips share their corners to the last bit.
-    for number in np.unique(origin[np.bincount(origin, minlength=len(quads))[origin] > 1]):
-        strips = faces[origin == number]
-        strips = strips[np.argsort(strips[:, 0, 6])]
-        assert np.array_equal(strips[:-1, 1, :3], strips[1:, 0, :3])
-        assert np.array_equal(strips[:-1, 2, :3], strips[1:, 3, :3])
+    segments, strips = shaded(structures)
+    assert len(strips.face) > len(segments)
+    order = np.lexsort([strips.start, strips.face])
+    face, start, end = (column[order] for column in strips[:3])
+    same = face[1:] == face[:-1]
+    assert np.array_equal(end[:-1][same], start[1:][same])
+    assert (start[np.append(True, ~same)] == 0.0).all()
+    assert end[np.append(~same, True)] == pytest.approx(lengths(segments), abs=1e-6)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
@@ -115,6 +118,5 @@ def test_roofs_are_shaded_where_a_ray_to_the_sun_is_stopped(seed):
 
 
 def test_indoors_there_is_no_sun():
-    structures = Structures.from_run(room_run())
-    faces, _ = shade_quads(structures, wall_quads(structures)[0])
-    assert (faces[:, :, 14] == LIT).all()
+    _, strips = shaded(Structures.from_run(room_run()))
+    assert (strips.low == LIT).all() and (strips.high == LIT).all()

@@ -10,9 +10,8 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.mapping import LineMap
 from lrf3d.robot import Trajectory
 from lrf3d.run import Run
-from lrf3d.scene.ground import paint_ground
+from lrf3d.scene.stage import paint_stage
 from lrf3d.scene.structures import SIGHT_DISTANCE, Sight, Structures
-from lrf3d.scene.walls import paint_walls
 from lrf3d.view.page_data import make_scene, pack_run
 from lrf3d.world import World
 
@@ -80,7 +79,7 @@ def test_every_world_is_drawn_from_every_camera_and_written_for_viewers(world):
 
 
 def ground_of(structures):
-    return paint_ground(structures, paint_walls(structures).light)
+    return paint_stage(structures).ground
 
 
 def test_ground_without_a_house_near_is_painted():

@@ -4,8 +4,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrf3d.casting.kernels.buffer import ROOM, Fan, per_step_of
+from lrf3d.casting.kernels.embree import UNSURE, Trust, near_a_wall, prove
 from lrf3d.casting.kernels.fan import trace
 from lrf3d.casting.kernels.predicates import (
     LANES,
@@ -18,7 +20,8 @@ from lrf3d.casting.kernels.predicates import (
 )
 from lrf3d.casting.kernels.tree import PlainTree, Tree
 from lrf3d.compiling import compiled, inner
-from lrf3d.geometry import Float, Int
+from lrf3d.errors import InputError, shown
+from lrf3d.geometry import Float, Int, Single
 from lrf3d.laser import LaserRangeFinder, range_finder
 
 turn = inner(range_finder.turn)
@@ -50,32 +53,45 @@ PlainLaser = tuple[Float, float, float, float, float]
 
 
 def laser_of(lrf: LaserRangeFinder, *, range_min: float | None = None) -> PlainLaser:
-    """A range finder for kernels, perhaps with another range_min."""
+    """A range finder for kernels, perhaps with another range_min.
+
+    Raises:
+        InputError: It is no range finder.
+    """
+    if not isinstance(lrf, LaserRangeFinder):
+        raise InputError(f"range finder {shown(lrf)}: expected a LaserRangeFinder")
     near = lrf.range_min if range_min is None else range_min
     return lrf.fan, *lrf.spread, float(near), float(lrf.range_max)
 
 
-UNSURE, ALL_UNSURE = -2, -3
-"""Mark a beam in doubt, in place of the row of its wall; and in that of the first beam, all."""
+NOT_ASKED = np.empty((0, 4)), np.empty(len(Trust._fields)), np.empty(0, np.int32)
+"""In place of what Embree found, where it was not asked."""
 
 
 @compiled
 def cast_scans(
-    plain_tree: PlainTree, plain_laser: PlainLaser, poses: Float, ranges: Float, hits: Int,
-    known: bool,
+    plain_tree: PlainTree, plain_laser: PlainLaser, clear: Float, numbers: Float,
+    found: NDArray[np.int32], poses: Float, ranges: Float, hits: Int,
 ) -> None:  # fmt: skip
     """Cast a scan at each of the poses (k, 3); fill ranges (k, beams), and hits unless empty.
 
-    Where much is `known`, hits hold the rows that beams meet, −1 for none, and marks of doubt.
+    Where Embree was asked, `found` (k beams,) are the faces that it met, `clear` (n, 4) the parts
+    of the walls where it is right, and the numbers those of a `Trust`.
     """
     tree, laser = Tree(*plain_tree), Laser(*plain_laser)
+    trust = Trust(
+        numbers[0], numbers[1], numbers[2], numbers[3], numbers[4], numbers[5], numbers[6]
+    )
     beams = laser.fan.shape[1]
-    own = np.empty(beams, np.int64)
-    dx, dy = np.zeros(beams + PADDING), np.zeros(beams + PADDING)
+    own = np.empty(0 if len(hits) > 0 else beams, np.int64)
+    dx, dy = np.empty(beams + PADDING), np.empty(beams + PADDING)
     for k in range(len(poses)):
         hit = hits[k] if len(hits) > 0 else own
         fan = aim(laser, poses[k, 0], poses[k, 1], poses[k, 2], dx, dy)
-        whole = not known or hit[0] == ALL_UNSURE
+        whole = len(found) == 0 or near_a_wall(tree, trust, fan.x, fan.y)
+        if not whole:
+            faces = found[k * beams : (k + 1) * beams]
+            prove(tree, clear, trust, faces, fan, laser.range_max, hit)
         # A beam in doubt is a fan of one.
         for i in range(1 if whole else beams):
             if whole:
@@ -84,6 +100,21 @@ def cast_scans(
                 part = dx[i : i + 1], dy[i : i + 1], dx[i], dy[i]
                 trace(tree, Fan(fan.x, fan.y, *part, 0.0, 0.0), laser.range_max, hit[i : i + 1])
         measure(tree, fan, laser, ranges[k], hit)
+
+
+@compiled
+def rays_of(plain: PlainLaser, poses: Float, x: float, y: float) -> tuple[Single, Single]:
+    """Origins and directions (k beams, 3) of the scans at poses (k, 3), seen from (x, y)."""
+    fan = plain[0]
+    beams = fan.shape[1]
+    rays = np.zeros((2, len(poses) * beams, 3), np.float32)
+    for k in range(len(poses)):
+        cos, sin = math.cos(poses[k, 2]), math.sin(poses[k, 2])
+        for i in range(beams):
+            row = k * beams + i
+            rays[0, row, 0], rays[0, row, 1] = poses[k, 0] - x, poses[k, 1] - y
+            rays[1, row, 0], rays[1, row, 1] = turn(fan[0, i], fan[1, i], cos, sin)
+    return rays[0], rays[1]
 
 
 @inner

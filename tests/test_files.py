@@ -1,17 +1,19 @@
-"""Reading: only ordinary files, what a name means, and what a file's contents are called."""
+"""Files: only ordinary ones are read, writing is whole or not at all, one writer at a time."""
 
 import os
 import signal
 import socket
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
-from lrf3d import InputError, WorldError, load_log, load_map, load_run, load_world
-from lrf3d.input import own_name
+from lrf3d import InputError, OutputError, WorldError, load_log, load_map, load_run, load_world
+from lrf3d.files import locked, own_name, replacing, unfinished_folder
 from lrf3d.io.reading import is_run
 from lrf3d.sweeping.grid import read_grid
-from lrf3d.world.files import FORMATS, find_world
+from lrf3d.world.files import READERS, find_world
 
 ROOM = "[[object]]\npoints = [[0, 0], [4, 0], [4, 3]]\n"
 
@@ -53,7 +55,7 @@ READ = {
     "f.npz": load_run,
     "grid.toml": lambda path: read_grid(path, {}),
     "map.json": load_map,
-    **{f"world{ending}": load_world for ending in FORMATS},
+    **{f"world{ending}": load_world for ending in READERS},
 }
 
 
@@ -130,3 +132,40 @@ def test_a_world_is_called_as_it_says_or_as_its_file_or_with_the_folder_before_i
     os.chdir("bonn")
     assert own_name("map.yaml") == own_name("../bonn/map.yaml") == "bonn_map"
     assert own_name("a/run.log.gz", stem="run") == "a_run"
+
+
+HOLD = """
+import sys
+from pathlib import Path
+from lrf3d.files import locked, replacing
+target = Path("film.mp4")
+with locked(target), replacing(target) as unfinished:
+    unfinished.write_text("half")
+    print("ready", flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_a_lock_excludes_others_and_what_a_killed_process_left_is_cleared_up(tmp_path):
+    target, pipe = Path("film.mp4"), subprocess.PIPE
+    with subprocess.Popen([sys.executable, "-c", HOLD], stdin=pipe, stdout=pipe) as process:
+        assert process.stdout.readline() == b"ready\n"
+        with pytest.raises(InputError, match=r"film\.mp4: another process writes here"):
+            locked(target).__enter__()
+        process.kill()
+    assert {path.name for path in tmp_path.iterdir()} == {".film.mp4.lock", ".film.unfinished.mp4"}
+    with locked(target), replacing(target) as unfinished:
+        unfinished.write_text("whole")
+        with pytest.raises(InputError, match="writes here"):
+            locked(target).__enter__()
+    assert list(Path().iterdir()) == [target] and target.read_text() == "whole"
+    with pytest.raises(OutputError, match="there is no folder no; make it"):
+        locked(Path("no/a")).__enter__()
+
+
+def test_names_of_any_length_can_be_written_and_a_folder_is_under_way_to_one_place(tmp_path):
+    path = Path(f"{'ü' * 125}.txt")
+    with replacing(path) as file, unfinished_folder(path) as folder:
+        (folder / "part").write_text("whole")
+        os.replace(folder / "part", file)
+    assert path.read_text() == "whole" and list(Path().iterdir()) == [path]

@@ -1,0 +1,313 @@
+"""Files: only regular ones of limited size are read; writing is complete or not at all.
+
+All files that users name are opened here, so that a pipe, a device or a folder gives a clear error
+instead of a program that hangs or fills the memory. The built-in worlds and the assets are next to
+the package in a checkout, and inside it in a wheel.
+"""
+
+import os
+import shutil
+import stat
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+from lrf3d.errors import InputError, OutputError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+LARGEST_TEXT = 1 << 28
+"""Largest text file [bytes]: about two million walls as TOML."""
+
+LONGEST_NAME = 200
+"""Bytes of a name that are kept in its temporary name: names have at most 255."""
+
+ROWS, SCATTERED_ROWS = 2048, 256
+"""Rows of a part of a mapped array: consecutive ones, and single ones, which load whole pages."""
+
+GENERAL = frozenset(
+    "building data drawing export floorplan grid journal log map model plan run scan scene"
+    " sweep untitled world".split()
+)
+"""File names that say only what kind of file it is; the name of the folder is put before them."""
+_PACKAGE = Path(__file__).parent
+
+
+def check_ordinary(
+    path: str | Path,
+    *,
+    what: str = "a file",
+    largest: int | None = None,
+    missing: str = "no such file",
+    error: type[InputError] = InputError,
+) -> None:
+    """Check that a path is a regular file of limited size.
+
+    Args:
+        path: The path; links are followed.
+        what: What is expected there, for messages.
+        largest: Largest size [bytes].
+        missing: The message if nothing is there.
+        error: The class of the error.
+
+    Raises:
+        InputError: It is not there, is a folder, a pipe, a socket or a device, or is too large.
+    """
+    try:
+        # Opening a pipe would wait for a writer, so its kind is checked before.
+        status = os.stat(path)
+    except FileNotFoundError:
+        raise error(f"{path}: {missing}") from None
+    except OSError as problem:
+        raise error(f"{path}: cannot be read: {problem.strerror or problem}") from None
+    except ValueError:
+        raise error(f"{str(path)!r}: not a path of a file") from None
+    if stat.S_ISDIR(status.st_mode):
+        raise error(f"{path}: a folder, expected {what}")
+    if not stat.S_ISREG(status.st_mode):
+        raise error(f"{path}: not an ordinary file, expected {what}")
+    if largest is not None and status.st_size > largest:
+        raise error(
+            f"{path}: {status.st_size / 1e6:.3g} MB, more than the {largest / 1e6:.3g} MB that"
+            " such a file may have; cut it down to what is needed"
+        )
+
+
+@contextmanager
+def opened(
+    path: str | Path,
+    *,
+    what: str = "a file",
+    largest: int | None = None,
+    error: type[InputError] = InputError,
+) -> Iterator[BinaryIO]:
+    """Open a regular file for reading; the arguments are those of :func:`check_ordinary`.
+
+    Raises:
+        InputError: It does not exist, is not a regular file, is too large, or cannot be read.
+    """
+    check_ordinary(path, what=what, largest=largest, error=error)
+    try:
+        with open(path, "rb") as file:
+            yield file
+    except FileNotFoundError:
+        raise error(f"{path}: no such file") from None
+    except OSError as problem:
+        raise error(f"{path}: cannot be read: {problem.strerror or problem}") from None
+
+
+def read_text(
+    path: str | Path,
+    *,
+    what: str = "a text file",
+    largest: int = LARGEST_TEXT,
+    error: type[InputError] = InputError,
+) -> str:
+    """The text of a regular file, UTF-8 with or without a byte order mark.
+
+    Raises:
+        InputError: There is no such file, it is too large, or it cannot be read as text.
+    """
+    with opened(path, what=what, largest=largest, error=error) as file:
+        data = file.read()
+    try:
+        return data.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
+    except UnicodeDecodeError as problem:
+        line = data[: problem.start].count(b"\n") + 1
+        raise error(f"{path}:{line}: not a text file in UTF-8") from None
+
+
+def own_name(path: str | Path, given: object = None, *, stem: str | None = None) -> str:
+    """The name of the contents of a file, for pictures and for the folder of the results.
+
+    It is the name in the file if there is one, else the file's name without its ending. If that is
+    as general as ``map.yaml``, the name of its folder comes before it.
+
+    Args:
+        path: The file, or the folder.
+        given: The name in the file, if it is a text.
+        stem: The file's name without its ending, where that has more than one part.
+
+    Example:
+        >>> own_name("plans/office.dxf"), own_name("berlin/map.yaml"), own_name("x.toml", "Lab 3")
+        ('office', 'berlin_map', 'Lab 3')
+    """
+    if isinstance(given, str) and given.strip():
+        return given
+    full_path = Path(os.path.abspath(path))
+    name = full_path.stem if stem is None else stem
+    folder = full_path.parent.name
+    return f"{folder}_{name}" if folder and name.lower() in GENERAL else name
+
+
+def _folder(name: str) -> Path:
+    installed = _PACKAGE / name
+    return installed if installed.is_dir() else _PACKAGE.parent / name
+
+
+def worlds_folder() -> Path:
+    """The folder of the built-in worlds, one TOML file each."""
+    return _folder("worlds")
+
+
+def assets_folder() -> Path:
+    """The folder of the robot's mesh and of the pictures."""
+    return _folder("assets")
+
+
+@contextmanager
+def replacing(path: str | Path) -> Iterator[Path]:
+    """Yield a temporary name next to ``path`` to write to, and rename it to ``path`` afterwards.
+
+    The name has the ending of ``path``, from which libraries derive the format. If writing fails or
+    is interrupted, an older file at ``path`` stays. What a killed process leaves is overwritten.
+
+    Raises:
+        OutputError: The file cannot be written there.
+    """
+    path = Path(path)
+    if "\0" in str(path):
+        raise OutputError(f"{path}: not a file name; remove its NUL character")
+    unfinished = path.with_name(f".{_cut(path.stem)}.unfinished{path.suffix}")
+    try:
+        yield unfinished
+        os.replace(unfinished, path)
+    except OSError as error:
+        if isinstance(error, OutputError) or error.errno is None:
+            raise
+        reason = error.strerror or str(error)
+        raise OutputError(f"{path}: cannot be written: {reason}; choose another place") from error
+    finally:
+        # If nothing could be written, as under a name that is too long, there is nothing to remove.
+        with suppress(OSError):
+            unfinished.unlink()
+
+
+@contextmanager
+def unfinished_folder(path: str | Path) -> Iterator[Path]:
+    """Make a temporary folder next to ``path``, for files that are moved there when complete.
+
+    The folder and what is left in it are removed afterwards.
+    """
+    folder = Path(path).with_name(f".{_cut(Path(path).name)}.parts.unfinished")
+    shutil.rmtree(folder, ignore_errors=True)
+    try:
+        folder.mkdir()
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextmanager
+def scratch_folder() -> Iterator[Path]:
+    """Make a folder among the system's temporary files; it is removed afterwards."""
+    with tempfile.TemporaryDirectory(prefix="lrf3d-", ignore_cleanup_errors=True) as folder:
+        yield Path(folder)
+
+
+def write_text(path: str | Path, text: str) -> None:
+    """Write a text file completely or not at all.
+
+    Raises:
+        OutputError: The file cannot be written there.
+    """
+    with replacing(path) as unfinished:
+        unfinished.write_text(text, encoding="utf-8")
+
+
+def make_folder(path: str | Path) -> Path:
+    """Make a folder and its parents, and check that it can be written to.
+
+    Raises:
+        OutputError: It cannot be made or written to.
+    """
+    path = Path(path)
+    if "\0" in str(path):
+        raise OutputError(f"{path}: not a folder name; remove its NUL character")
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(
+            f"{path}: the folder cannot be made: {error.strerror}; choose another with --out"
+        ) from error
+    if not os.access(path, os.W_OK | os.X_OK):
+        raise OutputError(f"{path}: the folder cannot be written to; choose another with --out")
+    return path
+
+
+@contextmanager
+def locked(target: Path, shown: Path | None = None) -> Iterator[None]:
+    """Hold the lock of a target, so that no other process writes to it meanwhile.
+
+    The system releases it however this process ends.
+
+    Args:
+        target: The file or the folder; the lock is a hidden file next to it.
+        shown: What is locked, for messages; the target if not given.
+
+    Raises:
+        InputError: Another process holds it.
+        OutputError: The lock cannot be made.
+    """
+    from filelock import FileLock, Timeout
+
+    path, shown = target.with_name(f".{_cut(target.name)}.lock"), shown or target
+    lock = FileLock(path, blocking=False)
+    if not path.parent.is_dir():
+        raise OutputError(f"{shown}: cannot be written: there is no folder {path.parent}; make it")
+    try:
+        lock.acquire()
+    except Timeout:
+        raise InputError(
+            f"{shown}: another process writes here; wait for it, or choose another place with --out"
+        ) from None
+    except OSError as error:
+        raise OutputError(
+            f"{shown}: cannot be written: {error.strerror}; choose another place"
+        ) from error
+    try:
+        yield
+    finally:
+        # Removed while it is held: whoever waits for a removed file looks again.
+        with suppress(OSError):
+            path.unlink()
+        lock.release()
+
+
+def _cut(name: str) -> str:
+    return os.fsdecode(os.fsencode(name)[:LONGEST_NAME])
+
+
+def in_parts(array: "NDArray[Any]", rows: int = ROWS) -> "Iterator[NDArray[Any]]":
+    """The parts of a mapped array; the memory of each is released when the next one is read."""
+    for first in range(0, len(array), rows):
+        yield array[first : first + rows]
+        _release(array)
+
+
+def some_rows(array: "NDArray[Any]", chosen: "NDArray[Any]") -> "NDArray[Any]":
+    """A copy of some rows of a mapped array."""
+    import numpy as np
+
+    if not len(chosen):
+        return array[:0].copy()
+    taken = []
+    for part in np.array_split(chosen, max(1, len(chosen) // SCATTERED_ROWS)):
+        taken.append(array[part])
+        _release(array)
+    return np.concatenate(taken)
+
+
+def _release(array: Any) -> None:
+    """Release the memory that a mapped array occupies; its data stay in the file."""
+    import mmap
+
+    while array is not None:
+        if isinstance(array, mmap.mmap):
+            if hasattr(mmap, "MADV_DONTNEED"):
+                array.madvise(mmap.MADV_DONTNEED)
+            return
+        array = getattr(array, "base", None)

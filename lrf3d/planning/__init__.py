@@ -1,0 +1,1 @@
+"""Planning: routes past most walls of a world, through its free space."""

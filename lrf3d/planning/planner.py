@@ -1,0 +1,333 @@
+"""Planning a route: way-points through a world without a route, past most of its walls.
+
+Lookouts are chosen in the free space and joined to a tour by paths with clearance to the walls; the
+paths are straightened, and the drive along them is checked.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lrf3d.errors import InputError, shown
+from lrf3d.geometry import Bool, Float, Int, is_finite, numbers
+from lrf3d.planning.doors import closed_doors
+from lrf3d.planning.free_space import FreeSpace, find_free_space
+from lrf3d.planning.lookouts import find_lookouts
+from lrf3d.planning.sides import Ground, Side, survey
+from lrf3d.planning.tour import Network, find_tour, path_to
+from lrf3d.robot import find_collision, follow_route
+from lrf3d.robot.collision import CollisionChecker
+from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, SPEED
+from lrf3d.robot.trajectory import Trajectory
+from lrf3d.robot.unicycle import RADIUS
+from lrf3d.world import World
+from lrf3d.world.model import LARGEST_COORDINATE
+from lrf3d.world.size import check_size
+
+INDOOR_SPEED = 1.0
+"""Speed indoors [m/s] if none is given: a brisk walk."""
+
+SMALLER_RADII = (0.28, 0.22, 0.18)
+"""Radii of common robots [m] that are tried where the usual one does not get far."""
+
+FAR_ENOUGH = 2 / 3
+"""Least share of the inside that the usual robot must get to."""
+
+SHORTEST_ROUTE, LONGEST_ROUTE = 20.0, 800.0
+"""Shortest route [m], some seconds of driving: where a few steps show all walls, the robot also
+drives to the ends of the free space; and the longest one, some minutes."""
+
+MARGIN, COMFORT = 0.05, 0.3
+"""Distances [m] of the robot from walls that are needed, for what the follower is off the route,
+and preferred, except in doors."""
+
+LONGEST_LEG = 30.0
+"""Longest straight piece of a route [m]."""
+
+ATTEMPTS, RETREAT, AROUND = 12, 0.1, 0.8
+"""Number of times that a route is planned before the last one is returned, and the distance [m] by
+which walls are given more room, and around which places [m], where a drive touched one."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedRoute:
+    """A route, and what it is planned for.
+
+    Args:
+        waypoints: (m, 2) way-points [m], two or more.
+        side: The side of the walls that it is on.
+        radius: Radius of the robot [m].
+        speed: Speed of the drive [m/s].
+        notes: What the user should know: doors that are too narrow.
+    """
+
+    waypoints: Float
+    side: Side
+    radius: float
+    speed: float
+    notes: tuple[str, ...] = ()
+
+
+def plan_route(
+    world: World,
+    *,
+    radius: float = RADIUS,
+    clearance: float = 2.0,
+    range_max: float = 80.0,
+    lookahead: float = LOOKAHEAD,
+    where: Side | None = None,
+    start: Sequence[float] | Float | None = None,
+) -> Float:
+    """Find way-points (m, 2) [m], two or more, from which most of the walls are seen.
+
+    The same world gives the same route. In a world wider than 500 m the route is planned only in
+    the part with the most walls. In a plan of rooms it stays inside, even if doors lead out; in a
+    town it runs between the buildings; in a map with free cells it keeps to these. If no route can
+    be followed without touching a wall, the last one tried is returned, and `check_drive` reports
+    where the robot would touch.
+
+    Args:
+        world: The walls.
+        radius: Radius of the robot [m].
+        clearance: Distance to walls [m] that is kept where there is room.
+        range_max: Largest range of the laser [m].
+        lookahead: Look-ahead [m] of `follow_route` on the route; a shorter one fits through
+            narrower doors.
+        where: ``"inside"`` or ``"outside"``, the side of the walls to stay on; it depends on the
+            world and the start if not given.
+        start: Initial pose x, y [m], theta [rad], or only the position; the route begins there and
+            stays in the space around it. Anywhere if not given.
+
+    Raises:
+        InputError: There are no walls, there is no room to drive, the start is in a wall or on
+            the other side of it, or a number is invalid.
+
+    Examples:
+        >>> import lrf3d
+        >>> world = lrf3d.World([[0, 0, 8, 0], [8, 0, 8, 6], [8, 6, 0, 6], [0, 6, 0, 0]])
+        >>> route = lrf3d.plan_route(world, range_max=10.0)
+        >>> route.shape[1], bool((route > 0).all())
+        (2, True)
+    """
+    return find_route(
+        world,
+        radius=radius,
+        clearance=clearance,
+        range_max=range_max,
+        lookahead=lookahead,
+        where=where,
+        start=start,
+    ).waypoints
+
+
+def find_route(
+    world: World,
+    *,
+    radius: float | None = None,
+    speed: float | None = None,
+    clearance: float = 2.0,
+    range_max: float = 80.0,
+    lookahead: float = LOOKAHEAD,
+    dt: float = CONTROL_STEP,
+    where: Side | None = None,
+    start: Sequence[float] | Float | None = None,
+) -> PlannedRoute:
+    """Find a route as `plan_route` does.
+
+    Args:
+        world: The walls.
+        radius: Radius of the robot [m]; if not given, 0.35 m, or that of a smaller robot where
+            doors are too narrow for it.
+        speed: Speed of the drive [m/s]; 3 m/s outside and 1 m/s inside if not given.
+        clearance: Distance to walls [m] that is kept where there is room.
+        range_max: Largest range of the laser [m].
+        lookahead: Look-ahead [m] of `follow_route`.
+        dt: Time between the commands of the drive [s].
+        where: The side of the walls to stay on.
+        start: Initial pose or position.
+
+    Raises:
+        InputError: As of `plan_route`.
+    """
+    given = (RADIUS if radius is None else radius, SPEED if speed is None else speed)
+    sizes = (*given, clearance, range_max, lookahead, dt)
+    if not (is_finite(*sizes) and min(sizes) > 0.0):
+        raise InputError(
+            f"radius {given[0]}, speed {given[1]}, clearance {clearance}, range_max {range_max},"
+            f" lookahead {lookahead}: expected positive numbers"
+        )
+    if where not in (None, "inside", "outside"):
+        raise InputError(f"where {where!r}: expected 'inside', 'outside' or None")
+    check_size(world)
+    position = None if start is None else _checked_start(world, start, given[0])
+    ground = survey(world, position)
+    pose = start if start is not None and len(start) == 3 else None
+    notes = []
+    if radius is None:
+        radius = _fitting_radius(ground, where, position)
+        if radius < RADIUS:
+            notes.append(
+                f"the robot's radius is {radius:g} m instead of {RADIUS:g} m: doors are too narrow"
+                " for a wider one"
+            )
+    needed = np.full(ground.grid.gaps.shape, radius + MARGIN)
+    for _ in range(ATTEMPTS):
+        space = find_free_space(
+            ground,
+            needed,
+            comfortable=radius + COMFORT,
+            clearance=max(clearance, radius + COMFORT),
+            where=where,
+            start=position,
+        )
+        if speed is None:
+            driven_at = INDOOR_SPEED if space.side == "inside" else SPEED
+        else:
+            driven_at = speed
+        legs = _tour(space, world, range_max, radius + COMFORT)
+        waypoints = _straightened(space, legs, clearance) + world.origin
+        if position is not None and (waypoints[0] != position).any():
+            waypoints = np.vstack([position, waypoints])
+        drive = _there_and_back(waypoints, pose, driven_at, lookahead, dt)
+        places = _touching(drive, world, radius)
+        if not len(places):
+            break
+        needed = needed + RETREAT * _near(ground, places - world.origin)
+    if space.side == "inside":
+        notes += closed_doors(space, radius, radius + MARGIN)
+    return PlannedRoute(waypoints, space.side, radius, driven_at, tuple(notes))
+
+
+def _checked_start(world: World, start: Sequence[float] | Float, radius: float) -> Float:
+    """The position (2,) of a start [m].
+
+    Raises:
+        InputError: It is invalid, or in a wall.
+    """
+    position = np.asarray(numbers(start, "start"), dtype=np.float64)
+    if position.shape not in ((2,), (3,)) or not (np.abs(position) <= LARGEST_COORDINATE).all():
+        raise InputError(f"start {shown(start)}: expected finite numbers x, y or x, y, theta")
+    position = position[:2]
+    at_rest = Trajectory([0.0], [[*position, 0.0]])
+    if find_collision(at_rest, world, radius) is not None:
+        raise InputError(
+            f"start ({position[0]:g}, {position[1]:g}): nearer to a wall than the robot's radius of"
+            f" {radius:g} m; move it"
+        )
+    return position
+
+
+def _fitting_radius(ground: Ground, where: Side | None, start: Float | None) -> float:
+    """The usual radius [m], or a smaller one where doors keep the robot from a third of the inside.
+
+    Raises:
+        InputError: There is no room even for the smallest.
+    """
+
+    def space(radius: float) -> FreeSpace:
+        return find_free_space(ground, radius + MARGIN, where=where, start=start)
+
+    small = space(SMALLER_RADII[-1])
+    if small.side == "outside":
+        return RADIUS
+    for radius in (RADIUS, *SMALLER_RADII[:-1]):
+        # The cells that the robot could be in if all doors were wide.
+        within = small.allowed & (ground.grid.gaps >= radius + MARGIN)
+        try:
+            if within.any() and space(radius).allowed.sum() >= FAR_ENOUGH * within.sum():
+                return radius
+        except InputError:
+            continue
+    return SMALLER_RADII[-1]
+
+
+def _tour(space: FreeSpace, world: World, range_max: float, comfortable: float) -> list[Int]:
+    """Paths over the places of a free space that show most of the walls."""
+    views, lookouts = find_lookouts(space, world, range_max=range_max, comfortable=comfortable)
+    if space.start is not None:
+        lookouts = np.append(space.start, lookouts[lookouts != space.start])
+    legs: list[Int] = []
+    # With a short range_max no wall may be visible.
+    if len(lookouts):
+        network = Network.between(space, views, lookouts)
+        legs = find_tour(network, longest=LONGEST_ROUTE, from_first=space.start is not None)
+    # Where no wall is seen from anywhere, any place would do.
+    end = int([*lookouts[:1], np.argmax(space.gaps)][0])
+    while not legs or sum(space.length(leg) for leg in legs) < SHORTEST_ROUTE:
+        end = int(legs[-1][-1]) if legs else end
+        legs.append(_path_to_farthest(space, end, comfortable))
+    return legs
+
+
+def _path_to_farthest(space: FreeSpace, start: int, comfortable: float) -> Int:
+    """The cheapest path from a place to the farthest one, not in a corner if there is another.
+
+    Raises:
+        InputError: There is no other place.
+    """
+    from scipy.sparse.csgraph import dijkstra
+
+    if len(space.places) < 2:
+        raise InputError("no room to drive between the walls; give a route or poses to stand at")
+    costs, before = dijkstra(space.graph, indices=[start], return_predecessors=True)
+    roomy = space.gaps >= comfortable
+    roomy[start] = False
+    far = np.where(roomy, costs[0], 0.0) if roomy.any() else costs[0]
+    return path_to(before[0], int(np.argmax(far)))
+
+
+def _straightened(space: FreeSpace, legs: list[Int], clearance: float) -> Float:
+    """Way-points (m, 2) along the legs, straight as long as the clearance is kept.
+
+    From each way-point the straight line is drawn to place after place; the last one before it is
+    no longer clear is the next way-point. The ends of the legs, which are lookouts, always stay.
+    """
+    waypoints = [space.places[legs[0][0]]]
+    for leg in legs:
+        places, room = space.places[leg], np.minimum(space.gaps[leg], clearance)
+        here = 0
+        while here < len(leg) - 1:
+            there = here + 1
+            while there + 1 < len(leg) and _is_clear(space, places, room, here, there + 1):
+                there += 1
+            waypoints.append(places[there])
+            here = there
+    return np.array(waypoints)
+
+
+def _is_clear(space: FreeSpace, places: Float, room: Float, here: int, there: int) -> bool:
+    """Whether a straight line between two places of a path has about the clearance of the path."""
+    length = float(np.hypot(*(places[there] - places[here])))
+    if length > LONGEST_LEG:
+        return False
+    shares = np.linspace(0.0, 1.0, max(3, int(length / (0.5 * space.ground.grid.size)) + 2))
+    line = places[here] * (1.0 - shares[:, None]) + places[there] * shares[:, None]
+    # Compared with the path at the same share of its places, with a cell to spare.
+    kept = np.interp(shares, np.linspace(0.0, 1.0, there + 1 - here), room[here : there + 1])
+    return bool((space.room(line) >= np.maximum(kept - space.ground.grid.size, 0.0)).all())
+
+
+def _there_and_back(
+    route: Float, pose: Any, speed: float, lookahead: float, dt: float
+) -> Trajectory:
+    """The drive along a route and back, as a long run drives it."""
+    lap = route if (route[0] == route[-1]).all() else np.vstack([route, route[-2::-1]])
+    return follow_route(lap, start=pose, speed=speed, lookahead=lookahead, dt=dt)
+
+
+def _touching(drive: Trajectory, world: World, radius: float) -> Float:
+    """Positions (k, 2) [m] of a drive at which a robot touches a wall."""
+    positions = drive.poses[:, :2]
+    steps, _ = CollisionChecker(world).hit(positions[:-1], positions[1:], radius)
+    return positions[np.unique(steps)]
+
+
+def _near(ground: Ground, places: Float) -> Bool:
+    """Which cells are near some places (k, 2) [m]."""
+    from scipy.ndimage import distance_transform_edt
+
+    marks = np.ones(ground.grid.gaps.shape, dtype=np.bool_)
+    marks[ground.grid.cells(places)] = False
+    return np.asarray(distance_transform_edt(marks, sampling=ground.grid.size) <= AROUND)

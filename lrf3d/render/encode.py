@@ -1,0 +1,182 @@
+"""The kinds of films by the ending of their file, and the one encoder that writes them all.
+
+Pictures go in one by one and are written at once, so that a film of any length takes no more memory
+than a short one.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import av
+import av.filter
+
+from lrf3d.errors import InputError
+from lrf3d.render.pictures import Picture
+
+_RATES = 1000
+"""Frames a second are kept as a fraction of this denominator at most."""
+
+_PALETTE = "max_colors=256:stats_mode=full"
+"""All that a GIF can have: with half as many, small things such as the robot lose their colour."""
+
+_DITHER = "dither=bayer:bayer_scale=5:diff_mode=rectangle"
+"""The faintest pattern: stronger ones show on walls, and none leaves bands in the sky. Spreading
+errors from pixel to pixel would flicker."""
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """A kind of film, as FFmpeg's libraries write it."""
+
+    codec: str
+    colours: str
+    """How the codec holds pixels."""
+    fastest: float
+    """Most frames a second: browsers show pictures of a shorter time for a tenth of a second."""
+    unit: Fraction | None = None
+    """What times are whole numbers of [s]; the time of a frame if not given."""
+    codec_options: dict[str, str] = field(default_factory=dict)
+    file_options: dict[str, str] = field(default_factory=dict)
+    even: bool = False
+    """Whether width and height have to be even."""
+    palette: bool = False
+    """Whether all pictures share 256 colours."""
+
+
+FORMATS = {
+    ".gif": Format("gif", "pal8", 50.0, Fraction(1, 100), file_options={"loop": "0"}, palette=True),
+    ".mp4": Format(
+        "libx264",
+        "yuv420p",
+        1000.0,
+        # A short look ahead halves the size that this preset gives, at a fifth less time than the
+        # next one.
+        codec_options={
+            "preset": "superfast",
+            "x264-params": "rc-lookahead=8:mbtree=1",
+            "crf": "20",
+            "bf": "0",
+        },
+        file_options={"movflags": "faststart"},
+        even=True,
+    ),
+    ".webp": Format(
+        "libwebp_anim",
+        "yuv420p",
+        200.0,
+        Fraction(1, 1000),
+        # A quarter of what the film takes as GIF, and hardly different from the original.
+        codec_options={"quality": "75", "compression_level": "4"},
+        file_options={"loop": "0"},
+    ),
+}
+
+
+def format_of(path: Path, size: tuple[int, int], fps: float) -> Format:
+    """The kind of film that a path names.
+
+    Raises:
+        InputError: There is no such kind, or it cannot have that size [pixels] or rate [Hz].
+    """
+    found = FORMATS.get(path.suffix.lower())
+    if found is None:
+        raise InputError(f"{path}: expected a film that ends in {', '.join(sorted(FORMATS))}")
+    if found.even and (size[0] % 2 or size[1] % 2):
+        raise InputError(f"size {size[0]}x{size[1]}: H.264 needs even numbers")
+    if fps > found.fastest:
+        raise InputError(
+            f"fps {fps:g}: players show at most {found.fastest:g} frames a second of {path.suffix}"
+        )
+    return found
+
+
+def encode(
+    pictures: Iterable[Picture],
+    path: Path,
+    kind: Format,
+    *,
+    fps: float,
+    examples: Sequence[Picture] = (),
+) -> None:
+    """Write pictures (h, w, 3) as a film; examples of them choose the colours of a palette."""
+    rate = Fraction(fps).limit_denominator(_RATES)
+    unit = kind.unit or 1 / rate
+    frames = _timed(pictures, fps, unit)
+    if kind.palette:
+        frames = _coloured(frames, examples, unit)
+    with av.open(str(path), "w", format=path.suffix[1:], options=kind.file_options) as film:
+        stream: Any = film.add_stream(kind.codec, rate, options=kind.codec_options)
+        stream.codec_context.time_base = unit
+        for number, frame in enumerate(frames):
+            if number == 0:
+                stream.width, stream.height = frame.width, frame.height
+                stream.pix_fmt = kind.colours
+            film.mux(stream.encode(frame))
+        film.mux(stream.encode(None))
+
+
+def _timed(pictures: Iterable[Picture], fps: float, unit: Fraction) -> Iterator[Any]:
+    """Frames with the times when they begin and how long they are shown."""
+    for number, picture in enumerate(pictures):
+        frame = av.VideoFrame.from_ndarray(picture, format="rgb24")
+        # Rounded from the start, so that it does not add up.
+        frame.pts = round(number / (fps * unit))
+        frame.duration = round((number + 1) / (fps * unit)) - frame.pts
+        frame.time_base = unit
+        yield frame
+
+
+def _coloured(frames: Iterator[Any], examples: Sequence[Picture], unit: Fraction) -> Iterator[Any]:
+    """Frames in the 256 colours that serve examples of them best.
+
+    With one palette for all no colour changes from frame to frame.
+    """
+    shown = list(_timed(examples, 1.0, unit))
+    _graph, (source,), sink = _filter("palettegen", _PALETTE, shown[:1])
+    for frame in shown:
+        source.push(frame)
+    source.push(None)
+    palette = sink.pull()
+    palette.pts, palette.time_base = 0, unit
+    _graph, (pictures, colours), sink = _filter("paletteuse", _DITHER, [shown[0], palette])
+    colours.push(palette)
+    colours.push(None)
+    for frame in frames:
+        pictures.push(frame)
+        yield from _ready(sink)
+    pictures.push(None)
+    yield from _ready(sink)
+
+
+def _filter(name: str, options: str, like: list[Any]) -> tuple[Any, list[Any], Any]:
+    """A filter with a source of frames like each of these, and the sink that it fills.
+
+    Its graph comes first: it has to live as long as they.
+    """
+    graph = av.filter.Graph()
+    chosen, sink = graph.add(name, options), graph.add("buffersink")
+    sources = []
+    for number, frame in enumerate(like):
+        source = graph.add_buffer(
+            width=frame.width,
+            height=frame.height,
+            format=frame.format.name,
+            time_base=frame.time_base,
+        )
+        source.link_to(chosen, 0, number)
+        sources.append(source)
+    chosen.link_to(sink)
+    graph.configure()
+    return graph, sources, sink
+
+
+def _ready(sink: Any) -> Iterator[Any]:
+    """Frames that are ready."""
+    while True:
+        try:
+            yield sink.pull()
+        except (av.BlockingIOError, av.EOFError):
+            return
