@@ -6,7 +6,6 @@ from program import lrf3d as program
 from program import refused
 
 from lrf3d import load_scenario
-from lrf3d.casting.timed import SweepCaster
 from lrf3d.errors import InputError
 from lrf3d.laser import Imperfections
 from lrf3d.world.schema import read_settings
@@ -155,10 +154,3 @@ def test_a_run_goes_out_in_every_format_and_comes_back_as_the_same_map(room, tmp
     # Not where the map of the run itself would be; a file called run has its folder's name, too.
     assert {each["name"] for each in summaries} == {"out_run", "run_bag", "out_map"}
     assert "a run has only true poses" in refused("map", out, "--poses", "odom")
-
-
-def test_scans_take_time_only_where_they_are_said_to(room):
-    scenario = load_scenario(room)
-    from lrf3d.casting.timed import timed
-
-    assert isinstance(timed(None, scenario.lrf, scenario.trajectory()), SweepCaster)
