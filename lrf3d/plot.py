@@ -167,7 +167,7 @@ def scan(
 
 
 def trajectory(trajectory: Trajectory | Float, ax: Axes | None = None, **style: Any) -> Axes:
-    """Plot a drive or poses (k, 3): few as robots by name, many as a path and the robot at its end."""
+    """Plot a drive, or poses (k, 3): few as robots by name, many as a path with a robot."""
     ax = _axes(ax)
     known = trajectory.poses if isinstance(trajectory, Trajectory) else trajectory
     poses = np.asarray(known, dtype=np.float64)
