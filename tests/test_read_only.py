@@ -112,7 +112,7 @@ def test_what_nobody_can_write_to_is_not_copied():
 
 
 def test_a_noise_and_a_mapper_that_write_in_place_cannot_change_the_truth():
-    def shifted(scan):
+    def shifted(scan, rng):
         scan.ranges[:] += 0.5
         return scan
 

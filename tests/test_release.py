@@ -68,8 +68,9 @@ def examples():
     for name in lrf3d.__all__:
         value = getattr(lrf3d, name)
         [test] = doctest.DocTestFinder(recurse=False).find(value, name, module=False)
-        yield f"def _{name}() -> None:\n"
-        yield from (indent(example.source, "    ") for example in test.examples)
+        if test.examples:
+            yield f"def _{name}() -> None:\n"
+            yield from (indent(example.source, "    ") for example in test.examples)
 
 
 @pytest.mark.slow

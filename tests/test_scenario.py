@@ -7,8 +7,7 @@ import pytest
 from lrf3d.casting import PlanarCaster
 from lrf3d.errors import CollisionError, WorldError
 from lrf3d.robot import find_collision, follow_route
-from lrf3d.scenario import Scenario, start_of
-from lrf3d.scenario_file import load_scenario
+from lrf3d.scenario import Scenario, load_scenario, start_of
 from lrf3d.world import World
 
 WALL = "[[object]]\npoints = [[0, 0], [4, 0]]\n"

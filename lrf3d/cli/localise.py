@@ -39,7 +39,7 @@ def localise(
     sigma = scenario.sigmas[0] if sigma is None else sigma
 
     from lrf3d.localization import OdometryNoise
-    from lrf3d.localization.monte_carlo import LocalisationTask, score_localisation
+    from lrf3d.localization.monte_carlo import score_localisation
 
     odometry = OdometryNoise(position, radians(heading))
     with report.progress("first run") as progress:
@@ -47,23 +47,22 @@ def localise(
             mode="robust", sigma=sigma, rng=0, snapshots=1, on_collision=drive.on_collision,
             progress=progress,
         )  # fmt: skip
-    task = LocalisationTask(run, sigma, odometry, known, strategy)
     with report.progress("seeds") as progress:
-        score = score_localisation(task, seeds=seeds, workers=workers, progress=progress).as_dict()
-    lines, nees = len(task.known_lines()), score["nees"]
+        score = score_localisation(
+            run, sigma, odometry, known=known, strategy=strategy, seeds=seeds, workers=workers,
+            progress=progress,
+        )  # fmt: skip
+    nees = score["nees"]
     low, high = nees["bounds_of_average_over_seeds"]
     report.print(
         {
             "name": scenario.name,
-            "known": known,
-            "lines": lines,
-            "strategy": strategy,
             "sigma_m": sigma,
             "odometry_noise": {"position_m": position, "heading_deg": heading},
             **score,
         },
         [
-            ("known", f"{lines} lines: the {known} of {scenario.name}"),
+            ("known", f"{score['lines']} lines: the {known} of {scenario.name}"),
             ("drives", f"{score['seeds']} of {score['scans']} scans"),
             ("position", f"{score['mean_position_error_m']:.4f} m off on average, at most"
                          f" {score['largest_position_error_m']:.3f} m"),

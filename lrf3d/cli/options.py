@@ -48,6 +48,10 @@ IgnoreCollisions = Annotated[
         "--ignore-collisions", rich_help_panel=DRIVE, help="Only warn if the robot hits a wall."
     ),
 ]
+Resolution = Annotated[
+    float | None,
+    typer.Option(help="Side of a pixel [m], if the world is a bare picture (.png, .pgm)."),
+]
 ModeOption = Annotated[
     Literal["robust", "paper"] | None,
     typer.Option(rich_help_panel=MAP, help="Mode of the mapper."),
@@ -88,6 +92,7 @@ class Drive:
         ),
     ] = None
     scale: Scale = 1.0
+    resolution: Resolution = None
     inside: Inside = None
     ignore_collisions: IgnoreCollisions = False
 
@@ -109,7 +114,7 @@ class Drive:
         from lrf3d.errors import InputError
 
         where = side_of(self.inside)
-        scenario = read_world(name, self.settings, scale=self.scale)
+        scenario = read_world(name, self.settings, scale=self.scale, resolution=self.resolution)
         scenario = scenario.with_route(where=where, say=warn)
         if scenario.planned is None:
             if where is not None:
@@ -126,7 +131,13 @@ class Drive:
         return scenario
 
 
-def read_world(name: str, settings: list[str] | None = None, *, scale: float = 1.0) -> "Scenario":
+def read_world(
+    name: str,
+    settings: list[str] | None = None,
+    *,
+    scale: float = 1.0,
+    resolution: float | None = None,
+) -> "Scenario":
     """Read a world, and warn if its size is implausible.
 
     Raises:
@@ -137,10 +148,12 @@ def read_world(name: str, settings: list[str] | None = None, *, scale: float = 1
     # An unknown name is reported before anything else is imported, which takes a second.
     find_world(name)
     from lrf3d.cli.console import warn
-    from lrf3d.scenario_file import read_scenario_file, scenario_of
+    from lrf3d.scenario import read_scenario_file, scenario_of
     from lrf3d.world.size import size_warning
 
-    scenario = scenario_of(read_scenario_file(name).scaled(scale), settings or ())
+    scenario = scenario_of(
+        read_scenario_file(name, resolution=resolution).scaled(scale), settings or ()
+    )
     warning = size_warning(scenario.world)
     if warning is not None:
         warn(f"{name}: {warning}")

@@ -90,7 +90,9 @@ def run(
     if controller is None:
         scenario = drive.read(world, report)
     else:
-        scenario = options.read_world(world, drive.settings, scale=drive.scale)
+        scenario = options.read_world(
+            world, drive.settings, scale=drive.scale, resolution=drive.resolution
+        )
 
     from lrf3d.cli.folder import results_folder
     from lrf3d.cli.plugins import load_plugin

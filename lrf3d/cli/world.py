@@ -22,6 +22,7 @@ def show(
         Path | None, typer.Option("--out", "-o", help="Draw the world to this .png.")
     ] = None,
     scale: options.Scale = 1.0,
+    resolution: options.Resolution = None,
 ) -> None:
     """Describe a world, and draw it."""
     from lrf3d.cli.console import print_json, print_text
@@ -32,7 +33,7 @@ def show(
         names = world_names()
         print_json(names) if report.json else print_text("\n".join([*names, ""]))
         return
-    scenario = options.read_world(world, scale=scale)
+    scenario = options.read_world(world, scale=scale, resolution=resolution)
     figures, rows = _described(scenario.world)
     figures = {"name": scenario.name} | figures
     if scenario.route is not None:
@@ -59,7 +60,10 @@ def convert(
     report: Report,
     scale: options.Scale = 1.0,
     resolution: Annotated[
-        float | None, typer.Option(help="Side of a cell of a ROS map [m]; 0.05 if not given.")
+        float | None,
+        typer.Option(
+            help="Side of a cell [m] of a ROS map (0.05), or of a pixel of a bare picture."
+        ),
     ] = None,
     trees: Annotated[
         bool, typer.Option("--trees", help="Make walls of the trunks of trees in a .osm file, too.")
@@ -67,9 +71,12 @@ def convert(
 ) -> None:
     """Read a world from one format and write it in another."""
     from lrf3d.world import load_world, save_world
+    from lrf3d.world.files import PICTURES
 
-    read = load_world(source, trees=trees).scaled(scale)
-    save_world(read, target, resolution=resolution)
+    bare = Path(source).suffix.lower() in PICTURES
+    read = load_world(source, trees=trees, resolution=resolution if bare else None).scaled(scale)
+    cells = target.suffix.lower() == ".yaml"
+    save_world(read, target, resolution=None if bare and not cells else resolution)
     figures, rows = _described(read)
     report.print(
         {"from": source} | figures | {"written": str(target)},

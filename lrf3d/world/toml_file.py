@@ -82,7 +82,16 @@ class WorldFile:
         _Document(self.path, self.text).refuse(path, message)
 
 
-def read_toml(path: Path) -> WorldFile:
+def read_toml(path: Path) -> World:
+    """The walls of a world file; :func:`read_world_file` reads its tables, too.
+
+    Raises:
+        WorldError: As for :func:`read_world_file`.
+    """
+    return read_world_file(path).world
+
+
+def read_world_file(path: Path) -> WorldFile:
     """Read a world file.
 
     Raises:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from synthetic_run import around, as_map, box, make_run, make_world, ring
+from synthetic_run import around, as_map, box, make_run, make_world
 
 import lrf3d
 from lrf3d.geometry import Float
@@ -22,11 +22,9 @@ from lrf3d.scoring import (
     matching,
     score_map,
     score_run,
-    storage,
     visible_walls,
 )
 from lrf3d.scoring.matching import sample_offsets
-from lrf3d.scoring.storage import held_polylines
 from lrf3d.world import World
 
 ROUND = LaserRangeFinder(-np.pi, np.pi, 721)
@@ -338,64 +336,6 @@ def test_a_building_with_a_flaw_is_not_whole(blocks, flaw):
         objects[objects == 1] = 0
     count = buildings_seen(replace(blocks, maps=(as_map(segments, objects),)))
     assert (count.seen_on_all_sides, count.whole) == (3, 1 if flaw == "shared object" else 2)
-
-
-# Storage
-
-
-def six_walls() -> Float:
-    return ring([(0, 0), (6, 0), (6, 3), (3, 3), (3, 6), (0, 6)])
-
-
-def views(corners: list[tuple[float, float]]) -> Float:
-    return np.array(corners, dtype=np.float64)
-
-
-def test_storage_counts_numbers(blocks):
-    outline = views([(0, 0), (10, 0), (10, 6)])
-    count = storage(blocks, [[outline]] * len(blocks))
-    assert (count.segments, count.unions) == (12, 3)
-    assert (count.union_numbers, count.union_numbers_unlabelled) == (60, 48)
-    assert (count.polylines, count.polyline_lines, count.polyline_numbers) == (1, 2, 6)
-    low = np.min([scan.points().min(axis=0) for scan in blocks.scans], axis=0)
-    assert low[0] > -5.0  # The poses reach farther left than the walls: they count as well.
-    assert count.grid_cells == 300 * 300
-
-
-def test_an_object_of_six_walls_takes_more_lines_as_polylines_than_as_a_union():
-    run = make_run(make_world(six_walls()), around(3, 3, 8, 8), ROUND)
-    sides = [
-        [views([(0, 6), (0, 0), (6, 0)])],
-        [views([(0, 0), (6, 0), (6, 3), (3, 3)])],
-        [views([(6, 0), (6, 3), (3, 3), (3, 6), (0, 6)])],
-        [views([(3, 6), (0, 6), (0, 0)])],
-    ]
-    count = storage(run, sides)
-    assert (count.segments, count.unions) == (6, 1)
-    # The view from below left is told by the others; corner walls are stored twice.
-    assert (count.polylines, count.polyline_lines, count.polyline_numbers) == (3, 9, 24)
-    assert count.grid_cells > 50 * count.polyline_numbers
-
-
-def test_a_view_that_tells_nothing_new_is_not_held():
-    front = views([(0, 0), (10, 0), (10, 6)])
-    shorter = views([(1, 0.05), (10, 0.05), (10, 5)])
-    around_the_corner = views([(10, 0), (10, 6), (0, 6)])
-    assert len(held_polylines([[front], [shorter]], 0.1)) == 1
-    assert len(held_polylines([[front], [around_the_corner]], 0.1)) == 2
-
-
-def test_a_view_that_tells_all_that_others_told_replaces_them():
-    full = views([(0, 0), (10, 0), (10, 6), (0, 6)])
-    parts = [views([(0, 0), (4, 0)]), views([(4, 0), (10, 0), (10, 3)])]
-    held = held_polylines([parts, [full]], 0.1)
-    assert len(held) == 1
-    assert held[0] is full
-
-
-def test_no_polylines_at_all_take_no_numbers(blocks):
-    count = storage(blocks, [[] for _ in range(len(blocks))])
-    assert (count.polylines, count.polyline_lines, count.polyline_numbers) == (0, 0, 0)
 
 
 def test_what_a_mirror_shows_is_no_visible_part_of_a_wall():

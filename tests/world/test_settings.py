@@ -168,10 +168,6 @@ def test_a_run_goes_out_in_every_format_and_comes_back_as_the_same_map(room, tmp
     assert "a run has only true poses" in refused("map", out, "--poses", "odom")
 
 
-def test_a_format_that_is_none_is_answered_with_those_there_are(room):
-    assert "carmen, mcap, rosbag2" in refused("export", room, "--to", "bag")
-
-
 def test_scans_take_time_only_where_they_are_said_to(room):
     scenario = load_scenario(room)
     from lrf3d.casting.timed import timed
