@@ -29,12 +29,6 @@ def world_of(*walls, heights=None):
 
 
 @both
-def test_a_white_wall_at_one_metre_has_the_intensity_one(caster):
-    scan = caster(world_of((1, -1, 1, 1, WHITE))).cast(AHEAD, (0, 0, 0))
-    assert scan.intensities.tolist() == [1.0]
-
-
-@both
 def test_intensities_are_those_of_the_laser_equation(caster):
     rng = np.random.default_rng(0)
     for _ in range(1000):
@@ -131,17 +125,9 @@ def test_a_corner_of_mirrors_returns_each_beam_to_where_it_came_from(caster):
 
 @both
 def test_a_beam_into_the_very_corner_is_turned_by_both_mirrors(caster):
-    walls = [(-5, 4, 5, 4, PERFECT), (5, -4, 5, 4, PERFECT), (-9, -8, -7, -10, WHITE)]
-    world = world_of(*walls)
-    # 3-4-5: the direction (0.6, 0.8) is not exact in float64, (1, 1) / √2 is as good as.
-    lrf, pose = LaserRangeFinder(np.pi / 4, np.pi / 4, beams=1), (1.0, 0.0, 0.0)
-    exact = lrf.directions(pose)[0]
-    if exact[0] == exact[1]:
-        assert caster(world).chains(lrf, pose).tolist() == [[0, 1, 2]]
-    straight = LaserRangeFinder(0.0, 0.0, beams=1)
     world = world_of((5, 0, 9, 4, PERFECT), (5, 0, 9, -4, PERFECT), (-3, -1, -3, 1, WHITE))
-    assert caster(world).chains(straight, (0, 0, 0)).tolist() == [[0, 1, 2]]
-    assert caster(world).cast(straight, (0, 0, 0)).ranges.tolist() == [13.0]
+    assert caster(world).chains(AHEAD, (0, 0, 0)).tolist() == [[0, 1, 2]]
+    assert caster(world).cast(AHEAD, (0, 0, 0)).ranges.tolist() == [13.0]
 
 
 @both
@@ -181,20 +167,6 @@ def test_glass_returns_an_echo_and_lets_the_beam_through(caster):
         assert caster(world).cast(replace(AHEAD, echo=echo), (0, 0, 0)).ranges[0] == distance
     # Seen aslant it returns next to nothing, and the wall behind is the strongest echo.
     assert caster(world).cast(AHEAD, (0, 0.5, 0.3)).walls.tolist() == [1]
-
-
-@pytest.mark.parametrize("index", [1.3, 1.52, 2.0])
-def test_a_pane_mirrors_as_fresnel_says(index):
-    # At Brewster's angle one polarisation passes whole; along the pane all is mirrored.
-    angle = math.atan(index)
-    across = ((index**2 - 1) / (index**2 + 1)) ** 2
-    assert shares(math.cos(angle), 0.0, 0.0, 0.0, index)[0] == pytest.approx(
-        across / (1 + across), rel=1e-12
-    )
-    assert shares(0.0, 0.0, 0.0, 0.0, index) == (1.0, 0.0)
-    assert shares(0.5, 0.25, 0.0, 0.0, index)[0] + shares(0.5, 0.25, 0.0, 0.0, index)[
-        1
-    ] == pytest.approx(0.75)
 
 
 @both
@@ -305,17 +277,3 @@ def test_a_batch_is_its_scans():
     assert (caster.cast_batch(ROUND, poses) == ranges).all()
     with pytest.raises(InputError, match="world without materials"):
         PlanarCaster(World([[0, 0, 1, 0]])).light_batch(ROUND, poses)
-
-
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"threshold": -1.0}, "threshold -1.0, expected a finite number"),
-        ({"near_field": np.inf}, "near_field inf"),
-        ({"echo": "loudest"}, "echo 'loudest', expected one of first, last, strongest"),
-        ({"echoes": 6}, "echoes 6: expected a whole number from 1 to 5"),
-    ],
-)
-def test_invalid_settings_of_the_receiver_are_refused(values, message):
-    with pytest.raises(InputError, match=message):
-        LaserRangeFinder(**values)
