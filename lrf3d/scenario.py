@@ -338,7 +338,8 @@ def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
     file = replace(file, tables=tables)
     robot = dict(file.tables.get("robot", {}))
     if "route" in robot and "poses" in robot:
-        file.refuse(("robot", "poses"), "stand beside a route; give one of them")
+        with file.at("robot.poses"):
+            raise InputError("stand next to a route; give one of them")
     if "poses" in robot:
         robot["poses"] = np.column_stack([robot["poses"][:, :2], np.radians(robot["poses"][:, 2])])
     if "start" in robot:
@@ -370,22 +371,18 @@ def _obstacles(file: WorldFile, radius: float) -> tuple[DynamicObstacle, ...]:
     obstacles = []
     for index, table in enumerate(file.obstacles):
         outline, height = table.get("points"), table.get("height", DEFAULT_HEIGHT)
-        try:
+        with file.at(f"obstacle[{index}]"):
             if outline is None:
                 outline = round_outline(table.get("radius", radius))
             path = Patrol(table["route"], table.get("speed", 1.0))
             obstacles.append(DynamicObstacle(outline, path, height))
-        except InputError as error:
-            file.refuse(("obstacle", index), str(error))
     return tuple(obstacles)
 
 
 def _film(file: WorldFile) -> Mapping[str, Any]:
     values = file.tables.get("film", {})
-    try:
+    with file.at("film.view"):
         check_view(values.get("view", "story"), file.world.cameras)
-    except InputError as error:
-        file.refuse(("film", "view"), str(error))
     return values
 
 
@@ -393,7 +390,5 @@ def _range_finder(file: WorldFile) -> LaserRangeFinder:
     values = dict(file.tables.get("laser", {}))
     for key in {"angle_min_deg", "angle_max_deg"} & values.keys():
         values[key.removesuffix("_deg")] = float(np.radians(values.pop(key)))
-    try:
+    with file.at("laser"):
         return LaserRangeFinder(**values)
-    except InputError as error:
-        file.refuse(("laser",), str(error))

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from lrf3d.errors import WorldError, shown
-from lrf3d.geometry import Float, is_finite
+from lrf3d.geometry import LARGEST_COORDINATE, Float, is_finite
 from lrf3d.world.materials import Material, material_of
-from lrf3d.world.model import LARGEST_COORDINATE, MOST_OBJECTS
+from lrf3d.world.model import MOST_OBJECTS
 from lrf3d.world.schema import parse_colour
 
 LEVEL_HEIGHT = 3.0
@@ -121,7 +121,7 @@ def _shapes(geometry: object) -> Iterator[Any]:
     if not (np.abs(shapely.get_coordinates(whole)) <= LARGEST_COORDINATE).all():
         raise WorldError(f"{kind}: expected finite coordinates of at most {LARGEST_COORDINATE:g} m")
     for part in shapely.get_parts(shapely.remove_repeated_points(whole)):
-        if not part.length > 0.0:
+        if not np.ptp(shapely.get_coordinates(part), axis=0).any():
             raise WorldError(f"{kind} of no length: expected two different points")
         if part.geom_type == "Polygon" and not shapely.make_valid(part).area > 0.0:
             raise WorldError(f"{kind}: lies on one line and encloses nothing")

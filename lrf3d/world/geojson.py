@@ -74,7 +74,7 @@ def read_geojson(path: Path) -> World:
     name = data["name"] if isinstance(data.get("name"), str) else own_name(path)
     try:
         world = world_of_features(features, name, place=place)
-        free = FreeCells.from_dict(data["free"]) if "free" in data else None
+        free = _free(data)
         if _is_map(data):
             return world_of_map(world, free)
         return replace(world, cameras=_cameras(data.get("cameras", [])), free=free)
@@ -139,6 +139,14 @@ def _cameras(members: Any) -> tuple[FixedCamera, ...]:
         raise WorldError(
             f"cameras: expected a list of name, position, target and field_deg ({error})"
         ) from None
+
+
+def _free(data: dict[str, Any]) -> FreeCells | None:
+    """The cells in the member ``free``, as lrf3d writes it."""
+    try:
+        return FreeCells.from_dict(data["free"]) if "free" in data else None
+    except InputError as error:
+        raise WorldError(f"free: {error}") from None
 
 
 def _refuse_constant(constant: str) -> NoReturn:
