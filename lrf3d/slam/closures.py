@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrf3d.geometry import Float, wrap_angle
+from lrf3d.geometry import Float, Int, wrap_angle
 from lrf3d.slam.correlation import DEVIATIONS as WINDOW_DEVIATIONS
 from lrf3d.slam.correlation import same_place, search
 from lrf3d.slam.frames import between, compose, turned
@@ -276,6 +276,24 @@ class LoopCloser:
         kept = {id(closure) for closure in agreeing}
         self._pending = [other for other in self._pending if id(other) not in kept]
         return agreeing
+
+    def stretches_of(self, closures: list[Closure]) -> list[list[int]]:
+        """Numbers of closures, those that join the same two stretches of the path together."""
+        groups: list[list[int]] = []
+        for number, closure in enumerate(closures):
+            near = (g for g in groups if self._beside(closures[g[-1]], closure))
+            group = next(near, None)
+            if group is None:
+                groups.append([number])
+            else:
+                group.append(number)
+        return groups
+
+    def reject(self, numbers: Int) -> None:
+        """Reject accepted closures, by their numbers, after all."""
+        self._rejected += [self.accepted[number] for number in numbers.tolist()]
+        gone = set(numbers.tolist())
+        self.accepted = [c for number, c in enumerate(self.accepted) if number not in gone]
 
     def _beside(self, first: Closure, second: Closure) -> bool:
         """Whether two closures join the same two stretches of the path."""

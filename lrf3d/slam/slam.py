@@ -45,6 +45,11 @@ the next optimisation: unscaled ones would be ten times too large where scans ar
 FINAL_ITERATIONS = 20
 """Most Gauss-Newton steps over the pose graph in the end."""
 
+MOST_TAKEN_BACK, AGREE_BETTER = 8, 0.8
+"""Where scans contradict each other, this many groups of closures are tried to be taken back, those
+that are off most first; one is, if without it beams pass through at most this share of the
+points."""
+
 LEAST_ROOM = 256
 """Key scans that there is room for at first."""
 
@@ -291,7 +296,29 @@ class Slam:
         self._add_closures(self._closer.settle())
         if len(edges := self._gathered_edges()):
             self._move_keys(optimised(self._key_poses, edges, FINAL_ITERATIONS), edges)
+            while not (check := self.self_check()).passed and self._take_back(check.violation):
+                pass
             self._map.redraw(self._key_poses)
+
+    def _take_back(self, violation: float) -> bool:
+        """Take back the closures of two stretches whose scans agree clearly better without them."""
+        edges = self._gathered_edges()
+        numbers, squares = np.flatnonzero(edges.robust), edges.squares(self._key_poses)
+        groups = [numbers[group] for group in self._closer.stretches_of(self._closer.accepted)]
+        groups.sort(key=lambda group: -float(squares[group].mean()))
+        for group in groups[:MOST_TAKEN_BACK]:
+            kept = np.ones(len(edges), np.bool_)
+            kept[group] = False
+            rest = edges.part(kept)
+            poses = optimised(self._key_poses, rest, FINAL_ITERATIONS)
+            if self_check(self._closer.keys, poses, self._closer.driven).violation < (
+                AGREE_BETTER * violation
+            ):
+                self._edges = rest
+                self._closer.reject(np.searchsorted(numbers, group))
+                self._move_keys(poses, rest)
+                return True
+        return False
 
     def refined(self, scans: Sequence[LaserScan]) -> Float:
         """Poses (k, 3) of the robot at all scans (k,), matched with all key scans around them.
