@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrf3d.geometry import Float, Int, wrap_angle
+from lrf3d.geometry import Bool, Float, Int, wrap_angle
 from lrf3d.slam.correlation import DEVIATIONS as WINDOW_DEVIATIONS
 from lrf3d.slam.correlation import same_place, search
 from lrf3d.slam.frames import between, compose, turned
@@ -277,23 +277,19 @@ class LoopCloser:
         self._pending = [other for other in self._pending if id(other) not in kept]
         return agreeing
 
-    def stretches_of(self, closures: list[Closure]) -> list[list[int]]:
-        """Numbers of closures, those that join the same two stretches of the path together."""
-        groups: list[list[int]] = []
-        for number, closure in enumerate(closures):
-            near = (g for g in groups if self._beside(closures[g[-1]], closure))
-            group = next(near, None)
-            if group is None:
-                groups.append([number])
-            else:
-                group.append(number)
-        return groups
+    def stretches(self) -> Int:
+        """For each accepted closure (c,) a number of the two stretches that it joins."""
+        found: list[int] = []
+        for number, closure in enumerate(self.accepted):
+            near = (k for k in range(number - 1, -1, -1) if self._beside(self.accepted[k], closure))
+            same = next(near, None)
+            found.append(number if same is None else found[same])
+        return np.array(found, dtype=np.int64)
 
-    def reject(self, numbers: Int) -> None:
-        """Reject accepted closures, by their numbers, after all."""
-        self._rejected += [self.accepted[number] for number in numbers.tolist()]
-        gone = set(numbers.tolist())
-        self.accepted = [c for number, c in enumerate(self.accepted) if number not in gone]
+    def keep(self, kept: Bool) -> None:
+        """Keep some of the accepted closures, of a mask (c,), and reject the others after all."""
+        self._rejected += [c for c, keep in zip(self.accepted, kept, strict=True) if not keep]
+        self.accepted = [c for c, keep in zip(self.accepted, kept, strict=True) if keep]
 
     def _beside(self, first: Closure, second: Closure) -> bool:
         """Whether two closures join the same two stretches of the path."""
