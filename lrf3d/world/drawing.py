@@ -7,8 +7,8 @@ import numpy as np
 
 from lrf3d.errors import WorldError
 from lrf3d.files import own_name
-from lrf3d.geometry import Float, lengths
-from lrf3d.world.model import LARGEST_COORDINATE, World
+from lrf3d.geometry import LARGEST_COORDINATE, Float, lengths
+from lrf3d.world.model import World
 from lrf3d.world.pieces import walls
 from lrf3d.world.touching import TOUCHING, connected
 

@@ -15,9 +15,9 @@ import numpy as np
 
 from lrf3d.errors import WorldError
 from lrf3d.files import check_ordinary
-from lrf3d.geometry import Float
+from lrf3d.geometry import LARGEST_COORDINATE, Float
 from lrf3d.world.drawing import CURVE_ERROR, world_of_strokes
-from lrf3d.world.model import LARGEST_COORDINATE, World
+from lrf3d.world.model import World
 
 LARGEST_DXF = 1 << 26
 """Largest drawing [bytes]."""

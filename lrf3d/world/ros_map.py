@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from lrf3d.errors import OutputError, WorldError, shown
 from lrf3d.files import opened, own_name, read_text, replacing
-from lrf3d.geometry import Bool, Float, Int, Single, is_finite
+from lrf3d.geometry import LARGEST_COORDINATE, Bool, Float, Int, Single, is_finite
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.grid_walls import walls_of_grid
-from lrf3d.world.model import LARGEST_COORDINATE, World
+from lrf3d.world.model import World
 from lrf3d.world.touching import connected
 
 LARGEST_YAML, LARGEST_PICTURE = 1 << 16, 1 << 28
