@@ -14,7 +14,7 @@ from lrf3d.geometry import Bool, Float, Int, numbers, wrap_angle
 from lrf3d.laser import ProportionalNoise
 from lrf3d.laser.noise import at_sigma
 from lrf3d.planning.free_space import find_free_space
-from lrf3d.planning.sides import survey
+from lrf3d.planning.sides import Ground
 from lrf3d.robot.collision import CollisionChecker
 from lrf3d.robot.unicycle import arcs
 from lrf3d.scenario import Scenario
@@ -83,7 +83,7 @@ class DriveTask:
         )
         self._checker = CollisionChecker(scenario.world)
         least = scenario.radius + GOAL_MARGIN
-        space = find_free_space(survey(scenario.world), least)
+        space = find_free_space(Ground.around(scenario.world), least)
         self._cells = space.places + scenario.world.origin
         self.farthest = float(np.hypot(*np.ptp(self._cells, axis=0))) + GOAL_FAR
         self.poses, self.goals = np.zeros((count, 3)), np.zeros((count, 2))
