@@ -1,6 +1,6 @@
 """Worlds and runs as glTF 2.0 in one file (GLB), which Blender, web viewers and engines read.
 
-Needs no OpenGL: what the film draws is taken as arrays.
+What the film draws is written, in the film's light: no material needs a lamp.
 """
 
 from lrf3d.gltf.drive import run_glb, still_glb

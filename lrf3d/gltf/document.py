@@ -3,12 +3,14 @@
 The classes of the format and the packing of the file are pygltflib's.
 """
 
+import io
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import pygltflib
 from numpy.typing import NDArray
+from PIL import Image
 from pygltflib import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER
 
 from lrf3d.geometry import Float
@@ -29,16 +31,16 @@ _ALIGNMENT = 4
 
 
 class Document:
-    """Collects nodes, meshes and animations of one scene, whose frame has z up, in metres.
+    """Collects nodes, meshes and one animation, in a frame with z up, in metres.
 
-    Args:
-        name: Name of the root node.
-        extras: What the root node keeps for programs.
+    All materials keep their colours in any light. The root node has the name of the document, and
+    extras for programs.
     """
 
     def __init__(self, name: str, extras: Mapping[str, Any]) -> None:
         asset = pygltflib.Asset(version="2.0", generator="lrf3d")
-        self.gltf = pygltflib.GLTF2(asset=asset, scene=0)
+        unlit = ["KHR_materials_unlit"]
+        self.gltf = pygltflib.GLTF2(asset=asset, scene=0, extensionsUsed=unlit)
         self._streams: dict[tuple[int, str, int], bytearray] = {}
         self._accessors: list[tuple[tuple[int, str, int], pygltflib.Accessor]] = []
         self._pictures: list[tuple[pygltflib.Image, bytes]] = []
@@ -48,17 +50,10 @@ class Document:
         self.root = self.node(name, rotation=[-half, 0.0, 0.0, half], extras=dict(extras))
         self.gltf.scenes = [pygltflib.Scene(nodes=[self.root], name=name)]
 
-    def array(
-        self, values: NDArray[Any], use: int, *, normalised: bool = False, bounded: bool = False
-    ) -> int:
-        """Add an array (n,) or (n, k) and give its accessor.
+    def array(self, values: NDArray[Any], use: int, *, bounded: bool = False) -> int:
+        """Add an array (n,) or (n, k) and give its accessor; whole numbers of vertices are 0…1.
 
-        Args:
-            values: float32, uint8, uint16 or uint32.
-            use: VERTICES, INDICES or KEYS.
-            normalised: Whether the whole numbers of a type stand for 0…1.
-            bounded: Whether the least and greatest values are noted: the format wants that for
-                positions and for times of keys.
+        The format wants the bounds of positions and of times noted.
         """
         columns = 1 if values.ndim == 1 else values.shape[1]
         key = (use, values.dtype.name, columns)
@@ -68,9 +63,8 @@ class Document:
             componentType=_COMPONENTS[values.dtype.name],
             count=len(values),
             type=_KINDS[columns],
+            normalized=use == VERTICES and values.dtype.kind == "u",
         )
-        if normalised:
-            accessor.normalized = True
         if bounded:
             rows = values.reshape(-1, columns)
             accessor.min, accessor.max = rows.min(axis=0).tolist(), rows.max(axis=0).tolist()
@@ -79,51 +73,35 @@ class Document:
         self._accessors.append((key, accessor))
         return len(self._accessors) - 1
 
-    def material(self, name: str, **properties: Any) -> int:
-        """Add a material and give its number."""
-        self.gltf.materials.append(pygltflib.Material(name=name, **properties))
+    def material(self, name: str, *, texture: int | None = None, translucent: bool = False) -> int:
+        """Add a material and give its number; vertices carry its colours, if it has no texture."""
+        factors: dict[str, Any] = {"metallicFactor": 0.0, "roughnessFactor": 1.0}
+        if texture is not None:
+            factors["baseColorTexture"] = {"index": texture}
+        self.gltf.materials.append(
+            pygltflib.Material(
+                name=name,
+                pbrMetallicRoughness=factors,
+                extensions={"KHR_materials_unlit": {}},
+                alphaMode="BLEND" if translucent else "OPAQUE",
+                doubleSided=True,
+            )
+        )
         return len(self.gltf.materials) - 1
 
-    def glowing(self, name: str, *, colour: Float | None = None, translucent: bool = False) -> int:
-        """Add a material that keeps its colours in any light, and is seen from both sides.
-
-        Args:
-            name: Its name.
-            colour: (3,) linear; if not given, vertices carry their colours.
-            translucent: Whether what is behind shines through.
-        """
-        self.extension("KHR_materials_unlit")
-        factors: dict[str, Any] = {"metallicFactor": 0.0, "roughnessFactor": 1.0}
-        if colour is not None:
-            factors["baseColorFactor"] = [*colour.tolist(), 1.0]
-        return self.material(
-            name,
-            pbrMetallicRoughness=factors,
-            extensions={"KHR_materials_unlit": {}},
-            alphaMode="BLEND" if translucent else "OPAQUE",
-            doubleSided=True,
-        )
-
-    def texture(
-        self, name: str, picture: bytes, kind: str, *, repeat: tuple[bool, bool] = (False, False)
-    ) -> int:
-        """Add a picture and give the number of its texture.
-
-        Args:
-            name: Its name.
-            picture: The file of the picture.
-            kind: ``image/png`` or ``image/jpeg``.
-            repeat: Whether it repeats to the sides, and up and down.
-        """
-        wrap = [pygltflib.REPEAT if on else pygltflib.CLAMP_TO_EDGE for on in repeat]
+    def texture(self, name: str, picture: Image.Image, kind: str, *, repeat: bool = False) -> int:
+        """Add a picture as a ``PNG`` or ``JPEG`` and give the number of its texture."""
+        file = io.BytesIO()
+        picture.save(file, kind, quality=88, optimize=True)
+        wrap = pygltflib.REPEAT if repeat else pygltflib.CLAMP_TO_EDGE
         sampler = pygltflib.Sampler(
             magFilter=pygltflib.LINEAR,
             minFilter=pygltflib.LINEAR_MIPMAP_LINEAR,
-            wrapS=wrap[0],
-            wrapT=wrap[1],
+            wrapS=wrap,
+            wrapT=wrap,
         )
-        image = pygltflib.Image(name=name, mimeType=kind)
-        self._pictures.append((image, picture))
+        image = pygltflib.Image(name=name, mimeType=f"image/{kind.lower()}")
+        self._pictures.append((image, file.getvalue()))
         self.gltf.samplers.append(sampler)
         self.gltf.images.append(image)
         number = len(self.gltf.images) - 1
@@ -131,19 +109,47 @@ class Document:
         return number
 
     def part(
-        self, material: int, attributes: Mapping[str, int], indices: int, *, mode: int | None = None
+        self,
+        material: int,
+        corners: NDArray[Any],
+        colours: NDArray[Any] | None = None,
+        *,
+        kind: type = np.uint8,
+        texture: NDArray[Any] | None = None,
+        mode: int = pygltflib.TRIANGLES,
     ) -> pygltflib.Primitive:
-        """A part of a mesh: triangles where no mode is given."""
+        """A part of a mesh: corners (…, 3), screen colours (…, 3 or 4), places (…, 2) in a texture.
+
+        Colours are kept as whole numbers of a kind.
+        """
+        columns = {"POSITION": corners.reshape(-1, 3).astype(np.float32)}
+        if colours is not None:
+            rows = np.ones((len(columns["POSITION"]), 4))
+            rows[:, : colours.shape[-1]] = colours.reshape(len(rows), -1)
+            rows[:, :3] = linear(rows[:, :3])
+            columns["COLOR_0"] = np.round(np.iinfo(kind).max * rows).astype(kind)
+        if texture is not None:
+            columns["TEXCOORD_0"] = texture.reshape(-1, 2).astype(np.float32)
+        # Corners that are the same in all are kept once.
+        rows = np.concatenate([column.view(np.uint8) for column in columns.values()], axis=1)
+        _, first, numbers = np.unique(
+            rows.view(f"V{rows.shape[1]}")[:, 0], return_index=True, return_inverse=True
+        )
+        small = np.uint16 if len(first) < 65535 else np.uint32
+        attributes = {
+            name: self.array(column[first], VERTICES, bounded=name == "POSITION")
+            for name, column in columns.items()
+        }
         return pygltflib.Primitive(
             attributes=pygltflib.Attributes(**attributes),
-            indices=indices,
+            indices=self.array(numbers.astype(small), INDICES),
             material=material,
-            mode=pygltflib.TRIANGLES if mode is None else mode,
+            mode=mode,
         )
 
-    def mesh(self, name: str, parts: list[pygltflib.Primitive]) -> int:
+    def mesh(self, name: str, *parts: pygltflib.Primitive) -> int:
         """Add a mesh and give its number."""
-        self.gltf.meshes.append(pygltflib.Mesh(name=name, primitives=parts))
+        self.gltf.meshes.append(pygltflib.Mesh(name=name, primitives=list(parts)))
         return len(self.gltf.meshes) - 1
 
     def node(self, name: str, parent: int | None = None, **properties: Any) -> int:
@@ -154,15 +160,14 @@ class Document:
             self.gltf.nodes[parent].children.append(number)
         return number
 
-    def extension(self, name: str) -> None:
-        """Note that an extension of the format is used."""
-        if name not in self.gltf.extensionsUsed:
-            self.gltf.extensionsUsed.append(name)
-
-    def animate(self, node: int, path: str, times: int, values: int, *, step: bool = False) -> None:
-        """Move a node: accessors of key times [s] and of values, straight or stepping between."""
+    def animate(
+        self, node: int, path: str, times: Float, values: Float, *, step: bool = False
+    ) -> None:
+        """Move a node: key times (k,) [s] and values (k, n), straight or stepping between."""
         kind = pygltflib.ANIM_STEP if step else pygltflib.ANIM_LINEAR
-        sampler = pygltflib.AnimationSampler(input=times, output=values, interpolation=kind)
+        keys = self.array(times.astype(np.float32), KEYS, bounded=True)
+        output = self.array(values.astype(np.float32), KEYS)
+        sampler = pygltflib.AnimationSampler(input=keys, output=output, interpolation=kind)
         self._animation.samplers.append(sampler)
         target = pygltflib.AnimationChannelTarget(node=node, path=path)
         number = len(self._animation.samplers) - 1
@@ -170,15 +175,26 @@ class Document:
 
     def drive(self, node: int, times: Float, poses: Float) -> None:
         """Move a node over level ground: key times (k,) [s], poses (k, 3) with even headings."""
-        places = np.column_stack([poses[:, :2], np.zeros(len(poses))]).astype(np.float32)
-        turns = np.zeros((len(poses), 4), np.float32)
-        turns[:, 2], turns[:, 3] = np.sin(0.5 * poses[:, 2]), np.cos(0.5 * poses[:, 2])
+        places = np.column_stack([poses[:, :2], np.zeros(len(poses))])
+        turns = turned(poses[:, 2])
         moved = self.gltf.nodes[node]
         moved.translation, moved.rotation = places[0].tolist(), turns[0].tolist()
         if len(times) > 1:
-            keys = self.array(times.astype(np.float32), KEYS, bounded=True)
-            self.animate(node, "translation", keys, self.array(places, KEYS))
-            self.animate(node, "rotation", keys, self.array(turns, KEYS))
+            self.animate(node, "translation", times, places)
+            self.animate(node, "rotation", times, turns)
+
+    def show(self, node: int, begin: float, end: float, whole: float) -> None:
+        """Give a node its size only from one time to another [s] of a whole animation."""
+        sizes, times = [1.0], [0.0]
+        if begin > 0.0:
+            # Programs that play nothing show the start.
+            self.gltf.nodes[node].scale = [0.0, 0.0, 0.0]
+            sizes, times = [0.0, 1.0], [0.0, begin]
+        if end < whole:
+            sizes, times = [*sizes, 0.0], [*times, end]
+        if len(times) > 1:
+            values = np.repeat(np.array(sizes)[:, None], 3, axis=1)
+            self.animate(node, "scale", np.array(times), values, step=True)
 
     def glb(self) -> bytes:
         """The finished file."""
@@ -214,3 +230,10 @@ def linear(colours: Float) -> NDArray[np.float32]:
     low = colours / 12.92
     high = ((colours + 0.055) / 1.055) ** 2.4
     return np.asarray(np.where(colours <= 0.04045, low, high), np.float32)
+
+
+def turned(angles: Float) -> Float:
+    """Turns (n, 4) about the vertical by angles (n,) [rad], as quaternions."""
+    turns = np.zeros((len(angles), 4))
+    turns[:, 2], turns[:, 3] = np.sin(0.5 * angles), np.cos(0.5 * angles)
+    return turns

@@ -1,50 +1,55 @@
 """A run as glTF: the robot drives, and its scans and map snapshots follow each other.
 
 Every player of glTF can move, turn and scale nodes, and few can do more. So each scan and each
-stage of the map is a node of its own, which has its size while it is to be seen and none
+snapshot of the map is a node of its own, which has its size while it is to be seen and none
 otherwise, and each straight piece of the trail is one that grows while it is driven.
 """
 
-from dataclasses import replace
+from collections.abc import Iterable
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pygltflib
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, quad_indices
-from lrf3d.gltf.document import INDICES, VERTICES, Document, linear
-from lrf3d.gltf.estimate import add_estimate
-from lrf3d.gltf.showing import Showing
-from lrf3d.gltf.stage import (
-    add_chase_camera,
-    add_obstacles,
-    add_robot,
-    add_stage,
-    drive_obstacles,
-    new_document,
-)
-from lrf3d.gltf.trail import add_trail
+from lrf3d.geometry import Float
+from lrf3d.gltf.document import Document, turned
+from lrf3d.gltf.stage import add_body, add_stage, lit
 from lrf3d.run import Run
 from lrf3d.scene import look
-from lrf3d.scene.beams import DrawnBeams, drawn_beams
-from lrf3d.scene.map_bands import WallTops
-from lrf3d.scene.structures import Structures
-from lrf3d.scene.timeline import DriveKeys, Timeline, drive_keys, scan_times
-from lrf3d.scene.trail_and_map import DrawnMap
-from lrf3d.scene.turns import WallOptics
+from lrf3d.scene.camera import Look
+from lrf3d.scene.estimate import CORNERS, DrawnEstimate, ring_quads
+from lrf3d.scene.moments import Scene
+from lrf3d.scene.shapes import Body, Lines, Points, Soft
+from lrf3d.scene.stage import Stage
+from lrf3d.scene.timeline import DriveKeys, Timeline, drive_keys, obstacle_keys, scan_times
+from lrf3d.scene.trail_and_map import straight_pieces
 
-if TYPE_CHECKING:
-    from lrf3d.casting.dynamic_obstacle import DynamicObstacle
+_ABOVE = Look(np.array([0.0, 0.0, 1.0]), np.zeros(3), field=1e-6, up=(0.0, 1.0, 0.0))
+"""A look that nothing is made larger for, to be seen from far away."""
+
+_SIZE = (1280, 720)
+"""The size of its picture [pixels]."""
+
+_OFF_WALL = 0.02
+"""How far hits lie before their walls [m], so that both never share a pixel."""
+
+_EYE, _TARGET = np.array([-4.2, 0.0, 2.2]), np.array([2.0, 0.0, 0.4])
+"""Where the camera that the robot carries stands among houses, and where it looks [m]."""
+
+_EYE_INDOOR, _TARGET_INDOOR = np.array([-3.4, 0.0, 4.2]), np.array([0.8, 0.0, 0.3])
+"""The same in rooms, over the top of the walls."""
+
+_FIELD = float(np.radians(50.0))
+"""Its angle of view from the bottom to the top [rad]."""
+
+_RIM, _LEAST = 0.08, 1e-3
+"""Width of the rim of the ellipse of now, as a share of its half axes; and the least half axis [m]:
+a node without a size has no axes."""
 
 
 def run_glb(run: Run, *, every: int = 1) -> bytes:
-    """A run as a GLB file with one animation.
-
-    Args:
-        run: The run.
-        every: Each scan of this many is kept, for smaller files of long runs.
+    """A run as a GLB file with one animation; each scan of so many is kept.
 
     Raises:
         InputError: ``every`` is less than 1.
@@ -52,176 +57,188 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
     if every < 1:
         raise InputError(f"every {every}: expected a whole number from 1")
     # A scene plays as fast as the robot drove.
-    timeline = Timeline(run, playback=1.0)
-    structures = Structures.from_run(run)
-    document = new_document(run.world.name, structures)
-    add_stage(document, structures)
-    keys = drive_keys(timeline)
-    _add_robot(document, keys, run, structures)
-    drive_obstacles(document, timeline)
-    _add_scans(document, timeline, every)
-    _add_maps(document, timeline)
-    trail = look.TRAIL_COLOUR, look.TRAIL_WIDTH, look.TRAIL_HEIGHT
+    scene = Scene(Timeline(run, playback=1.0))
+    moment = scene.timeline.moment(scene.timeline.start)
+    bodies = scene.seen(moment, _ABOVE, _SIZE, ()).bodies
+    document = _standing(run.world.name, scene.stage, bodies)
+    keys = drive_keys(scene.timeline)
+    for name, path in [("robot", keys[:2]), *_obstacle_paths(scene.timeline)]:
+        node = next(n for n, each in enumerate(document.gltf.nodes) if each.name == name)
+        document.drive(node, *path)
+        if name == "robot":
+            _add_camera(document, node, scene)
+    _add_scans(document, scene, every)
+    _add_maps(document, scene)
     if run.knows_truth:
-        add_trail(document, keys, "trail", *trail)
-    add_estimate(document, timeline)
+        _add_trail(document, keys, "trail", look.TRAIL_COLOUR, look.TRAIL_WIDTH, look.TRAIL_HEIGHT)
+    _add_estimate(document, scene.timeline)
     return document.glb()
 
 
-def still_glb(
-    name: str,
-    structures: Structures,
-    laser_height: float,
-    obstacles: "tuple[DynamicObstacle, ...]" = (),
-) -> bytes:
-    """A world as a GLB file, with the robot and dynamic obstacles, all at the frame's origin."""
-    document = new_document(name, structures)
-    add_stage(document, structures)
-    add_robot(document, laser_height)
-    add_obstacles(document, obstacles)
-    return document.glb()
+def still_glb(name: str, stage: Stage, bodies: Iterable[tuple[str, Body]]) -> bytes:
+    """A world as a GLB file, with bodies at the frame's origin."""
+    return _standing(name, stage, bodies).glb()
 
 
-def _add_robot(document: Document, keys: DriveKeys, run: Run, structures: Structures) -> None:
-    """The robot, which drives, and a camera that looks over its shoulder."""
-    robot = add_robot(document, run.lrf.height)
-    document.drive(robot, keys.times, keys.poses)
-    add_chase_camera(document, robot, structures)
+def _standing(name: str, stage: Stage, bodies: Iterable[tuple[str, Body]]) -> Document:
+    origin = stage.structures.origin.tolist()
+    document = Document(name or "world", {"origin": origin, "world": name})
+    add_stage(document, stage)
+    for body_name, body in bodies:
+        add_body(document, body_name, body.faces)
+    return document
 
 
-def _add_scans(document: Document, timeline: Timeline, every: int) -> None:
+def _obstacle_paths(timeline: Timeline) -> list[tuple[str, tuple[Float, Float]]]:
+    obstacles = enumerate(timeline.run.obstacles)
+    return [(f"obstacle {number}", obstacle_keys(each, timeline)) for number, each in obstacles]
+
+
+def _add_camera(document: Document, robot: int, scene: Scene) -> None:
+    """A camera that the robot carries behind it."""
+    view = Look(_EYE, _TARGET, _FIELD)
+    if scene.structures.indoor:
+        over = [0.0, 0.0, float(scene.structures.heights.max(initial=0.0))]
+        view = Look(_EYE_INDOOR + over, _TARGET_INDOOR, _FIELD)
+    lens = pygltflib.Perspective(yfov=view.field, znear=0.1, zfar=2000.0, aspectRatio=16 / 9)
+    document.gltf.cameras.append(
+        pygltflib.Camera(type="perspective", perspective=lens, name="chase")
+    )
+    document.node("chase camera", robot, camera=0, matrix=view.pose.T.ravel().tolist())
+
+
+def _add_scans(document: Document, scene: Scene, every: int) -> None:
     """The beams of each scan, seen while it is the nearest in time."""
-    run = timeline.run
-    begins, ends = scan_times(timeline, every)
-    meshes = ScanMeshes(document, timeline)
-    showing = Showing(document, timeline.start, timeline.end)
+    timeline, times = scene.timeline, scene.run.trajectory.times
+    whole = timeline.end - timeline.start
+    shown = np.column_stack(scan_times(timeline, every)) - timeline.start
+    material = document.material("beams", translucent=True)
     group = document.node("beams", document.root)
-    scans = range(0, len(run), every)
-    for scan, begin, end in zip(scans, begins.tolist(), ends.tolist(), strict=True):
-        mesh, place = meshes.add(scan)
-        node = document.node(f"scan {scan}", group, mesh=mesh, translation=place)
-        showing.between(node, begin, end)
+    scans = range(0, len(times), every)
+    for scan, (begin, end) in zip(scans, shown.tolist(), strict=True):
+        moment = timeline.moment(times[scan])
+        seen = scene.seen(moment, _ABOVE, _SIZE, ("fan", "beams", "points"))
+        marks = dict(seen.marks)
+        glow, hits, beams = marks["fan"], marks["points"], marks["beams"]
+        assert isinstance(glow, Soft) and isinstance(hits, Points) and isinstance(beams, Lines)
+        ends = np.stack([beams.starts, beams.ends], axis=1)
+        faded = np.concatenate(
+            [np.repeat(beams.colours[:, None], 2, axis=1), beams.opacities[..., None]], axis=2
+        )
+        corners = np.concatenate([glow.corners, _triangles(hits, moment.pose[:2] - scene.origin)])
+        colours = np.concatenate([glow.colours, np.repeat(hits.colours[:, None], 3, axis=1)])
+        parts = [document.part(material, ends, faded, mode=pygltflib.LINES)]
+        if len(corners):
+            parts.append(document.part(material, corners, colours))
+        mesh = document.mesh(f"scan {scan}", *parts)
+        document.show(document.node(f"scan {scan}", group, mesh=mesh), begin, end, whole)
 
 
-def _add_maps(document: Document, timeline: Timeline) -> None:
+def _triangles(hits: Points, place: Float) -> Float:
+    """Upright triangles (n, 3, 3) at hits, which look where their walls do, or at a place (2,)."""
+    loose = (hits.sides == 0.0).all(axis=1, keepdims=True)
+    side = np.where(loose, place - hits.places[:, :2], hits.sides)
+    side = side / np.maximum(np.hypot(side[:, 0], side[:, 1]), 1e-9)[:, None]
+    turns = np.radians([90.0, 210.0, 330.0])
+    along = hits.size * np.cos(turns)[None, :, None] * np.stack([-side[:, 1:], side[:, :1]], axis=2)
+    corners = np.empty((len(side), 3, 3))
+    corners[..., :2] = hits.places[:, None, :2] + _OFF_WALL * side[:, None] + along
+    corners[..., 2] = hits.places[:, None, 2] + hits.size * np.sin(turns)
+    return corners
+
+
+def _add_maps(document: Document, scene: Scene) -> None:
     """Each map snapshot as bands along the walls, each object in its colour."""
-    run = timeline.run
-    material = document.glowing("map")
-    showing = Showing(document, timeline.start, timeline.end)
+    timeline, run = scene.timeline, scene.run
+    material = document.material("map")
     group = document.node("map", document.root)
     begins = run.trajectory.times[list(run.snapshot_scans)].tolist()
-    times = pairwise([*begins, timeline.end])
-    tops = WallTops(run.world.segments - np.tile(timeline.origin, 2), run.world.heights)
-    for stage, objects, (begin, end) in zip(run.maps, run.lasting_objects, times, strict=True):
+    for stage, (begin, end) in zip(run.maps, pairwise([*begins, timeline.end]), strict=True):
         if not len(stage):
             continue
-        drawn = DrawnMap.from_map(stage, objects, timeline.origin)
-        positions = drawn.bands(tops.bands(drawn.segments)).reshape(-1, 3)
-        colours = np.full((len(stage), 4), 255, np.uint8)
-        colours[:, :3] = np.round(255.0 * linear(drawn.colours))
-        colours = np.repeat(colours, len(positions) // len(stage), axis=0)
-        attributes = {
-            "POSITION": document.array(positions, VERTICES, bounded=True),
-            "COLOR_0": document.array(colours, VERTICES, normalised=True),
-        }
-        indices = document.array(quad_indices(len(positions) // 4), INDICES)
-        mesh = document.mesh("map", [document.part(material, attributes, indices)])
+        seen = scene.seen(timeline.moment(begin), _ABOVE, _SIZE, ("map",))
+        bands = dict(seen.bodies)["map"].faces
+        mesh = document.mesh("map", document.part(material, bands.corners, lit(bands)))
         node = document.node(f"map of {len(stage)} segments", group, mesh=mesh)
-        showing.between(node, begin, end)
+        start = timeline.start
+        document.show(node, begin - start, end - start, timeline.end - start)
 
 
-_BEAM = look.BEAM_COLOUR, look.BEAM_STRENGTH, 1.0
-_FAN = look.FAN_COLOUR, look.FAN_STRENGTH, look.FAN_CURVE
-"""Colour, opacity at the robot, and the power that it fades with."""
-
-
-class ScanMeshes:
-    """Makes the meshes of a run's scans, which share what they have in common."""
-
-    def __init__(self, document: Document, timeline: Timeline) -> None:
-        run = timeline.run
-        self._document, self._run, self._origin = document, run, timeline.origin
-        self._reach = min(run.lrf.range_max, look.BEAM_REACH)
-        self._walls = run.world.segments - np.tile(self._origin, 2)
-        self._material = document.glowing("beams", translucent=True)
-        self._chosen = drawn_beams(run.lrf.beams)
-        self._optics = WallOptics.of(run.world)
-        # Single beams come first: of them every scan has as many.
-        lines = np.zeros((len(self._chosen), 2), np.uint32)
-        lines[:, 1] = 1 + np.arange(len(self._chosen))
-        self._lines = document.array(lines.ravel(), INDICES)
-
-    def add(self, index: int) -> tuple[int, list[float]]:
-        """Add the mesh of a scan; gives its number and where it stands."""
-        run, height = self._run, self._run.lrf.height
-        scan = run.scan(index)
-        place = np.array(scan.pose) - [*self._origin, 0.0]
-        local = replace(scan, pose=place)
-        beams = DrawnBeams.from_scan(
-            local, self._walls, run.world.objects, place[:2], optics=self._optics
+def _add_trail(
+    document: Document,
+    keys: DriveKeys,
+    name: str,
+    colour: tuple[float, float, float],
+    width: float,
+    height: float,
+) -> None:
+    """The path that was driven, as straight pieces on the ground that grow with the robot."""
+    half = 0.5 * width
+    strip = np.array([[0, -half, 0], [1, -half, 0], [1, half, 0], [0, half, 0]])[[0, 1, 2, 0, 2, 3]]
+    part = document.part(document.material(name), strip, np.tile(colour, (6, 1)))
+    mesh = document.mesh(name, part)
+    group = document.node(name, document.root)
+    for begin, end, start, way in straight_pieces(keys):
+        node = document.node(
+            f"{name} from {begin:.1f} s",
+            group,
+            mesh=mesh,
+            translation=[*start.tolist(), height],
+            rotation=turned(np.arctan2(way[1:], way[:1]))[0].tolist(),
+            scale=[0.0, 0.0, 0.0],
         )
-        fan = beams.fan(height).reshape(-1, 3, 5)[:, 1:].reshape(-1, 5).astype(np.float64)
-        ends, ranges = fan[:, :2] - beams.apex, fan[:, 3]
-        single, reached = beams.ends[self._chosen] - beams.apex, beams.ranges[self._chosen]
-        trace, quads = self._trace(beams)
-        rows = [
-            self._rows(np.zeros((1, 2)), np.zeros(1), *_BEAM),
-            self._rows(single, reached, *_BEAM, beams.shares[self._chosen]),
-            self._rows(np.zeros((1, 2)), np.zeros(1), *_FAN),
-            self._rows(ends, ranges, *_FAN, fan[:, 4]),
-            trace,
-        ]
-        # Two ends for each triangle of the fan, and one apex before them all.
-        apex = 1 + len(single)
-        wedges = apex + np.zeros((len(ends) // 2, 3), np.uint32)
-        wedges[:, 1:] += 1 + np.arange(len(ends), dtype=np.uint32).reshape(-1, 2)
-        flat = np.concatenate(rows)
-        positions = flat[:, :3].astype(np.float32)
-        colours = np.round(255.0 * flat[:, 3:]).astype(np.uint8)
-        triangles = np.concatenate([wedges, quads + (len(flat) - len(trace))])
-        small = np.uint16 if len(flat) < 65535 else np.uint32
-        document = self._document
-        attributes = {
-            "POSITION": document.array(positions, VERTICES, bounded=True),
-            "COLOR_0": document.array(colours, VERTICES, normalised=True),
-        }
-        indices = document.array(triangles.astype(small).ravel(), INDICES)
-        lines = document.part(self._material, attributes, self._lines, mode=pygltflib.LINES)
-        parts = [document.part(self._material, attributes, indices), lines]
-        return document.mesh(f"scan {index}", parts), [*place[:2].tolist(), height]
+        # Its width is there at once: a strip that widens as it grows would be a wedge.
+        grown = np.array([[0, 1, 1], [np.hypot(*way), 1, 1]])
+        document.animate(node, "scale", np.array([begin, end]), grown)
 
-    def _rows(
-        self,
-        ends: Float,
-        ranges: Float,
-        colour: tuple[float, float, float],
-        strength: float,
-        curve: float,
-        shares: Float | float = 1.0,
-    ) -> Float:
-        """Vertices (n, 7), place and colour, of beam ends that fade with their ranges [m].
 
-        Shares (n,) are what of their opacity is left.
-        """
-        share = np.minimum(1.0, self._reach / np.maximum(ranges, 1e-9))
-        left = np.clip(1.0 - ranges / self._reach, 0.0, 1.0)
-        rows = np.zeros((len(ends), 7))
-        rows[:, :2] = ends * share[:, None]
-        rows[:, 3:6] = linear(np.array(colour))
-        rows[:, 6] = strength * shares * left**curve
-        return rows
+def _add_estimate(document: Document, timeline: Timeline) -> None:
+    """The estimated trail, the ellipses that stay, and that of now: a circle that is stretched."""
+    drawn = DrawnEstimate.from_timeline(timeline)
+    if drawn is None:
+        return
+    poses = np.column_stack([drawn.places, np.zeros(len(drawn.places))])
+    keys = DriveKeys(drawn.times, poses, np.zeros(max(len(poses) - 1, 0), np.bool_))
+    height = look.TRAIL_HEIGHT + look.ESTIMATE_LIFT
+    _add_trail(document, keys, "estimate", look.ESTIMATE_COLOUR, look.ESTIMATE_WIDTH, height)
+    if not len(drawn.ellipse_times):
+        return
+    whole = timeline.end - timeline.start
+    material = document.material("ellipses", translucent=True)
+    group = document.node("ellipses", document.root)
+    for outline, begin in zip(drawn.outlines(), drawn.ellipse_times[drawn.kept], strict=True):
+        mesh = _ring(document, outline, look.ESTIMATE_WIDTH, look.ESTIMATE_FADED, material)
+        node = document.node(f"ellipse from {begin:.1f} s", group, mesh=mesh)
+        document.show(node, float(begin), whole, whole)
+    angle = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
+    circle = np.column_stack([np.cos(angle), np.sin(angle)])
+    mesh = _ring(document, circle, _RIM, 1.0, material)
+    sizes, axes = np.linalg.eigh(drawn.shapes)
+    # The longer axis is that of x; half a turn makes the same ellipse.
+    angles = np.unwrap(np.arctan2(axes[:, 1, 1], axes[:, 0, 1]), period=np.pi)
+    scales = np.maximum(np.column_stack([sizes[:, ::-1], np.ones(len(sizes))]), _LEAST)
+    places = np.column_stack([drawn.places, np.zeros(len(drawn.places))])
+    node = document.node(
+        "ellipse of now",
+        document.root,
+        mesh=mesh,
+        translation=places[0].tolist(),
+        rotation=turned(angles)[0].tolist(),
+        scale=scales[0].tolist(),
+    )
+    for path, times, values in (
+        ("translation", drawn.times, places),
+        ("rotation", drawn.ellipse_times, turned(angles)),
+        ("scale", drawn.ellipse_times, scales),
+    ):
+        if len(times) > 1:
+            document.animate(node, path, times, values)
 
-    def _trace(
-        self, beams: DrawnBeams
-    ) -> tuple[Float, np.ndarray[tuple[int, int], np.dtype[np.uint32]]]:
-        """Vertices (2 · hits, 7) of a ribbon along the walls, and its triangles (t, 3)."""
-        points = beams.points - beams.apex
-        far = np.maximum(np.hypot(points[:, 0], points[:, 1]), 1e-9)
-        points = points * np.maximum(0.0, 1.0 - look.TRACE_GAP / far)[:, None]
-        rows = np.zeros((len(points), 2, 7))
-        rows[:, :, :2] = points[:, None]
-        rows[:, :, 2] = [-0.5 * look.TRACE_HEIGHT, 0.5 * look.TRACE_HEIGHT]
-        rows[:, :, 3:] = [*linear(np.array(look.TRACE_COLOUR)), look.TRACE_STRENGTH]
-        first = 2 * (np.cumsum(beams.hits) - 1)[np.flatnonzero(beams.joined)]
-        quads = first[:, None] + np.array([[0, 2, 3, 0, 3, 1]])
-        return rows.reshape(-1, 7), quads.reshape(-1, 3).astype(np.uint32)
+
+def _ring(document: Document, outline: Float, width: float, opacity: float, material: int) -> int:
+    """The mesh of a ribbon along an outline (c, 2) on the ground, in the estimate's colour."""
+    quads = ring_quads(outline[None], width)[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 2)
+    height = np.full(len(quads), look.TRAIL_HEIGHT + 2.0 * look.ESTIMATE_LIFT)
+    colours = np.tile([*look.ESTIMATE_COLOUR, opacity], (len(quads), 1))
+    part = document.part(material, np.column_stack([quads, height]), colours)
+    return document.mesh("ellipse", part)

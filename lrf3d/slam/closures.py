@@ -18,7 +18,7 @@ from lrf3d.slam.pose_graph import Edges
 from lrf3d.slam.scan_matching import Match
 from lrf3d.slam.surface import wall_map
 from lrf3d.slam.violation import Key, contradicted
-from lrf3d.slam.ways import Ways, along_axes_of
+from lrf3d.slam.ways import Ways
 
 LEAST_DISTANCE = 6.0
 """Two key scans are worth closing a loop if the way between them over the graph is longer [m]."""
@@ -253,7 +253,7 @@ class LoopCloser:
         grid = wall_map((self.keys[k].walls, pose) for k, pose in zip(near, locals_, strict=True))
         if grid is None or len(grid.surface) < LEAST_POINTS:
             return []
-        guess, window = between(poses[old], poses[new]), along_axes_of(poses[old], spread)
+        guess, window = between(poses[old], poses[new]), turned(spread, -float(poses[old, 2]))
         return search(self.keys[new].surface, grid, guess, window, NEAR)
 
     def _confirmed(self, newest: Closure, enough: int, *, strict: bool = False) -> list[Closure]:

@@ -87,12 +87,9 @@ class SelfCheck:
 
 
 def self_check(keys: Sequence[Key], poses: Float, ways: Float) -> SelfCheck:
-    """Compare the key scans of a solved drive where the robot came by again.
+    """Compare the key scans (k,) of a solved drive, at poses (k, 3), where the robot came by again.
 
-    Args:
-        keys: The key scans (k,).
-        poses: (k, 3) their final poses x, y [m], theta [rad].
-        ways: (k,) how far the robot had driven at each of them [m].
+    The ways (k,) are how far it had driven at each of them [m].
     """
     scans, counts = [], []
     for number, key in enumerate(keys):

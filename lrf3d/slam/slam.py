@@ -16,17 +16,21 @@ from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapping import LineMap
 from lrf3d.pose import Pose, as_pose
 from lrf3d.slam.closures import LEAST_DISTANCE, Closure, LoopCloser, closure_edges
-from lrf3d.slam.covariance import pose_covariances, relative_covariance, scaled, variance_factor
 from lrf3d.slam.frames import bent, between, compose, turned
 from lrf3d.slam.front_end import KEY_DISTANCE, KEY_TURN, FrontEnd, Tracked
 from lrf3d.slam.key_map import KeyMap
 from lrf3d.slam.known_places import PLACE_COVARIANCE, Anchor, in_known_place
-from lrf3d.slam.pose_graph import Edges, optimised, optimised_around
+from lrf3d.slam.pose_graph import (
+    Edges,
+    optimised,
+    optimised_around,
+    pose_covariances,
+    variance_factor,
+)
 from lrf3d.slam.refinement import refined
 from lrf3d.slam.scan_matching import SIGMA
 from lrf3d.slam.self_check import SelfCheck, self_check
-from lrf3d.slam.step import checked_step
-from lrf3d.slam.surface import LEAST_NOISE, evenly_spaced, range_noise, surface_of_scan
+from lrf3d.slam.surface import LEAST_NOISE, range_noise, surface_of_scan
 from lrf3d.slam.violation import Key
 from lrf3d.slam.wheels import Wheels
 
@@ -46,6 +50,9 @@ LEAST_ROOM = 256
 
 LEARNED_NOISE = 0.95
 """Weight of the scans before in the mean noise of the ranges, at each scan."""
+
+FARTHEST_STEP = 1000.0
+"""Longest step of the odometry [m], and largest turn [rad]: no robot moves as far between scans."""
 
 
 class Slam:
@@ -118,10 +125,10 @@ class Slam:
         )
 
     def update(self, scan: LaserScan, odometry: Sequence[float] | Float) -> None:
-        """Take in the next scan.
+        """Take in the next scan, whose pose is not looked at.
 
         Args:
-            scan: The scan; its pose is not looked at.
+            scan: The scan.
             odometry: How the robot moved since the last scan by its wheels: ahead, to the left
                 [m], turn [rad].
 
@@ -129,7 +136,7 @@ class Slam:
             InputError: It is no scan, has no beams or another number than the laser range finder,
                 or the odometry is not three finite numbers that a robot can have moved by.
         """
-        increment = checked_step(scan, odometry, self._lrf)
+        increment = self._checked(scan, odometry)
         self._tracked.append(self._front.track(self.surface_of(scan), increment))
         self._wheel_covariance += self._tracked[-1].covariance
         if self._front.key_due():
@@ -137,6 +144,22 @@ class Slam:
             self._front.add_key(key)
             self._anchor(key, scan)
         self._map.update(self._key_poses)
+
+    def _checked(self, scan: object, odometry: Sequence[float] | Float) -> Float:
+        """The odometry increment (3,), once it and the scan are what they should be."""
+        if not isinstance(scan, LaserScan):
+            raise InputError(f"slam: {shown(scan)}: expected a LaserScan")
+        beams = len(scan.ranges)
+        if not beams or (self._lrf is not None and beams != self._lrf.beams):
+            expected = "at least one" if self._lrf is None else f"{self._lrf.beams}, as its laser"
+            raise InputError(f"slam: scan of {beams} beams; expected {expected}")
+        increment = np.array(as_pose(odometry))
+        if np.abs(increment).max() > FARTHEST_STEP:
+            raise InputError(
+                f"slam: odometry {increment.tolist()}; expected the step from the last scan, at"
+                f" most {FARTHEST_STEP:g} m and rad"
+            )
+        return increment
 
     def surface_of(self, scan: LaserScan) -> Float:
         """What a scan saw (m, 4), in the frame of the robot, by the noise that is known by now."""
@@ -151,8 +174,7 @@ class Slam:
         order = -1 if scan.angles[0] > scan.angles[-1] else 1
         beams, surface = (scan.angles[::order], scan.ranges[::order]), self._front.surface
         number, pose = len(self._tracked) - 1, self._tracked[-1].pose
-        walls = evenly_spaced(surface)
-        return Key(number, pose, surface, walls, *beams, self._laser, self._noise)
+        return Key(number, pose, surface, self._front.walls(), *beams, self._laser, self._noise)
 
     @property
     def pose(self) -> Pose:
@@ -176,53 +198,27 @@ class Slam:
         poses, edges = self._key_poses, self._used_edges()
         if self._tracked and self._closer.keys[-1].scan < len(self._tracked) - 1:
             poses = np.vstack([poses, self._robot])
-            edges = Edges.joined([edges, scaled(self._edge_to_last(), self._variance_now())])
+            edges = Edges.joined([edges, self._edge_to_last().scaled(self._variance_now())])
         newest = np.array([max(len(poses) - 1, 0)])
         return turned(pose_covariances(poses, edges, newest)[0], float(self._start[2]))
 
     def covariances(self, numbers: Sequence[int] | Int) -> Float:
-        """Covariances (m, 3, 3) of the poses of some key scans, x, y [m], theta [rad].
-
-        Args:
-            numbers: (m,) numbers of the key scans.
+        """Covariances (m, 3, 3) of the poses of some key scans (m,), x, y [m], theta [rad].
 
         Raises:
             InputError: There is no such key scan.
         """
-        if not len(chosen := self._key_numbers(numbers)):
-            return np.zeros((0, 3, 3))
+        most = len(self._closer.keys) - 1
+        checked = [whole_number(number, "key scan", least=0, most=most) for number in numbers]
+        chosen = np.array(checked, dtype=np.int64)
         found = pose_covariances(self._key_poses, self._used_edges(), chosen)
         return turned(found, float(self._start[2]))
-
-    def relative_covariance(self, first: int, second: int) -> Float:
-        """Covariance (3, 3) of a key scan's pose as seen from another one, along the axes of that.
-
-        Args:
-            first: Number of the key scan that it is seen from.
-            second: Number of the key scan.
-
-        Raises:
-            InputError: There is no such key scan.
-        """
-        seen_from, seen = self._key_numbers((first, second)).tolist()
-        if seen_from == seen:
-            return np.zeros((3, 3))
-        return relative_covariance(self._key_poses, self._used_edges(), seen_from, seen)
-
-    def _key_numbers(self, numbers: Sequence[int] | Int) -> Int:
-        """Numbers (m,) of key scans from outside, checked."""
-        count = len(self._closer.keys)
-        if len(numbers) and not count:
-            raise InputError(f"slam: key scan {numbers[0]}: there is none before the first scan")
-        most = count - 1
-        checked = [whole_number(number, "key scan", least=0, most=most) for number in numbers]
-        return np.array(checked, dtype=np.int64)
 
     def _used_edges(self) -> Edges:
         """The edges that the poses fit, all but the closures since then, as exact as they are."""
         edges = self._gathered_edges()
         used = edges.part(~edges.robust | (np.cumsum(edges.robust) <= self._closures_used))
-        return scaled(used, self._variance_now())
+        return used.scaled(self._variance_now())
 
     def _variance_now(self) -> float:
         """The variance factor: before there was any optimisation, that of the matched points."""

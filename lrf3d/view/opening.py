@@ -6,8 +6,7 @@ import numpy as np
 
 from lrf3d.io import load_run
 from lrf3d.pose import Pose, as_pose
-from lrf3d.scenario import Scenario, start_of
-from lrf3d.scenario_file import load_scenario
+from lrf3d.scenario import Scenario, load_scenario, start_of
 from lrf3d.view.hand_drive import HandDrive
 from lrf3d.view.page_data import PageScene, make_scene, pack_run
 from lrf3d.view.server import Replayed, free_port, serve

@@ -16,9 +16,12 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.run import Run
 from lrf3d.scene import look
 from lrf3d.scene.beams import beam_reach, darkness, fading_ends
-from lrf3d.scene.bodies import obstacle_colours
+from lrf3d.scene.bodies import obstacle_colours, robot_body
 from lrf3d.scene.estimate import BELIEVED, CORNERS, TRUTH, DrawnEstimate
 from lrf3d.scene.map_bands import WallTops
+from lrf3d.scene.obstacles import Obstacles
+from lrf3d.scene.shapes import Body
+from lrf3d.scene.stage import paint_stage
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline, drive_keys, obstacle_keys, scan_times
 from lrf3d.scene.trail_and_map import DrawnMap, smoothed
@@ -87,7 +90,10 @@ def make_scene(
         },
         "look": page_look(structures.indoor, fading_ends(lrf.beams, step)),
     }
-    return PageScene(setup, still_glb(world.name, structures, lrf.height, obstacles))
+    pose = np.eye(4)
+    bodies = [("robot", Body(robot_body(lrf.height), pose))]
+    bodies += Obstacles(obstacles, structures.origin, indoor=structures.indoor).bodies(0.0)
+    return PageScene(setup, still_glb(world.name, paint_stage(structures), bodies))
 
 
 def page_look(indoor: bool, shares: Float) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from test_render import city_run
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.robot import Trajectory
-from lrf3d.scenario_file import load_scenario
+from lrf3d.scenario import load_scenario
 from lrf3d.view.page_data import pack_run
 
 

@@ -10,7 +10,7 @@ import pytest
 
 import lrf3d
 from lrf3d.laser import LaserRangeFinder, beam_directions
-from lrf3d.scenario_file import load_scenario
+from lrf3d.scenario import load_scenario
 from lrf3d.scene.turns import Turns, WallOptics
 from lrf3d.view.page_data import make_scene
 

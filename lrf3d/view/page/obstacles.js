@@ -7,7 +7,7 @@ export class Obstacles {
   constructor(scene, root, bodies) {
     this.bodies = bodies.map(({ outline, colour }, i) => {
       const place = new THREE.Group();
-      place.add(root.getObjectByName(`mover-${i}`));
+      place.add(root.getObjectByName(`obstacle_${i}`));
       scene.add(place);
       const corners = [];
       for (let k = 0; k < outline.length; k += 2) corners.push([outline[k], outline[k + 1]]);
