@@ -6,34 +6,34 @@ from typing import Annotated, Literal
 import typer
 
 from lrf3d.cli.console import Report
-from lrf3d.cli.options import Drive, Workers, WorldArgument
+from lrf3d.cli.options import Count, Drive, Workers, WorldArgument
+
+Noise = Annotated[float, typer.Option(min=0.0)]
 
 
 def localise(
     world: WorldArgument,
     drive: Drive,
     report: Report,
-    known: Annotated[
-        Literal["walls", "map"],
-        typer.Option(help="The known map: the true walls, or the map of a first run."),
-    ] = "walls",
-    strategy: Annotated[
-        Literal["seen-objects-first", "all"],
-        typer.Option(help="Which known lines are compared with those of a scan."),
-    ] = "seen-objects-first",
-    seeds: Annotated[
-        int, typer.Option(min=1, help="Number of drives, each with its own noise.")
-    ] = 10,
-    sigma: Annotated[float | None, typer.Option(help="Noise [m] at range_max.")] = None,
-    position: Annotated[
-        float, typer.Option(min=0.0, help="Odometry noise [m] per step, ahead and sideways.")
-    ] = 0.1,
-    heading: Annotated[float, typer.Option(min=0.0, help="Odometry noise [deg] per step.")] = 2.0,
+    known: Literal["walls", "map"] = "walls",
+    strategy: Literal["seen-objects-first", "all"] = "seen-objects-first",
+    seeds: Count = 10,
+    sigma: float | None = None,
+    position: Noise = 0.1,
+    heading: Noise = 2.0,
     workers: Workers = None,
 ) -> None:
     """Localise the robot on a known map by odometry and scans, and compare with the truth.
 
     The NEES is the squared error in units of the filter's own covariance, 3 on average.
+
+    Options:
+        known: The known map: the true walls, or the map of a first run.
+        strategy: Which known lines are compared with those of a scan.
+        seeds: Number of drives, each with its own noise.
+        sigma: Noise [m] at range_max.
+        position: Odometry noise [m] per step, ahead and sideways.
+        heading: Odometry noise [deg] per step.
     """
     scenario = drive.read(world, report)
     sigma = scenario.sigmas[0] if sigma is None else sigma

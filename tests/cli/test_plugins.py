@@ -117,6 +117,7 @@ def test_a_long_drive_goes_there_and_back_until_it_is_long_enough(folder):
         ("controller", "own_parts:Points", "expected a method command"),
         ("noise", "own_parts:number", "expected a function"),
         ("mapper", "missing.py:Points", "no module 'missing.py'"),
+        ("mapper", "..:x", "there is no file '..', nor such a module"),
     ],
 )
 def test_what_cannot_be_used_is_told_in_one_line(folder, kind, name, said):

@@ -91,15 +91,10 @@ def move_cells(ground: Ground, grown: Ground) -> None:
 def sort_returns(
     places: Float, rays: Float, kinds: Int, mirrors: Float, wider: Float, ground: Ground
 ) -> None:
-    """Count where the beams of kept scans ended, as it is known now which of them were turned.
+    """Count where the rays (k, n, 8) of kept scans ended, as it is known now which were turned.
 
-    Args:
-        places: (k, 2) where the scans were taken [m].
-        rays: (k, n, 8) their rays.
-        kinds: (k, n) what each was counted as before; is written.
-        mirrors: (m, 5) the mirrors [m].
-        wider: (m, 5) the same and their rims: beams through these show nothing.
-        ground: Is written, and has room.
+    Kinds (k, n) are what each was counted as before, and are written. Mirrors (m, 5) with their
+    rims are wider: beams through the rims show nothing. The ground has room.
     """
     for scan in range(len(places)):
         for beam in range(rays.shape[1]):

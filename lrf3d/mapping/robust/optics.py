@@ -14,7 +14,6 @@ from lrf3d.geometry import Bool, Float, Int, directions, lengths
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.mapping.line_map import GLASS, MIRROR, WALL, LineMap
 from lrf3d.mapping.robust.beams import Beams, Frame
-from lrf3d.mapping.robust.flashes import Flashes
 from lrf3d.mapping.robust.ground import DEPTH, Ground, find_real_parts, sort_returns
 from lrf3d.mapping.robust.light import (
     RANGE,
@@ -24,7 +23,7 @@ from lrf3d.mapping.robust.light import (
     LitScan,
     LitScans,
 )
-from lrf3d.mapping.robust.surface_lines import SurfaceLines
+from lrf3d.mapping.robust.surface_lines import Flashes, SurfaceLines
 from lrf3d.mapping.robust.surfaces import GRAZING
 
 EDGE = 0.3
@@ -98,13 +97,7 @@ class Optics:
         return np.where(lit.rays[:, RANGE] > first + DEPTH, first, np.inf)
 
     def update(self, lit: LitScan, walls: Float, segments: Float) -> None:
-        """Learn from a scan.
-
-        Args:
-            lit: The scan.
-            walls: (w, 4) the walls that it shows, around the laser [m].
-            segments: (m, 4) the segments of the map [m].
-        """
+        """Learn from a scan, its walls (w, 4) around the laser, and segments (m, 4) of the map."""
         self._equation.read(lit.rays, walls)
         self._flashes.add(lit)
         if not self._scans.keep(lit):
@@ -176,12 +169,9 @@ def crossings(lit: LitScan, segments: Float) -> tuple[Float, Float]:
 
 @compiled
 def absorb(stretches: Float, segments: Float, kept: Bool) -> None:
-    """Take segments of a map that lie on glass or a mirror for parts of it.
+    """Take segments (m, 4) of a map that lie on stretches (g, 4) of glass or a mirror for parts.
 
-    Args:
-        stretches: (g, 4) of glass and mirrors [m]; become as long as what they take in.
-        segments: (m, 4) segments of the map [m].
-        kept: (m,) is cleared for those that are parts.
+    Stretches become as long as what they take in; what is kept (m,) is not of them.
     """
     for row in range(len(stretches)):
         x, y = stretches[row, 0], stretches[row, 1]
@@ -205,13 +195,7 @@ def absorb(stretches: Float, segments: Float, kept: Bool) -> None:
 
 
 def objects_of(stretches: Float, segments: Float, objects: Int) -> Int:
-    """The object of each of some stretches: that of a segment whose end it reaches, or a new one.
-
-    Args:
-        stretches: (g, 4) the stretches [m].
-        segments: (m, 4) segments of the map [m].
-        objects: (m,) their objects.
-    """
+    """The object of each stretch (g, 4): that of a segment whose end it reaches, or a new one."""
     found = int(objects.max(initial=-1)) + 1 + np.arange(len(stretches))
     ends = segments.reshape(-1, 2)
     for row, own in enumerate(stretches):

@@ -91,18 +91,18 @@ def count_beams(
     line: Float, middle: float, own: float, mirror: bool, scans: tuple[Float, Float],
     blocking: Float, ground: Ground, pieces: Float, reach: Float,
 ) -> None:  # fmt: skip
-    """Count what the beams of scans did at a line.
+    """Count what the beams of scans did at a line that may be a mirror, or else glass.
 
     Args:
         line: (3,) its unit normal, of mirrors towards where they are seen from, and its distance
             from the origin [m].
         middle: Where its pieces have their middle, along the normal turned right [m].
-        own: Its number.
-        mirror: Whether it may be a mirror, and not glass.
+        own: Its number, as in what blocks beams.
+        mirror: Whether it may be a mirror.
         scans: Where the scans were taken (k, 2) [m], and their rays (k, n, 8).
         blocking: (b, 5) glass and mirrors, and the line of each: beyond them beams show nothing.
         ground: What is there.
-        pieces: (PIECES, 23) is added to, see `COUNTS`.
+        pieces: (PIECES, COLUMNS) is added to, see `COUNTS`.
         reach: (PIECES, 2) is widened to the stations [m] of what shows glass or an image.
     """
     nx, ny, distance = line
@@ -184,12 +184,9 @@ def _count_image(
 
 
 def glass_pieces(pieces: Float, flashed: Float, ends: Float) -> Bool:
-    """Which pieces (PIECES,) of a line are glass.
+    """Which pieces (PIECES,) of a line are glass, by the stations [m] of flashes.
 
-    Args:
-        pieces: (PIECES, 23) what beams did there, see `COUNTS`.
-        flashed: Stations of flashes [m].
-        ends: Stations at which walls meet the line: glass ends there.
+    It ends at the stations at which walls meet the line.
     """
     shown, passed, opaque, missing = pieces[:, : MISSING + 1].T
     seeds, barriers = np.zeros((2, PIECES), np.bool_)
@@ -211,7 +208,7 @@ def glass_pieces(pieces: Float, flashed: Float, ends: Float) -> Bool:
 
 
 def mirror_pieces(pieces: Float) -> Bool:
-    """Which pieces (PIECES,) of a line are a mirror, by what beams did there (PIECES, 23)."""
+    """Which pieces (PIECES,) of a line are a mirror."""
     images, wrong, opaque = pieces[:, IMAGE], pieces[:, WRONG], pieces[:, OPAQUE]
     lit = pieces[:, LIT:]
     pairs = lit[:, : SHARES - 1] + lit[:, 1:SHARES]
@@ -241,16 +238,7 @@ def mirror_pieces(pieces: Float) -> Bool:
 def stretches(
     line: Float, middle: float, pieces: Float, reach: Float, found: Bool, former: Float
 ) -> Float:
-    """Stretches (s, 4) [m] of a line: those that are found, and parts that are no longer seen.
-
-    Args:
-        line: See `count_beams`, also for the following.
-        middle: …
-        pieces: …
-        reach: …
-        found: (PIECES,) which pieces are of one.
-        former: (f, 4) the stretches that were found before [m].
-    """
+    """Stretches (s, 4) [m] of a line: pieces that are found, and former ones no longer seen."""
     normal, unit = line[:2], np.array([line[1], -line[0]])
     origin = line[2] * normal + middle * unit
     beams = pieces[:, : WRONG + 1].sum(axis=1)
