@@ -76,11 +76,7 @@ SAME_ANGLE, SAME_DISTANCE = np.radians(2.0), 0.1
 
 
 class Flashes:
-    """All flashes of glass so far, and the line of each.
-
-    Attributes:
-        line_of: (f,) number of each flash's line.
-    """
+    """All flashes of glass so far, and the number of the line of each, `line_of` (f,)."""
 
     def __init__(self) -> None:
         # Of each its place, the direction of its beam, and the deviation of its range.
@@ -163,9 +159,7 @@ class Flashes:
 class SurfaceLines:
     """The lines of glass and of mirrors.
 
-    Attributes:
-        glass: (g, 5) the panes [m], and the line of each.
-        mirrors: (m, 5) the mirrors [m], seen from their left, and the line of each.
+    `glass` (g, 5) and `mirrors` (m, 5), seen from their left, are found [m]; the fifth is the line.
     """
 
     def __init__(self) -> None:
