@@ -67,9 +67,10 @@ class LineMap(Value, Pictured):
                 f" {points.shape}: expected shapes (m, 4), (m,) and (m,)"
             )
         kinds = np.array(self.kinds, dtype=KIND)
+        known = (kinds == WALL) | (kinds == GLASS) | (kinds == MIRROR)
         if not kinds.ndim:
             kinds = np.full(len(segments), kinds)
-        if kinds.shape != objects.shape or not np.isin(kinds, KINDS).all():
+        if kinds.shape != objects.shape or not known.all():
             raise InputError(
                 f"map of {len(segments)} segments with kinds {kinds.tolist()}: expected"
                 f" {', '.join(KINDS)}, one for each segment"

@@ -25,7 +25,7 @@ from lrf3d.mapping.robust.cells import (
 )
 
 MOST_HITS = 255.0
-"""[beams] The same for the returns in a cell from one direction."""
+"""[beams] When more have ended in a cell from one direction, all that is kept of it is halved."""
 
 GONE_AFTER = 20
 """[beams] When so many have gone on where others ended, the same way and without a hit between

@@ -124,17 +124,11 @@ class Optics:
 
     def _without_images(self, segments: Float, frame: Frame) -> tuple[Float, Int]:
         """The parts (n, 4) of segments (m, 4) that not only mirrors show, and of which each is."""
-        ends, parts = (
-            frame.of_world(segments.reshape(-1, 2)),
-            np.empty((2 * len(segments) + 99, 3)),
-        )
+        ends, parts = frame.of_world(segments.reshape(-1, 2)), np.empty((2 * len(segments) + 99, 3))
         parts = parts[: find_real_parts(self._ground, ends.reshape(-1, 4), parts)]
-        rows = parts[:, 0].astype(np.int64)
-        start, along = (
-            segments[rows, None, :2],
-            segments[rows, None, 2:] - segments[rows, None, :2],
-        )
-        return (start + parts[:, 1:, None] * along).reshape(-1, 4), rows
+        rows, shares = parts[:, 0].astype(np.int64), parts[:, 1:, None]
+        whole = segments[rows].reshape(-1, 2, 2)
+        return (whole[:, :1] + shares * (whole[:, 1:] - whole[:, :1])).reshape(-1, 4), rows
 
 
 @compiled

@@ -197,6 +197,7 @@ class SurfaceLines:
         row = int(np.argmin(np.where(kept, np.inf, self._votes)))
         self._votes[row] = self._looked[row] = self._lines[row] = 0.0
         self._mirrors[row], self._flash_lines[row] = False, -1
+        self._found[row] = np.empty((0, 4))
         return row
 
     def _add_flashes(self, number: int, flashes: Flashes) -> None:
