@@ -171,7 +171,7 @@ def _sources_of(summary: Path) -> list[str]:
 
 def _without_ending(sources: Sequence[str]) -> list[str]:
     """Sources without the endings of their names: the same drive may be a log and a bag."""
-    return [str(Path(source).with_name(Path(source).name.split(".")[0])) for source in sources]
+    return [re.sub(r"(?<=[^/.])\.[^/]*$", "", source) for source in sources]
 
 
 def _relative(path: str | Path, folder: Path) -> str:
