@@ -6,6 +6,7 @@ form x·cos α + y·sin α = p with p ≥ 0 (Eq. 3 of Teslić et al.).
 
 import math
 from collections.abc import Mapping
+from dataclasses import fields
 from typing import Any, TypeVar
 
 import numpy as np
@@ -115,6 +116,15 @@ class Value:
     """
 
     __slots__ = ()
+
+    def __repr__(self) -> str:
+        """One line: a dataclass of arrays shows them by their shapes, if it has repr=False."""
+        held = ((each.name, getattr(self, each.name)) for each in fields(self))  # type: ignore[arg-type]
+        parts = (
+            f"{name}={value.shape if isinstance(value, np.ndarray) else shown(value)}"
+            for name, value in held
+        )
+        return f"{type(self).__name__}({', '.join(parts)})"
 
     def _hold(self, *names: str, dtype: DTypeLike = np.float64) -> None:
         """Replace the attributes of these names by read-only arrays.

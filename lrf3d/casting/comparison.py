@@ -59,7 +59,7 @@ MEANING = {
 """A description of each cause."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class CrossCheck:
     """The result of comparing bare Embree with the exact plane, beam by beam.
 
@@ -78,6 +78,10 @@ class CrossCheck:
     ranges: Float
     walls: Int
     causes: tuple[Cause, ...]
+
+    def __repr__(self) -> str:
+        causes = ", ".join(f"{count} {cause}" for cause, count in self.counts.items())
+        return f"CrossCheck({self.beams:,} beams, {causes or 'all agree'})"
 
     @property
     def counts(self) -> dict[Cause, int]:

@@ -18,7 +18,7 @@ LEAST_FREE, ROUNDED = 1e-9, 64.0
 a multiple of the rounding error of the share."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PoseEstimate(Value):
     """An estimated pose, with the covariance (3, 3) of x, y [m] and theta [rad] in the world.
 

@@ -25,7 +25,7 @@ LEAST_DEVIATION = 1e-5
 wall is flat to a hundredth of a millimetre."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class LocalLines(Value):
     """Lines of one scan, in the frame of the robot.
 
@@ -127,7 +127,7 @@ def line_covariances(
     return covariances
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class KnownLines(Value):
     """Line segments (n, 4) of a known map [m], each of an object (n,) from 0.
 

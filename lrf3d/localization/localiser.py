@@ -90,7 +90,7 @@ def odometry_increments(poses: ArrayLike) -> Float:
     return np.column_stack([cos * dx + sin * dy, cos * dy - sin * dx, wrap_angle(turn)])
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Track(Value):
     """The estimated poses of the robot at each scan.
 
@@ -173,6 +173,9 @@ class Localiser:
         self.used = 0
         self._step_covariance = noise.covariance
         self._mapper: LineMapper | None = None
+
+    def __repr__(self) -> str:
+        return f"Localiser({len(self.known)} known lines, at {self.estimate.pose})"
 
     def move(self, step: ArrayLike) -> PoseEstimate:
         """Predict the pose after an odometry increment (3,): ahead, to the left [m], turn [rad].

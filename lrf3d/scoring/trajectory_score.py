@@ -10,7 +10,7 @@ from lrf3d.pose import as_poses
 from lrf3d.scoring.report import Report
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Relations(Value):
     """Known relative poses (r, 3) x, y [m], theta [rad] between poses of a trajectory.
 

@@ -91,15 +91,6 @@ def test_obstacles_are_cast_as_exactly_as_walls(make):
     assert 10 < moving.sum() < 361
 
 
-def test_an_obstacle_lower_than_the_beams_is_not_seen():
-    lrf, pose = LaserRangeFinder(height=0.5), np.array([49.0, 31.0, 0.0])
-    low, high = (DynamicObstacle(SQUARE, DRIVE, height) for height in (0.4, 0.6))
-    plain = PlanarCaster(CITY).cast(lrf, pose)
-    seen = [among(PlanarCaster(CITY), each)(lrf, pose, 0.0) for each in (low, high)]
-    assert np.array_equal(seen[0].ranges, plain.ranges)
-    assert (seen[1].ranges < plain.ranges).sum() > 5
-
-
 def test_what_is_too_near_is_told_so_whoever_it_is():
     lrf = LaserRangeFinder(0.0, 0.0, 1, range_min=2.0, range_max=20.0)
     world = World([[10.0, -5, 10, 5], [-1.0, -5, -1, 5]])

@@ -113,19 +113,6 @@ def test_the_gate_in_the_robots_frame_does_not_depend_on_the_origin(drive):
         assert one[paired] == pytest.approx(other[paired], abs=1e-4)
 
 
-@given(angles, st.floats(-20, 20), st.floats(1, 20), st.floats(0.5, 10), st.floats(0.01, 0.05))
-def test_a_covariance_turns_with_the_robot(turn, along, away, length, sigma):
-    segment = np.array([[away, along, away, along + length]])
-    cos, sin = np.cos(turn), np.sin(turn)
-    turned = (segment.reshape(-1, 2) @ [[cos, sin], [-sin, cos]]).reshape(1, 4)
-    points, noise = np.array([30]), RangeNoise.from_sigma(sigma)
-    one, other = (
-        line_covariances(each, normal_lines(each), points, noise) for each in (segment, turned)
-    )
-    assert one == pytest.approx(other, rel=1e-6, abs=1e-15)
-    assert (np.linalg.eigvalsh(one[0]) > 0.0).all()
-
-
 @given(angles, st.floats(-1e-3, 1e-3), st.floats(0, 20), st.floats(0.1, 50), st.integers(2, 200))
 def test_a_wall_that_points_at_the_robot_has_a_covariance_too(turn, away, along, length, count):
     cos, sin = np.cos(turn), np.sin(turn)
