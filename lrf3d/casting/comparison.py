@@ -20,7 +20,7 @@ from lrf3d.laser.range_finder import within_limits
 from lrf3d.pose import as_poses
 from lrf3d.progress import Progress, silent
 from lrf3d.world import World
-from lrf3d.world.extrude import extrude
+from lrf3d.world.mesh import extrude
 
 AGREEMENT = 1e-9
 """Largest difference [m] of two ranges that agree."""

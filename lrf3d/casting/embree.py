@@ -13,7 +13,7 @@ import numpy as np
 
 from lrf3d.casting.caster import PlanarCaster
 from lrf3d.casting.kernels.scans import PlainLaser, laser_of
-from lrf3d.casting.mesh_scene import MeshScene, level_cut
+from lrf3d.casting.mesh_scene import MeshScene
 from lrf3d.casting.triangle_rays import embreex_installed
 from lrf3d.casting.wall_scene import WallScene
 from lrf3d.errors import InputError, shown
@@ -22,6 +22,7 @@ from lrf3d.laser import LaserRangeFinder, LaserScan, layer_directions
 from lrf3d.laser.range_finder import within_limits
 from lrf3d.pose import as_pose
 from lrf3d.world import World
+from lrf3d.world.mesh import level_cut
 
 
 class LayerLight(NamedTuple):
