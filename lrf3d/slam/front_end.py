@@ -35,6 +35,9 @@ SLIP, SLIP_SHARE, SLIP_TURN, SLIP_TURN_SHARE = 0.4, 0.3, 0.4, 0.3
 """How far [m], [rad] wheels may slip between two scans, and as a share of their step: the window
 that is searched. In a wider one other places look alike."""
 
+LEAST_BACKWARDS = 0.5
+"""Share that a place must explain that is as far off as where wheels went backwards unsaid."""
+
 LONGEST_STILL = 5
 """Scans over which encoders that stand still widen the window."""
 
@@ -213,7 +216,10 @@ class FrontEnd:
         places: list[Match] = []
         worth: list[float] = []
         standing = compose(self.pose, expected * [0.0, 0.0, 1.0])
-        for centre, ahead in ((guess, aside), (standing, way + SLIP)):
+        for centre, ahead, enough in (
+            (guess, aside, LEAST_FOUND),
+            (standing, way + SLIP, LEAST_BACKWARDS),
+        ):
             spread = np.array([ahead, aside, turn]) / 3.0
             window = turned(np.diag(spread**2), float(centre[2]))
             for place in search(surface, grid, centre, window):
@@ -227,7 +233,7 @@ class FrontEnd:
             for place, value in zip(places, worth, strict=True):
                 if not same_place(place.pose, best.pose, tolerance=2.0):
                     clearer = min(clearer, max(worth) - value)
-            if clearer > CLEARLY and best.explained > LEAST_FOUND:
+            if clearer > CLEARLY and best.explained > enough:
                 return best
         return match
 

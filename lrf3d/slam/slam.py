@@ -29,7 +29,7 @@ from lrf3d.slam.pose_graph import (
 )
 from lrf3d.slam.refinement import refined
 from lrf3d.slam.scan_matching import SIGMA
-from lrf3d.slam.self_check import SelfCheck, self_check
+from lrf3d.slam.self_check import SelfCheck, self_check, without_contradictions
 from lrf3d.slam.surface import LEAST_NOISE, range_noise, surface_of_scan
 from lrf3d.slam.violation import Key
 from lrf3d.slam.wheels import Wheels
@@ -44,9 +44,6 @@ the next optimisation: unscaled ones would be ten times too large where scans ar
 
 FINAL_ITERATIONS = 20
 """Most Gauss-Newton steps over the pose graph in the end."""
-
-LEAST_ROOM = 256
-"""Key scans that there is room for at first."""
 
 LEARNED_NOISE = 0.95
 """Weight of the scans before in the mean noise of the ranges, at each scan."""
@@ -104,12 +101,12 @@ class Slam:
         self._closer = LoopCloser()
         self._tracked: list[Tracked] = []
         self._noise = 0.0
-        self._room = np.empty((LEAST_ROOM, 3))
+        # Poses (k, 3) of the key scans since the start, as they are estimated now.
+        self._key_poses = np.empty((0, 3))
         self._edges = Edges.none()
-        # Edges that came since the last optimisation: joining them each time would cost the more
-        # the longer the drive is.
+        # Those since the last optimisation: joining them each time would cost more and more.
         self._new_edges: list[Edges] = []
-        # Covariance of what wheels say of the way since the last anchor.
+        # That of what wheels say of the way since the last anchor.
         self._wheel_covariance = np.zeros((3, 3))
         # The variance factor at the last optimisation, and how many closures there were then.
         self._variance, self._closures_used = 0.0, 0
@@ -215,7 +212,7 @@ class Slam:
         return turned(found, float(self._start[2]))
 
     def _used_edges(self) -> Edges:
-        """The edges that the poses fit, all but the closures since then, as exact as they are."""
+        """The edges that the poses fit, all but later closures, as exact as they are."""
         edges = self._gathered_edges()
         used = edges.part(~edges.robust | (np.cumsum(edges.robust) <= self._closures_used))
         return used.scaled(self._variance_now())
@@ -247,10 +244,7 @@ class Slam:
         return poses
 
     def scan_poses(self, key_poses: Float) -> Float:
-        """Poses (k, 3) of all scans since the start, for given poses of the key scans.
-
-        Between two key scans the front end's way is bent so that it meets both.
-        """
+        """Poses (k, 3) of all scans since the start: the front end's way, bent to the key scans."""
         front = np.array([scan.pose for scan in self._tracked]).reshape(-1, 3)
         keys = [anchor.key for anchor in self._anchors]
         relative = np.array([anchor.relative for anchor in self._anchors]).reshape(-1, 3)
@@ -291,6 +285,16 @@ class Slam:
         self._add_closures(self._closer.settle())
         if len(edges := self._gathered_edges()):
             self._move_keys(optimised(self._key_poses, edges, FINAL_ITERATIONS), edges)
+            poses, kept = without_contradictions(
+                self._closer.keys,
+                self._key_poses,
+                self._closer.driven,
+                edges,
+                self._closer.stretches(),
+            )
+            self._closer.keep(kept[edges.robust])
+            self._edges = edges.part(kept)
+            self._move_keys(poses, self._edges)
             self._map.redraw(self._key_poses)
 
     def refined(self, scans: Sequence[LaserScan]) -> Float:
@@ -314,11 +318,6 @@ class Slam:
     def self_check(self) -> SelfCheck:
         """Compare the key scans, at their current poses, where the robot came by again."""
         return self_check(self._closer.keys, self._key_poses, self._closer.driven)
-
-    @property
-    def _key_poses(self) -> Float:
-        """Poses (k, 3) of the key scans since the start, as they are estimated now."""
-        return self._room[: len(self._closer.keys)]
 
     def _gathered_edges(self) -> Edges:
         """All edges of the pose graph."""
@@ -360,9 +359,7 @@ class Slam:
     def _add_key(self, key: Key, scan: LaserScan, pose: Float, *, hung: bool = False) -> None:
         """Add a vertex to the pose graph."""
         number = len(self._closer.keys)
-        if number == len(self._room):
-            self._room = np.concatenate([self._room, np.empty_like(self._room)])
-        self._room[number] = pose
+        self._key_poses = np.vstack([self._key_poses, pose])
         self._anchors.append(Anchor(key.scan, number, np.zeros(3), key.pose))
         self._scans.append(scan)
         self._wheel_covariance = np.zeros((3, 3))
@@ -390,6 +387,6 @@ class Slam:
 
     def _move_keys(self, poses: Float, edges: Edges) -> None:
         """Take over the poses (k, 3) that fit edges, and how well they do."""
-        self._room[: len(poses)] = poses
+        self._key_poses = poses
         self._variance = min(variance_factor(poses, edges, self._deviation()), 1.0)
         self._closures_used = len(self._closer.accepted)

@@ -217,19 +217,6 @@ def test_a_scan_without_any_return_leaves_the_robot_to_the_odometry():
     assert len(slam.map) == 0
 
 
-def test_poses_of_more_key_scans_than_there_is_room_for_at_first_are_kept():
-    scans, wheels, true = drive(rooms(1), [(1, 1), (4, 1)])
-    found = []
-    for room in (256, 1):
-        slam = lrf3d.Slam(start=true[0])
-        slam._room = slam._room[:room]
-        for scan, step in zip(scans[1:], lrf3d.odometry_increments(wheels), strict=True):
-            slam.update(scan, step)
-        found.append(slam.trajectory())
-    assert len(slam.key_scans) > 4
-    assert found[0].tolist() == found[1].tolist()
-
-
 def test_the_lag_of_the_laser_is_found():
     scans, wheels, _ = drive(rooms(2), through(2) * 2, bias=0.0, heading=0.001)
     # Lines lie twice as dense as scans, and a scan was taken 0.6 lines before its place.
