@@ -20,7 +20,7 @@ from lrf3d.geometry import Float
 from lrf3d.render.film import Film
 from lrf3d.robot import follow_route
 from lrf3d.run import Run
-from lrf3d.scenario_file import load_scenario
+from lrf3d.scenario import load_scenario
 from lrf3d.scene.moments import LAYERS
 from lrf3d.simulation import simulate
 from lrf3d.world.generators import BLOCK_SIDE, city_blocks, generate_city

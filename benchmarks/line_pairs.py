@@ -18,7 +18,7 @@ from lrf3d.localization.lines import KnownLines, LocalLines
 from lrf3d.localization.pairing import STRATEGIES, Pairs, pair_lines
 from lrf3d.mapping import LineMapper
 from lrf3d.pose import Pose
-from lrf3d.scenario_file import load_scenario
+from lrf3d.scenario import load_scenario
 from lrf3d.world import World
 from lrf3d.world.generators import BLOCK_SIDE, city_blocks, generate_city
 

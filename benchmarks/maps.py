@@ -22,8 +22,7 @@ from lrf3d.laser import ProportionalNoise
 from lrf3d.laser.noise import SIGMA
 from lrf3d.mapping import LineMapper
 from lrf3d.robot import Trajectory, follow_route
-from lrf3d.scenario import Scenario
-from lrf3d.scenario_file import load_scenario
+from lrf3d.scenario import Scenario, load_scenario
 from lrf3d.scoring import score_run
 from lrf3d.scoring.matching import sample_offsets
 from lrf3d.simulation import collect

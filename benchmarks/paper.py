@@ -15,16 +15,15 @@ import typer
 
 from benchmarks.line_pairs import pair_drive
 from benchmarks.report import Report, duration
+from benchmarks.storage import Storage, storage
 from benchmarks.timing import time_updates
 from lrf3d.casting import EmbreeCaster, PlanarCaster
 from lrf3d.files import make_folder
 from lrf3d.geometry import Float
-from lrf3d.localization import OdometryNoise
-from lrf3d.localization.monte_carlo import LocalisationTask, score_localisation
+from lrf3d.localization.monte_carlo import score_localisation
 from lrf3d.run import Run
-from lrf3d.scenario_file import load_scenario
-from lrf3d.scoring import buildings_seen, storage
-from lrf3d.scoring.summary import local_polylines
+from lrf3d.scenario import load_scenario
+from lrf3d.scoring import buildings_seen
 from lrf3d.simulation import collect
 from lrf3d.sweeping import sweep
 
@@ -47,7 +46,7 @@ class Drive(NamedTuple):
 
     run: Run
     updates: Float
-    stored: Any
+    stored: Storage
 
 
 def bench(
@@ -93,8 +92,7 @@ def drive_through(world: str, mode: str, scans: int | None = None) -> Drive:
     mapper: Any = simulation.mapper
     spent = time_updates(mapper)
     run = collect(simulation)
-    lines = [local_polylines(mapper.local_map(scan)) for scan in run.scans]
-    return Drive(run, np.array(spent), storage(run, lines))
+    return Drive(run, np.array(spent), storage(run, [*map(mapper.local_map, run.scans)]))
 
 
 def exact_ranges(scans: int | None) -> Finding:
@@ -196,8 +194,7 @@ def search(scans: int | None) -> Finding:
 def localisation(scans: int | None) -> Finding:
     """Sections 1 and 3.1: the map can be used to localise the robot."""
     drive, sigma = drive_through("city", "robust", scans), load_scenario("city").sigmas[0]
-    task = LocalisationTask(drive.run, sigma, OdometryNoise(), known="map")
-    score = score_localisation(task, seeds=8).as_dict()
+    score = score_localisation(drive.run, sigma, known="map", seeds=8)
     mean = score["mean_position_error_m"]
     return Finding(
         "1, 3.1: a robot finds itself on the map (to 5 cm)",

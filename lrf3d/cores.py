@@ -35,13 +35,14 @@ def process_pool(processes: int) -> Iterator["ProcessPoolExecutor"]:
                 pool.submit(os.getpid)
         yield pool
     except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
+        # Futures are not cancelled: the pool reports its end to all of them, and raises in a thread
+        # of its own if one is cancelled already.
         for process in active_children():
             if process not in others:
                 process.kill()
         raise
     finally:
-        pool.shutdown(cancel_futures=True)
+        pool.shutdown()
 
 
 def _watch() -> None:

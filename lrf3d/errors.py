@@ -15,6 +15,10 @@ import os
 import sys
 from pathlib import Path
 
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
 LONGEST_MESSAGE = 600
 """Largest number of characters of a message: some lines of a terminal."""
 
@@ -67,57 +71,19 @@ class Lrf3dError(Exception):
 
 
 class InputError(Lrf3dError, ValueError):
-    """A value, a file or a flag that cannot be used.
-
-    Examples:
-        >>> import lrf3d
-        >>> try:
-        ...     lrf3d.LaserRangeFinder(beams=0)
-        ... except lrf3d.InputError as error:
-        ...     print(error)
-        range finder: beams 0: expected a whole number from 1 to 1000000
-    """
+    """A value, a file or a flag that cannot be used."""
 
 
 class WorldError(InputError):
-    """A world file, or the segments of a world, that cannot be used.
-
-    Examples:
-        >>> import lrf3d
-        >>> try:
-        ...     lrf3d.World([[0, 0, 0, 0]])
-        ... except lrf3d.WorldError as error:
-        ...     print(error)
-        wall 0: both ends at (0, 0), a segment of no length; remove one
-    """
+    """A world file, or the segments of a world, that cannot be used."""
 
 
 class CollisionError(Lrf3dError):
-    """A drive that would run into a wall.
-
-    Examples:
-        >>> import lrf3d
-        >>> world = lrf3d.World([[2, -1, 2, 1]])
-        >>> ahead = lrf3d.follow_route([[0, 0], [4, 0]])
-        >>> try:
-        ...     lrf3d.check_drive(ahead, world, radius=0.35)
-        ... except lrf3d.CollisionError as error:
-        ...     print(type(error).__name__)
-        CollisionError
-    """
+    """A drive that would run into a wall."""
 
 
 class OutputError(Lrf3dError, OSError):
-    """A file or a folder that cannot be written.
-
-    Examples:
-        >>> import lrf3d
-        >>> try:
-        ...     lrf3d.save_world(lrf3d.World([[0, 0, 1, 0]]), "world.txt")
-        ... except lrf3d.OutputError as error:
-        ...     print(error)
-        world.txt: unknown ending; a world is written as .toml, .geojson, .yaml, .glb
-    """
+    """A file or a folder that cannot be written."""
 
 
 class Lrf3dWarning(UserWarning):
@@ -129,14 +95,22 @@ class DrawingError(Lrf3dError):
 
 
 class MissingLibraryError(Lrf3dError):
-    """A library that this task needs and this machine lacks.
+    """A library that this task needs and this machine lacks."""
 
-    Examples:
-        >>> import lrf3d
-        >>> error = lrf3d.MissingLibraryError("a film needs OpenGL")
-        >>> isinstance(error, lrf3d.Lrf3dError)
-        True
+
+def check_names(what: str, given: "Iterable[str]", known: "Sequence[str]") -> None:
+    """Check that names are known.
+
+    Raises:
+        InputError: One is not; the message names the nearest.
     """
+    for name in given:
+        if name not in known:
+            from difflib import get_close_matches
+
+            near = ["rng"] if name == "seed" else get_close_matches(name, known, n=1)
+            hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
+            raise InputError(f"{what}: there is no {name}; {hint}")
 
 
 def missing_extra(task: str, extra: str) -> MissingLibraryError:

@@ -1,14 +1,12 @@
 """Several robots at once: each drives, scans and maps, and sees the others."""
 
 from collections.abc import Callable, Sequence
-from functools import partial
+from typing import Any
 
 import numpy as np
 
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
-from lrf3d.casting.timed import Caster
 from lrf3d.laser import LaserRangeFinder
-from lrf3d.laser.noise import Noise
 from lrf3d.progress import Progress, silent
 from lrf3d.robot import Trajectory
 from lrf3d.robot.unicycle import RADIUS
@@ -17,9 +15,6 @@ from lrf3d.sensor import caster_of
 from lrf3d.simulation import Mapper, simulate
 from lrf3d.world import World
 
-HEIGHT = 1.0
-"""Default height of a robot [m]."""
-
 
 def simulate_fleet(
     world: World,
@@ -27,12 +22,11 @@ def simulate_fleet(
     lrf: LaserRangeFinder | None = None,
     *,
     radius: float = RADIUS,
-    height: float = HEIGHT,
-    caster: Caster | str = "embree",
-    noise: Noise | None = None,
+    height: float = 1.0,
     mapper: Callable[[], Mapper] | None = None,
     rng: np.random.Generator | int | None = None,
     progress: Progress = silent,
+    **settings: Any,
 ) -> list[Run]:
     """Drive several robots through a world at the same time.
 
@@ -42,11 +36,10 @@ def simulate_fleet(
         lrf: The laser range finder of each robot; it does not see its own robot.
         radius: Radius of the robots as others see them [m].
         height: Height of the robots [m].
-        caster: Casts the beams: ``embree``, ``planar``, or an object with ``cast``.
-        noise: Turns true scans into measured ones; no noise if not given.
         mapper: Makes the mapper of each robot; a LineMapper set up for the noise if not given.
         rng: A generator for the noise, or a seed; each robot has its own noise.
         progress: Called with the number of finished scans, and of all.
+        **settings: ``caster``, ``noise`` and other arguments of `Simulation`.
 
     Raises:
         InputError: A scan takes longer than the interval to the next.
@@ -59,30 +52,19 @@ def simulate_fleet(
         >>> len(runs)
         2
     """
-    caster = caster_of(caster, world)
+    settings["caster"] = caster_of(settings.get("caster", "embree"), world)
     outline = round_outline(radius)
     bodies = [DynamicObstacle(outline, trajectory, height) for trajectory in trajectories]
-    total, done, runs = sum(map(len, trajectories)), 0, []
-    for robot, (trajectory, robot_rng) in enumerate(
-        zip(trajectories, np.random.default_rng(rng).spawn(len(trajectories)), strict=True)
-    ):
-        runs.append(
-            simulate(
-                world,
-                trajectory,
-                lrf,
-                caster=caster,
-                noise=noise,
-                mapper=None if mapper is None else mapper(),
-                rng=robot_rng,
-                obstacles=bodies[:robot] + bodies[robot + 1 :],
-                progress=partial(_report, progress, done, total),
-            )
-        )
-        done += len(trajectory)
+    before, total, runs = 0, sum(map(len, trajectories)), list[Run]()
+    generators = np.random.default_rng(rng).spawn(len(trajectories))
+    for robot, trajectory in enumerate(trajectories):
+
+        def report(done: int, _: int, before: int = before) -> None:
+            progress(before + done, total)
+
+        settings["obstacles"] = bodies[:robot] + bodies[robot + 1 :]
+        settings["mapper"] = None if mapper is None else mapper()
+        made = simulate(world, trajectory, lrf, rng=generators[robot], progress=report, **settings)
+        runs.append(made)
+        before += len(trajectory)
     return runs
-
-
-def _report(progress: Progress, before: int, total: int, done: int, _: int) -> None:
-    """Report the scans of one robot as a part of all scans."""
-    progress(before + done, total)

@@ -6,6 +6,7 @@ form x·cos α + y·sin α = p with p ≥ 0 (Eq. 3 of Teslić et al.).
 
 import math
 from collections.abc import Mapping
+from dataclasses import fields
 from typing import Any, TypeVar
 
 import numpy as np
@@ -30,8 +31,7 @@ TINY = 1e-44
 def sealed(array: AnyArray) -> AnyArray:
     """Mark an array that was just made, and is to be handed out, as read-only; nothing is copied.
 
-    Values that are handed out are shared: if their arrays were writeable, a mapper or a noise that
-    works in place would change the truth that it is scored against.
+    Otherwise a mapper or a noise that works in place would change the truth of its score.
     """
     # A seventh of the time of `flags.writeable = False`, and a scan has two such arrays.
     array.setflags(False)  # type: ignore[call-arg]
@@ -41,19 +41,15 @@ def sealed(array: AnyArray) -> AnyArray:
 def read_only(values: Any, name: str, dtype: DTypeLike = np.float64) -> Any:
     """Values from outside as a read-only array.
 
-    They are copied, unless they are such an array already, contiguous and not writeable.
-
-    Args:
-        values: The values.
-        name: Their name in error messages.
-        dtype: Type of the array.
+    They are copied, unless they are such an array already, contiguous and not writeable. Messages
+    call them by the name.
 
     Raises:
         InputError: They are not numbers in rows of equal length.
     """
-    if isinstance(values, np.ndarray) and values.dtype == dtype and values.flags.c_contiguous:
-        if _is_read_only(values):
-            return values
+    held = isinstance(values, np.ndarray) and values.dtype == dtype and values.flags.c_contiguous
+    if held and _is_read_only(values):
+        return values
     array = numbers(values, name)
     if array.dtype.kind == "f" and np.dtype(dtype).kind in "iu" and not np.isfinite(array).all():
         raise InputError(f"{name}: expected whole numbers, found {shown(values)}")
@@ -121,6 +117,15 @@ class Value:
 
     __slots__ = ()
 
+    def __repr__(self) -> str:
+        """One line: a dataclass of arrays shows them by their shapes, if it has repr=False."""
+        held = ((each.name, getattr(self, each.name)) for each in fields(self))  # type: ignore[arg-type]
+        parts = (
+            f"{name}={value.shape if isinstance(value, np.ndarray) else shown(value)}"
+            for name, value in held
+        )
+        return f"{type(self).__name__}({', '.join(parts)})"
+
     def _hold(self, *names: str, dtype: DTypeLike = np.float64) -> None:
         """Replace the attributes of these names by read-only arrays.
 
@@ -183,10 +188,9 @@ def normal_lines(segments: Float) -> Float:
 
 
 def fit_line(points: Float, weights: Float | None = None) -> tuple[Float, Float]:
-    """Total least squares line through points (n, 2), centred to lose no digits far away.
+    """Total least squares: the (weighted) mean (2,) and the unit direction (2,) of points (n, 2).
 
-    Returns:
-        The (weighted) mean point (2,) and the unit direction (2,) of the line.
+    They are centred to lose no digits far away.
     """
     weight = np.ones(len(points)) if weights is None else weights
     mean = weight @ points / weight.sum()

@@ -16,24 +16,20 @@ def loading(
 
     Args:
         module_globals: ``globals()`` of the package; a name that was loaded is kept there.
-        modules: For each name the module that defines it, relative to the package; "" where the
-            name is that of a module.
-
-    Examples:
-        ``__getattr__, __dir__ = loading(globals(), {"LineMapper": "mapper"})``
+        modules: Names by the module that defines them, relative to the package; "" for a module
+            that is itself a name.
     """
     package = module_globals["__name__"]
+    homes = {name: module for module, names in modules.items() for name in names.split()}
 
     def get(name: str) -> object:
-        if name not in modules:
+        if name in homes:
+            value = getattr(import_module(f"{package}.{homes[name]}"), name)
+        elif modules.get(name) == "":
+            value = import_module(f"{package}.{name}")
+        else:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        home = modules[name]
-        module = import_module(f"{package}.{home or name}")
-        value = getattr(module, name) if home else module
         module_globals[name] = value
         return value
 
-    def names() -> list[str]:
-        return sorted(module_globals["__all__"])
-
-    return get, names
+    return get, lambda: sorted(module_globals["__all__"])

@@ -77,11 +77,7 @@ FIGURE, PICTURE = 6.4, 4.8
 def world(world: World, ax: Axes | None = None, *, poses: Any = None, **style: Any) -> Axes:
     """Plot the walls of a world; what they enclose is filled, glass and mirrors are dashed.
 
-    Args:
-        world: The world.
-        ax: The axes to draw on; those of a new figure if not given.
-        poses: (k, 3) poses of robots: what encloses one of them is a room, and stays white.
-        style: Keywords of matplotlib's lines.
+    What encloses one of the poses (k, 3) of robots is a room, and stays white.
     """
     ax = _axes(ax)
     if not len(world.segments):
@@ -101,12 +97,8 @@ def map(
 ) -> Axes:
     """Plot the segments of a map, a colour for each object; few objects are named G1, G2, ….
 
-    Args:
-        line_map: The map.
-        ax: The axes to draw on; those of a new figure if not given.
-        objects: (m,) numbers of the segments' objects that choose colours and names, such as
-            ``run.lasting_objects[-1]``, which are those of films; the map's own if not given.
-        style: Keywords of matplotlib's lines.
+    Colours and names are chosen by the numbers (m,) of the objects, such as those of films,
+    ``run.lasting_objects[-1]``.
     """
     ax = _axes(ax)
     if not len(line_map):
@@ -142,10 +134,7 @@ def points(points: Float, ax: Axes | None = None, **style: Any) -> Axes:
     size = float(np.interp(len(shown), [500, 5000, 50_000], [2.6, 1.4, 0.7]))
     usual = {"color": POINT, "marker": ".", "markersize": size, "alpha": 0.8, "zorder": 1.5}
     view = ax.dataLim.frozen() if ax.has_data() else None
-    ax.plot(
-        *shown.T,
-        **_styled({**usual, "linestyle": "none", "mew": 0}, style),
-    )
+    ax.plot(*shown.T, **_styled({**usual, "linestyle": "none", "mew": 0}, style))
     # Dots of a large cloud are too fine for a legend.
     ax.plot([], [], ".", color=style.get("color", POINT), label="reflection points")
     if view is not None:
@@ -158,11 +147,7 @@ def scan(
 ) -> Axes:
     """Plot the beams and returns of a scan, and the robot at its pose.
 
-    Args:
-        scan: The scan.
-        ax: The axes to draw on; those of a new figure if not given.
-        lrf: The range finder; with it, beams without return are drawn up to its range.
-        style: Keywords of matplotlib's lines, for the beams.
+    With the range finder, beams without return are drawn up to its range.
     """
     ax = _axes(ax)
     hits, here = scan.points(), np.array([scan.pose[:2]])
@@ -173,9 +158,8 @@ def scan(
         ax.add_collection(_fan(here, hits, **_styled(usual, style)), autolim=False)
         ax.plot(*hits.T, ".", color=HIT, markersize=4.5, mew=0, label="returns", zorder=5)
     if lrf is not None and missed.any():
-        far = reflection_points(
-            scan.pose, scan.angles[missed], np.full(missed.sum(), lrf.range_max)
-        )
+        reach = np.full(missed.sum(), lrf.range_max)
+        far = reflection_points(scan.pose, scan.angles[missed], reach)
         faint = {"alpha": 0.15, **({} if not len(hits) else {"label": "_missed"})}
         ax.add_collection(_fan(here, far, **_styled(usual, {**style, **faint})), autolim=False)
     _draw_robots(ax, np.array([scan.pose]), named=False)
@@ -183,13 +167,7 @@ def scan(
 
 
 def trajectory(trajectory: Trajectory | Float, ax: Axes | None = None, **style: Any) -> Axes:
-    """Plot a drive: few poses as robots by name, many as a path with the robot at its end.
-
-    Args:
-        trajectory: The drive, or its poses (k, 3).
-        ax: The axes to draw on; those of a new figure if not given.
-        style: Keywords of matplotlib's lines, for the path.
-    """
+    """Plot a drive, or poses (k, 3): few as robots by name, many as a path with a robot."""
     ax = _axes(ax)
     known = trajectory.poses if isinstance(trajectory, Trajectory) else trajectory
     poses = np.asarray(known, dtype=np.float64)
@@ -229,9 +207,8 @@ def estimate(estimate: EstimatedTrajectory, ax: Axes | None = None, **style: Any
     ):
         if len(pairs):
             ends = list(estimate.lines(pairs).reshape(-1, 2, 2))
-            ax.add_collection(
-                LineCollection(ends, colors=colour, linewidths=0.7, zorder=3.5, label=name)
-            )
+            drawn = LineCollection(ends, colors=colour, linewidths=0.7, zorder=3.5, label=name)
+            ax.add_collection(drawn)
     return _shown(ax)
 
 
@@ -250,10 +227,7 @@ def run(run: Run, ax: Axes | None = None) -> Axes:
 
 
 def png(value: World | LineMap | LaserScan | Run) -> bytes:
-    """A small picture of a value as a PNG file, which notebooks show for it.
-
-    It needs no display, and leaves pyplot's figures alone.
-    """
+    """A small picture of a value as a PNG file, which notebooks show for it; pyplot is not used."""
     draw = next(function for kind, function in _PLOTS.items() if isinstance(value, kind))
     figure = Figure(figsize=(PICTURE, PICTURE), dpi=100, facecolor="white", layout="constrained")
     FigureCanvasAgg(figure)
@@ -302,10 +276,10 @@ def _draw_walls(ax: Axes, segments: Float, kinds: Any, style: dict[str, Any]) ->
         if not chosen.any():
             continue
         own = {**style, "color": style["color"] if colours.ndim < 2 else colours[chosen]}
-        if kind != "wall":
-            own |= {"linestyle": DASHES[kind], "label": f"{kind}, {style['label'].split(',')[0]}"}
+        if kind == "wall":
+            own["capstyle"] = "round"
         else:
-            own |= {"capstyle": "round"}
+            own |= {"linestyle": DASHES[kind], "label": f"{kind}, {style['label'].split(',')[0]}"}
         ax.add_collection(LineCollection(list(segments[chosen].reshape(-1, 2, 2)), **own))
 
 
@@ -329,8 +303,7 @@ def _circle_small(ax: Axes, segments: Float, objects: Int, colours: Any) -> None
     if small.sum() > 0.5 * len(small):
         tints = np.asarray(colours)
         edge = tints[first[small]] if tints.ndim > 1 else colours
-        middles = 0.5 * (low + high)[small]
-        x, y = middles.T
+        x, y = 0.5 * (low + high)[small].T
         ax.scatter(x, y, s=60, facecolor="none", edgecolor=edge, linewidths=1.2, zorder=4.5)
 
 

@@ -156,8 +156,7 @@ class Run(Value, Pictured):
     def lasting_objects(self) -> tuple[Int, ...]:
         """For each map snapshot the object (m,) of each segment, with one number in all snapshots.
 
-        If the last map shows a true object,
-        the number is that object's: pictures and films choose colours and names by it.
+        If the last map shows a true object, the number is that object's.
         """
         tracker = ObjectTracker()
         tracked = [tracker.follow(line_map) for line_map in self.maps]
@@ -218,32 +217,14 @@ class Run(Value, Pictured):
         chosen = distinct_poses(self.trajectory.poses)
         return free_cells([self.scan(index) for index in chosen.tolist()])
 
-    def frame(
-        self,
-        time: float,
-        *,
-        size: tuple[int, int] = (1280, 720),
-        view: str | None = None,
-        samples: int = 4,
-        playback: float | None = None,
-        renderer: str | None = None,
-    ) -> NDArray[np.uint8]:
-        """One picture of the run's film.
+    def frame(self, time: float, **options: Any) -> NDArray[np.uint8]:
+        """One picture (h, w, 3) uint8 of the run's film, at a time [s], row 0 at the top.
 
-        Args:
-            time: Time of the run [s].
-            size: Width and height [pixels].
-            view: Name of the camera; the run's own if not given.
-            samples: Samples a pixel against jagged edges: 4, or 0 for none.
-            playback: Seconds of the run in a second of the film, by which cameras move; the run's
-                own if not given.
-            renderer: ``gl`` or ``embree``; OpenGL where it is there if not given.
-
-        Returns:
-            The picture (h, w, 3) uint8: red, green, blue, row 0 at the top.
+        Options are ``size`` (width and height, 1280 × 720), ``view``, ``samples``, ``playback`` and
+        ``renderer``; see :func:`lrf3d.render_video`.
 
         Raises:
-            InputError: An argument is out of its range.
+            InputError: An option is invalid, or the time is not in the run.
             MissingLibraryError: OpenGL is asked for, or is there, and cannot draw.
 
         Examples:
@@ -255,43 +236,18 @@ class Run(Value, Pictured):
         """
         # Films are made layers above this one, and loaded when they are asked for.
         picture: NDArray[np.uint8] = import_module("lrf3d.render.video").frame(
-            self,
-            time,
-            size=size,
-            view=view,
-            samples=samples,
-            playback=playback,
-            renderer=renderer,
+            self, time, **options
         )
         return picture
 
-    def video(
-        self,
-        *,
-        size: tuple[int, int] = (640, 360),
-        fps: float = 25.0,
-        playback: float | None = None,
-        view: str | None = None,
-        workers: int | None = None,
-        renderer: str | None = None,
-    ) -> Video:
+    def video(self, *, size: tuple[int, int] = (640, 360), **options: Any) -> Video:
         """The run's film, as a value that a notebook plays in its page.
 
-        :func:`lrf3d.render_video` writes a film to a file; what it raises and its arguments are
-        the same.
+        The options are those of :func:`lrf3d.render_video`, which writes a film to a file.
         """
         with TemporaryDirectory() as folder:
             file = Path(folder) / "run.mp4"
-            import_module("lrf3d.render.video").render_video(
-                self,
-                file,
-                size=size,
-                fps=fps,
-                playback=playback,
-                view=view,
-                workers=workers,
-                renderer=renderer,
-            )
+            import_module("lrf3d.render.video").render_video(self, file, size=size, **options)
             return Video(file.read_bytes(), size)
 
     @property
@@ -310,9 +266,7 @@ def _ascends(indices: NDArray[Any], count: int) -> bool:
 class SnapshotSchedule:
     """The scans of a run after which the map is kept.
 
-    Args:
-        scans: Largest number of scans that the run will have.
-        snapshots: Largest number of map snapshots; MAP_SNAPSHOTS if not given.
+    ``scans`` is the largest number that the run will have, ``snapshots`` that of map snapshots.
     """
 
     scans: int
@@ -332,11 +286,6 @@ def light_shapes(world: World, lrf: LaserRangeFinder) -> dict[str, tuple[int, ..
     if lrf.echoes > 1:
         shapes |= dict.fromkeys(("echoes", "echo_intensities"), (lrf.beams, lrf.echoes))
     return shapes
-
-
-def light_rows(world: World, lrf: LaserRangeFinder, scans: int) -> dict[str, Float]:
-    """Arrays for what a run keeps of the light of a number of scans."""
-    return {name: np.empty((scans, *part)) for name, part in light_shapes(world, lrf).items()}
 
 
 def keep_light(rows: Mapping[str, Float], row: int, scan: LaserScan) -> None:

@@ -1,31 +1,36 @@
 """Scenario: a world with a robot, a laser, a noise and a mapper set up to drive through it.
 
-It is run as a simulation. Everything but the walls has a default.
+It is read from a world file and run as a simulation. Everything but the walls has a default.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
-from difflib import get_close_matches
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.casting.dynamic_obstacle import DynamicObstacle
-from lrf3d.errors import InputError
+from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
+from lrf3d.errors import InputError, check_names
+from lrf3d.files import own_name
 from lrf3d.geometry import Float, Value
-from lrf3d.laser import LaserRangeFinder, Noise, ProportionalNoise
+from lrf3d.laser import Imperfections, LaserRangeFinder, Noise, ProportionalNoise
 from lrf3d.laser.noise import SIGMA, as_noise, at_sigma, spread_of
 from lrf3d.planning.sides import Side
 from lrf3d.pose import Pose
 from lrf3d.progress import Progress, silent
 from lrf3d.robot import Trajectory, check_drive, find_collision, follow_route
 from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, SCAN_INTERVAL, SPEED
-from lrf3d.robot.laps import chain_laps, drive_laps
+from lrf3d.robot.laps import Patrol, chain_laps, drive_laps
 from lrf3d.robot.unicycle import RADIUS
-from lrf3d.world import World
-from lrf3d.world.cameras import PLAYBACK, FilmPlan
+from lrf3d.world import World, load_world
+from lrf3d.world.cameras import PLAYBACK, FilmPlan, check_view
+from lrf3d.world.files import find_world
+from lrf3d.world.model import DEFAULT_HEIGHT
+from lrf3d.world.schema import read_settings
+from lrf3d.world.toml_file import WorldFile, read_world_file
 
 if TYPE_CHECKING:
     from lrf3d.casting.timed import Caster
@@ -52,26 +57,19 @@ class Scenario(Value):
     """A world with the settings for driving, scanning, mapping and filming.
 
     Args:
-        world: The walls.
-        lrf: The laser range finder.
-        noise: Turns true scans into measured ones.
+        world, lrf, noise: The walls, the laser range finder and its noise.
         compared: Standard deviations [m] at range_max of further noise levels, whose maps a figure
             compares with that of the run.
-        obstacles: The dynamic obstacles.
-        start: Initial pose x, y [m], theta [rad]; None if not given.
+        obstacles, start: The dynamic obstacles, and the initial pose x, y [m], theta [rad].
         route: (m, 2) way-points [m], the first at the start; None if it is to be planned.
         poses: (k, 3) poses x, y [m], theta [rad] to scan from instead of driving.
-        planned: The side of the walls, inside or outside, on which the route was planned; None
-            if it was not planned.
-        speed: Speed of the drive [m/s].
-        scan_interval: Time between two scans [s].
-        lookahead: Distance along the route to the point that the robot steers at [m].
-        radius: Radius of the robot [m].
+        planned: The side of the walls, inside or outside, on which the route was planned.
+        speed, scan_interval: Speed of the drive [m/s], and time between two scans [s].
+        lookahead, radius: Distance along the route to the point that the robot steers at, and
+            radius of the robot [m].
         mapper: Keyword arguments of the LineMapper.
-        view: Camera of the film: ``chase``, ``first``, ``orbit``, ``top``, or the name of one of
-            the world's cameras.
-        playback: Simulated seconds in a second of film.
-        points_by: What the colour of hit points in the film shows, ``range`` or ``intensity``.
+        view, playback, points_by: Camera of the film, simulated seconds in a second of it, and
+            whether its hit points show ``range`` or ``intensity``.
         name: Name in files and pictures.
 
     Examples:
@@ -127,20 +125,8 @@ class Scenario(Value):
         return sigma, *self.compared
 
     def changed(self, **changes: Any) -> "Scenario":
-        """The scenario with other values of its fields; fields that depend on them are reset.
-
-        A new route starts at its first way-point; in a new world one is planned, unless a start or
-        a route is given with it.
-
-        Raises:
-            InputError: There is no such field.
-        """
-        known = [each.name for each in fields(self)]
-        for name in changes:
-            if name not in known:
-                near = ["rng"] if name == "seed" else get_close_matches(name, known, n=1)
-                hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
-                raise InputError(f"scenario: there is no {name}; {hint}")
+        """The scenario with other fields; a new world or route resets those that depend on it."""
+        check_names("scenario", changes, [each.name for each in fields(self)])
         if {"world", "route", "poses"} & set(changes):
             reset = dict.fromkeys(("route", "poses", "planned", "start"))
             if "route" in changes and changes["route"] is not None:
@@ -154,12 +140,9 @@ class Scenario(Value):
         """The scenario, with a planned route past most of its walls if it has none.
 
         Indoors a robot whose speed is not given drives at 1 m/s, and one whose radius is not given
-        is a smaller one where doors are too narrow for most of the rooms.
-
-        Args:
-            where: The side of the walls to stay on; it depends on the world and the start if not
-                given.
-            say: Called with what the route does not reach, and why.
+        is a smaller one where doors are too narrow for most of the rooms. Without a side of the
+        walls, it depends on the world and the start; ``say`` is called with what the route does
+        not reach, and why.
 
         Raises:
             InputError: There is no free space to drive in.
@@ -199,13 +182,7 @@ class Scenario(Value):
     def trajectory(
         self, *, scans: int | None = None, on_collision: Callable[[str], None] | None = None
     ) -> Trajectory:
-        """The drive along the route, or the single poses.
-
-        Args:
-            scans: The number of scans: the robot drives there and back, or repeats the poses, to
-                take them; once along the route if not given.
-            on_collision: If given, it is called with the message of a collision, and the drive
-                continues.
+        """The drive along the route, or the single poses; for the arguments see `simulation`.
 
         Raises:
             CollisionError: The drive would hit a wall.
@@ -218,11 +195,8 @@ class Scenario(Value):
         if self.route is None:
             raise InputError(f"{self.name}: neither poses nor a route to drive")
         commands = self._commands
-        settings: dict[str, Any] = {
-            "speed": self.speed,
-            "lookahead": self.lookahead,
-            "dt": self.scan_interval / commands,
-        }
+        dt = self.scan_interval / commands
+        settings: dict[str, Any] = {"speed": self.speed, "lookahead": self.lookahead, "dt": dt}
         if scans is None:
             laps: tuple[Trajectory, ...] = (follow_route(self.route, start=self.start, **settings),)
         else:
@@ -255,8 +229,8 @@ class Scenario(Value):
         """The simulation of ``lrf3d run``, step by step; the same seed gives the same numbers.
 
         Args:
-            drive: A trajectory or poses (k, 3) a second apart to drive instead of the route.
-            controller: A controller to drive instead of the route.
+            drive: A trajectory, poses (k, 3) a second apart or a controller instead of the route.
+            controller: The same as ``drive``.
             rng: A generator for the noise, or a seed: 5 gives the run of ``--seed 5``.
             sigma: Another standard deviation of the noise [m] at range_max.
             noise: A noise instead of the scenario's; if it does not report its ``spread``, the
@@ -271,7 +245,6 @@ class Scenario(Value):
 
         Raises:
             CollisionError: The drive would hit a wall.
-            InputError: Something is invalid.
         """
         # Imported here, so that films and figures do not load the compiler.
         from lrf3d.simulation import Simulation, line_mapper
@@ -299,37 +272,19 @@ class Scenario(Value):
         # The mapper is set up for the noise whose spread is known: that of the sigma, if given.
         known = usual if noise is None or sigma is not None or not spread_of(noise) else noise
         settings = {**scenario.mapper, **({} if mode is None else {"mode": mode})}
-        made = Simulation(
-            scenario.world,
-            driven,
-            scenario.lrf,
-            caster=caster,
-            noise=usual if noise is None else noise,
-            mapper=line_mapper(known, **settings) if mapper is None else mapper,
-            rng=rng,
-            obstacles=scenario.obstacles,
-            **arguments,
-        )
+        arguments |= {"caster": caster, "rng": rng, "obstacles": scenario.obstacles}
+        arguments["noise"] = usual if noise is None else noise
+        arguments["mapper"] = line_mapper(known, **settings) if mapper is None else mapper
+        made = Simulation(scenario.world, driven, scenario.lrf, **arguments)
         made.film = FilmPlan(scenario.view, scenario.playback, scenario.points_by)
         return made
 
     def run(
-        self,
-        *,
-        snapshots: int | None = None,
-        progress: Progress = silent,
-        **changes: Any,
+        self, *, snapshots: int | None = None, progress: Progress = silent, **changes: Any
     ) -> "Run":
         """Drive, scan and map, as ``lrf3d run`` does, and keep all of it in memory.
 
-        Args:
-            snapshots: Largest number of map snapshots that the run keeps; see `simulate`.
-            progress: Called with the number of finished scans, and of all.
-            **changes: Changes for this run: all arguments of `simulation`.
-
-        Raises:
-            CollisionError: The drive would hit a wall.
-            InputError: Something is invalid.
+        It takes the arguments of `simulation` and of `simulate`.
 
         Examples:
             >>> import lrf3d
@@ -343,16 +298,97 @@ class Scenario(Value):
 
     def _check_number(self, scans: int | None) -> None:
         if scans is not None and scans > MOST_SCANS:
-            from lrf3d.run import run_bytes
-
-            size = 1e-9 * run_bytes(scans, self.world, self.lrf)
-            raise InputError(
-                f"{scans:,} scans: would take {size:,.0f} GB of disk, and are more than"
-                f" {MOST_SCANS:,}; ask for fewer"
-            )
+            raise InputError(f"{scans:,} scans: more than {MOST_SCANS:,}; ask for fewer")
 
 
 def start_of(route: Float) -> Pose:
     """The pose at the first way-point of a route (m, 2), facing the second."""
     dx, dy = route[1] - route[0] if len(route) > 1 else (1.0, 0.0)
     return Pose(float(route[0, 0]), float(route[0, 1]), float(np.arctan2(dy, dx)))
+
+
+def load_scenario(name_or_path: str | Path, settings: Iterable[str] = ()) -> Scenario:
+    """Read a built-in scenario by its name, or a file; settings override those of the file.
+
+    Raises:
+        WorldError: There is no such world, or its file or a setting cannot be used.
+
+    Examples:
+        >>> import lrf3d
+        >>> scenario = lrf3d.load_scenario("city", ["laser.range_max=20"])
+        >>> scenario.lrf.range_max
+        20.0
+    """
+    return scenario_of(read_scenario_file(name_or_path), settings)
+
+
+def read_scenario_file(name_or_path: str | Path, *, resolution: float | None = None) -> WorldFile:
+    """Read the file of a world, given by its name or its path; a picture needs a resolution [m]."""
+    path = find_world(name_or_path)
+    if path.suffix.lower() == ".toml" and resolution is None:
+        return read_world_file(path)
+    return WorldFile(load_world(path, resolution=resolution), path=path)
+
+
+def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
+    """The scenario that a file describes, by settings; all of one file share its world."""
+    tables = {name: dict(table) for name, table in file.tables.items()}
+    for name, table in read_settings(settings).items():
+        tables.setdefault(name, {}).update(table)
+    file = replace(file, tables=tables)
+    robot = dict(file.tables.get("robot", {}))
+    if "route" in robot and "poses" in robot:
+        with file.at("robot.poses"):
+            raise InputError("stand next to a route; give one of them")
+    if "poses" in robot:
+        robot["poses"] = np.column_stack([robot["poses"][:, :2], np.radians(robot["poses"][:, 2])])
+    if "start" in robot:
+        x, y, degrees = robot["start"].tolist()
+        robot["start"] = Pose(x, y, float(np.radians(degrees)))
+    if "route" in robot:
+        start = robot.setdefault("start", start_of(robot["route"]))
+        if tuple(robot["route"][0]) != start[:2]:
+            robot["route"] = np.vstack([start[:2], robot["route"]])
+    noise = dict(file.tables.get("noise", {}))
+    sigma = noise.pop("sigma", SIGMA)
+    sigma, *compared = sigma if isinstance(sigma, tuple) else (sigma,)
+    lrf = _range_finder(file)
+    return Scenario(
+        world=file.world,
+        lrf=lrf,
+        noise=Imperfections(**noise).noise(sigma, lrf),
+        compared=tuple(compared),
+        obstacles=_obstacles(file, robot.get("radius", RADIUS)),
+        mapper=MappingProxyType(dict(file.tables.get("mapper", {}))),
+        name=own_name(file.path, file.world.name),
+        **robot,
+        **_film(file),
+    )
+
+
+def _obstacles(file: WorldFile, radius: float) -> tuple[DynamicObstacle, ...]:
+    """The dynamic obstacles; without a radius they are as wide as the robot."""
+    obstacles = []
+    for index, table in enumerate(file.obstacles):
+        outline, height = table.get("points"), table.get("height", DEFAULT_HEIGHT)
+        with file.at(f"obstacle[{index}]"):
+            if outline is None:
+                outline = round_outline(table.get("radius", radius))
+            path = Patrol(table["route"], table.get("speed", 1.0))
+            obstacles.append(DynamicObstacle(outline, path, height))
+    return tuple(obstacles)
+
+
+def _film(file: WorldFile) -> Mapping[str, Any]:
+    values = file.tables.get("film", {})
+    with file.at("film.view"):
+        check_view(values.get("view", "story"), file.world.cameras)
+    return values
+
+
+def _range_finder(file: WorldFile) -> LaserRangeFinder:
+    values = dict(file.tables.get("laser", {}))
+    for key in {"angle_min_deg", "angle_max_deg"} & values.keys():
+        values[key.removesuffix("_deg")] = float(np.radians(values.pop(key)))
+    with file.at("laser"):
+        return LaserRangeFinder(**values)

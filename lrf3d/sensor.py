@@ -9,10 +9,9 @@ from lrf3d.casting import EmbreeCaster, PlanarCaster
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.casting.timed import Caster, timed
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Int
-from lrf3d.laser import LaserRangeFinder, LaserScan, Noise, ProportionalNoise
+from lrf3d.geometry import Float
+from lrf3d.laser import LaserRangeFinder, LaserScan, Noise
 from lrf3d.laser.echoes import measured
-from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
 from lrf3d.world import World
 
@@ -23,17 +22,7 @@ CASTERS: dict[str, Callable[[World], Caster]] = {"embree": EmbreeCaster, "planar
 class Sensor:
     """A laser range finder among walls and dynamic obstacles, with its noise.
 
-    Args:
-        world: The walls.
-        lrf: The laser range finder.
-        caster: Casts the beams: ``embree``, ``planar``, or an object with ``cast``.
-        noise: Turns true scans into measured ones.
-        obstacles: The dynamic obstacles.
-        path: The path of the robot during its scans; if not given, all beams of a scan are cast
-            from one pose.
-
-    Raises:
-        InputError: There is no such caster, or a scan takes longer than the interval to the next.
+    Without the path of the robot all beams of a scan are cast from one pose.
     """
 
     def __init__(
@@ -47,10 +36,7 @@ class Sensor:
         path: Trajectory | None = None,
     ) -> None:
         self.lrf, self.caster, self.noise = lrf, caster_of(caster, world), noise
-        # A user's caster need not cast scans in batches, and noises may need intensities.
-        alone = obstacles or path or world.materials
-        self._cast_batch: Any = None if alone else getattr(self.caster, "scan_batch", None)
-        self._cast = timed(self.caster, lrf, path, obstacles)
+        self.cast = timed(self.caster, lrf, path, obstacles)
 
     def measure(
         self, pose: Float, time: float, rng: np.random.Generator
@@ -60,63 +46,22 @@ class Sensor:
         Raises:
             InputError: The noise does not return a valid scan.
         """
-        true_scan = self._cast(self.lrf, pose, time)
-        scan = measured(true_scan, self.noise, rng)
-        self._check(scan)
-        return true_scan, scan
+        true_scan = self.cast(self.lrf, pose, time)
+        return true_scan, self.noisy(true_scan, rng)
 
-    def measure_batch(
-        self, poses: Float, times: Float, rng: np.random.Generator
-    ) -> tuple[Float, Float, Int]:
-        """Measured and true ranges and walls, (k, beams) each, from poses (k, 3) at times (k,) [s].
-
-        They equal those of `measure`; without dynamic obstacles and motion the beams of all scans
-        are cast in one batch.
-        """
-        if self._cast_batch is not None:
-            truth, walls = self._cast_batch(self.lrf, poses)
-            if self.noise == ProportionalNoise(0.0):
-                return truth, truth, walls
-            scans = [
-                LaserScan.unchecked(self.lrf, Pose(*pose), *row).at_time(time)
-                for pose, time, *row in zip(
-                    poses.tolist(), times.tolist(), truth, walls, strict=True
-                )
-            ]
-        else:
-            scans = [
-                self._cast(self.lrf, pose, time)
-                for pose, time in zip(poses, times.tolist(), strict=True)
-            ]
-            truth = np.array([scan.ranges for scan in scans])
-            walls = np.array([scan.walls for scan in scans])
-        ranges = np.empty_like(truth)
-        for row, true_scan in zip(ranges, scans, strict=True):
-            scan = measured(true_scan, self.noise, rng)
-            self._check(scan)
-            row[:] = scan.ranges
-        return ranges, truth, walls
-
-    def _check(self, scan: Any) -> None:
-        """Check that a noise has returned a valid scan.
+    def noisy(self, true_scan: LaserScan, rng: np.random.Generator) -> LaserScan:
+        """The measured scan of a true one.
 
         Raises:
-            InputError: It has not.
+            InputError: The noise does not return a valid scan.
         """
+        scan = measured(true_scan, self.noise, rng)
         if not isinstance(scan, LaserScan) or len(scan.ranges) != self.lrf.beams:
             raise InputError(
                 f"noise {self.noise!r} returned {_shown(scan)}; expected a LaserScan of"
                 f" {self.lrf.beams} beams"
             )
-        # The minimum is NaN if there is one; −inf is a valid range, below range_min.
-        if not scan.ranges.min() >= 0.0:
-            wrong = ~(scan.ranges >= 0.0) & (scan.ranges != -np.inf)
-            if wrong.any():
-                beam = int(np.argmax(wrong))
-                raise InputError(
-                    f"noise {self.noise!r} returned the range {scan.ranges[beam]:g} m of beam"
-                    f" {beam}; expected 0 or more, inf for no return, -inf for one too near"
-                )
+        return scan
 
 
 def _shown(scan: Any) -> str:
@@ -127,11 +72,7 @@ def _shown(scan: Any) -> str:
 
 
 def caster_of(caster: Caster | str, world: World) -> Caster:
-    """The caster for a world, by its name or as given.
-
-    Raises:
-        InputError: There is no such caster.
-    """
+    """The caster for a world, by its name or as given."""
     if not isinstance(caster, str):
         return caster
     if caster not in CASTERS:

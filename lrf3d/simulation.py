@@ -5,6 +5,7 @@ The input is a world and a drive; steps are yielded one by one, and only the map
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from inspect import signature
 from time import perf_counter
 from typing import Any, Protocol
 
@@ -13,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.casting.timed import Caster
-from lrf3d.errors import InputError
+from lrf3d.errors import InputError, check_names
 from lrf3d.geometry import Float, numbers, sealed, whole_number
 from lrf3d.interrupts import check, stoppable
 from lrf3d.laser import LaserRangeFinder, LaserScan, ProportionalNoise
@@ -23,9 +24,9 @@ from lrf3d.pose import Pose
 from lrf3d.progress import Progress, silent
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.robot.following import SCAN_INTERVAL
-from lrf3d.run import Run, SnapshotSchedule, keep_light, light_rows
+from lrf3d.run import Run, SnapshotSchedule, keep_light, light_shapes
 from lrf3d.sensor import Sensor
-from lrf3d.steering import ControlledDrive, Controller, Drive, RecordedDrive
+from lrf3d.steering import ControlledDrive, Controller
 from lrf3d.world import World
 from lrf3d.world.cameras import USUAL_FILM, FilmPlan
 
@@ -150,7 +151,7 @@ class Simulation:
         if not callable(getattr(self.mapper, "update", None)):
             raise InputError(f"mapper {self.mapper!r}: expected an object with update(scan)")
         self.rng = np.random.default_rng(rng)
-        self.drive: Drive
+        self.drive: Trajectory | ControlledDrive
         end: float | None = None
         if callable(getattr(drive, "command", None)):
             self.drive = ControlledDrive(drive, start, scan_interval, world, radius)  # type: ignore[arg-type]
@@ -163,8 +164,7 @@ class Simulation:
             if scans is not None:
                 end = scans * scan_interval
         else:
-            path = drive if isinstance(drive, Trajectory) else _a_second_apart(drive)
-            self.drive = RecordedDrive(path)
+            self.drive = path = drive if isinstance(drive, Trajectory) else _a_second_apart(drive)
             end = float(path.times[-1])
             scans = len(path) if scans is None else min(scans, len(path))
         # A run stores the paths of its obstacles as poses, up to its end; an endless drive is not
@@ -195,8 +195,15 @@ class Simulation:
 
     def __iter__(self) -> Iterator[Step]:
         """The remaining steps."""
-        while (self.scans is None or self.done < self.scans) and self.drive.goes_on:
-            index, (time, pose) = self.done, self.drive.scan_pose(self.done)
+        drive = self.drive
+        while self.scans is None or self.done < self.scans:
+            index = self.done
+            if isinstance(drive, Trajectory):
+                time, pose = float(drive.times[index]), drive.poses[index]
+            elif drive.goes_on:
+                time, pose = index * drive.interval, np.array(drive.pose)
+            else:
+                return
             true_scan, scan = self.sensor.measure(pose, time, self.rng)
             self.take(scan)
             yield Step(index, time, true_scan.pose, scan, true_scan, self, self._returned)
@@ -212,7 +219,8 @@ class Simulation:
         if self.updates:
             self._seconds += perf_counter() - begin
         self.updates += 1
-        self.drive.after(scan)
+        if isinstance(self.drive, ControlledDrive):
+            self.drive.after(scan)
         self.done += 1
 
     @property
@@ -245,44 +253,24 @@ def simulate(
     drive: Trajectory | ArrayLike | Controller | None = None,
     lrf: LaserRangeFinder | None = None,
     *,
-    caster: Caster | str | None = None,
-    noise: Noise | None = None,
-    mapper: Mapper | None = None,
-    rng: np.random.Generator | int | None = None,
-    obstacles: Sequence[DynamicObstacle] | None = None,
-    start: Sequence[float] | Float | None = None,
-    scan_interval: float | None = None,
-    scans: int | None = None,
-    radius: float | None = None,
     snapshots: int | None = None,
     progress: Progress = silent,
+    **settings: Any,
 ) -> Run:
     """Drive through a world, scan, map, and keep all of it in memory.
 
-    For a Scenario, values that are not given are the scenario's, and the run equals that of ``lrf3d
-    run``. For a World the defaults are those below. `Simulation` does the same step by step.
+    `Simulation` does the same step by step. For a Scenario, values that are not given are the
+    scenario's, and the run equals that of ``lrf3d run``.
 
     Args:
-        world: A Scenario, or the walls alone.
-        drive: A Trajectory, poses (k, 3) a second apart, or a controller: anything with
-            ``command(time, pose, scan) -> (v, w)``. Required for a World.
-        lrf: The laser range finder; 181 beams over 180° up to 80 m if not given.
-        caster: Casts the beams: ``embree`` (the default), ``planar``, or an object with ``cast``.
-        noise: Turns true scans into measured ones, ``noise(scan, rng)``; none if not
-            given.
-        mapper: Builds the map, anything with ``update(scan)``; if not given, a LineMapper set up
-            for the noise.
-        rng: A generator for the noise, or a seed: 5 gives the run of ``--seed 5``. The noise
-            differs each time if not given.
-        obstacles: The dynamic obstacles; none if not given.
-        start: Initial pose of a controller's drive; the origin if not given.
-        scan_interval: Time between two scans [s] of a controller's drive; 0.25 if not given.
-        scans: Number of scans; all of the drive if not given.
-        radius: With a controller: radius of the robot [m], which may not hit a wall; if not given,
-            it drives through walls.
+        world: A Scenario, or the walls alone, for which a drive is required.
+        drive: A Trajectory, poses (k, 3) a second apart, or a controller.
+        lrf: The laser range finder.
         snapshots: Largest number of map snapshots that the run keeps, for films; 100 if not given.
             With 1 only the final map is computed, which is faster.
         progress: Called with the number of finished scans, and of all.
+        **settings: ``rng``, ``noise``, ``mapper`` and all other arguments of `Simulation`; for a
+            Scenario those of `Scenario.simulation`.
 
     Raises:
         InputError: The drive or the noise is invalid, a scan takes longer than the interval to the
@@ -299,24 +287,15 @@ def simulate(
         >>> len(lrf3d.simulate(lrf3d.load_scenario("city"), scans=3, rng=0))
         3
     """
-    given: dict[str, Any] = {
-        "lrf": lrf,
-        "caster": caster,
-        "noise": noise,
-        "mapper": mapper,
-        "rng": rng,
-        "obstacles": obstacles,
-        "start": start,
-        "scan_interval": scan_interval,
-        "scans": scans,
-        "radius": radius,
-    }
-    given = {name: value for name, value in given.items() if value is not None}
+    settings = {name: value for name, value in settings.items() if value is not None}
+    if lrf is not None:
+        settings["lrf"] = lrf
     if not isinstance(world, World):
-        return collect(world.simulation(drive=drive, **given), progress, snapshots=snapshots)
+        return collect(world.simulation(drive=drive, **settings), progress, snapshots=snapshots)
     if drive is None:
         raise InputError("drive: not given, and a world alone has none; give one, or a scenario")
-    return collect(Simulation(world, drive, **given), progress, snapshots=snapshots)
+    check_names("simulate", settings, list(signature(Simulation).parameters))
+    return collect(Simulation(world, drive, **settings), progress, snapshots=snapshots)
 
 
 @stoppable()
@@ -335,7 +314,10 @@ def collect(
     schedule, shape = SnapshotSchedule(total, snapshots), (total, simulation.lrf.beams)
     times, poses = np.empty(total), np.empty((total, 3))
     ranges, truth, walls = np.empty(shape), np.empty(shape), np.empty(shape, dtype=np.int64)
-    light = light_rows(simulation.world, simulation.lrf, total)
+    light = {
+        name: np.empty((total, *part))
+        for name, part in light_shapes(simulation.world, simulation.lrf).items()
+    }
     kept: dict[int, Any] = {}
     done = 0
     for step in simulation:
@@ -368,12 +350,7 @@ def collect(
 
 
 def line_mapper(noise: object, **settings: Any) -> LineMapper:
-    """The default mapper: a LineMapper set up for the noise of the ranges.
-
-    Args:
-        noise: Gives its σ and its floor; see `spread_of`.
-        **settings: Arguments of the LineMapper that override them.
-    """
+    """The default mapper: a LineMapper set up for the spread of a noise, or by settings."""
     constant, sigma = spread_of(noise) or (0.0, SIGMA)
     usual = {"sigma": sigma}
     if constant:

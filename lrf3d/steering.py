@@ -1,4 +1,4 @@
-"""Drives, step by step: along a trajectory, or by a controller that decides after each scan."""
+"""Steering: a controller decides after each scan how the robot drives on."""
 
 from collections.abc import Sequence
 from typing import Protocol
@@ -29,51 +29,11 @@ class Controller(Protocol):
         ...
 
 
-class Drive(Protocol):
-    """The poses of the scans, one after the other."""
-
-    @property
-    def goes_on(self) -> bool:
-        """Whether the drive has a next scan."""
-        ...
-
-    def scan_pose(self, index: int) -> tuple[float, Float]:
-        """Time [s] and pose (3,) of the next scan, given its index."""
-        ...
-
-    def after(self, scan: LaserScan) -> None:
-        """Drive on from where a scan was taken."""
-        ...
-
-
-class RecordedDrive:
-    """The drive along a trajectory, regardless of the scans."""
-
-    goes_on = True
-
-    def __init__(self, trajectory: Trajectory) -> None:
-        self.trajectory = trajectory
-
-    def scan_pose(self, index: int) -> tuple[float, Float]:
-        """Time [s] and pose (3,) of a scan."""
-        return float(self.trajectory.times[index]), self.trajectory.poses[index]
-
-    def after(self, scan: LaserScan) -> None:
-        """Do nothing: the trajectory is fixed."""
-
-
 class ControlledDrive:
     """The drive of a controller; each command is held until the next scan, as an exact arc.
 
-    Args:
-        controller: Decides how to drive on.
-        start: Pose of the first scan.
-        interval: Time between two scans [s].
-        world: The walls.
-        radius: Radius [m] of the robot, or None to let it drive through walls.
-
-    Raises:
-        InputError: The interval is invalid.
+    The interval is the time between two scans [s]; a robot without a radius [m] drives through
+    walls.
     """
 
     def __init__(
@@ -95,10 +55,6 @@ class ControlledDrive:
         self._robot = Unicycle()
         self._checker = None if radius is None else CollisionChecker(world)
         self._index = 0
-
-    def scan_pose(self, index: int) -> tuple[float, Float]:
-        """Time [s] and pose (3,) of the next scan."""
-        return index * self.interval, np.array(self.pose)
 
     def after(self, scan: LaserScan) -> None:
         """Get the next command of the controller, and drive.

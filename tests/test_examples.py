@@ -10,8 +10,12 @@ import lrf3d
 
 @pytest.mark.parametrize(
     "name",
-    # A film takes its time.
-    [pytest.param(n, marks=[pytest.mark.slow] * (n == "render_video")) for n in lrf3d.__all__],
+    # A film takes its time; of errors only the root has an example.
+    [
+        pytest.param(name, marks=[pytest.mark.slow] * (name == "render_video"))
+        for name in lrf3d.__all__
+        if name == "Lrf3dError" or not name.endswith("Error")
+    ],
 )
 def test_a_public_name_has_an_example_that_runs(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -7,7 +7,6 @@ cleaning up, or in a destructor, and the new result must be there.
 """
 
 import functools
-import os
 import shutil
 from pathlib import Path
 
@@ -18,7 +17,6 @@ pytest.importorskip("resource", reason="Windows has no limits of a process")
 
 from faults import (
     FAULTS,
-    MANY,
     Calls,
     any_call,
     calls_within,
@@ -76,8 +74,8 @@ WRITERS = {
 }
 """What writes: each to a folder, an older or a newer result."""
 
-FEWEST = 60
-"""Calls of a work that fail in the fast test, evenly spread over all."""
+FEWEST = 40
+"""Calls of a work that fail, evenly spread over all."""
 
 SLOW = {"film": 20, "mcap": 60, "bag": 60, "glb": 12}
 """Calls that fail of works that take long. A film is drawn by another process; a bag has 160,000
@@ -122,19 +120,13 @@ def fault_at_each_call(write, fault, folder, most):
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-@pytest.mark.parametrize("writer", [name for name in WRITERS if name not in SLOW])
+@pytest.mark.parametrize(
+    "writer", [pytest.param(w, marks=[pytest.mark.slow] * (w in SLOW)) for w in WRITERS]
+)
 def test_a_fault_at_any_call_leaves_the_older_file_or_the_new_one(writer, fault, tmp_path):
-    assert fault_at_each_call(WRITERS[writer], fault, tmp_path, FEWEST) >= 3
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("fault", FAULTS)
-@pytest.mark.parametrize("writer", WRITERS)
-def test_a_fault_at_many_calls_leaves_the_older_file_or_the_new_one(writer, fault, tmp_path):
     if writer in ("mcap", "bag"):
         pytest.importorskip("rosbags")
-    most = SLOW.get(writer, MANY)
-    assert fault_at_each_call(WRITERS[writer], fault, tmp_path, most) >= 3
+    assert fault_at_each_call(WRITERS[writer], fault, tmp_path, SLOW.get(writer, FEWEST)) >= 3
 
 
 @pytest.mark.parametrize("writer", [name for name in WRITERS if name not in ("film", "glb")])
@@ -179,41 +171,6 @@ def test_a_program_that_lacks_room_or_memory_says_what_is_kept(capsys):
         assert said.count("\n") == 1 and said.endswith(f"; {kept}\n")
 
 
-def in_a_child_that_dies(work, number):
-    """Do a piece of work in a copy of this process that ends at a call, as if it were killed."""
-
-    def die():
-        os._exit(9)
-
-    child = os.fork()
-    if child == 0:
-        with Calls(any_call, number, die):
-            work()
-        os._exit(0)
-    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 9
-
-
-# A child that has only this thread writes and ends; nothing waits for the other threads.
-@pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork:DeprecationWarning")
-@pytest.mark.parametrize("writer", ["text", "toml", "map", "run", "carmen"])
-def test_a_writer_that_is_killed_leaves_a_whole_file_and_the_next_one_clears_up(writer, tmp_path):
-    write, place = WRITERS[writer], tmp_path / "place"
-    place.mkdir()
-    write(place, 1)
-    after = contents(place)
-    with Calls() as calls:
-        write(place, 1)
-    write(place, 0)
-    before = contents(place)
-    for number in spread(calls.made, 20):
-        write(place, 0)
-        assert in_a_child_that_dies(lambda: write(place, 1), number)
-        visible = {name: data for name, data in contents(place).items() if name[0] != "."}
-        assert visible in (before, after)
-        write(place, 1)
-        assert contents(place) == after
-
-
 RECORDING = (
     "lrf3d/io/recording.py",
     "lrf3d/io/journal.py",
@@ -229,14 +186,14 @@ def simulation():
     return lrf3d.Simulation(WORLDS[1], POSES, LRF, noise=noise, caster="planar", rng=3)
 
 
-def record_with_faults(fault, folder, most, monkeypatch):
-    """Record a run with a fault at each call, and go on with it; returns the number of faults."""
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_recorder_that_fails_at_any_call_goes_on_where_it_says(fault, tmp_path, monkeypatch):
     # Each scan is flushed.
     monkeypatch.setattr(journal, "FLUSHED_EVERY", 0.0)
     counts, made, expected = FAULTS[fault]
     if counts is any_call:
         counts = calls_within(*RECORDING)
-    path = folder / "place" / "run.npz"
+    path = tmp_path / "place" / "run.npz"
     path.parent.mkdir()
     made_again = []
 
@@ -247,8 +204,7 @@ def record_with_faults(fault, folder, most, monkeypatch):
     with Calls(counts) as calls:
         lrf3d.record(steps, path)
     whole = contents(path.parent)
-    numbers = spread(calls.made, most)
-    for number in numbers:
+    for number in spread(calls.made, 25):
         shutil.rmtree(path.parent)
         path.parent.mkdir()
         error, kept = None, []
@@ -267,7 +223,7 @@ def record_with_faults(fault, folder, most, monkeypatch):
         assert left.get("run.npz") in (None, whole["run.npz"]), calls.place
         if expected is lrf3d.OutputError and error:
             assert "\n" not in text and str(path.with_suffix("")) in text
-        assert still_open(folder) == [], calls.place
+        assert still_open(tmp_path) == [], calls.place
         made_again.clear()
         lrf3d.record(simulation(), path, resume=True, progress=note)
         assert contents(path.parent) == whole, calls.place
@@ -276,15 +232,3 @@ def record_with_faults(fault, folder, most, monkeypatch):
             count = int(kept[0].split()[0])
             assert kept == [f"{count} of 5 scans kept; go on with --resume"]
             assert made_again == list(range(count + 1, 6)), calls.place
-    return len(numbers)
-
-
-@pytest.mark.parametrize("fault", FAULTS)
-def test_a_recorder_that_fails_at_any_call_goes_on_where_it_says(fault, tmp_path, monkeypatch):
-    assert record_with_faults(fault, tmp_path, 25, monkeypatch) == 25
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("fault", FAULTS)
-def test_a_recorder_that_fails_at_many_calls_goes_on_where_it_says(fault, tmp_path, monkeypatch):
-    assert record_with_faults(fault, tmp_path, MANY, monkeypatch) > 10

@@ -13,7 +13,7 @@ from lrf3d import InputError, OutputError, WorldError, load_log, load_map, load_
 from lrf3d.files import locked, own_name, replacing, unfinished_folder
 from lrf3d.io.reading import is_run
 from lrf3d.sweeping.grid import read_grid
-from lrf3d.world.files import FORMATS, find_world
+from lrf3d.world.files import READERS, find_world
 
 ROOM = "[[object]]\npoints = [[0, 0], [4, 0], [4, 3]]\n"
 
@@ -55,7 +55,7 @@ READ = {
     "f.npz": load_run,
     "grid.toml": lambda path: read_grid(path, {}),
     "map.json": load_map,
-    **{f"world{ending}": load_world for ending in FORMATS},
+    **{f"world{ending}": load_world for ending in READERS},
 }
 
 

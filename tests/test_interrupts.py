@@ -6,11 +6,13 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent.futures.process import BrokenProcessPool
 
 import pytest
 from program import lrf3d as program
 
 import lrf3d
+from lrf3d.cores import process_pool
 from lrf3d.interrupts import check, handle_signals, stoppable
 
 POSES = [(1 + 0.01 * k, 1, 0) for k in range(20)]
@@ -179,3 +181,13 @@ def test_too_little_memory_for_compiled_code_is_one_line(tmp_path):
         "lrf3d: the limit of memory is 0.6 GB, and compiled code needs 1.2 GB; raise it: ulimit -v"
         " unlimited\n",
     )
+
+
+def test_a_pool_that_is_left_early_ends_without_a_word(monkeypatch):
+    raised = []
+    monkeypatch.setattr(threading, "excepthook", raised.append)
+    with pytest.raises(KeyboardInterrupt), process_pool(2) as pool:
+        futures = [pool.submit(time.sleep, 60.0) for _ in range(20)]
+        raise KeyboardInterrupt
+    assert all(isinstance(each.exception(0.0), BrokenProcessPool) for each in futures)
+    assert raised == []

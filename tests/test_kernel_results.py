@@ -9,6 +9,11 @@ from numba.core.dispatcher import Dispatcher
 import lrf3d
 from lrf3d.compiling import _KernelCache
 
+ROOMS = tuple(
+    f"lrf3d.{room}"
+    for room in "mapping casting laser localization scoring slam world robot planning".split()
+)
+
 
 def is_named(kind):
     named = isinstance(kind, type) and issubclass(kind, tuple) and hasattr(kind, "_fields")
@@ -17,7 +22,7 @@ def is_named(kind):
 
 def kernels():
     for found in pkgutil.walk_packages(lrf3d.__path__, "lrf3d."):
-        if found.name.startswith(("lrf3d.mapping", "lrf3d.casting", "lrf3d.laser")):
+        if found.name.startswith(ROOMS):
             for value in vars(importlib.import_module(found.name)).values():
                 cache = getattr(value, "_cache", None)
                 if isinstance(value, Dispatcher) and isinstance(cache, _KernelCache):

@@ -112,7 +112,7 @@ def test_what_nobody_can_write_to_is_not_copied():
 
 
 def test_a_noise_and_a_mapper_that_write_in_place_cannot_change_the_truth():
-    def shifted(scan):
+    def shifted(scan, rng):
         scan.ranges[:] += 0.5
         return scan
 
@@ -143,7 +143,7 @@ def test_numbers_are_whatever_numpy_takes_for_numbers():
         (lambda: LaserRangeFinder(beams="a"), "beams 'a': expected a whole number"),
         (lambda: LaserRangeFinder(beams=1.5), "beams 1.5: expected a whole number"),
         (lambda: LaserRangeFinder(beams=10**12), "from 1 to 1000000"),
-        (lambda: LaserRangeFinder(0.0, 1e16), "expected −63 to 63"),
+        (lambda: LaserRangeFinder(0.0, 1e16), "expected −63 ≤ angle_min ≤ angle_max ≤ 63"),
         (lambda: LaserRangeFinder(range_max="a"), "expected finite numbers"),
         (lambda: LaserRangeFinder(scan_duration=None), "scan_duration None"),
         (lambda: lrf3d.ProportionalNoise("a"), "sigma 'a'"),

@@ -53,3 +53,5 @@ def test_a_long_estimate_is_shown_in_one_short_line():
 def test_a_seed_is_called_rng_in_python():
     with pytest.raises(lrf3d.InputError, match="there is no seed; did you mean rng"):
         lrf3d.load_scenario("paper_room").run(seed=1)
+    with pytest.raises(lrf3d.InputError, match="there is no seed; did you mean rng"):
+        lrf3d.simulate(lrf3d.load_world("paper_room"), [(1, 1, 0)], seed=1)

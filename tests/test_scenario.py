@@ -7,8 +7,7 @@ import pytest
 from lrf3d.casting import PlanarCaster
 from lrf3d.errors import CollisionError, WorldError
 from lrf3d.robot import find_collision, follow_route
-from lrf3d.scenario import Scenario, start_of
-from lrf3d.scenario_file import load_scenario
+from lrf3d.scenario import Scenario, load_scenario, start_of
 from lrf3d.world import World
 
 WALL = "[[object]]\npoints = [[0, 0], [4, 0]]\n"
@@ -99,11 +98,11 @@ def test_a_route_without_a_start_begins_at_its_first_way_point(tmp_path: Path) -
     [
         (
             "[robot]\nroute = [[0, 1], [0, 5]]\nposes = [[0, 0, 0]]\n",
-            "w.toml:5: robot.poses: stand beside a route",
+            "w.toml: robot.poses: stand next to a route",
         ),
-        ("[film]\nview = 'x'\n", "w.toml:4: film.view: view 'x': expected one of chase, first"),
-        ("[laser]\nrange_min = 3\nrange_max = 2\n", "w.toml:3: laser: range finder: range_min 3"),
-        ("[laser]\nangle_min_deg = 90\nangle_max_deg = 0\n", "w.toml:3: laser: .*swap them"),
+        ("[film]\nview = 'x'\n", "w.toml: film.view: view 'x': expected one of chase, first"),
+        ("[laser]\nrange_min = 3\nrange_max = 2\n", "w.toml: laser: range finder: range_min 3"),
+        ("[laser]\nangle_min_deg = 90\nangle_max_deg = 0\n", "w.toml: laser: .*swap them"),
     ],
 )
 def test_what_does_not_go_together_is_refused_with_its_line(

@@ -106,7 +106,7 @@ def test_changes_hold_for_one_run():
     run = city.run(drive=drive, lrf=lrf3d.LaserRangeFinder(beams=61), mode="paper", rng=0)
     assert run.lrf.beams == 61 and len(run) == 2 and city.lrf.beams == 181
     there = city.simulation(route=[[50, 31], [60, 31]], speed=2.0, scans=5, sigma=0.2)
-    assert there.drive.scan_pose(0)[1].tolist() == [50.0, 31.0, 0.0]
+    assert there.drive.poses[0].tolist() == [50.0, 31.0, 0.0]
     assert "sigma=0.2" in repr(there.mapper)
     assert "merge_length=0.3" in repr(
         city.simulation(drive=drive, mapper={"merge_length": 0.3}).mapper

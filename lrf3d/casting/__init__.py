@@ -14,12 +14,7 @@ if TYPE_CHECKING:
 else:
     __getattr__, __dir__ = loading(
         globals(),
-        {
-            "CrossCheck": "comparison",
-            "EmbreeCaster": "embree",
-            "PlanarCaster": "caster",
-            "crosscheck": "comparison",
-        },
+        {"comparison": "CrossCheck crosscheck", "embree": "EmbreeCaster", "caster": "PlanarCaster"},
     )
 
 __all__ = ["CrossCheck", "EmbreeCaster", "PlanarCaster", "crosscheck"]

@@ -3,7 +3,7 @@
 import os
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -62,6 +62,9 @@ class PlanarCaster:
 
             self._lighting = Lighting(world)
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.world!r})"
+
     def cast(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> LaserScan:
         """The true scan from a pose."""
         laser, pose = laser_of(lrf), as_pose(pose)
@@ -106,17 +109,6 @@ class PlanarCaster:
         longest = max(1, int((chains >= 0).sum(axis=1).max(initial=0)))
         found: Int = chains[:, :longest]
         return found
-
-    def light_batch(self, lrf: LaserRangeFinder, poses: ArrayLike) -> tuple[Float, Int, Float]:
-        """Ranges, walls and intensities (k, beams) from poses (k, 3), on all cores.
-
-        Raises:
-            InputError: The world has no materials.
-        """
-        if self._lighting is None:
-            raise InputError("world without materials: its scans have no intensities")
-        lit = self._lit(lrf, as_poses(poses))
-        return lit.ranges, lit.walls, lit.intensities
 
     def tree(self, height: float) -> Tree:
         """The tree over the walls that reach up to a height [m]; built once for each level."""
@@ -174,24 +166,13 @@ def share(work: Callable[[int, int], None], count: int) -> None:
     """Call work(start, stop) for pieces of range(count), in one thread for each core."""
     cores = core_count()
     size = max(LEAST_PIECE, -(-count // (PIECES_A_CORE * cores)))
-    starts = range(0, count, size)
-    if len(starts) < 2 or cores < 2:
+    if count <= size or cores < 2:
         work(0, count)
         return
-    # Advancing the iterator holds Python's lock, so each piece goes to exactly one thread.
-    rest = iter(starts)
-
-    def work_on() -> None:
-        for start in rest:
-            work(start, min(start + size, count))
-
-    others = [_pool(cores - 1).submit(work_on) for _ in range(min(cores, len(starts)) - 1)]
-    try:
-        work_on()
-    finally:
-        wait(others)
-    for other in others:
-        other.result()
+    starts = range(0, count, size)
+    stops = (min(start + size, count) for start in starts)
+    for _ in _pool(cores).map(work, starts, stops):
+        pass
 
 
 @cache

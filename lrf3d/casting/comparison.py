@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from lrf3d.casting.caster import PlanarCaster
 from lrf3d.casting.triangle_rays import require_embreex
-from lrf3d.geometry import Bool, Float, Int, cross
+from lrf3d.geometry import Float, Int, cross
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.laser.range_finder import within_limits
 from lrf3d.pose import as_poses
@@ -59,20 +59,14 @@ MEANING = {
 """A description of each cause."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class CrossCheck:
     """The result of comparing bare Embree with the exact plane, beam by beam.
 
-    Args:
-        beams: Number of beams.
-        hits: Number of beams that return, by the exact ranges.
-        largest_difference: Largest difference of the ranges [m] among the beams that agree.
-        resolution: Bound on the float32 resolution of positions in this world [m].
-        scan: (m,) index of the pose of each beam that differs in range or wall.
-        beam: (m,) its index in the scan.
-        ranges: (m, 2) its exact range and that of Embree [m].
-        walls: (m, 2) likewise the walls, −1 for none.
-        causes: The cause of each difference.
+    Some of the beams hit a wall, by the exact ranges. Those that agree differ by at most the
+    largest difference [m]; the resolution [m] bounds that of positions in float32. Of each of those
+    (m,) that differ it has the scan and the beam, the exact range and that of Embree (m, 2) [m],
+    likewise the walls (m, 2), −1 for none, and the cause.
     """
 
     beams: int
@@ -84,6 +78,10 @@ class CrossCheck:
     ranges: Float
     walls: Int
     causes: tuple[Cause, ...]
+
+    def __repr__(self) -> str:
+        causes = ", ".join(f"{count} {cause}" for cause, count in self.counts.items())
+        return f"CrossCheck({self.beams:,} beams, {causes or 'all agree'})"
 
     @property
     def counts(self) -> dict[Cause, int]:
@@ -99,16 +97,12 @@ class CrossCheck:
 
     def as_dict(self) -> dict[str, object]:
         """The findings in JSON's types; the range of a beam without return is null."""
+        answers = np.stack([self.ranges, self.walls], axis=2).tolist()
+        named = zip(self.scan.tolist(), self.beam.tolist(), answers, self.causes, strict=True)
         differences = [
             {"scan": scan, "beam": beam, "planar": _answer(planar), "embree": _answer(embree),
              "cause": str(cause)}
-            for scan, beam, (planar, embree), cause in zip(
-                self.scan.tolist(),
-                self.beam.tolist(),
-                np.stack([self.ranges, self.walls], axis=2).tolist(),
-                self.causes,
-                strict=True,
-            )
+            for scan, beam, (planar, embree), cause in named
         ]  # fmt: skip
         return {
             "beams": self.beams,
@@ -126,15 +120,10 @@ class CrossCheck:
 def crosscheck(
     world: World, lrf: LaserRangeFinder, poses: ArrayLike, progress: Progress = silent
 ) -> CrossCheck:
-    """Compare bare Embree on the extruded walls with the exact plane, for the beams from poses.
+    """Compare bare Embree on the extruded walls with the exact plane, for beams from poses (k, 3).
 
-    Materials are left out: bare Embree ends at mirrors and glass.
-
-    Args:
-        world: The walls.
-        lrf: The range finder.
-        poses: (k, 3) poses to scan from.
-        progress: Called with the number of scans that are done, and of all.
+    Materials are left out: bare Embree ends at mirrors and glass. Progress is called with the
+    number of scans that are done, and of all.
 
     Raises:
         MissingLibraryError: Embree is not installed.
@@ -186,28 +175,20 @@ class BareEmbree:
 
     def scan_batch(self, lrf: LaserRangeFinder, poses: Float) -> tuple[Float, Int]:
         """Ranges and walls (k, beams) from poses (k, 3)."""
-        origins, directions = rays(lrf, poses, self._centre)
-        ranges, walls = np.full(len(origins), np.inf), np.full(len(origins), -1)
+        shape = len(poses), lrf.beams
+        rays = np.zeros((2, *shape, 3))
+        rays[0, ..., :2], rays[0, ..., 2] = (poses[:, :2] - self._centre)[:, None], lrf.height
+        for row, pose in zip(rays[1], poses, strict=True):
+            row[:, :2] = lrf.directions(pose)
+        start, way = rays.reshape(2, -1, 3)
+        ranges, walls = np.full(len(start), np.inf), np.full(len(start), -1)
         if len(self.mesh.faces):
-            places, ray, triangle = self.mesh.ray.intersects_location(
-                origins, directions, multiple_hits=False
-            )
-            ranges[ray] = np.einsum("ij,ij->i", places - origins[ray], directions[ray])
+            met = self.mesh.ray.intersects_location(start, way, multiple_hits=False)
+            places, ray, triangle = met
+            ranges[ray] = np.einsum("ij,ij->i", places - start[ray], way[ray])
             walls[ray] = triangle // 2
         ranges = within_limits(ranges, lrf.range_min, lrf.range_max)
-        shape = len(poses), lrf.beams
         return ranges.reshape(shape), np.where(np.isfinite(ranges), walls, -1).reshape(shape)
-
-
-def rays(lrf: LaserRangeFinder, poses: Float, centre: Float) -> tuple[Float, Float]:
-    """Origins and directions (k beams, 3) of the beams from poses (k, 3), counted from a centre."""
-    origins = np.empty((len(poses), lrf.beams, 3))
-    directions = np.zeros((len(poses), lrf.beams, 3))
-    origins[..., :2] = (poses[:, :2] - centre)[:, None]
-    origins[..., 2] = lrf.height
-    for k, pose in enumerate(poses):
-        directions[k, :, :2] = lrf.directions(pose)
-    return origins.reshape(-1, 3), directions.reshape(-1, 3)
 
 
 def resolution(world: World, lrf: LaserRangeFinder) -> float:
@@ -216,9 +197,8 @@ def resolution(world: World, lrf: LaserRangeFinder) -> float:
     The ends and the laser are rounded relative to the size of the scene; the direction and each
     step of the intersection relative to the distance.
     """
-    size = float(
-        np.linalg.norm(np.append(np.ptp(world.bounds, axis=0), world.heights.max(initial=0)))
-    )
+    spans = np.append(np.ptp(world.bounds, axis=0), world.heights.max(initial=0.0))
+    size = float(np.linalg.norm(spans))
     return 2.0**-24 * (2.0 * size + 16.0 * min(lrf.range_max, size))
 
 
@@ -237,12 +217,6 @@ def _explain(
     heights = np.full(walls.shape, np.nan)
     heights[met] = world.heights[walls[met]]
 
-    def aside(points: Float) -> Float:
-        return np.asarray(np.abs(cross(beams, points)))
-
-    def either(which: Bool) -> Bool:
-        return np.asarray(which.any(axis=1))
-
     span = ends[:, :, 1] - ends[:, :, 0]
     length = np.hypot(span[..., 0], span[..., 1])
     one, other = ranges.T
@@ -258,16 +232,16 @@ def _explain(
             at_limit |= np.isneginf(a) & (np.abs(b - lrf.range_min) <= AGREEMENT)
         tests = {
             Cause.RANGE_LIMIT: at_limit,
-            Cause.LASER_AT_WALL: either(np.hypot(nearest[..., 0], nearest[..., 1]) <= delta),
-            Cause.HEIGHT: either(np.abs(heights - lrf.height) <= delta)
+            Cause.LASER_AT_WALL: (np.hypot(nearest[..., 0], nearest[..., 1]) <= delta).any(axis=1),
+            Cause.HEIGHT: (np.abs(heights - lrf.height) <= delta).any(axis=1)
             | (met.any(axis=1) & (lrf.height <= delta)),
             Cause.GRAZING: sine <= GRAZING,
             # Shifting a wall by δ across the beam moves the hit by δ / sine along it.
             Cause.CORNER_TIE: met.all(axis=1)
             & (walls[:, 0] != walls[:, 1])
             & (np.abs(one - other) <= AGREEMENT + delta / sine),
-            Cause.WALL_END: either(np.minimum(aside(ends[:, :, 0]), aside(ends[:, :, 1])) <= delta),
-            Cause.SEAM: either(aside(seam) <= delta),
+            Cause.WALL_END: (np.abs(cross(beams[:, None], ends)) <= delta).any(axis=(1, 2)),
+            Cause.SEAM: (np.abs(cross(beams, seam)) <= delta).any(axis=1),
         }
     first = np.select(list(tests.values()), list(range(len(tests))), default=len(tests))
     return tuple([*tests, Cause.UNEXPLAINED][number] for number in first)

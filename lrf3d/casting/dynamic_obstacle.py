@@ -30,7 +30,7 @@ PLACE_ROUNDING = 1e-12
 it."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class DynamicObstacle(Value):
     """An obstacle that moves along a path: another robot, a person, a car.
 

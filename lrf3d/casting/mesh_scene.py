@@ -9,17 +9,7 @@ from lrf3d.world import World
 
 
 class MeshScene:
-    """Triangles in a tree of boxes over the plan.
-
-    Args:
-        triangles: (n, 3, 3) corners [m].
-        owners: (n,) the wall that each triangle belongs to, or its own index.
-
-    Attributes:
-        tree: The tree over the triangles.
-        corners: (n, 3, 3) their corners in its order [m].
-        owners: (n + 1,) the owner of each triangle by its number, and −1 for none.
-    """
+    """Triangles (n, 3, 3) [m], each of an owner (n,), in a tree of boxes over the plan."""
 
     def __init__(self, triangles: Float, owners: Int) -> None:
         plan = triangles[:, :, :2]
@@ -28,8 +18,10 @@ class MeshScene:
         self.corners = np.ascontiguousarray(triangles[tree.rows])
 
     @classmethod
-    def of_world(cls, world: World) -> "MeshScene":
-        """The walls of a world, each a rectangle of two triangles from the ground to its height."""
+    def of(cls, world: World, triangles: Float | None = None) -> "MeshScene":
+        """Triangles; or the walls of a world, each of two from the ground to its height."""
+        if triangles is not None:
+            return cls(triangles, np.arange(len(triangles)))
         ends = world.segments.reshape(-1, 2, 2)
         foot, head = np.zeros((len(ends), 2, 3)), np.empty((len(ends), 2, 3))
         foot[:, :, :2] = head[:, :, :2] = ends

@@ -1,13 +1,12 @@
 """Timed casters: the robot moves during a scan, among obstacles that move as well.
 
 Casters know walls and poses, but no time. A timed caster is a function of a range finder, a pose
-and the time at which the scan begins. By default all beams are sent at once, among walls alone;
-`ObstacleCaster` adds dynamic obstacles, at their places at the time of the beams, and
-`SweepCaster` sends each beam at its own time, from its own pose. Each wraps another one.
+and the time at which the scan begins. By default all beams are sent at once, among walls alone.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -35,74 +34,6 @@ TimedCaster = Callable[[LaserRangeFinder, Float, float], LaserScan]
 """Casts the scan that begins at a pose and a time [s]."""
 
 
-@dataclass(frozen=True, slots=True)
-class ObstacleCaster:
-    """Adds dynamic obstacles to the scans of another caster, as exactly as walls.
-
-    Their wall index is −1. In a world with materials they are of dark cloth, and the world is
-    needed.
-    """
-
-    cast: TimedCaster
-    obstacles: tuple[DynamicObstacle, ...]
-    world: World | None = None
-
-    def __call__(self, lrf: LaserRangeFinder, pose: Float, time: float) -> LaserScan:
-        """The scan, in which each beam ends at the nearer of wall and obstacle."""
-        scan, world = self.cast(lrf, pose, time), self.world
-        # Mirrors show obstacles that no beam could meet by itself.
-        lit = scan.intensities is not None
-        met = [one for one in self.obstacles if lit or one.may_meet(lrf, pose, time)]
-        if not met:
-            return scan
-        sides = np.concatenate([one.walls(time) for one in met])
-        heights = np.repeat([one.height for one in met], [len(one.outline) for one in met])
-        if not lit or world is None:
-            moving = PlanarCaster(World(sides, heights=heights)).cast(lrf, pose).ranges
-            # If both are below range_min, −inf, neither is nearer; the wall is −1 in any case.
-            nearer = moving < scan.ranges
-            ranges = np.where(nearer, moving, scan.ranges)
-            walls = np.where(nearer, -1, scan.walls)
-            return LaserScan.unchecked(lrf, scan.pose, ranges, walls).at_time(time)
-        among = World(
-            np.concatenate([world.segments, sides]),
-            np.concatenate([world.objects, np.full(len(sides), world.object_count)]),
-            np.concatenate([world.heights, heights]),
-            materials=[*world.materials, BUILT_IN["dark cloth"]],
-        )
-        scan = PlanarCaster(among).cast(lrf, pose)
-        walls = np.where(scan.walls < len(world.segments), scan.walls, -1)
-        return replace(scan, walls=walls).at_time(time)
-
-
-@dataclass(frozen=True, slots=True)
-class SweepCaster:
-    """Casts the beams one after the other while the robot moves along its path.
-
-    The pose of a scan is that of its first beam. For a robot at rest the scan equals that of the
-    caster bit for bit.
-    """
-
-    cast: TimedCaster
-    path: Trajectory
-
-    def __call__(self, lrf: LaserRangeFinder, pose: Float, time: float) -> LaserScan:
-        """The scan, each beam cast from the pose of the robot at its time."""
-        times: Float = time + lrf.time_increment * np.arange(lrf.beams, dtype=np.float64)
-        places = self.path.at(times)
-        poses = places + (np.asarray(pose) - places[0])
-        # The turn is added to the given heading, which may lie beyond a full turn.
-        poses[:, 2] = pose[2] + wrap_angle(places[:, 2] - places[0, 2])
-        beams = [
-            self.cast(single, place, at)
-            for single, place, at in zip(lrf.single_beams, poses, times.tolist(), strict=True)
-        ]
-        names = "ranges walls intensities echoes echo_intensities".split()
-        parts = [[getattr(beam, name) for beam in beams] for name in names]
-        arrays: Any = [None if part[0] is None else np.concatenate(part) for part in parts]
-        return LaserScan.unchecked(lrf, as_pose(pose), *arrays).at_time(time)
-
-
 def timed(
     caster: Caster,
     lrf: LaserRangeFinder,
@@ -124,7 +55,7 @@ def timed(
 
     among: TimedCaster = cast
     if obstacles:
-        among = ObstacleCaster(cast, tuple(obstacles), getattr(caster, "world", None))
+        among = partial(_among, cast, tuple(obstacles), getattr(caster, "world", None))
     if path is None or lrf.time_increment == 0.0:
         return among
     between = float(np.diff(path.times[:-1]).min(initial=np.inf))
@@ -135,4 +66,62 @@ def timed(
             f"scan_duration {lrf.scan_duration:g} s: longer than the {between:g} s between two"
             " scans; scan less often or faster"
         )
-    return SweepCaster(among, path)
+    return partial(_swept, among, path)
+
+
+def _among(
+    cast: TimedCaster, obstacles: tuple[DynamicObstacle, ...], world: World | None,
+    lrf: LaserRangeFinder, pose: Float, time: float,
+) -> LaserScan:  # fmt: skip
+    """The scan of another caster, in which each beam ends at the nearer of wall and obstacle.
+
+    Obstacles are cast as exactly as walls; their index is −1. In a world with materials they are of
+    dark cloth.
+    """
+    scan = cast(lrf, pose, time)
+    # Mirrors show obstacles that no beam could meet by itself.
+    lit = scan.intensities is not None
+    met = [one for one in obstacles if lit or one.may_meet(lrf, pose, time)]
+    if not met:
+        return scan
+    sides = np.concatenate([one.walls(time) for one in met])
+    heights = np.repeat([one.height for one in met], [len(one.outline) for one in met])
+    if not lit or world is None:
+        moving = PlanarCaster(World(sides, heights=heights)).cast(lrf, pose).ranges
+        # If both are below range_min, −inf, neither is nearer; the wall is −1 in any case.
+        nearer = moving < scan.ranges
+        ranges = np.where(nearer, moving, scan.ranges)
+        walls = np.where(nearer, -1, scan.walls)
+        return LaserScan.unchecked(lrf, scan.pose, ranges, walls).at_time(time)
+    among = World(
+        np.concatenate([world.segments, sides]),
+        np.concatenate([world.objects, np.full(len(sides), world.object_count)]),
+        np.concatenate([world.heights, heights]),
+        materials=[*world.materials, BUILT_IN["dark cloth"]],
+    )
+    scan = PlanarCaster(among).cast(lrf, pose)
+    walls = np.where(scan.walls < len(world.segments), scan.walls, -1)
+    return replace(scan, walls=walls).at_time(time)
+
+
+def _swept(
+    cast: TimedCaster, path: Trajectory, lrf: LaserRangeFinder, pose: Float, time: float
+) -> LaserScan:
+    """The scan of a robot that moves on, each beam cast from its pose at the time of the beam.
+
+    The pose of the scan is that of its first beam. For a robot at rest the scan equals that of the
+    caster bit for bit.
+    """
+    times: Float = time + lrf.time_increment * np.arange(lrf.beams, dtype=np.float64)
+    places = path.at(times)
+    poses = places + (np.asarray(pose) - places[0])
+    # The turn is added to the given heading, which may lie beyond a full turn.
+    poses[:, 2] = pose[2] + wrap_angle(places[:, 2] - places[0, 2])
+    beams = [
+        cast(single, place, at)
+        for single, place, at in zip(lrf.single_beams, poses, times.tolist(), strict=True)
+    ]
+    names = "ranges walls intensities echoes echo_intensities".split()
+    parts = [[getattr(beam, name) for beam in beams] for name in names]
+    arrays: Any = [None if part[0] is None else np.concatenate(part) for part in parts]
+    return LaserScan.unchecked(lrf, as_pose(pose), *arrays).at_time(time)

@@ -1,10 +1,17 @@
-"""Typer's commands with groups of options: as dataclasses in code, under titles in help pages."""
+"""Typer's commands from functions and dataclasses whose docstrings describe their options.
+
+The section ``Options:`` of a docstring has a line of help for each parameter. A parameter without a
+default is an argument. One whose type is a dataclass is a group of options, with a title.
+"""
 
 import inspect
+import re
 from collections.abc import Callable
+from copy import copy
 from dataclasses import fields, is_dataclass
-from typing import Any
+from typing import Annotated, Any
 
+import typer
 from typer.core import TyperCommand
 
 LISTS = ("--sigma", "--beams")
@@ -47,14 +54,17 @@ def _is_number(word: str) -> bool:
 
 
 def ungrouped(command: Callable[..., None]) -> Callable[..., None]:
-    """A command as Typer takes it: a parameter that is a dataclass becomes one for each field."""
+    """A command as Typer takes it: with a parameter for each field of its groups."""
     parameters = inspect.signature(command).parameters.values()
     groups: dict[str, Any] = {
         each.name: each.annotation for each in parameters if is_dataclass(each.annotation)
     }
-    single = [each for each in parameters if each.name not in groups]
+    text, helps = _described(command)
+    single = [_described_parameter(e, helps) for e in parameters if e.name not in groups]
     for group in groups.values():
-        single += inspect.signature(group).parameters.values()
+        _, helps = _described(group)
+        own = inspect.signature(group).parameters.values()
+        single += [_described_parameter(each, helps, group.title) for each in own]
 
     def called(**given: Any) -> None:
         made = {
@@ -63,10 +73,34 @@ def ungrouped(command: Callable[..., None]) -> Callable[..., None]:
         }
         command(**given, **made)
 
-    called.__name__, called.__doc__ = command.__name__, command.__doc__
-    keyword = inspect.Parameter.KEYWORD_ONLY
-    called.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
-        [each.replace(kind=keyword) for each in single]
-    )
+    called.__name__, called.__doc__ = command.__name__, text
+    called.__signature__ = inspect.Signature(single)  # type: ignore[attr-defined]
     called.__annotations__ = {each.name: each.annotation for each in single}
     return called
+
+
+def _described(item: Any) -> tuple[str, dict[str, str]]:
+    """The text of a docstring, and the help of its options by their names."""
+    text, _, listed = inspect.cleandoc(item.__doc__ or "").partition("\n\nOptions:\n")
+    found = re.findall(r"^    (\w+): (.*(?:\n {8}.*)*)", listed, re.MULTILINE)
+    return text, {name: " ".join(words.split()) for name, words in found}
+
+
+def _described_parameter(
+    parameter: inspect.Parameter, helps: dict[str, str], title: str | None = None
+) -> inspect.Parameter:
+    """A parameter with its help and the title of its group, to be given by name."""
+    kind, required = parameter.annotation, parameter.default is parameter.empty
+    info = None
+    if hasattr(kind, "__metadata__"):
+        kind, [info] = kind.__origin__, kind.__metadata__
+    if kind is not typer.Context:
+        if info is None:
+            # A switch that is off has no name that turns it off.
+            switch = [f"--{parameter.name.replace('_', '-')}"] if parameter.default is False else []
+            info = typer.Argument() if required else typer.Option(*switch)
+        info = copy(info)
+        info.help = info.help or helps[parameter.name]
+        info.rich_help_panel = title or info.rich_help_panel
+        kind = Annotated[kind, info]
+    return parameter.replace(annotation=kind, kind=inspect.Parameter.KEYWORD_ONLY)

@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import typer
 
@@ -20,15 +20,18 @@ Rows = Sequence[tuple[str, str]]
 
 @dataclass(frozen=True)
 class Report:
-    """What a command prints: a summary, one JSON value or nothing; notes and progress on stderr."""
+    """What a command prints: a summary, one JSON value or nothing; notes and progress on stderr.
 
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
-    ] = False
-    quiet: Annotated[
-        bool, typer.Option("--quiet", "-q", help="Print no summary, notes and progress.")
-    ] = False
-    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print more figures.")] = False
+    Options:
+        json: Print one JSON object and nothing else.
+        quiet: Print no summary, notes and progress.
+        verbose: Print more figures.
+    """
+
+    title: ClassVar[str | None] = None
+    json: bool = False
+    quiet: Annotated[bool, typer.Option("--quiet", "-q")] = False
+    verbose: Annotated[bool, typer.Option("--verbose", "-v")] = False
 
     def print(self, figures: Any, rows: Rows, details: Rows = ()) -> None:
         """Print figures as JSON or as a table, to which ``-v`` adds the details."""

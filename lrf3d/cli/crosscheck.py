@@ -13,13 +13,14 @@ def crosscheck(
     world: WorldArgument,
     drive: Drive,
     report: Report,
-    figure: Annotated[
-        Path | None, typer.Option("--figure", "-o", help="Draw the beams that differ to this .png.")
-    ] = None,
+    figure: Annotated[Path | None, typer.Option("--figure", "-o")] = None,
 ) -> None:
     """Compare Embree's own float32 hits with the exact ones, for the beams of a whole drive.
 
     Every difference is classified by its cause. The exit status is 1 if one is unexplained.
+
+    Options:
+        figure: Draw the beams that differ to this .png.
     """
     scenario = drive.read(world, report)
     trajectory = scenario.trajectory(on_collision=drive.on_collision)

@@ -1,30 +1,30 @@
 """``lrf3d export``: a run for other programs."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from lrf3d.cli.console import Report
-from lrf3d.cli.options import RunArgument
+from lrf3d.cli.options import Count, OutFile, RunArgument
 
 
 def export(
     run: RunArgument,
-    to: Annotated[
-        str, typer.Option(metavar="FORMAT", help="The format: carmen, mcap, rosbag2 or glb.")
-    ],
+    to: Annotated[str, typer.Option(metavar="FORMAT")],
     report: Report,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="The file; in the run's folder if not given.")
-    ] = None,
-    every: Annotated[int, typer.Option(min=1, help="Keep every n-th scan.")] = 1,
+    out: OutFile = None,
+    every: Count = 1,
 ) -> None:
     """Write a run for another program.
 
     carmen is a text log; mcap is a ROS 2 bag in one file, for Foxglove; rosbag2 is a ROS 2 bag as
     a folder, for ros2 bag play, rviz and slam_toolbox; glb is an animated 3D scene for Blender and
     web viewers: the world, the robot, its beams and its map as it grows.
+
+    Options:
+        to: The format: carmen, mcap, rosbag2 or glb.
+        out: The file; in the run's folder if not given.
+        every: Keep every n-th scan.
     """
     from lrf3d.io import load_run
 

@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import typer
 
 from lrf3d.cli.console import Report
-from lrf3d.cli.options import FILM, Workers
+from lrf3d.cli.options import Workers
 
 if TYPE_CHECKING:
     from lrf3d.run import Run
@@ -22,48 +22,25 @@ _RATE, _GIF_RATE = 25.0, 10.0
 
 @dataclass(frozen=True)
 class Film:
-    """The options of a film; None means the default of the run, the format or the machine."""
+    """The options of a film; None means the default of the run, the format or the machine.
 
-    view: Annotated[
-        str | None,
-        typer.Option(
-            rich_help_panel=FILM,
-            help="Camera: story, chase, first, orbit, overview, top, or one of the world.",
-        ),
-    ] = None
-    size: Annotated[
-        str | None,
-        typer.Option(
-            metavar="WxH",
-            rich_help_panel=FILM,
-            help="Size [pixels]; 1280x720, but 640x360 for .webp, .gif and with Embree.",
-        ),
-    ] = None
-    fps: Annotated[
-        float | None,
-        typer.Option(
-            min=0.1,
-            max=1000.0,
-            rich_help_panel=FILM,
-            help="Frames per second; 25, but 10 for .gif.",
-        ),
-    ] = None
-    playback: Annotated[
-        float | None,
-        typer.Option(min=0.01, rich_help_panel=FILM, help="Simulated seconds per second of film."),
-    ] = None
-    samples: Annotated[
-        int,
-        typer.Option(rich_help_panel=FILM, help="Samples per pixel for smooth edges: 0 or 4."),
-    ] = 4
+    Options:
+        view: Camera: story, chase, first, orbit, overview, top, or one of the world.
+        size: Size [pixels]; 1280x720, but 640x360 for .webp, .gif and with Embree.
+        fps: Frames per second; 25, but 10 for .gif.
+        playback: Simulated seconds per second of film.
+        samples: Samples per pixel for smooth edges: 0 or 4.
+        renderer: Renderer; embree needs no OpenGL. The best available if not given.
+    """
+
+    title: ClassVar[str | None] = "Film"
+    view: str | None = None
+    size: Annotated[str | None, typer.Option(metavar="WxH")] = None
+    fps: Annotated[float | None, typer.Option(min=0.1, max=1000.0)] = None
+    playback: Annotated[float | None, typer.Option(min=0.01)] = None
+    samples: int = 4
     workers: Workers = None
-    renderer: Annotated[
-        Literal["gl", "embree"] | None,
-        typer.Option(
-            rich_help_panel=FILM,
-            help="Renderer; embree needs no OpenGL. The best available if not given.",
-        ),
-    ] = None
+    renderer: Literal["gl", "embree"] | None = None
 
     def check(self) -> None:
         """Check the size, before any work.

@@ -6,40 +6,40 @@ from typing import Annotated, Literal
 import typer
 
 from lrf3d.cli.console import Report
-from lrf3d.cli.options import Drive, Workers, WorldArgument
+from lrf3d.cli.options import Count, Drive, Workers, WorldArgument
+
+Noise = Annotated[float, typer.Option(min=0.0)]
 
 
 def localise(
     world: WorldArgument,
     drive: Drive,
     report: Report,
-    known: Annotated[
-        Literal["walls", "map"],
-        typer.Option(help="The known map: the true walls, or the map of a first run."),
-    ] = "walls",
-    strategy: Annotated[
-        Literal["seen-objects-first", "all"],
-        typer.Option(help="Which known lines are compared with those of a scan."),
-    ] = "seen-objects-first",
-    seeds: Annotated[
-        int, typer.Option(min=1, help="Number of drives, each with its own noise.")
-    ] = 10,
-    sigma: Annotated[float | None, typer.Option(help="Noise [m] at range_max.")] = None,
-    position: Annotated[
-        float, typer.Option(min=0.0, help="Odometry noise [m] per step, ahead and sideways.")
-    ] = 0.1,
-    heading: Annotated[float, typer.Option(min=0.0, help="Odometry noise [deg] per step.")] = 2.0,
+    known: Literal["walls", "map"] = "walls",
+    strategy: Literal["seen-objects-first", "all"] = "seen-objects-first",
+    seeds: Count = 10,
+    sigma: float | None = None,
+    position: Noise = 0.1,
+    heading: Noise = 2.0,
     workers: Workers = None,
 ) -> None:
     """Localise the robot on a known map by odometry and scans, and compare with the truth.
 
     The NEES is the squared error in units of the filter's own covariance, 3 on average.
+
+    Options:
+        known: The known map: the true walls, or the map of a first run.
+        strategy: Which known lines are compared with those of a scan.
+        seeds: Number of drives, each with its own noise.
+        sigma: Noise [m] at range_max.
+        position: Odometry noise [m] per step, ahead and sideways.
+        heading: Odometry noise [deg] per step.
     """
     scenario = drive.read(world, report)
     sigma = scenario.sigmas[0] if sigma is None else sigma
 
     from lrf3d.localization import OdometryNoise
-    from lrf3d.localization.monte_carlo import LocalisationTask, score_localisation
+    from lrf3d.localization.monte_carlo import score_localisation
 
     odometry = OdometryNoise(position, radians(heading))
     with report.progress("first run") as progress:
@@ -47,23 +47,22 @@ def localise(
             mode="robust", sigma=sigma, rng=0, snapshots=1, on_collision=drive.on_collision,
             progress=progress,
         )  # fmt: skip
-    task = LocalisationTask(run, sigma, odometry, known, strategy)
     with report.progress("seeds") as progress:
-        score = score_localisation(task, seeds=seeds, workers=workers, progress=progress).as_dict()
-    lines, nees = len(task.known_lines()), score["nees"]
+        score = score_localisation(
+            run, sigma, odometry, known=known, strategy=strategy, seeds=seeds, workers=workers,
+            progress=progress,
+        )  # fmt: skip
+    nees = score["nees"]
     low, high = nees["bounds_of_average_over_seeds"]
     report.print(
         {
             "name": scenario.name,
-            "known": known,
-            "lines": lines,
-            "strategy": strategy,
             "sigma_m": sigma,
             "odometry_noise": {"position_m": position, "heading_deg": heading},
             **score,
         },
         [
-            ("known", f"{lines} lines: the {known} of {scenario.name}"),
+            ("known", f"{score['lines']} lines: the {known} of {scenario.name}"),
             ("drives", f"{score['seeds']} of {score['scans']} scans"),
             ("position", f"{score['mean_position_error_m']:.4f} m off on average, at most"
                          f" {score['largest_position_error_m']:.3f} m"),

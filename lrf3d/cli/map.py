@@ -15,27 +15,14 @@ if TYPE_CHECKING:
 
 def map_(
     context: typer.Context,
-    log: Annotated[
-        Path,
-        typer.Argument(
-            metavar="LOG",
-            help="A CARMEN log (.log, .clf, .gz), a ROS 2 bag (.mcap, .db3, a folder), or a run.",
-        ),
-    ],
+    log: Annotated[Path, typer.Argument(metavar="LOG")],
     report: Report,
     out: options.Out = None,
-    mode: options.ModeOption = None,
-    sigma: Annotated[
-        float | None, typer.Option(help="Noise [m] of the ranges at the largest range.")
-    ] = None,
-    all_scans: Annotated[
-        bool, typer.Option("--all", help="Build the map from all scans, without a test.")
-    ] = False,
+    mode: options.Mode = None,
+    sigma: float | None = None,
+    all_scans: Annotated[bool, typer.Option("--all")] = False,
     largest_range: options.LargestRange = None,
-    poses: Annotated[
-        Literal["auto", "truth", "tf", "odom"],
-        typer.Option(help="Source of the poses; auto takes the best that the log has."),
-    ] = "auto",
+    poses: Literal["auto", "truth", "tf", "odom"] = "auto",
     scan_topic: options.ScanTopic = None,
 ) -> None:
     """Build a map from the even scans of a log, and test it on the odd ones.
@@ -44,6 +31,13 @@ def map_(
     root, else odometry. The summary says which.
 
     Writes map.geojson, map.png and summary.json.
+
+    Options:
+        log: A CARMEN log (.log, .clf, .gz), a ROS 2 bag (.mcap, .db3, a folder), or a run.
+        mode: Mode of the mapper.
+        sigma: Noise [m] of the ranges at the largest range.
+        all_scans: Build the map from all scans, without a test.
+        poses: Source of the poses; auto takes the best that the log has.
     """
     from lrf3d.io.reading import load_log
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import typer
 
@@ -11,57 +11,35 @@ if TYPE_CHECKING:
     from lrf3d.planning.sides import Side
     from lrf3d.scenario import Scenario
 
-MAP, DRIVE, OWN, FILM = "Mapping", "World and drive", "Your own algorithms", "Film"
-"""Titles of groups of options in help pages."""
+RUN = "A run.npz, or its folder."
+WORLD = "A built-in world, or a world file; ./NAME is a file named like a built-in world."
+OUT = (
+    "Folder for the results; out/NAME if not given, out/NAME_map for the map of a run and"
+    " out/NAME_sweep for a sweep. NAME is the name in the file, or else of the file (for a map.yaml"
+    " after that of its folder)."
+)
+SCALE = (
+    "Enlarge the plan and its route by this factor: 100 for a drawing of 1:100, 0.001 for"
+    " millimetres that were read as metres. Heights stay."
+)
+INSIDE = "Where to plan a route if the world has none; depends on the world if not given."
 
-WorldArgument = Annotated[
-    str,
-    typer.Argument(
-        metavar="WORLD",
-        help="A built-in world, or a world file; ./NAME is a file named like a built-in world.",
-    ),
+WorldArgument = Annotated[str, typer.Argument(metavar="WORLD", help=WORLD)]
+RunArgument = Annotated[Path, typer.Argument(metavar="RUN", help=RUN)]
+Out = Annotated[Path | None, typer.Option("--out", "-o", help=OUT)]
+OutFile = Annotated[Path | None, typer.Option("--out", "-o")]
+Count = Annotated[int, typer.Option(min=1)]
+MaybeCount = Annotated[int | None, typer.Option(min=1)]
+Seed = Annotated[int, typer.Option(min=0, help="Seed; the same seed gives the same results.")]
+Scale = Annotated[float, typer.Option(metavar="FACTOR", help=SCALE)]
+Resolution = Annotated[
+    float | None, typer.Option(help="Side of a pixel [m], if the world is a bare picture.")
 ]
-RunArgument = Annotated[Path, typer.Argument(metavar="RUN", help="A run.npz, or its folder.")]
-Seed = Annotated[
-    int, typer.Option(min=0, help="Seed of the noise; the same seed gives the same run.")
-]
-Scale = Annotated[
-    float,
-    typer.Option(
-        metavar="FACTOR",
-        rich_help_panel=DRIVE,
-        help="Enlarge the plan and its route by this factor: 100 for a drawing of 1:100, 0.001 for"
-        " millimetres that were read as metres. Heights stay.",
-    ),
-]
-Inside = Annotated[
-    bool | None,
-    typer.Option(
-        "--inside/--outside",
-        rich_help_panel=DRIVE,
-        help="Where to plan a route if the world has none; depends on the world if not given.",
-    ),
-]
+Inside = Annotated[bool | None, typer.Option("--inside/--outside", help=INSIDE)]
 IgnoreCollisions = Annotated[
-    bool,
-    typer.Option(
-        "--ignore-collisions", rich_help_panel=DRIVE, help="Only warn if the robot hits a wall."
-    ),
+    bool, typer.Option("--ignore-collisions", help="Only warn if the robot hits a wall.")
 ]
-ModeOption = Annotated[
-    Literal["robust", "paper"] | None,
-    typer.Option(rich_help_panel=MAP, help="Mode of the mapper."),
-]
-Out = Annotated[
-    Path | None,
-    typer.Option(
-        "--out",
-        "-o",
-        help="Folder for the results; out/NAME if not given, out/NAME_map for the map of a run and"
-        " out/NAME_sweep for a sweep. NAME is the name in the file, or else of the file (for a"
-        " map.yaml after that of its folder).",
-    ),
-]
+Mode = Literal["robust", "paper"] | None
 LargestRange = Annotated[
     float | None, typer.Option(help="CARMEN: readings [m] of this or more are no return.")
 ]
@@ -76,18 +54,16 @@ Workers = Annotated[
 
 @dataclass(frozen=True)
 class Drive:
-    """How a world is read, and how the robot drives through it."""
+    """How a world is read, and how the robot drives through it.
 
-    settings: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="TABLE.KEY=VALUE",
-            rich_help_panel=DRIVE,
-            help="Override a key of the world file; repeatable.",
-        ),
-    ] = None
+    Options:
+        settings: Override a key of the world file; repeatable.
+    """
+
+    title: ClassVar[str | None] = "World and drive"
+    settings: Annotated[list[str] | None, typer.Option("--set", metavar="TABLE.KEY=VALUE")] = None
     scale: Scale = 1.0
+    resolution: Resolution = None
     inside: Inside = None
     ignore_collisions: IgnoreCollisions = False
 
@@ -109,7 +85,7 @@ class Drive:
         from lrf3d.errors import InputError
 
         where = side_of(self.inside)
-        scenario = read_world(name, self.settings, scale=self.scale)
+        scenario = read_world(name, self.settings, scale=self.scale, resolution=self.resolution)
         scenario = scenario.with_route(where=where, say=warn)
         if scenario.planned is None:
             if where is not None:
@@ -126,7 +102,13 @@ class Drive:
         return scenario
 
 
-def read_world(name: str, settings: list[str] | None = None, *, scale: float = 1.0) -> "Scenario":
+def read_world(
+    name: str,
+    settings: list[str] | None = None,
+    *,
+    scale: float = 1.0,
+    resolution: float | None = None,
+) -> "Scenario":
     """Read a world, and warn if its size is implausible.
 
     Raises:
@@ -137,10 +119,12 @@ def read_world(name: str, settings: list[str] | None = None, *, scale: float = 1
     # An unknown name is reported before anything else is imported, which takes a second.
     find_world(name)
     from lrf3d.cli.console import warn
-    from lrf3d.scenario_file import read_scenario_file, scenario_of
+    from lrf3d.scenario import read_scenario_file, scenario_of
     from lrf3d.world.size import size_warning
 
-    scenario = scenario_of(read_scenario_file(name).scaled(scale), settings or ())
+    scenario = scenario_of(
+        read_scenario_file(name, resolution=resolution).scaled(scale), settings or ()
+    )
     warning = size_warning(scenario.world)
     if warning is not None:
         warn(f"{name}: {warning}")

@@ -37,6 +37,8 @@ def load_plugin(kind: str, name: str) -> Any:
     file = Path(f"{module_name}.py" if module_name.isidentifier() else module_name)
     is_file = file.suffix == ".py" and file.is_file()
     folder, plain = (file.resolve().parent, file.stem) if is_file else (Path.cwd(), module_name)
+    if not is_file and not all(part.isidentifier() for part in plain.split(".")):
+        raise InputError(f"--{kind} {name}: there is no file {module_name!r}, nor such a module")
     # At the end, so that no file of the folder replaces an installed module.
     sys.path.append(str(folder))
     try:
@@ -52,7 +54,7 @@ def load_plugin(kind: str, name: str) -> Any:
         raise InputError(f"--{kind} {name}: another module is called {plain}; rename the file")
     for part in path.split("."):
         if not hasattr(found, part):
-            near = get_close_matches(part, vars(found), n=1)
+            near = get_close_matches(part, dir(found), n=1)
             hint = f"; did you mean {near[0]}?" if near else ""
             raise InputError(f"--{kind} {name}: {module_name} has no {part!r}{hint}")
         found = getattr(found, part)

@@ -8,43 +8,31 @@ import typer
 
 from lrf3d.cli.console import Report
 from lrf3d.cli.film import Film
-from lrf3d.cli.options import FILM, RunArgument
+from lrf3d.cli.options import OutFile, RunArgument
 
 
 def render(
     run: RunArgument,
     film: Film,
     report: Report,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            "-o",
-            help="The film: .mp4, .webp or .gif; with --at a .png, with --frames a folder. "
-            "In the run's folder if not given.",
-        ),
-    ] = None,
-    at: Annotated[
-        float | None, typer.Option(help="Draw one picture at this time [s] instead of a film.")
-    ] = None,
-    frames: Annotated[
-        bool, typer.Option("--frames", help="Write each frame of the film as a .png.")
-    ] = False,
-    first: Annotated[
-        float | None, typer.Option("--from", help="Begin the film at this time of the run [s].")
-    ] = None,
-    last: Annotated[
-        float | None, typer.Option("--to", help="End the film at this time of the run [s].")
-    ] = None,
-    points_by: Annotated[
-        Literal["range", "intensity"] | None,
-        typer.Option(
-            rich_help_panel=FILM,
-            help="What the colour of hit points shows; that of the run if not given.",
-        ),
-    ] = None,
+    out: OutFile = None,
+    at: float | None = None,
+    frames: bool = False,
+    first: Annotated[float | None, typer.Option("--from")] = None,
+    last: Annotated[float | None, typer.Option("--to")] = None,
+    points_by: Literal["range", "intensity"] | None = None,
 ) -> None:
-    """Draw the film of a run, a picture of one moment of it, or all its frames as pictures."""
+    """Draw the film of a run, a picture of one moment of it, or all its frames as pictures.
+
+    Options:
+        out: The film: .mp4, .webp or .gif; with --at a .png, with --frames a folder. In the run's
+            folder if not given.
+        at: Draw one picture at this time [s] instead of a film.
+        frames: Write each frame of the film as a .png.
+        first: Begin the film at this time of the run [s].
+        last: End the film at this time of the run [s].
+        points_by: What the colour of hit points shows; that of the run if not given.
+    """
     film.check()
     path = _output_path(run, out, at is not None, frames)
 

@@ -104,7 +104,7 @@ def summary_of(results: Results, settings: Mapping[str, Any], folder: Path) -> d
         **settings,
         "sigma_m": results.sigmas[0],
         "planned": results.scenario.planned,
-        **summarise(run, getattr(mapper, "local_map", None)),
+        **summarise(run),
         "walls_seen": float(lengths(parts).sum() / lengths(run.world.segments).sum()),
         "seconds": results.seconds,
         "milliseconds_a_scan": 1e3 * results.seconds / results.taken if results.taken else None,
@@ -141,7 +141,7 @@ def rows_of(
     rows.append(("seen", f"{100 * summary['walls_seen']:.0f} % of the walls' length"))
     if score is not None:
         found = f"{score['matched_segments']} of {score['visible_segments']} walls found"
-        recall, buildings, stored = score["length_recall"], summary["buildings"], summary["storage"]
+        recall, buildings = score["length_recall"], summary["buildings"]
         if recall is not None:
             found += f", {100 * recall:.1f} % of their length"
         rows.append(("map", f"{run.map.counts}: {found}"))
@@ -149,10 +149,6 @@ def rows_of(
         seen = f"{buildings['seen_on_all_sides']} of {buildings['buildings']} seen on all sides"
         details.append(("F1", f1))
         details.append(("objects", f"{seen}, {buildings['whole']} of them whole in the map"))
-        if stored is not None:
-            text = f"{counted(stored['union_numbers'], 'number')} as objects of segments"
-            text += f", {stored['polyline_numbers']:,} as polylines"
-            details.append(("storage", f"{text}, {stored['grid_cells']:,} as a grid of 0.1 m"))
     if len(results.runs) > 1:
         levels = zip(results.sigmas, results.runs, strict=True)
         rows += [(f"σ {sigma:g} m", run.map.counts) for sigma, run in levels]

@@ -15,21 +15,11 @@ if TYPE_CHECKING:
 
 def slam(
     context: typer.Context,
-    log: Annotated[
-        Path,
-        typer.Argument(
-            metavar="LOG", help="A CARMEN log (.log, .clf, .gz) or a ROS 2 bag (.mcap, .db3)."
-        ),
-    ],
+    log: Annotated[Path, typer.Argument(metavar="LOG")],
     report: Report,
     out: options.Out = None,
-    relations: Annotated[
-        Path | None,
-        typer.Option(help="Score by known relative poses: lines a b dx dy dtheta of ODOM lines."),
-    ] = None,
-    key_distance: Annotated[
-        float | None, typer.Option(help="Distance [m] from one key scan to the next; 0.5.")
-    ] = None,
+    relations: Path | None = None,
+    key_distance: float | None = None,
     largest_range: options.LargestRange = None,
     scan_topic: options.ScanTopic = None,
 ) -> None:
@@ -39,6 +29,11 @@ def slam(
     estimated.
 
     Writes run.npz, map.geojson, map.png, trajectory.tum and summary.json.
+
+    Options:
+        log: A CARMEN log (.log, .clf, .gz) or a ROS 2 bag (.mcap, .db3).
+        relations: Score by known relative poses: lines a b dx dy dtheta of ODOM lines.
+        key_distance: Distance [m] from one key scan to the next; 0.5 if not given.
     """
     from lrf3d.io.reading import CARMEN_ENDINGS, load_log
     from lrf3d.io.trajectory_files import load_relations, save_tum

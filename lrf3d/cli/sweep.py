@@ -12,51 +12,19 @@ from lrf3d.cli.console import Report
 def sweep(
     context: typer.Context,
     report: Report,
-    worlds: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="[WORLD]…", help="Built-in worlds or world files; not with --grid."),
-    ] = None,
-    grid: Annotated[
-        Path | None, typer.Option(help="A TOML file: a world file's tables with lists of values.")
-    ] = None,
-    sigma: Annotated[
-        str | None, typer.Option(metavar="S,S,…", help="Noise levels [m] at range_max.")
-    ] = None,
-    beams: Annotated[str | None, typer.Option(metavar="N,N,…", help="Numbers of beams.")] = None,
-    mapper: Annotated[
-        str | None,
-        typer.Option(
-            metavar="M,M,…",
-            help="robust, paper, or your own as FILE.py:NAME; both modes if not given.",
-        ),
-    ] = None,
-    vary: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="TABLE.KEY=V,V,…", help="Values for any key of world files; repeatable."
-        ),
-    ] = None,
-    seeds: Annotated[
-        int | None, typer.Option(min=1, help="Number of seeds for each setting; 20 if not given.")
-    ] = None,
-    every: Annotated[
-        int | None, typer.Option(min=1, help="Use every n-th scan of a drive.")
-    ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(metavar="tcp://HOST:PORT", help="A Dask scheduler instead of this machine."),
-    ] = None,
+    worlds: Annotated[list[str] | None, typer.Argument(metavar="[WORLD]…")] = None,
+    grid: Path | None = None,
+    sigma: Annotated[str | None, typer.Option(metavar="S,S,…")] = None,
+    beams: Annotated[str | None, typer.Option(metavar="N,N,…")] = None,
+    mapper: Annotated[str | None, typer.Option(metavar="M,M,…")] = None,
+    vary: Annotated[list[str] | None, typer.Option(metavar="TABLE.KEY=V,V,…")] = None,
+    seeds: options.MaybeCount = None,
+    every: options.MaybeCount = None,
+    scheduler: Annotated[str | None, typer.Option(metavar="tcp://HOST:PORT")] = None,
     workers: options.Workers = None,
-    shard: Annotated[
-        str | None,
-        typer.Option(metavar="I/N", help="Make only the runs of job I of N, such as 2/8."),
-    ] = None,
-    merge: Annotated[
-        bool, typer.Option("--merge", help="Make no runs; collect those of all jobs in the folder.")
-    ] = False,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Keep the runs in the folder and do the missing ones.")
-    ] = False,
+    shard: Annotated[str | None, typer.Option(metavar="I/N")] = None,
+    merge: bool = False,
+    resume: bool = False,
     inside: options.Inside = None,
     ignore_collisions: options.IgnoreCollisions = False,
     out: options.Out = None,
@@ -68,6 +36,20 @@ def sweep(
     and setting.
 
     Example: lrf3d sweep corridor --mapper robust,paper,mine.py:Mine --sigma 0.02,0.05
+
+    Options:
+        worlds: Built-in worlds or world files; not with --grid.
+        grid: A TOML file: a world file's tables with lists of values.
+        sigma: Noise levels [m] at range_max.
+        beams: Numbers of beams.
+        mapper: robust, paper, or your own as FILE.py:NAME; both modes if not given.
+        vary: Values for any key of world files; repeatable.
+        seeds: Number of seeds for each setting; 20 if not given.
+        every: Use every n-th scan of a drive.
+        scheduler: A Dask scheduler instead of this machine.
+        shard: Make only the runs of job I of N, such as 2/8.
+        merge: Make no runs; collect those of all jobs in the folder.
+        resume: Keep the runs in the folder and do the missing ones.
     """
     from importlib.util import find_spec
 

@@ -9,37 +9,28 @@ from lrf3d.cli.options import Drive, Seed
 
 
 def view(
-    what: Annotated[
-        str,
-        typer.Argument(
-            metavar="RUN|WORLD",
-            help="A run.npz or its folder to play, or a world to drive in. A built-in world comes"
-            " before a folder of the same name: write ./NAME for that.",
-        ),
-    ],
+    what: Annotated[str, typer.Argument(metavar="RUN|WORLD")],
     drive: Drive,
     report: Report,
-    host: Annotated[
-        str,
-        typer.Option(
-            help="Address or name to listen at; 0.0.0.0 lets other machines in. The page opens only"
-            " by this name, the machine's addresses or its host name."
-        ),
-    ] = "127.0.0.1",
-    port: Annotated[
-        int | None,
-        typer.Option(min=1, max=65535, help="Port; the first free one from 8080 if not given."),
-    ] = None,
-    browser: Annotated[bool, typer.Option(help="Open the browser.")] = True,
-    playback: Annotated[
-        float | None, typer.Option(min=0.01, help="Simulated seconds per second.")
-    ] = None,
+    host: str = "127.0.0.1",
+    port: Annotated[int | None, typer.Option(min=1, max=65535)] = None,
+    browser: bool = True,
+    playback: Annotated[float | None, typer.Option(min=0.01)] = None,
     seed: Seed = 0,
 ) -> None:
     """Play a run in the browser, or drive through a world by hand.
 
     A run can be played, paused and scrubbed. In a world the arrow keys or the pads on the page
     drive the robot, which scans and maps as it goes. Ctrl-C ends the server.
+
+    Options:
+        what: A run.npz or its folder to play, or a world to drive in. A built-in world comes before
+            a folder of the same name: write ./NAME for that.
+        host: Address or name to listen at; 0.0.0.0 lets other machines in. The page opens only by
+            this name, the machine's addresses or its host name.
+        port: Port; the first free one from 8080 if not given.
+        browser: Open the browser.
+        playback: Simulated seconds per second.
     """
     from lrf3d.io.reading import is_run
     from lrf3d.world.files import find_world

@@ -14,16 +14,17 @@ if TYPE_CHECKING:
 
 def show(
     report: Report,
-    world: Annotated[
-        str | None,
-        typer.Argument(metavar="[WORLD]", help="A world; lists the built-in ones if not given."),
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Draw the world to this .png.")
-    ] = None,
+    world: Annotated[str | None, typer.Argument(metavar="[WORLD]")] = None,
+    out: options.OutFile = None,
     scale: options.Scale = 1.0,
+    resolution: options.Resolution = None,
 ) -> None:
-    """Describe a world, and draw it."""
+    """Describe a world, and draw it.
+
+    Options:
+        world: A world; lists the built-in ones if not given.
+        out: Draw the world to this .png.
+    """
     from lrf3d.cli.console import print_json, print_text
     from lrf3d.text import counted
     from lrf3d.world import world_names
@@ -32,7 +33,7 @@ def show(
         names = world_names()
         print_json(names) if report.json else print_text("\n".join([*names, ""]))
         return
-    scenario = options.read_world(world, scale=scale)
+    scenario = options.read_world(world, scale=scale, resolution=resolution)
     figures, rows = _described(scenario.world)
     figures = {"name": scenario.name} | figures
     if scenario.route is not None:
@@ -51,25 +52,28 @@ def show(
 
 
 def convert(
-    source: Annotated[str, typer.Argument(metavar="FROM", help="A built-in world, or a file.")],
-    target: Annotated[
-        Path,
-        typer.Argument(metavar="TO", help="The file to write: .toml, .geojson, .glb or .yaml."),
-    ],
+    source: Annotated[str, typer.Argument(metavar="FROM")],
+    target: Annotated[Path, typer.Argument(metavar="TO")],
     report: Report,
     scale: options.Scale = 1.0,
-    resolution: Annotated[
-        float | None, typer.Option(help="Side of a cell of a ROS map [m]; 0.05 if not given.")
-    ] = None,
-    trees: Annotated[
-        bool, typer.Option("--trees", help="Make walls of the trunks of trees in a .osm file, too.")
-    ] = False,
+    resolution: float | None = None,
+    trees: bool = False,
 ) -> None:
-    """Read a world from one format and write it in another."""
-    from lrf3d.world import load_world, save_world
+    """Read a world from one format and write it in another.
 
-    read = load_world(source, trees=trees).scaled(scale)
-    save_world(read, target, resolution=resolution)
+    Options:
+        source: A built-in world, or a file.
+        target: The file to write: .toml, .geojson, .glb or .yaml.
+        resolution: Side of a cell [m] of a ROS map (0.05), or of a pixel of a bare picture.
+        trees: Make walls of the trunks of trees in a .osm file, too.
+    """
+    from lrf3d.world import load_world, save_world
+    from lrf3d.world.files import PICTURES
+
+    bare = Path(source).suffix.lower() in PICTURES
+    read = load_world(source, trees=trees, resolution=resolution if bare else None).scaled(scale)
+    cells = target.suffix.lower() == ".yaml"
+    save_world(read, target, resolution=None if bare and not cells else resolution)
     figures, rows = _described(read)
     report.print(
         {"from": source} | figures | {"written": str(target)},
@@ -78,19 +82,19 @@ def convert(
 
 
 def generate(
-    kind: Annotated[
-        Literal["city", "maze", "office", "rooms"], typer.Argument(help="Kind of world.")
-    ],
-    out: Annotated[
-        Path, typer.Option("--out", "-o", help="The file to write: .toml, .geojson, .glb or .yaml.")
-    ],
+    kind: Literal["city", "maze", "office", "rooms"],
+    out: Annotated[Path, typer.Option("--out", "-o")],
     report: Report,
-    seed: Annotated[int, typer.Option(min=0, help="Seed; the same seed gives the same world.")] = 0,
-    size: Annotated[
-        float | None, typer.Option(help="Approximate width [m]; depends on the kind if not given.")
-    ] = None,
+    seed: options.Seed = 0,
+    size: float | None = None,
 ) -> None:
-    """Generate a world that a robot can drive in."""
+    """Generate a world that a robot can drive in.
+
+    Options:
+        kind: Kind of world.
+        out: The file to write: .toml, .geojson, .glb or .yaml.
+        size: Approximate width [m]; depends on the kind if not given.
+    """
     from lrf3d.world import save_world
     from lrf3d.world.generators import generate as generate_world
 

@@ -12,8 +12,7 @@ try:
 except ModuleNotFoundError:
     raise missing_extra("environments need Gymnasium", "gym") from None
 
-from lrf3d.gym.drive_env import DriveEnv
-from lrf3d.gym.drive_vector_env import DriveVectorEnv
+from lrf3d.gym.drive import DriveEnv, DriveVectorEnv
 from lrf3d.gym.task import DriveTask
 
 __all__ = ["DriveEnv", "DriveTask", "DriveVectorEnv"]
@@ -24,6 +23,6 @@ ID = "lrf3d/Drive-v0"
 if ID not in gymnasium.registry:
     gymnasium.register(
         ID,
-        entry_point="lrf3d.gym.drive_env:DriveEnv",
-        vector_entry_point="lrf3d.gym.drive_vector_env:DriveVectorEnv",
+        entry_point="lrf3d.gym.drive:DriveEnv",
+        vector_entry_point="lrf3d.gym.drive:DriveVectorEnv",
     )

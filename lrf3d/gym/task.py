@@ -9,12 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lrf3d.casting import PlanarCaster
 from lrf3d.errors import InputError
 from lrf3d.geometry import Bool, Float, Int, numbers, wrap_angle
-from lrf3d.laser import ProportionalNoise
+from lrf3d.laser import LaserScan, ProportionalNoise
 from lrf3d.laser.noise import at_sigma
 from lrf3d.planning.free_space import find_free_space
 from lrf3d.planning.sides import survey
+from lrf3d.pose import Pose
 from lrf3d.robot.collision import CollisionChecker
 from lrf3d.robot.unicycle import arcs
 from lrf3d.scenario import Scenario
@@ -78,9 +80,11 @@ class DriveTask:
         self.scenario, self.count = scenario, count
         self.lrf, self.dt = scenario.lrf, scenario.scan_interval
         # A scan takes no time, because the robot decides on its motion after it.
+        self._caster = PlanarCaster(scenario.world)
         self._sensor = Sensor(
-            scenario.world, self.lrf, caster="embree", noise=noise, obstacles=scenario.obstacles
-        )
+            scenario.world, self.lrf, caster=self._caster, noise=noise,
+            obstacles=scenario.obstacles,
+        )  # fmt: skip
         self._checker = CollisionChecker(scenario.world)
         least = scenario.radius + GOAL_MARGIN
         space = find_free_space(survey(scenario.world), least)
@@ -144,7 +148,26 @@ class DriveTask:
 
     def scan(self, rng: np.random.Generator) -> tuple[Float, Float, Int]:
         """Measured and true ranges, and walls, (k, beams) each, after REP 117."""
-        return self._sensor.measure_batch(self.poses, self.times, rng)
+        sensor, scenario = self._sensor, self.scenario
+        noisy = sensor.noise != ProportionalNoise(0.0)
+        # Intensities are of single scans, as are the places of dynamic obstacles.
+        if scenario.obstacles or scenario.world.materials:
+            scans = [
+                sensor.cast(self.lrf, pose, time)
+                for pose, time in zip(self.poses, self.times.tolist(), strict=True)
+            ]
+            truth = np.array([scan.ranges for scan in scans])
+            walls = np.array([scan.walls for scan in scans])
+        else:
+            truth, walls = self._caster.scan_batch(self.lrf, self.poses)
+            if not noisy:
+                return truth, truth, walls
+            rows = zip(self.poses.tolist(), self.times.tolist(), truth, walls, strict=True)
+            scans = [
+                LaserScan.unchecked(self.lrf, Pose(*pose), *row).at_time(time)
+                for pose, time, *row in rows
+            ]
+        return np.array([sensor.noisy(scan, rng).ranges for scan in scans]), truth, walls
 
     def observe(self, ranges: Float) -> dict[str, NDArray[np.float32]]:
         """The observations of the robots, in finite float32 numbers.

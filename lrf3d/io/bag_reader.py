@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Int
+from lrf3d.geometry import LARGEST_COORDINATE, Int
 from lrf3d.io.bag_frames import FrameTrack, FrameTree, Placed, Rows
 from lrf3d.io.bag_messages import (
     ODOMETRY,
@@ -38,7 +38,6 @@ from lrf3d.io.bag_messages import (
 from lrf3d.io.laser_log import MOST_READINGS, NAMED, BadLine, LaserLog, log_name
 from lrf3d.laser import LaserScan, Stamp
 from lrf3d.pose import Pose
-from lrf3d.world.schema import LARGEST_COORDINATE
 
 LEAST_UPRIGHT = np.cos(np.radians(15.0))
 """Least cosine of the tilt of a laser; one that is tilted more does not scan in the plane."""

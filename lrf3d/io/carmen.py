@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, wrap_angle
+from lrf3d.geometry import LARGEST_COORDINATE, Float, wrap_angle
 from lrf3d.io.laser_log import (
     LARGEST_RANGE,
     MOST_READINGS,
@@ -37,7 +37,6 @@ from lrf3d.io.packed import lines_of
 from lrf3d.laser import LaserScan
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
-from lrf3d.world.schema import LARGEST_COORDINATE
 
 MOST_WITHOUT_SCAN = 1_000_000
 """Largest number of successive lines without a scan: hours of other messages."""

@@ -4,8 +4,8 @@ from typing import Any
 
 from lrf3d.digest import digest, name_of
 from lrf3d.io.journal import rng_state
+from lrf3d.robot import Trajectory
 from lrf3d.simulation import Simulation
-from lrf3d.steering import ControlledDrive, RecordedDrive
 
 
 def fingerprint_of(simulation: Simulation) -> dict[str, str]:
@@ -17,10 +17,9 @@ def fingerprint_of(simulation: Simulation) -> dict[str, str]:
     world, drive = simulation.world, simulation.drive
     noise: Any = simulation.sensor.noise
     path: list[Any]
-    if isinstance(drive, RecordedDrive):
-        path = [drive.trajectory.times, drive.trajectory.poses]
+    if isinstance(drive, Trajectory):
+        path = [drive.times, drive.poses]
     else:
-        assert isinstance(drive, ControlledDrive)
         path = [name_of(drive.controller), drive.start, drive.interval, drive.radius]
     parts = {
         "world": [

@@ -24,12 +24,8 @@ def shares(
 ) -> tuple[float, float]:
     """Shares of the light that a surface reflects in its lobe and lets through, at an incidence.
 
-    Args:
-        cos: Cosine of the angle of incidence, 0 to 1.
-        diffuse: Share that is reflected diffusely.
-        specular: Share that is reflected in the lobe, without an index.
-        transmission: Share that passes, without an index.
-        index: Refractive index of a pane, or 0.
+    Cos is the cosine of its angle. Without the refractive index of a pane, 0, the shares are those
+    of the material: specular and transmission. The diffuse share is lost to both.
 
     Examples:
         >>> from lrf3d.laser.light import shares
@@ -54,16 +50,8 @@ def brightness(
 ) -> float:
     """How bright a surface is for the laser that lights it, beside a white wall at a right angle.
 
-    The lobe about the mirrored direction is Gaussian. Seen from the laser its middle lies twice the
-    angle of incidence away.
-
-    Args:
-        cos: Cosine of the angle of incidence.
-        sin: Sine of it.
-        diffuse: Share that is reflected diffusely.
-        retro: Brightness as a retro-reflector.
-        mirrored: Share that is reflected in the lobe.
-        lobe: Standard deviation of the lobe [rad].
+    The lobe [rad] about the mirrored direction is Gaussian, with the mirrored share of the light.
+    Seen from the laser its middle lies twice the angle of incidence away.
     """
     bright = (diffuse + retro) * cos
     # Beyond forty standard deviations float64 has no light left, and exp takes its longest.
@@ -80,11 +68,6 @@ def intensity(bright: float, distance: float, near_field: float) -> float:
     In the near field the image of the spot is larger than the detector, which catches the share
     1 − exp(−2 (distance / near_field)²) of its light (W. Fang et al., "Intensity correction of
     terrestrial laser scanning data by estimating laser transmission function", 2015).
-
-    Args:
-        bright: Brightness of the surface, and all losses on the way.
-        distance: Distance [m] along the beam.
-        near_field: Length of the near field [m]; 0 for none.
 
     Examples:
         >>> from lrf3d.laser.light import intensity

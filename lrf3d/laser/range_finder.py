@@ -85,28 +85,18 @@ class LaserRangeFinder(Value):
         object.__setattr__(self, "beams", beams)
         limits = (self.angle_min, self.angle_max, self.range_min, self.range_max, self.height)
         if not is_finite(*limits):
-            raise InputError(f"range finder with limits {limits}: expected finite numbers")
-        if max(abs(self.angle_min), abs(self.angle_max)) > LARGEST_ANGLE:
+            raise InputError(f"range finder with limits {shown(limits)}: expected finite numbers")
+        if not -LARGEST_ANGLE <= self.angle_min <= self.angle_max <= LARGEST_ANGLE:
             raise InputError(
                 f"range finder: angles from {self.angle_min:g} to {self.angle_max:g} rad, expected"
-                f" −{LARGEST_ANGLE:g} to {LARGEST_ANGLE:g}"
-            )
-        if self.angle_max < self.angle_min:
-            raise InputError(
-                f"range finder: angle_max {self.angle_max:g} lies below angle_min"
-                f" {self.angle_min:g}; swap them"
+                f" −{LARGEST_ANGLE:g} ≤ angle_min ≤ angle_max ≤ {LARGEST_ANGLE:g}"
             )
         if not 0.0 <= self.range_min < self.range_max <= LARGEST_COORDINATE:
             raise InputError(
                 f"range finder: range_min {self.range_min:g} and range_max {self.range_max:g},"
                 f" expected 0 ≤ range_min < range_max ≤ {LARGEST_COORDINATE:g}"
             )
-        if not (is_finite(self.scan_duration) and self.scan_duration >= 0.0):
-            raise InputError(
-                f"range finder: scan_duration {shown(self.scan_duration)}, expected a finite number"
-                " of seconds, at least 0"
-            )
-        for name in ("threshold", "near_field"):
+        for name in ("scan_duration", "threshold", "near_field"):
             value = getattr(self, name)
             if not (is_finite(value) and value >= 0.0):
                 raise InputError(

@@ -129,7 +129,8 @@ def read_ros_scan(message: Any) -> dict[str, Any]:
             for name in "angle_min angle_increment time_increment range_min range_max".split()
         )
         ranges = np.asarray(field_of(message, "ranges"), dtype=np.float64)
-        intensities = np.asarray(_intensities(message), dtype=np.float64)
+        # Files of some loggers have no such field.
+        intensities = np.asarray(field_of(message, "intensities", ()), dtype=np.float64)
         stamp = field_of(field_of(message, "header"), "stamp")
         time = Stamp(int(field_of(stamp, "sec")), int(field_of(stamp, "nanosec"))).seconds
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
@@ -140,11 +141,6 @@ def read_ros_scan(message: Any) -> dict[str, Any]:
     if not (math.isfinite(low) and abs(step) * (count - 1) <= WIDEST_SCAN and (step or count == 1)):
         raise InputError(
             f"scan of {count} beams {step:g} rad apart from {low:g} rad, expected at most a turn"
-        )
-    if not (0.0 <= range_min < range_max and math.isfinite(range_min)):
-        raise InputError(
-            f"scan with range_min {range_min:g} and range_max {range_max:g} m, expected"
-            " 0 ≤ range_min < range_max"
         )
     angles: Float = low + step * np.arange(count, dtype=np.float64)
     return {
@@ -159,17 +155,11 @@ def read_ros_scan(message: Any) -> dict[str, Any]:
     }
 
 
-def field_of(message: Any, name: str) -> Any:
-    """A field of a message, or of a dict in its place."""
-    return message[name] if isinstance(message, Mapping) else getattr(message, name)
-
-
-def _intensities(message: Any) -> Any:
-    """The intensities of a message, or none: files of some loggers have no such field."""
-    try:
-        return field_of(message, "intensities")
-    except (AttributeError, KeyError):
-        return ()
+def field_of(message: Any, name: str, *other: Any) -> Any:
+    """A field of a message, or of a dict in its place; or another value, if one is given."""
+    if isinstance(message, Mapping):
+        return message.get(name, *other) if other else message[name]
+    return getattr(message, name, *other)
 
 
 def _even_spread(angles: Float) -> tuple[np.float32, np.float32, np.float32]:

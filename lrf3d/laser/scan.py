@@ -111,14 +111,6 @@ class LaserScan(Value, Pictured):
                 f"scan with the angle {beams[beam]:g} of beam {beam}: expected radians from"
                 f" −{LARGEST_ANGLE:g} to {LARGEST_ANGLE:g}"
             )
-        covariance = None
-        if pose_covariance is not None:
-            covariance = read_only(pose_covariance, "pose_covariance")
-            if covariance.shape != (3, 3) or not is_covariance(covariance):
-                raise InputError(
-                    f"scan with pose_covariance {covariance.tolist()}: expected a symmetric matrix"
-                    " (3, 3) without negative eigenvalues"
-                )
         self.__dict__.update(
             pose=as_pose(pose),
             angles=beams,
@@ -128,7 +120,7 @@ class LaserScan(Value, Pictured):
             range_max=range_max,
             time=float(time),
             time_increment=float(time_increment),
-            pose_covariance=covariance,
+            pose_covariance=None if pose_covariance is None else _covariance(pose_covariance),
             intensities=_of_beams(intensities, len(beams), "intensities", 1, 0.0),
             echoes=_of_beams(echoes, len(beams), "echoes", 2, np.inf),
             echo_intensities=_of_beams(echo_intensities, len(beams), "echo_intensities", 2, 0.0),
@@ -144,15 +136,10 @@ class LaserScan(Value, Pictured):
 
     @classmethod
     def unchecked(
-        cls,
-        lrf: LaserRangeFinder,
-        pose: Pose,
-        ranges: Float,
-        walls: Int,
-        intensities: Float | None = None,
-        echoes: Float | None = None,
+        cls, lrf: LaserRangeFinder, pose: Pose, ranges: Float, walls: Int,
+        intensities: Float | None = None, echoes: Float | None = None,
         echo_intensities: Float | None = None,
-    ) -> "LaserScan":
+    ) -> "LaserScan":  # fmt: skip
         """The scan of new arrays of a caster: they are made read-only, not checked or copied."""
         scan = object.__new__(cls)
         # What is left out has its default in the class: a scan costs microseconds.
@@ -241,14 +228,22 @@ def _of_beams(
     return array
 
 
-def is_covariance(matrix: Float) -> bool:
-    """Whether a matrix (n, n) is finite, symmetric, and semidefinite, but for rounding."""
-    if not np.isfinite(matrix).all():
-        return False
-    rounding = 1e-12 * np.abs(matrix).max()
-    if np.abs(matrix - matrix.T).max() > rounding:
-        return False
-    return bool(np.linalg.eigvalsh(matrix).min() >= -rounding)
+def _covariance(values: ArrayLike) -> Float:
+    """A matrix (3, 3) that is finite, symmetric, and semidefinite, but for rounding.
+
+    Raises:
+        InputError: It is none.
+    """
+    matrix: Float = read_only(values, "pose_covariance")
+    if matrix.shape == (3, 3) and np.isfinite(matrix).all():
+        rounding = 1e-12 * np.abs(matrix).max()
+        even = np.abs(matrix - matrix.T).max() <= rounding
+        if even and np.linalg.eigvalsh(matrix).min() >= -rounding:
+            return matrix
+    raise InputError(
+        f"scan with pose_covariance {shown(matrix.tolist())}: expected a symmetric matrix (3, 3)"
+        " without negative eigenvalues"
+    )
 
 
 def reflection_points(pose: Sequence[float], angles: Float, ranges: Float) -> Float:

@@ -1,13 +1,17 @@
 """Localisation: an extended Kalman filter that follows the robot over a known map of lines."""
 
 from lrf3d.laser import RangeNoise
-from lrf3d.localization.estimate import Correction, PoseEstimate
+from lrf3d.localization.estimate import PoseEstimate
 from lrf3d.localization.lines import KnownLines, LocalLines
-from lrf3d.localization.localiser import Localiser, Track, localise
-from lrf3d.localization.odometry import OdometryNoise, odometry_increments
+from lrf3d.localization.localiser import (
+    Localiser,
+    OdometryNoise,
+    Track,
+    localise,
+    odometry_increments,
+)
 
 __all__ = [
-    "Correction",
     "KnownLines",
     "LocalLines",
     "Localiser",

@@ -5,7 +5,6 @@ the localisation for which Teslić et al. build their map.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -19,16 +18,13 @@ LEAST_FREE, ROUNDED = 1e-9, 64.0
 a multiple of the rounding error of the share."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PoseEstimate(Value):
-    """An estimated pose with its covariance.
-
-    Args:
-        pose: The pose.
-        covariance: (3, 3) of x, y [m] and theta [rad], in the world's directions.
+    """An estimated pose, with the covariance (3, 3) of x, y [m] and theta [rad] in the world.
 
     Raises:
-        InputError: The covariance is not symmetric, or has a negative variance.
+        InputError: The pose is invalid, or the covariance is not symmetric or has a negative
+            variance.
 
     Examples:
         >>> import lrf3d
@@ -52,26 +48,24 @@ class PoseEstimate(Value):
 
     def moved(self, step: Float, noise: Float) -> "PoseEstimate":
         """The estimate after an odometry increment (3,) whose noise has a covariance (3, 3)."""
-        ahead, left, turn = step.tolist()
         x, y, theta = self.pose
         cos, sin = np.cos(theta), np.sin(theta)
-        dx, dy = cos * ahead - sin * left, sin * ahead + cos * left
-        by_pose = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])
         by_step = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        dx, dy, turn = (by_step @ step).tolist()
+        by_pose = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])
         covariance = by_pose @ self.covariance @ by_pose.T + by_step @ noise @ by_step.T
-        pose = Pose(float(x + dx), float(y + dy), float(wrap_angle(theta + turn)))
-        return PoseEstimate(pose, _symmetric(covariance))
+        return PoseEstimate(
+            Pose(x + dx, y + dy, float(wrap_angle(theta + turn))), _symmetric(covariance)
+        )
 
-    def corrected(self, pairs: Innovation, *, gate: float = GATE) -> "Correction":
-        """The estimate after pairs of lines (k,), without those that contradict the others.
+    def corrected(self, pairs: Innovation, *, gate: float = GATE) -> "tuple[PoseEstimate, Bool]":
+        """The estimate after pairs of lines (k,), and which of them (k,) it uses.
 
-        The worst pair is left out as long as it lies beyond the gate of the estimate from the
-        prediction and all other pairs. So a wrong pair within the wide gate of the prediction does
-        not make right ones look wrong, and many consistent lines outweigh a poor prediction.
-
-        Args:
-            pairs: Their innovations at this estimate's pose, in which they are linear.
-            gate: Largest squared Mahalanobis distance, with two degrees of freedom.
+        The worst pair is left out as long as it lies beyond the gate, a squared Mahalanobis
+        distance with two degrees of freedom, of the estimate from the prediction and all other
+        pairs. So a wrong pair within the wide gate of the prediction does not make right ones look
+        wrong, and many consistent lines outweigh a poor prediction. The innovations are those at
+        this estimate's pose, in which they are linear.
         """
         measured = np.column_stack([pairs.angle, pairs.offset])
         gradient = np.zeros((len(measured), 2, 3))
@@ -82,48 +76,30 @@ class PoseEstimate(Value):
         noise[:, 0, 1] = noise[:, 1, 0] = pairs.covariance
         used = np.ones(len(measured), dtype=np.bool_)
         while True:
-            change, covariance = _correct(
-                self.covariance, measured[used], gradient[used], noise[used]
-            )
+            kept = gradient[used], noise[used]
+            change, covariance = _correct(self.covariance, measured[used], *kept)
             residual = measured[used] - gradient[used] @ change
-            squares = _misfits(residual, gradient[used], noise[used], self.covariance, covariance)
+            squares = _misfits(residual, *kept, self.covariance, covariance)
             if squares.max(initial=0.0) <= gate:
                 break
             used[np.flatnonzero(used)[squares.argmax()]] = False
-        x, y, theta = self.pose
-        pose = Pose(
-            float(x + change[0]), float(y + change[1]), float(wrap_angle(theta + change[2]))
-        )
-        return Correction(PoseEstimate(pose, covariance), sealed(used))
-
-
-class Correction(NamedTuple):
-    """A corrected estimate, and which of the pairs (k,) it uses."""
-
-    estimate: PoseEstimate
-    used: Bool
+        x, y, theta = (np.array(self.pose) + change).tolist()
+        return PoseEstimate(Pose(x, y, float(wrap_angle(theta))), covariance), sealed(used)
 
 
 def _misfits(residual: Float, gradient: Float, noise: Float, before: Float, after: Float) -> Float:
     """Squared distance (k,) of each pair from the estimate of the prediction and all other pairs.
 
-    The covariance of a residual (k, 2) is the noise minus the share that the correction used; in
-    these units the residual is as large as after a correction without the pair. Where a pair alone
-    determines the pose, its residual does not vary and cannot contradict anything.
-
-    Args:
-        residual: (k, 2) residuals of the measurements after the correction.
-        gradient: (k, 2, 3) their gradients.
-        noise: (k, 2, 2) their covariances.
-        before: (3, 3) covariance of the pose before the correction.
-        after: (3, 3) covariance after it.
+    The covariance of a residual (k, 2) is the noise (k, 2, 2) minus the share that the correction
+    used; in these units the residual is as large as after a correction without the pair. Where a
+    pair alone determines the pose, its residual does not vary and cannot contradict anything. The
+    pose had the covariance before, and has that after the correction.
     """
     # In units of the noise the used share lies between 0 and 1.
     root = np.linalg.cholesky(noise)
     residual = np.linalg.solve(root, residual[:, :, None])[:, :, 0]
     gradient = np.linalg.solve(root, gradient)
-    transposed = gradient.transpose(0, 2, 1)
-    free, axes = np.linalg.eigh(np.eye(2) - gradient @ after @ transposed)
+    free, axes = np.linalg.eigh(np.eye(2) - gradient @ after @ gradient.transpose(0, 2, 1))
     rounded = np.finfo(np.float64).eps * np.einsum("kij,jl,kil->k", gradient, before, gradient)
     testable = free > LEAST_FREE + ROUNDED * rounded[:, None]
     parts = (residual[:, None, :] @ axes)[:, 0, :]

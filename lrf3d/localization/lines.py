@@ -25,7 +25,7 @@ LEAST_DEVIATION = 1e-5
 wall is flat to a hundredth of a millimetre."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class LocalLines(Value):
     """Lines of one scan, in the frame of the robot.
 
@@ -46,12 +46,9 @@ class LocalLines(Value):
     def from_map(
         cls, local_map: LineMap, noise: RangeNoise, *, spacing: float | None = None
     ) -> "LocalLines":
-        """The lines of a local map that was made in the robot's frame.
+        """The lines of a local map that was made in the robot's frame, by ranges with a noise.
 
-        Args:
-            local_map: The local map.
-            noise: The noise of the ranges.
-            spacing: Angle [rad] between two beams of the scan, if it is known.
+        The spacing is the angle [rad] between two beams of the scan, if it is known.
         """
         segments = local_map.segments.copy()
         right = segments[:, 0] * segments[:, 3] - segments[:, 1] * segments[:, 2] < 0.0
@@ -81,18 +78,13 @@ def line_covariances(
 ) -> Float:
     """Covariances (m, 2, 2) of alpha [rad] and p [m] of lines fitted to the points of a scan.
 
-    The points of a segment were measured by beams a constant angle apart. At the distance t along
-    the line from the foot of the robot's perpendicular, a change of the line moves it sideways by
-    t·δα − δp; there a point has the variance of its range times the square of the cosine of
-    incidence. The sum over all points is the information matrix.
+    The points (m,) of a segment were measured by beams a constant angle apart. At the distance t
+    along the line from the foot of the robot's perpendicular, a change of the line moves it
+    sideways by t·δα − δp; there a point has the variance of its range times the square of the
+    cosine of incidence. The sum over all points is the information matrix.
 
-    Args:
-        segments: (m, 4) around the robot [m].
-        lines: (m, 2) alpha [rad], p [m] of the segments.
-        points: (m,) number of points that each was fitted to.
-        noise: The noise of their ranges.
-        spacing: Angle [rad] between two beams. With it, a segment that was extended to a corner
-            counts only as far as its points reach; without it, its ends count as points.
+    With the spacing [rad] between two beams, a segment that was extended to a corner counts only as
+    far as its points reach; without it, its ends count as points.
     """
     alpha, p = lines[:, :1], lines[:, 1:]
     along = np.stack([-np.sin(alpha[:, 0]), np.cos(alpha[:, 0])], axis=-1)
@@ -135,20 +127,13 @@ def line_covariances(
     return covariances
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class KnownLines(Value):
-    """Line segments of a known map.
+    """Line segments (n, 4) of a known map [m], each of an object (n,) from 0.
 
-    Args:
-        segments: (n, 4) x1 y1 x2 y2 [m] in the world.
-        objects: (n,) the object that each belongs to, from 0.
-        middles: (n, 2) the middle of each [m].
-        units: (n, 2) direction of each, from its first end to its second.
-        halves: (n,) half the length of each [m].
-        lines: (n, 2) alpha [rad], p [m] in the world (Eq. 3).
-        deviations: (n, 2) standard deviation of the direction [rad], and of the offset in the
-            middle [m].
-        one_sided: Whether each is visible only from its left.
+    Each has its middle (n, 2) [m], its direction (n, 2), half of its length (n,) [m], and standard
+    deviations (n, 2) of the direction [rad] and of the offset in the middle [m]; all are visible
+    from both sides, or only from their left. They come of a world or of a built map.
 
     Examples:
         >>> import lrf3d
@@ -162,12 +147,11 @@ class KnownLines(Value):
     middles: Float
     units: Float
     halves: Float
-    lines: Float
     deviations: Float
     one_sided: bool
 
     def __post_init__(self) -> None:
-        self._hold("segments", "middles", "units", "halves", "lines", "deviations")
+        self._hold("segments", "middles", "units", "halves", "deviations")
         self._hold("objects", dtype=np.int64)
 
     @classmethod
@@ -179,10 +163,7 @@ class KnownLines(Value):
     def from_map(cls, line_map: LineMap, *, deviation: float = 0.0) -> "KnownLines":
         """A map that a LineMapper built; its segments have the laser on their left.
 
-        Args:
-            line_map: The map.
-            deviation: Standard deviation [m] of the points that the map was fitted to; 0 treats the
-                map as the truth.
+        The deviation [m] is that of the points that it was fitted to; 0 treats it as the truth.
         """
         solid = np.flatnonzero(lengths(line_map.segments) > 0.0)
         segments = line_map.segments[solid]
@@ -200,14 +181,9 @@ class KnownLines(Value):
             middles=segments[:, :2] + 0.5 * (segments[:, 2:] - segments[:, :2]),
             units=directions(segments),
             halves=0.5 * lengths(segments),
-            lines=normal_lines(segments),
             deviations=deviations,
             one_sided=one_sided,
         )
 
     def __len__(self) -> int:
         return len(self.segments)
-
-    def of_objects(self, objects: Int) -> Int:
-        """Rows of the segments that belong to any of some objects."""
-        return np.flatnonzero(np.isin(self.objects, objects))

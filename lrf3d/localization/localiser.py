@@ -1,25 +1,29 @@
 """Localiser: tracks the robot on a known map.
 
-The input is odometry increments and scans; the output is poses with covariances. The pose that is
-stored in a scan is never used.
+Odometry increments and scans enter; poses with covariances leave. The pose that is stored in a scan
+is never used.
 """
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from itertools import chain
-from typing import Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Int, Value, wrap_angle
+from lrf3d.errors import InputError, shown
+from lrf3d.geometry import Float, Int, Value, is_finite, wrap_angle
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.laser.noise import USUAL_RANGE
 from lrf3d.localization.estimate import PoseEstimate
 from lrf3d.localization.lines import KnownLines, LocalLines
-from lrf3d.localization.odometry import OdometryNoise
-from lrf3d.localization.pairing import Criterion, Pairs, innovation, pair_lines
-from lrf3d.mapping import LineMap, LineMapper
+from lrf3d.localization.pairing import (
+    STRATEGIES,
+    Pairs,
+    check_strategy,
+    innovation,
+    pair_lines,
+)
+from lrf3d.mapping import LineMapper
 from lrf3d.pose import Pose, as_poses
 
 ROBOT = Pose(0.0, 0.0, 0.0)
@@ -31,23 +35,67 @@ LEAST_FLOOR = 0.001
 are not straighter than that."""
 
 
-class Extractor(Protocol):
-    """Anything that makes a local map of one scan, such as a LineMapper."""
+@dataclass(frozen=True, slots=True)
+class OdometryNoise:
+    """Gaussian noise of each odometry increment, independent of its length.
 
-    def local_map(self, scan: LaserScan) -> LineMap:
-        """Return the local map, in the frame that the scan's pose is given in."""
-        ...
+    The position has this standard deviation [m] ahead, and the same to the side; the heading has
+    that of the turn [rad].
+
+    Raises:
+        InputError: A number is negative or not finite.
+
+    Examples:
+        >>> import lrf3d
+        >>> wheels = lrf3d.OdometryNoise(position=0.02, heading=0.01)
+        >>> wheels.covariance.diagonal().round(6).tolist()
+        [0.0004, 0.0004, 0.0001]
+    """
+
+    position: float = 0.1
+    heading: float = float(np.radians(2.0))
+
+    def __post_init__(self) -> None:
+        values = (self.position, self.heading)
+        if not (is_finite(*values) and min(values) >= 0.0):
+            raise InputError(f"odometry noise {shown(values)}: expected finite numbers, at least 0")
+
+    @property
+    def covariance(self) -> Float:
+        """Covariance (3, 3) of a step: ahead, to the left [m], turn [rad]."""
+        return np.diag([self.position**2, self.position**2, self.heading**2])
+
+    def __call__(self, steps: Float, rng: np.random.Generator) -> Float:
+        """Return increments (k, 3) as the wheels would measure them."""
+        deviations = [self.position, self.position, self.heading]
+        return steps + rng.normal(size=steps.shape) * deviations
 
 
-@dataclass(frozen=True, eq=False)
+def odometry_increments(poses: ArrayLike) -> Float:
+    """The increments (k − 1, 3) from pose to pose (k, 3): ahead, to the left [m], turn [rad].
+
+    Raises:
+        InputError: The poses are not rows of three finite numbers.
+
+    Examples:
+        >>> import lrf3d
+        >>> import numpy as np
+        >>> poses = np.array([(0, 0, 0), (1, 0, 1.5), (1, 2, 1.5)])
+        >>> lrf3d.odometry_increments(poses).round(2).tolist()
+        [[1.0, 0.0, 1.5], [1.99, 0.14, 0.0]]
+    """
+    poses = as_poses(poses)
+    (dx, dy, turn), theta = np.diff(poses, axis=0).T, poses[:-1, 2]
+    cos, sin = np.cos(theta), np.sin(theta)
+    return np.column_stack([cos * dx + sin * dy, cos * dy - sin * dx, wrap_angle(turn)])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Track(Value):
     """The estimated poses of the robot at each scan.
 
-    Args:
-        poses: (k, 3) x, y [m], theta [rad].
-        covariances: (k, 3, 3) their covariances.
-        lines: (k,) number of pairs of lines that each correction used.
-        comparisons: (k,) number of comparisons that finding them took.
+    Poses (k, 3) are x, y [m] and theta [rad], with covariances (k, 3, 3); each correction used a
+    number of pairs of lines (k,), found by a number of comparisons (k,).
     """
 
     poses: Float
@@ -81,14 +129,11 @@ class Track(Value):
 class Localiser:
     """Extended Kalman filter over the lines of a known map.
 
-    Args:
-        known: The map.
-        start: The pose at the first scan, with its covariance.
-        range_noise: The noise of the ranges.
-        odometry_noise: The noise of the odometry.
-        extractor: Finds the lines of a scan; a LineMapper with this noise if not given.
-        criterion: Decides which lines are a pair; a MahalanobisGate if not given.
-        strategy: Which lines are compared: ``seen-objects-first`` or ``all``.
+    It starts at the first scan. Lines of a scan are compared with those of objects that were seen
+    before first (``seen-objects-first``), or with ``all``.
+
+    Raises:
+        InputError: An argument is of another kind, or there is no such strategy.
 
     Examples:
         >>> import lrf3d
@@ -110,62 +155,69 @@ class Localiser:
         *,
         range_noise: RangeNoise | None = None,
         odometry_noise: OdometryNoise | None = None,
-        extractor: Extractor | None = None,
-        criterion: Criterion | None = None,
-        strategy: str = "seen-objects-first",
+        strategy: str = STRATEGIES[0],
     ) -> None:
-        self.known = known
-        self.estimate = start
-        self.pairs: Pairs | None = None
-        self.used = 0
         self._range_noise = RangeNoise.from_sigma() if range_noise is None else range_noise
         noise = OdometryNoise() if odometry_noise is None else odometry_noise
+        for name, value, kind in (
+            ("known", known, KnownLines),
+            ("start", start, PoseEstimate),
+            ("range_noise", self._range_noise, RangeNoise),
+            ("odometry_noise", noise, OdometryNoise),
+        ):
+            if not isinstance(value, kind):
+                raise InputError(f"localiser: {name} {shown(value)}, expected a {kind.__name__}")
+        check_strategy(strategy)
+        self.known, self.estimate, self._strategy = known, start, strategy
+        self.pairs: Pairs | None = None
+        self.used = 0
         self._step_covariance = noise.covariance
-        self._extractor = extractor
-        self._criterion, self._strategy = criterion, strategy
+        self._mapper: LineMapper | None = None
 
-    def move(self, step: Float) -> PoseEstimate:
-        """Predict the pose after an odometry increment (3,): ahead, to the left [m], turn [rad]."""
-        self.estimate = self.estimate.moved(step, self._step_covariance)
+    def __repr__(self) -> str:
+        return f"Localiser({len(self.known)} known lines, at {self.estimate.pose})"
+
+    def move(self, step: ArrayLike) -> PoseEstimate:
+        """Predict the pose after an odometry increment (3,): ahead, to the left [m], turn [rad].
+
+        Raises:
+            InputError: It is not three finite numbers.
+        """
+        (increment,) = as_poses([step])
+        self.estimate = self.estimate.moved(increment, self._step_covariance)
         return self.estimate
 
     def see(self, scan: LaserScan) -> PoseEstimate:
-        """Correct the pose by a scan."""
-        if self._extractor is None:
+        """Correct the pose by a scan.
+
+        Raises:
+            InputError: It is not a scan.
+        """
+        if not isinstance(scan, LaserScan):
+            raise InputError(f"scan {shown(scan)}: expected a LaserScan")
+        if self._mapper is None:
             # Eq. 7 gives the noise at range_max.
             reach = scan.range_max if scan.range_max < np.inf else USUAL_RANGE
             floor = max(self._range_noise.floor, LEAST_FLOOR)
-            self._extractor = LineMapper(sigma=self._range_noise.growth * reach, floor=floor)
-        local_map = self._extractor.local_map(replace(scan, pose=ROBOT))
-        local = LocalLines.from_map(local_map, self._range_noise, spacing=_spacing(scan))
+            self._mapper = LineMapper(sigma=self._range_noise.growth * reach, floor=floor)
+        spacing = float(np.median(np.abs(np.diff(scan.angles)))) if len(scan.angles) > 1 else None
+        local_map = self._mapper.local_map(replace(scan, pose=ROBOT))
+        local = LocalLines.from_map(local_map, self._range_noise, spacing=spacing)
+        pose, seen = self.estimate.pose, None if self.pairs is None else self.pairs.objects
         self.pairs = pair_lines(
-            local,
-            self.known,
-            self.estimate.pose,
-            self.estimate.covariance,
-            criterion=self._criterion,
-            strategy=self._strategy,
-            seen=None if self.pairs is None else self.pairs.objects,
+            local, self.known, pose, self.estimate.covariance, strategy=self._strategy, seen=seen
         )
-        difference = innovation(
-            local,
-            self.known,
-            self.estimate.pose,
-            rows=self.pairs.local,
-            known_rows=self.pairs.known,
-        )
+        difference = innovation(local, self.known, pose, self.pairs.local, self.pairs.known)
         self.estimate, used = self.estimate.corrected(difference)
         self.used = int(used.sum())
         return self.estimate
 
 
-def localise(localiser: Localiser, scans: Iterable[LaserScan], steps: Float) -> Track:
-    """Localise the robot at every scan of a drive.
+def localise(localiser: Localiser, scans: Iterable[LaserScan], steps: ArrayLike) -> Track:
+    """Localise the robot at every scan of a drive, from the one that the localiser starts at.
 
-    Args:
-        localiser: The filter at the first scan.
-        scans: The scans (k); a run has them as ``run.scans``.
-        steps: (k − 1, 3) odometry increments from each scan to the next.
+    A run has its scans (k) as ``run.scans``; the steps (k − 1, 3) are the odometry increments from
+    each scan to the next.
 
     Raises:
         InputError: There is not one increment from each scan to the next.
@@ -182,16 +234,14 @@ def localise(localiser: Localiser, scans: Iterable[LaserScan], steps: Float) -> 
         >>> bool(abs(track.errors(run.trajectory.poses)).max() < 0.05)
         True
     """
+    steps = as_poses(np.reshape(steps, (-1, 3)) if np.size(steps) == 0 else steps)
     poses, covariances, lines, comparisons = [], [], [], []
-    # The robot moves between scans, so the first one has no increment before it.
-    increments = chain([None], steps)
-    for scan in scans:
-        try:
-            step = next(increments)
-        except StopIteration:
-            raise InputError(f"{len(steps)} steps of odometry for more scans than that") from None
-        if step is not None:
-            localiser.move(step)
+    for count, scan in enumerate(scans):
+        if count > len(steps):
+            raise InputError(f"{len(steps)} steps of odometry for more scans than that")
+        # The robot moves between scans, so the first one has no increment before it.
+        if count:
+            localiser.move(steps[count - 1])
         estimate = localiser.see(scan)
         poses.append(estimate.pose)
         covariances.append(estimate.covariance)
@@ -199,14 +249,4 @@ def localise(localiser: Localiser, scans: Iterable[LaserScan], steps: Float) -> 
         comparisons.append(0 if localiser.pairs is None else localiser.pairs.comparisons)
     if len(poses) != len(steps) + 1:
         raise InputError(f"{len(steps)} steps of odometry for {len(poses)} scans")
-    return Track(
-        np.array(poses).reshape(-1, 3),
-        np.array(covariances).reshape(-1, 3, 3),
-        np.array(lines),
-        np.array(comparisons),
-    )
-
-
-def _spacing(scan: LaserScan) -> float | None:
-    """The median angle [rad] between two beams of a scan."""
-    return float(np.median(np.abs(np.diff(scan.angles)))) if len(scan.angles) > 1 else None
+    return Track(np.array(poses), np.array(covariances), np.array(lines), np.array(comparisons))

@@ -12,6 +12,6 @@ from lrf3d.mapping.line_map import LineMap, load_map, save_map
 if TYPE_CHECKING:
     from lrf3d.mapping.mapper import LineMapper
 else:
-    __getattr__, __dir__ = loading(globals(), {"LineMapper": "mapper"})
+    __getattr__, __dir__ = loading(globals(), {"mapper": "LineMapper"})
 
 __all__ = ["LineMap", "LineMapper", "load_map", "save_map"]

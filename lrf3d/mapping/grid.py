@@ -24,14 +24,9 @@ an entry was wanted when there was none, and searches."""
 class Grid(NamedTuple):
     """Where the rows of a table of segments are.
 
-    Args:
-        heads: (slots,) the first entry of each slot's list, −1 where it is empty; slots is a power
-            of two.
-        rows: (entries,) the row of each entry.
-        following: (entries,) the next entry of the same list, −1 at the end.
-        stamps: (all rows,) the last search that met each row.
-        found: (all rows,) the rows that the last search met.
-        used: (4,) see `TAKEN`.
+    The first entry of each slot's list, −1 where it is empty; the row of each entry, and the next
+    of the same list; the last search that met each row; the rows that the last search met; and
+    `TAKEN`. The number of slots is a power of two.
     """
 
     heads: Int

@@ -1,7 +1,5 @@
 """LineMapper: unites the local map of each scan with the global map (section 3.1)."""
 
-import numpy as np
-
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import is_finite, whole_number
 from lrf3d.laser import LaserScan
@@ -129,7 +127,7 @@ class LineMapper:
 
     def local_map(self, scan: LaserScan) -> LineMap:
         """The local map of one scan alone: each polyline is an object."""
-        return self._extract(scan).as_map(np.array(scan.pose[:2]))
+        return self._extract.local_map(scan)
 
     @property
     def map(self) -> LineMap:

@@ -6,18 +6,111 @@ a polyline of each, and Eq. 9 decides which segments of scan and map are one: G_
 
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 
 import numpy as np
 
-from lrf3d.geometry import Bool, Float, Int, cross, directions, fit_line, lengths
+from lrf3d.geometry import (
+    Bool,
+    Float,
+    Int,
+    cross,
+    directions,
+    fit_line,
+    lengths,
+    principal_direction,
+)
 from lrf3d.laser import LaserScan, beam_directions
-from lrf3d.mapping.line_map import LineMap
-from lrf3d.mapping.segment_table import SegmentTable, add_moments, fit_ends, measure_moments
+from lrf3d.mapping.line_map import LineMap, solid_map
 
 LEAST_LENGTH = 1e-9
 """Length [m] that a segment is longer than: points nearer to each other have no direction."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SegmentTable:
+    """Line segments, a row each.
+
+    Args:
+        ends: (m, 4) x1 y1 x2 y2 [m]; the laser saw the segment from its left.
+        moments: (m, 6) weight, mean x, mean y [m] and scatter xx, xy, yy about the mean. They add
+            up, so a line that is fitted to them does not depend on the order of merging.
+        points: (m,) number of points.
+        unions: (m,) the union, or object, that each belongs to.
+    """
+
+    ends: Float
+    moments: Float
+    points: Int
+    unions: Int
+
+    @classmethod
+    def empty(cls) -> "SegmentTable":
+        """A table of no rows."""
+        return cls(np.zeros((0, 4)), np.zeros((0, 6)), *np.zeros((2, 0), np.int64))
+
+    def __len__(self) -> int:
+        return len(self.ends)
+
+    def take(self, rows: Int) -> "SegmentTable":
+        """The table of some rows."""
+        return SegmentTable(*(getattr(self, column.name)[rows] for column in fields(self)))
+
+    def join(self, other: "SegmentTable") -> "SegmentTable":
+        """The rows of this table and then those of another."""
+        pairs = ((getattr(self, one.name), getattr(other, one.name)) for one in fields(self))
+        return SegmentTable(*(np.concatenate(pair) for pair in pairs))
+
+    def as_map(self, place: Float) -> LineMap:
+        """The map of the segments around a place (2,) [m] in the world."""
+        return solid_map(self.ends + np.tile(place, 2), self.unions, self.points)
+
+    def shifted(self, offset: Float) -> "SegmentTable":
+        """The table with all places moved by an offset (2,) [m]."""
+        moments = self.moments.copy()
+        moments[:, 1:3] += offset
+        return replace(self, ends=self.ends + np.tile(offset, 2), moments=moments)
+
+
+def measure_moments(points: Float, weights: Float) -> Float:
+    """Moments (6,) of points (n, 2) with weights (n,)."""
+    total = weights.sum()
+    mean = weights @ points / total
+    centred = points - mean
+    xx, xy, yy = (weights @ (centred[:, i] * centred[:, j]) for i, j in ((0, 0), (0, 1), (1, 1)))
+    return np.array([total, mean[0], mean[1], xx, xy, yy])
+
+
+def add_moments(one: Float, other: Float) -> Float:
+    """Moments (6,) of the points of two moments (6,) together."""
+    total = one[0] + other[0]
+    share = other[0] / total
+    dx, dy = other[1] - one[1], other[2] - one[2]
+    spread = one[0] * share
+    return np.array(
+        [
+            total,
+            one[1] + share * dx,
+            one[2] + share * dy,
+            one[3] + other[3] + spread * dx * dx,
+            one[4] + other[4] + spread * dx * dy,
+            one[5] + other[5] + spread * dy * dy,
+        ]
+    )
+
+
+def fit_ends(moments: Float, ends: Float) -> Float:
+    """The segment (4,) on the best line of moments (6,) that spans all of ends (k, 4).
+
+    It runs the way that the first of the ends do.
+    """
+    mean = moments[1:3]
+    unit = principal_direction(moments[3], moments[4], moments[5])
+    if unit @ (ends[0, 2:] - ends[0, :2]) < 0.0:
+        unit = -unit
+    along = (ends.reshape(-1, 2) - mean) @ unit
+    return np.concatenate([mean + along.min() * unit, mean + along.max() * unit])
 
 
 def split_and_merge(points: Float, split: float) -> SegmentTable:
@@ -145,8 +238,12 @@ class SplitMergeExtractor:
     gap: float
     split: float
 
+    def local_map(self, scan: LaserScan) -> LineMap:
+        """The polylines of a scan in the world."""
+        return self(scan).as_map(np.array(scan.pose[:2]))
+
     def __call__(self, scan: LaserScan) -> SegmentTable:
-        """The local map of a scan, in the world's directions around the laser."""
+        """The polylines of a scan, in the world's directions around the laser."""
         points, table = _returns(scan), SegmentTable.empty()
         for number, beams in enumerate(clusters(scan, self.gap)):
             polyline = split_and_merge(points[beams], self.split)

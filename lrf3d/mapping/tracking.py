@@ -20,11 +20,7 @@ _PLACES = np.array([1.0, 3.0, 5.0]) / 6.0
 
 
 class ObjectTracker:
-    """Numbers the objects of maps that follow each other.
-
-    Attributes:
-        count: How many numbers were given.
-    """
+    """Numbers the objects of maps that follow each other; `count` is how many were given."""
 
     def __init__(self) -> None:
         self._map = LineMap.empty()
@@ -44,16 +40,9 @@ class ObjectTracker:
 
 
 def numbers_by_truth(numbers: Int, line_map: LineMap, walls: Float, objects: Int) -> dict[int, int]:
-    """New numbers for the objects of a map: those of the true objects that they stand for.
+    """The true object, of those (n,) of true walls (n, 4), that each number (m,) stands for.
 
-    Args:
-        numbers: (m,) number of the object of each segment.
-        line_map: The map.
-        walls: (n, 4) true walls [m].
-        objects: (n,) the true object of each.
-
-    Returns:
-        The true object's number for each number that has one; a true object has one object at most.
+    A true object has one number at most.
     """
     segment, wall, shared = shared_lengths(line_map.segments, walls, 2.0 * _NEAR)
     known, index = np.unique(numbers, return_inverse=True)
@@ -62,12 +51,7 @@ def numbers_by_truth(numbers: Int, line_map: LineMap, walls: Float, objects: Int
 
 
 def shared_lengths(segments: Float, others: Float, near: float) -> tuple[Int, Int, Float]:
-    """Which segments lie by which others, and by how much of their length.
-
-    Returns:
-        Numbers (v,) of segments, numbers (v,) of others and lengths (v,) [m]; a pair may come
-        more than once.
-    """
+    """Which segments (v,) lie by which others (v,), and by how much (v,) [m]; some twice."""
     if not len(segments) or not len(others):
         return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
     # From one map to the next most segments stay as they are; a search for each takes far longer.

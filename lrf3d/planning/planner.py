@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.errors import InputError, shown
-from lrf3d.geometry import Bool, Float, Int, is_finite, numbers
+from lrf3d.geometry import LARGEST_COORDINATE, Bool, Float, Int, is_finite, numbers
 from lrf3d.planning.doors import closed_doors
 from lrf3d.planning.free_space import FreeSpace, find_free_space
 from lrf3d.planning.lookouts import find_lookouts
@@ -23,7 +23,6 @@ from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, SPEED
 from lrf3d.robot.trajectory import Trajectory
 from lrf3d.robot.unicycle import RADIUS
 from lrf3d.world import World
-from lrf3d.world.model import LARGEST_COORDINATE
 from lrf3d.world.size import check_size
 
 INDOOR_SPEED = 1.0

@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from lrf3d.render.gl import import_libraries
-from lrf3d.render.hud import gap_of, inset_frame, lay_labels, lay_over, scale_of
+from lrf3d.render.hud import gap_of, lay_frame, lay_labels
 from lrf3d.render.pictures import Picture
 from lrf3d.run import Run
 from lrf3d.scene import panel
@@ -98,8 +98,7 @@ class Film:
             seen = seen._replace(labels=self._labels(moment, view))
         self._picture = self.renderer.draw(seen)
         if inset:
-            frame = inset_frame(self._side, self._window, scale_of(self._size))
-            lay_over(self._picture, frame, left, gap)
+            lay_frame(self._picture, (left, gap, self._side), self._window)
         lay_labels(self._picture, seen.labels, self._side if inset else 0)
         return self._picture
 

@@ -1,24 +1,26 @@
-"""Text and the frame of the inset, drawn by Pillow and laid over a picture."""
+"""Text and the frame of the inset, laid over a picture."""
 
-from functools import cache
+from functools import cache, lru_cache
 from importlib.util import find_spec
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from lrf3d.geometry import Int, Single
 from lrf3d.render.pictures import Picture
-from lrf3d.scene.shapes import Label
+from lrf3d.scene.shapes import Label, single
 
-_BACK, _LINE, _RADIUS = (13, 17, 25, 178), 1.36, 9
-"""Colour of panels, height of a line in letters, and radius of corners [pixels of 720 lines]."""
+_BACK, _LINE = 13, 1.36
+"""What panels add to a quarter of the brightness under them, 0…255; height of a line in letters."""
+
+_PAD, _GAP = 12, 16
+"""Border in panels, and free border round them [pixels of 720 lines]."""
 
 _LEAST_SCALE, _LEAST_LETTER = 0.47, 6.5
 """Text is at least so many times its size at 720 lines; letters below so many pixels are left out.
 """
-
-_GAP = 16
-"""Free border round panels [pixels of 720 lines]."""
 
 _MOST_COVERED = 0.5
 """A panel that would cover more of the height of a picture is left out."""
@@ -26,7 +28,7 @@ _MOST_COVERED = 0.5
 _WIDTH = 0.61
 """Width of a letter, in its height."""
 
-_RIM, _BAR = (120, 130, 145, 255), (190, 200, 215, 255)
+_RIM, _BAR = (120, 130, 145), (190, 200, 215)
 """Colours of the frame of the inset and of its scale."""
 
 
@@ -49,66 +51,71 @@ def _font(size: int) -> ImageFont.FreeTypeFont:
     return ImageFont.truetype(folder / "DejaVuSansMono-Bold.ttf", size)
 
 
-@cache
-def panel_picture(label: Label, size: tuple[int, int], room: int) -> Picture | None:
-    """A label (h, w, 4) for a picture of a size, no wider than the room [pixels].
+class Words(NamedTuple):
+    """A line of text."""
 
-    None where it would be too small to be read, or too large.
-    """
-    scale = scale_of(size)
-    pad = round(12 * scale)
-    longest = max(len(line) for line in label.text)
-    letters = int(min(scale * label.size, (room - 2 * pad) / (_WIDTH * longest)))
-    high = 2 * pad + round(_LINE * letters * len(label.text))
-    if letters < _LEAST_LETTER or high > _MOST_COVERED * size[1]:
-        return None
-    font = _font(letters)
-    wide = round(max(font.getlength(line) for line in label.text)) + 2 * pad
-    picture = Image.new("RGBA", (wide, high), (*_BACK[:3], 0))
-    draw = ImageDraw.Draw(picture)
-    draw.rounded_rectangle((0, 0, wide - 1, high - 1), round(_RADIUS * scale), fill=_BACK)
-    for row, (line, colour) in enumerate(zip(label.text, label.colours, strict=True)):
-        place = pad, pad + row * _LINE * letters
-        draw.text(place, line, font=font, fill=(*colour, 255))
-    return np.asarray(picture)
+    width: int
+    rows: Int
+    columns: Int
+    """Width [pixels], and the pixels (n,) that letters cover."""
+    cover: Single
+    """(n, 1) how much of each they cover, 0…1."""
+
+
+@lru_cache(maxsize=64)
+def _words(text: str, size: int) -> Words:
+    font = _font(size)
+    picture = Image.new("L", (int(font.getlength(text)) + 1, round(_LINE * size)))
+    ImageDraw.Draw(picture).text((0, 0), text, font=font, fill=255)
+    pixels = np.asarray(picture)
+    rows, columns = np.nonzero(pixels)
+    return Words(picture.width, rows, columns, single(pixels[rows, columns, None] / 255.0))
 
 
 def lay_labels(picture: Picture, labels: tuple[Label, ...], taken: int) -> None:
     """Lay labels over a picture whose upper right corner is taken for so many pixels."""
     size, gap = (picture.shape[1], picture.shape[0]), gap_of(picture.shape[1::-1])
+    scale = scale_of(size)
+    pad = round(_PAD * scale)
     for label in labels:
         room = size[0] - 2 * gap - (taken + gap if label.place == "top" and taken else 0)
-        panel = panel_picture(label, size, room)
-        if panel is None:
+        longest = max(len(line) for line in label.text)
+        letters = int(min(scale * label.size, (room - 2 * pad) / (_WIDTH * longest)))
+        high = 2 * pad + round(_LINE * letters * len(label.text))
+        if letters < _LEAST_LETTER or high > _MOST_COVERED * size[1]:
             continue
+        wide = 2 * pad + max(_words(line, letters).width for line in label.text)
         left, top = gap, gap
         if label.place == "middle":
-            left, top = (size[0] - panel.shape[1]) // 2, size[1] - 2 * gap - panel.shape[0]
-        lay_over(picture, panel, left, top)
+            left, top = (size[0] - wide) // 2, size[1] - 2 * gap - high
+        part = picture[top : top + high, left : left + wide]
+        np.right_shift(part, 2, out=part)
+        np.add(part, _BACK, out=part)
+        for row, (line, colour) in enumerate(zip(label.text, label.colours, strict=True)):
+            _write(part, line, letters, (pad, pad + round(row * _LINE * letters)), colour)
 
 
-def lay_over(picture: Picture, panel: Picture, left: int, top: int) -> None:
-    """Lay a panel (h, w, 4) over a picture, by its opacity."""
-    box = (left, top, left + panel.shape[1], top + panel.shape[0])
-    under = Image.fromarray(picture[box[1] : box[3], box[0] : box[2], :3])
-    over = Image.fromarray(panel)
-    under.paste(over, mask=over.getchannel("A"))
-    picture[box[1] : box[3], box[0] : box[2], :3] = np.asarray(under)
-
-
-@cache
-def inset_frame(side: int, window: float, scale: float) -> Picture:
-    """The frame of an inset of a side [pixels] that shows a window [m], with a scale."""
-    rim = max(1, round(2 * scale))
-    picture = Image.new("RGBA", (side, side), (0, 0, 0, 0))
-    draw = ImageDraw.Draw(picture)
-    draw.rectangle((0, 0, side - 1, side - 1), outline=_RIM, width=rim)
+def lay_frame(picture: Picture, box: tuple[int, int, int], window: float) -> None:
+    """Frame the inset in a box, left, top and side [pixels], which shows a window [m]."""
+    left, top, side = box
+    scale = scale_of(picture.shape[1::-1])
+    rim, pad = max(1, round(2 * scale)), round(10 * scale)
+    part = picture[top : top + side, left : left + side, :3]
+    part[:rim] = part[-rim:] = part[:, :rim] = part[:, -rim:] = _RIM
     # The longest of 1, 2 and 5 times a power of ten that takes up to a third of the side.
     power = 10.0 ** np.floor(np.log10(window / 3.0))
     metres = power * max(step for step in (1.0, 2.0, 5.0) if step * power <= window / 3.0)
-    pad, letters = round(10 * scale), max(round(17 * scale), 7)
-    long, bottom = round(metres / window * side), side - pad
-    draw.line((pad, bottom, pad + long, bottom), fill=_BAR, width=rim)
-    words = (pad, bottom - rim - _LINE * letters)
-    draw.text(words, f"{metres:g} m", font=_font(letters), fill=_BAR)
-    return np.asarray(picture)
+    part[-pad - rim : -pad, pad : pad + round(metres / window * side)] = _BAR
+    letters = max(round(17 * scale), 7)
+    place = pad, side - pad - rim - round(_LINE * letters)
+    _write(part, f"{metres:g} m", letters, place, _BAR)
+
+
+def _write(
+    part: Picture, text: str, letters: int, place: tuple[int, int], colour: tuple[int, int, int]
+) -> None:
+    """Write a line of text into a part of a picture, from a place to the right and down."""
+    words = _words(text, letters)
+    rows, columns = words.rows + place[1], words.columns + place[0]
+    under = part[rows, columns, :3]
+    part[rows, columns, :3] = under + words.cover * (np.array(colour, np.float32) - under)

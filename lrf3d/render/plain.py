@@ -19,10 +19,6 @@ from lrf3d.scene.facades import layers
 from lrf3d.scene.shapes import Body, Cut, Lens, Lines, Mark, Painted, Points, Seen, Soft, single
 from lrf3d.scene.stage import Stage
 
-_MOST_CUT, _PAST = 4, 1e-3
-"""Walls that a ray goes on behind, where they are cut off, at the most, and how far past them [m].
-"""
-
 _LIFTED = 0.02
 """How much nearer to the eye translucent faces are than what they lie on [m]."""
 
@@ -66,15 +62,19 @@ class PlainRenderer:
         width, height = self._size
         lens, ghost = seen.lens, seen.ghost
         ways = _ways(lens, self._size)
-        hits = self._met(ways, lens.eye, seen.cut)
+        surfaces, rays = self._surfaces, self._rays
+        if seen.cut is not None:
+            surfaces = surfaces._replace(corners=_sunk(self._corners, seen.cut))
+            rays = TriangleRays(single(surfaces.corners[..., :3]))
+        hits = rays.first(np.tile(single(lens.eye), (len(ways), 1)), ways)
         none = np.full(len(ways), -1, np.int32)
-        colours, near = shade(ways, none if ghost else hits, _fixed(lens), self._surfaces)
+        colours, near = shade(ways, none if ghost else hits, _fixed(lens), surfaces)
         canvas = _Canvas(colours.reshape(height, width, 3), near.reshape(height, width))
         for _, body in seen.bodies:
             self._draw_body(canvas, lens, body)
         if ghost:
             # Walls that fade are laid over all that stands in them.
-            walls, depth = shade(ways, hits, _fixed(lens), self._surfaces)
+            walls, depth = shade(ways, hits, _fixed(lens), surfaces)
             walls += ghost * (np.array(look.GHOST, np.float32) - walls)
             shown = (hits >= 0) & (depth > near)
             colours[shown] += (1.0 - ghost * look.GHOST_STRENGTH) * (walls - colours)[shown]
@@ -92,28 +92,6 @@ class PlainRenderer:
 
     def close(self) -> None:
         """Nothing is held that needs to be freed."""
-
-    def _met(self, ways: Single, eye: Float, cut: Cut | None) -> NDArray[np.int32]:
-        """The triangle (n,) that each ray from the eye meets, or −1; cut walls are passed."""
-        starts = np.tile(single(eye), (len(ways), 1))
-        hits = self._rays.first(starts, ways)
-        left = np.arange(len(ways))
-        for _ in range(_MOST_CUT if cut is not None else 0):
-            assert cut is not None
-            left = left[hits[left] >= 0]
-            a, b, c = np.moveaxis(self._corners[hits[left], :, :3], 1, 0)
-            normal = np.cross(b - a, c - a)
-            reach = ((a - starts[left]) * normal).sum(axis=1) / (ways[left] * normal).sum(axis=1)
-            place = starts[left] + reach[:, None] * ways[left]
-            off = place[:, :2] - cut.robot
-            toward, aside = off @ cut.toward, np.abs(cross(off, cut.toward[None]))
-            high = np.clip(look.LEFT_STANDING[0] + cut.slope * toward, *look.LEFT_STANDING)
-            high += look.NOTCH[1] * np.maximum(aside - look.NOTCH[0], 0.0)
-            gone = (toward > 0.0) & (place[:, 2] > high)
-            left = left[gone]
-            starts[left] = place[gone] + _PAST * ways[left]
-            hits[left] = self._rays.first(starts[left], ways[left])
-        return hits
 
     def _draw_body(self, canvas: _Canvas, lens: Lens, body: Body) -> None:
         faces, turn = body.faces, body.pose[:3, :3]
@@ -184,6 +162,17 @@ class PlainRenderer:
         rows = rows[(np.maximum(first, last) > _NEAR) & _faces(lines.starts, lines.sides, lens)]
         test = _BEHIND if lines.hidden else _NEARER
         fill_triangles(rows.reshape(-1, 3, 7), test, False, canvas.colours, canvas.near)
+
+
+def _sunk(corners: Single, cut: Cut) -> Single:
+    """Corners (t, 3, 16) of faces, lowered where they would hide the robot."""
+    off = corners[..., :2] - cut.robot
+    toward, aside = off @ cut.toward, np.abs(cross(off, cut.toward))
+    high = np.clip(look.LEFT_STANDING[0] + cut.slope * toward, *look.LEFT_STANDING)
+    high += look.NOTCH[1] * np.maximum(aside - look.NOTCH[0], 0.0)
+    sunk = corners.copy()
+    sunk[..., 2] = np.where(toward > -look.CUT_BEFORE, np.minimum(sunk[..., 2], high), sunk[..., 2])
+    return sunk
 
 
 def _fixed(lens: Lens) -> Float:

@@ -173,7 +173,7 @@ class Renderer:
             indices, self._textured = self._parts.choose(parts)
             self._walls.choose(indices)
         cut = seen.cut
-        defined = ":CUT" * (cut is not None) + ":FADED" * (seen.ghost > 0.0)
+        defined = ":FADED" * (seen.ghost > 0.0)
         uniforms: dict[str, Any] = {
             "ghost": float(seen.ghost),
             "slope": 0.0 if cut is None else cut.slope,

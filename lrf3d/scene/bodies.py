@@ -1,5 +1,6 @@
 """The robot, from ``assets/robot.glb``, and dynamic obstacles, as triangles in their own frames."""
 
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -109,9 +110,15 @@ robot where the sun shines, as a part of the level way to the sun."""
 
 def robot_shadow(pose: Float, *, indoor: bool) -> Soft:
     """The shadow of the robot at a pose."""
-    turns = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    shadow = _round_shadow()
     middle = pose[:2] - (0.0 if indoor else _BLOB_SHIFT) * SUN[:2]
-    rim = middle + _BLOB * np.column_stack([np.cos(turns), np.sin(turns)])
+    return shadow._replace(corners=single(shadow.corners + np.append(middle, 0.0)))
+
+
+@cache
+def _round_shadow() -> Soft:
+    turns = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    rim = _BLOB * np.column_stack([np.cos(turns), np.sin(turns)])
     return soft_shadow(rim, _BLOB_FRINGE, _BLOB_DARKNESS, 0.0)
 
 

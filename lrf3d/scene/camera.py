@@ -100,7 +100,10 @@ class Look:
         matrix[0, 0], matrix[1, 1], matrix[1, 2] = tall / aspect, -tall, self.shift
         matrix[2, 2], matrix[2, 3] = (far + near) / (near - far), 2.0 * far * near / (near - far)
         matrix[3, 2] = -1.0
-        return np.asarray(matrix @ np.linalg.inv(self.pose))
+        view = np.eye(4)
+        view[:3, :3] = self.pose[:3, :3].T
+        view[:3, 3] = -view[:3, :3] @ self.eye
+        return np.asarray(matrix @ view)
 
 
 class Camera(Protocol):

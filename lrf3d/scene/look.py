@@ -57,6 +57,9 @@ GHOST, GHOST_STRENGTH = (0.95, 0.96, 0.98), 0.80
 LEFT_STANDING = (0.04, 1.2)
 """Least and largest height [m] of what is left of walls in rooms that would hide the robot."""
 
+CUT_BEFORE = 0.4
+"""How far before the robot's rear walls begin to be cut [m]: they bend where their pieces end."""
+
 NOTCH = (0.8, 1.5)
 """Half the width [m] of the notch that is cut into walls, and how steeply its sides rise [m/m]."""
 

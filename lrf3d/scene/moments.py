@@ -56,12 +56,15 @@ _LEAST_PLAN, _PLAN_MARGIN = 4.0, 8.0
 """Least size [m] that the plan shows: there may be no wall, and a robot that stands; and what it
 shows round the robot's path, at the least."""
 
-_OLD_SCANS = 12
+_OLD_SCANS = 8
 """Earlier scans whose hits are still shown, at the most."""
 
 _REAR = 0.3
 """How far from its middle the robot ends [m], where it stands on the ground: so much of it is to be
 seen over walls that are cut."""
+
+_BELOW_SIGHT = 0.8
+"""Share of the line of sight from there to the eye that cut walls reach up to."""
 
 
 class Scene:
@@ -124,7 +127,8 @@ class Scene:
             away = lens.eye[:2] - pose[:2]
             level = max(float(np.hypot(*away)), 2.0 * _REAR)
             toward = away / level
-            cut = Cut(pose[:2] + _REAR * toward, toward, float(lens.eye[2]) / (level - _REAR))
+            slope = _BELOW_SIGHT * float(lens.eye[2]) / (level - _REAR)
+            cut = Cut(pose[:2] + _REAR * toward, toward, slope)
         return Seen(lens, tuple(bodies), marks, view.sky_below, view.ghost, cut)
 
     def _lens(self, view: Look, size: tuple[int, int]) -> Lens:

@@ -19,6 +19,10 @@ from lrf3d.scene.structures import Structures
 _GREY, _SHARE_OF_GREY = np.array([0.52, 0.52, 0.53]), 0.75
 """Colour of flat roofs, and its share in a roof: the rest is the wall's."""
 
+_CELL, _MOST_CELLS = 0.8, 100_000
+"""Side of the pieces that level faces of rooms are cut into [m], as walls are; there are none in
+places of more cells."""
+
 _SLIVER = 1e-3
 """Pieces of roofs below this area [m²] are left out."""
 
@@ -71,6 +75,9 @@ class HippedRoofs(NamedTuple):
 def build_roofs(structures: Structures) -> Panels:
     """Triangles (t,) of the roofs of all solids, in the sun and in the shadow of others."""
     polygons, solids, under = shade_roofs(structures)
+    if structures.indoor:
+        polygons, piece = _cut_small(polygons)
+        solids, under = solids[piece], under[piece]
     hips = plan_hips(structures)
     tiled = hips.chosen[solids]
     flat = ~tiled & (shapely.area(polygons) > _SLIVER)
@@ -88,6 +95,26 @@ def build_roofs(structures: Structures) -> Panels:
         structures.solid_objects[owner],
     )
     return joined(level, _hip_faces(structures, hips, polygons[tiled], solids[tiled], under[tiled]))
+
+
+def _cut_small(polygons: Any) -> tuple[Any, Int]:
+    """Pieces (m,) of polygons (p,) in the cells of a grid, and which of these each is of.
+
+    What hides the robot in a room sinks, and bends where corners are.
+    """
+    if not len(polygons):
+        return polygons, np.zeros(0, np.int64)
+    low, high = np.floor(shapely.total_bounds(polygons).reshape(2, 2) / _CELL)
+    if np.prod(high - low + 1.0) > _MOST_CELLS:
+        return polygons, np.arange(len(polygons))
+    x, y = np.meshgrid(np.arange(low[0], high[0] + 1.0), np.arange(low[1], high[1] + 1.0))
+    cells = shapely.box(_CELL * x, _CELL * y, _CELL * (x + 1.0), _CELL * (y + 1.0)).ravel()
+    cell, polygon = shapely.STRtree(polygons).query(cells, predicate="intersects")
+    parts, owner = shapely.get_parts(
+        shapely.intersection(cells[cell], polygons[polygon]), return_index=True
+    )
+    whole = shapely.get_type_id(parts) == 3
+    return parts[whole], polygon[owner[whole]]
 
 
 def plan_hips(structures: Structures) -> HippedRoofs:

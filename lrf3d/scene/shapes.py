@@ -167,7 +167,7 @@ class Cut(NamedTuple):
     toward: Float
     """(2,) level direction from it to the eye, of unit length."""
     slope: float
-    """Rise of the line of sight from it to the eye [m/m]."""
+    """How much higher walls may be for each metre towards the eye [m/m]."""
 
 
 class Seen(NamedTuple):

@@ -6,7 +6,6 @@ Everything is computed in a local frame, so that no digits are lost far from the
 from lrf3d.scoring.log_score import LogScore, score_log
 from lrf3d.scoring.map_score import MapScore, adjusted_rand_index, score_map, score_run
 from lrf3d.scoring.matching import match_segments
-from lrf3d.scoring.storage import StorageCount, storage
 from lrf3d.scoring.trajectory_score import Relations, TrajectoryScore, score_trajectory
 from lrf3d.scoring.visibility import (
     BuildingCount,
@@ -20,7 +19,6 @@ __all__ = [
     "LogScore",
     "MapScore",
     "Relations",
-    "StorageCount",
     "TrajectoryScore",
     "adjusted_rand_index",
     "buildings_seen",
@@ -29,7 +27,6 @@ __all__ = [
     "score_map",
     "score_run",
     "score_trajectory",
-    "storage",
     "visible_parts",
     "visible_walls",
 ]

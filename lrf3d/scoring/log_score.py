@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lrf3d.casting import PlanarCaster
 from lrf3d.errors import InputError
-from lrf3d.geometry import Bool, Float, lengths
+from lrf3d.geometry import Float, lengths
 from lrf3d.laser import LaserRangeFinder, LaserScan, reflection_points
 from lrf3d.mapping import LineMap
 from lrf3d.pose import Pose
@@ -57,29 +58,32 @@ class LogScore(Report):
 def score_log(line_map: LineMap, scans: Iterable[LaserScan]) -> LogScore:
     """Score a map by test scans; usually the even scans build the map and the odd ones test it.
 
-    Args:
-        line_map: The map.
-        scans: Test scans that the map was not built from, beams evenly spaced; read once.
+    The test scans are others than those that the map was built from, with evenly spaced beams; they
+    are read once.
 
     Raises:
         InputError: The beams of a scan are not evenly spaced.
     """
+    import shapely
+
     solid = line_map.segments[lengths(line_map.segments) > 0.0]
     origin = np.round(solid.reshape(-1, 2).mean(axis=0)) if len(solid) else np.zeros(2)
     solid = solid - np.tile(origin, 2)
-    index = _SegmentIndex(solid)
-    cast = _MapCaster(solid)
+    tree = shapely.STRtree(shapely.linestrings(solid.reshape(-1, 2, 2)))
+    caster = PlanarCaster(World(solid))
     scan_count = return_count = explained = violations = 0
     errors: list[Float] = [np.empty(0)]
     for scan in scans:
         judged = (scan.ranges > NEAREST_RETURN) & (scan.ranges < FARTHEST_RETURN)
         ranges = scan.ranges[judged]
         pose = Pose(scan.pose.x - origin[0], scan.pose.y - origin[1], scan.pose.theta)
-        expected = cast.ranges(scan, pose)[judged]
+        places = shapely.points(reflection_points(pose, scan.angles[judged], ranges))
+        near, _ = tree.query(places, predicate="dwithin", distance=EXPLAINED_WITHIN)
+        expected = _map_ranges(caster, scan, pose)[judged]
         hit = np.isfinite(expected)
         scan_count += 1
         return_count += len(ranges)
-        explained += int(index.near(reflection_points(pose, scan.angles[judged], ranges)).sum())
+        explained += len(np.unique(near))
         violations += int((ranges[hit] - expected[hit] > VIOLATED_BEYOND).sum())
         errors.append(np.abs(expected[hit] - ranges[hit]))
     all_errors = np.concatenate(errors)
@@ -94,38 +98,13 @@ def score_log(line_map: LineMap, scans: Iterable[LaserScan]) -> LogScore:
     )
 
 
-class _SegmentIndex:
-    """A spatial index of segments."""
-
-    def __init__(self, segments: Float) -> None:
-        import shapely
-
-        self._points = shapely.points
-        self._tree = shapely.STRtree(shapely.linestrings(segments.reshape(-1, 2, 2)))
-
-    def near(self, points: Float) -> Bool:
-        """Which of the points (n, 2) lie within 0.1 m of any segment."""
-        found = np.zeros(len(points), dtype=np.bool_)
-        geometry = self._points(points)
-        found[self._tree.query(geometry, predicate="dwithin", distance=EXPLAINED_WITHIN)[0]] = True
-        return found
-
-
-class _MapCaster:
-    """Casts the beams of scans into the segments of a map, as if they were walls."""
-
-    def __init__(self, segments: Float) -> None:
-        from lrf3d.casting import PlanarCaster
-
-        self._caster = PlanarCaster(World(segments))
-
-    def ranges(self, scan: LaserScan, pose: Pose) -> Float:
-        """Ranges (beams,) [m] to the map from a pose in its frame; +inf where it is not hit."""
-        angles = scan.angles
-        if not np.allclose(np.diff(angles, 2), 0.0, atol=UNEVEN):
-            raise InputError("scan with beams at uneven angles: score_log needs them evenly spaced")
-        farthest = scan.range_max if np.isfinite(scan.range_max) else CAST_RANGE
-        lrf = LaserRangeFinder(angles.min(), angles.max(), len(angles), 0.0, farthest)
-        ranges: Float = self._caster.cast(lrf, pose).ranges
-        # A laser that hangs upside down turns clockwise.
-        return ranges if angles[0] <= angles[-1] else ranges[::-1]
+def _map_ranges(caster: PlanarCaster, scan: LaserScan, pose: Pose) -> Float:
+    """Ranges (beams,) [m] to the map from a pose in its frame; +inf where it is not hit."""
+    angles = scan.angles
+    if not np.allclose(np.diff(angles, 2), 0.0, atol=UNEVEN):
+        raise InputError("scan with beams at uneven angles: score_log needs them evenly spaced")
+    farthest = scan.range_max if np.isfinite(scan.range_max) else CAST_RANGE
+    lrf = LaserRangeFinder(angles.min(), angles.max(), len(angles), 0.0, farthest)
+    ranges: Float = caster.cast(lrf, pose).ranges
+    # A laser that hangs upside down turns clockwise.
+    return ranges if angles[0] <= angles[-1] else ranges[::-1]

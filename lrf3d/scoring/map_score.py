@@ -81,13 +81,8 @@ def score_map(
 ) -> MapScore:
     """Score a map against the visible parts of the true walls.
 
-    Args:
-        line_map: The map.
-        visible_segments: (v, 4) the visible parts, see :func:`visible_walls`.
-        visible_objects: (v,) the object that each part belongs to.
-        walls: (n, 4) all true walls, any of which makes a map sample right; only the visible parts
-            if not given.
-
+    These are the visible segments (v, 4), see :func:`visible_walls`, each of an object (v,). Any of
+    all true walls (n, 4) makes a map sample right; only the visible parts if they are not given.
     The precision of an empty map is 1, and so is the recall if nothing is visible.
 
     Examples:
@@ -100,12 +95,9 @@ def score_map(
         (1.0, 0.57)
     """
     found, visible = line_map.segments, visible_segments
-    true = visible if walls is None else walls
-    offsets = sample_offsets(found, true, reach=SAMPLE_TOLERANCE, angle=SAMPLE_ANGLE)
-    right = np.isfinite(offsets)
-    recalled = np.isfinite(
-        sample_offsets(visible, found, reach=SAMPLE_TOLERANCE, angle=SAMPLE_ANGLE)
-    )
+    near = {"reach": SAMPLE_TOLERANCE, "angle": SAMPLE_ANGLE}
+    offsets = sample_offsets(found, visible if walls is None else walls, **near)
+    right, recalled = np.isfinite(offsets), np.isfinite(sample_offsets(visible, found, **near))
     precision, recall = _share(right.sum(), len(right)), _share(recalled.sum(), len(recalled))
     pairs = match_segments(found, visible)
     segment_precision = _share(len(pairs), len(found))
@@ -118,8 +110,8 @@ def score_map(
         segment_precision=segment_precision,
         segment_recall=segment_recall,
         segment_f1=_harmonic_mean(segment_precision, segment_recall),
-        segment_ratio=_ratio(len(found), len(visible)),
-        perpendicular_rms=_root_mean_square(offsets[right]),
+        segment_ratio=len(found) / len(visible) if len(visible) else np.inf if len(found) else 1.0,
+        perpendicular_rms=float(np.sqrt(np.mean(offsets[right] ** 2))) if right.any() else np.nan,
         object_purity=purity,
         map_segments=len(found),
         visible_segments=len(visible),
@@ -131,18 +123,8 @@ def _share(part: int, whole: int) -> float:
     return float(part / whole) if whole else 1.0
 
 
-def _ratio(part: int, whole: int) -> float:
-    if whole:
-        return part / whole
-    return np.inf if part else 1.0
-
-
 def _harmonic_mean(first: float, second: float) -> float:
     return 2.0 * first * second / (first + second) if first + second else 0.0
-
-
-def _root_mean_square(values: Float) -> float:
-    return float(np.sqrt(np.mean(values**2))) if len(values) else np.nan
 
 
 def adjusted_rand_index(first: Int, second: Int) -> float:

@@ -1,10 +1,8 @@
 """Matching: pairs of close segments, and of map segments with the walls that they represent.
 
-A spatial index finds the neighbours and the work is done in blocks, so that a map of 100,000
-segments needs no table of all pairs.
+A spatial index finds the neighbours, and samples are compared a million at a time, so that a map
+of 100,000 segments needs no table of all pairs.
 """
-
-from collections.abc import Iterator
 
 import numpy as np
 
@@ -44,42 +42,26 @@ def match_segments(segments: Float, walls: Float) -> Int:
 
 def _assign(own: Int, wall: Int, cost: Float) -> Int:
     """The most pairs at the least cost, one to one, sorted by wall."""
-    # Nearly all pairs have no alternative; they need no solver.
-    sole = (_occurrences(own) == 1) & (_occurrences(wall) == 1)
-    disputed = _assign_disputed(own[~sole], wall[~sole], cost[~sole])
-    pairs = np.vstack([np.column_stack([own[sole], wall[sole]]), disputed])
-    return pairs[np.argsort(pairs[:, 1])]
-
-
-def _occurrences(labels: Int) -> Int:
-    """How often each of the labels (n,) occurs among them."""
-    _, group, counts = np.unique(labels, return_inverse=True, return_counts=True)
-    return counts[group]
-
-
-def _assign_disputed(own: Int, wall: Int, cost: Float) -> Int:
-    """The same by a sparse assignment, with an additional column for each wall to stay unpaired."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
-    if not len(own):
-        return np.empty((0, 2), np.int64)
-    owns, column = np.unique(own, return_inverse=True)
-    wall_indices, row = np.unique(wall, return_inverse=True)
-    walls = np.arange(len(wall_indices))
-    # An unpaired wall costs more than all pairs together, so pairs are never given up.
-    unpaired = np.full(len(walls), 3.0 * (len(walls) + 1))
-    weights = coo_array(
-        (
-            # One is added to all, since the solver takes a cost of zero for no edge.
-            np.concatenate([cost, unpaired]) + 1.0,
-            (np.concatenate([row, walls]), np.concatenate([column, len(owns) + walls])),
-        ),
-        shape=(len(walls), len(owns) + len(walls)),
-    )
-    rows, columns = min_weight_full_bipartite_matching(weights.tocsr())
-    paired = columns < len(owns)
-    return np.column_stack([owns[columns[paired]], wall_indices[rows[paired]]]).astype(np.int64)
+    # Nearly all pairs have no alternative. They need no solver, which is slow for thousands.
+    lone = (np.bincount(own)[own] == 1) & (np.bincount(wall)[wall] == 1)
+    pairs: Int = np.column_stack([own, wall])[lone]
+    if not lone.all():
+        owns, column = np.unique(own[~lone], return_inverse=True)
+        walls, row = np.unique(wall[~lone], return_inverse=True)
+        each = np.arange(len(walls))
+        # A column more for each wall that stays unpaired, which costs more than all pairs together;
+        # one is added to all costs, since the solver takes zero for no edge.
+        costs = np.append(cost[~lone], np.full(len(walls), 3.0 * (len(walls) + 1))) + 1.0
+        places = np.append(row, each), np.append(column, len(owns) + each)
+        table = coo_array((costs, places), shape=(len(walls), len(owns) + len(walls))).tocsr()
+        rows, columns = min_weight_full_bipartite_matching(table)
+        paired = columns < len(owns)
+        disputed = np.column_stack([owns[columns[paired]], walls[rows[paired]]])
+        pairs = np.vstack([pairs, disputed])
+    return pairs[np.argsort(pairs[:, 1])]
 
 
 SAMPLE_SPACING = 0.05
@@ -115,28 +97,20 @@ def close_pairs(segments: Float, others: Float, reach: float) -> tuple[Int, Int]
     return mine[own[order]], theirs[other[order]]
 
 
-def sample_counts(segments: Float, spacing: float = SAMPLE_SPACING) -> Int:
-    """The number of samples (n,) along each of the segments (n, 4).
+def sample_counts(segments: Float) -> Int:
+    """The number of samples (n,) along each of the segments (n, 4): in the middle of equal pieces.
 
-    A segment is divided into equal pieces no longer than the spacing [m], with a sample in the
-    middle of each.
+    These are no longer than the spacing, give or take what rounding adds to a length.
     """
-    # The tolerance keeps the number of pieces when rounding makes a length slightly larger.
-    return np.ceil(lengths(segments) / spacing - LENGTH_ROUNDING).astype(np.int64)
+    return np.ceil(lengths(segments) / SAMPLE_SPACING - LENGTH_ROUNDING).astype(np.int64)
 
 
 def sample_offsets(segments: Float, walls: Float, *, reach: float, angle: float) -> Float:
     """Perpendicular distance [m] of samples along segments to the nearest wall alongside.
 
-    Args:
-        segments: (n, 4) segments to sample.
-        walls: (m, 4) segments to look for.
-        reach: Largest distance of the wall from the sample [m].
-        angle: Largest angle between segment and wall [rad].
-
-    Returns:
-        (s,) distance of each sample, segment after segment, to the line of the nearest such
-        wall; +inf if there is none.
+    The samples (s,) are those of the segments (n, 4), one after the other; a wall (m, 4) lies
+    alongside within a reach [m] of the sample and an angle [rad] of its segment. The distance is
+    that to the line of the wall; +inf if there is none.
     """
     counts = sample_counts(segments)
     segments, walls = in_local_frame(segments, walls)
@@ -147,33 +121,20 @@ def sample_offsets(segments: Float, walls: Float, *, reach: float, angle: float)
     across = cross(directions(segments[own]), directions(walls[other]))
     alike = np.abs(across) <= np.sin(angle)
     own, other = own[alike], other[alike]
-    for pair in _blocks(own, counts[own]):
+    # Pairs are sorted by their segment; of equally near walls the last one counts.
+    total = counts[own].cumsum()
+    cuts = np.searchsorted(total, np.arange(SAMPLES_AT_ONCE, total[-1:].sum(), SAMPLES_AT_ONCE))
+    for pair in np.split(np.arange(len(own)), cuts):
         samples = counts[own[pair]]
         step = np.arange(samples.sum()) - np.repeat(np.cumsum(samples) - samples, samples)
         share = (step + 0.5) / np.repeat(samples, samples)
         row = np.repeat(pair, samples)
         distance, sideways = _distances(segments[own[row]], share, walls[other[row]])
         sample = first[own[row]] + step
-        nearer = distance <= np.minimum(nearest[sample], reach)
-        sample = sample[nearer]
-        nearest[sample], offsets[sample] = distance[nearer], sideways[nearer]
+        np.minimum.at(nearest, sample, distance)
+        best = (distance == nearest[sample]) & (distance <= reach)
+        offsets[sample[best]] = sideways[best]
     return offsets
-
-
-def _blocks(own: Int, samples: Int) -> Iterator[Int]:
-    """Divide pairs into blocks of about a million samples, in which no segment occurs twice.
-
-    So all samples of a block can be written at once. Pairs are sorted by their segment.
-    """
-    rank = np.arange(len(own)) - np.searchsorted(own, own)
-    order = np.argsort(rank, kind="stable")
-    ends = np.cumsum(samples[order])
-    full = np.searchsorted(
-        ends, np.arange(SAMPLES_AT_ONCE, ends[-1] if len(ends) else 0, SAMPLES_AT_ONCE)
-    )
-    next_rank = np.flatnonzero(np.diff(rank[order])) + 1
-    cuts = np.union1d(full, next_rank).astype(np.int64)
-    yield from (each for each in np.split(order, cuts) if len(each))
 
 
 def _distances(segments: Float, share: Float, walls: Float) -> tuple[Float, Float]:

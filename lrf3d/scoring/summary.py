@@ -1,37 +1,23 @@
 """The summary of a run: its drive, its scans and its map, in JSON's types."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from lrf3d.files import in_parts
-from lrf3d.geometry import Float
-from lrf3d.laser import LaserScan
-from lrf3d.mapping import LineMap
 from lrf3d.run import Run
-from lrf3d.scoring import buildings_seen, score_run, storage
+from lrf3d.scoring import buildings_seen, score_run
 
 MOST_JUDGED = 2000
-"""Largest number of scans from which visible walls and storage are computed: a random sample of a
+"""Largest number of scans from which visible walls are computed: a random sample of a
 long run shows as much of the walls, and the time does not grow with the run."""
 
 MOST_DRAWN = 4000
 """Largest number of scans in a picture: the first ones of a longer run."""
 
-LocalMap = Callable[[LaserScan], LineMap]
 
-
-def summarise(run: Run, local_map: LocalMap | None) -> dict[str, Any]:
-    """The figures of a run.
-
-    Figures of the map are None if the mapper makes no LineMap.
-
-    Args:
-        run: The run.
-        local_map: Makes the map of a single scan, for the comparison of storage; None if the
-            mapper makes no LineMap.
-    """
+def summarise(run: Run) -> dict[str, Any]:
+    """The figures of a run; those of the map are None if the mapper makes no LineMap."""
     judged = judged_part(run)
     returned = sum(int(np.isfinite(part).sum()) for part in in_parts(run.ranges))
     summary: dict[str, Any] = {
@@ -51,7 +37,7 @@ def summarise(run: Run, local_map: LocalMap | None) -> dict[str, Any]:
             "returned": returned,
             "returned_share": returned / run.ranges.size,
         },
-        **dict.fromkeys(("map", "score", "buildings", "storage")),
+        **dict.fromkeys(("map", "score", "buildings")),
     }
     if len(judged) < len(run):
         summary["judged_scans"] = len(judged)
@@ -59,9 +45,6 @@ def summarise(run: Run, local_map: LocalMap | None) -> dict[str, Any]:
         summary["map"] = {"segments": len(run.map), "objects": run.map.object_count}
         summary["score"] = score_run(judged).as_dict()
         summary["buildings"] = buildings_seen(judged).as_dict()
-    if run.maps and local_map is not None:
-        polylines = [local_polylines(local_map(scan)) for scan in judged.scans]
-        summary["storage"] = storage(judged, polylines).as_dict()
     return summary
 
 
@@ -76,16 +59,3 @@ def judged_part(run: Run) -> Run:
 def drawn_part(run: Run) -> Run:
     """The run, or the beginning of a long one, with the final map."""
     return run if len(run) <= MOST_DRAWN else run.part(np.arange(MOST_DRAWN))
-
-
-def local_polylines(local: LineMap) -> list[Float]:
-    """Vertices (k, 2) of each polyline of the map of one scan.
-
-    The vertex of two consecutive segments lies midway between their ends.
-    """
-    polylines = []
-    for number in np.unique(local.objects):
-        segments = local.segments[local.objects == number]
-        middle = 0.5 * (segments[:-1, 2:] + segments[1:, :2])
-        polylines.append(np.concatenate([segments[:1, :2], middle, segments[-1:, 2:]]))
-    return polylines

@@ -10,15 +10,12 @@ from lrf3d.pose import as_poses
 from lrf3d.scoring.report import Report
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Relations(Value):
-    """Known relative poses between poses of a trajectory.
+    """Known relative poses (r, 3) x, y [m], theta [rad] between poses of a trajectory.
 
-    Args:
-        first: (r,) indices of the poses that they are relative to.
-        second: (r,) indices of the other poses.
-        relative: (r, 3) x, y [m], theta [rad] of the second in the frame of the first.
-        certain: (r,) whether both indices are certain.
+    Each is that of a second pose in the frame of a first one, by their indices (r,), which may both
+    be certain (r,) or not.
     """
 
     first: Int
@@ -34,15 +31,8 @@ class Relations(Value):
 class TrajectoryScore(Report):
     """How far the relative poses of a trajectory are from known ones.
 
-    Args:
-        relations: Number of relations.
-        translation_mean: Mean error of the translation [m].
-        translation_std: Standard deviation of the same [m].
-        rotation_mean: Mean absolute error of the rotation [°].
-        rotation_std: Standard deviation of the same [°].
-        certain_translation_mean: Mean error of the translation over certain relations [m]; NaN
-            without any.
-        certain_rotation_mean: Mean absolute error of the rotation over them [°].
+    Errors of the translation are in [m], absolute errors of the rotation in [°], each with its mean
+    and its standard deviation over the relations; the mean over certain ones is NaN without any.
     """
 
     relations: int

@@ -31,14 +31,10 @@ def visible_walls(run: Run) -> tuple[Float, Int]:
 def visible_parts(
     segments: Float, poses: Float, angles: Float, truth: Float, walls: Int
 ) -> tuple[Float, Int]:
-    """The part of each segment between the outermost noise-free returns of scans.
+    """The part of each segment (n, 4) between the outermost noise-free returns of scans.
 
-    Args:
-        segments: (n, 4) the walls.
-        poses: (k, 3) poses of the scans, x, y [m], theta [rad].
-        angles: (beams,) angles of the beams [rad], 0 ahead.
-        truth: (k, beams) noise-free ranges [m].
-        walls: (k, beams) the segment that each beam hit, −1 for none.
+    The scans were taken at poses (k, 3), with beams at angles (beams,) [rad]; the truth (k, beams)
+    are noise-free ranges [m], and walls (k, beams) the segments that were hit, −1 for none.
 
     Returns:
         (v, 4) the parts longer than 0.5 m, and (v,) their segments, in ascending order.

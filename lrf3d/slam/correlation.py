@@ -66,9 +66,9 @@ def search(
         shift = COARSE_CELL * shifts[s]
         start = np.array([*(guess[:2] + shift), guess[2] + angles[a]])
         match = match_scan(surface, grid, start, LOOSE, ITERATIONS)
-        if np.isfinite(match.pose).all() and not any(
-            same_place(match.pose, other.pose) for other in matches
-        ):
+        # One that slid away, as along a corridor, is another place, and may be out of the window.
+        stayed = bool(np.isfinite(match.pose).all()) and same_place(match.pose, start)
+        if stayed and not any(same_place(match.pose, other.pose) for other in matches):
             matches.append(match)
         # The peak's surroundings lead to the same place.
         around = np.flatnonzero((np.abs(shifts - shifts[s]) <= 2).all(axis=1))

@@ -31,23 +31,16 @@ def _poses(x: Float, y: Float, turn: Float) -> Float:
 
 
 def turned(matrix: Float, angle: float) -> Float:
-    """Covariance or information matrices (…, 3, 3) of poses, in axes turned back by an angle [rad].
-
-    It takes a matrix along the axes of a robot that stands at this angle to the axes of the map.
-    """
+    """A covariance or information (3, 3) along a robot's axes at an angle [rad], in the map's."""
     cos, sin = np.cos(angle), np.sin(angle)
     rotation = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     return np.asarray(rotation @ matrix @ rotation.T)
 
 
 def bent(way: Float, known: Int, poses: Float, at: Float | None = None) -> Float:
-    """A way (n, 3) that is right from step to step, bent to meet known poses.
+    """A way (n, 3) that is right from step to step, bent to meet poses (m, 3) of known numbers.
 
-    Args:
-        way: Poses in a drifting frame.
-        known: (m,) rising numbers of the poses that are known.
-        poses: (m, 3) these poses.
-        at: (n,) how far along each pose of the way is, in any unit; its number if not given.
+    These rise; ``at`` (n,) is how far along each pose of the way is, its number if not given.
     """
     count = np.arange(len(way))
     along = count.astype(np.float64) if at is None else at

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrf3d.geometry import Bool, Float, wrap_angle
-from lrf3d.slam.correlation import search
+from lrf3d.slam.correlation import same_place, search
 from lrf3d.slam.frames import between, compose, turned
 from lrf3d.slam.scan_matching import Match, match_scan
-from lrf3d.slam.surface import SurfaceGrid, moved, wall_map
+from lrf3d.slam.surface import SurfaceGrid, evenly_spaced, moved, wall_map
 from lrf3d.slam.violation import BEHIND, Key, views_of
 from lrf3d.slam.wheels import Wheels
 
@@ -35,13 +35,24 @@ SLIP, SLIP_SHARE, SLIP_TURN, SLIP_TURN_SHARE = 0.4, 0.3, 0.4, 0.3
 """How far [m], [rad] wheels may slip between two scans, and as a share of their step: the window
 that is searched. In a wider one other places look alike."""
 
+LEAST_BACKWARDS = 0.5
+"""Share that a place must explain that is as far off as where wheels went backwards unsaid."""
+
+LONGEST_STILL = 5
+"""Scans over which encoders that stand still widen the window."""
+
 LEAST_FOUND, CLEARLY = 0.3, 0.8
 """A place that was searched is accepted if it explains the first share of the points, and if the
-log odds of a point to be explained are larger by the second than at any other place, and than where
-odometry leads: around one half that is a fifth of the points."""
+log odds of a point to be explained are larger by the second than where odometry leads: around one
+half that is a fifth of the points. They are to be larger by as much than at any other place, too,
+where large slips are less probable, by Cauchy's distribution."""
 
 LEAST_POINTS = 20
 """With fewer points than this nothing is searched: a few points fit in many places."""
+
+ENOUGH, RECENT = 150, 32
+"""Points of a surface that show walls as they are; where a scan has fewer, a key scan takes in
+those before it, out of the last few."""
 
 WATCHED, THROUGH = 12, 2
 """A point that the beams of the second number of the last key scans, of the first, passed through,
@@ -129,6 +140,8 @@ class FrontEnd:
         self.wheels = Wheels() if wheels is None else deepcopy(wheels)
         # What the last scan saw that stands still, in the frame of the robot.
         self.surface = np.empty((0, 4))
+        # And the last few scans since the key scan, with their poses.
+        self._recent: deque[tuple[Float, Float]] = deque(maxlen=RECENT)
         self._keys: deque[Key] = deque(maxlen=WATCHED)
         self._grid: SurfaceGrid | None = None
         # Where persons were last (p, 2), in the frame of the front end.
@@ -136,8 +149,9 @@ class FrontEnd:
         # The way since the last key scan by the wheels and by scans, and what scans fixed of it.
         self._raw, self._found = np.zeros(3), np.zeros(3)
         self._turn_known = self._ahead_known = True
-        # How the robot moved to the last scan, and whether its encoders are dead.
-        self._last, self._dead = np.zeros(3), False
+        # How the robot moved to the last scan, for how many its encoders have stood still, and
+        # whether they are dead.
+        self._last, self._still, self._dead = np.zeros(3), 0, False
 
     def track(self, surface: Float, increment: Float) -> Tracked:
         """Place the next scan.
@@ -148,7 +162,8 @@ class FrontEnd:
         """
         # Encoders that have stood still while scans showed motion are dead until they count again:
         # the robot goes on as it did.
-        self._dead &= not increment.any()
+        self._still = 0 if increment.any() else self._still + 1
+        self._dead &= self._still > 0
         expected = self._last if self._dead else self.wheels.corrected(increment)
         covariance = UNGUIDED if self._dead else self.wheels.covariance(increment)
         guess = compose(self.pose, expected)
@@ -168,13 +183,20 @@ class FrontEnd:
         found = between(self.pose, pose)
         if accepted and not self._dead:
             self.wheels.compare(expected, found, covariance)
-        self._dead |= bool(accepted and not increment.any() and np.abs(found).max() > MOVED)
+        dead = self._dead or bool(accepted and self._still and np.abs(found).max() > MOVED)
         self._last = found
+        if dead and not self._dead:
+            # What scans show at last is the motion since the encoders stopped.
+            self._last = found / self._still
+            self._recent.clear()
+        self._dead = dead
         self._turn_known &= accepted and not self._dead
         self._ahead_known &= accepted and information[0, 0] > WEAK
         self._raw += increment
         self._found += found
         self.pose, self.surface = pose, surface
+        if accepted or not self._recent:
+            self._recent.append((pose, surface))
         return Tracked(
             pose, information, match.explained, accepted, match.deviation, expected, covariance
         )
@@ -184,17 +206,36 @@ class FrontEnd:
     ) -> Match:
         """The place around the guess that is clearly better than all others; if none is, the match.
 
-        Wheels slip and spin, and robots are pushed: then they are not where odometry leads.
+        Wheels slip and spin, and robots are pushed: then they are not where odometry leads. If none
+        is found there, the robot may have driven backwards with encoders that measure no sign.
         """
-        place = (SLIP + SLIP_SHARE * float(np.hypot(expected[0], expected[1]))) / 3.0
-        turn = (SLIP_TURN + SLIP_TURN_SHARE * abs(float(expected[2]))) / 3.0
-        places = search(surface, grid, guess, np.diag([place**2, place**2, turn**2]))
-        if not places:
-            return match
-        next_best = max([match.explained, *(other.explained for other in places[1:])])
-        best, other = (np.clip(share, 0.01, 0.99) for share in (places[0].explained, next_best))
-        clearer = np.log(best / (1.0 - best)) - np.log(other / (1.0 - other))
-        return places[0] if best > LEAST_FOUND and clearer > CLEARLY else match
+        way = float(np.hypot(expected[0], expected[1]))
+        # Encoders that stand still may be dead, and the robot farther on with each scan.
+        aside = SLIP * min(max(self._still, 1), LONGEST_STILL) + SLIP_SHARE * way
+        turn = SLIP_TURN + SLIP_TURN_SHARE * abs(float(expected[2]))
+        places: list[Match] = []
+        worth: list[float] = []
+        standing = compose(self.pose, expected * [0.0, 0.0, 1.0])
+        for centre, ahead, enough in (
+            (guess, aside, LEAST_FOUND),
+            (standing, way + SLIP, LEAST_BACKWARDS),
+        ):
+            spread = np.array([ahead, aside, turn]) / 3.0
+            window = turned(np.diag(spread**2), float(centre[2]))
+            for place in search(surface, grid, centre, window):
+                places.append(place)
+                off = between(centre, place.pose) / spread
+                worth.append(_odds(place) - (0.0 if self._still else np.log1p(float(off @ off))))
+            if not places:
+                continue
+            best = places[int(np.argmax(worth))]
+            clearer = _odds(best) - _odds(match)
+            for place, value in zip(places, worth, strict=True):
+                if not same_place(place.pose, best.pose, tolerance=2.0):
+                    clearer = min(clearer, max(worth) - value)
+            if clearer > CLEARLY and best.explained > enough:
+                return best
+        return match
 
     def _moving(self, surface: Float, guess: Float, deviations: Float) -> Bool:
         """Which points (m,) of a surface were not there when the robot came by, or follow it."""
@@ -214,9 +255,10 @@ class FrontEnd:
         if len(self._persons) and self._grid is not None:
             apart = np.abs(there[:, None, :2] - self._persons[None]).max(axis=2).min(axis=1)
             gone |= known & (apart < FOLLOWED) & ~on_surface(self._grid, there)
-        self._persons = there[gone, :2]
         # Where most is new the robot is elsewhere than it thinks.
-        return nothing
+        gone = gone if 2 * gone.sum() < len(gone) else nothing
+        self._persons = there[gone, :2]
+        return gone
 
     def key_due(self) -> bool:
         """Whether the robot has moved far enough since the last key scan."""
@@ -225,14 +267,32 @@ class FrontEnd:
         x, y, turn = between(self._keys[-1].pose, self.pose)
         return bool(np.hypot(x, y) >= self.key_distance or abs(turn) >= self.key_turn)
 
+    def walls(self) -> Float:
+        """Points (w, 4) of the walls that the last scan saw, in its frame, and some scans before.
+
+        Alone a scan of few beams would show of a wall a point here and there.
+        """
+        count = min(ENOUGH // max(len(self.surface), 1) + 1, len(self._recent))
+        chosen = np.linspace(0, len(self._recent) - 1, count + 1).astype(np.int64)[1:]
+        parts = [self._recent[k] for k in chosen.tolist()]
+        seen = [moved(evenly_spaced(part), between(self.pose, pose)) for pose, part in parts]
+        return np.concatenate(seen)
+
     def add_key(self, key: Key) -> None:
         """Take the scan that was just placed into the local map."""
         if self._turn_known:
             self.wheels.learn(self._raw, self._found, self._ahead_known)
         self._raw, self._found = np.zeros(3), np.zeros(3)
         self._turn_known = self._ahead_known = True
+        self._recent.clear()
         self._keys.append(key)
         self._grid = wall_map((near.walls, near.pose) for near in list(self._keys)[-LOCAL_KEYS:])
+
+
+def _odds(match: Match) -> float:
+    """Log odds of a point to be explained."""
+    share = min(max(match.explained, 0.01), 0.99)
+    return float(np.log(share / (1.0 - share)))
 
 
 def on_surface(grid: SurfaceGrid, points: Float) -> Bool:

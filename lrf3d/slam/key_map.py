@@ -33,13 +33,10 @@ class _Drawing:
 
 
 class KeyMap:
-    """The map of key scans at poses that move.
+    """The map of key scans at poses that move; nothing is mapped before the map is read.
 
-    Nothing is mapped before the map is read, and the map does not depend on when it was read.
-
-    Args:
-        placed: Returns the key scan of a number with the pose of its laser in the world, where the
-            robot is at a pose (3,) since the start.
+    ``placed(number, pose)`` is a key scan with the pose of its laser in the world, where the robot
+    is at a pose (3,) since the start.
     """
 
     def __init__(self, placed: Callable[[int, Float], LaserScan]) -> None:

@@ -53,14 +53,11 @@ PLACE_INFORMATION = np.diag(1.0 / PLACE_COVARIANCE.diagonal())
 
 @dataclass(frozen=True, slots=True)
 class Anchor:
-    """A key scan, or a scan in a known place: where the front end's way meets the graph.
+    """Where the front end's way meets the graph: a key scan, or a scan in a known place.
 
-    Args:
-        scan: Number of the scan.
-        key: Number of the key scan that it hangs on; its own, if it is one.
-        relative: (3,) its pose x, y [m], theta [rad] as seen from that key scan.
-        front: (3,) its pose x, y [m], theta [rad] in the drifting frame of the front end.
-        way: How uncertain the relative pose is, as the way [m] over which a robot drifts as far.
+    The scan is attached to a key scan (its own, if it is one), at a pose relative to it, and has a
+    pose in the front end's drifting frame; ``way`` [m] is how far a robot drifts until its pose is
+    as uncertain as the relative one.
     """
 
     scan: int
@@ -75,12 +72,7 @@ def in_known_place(
 ) -> Anchor | None:
     """The anchor of a scan that stands in a known place; None if it is to be a key scan.
 
-    Args:
-        closer: The key scans and the graph of ways between them.
-        scan: The scan, as a key scan would be.
-        last: The last anchor.
-        way: How far the robot has driven since [m].
-        poses: (k, 3) estimated poses of the key scans.
+    The robot has driven a way [m] since the last anchor; poses (k, 3) are those of the key scans.
     """
     keys = closer.keys
     guess = compose(compose(poses[last.key], last.relative), between(last.front, scan.pose))

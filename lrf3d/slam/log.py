@@ -30,7 +30,6 @@ from lrf3d.slam.odometry import (
 from lrf3d.slam.self_check import SelfCheck
 from lrf3d.slam.simulated import MOST_COVARIANCES, scans_of
 from lrf3d.slam.slam import Slam
-from lrf3d.slam.wheels import Wheels
 from lrf3d.world import World
 
 CALIBRATED = 400
@@ -67,31 +66,31 @@ FARTHEST = 300.0
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LogSolution:
-    """The solution of a recorded drive.
+    """The solution of a recorded drive, by the clock of the laser.
 
     Args:
         slam: The `Slam` that ran over it, with all its key scans.
         laser_offset: How far the laser stands ahead of the robot's centre [m].
-        lag: How far the laser's clock is behind that of the odometry, in lines.
-        scan_poses: (k, 3) poses x, y [m], theta [rad] of the robot at the scans.
-        line_poses: (n, 3) its poses at the odometry lines as logged, by the clock of the laser.
-        milliseconds: Mean time of an update [ms].
+        lag: How far the laser's clock is behind that of the odometry [lines].
         scans: The scans (k,), in the order in which they were taken, each once.
+        scan_poses: (k, 3) poses x, y [m], theta [rad] of the robot at the scans.
+        line_poses: (n, 3) its poses at the odometry lines as logged.
+        milliseconds: Mean time of an update [ms].
         repairs: What was wrong with the log.
-        passes: How often the drive was solved: again where its wheels' errors turned out to differ.
         check: How well the scans agree with each other.
+        passes: How often the drive was solved: again where its wheels' errors turned out to differ.
     """
 
     slam: Slam
     laser_offset: float
     lag: float
+    scans: list[LaserScan]
     scan_poses: Float
     line_poses: Float
     milliseconds: float
-    scans: list[LaserScan]
     repairs: Repairs
-    passes: int
     check: SelfCheck
+    passes: int
 
     def __repr__(self) -> str:
         return f"LogSolution({self.slam}, {len(self.line_poses)} odometry lines)"
@@ -114,11 +113,11 @@ def solve_log(
     progress: Progress = silent,
     name: str = "slam",
 ) -> LogSolution:
-    """Find the poses of a recorded drive.
+    """Find the poses of a recorded drive from its scans (k,) and its odometry (n, 3), line by line.
 
     Args:
-        scans: The scans (k,).
-        wheels: (n, 3) poses by odometry, line by line.
+        scans: The scans.
+        wheels: Poses by odometry.
         places: (k,) for each scan the index of the last odometry line before it.
         times: (n,) stamps of the lines [s]; a second apart if not given.
         laser_offset: How far the laser stands ahead of the robot's centre [m].
@@ -132,29 +131,63 @@ def solve_log(
     """
     stamps = np.arange(len(wheels), dtype=np.float64) if times is None else times
     try:
-        scans = _checked(scans, wheels, stamps)
-        recording = in_order(scans, wheels, stamps, places)
-        drive = _drive_of(recording, laser_offset)
+        recording = in_order(_checked(scans, wheels, stamps), wheels, stamps, places)
+        path = WheelPath(recording.wheels)
+        recording, turns = _right_handed(recording, path, laser_offset)
     except InputError as error:
         raise InputError(f"{name}: {error}") from None
-    known, passes = drive.first_wheels, 0
-    while True:
-        before = known.biases
-        solution = _solved(drive, known, key_distance=key_distance, progress=progress)
+    scans, places = recording.scans, recording.places
+    increments = path.increments(places - fitted_lag(turns, path, places))
+    start = path.at(places[:1].astype(np.float64))[0]
+    # The beginning is followed twice: at first the errors of the wheels are not known.
+    slam = Slam(laser_offset=laser_offset)
+    for scan, increment in zip(scans[:CALIBRATED], increments, strict=False):
+        slam.update(scan, increment)
+    passes = 0
+    while passes < MOST_PASSES:
         passes += 1
-        change = (1.0 + solution.slam.wheels.biases) / (1.0 + before) - 1.0
-        as_known = abs(change[2]) <= LEARNED and abs(change[0]) <= LEARNED_TURN
-        if as_known or passes == MOST_PASSES:
-            return replace(solution, passes=passes)
-        known = solution.slam.wheels
+        known, begin = slam.wheels, perf_counter()
+        slam = Slam(start=start, laser_offset=laser_offset, key_distance=key_distance, wheels=known)
+        for number, (scan, increment) in enumerate(zip(scans, increments, strict=True), 1):
+            slam.update(scan, increment)
+            progress(number, len(scans))
+            check()
+        milliseconds = 1e3 * (perf_counter() - begin) / len(scans)
+        change = (1.0 + slam.wheels.biases) / (1.0 + known.biases) - 1.0
+        if abs(change[2]) <= LEARNED and abs(change[0]) <= LEARNED_TURN:
+            break
+    slam.finish()
+    poses = slam.refined(scans)
+    # Now that the poses of all scans are known, all of them show the lag.
+    lag = fitted_lag(np.diff(poses[:, 2]), path, places)
+    lines = line_poses(path, places, lag, poses)[recording.rows]
+    return LogSolution(
+        slam,
+        laser_offset,
+        lag,
+        scans,
+        poses,
+        lines,
+        milliseconds,
+        recording.repairs,
+        slam.self_check(),
+        passes,
+    )
+
+
+def _right_handed(recording: Recording, path: WheelPath, offset: float) -> tuple[Recording, Float]:
+    """A recording whose laser turns as the odometry does, and the turns that its scans show."""
+    slam, scans = Slam(laser_offset=offset), recording.scans
+    turns = turns_between(lambda number: slam.surface_of(scans[number]), path, recording.places)
+    if not is_mirrored(turns, path, recording.places):
+        return recording, turns
+    scans = [replace(scan, ranges=scan.ranges[::-1]) for scan in scans]
+    repairs = replace(recording.repairs, mirrored=True)
+    return replace(recording, scans=scans, repairs=repairs), -turns
 
 
 def _checked(scans: Sequence[LaserScan], wheels: Float, times: Float) -> list[LaserScan]:
-    """The scans of a recording, all at the angles of the first, once it can be solved.
-
-    Raises:
-        InputError: It cannot.
-    """
+    """The scans of a recording that can be solved, all at the angles of the first."""
     if len(scans) < 2 or not len(wheels):
         raise InputError(
             f"{len(scans)} scans and {len(wheels)} odometry lines; expected at least two scans and"
@@ -201,77 +234,6 @@ def _checked(scans: Sequence[LaserScan], wheels: Float, times: Float) -> list[La
     return even
 
 
-@dataclass(frozen=True, eq=False)
-class _Drive:
-    """A recording that is in order, its odometry by the laser's clock.
-
-    Args:
-        recording: The recording.
-        laser_offset: How far the laser stands ahead of the robot's centre [m].
-        path: The way of the wheels.
-        start: (3,) pose of the robot at the first scan by the wheels.
-        increments: (k, 3) odometry increments to each scan: ahead, to the left [m], turn [rad].
-        first_wheels: The wheels' errors, as the beginning of the drive shows them.
-    """
-
-    recording: Recording
-    laser_offset: float
-    path: WheelPath
-    start: Float
-    increments: Float
-    first_wheels: Wheels
-
-
-def _drive_of(recording: Recording, laser_offset: float) -> _Drive:
-    """Find the lag of a recording and, from its beginning, the errors of its wheels."""
-    path, places = WheelPath(recording.wheels), recording.places
-    slam = Slam(laser_offset=laser_offset)
-    turns = turns_between(lambda number: slam.surface_of(recording.scans[number]), path, places)
-    if is_mirrored(turns, path, places):
-        reversed_ = [replace(scan, ranges=scan.ranges[::-1]) for scan in recording.scans]
-        repairs = replace(recording.repairs, mirrored=True)
-        recording = replace(recording, scans=reversed_, repairs=repairs)
-        turns = -turns
-    increments = path.increments(places - fitted_lag(turns, path, places))
-    start = path.at(places[:1].astype(np.float64))[0]
-    # The beginning is followed twice: at first the errors of the wheels are not known.
-    for scan, increment in zip(recording.scans[:CALIBRATED], increments, strict=False):
-        slam.update(scan, increment)
-    return _Drive(recording, laser_offset, path, start, increments, slam.wheels)
-
-
-def _solved(
-    drive: _Drive, wheels: Wheels, *, key_distance: float, progress: Progress
-) -> LogSolution:
-    """Solve a drive, starting from known errors of its wheels."""
-    recording, path, offset = drive.recording, drive.path, drive.laser_offset
-    scans, places = recording.scans, recording.places
-    slam = Slam(start=drive.start, laser_offset=offset, key_distance=key_distance, wheels=wheels)
-    begin = perf_counter()
-    for number, (scan, increment) in enumerate(zip(scans, drive.increments, strict=True), 1):
-        slam.update(scan, increment)
-        progress(number, len(scans))
-        check()
-    milliseconds = 1e3 * (perf_counter() - begin) / len(scans)
-    slam.finish()
-    poses = slam.refined(scans)
-    # Now that the poses of all scans are known, all of them show the lag.
-    lag = fitted_lag(np.diff(poses[:, 2]), path, places)
-    lines = line_poses(path, places, lag, poses)[recording.rows]
-    return LogSolution(
-        slam,
-        offset,
-        lag,
-        poses,
-        lines,
-        milliseconds,
-        scans,
-        recording.repairs,
-        1,
-        slam.self_check(),
-    )
-
-
 def line_poses(path: WheelPath, places: Int, lag: float, scan_poses: Float) -> Float:
     """Poses (n, 3) at all odometry lines, which follow the odometry between scans.
 
@@ -288,13 +250,7 @@ def line_poses(path: WheelPath, places: Int, lag: float, scan_poses: Float) -> F
 
 
 def run_of(solution: LogSolution, name: str) -> Run:
-    """A recorded drive as a run: its world is the map, and its true ranges are the measured ones.
-
-    The map is that of the key scans, which show every wall that the robot came by.
-
-    Raises:
-        InputError: There is no wall in it.
-    """
+    """A recorded drive as a run: its world is the map of its key scans, its ranges the measured."""
     scans, mounted = solution.scans, np.array([solution.laser_offset, 0.0, 0.0])
     poses = compose(solution.scan_poses, mounted)
     poses[:, 2] = np.unwrap(poses[:, 2])

@@ -71,12 +71,8 @@ HUBER = 0.01
 class Repairs:
     """What was wrong with a recording.
 
-    Args:
-        put_in_order: Whether the lines were out of order, and were sorted by their stamps.
-        doubled_scans: How many scans stand in the log more than once, and were read once.
-        doubled_odometry_lines: The same of odometry lines.
-        odometry_jumps: How many jumps of the odometry were left out.
-        mirrored: Whether the laser turns clockwise without saying so.
+    Lines out of order were sorted by their stamps, doubled ones read once, and jumps left out; a
+    mirrored laser turns clockwise without saying so.
     """
 
     put_in_order: bool = False
@@ -107,14 +103,10 @@ class Repairs:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Recording:
-    """A recording in order.
+    """A recording in order: its scans (k,), each once, and poses (n, 3) by odometry, without jumps.
 
-    Args:
-        scans: The scans (k,), each once.
-        wheels: (n, 3) poses by odometry, without jumps.
-        places: (k,) for each scan the index of the last of these poses before it.
-        rows: (lines,) for each line of the log its row of the poses.
-        repairs: What was wrong.
+    Places (k,) are for each scan the index of the last pose before it, and rows (lines,) for each
+    line of the log its row of the poses.
     """
 
     scans: list[LaserScan]
@@ -125,11 +117,7 @@ class Recording:
 
 
 def in_order(scans: Sequence[LaserScan], wheels: Float, times: Float, places: Int) -> Recording:
-    """Put a recording in order; its arguments are those of `solve_log`.
-
-    Raises:
-        InputError: The odometry jumps so often that it is invalid.
-    """
+    """A recording, given as to `solve_log`, in order; refused where its odometry jumps often."""
     lines, rows = _each_once(wheels, times)
     by_stamp = lines[np.argsort(times[lines], kind="stable")]
     backwards = np.diff(times[lines]) < 0.0
@@ -180,10 +168,7 @@ def _length(wheels: Float) -> float:
 
 
 def without_jumps(wheels: Float, times: Float) -> tuple[Float, Int]:
-    """Odometry poses (n, 3) without jumps, and the numbers of the lines where they were.
-
-    Where it jumped, the robot is taken to move as it did around that line.
-    """
+    """Odometry poses (n, 3) without jumps, by motions as around them, and the lines of these."""
     steps = between(wheels[:-1], wheels[1:])
     time = np.maximum(np.diff(times), 1.0)
     speeds = np.hypot(steps[:, 0], steps[:, 1]) / time
@@ -228,12 +213,7 @@ def turns_between(surface: Callable[[int], Float], path: WheelPath, places: Int)
     """Turn (k − 1,) from each scan to the next [rad] as the scans show it; NaN where unknown.
 
     All headings around are searched, not those near the odometry, which may count them the other
-    way or in degrees.
-
-    Args:
-        surface: What a scan saw (m, 4), by its number.
-        path: The path of the wheels.
-        places: (k,) for each scan the index of the last odometry line before it.
+    way or in degrees. ``surface(number)`` is what a scan saw (m, 4).
     """
     turns = np.full(max(len(places) - 1, 0), np.nan)
     steps = path.increments(places.astype(np.float64))[1:]
@@ -251,11 +231,7 @@ def turns_between(surface: Callable[[int], Float], path: WheelPath, places: Int)
 
 
 def is_mirrored(turns: Float, path: WheelPath, places: Int) -> bool:
-    """Whether the laser turns clockwise, by the turns (k − 1,) [rad] between scans.
-
-    Raises:
-        InputError: The odometry turns in degrees.
-    """
+    """Whether the laser turns clockwise, by the turns (k − 1,) [rad] between scans."""
     wheels = np.diff(path.at(places.astype(np.float64))[:, 2])
     known = np.isfinite(turns) & (np.abs(wheels) > LEAST_TURN)
     if known.sum() < LEAST_PAIRS:
@@ -271,13 +247,7 @@ def is_mirrored(turns: Float, path: WheelPath, places: Int) -> bool:
 
 
 def fitted_lag(turns: Float, path: WheelPath, places: Int) -> float:
-    """The lag at which the odometry's turns fit those that scans show best; 0 if it is not known.
-
-    Args:
-        turns: (k − 1,) turn from each scan to the next [rad]; NaN where it is not known.
-        path: The path of the wheels.
-        places: (k,) for each scan the index of the last odometry line before it.
-    """
+    """The lag [lines] at which odometry fits the turns (k − 1,) of scans; 0 if it is not known."""
     # Of scans without a line between them odometry says nothing, whatever the lag is.
     known = np.isfinite(turns) & (np.diff(places) > 0)
     at = path.at(places.astype(np.float64))
@@ -306,10 +276,7 @@ def _cost(matched: Float, turned: Float, distances: Float) -> float:
 
 
 def rising(stamps: Float) -> Float:
-    """Stamps (k,) [s] as times that rise.
-
-    A stamp that is no later than one before it is taken to lie evenly between those around it.
-    """
+    """Stamps (k,) [s] as times that rise: one that does not lies evenly between those around it."""
     latest = np.maximum.accumulate(stamps)
     knots = np.flatnonzero(np.concatenate([[True], np.diff(latest) > 0.0]))
     steps = np.diff(stamps)

@@ -1,7 +1,8 @@
 """Pose graph: the poses of key scans that agree best with all relative poses measured between them.
 
 Poses and edges enter; the poses that minimise the sum of squared, robustly weighted edge errors
-leave, by Gauss-Newton over SE(2) with sparse normal equations. The error of an edge from i to j is
+leave, by Gauss-Newton over SE(2) with sparse normal equations, and their covariances. The error of
+an edge from i to j is
 
     e = (Rᵢᵀ(tⱼ − tᵢ) − z_t, θⱼ − θᵢ − z_θ)
 """
@@ -28,6 +29,15 @@ LEAST_REACH = 20.0
 RESTING = 1e-3
 """The change has died out where poses move by less [m, rad]."""
 
+PRIOR_RESIDUALS = 30.0
+"""Residuals that the deviation of matched points counts as, next to those of closures."""
+
+POINT_DEVIATIONS = 2.4
+"""Factor on the distances of matched points to their walls: adjacent points share their errors."""
+
+TOGETHER = 16
+"""Poses whose covariances are computed at once: of all, the matrix would be as long as the drive,
+squared."""
 
 FIRST = np.zeros(1, np.int64)
 """The pose that is held: a graph of relative poses does not say where it lies."""
@@ -35,15 +45,10 @@ FIRST = np.zeros(1, np.int64)
 
 @dataclass(frozen=True, eq=False)
 class Edges:
-    """Relative poses between key scans.
+    """Relative poses (e, 3) of key scans as seen from others, with their inverse covariances.
 
-    Args:
-        first: (e,) the key scans that the poses are relative to.
-        second: (e,) the key scans whose poses they are.
-        measured: (e, 3) the relative poses x, y [m], theta [rad].
-        information: (e, 3, 3) their inverse covariances, along the axes of the first.
-        robust: (e,) whether an edge may be wrong, as closures may.
-        prior: (e, 3, 3) the part of the information that does not come from matching scans.
+    These (e, 3, 3) are along the axes of the first; the prior is the part of them that does not
+    come from matching scans. Robust edges may be wrong, as closures may.
     """
 
     first: Int
@@ -89,51 +94,14 @@ class Edges:
         """Robust weights (e,)."""
         return np.where(self.robust, 1.0 / (1.0 + self.squares(poses) / ROBUST_SCALE**2), 1.0)
 
-    def cost(self, poses: Float) -> float:
-        """The sum that is minimised: Cauchy's of closures, and plain squares of others."""
-        squares = self.squares(poses)
-        cauchy = ROBUST_SCALE**2 * np.log1p(squares / ROBUST_SCALE**2)
-        return float(np.where(self.robust, cauchy, squares).sum())
+    def scaled(self, variance: float) -> "Edges":
+        """These edges, their information from matching divided by a variance factor."""
+        matching = (self.information - self.prior) / max(variance, 1e-6)
+        return replace(self, information=matching + self.prior)
 
 
-@dataclass(frozen=True, eq=False)
-class NormalEquations:
-    """Gradient and Gauss-Newton matrix of a cost over the poses of k key scans.
-
-    Args:
-        matrix: (3k, 3k) half the Hessian.
-        gradient: (3k,) half the gradient.
-    """
-
-    matrix: csc_array
-    gradient: Float
-
-    def __add__(self, other: "NormalEquations") -> "NormalEquations":
-        return NormalEquations(self.matrix + other.matrix, self.gradient + other.gradient)
-
-    def step(self, damping: float = 0.0, held: Int = FIRST) -> Float:
-        """The step (k, 3) that solves them with some poses held: the first, if not given."""
-        step = np.zeros(len(self.gradient))
-        moves = np.ones((len(step) // 3, 3), np.bool_)
-        moves[held] = False
-        rows = np.flatnonzero(moves)
-        free = self.matrix[rows][:, rows].tocsc()
-        if damping:
-            free = free + csc_array(
-                (damping * free.diagonal(), (np.arange(free.shape[0]),) * 2), shape=free.shape
-            )
-        step[rows] = factor(csc_array(free)).solve(-self.gradient[rows])
-        return step.reshape(-1, 3)
-
-
-def factor(matrix: csc_array) -> SuperLU:
-    """The factors of a symmetric positive definite sparse matrix."""
-    return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
-                options={"SymmetricMode": True})  # fmt: skip
-
-
-def edge_equations(poses: Float, edges: Edges) -> NormalEquations:
-    """The normal equations of edges at poses (k, 3)."""
+def normal_equations(poses: Float, edges: Edges) -> tuple[csc_array, Float]:
+    """Half the Hessian (3k, 3k) and half the gradient (3k,) of the cost at poses (k, 3)."""
     i, j = edges.first, edges.second
     error = edges.errors(poses)
     cos, sin = np.cos(poses[i, 2]), np.sin(poses[i, 2])
@@ -150,32 +118,40 @@ def edge_equations(poses: Float, edges: Edges) -> NormalEquations:
     weighted = edges.information * edges.weights(poses)[:, None, None]
     gradient = np.zeros((len(poses), 3))
     blocks, rows, columns = [], [], []
+    inside = np.zeros((3, 3), np.int64) + np.arange(3)
     for a, derivative_a in ((i, by_first), (j, by_second)):
         left = np.einsum("eki,ekl->eil", derivative_a, weighted)
         np.add.at(gradient, a, np.einsum("eil,el->ei", left, error))
         for b, derivative_b in ((i, by_first), (j, by_second)):
             blocks.append(left @ derivative_b)
-            rows.append(a)
-            columns.append(b)
-    matrix = block_matrix(
-        np.concatenate(blocks), np.concatenate(rows), np.concatenate(columns), len(poses)
-    )
-    return NormalEquations(matrix, gradient.ravel())
+            rows.append(3 * a[:, None, None] + inside.T)
+            columns.append(3 * b[:, None, None] + inside)
+    values, *places = (np.concatenate(parts).ravel() for parts in (blocks, rows, columns))
+    shape = (gradient.size, gradient.size)
+    return csc_array((values, tuple(places)), shape=shape), gradient.ravel()
 
 
-def block_matrix(blocks: Float, rows: Int, columns: Int, count: int) -> csc_array:
-    """The sparse matrix (3·count, 3·count) with blocks (b, 3, 3) at rows and columns, summed."""
-    inside = np.arange(3)
-    at_row = (3 * rows[:, None, None] + inside[None, :, None]) + np.zeros((1, 1, 3), np.int64)
-    at_column = (3 * columns[:, None, None] + inside[None, None, :]) + np.zeros((1, 3, 1), np.int64)
-    place = (at_row.ravel(), at_column.ravel())
-    return csc_array((blocks.ravel(), place), shape=(3 * count, 3 * count))
+def _factor(matrix: csc_array) -> SuperLU:
+    """The factors of a symmetric positive definite sparse matrix."""
+    return splu(csc_array(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
+                options={"SymmetricMode": True})  # fmt: skip
+
+
+def _step(poses: Float, edges: Edges, held: Int = FIRST) -> Float:
+    """The Gauss-Newton step (k, 3) of poses (k, 3) with some of them held."""
+    matrix, gradient = normal_equations(poses, edges)
+    moves = np.ones((len(poses), 3), np.bool_)
+    moves[held] = False
+    rows = np.flatnonzero(moves)
+    step = np.zeros(len(gradient))
+    step[rows] = _factor(matrix[rows][:, rows]).solve(-gradient[rows])
+    return step.reshape(-1, 3)
 
 
 def optimised(poses: Float, edges: Edges, iterations: int = 10) -> Float:
     """The poses (k, 3) that fit edges best; the first one is held."""
     for _ in range(iterations):
-        step = edge_equations(poses, edges).step()
+        step = _step(poses, edges)
         poses = poses + step
         poses[:, 2] = wrap_angle(poses[:, 2])
         if np.abs(step).max() < SETTLED:
@@ -187,13 +163,8 @@ def optimised_around(poses: Float, edges: Edges, ways: Callable[[float], Float])
     """The poses (k, 3) after a Gauss-Newton step where something has changed; the first is held.
 
     The step is taken around the change alone, with all else held. Where poses half-way to the
-    border still move, it reaches twice as far: until the change has died out.
-
-    Args:
-        poses: The poses before.
-        edges: All edges.
-        ways: Gives for each pose (k,) the way over the graph from the change [m], +inf beyond a
-            limit [m].
+    border still move, it reaches twice as far: until the change has died out. ``ways(limit)`` is
+    the way (k,) [m] over the graph from the change to each pose, +inf beyond a limit.
     """
     reach = LEAST_REACH
     while True:
@@ -203,8 +174,7 @@ def optimised_around(poses: Float, edges: Edges, ways: Callable[[float], Float])
         nodes = np.unique(np.concatenate([used.first, used.second, FIRST]))
         first, second = (np.searchsorted(nodes, ends) for ends in (used.first, used.second))
         inside = replace(used, first=first, second=second)
-        held = np.flatnonzero(~free[nodes] | (nodes == 0))
-        step = edge_equations(poses[nodes], inside).step(held=held)
+        step = _step(poses[nodes], inside, np.flatnonzero(~free[nodes] | (nodes == 0)))
         if free.all() or not (np.abs(step[way[nodes] > 0.5 * reach]) > RESTING).any():
             break
         reach *= 2.0
@@ -212,3 +182,39 @@ def optimised_around(poses: Float, edges: Edges, ways: Callable[[float], Float])
     moved[nodes] += step
     moved[:, 2] = wrap_angle(moved[:, 2])
     return moved
+
+
+def variance_factor(poses: Float, edges: Edges, deviation: float) -> float:
+    """How large closures' squared errors are, in units of the variances that matching gives.
+
+    Matching counts each point with one deviation, whatever the walls and the laser are; closed
+    loops show how much more or less it errs. The deviation is the RMS distance of matched points to
+    their walls, over what one counts with.
+    """
+    residuals = 3.0 * float(edges.robust.sum())
+    squares = float((edges.weights(poses) * edges.squares(poses)).sum())
+    before = PRIOR_RESIDUALS * (POINT_DEVIATIONS * deviation) ** 2
+    return (squares + before) / (residuals + PRIOR_RESIDUALS)
+
+
+def joint_covariance(poses: Float, edges: Edges, numbers: Int) -> Float:
+    """Covariance (3m, 3m) of m poses of the graph together; the very first pose is fixed."""
+    columns = np.arange(3 * len(numbers))
+    rows = (3 * numbers[:, None] + np.arange(3)).ravel()
+    # The first pose is held: its rows are left out, and its covariance is 0.
+    units = np.zeros((3 * len(poses), len(columns)))
+    units[rows, columns] = 1.0
+    solved = np.zeros_like(units)
+    solved[3:] = _factor(normal_equations(poses, edges)[0][3:, 3:]).solve(units[3:])
+    return np.asarray(solved[rows])
+
+
+def pose_covariances(poses: Float, edges: Edges, numbers: Int) -> Float:
+    """Covariances (m, 3, 3) of the poses of some numbers (m,), each by itself."""
+    found = np.zeros((len(numbers), 3, 3))
+    for first in range(0, len(numbers) if len(poses) > 1 else 0, TOGETHER):
+        part = numbers[first : first + TOGETHER]
+        blocks = joint_covariance(poses, edges, part).reshape(len(part), 3, len(part), 3)
+        each = np.arange(len(part))
+        found[first : first + TOGETHER] = blocks[each, :, each]
+    return found

@@ -107,24 +107,33 @@ def _matched(
             v = sin * surface[i, 0] + cos * surface[i, 1]
             nx = cos * surface[i, 2] - sin * surface[i, 3]
             ny = sin * surface[i, 2] + cos * surface[i, 3]
-            if not _line_near(grid, pose[0] + u, pose[1] + v, nx, ny, reach, line):
+            post = nx == 0.0 and ny == 0.0
+            if post:
+                near = _post_near(grid, pose[0] + u, pose[1] + v, reach, line)
+            else:
+                near = _line_near(grid, pose[0] + u, pose[1] + v, nx, ny, reach, line)
+            if not near:
                 continue
-            distance = line[2]
-            bounded = 1.0 + (distance / scale) ** 2
+            bounded = 1.0 + (line[2] / scale) ** 2
             weight = line[3] / (bounded * bounded)
-            turn = line[1] * u - line[0] * v
             strength = weight / (sigma * sigma)
-            gradient[0] += strength * line[0] * distance
-            gradient[1] += strength * line[1] * distance
-            gradient[2] += strength * turn * distance
-            scan_part[0, 0] += strength * line[0] * line[0]
-            scan_part[0, 1] += strength * line[0] * line[1]
-            scan_part[0, 2] += strength * line[0] * turn
-            scan_part[1, 1] += strength * line[1] * line[1]
-            scan_part[1, 2] += strength * line[1] * turn
-            scan_part[2, 2] += strength * turn * turn
+            # A post is met like two walls across each other.
+            for side in range(2 if post else 1):
+                mx, my, distance = line[0], line[1], line[2]
+                if post:
+                    mx, my, distance = 1.0 - side, 1.0 * side, line[side]
+                turn = my * u - mx * v
+                gradient[0] += strength * mx * distance
+                gradient[1] += strength * my * distance
+                gradient[2] += strength * turn * distance
+                scan_part[0, 0] += strength * mx * mx
+                scan_part[0, 1] += strength * mx * my
+                scan_part[0, 2] += strength * mx * turn
+                scan_part[1, 1] += strength * my * my
+                scan_part[1, 2] += strength * my * turn
+                scan_part[2, 2] += strength * turn * turn
             explained += weight
-            squares += weight * distance * distance
+            squares += weight * line[2] * line[2]
         for a in range(3):
             for b in range(a):
                 scan_part[a, b] = scan_part[b, a]
@@ -196,6 +205,35 @@ def _line_near(
     line[0], line[1] = sum_x / length, sum_y / length
     line[2] = sum_off / total
     # A point that only far-off map points speak for counts less.
+    line[3] = min(1.0, total)
+    return True
+
+
+@inner
+def _post_near(grid: SurfaceGrid, x: float, y: float, reach: float, line: Float) -> bool:
+    """Whether a map has a post near a place, and how far off it is: x, y, distance and weight."""
+    columns, rows, cell = int(grid.size[0]), int(grid.size[1]), grid.size[2]
+    column = int(np.floor((x - grid.corner[0]) / cell))
+    row = int(np.floor((y - grid.corner[1]) / cell))
+    if column < 0 or row < 0 or column >= columns or row >= rows:
+        return False
+    total = sum_x = sum_y = 0.0
+    for other_row in range(max(row - 1, 0), min(row + 2, rows)):
+        begin = grid.first[other_row * columns + max(column - 1, 0)]
+        end = grid.first[other_row * columns + min(column + 1, columns - 1) + 1]
+        for k in range(begin, end):
+            if grid.surface[k, 2] != 0.0 or grid.surface[k, 3] != 0.0:
+                continue
+            dx, dy = x - grid.surface[k, 0], y - grid.surface[k, 1]
+            near = 1.0 - (dx * dx + dy * dy) / (reach * reach)
+            if near > 0.0:
+                total += near * near
+                sum_x += near * near * dx
+                sum_y += near * near * dy
+    if total < 1e-3:
+        return False
+    line[0], line[1] = sum_x / total, sum_y / total
+    line[2] = np.sqrt(line[0] * line[0] + line[1] * line[1])
     line[3] = min(1.0, total)
     return True
 

@@ -16,17 +16,21 @@ from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapping import LineMap
 from lrf3d.pose import Pose, as_pose
 from lrf3d.slam.closures import LEAST_DISTANCE, Closure, LoopCloser, closure_edges
-from lrf3d.slam.covariance import pose_covariances, relative_covariance, scaled, variance_factor
 from lrf3d.slam.frames import bent, between, compose, turned
 from lrf3d.slam.front_end import KEY_DISTANCE, KEY_TURN, FrontEnd, Tracked
 from lrf3d.slam.key_map import KeyMap
 from lrf3d.slam.known_places import PLACE_COVARIANCE, Anchor, in_known_place
-from lrf3d.slam.pose_graph import Edges, optimised, optimised_around
+from lrf3d.slam.pose_graph import (
+    Edges,
+    optimised,
+    optimised_around,
+    pose_covariances,
+    variance_factor,
+)
 from lrf3d.slam.refinement import refined
 from lrf3d.slam.scan_matching import SIGMA
-from lrf3d.slam.self_check import SelfCheck, self_check
-from lrf3d.slam.step import checked_step
-from lrf3d.slam.surface import LEAST_NOISE, evenly_spaced, range_noise, surface_of_scan
+from lrf3d.slam.self_check import SelfCheck, self_check, without_contradictions
+from lrf3d.slam.surface import LEAST_NOISE, range_noise, surface_of_scan
 from lrf3d.slam.violation import Key
 from lrf3d.slam.wheels import Wheels
 
@@ -41,11 +45,11 @@ the next optimisation: unscaled ones would be ten times too large where scans ar
 FINAL_ITERATIONS = 20
 """Most Gauss-Newton steps over the pose graph in the end."""
 
-LEAST_ROOM = 256
-"""Key scans that there is room for at first."""
-
 LEARNED_NOISE = 0.95
 """Weight of the scans before in the mean noise of the ranges, at each scan."""
+
+FARTHEST_STEP = 1000.0
+"""Longest step of the odometry [m], and largest turn [rad]: no robot moves as far between scans."""
 
 
 class Slam:
@@ -97,12 +101,12 @@ class Slam:
         self._closer = LoopCloser()
         self._tracked: list[Tracked] = []
         self._noise = 0.0
-        self._room = np.empty((LEAST_ROOM, 3))
+        # Poses (k, 3) of the key scans since the start, as they are estimated now.
+        self._key_poses = np.empty((0, 3))
         self._edges = Edges.none()
-        # Edges that came since the last optimisation: joining them each time would cost the more
-        # the longer the drive is.
+        # Those since the last optimisation: joining them each time would cost more and more.
         self._new_edges: list[Edges] = []
-        # Covariance of what wheels say of the way since the last anchor.
+        # That of what wheels say of the way since the last anchor.
         self._wheel_covariance = np.zeros((3, 3))
         # The variance factor at the last optimisation, and how many closures there were then.
         self._variance, self._closures_used = 0.0, 0
@@ -118,10 +122,10 @@ class Slam:
         )
 
     def update(self, scan: LaserScan, odometry: Sequence[float] | Float) -> None:
-        """Take in the next scan.
+        """Take in the next scan, whose pose is not looked at.
 
         Args:
-            scan: The scan; its pose is not looked at.
+            scan: The scan.
             odometry: How the robot moved since the last scan by its wheels: ahead, to the left
                 [m], turn [rad].
 
@@ -129,7 +133,7 @@ class Slam:
             InputError: It is no scan, has no beams or another number than the laser range finder,
                 or the odometry is not three finite numbers that a robot can have moved by.
         """
-        increment = checked_step(scan, odometry, self._lrf)
+        increment = self._checked(scan, odometry)
         self._tracked.append(self._front.track(self.surface_of(scan), increment))
         self._wheel_covariance += self._tracked[-1].covariance
         if self._front.key_due():
@@ -137,6 +141,22 @@ class Slam:
             self._front.add_key(key)
             self._anchor(key, scan)
         self._map.update(self._key_poses)
+
+    def _checked(self, scan: object, odometry: Sequence[float] | Float) -> Float:
+        """The odometry increment (3,), once it and the scan are what they should be."""
+        if not isinstance(scan, LaserScan):
+            raise InputError(f"slam: {shown(scan)}: expected a LaserScan")
+        beams = len(scan.ranges)
+        if not beams or (self._lrf is not None and beams != self._lrf.beams):
+            expected = "at least one" if self._lrf is None else f"{self._lrf.beams}, as its laser"
+            raise InputError(f"slam: scan of {beams} beams; expected {expected}")
+        increment = np.array(as_pose(odometry))
+        if np.abs(increment).max() > FARTHEST_STEP:
+            raise InputError(
+                f"slam: odometry {increment.tolist()}; expected the step from the last scan, at"
+                f" most {FARTHEST_STEP:g} m and rad"
+            )
+        return increment
 
     def surface_of(self, scan: LaserScan) -> Float:
         """What a scan saw (m, 4), in the frame of the robot, by the noise that is known by now."""
@@ -151,8 +171,7 @@ class Slam:
         order = -1 if scan.angles[0] > scan.angles[-1] else 1
         beams, surface = (scan.angles[::order], scan.ranges[::order]), self._front.surface
         number, pose = len(self._tracked) - 1, self._tracked[-1].pose
-        walls = evenly_spaced(surface)
-        return Key(number, pose, surface, walls, *beams, self._laser, self._noise)
+        return Key(number, pose, surface, self._front.walls(), *beams, self._laser, self._noise)
 
     @property
     def pose(self) -> Pose:
@@ -176,53 +195,27 @@ class Slam:
         poses, edges = self._key_poses, self._used_edges()
         if self._tracked and self._closer.keys[-1].scan < len(self._tracked) - 1:
             poses = np.vstack([poses, self._robot])
-            edges = Edges.joined([edges, scaled(self._edge_to_last(), self._variance_now())])
+            edges = Edges.joined([edges, self._edge_to_last().scaled(self._variance_now())])
         newest = np.array([max(len(poses) - 1, 0)])
         return turned(pose_covariances(poses, edges, newest)[0], float(self._start[2]))
 
     def covariances(self, numbers: Sequence[int] | Int) -> Float:
-        """Covariances (m, 3, 3) of the poses of some key scans, x, y [m], theta [rad].
-
-        Args:
-            numbers: (m,) numbers of the key scans.
+        """Covariances (m, 3, 3) of the poses of some key scans (m,), x, y [m], theta [rad].
 
         Raises:
             InputError: There is no such key scan.
         """
-        if not len(chosen := self._key_numbers(numbers)):
-            return np.zeros((0, 3, 3))
+        most = len(self._closer.keys) - 1
+        checked = [whole_number(number, "key scan", least=0, most=most) for number in numbers]
+        chosen = np.array(checked, dtype=np.int64)
         found = pose_covariances(self._key_poses, self._used_edges(), chosen)
         return turned(found, float(self._start[2]))
 
-    def relative_covariance(self, first: int, second: int) -> Float:
-        """Covariance (3, 3) of a key scan's pose as seen from another one, along the axes of that.
-
-        Args:
-            first: Number of the key scan that it is seen from.
-            second: Number of the key scan.
-
-        Raises:
-            InputError: There is no such key scan.
-        """
-        seen_from, seen = self._key_numbers((first, second)).tolist()
-        if seen_from == seen:
-            return np.zeros((3, 3))
-        return relative_covariance(self._key_poses, self._used_edges(), seen_from, seen)
-
-    def _key_numbers(self, numbers: Sequence[int] | Int) -> Int:
-        """Numbers (m,) of key scans from outside, checked."""
-        count = len(self._closer.keys)
-        if len(numbers) and not count:
-            raise InputError(f"slam: key scan {numbers[0]}: there is none before the first scan")
-        most = count - 1
-        checked = [whole_number(number, "key scan", least=0, most=most) for number in numbers]
-        return np.array(checked, dtype=np.int64)
-
     def _used_edges(self) -> Edges:
-        """The edges that the poses fit, all but the closures since then, as exact as they are."""
+        """The edges that the poses fit, all but later closures, as exact as they are."""
         edges = self._gathered_edges()
         used = edges.part(~edges.robust | (np.cumsum(edges.robust) <= self._closures_used))
-        return scaled(used, self._variance_now())
+        return used.scaled(self._variance_now())
 
     def _variance_now(self) -> float:
         """The variance factor: before there was any optimisation, that of the matched points."""
@@ -251,10 +244,7 @@ class Slam:
         return poses
 
     def scan_poses(self, key_poses: Float) -> Float:
-        """Poses (k, 3) of all scans since the start, for given poses of the key scans.
-
-        Between two key scans the front end's way is bent so that it meets both.
-        """
+        """Poses (k, 3) of all scans since the start: the front end's way, bent to the key scans."""
         front = np.array([scan.pose for scan in self._tracked]).reshape(-1, 3)
         keys = [anchor.key for anchor in self._anchors]
         relative = np.array([anchor.relative for anchor in self._anchors]).reshape(-1, 3)
@@ -295,6 +285,16 @@ class Slam:
         self._add_closures(self._closer.settle())
         if len(edges := self._gathered_edges()):
             self._move_keys(optimised(self._key_poses, edges, FINAL_ITERATIONS), edges)
+            poses, kept = without_contradictions(
+                self._closer.keys,
+                self._key_poses,
+                self._closer.driven,
+                edges,
+                self._closer.stretches(),
+            )
+            self._closer.keep(kept[edges.robust])
+            self._edges = edges.part(kept)
+            self._move_keys(poses, self._edges)
             self._map.redraw(self._key_poses)
 
     def refined(self, scans: Sequence[LaserScan]) -> Float:
@@ -318,11 +318,6 @@ class Slam:
     def self_check(self) -> SelfCheck:
         """Compare the key scans, at their current poses, where the robot came by again."""
         return self_check(self._closer.keys, self._key_poses, self._closer.driven)
-
-    @property
-    def _key_poses(self) -> Float:
-        """Poses (k, 3) of the key scans since the start, as they are estimated now."""
-        return self._room[: len(self._closer.keys)]
 
     def _gathered_edges(self) -> Edges:
         """All edges of the pose graph."""
@@ -364,9 +359,7 @@ class Slam:
     def _add_key(self, key: Key, scan: LaserScan, pose: Float, *, hung: bool = False) -> None:
         """Add a vertex to the pose graph."""
         number = len(self._closer.keys)
-        if number == len(self._room):
-            self._room = np.concatenate([self._room, np.empty_like(self._room)])
-        self._room[number] = pose
+        self._key_poses = np.vstack([self._key_poses, pose])
         self._anchors.append(Anchor(key.scan, number, np.zeros(3), key.pose))
         self._scans.append(scan)
         self._wheel_covariance = np.zeros((3, 3))
@@ -394,6 +387,6 @@ class Slam:
 
     def _move_keys(self, poses: Float, edges: Edges) -> None:
         """Take over the poses (k, 3) that fit edges, and how well they do."""
-        self._room[: len(poses)] = poses
+        self._key_poses = poses
         self._variance = min(variance_factor(poses, edges, self._deviation()), 1.0)
         self._closures_used = len(self._closer.accepted)

@@ -2,8 +2,7 @@
 
 The points of a scan enter, in the order in which the beams turn; a surface leaves, rows x, y [m] of
 a point and a unit normal there. On a straight piece of wall the normal is that of the wall, and
-faces the laser. A trunk or a corner has no normal: it counts as two small walls, along and across
-its beam, so that one way of matching serves walls and trees.
+faces the laser. A trunk or the leg of a table is a post: one point, whose normal is zero.
 """
 
 from collections.abc import Iterable
@@ -36,6 +35,9 @@ the range, for hedges far off are as good as walls; and in deviations of a noisy
 
 FLATTEST = 0.1
 """Least cosine between beam and normal: a line that the beam runs along joins two surfaces."""
+
+WIDEST_POST, LEAST_HITS = 0.6, 2
+"""Largest extent of a post [m], and how many beams have to hit it: a single one may be noise."""
 
 FILLED, FILLED_WITHIN = 0.15, 2.0
 """Points of a map's wall lie at most this far apart [m] where the scan's lie within the second."""
@@ -94,7 +96,7 @@ def surface_of(points: Float, laser: Float, step: float, noise: float) -> Float:
     """
     count = len(points)
     found = np.empty((2 * count, 4))
-    kept = 0
+    kept = _posts(points, laser, step, noise, found)
     for i in range(count):
         beam_x, beam_y = points[i, 0] - laser[0], points[i, 1] - laser[1]
         away = np.sqrt(beam_x * beam_x + beam_y * beam_y)
@@ -138,6 +140,48 @@ def surface_of(points: Float, laser: Float, step: float, noise: float) -> Float:
         found[kept, 3] = ny
         kept += 1
     return found[:kept]
+
+
+@inner
+def _posts(points: Float, laser: Float, step: float, noise: float, found: Float) -> int:
+    """Write the posts among points (n, 2) to the first rows of a surface; returns how many.
+
+    They stand before what their neighbours on both sides hit: an edge of what is partly hidden is
+    elsewhere as soon as the robot moves.
+    """
+    kept = first = 0
+    away = np.sqrt((points[:, 0] - laser[0]) ** 2 + (points[:, 1] - laser[1]) ** 2)
+    for i in range(len(points)):
+        if i + 1 < len(points) and _gap_between(points, i, i + 1, away, noise) <= 0.0:
+            continue
+        wide = np.sqrt(np.sum((points[i] - points[first]) ** 2))
+        inside = first > 0 and i + 1 < len(points) and i + 1 - first >= LEAST_HITS
+        if inside and wide < WIDEST_POST:
+            before = _hidden(points, first, first - 1, laser, away, step)
+            if before and _hidden(points, i, i + 1, laser, away, step):
+                number = i + 1 - first
+                found[kept, 0] = np.sum(points[first : i + 1, 0]) / number
+                found[kept, 1] = np.sum(points[first : i + 1, 1]) / number
+                found[kept, 2] = found[kept, 3] = 0.0
+                kept += 1
+        first = i + 1
+    return kept
+
+
+@inner
+def _gap_between(points: Float, i: int, k: int, away: Float, noise: float) -> float:
+    """How much farther [m] two points are apart than those of one post may be."""
+    apart = np.sqrt(np.sum((points[i] - points[k]) ** 2))
+    return float(apart - max(CONNECTED + 0.5 * CONNECTED_GROWTH * away[i], CONNECTED_NOISE * noise))
+
+
+@inner
+def _hidden(points: Float, i: int, k: int, laser: Float, away: Float, step: float) -> bool:
+    """Whether the neighbour of a point lies behind it, or beams between them met nothing."""
+    ux, uy = points[i, 0] - laser[0], points[i, 1] - laser[1]
+    vx, vy = points[k, 0] - laser[0], points[k, 1] - laser[1]
+    angle = np.abs(np.arctan2(ux * vy - uy * vx, ux * vx + uy * vy))
+    return bool(away[k] > away[i] or angle > 1.5 * step)
 
 
 @inner

@@ -25,18 +25,11 @@ MOST_THROUGH = 0.04
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Key:
-    """A key scan.
+    """A key scan: its number among all scans, and its pose (3,) in the front end's drifting frame.
 
-    Args:
-        scan: Its number among all scans.
-        pose: (3,) its pose x, y [m], theta [rad] in the drifting frame of the front end.
-        surface: (m, 4) points x, y [m] and unit normals that it is recognised by, in the frame of
-            the robot.
-        walls: (w, 4) those that it adds to a map, at even distances, in the same frame.
-        angles: (beams,) directions of its beams [rad], rising.
-        ranges: (beams,) their ranges [m].
-        laser: (2,) where the laser stands on the robot [m].
-        noise: Standard deviation of the ranges [m].
+    It is recognised by its surface (m, 4), points and normals in the frame of the robot, and adds
+    walls (w, 4) to a map. Its beams have rising angles [rad] and ranges [m] with a noise [m], from
+    the laser's place (2,) on the robot.
     """
 
     scan: int
@@ -80,12 +73,9 @@ def _views(
 
 
 def seen_through_both(olds: Iterable[Key], new: Key, poses: Float) -> tuple[int, int]:
-    """How many points of a key scan and of others are seen through by the other, and are in view.
+    """How many points of a key scan and of others the other sees through, and has in view.
 
-    Args:
-        olds: The others (k,).
-        new: The key scan.
-        poses: (k, 3) pose x, y [m], theta [rad] of the key scan as seen from each of them.
+    The poses (k, 3) are those of the key scan as seen from the others.
     """
     counts = np.zeros(3, np.int64)
     backs = between(poses, np.zeros(3))

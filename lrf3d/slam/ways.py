@@ -11,7 +11,6 @@ from scipy.sparse.csgraph import dijkstra
 
 from lrf3d.compiling import compiled
 from lrf3d.geometry import Float, Int
-from lrf3d.slam.frames import turned
 
 LEAST_ROOM = 256
 """Links that there is room for at first."""
@@ -29,14 +28,10 @@ class Ways:
         self._scales = np.empty((LEAST_ROOM, 3))
 
     def link(self, first: int, second: int, length: float, covariance: Float, scale: Float) -> None:
-        """Join two key scans.
+        """Join two key scans by a way of a length [m], with the covariance (3, 3) of the second.
 
-        Args:
-            first: Number of the one.
-            second: Number of the other.
-            length: How long the way between them is [m].
-            covariance: (3, 3) of the second pose as seen from the first, along its axes.
-            scale: (3,) how it moves if wheels measure every distance too long by a share of one.
+        It is that of its pose as seen from the first, along its axes; ``scale`` (3,) is how that
+        pose moves if wheels measure every distance too long by a share of one.
         """
         if self._links == len(self._lengths):
             for name in ("_ends", "_lengths", "_covariances", "_scales"):
@@ -64,16 +59,10 @@ class Ways:
         return self._shortest(source, limit)[0]
 
     def spreads(self, source: int, poses: Float, limit: float, scale: float) -> tuple[Float, Float]:
-        """Lengths (k,) [m], and covariances (k, 3, 3) of a key scan's pose with each other held.
+        """Lengths (k,) of ways [m], and covariances (k, 3, 3) of a pose with each other one held.
 
-        Args:
-            source: Number of the key scan.
-            poses: (k, 3) poses of all.
-            limit: Ways are found up to this length [m].
-            scale: Standard deviation of the scale of the wheels.
-
-        Returns:
-            Lengths, +inf beyond the limit, and covariances along the axes of the map.
+        The poses (k, 3) are those of all key scans; lengths are +inf beyond the limit [m], and
+        covariances along the axes of the map. The scale is that of the wheels, its deviation.
         """
         lengths, before = self._shortest(source, limit)
         ends = self._ends[: self._links]
@@ -117,8 +106,3 @@ def _along(order: Int, before: Int, ends: Int, own: Float, moves: Float) -> tupl
             for b in range(3):
                 sums[k, a, b] = sums[before[k], a, b] + own[link, a, b]
     return sums, moved
-
-
-def along_axes_of(pose: Float, covariance: Float) -> Float:
-    """A covariance (3, 3) along the axes of the map, along those of a pose (3,)."""
-    return turned(covariance, -float(pose[2]))

@@ -79,9 +79,6 @@ class Wheels:
 
         In the beginning it is several times that of the random errors: a prior without it would
         turn the first few scans, and with them the whole drive, by some milliradians.
-
-        Args:
-            increment: (3,) as the wheels measured it, ahead, to the left [m], turn [rad].
         """
         turn, way = float(increment[2]), float(increment[0])
         (by_turn, both), (_, by_way) = self._turn_information.tolist()
@@ -93,11 +90,6 @@ class Wheels:
 
         The running mean never falls below what is expected: wheels that were right for a while
         may still slip.
-
-        Args:
-            measured: (3,) the corrected increment, ahead, to the left [m], turn [rad].
-            matched: (3,) the increment that matching found.
-            covariance: (3, 3) that of the corrected increment.
         """
         error = matched - measured
         square = error**2 / covariance.diagonal() * np.repeat(self._excess, [2, 1])
@@ -109,10 +101,8 @@ class Wheels:
     def learn(self, measured: Float, matched: Float, ahead_known: bool) -> None:
         """Add a stretch of some scans to the regression of the systematic errors.
 
-        Args:
-            measured: (3,) sums of the raw increments: way ahead, to the left [m], turn [rad].
-            matched: (3,) the same sums as matching found them.
-            ahead_known: Whether the walls in view fixed the way ahead.
+        Sums (3,) of raw increments enter, and those that matching found, whose way ahead may not
+        have been fixed by the walls in view.
         """
         way, turn = float(matched[0]), float(matched[2])
         row = np.array([turn, way])

@@ -54,8 +54,7 @@ def curves_of(result: SweepTable, world: str, column: str) -> list[Curve]:
                 str(label),
                 words,
                 tuple(float(each.columns[column]) for each in mine),
-                {name: tuple(each.measures[name].mean for each in mine) for name in MEASURES},
-                {name: tuple(each.measures[name].half for each in mine) for name in MEASURES},
+                {name: [each.measures[name][:2] for each in mine] for name in MEASURES},
             )
         )
     return curves

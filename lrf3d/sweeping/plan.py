@@ -15,8 +15,7 @@ from lrf3d.errors import InputError
 from lrf3d.laser import Noise
 from lrf3d.planning.sides import Side
 from lrf3d.robot import Trajectory
-from lrf3d.scenario import Scenario
-from lrf3d.scenario_file import read_scenario_file, scenario_of
+from lrf3d.scenario import Scenario, read_scenario_file, scenario_of
 from lrf3d.simulation import line_mapper
 from lrf3d.sweeping.grid import MODE, SettingValue, SweepGrid, column_of, setting
 from lrf3d.world.size import size_warning

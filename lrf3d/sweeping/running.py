@@ -3,7 +3,7 @@
 import pickle
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from copy import deepcopy
@@ -245,8 +245,10 @@ def _made(
             " module of its own, or use workers=1"
         ) from error
     finally:
-        for future in running:
-            future.cancel()
+        # Processes of this machine end with their pool.
+        if not isinstance(executor, ProcessPoolExecutor):
+            for future in running:
+                future.cancel()
 
 
 def carry_out(orders: Sequence[tuple[bytes, Any, Any, int]]) -> list[Row]:

@@ -4,8 +4,7 @@ from collections.abc import Callable
 
 from lrf3d.io import load_run
 from lrf3d.pose import Pose, as_pose
-from lrf3d.scenario import Scenario, start_of
-from lrf3d.scenario_file import load_scenario
+from lrf3d.scenario import Scenario, load_scenario, start_of
 from lrf3d.scene.moments import Scene
 from lrf3d.scene.timeline import Timeline
 from lrf3d.view.hand_drive import HandDrive

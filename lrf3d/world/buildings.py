@@ -1,118 +1,204 @@
-"""Worlds from features of maps in metres: footprints of buildings become blocks, lines walls."""
+"""Worlds from features of maps in metres: footprints of buildings become blocks, lines walls.
+
+No beam can reach a wall that two buildings share, and a straight façade of several buildings is one
+segment to a laser: footprints that touch are dissolved into blocks, with only their outer walls.
+"""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from lrf3d.errors import WorldError
 from lrf3d.geometry import Float, Int
-from lrf3d.world.dissolve import STRAIGHT, Block, Footprint, dissolve
-from lrf3d.world.geojson_features import Feature
-from lrf3d.world.materials import Material
+from lrf3d.world.features import Feature
 from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.pieces import walls
 
 DEFAULT_BUILDING_HEIGHT = 8.0
 """Default height of a building [m]: two storeys and a roof."""
 
+CLOSING = 0.05
+"""Widest gap [m] between footprints that touch: surveys leave hairline gaps."""
+
+STRAIGHT = 0.01
+"""Largest distance [m] from a straight façade of a corner that is left out."""
+
+SNAP = 0.002
+"""Distance [m] within which a corner of a block takes the coordinates of a corner of the source."""
+
+SMALLEST_COURTYARD = 1.0
+"""Area [m²] below which a hole in a block is a gap between footprints and not a courtyard."""
+
+MITRE_LIMIT = 20.0
+"""Corners sharper than 6° are cut when gaps are closed; all others come back as they were."""
+
 
 def world_of_features(
-    features: Sequence[Feature],
-    name: str,
-    *,
-    simplify: float = STRAIGHT,
-    place: tuple[float, float] | None = None,
+    features: Sequence[Feature], name: str, *, place: tuple[float, float] | None = None
 ) -> World:
-    """The world of features: Polygons are dissolved into blocks, lines follow after them.
+    """The world of features: polygons are dissolved into blocks, lines follow after them.
 
     Args:
         features: The features of the file.
         name: Name of the world.
-        simplify: Largest distance from a straight façade of a corner that is left out [m].
         place: Longitude and latitude [°] of the point (0, 0), if they are known.
 
     Raises:
         WorldError: No wall remains.
     """
-    builder = _Builder()
     owners = [feature for feature in features for _ in feature.polygons]
-    footprints = [
-        Footprint(rings, feature.height_or(DEFAULT_BUILDING_HEIGHT))
-        for feature in features
-        for rings in feature.polygons
-    ]
-    for block in dissolve(footprints, simplify=simplify):
-        builder.add_block(block, [owners[index] for index in block.footprints])
-    line_features = [feature for feature in features if not feature.polygons]
-    numbered = not owners and all(feature.number is not None for feature in line_features)
+    polygons = [polygon for feature in features for polygon in feature.polygons]
+    segments, heights, objects = [], [], []
+    # The features that describe each object, the last one first.
+    described: dict[int, list[Feature]] = {}
+    following = 0
+    tall = np.array([owner.height_or(DEFAULT_BUILDING_HEIGHT) for owner in owners])
+    for members, rings in _blocks(polygons, tall):
+        for points, tops in rings:
+            segments.append(walls(points, closed=True))
+            heights.append(tops)
+            objects.append(np.full(len(points), following, dtype=np.int64))
+        described[following] = [owners[index] for index in members[::-1].tolist()]
+        following += 1
+    loose = [feature for feature in features if not feature.polygons]
+    numbered = not owners and all(feature.number is not None for feature in loose)
     for feature in features:
-        if feature.lines or (numbered and feature.number is not None):
-            builder.add_lines(feature, feature.number if numbered else None)
-    return builder.world(name, place)
+        lines = [walls(line, closed=False) for line in feature.lines]
+        if lines or (numbered and feature.number is not None):
+            number = feature.number if numbered and feature.number is not None else following
+            count = sum(map(len, lines))
+            segments += lines
+            heights.append(feature.wall_heights(count, DEFAULT_HEIGHT))
+            objects.append(np.full(count, number, dtype=np.int64))
+            described.setdefault(number, []).append(feature)
+            following = number + 1
+    if not segments:
+        raise WorldError("the footprints are too small to leave a wall")
+    owned = np.concatenate(objects)
+    count = int(owned.max()) + 1
+    names, colours = [""] * count, np.full((count, 3), np.nan)
+    materials: list[Any] = [None] * count
+    for number, feature in ((n, each) for n in range(count) for each in described.get(n, [])):
+        names[number] = feature.name or names[number]
+        colours[number] = colours[number] if feature.colour is None else feature.colour
+        materials[number] = feature.material or materials[number]
+    return World(
+        np.concatenate(segments),
+        owned,
+        np.concatenate(heights),
+        name,
+        object_names=names if any(names) else (),
+        colours=colours,
+        place=place,
+        materials=materials,
+    )
 
 
-class _Builder:
-    """Collects walls, object by object."""
+def _blocks(polygons: list[Any], heights: Float) -> list[tuple[Int, list[tuple[Float, Float]]]]:
+    """Groups of footprints that touch, in the order of the first of each.
 
-    def __init__(self) -> None:
-        self.segments: list[Float] = []
-        self.heights: list[Float] = []
-        self.objects: list[Int] = []
-        self.names: dict[int, str] = {}
-        self.colours: dict[int, tuple[float, float, float]] = {}
-        self.materials: dict[int, Material] = {}
-        self.next = 0
+    Args:
+        polygons: The footprints [m].
+        heights: (n,) their heights [m].
 
-    def add_block(self, block: Block, owners: list[Feature]) -> None:
-        """Add a block, with the name, colour and material of its first footprint that has them."""
-        for ring, heights in zip(block.rings, block.heights, strict=True):
-            self._add(walls(ring, closed=True), heights, self.next)
-        for owner in reversed(owners):
-            self._describe(owner, self.next)
-        self.next += 1
+    Returns:
+        For each block its footprints, and its rings (k, 2), outer ones counter-clockwise and
+        courtyards clockwise, with the heights (k,) of the walls from point i to point i + 1.
+    """
+    import shapely
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
 
-    def add_lines(self, feature: Feature, number: int | None) -> None:
-        """Add the lines of a feature as an object of a number, or of the next one."""
-        number = self.next if number is None else number
-        segments = [walls(line, closed=False) for line in feature.lines]
-        if segments:
-            lines = np.concatenate(segments)
-            self._add(lines, feature.wall_heights(len(lines), DEFAULT_HEIGHT), number)
-        self._describe(feature, number)
-        self.next = number + 1
+    if not polygons:
+        return []
+    corners = shapely.get_coordinates(polygons)
+    origin = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
+    source = cKDTree(corners - origin)
+    local = np.array([_valid(shapely.transform(p, lambda xy: xy - origin)) for p in polygons])
+    first, second = shapely.STRtree(local).query(local, predicate="dwithin", distance=CLOSING)
+    links = coo_array((np.ones(len(first)), (first, second)), shape=(len(local), len(local)))
+    _, label = connected_components(links, directed=False)
+    # Labels are numbered by their first members, so blocks keep the order of the source.
+    groups = np.split(np.argsort(label, kind="stable"), np.cumsum(np.bincount(label))[:-1])
+    blocks = []
+    for members in groups:
+        rings = []
+        for part in _joined(local[members]):
+            for index, ring in enumerate((part.exterior, *part.interiors)):
+                points = _straightened(np.array(ring.coords)[:-1])
+                gaps, nearest = source.query(points)
+                exact = np.where(
+                    (np.asarray(gaps) <= SNAP)[:, None], corners[nearest], points + origin
+                )
+                twice = (exact == np.roll(exact, 1, axis=0)).all(axis=1)
+                exact, points = exact[~twice], points[~twice]
+                area = _area(points)
+                if abs(area) > (SMALLEST_COURTYARD if index else 0.0):
+                    turn = 1 if (area > 0.0) == (index == 0) else -1
+                    tops = _heights(points[::turn], local[members], heights[members])
+                    rings.append((exact[::turn], tops))
+        if rings:
+            blocks.append((np.asarray(members, dtype=np.int64), rings))
+    return blocks
 
-    def _add(self, segments: Float, heights: Float, number: int) -> None:
-        self.segments.append(segments)
-        self.heights.append(heights)
-        self.objects.append(np.full(len(segments), number, dtype=np.int64))
 
-    def _describe(self, feature: Feature, number: int) -> None:
-        if feature.name:
-            self.names[number] = feature.name
-        if feature.colour:
-            self.colours[number] = feature.colour
-        if feature.material:
-            self.materials[number] = feature.material
+def _valid(polygon: Any) -> Any:
+    """A polygon, made valid if it crosses itself; lines there and back enclose nothing."""
+    import shapely
 
-    def world(self, name: str, place: tuple[float, float] | None) -> World:
-        """The world of all walls."""
-        if not self.segments:
-            raise WorldError("the footprints are too small to leave a wall")
-        objects = np.concatenate(self.objects)
-        count = int(objects.max()) + 1
-        colours = np.full((count, 3), np.nan)
-        for number, colour in self.colours.items():
-            if number < count:
-                colours[number] = colour
-        return World(
-            np.concatenate(self.segments),
-            objects,
-            np.concatenate(self.heights),
-            name,
-            object_names=tuple(self.names.get(number, "") for number in range(count))
-            if self.names
-            else (),
-            colours=colours,
-            place=place,
-            materials=[self.materials.get(number) for number in range(count)],
-        )
+    return polygon if polygon.is_valid else shapely.union_all(_areas(shapely.make_valid(polygon)))
+
+
+def _areas(geometry: Any) -> list[Any]:
+    import shapely
+
+    return [part for part in shapely.get_parts([geometry]) if part.geom_type == "Polygon"]
+
+
+def _joined(polygons: Any) -> list[Any]:
+    """The union of polygons, with the gaps between them closed."""
+    import shapely
+
+    union = shapely.union_all(polygons)
+    if len(polygons) > 1:
+        # Slightly more than half on each side, so that a gap of exactly this width is closed.
+        for distance in (0.5001 * CLOSING, -0.5001 * CLOSING):
+            union = shapely.buffer(
+                union, distance, join_style="mitre", mitre_limit=MITRE_LIMIT, quad_segs=1
+            )
+    return _areas(union)
+
+
+def _straightened(ring: Float) -> Float:
+    """The corners of a ring (k, 2) that do not lie on straight walls."""
+    import shapely
+
+    before, after = np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0)
+    base, arm = after - before, ring - before
+    cross = np.abs(base[:, 0] * arm[:, 1] - base[:, 1] * arm[:, 0])
+    # Simplifying keeps the ends of a line, so the ring is opened at its sharpest corner.
+    sharpest = int(np.argmax(cross / np.maximum(np.hypot(base[:, 0], base[:, 1]), 1e-12)))
+    opened = np.roll(ring, -sharpest, axis=0)
+    line = shapely.linestrings(np.vstack([opened, opened[:1]]))
+    kept = shapely.get_coordinates(shapely.simplify(line, STRAIGHT))
+    return ring[np.isin(ring @ [1.0, 1.0j], kept @ [1.0, 1.0j])]
+
+
+def _area(ring: Float) -> float:
+    """Signed area [m²] of a ring (k, 2), positive when counter-clockwise."""
+    following = np.roll(ring, -1, axis=0)
+    return 0.5 * float((ring[:, 0] * following[:, 1] - ring[:, 1] * following[:, 0]).sum())
+
+
+def _heights(ring: Float, polygons: Any, heights: Float) -> Float:
+    """Height (k,) of each wall of a ring: that of the tallest footprint at the wall's middle."""
+    import shapely
+
+    middles = shapely.points(0.5 * (ring + np.roll(ring, -1, axis=0)))
+    tree = shapely.STRtree(polygons)
+    tallest = np.asarray(heights[tree.nearest(middles)], dtype=np.float64)
+    wall, neighbour = tree.query(middles, predicate="dwithin", distance=STRAIGHT)
+    np.maximum.at(tallest, wall, heights[neighbour])
+    return tallest

@@ -7,10 +7,9 @@ import numpy as np
 
 from lrf3d.errors import WorldError
 from lrf3d.files import own_name
-from lrf3d.geometry import Float, lengths
+from lrf3d.geometry import LARGEST_COORDINATE, Float, lengths
 from lrf3d.world.model import World
 from lrf3d.world.pieces import walls
-from lrf3d.world.schema import LARGEST_COORDINATE
 from lrf3d.world.touching import TOUCHING, connected
 
 CURVE_ERROR = 0.005
@@ -22,38 +21,30 @@ FINEST_GAP = 1e-4
 SHORTEST = 1e-9
 """Length [m] up to which a stroke is a point."""
 
-MOST_WALLS = 2_000_000
-"""Largest number of walls of a drawing."""
 
-
-def world_of_strokes(strokes: Sequence[Float], path: Path, name: str = "") -> World:
+def world_of_strokes(strokes: Sequence[Float], path: Path) -> World:
     """The world of strokes (k, 2) [m]; repeated ones count once.
 
     Raises:
-        WorldError: There are no walls, too many, or they are not finite.
+        WorldError: There are no walls, or they are not finite.
     """
     pieces = [walls(stroke, closed=False) for stroke in strokes if len(stroke) > 1]
     segments = np.concatenate(pieces) if pieces else np.empty((0, 4))
     if not (np.abs(segments) <= LARGEST_COORDINATE).all():
-        raise WorldError(
-            f"{path}: holds a line that is not finite, or over {LARGEST_COORDINATE:g} m away"
-        )
+        raise WorldError(f"holds a line that is not finite, or over {LARGEST_COORDINATE:g} m away")
     segments = without_repeats(segments[lengths(segments) > SHORTEST])
     if not len(segments):
-        raise WorldError(f"{path}: holds no line and no outline, so there is no wall")
-    if len(segments) > MOST_WALLS:
-        raise WorldError(f"{path}: holds {len(segments):,} walls, more than {MOST_WALLS:,}")
+        raise WorldError("holds no line and no outline, so there is no wall")
     extent = float(np.ptp(segments.reshape(-1, 2), axis=0).max())
     gap = min(TOUCHING, FINEST_GAP * extent)
-    return World(segments, connected(segments, gap), name=own_name(path, name))
+    return World(segments, connected(segments, gap), name=own_name(path))
 
 
 def without_repeats(segments: Float) -> Float:
     """The segments (n, 4) without repeated ones, in either direction."""
-    first, second = segments[:, :2], segments[:, 2:]
-    rows = np.arange(len(segments))
-    other = (first != second).argmax(axis=1)
-    turned = first[rows, other] > second[rows, other]
-    either = np.where(turned[:, None], np.hstack([second, first]), segments)
+    turned = (segments[:, 0] > segments[:, 2]) | (
+        (segments[:, 0] == segments[:, 2]) & (segments[:, 1] > segments[:, 3])
+    )
+    either = np.where(turned[:, None], segments[:, [2, 3, 0, 1]], segments)
     _, kept = np.unique(either, axis=0, return_index=True)
     return np.asarray(segments[np.sort(kept)], dtype=np.float64)

@@ -1,8 +1,8 @@
 """World files: built-in worlds by name, others by path; the ending of a file gives its format."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from difflib import get_close_matches
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -10,129 +10,51 @@ from lrf3d.errors import OutputError, WorldError
 from lrf3d.files import check_ordinary, worlds_folder
 from lrf3d.world.model import World
 
+PICTURES = dict.fromkeys((".png", ".pgm"), "ros_map:read_picture")
+"""Bare pictures of floor plans, which need a resolution."""
 
-@dataclass(frozen=True, slots=True)
-class WorldFormat:
-    """How files of an ending are read and written.
-
-    Args:
-        read: Reads a world from a path.
-        write: Writes a world to a path; None if worlds are not written in this format.
-        apart: Whether the file is read in a process of its own, because the library that parses it
-            limits neither time nor memory.
-        trees: Whether ``read`` takes ``trees=True``, which makes walls of the trunks of trees.
-    """
-
-    read: Callable[..., World]
-    write: Callable[..., None] | None = None
-    apart: bool = False
-    trees: bool = False
-
-
-# Each format is imported by its own functions, so that a world loads no other format's libraries.
-
-
-def _read_toml(path: Path) -> World:
-    from lrf3d.world.toml_file import read_toml
-
-    return read_toml(path).world
-
-
-def _write_toml(world: World, path: Path) -> None:
-    from lrf3d.world.toml_text import write_toml
-
-    write_toml(world, path)
-
-
-def _read_geojson(path: Path) -> World:
-    from lrf3d.world.geojson import read_geojson
-
-    return read_geojson(path)
-
-
-def _write_geojson(world: World, path: Path) -> None:
-    from lrf3d.world.geojson import write_geojson
-
-    write_geojson(world, path)
-
-
-def _read_osm(path: Path, *, trees: bool = False) -> World:
-    from lrf3d.world.osm import read_osm
-
-    return read_osm(path, trees=trees)
-
-
-def _read_ros_map(path: Path) -> World:
-    from lrf3d.world.ros_map import read_ros_map
-
-    return read_ros_map(path)
-
-
-def _write_ros_map(world: World, path: Path, **options: Any) -> None:
-    from lrf3d.world.ros_map import write_ros_map
-
-    write_ros_map(world, path, **options)
-
-
-def _read_dxf(path: Path) -> World:
-    from lrf3d.world.dxf import read_dxf
-
-    return read_dxf(path)
-
-
-def _read_svg(path: Path) -> World:
-    from lrf3d.world.svg import read_svg
-
-    return read_svg(path)
-
-
-def _read_mesh(path: Path) -> World:
-    from lrf3d.world.mesh import read_mesh
-
-    return read_mesh(path)
-
-
-def _write_glb(world: World, path: Path) -> None:
-    from lrf3d.world.mesh import write_glb
-
-    write_glb(world, path)
-
-
-_MESH = WorldFormat(_read_mesh, apart=True)
-
-FORMATS = {
-    ".toml": WorldFormat(_read_toml, _write_toml),
-    ".geojson": WorldFormat(_read_geojson, _write_geojson),
-    ".json": WorldFormat(_read_geojson),
-    ".osm": WorldFormat(_read_osm, trees=True),
-    ".yaml": WorldFormat(_read_ros_map, _write_ros_map),
-    ".yml": WorldFormat(_read_ros_map),
-    ".dxf": WorldFormat(_read_dxf, apart=True),
-    ".svg": WorldFormat(_read_svg, apart=True),
-    ".glb": WorldFormat(_read_mesh, _write_glb, apart=True),
-    ".gltf": _MESH,
-    ".obj": _MESH,
-    ".off": _MESH,
-    ".ply": _MESH,
-    ".stl": _MESH,
+BY_LIBRARY = {
+    ".dxf": "dxf:read_dxf",
+    ".svg": "svg:read_svg",
+    **dict.fromkeys((".glb", ".gltf", ".obj", ".off", ".ply", ".stl"), "mesh:read_mesh"),
 }
-"""The formats of worlds by the ending of the file; a new format is one more entry."""
+"""Formats that a library parses, which raises anything where a file is damaged."""
 
-WRITERS = {ending: known.write for ending, known in FORMATS.items() if known.write is not None}
-"""What writes a world, by the ending of the file."""
+READERS = {
+    ".toml": "toml_file:read_toml",
+    ".geojson": "geojson:read_geojson",
+    ".json": "geojson:read_geojson",
+    ".osm": "osm:read_osm",
+    ".yaml": "ros_map:read_ros_map",
+    ".yml": "ros_map:read_ros_map",
+    **PICTURES,
+    **BY_LIBRARY,
+}
+"""The module and the function that read a world, by the ending of the file."""
+
+WRITERS = {
+    ".toml": "toml_text:write_toml",
+    ".geojson": "geojson:write_geojson",
+    ".yaml": "ros_map:write_ros_map",
+    ".glb": "mesh:write_glb",
+}
+"""The module and the function that write a world, by the ending of the file."""
 
 
-def load_world(name_or_path: str | Path, *, trees: bool = False) -> World:
+def load_world(
+    name_or_path: str | Path, *, trees: bool = False, resolution: float | None = None
+) -> World:
     """Read a world: a built-in one by its name, or a file by its path.
 
     Args:
         name_or_path: The name or the path.
         trees: Whether the trunks of the trees in an OpenStreetMap extract are walls too, each an
             object of bark. Films show such objects as trees.
+        resolution: Side of a pixel [m], for a bare picture of a floor plan (.png, .pgm).
 
     Raises:
-        WorldError: There is no such world, its file cannot be used, or trees are asked for of a
-            file that is no such extract.
+        WorldError: There is no such world, its file cannot be used, or an option is given that
+            its format does not have.
 
     Examples:
         >>> import lrf3d
@@ -140,16 +62,32 @@ def load_world(name_or_path: str | Path, *, trees: bool = False) -> World:
         3
     """
     path = find_world(name_or_path)
-    known = FORMATS[path.suffix.lower()]
+    ending = path.suffix.lower()
+    options: dict[str, Any] = {}
     if trees:
-        if not known.trees:
+        if ending != ".osm":
             raise WorldError(f"{path}: trees are read from OpenStreetMap extracts (.osm) alone")
-        return known.read(path, trees=True)
-    if known.apart:
-        from lrf3d.world.apart import read_apart
-
-        return read_apart(path, known.read)
-    return known.read(path)
+        options["trees"] = True
+    if resolution is not None:
+        if ending not in PICTURES:
+            raise WorldError(f"{path}: a resolution is for a picture ({', '.join(PICTURES)}) alone")
+        options["resolution"] = resolution
+    try:
+        world: World = _function(READERS[ending])(path, **options)
+    except WorldError as error:
+        # Readers name the place in the file.
+        message = str(error)
+        raise WorldError(
+            message if message.startswith(str(path)) else f"{path}: {message}"
+        ) from None
+    except Exception as error:
+        if ending not in BY_LIBRARY:
+            raise
+        # What a library raises depends on the damage.
+        reason = f"{type(error).__name__}: {' '.join(str(error).split())}"[:120].strip(": ")
+        message = f"{path}: damaged, or not a {ending[1:]} file ({reason}); save it again"
+        raise WorldError(message) from error
+    return world
 
 
 def save_world(world: World, path: str | Path, *, resolution: float | None = None) -> None:
@@ -160,7 +98,7 @@ def save_world(world: World, path: str | Path, *, resolution: float | None = Non
 
     Args:
         world: The world.
-        path: The file; it ends in .toml, .geojson, .glb or .yaml.
+        path: The file; it ends in .toml, .geojson, .yaml or .glb.
         resolution: Side of a cell [m], for a ROS map alone; 0.05, or what makes the map small
             enough, if not given.
 
@@ -178,15 +116,19 @@ def save_world(world: World, path: str | Path, *, resolution: float | None = Non
     ending = path.suffix.lower()
     if ending not in WRITERS:
         raise OutputError(f"{path}: unknown ending; a world is written as {', '.join(WRITERS)}")
-    options: dict[str, Any] = {}
-    if resolution is not None:
-        if ending != ".yaml" or not 1e-4 <= resolution <= 1e4:
-            raise OutputError(
-                f"{path}: resolution {resolution:g}: expected 0.0001 to 10000 m, for a ROS map"
-                " (.yaml)"
-            )
-        options["resolution"] = resolution
-    WRITERS[ending](world, path, **options)
+    options = {} if resolution is None else {"resolution": resolution}
+    if resolution is not None and not (ending == ".yaml" and 1e-4 <= resolution <= 1e4):
+        raise OutputError(
+            f"{path}: resolution {resolution:g}: expected 0.0001 to 10000 m, for a ROS map (.yaml)"
+        )
+    _function(WRITERS[ending])(world, path, **options)
+
+
+def _function(target: str) -> Callable[..., Any]:
+    """The function of a table's entry; its module loads the libraries of that format alone."""
+    module, name = target.split(":")
+    function: Callable[..., Any] = getattr(import_module(f"lrf3d.world.{module}"), name)
+    return function
 
 
 def world_names() -> list[str]:
@@ -212,8 +154,8 @@ def find_world(name_or_path: str | Path) -> Path:
     if isinstance(name_or_path, str) and name_or_path in names:
         return worlds_folder() / f"{name_or_path}.toml"
     path = Path(name_or_path)
-    known = ", ".join(FORMATS)
-    if path.suffix.lower() in FORMATS:
+    known = ", ".join(READERS)
+    if path.suffix.lower() in READERS:
         missing = f"no such file{_suggestion(path.stem, names)}"
         check_ordinary(path, what="a world file", missing=missing, error=WorldError)
         return path

@@ -88,7 +88,7 @@ class FreeCells:
         Raises:
             InputError: The values are not such a grid.
         """
-        expected = "free: expected resolution, origin and rows, each row a list of run lengths"
+        expected = "expected resolution, origin and rows, each row a list of run lengths"
         if not isinstance(values, Mapping) or set(values) != {"resolution", "origin", "rows"}:
             raise InputError(expected)
         resolution, origin, rows = (values[key] for key in ("resolution", "origin", "rows"))

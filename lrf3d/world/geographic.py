@@ -2,7 +2,6 @@
 
 import json
 import re
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -33,10 +32,8 @@ _CODE = re.compile(r"(?:EPSG|ESRI)\D.*?(\d{4,6})\b")
 def code_of(reference: object) -> str:
     """The EPSG code of a GeoJSON ``crs``; 4326 for CRS84, empty without one."""
     text = json.dumps(reference)
-    if "CRS84" in text:
-        return "4326"
     match = _CODE.search(text)
-    return match.group(1) if match else ""
+    return "4326" if "CRS84" in text else match.group(1) if match else ""
 
 
 def from_web_mercator(points: Float) -> Float:
@@ -46,55 +43,38 @@ def from_web_mercator(points: Float) -> Float:
     return np.asarray(np.degrees(np.column_stack([longitude, latitude])), dtype=np.float64)
 
 
-NEAR_DATELINE = 170.0
-"""Longitude [°] beyond which points on both sides are on both sides of the dateline: nothing that
-is drawn in metres lies only there."""
-
-
-def crosses_dateline(outlines: Sequence[Float]) -> bool:
-    """Whether outlines (k, 2) [°] lie on both sides of the meridian of 180°."""
-    longitudes = np.concatenate(outlines)[:, 0]
-    return bool(np.ptp(longitudes) > 180.0 > np.ptp(longitudes % 360.0))
-
-
-def east_of_greenwich(points: Float) -> Float:
-    """Points (k, 2) [°] with longitudes from 0° to 360°."""
-    return np.asarray(np.column_stack([points[:, 0] % 360.0, points[:, 1]]), dtype=np.float64)
-
-
-def looks_geographic(outlines: Sequence[Float]) -> bool:
-    """Whether outlines (k, 2) are in degrees of longitude and latitude rather than in metres."""
-    points = np.concatenate(outlines)
-    low, high = points.min(axis=0), points.max(axis=0)
-    if (np.maximum(-low, high) > [180.0, 90.0]).any():
+def looks_geographic(points: Float, sizes: Float) -> bool:
+    """Whether points (k, 2) of outlines of sizes (n, 2) are in degrees and not in metres."""
+    if (np.abs(points) > [180.0, 90.0]).any():
         return False
-    if crosses_dateline(outlines) and (np.abs(points[:, 0]) >= NEAR_DATELINE).all():
-        return True
-    if (high - low).max() > WIDEST_DEGREES:
-        return False
-    return float(np.median([np.ptp(outline, axis=0).max() for outline in outlines])) < (
-        LARGEST_BUILDING
+    widest = np.ptp(_from(points, points[0]), axis=0).max()
+    return bool(
+        widest <= WIDEST_DEGREES
+        and np.median(np.abs(_from(sizes, np.zeros(2))).max(axis=1)) < LARGEST_BUILDING
     )
 
 
-def centre_of(outlines: Sequence[Float]) -> Float:
-    """The middle (2,) of the box around outlines (k, 2)."""
-    points = np.concatenate(outlines)
-    low, high = points.min(axis=0), points.max(axis=0)
-    return np.asarray(0.5 * (low + high), dtype=np.float64)
+def centre_of(points: Float) -> tuple[Float, float]:
+    """The middle (2,) [°] of the box around points (k, 2) [°], and the largest side of the box."""
+    local = _from(points, points[0])
+    low, high = local.min(axis=0), local.max(axis=0)
+    longitude, latitude = points[0] + 0.5 * (low + high)
+    return np.array([(longitude + 180.0) % 360.0 - 180.0, latitude]), float((high - low).max())
 
 
-def place_of(centre: Float) -> tuple[float, float]:
-    """Longitude and latitude [°] of a centre (2,), the longitude within ±180°."""
-    longitude, latitude = centre.tolist()
-    return longitude - 360.0 * (longitude > 180.0), latitude
-
-
-def lay_flat(degrees: Float, centre: Float) -> Float:
-    """Metres (k, 2) east and north of a centre (2,), by the equirectangular projection.
+def lay_flat(points: Float, centre: Float) -> Float:
+    """Metres (k, 2) east and north of a centre (2,) [°], by the equirectangular projection.
 
     Over 10 km its lengths are accurate to about one part in a thousand at middle latitudes, which
     turns no wall by more than the width of a beam.
     """
     scale = np.radians(1.0) * EARTH_RADIUS * np.array([np.cos(np.radians(centre[1])), 1.0])
-    return np.asarray((degrees - centre) * scale, dtype=np.float64)
+    return np.asarray(_from(points, centre) * scale, dtype=np.float64)
+
+
+def _from(points: Float, centre: Float) -> Float:
+    """Points (k, 2) [°] from a centre (2,) [°], the short way round, also across the dateline."""
+    local = points - centre
+    # Only what lies on the other side is turned, so that rounding touches nothing else.
+    local[:, 0] -= 360.0 * np.round(local[:, 0] / 360.0)
+    return np.asarray(local, dtype=np.float64)

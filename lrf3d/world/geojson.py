@@ -10,18 +10,20 @@ shows: its walls meet at the corners, and walls that touch are one object.
 """
 
 import json
+from collections.abc import Iterator
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
-from typing import Any, NoReturn, cast
+from typing import Any, NoReturn
 
 import numpy as np
 
 from lrf3d.errors import InputError, WorldError, shown
 from lrf3d.files import own_name, read_text, write_text
-from lrf3d.geometry import Float
+from lrf3d.geometry import is_finite
 from lrf3d.world.buildings import world_of_features
 from lrf3d.world.cameras import FixedCamera
-from lrf3d.world.dissolve import STRAIGHT
+from lrf3d.world.features import Feature, feature_of
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.gaps import world_of_map
 from lrf3d.world.geographic import (
@@ -29,63 +31,67 @@ from lrf3d.world.geographic import (
     WEB_MERCATOR,
     centre_of,
     code_of,
-    crosses_dateline,
-    east_of_greenwich,
     from_web_mercator,
     lay_flat,
     looks_geographic,
-    place_of,
 )
-from lrf3d.world.geojson_features import features_of
 from lrf3d.world.materials import material_value
 from lrf3d.world.model import World
 from lrf3d.world.pieces import WallRun, parts_of
-from lrf3d.world.schema import PLACE, Invalid, colour_value, point
+from lrf3d.world.schema import colour_value
 
 
-def read_geojson(path: Path, *, simplify: float = STRAIGHT) -> World:
+def read_geojson(path: Path) -> World:
     """Read a world: Polygons are dissolved into blocks, each an object; lines follow after them.
 
     A wall of a block has the height of its footprint. Each feature of lines is an object; if all
     have an integer property ``object``, it is the number of the object.
 
-    Args:
-        path: The file.
-        simplify: Largest distance from a straight façade of a corner that is left out [m].
-
     Raises:
-        WorldError: The file cannot be read, or has no walls or invalid ones; the message names the
-            file and the feature, counted from 0.
+        WorldError: The file has no walls or invalid ones; the message names the feature, counted
+            from 0.
     """
+    import shapely
+
     data = _parse(path)
-    features = features_of(data, path)
-    outlines = [part for feature in features for part in (*feature.rings, *feature.lines)]
-    if not outlines:
-        raise WorldError(f"{path}: holds no Polygon and no LineString, so there is no wall")
+    features = list(_features(data))
+    shapes = [shape for feature in features for shape in feature.shapes]
+    if not shapes:
+        raise WorldError("holds no Polygon and no LineString, so there is no wall")
     place = _place(data)
-    if code_of(data.get("crs")) in WEB_MERCATOR and data.get("units") != "m":
+    code, metric = code_of(data.get("crs")), data.get("units") == "m" or _is_map(data)
+    points, boxes = shapely.get_coordinates(shapes), shapely.bounds(shapes)
+    if code in WEB_MERCATOR and not metric:
         features = [feature.moved(from_web_mercator) for feature in features]
-        outlines = [from_web_mercator(outline) for outline in outlines]
-    if _is_geographic(data, outlines):
-        if crosses_dateline(outlines):
-            features = [feature.moved(east_of_greenwich) for feature in features]
-            outlines = [east_of_greenwich(outline) for outline in outlines]
-        centre = centre_of(outlines)
-        place = place_of(centre)
-        features = [feature.moved(lambda points: lay_flat(points, centre)) for feature in features]
+        points = from_web_mercator(points)
+    known = code in DEGREES | WEB_MERCATOR
+    if not metric and (
+        known or (data.get("crs") is None and looks_geographic(points, boxes[:, 2:] - boxes[:, :2]))
+    ):
+        centre, _ = centre_of(points)
+        place = float(centre[0]), float(centre[1])
+        features = [feature.moved(partial(lay_flat, centre=centre)) for feature in features]
+    name = data["name"] if isinstance(data.get("name"), str) else own_name(path)
     try:
-        world = world_of_features(
-            features,
-            data["name"] if isinstance(data.get("name"), str) else own_name(path),
-            simplify=simplify,
-            place=place,
-        )
-        free = FreeCells.from_dict(data["free"]) if "free" in data else None
+        world = world_of_features(features, name, place=place)
+        free = _free(data)
         if _is_map(data):
             return world_of_map(world, free)
         return replace(world, cameras=_cameras(data.get("cameras", [])), free=free)
     except InputError as error:
-        raise WorldError(f"{path}: {error}") from None
+        raise WorldError(str(error)) from None
+
+
+def _features(data: dict[str, Any]) -> Iterator[Feature]:
+    """The features of a FeatureCollection, of a Feature or of a bare geometry."""
+    items: Any = data.get("features") if data.get("type") == "FeatureCollection" else [data]
+    if not isinstance(items, list):
+        raise WorldError("FeatureCollection without a list of features")
+    for index, item in enumerate(items):
+        try:
+            yield feature_of(item)
+        except WorldError as error:
+            raise WorldError(f"feature {index}: {error}") from None
 
 
 def _is_map(data: dict[str, Any]) -> bool:
@@ -104,18 +110,14 @@ def _parse(path: Path) -> dict[str, Any]:
         data = json.loads(
             text, parse_constant=_refuse_constant, object_pairs_hook=_without_duplicates
         )
-    except json.JSONDecodeError as error:
-        raise WorldError(
-            f"{path}:{error.lineno}: not JSON: {error.msg} at column {error.colno}"
-        ) from None
     except RecursionError:
-        raise WorldError(f"{path}: nested too deeply for a world file") from None
+        raise WorldError("nested too deeply for a world file") from None
     except ValueError as error:
-        raise WorldError(f"{path}: not JSON: {error}") from None
+        raise WorldError(f"not JSON: {error}") from None
     if not isinstance(data, dict):
-        raise WorldError(f"{path}: expected a GeoJSON object, found a JSON {type(data).__name__}")
+        raise WorldError(f"expected a GeoJSON object, found a JSON {type(data).__name__}")
     if data.get("type") in _FOREIGN:
-        raise WorldError(f"{path}: {_FOREIGN[data['type']]}")
+        raise WorldError(_FOREIGN[data["type"]])
     return data
 
 
@@ -129,23 +131,22 @@ _FOREIGN = {
 """Messages for other kinds of JSON with coordinates, by type."""
 
 
-def _cameras(members: object) -> tuple[FixedCamera, ...]:
+def _cameras(members: Any) -> tuple[FixedCamera, ...]:
     """The cameras in the member ``cameras``, as lrf3d writes it."""
     try:
-        return tuple(
-            FixedCamera(
-                str(member["name"]),
-                point()(member["position"]),  # type: ignore[arg-type]
-                point()(member["target"]),  # type: ignore[arg-type]
-                float(member["field_deg"]),
-                bool(member.get("track", False)),
-            )
-            for member in members  # type: ignore[attr-defined]
-        )
-    except (KeyError, TypeError, ValueError, Invalid) as error:
+        return tuple(FixedCamera(**member) for member in members)
+    except TypeError as error:
         raise WorldError(
             f"cameras: expected a list of name, position, target and field_deg ({error})"
         ) from None
+
+
+def _free(data: dict[str, Any]) -> FreeCells | None:
+    """The cells in the member ``free``, as lrf3d writes it."""
+    try:
+        return FreeCells.from_dict(data["free"]) if "free" in data else None
+    except InputError as error:
+        raise WorldError(f"free: {error}") from None
 
 
 def _refuse_constant(constant: str) -> NoReturn:
@@ -163,20 +164,10 @@ def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def _place(data: dict[str, Any]) -> tuple[float, float] | None:
     """Longitude and latitude of (0, 0) from the member ``place``, as lrf3d writes it."""
-    try:
-        longitude, latitude = cast(Float, PLACE(data.get("place"))).tolist()
-    except Invalid:
-        return None
-    return longitude, latitude
-
-
-def _is_geographic(data: dict[str, Any], outlines: list[Float]) -> bool:
-    if data.get("units") == "m" or _is_map(data):
-        return False
-    reference = data.get("crs")
-    if reference is None:
-        return looks_geographic(outlines)
-    return code_of(reference) in DEGREES | WEB_MERCATOR
+    place = data.get("place")
+    if isinstance(place, list) and len(place) == 2 and is_finite(*place):
+        return float(place[0]), float(place[1])
+    return None
 
 
 def write_geojson(world: World, path: Path) -> None:

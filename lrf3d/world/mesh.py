@@ -18,12 +18,11 @@ import numpy as np
 
 from lrf3d.errors import WorldError
 from lrf3d.files import opened, own_name, replacing
-from lrf3d.geometry import Float, Int, lengths
+from lrf3d.geometry import LARGEST_COORDINATE, Float, Int, lengths
 from lrf3d.world.collinear import merge_collinear
 from lrf3d.world.extrude import extrude
 from lrf3d.world.materials import Material, material_of, material_value
 from lrf3d.world.model import World
-from lrf3d.world.schema import LARGEST_COORDINATE
 from lrf3d.world.touching import connected
 
 CUT = 0.5

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError, WorldError, shown
 from lrf3d.geometry import (
+    LARGEST_COORDINATE,
     LATER,
     Float,
     Int,
@@ -29,10 +30,6 @@ DEFAULT_HEIGHT = 2.5
 
 MOST_OBJECTS = 1_000_000
 """Largest number of an object: a name and a colour are stored for every number up to it."""
-
-LARGEST_COORDINATE = 1e9
-"""Largest coordinate, and largest height, of a wall [m]: above it float64 no longer resolves a
-micrometre."""
 
 
 @dataclass(frozen=True, eq=False)

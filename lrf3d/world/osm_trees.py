@@ -6,11 +6,12 @@ Key:diameter_crown. Rows of trees, which do not say where their trees stand, are
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from lrf3d.geometry import Float
-from lrf3d.world.geojson_features import Feature, metres_of
+from lrf3d.world.features import Feature, metres_of
 from lrf3d.world.materials import BUILT_IN
 
 DEFAULT_TREE = 8.0
@@ -56,29 +57,15 @@ def trunk_radius(tags: dict[str, str]) -> float:
     return float(np.clip(radius, *_RADII))
 
 
-def trunk(place: Float, tags: dict[str, str]) -> Feature:
-    """The trunk of a tree that stands at a place (2,) [m], as a closed line."""
-    turn = np.arange(_SIDES + 1) % _SIDES * (2.0 * np.pi / _SIDES)
-    outline = place + trunk_radius(tags) * np.column_stack([np.cos(turn), np.sin(turn)])
-    name = tags.get("name") or tags.get("species") or tags.get("genus") or ""
-    return Feature((), (outline,), tree_height(tags), name, None, None, BUILT_IN["bark"])
-
-
 def trunks(
-    places: Float, tags: Sequence[dict[str, str]], buildings: Sequence[Sequence[Float]]
+    places: Float, tags: Sequence[dict[str, str]], buildings: Sequence[Any]
 ) -> list[Feature]:
-    """The trunks of trees at places (k, 2) [m] that stand free of buildings and of each other.
-
-    Args:
-        places: Where trees stand.
-        tags: Their tags.
-        buildings: Polygons of the buildings: the rings (k, 2) of each, the outer one first.
-    """
+    """The trunks of trees at places (k, 2) [m] that stand free of buildings and of each other."""
     import shapely
 
     radii, points = np.array([trunk_radius(each) for each in tags]), shapely.points(places)
-    houses = shapely.make_valid([shapely.Polygon(rings[0], rings[1:]) for rings in buildings])
-    tree, _ = shapely.STRtree(houses).query(points, predicate="dwithin", distance=radii + _CLEAR)
+    houses = shapely.STRtree(shapely.make_valid(np.array(buildings)))
+    tree, _ = houses.query(points, predicate="dwithin", distance=radii + _CLEAR)
     near = np.zeros(len(points), dtype=bool)
     near[tree] = True
     # Of a tree that is mapped twice, the first one counts.
@@ -87,4 +74,12 @@ def trunks(
     )
     gap = np.hypot(*(places[first] - places[second]).T)
     near[second[(first < second) & (gap <= radii[first] + radii[second])]] = True
-    return [trunk(places[number], tags[number]) for number in np.flatnonzero(~near).tolist()]
+    turn = np.arange(_SIDES + 1) % _SIDES * (2.0 * np.pi / _SIDES)
+    circle = np.column_stack([np.cos(turn), np.sin(turn)])
+    found = []
+    for number in np.flatnonzero(~near).tolist():
+        own = tags[number]
+        outline = shapely.LineString(places[number] + radii[number] * circle)
+        name = own.get("name") or own.get("species") or own.get("genus") or ""
+        found.append(Feature((outline,), tree_height(own), name, material=BUILT_IN["bark"]))
+    return found

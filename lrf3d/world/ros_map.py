@@ -1,57 +1,45 @@
 """Worlds from ROS maps: a YAML file that describes a picture of occupied cells (map_server).
 
 The world is in the frame of the map. A cell that is darker than ``occupied_thresh`` is occupied;
-walls are the outlines of occupied cells, or the middle of a wall that is one cell thick. Each point
-of an outline lies within half a cell of its wall. Walls that touch are one object. Free and unknown
-cells do not affect beams, but are kept for planning routes.
+walls are the outlines of occupied cells, or the middle of a wall that is one or two cells thick.
+Walls that touch are one object. Free and unknown cells do not affect beams, but are kept for
+planning routes.
 
 A world is written as a picture in which each wall is one cell thick.
 """
 
 import json
 import math
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.errors import OutputError, WorldError, shown
 from lrf3d.files import opened, own_name, read_text, replacing
-from lrf3d.geometry import Bool, Float, Int
+from lrf3d.geometry import LARGEST_COORDINATE, Bool, Float, Int, Single, is_finite
 from lrf3d.world.free_cells import FreeCells
+from lrf3d.world.grid_walls import walls_of_grid
 from lrf3d.world.model import World
-from lrf3d.world.outlines import BAND
-from lrf3d.world.schema import LARGEST_COORDINATE
 from lrf3d.world.touching import connected
 
-if TYPE_CHECKING:
-    from PIL.Image import Image
-
-LARGEST_YAML = 1 << 16
-"""Largest description [bytes]: six lines are usual."""
-
-DEEPEST_YAML = 4
-"""Largest nesting depth: the origin is a list in the description."""
-
-LARGEST_PICTURE = 1 << 28
-"""Largest picture [bytes]."""
+LARGEST_YAML, LARGEST_PICTURE = 1 << 16, 1 << 28
+"""Largest description and largest picture [bytes]."""
 
 MOST_CELLS = 1 << 26
 """Largest number of cells of a map: 400 m by 400 m at 5 cm."""
 
-MOST_EDGES = 200_000
-"""Largest number of edges between occupied cells and others: an office floor has 20,000."""
-
 FEW_EDGES, DENSEST = 20_000, 0.25
-"""Number of edges that any map may have, and number for each cell: offices have 0.05, noise 1."""
+"""Number of edges between occupied cells and others that any map may have, and number for each
+cell: offices have 0.05, noise 1."""
 
 UNKNOWN = 205
 """Value of the pixels of unknown cells as map_saver writes them."""
 
 DEFAULTS = {"occupied_thresh": 0.65, "free_thresh": 0.25, "negate": 0, "mode": "trinary"}
 """The defaults of map_server."""
-
 
 RESOLUTION = 0.05
 """Default side of a cell [m], unless the map becomes too large."""
@@ -69,136 +57,172 @@ OCCUPIED, FREE = 0, 254
 """Values of pixels as map_saver writes them."""
 
 
+@dataclass(frozen=True, slots=True)
+class _Description:
+    """How a picture is read as a map."""
+
+    picture: Path
+    resolution: float
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    occupied: float = 0.65
+    free: float = 0.25
+    negate: bool = False
+    mode: str = "trinary"
+
+
 def read_ros_map(path: Path) -> World:
     """Read the occupied cells of a ROS map as walls.
 
     Raises:
         WorldError: The file, or the picture that it names, cannot be used.
     """
-    from lrf3d.world.grid_walls import walls_of_grid
-
-    description = _Description(path)
+    description = _description(path)
     occupied, free = _cells(description)
-    edges = int((occupied[1:] != occupied[:-1]).sum() + (occupied[:, 1:] != occupied[:, :-1]).sum())
-    if edges > MOST_EDGES or (edges > FEW_EDGES and edges > DENSEST * occupied.size):
-        description.refuse(
-            f"{edges:,} edges between occupied cells and others, as in noise; clean the map, or"
-            " cut it down"
+    known = FreeCells(free, description.resolution, description.origin)
+    return _world(description, occupied, path, known)
+
+
+def read_picture(path: Path, *, resolution: float | None = None) -> World:
+    """Read the dark pixels of a picture of a floor plan as walls.
+
+    Its lower left corner is at (0, 0). Light pixels may be outside the house, so none is known to
+    be free.
+
+    Args:
+        path: The picture.
+        resolution: Side of a pixel [m].
+
+    Raises:
+        WorldError: No resolution is given, or the picture cannot be used.
+    """
+    if resolution is None:
+        raise WorldError(
+            "a picture does not say how large it is; give --resolution, the metres per pixel, or"
+            f" write {path.with_suffix('.yaml').name} next to it: image: {path.name},"
+            " resolution: 0.05, origin: [0, 0, 0]"
         )
-    x, y, yaw = description.origin
+    if not (is_finite(resolution) and 0.0 < resolution <= 1e4):
+        raise WorldError(
+            f"resolution {shown(resolution)}: expected more than 0 and at most 10000 m"
+        )
+    description = _Description(path, resolution)
+    return _world(description, _cells(description)[0], path, None)
+
+
+def _world(description: _Description, occupied: Bool, path: Path, free: FreeCells | None) -> World:
+    edges = int((occupied[1:] != occupied[:-1]).sum() + (occupied[:, 1:] != occupied[:, :-1]).sum())
+    if edges > FEW_EDGES and edges > DENSEST * occupied.size:
+        raise WorldError(
+            f"{edges:,} edges between occupied cells and others, as in noise; clean the map"
+        )
     local = walls_of_grid(occupied).reshape(-1, 2) * description.resolution
     if not len(local):
-        description.refuse("no wall: all cells are alike, or no occupied one is next to another")
+        raise WorldError("no wall: all cells are alike, or no occupied one is next to another")
+    x, y, yaw = description.origin
     cos, sin = math.cos(yaw), math.sin(yaw)
-    points = local @ np.array([[cos, sin], [-sin, cos]]) + [x, y]
-    segments = points.reshape(-1, 4)
+    segments = (local @ np.array([[cos, sin], [-sin, cos]]) + [x, y]).reshape(-1, 4)
     # Ends meet up to rounding; half a cell is the resolution of the map.
     objects = connected(segments, 0.5 * description.resolution)
-    known = FreeCells(free, description.resolution, description.origin)
-    return World(segments, objects, name=own_name(path), free=known)
+    return World(segments, objects, name=own_name(path), free=free)
 
 
-class _Description:
-    """The YAML file, checked."""
-
-    def __init__(self, path: Path) -> None:
-        import yaml
-
-        self.path = path
-        text = read_text(path, what="a world file", largest=LARGEST_YAML, error=WorldError)
-        try:
-            depth = 0
-            for event in yaml.parse(text, Loader=yaml.SafeLoader):
-                depth += isinstance(event, yaml.CollectionStartEvent)
-                depth -= isinstance(event, yaml.CollectionEndEvent)
-                if depth > DEEPEST_YAML or isinstance(event, yaml.AliasEvent):
-                    line = event.start_mark.line + 1 if event.start_mark else 1
-                    raise WorldError(f"{path}:{line}: more than keys and their values")
-            node = yaml.compose(text, Loader=yaml.SafeLoader)
-            if isinstance(node, yaml.MappingNode):
-                self._check_keys(node)
-            data = yaml.safe_load(text)
-        except WorldError:
-            raise
-        except yaml.MarkedYAMLError as error:
-            line = error.problem_mark.line + 1 if error.problem_mark else 1
-            raise WorldError(f"{path}:{line}: not YAML: {error.problem}") from None
-        except (yaml.YAMLError, ValueError, RecursionError, OverflowError) as error:
-            reason = (str(error).splitlines() or ["nested too deeply"])[0][:80]
-            raise WorldError(f"{path}: not YAML: {reason}") from None
-        if not isinstance(data, dict):
-            self.refuse("expected the description of a ROS map: image, resolution, origin")
-        self.data: dict[Any, Any] = DEFAULTS | data
-        self.resolution = self._number("resolution", above=0.0)
-        self.occupied = self._number("occupied_thresh", most=1.0)
-        self.free = self._number("free_thresh", most=1.0)
-        if self.free > self.occupied:
-            self.refuse("free_thresh is above occupied_thresh")
-        negate = self.data["negate"]
-        if negate not in (0, 1) or not isinstance(negate, int):
-            self.refuse(f"negate is {shown(negate)}, expected 0 or 1")
-        self.negate = bool(negate)
-        if self.data["mode"] not in ("trinary", "scale", "raw"):
-            self.refuse(f"mode is {shown(self.data['mode'])}, expected trinary, scale or raw")
-        origin = self.data.get("origin")
-        if not isinstance(origin, list) or len(origin) != 3 or not all(map(_is_coordinate, origin)):
-            self.refuse(f"origin is {shown(origin)}, expected [x, y, yaw] in metres and radians")
-        self.origin = float(origin[0]), float(origin[1]), float(origin[2])
-
-    def _check_keys(self, node: Any) -> None:
-        """Check that no key stands twice, of which YAML would take the last one."""
-        lines: dict[str, int] = {}
-        for key, _ in node.value:
-            name, line = str(getattr(key, "value", "")), key.start_mark.line + 1
-            if name in lines:
-                raise WorldError(
-                    f"{self.path}:{line}: the key {shown(name)} stands in line {lines[name]}, too;"
-                    " remove one"
-                )
-            lines[name] = line
-
-    def refuse(self, message: str) -> NoReturn:
-        raise WorldError(f"{self.path}: {message}")
-
-    @property
-    def picture(self) -> Path:
-        """The picture, which must lie in the folder of the description."""
-        name = self.data.get("image")
-        if not isinstance(name, str) or not name:
-            self.refuse(f"image is {shown(name)}, expected the name of a picture")
-        plain = name.removeprefix("./")
-        if Path(plain).name != plain or "\\" in plain or "\0" in plain:
-            self.refuse(f"image is {shown(name)}; put the picture beside this file and name it so")
-        picture = self.path.parent / plain
-        if picture.is_symlink() and picture.resolve().parent != self.path.parent.resolve():
-            self.refuse(f"image {shown(name)} is a link to elsewhere")
-        return picture
-
-    def _number(self, key: str, *, above: float = -1e-300, most: float = 1e4) -> float:
-        # By default the limit is just below 0, so that 0 is valid.
-        value: Any = self.data.get(key)
-        if not _is_coordinate(value) or not above < float(value) <= most:
-            limit = f"a number above 0 and at most {most:g}" if above >= 0 else f"0 to {most:g}"
-            self.refuse(f"{key} is {shown(value)}, expected {limit}")
-        return float(value)
-
-
-def _is_coordinate(value: object) -> bool:
-    return (
-        isinstance(value, int | float)
-        and not isinstance(value, bool)
-        and -LARGEST_COORDINATE <= value <= LARGEST_COORDINATE
+def _description(path: Path) -> _Description:
+    """What a YAML file says, checked."""
+    data = DEFAULTS | _yaml(path)
+    name = data.get("image")
+    if not isinstance(name, str) or not name:
+        raise WorldError(f"image is {shown(name)}, expected the name of a picture")
+    plain = name.removeprefix("./")
+    if Path(plain).name != plain or "\\" in plain or "\0" in plain:
+        raise WorldError(
+            f"image is {shown(name)}; put the picture next to this file and name it so"
+        )
+    free, occupied = (_number(data, key, most=1.0) for key in ("free_thresh", "occupied_thresh"))
+    if free > occupied:
+        raise WorldError("free_thresh is above occupied_thresh")
+    if data["negate"] not in (0, 1):
+        raise WorldError(f"negate is {shown(data['negate'])}, expected 0 or 1")
+    if data["mode"] not in ("trinary", "scale", "raw"):
+        raise WorldError(f"mode is {shown(data['mode'])}, expected trinary, scale or raw")
+    origin = data.get("origin")
+    if not (isinstance(origin, list) and len(origin) == 3 and is_finite(*origin)) or (
+        max(map(abs, origin)) > LARGEST_COORDINATE
+    ):
+        raise WorldError(f"origin is {shown(origin)}, expected [x, y, yaw] in metres and radians")
+    x, y, yaw = map(float, origin)
+    resolution = _number(data, "resolution", most=1e4)
+    if resolution == 0.0:
+        raise WorldError("resolution is 0, expected the metres per cell")
+    return _Description(
+        path.parent / plain,
+        resolution,
+        (x, y, yaw),
+        occupied,
+        free,
+        bool(data["negate"]),
+        data["mode"],
     )
+
+
+def _yaml(path: Path) -> dict[str, Any]:
+    """The keys and values of a YAML file, of which no key stands twice."""
+    import yaml
+
+    text = read_text(path, what="a world file", largest=LARGEST_YAML, error=WorldError)
+    try:
+        node = yaml.compose(text, Loader=yaml.SafeLoader)
+        data = yaml.safe_load(text)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        mark = getattr(error, "problem_mark", None)
+        line = f"line {mark.line + 1}: " if mark else ""
+        reason = getattr(error, "problem", None) or type(error).__name__
+        raise WorldError(f"{line}not YAML: {reason}") from None
+    if not isinstance(node, yaml.MappingNode):
+        raise WorldError("expected the description of a ROS map: image, resolution, origin")
+    lines: dict[str, int] = {}
+    for key, _ in node.value:
+        name, line = str(key.value), key.start_mark.line + 1
+        if lines.setdefault(name, line) != line:
+            raise WorldError(
+                f"line {line}: the key {shown(name)} stands in line {lines[name]}, too; remove one"
+            )
+    return dict(data)
+
+
+def _number(data: dict[str, Any], key: str, *, most: float) -> float:
+    value: Any = data.get(key)
+    if isinstance(value, bool) or not is_finite(value) or not 0.0 <= float(value) <= most:
+        raise WorldError(f"{key} is {shown(value)}, expected a number from 0 to {most:g}")
+    return float(value)
 
 
 def _cells(description: _Description) -> tuple[Bool, Bool]:
     """Which cells (rows, columns) are occupied and which free, the first row at the bottom."""
-    from PIL import Image, UnidentifiedImageError
+    light, opaque = _light(description.picture)
+    share = light if description.negate else 1.0 - light
+    value = np.round(255.0 * (1.0 - share))
+    if description.mode == "raw":
+        # The value of a pixel is the occupancy in percent; above 100 it is unknown.
+        known, share = value <= 100.0, value / 100.0
+    elif description.mode == "scale":
+        known = opaque
+    else:
+        # map_saver writes this grey for unknown cells, even if free_thresh is just above it.
+        known = value != UNKNOWN
+    occupied = known & (share > description.occupied)
+    return occupied[::-1], (known & ~occupied & (share <= description.free))[::-1]
 
-    picture = description.picture
+
+def _light(picture: Path) -> tuple[Single, Bool]:
+    """How light the pixels (rows, columns) of a picture are on white paper, from 0 to 1.
+
+    Returns:
+        The lightness, and which pixels are opaque.
+    """
+    from PIL import Image
+
     with opened(picture, what="a world file", largest=LARGEST_PICTURE, error=WorldError) as file:
         try:
-            # Only the formats of map_server, so that no other decoder can be attacked.
             with Image.open(file, formats=["PNG", "PPM", "BMP"]) as image:
                 width, height = image.size
                 if width * height > MOST_CELLS:
@@ -206,25 +230,24 @@ def _cells(description: _Description) -> tuple[Bool, Bool]:
                         f"{picture}: {width} by {height} cells, more than {MOST_CELLS:,}; cut it"
                     )
                 _check_size(picture, image)
-                occupied, free = np.empty((2, height, width), dtype=np.bool_)
-                step = max(1, BAND // max(1, width))
-                for top in range(0, height, step):
-                    rows = image.crop((0, top, width, min(top + step, height)))
-                    band = slice(top, top + step)
-                    occupied[band], free[band] = _rows_of_cells(description, rows)
+                if image.mode in ("L", "I", "I;16", "I;16B"):
+                    most = np.float32(255.0 if image.mode == "L" else 65535.0)
+                    light = np.asarray(image).astype(np.float32) / most
+                    return light, np.ones(light.shape, dtype=np.bool_)
+                pixels = np.asarray(image.convert("RGBA"))
         except WorldError:
             raise
-        except UnidentifiedImageError:
-            raise WorldError(f"{picture}: not a PGM, PNG or BMP picture") from None
-        except (OSError, ValueError, SyntaxError, MemoryError, EOFError, OverflowError) as error:
+        except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
             reason = (str(error).splitlines() or [type(error).__name__])[0][:80]
-            raise WorldError(f"{picture}: damaged picture ({reason})") from None
-        except Image.DecompressionBombError:
-            raise WorldError(f"{picture}: a picture that is far too large") from None
-    return occupied[::-1], free[::-1]
+            raise WorldError(
+                f"{picture}: damaged, or not a PGM, PNG or BMP picture ({reason})"
+            ) from None
+    alpha = pixels[..., 3] / np.float32(255.0)
+    light = pixels[..., :3].mean(axis=2, dtype=np.float32) / np.float32(255.0)
+    return np.asarray(1.0 - alpha * (1.0 - light)), np.asarray(alpha == 1.0)
 
 
-def _check_size(picture: Path, image: "Image") -> None:
+def _check_size(picture: Path, image: Any) -> None:
     """Check that a PGM holds as many pixels as its header says; others would be drawn askew."""
     (codec, _, begin, mode), *_ = getattr(image, "tile", None) or [("", (), 0, "")]
     if image.format != "PPM" or codec != "raw":
@@ -238,58 +261,6 @@ def _check_size(picture: Path, image: "Image") -> None:
             f"{picture}: {found:,} bytes of pixels, but {image.width} by {image.height} pixels by"
             f" its header are {expected:,}; save the picture again"
         )
-
-
-def _rows_of_cells(description: _Description, image: "Image") -> tuple[Bool, Bool]:
-    """Which cells (rows, columns) of some rows of the picture are occupied, and which free."""
-    mode = description.data["mode"]
-    share, opaque = _darkness(image, with_alpha=mode == "trinary")
-    if description.negate:
-        share = 1.0 - share
-    value = np.round(255.0 * (1.0 - share))
-    known = np.ones(share.shape, dtype=np.bool_)
-    if mode == "trinary":
-        # map_saver writes this grey for unknown cells, even if free_thresh is just above it.
-        known = value != UNKNOWN
-    if mode == "scale":
-        # Transparent cells are unknown.
-        known &= opaque
-    if mode == "raw":
-        # The value of a pixel is the occupancy in percent; above 100 it is unknown.
-        known, share = value <= 100.0, value / 100.0
-    occupied = share > description.occupied
-    if mode != "trinary":
-        occupied &= known
-    return np.asarray(occupied), np.asarray(known & ~occupied & (share <= description.free))
-
-
-def _darkness(image: "Image", *, with_alpha: bool) -> tuple[Float, Bool | bool]:
-    """The darkness of the pixels (rows, columns) of a picture, from 0 for white to 1 for black.
-
-    Args:
-        image: The picture.
-        with_alpha: Whether opacity counts as another colour, as in map_server.
-
-    Returns:
-        The darkness, and which pixels are opaque; True if all are.
-    """
-    top = 65535.0 if image.mode.startswith("I") else 255.0
-    if image.mode in ("P", "PA", "1", "CMYK"):
-        clear = image.mode == "PA" or "transparency" in image.info
-        image = image.convert("RGBA" if clear else "RGB")
-    pixels = np.asarray(image)
-    opaque: Bool | bool = True
-    if pixels.ndim == 3:
-        channels = pixels.shape[2]
-        colours = 1 if channels == 2 else 3
-        light = pixels[..., :colours].mean(axis=2, dtype=np.float32)
-        if channels > colours:
-            alpha = pixels[..., colours]
-            opaque = alpha == 255
-            if with_alpha:
-                light = np.float32(0.75) * light + np.float32(0.25) * alpha
-        pixels = light
-    return np.asarray(1.0 - pixels.astype(np.float32) / np.float32(top)), opaque
 
 
 def write_ros_map(world: World, path: Path, *, resolution: float | None = None) -> None:

@@ -1,8 +1,7 @@
-"""The schema of world files: the keys of each table, and the checks of their values.
+"""The schema of world files: the keys of each table, and the converter of their values.
 
-A check takes a value from tomllib and returns it in the form that the program uses, or raises
-:class:`Invalid`, which names what was expected and the place inside the value. Settings on the
-command line, such as ``laser.range_max=20``, have the same checks.
+A converter takes a value from tomllib and returns it in the form that the program uses, or raises
+:class:`Invalid`. Settings on the command line, such as ``laser.range_max=20``, have the same.
 """
 
 import math
@@ -10,81 +9,73 @@ import re
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from difflib import get_close_matches
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from lrf3d.errors import InputError, shown
-from lrf3d.geometry import Float
+from lrf3d.geometry import LARGEST_COORDINATE, Float
 from lrf3d.world.cameras import WIDEST_VIEW
-from lrf3d.world.locate import KeyPath
 from lrf3d.world.materials import LIMITS
-from lrf3d.world.model import LARGEST_COORDINATE as LARGEST_COORDINATE
 from lrf3d.world.model import MOST_OBJECTS
 
-Check = Callable[[object], object]
-
+Converter = Callable[[Any], Any]
 
 _HEX = re.compile(r"#(?:[0-9a-fA-F]{3}|[0-9a-fA-F]{6})")
 
 
 class Invalid(Exception):
-    """A value that a check refuses.
+    """A value that a converter refuses; ``inside`` is the place in it, such as ``[2]``."""
 
-    Args:
-        message: What was found and what was expected.
-        inside: Indices of the invalid element, if the value is an array.
-    """
-
-    def __init__(self, message: str, inside: KeyPath = ()) -> None:
+    def __init__(self, message: str, inside: str = "") -> None:
         super().__init__(message)
         self.inside = inside
 
 
 def number(
-    *, above: float = -math.inf, least: float = -math.inf, most: float = LARGEST_COORDINATE
-) -> Check:
-    """A check for a finite number within limits."""
+    *, above: float = -math.inf, least: float = -math.inf, most: float = math.inf
+) -> Converter:
+    """A finite number within limits."""
+    limit = f" above {above:g}" if above > -math.inf else ""
+    limit = f" of at least {least:g}" if least > -math.inf else limit
+    limit += f" and at most {most:g}" if most < math.inf else ""
 
-    def check(value: object) -> float:
+    def convert(value: Any) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise Invalid(f"expected a number, found {shown(value)}")
-        if not (-LARGEST_COORDINATE <= value <= most and value >= least and value > above):
-            limit = f" above {above:g}" if above > -math.inf else ""
-            limit = f" of at least {least:g}" if least > -math.inf else limit
-            limit += f" and at most {most:g}" if most < value < math.inf else ""
+        if not (abs(value) <= LARGEST_COORDINATE and least <= value <= most and value > above):
             raise Invalid(f"expected a finite number{limit}, found {shown(value)}")
         return float(value)
 
-    return check
+    return convert
 
 
-def integer(*, least: int, most: int = MOST_OBJECTS) -> Check:
-    """A check for a whole number within limits."""
+def integer(*, least: int, most: int = MOST_OBJECTS) -> Converter:
+    """A whole number within limits."""
 
-    def check(value: object) -> int:
+    def convert(value: Any) -> int:
         if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
             raise Invalid(f"expected a whole number from {least} to {most}, found {shown(value)}")
         return value
 
-    return check
+    return convert
 
 
-def text(*choices: str) -> Check:
-    """A check for a text, one of the choices where there are any."""
+def text(*choices: str) -> Converter:
+    """A text, one of the choices where there are any."""
 
-    def check(value: object) -> str:
+    def convert(value: Any) -> str:
         if not isinstance(value, str):
             raise Invalid(f"expected a text in quotes, found {shown(value)}")
         if choices and value not in choices:
             raise Invalid(f"expected one of {', '.join(choices)}, found {shown(value)}")
         return value
 
-    return check
+    return convert
 
 
-def flag(value: object) -> bool:
-    """Check that a value is true or false."""
+def flag(value: Any) -> bool:
+    """True or false."""
     if not isinstance(value, bool):
         raise Invalid(f"expected true or false, found {shown(value)}")
     return value
@@ -111,107 +102,77 @@ def colour_value(colour: Float) -> str | list[float]:
     return [float(part) for part in colour]
 
 
-def colour(value: object) -> tuple[float, float, float]:
-    """Check a colour."""
+def colour(value: Any) -> tuple[float, float, float]:
+    """A colour."""
     parsed = parse_colour(value)
     if parsed is None:
         raise Invalid(f'expected a colour such as "#c8b49a", found {shown(value)}')
     return parsed
 
 
-def _list(value: object, expected: str) -> list[object]:
-    if not isinstance(value, list):
-        raise Invalid(f"expected {expected}, found {shown(value)}")
-    return value
+def several(convert: Converter, what: str, *, least: int = 1, alone: bool = False) -> Converter:
+    """A list of values; or, where ``alone``, one of them, which is not wrapped in a list."""
 
-
-def one_or_more(check: Check, what: str) -> Check:
-    """A check for a value or a list of such values; a single value is not wrapped in a list."""
-
-    def check_all(value: object) -> object:
+    def convert_all(value: Any) -> Any:
         if not isinstance(value, list):
-            return check(value)
-        if not value:
-            raise Invalid(f"expected {what} or a list of them, found an empty list")
-        return tuple(_inside(check, item, (place,)) for place, item in enumerate(value))
+            if alone:
+                return convert(value)
+            raise Invalid(f"expected a list of {what}, found {shown(value)}")
+        if len(value) < least:
+            raise Invalid(f"expected a list of at least {least} {what}, found {len(value)}")
+        converted = []
+        for place, item in enumerate(value):
+            try:
+                converted.append(convert(item))
+            except Invalid as problem:
+                raise Invalid(str(problem), f"[{place}]{problem.inside}") from None
+        return tuple(converted)
 
-    return check_all
-
-
-def _inside(check: Check, value: object, place: KeyPath) -> object:
-    try:
-        return check(value)
-    except Invalid as problem:
-        raise Invalid(str(problem), (*place, *problem.inside)) from None
-
-
-def row(*names: str) -> Check:
-    """A check for one row of finite numbers, called by these names."""
-    expected = f"[{', '.join(names)}]"
-
-    def check(value: object) -> Float:
-        items = _list(value, expected)
-        if len(items) != len(names):
-            raise Invalid(f"expected {expected}, found {len(items)} values")
-        return np.array([_inside(number(), item, ()) for item in items], dtype=np.float64)
-
-    return check
+    return convert_all
 
 
-def point() -> Check:
-    """A check for a point; it returns a tuple x, y, z."""
-    check_row = row("x", "y", "z")
+def row(*names: str) -> Converter:
+    """A row of finite numbers, called by these names, as an array."""
+    expected, convert_one = f"[{', '.join(names)}]", number()
 
-    def check(value: object) -> tuple[float, float, float]:
-        x, y, z = cast(Float, check_row(value)).tolist()
-        return x, y, z
+    def convert(value: Any) -> Float:
+        if not isinstance(value, list):
+            raise Invalid(f"expected {expected}, found {shown(value)}")
+        if len(value) != len(names):
+            raise Invalid(f"expected {expected}, found {len(value)} values")
+        return np.array([convert_one(item) for item in value], dtype=np.float64)
 
-    return check
-
-
-def rows(*names: str, least: int = 1) -> Check:
-    """A check for a list of rows of finite numbers; it returns an array (k, names)."""
-    check_row = row(*names)
-    expected = f"a list of [{', '.join(names)}]"
-
-    def check(value: object) -> Float:
-        items = _list(value, expected)
-        if len(items) < least:
-            raise Invalid(f"expected {expected} of at least {least}, found {len(items)}")
-        checked = [_inside(check_row, item, (place,)) for place, item in enumerate(items)]
-        return np.array(checked, dtype=np.float64).reshape(-1, len(names))
-
-    return check
+    return convert
 
 
-def several_lines(value: object) -> list[Float]:
-    """Check the lines of an object: a list of lists of points."""
-    check = rows("x", "y", least=2)
-    items = _list(value, "a list of lines, each a list of [x, y]")
-    return [cast(Float, _inside(check, item, (place,))) for place, item in enumerate(items)]
+def rows(*names: str, least: int = 1) -> Converter:
+    """A list of rows of finite numbers, as an array (k, names)."""
+    convert_all = several(row(*names), f"[{', '.join(names)}]", least=least)
+    return lambda value: np.array(convert_all(value), dtype=np.float64).reshape(-1, len(names))
 
 
 _ANGLE = number(least=-3600.0, most=3600.0)
 _LENGTH = number(above=0.0)
+_NOT_NEGATIVE = number(least=0.0)
 _SHARE = number(least=0.0, most=1.0)
 
-OBJECT: Mapping[str, Check] = {
+OBJECT: Mapping[str, Converter] = {
     "name": text(),
     "points": rows("x", "y", least=2),
-    "lines": several_lines,
+    "lines": several(rows("x", "y", least=2), "lines, each a list of [x, y]", least=0),
     "closed": flag,
-    "height": one_or_more(_LENGTH, "a height"),
+    "height": several(_LENGTH, "heights", alone=True),
     "colour": colour,
     "number": integer(least=0),
     "material": text(),
 }
 
-MATERIAL: Mapping[str, Check] = {
+MATERIAL: Mapping[str, Converter] = {
     "name": text(),
     **{key: number(least=0.0, most=most) for key, most in LIMITS.items()},
 }
 
-OBSTACLE: Mapping[str, Check] = {
+OBSTACLE: Mapping[str, Converter] = {
     "route": rows("x", "y", least=2),
     "speed": _LENGTH,
     "radius": _LENGTH,
@@ -219,58 +180,44 @@ OBSTACLE: Mapping[str, Check] = {
     "height": _LENGTH,
 }
 
-PLACE = row("longitude", "latitude")
+CAMERA: Mapping[str, Converter] = {
+    "name": text(),
+    "position": row("x", "y", "z"),
+    "target": row("x", "y", "z"),
+    "field_deg": number(above=0.0, most=WIDEST_VIEW),
+    "track": flag,
+}
 
-TABLES: Mapping[str, Mapping[str, Check]] = {
+TABLES: Mapping[str, Mapping[str, Converter]] = {
     "robot": {
         "start": row("x", "y", "degrees"),
         "route": rows("x", "y"),
         "poses": rows("x", "y", "degrees"),
-        "speed": _LENGTH,
-        "scan_interval": _LENGTH,
-        "lookahead": _LENGTH,
-        "radius": _LENGTH,
+        **dict.fromkeys(("speed", "scan_interval", "lookahead", "radius"), _LENGTH),
     },
     "laser": {
         "angle_min_deg": _ANGLE,
         "angle_max_deg": _ANGLE,
         "beams": integer(least=1, most=1_000_000),
-        "range_min": number(least=0.0),
         "range_max": _LENGTH,
-        "height": number(least=0.0),
-        "scan_duration": number(least=0.0),
-        "threshold": number(least=0.0),
-        "near_field": number(least=0.0),
+        **dict.fromkeys(
+            ("range_min", "height", "scan_duration", "threshold", "near_field"), _NOT_NEGATIVE
+        ),
         "echo": text("first", "last", "strongest"),
         "echoes": integer(least=1, most=5),
     },
     "noise": {
-        "sigma": one_or_more(number(least=0.0), "a sigma"),
-        "constant": number(least=0.0),
-        "angle_deg": number(least=0.0, most=90.0),
-        "beam_deg": number(least=0.0, most=90.0),
-        "drop_outs": _SHARE,
-        "drop_outs_far": _SHARE,
-        "resolution": number(least=0.0),
+        "sigma": several(_NOT_NEGATIVE, "sigmas", alone=True),
+        **dict.fromkeys(("constant", "resolution"), _NOT_NEGATIVE),
+        **dict.fromkeys(("angle_deg", "beam_deg"), number(least=0.0, most=90.0)),
+        **dict.fromkeys(("drop_outs", "drop_outs_far", "drop_outs_grazing"), _SHARE),
     },
     "mapper": {
         "mode": text("paper", "robust"),
-        "gap": _LENGTH,
-        "split": _LENGTH,
         "min_points": integer(least=2),
-        "merge_length": _LENGTH,
-        "merge_distance": _LENGTH,
-        "floor": _LENGTH,
+        **dict.fromkeys(("gap", "split", "merge_length", "merge_distance", "floor"), _LENGTH),
     },
     "film": {"view": text(), "playback": _LENGTH, "points_by": text("range", "intensity")},
-}
-
-CAMERA: Mapping[str, Check] = {
-    "name": text(),
-    "position": point(),
-    "target": point(),
-    "field_deg": number(above=0.0, most=WIDEST_VIEW),
-    "track": flag,
 }
 
 
@@ -290,7 +237,6 @@ def value_of(text: str) -> Any:
     try:
         found = tomllib.loads(f"value = {text}")
     except (ValueError, RecursionError):
-        # The value is nested too deeply, or is a number of thousands of digits.
         found = {}
     if list(found) == ["value"]:
         return found["value"]
@@ -316,18 +262,25 @@ def read_settings(texts: Iterable[str]) -> dict[str, dict[str, Any]]:
             raise InputError(
                 f"setting {shown(text)}: expected TABLE.KEY=VALUE, such as laser.range_max=20"
             )
-        checks = TABLES[_known(table, TABLES, name)]
-        check = checks[_known(key, checks, name)]
+        place = f"setting {name[:80]}"
+        keys = TABLES[known_key(table, TABLES, place)]
+        convert = keys[known_key(key, keys, place)]
         try:
-            tables.setdefault(table, {})[key] = check(value_of(value))
+            tables.setdefault(table, {})[key] = convert(value_of(value))
         except (InputError, Invalid) as problem:
-            raise InputError(f"setting {name}: {problem}") from None
+            raise InputError(f"{place}: {problem}") from None
     return tables
 
 
-def _known(word: str, known: Mapping[str, Any], name: str) -> str:
+def known_key(word: str, known: Iterable[str], place: str) -> str:
+    """The word, which must be one of those known.
+
+    Raises:
+        InputError: It is not; the message names the place and the nearest known word.
+    """
+    known = list(known)
     if word not in known:
-        near = get_close_matches(word, list(known), n=1, cutoff=0.5)
+        near = get_close_matches(word, known, n=1, cutoff=0.5)
         hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
-        raise InputError(f"setting {name[:80]}: there is no {shown(word)}; {hint}")
+        raise InputError(f"{place}: there is no {shown(word)}; {hint}")
     return word

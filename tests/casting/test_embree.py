@@ -58,9 +58,12 @@ def test_a_wall_shorter_than_an_ulp_of_its_distance_from_the_middle_is_hit(lengt
             assert scan.ranges == [1.0] and scan.walls == [0]
 
 
-def test_an_empty_world_has_no_returns_in_a_batch():
-    ranges, walls = EmbreeCaster(World(np.empty((0, 4)))).scan_batch(FANS[0], np.zeros((20, 3)))
-    assert (ranges == np.inf).all() and (walls == -1).all()
+def test_an_empty_world_has_no_returns():
+    for caster in (EmbreeCaster, PlanarCaster):
+        empty = caster(World(np.empty((0, 4))))
+        ranges, walls = empty.scan_batch(FANS[0], np.zeros((20, 3)))
+        assert (ranges == np.inf).all() and (walls == -1).all()
+        assert (empty.cast(FANS[0], (0, 0, 0)).ranges == np.inf).all()
 
 
 def test_a_laser_far_outside_the_world_sees_what_planar_casting_sees():

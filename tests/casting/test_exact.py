@@ -13,71 +13,47 @@ from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
 AHEAD = (1.0, 0.0)
 
 
-def cast(walls, origin, direction=AHEAD):
-    return cast_exact(np.array(walls, dtype=np.float64), origin, direction)
-
-
-def test_a_beam_meets_a_wall_where_the_fractions_say():
-    assert cast([[3, -1, 3, 2]], (0, 0)) == (0, 3)
+HERE, NO = (0, 0), (-1, None)
+CASES = [
     # x + 3y = 3 meets y = x / 2 at x = 6/5: t = 6/5 along (1, 1/2).
-    assert cast([[0, 1, 3, 0]], (0, 0), (1.0, 0.5)) == (0, Fraction(6, 5))
+    ([[3, -1, 3, 2]], HERE, AHEAD, (0, 3)),
+    ([[0, 1, 3, 0]], HERE, (1.0, 0.5), (0, Fraction(6, 5))),
+    # Float64 is taken as it is, and not as the decimal that it prints.
+    ([[0.1, -1, 0.1, 1]], HERE, AHEAD, (0, Fraction(0.1))),
+    # Through a shared corner the lowest index wins.
+    ([[2, 0, 2, 1], [2, 0, 3, -1]], HERE, AHEAD, (0, 2)),
+    ([[2, 0, 3, -1], [2, 0, 2, 1]], HERE, AHEAD, (0, 2)),
+    # An end belongs to its wall, and a hair beside it does not.
+    ([[2, 1, 2, 0]], HERE, AHEAD, (0, 2)),
+    ([[2, 5e-324, 2, 1]], HERE, AHEAD, NO),
+    ([[2, -1, 2, -5e-324]], HERE, AHEAD, NO),
+    ([[3, 1e-300, 7, 1e-300]], HERE, AHEAD, NO),
+    # Along a wall the range ends at its nearest point, in lengths of the direction.
+    *[
+        ([wall], (x, 0), AHEAD, NO if t is None else (0, t))
+        for wall in ([3, 0, 7, 0], [7, 0, 3, 0])
+        for x, t in ((0, 3), (4, 0), (3, 0), (7, 0), (8, None))
+    ],
+    ([[2, 4, 6, 12]], HERE, (0.5, 1.0), (0, 4)),
+    ([[2, 4, 6, 12]], HERE, (0.0, 1.0), NO),
+    ([[0, 9, 0, 6]], (0, 2), (0.0, 1.0), (0, 4)),
+    # From a point on a wall every beam has t = 0; what lies behind is missed.
+    *[([[9, 9, 9, 8], [-1, 1, 1, -1]], HERE, way, (1, 0)) for way in (AHEAD, (0.3, 0.7))],
+    ([[-3, -1, -3, 1], [5, -1, 5, 1]], HERE, AHEAD, (1, 5)),
+    ([[-7, 0, -3, 0]], HERE, AHEAD, NO),
+]
 
 
-def test_float64_is_taken_as_it_is_and_not_as_the_decimal_it_prints():
-    assert cast([[0.1, -1, 0.1, 1]], (0, 0)) == (0, Fraction(0.1))
-    assert cast([[0.1, -1, 0.1, 1]], (0, 0))[1] != Fraction(1, 10)
-
-
-@pytest.mark.parametrize(
-    ("walls", "winner"),
-    [([[2, 0, 2, 1], [2, 0, 3, -1]], 0), ([[2, 0, 3, -1], [2, 0, 2, 1]], 0)],
-)
-def test_through_a_shared_corner_the_lowest_index_wins(walls, winner):
-    assert cast(walls, (0, 0)) == (winner, 2)
-
-
-def test_an_end_point_belongs_to_its_wall_and_a_hair_beside_it_does_not():
-    assert cast([[2, 0, 2, 1]], (0, 0)) == (0, 2)
-    assert cast([[2, 1, 2, 0]], (0, 0)) == (0, 2)
-    assert cast([[2, 5e-324, 2, 1]], (0, 0)) == (-1, None)
-    assert cast([[2, -1, 2, -5e-324]], (0, 0)) == (-1, None)
-
-
-@pytest.mark.parametrize(
-    ("origin", "t"), [((0, 0), 3), ((4, 0), 0), ((3, 0), 0), ((7, 0), 0), ((8, 0), None)]
-)
-@pytest.mark.parametrize("wall", [[3, 0, 7, 0], [7, 0, 3, 0]])
-def test_along_a_wall_the_range_ends_at_its_nearest_point(wall, origin, t):
-    assert cast([wall], origin) == (-1 if t is None else 0, t)
-
-
-def test_along_a_slanted_wall_t_counts_in_lengths_of_the_direction():
-    assert cast([[2, 4, 6, 12]], (0, 0), (0.5, 1.0)) == (0, 4)
-    assert cast([[2, 4, 6, 12]], (0, 0), (0.0, 1.0)) == (-1, None)
-    assert cast([[0, 9, 0, 6]], (0, 2), (0.0, 1.0)) == (0, 4)
-
-
-def test_beside_a_parallel_wall_a_beam_misses():
-    assert cast([[3, 1e-300, 7, 1e-300]], (0, 0)) == (-1, None)
-
-
-def test_from_a_point_on_a_wall_every_beam_has_t_0():
-    for direction in (AHEAD, (-1.0, 0.0), (0.0, 1.0), (0.3, 0.7)):
-        assert cast([[9, 9, 9, 8], [-1, 1, 1, -1]], (0, 0), direction) == (1, 0)
-        assert cast([[0, 0, 1, -1]], (0, 0), direction) == (0, 0)
-
-
-def test_what_lies_behind_is_missed_also_in_line():
-    assert cast([[-3, -1, -3, 1]], (0, 0)) == (-1, None)
-    assert cast([[-7, 0, -3, 0]], (0, 0)) == (-1, None)
-    assert cast([[-3, -1, -3, 1], [5, -1, 5, 1]], (0, 0)) == (1, 5)
+@pytest.mark.parametrize(("walls", "origin", "direction", "found"), CASES)
+def test_a_beam_meets_a_wall_where_the_fractions_say(walls, origin, direction, found):
+    assert cast_exact(np.array(walls, dtype=np.float64), origin, direction) == found
 
 
 def test_all_hits_are_found_and_no_walls_are_a_miss():
     world = ExactWorld(np.array([[4, -1, 4, 1], [2, -1, 2, 1.0]]), [(0, 0), (3, 0)])
     assert world.hits(0, AHEAD) == [(0, 4), (1, 2)]
     assert world.cast(1, AHEAD) == (0, 1)
-    assert cast_exact(np.empty((0, 4)), (0, 0), AHEAD) == (-1, None)
+    assert cast_exact(np.empty((0, 4)), (0, 0), AHEAD) == NO
 
 
 grid = st.integers(-3, 3).map(float)

@@ -10,7 +10,6 @@ from exact_light import ExactLight
 import lrf3d
 from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
 from lrf3d.casting.kernels.light import MOST_TURNS
-from lrf3d.errors import InputError
 from lrf3d.laser.light import shares
 from lrf3d.world import Material
 
@@ -26,12 +25,6 @@ def world_of(*walls, heights=None):
     """A world of walls, each an object of its own: x1, y1, x2, y2 and a material."""
     segments = [wall[:4] for wall in walls]
     return World(segments, np.arange(len(walls)), heights, materials=[wall[4] for wall in walls])
-
-
-@both
-def test_a_white_wall_at_one_metre_has_the_intensity_one(caster):
-    scan = caster(world_of((1, -1, 1, 1, WHITE))).cast(AHEAD, (0, 0, 0))
-    assert scan.intensities.tolist() == [1.0]
 
 
 @both
@@ -131,17 +124,9 @@ def test_a_corner_of_mirrors_returns_each_beam_to_where_it_came_from(caster):
 
 @both
 def test_a_beam_into_the_very_corner_is_turned_by_both_mirrors(caster):
-    walls = [(-5, 4, 5, 4, PERFECT), (5, -4, 5, 4, PERFECT), (-9, -8, -7, -10, WHITE)]
-    world = world_of(*walls)
-    # 3-4-5: the direction (0.6, 0.8) is not exact in float64, (1, 1) / √2 is as good as.
-    lrf, pose = LaserRangeFinder(np.pi / 4, np.pi / 4, beams=1), (1.0, 0.0, 0.0)
-    exact = lrf.directions(pose)[0]
-    if exact[0] == exact[1]:
-        assert caster(world).chains(lrf, pose).tolist() == [[0, 1, 2]]
-    straight = LaserRangeFinder(0.0, 0.0, beams=1)
     world = world_of((5, 0, 9, 4, PERFECT), (5, 0, 9, -4, PERFECT), (-3, -1, -3, 1, WHITE))
-    assert caster(world).chains(straight, (0, 0, 0)).tolist() == [[0, 1, 2]]
-    assert caster(world).cast(straight, (0, 0, 0)).ranges.tolist() == [13.0]
+    assert caster(world).chains(AHEAD, (0, 0, 0)).tolist() == [[0, 1, 2]]
+    assert caster(world).cast(AHEAD, (0, 0, 0)).ranges.tolist() == [13.0]
 
 
 @both
@@ -183,20 +168,6 @@ def test_glass_returns_an_echo_and_lets_the_beam_through(caster):
     assert caster(world).cast(AHEAD, (0, 0.5, 0.3)).walls.tolist() == [1]
 
 
-@pytest.mark.parametrize("index", [1.3, 1.52, 2.0])
-def test_a_pane_mirrors_as_fresnel_says(index):
-    # At Brewster's angle one polarisation passes whole; along the pane all is mirrored.
-    angle = math.atan(index)
-    across = ((index**2 - 1) / (index**2 + 1)) ** 2
-    assert shares(math.cos(angle), 0.0, 0.0, 0.0, index)[0] == pytest.approx(
-        across / (1 + across), rel=1e-12
-    )
-    assert shares(0.0, 0.0, 0.0, 0.0, index) == (1.0, 0.0)
-    assert shares(0.5, 0.25, 0.0, 0.0, index)[0] + shares(0.5, 0.25, 0.0, 0.0, index)[
-        1
-    ] == pytest.approx(0.75)
-
-
 @both
 def test_limits_hold_for_the_whole_way(caster):
     world = world_of((2, -1, 2, 1, PERFECT), (-4, -1, -4, 1, WHITE))
@@ -208,12 +179,6 @@ def test_limits_hold_for_the_whole_way(caster):
         (replace(AHEAD, range_min=5.0), 8.0),
     ]:
         assert caster(world).cast(lrf, (0, 0, 0)).ranges[0] == want
-
-
-@both
-def test_low_mirrors_do_not_turn_beams_above_them(caster):
-    world = world_of((2, -1, 2, 1, PERFECT), (7, -1, 7, 1, WHITE), heights=[0.4, 2.5])
-    assert caster(world).cast(AHEAD, (0, 0, 0)).ranges.tolist() == [7.0]
 
 
 NAMES = ["mirror", "glass", "plaster", "metal", "retro-reflector"]
@@ -297,25 +262,8 @@ def test_a_batch_is_its_scans():
     world = world_of((2, -3, 2, 3, "glass"), (-3, -3, -3, 3, "mirror"), (0, 4, 5, 4, "brick"))
     poses = np.random.default_rng(1).uniform(-1.5, 1.5, (50, 3))
     caster = PlanarCaster(world)
-    ranges, walls, intensities = caster.light_batch(ROUND, poses)
+    ranges, walls = caster.scan_batch(ROUND, poses)
     scans = [caster.cast(ROUND, pose) for pose in poses]
     assert (ranges == [scan.ranges for scan in scans]).all()
     assert (walls == [scan.walls for scan in scans]).all()
-    assert (intensities == [scan.intensities for scan in scans]).all()
     assert (caster.cast_batch(ROUND, poses) == ranges).all()
-    with pytest.raises(InputError, match="world without materials"):
-        PlanarCaster(World([[0, 0, 1, 0]])).light_batch(ROUND, poses)
-
-
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"threshold": -1.0}, "threshold -1.0, expected a finite number"),
-        ({"near_field": np.inf}, "near_field inf"),
-        ({"echo": "loudest"}, "echo 'loudest', expected one of first, last, strongest"),
-        ({"echoes": 6}, "echoes 6: expected a whole number from 1 to 5"),
-    ],
-)
-def test_invalid_settings_of_the_receiver_are_refused(values, message):
-    with pytest.raises(InputError, match=message):
-        LaserRangeFinder(**values)

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import lrf3d
 from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
 from lrf3d.casting.kernels.echoes import MOST_WALLS
 from lrf3d.errors import InputError
@@ -105,17 +104,6 @@ def test_glass_that_is_met_from_above_divides_the_light_after_fresnel():
         assert found.chains[0, 0, :3].tolist() == [0, 1, -1]
 
 
-def test_layers_of_a_world_with_materials_are_those_with_their_light():
-    hall = lrf3d.load_scenario("mirror_hall")
-    caster, lrf = EmbreeCaster(hall.world), replace(hall.lrf, threshold=1e-5)
-    pose, tilted = hall.run(rng=0, scans=4).trajectory.poses[3], {"pitch": 0.01, "roll": -0.02}
-    ranges, walls = caster.cast_layers(lrf, pose, [0.0, 0.05], **tilted)
-    found = caster.light_layers(lrf, pose, [0.0, 0.05], **tilted)
-    assert ranges.tobytes() == found.ranges.tobytes() and (walls == found.walls).all()
-    turned = (found.chains[:, :, 1] >= 0) & np.isfinite(ranges)
-    assert turned.sum() > 20 and found.echoes.shape == (*ranges.shape, 0)
-
-
 def test_layers_without_elevations_and_worlds_without_materials():
     world = World([[2, -1, 2, 1]])
     with pytest.raises(InputError, match="without materials"):
@@ -144,17 +132,6 @@ def test_inclined_beams_that_are_exactly_upright_in_plan_meet_what_lies_across()
             )
             ranges, _ = EmbreeCaster(world).cast_layers(lrf, pose, [rise])
             assert ranges[0, 0] == pytest.approx(seen / math.cos(rise), rel=1e-12)
-
-
-def test_the_cuts_of_more_heights_than_are_kept_are_made_again():
-    import trimesh
-
-    cone = trimesh.creation.cone(radius=3.0, height=6.0, sections=4)
-    caster = EmbreeCaster(cone)
-    pose = (-10.0, 0.0, 0.0)
-    for height in (*np.linspace(0.5, 5.0, 12), 0.5):
-        lrf = replace(AHEAD, height=float(height))
-        assert caster.cast(lrf, pose).ranges[0] == pytest.approx(7.0 + 0.5 * height, abs=1e-9)
 
 
 def test_an_inclined_beam_passes_sixteen_walls_as_a_level_one_does():

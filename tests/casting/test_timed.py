@@ -5,13 +5,12 @@ import pytest
 from rational import ExactWorld
 
 import lrf3d
-from lrf3d import LaserRangeFinder, PlanarCaster, Trajectory, World, load_world, simulate
+from lrf3d import LaserRangeFinder, PlanarCaster, Trajectory, World, load_world
 from lrf3d.casting import EmbreeCaster
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
-from lrf3d.casting.timed import ObstacleCaster, SweepCaster, timed
+from lrf3d.casting.timed import timed
 from lrf3d.errors import InputError
 from lrf3d.fleet import simulate_fleet
-from lrf3d.laser import LaserScan
 from lrf3d.robot.laps import Patrol
 
 CITY = load_world("city")
@@ -21,9 +20,9 @@ DRIVE = Trajectory([0.0, 0.5, 1.0], [(50, 31, 0.1), (51.5, 31.2, 0.4), (53, 32.5
 SQUARE = [(-0.4, -0.3), (0.4, -0.3), (0.4, 0.3), (-0.4, 0.3)]
 
 
-def still(caster):
-    """The caster as a timed one."""
-    return timed(caster, LaserRangeFinder(), None)
+def among(caster, *obstacles):
+    """The caster for scans at one moment, among obstacles."""
+    return timed(caster, LaserRangeFinder(), None, obstacles)
 
 
 class Mapless:
@@ -36,7 +35,7 @@ def test_a_robot_that_stands_has_the_scan_of_one_moment_to_the_last_bit(make):
     pose = np.array([50.1, 30.7, 7.3])
     stand = Trajectory([3.0, 4.0], [pose, pose])
     caster = make(CITY)
-    swept = SweepCaster(still(caster), stand)(TURNING, pose, 3.0)
+    swept = timed(caster, TURNING, stand)(TURNING, pose, 3.0)
     plain = caster.cast(TURNING, pose)
     assert np.array_equal(swept.ranges, plain.ranges)
     assert np.array_equal(swept.walls, plain.walls)
@@ -45,7 +44,7 @@ def test_a_robot_that_stands_has_the_scan_of_one_moment_to_the_last_bit(make):
 
 @CASTERS
 def test_each_beam_of_a_sweep_is_the_exact_one_from_where_the_robot_then_is(make):
-    swept = SweepCaster(still(make(CITY)), DRIVE)(TURNING, DRIVE.poses[1], 0.5)
+    swept = timed(make(CITY), TURNING, DRIVE)(TURNING, DRIVE.poses[1], 0.5)
     times = 0.5 + TURNING.time_increment * np.arange(45)
     poses = DRIVE.at(times)
     assert (np.diff(poses[:, 0]) > 0.0).all()
@@ -60,15 +59,6 @@ def test_each_beam_of_a_sweep_is_the_exact_one_from_where_the_robot_then_is(make
     assert not np.allclose(swept.ranges, plain.ranges)
 
 
-def test_what_is_off_is_not_there():
-    at_once, among = LaserRangeFinder(), [DynamicObstacle(SQUARE, DRIVE)]
-    caster = PlanarCaster(CITY)
-    assert not isinstance(timed(caster, at_once, DRIVE), ObstacleCaster | SweepCaster)
-    assert isinstance(timed(caster, at_once, DRIVE, among), ObstacleCaster)
-    assert isinstance(timed(caster, TURNING, DRIVE), SweepCaster)
-    assert isinstance(timed(caster, TURNING, DRIVE, among).cast, ObstacleCaster)
-
-
 def test_a_scan_that_takes_longer_than_the_time_to_the_next_is_refused():
     with pytest.raises(InputError, match=r"scan_duration 0\.6 s: longer than the 0\.5 s"):
         timed(PlanarCaster(CITY), LaserRangeFinder(scan_duration=0.6), DRIVE)
@@ -80,7 +70,7 @@ def test_a_scan_may_take_as_long_as_the_interval_whatever_rounding_and_the_last_
     times = np.append(0.2 * np.arange(1000), 199.85)
     assert np.diff(times)[:-1].min() < 0.2
     path = Trajectory(times, np.tile([50.0, 31.0, 0.1], (len(times), 1)))
-    assert isinstance(timed(PlanarCaster(CITY), TURNING, path), SweepCaster)
+    assert timed(PlanarCaster(CITY), TURNING, path)(TURNING, path.poses[0], 0.0).time == 0.0
     with pytest.raises(InputError, match="longer than"):
         timed(PlanarCaster(CITY), LaserRangeFinder(scan_duration=0.2001), path)
 
@@ -92,7 +82,7 @@ def test_obstacles_are_cast_as_exactly_as_walls(make):
         DynamicObstacle(round_outline(0.5), Trajectory([0.0], [(50, 36, 0)])),
     )
     lrf, pose = LaserRangeFinder(-np.pi, np.pi, 361), np.array([49.0, 32.0, 0.2])
-    scan = ObstacleCaster(still(make(CITY)), obstacles)(lrf, pose, 0.75)
+    scan = among(make(CITY), *obstacles)(lrf, pose, 0.75)
     sides = np.concatenate([obstacle.walls(0.75) for obstacle in obstacles])
     together = PlanarCaster(World(np.concatenate([CITY.segments, sides]))).cast(lrf, pose)
     assert np.array_equal(scan.ranges, together.ranges)
@@ -101,29 +91,15 @@ def test_obstacles_are_cast_as_exactly_as_walls(make):
     assert 10 < moving.sum() < 361
 
 
-def test_an_obstacle_lower_than_the_beams_is_not_seen():
-    lrf, pose = LaserRangeFinder(height=0.5), np.array([49.0, 31.0, 0.0])
-    low, high = (DynamicObstacle(SQUARE, DRIVE, height) for height in (0.4, 0.6))
-    plain = PlanarCaster(CITY).cast(lrf, pose)
-    seen = [
-        ObstacleCaster(still(PlanarCaster(CITY)), (each,))(lrf, pose, 0.0) for each in (low, high)
-    ]
-    assert np.array_equal(seen[0].ranges, plain.ranges)
-    assert (seen[1].ranges < plain.ranges).sum() > 5
-
-
 def test_what_is_too_near_is_told_so_whoever_it_is():
     lrf = LaserRangeFinder(0.0, 0.0, 1, range_min=2.0, range_max=20.0)
     world = World([[10.0, -5, 10, 5], [-1.0, -5, -1, 5]])
     near = DynamicObstacle(SQUARE, Trajectory([0.0], [(1.0, 0, 0)]))
-    caster = ObstacleCaster(still(PlanarCaster(world)), (near,))
+    caster = among(PlanarCaster(world), near)
     assert caster(lrf, np.array([0.0, 0, 0]), 0.0).ranges[0] == -np.inf
     assert caster(lrf, np.array([0.0, 0, np.pi]), 0.0).ranges[0] == -np.inf
-    far = ObstacleCaster(
-        still(PlanarCaster(world)),
-        (DynamicObstacle(SQUARE, Trajectory([0.0], [(5.0, 0, 0)])),),
-    )
-    scan = far(lrf, np.array([0.0, 0, 0]), 0.0)
+    far = DynamicObstacle(SQUARE, Trajectory([0.0], [(5.0, 0, 0)]))
+    scan = among(PlanarCaster(world), far)(lrf, np.array([0.0, 0, 0]), 0.0)
     assert scan.ranges[0] == 4.6 and scan.walls[0] == -1
 
 
@@ -138,17 +114,6 @@ def test_obstacles_move_while_the_beams_of_a_sweep_turn():
     world = World([[20.0, -40, 20, 40]])
     caster = timed(PlanarCaster(world), lrf, stand, [DynamicObstacle(SQUARE, path)])
     assert caster(lrf, stand.poses[0], 0.0).ranges == pytest.approx(np.full(21, 7.6))
-
-
-def test_a_simulation_sweeps_and_sees_obstacles():
-    obstacle = DynamicObstacle(
-        round_outline(0.4), Trajectory([0.0, 1.0], [(52.0, 31, 0), (55.0, 31, 0)])
-    )
-    run = simulate(CITY, DRIVE, TURNING, mapper=Mapless(), obstacles=[obstacle])
-    plain = simulate(CITY, DRIVE, LaserRangeFinder(beams=45), mapper=Mapless())
-    assert (run.truth < plain.truth - 1.0).sum() > 3
-    assert run.scan(1).time_increment == TURNING.time_increment
-    assert isinstance(run.scan(1), LaserScan) and ((run.walls == -1) & np.isfinite(run.truth)).any()
 
 
 def test_robots_see_each_other_and_not_themselves():
@@ -177,17 +142,11 @@ def test_a_patrol_goes_there_and_back_at_its_speed():
         Patrol([(1, 1), (1, 1)], speed=1.0)
 
 
-@pytest.mark.parametrize("outline", [[(0, 0), (1, 0)], [0.0, 1.0, 2.0]])
-def test_an_obstacle_without_an_area_is_refused(outline):
-    with pytest.raises(InputError, match="outline"):
-        DynamicObstacle(outline, DRIVE)
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_no_obstacle_that_a_beam_meets_is_passed_over(seed):
     rng = np.random.default_rng(seed)
     lrf, world = LaserRangeFinder(-0.7, 1.1, 61, range_max=12.0), World([[90.0, 90, 91, 90]])
-    alone = still(PlanarCaster(world))
+    alone = PlanarCaster(world)
     seen = 0
     for _ in range(150):
         place = Trajectory([0.0], [(*rng.uniform(-15, 15, 2), rng.uniform(-9, 9))])
@@ -196,7 +155,7 @@ def test_no_obstacle_that_a_beam_meets_is_passed_over(seed):
             np.array([*rng.uniform(-2, 2, 2), rng.uniform(-9, 9)]),
         )
         met = PlanarCaster(World(obstacle.walls(0.0))).cast(lrf, pose).ranges
-        scan = ObstacleCaster(alone, (obstacle,))(lrf, pose, 0.0)
+        scan = among(alone, obstacle)(lrf, pose, 0.0)
         assert np.array_equal(scan.ranges, met)
         seen += bool(np.isfinite(met).any())
         assert obstacle.may_meet(lrf, pose, 0.0) or not np.isfinite(met).any()

@@ -13,7 +13,7 @@ import pytest
 from mutated_inputs import Inputs, end
 
 COUNT = int(os.environ.get("LRF3D_MUTATED", "100"))
-FEW = 25
+FEW = 6
 """Those that are tried also where slow tests are left out."""
 
 

@@ -36,7 +36,7 @@ class Straight:
     def command(self, time, pose, scan):
         return (1.0, 0.0) if scan.ranges[30] > 1.5 else None
 
-def longer(scan):
+def longer(scan, rng):
     return replace(scan, ranges=scan.ranges + 0.25)
 
 def drawn(scan, rng):
@@ -85,7 +85,7 @@ def test_a_mapper_a_controller_and_a_noise_are_named_on_the_command_line(folder)
     # 8 m to the wall, half a metre a step, a quarter of a metre added to what is seen.
     assert summary["drive"]["scans"] == 15
     assert summary["mapper"] == "own_parts:Points" and summary["mode"] is None
-    assert summary["map"] is summary["score"] is summary["storage"] is None
+    assert summary["map"] is summary["score"] is summary["buildings"] is None
     assert summary["report"] == {"points": 15 * 61}
     out = folder / "out" / "box"
     assert (out / "points.txt").read_text() == str(15 * 61)
@@ -117,6 +117,7 @@ def test_a_long_drive_goes_there_and_back_until_it_is_long_enough(folder):
         ("controller", "own_parts:Points", "expected a method command"),
         ("noise", "own_parts:number", "expected a function"),
         ("mapper", "missing.py:Points", "no module 'missing.py'"),
+        ("mapper", "..:x", "there is no file '..', nor such a module"),
     ],
 )
 def test_what_cannot_be_used_is_told_in_one_line(folder, kind, name, said):
@@ -133,13 +134,13 @@ def test_nothing_is_imported_that_the_user_does_not_name(folder):
     assert done.returncode == 1 and "own_parts" in done.stderr and "imported" not in done.stderr
 
 
-def test_a_noise_is_a_function_of_a_scan_with_or_without_random_numbers(folder):
+def test_a_noise_is_a_function_of_a_scan_and_random_numbers(folder):
     for name, least, most in (("longer", 0.25, 0.25), ("drawn", 0.001, 0.5)):
         noise = load_plugin("noise", f"own_parts:{name}")
         step = next(iter(Simulation(ROOM, [[2, 2, 0]], LRF, noise=noise, rng=1)))
         error = np.abs(step.scan.ranges - step.true_scan.ranges)
         assert error.max() >= least - 1e-9 and error.max() <= most + 1e-9
-    for bad in (3, lambda: None, lambda a, b, c: a):
+    for bad in (3, lambda: None, lambda scan: scan, lambda a, b, c: a):
         with pytest.raises(InputError, match="noise"):
             Simulation(ROOM, [[2, 2, 0]], noise=bad)
 

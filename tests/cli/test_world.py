@@ -5,7 +5,7 @@ import pytest
 from program import lrf3d
 
 from lrf3d import load_run, load_world
-from lrf3d.scenario_file import read_scenario_file, scenario_of
+from lrf3d.scenario import read_scenario_file, scenario_of
 
 
 def test_a_generated_world_goes_through_every_format(tmp_path):

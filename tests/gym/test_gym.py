@@ -13,7 +13,7 @@ import lrf3d.gym
 from lrf3d.gym import DriveEnv, DriveTask, DriveVectorEnv
 from lrf3d.render import video
 from lrf3d.render.gl import gl_available
-from lrf3d.scenario_file import load_scenario
+from lrf3d.scenario import load_scenario
 
 CORRIDOR = load_scenario("corridor")
 
@@ -225,7 +225,7 @@ def test_each_step_is_shown_in_a_window(monkeypatch):
         def close(self):
             shown.append("closed")
 
-    monkeypatch.setattr("lrf3d.gym.drive_env.Window", Fake)
+    monkeypatch.setattr("lrf3d.gym.drive.Window", Fake)
     env = DriveEnv("paper_room", render_mode="human", size=(160, 90))
     env.reset(seed=3)
     env.step(np.array([0.1, 0.0]))

@@ -21,10 +21,6 @@ WRITING = {
 }  # fmt: skip
 """Functions written in C that fail when the disk is full."""
 
-MANY = 150
-"""Calls that fail of each piece of work in the slow tests. Writers have some hundreds, a recorder
-12,000: with more than there are each of them fails, which takes hours."""
-
 
 def out_of_memory():
     return MemoryError()

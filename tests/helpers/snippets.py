@@ -23,7 +23,7 @@ from typer.testing import CliRunner
 
 from benchmarks.__main__ import PARTS, program, single
 from lrf3d.cli.app import app
-from lrf3d.scenario_file import load_scenario
+from lrf3d.scenario import load_scenario
 from stress import app as stress_app
 
 ROOT = Path(__file__).parents[2]

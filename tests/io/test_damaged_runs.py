@@ -197,7 +197,7 @@ def test_what_is_no_journal_is_recorded_over(rest, run_file):
     assert run_file.read_bytes() == whole
 
 
-def farther(scan):
+def farther(scan, rng):
     return lrf3d.LaserScan(scan.pose, scan.angles, scan.ranges + 0.5, range_max=scan.range_max)
 
 

@@ -35,6 +35,10 @@ def test_directions_are_unit_vectors_that_turn_with_the_pose(theta):
         {"range_min": 90.0},
         {"angle_min": 1.0, "angle_max": 0.0},
         {"angle_max": 64.0},
+        {"threshold": -1.0},
+        {"near_field": np.inf},
+        {"echo": "loudest"},
+        {"echoes": 6},
     ],
 )
 def test_a_range_finder_that_makes_no_sense_is_refused(settings):

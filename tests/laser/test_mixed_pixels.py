@@ -5,11 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import lrf3d
 from lrf3d import LaserRangeFinder, PlanarCaster, World
-from lrf3d.laser import Chain, Imperfections, MixedPixels, ProportionalNoise
+from lrf3d.laser import Imperfections, MixedPixels
 from lrf3d.laser.echoes import measured
-from lrf3d.sensor import Sensor
 
 LRF = LaserRangeFinder(-0.5, 0.5, beams=51, range_max=30.0, echoes=3)
 STEP = 1.0 / 50.0
@@ -124,16 +122,3 @@ def test_a_chain_has_the_choice_and_the_threshold_of_the_laser():
     lrf = replace(LRF, echo="last", threshold=0.001)
     chain = Imperfections(beam_deg=0.5).noise(0.0, lrf)
     assert chain.noises[0] == MixedPixels(np.radians(0.5), echo="last", threshold=0.001)
-
-
-def test_scans_of_one_seed_are_the_same_one_by_one_and_in_batches():
-    noise = Chain([MixedPixels(WIDE), ProportionalNoise(0.02)])
-    office = lrf3d.load_scenario("glass_office")
-    poses = np.array([(2.0 + 0.3 * k, 2.5, 0.2 * k) for k in range(6)])
-    sensor = Sensor(office.world, office.lrf, caster="planar", noise=noise)
-    one, other = np.random.default_rng(2), np.random.default_rng(2)
-    ranges, truth, _ = sensor.measure_batch(poses, np.arange(6.0), one)
-    for k, pose in enumerate(poses):
-        true_scan, scan = sensor.measure(pose, float(k), other)
-        assert scan.ranges.tobytes() == ranges[k].tobytes()
-        assert true_scan.ranges.tobytes() == truth[k].tobytes()

@@ -8,6 +8,8 @@ from hypothesis import strategies as st
 from program import lrf3d
 from synthetic_run import box, make_run, make_world
 
+from lrf3d.casting import PlanarCaster, crosscheck
+from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.errors import InputError
 from lrf3d.laser import LaserRangeFinder, RangeNoise
 from lrf3d.localization import (
@@ -18,7 +20,7 @@ from lrf3d.localization import (
     odometry_increments,
 )
 from lrf3d.localization.lines import KnownLines
-from lrf3d.localization.monte_carlo import LocalisationTask, score_localisation
+from lrf3d.localization.monte_carlo import follow_drive, score_localisation
 from lrf3d.localization.pairing import Innovation
 from lrf3d.pose import Pose
 from lrf3d.world import World
@@ -128,14 +130,6 @@ def test_a_covariance_stays_symmetric_positive_and_never_grows(normals, deviatio
     assert (np.linalg.eigvalsh(before.covariance - after.covariance) >= -1e-12).all()
 
 
-def test_headings_are_wrapped_across_the_seam():
-    start = PoseEstimate(Pose(0, 0, np.pi - 0.01), ODOMETRY.covariance)
-    moved = start.moved(np.array([0.0, 0.0, 0.03]), ODOMETRY.covariance)
-    assert moved.pose.theta == pytest.approx(-np.pi + 0.02)
-    pairs = lines_at(np.array([0.0, 1.0]), angle=0.03, deviation=1e-6)
-    assert moved.corrected(pairs).estimate.pose.theta == pytest.approx(np.pi - 0.01, abs=1e-6)
-
-
 def test_a_line_that_contradicts_the_others_is_left_out():
     normals = np.array([0.0, 0.1, 1.5, 1.6, 0.05])
     offsets = np.array([0.0, 0.0, 0.0, 0.0, 0.15])
@@ -169,14 +163,6 @@ def test_the_robot_finds_itself_within_centimetres(run):
     assert track.lines.min() >= 2
 
 
-def test_without_scans_it_does_not(run):
-    rng = np.random.default_rng(0)
-    estimate = PoseEstimate(Pose(*run.trajectory.poses[0].tolist()), np.zeros((3, 3)))
-    for step in ODOMETRY(odometry_increments(run.trajectory.poses), rng):
-        estimate = estimate.moved(step, ODOMETRY.covariance)
-    assert np.hypot(*(np.array(estimate.pose) - run.trajectory.poses[-1])[:2]) > 0.2
-
-
 def test_a_world_a_thousand_kilometres_away_changes_nothing(run):
     near, far = follow(run), follow(run, offset=FAR)
     assert far.poses - [FAR, FAR, 0.0] == pytest.approx(near.poses, abs=1e-6)
@@ -207,27 +193,11 @@ def test_the_pose_that_a_scan_brings_along_is_never_looked_at(run):
 @pytest.mark.parametrize("known", ["walls", "map"])
 def test_the_filter_is_consistent_over_many_seeds(run, known):
     """The NEES of a filter that knows how well it does is 3 on average, here over 16 drives."""
-    score = score_localisation(LocalisationTask(run, 0.04, known=known), seeds=16).as_dict()
+    score = score_localisation(run, 0.04, known=known, seeds=16)
     low, high = score["nees"]["bounds_of_average_over_seeds"]
     assert 1.8 < low < 3.0 < high < 4.4
     assert low < score["nees"]["mean"] < high
     assert score["mean_position_error_m"] < 0.02
-
-
-def test_a_filter_that_thinks_too_well_of_its_ranges_is_not_consistent(run):
-    truth = run.trajectory.poses
-    known = KnownLines.from_world(run.world)
-    certain = PoseEstimate(Pose(*truth[0].tolist()), np.zeros((3, 3)))
-    nees = [
-        localise(
-            Localiser(known, certain, range_noise=RangeNoise.from_sigma(sigma, 0.001, 80.0)),
-            run.scans,
-            odometry_increments(truth),
-        ).nees(truth)
-        for sigma in (0.04, 0.008)
-    ]
-    assert nees[0][0] == nees[1][0] == 0.0
-    assert nees[1].mean() > 3.0 * nees[0].mean()
 
 
 def test_ranges_without_noise_are_no_obstacle(run):
@@ -240,29 +210,65 @@ def test_ranges_without_noise_are_no_obstacle(run):
     assert np.abs(errors).max() < 1e-4
 
 
-def test_a_seed_repeats_whoever_works_on_it(run):
-    task = LocalisationTask(run, 0.04)
-    one, other = task.follow(3), task.follow(3)
-    assert np.array_equal(one.poses, other.poses)
-    assert not np.array_equal(one.poses, task.follow(4).poses)
+def test_a_seed_repeats(run):
+    known = KnownLines.from_world(run.world)
+    one, again, other = (
+        follow_drive(run, known, 0.04, ODOMETRY, "all", seed) for seed in (3, 3, 4)
+    )
+    assert np.array_equal(one.poses, again.poses)
+    assert not np.array_equal(one.poses, other.poses)
 
 
-def test_what_makes_no_sense_is_refused(run):
-    with pytest.raises(InputError, match="symmetric"):
-        PoseEstimate(Pose(0, 0, 0), np.array([[1.0, 2, 0], [0, 1, 0], [0, 0, 1]]))
-    with pytest.raises(InputError, match="shape"):
-        PoseEstimate(Pose(0, 0, 0), np.eye(2))
-    with pytest.raises(InputError, match="odometry noise"):
-        OdometryNoise(-0.1)
-    with pytest.raises(InputError, match="walls, map"):
-        LocalisationTask(run, 0.04, known="all")
-    with pytest.raises(InputError, match="seeds"):
-        score_localisation(LocalisationTask(run, 0.04), seeds=0)
-    start = PoseEstimate(Pose(0, 0, 0), np.eye(3))
-    localiser = Localiser(KnownLines.from_world(run.world), start)
+ROOM = KnownLines.from_world(quarter())
+START = PoseEstimate(Pose(0, 0, 0), np.eye(3))
+WRONG = {
+    "symmetric": lambda: PoseEstimate(Pose(0, 0, 0), np.triu(np.ones((3, 3)))),
+    "shape": lambda: PoseEstimate(Pose(0, 0, 0), np.eye(2)),
+    "pose": lambda: PoseEstimate((1e300, 0, 0), np.eye(3)),
+    "odometry noise": lambda: OdometryNoise(-0.1),
+    "known 'a', expected a KnownLines": lambda: Localiser("a", START),
+    "start 'a'": lambda: Localiser(ROOM, "a"),
+    "range_noise 0.1": lambda: Localiser(ROOM, START, range_noise=0.1),
+    "odometry_noise 'a'": lambda: Localiser(ROOM, START, odometry_noise="a"),
+    "seen-objects-first": lambda: Localiser(ROOM, START, strategy="best"),
+    "scan None": lambda: Localiser(ROOM, START).see(None),
+    "pose 0": lambda: Localiser(ROOM, START).move((1e300, 0, 0)),
+    "poses": lambda: Localiser(ROOM, START).move("a"),
+}
+
+
+@pytest.mark.parametrize("said", WRONG)
+def test_what_makes_no_sense_is_refused_in_one_line(said):
+    with pytest.raises(InputError, match=said) as raised:
+        WRONG[said]()
+    assert "\n" not in str(raised.value)
+
+
+def test_what_is_printed_fits_a_line(run):
+    world = run.world
+    track = localise(Localiser(ROOM, START), list(run.scans)[:1], np.zeros((0, 3)))
+    compared = crosscheck(world, LaserRangeFinder(), run.trajectory.poses[:3])
+    person = DynamicObstacle(box(0, 0, 1, 1)[:, :2], run.trajectory)
+    for value in (
+        ROOM,
+        START,
+        track,
+        Localiser(ROOM, START),
+        PlanarCaster(world),
+        compared,
+        person,
+    ):
+        assert len(repr(value)) < 200 and "\n" not in repr(value)
+    assert "poses=(1, 3)" in repr(track)
+
+
+def test_a_drive_needs_a_step_between_any_two_scans_and_a_score_a_seed_and_a_map(run):
     for count in (2, 9):
         with pytest.raises(InputError, match="steps of odometry"):
-            localise(localiser, list(run.scans)[:5], np.zeros((count, 3)))
+            localise(Localiser(ROOM, START), list(run.scans)[:5], np.zeros((count, 3)))
+    for wrong in ({"known": "all"}, {"strategy": "best"}, {"seeds": 0}):
+        with pytest.raises(InputError, match="expected"):
+            score_localisation(run, 0.04, **wrong)
 
 
 def test_localise_prints_one_json_object(tmp_path):

@@ -20,9 +20,9 @@ from lrf3d import (
     save_map,
 )
 from lrf3d.geometry import lengths
+from lrf3d.mapping.paper import add_moments, measure_moments
 from lrf3d.mapping.robust import segmentation
 from lrf3d.mapping.robust.segmentation import fit_wall, segment_cluster
-from lrf3d.mapping.segment_table import add_moments, measure_moments
 
 SQUARE = np.array([[4, 0, 8, 0], [8, 0, 8, 4], [8, 4, 4, 4], [4, 4, 4, 0.0]])
 ROOM = np.array([[-6, -5, 12, -5], [12, -5, 12, 9], [12, 9, -6, 9], [-6, 9, -6, -5.0]])

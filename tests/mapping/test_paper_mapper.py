@@ -10,14 +10,15 @@ from lrf3d import LaserRangeFinder, LaserScan
 from lrf3d.geometry import fit_line, lengths
 from lrf3d.mapping.paper import (
     PaperMapper,
+    SegmentTable,
     SplitMergeExtractor,
     clusters,
+    measure_moments,
     merges,
     ordered_returns,
     split_and_merge,
     unite,
 )
-from lrf3d.mapping.segment_table import SegmentTable, measure_moments
 
 CIRCLE = LaserRangeFinder(angle_min=-np.pi, angle_max=np.pi, beams=361, range_max=30.0)
 

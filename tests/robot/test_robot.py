@@ -6,8 +6,7 @@ from hypothesis import strategies as st
 from lrf3d import CollisionError, InputError, Trajectory, Unicycle, World, drive, follow_route
 from lrf3d.robot import check_drive, find_collision
 from lrf3d.robot.laps import Patrol
-from lrf3d.scenario import Scenario
-from lrf3d.scenario_file import load_scenario
+from lrf3d.scenario import Scenario, load_scenario
 
 speeds = st.floats(-3.0, 3.0)
 turns = st.floats(-2.0, 2.0)

@@ -19,7 +19,7 @@ import lrf3d
 from lrf3d.cli.app import app
 from lrf3d.digest import digest, seed_of
 from lrf3d.errors import InputError, Lrf3dError
-from lrf3d.scenario_file import load_scenario
+from lrf3d.scenario import load_scenario
 from lrf3d.sweeping.drawing import curves_of, figures_of
 from lrf3d.sweeping.grid import SIGMA, SIGMAS, SweepGrid, parse_axis, parse_values, read_grid
 from lrf3d.sweeping.plan import make_plan

@@ -5,7 +5,7 @@ import pytest
 from yard import OBSTACLE, YARD
 
 from lrf3d.pose import Pose
-from lrf3d.scenario_file import load_scenario
+from lrf3d.scenario import load_scenario
 from lrf3d.view.hand_drive import HandDrive, Wish
 
 

@@ -13,7 +13,7 @@ from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
-from lrf3d.scenario_file import load_scenario
+from lrf3d.scenario import load_scenario
 from lrf3d.scene.shapes import Lines, Points, Soft
 from lrf3d.scene.stage import stage_of
 from lrf3d.view.hand_drive import HandDrive, Wish

@@ -8,9 +8,7 @@ from hypothesis import strategies as st
 
 from lrf3d.errors import WorldError
 from lrf3d.world import Material, World, load_world
-from lrf3d.world.apart import read_here
 from lrf3d.world.collinear import merge_collinear
-from lrf3d.world.files import FORMATS
 from lrf3d.world.mesh import glb_bytes
 
 FAR = np.array([85_000.0, 447_500.0])
@@ -64,7 +62,7 @@ def test_a_world_comes_back_from_a_glb_as_float32_has_it(
     @given(towns())
     def check(world: World) -> None:
         path.write_bytes(glb_bytes(world))
-        back = read_here(path, FORMATS[path.suffix].read)
+        back = load_world(path)
         assert ordered(back.segments) == pytest.approx(ordered(world.segments), abs=1.1e-3)
         for number in range(world.object_count):
             own, other = world.objects == number, back.objects == number

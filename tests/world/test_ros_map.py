@@ -1,5 +1,4 @@
 import pickle
-from itertools import pairwise, product
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +10,9 @@ from hypothesis.extra.numpy import arrays
 from PIL import Image
 
 from lrf3d.errors import WorldError
-from lrf3d.world import World, load_world, outlines, save_world
+from lrf3d.world import World, load_world, save_world
 from lrf3d.world.grid_walls import walls_of_grid
-from lrf3d.world.outlines import chains_of
 from lrf3d.world.ros_map import write_ros_map
-from lrf3d.world.straight_runs import cut_into_runs, is_straight
 
 
 def save_map(folder: Path, pixels: np.ndarray, name: str = "map.png", **values: object) -> Path:
@@ -34,66 +31,6 @@ def room() -> np.ndarray:
     return pixels
 
 
-def width(points: np.ndarray) -> float:
-    """Width of the narrowest strip that holds points, over all directions of pairs of them."""
-    best = np.inf
-    for one, other in product(points, points):
-        delta = (other - one).astype(float)
-        if delta.any():
-            normal = np.array([-delta[1], delta[0]]) / np.hypot(*delta)
-            best = min(best, np.ptp(points @ normal))
-    return float(best) if np.isfinite(best) else 0.0
-
-
-@pytest.mark.parametrize("kind", ["RGBA", "LA", "P"])
-def test_the_opacity_of_a_picture_is_read_as_map_server_reads_it(kind: str, tmp_path: Path) -> None:
-    # A post that shows through, within the room: its colour alone is dark enough.
-    opaque, grey = np.full((50, 60), 255), room()
-    grey[20:30, 20:30], opaque[20:30, 20:30] = 60, 100
-    picture = Image.merge("LA", [Image.fromarray(p.astype(np.uint8)) for p in (grey, opaque)])
-    if kind == "P":
-        picture = picture.convert("RGBA").quantize(8)
-    elif kind == "RGBA":
-        picture = picture.convert("RGBA")
-    path = save_map(tmp_path, grey)
-    picture.save(tmp_path / "map.png")
-    objects, text = {}, path.read_text()
-    for mode in ("trinary", "scale"):
-        path.write_text(text + f"mode: {mode}\n")
-        objects[mode] = load_world(path).object_count
-    # Opacity is one of four colours: (3 · 60 + 100) / 4 = 70 is still dark enough.
-    assert objects == {"trinary": 2, "scale": 1}
-    path.write_text(text + "mode: trinary\noccupied_thresh: 0.74\n")
-    assert load_world(path).object_count == 1
-
-
-points_of_grids = arrays(
-    np.int64, st.tuples(st.integers(1, 9), st.just(2)), elements=st.integers(0, 8)
-)
-
-
-@settings(max_examples=150, deadline=None)
-@given(points_of_grids)
-def test_points_are_straight_when_the_strip_around_them_is_narrow(points: np.ndarray) -> None:
-    exact = width(points)
-    if abs(exact - 2.0) > 1e-9:
-        assert is_straight(points, 2) == (exact < 2.0)
-
-
-@settings(max_examples=60, deadline=None)
-@given(points_of_grids)
-def test_the_runs_of_a_chain_are_the_fewest_that_are_straight(points: np.ndarray) -> None:
-    cuts = cut_into_runs(points, 2)
-    bounds = [*cuts.tolist(), len(points)]
-    assert all(is_straight(points[a:b], 2) for a, b in pairwise(bounds))
-    fewest = [0] + [len(points)] * len(points)
-    for end in range(1, len(points) + 1):
-        fewest[end] = min(
-            fewest[start] + 1 for start in range(end) if is_straight(points[start:end], 2)
-        )
-    assert len(cuts) == fewest[-1]
-
-
 @settings(max_examples=100, deadline=None)
 @given(st.floats(-1.0, 1.0), st.floats(0.0, 1.0), st.integers(3, 300), st.booleans())
 def test_a_straight_wall_drawn_cell_by_cell_is_one_segment(
@@ -107,27 +44,40 @@ def test_a_straight_wall_drawn_cell_by_cell_is_one_segment(
 
 
 @settings(max_examples=60, deadline=None)
-@given(arrays(np.bool_, st.tuples(st.integers(2, 14), st.integers(2, 14))))
-def test_every_point_of_an_outline_is_within_half_a_cell_of_a_wall(cells: np.ndarray) -> None:
-    chains, lone = chains_of(cells)
-    points = np.concatenate([lone, *(chain.points for chain in chains)]) / 2.0
-    walls = walls_of_grid(cells)
-    assert bool(len(walls)) == bool(len(points))
-    if len(points):
-        lines = shapely.union_all(shapely.linestrings(walls.reshape(-1, 2, 2)))
-        assert shapely.distance(shapely.points(points), lines).max() <= 0.5 + 1e-6
+@given(st.integers(1, 2), st.integers(5, 60), st.booleans())
+def test_walls_of_one_or_two_cells_are_lines_along_their_middle(
+    thick: int, length: int, upright: bool
+) -> None:
+    cells = np.zeros((12, length + 8), dtype=bool)
+    cells[5 : 5 + thick, 4 : 4 + length] = True
+    walls = walls_of_grid(cells.T if upright else cells)
+    across, along = (0, 1) if upright else (1, 0)
+    ends = walls.reshape(-1, 2)
+    assert len(walls) == 1 and np.allclose(ends[:, across], 5 + thick / 2)
+    assert np.abs(np.sort(ends[:, along]) - [4, 4 + length]).max() <= 1.5
 
 
 @settings(max_examples=60, deadline=None)
-@given(arrays(np.bool_, st.tuples(st.integers(1, 9), st.integers(1, 9))), st.integers(1, 40))
-def test_the_bands_that_a_grid_is_looked_at_in_make_no_difference(
-    cells: np.ndarray, band: int
-) -> None:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(outlines, "BAND", 1 << 30)
-        whole = walls_of_grid(cells)
-        patch.setattr(outlines, "BAND", band)
-        assert np.array_equal(walls_of_grid(cells), whole)
+@given(arrays(np.bool_, st.tuples(st.integers(2, 14), st.integers(2, 14))))
+def test_every_occupied_cell_at_an_edge_is_near_a_wall(cells: np.ndarray) -> None:
+    edge = cells[1:-1, 1:-1] & ~(
+        cells[2:, 1:-1] & cells[:-2, 1:-1] & cells[1:-1, 2:] & cells[1:-1, :-2]
+    )
+    walls = walls_of_grid(cells)
+    if edge.any():
+        lines = shapely.union_all(shapely.linestrings(walls.reshape(-1, 2, 2)))
+        row, column = np.nonzero(edge)
+        points = shapely.points(np.column_stack([column, row]) + 1.5)
+        assert shapely.distance(points, lines).max() <= 2.3
+
+
+def test_walls_meet_where_they_join_and_holes_of_three_cells_are_closed() -> None:
+    cells = np.zeros((40, 50), dtype=bool)
+    cells[10, 5:45] = cells[10:35, 20] = True
+    cells[10, 30:33] = False
+    walls = walls_of_grid(cells)
+    assert len(walls) == 3
+    assert sorted(map(tuple, walls.reshape(-1, 2).tolist())).count((20.5, 10.5)) == 3
 
 
 def test_a_room_is_four_walls_with_closed_corners(tmp_path: Path) -> None:
@@ -164,12 +114,37 @@ def test_thresholds_and_negate_tell_what_is_occupied(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["map.pgm", "map.png", "map.bmp"])
-def test_colours_and_formats_make_no_difference(name: str, tmp_path: Path) -> None:
-    grey = load_world(save_map(tmp_path, room(), name))
-    assert len(grey.segments) == 4
-    if not name.endswith("pgm"):
-        coloured = load_world(save_map(tmp_path, np.dstack([room()] * 3), name))
-        assert (coloured.segments == grey.segments).all()
+@pytest.mark.parametrize("kind", ["L", "RGB", "RGBA", "P", "I;16"])
+def test_colours_and_formats_make_no_difference(name: str, kind: str, tmp_path: Path) -> None:
+    path = save_map(tmp_path, room(), name)
+    expected = load_world(path).segments
+    if kind == "I;16" and not name.endswith("bmp"):
+        Image.fromarray(room().astype(np.uint16) * 257).save(tmp_path / name)
+    elif not name.endswith("pgm") and kind != "I;16":
+        Image.fromarray(room().astype(np.uint8)).convert(kind).save(tmp_path / name)
+    assert np.array_equal(load_world(path).segments, expected)
+
+
+def test_what_is_transparent_is_paper(tmp_path: Path) -> None:
+    path = save_map(tmp_path, room())
+    alpha = np.where(room() == 0, 255, 0).astype(np.uint8)
+    Image.merge("LA", [Image.new("L", (60, 50)), Image.fromarray(alpha)]).save(tmp_path / "map.png")
+    assert len(load_world(path).segments) == 4
+
+
+def test_a_bare_picture_is_read_with_a_resolution(tmp_path: Path) -> None:
+    described = load_world(save_map(tmp_path, room(), "plan.png"))
+    world = load_world(tmp_path / "plan.png", resolution=0.1)
+    assert np.array_equal(world.segments, described.segments)
+    assert world.free is None
+    with pytest.raises(
+        WorldError, match=r"plan\.png: .*--resolution.*plan\.yaml.*resolution: 0\.05"
+    ):
+        load_world(tmp_path / "plan.png")
+    with pytest.raises(WorldError, match="expected more than 0"):
+        load_world(tmp_path / "plan.png", resolution=-1.0)
+    with pytest.raises(WorldError, match=r"for a picture \(\.png, \.pgm\) alone"):
+        load_world("city", resolution=0.1)
 
 
 @settings(max_examples=40, deadline=None)
@@ -237,7 +212,7 @@ def test_a_map_that_is_written_keeps_what_is_free(tmp_path: Path) -> None:
 def test_a_key_that_stands_twice_is_named(tmp_path: Path) -> None:
     path = save_map(tmp_path, room())
     path.write_text(path.read_text() + "resolution: 0.5\n")
-    with pytest.raises(WorldError, match=r"map\.yaml:5: .*'resolution' stands in line 2"):
+    with pytest.raises(WorldError, match=r"map\.yaml: line 5: .*'resolution' stands in line 2"):
         load_world(path)
 
 

@@ -65,43 +65,25 @@ SKETCH = 9 * BATCH
 
 
 class Fan(NamedTuple):
-    """Evenly spaced beams from one place, turned to the laser's heading.
-
-    Attributes:
-        x: Where they start [m].
-        y: The same.
-        dx: Their directions, with room for as many numbers behind as kernels take at once.
-        dy: The same.
-        ahead_x: The direction in the middle of the fan.
-        ahead_y: The same.
-        half: The angle from there to the last beam [rad].
-        per_step: One over the angle from beam to beam [1/rad], or 0 where all are but one.
-    """
+    """Evenly spaced beams from one place [m], turned to the laser's heading."""
 
     x: float
     y: float
-    dx: Float
+    dx: Float  # Directions, with room for as many numbers behind as kernels take at once.
     dy: Float
-    ahead_x: float
+    ahead_x: float  # The direction in the middle of the fan.
     ahead_y: float
-    half: float
-    per_step: float
+    half: float  # The angle from there to the last beam [rad].
+    per_step: float  # One over the angle from beam to beam [1/rad], or 0 where all are but one.
 
 
 class Buffer(NamedTuple):
-    """The depth buffer over the beams of a fan.
+    """The depth buffer over the beams (beams,) of a fan."""
 
-    Attributes:
-        low: (beams,) 1 / t is not below this [1/m].
-        high: (beams,) nor above this.
-        hit: (beams,) row of the wall that each beam has met first so far, or −1.
-        contested: (beams,) room for the beams that `draw` leaves to `settle`.
-    """
-
-    low: Float
-    high: Float
-    hit: Int
-    contested: Int
+    low: Float  # 1 / t is not below this [1/m],
+    high: Float  # nor above this.
+    hit: Int  # The row of the wall that each beam has met first so far, or −1.
+    contested: Int  # Room for the beams that `draw` leaves to `settle`.
 
 
 @inner

@@ -36,14 +36,9 @@ class Receiver(NamedTuple):
 class Lit(NamedTuple):
     """Arrays that the light of a scan fills; those of several scans have one more axis in front.
 
-    Attributes:
-        ranges: (beams,) ranges [m] of the chosen echoes; they come in as those among the walls.
-        walls: (beams,) their walls; they come in likewise.
-        intensities: (beams,) their intensities.
-        echo_ranges: (beams, k) ranges [m] of the strongest echoes, the nearest first; k is 0 where
-            one echo is reported.
-        echo_intensities: (beams, k) their intensities.
-        chains: (beams, MOST_WALLS) the walls on the way to the chosen echo, then −1; or (0, 0).
+    Ranges [m], walls and intensities (beams,) are those of the chosen echoes; ranges and walls come
+    in as those among the walls. The strongest echoes (beams, k) come the nearest first; k is 0
+    where one is reported. Chains (beams, MOST_WALLS) are the walls on the way, then −1; or (0, 0).
     """
 
     ranges: Float

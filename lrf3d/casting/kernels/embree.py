@@ -17,25 +17,15 @@ UNSURE = -2
 
 
 class Trust(NamedTuple):
-    """How far Embree is trusted; passed as an array of these numbers.
+    """How far Embree is trusted [m]; passed as an array of these numbers."""
 
-    Attributes:
-        x: The middle of the walls [m].
-        y: The same.
-        radius: The laser may stand so far from x and from y [m],
-        margin: but not so near to a wall [m].
-        beyond: What seems this much beyond the range is out of it [m].
-        flat: Least sine of the angle between a beam and a wall whose first clear part counts.
-        steep: The same for its second one.
-    """
-
-    x: float
+    x: float  # The middle of the walls.
     y: float
-    radius: float
-    margin: float
-    beyond: float
-    flat: float
-    steep: float
+    radius: float  # The laser may stand so far from x and from y,
+    margin: float  # but not so near to a wall.
+    beyond: float  # What seems this much beyond the range is out of it.
+    flat: float  # Least sine of the angle between a beam and a wall whose first clear part counts,
+    steep: float  # and for its second one.
 
 
 @inner

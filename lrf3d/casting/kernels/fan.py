@@ -40,15 +40,10 @@ from lrf3d.geometry import Float, Int
 
 
 class Waiting(NamedTuple):
-    """The boxes that wait on the way through the tree, the nearest on top.
+    """The boxes that wait on the way through the tree, the nearest on top."""
 
-    Attributes:
-        entries: (STACK, 3) the node, and the first and the end of the beams that may meet it.
-        nears: (STACK,) a bound on 1 / distance [1/m].
-    """
-
-    entries: Int
-    nears: Float
+    entries: Int  # (STACK, 3) the node, and the first and the end of the beams that may meet it.
+    nears: Float  # (STACK,) a bound on 1 / distance [1/m].
 
 
 @inner
@@ -98,15 +93,9 @@ def _hidden(low: Float, first: int, stop: int, near: float) -> bool:
 
 @inner
 def _enter(
-    first: int,
-    count: int,
-    fan: Fan,
-    edge: float,
-    low: Float,
-    sketch: Float,
-    waiting: Waiting,
+    first: int, count: int, fan: Fan, edge: float, low: Float, sketch: Float, waiting: Waiting,
     top: int,
-) -> int:
+) -> int:  # fmt: skip
     """Let those of the boxes in a sketch wait that a beam may meet; the new height."""
     entries, nears = waiting
     beams = len(low)

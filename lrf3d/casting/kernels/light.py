@@ -41,16 +41,11 @@ place, and as bits which it passed through; and the number of columns."""
 
 
 class Optics(NamedTuple):
-    """The materials of the walls.
+    """The walls (n,) of the world and their materials (m,).
 
-    Attributes:
-        segments: (n, 4) ends of the walls of the world [m].
-        heights: (n,) their heights [m].
-        kinds: (n,) row of each wall's material.
-        table: (m, 7) diffuse, specular, lobe [rad], transmission, index, retro, and whether beams
-            go on mirrored, 0 or 1.
-        dull: (n, 2) along each wall that only scatters light, as long as that is bright [m]; NaN
-            for all others.
+    A row of the table (m, 7) is diffuse, specular, lobe [rad], transmission, index, retro, and
+    whether beams go on mirrored, 0 or 1. Dull vectors (n, 2) lie along the walls that only scatter
+    light, as long as these are bright [m]; they are NaN for all others.
     """
 
     segments: Float

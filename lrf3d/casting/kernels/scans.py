@@ -31,19 +31,11 @@ PADDING = LANES - 1
 
 
 class Laser(NamedTuple):
-    """A range finder as kernels take it.
+    """A range finder as kernels take it."""
 
-    Attributes:
-        fan: (2, beams) cosines and sines of the beams' angles.
-        middle: The angle in the middle of the fan [rad].
-        half: The angle from there to the last beam [rad].
-        range_min: Nearest distance that is measured [m].
-        range_max: Farthest distance that is measured [m].
-    """
-
-    fan: Float
-    middle: float
-    half: float
+    fan: Float  # (2, beams) cosines and sines of the beams' angles.
+    middle: float  # The angle in the middle of the fan [rad],
+    half: float  # and from there to the last beam.
     range_min: float
     range_max: float
 

@@ -19,14 +19,9 @@ Vector = tuple[float, float, float]
 
 @compiled
 def cast_solid(
-    plain_tree: PlainTree,
-    corners: Float,
-    origins: Float,
-    beams: Float,
-    reach: float,
-    distances: Float,
-    hits: Int,
-) -> None:
+    plain_tree: PlainTree, corners: Float, origins: Float, beams: Float, reach: float,
+    distances: Float, hits: Int,
+) -> None:  # fmt: skip
     """Fill in distances (n,) and triangles (n,) that beams (n, 3) meet first.
 
     Origins (n, 3) are those of the beams; of (1, 3) the one is that of all.

@@ -34,14 +34,11 @@ STACK = 256
 
 
 class Tree(NamedTuple):
-    """Boxes over walls.
+    """Boxes (m, 4) over walls (n, 4), in the order of the leaves, and their rows (n,) in a world.
 
-    Attributes:
-        boxes: (m, 4) smallest x, y and largest x, y [m] of each node; node 0 is the root.
-        links: (m, 2) for a leaf the row of its first wall and how many it holds; for a node
-            above others the first of its children, which lie side by side, and minus how many.
-        walls: (n, 4) ends of the walls [m] in the order of the leaves.
-        rows: (n,) which wall of the world each of them is.
+    A box is the smallest x, y and the largest x, y [m] of a node; node 0 is the root. Links (m, 2)
+    are for a leaf the row of its first wall and how many it holds; for a node above others the
+    first of its children, which lie side by side, and minus how many.
     """
 
     boxes: Float
@@ -121,14 +118,9 @@ def _build(
 
 @inner
 def _cut(
-    segments: Float,
-    order: NDArray[np.int32],
-    start: int,
-    stop: int,
-    weight: Int,
-    bin_box: Float,
+    segments: Float, order: NDArray[np.int32], start: int, stop: int, weight: Int, bin_box: Float,
     cost: Float,
-) -> int:
+) -> int:  # fmt: skip
     """Order the walls by the cheapest cut of their middles; the first row behind the cut."""
     low, high, box = np.empty(2), np.empty(2), np.empty(4)
     for axis in range(2):

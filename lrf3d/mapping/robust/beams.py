@@ -44,13 +44,7 @@ def range_deviation(noise: RangeNoise, reach: float) -> float:
 
 
 class Frame(NamedTuple):
-    """The map's own frame: that of the first scan, so that the map turns and moves with the world.
-
-    Attributes:
-        x: Where the first scan was taken [m].
-        y: Where it was taken [m].
-        theta: Its heading [rad].
-    """
+    """The map's own frame: that of the first scan, so that it turns and moves with the world."""
 
     x: float
     y: float
@@ -156,14 +150,8 @@ def measure_beams(
     """Find how far beams were free, and how far off the places may be where they ended.
 
     A beam that is lost between two that returned says nothing: only where more beside each other
-    return nothing, nothing is there.
-
-    Args:
-        measured: (n,) measured ranges [m], by rising angle.
-        range_max: Farthest range [m] that was measured.
-        noise: The noise of the ranges.
-        spread: See `pose_spread`.
-        beams: Ranges and deviations are written.
+    return nothing, nothing is there. Ranges and deviations of the beams are filled in from measured
+    ranges (n,) [m] by rising angle; see `pose_spread` for the spread.
     """
     ranges = beams.ranges
     count, missed, lost = len(measured), 0, longest_loss(measured, range_max)

@@ -77,15 +77,10 @@ def count_beams(
 def is_crossed(
     line: Float, cells: Cells, depth: float, spare: int, sine: float, aslant: bool
 ) -> bool:
-    """Whether more beams than are to spare have crossed a line (4,).
+    """Whether more beams than are to spare crossed a line (4,) and went so deep [m] behind it.
 
-    Args:
-        line: The line [m]; what is near its ends does not count.
-        cells: The cells.
-        depth: How far behind the line [m] the beams went at least.
-        spare: How many beams may.
-        sine: That of the angle from which on a beam may cross it.
-        aslant: Whether beams at smaller angles count that are seen on one side and then the other.
+    What is near its ends does not count. Beams cross it at the angle of the sine, or more; aslant,
+    those at smaller angles count as well that are seen on one side and then on the other.
     """
     x1, y1, x2, y2 = line
     length = np.hypot(x2 - x1, y2 - y1)

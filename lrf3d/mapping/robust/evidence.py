@@ -52,13 +52,7 @@ the truth, and a map of an office explains 0.1 % less of its returns."""
 
 
 class Lines(NamedTuple):
-    """Walls that are followed beyond their ends and divided into pieces.
-
-    Args:
-        rows: (n,) the rows of the walls.
-        ends: (n, 4) from where to where they are followed [m].
-        first: (n + 1,) the first piece of each.
-    """
+    """The rows (n,) of walls, how far each is followed (n, 4) [m], and its first piece."""
 
     rows: Int
     ends: Float
@@ -93,14 +87,8 @@ def gather_evidence(
 ) -> tuple[Float, Float, Int]:
     """Count the hits and the free-space violations of each piece of each line.
 
-    A cluster of returns hits the wall that it lies nearest to, and no other.
-
-    Args:
-        lines: The walls.
-        cells: The cells; whom the clusters belong to is written.
-        fresh: The stamps of all walls, which those of these walls are raised of; what other walls
-            lose to them is added to the new evidence.
-        near: How far from a wall [m] a return may lie, beside what noise explains.
+    A cluster of returns hits the wall that it lies nearest to, and no other; what other walls lose
+    to these is new evidence of them.
 
     Returns:
         (pieces, 7) numbers of hits, of free-space violations, of beams that would be hits had they

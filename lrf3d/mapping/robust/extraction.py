@@ -16,9 +16,9 @@ from lrf3d.geometry import Bool, Float, Int
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.laser.noise import USUAL_RANGE
 from lrf3d.mapping.grid import order_of
+from lrf3d.mapping.line_map import LineMap, solid_map
 from lrf3d.mapping.robust.beams import MOST_RANGE, longest_loss, plain, range_deviation
 from lrf3d.mapping.robust.segmentation import LEAST_POINTS, fit_wall, segment_cluster
-from lrf3d.mapping.segment_table import SegmentTable
 
 GRAZING_ANGLE = np.radians(8.0)
 """[rad] Walls met at a smaller angle than this cannot be told from a gap any more."""
@@ -150,19 +150,10 @@ def extract_walls(
     gap: float,
     local: LocalWalls,
 ) -> int:
-    """Find the walls of a scan.
+    """Fill in the walls (≥ n // 3 rows) of a scan with a heading [rad]; returns how many.
 
-    Args:
-        theta: Heading of the laser [rad].
-        angles: (n,) angles of the beams from the heading [rad].
-        ranges: (n,) measured ranges [m]; what is no number above 0 is no return.
-        range_max: Farthest range [m] that counts.
-        noise: The noise of the ranges.
-        gap: The gap [m] that parts two clusters however far they are.
-        local: (≥ n // 3 rows) is filled with the walls.
-
-    Returns:
-        How many there are.
+    Of the ranges (n,) along angles (n,) those above 0 and up to range_max count; a gap [m] parts
+    clusters however far they are.
     """
     ends, moments, labels = local
     beams, reaches, deviations, joined = sorted_returns(
@@ -339,7 +330,7 @@ class LikelihoodExtractor:
         )
         return LocalWalls(ends[:count], moments[:count], local.labels[:count])
 
-    def __call__(self, scan: LaserScan) -> SegmentTable:
-        """The local map of a scan, in the world's directions around the laser's place."""
-        ends, moments, labels = self.walls(scan, float(scan.pose.theta), self.noise(scan))
-        return SegmentTable(ends, moments, labels[:, 0], labels[:, 1])
+    def local_map(self, scan: LaserScan) -> LineMap:
+        """The walls of one scan in the world; those of a cluster are an object."""
+        ends, _, labels = self.walls(scan, float(scan.pose.theta), self.noise(scan))
+        return solid_map(ends + np.tile(scan.pose[:2], 2), labels[:, 1], labels[:, 0])

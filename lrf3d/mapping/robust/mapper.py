@@ -13,11 +13,10 @@ from lrf3d.mapping.grid import Grid, filled
 from lrf3d.mapping.line_map import LineMap, solid_map
 from lrf3d.mapping.robust.beams import Beams, Frame, fingerprint, widen
 from lrf3d.mapping.robust.cells import LEAST, Cells, NewEvidence, open_squares
-from lrf3d.mapping.robust.corners import close_corners
 from lrf3d.mapping.robust.extraction import LikelihoodExtractor, LocalWalls
 from lrf3d.mapping.robust.judging import add_beams
 from lrf3d.mapping.robust.noise_estimate import NoiseEstimate
-from lrf3d.mapping.robust.objects import Links, find_objects, link_walls
+from lrf3d.mapping.robust.objects import Links, close_corners, find_objects, link_walls
 from lrf3d.mapping.robust.optics import Optics
 from lrf3d.mapping.robust.refinement import choose_walls, replace_walls
 from lrf3d.mapping.robust.refitting import refit_walls
@@ -29,10 +28,7 @@ Place = tuple[float, float]
 class RobustMapper:
     """Likeliest walls, exact fits to all points, and the evidence of all beams.
 
-    Args:
-        extract: Finds the walls of a scan.
-        rule: What one wall is.
-        least: Walls with fewer hits than this are kept back until they have more.
+    Walls with fewer hits than the least are kept back until they have more.
     """
 
     def __init__(self, extract: LikelihoodExtractor, rule: Rule, least: int) -> None:

@@ -53,40 +53,26 @@ TUNING, CONSISTENT = 1.5476, 0.5
 
 
 class NoiseEstimate:
-    """The noise of ranges: what was assumed at first, and more and more what scans show.
-
-    Args:
-        floor: Least standard deviation [m] at zero distance.
-    """
+    """The noise of ranges as it is `known`: what was assumed, and more and more what scans show."""
 
     def __init__(self, floor: float) -> None:
         self._floor = floor
         # How many differences there were, by range and by size.
         self._counts = np.zeros((RANGE_BINS, RESIDUAL_BINS), np.int64)
         self._total = self._fitted = 0
-        self._noise: RangeNoise | None = None
+        self.known: RangeNoise | None = None
 
     def update(self, scan: LaserScan, assumed: RangeNoise) -> RangeNoise:
-        """Learn from a scan; returns the noise as it is known now.
-
-        Args:
-            scan: The scan.
-            assumed: The noise that was assumed at first.
-        """
-        known = assumed if self._noise is None else self._noise
+        """Learn from a scan; returns the noise as it is known now, not that assumed at first."""
+        known = assumed if self.known is None else self.known
         self._total += count_residuals(
             plain(scan.angles), plain(scan.ranges), known, NOISE_RANGES, self._counts
         )
         # The more is known, the less another scan changes it.
-        if self._noise is None or self._total > NOISE_STEPS * self._fitted:
-            self._noise = self._fit(assumed)
+        if self.known is None or self._total > NOISE_STEPS * self._fitted:
+            self.known = self._fit(assumed)
             self._fitted = self._total
-        return self._noise
-
-    @property
-    def known(self) -> RangeNoise | None:
-        """The noise as it is known now; None before the first scan."""
-        return self._noise
+        return self.known
 
     def _fit(self, assumed: RangeNoise) -> RangeNoise:
         """The floor and the growth that fit the scales at all ranges."""
@@ -120,15 +106,7 @@ def count_residuals(
 ) -> int:
     """Count by how much ranges differ from those that their neighbours give on a flat wall.
 
-    Args:
-        angles: (beams,) angles of the beams [rad].
-        ranges: (beams,) measured ranges [m].
-        noise: The noise as it is known so far.
-        edges: (bins + 1,) the ranges [m] between which differences are counted together.
-        counts: (bins, sizes) is added to.
-
-    Returns:
-        How many were counted.
+    Counts (bins, sizes) of those between two edges (bins + 1,) [m] are added to; returns how many.
     """
     # The last five beams that returned, and how many of them follow each other without a jump.
     last = np.full(5, -1)

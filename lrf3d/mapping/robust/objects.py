@@ -6,11 +6,13 @@ link that runs before one of them, to a corner that was not seen, must be short.
 only where every line of sight from wall to wall is blocked, and two objects of several walls are
 joined only by two such links: a single one may be a lane that no beam happened to find.
 
+Ends of walls of one object that all but meet are moved to where their lines cross.
+
 One table holds the links of each wall to those around it. The beams are asked about them when the
 wall is new, and again in turn; objects are worked out of the table when a map is read.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +22,7 @@ from lrf3d.geometry import Float, Int
 from lrf3d.mapping.grid import Grid, near, order_of
 from lrf3d.mapping.robust.cells import FREE_DEPTH, Cells
 from lrf3d.mapping.robust.crossing import LINK_SINE, is_crossed
-from lrf3d.mapping.robust.walls import Walls
+from lrf3d.mapping.robust.walls import Walls, copy_columns
 
 TOUCH = 0.1
 """[m] Walls that come nearer than this touch: no beam between them need be trusted."""
@@ -33,25 +35,22 @@ LONGEST_LINK = 15.0
 """[m] Longest link behind two walls: as deep as most buildings are."""
 
 MOST_LINKS = 24
-"""[links] How many others a new wall is linked with, the nearest ones."""
+"""[links] Others that a new wall is linked with, the nearest ones."""
 
 BEHIND_SINE = 0.3
 """[sine] Angle by which a link may run before a wall and still count as behind it."""
 
 STRAY_BEAMS = 1
-"""[beams] How many may cross a short link: noise that lets one through is rare, but links are
-many."""
+"""[beams] How many may cross a short link: noise rarely lets one through, but links are many."""
 
 CORNER_BEAMS = 8
-"""[beams] How many may reach into the corner behind a short link: by more the corner was seen, and
-what joins there was seen too."""
+"""[beams] How many may reach into the corner behind a short link: by more the corner was seen."""
 
 NICHE_DEPTH = 0.5
 """[share] How deep such a corner may be, as a part of the link's length."""
 
 SIGHT_PLACES = (0.1, 0.5, 0.9)
-"""[share] Where on two walls the lines of sight between them begin and end, as parts of their
-lengths."""
+"""[share] Where along two walls the lines of sight between them begin and end."""
 
 SEVERAL_WALLS = 3
 """[walls] From this number of walls on, an object is joined to another such by two long links."""
@@ -60,8 +59,16 @@ SECOND_LINK = 1.0
 """[m] How much longer the second of the two may be: a much longer one leads past more walls."""
 
 LINKS_A_TURN = 8
-"""[links] How many links an update asks the beams about again. It changes how soon objects come
-apart that are two."""
+"""[links] How many an update asks the beams about again: so objects come apart that are two."""
+
+CORNER_REACH = 0.3
+"""[m] Two walls meet where their lines cross no farther than this from an end of each."""
+
+CORNER_TRIM = 0.1
+"""[m] An end is taken back to a corner by no more than this: beams hit the wall beyond it."""
+
+CORNER_SINE = 0.25
+"""[sine] Turn below which two walls have no corner: their lines cross at an arbitrary place."""
 
 CROSSED, JOINS, BLOCKED, OPEN = 1, 2, 3, 4
 """What a link is: beams have crossed it; it joins two walls; it is long, and either no line of
@@ -71,15 +78,9 @@ sight is open behind both of its walls, or one is."""
 class Links(NamedTuple):
     """The links of each wall, a row of them for each.
 
-    Args:
-        others: (rows, MOST_LINKS) the wall at the other end of each.
-        versions: (rows, MOST_LINKS) the other's version when they were linked: of another, the
-            link is none any more.
-        kinds: (rows, MOST_LINKS) what each is.
-        lengths: (rows, MOST_LINKS) how long each is [m].
-        counts: (rows,) how many links there are.
-        own: (rows,) each wall's version: how often it was linked.
-        turn: (1,) the wall whose links are asked about next.
+    The wall at the other end of each (rows, MOST_LINKS) and its version when they were linked: of
+    another version, the link is none any more; what each is, and its length [m]; how many links
+    each wall (rows,) has, and its own version; and the wall whose links are asked about next.
     """
 
     others: NDArray[np.int32]
@@ -105,10 +106,7 @@ class Links(NamedTuple):
         if rows <= len(self.own):
             return self
         grown = Links.of_size(rows)
-        columns: list[NDArray[Any]] = list(self)
-        wider: list[NDArray[Any]] = list(grown)
-        for own, column in zip(columns, wider, strict=True):
-            column[: len(own)] = own
+        copy_columns(self, grown)
         return grown
 
 
@@ -132,16 +130,12 @@ def link_walls(links: Links, walls: Walls, grid: Grid, cells: Cells, rows: Int) 
                 continue
             if not measure_link(walls.ends[wall], walls.ends[other], lines[MOST_LINKS]):
                 continue
-            length = np.hypot(
-                lines[MOST_LINKS, 2] - lines[MOST_LINKS, 0],
-                lines[MOST_LINKS, 3] - lines[MOST_LINKS, 1],
-            )
+            line = lines[MOST_LINKS]
+            length = np.hypot(line[2] - line[0], line[3] - line[1])
             if length > reach:
                 continue
             place = found if found < MOST_LINKS else farthest
-            links.others[wall, place], lengths[place] = other, length
-            for column in range(5):
-                lines[place, column] = lines[MOST_LINKS, column]
+            links.others[wall, place], lengths[place], lines[place] = other, length, line
             found = min(found + 1, MOST_LINKS)
             if found == MOST_LINKS:
                 farthest = int(np.argmax(lengths))
@@ -183,10 +177,7 @@ def is_link(links: Links, walls: Walls, wall: int, place: int) -> bool:
 
 @inner
 def measure_link(one: Float, other: Float, link: Float) -> bool:
-    """Fill in the link (5,) of two walls (4,); returns whether it may join them.
-
-    It is x1 y1 x2 y2, and 1 where it runs before a wall.
-    """
+    """Fill in the link x1 y1 x2 y2 of two walls, 1 if it runs before one; whether it may join."""
     _shortest_link(one, other, link)
     length = np.hypot(link[2] - link[0], link[3] - link[1])
     if length > LONGEST_LINK:
@@ -348,3 +339,61 @@ def _unite(parents: Int, sizes: Int, one: int, other: int) -> None:
         kept, gone = min(one, other), max(one, other)
         parents[gone] = kept
         sizes[kept] += sizes[gone]
+
+
+@compiled
+def close_corners(ends: Float, objects: Int) -> Float:
+    """The walls (m, 4), each of an object (m,), with closed corners."""
+    closed, places = ends.copy(), ends.copy().reshape(-1, 2)
+    order = order_of(places[:, 0])
+    count, partners, corner = len(places), np.full(len(places), -1), np.empty(2)
+    # Ends that are farther apart meet nowhere near to both.
+    farthest = 2.01 * CORNER_REACH
+    least = np.full(count, farthest * farthest)
+    for k in range(count):
+        end = order[k]
+        after = k + 1
+        # An end is named by twice its wall, and one more for the second one.
+        while after < count and places[order[after], 0] - places[end, 0] <= farthest:
+            other = order[after]
+            after += 1
+            dx, dy = places[other, 0] - places[end, 0], places[other, 1] - places[end, 1]
+            away = dx * dx + dy * dy
+            if away > max(least[end], least[other]) or objects[end >> 1] != objects[other >> 1]:
+                continue
+            if end >> 1 == other >> 1 or not _crossing(ends, end, other, corner):
+                continue
+            # Of equally near ones the order of the rows decides.
+            for one, two in ((end, other), (other, end)):
+                if away < least[one] or (away == least[one] and two < partners[one]):
+                    partners[one], least[one] = two, away
+    for end in range(count):
+        other = partners[end]
+        if other >= 0 and partners[other] == end and _crossing(ends, end, other, corner):
+            closed[end >> 1, 2 * (end & 1)] = corner[0]
+            closed[end >> 1, 2 * (end & 1) + 1] = corner[1]
+    return closed
+
+
+@inner
+def _crossing(ends: Float, end: int, other: int, corner: Float) -> bool:
+    """Fill in the corner (2,) where the walls of two ends cross; whether it is near to both."""
+    one, side, two, turned = end >> 1, end & 1, other >> 1, other & 1
+    ux, uy = ends[one, 2] - ends[one, 0], ends[one, 3] - ends[one, 1]
+    vx, vy = ends[two, 2] - ends[two, 0], ends[two, 3] - ends[two, 1]
+    own, across = np.hypot(ux, uy), np.hypot(vx, vy)
+    turn = ux * vy - uy * vx
+    if abs(turn) < CORNER_SINE * own * across:
+        return False
+    dx = ends[two, 2 * turned] - ends[one, 2 * side]
+    dy = ends[two, 2 * turned + 1] - ends[one, 2 * side + 1]
+    ahead, back = (dx * vy - dy * vx) / turn, (dx * uy - dy * ux) / turn
+    if abs(ahead) * own > CORNER_REACH or abs(back) * across > CORNER_REACH:
+        return False
+    # The first end (side 0) is taken back when it moves ahead, the second when it moves back.
+    if (1.0 - 2.0 * side) * ahead * own > min(CORNER_TRIM, 0.5 * own):
+        return False
+    if (1.0 - 2.0 * turned) * back * across > min(CORNER_TRIM, 0.5 * across):
+        return False
+    corner[0], corner[1] = ends[one, 2 * side] + ahead * ux, ends[one, 2 * side + 1] + ahead * uy
+    return True

@@ -10,15 +10,21 @@ from dataclasses import replace
 import numpy as np
 
 from lrf3d.compiling import compiled
-from lrf3d.geometry import Float, Int, directions, lengths
+from lrf3d.geometry import Bool, Float, Int, directions, lengths
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.mapping.line_map import GLASS, MIRROR, WALL, LineMap
 from lrf3d.mapping.robust.beams import Beams, Frame
-from lrf3d.mapping.robust.glass import GRAZING, Glass
-from lrf3d.mapping.robust.ground import DIRECT, NOTHING, TURNED, UNSURE, Ground
-from lrf3d.mapping.robust.intensities import LaserEquation
-from lrf3d.mapping.robust.lit_scans import RANGE, UX, UY, LitScan, LitScans, way_to_first
-from lrf3d.mapping.robust.mirrors import DEPTH, Mirrors
+from lrf3d.mapping.robust.ground import DEPTH, Ground, find_real_parts, sort_returns
+from lrf3d.mapping.robust.light import (
+    RANGE,
+    UX,
+    UY,
+    LaserEquation,
+    LitScan,
+    LitScans,
+)
+from lrf3d.mapping.robust.surface_lines import Flashes, SurfaceLines
+from lrf3d.mapping.robust.surfaces import GRAZING
 
 EDGE = 0.3
 """[m] Beams that pass a mirror by less show neither what is there nor what is not."""
@@ -36,10 +42,18 @@ class Optics:
 
     def __init__(self) -> None:
         self._equation, self._scans = LaserEquation(), LitScans()
-        self._glass, self._mirrors, self._ground = Glass(), Mirrors(), Ground()
+        self._flashes, self._lines, self._ground = (
+            Flashes(),
+            SurfaceLines(),
+            Ground.of_size(),
+        )
 
     def look(
-        self, scan: LaserScan, place: tuple[float, float], heading: float, noise: RangeNoise
+        self,
+        scan: LaserScan,
+        place: tuple[float, float],
+        heading: float,
+        noise: RangeNoise,
     ) -> tuple[LaserScan, LitScan | None]:
         """A scan from a place [m] with a heading [rad] in the map's frame, without images.
 
@@ -56,8 +70,11 @@ class Optics:
         light = np.where(hit, lights * ranges * ranges, 0.0)
         bright = light / self._scans.usual_brightness(light[hit])
         deviations = np.sqrt(noise.variance(ranges))
-        columns = units[:, 0], units[:, 1], ranges, np.abs(free), deviations, light, bright
-        lit = LitScan(np.array(place), heading, np.column_stack(columns))
+        columns = (
+            units.T,
+            [ranges, np.abs(free), deviations, light, bright, np.zeros(len(free))],
+        )
+        lit = LitScan(np.array(place), heading, np.ascontiguousarray(np.vstack(columns).T))
         turned = np.isfinite(self._limits(lit))
         if turned.any():
             seen = np.where(turned, -np.inf, scan.ranges[order])
@@ -69,58 +86,49 @@ class Optics:
 
     def _limits(self, lit: LitScan) -> Float:
         """How far [m] the beams (n,) of a scan went before they were turned, or infinity."""
-        way, _ = lit.crossings(self._mirrors.segments)
-        grazing, cos = lit.crossings(self._glass.segments)
-        way = np.concatenate([way, np.where(cos < GRAZING, grazing, np.inf)])
-        first: Float = way.min(axis=0, initial=np.inf)
+        first = np.full(len(lit.rays), np.inf)
+        for segments, steepest in (
+            (self._lines.mirrors, 1.0),
+            (self._lines.glass, GRAZING),
+        ):
+            if len(segments):
+                way, cos = crossings(lit, segments[:, :4])
+                first = np.minimum(first, np.where(cos <= steepest, way, np.inf).min(axis=0))
         return np.where(lit.rays[:, RANGE] > first + DEPTH, first, np.inf)
 
     def update(self, lit: LitScan, walls: Float, segments: Float) -> None:
-        """Learn from a scan.
-
-        Args:
-            lit: The scan.
-            walls: (w, 4) the walls that it shows, around the laser [m].
-            segments: (m, 4) the segments of the map [m].
-        """
-        reflectances = self._equation.reflectances(lit.rays, walls)
-        self._glass.add(lit)
+        """Learn from a scan, its walls (w, 4) around the laser, and segments (m, 4) of the map."""
+        self._equation.read(lit.rays, walls)
+        self._flashes.add(lit)
         if not self._scans.keep(lit):
             return
-        known = reflectances > 0.0
-        self._ground.add_light(lit.ends[known], reflectances[known])
-        changed = False
+        self._sort(newest=True)
         if self._equation.fits:
-            self._mirrors.add(self._scans.count, lit.place, walls + np.tile(lit.place, 2), segments)
-            mirrors = self._mirrors
-            self._glass.look(self._scans, segments, mirrors.segments)
-            changed = mirrors.look(self._scans, segments, self._glass.segments, self._ground)
-        self._sort(slice(None) if changed else slice(self._scans.newest, self._scans.newest + 1))
+            self._lines.add_images(
+                self._scans.count, lit.place, walls + np.tile(lit.place, 2), segments
+            )
+            if self._lines.look(self._scans, self._flashes, segments, self._ground):
+                self._sort(newest=False)
 
-    def _sort(self, rows: slice) -> None:
+    def _sort(self, newest: bool) -> None:
         """Count where beams of kept scans ended, as it is known now which of them were turned."""
-        scans, mirrors = self._scans, self._mirrors.segments
-        places, rays, kinds = scans.places[rows], scans.rays[rows], scans.kinds[rows]
-        found = np.zeros_like(kinds)
-        along = EDGE * np.tile(directions(mirrors), 2) * [-1.0, -1.0, 1.0, 1.0]
-        sort_returns(places, rays, mirrors, mirrors + along, found)
-        ends = places[:, None] + rays[..., RANGE, None] * rays[..., [UX, UY]]
-        changed = found != kinds
-        self._ground.add(
-            ends[changed & (kinds != NOTHING)], kinds[changed & (kinds != NOTHING)], -1
-        )
-        self._ground.add(ends[changed], found[changed])
-        kinds[:] = found
+        places, rays, kinds = self._scans.rows(newest)
+        mirrors = self._lines.mirrors
+        wider = mirrors.copy()
+        wider[:, :4] += EDGE * np.tile(directions(mirrors[:, :4]), 2) * [-1.0, -1.0, 1.0, 1.0]
+        self._ground = self._ground.with_room(kinds.size)
+        sort_returns(places, rays, kinds, mirrors, wider, self._ground)
 
     def show(self, line_map: LineMap, frame: Frame) -> LineMap:
         """A map in the world with what is known to be glass or a mirror in it."""
-        glass, mirrors = self._glass.segments, self._mirrors.segments
+        glass, mirrors = self._lines.glass[:, :4], self._lines.mirrors[:, :4]
         if not (self._equation.fits and (len(glass) or len(mirrors))):
             return line_map
         segments, rows = line_map.segments, np.arange(len(line_map))
         if len(mirrors):
             segments, rows = self._without_images(segments, frame)
-        special, kept = absorb(frame.in_world(np.concatenate([glass, mirrors])), segments)
+        special, kept = frame.in_world(np.concatenate([glass, mirrors])), np.full(len(rows), True)
+        absorb(special, segments, kept)
         segments, rows = segments[kept], rows[kept]
         objects = line_map.objects[rows]
         objects = np.concatenate([objects, objects_of(special, segments, objects)])
@@ -128,83 +136,71 @@ class Optics:
             np.concatenate([segments, special]),
             np.unique(objects, return_inverse=True)[1],
             np.concatenate([line_map.points[rows], np.full(len(special), 2)]),
-            np.repeat([WALL, GLASS, MIRROR], [len(kept), len(glass), len(mirrors)]),
+            np.repeat([WALL, GLASS, MIRROR], [len(rows), len(glass), len(mirrors)]),
         )
 
     def _without_images(self, segments: Float, frame: Frame) -> tuple[Float, Int]:
         """The parts (n, 4) of segments (m, 4) that not only mirrors show, and of which each is."""
-        ends = frame.of_world(segments.reshape(-1, 2)).reshape(-1, 4)
-        rows, shares = self._ground.real_parts(ends)
-        start, along = segments[rows, None, :2], segments[rows, None, 2:] - segments[rows, None, :2]
-        return (start + shares[..., None] * along).reshape(-1, 4), rows
+        ends, parts = (
+            frame.of_world(segments.reshape(-1, 2)),
+            np.empty((2 * len(segments) + 99, 3)),
+        )
+        parts = parts[: find_real_parts(self._ground, ends.reshape(-1, 4), parts)]
+        rows = parts[:, 0].astype(np.int64)
+        start, along = (
+            segments[rows, None, :2],
+            segments[rows, None, 2:] - segments[rows, None, :2],
+        )
+        return (start + parts[:, 1:, None] * along).reshape(-1, 4), rows
+
+
+def crossings(lit: LitScan, segments: Float) -> tuple[Float, Float]:
+    """How far [m] the beams of a scan went to segments (m, 4), or infinity, and their cosines."""
+    x, y = (segments[:, :2] - lit.place).T[:, :, None]
+    size = lengths(segments)
+    dx, dy = directions(segments).T[:, :, None]
+    across = dx * lit.rays[:, UY] - dy * lit.rays[:, UX]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        way = (dx * y - dy * x) / across
+        station = way * (dx * lit.rays[:, UX] + dy * lit.rays[:, UY]) - (dx * x + dy * y)
+    on = (way > 0.0) & (station > 0.0) & (station < size[:, None])
+    return np.where(on, way, np.inf), np.abs(across)
 
 
 @compiled
-def sort_returns(places: Float, rays: Float, mirrors: Float, wider: Float, kinds: Int) -> None:
-    """Find what the beams (k, n) of scans from places (k, 2) show where they ended.
+def absorb(stretches: Float, segments: Float, kept: Bool) -> None:
+    """Take segments (m, 4) of a map that lie on stretches (g, 4) of glass or a mirror for parts.
 
-    Args:
-        places: Where the scans were taken [m].
-        rays: (k, n, 7) their rays.
-        mirrors: (m, 4) the mirrors [m].
-        wider: (m, 4) the same and their rims: beams through these show nothing.
-        kinds: (k, n) is filled.
+    Stretches become as long as what they take in; what is kept (m,) is not of them.
     """
-    for scan in range(len(places)):
-        for beam in range(rays.shape[1]):
-            ray = rays[scan, beam]
-            if ray[RANGE] <= 0.0:
-                kinds[scan, beam] = NOTHING
-            elif way_to_first(places[scan], ray, mirrors) < ray[RANGE] - DEPTH:
-                kinds[scan, beam] = TURNED
-            elif way_to_first(places[scan], ray, wider) < ray[RANGE] - DEPTH:
-                kinds[scan, beam] = UNSURE
-            else:
-                kinds[scan, beam] = DIRECT
-
-
-def absorb(stretches: Float, segments: Float) -> tuple[Float, Int]:
-    """Take segments of a map that lie on glass or a mirror for parts of it.
-
-    Args:
-        stretches: (g, 4) of glass and mirrors [m].
-        segments: (m, 4) segments of the map [m].
-
-    Returns:
-        The stretches, as long as what they take in, and the rows of the other segments.
-    """
-    stretches, kept = stretches.copy(), np.ones(len(segments), np.bool_)
-    units, sizes = directions(segments), lengths(segments)
-    for row, (own, unit, size) in enumerate(
-        zip(stretches, directions(stretches), lengths(stretches), strict=True)
-    ):
-        ends = segments.reshape(-1, 2, 2) - own[:2]
-        along = ends @ unit
-        aside = np.abs(ends[:, :, 1] * unit[0] - ends[:, :, 0] * unit[1]).max(axis=1)
-        shared = np.minimum(along.max(axis=1), size) - np.maximum(along.min(axis=1), 0.0)
-        sine = np.abs(units[:, 0] * unit[1] - units[:, 1] * unit[0])
-        within = (aside < ABSORBED_DISTANCE) & (sine < ABSORBED_SINE) & kept
-        within &= shared > ABSORBED * sizes
-        if within.any():
-            kept &= ~within
-            low = min(0.0, float(along[within].min()))
-            high = max(float(size), float(along[within].max()))
-            stretches[row] = np.concatenate([own[:2] + low * unit, own[:2] + high * unit])
-    return stretches, np.flatnonzero(kept)
+    for row in range(len(stretches)):
+        x, y = stretches[row, 0], stretches[row, 1]
+        ux, uy = stretches[row, 2] - x, stretches[row, 3] - y
+        size = np.hypot(ux, uy)
+        ux, uy = ux / size, uy / size
+        low, high = 0.0, size
+        for other in range(len(segments)):
+            x1, y1, x2, y2 = segments[other]
+            length = np.hypot(x2 - x1, y2 - y1)
+            aside = (y1 - y) * ux - (x1 - x) * uy, (y2 - y) * ux - (x2 - x) * uy
+            along = (x1 - x) * ux + (y1 - y) * uy, (x2 - x) * ux + (y2 - y) * uy
+            if not kept[other] or max(abs(aside[0]), abs(aside[1])) >= ABSORBED_DISTANCE:
+                continue
+            shared = min(max(along[0], along[1]), size) - max(min(along[0], along[1]), 0.0)
+            if shared > ABSORBED * length and abs(aside[1] - aside[0]) < ABSORBED_SINE * length:
+                kept[other] = False
+                low, high = min(low, along[0], along[1]), max(high, along[0], along[1])
+        stretches[row, 0], stretches[row, 1] = x + low * ux, y + low * uy
+        stretches[row, 2], stretches[row, 3] = x + high * ux, y + high * uy
 
 
 def objects_of(stretches: Float, segments: Float, objects: Int) -> Int:
-    """The object of each of some stretches: that of a segment whose end it reaches, or a new one.
-
-    Args:
-        stretches: (g, 4) the stretches [m].
-        segments: (m, 4) segments of the map [m].
-        objects: (m,) their objects.
-    """
+    """The object of each stretch (g, 4): that of a segment whose end it reaches, or a new one."""
     found = int(objects.max(initial=-1)) + 1 + np.arange(len(stretches))
     ends = segments.reshape(-1, 2)
     for row, own in enumerate(stretches):
-        apart = np.hypot(*(ends[:, None] - own.reshape(2, 2)).transpose(2, 0, 1)).min(axis=1)
-        if apart.min(initial=np.inf) < JOINS:
+        squares = (ends - own[:2]) ** 2, (ends - own[2:]) ** 2
+        apart = np.minimum(*(square.sum(axis=1) for square in squares))
+        if apart.min(initial=np.inf) < JOINS**2:
             found[row] = objects[int(np.argmin(apart)) // 2]
     return found

@@ -19,7 +19,7 @@ from lrf3d.mapping.robust.cells import (
 )
 from lrf3d.mapping.robust.evidence import FOLLOWED
 from lrf3d.mapping.robust.judging import count_evidence
-from lrf3d.mapping.robust.refitting import VIOLATION_WEIGHT
+from lrf3d.mapping.robust.refitting import VIOLATION_WEIGHT, Parts
 from lrf3d.mapping.robust.walls import UNLINKED, Walls, give_back, take_row
 
 FRESH_SHARE = 0.1
@@ -95,20 +95,11 @@ def replace_walls(
     cells: Cells,
     rows: Int,
     gone: Int,
-    parts: tuple[Float, Float, Int, Int, Bool, Float, Int, Float],
+    parts: Parts,
 ) -> tuple[Int, Int]:
-    """Put the parts of walls in their places.
+    """Put the parts of some walls (n,) in their places, and of those (m,) that became part of them.
 
-    Args:
-        walls: All walls; are written, and have room.
-        grid: Where they are; is written.
-        cells: Whom the clusters belong to is written.
-        rows: (n,) the rows of the walls.
-        gone: (m,) the rows of walls that became a part of these, which are not free yet.
-        parts: See `Parts`.
-
-    Returns:
-        (k,) the rows that are new in their places; (l,) those that are to be linked again.
+    Returns the rows that are new in their places, and those that are to be linked again.
     """
     ends, moments, points, origins, real, evidence, clusters, totals = parts
     old = np.concatenate((rows, gone))
@@ -138,10 +129,7 @@ def replace_walls(
     for part in range(len(ends)):
         moved = places[part] < 0
         row = places[part] = take_row(walls) if moved else places[part]
-        for side in range(4):
-            walls.ends[row, side] = ends[part, side]
-        for column in range(6):
-            walls.moments[row, column] = moments[part, column]
+        walls.ends[row], walls.moments[row] = ends[part], moments[part]
         walls.points[row], walls.real[row] = points[part], real[part]
         walls.evidence[row], walls.fresh[row] = evidence[part], 0.0
         insert(grid, row, walls.ends[row])
@@ -151,8 +139,7 @@ def replace_walls(
         if moved:
             fresh[added] = row
             added += 1
-            for side in range(4):
-                walls.placed[row, side] = ends[part, side]
+            walls.placed[row] = ends[part]
         if moved or points[part] > NEW_POINTS * walls.known[row]:
             walls.known[row] = points[part]
             linked[count] = row
@@ -170,9 +157,7 @@ def replace_walls(
 @inner
 def _hide(walls: Walls, row: int) -> None:
     """Let a wall wait for more hits: it is not shown."""
-    walls.real[row] = False
-    for side in range(4):
-        walls.placed[row, side] = UNLINKED
+    walls.real[row], walls.placed[row] = False, UNLINKED
 
 
 @inner

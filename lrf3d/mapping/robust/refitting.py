@@ -5,8 +5,6 @@ real where the beams that hit it outweigh those that went through it or hit a ne
 split where its points bend by more than a map can be trusted.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from lrf3d.compiling import compiled, inner
@@ -72,43 +70,21 @@ SHORT_WALL = 0.5
 clutter, and what moves, makes short ones of any few returns."""
 
 
-class Parts(NamedTuple):
-    """The parts of walls, in the order of the walls.
-
-    Args:
-        ends: (n, 4) where they are [m].
-        moments: (n, 6) the moments of their points.
-        points: (n,) numbers of their points.
-        walls: (n,) the place of the wall that each is a part of.
-        real: (n,) whether it is enough to be shown.
-        evidence: (n,) hits and weighed violations of each.
-        clusters: (c, 2) the clusters that hit any of the walls, and the part that each hit, or −1.
-        totals: (walls, 2) hits and violations of each wall, where it was before.
-    """
-
-    ends: Float
-    moments: Float
-    points: Int
-    walls: Int
-    real: Bool
-    evidence: Float
-    clusters: Int
-    totals: Float
+Parts = tuple[Float, Float, Int, Int, Bool, Float, Int, Float]
+"""Parts (n,) of walls, in their order: where they are (n, 4) [m], the moments and numbers of their
+points, the place of the wall that each is a part of, whether it is enough to be shown, and
+its hits and weighed violations; the clusters (c, 2) that hit any of the walls, and the part that
+each hit, or −1; and hits and violations (walls, 2) of each wall, where it was before."""
 
 
 @compiled
 def refit_walls(
     rows: Int, ends: Float, cells: Cells, fresh: NewEvidence, near: float, least: int
-) -> tuple[Float, Float, Int, Int, Bool, Float, Int, Float]:
+) -> Parts:
     """The `Parts` of walls (rows, 4), those of some rows (n,).
 
-    Args:
-        rows: The rows.
-        ends: All walls [m].
-        cells: The cells; whom the clusters belong to is written.
-        fresh: New evidence of all walls; is written.
-        near: How far from a wall [m] a return may lie, beside what noise explains.
-        least: Parts with fewer hits are not shown.
+    The cells, and the new evidence of all walls, are written. Returns may lie so near [m] to a wall
+    beside what noise explains; parts with fewer hits than the least are not shown.
     """
     lines = follow(rows, ends)
     first, count = lines.first, len(rows)
@@ -183,11 +159,7 @@ def _weigh(counts: Float) -> tuple[float, float, bool]:
 
 @inner
 def violation_weight(counts: Float) -> float:
-    """What a free-space violation of a piece weighs against a hit.
-
-    Args:
-        counts: (7,) the counts of the piece; see `gather_evidence`.
-    """
+    """What a free-space violation weighs against a hit, by the counts (7,) of a piece."""
     hits, violations, scans, between = counts[0], counts[1], counts[3], counts[4]
     if hits == 0.0:
         return OPEN_WEIGHT
@@ -204,13 +176,7 @@ def violation_weight(counts: Float) -> float:
 
 @inner
 def came_lately(before: float, scans: float, spell: float) -> bool:
-    """Whether a place that was free for long has been hit for a short spell only.
-
-    Args:
-        before: Beams that went through before the first one hit.
-        scans: Scans that hit.
-        spell: Scans from the first to the last of these.
-    """
+    """Whether a place that so many beams went through before was hit for a short spell [scans]."""
     return spell < SETTLED_AFTER and before > max(CAME_BEAMS, CAME_SCANS * scans)
 
 
@@ -330,16 +296,10 @@ def place_part(
     part: Float,
     moments: Float,
 ) -> None:
-    """Fill in the ends (4,) and the moments (6,) of a part of a wall.
+    """Fill in the ends (4,) and the moments (6,) of a part of a wall that is followed (4,) [m].
 
-    Args:
-        ends: (4,) where the wall is followed [m].
-        counts: (n, 7) the counts of its pieces.
-        sums: (n, 6) the sums over the hits of its pieces.
-        run: The first piece of a run of real ones, the first of the part, the first behind it, and
-            the first behind the run.
-        part: Is written.
-        moments: Is written.
+    Counts (n, 7) and sums (n, 6) are those of its pieces; the run is the first piece of a run of
+    real ones, the first of the part, the first behind it, and the first behind the run.
     """
     begin, start, stop, end = run
     ux, uy, length = unit_of(ends)

@@ -35,17 +35,10 @@ times as long."""
 
 @compiled
 def segment_cluster(beams: Float, ranges: Float, deviations: Float, walls: Int) -> int:
-    """Divide a cluster into walls.
+    """Divide a cluster of ranges (n,) along beams (n, 2) into walls; returns how many.
 
-    Args:
-        beams: (n, 2) unit vectors of the beams, in the order in which they turn.
-        ranges: (n,) measured ranges [m].
-        deviations: (n,) standard deviations of the ranges [m].
-        walls: (≥ n // LEAST_POINTS, 2) is filled with the first and the last point of each wall;
-            points between are on none.
-
-    Returns:
-        How many walls there are.
+    ``walls`` (≥ n // LEAST_POINTS, 2) is filled with the first and the last point of each; points
+    between are on none.
     """
     count = len(ranges)
     sums = np.zeros((count + 1, 6))

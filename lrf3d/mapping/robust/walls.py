@@ -9,6 +9,7 @@ The walls of a scan enter. Those that known walls cover add nothing that the cel
 the others are merged with what they fit, and are to be refit.
 """
 
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -101,11 +102,14 @@ class Walls(NamedTuple):
         if rows == len(self.points):
             return self
         grown = Walls.of_size(rows)
-        columns: list[NDArray[Any]] = list(self)
-        larger: list[NDArray[Any]] = list(grown)
-        for own, column in zip(columns, larger, strict=True):
-            column[: len(own)] = own
+        copy_columns(self, grown)
         return grown
+
+
+def copy_columns(table: Iterable[Any], grown: Iterable[Any]) -> None:
+    """Copy the columns of a table into those of a larger one."""
+    for own, column in zip(table, grown, strict=True):
+        column[: len(own)] = own
 
 
 class Rule(NamedTuple):
@@ -146,8 +150,7 @@ def give_back(walls: Walls, row: int) -> None:
     """Make a row free; the grid holds it no more."""
     walls.points[row], walls.real[row] = 0, False
     walls.stamps[row] += 1
-    for side in range(4):
-        walls.placed[row, side] = UNLINKED
+    walls.placed[row] = UNLINKED
     walls.free[walls.used[1]] = row
     walls.used[1] += 1
 
@@ -162,20 +165,10 @@ def merge_walls(
     cells: Cells,
     rule: Rule,
 ) -> tuple[Int, Int]:
-    """Add the walls of a scan, and merge them with what they fit.
+    """Add the walls of a scan (ends, moments and points around its place [m]), merge what fits.
 
-    Args:
-        walls: All walls; are written.
-        grid: Where they are; is written.
-        new: The ends, moments and numbers of points of the scan's walls around the laser.
-        place: Where the laser is [m].
-        waiting: (n,) walls that have changed, and may fit others now.
-        cells: The cells.
-        rule: What one wall is.
-
-    Returns:
-        The rows of the walls that are new or were merged, rising, and of those that became a part
-        of them, which are not free yet.
+    Walls that have changed (n,) may fit others now, too. Returns the rows of the walls that are new
+    or were merged, rising, and of those that became a part of them, which are not free yet.
     """
     ends, moments, points = new
     queue = np.empty(len(waiting) + 2 * len(points) + walls.used[0] + 1, np.int64)
@@ -191,8 +184,7 @@ def merge_walls(
         row = take_row(walls)
         for side in range(4):
             walls.ends[row, side] = ends[k, side] + place[side % 2]
-        for side in range(6):
-            walls.moments[row, side] = moments[k, side]
+        walls.moments[row] = moments[k]
         walls.moments[row, 1] += place[0]
         walls.moments[row, 2] += place[1]
         walls.points[row] = points[k]

@@ -1,11 +1,11 @@
-// Walls and roofs. PLAIN ones have nothing painted on them; of rooms, CUT ones hide no robot; FADED
-// ones become ghosts. What is not needed is left out: each value takes time for each pixel.
+// Walls and roofs. PLAIN ones have nothing painted on them; FADED ones become ghosts. What is not
+// needed is left out: each value takes time for each pixel.
 uniform float ghost;        // how far they have faded
 uniform vec4 cut;           // robot x, y, and the level direction to the eye
-uniform float slope;        // rise of the line of sight from the robot to the eye
+uniform float slope;        // how much higher walls may be nearer to the eye
 #ifdef VERTEX
 layout(location = 0) in vec3 position;
-layout(location = 1) in vec3 place;
+layout(location = 1) in vec3 painted;
 layout(location = 2) in vec3 colour;
 layout(location = 3) in vec3 bright;
 layout(location = 4) in vec3 shaded;
@@ -13,34 +13,30 @@ layout(location = 5) in float under_shadow;
 out vec3 way;               // from the eye, in units of the haze
 out vec2 texel;             // along and up the texture
 out float under;            // how far under the edge of its shadow [m]
-#ifdef CUT
-out vec3 over;              // how far toward the eye from the robot, aside, and how high [m]
-#endif
 flat out float layer;
 flat out vec3 wall;         // colour of the wall
 out vec3 light;             // how much of each colour the face gets in the sun
 out vec3 shade;             // and where the sun is hidden
 void main() {
-    texel = place.xy * TILE;
-    layer = place.z;
+    texel = painted.xy * TILE;
+    layer = painted.z;
     wall = colour;
     light = bright;
     shade = shaded;
     under = under_shadow;
-    way = (position - eye) * thick;
-#ifdef CUT
-    vec2 off = position.xy - cut.xy;
-    over = vec3(dot(off, cut.zw), dot(off, vec2(-cut.w, cut.z)), position.z);
-#endif
-    gl_Position = view_projection * vec4(position, 1.0);
+    // Walls of rooms sink where they would hide the robot: they are cut small for their light.
+    vec3 place = position;
+    vec2 off = place.xy - cut.xy;
+    float toward = dot(off, cut.zw), aside = abs(dot(off, vec2(-cut.w, cut.z)));
+    float high = clamp(LEFT_STANDING.x + slope * toward, LEFT_STANDING.x, LEFT_STANDING.y);
+    if (toward > -CUT_BEFORE && slope > 0.0) place.z = min(place.z, high + NOTCH.y * max(aside - NOTCH.x, 0.0));
+    way = (place - eye) * thick;
+    gl_Position = view_projection * vec4(place, 1.0);
 }
 #else
 in vec3 way;
 in vec2 texel;
 in float under;
-#ifdef CUT
-in vec3 over;
-#endif
 flat in float layer;
 flat in vec3 wall;
 in vec3 light;
@@ -75,11 +71,6 @@ void main() {
 #else
     vec4 paint = painted();
     vec3 result = wall * paint.a + paint.rgb;
-#endif
-#ifdef CUT
-    float high = clamp(LEFT_STANDING.x + slope * over.x, LEFT_STANDING.x, LEFT_STANDING.y);
-    high += NOTCH.y * max(abs(over.y) - NOTCH.x, 0.0);
-    if (over.x > 0.0 && over.z > high) discard;
 #endif
     vec3 seen = hazed(result * mix(light, shade, shadowed), way);
 #ifdef FADED

@@ -1,17 +1,17 @@
-"""StorageCount: the numbers that a map takes as unions, as polylines and as an occupancy grid.
+"""The numbers that a map takes as unions, as polylines and as an occupancy grid.
 
 Section 4 of Teslić et al. compares them; union is the paper's word for an object of the map.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from lrf3d.geometry import Float, Int
+from lrf3d.mapping import LineMap
 from lrf3d.run import Run
 from lrf3d.scoring.matching import sample_counts, sample_offsets
-from lrf3d.scoring.report import Report
 
 GRID_CELL = 0.1
 """Size of a cell of the occupancy grid [m]."""
@@ -26,55 +26,41 @@ ALONGSIDE = np.deg2rad(30.0)
 """Largest angle between two views of one wall [rad]: short noisy segments vary in direction."""
 
 
-@dataclass(frozen=True, slots=True)
-class StorageCount(Report):
+class Storage(NamedTuple):
     """The numbers that it takes to store the map of a run.
 
-    Args:
-        segments: Line segments of the map.
-        unions: Unions of the map.
-        union_numbers: Four numbers for each segment, and one for the label of its union.
-        union_numbers_unlabelled: The same without the labels.
-        polylines: Polylines that a polyline mapper would hold.
-        polyline_lines: Lines that these are made of.
-        polyline_numbers: Two numbers for each vertex.
-        grid_cells: Cells of an occupancy grid of 0.1 m over all reflection points and poses.
+    Unions take four for each segment and a label, polylines two for each vertex; the grid has cells
+    of 0.1 m over all reflection points and poses.
     """
 
-    segments: int
-    unions: int
     union_numbers: int
-    union_numbers_unlabelled: int
-    polylines: int
-    polyline_lines: int
     polyline_numbers: int
     grid_cells: int
 
 
-def storage(run: Run, polylines: Sequence[Sequence[Float]]) -> StorageCount:
-    """Count the numbers of the map of a run as unions, as polylines and as an occupancy grid.
+def storage(run: Run, local_maps: Sequence[LineMap]) -> Storage:
+    """Count the numbers of the map of a run, from the local map of each of its scans.
 
     A polyline is a chain of consecutive segments of one scan; views from different
     sides are not joined (reference [5] of Teslić et al.). A polyline is kept unless nine tenths
     of its length lie along those kept already; those that it makes redundant likewise are removed.
-
-    Args:
-        run: The run.
-        polylines: For each scan, the polylines of its local map: arrays (k, 2) of vertices [m]
-            in the world.
     """
+    polylines = [local_polylines(local) for local in local_maps]
     held = held_polylines(polylines, TOLERANCE + _noise(run))
-    vertices = sum(len(polyline) for polyline in held)
-    return StorageCount(
-        segments=len(run.map),
-        unions=run.map.object_count,
-        union_numbers=5 * len(run.map),
-        union_numbers_unlabelled=4 * len(run.map),
-        polylines=len(held),
-        polyline_lines=vertices - len(held),
-        polyline_numbers=2 * vertices,
-        grid_cells=_grid_cells(run),
-    )
+    return Storage(5 * len(run.map), 2 * sum(map(len, held)), _grid_cells(run))
+
+
+def local_polylines(local: LineMap) -> list[Float]:
+    """Vertices (k, 2) of each polyline of the map of one scan.
+
+    The vertex of two consecutive segments lies midway between their ends.
+    """
+    polylines = []
+    for number in np.unique(local.objects):
+        segments = local.segments[local.objects == number]
+        middle = 0.5 * (segments[:-1, 2:] + segments[1:, :2])
+        polylines.append(np.concatenate([segments[:1, :2], middle, segments[-1:, 2:]]))
+    return polylines
 
 
 def held_polylines(polylines: Sequence[Sequence[Float]], tolerance: float) -> list[Float]:
