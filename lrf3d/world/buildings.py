@@ -13,7 +13,7 @@ from lrf3d.errors import WorldError
 from lrf3d.geometry import Float, Int
 from lrf3d.world.features import Feature
 from lrf3d.world.model import DEFAULT_HEIGHT, World
-from lrf3d.world.pieces import walls
+from lrf3d.world.pieces import from_corner, walls
 
 DEFAULT_BUILDING_HEIGHT = 8.0
 """Default height of a building [m]: two storeys and a roof."""
@@ -175,13 +175,7 @@ def _straightened(ring: Float) -> Float:
     """The corners of a ring (k, 2) that do not lie on straight walls."""
     import shapely
 
-    before, after = np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0)
-    base, arm = after - before, ring - before
-    cross = np.abs(base[:, 0] * arm[:, 1] - base[:, 1] * arm[:, 0])
-    # Simplifying keeps the ends of a line, so the ring is opened at its sharpest corner.
-    sharpest = int(np.argmax(cross / np.maximum(np.hypot(base[:, 0], base[:, 1]), 1e-12)))
-    opened = np.roll(ring, -sharpest, axis=0)
-    line = shapely.linestrings(np.vstack([opened, opened[:1]]))
+    line = shapely.linestrings(from_corner(np.vstack([ring, ring[:1]])))
     kept = shapely.get_coordinates(shapely.simplify(line, STRAIGHT))
     return ring[np.isin(ring @ [1.0, 1.0j], kept @ [1.0, 1.0j])]
 

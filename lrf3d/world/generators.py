@@ -42,9 +42,6 @@ SHIFT, HALF, LARGEST_TURN = 2.0, (4.0, 7.0), 0.3
 """Largest offset of a building from the centre of its block [m], range of half of its side lengths
 [m], and largest turn [rad]: the narrowest street is 3 m wide."""
 
-AISLE = 1.5
-"""Largest offset of a pose from the centre of a crossing [m], clear of all buildings."""
-
 PASSAGE = 2.6
 """Distance between neighbouring walls of a maze [m]."""
 
@@ -235,24 +232,6 @@ def city_blocks(walls: int) -> tuple[int, int]:
     """Width and height [blocks] of a city with a number of walls; its last row may be shorter."""
     columns = max(1, math.isqrt(max(1, walls // 4) - 1) + 1)
     return columns, -(-(walls // 4) // columns)
-
-
-def city_crossings(walls: int, count: int, *, seed: int = 0, spread: int | None = None) -> Float:
-    """Poses (count, 3) at the crossings of a generated city, at any heading.
-
-    Args:
-        walls: Number of walls of the city.
-        count: Number of poses.
-        seed: The same seed gives the same poses.
-        spread: Number of crossings in each direction around the middle, as on a drive; the whole
-            city if not given.
-    """
-    rng = np.random.default_rng(seed)
-    crossings = np.maximum(np.array(city_blocks(walls)) - 1, 1)
-    wide = crossings if spread is None else np.minimum(spread, crossings)
-    cells = (crossings - wide) // 2 + rng.integers(0, wide, (count, 2))
-    positions = BLOCK_SIDE * (cells + 0.5) + rng.uniform(-AISLE, AISLE, (count, 2))
-    return np.column_stack([positions, rng.uniform(-np.pi, np.pi, count)])
 
 
 def maze(size: float, seed: int) -> World:
