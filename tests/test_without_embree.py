@@ -84,6 +84,7 @@ def test_ranges_are_the_same_bits_and_a_warning_says_so_once(without_embree, tmp
     assert np.array_equal(np.load(tmp_path / "ranges.npy"), expected)
 
 
+@pytest.mark.slow
 def test_a_drive_is_the_same_to_the_last_bit(without_embree, tmp_path):
     done = command("run paper_room --no-video --out bare", without_embree, tmp_path)
     assert done.returncode == 0, done.stderr

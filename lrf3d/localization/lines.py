@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lrf3d.errors import expect
 from lrf3d.geometry import Float, Int, Value, directions, lengths, normal_lines
 from lrf3d.laser import RangeNoise
 from lrf3d.mapping.line_map import LineMap
@@ -157,6 +158,7 @@ class KnownLines(Value):
     @classmethod
     def from_world(cls, world: World) -> "KnownLines":
         """The true walls of a world, visible from both sides."""
+        expect(world, World, "world")
         return cls._of(world.segments, world.objects, np.zeros((len(world.segments), 2)), False)
 
     @classmethod
@@ -165,6 +167,7 @@ class KnownLines(Value):
 
         The deviation [m] is that of the points that it was fitted to; 0 treats it as the truth.
         """
+        expect(line_map, LineMap, "map")
         solid = np.flatnonzero(lengths(line_map.segments) > 0.0)
         segments = line_map.segments[solid]
         offset = deviation / np.sqrt(np.maximum(line_map.points[solid], 1))

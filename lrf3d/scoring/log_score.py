@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrf3d.casting import PlanarCaster
-from lrf3d.errors import InputError
+from lrf3d.errors import InputError, expect
 from lrf3d.geometry import Float, lengths
 from lrf3d.laser import LaserRangeFinder, LaserScan, reflection_points
 from lrf3d.mapping import LineMap
@@ -66,6 +66,7 @@ def score_log(line_map: LineMap, scans: Iterable[LaserScan]) -> LogScore:
     """
     import shapely
 
+    expect(line_map, LineMap, "map")
     solid = line_map.segments[lengths(line_map.segments) > 0.0]
     origin = np.round(solid.reshape(-1, 2).mean(axis=0)) if len(solid) else np.zeros(2)
     solid = solid - np.tile(origin, 2)
