@@ -43,13 +43,10 @@ STEP = 1e-4
 
 
 class Match(NamedTuple):
-    """What matching a scan came to.
+    """What matching a scan came to: its pose (3,) in the frame of the map.
 
-    Args:
-        pose: (3,) x, y [m], theta [rad] of the robot in the frame of the map.
-        information: (3, 3) inverse covariance of the scan's part alone, without the guess.
-        explained: Share of the surface's points that lie on the map, weighted.
-        deviation: Weighted RMS distance [m] of matched points to their lines.
+    The information (3, 3) is without that of the guess; explained is the share of the points that
+    lie on the map, and the deviation their RMS distance [m] to it.
     """
 
     pose: Float
@@ -65,14 +62,9 @@ def match_scan(
     prior: Float,
     iterations: int = ITERATIONS,
 ) -> Match:
-    """Match a surface (m, 4), in the frame of the robot, with a map.
+    """Match a surface (m, 4), in the frame of the robot, with a map from a guess (3,) on.
 
-    Args:
-        surface: What the scan saw.
-        grid: The map's surface.
-        guess: (3,) the expected pose.
-        prior: (3, 3) its information matrix.
-        iterations: How many Gauss-Newton steps to take at most.
+    The prior (3, 3) is the information of the guess.
     """
     return Match(*_matched(surface, grid, guess, prior, iterations, REACH, SIGMA))
 
