@@ -21,7 +21,7 @@ from lrf3d.casting import EmbreeCaster, PlanarCaster
 from lrf3d.geometry import Float
 from lrf3d.laser import LaserRangeFinder, ProportionalNoise
 from lrf3d.world import World
-from lrf3d.world.generators import city_crossings, generate_city
+from lrf3d.world.generators import BLOCK_SIDE, city_blocks, generate_city
 
 LRF = LaserRangeFinder()
 
@@ -52,6 +52,23 @@ class Method(NamedTuple):
     name: str
     ranges: Cast
     ready: Callable[[Float], Callable[[], object]]
+
+
+AISLE = 1.5
+"""Largest offset of a pose from the centre of a crossing [m], clear of all buildings."""
+
+
+def city_crossings(walls: int, count: int, *, seed: int = 0, spread: int | None = None) -> Float:
+    """Poses (count, 3) at the crossings of a generated city of some walls, at any heading.
+
+    They lie around its middle, ``spread`` crossings in each direction as on a drive, if given.
+    """
+    rng = np.random.default_rng(seed)
+    crossings = np.maximum(np.array(city_blocks(walls)) - 1, 1)
+    wide = crossings if spread is None else np.minimum(spread, crossings)
+    cells = (crossings - wide) // 2 + rng.integers(0, wide, (count, 2))
+    positions = BLOCK_SIDE * (cells + 0.5) + rng.uniform(-AISLE, AISLE, (count, 2))
+    return np.column_stack([positions, rng.uniform(-np.pi, np.pi, count)])
 
 
 def methods(world: World) -> Iterator[Callable[[], Method]]:

@@ -24,7 +24,7 @@ from lrf3d.laser import LaserRangeFinder, ProportionalNoise
 from lrf3d.mapping import LineMapper
 from lrf3d.mapping.mapper import MODES
 from lrf3d.planning.free_space import find_free_space
-from lrf3d.planning.sides import survey
+from lrf3d.planning.sides import Ground
 from lrf3d.scoring import score_log, score_run
 from lrf3d.simulation import simulate
 from lrf3d.world import World, load_world
@@ -157,6 +157,6 @@ def random_poses(world: World, count: int, rng: np.random.Generator) -> Float:
     Raises:
         InputError: There is no such room in the world.
     """
-    cells = find_free_space(survey(world), CLEARANCE).places
+    cells = find_free_space(Ground.around(world), CLEARANCE).places
     heading = rng.uniform(-np.pi, np.pi, count)
     return np.column_stack([cells[rng.integers(len(cells), size=count)] + world.origin, heading])

@@ -134,3 +134,13 @@ def _from_here(path: Path) -> str:
     """A path as short as it can be typed in the current folder."""
     here = Path.cwd()
     return os.path.relpath(path, here) if path.is_relative_to(here) else str(path)
+
+
+def expect(value: object, kind: type, name: str) -> None:
+    """Check the kind of an argument that comes from outside.
+
+    Raises:
+        InputError: It is of another kind.
+    """
+    if not isinstance(value, kind):
+        raise InputError(f"{name} {shown(value)}: expected a {kind.__name__}")

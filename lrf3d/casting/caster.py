@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from lrf3d.casting.kernels.scans import NOT_ASKED, PlainLaser, cast_scans, laser_of
 from lrf3d.casting.kernels.tree import Tree, build_tree
 from lrf3d.cores import core_count
-from lrf3d.errors import InputError, shown
+from lrf3d.errors import expect
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.pose import as_pose, as_poses
@@ -52,8 +52,7 @@ class PlanarCaster:
     _lighting: "Lighting | None" = None
 
     def __init__(self, world: World) -> None:
-        if not isinstance(world, World):
-            raise InputError(f"caster for {shown(world)}: expected a World")
+        expect(world, World, "caster for")
         self.world = world
         self._levels: list[float] = np.unique(world.heights).tolist()
         self._trees: dict[int, Tree] = {}

@@ -14,13 +14,14 @@ from numpy.typing import ArrayLike
 
 from lrf3d.casting.caster import PlanarCaster
 from lrf3d.casting.triangle_rays import require_embreex
+from lrf3d.errors import expect
 from lrf3d.geometry import Float, Int, cross
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.laser.range_finder import within_limits
 from lrf3d.pose import as_poses
 from lrf3d.progress import Progress, silent
 from lrf3d.world import World
-from lrf3d.world.extrude import extrude
+from lrf3d.world.mesh import extrude
 
 AGREEMENT = 1e-9
 """Largest difference [m] of two ranges that agree."""
@@ -136,6 +137,7 @@ def crosscheck(
         (362, ())
     """
     require_embreex("a cross-check")
+    expect(world, World, "world")
     poses = as_poses(poses)
     world = World(world.segments, world.objects, world.heights)
     planar, embree = PlanarCaster(world), BareEmbree(world)

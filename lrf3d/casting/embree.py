@@ -13,15 +13,16 @@ import numpy as np
 
 from lrf3d.casting.caster import PlanarCaster
 from lrf3d.casting.kernels.scans import PlainLaser, laser_of
-from lrf3d.casting.mesh_scene import MeshScene, level_cut
+from lrf3d.casting.mesh_scene import MeshScene
 from lrf3d.casting.triangle_rays import embreex_installed
 from lrf3d.casting.wall_scene import WallScene
 from lrf3d.errors import InputError, shown
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry import Bool, Float, Int, is_finite, numbers
 from lrf3d.laser import LaserRangeFinder, LaserScan, layer_directions
 from lrf3d.laser.range_finder import within_limits
 from lrf3d.pose import as_pose
 from lrf3d.world import World
+from lrf3d.world.mesh import level_cut
 
 
 class LayerLight(NamedTuple):
@@ -112,8 +113,8 @@ class EmbreeCaster(PlanarCaster):
         """
         if self._lighting is not None:
             return self.light_layers(lrf, pose, elevations, pitch=pitch, roll=roll)[:2]
+        level = _level_layers(lrf, elevations, pitch, roll)
         x, y, theta = as_pose(pose)
-        level = (np.asarray(elevations, dtype=np.float64) == 0.0) & (pitch == 0.0 == roll)
         ranges = np.empty((len(level), lrf.beams))
         walls = np.empty((len(level), lrf.beams), np.int64)
         if level.any():
@@ -161,8 +162,8 @@ class EmbreeCaster(PlanarCaster):
         """
         if self._lighting is None:
             raise InputError("world without materials: its beams have no intensities")
+        level = _level_layers(lrf, elevations, pitch, roll)
         x, y, theta = as_pose(pose)
-        level = (np.asarray(elevations, dtype=np.float64) == 0.0) & (pitch == 0.0 == roll)
         beams = layer_directions(lrf, theta, elevations, pitch=pitch, roll=roll)[~level]
         lit = self._lighting.light_layers(lrf, self.tree(-math.inf), (x, y, lrf.height), beams)
         flat = self._lit(
@@ -205,6 +206,22 @@ class EmbreeCaster(PlanarCaster):
         caster, faces = self._cut(self._triangles, lrf.height)
         ranges, walls = caster._batch(lrf, poses, keep_walls=keep_walls)
         return ranges, _named(faces, walls)
+
+
+def _level_layers(lrf: LaserRangeFinder, elevations: object, pitch: float, roll: float) -> Bool:
+    """Which layers (n,) of a range finder are level.
+
+    Raises:
+        InputError: It is no range finder, or an angle is not finite.
+    """
+    laser_of(lrf)
+    angles: Float = np.asarray(numbers(elevations, "elevations"), dtype=np.float64)
+    if angles.ndim != 1 or not np.isfinite(angles).all() or not is_finite(pitch, roll):
+        raise InputError(
+            f"layers at {shown(elevations)}, pitch {shown(pitch)}, roll {shown(roll)}: expected"
+            " finite numbers of radians"
+        )
+    return np.asarray((angles == 0.0) & (pitch == 0.0 == roll))
 
 
 def _named(names: Int, rows: Int) -> Int:

@@ -40,34 +40,3 @@ class MeshScene:
         starts = np.atleast_2d(origins)
         cast_solid(self.tree[:], self.corners, starts, directions, reach, distances, hits)
         return distances, self.owners[hits]
-
-
-def level_cut(triangles: Float, height: float) -> tuple[Float, Int]:
-    """Where triangles (n, 3, 3) meet the level plane at a height [m].
-
-    A cut ends on edges of its triangle. Its ends are rounded to float64, to the same bits for both
-    triangles at an edge, so that no beam passes between them. On vertical edges, such as those of
-    houses, nothing is rounded. Triangles within the plane have no cut: their neighbours bound them.
-
-    Returns:
-        The cuts (m, 4) as segments x1 y1 x2 y2 [m], and which triangle (m,) each is of.
-    """
-    near = (triangles[:, :, 2].min(axis=1) <= height) & (triangles[:, :, 2].max(axis=1) >= height)
-    faces = np.flatnonzero(near)
-    corners = triangles[faces]
-    side = np.sign(corners[:, :, 2] - height)
-    # The lower end of an edge is the same for both of its triangles.
-    one, other = corners, np.roll(corners, -1, axis=1)
-    swap = (one[:, :, 2] > other[:, :, 2])[:, :, None]
-    low, high = np.where(swap, other, one), np.where(swap, one, other)
-    crosses = side * np.roll(side, -1, axis=1) < 0.0
-    rise = np.where(crosses, high[:, :, 2] - low[:, :, 2], 1.0)
-    share = ((height - low[:, :, 2]) / rise)[:, :, None]
-    middle = low[:, :, :2] + share * (high[:, :, :2] - low[:, :, :2])
-    # A triangle has two of these six points, unless it lies in the plane or touches it in a corner.
-    points = np.concatenate([middle, corners[:, :, :2]], axis=1)
-    meets = np.concatenate([crosses, side == 0.0], axis=1)
-    cut = meets.sum(axis=1) == 2
-    segments = points[cut][meets[cut]].reshape(-1, 4)
-    long = (segments[:, :2] != segments[:, 2:]).any(axis=1)
-    return segments[long], faces[cut][long]

@@ -31,6 +31,7 @@ class Film:
         playback: Simulated seconds per second of film.
         samples: Samples per pixel for smooth edges: 0 or 4.
         renderer: Renderer; embree needs no OpenGL. The best available if not given.
+        panel: What the panel says: short, three facts, or full, all numbers.
     """
 
     title: ClassVar[str | None] = "Film"
@@ -41,6 +42,7 @@ class Film:
     samples: int = 4
     workers: Workers = None
     renderer: Literal["gl", "embree"] | None = None
+    panel: Literal["short", "full"] = "short"
 
     def check(self) -> None:
         """Check the size, before any work.
@@ -117,6 +119,7 @@ class Film:
             "view": self.view,
             "samples": self.samples,
             "renderer": renderer,
+            "panel": self.panel,
         }
 
     def _size(self) -> tuple[int, int] | None:

@@ -9,7 +9,7 @@ beam without return is +inf, one that met something nearer than range_min is −
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,6 @@ from numpy.typing import NDArray
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float
 from lrf3d.laser.range_finder import within_limits
-
-if TYPE_CHECKING:
-    from lrf3d.laser.scan import LaserScan
 
 Float32 = NDArray[np.float32]
 
@@ -91,29 +88,6 @@ class RosScan:
         return asdict(self)
 
 
-def make_ros_scan(scan: "LaserScan", frame_id: str, scan_time: float) -> RosScan:
-    """A scan as a ROS message.
-
-    Raises:
-        InputError: The beams are not evenly spaced, which the message cannot express.
-    """
-    low, high, step = _even_spread(scan.angles)
-    return RosScan(
-        RosHeader(Stamp.of(scan.time), frame_id),
-        float(low),
-        float(high),
-        float(step),
-        float(np.float32(scan.time_increment)),
-        float(np.float32(scan_time)),
-        float(np.float32(scan.range_min)),
-        float(np.float32(scan.range_max)),
-        within_limits(scan.ranges, scan.range_min, scan.range_max).astype(np.float32),
-        np.empty(0, np.float32)
-        if scan.intensities is None
-        else scan.intensities.astype(np.float32),
-    )
-
-
 def read_ros_scan(message: Any) -> dict[str, Any]:
     """The arguments of a LaserScan, except its pose, from a message.
 
@@ -162,14 +136,18 @@ def field_of(message: Any, name: str, *other: Any) -> Any:
     return getattr(message, name, *other)
 
 
-def _even_spread(angles: Float) -> tuple[np.float32, np.float32, np.float32]:
-    """First angle, last angle and step, consistent in float32."""
+def even_spread(angles: Float) -> tuple[float, float, float]:
+    """First angle, last angle and step, consistent in float32.
+
+    Raises:
+        InputError: The beams are not evenly spaced, which messages cannot express.
+    """
     low = np.float32(angles[0])
     if len(angles) == 1:
-        return low, low, np.float32(0.0)
+        return float(low), float(low), 0.0
     step = (angles[-1] - angles[0]) / (len(angles) - 1)
     even = angles[0] + step * np.arange(len(angles))
     if step == 0.0 or not (np.abs(angles - even) <= UNEVEN * abs(step)).all():
         raise InputError("scan with beams at uneven angles: ROS needs them evenly spaced")
     step32 = np.float32(step)
-    return low, low + np.float32(len(angles) - 1) * step32, step32
+    return float(low), float(low + np.float32(len(angles) - 1) * step32), float(step32)

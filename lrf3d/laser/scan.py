@@ -10,8 +10,13 @@ from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import LARGEST_COORDINATE, Bool, Float, Int, Value, is_finite, read_only, sealed
-from lrf3d.laser.range_finder import LARGEST_ANGLE, LaserRangeFinder, beam_directions
-from lrf3d.laser.ros_scan import RosScan, make_ros_scan, read_ros_scan
+from lrf3d.laser.range_finder import (
+    LARGEST_ANGLE,
+    LaserRangeFinder,
+    beam_directions,
+    within_limits,
+)
+from lrf3d.laser.ros_scan import RosHeader, RosScan, Stamp, even_spread, read_ros_scan
 from lrf3d.notebook import Pictured
 from lrf3d.pose import Pose, as_pose
 
@@ -181,7 +186,17 @@ class LaserScan(Value, Pictured):
         Raises:
             InputError: The beams are not evenly spaced, which the message cannot express.
         """
-        return make_ros_scan(self, frame_id, scan_time)
+        light = np.empty(0) if self.intensities is None else self.intensities
+        return RosScan(
+            RosHeader(Stamp.of(self.time), frame_id),
+            *even_spread(self.angles),
+            float(np.float32(self.time_increment)),
+            float(np.float32(scan_time)),
+            float(np.float32(self.range_min)),
+            float(np.float32(self.range_max)),
+            within_limits(self.ranges, self.range_min, self.range_max).astype(np.float32),
+            light.astype(np.float32),
+        )
 
     @cached_property
     def hits(self) -> Bool:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.errors import InputError, shown
+from lrf3d.errors import InputError, expect, shown
 from lrf3d.geometry import Float, Int, Value, is_finite, wrap_angle
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.laser.noise import USUAL_RANGE
@@ -159,14 +159,10 @@ class Localiser:
     ) -> None:
         self._range_noise = RangeNoise.from_sigma() if range_noise is None else range_noise
         noise = OdometryNoise() if odometry_noise is None else odometry_noise
-        for name, value, kind in (
-            ("known", known, KnownLines),
-            ("start", start, PoseEstimate),
-            ("range_noise", self._range_noise, RangeNoise),
-            ("odometry_noise", noise, OdometryNoise),
-        ):
-            if not isinstance(value, kind):
-                raise InputError(f"localiser: {name} {shown(value)}, expected a {kind.__name__}")
+        expect(known, KnownLines, "localiser: known")
+        expect(start, PoseEstimate, "localiser: start")
+        expect(self._range_noise, RangeNoise, "localiser: range_noise")
+        expect(noise, OdometryNoise, "localiser: odometry_noise")
         check_strategy(strategy)
         self.known, self.estimate, self._strategy = known, start, strategy
         self.pairs: Pairs | None = None
@@ -193,8 +189,7 @@ class Localiser:
         Raises:
             InputError: It is not a scan.
         """
-        if not isinstance(scan, LaserScan):
-            raise InputError(f"scan {shown(scan)}: expected a LaserScan")
+        expect(scan, LaserScan, "scan")
         if self._mapper is None:
             # Eq. 7 gives the noise at range_max.
             reach = scan.range_max if scan.range_max < np.inf else USUAL_RANGE

@@ -67,9 +67,10 @@ class LineMap(Value, Pictured):
                 f" {points.shape}: expected shapes (m, 4), (m,) and (m,)"
             )
         kinds = np.array(self.kinds, dtype=KIND)
+        known = (kinds == WALL) | (kinds == GLASS) | (kinds == MIRROR)
         if not kinds.ndim:
             kinds = np.full(len(segments), kinds)
-        if kinds.shape != objects.shape or not np.isin(kinds, KINDS).all():
+        if kinds.shape != objects.shape or not known.all():
             raise InputError(
                 f"map of {len(segments)} segments with kinds {kinds.tolist()}: expected"
                 f" {', '.join(KINDS)}, one for each segment"
@@ -91,11 +92,7 @@ class LineMap(Value, Pictured):
 
     @classmethod
     def of_codes(cls, segments: Float, objects: Int, points: Int, codes: Int) -> "LineMap":
-        """The map of segments with `codes`.
-
-        Raises:
-            IndexError: A code is none.
-        """
+        """The map of segments with `codes`."""
         return cls(segments, objects, points, np.array(KINDS, KIND)[codes])
 
     @classmethod
@@ -157,31 +154,22 @@ def save_map(line_map: LineMap, path: str | Path, *, free: FreeCells | None = No
         >>> len(lrf3d.load_map("map.geojson"))
         0
     """
-    features = [
-        {
-            "type": "Feature",
-            "properties": {
-                "object": int(number),
-                "alpha": float(alpha),
-                "p": float(p),
-                "points": int(points),
-                **({} if kind == WALL else {"kind": str(kind)}),
-            },
-            "geometry": {
-                "type": "LineString",
-                "coordinates": [[float(x1), float(y1)], [float(x2), float(y2)]],
-            },
-        }
-        for (x1, y1, x2, y2), (alpha, p), number, points, kind in zip(
-            line_map.segments,
-            line_map.lines,
-            line_map.objects,
-            line_map.points,
-            line_map.kinds,
-            strict=True,
+    columns = (
+        line_map.segments.reshape(-1, 2, 2), line_map.objects, *line_map.lines.T, line_map.points,
+        line_map.kinds,
+    )  # fmt: skip
+    features = []
+    for ends, *values, kind in zip(*(column.tolist() for column in columns), strict=True):
+        named = dict(zip(("object", "alpha", "p", "points"), values, strict=True))
+        shape = {"type": "LineString", "coordinates": ends}
+        features.append(
+            {
+                "type": "Feature",
+                "properties": named if kind == WALL else {**named, "kind": kind},
+                "geometry": shape,
+            }
         )
-    ]
-    lines = ",\n".join(json.dumps(feature) for feature in features)
+    lines = ",\n".join(map(json.dumps, features))
     known = "" if free is None else f' "free": {json.dumps(free.as_dict())},'
     write_text(
         path, f'{{"type": "FeatureCollection", "units": "m",{known} "features": [\n{lines}\n]}}\n'

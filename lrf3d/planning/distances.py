@@ -25,13 +25,10 @@ BLOCK = 3
 
 @dataclass(frozen=True)
 class Distances:
-    """Square cells over a box in the local frame of a world.
+    """Square cells (columns, rows) of a size [m] over a box with a lower corner (2,) [m].
 
-    Args:
-        low: (2,) the lower corner of the box [m].
-        size: Side of a cell [m].
-        gaps: (columns, rows) distances of their middles to the nearest wall [m].
-        nearest: (columns, rows) the wall nearest to each.
+    Gaps are the distances of their middles to the nearest wall [m]; which wall that is stands
+    beside them.
     """
 
     low: Float
@@ -52,14 +49,9 @@ class Distances:
 
 
 def measure_distances(segments: Float, around: Float | None = None) -> Distances | None:
-    """The grid over walls (n, 4) [m], or over their densest part where they are very far apart.
+    """The grid over walls (n, 4) [m], or over their densest part or that around a position (2,).
 
-    Args:
-        segments: The walls.
-        around: A position (2,) [m] that the grid must contain.
-
-    Returns:
-        The grid, or None if there is no wall in it.
+    It is None if there is no wall in it.
     """
     import shapely
     from scipy.ndimage import distance_transform_edt
@@ -79,17 +71,7 @@ def measure_distances(segments: Float, around: Float | None = None) -> Distances
     columns, rows = distance_transform_edt(wall_in < 0, return_distances=False, return_indices=True)
     nearest = wall_in[columns, rows]
     middles = grid.points(np.ones(shape, dtype=np.bool_)).reshape(*shape, 2)
-    gaps = _apart(middles, segments[nearest])
-    # The wall in the nearest cell may lie farther from the middle than another one; a neighbour
-    # then knows the nearer one.
-    for axis, shift in ((0, 1), (0, -1), (1, 1), (1, -1)):
-        other = np.roll(nearest, shift, axis)
-        differ = np.nonzero(other != nearest)
-        apart = _apart(middles[differ], segments[other[differ]])
-        closer = apart < gaps[differ]
-        changed = tuple(index[closer] for index in differ)
-        gaps[changed], nearest[changed] = apart[closer], other[changed]
-    return Distances(low, size, gaps, nearest)
+    return Distances(low, size, _apart(middles, segments[nearest]), nearest)
 
 
 def _window(segments: Float, around: Float | None) -> tuple[Float, Float]:

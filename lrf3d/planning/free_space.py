@@ -10,23 +10,14 @@ from lrf3d.geometry import Bool, Float, Int
 from lrf3d.planning.distances import BLOCK, connected
 from lrf3d.planning.sides import Ground, Side
 
-WALL_PENALTY, TIGHT_PENALTY = 6.0, 10.0
-"""Factors by which a step at the least distance to a wall costs more than in the open, and
-additionally one through a tight place, which is taken only to get behind it."""
-
 
 @dataclass(frozen=True)
 class FreeSpace:
-    """The places where a robot can stand, all joined to each other.
+    """The places (k, 2) [m] where a robot can stand, all joined to each other, in the local frame.
 
-    Args:
-        ground: The land.
-        allowed: (columns, rows) the cells that the robot's middle may be in.
-        places: (k, 2) places in the local frame [m].
-        gaps: (k,) distance of each to the nearest wall [m].
-        graph: (k, k) sparse matrix of the costs of steps between neighbours.
-        side: The side of the walls.
-        start: The place where the drive starts, or None if it may start anywhere.
+    Cells (columns, rows) in which it may be are allowed. Gaps (k,) are the distances of the places
+    to the nearest wall [m]; the sparse matrix (k, k) has the costs of steps between neighbours. The
+    drive starts at one of the places, or anywhere.
     """
 
     ground: Ground
@@ -57,20 +48,15 @@ def find_free_space(
     ground: Ground,
     needed: Float | float,
     *,
-    comfortable: float = 0.0,
     clearance: float = 0.0,
     where: Side | None = None,
     start: Float | None = None,
 ) -> FreeSpace:
-    """The free space of a robot.
-
-    In a plan of rooms it is inside, in a town outside of the buildings. If walls divide it, the
-    part along most of the walls is chosen. In a map with known free cells only those are used.
+    """The free space of a robot, or the part along most of the walls where they divide it.
 
     Args:
         ground: The land.
         needed: Least distance to walls [m], everywhere or in each cell (columns, rows).
-        comfortable: Distance to walls [m] below which a place is tight, such as a door.
         clearance: Distance to walls [m] that is kept where there is room.
         where: The side of the walls to stay on; it depends on the world and the start if not given.
         start: Position x, y [m] that the space must contain; any if not given.
@@ -95,51 +81,50 @@ def find_free_space(
     if begin is not None and not allowed[begin]:
         raise InputError(f"{name}: the start does not lie {where} the walls")
     parts, count = connected(allowed)
-    if begin is not None:
-        best = int(parts[begin])
+    if begin is None:
+        allowed = parts == np.argmax(ground.walls_along(parts, count)[1:]) + 1
     else:
-        worth = ground.walls_along(parts, count=count) * ground.weights(parts, count)
-        best = int(np.argmax(worth[1:])) + 1
-    allowed = parts == best
+        allowed = parts == parts[begin]
     cells = _places(grid.gaps, allowed, clearance)
-    graph = _graph(ground, allowed, cells, least, comfortable, max(clearance, least))
-    _, group = connected_components(graph, directed=False)
+    points = grid.points(cells)
+    steps = _steps(ground, allowed, points, cells, max(clearance, least))
+    _, group = connected_components(steps, directed=False)
+    chosen = group == np.bincount(group).argmax()
     here = None
     if begin is not None:
         here = int(np.argmin(np.hypot(cells[0] - begin[0], cells[1] - begin[1])))
-    chosen = np.flatnonzero(group == (np.bincount(group).argmax() if here is None else group[here]))
-    cells = (cells[0][chosen], cells[1][chosen])
-    outside = ground.outside[cells]
+        chosen = group == group[here]
+        here = int(chosen[:here].sum())
+    outside = ground.outside[cells][chosen]
     # In a map what is unknown may look like the outside.
     is_open = outside.mean() > 0.5 if ground.world.free is not None else outside.any()
     return FreeSpace(
         ground,
         allowed,
-        grid.points(cells),
-        grid.gaps[cells],
-        graph[chosen][:, chosen],
+        points[chosen],
+        grid.gaps[cells][chosen],
+        steps[chosen][:, chosen],
         "outside" if is_open else "inside",
-        None if here is None else int(np.searchsorted(chosen, here)),
+        here,
     )
 
 
 def _cell_near(ground: Ground, free: Bool, start: Float, least: float) -> tuple[int, int]:
-    """The nearest free cell that a straight path from the start leads to.
+    """The free cell nearest to a start, to which a straight path leads.
 
     Raises:
         InputError: There is none.
     """
     grid, local = ground.grid, start - ground.world.origin
     points = grid.points(free)
-    away = np.hypot(*(points - local).T)
-    # The start itself may be nearer to a wall than the route.
-    room = min(float(grid.gaps[grid.cells(local)]), least) - grid.size
-    for nearest in np.argsort(away)[:64]:
-        if away[nearest] > least + 2 * BLOCK * grid.size:
-            break
-        share = np.linspace(0.0, 1.0, int(4.0 * away[nearest] / grid.size) + 2)[:, None]
-        if (grid.gaps[grid.cells(local + share * (points[nearest] - local))] >= room).all():
-            column, row = grid.cells(points[nearest])
+    if len(points):
+        nearest = points[np.argmin(np.hypot(*(points - local).T))]
+        line = local + np.linspace(0.0, 1.0, 50)[:, None] * (nearest - local)
+        # The start itself may be nearer to a wall than the route.
+        gaps = grid.gaps[grid.cells(line)]
+        near = np.hypot(*(nearest - local)) < least + 2 * BLOCK * grid.size
+        if near and (gaps >= min(gaps[0], least) - grid.size).all():
+            column, row = grid.cells(nearest)
             return int(column), int(row)
     raise InputError(
         f"{ground.world.name or 'world'}: no room around the start ({start[0]:g}, {start[1]:g}) for"
@@ -164,23 +149,17 @@ def _places(gaps: Float, allowed: Bool, clearance: float) -> tuple[Int, Int]:
     return BLOCK * column + of // BLOCK, BLOCK * row + of % BLOCK
 
 
-def _graph(
-    ground: Ground,
-    allowed: Bool,
-    cells: tuple[Int, Int],
-    least: float,
-    comfortable: float,
-    clearance: float,
+def _steps(
+    ground: Ground, allowed: Bool, points: Float, cells: tuple[Int, Int], clearance: float
 ) -> Any:
     """The costs of the steps between neighbouring places."""
     from scipy.sparse import coo_array
 
-    grid, points = ground.grid, ground.grid.points(cells)
-    columns, rows = (side // BLOCK for side in grid.gaps.shape)
-    number = np.full((columns + 2, rows + 2), -1)
+    grid = ground.grid
+    number = np.full([side // BLOCK + 2 for side in grid.gaps.shape], -1)
     block = (cells[0] // BLOCK + 1, cells[1] // BLOCK + 1)
     number[block] = np.arange(len(points))
-    starts, ends, costs = [], [], []
+    parts = []
     for dx, dy in ((1, 0), (0, 1), (1, 1), (1, -1)):
         other = number[block[0] + dx, block[1] + dy]
         here = np.flatnonzero(other >= 0)
@@ -192,11 +171,8 @@ def _graph(
             nearest = np.minimum(nearest, grid.gaps[between])
         here, there, nearest = here[clear], there[clear], nearest[clear]
         length = np.hypot(*(points[there] - points[here]).T)
-        nearness = np.clip((clearance - nearest) / max(clearance - least, 1e-9), 0.0, 1.0)
-        tight = TIGHT_PENALTY * (nearest < comfortable)
-        starts.append(here)
-        ends.append(there)
-        costs.append(length * (1.0 + WALL_PENALTY * nearness**2 + tight))
-    start, end, cost = (np.concatenate(part) for part in (starts, ends, costs))
+        # Doors and narrow places are passed only to get behind them, and in their middle.
+        parts.append((here, there, length * np.maximum(clearance / nearest, 1.0) ** 3))
+    start, end, cost = (np.concatenate(part) for part in zip(*parts, strict=True))
     graph = coo_array((cost, (start, end)), shape=(len(points), len(points))).tocsr()
     return graph + graph.T

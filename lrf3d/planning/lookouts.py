@@ -31,21 +31,18 @@ FULL_WEIGHT = 2.0
 OPEN = 5.0
 """Distance to walls [m] above which more room makes no better lookout."""
 
-TIGHT = 0.5
-"""Factor of what is seen from a place nearer to a wall than the robot likes to be."""
+COMFORT, TIGHT = 0.55, 0.8
+"""Distance to walls [m] that a place should have, and the factor of what is seen from others."""
 
-LEAST_GAIN = 0.003
-"""Least share of the walls that another lookout must add."""
+LEAST_GAIN, MOST_LOOKOUTS = 0.001, 60
+"""Least share of the walls that another lookout must add, and the largest number of lookouts."""
 
 
 @dataclass(frozen=True)
 class Views:
-    """The pieces of wall that are seen from the patches of a free space.
+    """The pieces of wall seen (headings, patches, pieces) from patches of a free space.
 
-    Args:
-        patch_of: (places,) the patch of each place.
-        seen: (headings, patches, pieces) which pieces are seen with a heading.
-        weights: (pieces,) the weight of each piece, about its length [m].
+    Each place (places,) lies in a patch; the weight of a piece (pieces,) is about its length [m].
     """
 
     patch_of: Int
@@ -60,14 +57,8 @@ class Views:
         pairs = np.unique(heading * self.seen.shape[1] + self.patch_of[path[1:]])
         return np.asarray(self.seen.reshape(-1, len(self.weights))[pairs].any(axis=0))
 
-    def worth(self, seen: Bool) -> float:
-        """Total weight of seen pieces (pieces,)."""
-        return float(self.weights @ seen)
 
-
-def find_lookouts(
-    space: FreeSpace, world: World, *, range_max: float, comfortable: float
-) -> tuple[Views, Int]:
+def find_lookouts(space: FreeSpace, world: World, range_max: float) -> tuple[Views, Int]:
     """What is seen from the free space, and the places (k,) from which nearly all of it is seen.
 
     The first place shows the most, and each adds the most to those before.
@@ -78,12 +69,12 @@ def find_lookouts(
     unseen = np.where(around.any(axis=0), weights, 0.0)
     least = LEAST_GAIN * unseen.sum()
     chosen: list[int] = []
-    appeal = np.where(space.gaps[candidates] < comfortable, TIGHT, 1.0)
-    gains = appeal * (around @ unseen)
-    while gains.max(initial=0.0) > least:
-        chosen.append(int(np.argmax(gains)))
+    appeal = np.where(space.gaps[candidates] < COMFORT, TIGHT, 1.0)
+    gains = around @ unseen
+    while gains.max(initial=0.0) > least and len(chosen) < MOST_LOOKOUTS:
+        chosen.append(int(np.argmax(appeal * gains)))
         unseen[around[chosen[-1]]] = 0.0
-        gains = appeal * (around @ unseen)
+        gains = around @ unseen
     return Views(patch_of, seen, weights), candidates[np.array(chosen, dtype=np.int64)]
 
 

@@ -5,6 +5,7 @@ paths are straightened, and the drive along them is checked.
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,8 +15,8 @@ from lrf3d.errors import InputError, shown
 from lrf3d.geometry import LARGEST_COORDINATE, Bool, Float, Int, is_finite, numbers
 from lrf3d.planning.doors import closed_doors
 from lrf3d.planning.free_space import FreeSpace, find_free_space
-from lrf3d.planning.lookouts import find_lookouts
-from lrf3d.planning.sides import Ground, Side, survey
+from lrf3d.planning.lookouts import COMFORT, find_lookouts
+from lrf3d.planning.sides import Ground, Side
 from lrf3d.planning.tour import Network, find_tour, path_to
 from lrf3d.robot import find_collision, follow_route
 from lrf3d.robot.collision import CollisionChecker
@@ -38,12 +39,14 @@ SHORTEST_ROUTE, LONGEST_ROUTE = 20.0, 800.0
 """Shortest route [m], some seconds of driving: where a few steps show all walls, the robot also
 drives to the ends of the free space; and the longest one, some minutes."""
 
-MARGIN, COMFORT = 0.05, 0.3
-"""Distances [m] of the robot from walls that are needed, for what the follower is off the route,
-and preferred, except in doors."""
+MARGIN = 0.05
+"""Distance [m] of the robot from walls that is needed, for what the follower is off the route."""
 
 LONGEST_LEG = 30.0
 """Longest straight piece of a route [m]."""
+
+AGAIN = 30.0
+"""Time [s] after which a second lap is driven like the first."""
 
 ATTEMPTS, RETREAT, AROUND = 12, 0.1, 0.8
 """Number of times that a route is planned before the last one is returned, and the distance [m] by
@@ -52,14 +55,9 @@ which walls are given more room, and around which places [m], where a drive touc
 
 @dataclass(frozen=True, slots=True)
 class PlannedRoute:
-    """A route, and what it is planned for.
+    """Way-points (m, 2) [m], the side of the walls, and the robot's radius [m] and speed [m/s].
 
-    Args:
-        waypoints: (m, 2) way-points [m], two or more.
-        side: The side of the walls that it is on.
-        radius: Radius of the robot [m].
-        speed: Speed of the drive [m/s].
-        notes: What the user should know: doors that are too narrow.
+    The notes are what the user should know: doors that are too narrow.
     """
 
     waypoints: Float
@@ -135,35 +133,27 @@ def find_route(
 ) -> PlannedRoute:
     """Find a route as `plan_route` does.
 
-    Args:
-        world: The walls.
-        radius: Radius of the robot [m]; if not given, 0.35 m, or that of a smaller robot where
-            doors are too narrow for it.
-        speed: Speed of the drive [m/s]; 3 m/s outside and 1 m/s inside if not given.
-        clearance: Distance to walls [m] that is kept where there is room.
-        range_max: Largest range of the laser [m].
-        lookahead: Look-ahead [m] of `follow_route`.
-        dt: Time between the commands of the drive [s].
-        where: The side of the walls to stay on.
-        start: Initial pose or position.
+    If no radius is given it is 0.35 m, or that of a smaller robot where doors are too narrow; if no
+    speed is given it is 1 m/s inside and 3 m/s outside. ``dt`` is the time between the commands of
+    the drive [s].
 
     Raises:
         InputError: As of `plan_route`.
     """
-    given = (RADIUS if radius is None else radius, SPEED if speed is None else speed)
-    sizes = (*given, clearance, range_max, lookahead, dt)
+    from scipy.ndimage import distance_transform_edt
+
+    sizes = (radius or RADIUS, speed or SPEED, clearance, range_max, lookahead, dt)
     if not (is_finite(*sizes) and min(sizes) > 0.0):
         raise InputError(
-            f"radius {given[0]}, speed {given[1]}, clearance {clearance}, range_max {range_max},"
+            f"radius {radius}, speed {speed}, clearance {clearance}, range_max {range_max},"
             f" lookahead {lookahead}: expected positive numbers"
         )
     if where not in (None, "inside", "outside"):
         raise InputError(f"where {where!r}: expected 'inside', 'outside' or None")
     check_size(world)
-    position = None if start is None else _checked_start(world, start, given[0])
-    ground = survey(world, position)
-    pose = start if start is not None and len(start) == 3 else None
-    notes = []
+    position = None if start is None else _checked_start(world, start, radius or RADIUS)
+    ground, checker = Ground.around(world, position), CollisionChecker(world)
+    notes: list[str] = []
     if radius is None:
         radius = _fitting_radius(ground, where, position)
         if radius < RADIUS:
@@ -176,105 +166,89 @@ def find_route(
         space = find_free_space(
             ground,
             needed,
-            comfortable=radius + COMFORT,
-            clearance=max(clearance, radius + COMFORT),
+            clearance=clearance,
             where=where,
             start=position,
         )
-        if speed is None:
-            driven_at = INDOOR_SPEED if space.side == "inside" else SPEED
-        else:
-            driven_at = speed
-        legs = _tour(space, world, range_max, radius + COMFORT)
+        legs = _tour(space, world, range_max)
         waypoints = _straightened(space, legs, clearance) + world.origin
         if position is not None and (waypoints[0] != position).any():
             waypoints = np.vstack([position, waypoints])
-        drive = _there_and_back(waypoints, pose, driven_at, lookahead, dt)
-        places = _touching(drive, world, radius)
-        if not len(places):
+        pace = speed or (INDOOR_SPEED if space.side == "inside" else SPEED)
+        # A long run drives back the way it came, and sets out again from where it arrives.
+        lap = np.vstack([waypoints, waypoints[-2::-1]])
+        settings: dict[str, Any] = {"speed": pace, "lookahead": lookahead, "dt": dt}
+        pose = start if start is not None and len(start) == 3 else None
+        first = follow_route(lap, start=pose, **settings).poses
+        again = follow_route(lap, start=first[-1], most=int(AGAIN / dt), **settings).poses
+        drive = np.vstack([first, again[1:]])[:, :2]
+        steps, _ = checker.hit(drive[:-1], drive[1:], radius)
+        if not len(steps):
             break
-        needed = needed + RETREAT * _near(ground, places - world.origin)
+        touched = np.ones(needed.shape, dtype=np.bool_)
+        touched[ground.grid.cells(drive[steps] - world.origin)] = False
+        needed[distance_transform_edt(touched, sampling=ground.grid.size) <= AROUND] += RETREAT
     if space.side == "inside":
         notes += closed_doors(space, radius, radius + MARGIN)
-    return PlannedRoute(waypoints, space.side, radius, driven_at, tuple(notes))
+    return PlannedRoute(waypoints, space.side, radius, pace, tuple(notes))
 
 
 def _checked_start(world: World, start: Sequence[float] | Float, radius: float) -> Float:
-    """The position (2,) of a start [m].
-
-    Raises:
-        InputError: It is invalid, or in a wall.
-    """
+    """The position (2,) of a start [m], which must not be in a wall."""
     position = np.asarray(numbers(start, "start"), dtype=np.float64)
     if position.shape not in ((2,), (3,)) or not (np.abs(position) <= LARGEST_COORDINATE).all():
         raise InputError(f"start {shown(start)}: expected finite numbers x, y or x, y, theta")
-    position = position[:2]
-    at_rest = Trajectory([0.0], [[*position, 0.0]])
-    if find_collision(at_rest, world, radius) is not None:
+    x, y = position = position[:2]
+    if find_collision(Trajectory([0.0], [[x, y, 0.0]]), world, radius) is not None:
         raise InputError(
-            f"start ({position[0]:g}, {position[1]:g}): nearer to a wall than the robot's radius of"
-            f" {radius:g} m; move it"
+            f"start ({x:g}, {y:g}): nearer to a wall than the robot's radius of {radius:g} m; move"
+            " it"
         )
     return position
 
 
 def _fitting_radius(ground: Ground, where: Side | None, start: Float | None) -> float:
-    """The usual radius [m], or a smaller one where doors keep the robot from a third of the inside.
+    """The usual radius [m], or a smaller one where doors keep it from a third of the inside."""
 
-    Raises:
-        InputError: There is no room even for the smallest.
-    """
+    def cells(radius: float) -> Bool:
+        return find_free_space(ground, radius + MARGIN, where=where, start=start).allowed
 
-    def space(radius: float) -> FreeSpace:
-        return find_free_space(ground, radius + MARGIN, where=where, start=start)
-
-    small = space(SMALLER_RADII[-1])
-    if small.side == "outside":
-        return RADIUS
-    for radius in (RADIUS, *SMALLER_RADII[:-1]):
+    *wider, smallest = (RADIUS, *SMALLER_RADII)
+    small = find_free_space(ground, smallest + MARGIN, where=where, start=start)
+    for radius in wider if small.side == "inside" else ():
         # The cells that the robot could be in if all doors were wide.
-        within = small.allowed & (ground.grid.gaps >= radius + MARGIN)
-        try:
-            if within.any() and space(radius).allowed.sum() >= FAR_ENOUGH * within.sum():
+        roomy = small.allowed & (ground.grid.gaps >= radius + MARGIN)
+        with suppress(InputError):
+            if roomy.any() and cells(radius).sum() >= FAR_ENOUGH * roomy.sum():
                 return radius
-        except InputError:
-            continue
-    return SMALLER_RADII[-1]
+    return smallest if small.side == "inside" else RADIUS
 
 
-def _tour(space: FreeSpace, world: World, range_max: float, comfortable: float) -> list[Int]:
+def _tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
     """Paths over the places of a free space that show most of the walls."""
-    views, lookouts = find_lookouts(space, world, range_max=range_max, comfortable=comfortable)
+    views, lookouts = find_lookouts(space, world, range_max)
     if space.start is not None:
         lookouts = np.append(space.start, lookouts[lookouts != space.start])
-    legs: list[Int] = []
-    # With a short range_max no wall may be visible.
-    if len(lookouts):
-        network = Network.between(space, views, lookouts)
-        legs = find_tour(network, longest=LONGEST_ROUTE, from_first=space.start is not None)
-    # Where no wall is seen from anywhere, any place would do.
-    end = int([*lookouts[:1], np.argmax(space.gaps)][0])
+    elif not len(lookouts):
+        # With a short range_max no wall may be visible.
+        lookouts = np.array([np.argmax(space.gaps)])
+    network = Network.between(space, views, lookouts)
+    legs = find_tour(network, longest=LONGEST_ROUTE, from_first=space.start is not None)
     while not legs or sum(space.length(leg) for leg in legs) < SHORTEST_ROUTE:
-        end = int(legs[-1][-1]) if legs else end
-        legs.append(_path_to_farthest(space, end, comfortable))
+        end = int(legs[-1][-1] if legs else lookouts[0])
+        legs.append(_path_to_farthest(space, end))
     return legs
 
 
-def _path_to_farthest(space: FreeSpace, start: int, comfortable: float) -> Int:
-    """The cheapest path from a place to the farthest one, not in a corner if there is another.
-
-    Raises:
-        InputError: There is no other place.
-    """
+def _path_to_farthest(space: FreeSpace, start: int) -> Int:
+    """The cheapest path from a place to the farthest one, not in a corner if there is another."""
     from scipy.sparse.csgraph import dijkstra
 
-    if len(space.places) < 2:
-        raise InputError("no room to drive between the walls; give a route or poses to stand at")
     costs, before = dijkstra(space.graph, indices=[start], return_predecessors=True)
-    roomy = space.gaps >= comfortable
-    roomy[start] = False
-    far = np.where(roomy, costs[0], 0.0) if roomy.any() else costs[0]
-    return path_to(before[0], int(np.argmax(far)))
+    roomy = (space.gaps >= COMFORT) * costs[0]
+    if len(costs[0]) < 2:
+        raise InputError("no room to drive between the walls; give a route or poses to stand at")
+    return path_to(before[0], int(np.argmax(roomy if roomy.any() else costs[0])))
 
 
 def _straightened(space: FreeSpace, legs: list[Int], clearance: float) -> Float:
@@ -306,27 +280,3 @@ def _is_clear(space: FreeSpace, places: Float, room: Float, here: int, there: in
     # Compared with the path at the same share of its places, with a cell to spare.
     kept = np.interp(shares, np.linspace(0.0, 1.0, there + 1 - here), room[here : there + 1])
     return bool((space.room(line) >= np.maximum(kept - space.ground.grid.size, 0.0)).all())
-
-
-def _there_and_back(
-    route: Float, pose: Any, speed: float, lookahead: float, dt: float
-) -> Trajectory:
-    """The drive along a route and back, as a long run drives it."""
-    lap = route if (route[0] == route[-1]).all() else np.vstack([route, route[-2::-1]])
-    return follow_route(lap, start=pose, speed=speed, lookahead=lookahead, dt=dt)
-
-
-def _touching(drive: Trajectory, world: World, radius: float) -> Float:
-    """Positions (k, 2) [m] of a drive at which a robot touches a wall."""
-    positions = drive.poses[:, :2]
-    steps, _ = CollisionChecker(world).hit(positions[:-1], positions[1:], radius)
-    return positions[np.unique(steps)]
-
-
-def _near(ground: Ground, places: Float) -> Bool:
-    """Which cells are near some places (k, 2) [m]."""
-    from scipy.ndimage import distance_transform_edt
-
-    marks = np.ones(ground.grid.gaps.shape, dtype=np.bool_)
-    marks[ground.grid.cells(places)] = False
-    return np.asarray(distance_transform_edt(marks, sampling=ground.grid.size) <= AROUND)

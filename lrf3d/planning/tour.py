@@ -1,8 +1,7 @@
 """Tours: the order in which to visit places so that the drive shows the most walls."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import Any
 
 import numpy as np
@@ -17,17 +16,16 @@ LEAST_WORTH = 0.02
 POSITIONS = 3
 """Number of positions in the tour, those with the shortest detours, that are tried for a place."""
 
+NOWHERE = -1
+"""Stands before the first place of a tour and behind the last, where paths cost nothing."""
+
 
 @dataclass(frozen=True)
 class Network:
-    """The cheapest paths between places, and what they show.
+    """The cheapest paths between places (k,), what they cost, and what is seen along them.
 
-    Args:
-        space: The free space.
-        views: What is seen in it.
-        places: (k,) the places.
-        costs: (k, k) cost of the path between any two.
-        before: (k, all places) the place before each on the path from each of the places.
+    Costs (k + 1, k + 1) end with those to nowhere; ``before`` (k, all places) has the place before
+    each on the path from each of the places.
     """
 
     space: FreeSpace
@@ -43,7 +41,7 @@ class Network:
         from scipy.sparse.csgraph import dijkstra
 
         costs, before = dijkstra(space.graph, indices=places, return_predecessors=True)
-        return cls(space, views, places, costs[:, places], before)
+        return cls(space, views, places, np.pad(costs[:, places], (0, 1)), before)
 
     def leg(self, start: int, end: int) -> tuple[Int, float, Bool]:
         """The path from one place to another, its length [m], and the pieces seen along it."""
@@ -52,6 +50,14 @@ class Network:
             seen = self.views.along(self.space.places, path)
             self.legs[start, end] = path, self.space.length(path), seen
         return self.legs[start, end]
+
+    def legs_of(self, order: list[int]) -> list[tuple[Int, float, Bool]]:
+        """The legs of a tour."""
+        return [self.leg(*ends) for ends in pairwise(order)]
+
+    def worth(self, seen: Bool) -> float:
+        """Total weight of seen pieces."""
+        return float(self.views.weights @ seen)
 
 
 def path_to(before: Any, end: int) -> Int:
@@ -66,90 +72,57 @@ def find_tour(network: Network, *, longest: float, from_first: bool) -> list[Int
     """The paths of a tour that shows much and is not longer than allowed [m].
 
     It grows by one place after the other, always the one that shows the most additional wall for
-    each additional metre.
-
-    Args:
-        network: The places, one or more.
-        longest: Longest tour [m].
-        from_first: Whether the tour begins at the first of the places.
+    each additional metre. It begins at the first of the places (one or more) if asked to.
     """
     order, kept = [0], int(from_first)
-    while True:
-        found = max(_insertions(network, order, longest, kept), default=None)
-        if found is None:
-            break
-        _, place, position = found
-        order.insert(-position, place)
-        order = _two_opt(network.costs, order, kept)
-    tours = [order] if from_first else [order, order[::-1]]
+    while (longer := _longer(network, order, longest, kept)) is not None:
+        order = _two_opt(network.costs, longer, kept)
+    tours = [network.legs_of(order), network.legs_of(order[::-1])][: 2 - kept]
     # What is seen depends on the direction of the drive.
-    legs = [[network.leg(*ends) for ends in pairwise(tour)] for tour in tours]
-    best = max(legs, key=lambda tour: network.views.worth(_seen(network, tour)))
+    best = max(tours, key=lambda legs: network.worth(_ahead(network, legs)[-1]))
     return [path for path, _, _ in best]
 
 
-def _seen(network: Network, legs: list[tuple[Int, float, Bool]]) -> Bool:
-    """The pieces seen along legs."""
+def _ahead(network: Network, legs: list[tuple[Int, float, Bool]]) -> Bool:
+    """What is seen (legs + 1, pieces) on no leg, on the first, on the first two, and so on."""
     nothing = np.zeros(len(network.views.weights), dtype=np.bool_)
-    return np.asarray(np.any([nothing, *(seen for _, _, seen in legs)], axis=0))
+    return np.asarray(np.logical_or.accumulate([nothing, *(seen for _, _, seen in legs)]))
 
 
-def _insertions(
-    network: Network, order: list[int], longest: float, kept: int
-) -> Iterator[tuple[float, int, int]]:
-    """Worth for each metre, place and negated position of each place that may be inserted."""
-    views, costs = network.views, network.costs
-    legs = [network.leg(*ends) for ends in pairwise(order)]
-    length = sum(leg[1] for leg in legs)
-    times_seen = np.sum([leg[2] for leg in legs], axis=0, dtype=np.int32) if legs else 0
-    worth = views.worth(np.asarray(times_seen > 0) & np.ones(len(views.weights), dtype=np.bool_))
-    for place in sorted(set(range(len(network.places))) - set(order)):
-        detours = [
-            sum(costs[one, place] for one in _around(order, position))
-            - sum(costs[ends] for ends in pairwise(_around(order, position)))
-            for position in range(kept, len(order) + 1)
-        ]
-        for position in (kept + np.argsort(detours, kind="stable")[:POSITIONS]).tolist():
-            around = _around(order, position)
-            others, new_length = times_seen, length
-            if len(around) == 2:
-                others, new_length = (
-                    times_seen - legs[position - 1][2],
-                    length - legs[position - 1][1],
-                )
-            through = [
-                *order[max(position - 1, 0) : position],
-                place,
-                *order[position : position + 1],
-            ]
-            new_legs = [network.leg(*ends) for ends in pairwise(through)]
-            new_length += sum(leg[1] for leg in new_legs)
-            seen = (others > 0) | np.any([leg[2] for leg in new_legs], axis=0)
-            gain, metres = views.worth(seen) - worth, new_length - length
-            if new_length <= longest and gain > LEAST_WORTH * metres:
-                yield gain / max(metres, 1.0), place, -position
-
-
-def _around(order: list[int], position: int) -> list[int]:
-    """The one or two places of a tour next to a position between them."""
-    return order[max(position - 1, 0) : position + 1]
+def _longer(network: Network, order: list[int], longest: float, kept: int) -> list[int] | None:
+    """The tour with the one more place that shows the most for each metre of detour, or None."""
+    costs, legs = network.costs, network.legs_of(order)
+    before, after = _ahead(network, legs), _ahead(network, legs[::-1])[::-1]
+    worth, length = network.worth(before[-1]), sum(leg[1] for leg in legs)
+    best, most = None, 0.0
+    ends = np.array([NOWHERE, *order, NOWHERE])
+    for place in sorted(set(range(len(costs) - 1)) - set(order)):
+        detours = costs[ends[:-1], place] + costs[place, ends[1:]] - costs[ends[:-1], ends[1:]]
+        for at in kept + np.argsort(detours[kept:], kind="stable")[:POSITIONS]:
+            new = network.legs_of([*order[max(at - 1, 0) : at], place, *order[at : at + 1]])
+            old = legs[max(at - 1, 0) : at] if at < len(order) else []
+            metres = sum(leg[1] for leg in new) - sum(leg[1] for leg in old)
+            seen = before[max(at - 1, 0)] | after[min(at, len(legs))]
+            gain = network.worth(seen | _ahead(network, new)[-1]) - worth
+            if gain > max(LEAST_WORTH * metres, most * max(metres, 1.0)):
+                if length + metres <= longest:
+                    most = gain / max(metres, 1.0)
+                    best = [*order[:at], place, *order[at:]]
+    return best
 
 
 def _two_opt(costs: Float, order: list[int], kept: int) -> list[int]:
     """Reverse pieces of an open tour, after the kept places, as long as that is cheaper."""
-    tour, count = list(order), len(order)
+    tour = [NOWHERE, *order, NOWHERE]
     better = True
     while better:
         better = False
-        for first in range(kept, count - 1):
-            for last in range(first + 1, count):
-                gain = 0.0
-                if first > 0:
-                    gain += costs[tour[first - 1], tour[first]] - costs[tour[first - 1], tour[last]]
-                if last < count - 1:
-                    gain += costs[tour[last], tour[last + 1]] - costs[tour[first], tour[last + 1]]
-                # Rounding alone must not reverse a piece back and forth forever.
-                if gain > 1e-9:
-                    tour[first : last + 1] = tour[first : last + 1][::-1]
-                    better = True
-    return tour
+        for first, last in combinations(range(1 + kept, len(tour) - 1), 2):
+            before, one, other, after = (tour[at] for at in (first - 1, first, last, last + 1))
+            gain = costs[before, one] + costs[other, after]
+            gain -= costs[before, other] + costs[one, after]
+            # Rounding alone must not reverse a piece back and forth forever.
+            if gain > 1e-9:
+                tour[first : last + 1] = tour[first : last + 1][::-1]
+                better = True
+    return tour[1:-1]

@@ -223,9 +223,10 @@ def _beside(points: Float, line_map: LineMap, ax: Axes) -> Float:
 
     A legend that names points which nobody sees is a riddle.
     """
-    across = ax.get_xlim()[1] - ax.get_xlim()[0], ax.get_ylim()[1] - ax.get_ylim()[0]
-    metres = max(across[0] / ax.bbox.width, across[1] / ax.bbox.height) * ax.figure.dpi / 72.0
-    shown = points[:: max(1, len(points) // plot.MOST_POINTS)]
+    low, high = np.column_stack([ax.get_xlim(), ax.get_ylim()])
+    metres = ((high - low) / ax.bbox.size).max() * ax.figure.dpi / 72.0
+    inside = points[((points >= low) & (points <= high)).all(axis=1)]
+    shown = inside[:: max(1, len(inside) // plot.MOST_POINTS)]
     tree = STRtree(linestrings(line_map.segments.reshape(-1, 2, 2)))
     covered = tree.query(shapely_points(shown), "dwithin", HALF_LINE * metres)[0]
     beside = np.ones(len(shown), np.bool_)

@@ -22,6 +22,7 @@ from lrf3d.render.pictures import FrameProgress, Picture
 from lrf3d.render.workers import Job, draw
 from lrf3d.run import Run
 from lrf3d.scene.cameras import margins
+from lrf3d.scene.panel import PANELS
 from lrf3d.scene.stage import stage_of
 from lrf3d.scene.timeline import Timeline
 from lrf3d.world.cameras import MOVING_VIEWS, check_view
@@ -57,6 +58,7 @@ def render_video(
     samples: int = 4,
     workers: int | None = None,
     renderer: str | None = None,
+    panel: str = "short",
     part: tuple[float | None, float | None] = (None, None),
     progress: FrameProgress | None = None,
 ) -> None:
@@ -74,6 +76,7 @@ def render_video(
         workers: Number of processes; as many as there are cores if not given.
         renderer: What draws: ``gl``, or ``embree`` which needs no OpenGL and takes longer; where
             not given, OpenGL where it is there.
+        panel: What the panel says: ``short``, three facts, or ``full``, all numbers.
         part: From when to when the run is shown [s]; from its start, to its end if not given.
         progress: Called with frames done and frames in all, as the film grows.
 
@@ -101,6 +104,7 @@ def render_video(
         view=view,
         samples=samples,
         renderer=renderer,
+        panel=panel,
     )
     kind = format_of(path, job.film["size"], fps)
     total = len(job.times)
@@ -174,11 +178,18 @@ def frame(
     samples: int = 4,
     playback: float | None = None,
     renderer: str | None = None,
+    panel: str = "short",
     goal: tuple[float, float, float] | None = None,
 ) -> NDArray[np.uint8]:
     """The picture (h, w, 3) of a run at a time, with a goal x, y, radius [m]: see `Run.frame`."""
     film = _film_options(
-        run, size=size, view=view, samples=samples, playback=playback, renderer=renderer
+        run,
+        size=size,
+        view=view,
+        samples=samples,
+        playback=playback,
+        renderer=renderer,
+        panel=panel,
     )
     if not is_finite(time):
         raise InputError(f"time {shown(time)}: expected a finite number of seconds")
@@ -250,6 +261,7 @@ def _film_options(
     samples: int = 4,
     playback: float | None = None,
     renderer: str | None = None,
+    panel: str = "short",
 ) -> dict[str, Any]:
     """What a film is made with, when all of it can be drawn; what is not given, the run says."""
     view = run.film.view if view is None else view
@@ -268,12 +280,15 @@ def _film_options(
         raise InputError(f"samples {shown(samples)}: expected 0 or 4")
     if not (is_finite(playback) and playback > 0.0):
         raise InputError(f"playback {shown(playback)}: expected a number of more than 0")
+    if panel not in PANELS:
+        raise InputError(f"panel {shown(panel)}: expected one of {', '.join(PANELS)}")
     return {
         "size": (int(sides[0]), int(sides[1])),
         "view": view,
         "samples": samples,
         "playback": float(playback),
         "renderer": choose_renderer(renderer),
+        "panel": panel,
     }
 
 

@@ -1,5 +1,6 @@
 """Following a route: pure pursuit of way-points with a unicycle."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,7 +10,7 @@ from lrf3d.errors import InputError, shown
 from lrf3d.geometry import Float, is_finite, numbers, whole_number, wrap_angle
 from lrf3d.pose import Pose, as_pose
 from lrf3d.robot.trajectory import Trajectory
-from lrf3d.robot.unicycle import Unicycle
+from lrf3d.robot.unicycle import Unicycle, sinc
 
 CONTROL_STEP = 0.05
 """Time that each command of the follower is held [s]: 20 Hz, as on a real robot."""
@@ -42,6 +43,9 @@ MOST_DT = 1e5
 
 FARTHEST = 1e9
 """Largest coordinate of a way-point [m], as of a wall."""
+
+SAMPLES = np.arange(33.0)
+"""Samples of the route between which the nearest one to the robot is looked for."""
 
 ARRIVED = 1e-3
 """Distance to a way-point at which the robot has arrived [m]."""
@@ -107,9 +111,9 @@ def follow_route(
         goal = path.at(min(reach + lookahead, stops[0]))
         v, omega = _command(pose, goal, speed, step)
         pose = robot.move(pose, v, omega, step)
-        if len(stops) > 1 and np.hypot(*(path.at(stops[0]) - pose[:2])) < ARRIVED:
+        if math.dist(path.at(stops[0]), pose[:2]) < ARRIVED and len(stops) > 1:
             reach = stops.pop(0)
-        arrived = np.hypot(*(path.points[-1] - pose[:2])) < ARRIVED and len(stops) == 1
+        arrived = len(stops) == 1 and math.dist(path.end, pose[:2]) < ARRIVED
         if count % per_sample == 0 or arrived:
             poses.append(pose)
             times.append(count * step)
@@ -135,16 +139,17 @@ class _Path:
         steps = np.hypot(*np.diff(self.points, axis=0).T)
         self.stations = np.concatenate([[0.0], np.cumsum(steps)])
         self.length = float(self.stations[-1])
+        self.x, self.y = (np.ascontiguousarray(column) for column in self.points.T)
+        self.end = float(self.x[-1]), float(self.y[-1])
 
     @property
     def start(self) -> Pose:
         (x, y), (x2, y2) = self.points[:2]
         return Pose(float(x), float(y), float(np.arctan2(y2 - y, x2 - x)))
 
-    def at(self, station: float) -> Float:
-        return np.array(
-            [np.interp(station, self.stations, self.points[:, axis]) for axis in (0, 1)]
-        )
+    def at(self, station: float) -> tuple[float, float]:
+        x = np.interp(station, self.stations, self.x)
+        return float(x), float(np.interp(station, self.stations, self.y))
 
     def stops(self) -> list[float]:
         """Stations of the way-points that the robot must reach: sharp turns and the end."""
@@ -155,16 +160,18 @@ class _Path:
     def progress(self, pose: Pose, reach: float, limit: float) -> float:
         """The station nearest to the pose, from the last one up to a limit."""
         # With a look-ahead of 1 m the samples are 3 cm apart.
-        stations = np.linspace(reach, limit, 33)
-        near = np.column_stack(
-            [np.interp(stations, self.stations, self.points[:, axis]) for axis in (0, 1)]
-        )
-        return float(stations[np.argmin(np.hypot(near[:, 0] - pose.x, near[:, 1] - pose.y))])
+        stations = SAMPLES * ((limit - reach) / SAMPLES[-1]) + reach
+        stations[-1] = limit
+        x = np.interp(stations, self.stations, self.x) - pose.x
+        y = np.interp(stations, self.stations, self.y) - pose.y
+        return float(stations[np.hypot(x, y).argmin()])
 
 
-def _command(pose: Pose, goal: Float, speed: float, step: float) -> tuple[float, float]:
-    """Speed and turn rate of the arc to a goal (2,) [m]."""
-    dx, dy = goal - pose[:2]
+def _command(
+    pose: Pose, goal: tuple[float, float], speed: float, step: float
+) -> tuple[float, float]:
+    """Speed and turn rate of the arc to a goal [m]."""
+    dx, dy = goal[0] - pose.x, goal[1] - pose.y
     distance = float(np.hypot(dx, dy))
     if distance == 0.0:
         return 0.0, 0.0
@@ -173,7 +180,7 @@ def _command(pose: Pose, goal: Float, speed: float, step: float) -> tuple[float,
         return 0.0, float(np.clip(bearing / step, -MAX_TURN_RATE, MAX_TURN_RATE))
     curvature = 2.0 * np.sin(bearing) / distance
     # The arc to the goal has this length; near the end it is driven in one last step.
-    arc = distance / np.sinc(bearing / np.pi)
+    arc = distance / sinc(bearing / np.pi)
     v = min(speed, arc / step)
     if abs(curvature) * v > MAX_TURN_RATE:
         v = MAX_TURN_RATE / abs(curvature)

@@ -44,9 +44,21 @@ class Unicycle:
         """Where the robot is after it held v and ω for a time [s]: the exact arc of Eq. 2."""
         if not is_finite(v, omega, duration):
             raise InputError(f"move {shown((v, omega, duration))}: expected finite numbers")
-        start = np.array([as_pose(pose)])
-        end = arcs(start, np.array([v]), np.array([omega]), np.array([duration]))[0]
-        return Pose(float(end[0]), float(end[1]), float(end[2]))
+        x, y, theta = as_pose(pose)
+        half_turn = 0.5 * omega * duration
+        chord = v * duration * sinc(half_turn / np.pi)
+        middle = theta + half_turn
+        return Pose(
+            x + chord * float(np.cos(middle)),
+            y + chord * float(np.sin(middle)),
+            theta + 2.0 * half_turn,
+        )
+
+
+def sinc(x: float) -> float:
+    """The same number as `np.sinc`, which takes ten times as long for one."""
+    angle = np.pi * (x or 1e-20)
+    return float(np.sin(angle)) / angle
 
 
 def arcs(poses: Float, v: Float, omega: Float, durations: Float) -> Float:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrf3d.geometry import Bool, Float, Int, Single
+from lrf3d.geometry import Bool, Float, Int, Single, lengths
 from lrf3d.laser import LaserScan, beam_directions
 from lrf3d.scene.look import (
     BEAM_COLOUR,
@@ -194,10 +194,20 @@ class DrawnBeams:
         legs = np.isin(self.leg_beams, chosen)
         starts = np.concatenate([starts, self.legs[legs, :2]])
         ends = np.concatenate([ends, self.legs[legs, 2:]])
-        faint = np.full((np.count_nonzero(legs), 2), TURNED_SHARE * BEAM_STRENGTH)
+        faint = TURNED_SHARE * BEAM_STRENGTH * self._left_of_legs(reach)[legs]
         opacities = np.concatenate([opacities, faint])
         colours = np.full((len(ends), 3), BEAM_COLOUR)
         return lines_at(height, starts, ends, colours, opacities, BEAM_WIDTH)
+
+    def _left_of_legs(self, reach: float) -> Float:
+        """What (l, 2) of their opacity legs have left at both ends: none from a reach [m] on."""
+        ends, lengths_of = np.empty(len(self.legs)), lengths(self.legs)
+        gone = self.ranges.copy()
+        for leg, (beam, length) in enumerate(zip(self.leg_beams, lengths_of, strict=True)):
+            gone[beam] += length
+            ends[leg] = gone[beam]
+        far = np.column_stack([ends - lengths_of, ends])
+        return np.asarray(np.clip(1.0 - far / reach, 0.0, 1.0))
 
     def hit_points(self, height: float, range_max: float, *, by: str = "range") -> Points:
         """The hit points, coloured by their ranges or their intensities."""

@@ -75,6 +75,7 @@ class Orbit:
     Args:
         away: How far off the robot it is [m]; as far as is usual if not given.
         least: How steeply it looks down at the least [rad].
+        phase: Where it stands round the robot at first [rad].
     """
 
     FIELD = float(np.radians(42.0))
@@ -95,9 +96,10 @@ class Orbit:
         structures: Structures,
         away: float | None = None,
         least: float | None = None,
+        phase: float = -2.2,
     ) -> None:
         path = self._path = SmoothPath(timeline)
-        self._timeline = timeline
+        self._timeline, self._phase = timeline, phase
         indoor = structures.indoor
         self._away = away or (self.AWAY_INDOOR if indoor else self.AWAY)
         least = least or (self.LEAST_INDOOR if indoor else self.LEAST)
@@ -118,7 +120,12 @@ class Orbit:
     def _turns(self, times: Float) -> Float:
         """Where the eye stands round the robot at times [rad]."""
         passed = (times - self._timeline.start) / self._timeline.playback
-        return np.asarray(self.TURN * passed - 2.2)
+        return np.asarray(self.TURN * passed + self._phase)
+
+    def steepest(self, first: float, last: float) -> float:
+        """How steeply it looks down at the most between two times [rad]."""
+        within = (self._path.times >= first) & (self._path.times <= last)
+        return float(self._angles[within].max(initial=0.0))
 
     def look(self, time: float, aspect: float) -> Look:
         """The look at a time [s] of the run."""

@@ -85,7 +85,10 @@ def panel(facts: Facts, moment: Moment, shot: str) -> Label:
 def card(facts: Facts) -> Label:
     """What was found in the end."""
     run = facts.run
-    words = [counted(run.map.object_count, "object"), counted(len(run.map), "wall")]
+    structures = facts.structures
+    town = not structures.indoor and len(structures.houses) > 0
+    found = counted(run.map.object_count, "building" if town else "object")
+    words = [found, counted(len(run.map), "wall")]
     if run.knows_truth:
         words.append(f"{100.0 * score_run(run).length_recall:.0f} % found")
     return _label([(", ".join(words), _INK)], _CARD_SIZE, "middle")

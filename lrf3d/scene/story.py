@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from lrf3d.geometry import Float
-from lrf3d.scene.camera import Look, SmoothPath
+from lrf3d.scene.camera import Camera, Look, SmoothPath
 from lrf3d.scene.following import Chase, Orbit
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline
@@ -41,6 +41,10 @@ _CLOSE, _CLOSE_STEEP = 4.6, float(np.radians(24.0))
 """How far off the robot a shot from near is [m], and how steeply it looks down at the least [rad].
 """
 
+_CLOSE_SIDES, _TOO_STEEP = 6, float(np.radians(55.0))
+"""Sides from which such a shot may begin, and how steeply it never looks down [rad]: of a robot
+from above there is little to see."""
+
 _HIGH, _HIGH_SHARE, _HIGH_STEEP = 50.0, 0.55, float(np.radians(60.0))
 """How far off the robot a shot from high up is at the most [m], and as a share of the way to where
 the whole is seen from; and how steeply it looks down [rad], so that few houses hide the robot."""
@@ -55,11 +59,26 @@ class Story:
         self._opening = Overview(timeline, structures)
         self._whole = Overview(timeline, structures, CARD)
         self._chase = Chase(timeline, structures)
-        self._close = Orbit(timeline, structures, _CLOSE, _CLOSE_STEEP)
         length = (timeline.end - timeline.start) / timeline.playback
         self._down = min(_DOWN, 0.4 * length)
         self._length = length
         self._count = max(1, round((length - self._down) / SHOT))
+        orbits = [
+            Orbit(timeline, structures, _CLOSE, _CLOSE_STEEP, float(turn))
+            for turn in -2.2 + np.linspace(0.0, 2.0 * np.pi, _CLOSE_SIDES, endpoint=False)
+        ]
+        self._close = [self._clearest(orbits, number) for number in range(self._count)]
+
+    def _clearest(self, orbits: list[Orbit], number: int) -> Camera:
+        """The orbit that looks down the least in a shot; between near houses, the chase."""
+        timeline, shot = self._timeline, (self._length - self._down) / self._count
+        first, last = (
+            timeline.start + timeline.playback * (self._down + place * shot)
+            for place in (number, number + 1)
+        )
+        steep = [orbit.steepest(first, last) for orbit in orbits]
+        least = int(np.argmin(steep))
+        return orbits[least] if steep[least] < _TOO_STEEP else self._chase
 
     def look(self, time: float, aspect: float) -> Look:
         """The look at a time [s] of the run, also before its start and after its end."""
@@ -71,16 +90,17 @@ class Story:
             return replace(between(near, far, share), plan=False, shot=known)
         place = (passed - self._down) / max(self._length - self._down, 1e-9) * self._count
         number = min(int(place), self._count - 1)
-        shot = self._shot(SHOTS[number % len(SHOTS)], place - number, time, aspect)
+        shot = self._shot(number, place - number, time, aspect)
         if passed <= self._length:
             return shot
         moved = _eased((passed - self._length) / (CLOSING - HELD))
         last = between(shot, self._whole.look(time, aspect), moved)
         return replace(last, plan=False, ghost=moved, raised=moved, shot="end")
 
-    def _shot(self, name: str, share: float, time: float, aspect: float) -> Look:
+    def _shot(self, number: int, share: float, time: float, aspect: float) -> Look:
+        name = SHOTS[number % len(SHOTS)]
         if name == "close":
-            return self._close.look(time, aspect)
+            return replace(self._close[number].look(time, aspect), shot="close")
         if name == "chase":
             return self._chase.look(time, aspect)
         far = self._whole.look(time, aspect)

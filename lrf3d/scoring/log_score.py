@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrf3d.casting import PlanarCaster
-from lrf3d.errors import InputError
+from lrf3d.errors import InputError, expect
 from lrf3d.geometry import Float, lengths
 from lrf3d.laser import LaserRangeFinder, LaserScan, reflection_points
 from lrf3d.mapping import LineMap
@@ -33,17 +33,13 @@ UNEVEN = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class LogScore(Report):
-    """How well a map predicts scans.
+    """How well a map of some segments, with a total length [m], predicts scans.
 
     Args:
-        explained: Share of returns within 0.1 m of a map segment.
-        violation: Share of returns whose beam hits the map over 0.2 m before the return.
-        median_range_error: Median |map range − measured range| [m] of the returns whose beam
-            hits the map; NaN if none does.
-        segments: Number of segments in the map.
-        length: Total length of the map's segments [m].
-        scans: Number of scans.
-        returns: Number of returns that count.
+        explained: Share of the returns that count within 0.1 m of a map segment.
+        violation: Share of them whose beam hits the map over 0.2 m before the return.
+        median_range_error: Median |map range − measured range| [m] of those whose beam hits the
+            map; NaN if none does.
     """
 
     explained: float
@@ -66,6 +62,7 @@ def score_log(line_map: LineMap, scans: Iterable[LaserScan]) -> LogScore:
     """
     import shapely
 
+    expect(line_map, LineMap, "map")
     solid = line_map.segments[lengths(line_map.segments) > 0.0]
     origin = np.round(solid.reshape(-1, 2).mean(axis=0)) if len(solid) else np.zeros(2)
     solid = solid - np.tile(origin, 2)

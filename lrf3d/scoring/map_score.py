@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lrf3d.errors import expect
 from lrf3d.geometry import Float, Int
 from lrf3d.mapping import LineMap
 from lrf3d.run import Run
@@ -65,6 +66,7 @@ def score_run(run: Run) -> MapScore:
         >>> bool(lrf3d.score_run(run).length_precision > 0.9)
         True
     """
+    expect(run, Run, "run")
     segments, walls = visible_walls(run)
     in_reach = run.world.heights >= run.lrf.height
     return score_map(
@@ -94,6 +96,7 @@ def score_map(
         >>> round(score.length_precision, 2), round(score.length_recall, 2)
         (1.0, 0.57)
     """
+    expect(line_map, LineMap, "map")
     found, visible = line_map.segments, visible_segments
     near = {"reach": SAMPLE_TOLERANCE, "angle": SAMPLE_ANGLE}
     offsets = sample_offsets(found, visible if walls is None else walls, **near)

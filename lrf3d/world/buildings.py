@@ -13,7 +13,7 @@ from lrf3d.errors import WorldError
 from lrf3d.geometry import Float, Int
 from lrf3d.world.features import Feature
 from lrf3d.world.model import DEFAULT_HEIGHT, World
-from lrf3d.world.pieces import walls
+from lrf3d.world.pieces import from_corner, walls
 
 DEFAULT_BUILDING_HEIGHT = 8.0
 """Default height of a building [m]: two storeys and a roof."""
@@ -39,10 +39,7 @@ def world_of_features(
 ) -> World:
     """The world of features: polygons are dissolved into blocks, lines follow after them.
 
-    Args:
-        features: The features of the file.
-        name: Name of the world.
-        place: Longitude and latitude [°] of the point (0, 0), if they are known.
+    The place is the longitude and latitude [°] of the point (0, 0), if they are known.
 
     Raises:
         WorldError: No wall remains.
@@ -96,11 +93,7 @@ def world_of_features(
 
 
 def _blocks(polygons: list[Any], heights: Float) -> list[tuple[Int, list[tuple[Float, Float]]]]:
-    """Groups of footprints that touch, in the order of the first of each.
-
-    Args:
-        polygons: The footprints [m].
-        heights: (n,) their heights [m].
+    """Groups of footprints of some heights (n,) that touch, in the order of the first of each.
 
     Returns:
         For each block its footprints, and its rings (k, 2), outer ones counter-clockwise and
@@ -175,13 +168,7 @@ def _straightened(ring: Float) -> Float:
     """The corners of a ring (k, 2) that do not lie on straight walls."""
     import shapely
 
-    before, after = np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0)
-    base, arm = after - before, ring - before
-    cross = np.abs(base[:, 0] * arm[:, 1] - base[:, 1] * arm[:, 0])
-    # Simplifying keeps the ends of a line, so the ring is opened at its sharpest corner.
-    sharpest = int(np.argmax(cross / np.maximum(np.hypot(base[:, 0], base[:, 1]), 1e-12)))
-    opened = np.roll(ring, -sharpest, axis=0)
-    line = shapely.linestrings(np.vstack([opened, opened[:1]]))
+    line = shapely.linestrings(from_corner(np.vstack([ring, ring[:1]])))
     kept = shapely.get_coordinates(shapely.simplify(line, STRAIGHT))
     return ring[np.isin(ring @ [1.0, 1.0j], kept @ [1.0, 1.0j])]
 

@@ -1,12 +1,12 @@
 """Cameras: fixed ones in a world, by name, and the default camera of a film."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from typing import Any
 
 from lrf3d.errors import InputError, WorldError, shown
-from lrf3d.geometry import is_finite
+from lrf3d.geometry import LARGEST_COORDINATE, is_finite
 
 MOVING_VIEWS = ("chase", "first", "orbit", "overview", "story", "top")
 """Names of the cameras that every world has; they follow the robot or show everything."""
@@ -16,9 +16,6 @@ DEFAULT_FIELD = 50.0
 
 WIDEST_VIEW = 170.0
 """Angles of view are less than this [degrees]."""
-
-FARTHEST = 1e9
-"""Largest coordinate of a camera [m], as of a wall."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,16 +47,16 @@ class FixedCamera:
                 f" {', '.join(MOVING_VIEWS)}"
             )
         for key in ("position", "target"):
-            point = getattr(self, key)
-            try:
-                x, y, z = (float(value) for value in point)
-            except (TypeError, ValueError, OverflowError):
-                x = y = z = math.nan
-            if not max(abs(x), abs(y), abs(z)) <= FARTHEST or math.isnan(x + y + z):
+            point: Any = getattr(self, key)
+            if (
+                not is_finite(*point)
+                or len(point) != 3
+                or max(map(abs, point)) > LARGEST_COORDINATE
+            ):
                 raise WorldError(
                     f"camera {self.name!r}: {key} is {shown(point)}, expected x, y, z [m]"
                 )
-            object.__setattr__(self, key, (x, y, z))
+            object.__setattr__(self, key, tuple(map(float, point)))
         if self.position == self.target:
             raise WorldError(f"camera {self.name!r}: position and target are the same point")
         if not (is_finite(self.field_deg) and 0.0 < self.field_deg < WIDEST_VIEW):

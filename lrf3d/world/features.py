@@ -120,12 +120,17 @@ def _shapes(geometry: object) -> Iterator[Any]:
         raise WorldError(f"{kind}: {' '.join(str(error).split())}; expected [x, y], …") from None
     if not (np.abs(shapely.get_coordinates(whole)) <= LARGEST_COORDINATE).all():
         raise WorldError(f"{kind}: expected finite coordinates of at most {LARGEST_COORDINATE:g} m")
-    for part in shapely.get_parts(shapely.remove_repeated_points(whole)):
-        if not np.ptp(shapely.get_coordinates(part), axis=0).any():
-            raise WorldError(f"{kind} of no length: expected two different points")
-        if part.geom_type == "Polygon" and not shapely.make_valid(part).area > 0.0:
-            raise WorldError(f"{kind}: lies on one line and encloses nothing")
-        yield part
+    for part in shapely.get_parts(whole):
+        if part.geom_type == "LineString":
+            points = shapely.get_coordinates(part)
+            moves = np.append(True, (points[1:] != points[:-1]).any(axis=1))
+            if moves.sum() < 2:
+                raise WorldError(f"{kind} of no length: expected two different points")
+            yield shapely.LineString(points[moves])
+        else:
+            if not shapely.make_valid(part).area > 0.0:
+                raise WorldError(f"{kind}: lies on one line and encloses nothing")
+            yield shapely.remove_repeated_points(part)
 
 
 def _in_plane(coordinates: Any) -> Any:

@@ -1,6 +1,5 @@
 """FreeCells: a grid of the free space of a map, through which routes are planned."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Any
@@ -11,8 +10,8 @@ from lrf3d.errors import InputError, shown
 from lrf3d.geometry import Bool, Float, is_finite, numbers, sealed
 from lrf3d.pose import as_pose
 
-MOST_SIDE, MOST_CELLS = 100_000, 1 << 26
-"""Largest number of rows or columns, and of cells, of a grid in a file, as in a ROS map: 64 MB."""
+MOST_CELLS = 1 << 26
+"""Largest number of cells of a grid in a file, as in a ROS map: 64 MB."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,32 +81,25 @@ class FreeCells:
         }
 
     @classmethod
-    def from_dict(cls, values: object) -> "FreeCells":
+    def from_dict(cls, values: Any) -> "FreeCells":
         """The grid that :meth:`as_dict` wrote.
 
         Raises:
             InputError: The values are not such a grid.
         """
-        expected = "expected resolution, origin and rows, each row a list of run lengths"
-        if not isinstance(values, Mapping) or set(values) != {"resolution", "origin", "rows"}:
-            raise InputError(expected)
-        resolution, origin, rows = (values[key] for key in ("resolution", "origin", "rows"))
-        numbers = [resolution, *origin] if isinstance(origin, list) else []
-        if len(numbers) != 4 or not is_finite(*numbers) or not resolution > 0.0:
-            raise InputError(expected)
-        if not isinstance(rows, list) or not 0 < len(rows) <= MOST_SIDE:
-            raise InputError(expected)
-        for row in rows:
-            if not isinstance(row, list) or not all(type(n) is int and n >= 0 for n in row):
-                raise InputError(expected)
-        columns = {sum(row) for row in rows}
-        if len(columns) != 1 or max(columns) > MOST_SIDE or max(columns) * len(rows) > MOST_CELLS:
+        try:
+            rows = [np.array(row, dtype=np.int64) for row in values["rows"]]
+            columns = {int(row.sum()) for row in rows}
+            most = max(columns) * len(rows)
+            if len(columns) != 1 or most > MOST_CELLS or any((row < 0).any() for row in rows):
+                raise ValueError
+            # Runs are not free and free in turn.
+            cells = [np.repeat(np.arange(len(row)) % 2 == 1, row) for row in rows]
+            if set(values) != {"resolution", "origin", "rows"}:
+                raise ValueError
+            return cls(np.array(cells), values["resolution"], values["origin"])
+        except (KeyError, TypeError, ValueError, OverflowError):
             raise InputError(
-                f"{expected}; rows of equal length, at most {MOST_SIDE:,}, and {MOST_CELLS:,} cells"
-            )
-        cells = np.zeros((len(rows), columns.pop()), dtype=np.bool_)
-        for row, lengths in zip(cells, rows, strict=True):
-            ends = np.cumsum([0, *lengths])
-            for begin, end in zip(ends[1::2], ends[2::2], strict=False):
-                row[begin:end] = True
-        return cls(cells, float(resolution), tuple(float(value) for value in origin))  # type: ignore[arg-type]
+                "expected resolution, origin and rows, each row a list of run lengths, of equal"
+                f" sums, of at most {MOST_CELLS:,} cells"
+            ) from None

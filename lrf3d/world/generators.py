@@ -42,9 +42,6 @@ SHIFT, HALF, LARGEST_TURN = 2.0, (4.0, 7.0), 0.3
 """Largest offset of a building from the centre of its block [m], range of half of its side lengths
 [m], and largest turn [rad]: the narrowest street is 3 m wide."""
 
-AISLE = 1.5
-"""Largest offset of a pose from the centre of a crossing [m], clear of all buildings."""
-
 PASSAGE = 2.6
 """Distance between neighbouring walls of a maze [m]."""
 
@@ -104,20 +101,17 @@ def office(size: float, seed: int) -> World:
             crossed = storeys > 1 and not (bottom == 0.0 or end == top)
             wings = [(0.0, across), (across + CORRIDOR, size)] if crossed else [(0.0, size)]
             for left, right in wings:
-                _row_of_rooms(plan, rng, left, right, bottom, end, faces)
+                _row_of_rooms(plan, rng, (left, bottom, right, end), faces)
     return plan.world()
 
 
-def _row_of_rooms(
-    plan: FloorPlan,
-    rng: np.random.Generator,
-    left: float,
-    right: float,
-    bottom: float,
-    top: float,
-    faces: float,
-) -> None:
+Box = tuple[float, float, float, float]
+"""The left, lower, right and upper side of a part of a plan [m]."""
+
+
+def _row_of_rooms(plan: FloorPlan, rng: np.random.Generator, box: Box, faces: float) -> None:
     """Rooms side by side, whose doors are in their upper (1) or lower (−1) wall."""
+    left, bottom, right, top = box
     corridor = top if faces > 0.0 else bottom
     count = max(1, round((right - left) / float(np.mean(ROOM_WIDTHS))))
     shares = rng.uniform(*ROOM_WIDTHS, count)
@@ -129,22 +123,15 @@ def _row_of_rooms(
         doors.append(float(rng.uniform(start + room, end - room)) - left)
         if end < right:
             plan.wall(end, bottom, end, top)
-        _furnish(plan, rng, start, end, bottom, top, faces)
+        _furnish(plan, rng, (start, bottom, end, top), faces)
     plan.wall(left, corridor, right, corridor, *doors)
     for x in (left, right):
         plan.wall(x, bottom, x, top)
 
 
-def _furnish(
-    plan: FloorPlan,
-    rng: np.random.Generator,
-    left: float,
-    right: float,
-    bottom: float,
-    top: float,
-    faces: float,
-) -> None:
+def _furnish(plan: FloorPlan, rng: np.random.Generator, room: Box, faces: float) -> None:
     """A desk by the outer wall of a room, and often a shelf along a side."""
+    left, bottom, right, top = room
     desk = np.array([min(1.8, right - left - 2.0), 0.8])
     x = float(rng.uniform(left + 0.4, right - 0.4 - desk[0]))
     y = bottom + 0.3 if faces > 0.0 else top - 0.3 - desk[1]
@@ -209,12 +196,7 @@ def _divide(plan: FloorPlan, rng: np.random.Generator, box: Float) -> None:
 def generate_city(walls: int, *, seed: int = 0) -> World:
     """A city with a number of walls, nearly square: buildings of four walls, one in each block.
 
-    The density does not depend on the size, so a laser sees about the same number of walls in
-    cities of any size.
-
-    Args:
-        walls: Number of walls, rounded down to a multiple of four.
-        seed: The same seed gives the same city.
+    Its density does not depend on its size, so a laser sees as many walls in cities of any size.
     """
     rng = np.random.default_rng(seed)
     count = walls // 4
@@ -235,24 +217,6 @@ def city_blocks(walls: int) -> tuple[int, int]:
     """Width and height [blocks] of a city with a number of walls; its last row may be shorter."""
     columns = max(1, math.isqrt(max(1, walls // 4) - 1) + 1)
     return columns, -(-(walls // 4) // columns)
-
-
-def city_crossings(walls: int, count: int, *, seed: int = 0, spread: int | None = None) -> Float:
-    """Poses (count, 3) at the crossings of a generated city, at any heading.
-
-    Args:
-        walls: Number of walls of the city.
-        count: Number of poses.
-        seed: The same seed gives the same poses.
-        spread: Number of crossings in each direction around the middle, as on a drive; the whole
-            city if not given.
-    """
-    rng = np.random.default_rng(seed)
-    crossings = np.maximum(np.array(city_blocks(walls)) - 1, 1)
-    wide = crossings if spread is None else np.minimum(spread, crossings)
-    cells = (crossings - wide) // 2 + rng.integers(0, wide, (count, 2))
-    positions = BLOCK_SIDE * (cells + 0.5) + rng.uniform(-AISLE, AISLE, (count, 2))
-    return np.column_stack([positions, rng.uniform(-np.pi, np.pi, count)])
 
 
 def maze(size: float, seed: int) -> World:

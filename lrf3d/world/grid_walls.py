@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.geometry import Bool, Float, Int, lengths
+from lrf3d.world.pieces import from_corner
 
 Complex = NDArray[np.complex128]
 
@@ -183,7 +184,7 @@ def _straightened(pairs: Complex, occupied: Bool, double: Bool) -> Float:
         return np.empty((0, 4))
     lines = shapely.linestrings(np.stack([pairs.real, pairs.imag], axis=-1))
     merged = shapely.get_parts(shapely.line_merge(shapely.multilinestrings(lines)))
-    chains = [_from_corner(shapely.get_coordinates(chain)) for chain in merged]
+    chains = [from_corner(shapely.get_coordinates(chain)) for chain in merged]
     count = np.array([len(chain) for chain in chains])
     number = np.repeat(np.arange(len(chains)), count)
     points = np.concatenate(chains)
@@ -198,16 +199,6 @@ def _straightened(pairs: Complex, occupied: Bool, double: Bool) -> Float:
     place = np.flatnonzero(kept)
     same = number[place[:-1]] == number[place[1:]]
     return _fitted(points, place[:-1][same], place[1:][same])
-
-
-def _from_corner(chain: Float) -> Float:
-    """A chain (k, 2) as it is, or a ring opened where it is farthest from its middle: a corner."""
-    if (chain[0] != chain[-1]).any():
-        return chain
-    ring = chain[:-1]
-    start = int(np.argmax(((ring - ring.mean(axis=0)) ** 2).sum(axis=1)))
-    opened = np.roll(ring, -start, axis=0)
-    return np.vstack([opened, opened[:1]])
 
 
 def _in_middle(points: Float, occupied: Bool, double: Bool) -> Float:

@@ -9,74 +9,62 @@ A world is written as GLB: walls with their heights, a part for each object. glT
 vertices are relative to the world's origin, which is the translation of each part; y is up.
 """
 
-import json
-from io import BytesIO
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lrf3d.errors import WorldError
-from lrf3d.files import opened, own_name, replacing
-from lrf3d.geometry import LARGEST_COORDINATE, Float, Int, lengths
-from lrf3d.world.collinear import merge_collinear
-from lrf3d.world.extrude import extrude
+from lrf3d.errors import WorldError, shown
+from lrf3d.files import check_ordinary, own_name, replacing
+from lrf3d.geometry import LARGEST_COORDINATE, Float, Int
+from lrf3d.world.drawing import without_repeats
 from lrf3d.world.materials import Material, material_of, material_value
 from lrf3d.world.model import World
+from lrf3d.world.pieces import from_corner, walls
 from lrf3d.world.touching import connected
+
+if TYPE_CHECKING:
+    import trimesh
 
 CUT = 0.5
 """Height [m] at which a mesh is cut: the default height of the laser."""
 
 LARGEST_MESH = 1 << 27
-"""Largest size of a mesh with all files that it refers to [bytes]."""
+"""Largest size of a mesh [bytes]."""
 
 FLAT = 1e-6
 """Tolerance for collinear cuts, relative to the extent: the resolution of float32."""
 
-UPRIGHT_Y = {".glb", ".gltf"}
-"""Formats in which y is up."""
-
-
 PLAIN = 0.78
 """Grey of walls without a colour."""
 
+UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+"""From z up to y up, as in glTF."""
 
-def read_mesh(path: Path, *, cut: float = CUT) -> World:
-    """Read the cut of a mesh at a height as walls.
 
-    Args:
-        path: The file: ``.glb``, ``.gltf``, ``.obj``, ``.off``, ``.ply`` or ``.stl``.
-        cut: The height [m].
+def read_mesh(path: Path) -> World:
+    """Read the cut of a mesh at the height of the beams as walls.
 
     Raises:
-        WorldError: The file cannot be read, or the mesh does not reach that height.
+        WorldError: The mesh does not reach that height, or is not finite.
     """
     parts = _parts(path)
     if not parts:
-        raise WorldError(f"{path}: holds no triangle, so there is no wall")
-    pieces = [_cut(part.vertices, part.faces, cut) for part in parts]
-    count = np.array([len(segments) for segments, _ in pieces])
-    segments = np.concatenate([segments for segments, _ in pieces])
-    heights = np.concatenate([heights for _, heights in pieces])
+        raise WorldError("holds no triangle, so there is no wall")
+    triangles = np.concatenate([part.triangles for part in parts])
+    part_of = np.repeat(np.arange(len(parts)), [len(part.triangles) for part in parts])
+    segments, face = level_cut(triangles, CUT)
     if not len(segments):
-        low = min(float(part.vertices[:, 2].min()) for part in parts)
-        high = max(float(part.vertices[:, 2].max()) for part in parts)
+        low, high = triangles[..., 2].min(), triangles[..., 2].max()
         raise WorldError(
-            f"{path}: nothing stands at a height of {cut:g} m; the mesh reaches from {low:g} to"
-            f" {high:g} m"
+            f"nothing stands at a height of {CUT:g} m; the mesh reaches from {low:g} to {high:g} m"
         )
-    owners = np.repeat(np.arange(len(parts)), count)
     tolerance = FLAT * max(float(np.ptp(segments.reshape(-1, 2), axis=0).max()), 1e-3)
     # Walls of one line and unequal heights stay apart.
-    _, first, height = np.unique(
-        np.round(heights / tolerance), return_index=True, return_inverse=True
-    )
-    label = owners * len(first) + height
-    segments, label = merge_collinear(segments, label, tolerance=tolerance)
-    owners, heights = label // len(first), heights[first][label % len(first)]
-    order = np.argsort(owners, kind="stable")
-    segments, owners, heights = segments[order], owners[order], heights[order]
+    top = triangles[face, :, 2].max(axis=1)
+    _, first, height = np.unique(np.round(top / tolerance), return_index=True, return_inverse=True)
+    segments, label = _merged(segments, part_of[face] * len(first) + height, tolerance)
+    owners, heights = label // len(first), top[first][label % len(first)]
     if len(parts) == 1 and not parts[0].name:
         return World(segments, connected(segments), heights, own_name(path))
     numbers, objects = np.unique(owners, return_inverse=True)
@@ -92,129 +80,116 @@ def read_mesh(path: Path, *, cut: float = CUT) -> World:
 
 
 class _Part(NamedTuple):
-    """A part of a scene: vertices (n, 3) [m], z up, faces (m, 3), and a colour (3,) or NaN."""
+    """A part of a scene: triangles (n, 3, 3) [m], z up, and a colour (3,) or NaN."""
 
     name: str
     colour: Float
     material: Material | None
-    vertices: Float
-    faces: Int
+    triangles: Float
 
 
 def _parts(path: Path) -> list[_Part]:
     """The parts of a scene."""
     import trimesh
 
-    with opened(path, what="a world file", largest=LARGEST_MESH, error=WorldError) as file:
-        data = file.read()
-    kind = path.suffix.lower()[1:]
-    if kind == "gltf":
-        # The library would look for another file if this one is missing.
-        json.loads(data)
-    options: dict[str, Any] = {"skip_materials": True} if kind == "obj" else {}
-    scene = trimesh.load_scene(
-        BytesIO(data), file_type=kind, resolver=_beside(path), process=False, **options
-    )
-    turn = (
-        np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]]) if path.suffix.lower() in UPRIGHT_Y else None
-    )
-    single = len(scene.graph.nodes_geometry) == 1 and kind not in ("glb", "gltf")
+    check_ordinary(path, what="a world file", largest=LARGEST_MESH, error=WorldError)
+    # Of other options only materials of .obj files would read more files than this one.
+    options: dict[str, Any] = {"skip_materials": True} if path.suffix.lower() == ".obj" else {}
+    scene = trimesh.load_scene(path, process=False, **options)
+    upright = path.suffix.lower() in (".glb", ".gltf")
+    single = len(scene.graph.nodes_geometry) == 1 and not upright
     # The graph gives its nodes in any order; the file has its meshes in one.
     order = {key: place for place, key in enumerate(scene.geometry)}
     nodes = [(order[scene.graph[node][1]], str(node), node) for node in scene.graph.nodes_geometry]
     parts = []
-    for _, _, node in sorted(nodes, key=lambda item: item[:2]):
+    for _, name, node in sorted(nodes, key=lambda item: item[:2]):
         matrix, key = scene.graph[node]
         mesh = scene.geometry[key]
         if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
             continue
         vertices = trimesh.transform_points(np.asarray(mesh.vertices, dtype=np.float64), matrix)
-        vertices = vertices if turn is None else vertices @ turn.T
-        faces = np.asarray(mesh.faces, dtype=np.int64)
-        used = vertices[np.unique(faces)]
-        if not (np.abs(used) <= LARGEST_COORDINATE).all():
+        triangles = (vertices @ UPRIGHT if upright else vertices)[mesh.faces]
+        if not (np.abs(triangles) <= LARGEST_COORDINATE).all():
             raise WorldError(
-                f"{path}: part {str(node)[:40]!r} has a vertex that is not finite, or over"
+                f"part {shown(name)} has a vertex that is not finite, or over"
                 f" {LARGEST_COORDINATE:g} m away"
             )
-        name = "" if single else str(node)
-        parts.append(_Part(name, _colour(mesh), _material(mesh), vertices, faces))
+        look = getattr(mesh.visual, "material", None)
+        factor = getattr(look, "baseColorFactor", None)
+        colour = np.full(3, np.nan) if factor is None else np.asarray(factor[:3]) / 255.0
+        # The material that lrf3d wrote, or that the name of the part's own is one of.
+        material = material_of(mesh.metadata.get("material"))
+        material = material or material_of(str(getattr(look, "name", None)).lower())
+        parts.append(_Part("" if single else name, colour, material, triangles))
     return parts
 
 
-def _colour(mesh: Any) -> Float:
-    """Red, green, blue (3,) of the material, NaN where it has none."""
-    material = getattr(mesh.visual, "material", None)
-    factor = getattr(material, "baseColorFactor", None)
-    if factor is None:
-        return np.full(3, np.nan)
-    return np.asarray(factor[:3], dtype=np.float64) / 255.0
+def _merged(segments: Float, labels: Int, tolerance: float) -> tuple[Float, Int]:
+    """Segments (n, 4) of one label joined where they go straight on, and their labels."""
+    import shapely
+
+    joined, owners = [], []
+    for label in np.unique(labels).tolist():
+        lines = shapely.linestrings(without_repeats(segments[labels == label]).reshape(-1, 2, 2))
+        chains = shapely.get_parts(shapely.line_merge(shapely.multilinestrings(lines)))
+        for chain in chains:
+            opened = shapely.linestrings(from_corner(shapely.get_coordinates(chain)))
+            points = shapely.get_coordinates(shapely.simplify(opened, tolerance))
+            joined.append(walls(points, closed=False))
+            owners.append(np.full(len(points) - 1, label, dtype=np.int64))
+    return np.concatenate(joined), np.concatenate(owners)
 
 
-def _material(mesh: Any) -> Material | None:
-    """The material that lrf3d wrote with a part, or that the name of the part's own is one of."""
-    name = getattr(getattr(mesh.visual, "material", None), "name", None)
-    return material_of(mesh.metadata.get("material")) or material_of(str(name).lower())
+def level_cut(triangles: Float, height: float) -> tuple[Float, Int]:
+    """Where triangles (n, 3, 3) meet the level plane at a height [m].
+
+    A cut ends on edges of its triangle. Its ends are rounded to float64, to the same bits for both
+    triangles at an edge, so that no beam passes between them. On vertical edges, such as those of
+    houses, nothing is rounded. Triangles within the plane have no cut: their neighbours bound them.
+
+    Returns:
+        The cuts (m, 4) as segments x1 y1 x2 y2 [m], and which triangle (m,) each is of.
+    """
+    near = (triangles[:, :, 2].min(axis=1) <= height) & (triangles[:, :, 2].max(axis=1) >= height)
+    faces = np.flatnonzero(near)
+    corners = triangles[faces]
+    side = np.sign(corners[:, :, 2] - height)
+    # The lower end of an edge is the same for both of its triangles.
+    one, other = corners, np.roll(corners, -1, axis=1)
+    swap = (one[:, :, 2] > other[:, :, 2])[:, :, None]
+    low, high = np.where(swap, other, one), np.where(swap, one, other)
+    crosses = side * np.roll(side, -1, axis=1) < 0.0
+    rise = np.where(crosses, high[:, :, 2] - low[:, :, 2], 1.0)
+    share = ((height - low[:, :, 2]) / rise)[:, :, None]
+    middle = low[:, :, :2] + share * (high[:, :, :2] - low[:, :, :2])
+    # A triangle has two of these six points, unless it lies in the plane or touches it in a corner.
+    points = np.concatenate([middle, corners[:, :, :2]], axis=1)
+    meets = np.concatenate([crosses, side == 0.0], axis=1)
+    cut = meets.sum(axis=1) == 2
+    segments = points[cut][meets[cut]].reshape(-1, 4)
+    long = (segments[:, :2] != segments[:, 2:]).any(axis=1)
+    return segments[long], faces[cut][long]
 
 
-def _cut(vertices: Float, faces: Int, height: float) -> tuple[Float, Float]:
-    """Cuts (k, 4) of triangles at a height, and the top (k,) of each triangle [m]."""
-    corners = vertices[faces]
-    above = corners[..., 2] > height
-    met = above.any(axis=1) & ~above.all(axis=1)
-    corners, above = corners[met], above[met]
-    # One corner is alone on its side of the plane; the two edges from it are cut.
-    single = np.where(above.sum(axis=1) == 1, above.argmax(axis=1), (~above).argmax(axis=1))
-    rows = np.arange(len(corners))
-    alone = corners[rows, single]
-    ends = []
-    for step in (1, 2):
-        other = corners[rows, (single + step) % 3]
-        share = (height - alone[:, 2]) / (other[:, 2] - alone[:, 2])
-        ends.append(alone[:, :2] + share[:, None] * (other[:, :2] - alone[:, :2]))
-    segments = np.hstack(ends) if len(corners) else np.empty((0, 4))
-    long = lengths(segments) > 0.0
-    return segments[long], corners[..., 2].max(axis=1, initial=height)[long]
+def extrude(world: World) -> "trimesh.Trimesh":
+    """Raise every wall from the ground, z = 0, to its height.
 
+    Triangles 2i and 2i + 1 are wall i, so ``triangle // 2`` is the wall. The mesh is in the local
+    frame: ``world.origin`` is subtracted from x and y, so that float32 casters lose no digits far
+    from the origin.
+    """
+    import trimesh
 
-def _beside(path: Path) -> Any:
-    """A resolver for the files that a mesh refers to: only from its folder, with limited size."""
-    from trimesh.resolvers import Resolver
-
-    class Beside(Resolver):
-        """Files in the folder of a mesh."""
-
-        def __init__(self) -> None:
-            """Start with the limit of bytes."""
-            self.left = LARGEST_MESH
-
-        def write(self, name: str, data: object) -> None:
-            """Nothing is written."""
-
-        def get(self, name: str) -> bytes:
-            """The bytes of a file of this name."""
-            shown = str(name)[:40]
-            if Path(name).name != name or "\\" in name or ":" in name:
-                raise WorldError(
-                    f"{path}: refers to {shown!r}; only files beside it are read, by name"
-                )
-            beside = path.parent / name
-            if beside.resolve().parent != path.parent.resolve():
-                raise WorldError(f"{path}: refers to {shown!r}, a link to elsewhere")
-            with opened(beside, what="a world file", largest=self.left, error=WorldError) as file:
-                data = file.read()
-            self.left -= len(data)
-            return data
-
-        def keys(self) -> list[str]:
-            """No names are listed."""
-            return []
-
-        def namespaced(self, namespace: str) -> "Beside":
-            """The same resolver: subfolders are not searched."""
-            return self
-
-    return Beside()
+    count = len(world.segments)
+    ends = world.segments.reshape(count, 2, 2) - world.origin
+    vertices = np.zeros((count, 4, 3))
+    vertices[:, :2, :2] = ends
+    vertices[:, 2:, :2] = ends[:, ::-1]
+    vertices[:, 2:, 2] = world.heights[:, None]
+    first = 4 * np.arange(count)[:, None]
+    faces = (first[:, :, None] + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
+    # Processing would merge vertices and drop faces, and so break the numbering of the faces.
+    return trimesh.Trimesh(vertices.reshape(-1, 3), faces, process=False)
 
 
 def write_glb(world: World, path: Path) -> None:
@@ -233,10 +208,9 @@ def glb_bytes(world: World) -> bytes:
 
     visual: Any = trimesh.visual
     whole = extrude(world)
-    upright = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]], dtype=np.float64)
-    turned = np.asarray(whole.vertices) @ upright[:3, :3].T
+    turned = np.asarray(whole.vertices) @ UPRIGHT.T
     to_source = np.eye(4)
-    to_source[:3, 3] = upright[:3, :3] @ [*world.origin, 0.0]
+    to_source[:3, 3] = UPRIGHT @ [*world.origin, 0.0]
     scene: Any = trimesh.Scene()
     for number in np.unique(world.objects).tolist():
         own = np.flatnonzero(world.objects == number)

@@ -1,6 +1,6 @@
 """World: the walls of a scene as line segments, grouped into objects."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -92,31 +92,73 @@ class World(Value, Pictured):
         materials: Sequence[str | Material | None] | None = None,
     ) -> None:
         rows = _rows(segments, 4, "segments")
-        count = len(rows)
-        _check_segments(rows)
-        numbers = _object_numbers(np.zeros(count) if objects is None else objects, count)
-        heights = np.full(count, DEFAULT_HEIGHT) if heights is None else heights
-        object.__setattr__(self, "segments", rows)
-        object.__setattr__(self, "objects", numbers)
-        object.__setattr__(self, "heights", _heights(heights, count))
-        object.__setattr__(self, "name", _text(name, "name"))
-        colours = np.full((self.object_count, 3), np.nan) if colours is None else colours
-        object.__setattr__(self, "colours", _colours(colours))
-        names = [_text(each, "object_names") for each in _items(object_names, "object_names")]
-        object.__setattr__(self, "object_names", tuple(names))
-        object.__setattr__(self, "cameras", _cameras(cameras))
-        object.__setattr__(self, "place", None if place is None else _place(place))
-        if not (free is None or isinstance(free, FreeCells)):
-            raise WorldError(f"free: expected FreeCells or None, found {shown(free)}")
-        object.__setattr__(self, "free", free)
-        materials = None if materials is None else _items(materials, "materials")
-        object.__setattr__(self, "materials", checked(materials, self.object_count))
-        count = self.object_count
-        if len(self.colours) != count or len(names) not in (0, count):
+        walls = len(rows)
+        _refuse(
+            ~(np.abs(rows) <= LARGEST_COORDINATE).all(axis=1),
+            lambda wall: (
+                f"wall {wall}: ends {rows[wall].tolist()}, expected finite numbers of at"
+                f" most {LARGEST_COORDINATE:g} m"
+            ),
+        )
+        _refuse(
+            (rows[:, :2] == rows[:, 2:]).all(axis=1),
+            lambda wall: (
+                f"wall {wall}: both ends at ({rows[wall, 0]:g}, {rows[wall, 1]:g}), a"
+                " segment of no length; remove one"
+            ),
+        )
+        numbers = _column(np.zeros(walls) if objects is None else objects, walls, "object")
+        _refuse(
+            (numbers < 0.0) | (numbers > MOST_OBJECTS) | (numbers != np.floor(numbers)),
+            lambda wall: (
+                f"wall {wall}: object {numbers[wall]:.17g}, expected whole numbers from 0"
+                f" to {MOST_OBJECTS}; renumber the objects 0, 1, 2, …"
+            ),
+        )
+        tops = np.full(walls, DEFAULT_HEIGHT) if heights is None else heights
+        tops = _column(tops, walls, "height")
+        _refuse(
+            (tops <= 0.0) | (tops > LARGEST_COORDINATE),
+            lambda wall: (
+                f"wall {wall}: height {tops[wall]:g} m, expected more than 0 and at most"
+                f" {LARGEST_COORDINATE:g}"
+            ),
+        )
+        owned = sealed(numbers.astype(np.int64))
+        count = int(owned.max(initial=-1)) + 1
+        shades = _rows(np.full((count, 3), np.nan) if colours is None else colours, 3, "colours")
+        _refuse(
+            ~((shades >= 0.0) & (shades <= 1.0)).all(axis=1) & ~np.isnan(shades).all(axis=1),
+            lambda number: (
+                f"object {number}: colour {shades[number].tolist()}, expected red,"
+                " green, blue from 0 to 1, or three NaN for none"
+            ),
+        )
+        names = _items(object_names, "object_names")
+        for each, key in ((name, "name"), *((each, "object_names") for each in names)):
+            if not isinstance(each, str):
+                raise WorldError(f"{key}: expected a text, found {shown(each)}")
+        if len(shades) != count or len(names) not in (0, count):
             raise WorldError(
-                f"{len(self.colours)} colours and {len(names)} names for {count} objects:"
+                f"{len(shades)} colours and {len(names)} names for {count} objects:"
                 " expected one for each, or none at all"
             )
+        if not (free is None or isinstance(free, FreeCells)):
+            raise WorldError(f"free: expected FreeCells or None, found {shown(free)}")
+        made_of = None if materials is None else _items(materials, "materials")
+        for key, value in {
+            "segments": rows,
+            "objects": owned,
+            "heights": tops,
+            "name": name,
+            "object_names": tuple(names),
+            "colours": shades,
+            "cameras": _cameras(cameras),
+            "place": None if place is None else _place(place),
+            "free": free,
+            "materials": checked(made_of, count),
+        }.items():
+            object.__setattr__(self, key, value)
 
     def __repr__(self) -> str:
         name = f"{self.name!r}, " if self.name else ""
@@ -169,12 +211,10 @@ class World(Value, Pictured):
         )
 
 
-def _array(values: ArrayLike, name: str) -> Float:
-    try:
-        array: Float = read_only(values, name)
-    except InputError as error:
-        raise WorldError(str(error)) from None
-    return array
+def _refuse(bad: Any, message: Callable[[int], str]) -> None:
+    """Raise the error of the first bad row, if there is one."""
+    if bad.any():
+        raise WorldError(message(int(np.argmax(bad))))
 
 
 def _rows(values: ArrayLike, columns: int, name: str) -> Float:
@@ -190,33 +230,19 @@ def _column(values: ArrayLike, count: int, name: str) -> Float:
     array = _array(values, name)
     if array.shape != (count,):
         raise WorldError(f"{name} of shape {array.shape}: expected ({count},), one for each wall")
-    if not np.isfinite(array).all():
-        wall = int(np.flatnonzero(~np.isfinite(array))[0])
-        raise WorldError(f"wall {wall}: {name} is {array[wall]}, expected a finite number")
+    _refuse(
+        ~np.isfinite(array),
+        lambda wall: f"wall {wall}: {name} is {array[wall]}, expected a finite number",
+    )
     return array
 
 
-def _object_numbers(values: ArrayLike, count: int) -> Int:
-    objects = _column(values, count, "object")
-    invalid = (objects < 0.0) | (objects > MOST_OBJECTS) | (objects != np.floor(objects))
-    if invalid.any():
-        wall = int(np.flatnonzero(invalid)[0])
-        raise WorldError(
-            f"wall {wall}: object {objects[wall]:.17g}, expected whole numbers from 0 to"
-            f" {MOST_OBJECTS}; renumber the objects 0, 1, 2, …"
-        )
-    return sealed(objects.astype(np.int64))
-
-
-def _heights(values: ArrayLike, count: int) -> Float:
-    heights = _column(values, count, "height")
-    bad = np.flatnonzero(~((heights > 0.0) & (heights <= LARGEST_COORDINATE)))
-    if len(bad):
-        raise WorldError(
-            f"wall {bad[0]}: height {heights[bad[0]]:g} m, expected more than 0 and at most"
-            f" {LARGEST_COORDINATE:g}"
-        )
-    return heights
+def _array(values: ArrayLike, name: str) -> Float:
+    try:
+        array: Float = read_only(values, name)
+    except InputError as error:
+        raise WorldError(str(error)) from None
+    return array
 
 
 def _items(values: Any, name: str) -> list[Any]:
@@ -224,24 +250,6 @@ def _items(values: Any, name: str) -> list[Any]:
     if isinstance(values, list | tuple):
         return list(values)
     raise WorldError(f"{name}: expected a list, found {shown(values)}")
-
-
-def _text(value: Any, name: str) -> str:
-    if not isinstance(value, str):
-        raise WorldError(f"{name}: expected a text, found {shown(value)}")
-    return value
-
-
-def _colours(values: ArrayLike) -> Float:
-    colours = _rows(values, 3, "colours")
-    known = ((colours >= 0.0) & (colours <= 1.0)).all(axis=1)
-    bad = np.flatnonzero(~known & ~np.isnan(colours).all(axis=1))
-    if len(bad):
-        raise WorldError(
-            f"object {bad[0]}: colour {colours[bad[0]].tolist()}, expected red, green, blue from 0"
-            " to 1, or three NaN for none"
-        )
-    return colours
 
 
 def _cameras(values: Any) -> tuple[FixedCamera, ...]:
@@ -259,20 +267,3 @@ def _place(values: Any) -> tuple[float, float]:
     if len(items) != 2 or not is_finite(*items):
         raise WorldError(f"place: expected longitude and latitude, found {shown(values)}")
     return float(items[0]), float(items[1])
-
-
-def _check_segments(segments: Float) -> None:
-    bad = ~(np.abs(segments) <= LARGEST_COORDINATE).all(axis=1)
-    if bad.any():
-        wall = int(np.flatnonzero(bad)[0])
-        raise WorldError(
-            f"wall {wall}: ends {segments[wall].tolist()}, expected finite numbers of at most"
-            f" {LARGEST_COORDINATE:g} m"
-        )
-    empty = (segments[:, :2] == segments[:, 2:]).all(axis=1)
-    if empty.any():
-        wall = int(np.flatnonzero(empty)[0])
-        x, y = segments[wall, :2]
-        raise WorldError(
-            f"wall {wall}: both ends at ({x:g}, {y:g}), a segment of no length; remove one"
-        )

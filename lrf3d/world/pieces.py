@@ -50,6 +50,18 @@ def walls(points: Float, closed: bool) -> Float:
     return np.hstack([ends[:-1], ends[1:]])
 
 
+def from_corner(chain: Float) -> Float:
+    """A chain (k, 2) as it is, or a ring opened where it is farthest from its middle: a corner.
+
+    Simplifying keeps the ends of a chain, so that a ring would keep a point within a wall.
+    """
+    if (chain[0] != chain[-1]).any():
+        return chain
+    ring = chain[:-1]
+    start = int(np.argmax(((ring - ring.mean(axis=0)) ** 2).sum(axis=1)))
+    return np.vstack([ring[start:], ring[: start + 1]])
+
+
 def pieces_of(segments: Float) -> tuple[Piece, ...]:
     """The polylines that reproduce the segments (n, 4), bit for bit and in their order."""
     bits = np.ascontiguousarray(segments).view(np.int64)

@@ -210,7 +210,7 @@ TABLES: Mapping[str, Mapping[str, Converter]] = {
         "sigma": several(_NOT_NEGATIVE, "sigmas", alone=True),
         **dict.fromkeys(("constant", "resolution"), _NOT_NEGATIVE),
         **dict.fromkeys(("angle_deg", "beam_deg"), number(least=0.0, most=90.0)),
-        **dict.fromkeys(("drop_outs", "drop_outs_far", "drop_outs_grazing"), _SHARE),
+        **dict.fromkeys(("drop_outs", "drop_outs_far"), _SHARE),
     },
     "mapper": {
         "mode": text("paper", "robust"),

@@ -14,7 +14,7 @@ from benchmarks.score import bench as score
 from lrf3d import PlanarCaster
 from lrf3d.errors import InputError
 from lrf3d.laser import LaserRangeFinder
-from lrf3d.world.generators import city_crossings, generate_city
+from lrf3d.world.generators import generate_city
 
 
 def finite(rows):
@@ -35,7 +35,7 @@ def test_casters_are_exact_and_bare_embree_is_not():
 def test_beams_aimed_at_corners_pass_right_beside_them():
     world = generate_city(40)
     caster = PlanarCaster(world)
-    poses = ranges.corner_poses(caster, world, city_crossings(40, 50))
+    poses = ranges.corner_poses(caster, world, ranges.city_crossings(40, 50))
     ends = world.segments.reshape(-1, 2)
     ahead = np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
     offset = ends[None] - poses[:, None, :2]

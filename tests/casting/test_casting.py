@@ -6,8 +6,8 @@ from rational import cast_exact
 
 from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
 from lrf3d.casting.kernels.tree import FREE_LEVELS, LEAF, build_tree
-from lrf3d.casting.mesh_scene import level_cut
 from lrf3d.laser import layer_directions
+from lrf3d.world.mesh import level_cut
 
 ROOM = World(np.array([[0, 0, 10, 0], [10, 0, 10, 8], [10, 8, 0, 8], [0, 8, 0, 0.0]]))
 CASTERS = [PlanarCaster, EmbreeCaster]

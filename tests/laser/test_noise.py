@@ -216,6 +216,11 @@ WRONG = {
     "range finder 'a'": lambda: PlanarCaster(GAP_WORLD).cast("a", (0, 0, 0)),
     "range finder None": lambda: lrf3d.EmbreeCaster(GAP_WORLD).cast_batch(None, [(0, 0, 0)]),
     "caster for 3": lambda: PlanarCaster(3),
+    "elevations": lambda: lrf3d.EmbreeCaster(GAP_WORLD).cast_layers(LRF, (0, 0, 0), "a"),
+    "pitch 'a'": lambda: lrf3d.EmbreeCaster(GAP_WORLD).cast_layers(LRF, (0, 0, 0), pitch="a"),
+    "world 'a'": lambda: lrf3d.crosscheck("a", LRF, [(0, 0, 0)]),
+    "map 'a'": lambda: lrf3d.KnownLines.from_map("a"),
+    "run 'a'": lambda: lrf3d.score_run("a"),
 }
 
 

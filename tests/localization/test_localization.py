@@ -226,7 +226,7 @@ WRONG = {
     "shape": lambda: PoseEstimate(Pose(0, 0, 0), np.eye(2)),
     "pose": lambda: PoseEstimate((1e300, 0, 0), np.eye(3)),
     "odometry noise": lambda: OdometryNoise(-0.1),
-    "known 'a', expected a KnownLines": lambda: Localiser("a", START),
+    "known 'a': expected a KnownLines": lambda: Localiser("a", START),
     "start 'a'": lambda: Localiser(ROOM, "a"),
     "range_noise 0.1": lambda: Localiser(ROOM, START, range_noise=0.1),
     "odometry_noise 'a'": lambda: Localiser(ROOM, START, odometry_noise="a"),

@@ -15,7 +15,7 @@ from lrf3d import (
     simulate,
 )
 from lrf3d.casting.dynamic_obstacle import round_outline
-from lrf3d.mapping.robust.cells import LEAST_HITS
+from lrf3d.mapping.robust.judging import LEAST_HITS
 from lrf3d.mapping.robust.refitting import violation_weight
 from lrf3d.scoring.matching import sample_offsets
 

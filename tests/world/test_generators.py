@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 
 from lrf3d.errors import InputError
 from lrf3d.planning.free_space import find_free_space
-from lrf3d.planning.sides import survey
+from lrf3d.planning.sides import Ground
 from lrf3d.world.floor_plan import DOOR, THICKNESS
 from lrf3d.world.generators import KINDS, generate, maze_passages
 from lrf3d.world.pieces import pieces_of
@@ -43,7 +43,7 @@ def test_every_object_is_made_of_rings_that_touch_no_other(kind: str, seed: int)
 @pytest.mark.parametrize("seed", range(3))
 def test_every_room_can_be_driven_to(kind: str, seed: int) -> None:
     world = generate(kind, size=SMALL[kind], seed=seed)
-    space = find_free_space(survey(world), 0.65)
+    space = find_free_space(Ground.around(world), 0.65)
     (x1, y1), (x2, y2) = world.bounds - world.origin
     assert (space.places > [x1, y1]).all() and (space.places < [x2, y2]).all()
     lattice = np.stack(np.meshgrid(np.arange(x1, x2, 0.3), np.arange(y1, y2, 0.3)), axis=-1)

@@ -7,9 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lrf3d.errors import WorldError
-from lrf3d.world import Material, World, load_world
-from lrf3d.world.collinear import merge_collinear
-from lrf3d.world.mesh import glb_bytes
+from lrf3d.world import Material, World, load_world, save_world
+from lrf3d.world.mesh import extrude, glb_bytes
 
 FAR = np.array([85_000.0, 447_500.0])
 
@@ -115,35 +114,37 @@ def test_a_mesh_that_ends_below_the_cut_says_where_it_is(tmp_path: Path) -> None
         load_world(tmp_path / "slab.stl")
 
 
-@settings(max_examples=80, deadline=None)
-@given(
-    st.floats(0.0, 3.2),
-    st.lists(st.floats(0.0, 10.0), min_size=1, max_size=6),
-    st.booleans(),
-    st.floats(-100.0, 100.0),
+def test_pieces_of_one_wall_are_merged_and_parallel_ones_stay_apart(tmp_path: Path) -> None:
+    segments = [[0, 0, 1, 0], [1, 0, 2, 0], [3, 0, 4, 0], [0, 0.1, 4, 0.1], [4, 0.1, 4, 3]]
+    save_world(World(segments), tmp_path / "pieces.glb")
+    back = load_world(tmp_path / "pieces.glb")
+    whole = [[0, 0, 2, 0], [3, 0, 4, 0], [0, 0.1, 4, 0.1], [4, 0.1, 4, 3]]
+    assert ordered(back.segments) == pytest.approx(ordered(np.array(whole)), abs=1e-6)
+
+
+FAR_WALLS = World(
+    [
+        [85000, 447500, 85010, 447500],
+        [85010, 447500, 85010, 447508],
+        [85003, 447520, 85001, 447522],
+    ],
+    heights=[4.0, 9.0, 2.5],
 )
-def test_pieces_of_one_wall_are_merged_however_they_are_cut(
-    angle: float, cuts: list[float], turned: bool, shift: float
-) -> None:
-    places = np.unique(np.concatenate([[0.0, 10.0], np.round(cuts, 3)]))
-    unit = np.array([np.cos(angle), np.sin(angle)])
-    points = places[:, None] * unit + [shift, -shift]
-    pieces = np.hstack([points[:-1], points[1:]])
-    if turned:
-        pieces[::2] = pieces[::2][:, [2, 3, 0, 1]]
-    merged, labels = merge_collinear(pieces, np.zeros(len(pieces), np.int64), tolerance=1e-6)
-    assert len(merged) == 1 and labels.tolist() == [0]
-    assert ordered(merged) == pytest.approx(
-        ordered(np.array([[*points[0], *points[-1]]])), abs=2e-3
-    )
 
 
-def test_what_is_parallel_apart_or_of_another_label_stays_apart() -> None:
-    pieces = np.array([[0, 0, 1, 0], [1, 0, 2, 0], [3, 0, 4, 0], [0, 0.1, 4, 0.1], [2, 0, 2, 1]])
-    merged, _ = merge_collinear(pieces, np.zeros(5, np.int64), tolerance=1e-6)
-    assert (
-        ordered(merged).tolist()
-        == ordered(np.array([[0, 0, 2, 0], [3, 0, 4, 0], [0, 0.1, 4, 0.1], [2, 0, 2, 1]])).tolist()
-    )
-    merged, labels = merge_collinear(pieces, np.arange(5), tolerance=1e-6)
-    assert len(merged) == 5 and sorted(labels) == [0, 1, 2, 3, 4]
+def test_wall_i_is_the_triangles_2i_and_2i_plus_1() -> None:
+    mesh = extrude(FAR_WALLS)
+    assert len(mesh.faces) == 2 * len(FAR_WALLS.segments)
+    for wall, (segment, height) in enumerate(
+        zip(FAR_WALLS.segments, FAR_WALLS.heights, strict=True)
+    ):
+        corners = mesh.triangles[2 * wall : 2 * wall + 2].reshape(-1, 3)
+        ends = segment.reshape(2, 2) - FAR_WALLS.origin
+        expected = {(*end, z) for end in map(tuple, ends) for z in (0.0, height)}
+        assert {tuple(corner) for corner in corners} == expected
+
+
+def test_a_wall_has_the_area_of_its_length_and_height() -> None:
+    length = np.hypot(*(FAR_WALLS.segments[:, 2:] - FAR_WALLS.segments[:, :2]).T)
+    area = extrude(FAR_WALLS).area_faces.reshape(-1, 2).sum(axis=1)
+    np.testing.assert_allclose(area, length * FAR_WALLS.heights, rtol=1e-12)

@@ -20,7 +20,7 @@ from lrf3d.casting.kernels.predicates import (
 )
 from lrf3d.casting.kernels.tree import PlainTree, Tree
 from lrf3d.compiling import compiled, inner
-from lrf3d.errors import InputError, shown
+from lrf3d.errors import expect
 from lrf3d.geometry import Float, Int, Single
 from lrf3d.laser import LaserRangeFinder, range_finder
 
@@ -50,8 +50,7 @@ def laser_of(lrf: LaserRangeFinder, *, range_min: float | None = None) -> PlainL
     Raises:
         InputError: It is no range finder.
     """
-    if not isinstance(lrf, LaserRangeFinder):
-        raise InputError(f"range finder {shown(lrf)}: expected a LaserRangeFinder")
+    expect(lrf, LaserRangeFinder, "range finder")
     near = lrf.range_min if range_min is None else range_min
     return lrf.fan, *lrf.spread, float(near), float(lrf.range_max)
 

@@ -79,11 +79,8 @@ class Frame(NamedTuple):
 class Beams(NamedTuple):
     """The beams of a scan in the map's frame.
 
-    Args:
-        units: (n, 2) their unit vectors.
-        ranges: (n,) ranges [m]; where nothing returned, minus the range that is free; 0 where
-            nothing is known.
-        deviations: (n,) standard deviations [m] of the places where they end.
+    Their unit vectors (n, 2); ranges (n,) [m], where nothing returned minus the range that is free,
+    and 0 where nothing is known; and standard deviations (n,) [m] of the places where they end.
     """
 
     units: Float

@@ -38,19 +38,6 @@ MOST_PASSES, SOLID = 127, np.uint8(128)
 came later counts more, so that a wall that goes away, or comes, is noticed after some hundred
 beams whatever was before. Seven bits: the eighth marks cells with returns."""
 
-MOST_HITS = 255.0
-"""[beams] The same for the returns in a cell from one direction."""
-
-GONE_AFTER = 20
-"""[beams] When so many have gone on where others ended, the same way and without a hit between
-them, what stood there is gone. Less forgets panes and fences that one beam in so many hits."""
-
-LEAST_HITS = 0.5
-"""[beams] What fewer hits than this are left of is forgotten altogether."""
-
-SAME_WAY = 0.7
-"""[cosine] Angle between beams that go the same way."""
-
 FREE_DEPTH = 0.2
 """[m] A beam that goes no farther than this behind a wall is no free-space violation: poses and
 edges are a little wrong."""
@@ -65,17 +52,6 @@ of a wall."""
 
 EMPTY = -(2**62)
 """Key of a slot that no square has taken."""
-
-ROW_BITS, FIRST_COLUMN = 32, 1 << 31
-"""A packed cell is its row, and its column counted from the first below the row's bits."""
-
-REACH_BITS, FARTHEST = 52, 1 << 54
-"""A beam's way through the cells is measured in so small parts of its reach; a distance that it
-does not get to."""
-
-ROW_MASK = (SIDE - 1) << SIDE_BITS
-LEAVES = ~((SIDE - 1) + ((SIDE - 1) << ROW_BITS))
-"""The bits of a packed cell that change when a step leaves a block."""
 
 LEAST = 256
 """Squares and walls that there is room for at first; four times as many blocks."""
@@ -156,13 +132,9 @@ class Cells(NamedTuple):
 class NewEvidence(NamedTuple):
     """What the beams of a scan have added to the evidence of which walls.
 
-    Args:
-        stamps: (rows,) the stamp of each wall.
-        counts: (rows,) what is new of each wall since it was refit [hits].
-        last_scans: (rows,) the last scan that added to the evidence of each wall.
-        walls: (rows,) the walls that this scan added to, each once.
-        unowned: (≥ beams,) clusters that are hits of no wall and grew.
-        numbers: (3,) how many walls and clusters, and the number of the scan.
+    Of each wall (rows,) its stamp, what is new since it was refit [hits], and the last scan that
+    added to it; the walls that this scan added to, each once; clusters that are hits of no wall and
+    grew (≥ beams,); and how many of these two, and the number of the scan.
     """
 
     stamps: NDArray[np.int32]

@@ -53,12 +53,9 @@ SCAN_CORNER_DEVIATIONS = 4.0
 
 
 class LocalWalls(NamedTuple):
-    """The walls of one scan.
+    """The walls (n, 4) [m] of one scan, seen from their left.
 
-    Args:
-        ends: (n, 4) segments [m], seen from their left.
-        moments: (n, 6) moments of their points.
-        labels: (n, 2) count of points and cluster of each.
+    The moments (n, 6) of their points, and the number of points and the cluster (n, 2) of each.
     """
 
     ends: Float
@@ -304,10 +301,8 @@ def _measure(
 class LikelihoodExtractor:
     """Clusters that know the beams' spacing, divided into the likeliest walls under the noise.
 
-    Args:
-        gap: A gap wider than this [m] always parts two clusters.
-        sigma: Standard deviation of the range noise at range_max [m] (Eq. 7).
-        floor: Standard deviation of a range at no distance [m].
+    A wider gap [m] always parts two clusters; sigma is the standard deviation of the noise at
+    range_max [m] (Eq. 7), and the floor that at no distance.
     """
 
     gap: float

@@ -8,22 +8,12 @@ import numpy as np
 from lrf3d.compiling import borrower, compiled, inner
 from lrf3d.mapping.robust.beams import CELL, Beams
 from lrf3d.mapping.robust.cells import (
-    FARTHEST,
-    FIRST_COLUMN,
     FREE_DEPTH,
-    GONE_AFTER,
     HIT_DEVIATIONS,
     HIT_DIRECTIONS,
-    LEAST_HITS,
-    LEAVES,
-    MOST_HITS,
     MOST_PASSES,
     OPEN_WEIGHT,
     PASS_DIRECTIONS,
-    REACH_BITS,
-    ROW_BITS,
-    ROW_MASK,
-    SAME_WAY,
     SIDE,
     SIDE_BITS,
     SOLID,
@@ -33,6 +23,30 @@ from lrf3d.mapping.robust.cells import (
     cell_in,
     take_block,
 )
+
+MOST_HITS = 255.0
+"""[beams] When more have ended in a cell from one direction, all that is kept of it is halved."""
+
+GONE_AFTER = 20
+"""[beams] When so many have gone on where others ended, the same way and without a hit between
+them, what stood there is gone. Less forgets panes and fences that one beam in so many hits."""
+
+LEAST_HITS = 0.5
+"""[beams] What fewer hits than this are left of is forgotten altogether."""
+
+SAME_WAY = 0.7
+"""[cosine] Angle between beams that go the same way."""
+
+ROW_BITS, FIRST_COLUMN = 32, 1 << 31
+"""A packed cell is its row, and its column counted from the first below the row's bits."""
+
+REACH_BITS, FARTHEST = 52, 1 << 54
+"""A beam's way through the cells is measured in so small parts of its reach; a distance that it
+does not get to."""
+
+ROW_MASK = (SIDE - 1) << SIDE_BITS
+LEAVES = ~((SIDE - 1) + ((SIDE - 1) << ROW_BITS))
+"""The bits of a packed cell that change when a step leaves a block."""
 
 
 @borrower
@@ -47,13 +61,9 @@ def _enter(
 ) -> tuple[int, int, int, int, int, int, int]:
     """Where a ray from a place (x, y) [m] in a direction (dx, dy) begins its way through cells.
 
-    Distances are whole numbers, at so many to a cell: processors compare them, and choose by them,
-    several times faster than floats.
-
-    Returns:
-        Its first cell, packed; what a step to the next column and to the next row adds to it; how
-        far it is from column to column and from row to row; and how far to the next column and to
-        the next row.
+    Its first cell, packed; what a step to the next column, and row, adds to it; how far it is from
+    column to column, and row to row; and how far to the next column, and row. Distances are whole
+    numbers: processors compare them, and choose by them, several times faster than floats.
     """
     px, py = x / CELL, y / CELL
     column, row = int(np.floor(px)), int(np.floor(py))

@@ -284,20 +284,21 @@ def _root(parents: Int, wall: int) -> int:
 @compiled
 def find_objects(links: Links, walls: Walls, rows: Int) -> Int:
     """The object (n,) of each of the real walls (n,), named by one of them."""
-    parents, most = np.arange(len(walls.points)), 0
+    parents, most = np.arange(len(walls.points)), links.counts[rows].sum()
     sizes = np.ones(len(parents), np.int64)
-    for k in range(len(rows)):
-        most += links.counts[rows[k]]
     pairs, lengths = np.empty((most, 2), np.int64), np.empty(most)
     blocked, count = np.empty(most, np.bool_), 0
     for k in range(len(rows)):
         wall = rows[k]
         for place in range(links.counts[wall]):
-            if not is_link(links, walls, wall, place):
-                continue
+            if links.kinds[wall, place] == JOINS and is_link(links, walls, wall, place):
+                _unite(parents, sizes, wall, links.others[wall, place])
+    for k in range(len(rows)):
+        wall = rows[k]
+        for place in range(links.counts[wall]):
             other = links.others[wall, place]
-            if links.kinds[wall, place] == JOINS:
-                _unite(parents, sizes, wall, other)
+            long = links.kinds[wall, place] != JOINS and is_link(links, walls, wall, place)
+            if not long or _root(parents, wall) == _root(parents, other):
                 continue
             pairs[count, 0], pairs[count, 1] = wall, other
             lengths[count] = links.lengths[wall, place]

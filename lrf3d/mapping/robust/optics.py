@@ -10,19 +10,12 @@ from dataclasses import replace
 import numpy as np
 
 from lrf3d.compiling import compiled
-from lrf3d.geometry import Bool, Float, Int, directions, lengths
+from lrf3d.geometry import Bool, Float, Int, directions
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.mapping.line_map import GLASS, MIRROR, WALL, LineMap
 from lrf3d.mapping.robust.beams import Beams, Frame
 from lrf3d.mapping.robust.ground import DEPTH, Ground, find_real_parts, sort_returns
-from lrf3d.mapping.robust.light import (
-    RANGE,
-    UX,
-    UY,
-    LaserEquation,
-    LitScan,
-    LitScans,
-)
+from lrf3d.mapping.robust.light import RANGE, UX, UY, LaserEquation, LitScan, LitScans, way_to_first
 from lrf3d.mapping.robust.surface_lines import Flashes, SurfaceLines
 from lrf3d.mapping.robust.surfaces import GRAZING
 
@@ -75,7 +68,9 @@ class Optics:
             [ranges, np.abs(free), deviations, light, bright, np.zeros(len(free))],
         )
         lit = LitScan(np.array(place), heading, np.ascontiguousarray(np.vstack(columns).T))
-        turned = np.isfinite(self._limits(lit))
+        turned = np.zeros(len(order), np.bool_)
+        find_turned(lit.place, lit.rays, self._lines.mirrors, 1.0, turned)
+        find_turned(lit.place, lit.rays, self._lines.glass, GRAZING, turned)
         if turned.any():
             seen = np.where(turned, -np.inf, scan.ranges[order])
             scan = replace(
@@ -83,18 +78,6 @@ class Optics:
                 intensities=None, echoes=None, echo_intensities=None,
             )  # fmt: skip
         return scan, lit
-
-    def _limits(self, lit: LitScan) -> Float:
-        """How far [m] the beams (n,) of a scan went before they were turned, or infinity."""
-        first = np.full(len(lit.rays), np.inf)
-        for segments, steepest in (
-            (self._lines.mirrors, 1.0),
-            (self._lines.glass, GRAZING),
-        ):
-            if len(segments):
-                way, cos = crossings(lit, segments[:, :4])
-                first = np.minimum(first, np.where(cos <= steepest, way, np.inf).min(axis=0))
-        return np.where(lit.rays[:, RANGE] > first + DEPTH, first, np.inf)
 
     def update(self, lit: LitScan, walls: Float, segments: Float) -> None:
         """Learn from a scan, its walls (w, 4) around the laser, and segments (m, 4) of the map."""
@@ -141,30 +124,24 @@ class Optics:
 
     def _without_images(self, segments: Float, frame: Frame) -> tuple[Float, Int]:
         """The parts (n, 4) of segments (m, 4) that not only mirrors show, and of which each is."""
-        ends, parts = (
-            frame.of_world(segments.reshape(-1, 2)),
-            np.empty((2 * len(segments) + 99, 3)),
-        )
+        ends, parts = frame.of_world(segments.reshape(-1, 2)), np.empty((2 * len(segments) + 99, 3))
         parts = parts[: find_real_parts(self._ground, ends.reshape(-1, 4), parts)]
-        rows = parts[:, 0].astype(np.int64)
-        start, along = (
-            segments[rows, None, :2],
-            segments[rows, None, 2:] - segments[rows, None, :2],
-        )
-        return (start + parts[:, 1:, None] * along).reshape(-1, 4), rows
+        rows, shares = parts[:, 0].astype(np.int64), parts[:, 1:, None]
+        whole = segments[rows].reshape(-1, 2, 2)
+        return (whole[:, :1] + shares * (whole[:, 1:] - whole[:, :1])).reshape(-1, 4), rows
 
 
-def crossings(lit: LitScan, segments: Float) -> tuple[Float, Float]:
-    """How far [m] the beams of a scan went to segments (m, 4), or infinity, and their cosines."""
-    x, y = (segments[:, :2] - lit.place).T[:, :, None]
-    size = lengths(segments)
-    dx, dy = directions(segments).T[:, :, None]
-    across = dx * lit.rays[:, UY] - dy * lit.rays[:, UX]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        way = (dx * y - dy * x) / across
-        station = way * (dx * lit.rays[:, UX] + dy * lit.rays[:, UY]) - (dx * x + dy * y)
-    on = (way > 0.0) & (station > 0.0) & (station < size[:, None])
-    return np.where(on, way, np.inf), np.abs(across)
+@compiled
+def find_turned(place: Float, rays: Float, mirrors: Float, steepest: float, turned: Bool) -> None:
+    """Mark the rays (n, 8) that mirrors (m, 5) turned which they met no steeper [cosine]."""
+    for row in range(len(mirrors)):
+        one = mirrors[row : row + 1]
+        dx, dy = one[0, 2] - one[0, 0], one[0, 3] - one[0, 1]
+        size = np.hypot(dx, dy)
+        for beam in range(len(rays)):
+            ray = rays[beam]
+            if abs(dx * ray[UY] - dy * ray[UX]) <= steepest * size:
+                turned[beam] |= way_to_first(place, ray, one, -1.0) + DEPTH < ray[RANGE]
 
 
 @compiled

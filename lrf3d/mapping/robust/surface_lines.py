@@ -40,7 +40,7 @@ LINES_A_SCAN, MOST_A_SCAN = 8, 64
 LEAST_VOTES = 3
 """[scans] A line is looked at when so many scans, or flashes, speak for it."""
 
-LOOKS, LOOK_AGAIN = 2, 16
+LOOKS, LOOK_AGAIN = 1, 16
 """[lines, scans] Lines that are looked at with each kept scan; one with glass or a mirror is after
 so many again."""
 
@@ -76,16 +76,13 @@ SAME_ANGLE, SAME_DISTANCE = np.radians(2.0), 0.1
 
 
 class Flashes:
-    """All flashes of glass so far, and the line of each.
-
-    Attributes:
-        line_of: (f,) number of each flash's line.
-    """
+    """All flashes of glass so far, and the number of the line of each, `line_of` (f,)."""
 
     def __init__(self) -> None:
         # Of each its place, the direction of its beam, and the deviation of its range.
         self._flashes = np.empty((0, 5))
         self.line_of: Int = np.empty(0, np.int64)
+        self._fits: dict[int, tuple[Float, Float, Float]] = {}
 
     def add(self, scan: LitScan) -> None:
         """Add the flashes of a scan."""
@@ -127,52 +124,52 @@ class Flashes:
         self._flashes = np.vstack([self._flashes, flash])
         self.line_of = np.append(self.line_of, own)
         for other in np.unique(self.line_of[:-1]).tolist():
-            if self._on(other)[-1]:
+            if self._on(other, slice(-1, None)).any():
                 own = other
                 break
         self.line_of[-1] = own
+        self._fits.pop(own, None)
         # Others that lie on it now, as it is better known, are of the same line.
         taken = self._on(own)
         for other in np.unique(self.line_of[taken]).tolist():
-            if taken[self.line_of == other].all():
+            if other != own and taken[self.line_of == other].all():
                 self.line_of[self.line_of == other] = own
+                self._fits.pop(own, None)
 
     def line(self, number: int) -> tuple[Float, Float, Float]:
         """A point (2,) of a line, its direction (2,), and the places (f, 2) of its flashes [m]."""
-        own = self._flashes[self.line_of == number]
-        point = own[:, :2].mean(axis=0)
-        unit = np.array([-own[0, 3], own[0, 2]])
-        if np.ptp((own[:, :2] - point) @ unit) > SHORTEST:
-            unit = np.linalg.eigh(np.cov((own[:, :2] - point).T))[1][:, 1]
-        return point, unit, own[:, :2]
+        if number not in self._fits:
+            own = self._flashes[self.line_of == number]
+            point = own[:, :2].mean(axis=0)
+            unit = np.array([-own[0, 3], own[0, 2]])
+            if np.ptp((own[:, :2] - point) @ unit) > SHORTEST:
+                unit = np.linalg.eigh(np.cov((own[:, :2] - point).T))[1][:, 1]
+            self._fits[number] = point, unit, own[:, :2]
+        return self._fits[number]
 
-    def _on(self, number: int) -> Bool:
-        """Which flashes (f,) lie on a line."""
+    def _on(self, number: int, rows: slice = slice(None)) -> Bool:
+        """Which flashes (f,), of some, lie on a line."""
         point, unit, places = self.line(number)
-        offset, own = self._flashes[:, :2] - point, (places - point) @ unit
+        flashes = self._flashes[rows]
+        offset, own = flashes[:, :2] - point, (places - point) @ unit
         along = offset @ unit
         aside = np.abs(cross(unit, offset))
         turn = STEADY if np.ptp(own) > SHORTEST else LOOSE
-        allowed = ON_LINE + DEVIATIONS * self._flashes[:, 4]
+        allowed = ON_LINE + DEVIATIONS * flashes[:, 4]
         allowed = allowed + np.minimum(turn * np.abs(along), FARTHEST)
         near = np.maximum(along - own.max(), own.min() - along) < LONGEST_GAP
         on: Bool = (aside < allowed) & near
-        return on & (np.abs(self._flashes[:, 2:4] @ unit) < FLASH_ANGLE)
+        return on & (np.abs(flashes[:, 2:4] @ unit) < FLASH_ANGLE)
 
 
 class SurfaceLines:
     """The lines of glass and of mirrors.
 
-    Attributes:
-        glass: (g, 5) the panes [m], and the line of each.
-        mirrors: (m, 5) the mirrors [m], seen from their left, and the line of each.
+    `glass` (g, 5) and `mirrors` (m, 5), seen from their left, are found [m]; the fifth is the line.
     """
 
     def __init__(self) -> None:
-        self._lines, self._mirrors = (
-            np.zeros((MOST_LINES, 3)),
-            np.zeros(MOST_LINES, np.bool_),
-        )
+        self._lines, self._mirrors = np.zeros((MOST_LINES, 3)), np.zeros(MOST_LINES, np.bool_)
         # How many scans or flashes speak for each line, and the scans when the last one did and
         # when it was looked at; its number among the lines of flashes; and what was found there.
         self._votes, self._voted, self._looked = np.zeros((3, MOST_LINES))
@@ -203,6 +200,7 @@ class SurfaceLines:
         row = int(np.argmin(np.where(kept, np.inf, self._votes)))
         self._votes[row] = self._looked[row] = self._lines[row] = 0.0
         self._mirrors[row], self._flash_lines[row] = False, -1
+        self._found[row] = np.empty((0, 4))
         return row
 
     def _add_flashes(self, number: int, flashes: Flashes) -> None:

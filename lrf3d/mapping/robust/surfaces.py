@@ -59,8 +59,8 @@ and beams pass so many of the pieces of a pane: it is seen through."""
 LEAST_IMAGES, IMAGE_FACTOR = 3, 3.0
 """[beams, factor] Images at each piece of a mirror, and how many times more than other returns."""
 
-LONGEST_GAP = 6
-"""[pieces] Of a mirror, in which it shows what was not seen otherwise."""
+LONGEST_GAP = 3
+"""[pieces] Of a mirror, in which it shows what was not seen otherwise: narrower than a door."""
 
 LEAST_LIT = 16
 """[beams] Images of walls of which the reflectance is known, at a mirror."""
@@ -221,10 +221,9 @@ def mirror_pieces(pieces: Float) -> Bool:
     good = (images >= LEAST_IMAGES) & (images > IMAGE_FACTOR * opaque) & alike
     seen = runs(good)
     for (_, last), (first, _) in pairwise(seen):
-        # A mirror goes on between two pieces of it where there are images, and nothing stands.
-        least = np.maximum(IMAGE_FACTOR * opaque, 0.1 * wrong)[last:first]
-        shown = (images[last:first] > least).all()
-        good[last:first] |= first - last <= LONGEST_GAP and shown
+        # A mirror goes on between two pieces of it where nothing stands.
+        stands = opaque[last:first] > (images + wrong)[last:first] / IMAGE_FACTOR
+        good[last:first] |= first - last <= LONGEST_GAP and not stands.any()
     found = np.zeros(PIECES, np.bool_)
     for first, last in runs(good):
         total = pieces[first:last].sum(axis=0)

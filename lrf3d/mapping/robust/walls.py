@@ -115,11 +115,9 @@ def copy_columns(table: Iterable[Any], grown: Iterable[Any]) -> None:
 class Rule(NamedTuple):
     """What one wall is.
 
-    Args:
-        length: Largest gap [m] along the line between two segments of one wall.
-        distance: How far [m] two views of a wall may lie apart, beside what noise explains.
-        bend: How far [m] a wall may bend where it is continued, beside what noise explains.
-        most_explained: Largest offset [m] that noise may explain.
+    The largest gap [m] along the line between two segments of it; how far two views of it may lie
+    apart, and how far it may bend where it is continued, beside what noise explains; and the
+    largest offset that noise may explain.
     """
 
     length: float
