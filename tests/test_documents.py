@@ -14,8 +14,8 @@ import lrf3d
 from lrf3d.cli.app import app
 
 README = PAGES[0]
-LONG = {"film.md", "range-finder.md"}
-"""Pages whose snippets take more than ten seconds."""
+LONG = {"crosscheck.md", "film.md", "range-finder.md", "sweeps.md", "tour.md", "worlds.md"}
+"""Pages whose snippets take more than some seconds."""
 
 
 def commands(command, name="lrf3d"):

@@ -118,7 +118,9 @@ class Mapper:
 """
 
 
-@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM", "SIGHUP"])
+@pytest.mark.parametrize(
+    "number", ["SIGINT", *(pytest.param(n, marks=pytest.mark.slow) for n in ("SIGTERM", "SIGHUP"))]
+)
 def test_a_second_signal_ends_a_command_at_once(number, tmp_path):
     number = getattr(signal, number, None)
     if number is None or os.name != "posix":
@@ -164,8 +166,8 @@ class Mapper:
 
 
 def test_a_folder_that_is_deleted_meanwhile_keeps_no_scans(tmp_path):
-    (tmp_path / "mine.py").write_text(DELETING)
-    arguments = ("run", "paper_room", "--no-video", "--mapper", "mine.py:Mapper", "--out", "out")
+    (tmp_path / "deletes.py").write_text(DELETING)
+    arguments = ("run", "paper_room", "--no-video", "--mapper", "deletes.py:Mapper", "--out", "out")
     done = program(*arguments, cwd=tmp_path)
     assert done.returncode == 1
     assert "cannot be written: No such file" in done.stderr

@@ -128,6 +128,7 @@ def test_a_value_loads_matplotlib_only_for_its_picture():
     assert done.stdout.split() == ["False", "True"]
 
 
+@pytest.mark.slow
 def test_a_frame_is_one_picture_of_the_film(run):
     early, late = (run.frame(t, size=(64, 36), samples=0, renderer="embree") for t in (0.0, 2.0))
     assert early.shape == (36, 64, 3) and early.dtype == np.uint8

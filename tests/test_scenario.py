@@ -102,7 +102,10 @@ def test_a_route_without_a_start_begins_at_its_first_way_point(tmp_path: Path) -
         ),
         ("[film]\nview = 'x'\n", "w.toml: film.view: view 'x': expected one of chase, first"),
         ("[laser]\nrange_min = 3\nrange_max = 2\n", "w.toml: laser: range finder: range_min 3"),
-        ("[laser]\nangle_min_deg = 90\nangle_max_deg = 0\n", "w.toml: laser: .*swap them"),
+        (
+            "[laser]\nangle_min_deg = 90\nangle_max_deg = 0\n",
+            "w.toml: laser: .*angle_min ≤ angle_max",
+        ),
     ],
 )
 def test_what_does_not_go_together_is_refused_with_its_line(

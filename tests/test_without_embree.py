@@ -11,7 +11,8 @@ from test_without_gl import NO_GL
 
 import lrf3d
 from lrf3d.scene import light
-from lrf3d.view.page_data import make_scene, pack_run
+from lrf3d.scene.stage import stage_of
+from lrf3d.view.shown import Played, Wanted
 
 ROOT = Path(__file__).parents[1]
 NOTICE = "embreex is not installed"
@@ -84,6 +85,7 @@ def test_ranges_are_the_same_bits_and_a_warning_says_so_once(without_embree, tmp
     assert np.array_equal(np.load(tmp_path / "ranges.npy"), expected)
 
 
+@pytest.mark.slow
 def test_a_drive_is_the_same_to_the_last_bit(without_embree, tmp_path):
     done = command("run paper_room --no-video --out bare", without_embree, tmp_path)
     assert done.returncode == 0, done.stderr
@@ -100,13 +102,14 @@ def test_a_drive_is_the_same_to_the_last_bit(without_embree, tmp_path):
 
 PICTURES = """
 import numpy as np, lrf3d
-from lrf3d.view.page_data import make_scene, pack_run
+from lrf3d.scene.stage import stage_of
+from lrf3d.view.shown import Played, Wanted
 
 run = lrf3d.load_scenario("corridor").run(rng=0, scan_interval=2.0)
 np.save("chase.npy", run.frame(10.0, size=(96, 54), view="chase"))
 np.save("top.npy", run.frame(10.0, size=(96, 54), view="top"))
-scene = make_scene(run.world, run.lrf, run.trajectory.poses[:, :2], title="corridor")
-np.save("page.npy", np.frombuffer(scene.glb + pack_run(run)[0], np.uint8))
+message = Played(run, stage_of(run), 1.0).answer(Wanted(time=10.0), 0.0)
+np.save("page.npy", np.frombuffer(message, np.uint8))
 """
 
 
@@ -126,9 +129,8 @@ def test_pictures_without_both_are_those_of_embree_in_open_light(
         # those between OpenGL and Embree.
         assert apart.mean() < 1.0
         assert (apart > 48).mean() < 0.005
-    scene = make_scene(run.world, run.lrf, run.trajectory.poses[:, :2], title="corridor")
-    page = np.frombuffer(scene.glb + pack_run(run)[0], np.uint8)
-    assert np.array_equal(np.load(tmp_path / "page.npy"), page)
+    message = Played(run, stage_of(run), 1.0).answer(Wanted(time=10.0), 0.0)
+    assert np.array_equal(np.load(tmp_path / "page.npy"), np.frombuffer(message, np.uint8))
 
 
 def test_a_cross_check_without_embree_is_refused_in_one_line(without_embree, tmp_path):

@@ -139,7 +139,11 @@ def results_folder(
     if alone and not summary.exists():
         # What is written before a command is stopped has its origin, too.
         write_text(summary, json_text({"made_by": made_by}))
-    elif out is None and summary.exists() and (others := _sources_of(summary)) != named:
+    elif (
+        out is None
+        and summary.exists()
+        and _without_ending(others := _sources_of(summary)) != _without_ending(named)
+    ):
         what = " ".join(others) or "something else"
         raise InputError(f"{folder}: holds results of {what}; choose another folder with --out")
     return ResultsFolder(folder, made_by, report)
@@ -163,6 +167,11 @@ def _sources_of(summary: Path) -> list[str]:
         return [str(source) for source in found]
     except (ValueError, LookupError, TypeError, RecursionError):
         return []
+
+
+def _without_ending(sources: Sequence[str]) -> list[str]:
+    """Sources without the endings of their names: the same drive may be a log and a bag."""
+    return [re.sub(r"(?<=[^/.])\.[^/]*$", "", source) for source in sources]
 
 
 def _relative(path: str | Path, folder: Path) -> str:

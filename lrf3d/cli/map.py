@@ -70,7 +70,7 @@ def rows_of(mapped: "MappedLog") -> tuple[list[tuple[str, str]], list[tuple[str,
     """The figures of a mapped log as a table, and more of them."""
     log, score, figures = mapped.log, mapped.score, mapped.summary()
     text = f"{counted(len(log), 'scan')} of {counted(len(log.scans[0].ranges), 'beam')}"
-    rows = [("log", f"{text}, poses from {log.source}")]
+    rows = [("log", text), ("poses", log.source)]
     if log.bad_count:
         bad = counted(log.bad_count, f"bad {log.bad_lines[0].kind}")
         rows += [("", f"{bad} left out"), *(("", str(line)) for line in log.bad_lines)]
@@ -86,7 +86,7 @@ def rows_of(mapped: "MappedLog") -> tuple[list[tuple[str, str]], list[tuple[str,
         details.append(("violated", f"{_share(score.violation)} of their beams go through a wall"))
         details.append(("error", f"{off}, the median of their ranges"))
     rows.append(("time", f"{figures['milliseconds_a_scan']:.2f} ms a scan"))
-    details.append(("", f"median {figures['median_milliseconds_a_scan']:.2f} ms"))
+    details.append(("median", f"{figures['median_milliseconds_a_scan']:.2f} ms a scan"))
     return rows, details
 
 

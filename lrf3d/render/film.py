@@ -5,12 +5,11 @@ from typing import Protocol
 
 import numpy as np
 
-from lrf3d.geometry import Float
 from lrf3d.render.gl import import_libraries
 from lrf3d.render.hud import gap_of, lay_frame, lay_labels
 from lrf3d.render.pictures import Picture
 from lrf3d.run import Run
-from lrf3d.scene import look, panel
+from lrf3d.scene import panel
 from lrf3d.scene.camera import Look
 from lrf3d.scene.cameras import make_camera
 from lrf3d.scene.moments import LAYERS, Goal, Scene
@@ -20,12 +19,6 @@ from lrf3d.scene.timeline import Moment, Timeline
 
 _SIDE, _LEAST_SIDE = 0.30, 40
 """Side of the inset, as a share of the shorter side of the picture, and the least [pixels]."""
-
-_LEAST_WINDOW = 4.0
-"""Least size [m] that the inset shows: there may be no wall, and a robot that stands."""
-
-_MARGIN = 8.0
-"""What it shows round the robot's path [m], at the least."""
 
 
 class Renderer(Protocol):
@@ -81,7 +74,7 @@ class Film:
         self._size, self._layers = size, frozenset(layers)
         self._facts = _facts(self.scene, panel)
         self._side = round(_SIDE * min(size))
-        self._middle, self._window = self._shown_in_inset()
+        self._middle, self._window = self.scene.plan_window()
         self._key: object = None
         self._picture: Picture = np.zeros((0, 0, 4), np.uint8)
 
@@ -120,20 +113,6 @@ class Film:
     def _labels(self, moment: Moment, view: Look) -> tuple[Label, ...]:
         said = panel.panel(self._facts, moment, view.shot)
         return (said, panel.card(self._facts)) if view.raised >= 1.0 else (said,)
-
-    def _shown_in_inset(self) -> tuple[Float | None, float]:
-        """The middle of what the inset shows and its size [m]; no middle where it follows."""
-        path = self.scene.run.trajectory.poses[:, :2] - self.scene.origin
-        ends = self.scene.structures.segments.reshape(-1, 2)
-        everything = np.concatenate([ends, path])
-        for points, margin in ((everything, 1.0), (path, _MARGIN + 12.0)):
-            low, high = points.min(axis=0), points.max(axis=0)
-            size = float((high - low).max())
-            if size <= look.INSET_WHOLE - 2.0 * margin:
-                # A room needs less of a rim than a city, and walls are needed around a path.
-                rim = margin * min(1.0, size / 40.0) if points is everything else margin
-                return 0.5 * (low + high), max(1.04 * size + 2.0 * rim, _LEAST_WINDOW)
-        return None, look.INSET_FOLLOWED
 
 
 def _facts(scene: Scene, wanted: str) -> panel.Facts:

@@ -52,6 +52,10 @@ but not for an eye that looks from far on purpose."""
 _PAST_GROUND = 3.0
 """How far an eye far above the ground sees, in its heights: past all of it, at a slant too."""
 
+_LEAST_PLAN, _PLAN_MARGIN = 4.0, 8.0
+"""Least size [m] that the plan shows: there may be no wall, and a robot that stands; and what it
+shows round the robot's path, at the least."""
+
 _OLD_SCANS = 8
 """Earlier scans whose hits are still shown, at the most."""
 
@@ -73,6 +77,7 @@ class Scene:
 
     Attributes:
         stage: What stands in the run's world, which never changes.
+        robot: The robot, in its own frame.
     """
 
     def __init__(
@@ -85,7 +90,7 @@ class Scene:
         self.origin = structures.origin
         self.obstacles = Obstacles(run.obstacles, self.origin, indoor=structures.indoor)
         self.tops = WallTops(structures.segments, structures.heights)
-        self._robot = robot_body(run.lrf.height)
+        self.robot = Body(robot_body(run.lrf.height), np.eye(4))
         self._goal = None if goal is None else goal_disc(np.array(goal) - [*self.origin, 0.0])
         self._optics = WallOptics.of(run.world)
         self._walls = run.world.segments - np.tile(self.origin, 2)
@@ -103,7 +108,7 @@ class Scene:
         """What is to be seen at a moment through a look, in a picture of a size [pixels]."""
         pose = moment.pose - [*self.origin, 0.0]
         lens = self._lens(view, size)
-        bodies = [("robot", Body(self._robot, world_from_robot(pose)))]
+        bodies = [("robot", self.robot._replace(pose=world_from_robot(pose)))]
         bodies += self.obstacles.bodies(moment.time)
         if "map" in layers and not view.shows_map:
             drawn = self.drawn_map(moment.scan)
@@ -194,19 +199,20 @@ class Scene:
         if not self.run.knows_truth:
             return None
         now = moment.time - self.timeline.start
-        return trail_lines(self._keys, now, self._fade)
+        made: Lines = self._same("trail", now, trail_lines, self._keys, now, self._fade)
+        return made
 
     def _estimated(self, moment: Moment) -> Iterator[tuple[str, Lines]]:
         if self._estimate is not None:
             now = moment.time - self.timeline.start
-            yield "estimate", self._estimate.trail(now)
-            yield "ellipses", self._estimate.rings(now)
+            yield "estimate", self._same("estimate", now, self._estimate.trail, now)
+            yield "ellipses", self._same("ellipses", now, self._estimate.rings, now)
 
     def _beams(self, moment: Moment, place: Float) -> tuple[Soft, Lines, Points] | None:
         if not moment.scanning:
             return None
         moved = self.obstacles.poses(moment.time).tobytes()
-        key = (moment.scan, *place.tolist(), moved)
+        key = (moment.scan, *moment.pose.tolist(), moved)
         found: tuple[Soft, Lines, Points] = self._same(
             "beams", key, self._drawn_beams, moment, place
         )
@@ -309,6 +315,20 @@ class Scene:
         marks.append(("plan robot", flat_dart(pose, look.DART_SHARE * window, 0.0)))
         shown = tuple((name, mark) for name, mark in marks if mark is not None)
         return Plan(box, lens, shown)
+
+    def plan_window(self) -> tuple[Float | None, float]:
+        """The middle (2,) of what the plan shows and its size [m]; no middle where it follows."""
+        path = self.run.trajectory.poses[:, :2] - self.origin
+        ends = self.structures.segments.reshape(-1, 2)
+        everything = np.concatenate([ends, path])
+        for points, margin in ((everything, 1.0), (path, _PLAN_MARGIN + 12.0)):
+            low, high = points.min(axis=0), points.max(axis=0)
+            size = float((high - low).max())
+            if size <= look.INSET_WHOLE - 2.0 * margin:
+                # A room needs less of a rim than a city, and walls are needed around a path.
+                rim = margin * min(1.0, size / 40.0) if points is everything else margin
+                return 0.5 * (low + high), max(1.04 * size + 2.0 * rim, _LEAST_PLAN)
+        return None, look.INSET_FOLLOWED
 
     def _plan_lines(self, scan: int) -> Lines:
         drawn = self.drawn_map(scan)

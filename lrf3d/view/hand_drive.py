@@ -1,24 +1,34 @@
-"""A drive by hand: the robot obeys, scans and maps while it goes, among all that moves."""
+"""A drive by hand: the robot obeys, scans and maps while it goes, among all that moves.
+
+What is seen of it is a scene of its own, whose run grows.
+"""
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 
+from lrf3d.geometry import Float
 from lrf3d.laser import LaserScan
+from lrf3d.mapping import LineMap
 from lrf3d.mapping.tracking import ObjectTracker
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory, Unicycle
 from lrf3d.robot.collision import CollisionChecker
+from lrf3d.run import Run
 from lrf3d.scenario import Scenario
-from lrf3d.scene.map_bands import WallTops
-from lrf3d.scene.structures import Sight
-from lrf3d.scene.trail_and_map import DrawnMap
+from lrf3d.scene import look
+from lrf3d.scene.moments import Scene
+from lrf3d.scene.shapes import Lines
+from lrf3d.scene.stage import Stage
+from lrf3d.scene.timeline import DriveKeys, Moment, Timeline
+from lrf3d.scene.trail_and_map import DrawnMap, trail_lines
 from lrf3d.sensor import Sensor
 from lrf3d.simulation import line_mapper
-from lrf3d.view.page_data import joined_beams
+from lrf3d.world.cameras import USUAL_FILM
 
 TURN_RATE = 1.5
 """Fastest turn [rad/s]: a full one in four seconds."""
@@ -39,6 +49,9 @@ and each update takes time."""
 _MAP_SHARE = 0.2
 """Share of the time that may go into working out the map."""
 
+_KEPT = 500
+"""Scans that are kept: those of the last seconds are still seen."""
+
 _MAP_PAUSE = 0.25
 """The map is worked out no more often than this [s]."""
 
@@ -52,13 +65,9 @@ class Wish:
 
 
 class HandDrive:
-    """The robot of a page.
+    """The robot of a page, from where it starts; noise of a seed is the same after each restart.
 
-    Args:
-        scenario: The world, and how robot, range finder, noise and mapper are set up.
-        start: Where the robot starts.
-        rng: A seed of the noise, the same after each restart.
-        clock: Gives the time [s] that working out the map is measured with.
+    Working out the map is measured with a clock [s].
     """
 
     def __init__(
@@ -67,13 +76,11 @@ class HandDrive:
         start: Pose,
         *,
         rng: int = 0,
+        stage: Stage | None = None,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
-        self._origin = Sight.of(scenario.world, np.array([start[:2]])).origin
         self._scenario, self._start, self._seed = scenario, start, rng
-        self._obstacles = CollisionChecker(scenario.world)
-        walls = scenario.world.segments - np.tile(self._origin, 2)
-        self._tops = WallTops(walls, scenario.world.heights)
+        self._collisions = CollisionChecker(scenario.world)
         self._robot = Unicycle(scenario.radius)
         self.obstacles = scenario.obstacles
         # Where the hand will drive while a beam turns nobody knows: a scan takes no time.
@@ -87,6 +94,7 @@ class HandDrive:
         self._clock = clock
         self.wish = Wish()
         self.restart()
+        self.scene = _LiveScene(self, stage)
 
     def restart(self) -> None:
         """Go back to the start with an empty map."""
@@ -97,27 +105,44 @@ class HandDrive:
         self._rng = np.random.default_rng(self._seed)
         self._mapper = line_mapper(self._scenario.noise, **self._scenario.mapper)
         self._tracker = ObjectTracker()
+        self.line_map, self.objects = LineMap.empty(), np.zeros(0, np.int64)
+        self.map_number = 0
         self._mapped: Pose | None = None
+        self.kept: dict[int, LaserScan] = {}
+        self.times: list[float] = []
+        self.path: list[tuple[float, Pose]] = [(0.0, self._start)]
+        self.scan = self._scan()
         self._stale = False
         self._map_due = 0.0
 
-    def step(self, seconds: float) -> dict[str, Any] | None:
-        """Drive on for a time [s], scan and map; return what the page shows, as plain values.
-
-        Where the robot rests and nothing moves, there is no news: None.
-        """
+    def step(self, seconds: float) -> bool:
+        """Drive on for a time [s], scan and map; false where the robot rests and nothing moves."""
         seconds = min(seconds, _LONGEST_STEP)
         if self._rests():
-            return None
+            return False
+        self._fresh = False
         self._drive(seconds)
-        scan = self._scan()
+        self.scan = self._scan()
         if self._worth_mapping():
-            self._mapper.update(scan)
+            self._mapper.update(self.scan)
             self._mapped, self._stale = self.pose, True
-        news = self._news(scan)
+            self.kept[len(self.times)] = self.scan
+            self.kept.pop(len(self.times) - _KEPT, None)
+            self.times.append(self.time)
+        if self.pose[:2] != self.path[-1][1][:2]:
+            self.path.append((self.time, self.pose))
         if self._stale and self._clock() >= self._map_due:
-            news["map"] = self._map()
-        return news
+            self._map()
+        return True
+
+    def moment(self) -> Moment:
+        """What is to be seen now; the newest scan has no number of its own."""
+        return Moment(self.time, np.array(self.pose), len(self.times), self.speed, True)
+
+    @property
+    def counts(self) -> str:
+        """What the map holds, in words."""
+        return self.line_map.counts
 
     def _rests(self) -> bool:
         """Whether nothing has changed and nothing will: then the clock stands still, too."""
@@ -134,7 +159,7 @@ class HandDrive:
         goal = self._robot.move(self.pose, self.speed, self.turning, seconds)
         if goal[:2] != self.pose[:2]:
             way = Trajectory([0.0, max(seconds, 1e-6)], [self.pose, goal])
-            if self._obstacles.first(way, self._robot.radius) is not None:
+            if self._collisions.first(way, self._robot.radius) is not None:
                 # A round robot can still turn on the spot.
                 self.bumped, self.speed = True, 0.0
                 goal = Pose(self.pose.x, self.pose.y, goal.theta)
@@ -150,49 +175,98 @@ class HandDrive:
         gone = np.hypot(self.pose.x - self._mapped.x, self.pose.y - self._mapped.y)
         return bool(gone > _MAP_STEP or abs(self.pose.theta - self._mapped.theta) > _MAP_TURN)
 
-    def _map(self) -> dict[str, Any]:
+    def _map(self) -> None:
         begin = self._clock()
-        line_map = self._mapper.map
-        drawn = DrawnMap.from_map(line_map, self._tracker.follow(line_map), self._origin)
+        self.line_map = self._mapper.map
+        self.objects = self._tracker.follow(self.line_map)
         taken = self._clock() - begin
         self._map_due = self._clock() + max(_MAP_PAUSE, taken / _MAP_SHARE)
         self._stale = False
-        return {
-            "segments": np.round(drawn.segments, 3).ravel().tolist(),
-            "colours": drawn.colour_bytes.ravel().tolist(),
-            "tops": np.round(self._tops.bands(drawn.segments), 3).tolist(),
-            "objects": line_map.object_count,
-        }
+        self.map_number += 1
 
-    def _moved(self) -> list[float]:
-        """Poses of the dynamic obstacles in turn: x, y [m] in the local frame, theta [rad]."""
-        shift = np.array([*self._origin, 0.0])
-        return [
-            value
-            for obstacle in self.obstacles
-            for value in (obstacle.path.at(np.array([self.time]))[0] - shift).tolist()
-        ]
 
-    def _news(self, scan: LaserScan) -> dict[str, Any]:
-        x, y = (self.pose[:2] - self._origin).tolist()
-        pose = {"x": x, "y": y, "theta": self.pose.theta}
-        ranges = np.where(scan.hits, np.round(scan.ranges, 3), -1.0 * (scan.ranges < 0.0))
-        fresh, self._fresh = self._fresh, False
-        return {
-            "time": self.time,
-            "pose": {**pose, "speed": self.speed, "turning": self.turning},
-            "scanPose": pose,
-            # JSON knows no infinity: a beam without return is null.
-            "ranges": [
-                None if np.isposinf(r) else v
-                for r, v in zip(scan.ranges, ranges.tolist(), strict=True)
-            ],
-            "obstacles": self._moved(),
-            "joined": joined_beams(scan.ranges, scan.walls).tolist(),
-            "bumped": self.bumped,
-            "fresh": fresh,
-            "map": None,
-        }
+class _LiveTimeline(Timeline):
+    """The timeline of a drive that knows only where the robot is now."""
+
+    def __init__(self, run: Run, drive: HandDrive) -> None:
+        self._drive = drive
+        super().__init__(run, playback=1.0)
+
+    def poses(self, times: Float) -> Float:
+        """Where the robot is now, for each of the times."""
+        return np.tile(np.array(self._drive.pose), (len(times), 1))
+
+
+class _LiveScene(Scene):
+    """The scene of a drive: scans, trail and map are those of now."""
+
+    def __init__(self, drive: HandDrive, stage: Stage | None) -> None:
+        scan, scenario = drive.scan, drive._scenario
+        path = Trajectory([0.0], [drive.pose])
+        ranges, walls = scan.ranges[None], scan.walls[None]
+        film = replace(USUAL_FILM, points_by=scenario.points_by)
+        run = Run(
+            scenario.world, scenario.lrf, path, ranges, ranges, walls, (), (), drive.obstacles, film
+        )
+        super().__init__(_LiveTimeline(run, drive), stage=stage)
+        self._drive = drive
+        self.run = cast(Run, _Growing(run, drive))
+
+    def drawn_map(self, scan: int) -> DrawnMap:
+        """The map as it is known now."""
+        drive = self._drive
+        made: DrawnMap = self._same(
+            "drawn", drive.map_number, DrawnMap.from_map, drive.line_map, drive.objects, self.origin
+        )
+        return made
+
+    def plan_window(self) -> tuple[Float | None, float]:
+        """The whole of a small world; a larger one is followed by: nobody knows the path."""
+        ends = self.structures.segments.reshape(-1, 2)
+        if len(ends) and float(np.ptp(ends, axis=0).max()) > look.INSET_WHOLE:
+            return None, look.INSET_FOLLOWED
+        return super().plan_window()
+
+    def _trail(self, moment: Moment) -> Lines | None:
+        made: Lines = self._same("trail", (moment.time, len(self._drive.path)), self._driven)
+        return made
+
+    def _driven(self) -> Lines:
+        times = np.array([time for time, _ in self._drive.path])
+        poses = np.array([pose for _, pose in self._drive.path]) - [*self.origin, 0.0]
+        keys = DriveKeys(times, poses, np.zeros(len(times) - 1, np.bool_))
+        return trail_lines(keys, self._drive.time, self._fade)
+
+
+class _Growing:
+    """What a scene asks of a run, of one that is still driven."""
+
+    knows_truth = True
+
+    def __init__(self, run: Run, drive: HandDrive) -> None:
+        self._drive = drive
+        self.world, self.lrf, self.obstacles, self.film = (
+            run.world,
+            run.lrf,
+            run.obstacles,
+            run.film,
+        )
+
+    @property
+    def trajectory(self) -> SimpleNamespace:
+        """When the scans were taken that are kept."""
+        drive = self._drive
+        poses = np.array([drive._start])
+        return SimpleNamespace(times=np.array(drive.times), poses=poses)
+
+    def scan(self, number: int) -> LaserScan:
+        """A scan by its number; the last one is that of now."""
+        drive = self._drive
+        return drive.kept.get(number, drive.scan)
+
+    def snapshot_after(self, scan: int) -> int:
+        """The number of the map."""
+        return self._drive.map_number
 
 
 def _towards(value: float, wanted: float, full: float, seconds: float) -> float:

@@ -2,14 +2,14 @@
 
 from collections.abc import Callable
 
-import numpy as np
-
 from lrf3d.io import load_run
 from lrf3d.pose import Pose, as_pose
 from lrf3d.scenario import Scenario, load_scenario, start_of
+from lrf3d.scene.moments import Scene
+from lrf3d.scene.timeline import Timeline
 from lrf3d.view.hand_drive import HandDrive
-from lrf3d.view.page_data import PageScene, make_scene, pack_run
-from lrf3d.view.server import Replayed, free_port, serve
+from lrf3d.view.server import Site, free_port, serve
+from lrf3d.view.shown import VIEWS, Driven, Played, setup_of
 
 
 def open_view(
@@ -33,39 +33,35 @@ def open_view(
     """
     # A wrong address is refused before the work; which port is free is decided after it.
     free_port(host, port)
-    scene, show = run_view(what, playback) if is_run else world_view(what, seed, read)
-    serve(scene, show, host=host, port=port, browser=browser, started=started)
+    site = run_view(what, playback) if is_run else world_view(what, seed, read)
+    serve(site, host=host, port=port, browser=browser, started=started)
 
 
-def run_view(path: str, playback: float | None) -> tuple[PageScene, Replayed]:
-    """The scene of a run, and what is played in it."""
+def run_view(path: str, playback: float | None) -> Site:
+    """The site of a run that is played."""
     run = load_run(path)
-    scene = make_scene(
-        run.world,
-        run.lrf,
-        run.trajectory.poses[:, :2],
-        title=run.world.name or "run",
-        obstacles=run.obstacles,
-    )
-    block, told = pack_run(run)
-    return scene, Replayed(block, told, run.film.playback if playback is None else playback)
+    speed = run.film.playback if playback is None else playback
+    timeline = Timeline(run, playback=speed)
+    scene = Scene(timeline)
+    setup = setup_of(scene, VIEWS, end=timeline.end - timeline.start)
+    return Site.of(scene, setup, lambda: Played(run, scene.stage, speed))
 
 
-def world_view(
-    name: str, seed: int, read: Callable[[str], Scenario] | None = None
-) -> tuple[PageScene, Callable[[], HandDrive]]:
-    """The scene of a world, and what makes a drive in it."""
+def world_view(name: str, seed: int, read: Callable[[str], Scenario] | None = None) -> Site:
+    """The site of a world to drive in."""
     scenario = load_scenario(name).with_route() if read is None else read(name)
     start = start_pose(scenario)
-    title = scenario.world.name or scenario.name
     drive = HandDrive(scenario, start, rng=seed)
     # The first step compiles kernels and builds search trees, so it is made before the user drives.
     drive.step(0.0)
-    path = np.array([start[:2]])
-    scene = make_scene(scenario.world, scenario.lrf, path, title=title, obstacles=drive.obstacles)
-    x, y = (path[0] - scene.setup["origin"]).tolist()
-    scene.setup["start"] = {"x": x, "y": y, "theta": start.theta}
-    return scene, lambda: HandDrive(scenario, start, rng=seed)
+    views = tuple(view for view in VIEWS if view != "story")
+    setup = setup_of(drive.scene, views, end=0.0)
+    setup["title"] = scenario.world.name or scenario.name
+
+    def driven() -> Driven:
+        return Driven(HandDrive(scenario, start, rng=seed, stage=drive.scene.stage))
+
+    return Site.of(drive.scene, setup, driven)
 
 
 def start_pose(scenario: Scenario) -> Pose:

@@ -1,131 +1,112 @@
-"""The page and its server: NiceGUI brings both, with three.js, and needs no other host.
+"""The page and its server: Starlette and uvicorn, and three.js, which NiceGUI brings.
 
 Everything is served from this machine; the page loads nothing from elsewhere.
 """
 
 import asyncio
+import contextlib
 import errno
-import logging
+import html
+import json
 import socket
+import webbrowser
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from importlib.util import find_spec
 from ipaddress import ip_address
 from pathlib import Path
 from typing import Any
 
 from lrf3d.errors import InputError, OutputError, missing_extra
+from lrf3d.gltf import still_glb
 from lrf3d.interrupts import asked, check
-from lrf3d.view.hand_drive import HandDrive, Wish
-from lrf3d.view.page_data import PageScene
+from lrf3d.scene.moments import Scene
+from lrf3d.view.shown import Shown, Wanted
 
 FIRST_PORT, PORTS = 8080, 100
 """Ports that are tried if none is given."""
 
-MESSAGE_SIZE = 100_000
+MESSAGE_SIZE = 10_000
 """Longest message [bytes] from a page, whose own have some hundred."""
 
-_STEP = 0.05
+_STEP = 1.0 / 30.0
 """Time between two steps of a drive [s]."""
 
-_SOON = 0.01
-"""Time between two checks whether the server listens [s]."""
-
-_FOLDER = Path(__file__).parent
+_PAGE = Path(__file__).parent / "page"
+_FILES = ("page.css", "page.js", "marks.js", "rig.js", "world.js")
 
 
-@dataclass(frozen=True, slots=True)
-class Replayed:
-    """A run to play back: its arrays, their description, and simulated seconds per second."""
+@dataclass(frozen=True, eq=False)
+class Site:
+    """What is served: the setup and the world for all pages, and what makes one page's own part."""
 
-    block: bytes
-    told: dict[str, Any]
-    playback: float
+    setup: dict[str, Any]
+    glb: bytes
+    make: Callable[[], Shown]
+    plays: bool = field(default=False)
+
+    @classmethod
+    def of(cls, scene: Scene, setup: dict[str, Any], make: Callable[[], Shown]) -> "Site":
+        """The site of a scene; one whose setup has an end is played, another is driven."""
+        obstacles = scene.obstacles.bodies(scene.timeline.start)
+        glb = still_glb(setup["title"], scene.stage, [("robot", scene.robot), *obstacles])
+        return cls(setup, glb, make, bool(setup["end"]))
 
 
 def serve(
-    scene: PageScene,
-    show: Replayed | Callable[[], HandDrive],
+    site: Site,
     *,
     host: str = "127.0.0.1",
     port: int | None,
     browser: bool = True,
     started: Callable[[str], None] = lambda address: None,
 ) -> None:
-    """Show a run or a drive in the browser until the program is interrupted.
-
-    Args:
-        scene: The scene.
-        show: A run to play back, or what makes the drive of a new page.
-        host: The address or name to listen at; others than 127.0.0.1 let other machines in.
-        port: The port; the first free one if None.
-        browser: Whether to open the browser.
-        started: Called with the address of the page when it can be opened.
+    """Show a site until the program is interrupted; `started` is called with its address.
 
     Raises:
         MissingLibraryError: NiceGUI is not installed.
         OutputError: The address was taken meanwhile.
     """
     try:
-        from nicegui import app, ui
-        from nicegui.server import Server
-    except ImportError as error:
+        import uvicorn
+
+        three = find_spec("nicegui.elements.scene")
+    except (ImportError, ValueError) as error:
         raise missing_extra(f"the view needs NiceGUI ({error})", "view") from None
-    from fastapi import Response
-
-    from lrf3d.view.element import RunView
-
+    assert three is not None and three.origin is not None
     port = free_port(host, port)
-    setup = {**scene.setup, "glb": "/lrf3d/scene.glb", "replay": None, "speed": 1.0}
-
-    @app.get("/lrf3d/scene.glb")
-    def _scene() -> Response:
-        return Response(scene.glb, media_type="model/gltf-binary")
-
-    if isinstance(show, Replayed):
-        setup["replay"] = {**show.told, "file": "/lrf3d/run"}
-        setup["speed"] = show.playback
-        block = show.block
-
-        @app.get("/lrf3d/run")
-        def _run() -> Response:
-            return Response(block, media_type="application/octet-stream")
-
-    @ui.page("/", title=f"lrf3d {scene.setup['title']}")
-    def _page() -> None:
-        ui.add_css((_FOLDER / "page.css").read_text(encoding="utf-8"))
-        view = RunView(setup)
-        if not isinstance(show, Replayed):
-            _attach(view, show)
-
-    async def _announce() -> None:
-        while not Server.instance.started:
-            await asyncio.sleep(_SOON)
-        started(page_address(host, port))
-
-    async def _stop() -> None:
-        while not asked():
-            await asyncio.sleep(_STEP)
-        app.shutdown()
-
-    app.on_startup(_announce)
-    app.on_startup(_stop)
-    _answer_own_pages_only(host)
-    try:
-        ui.run(
+    app = application(site, host, Path(three.origin).parent / "dist" / "index.js")
+    server = uvicorn.Server(
+        uvicorn.Config(
+            app,
             host=host,
             port=port,
-            show=browser,
-            reload=False,
-            title="lrf3d",
-            favicon="🤖",
-            dark=True,
-            show_welcome_message=False,
-            uvicorn_logging_level="error",
+            log_level="critical",
             ws_max_size=MESSAGE_SIZE,
             # A short message could unpack to gigabytes.
             ws_per_message_deflate=False,
             proxy_headers=False,
+            timeout_graceful_shutdown=1,
         )
+    )
+
+    async def run() -> None:
+        serving = asyncio.create_task(server.serve())
+        while not (server.started or serving.done() or asked()):
+            await asyncio.sleep(0.01)
+        if server.started:
+            started(page_address(host, port))
+            if browser:
+                webbrowser.open(page_address(host, port))
+        while not (asked() or serving.done()):
+            await asyncio.sleep(0.05)
+        server.should_exit = True
+        await serving
+
+    # Signals set the flag of lrf3d.interrupts, which is looked at here.
+    server.capture_signals = contextlib.nullcontext  # type: ignore[method-assign, assignment]
+    try:
+        asyncio.run(run())
     except SystemExit:
         # The program was stopped as the server started, or the address was taken meanwhile.
         check()
@@ -134,31 +115,115 @@ def serve(
     check()
 
 
-def _answer_own_pages_only(host: str) -> None:
-    """Refuse requests under foreign names and from foreign pages.
-
-    A web page anywhere can have its visitor's browser send requests to this machine, under a name
-    that it makes point here (DNS rebinding), or as itself. It could read the scene and drive the
-    robot.
-    """
-    from fastapi import Request, Response
-    from nicegui import app, core
+def application(site: Site, host: str, three: Path) -> Any:
+    """The application that answers a site's pages, and nobody else."""
+    from starlette.applications import Starlette
+    from starlette.middleware import Middleware
     from starlette.middleware.trustedhost import TrustedHostMiddleware
+    from starlette.requests import Request
+    from starlette.responses import FileResponse, HTMLResponse, Response
+    from starlette.routing import Route, WebSocketRoute
+    from starlette.websockets import WebSocket
 
-    # Without a list, the websocket's library takes the page's own origin only.
-    core.sio.eio.cors_allowed_origins = None
-    # It would write to the terminal what strangers send.
-    for library in ("engineio.server", "socketio.server"):
-        logging.getLogger(library).setLevel(logging.CRITICAL)
+    def page(request: Request) -> Response:
+        setup = json.dumps(site.setup).replace("<", "\\u003c")
+        text = (_PAGE / "index.html").read_text(encoding="utf-8")
+        title = html.escape(site.setup["title"])
+        return HTMLResponse(text.replace("{title}", title).replace("{setup}", setup))
 
-    @app.middleware("http")
-    async def _refuse_foreign_pages(request: Request, answer: Callable[..., Any]) -> Any:
-        own = f"http://{request.headers['host']}"
-        if request.headers.get("origin", own) != own:
-            return Response("pages of other sites may not use this one\n", 403)
-        return await answer(request)
+    def world(request: Request) -> Response:
+        return Response(site.glb, media_type="model/gltf-binary")
 
-    app.add_middleware(TrustedHostMiddleware, allowed_hosts=own_names(host), www_redirect=False)
+    def file(path: Path) -> Route:
+        return Route(f"/lrf3d/{path.name}", lambda request: FileResponse(path))
+
+    async def moments(socket: WebSocket) -> None:
+        await socket.accept()
+        await _show(site, socket)
+
+    three_route = Route("/lrf3d/three.js", lambda request: FileResponse(three))
+    routes = [Route("/", page), Route("/lrf3d/world.glb", world), three_route]
+    routes += [file(_PAGE / name) for name in _FILES]
+    middleware = [
+        Middleware(TrustedHostMiddleware, allowed_hosts=own_names(host), www_redirect=False),
+        Middleware(_OwnPages),
+    ]
+    return Starlette(
+        routes=[*routes, WebSocketRoute("/lrf3d/moments", moments)], middleware=middleware
+    )
+
+
+class _OwnPages:
+    """Refuses requests from foreign pages.
+
+    A web page anywhere can have its visitor's browser send requests to this machine. It could read
+    the scene and drive the robot. Under a name that it makes point here (DNS rebinding) it is
+    refused by Starlette's own TrustedHostMiddleware.
+    """
+
+    def __init__(self, app: Any) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        from starlette.datastructures import Headers
+        from starlette.responses import PlainTextResponse
+
+        answer = self._app
+        if scope["type"] in ("http", "websocket"):
+            headers = Headers(scope=scope)
+            own = f"http://{headers.get('host')}"
+            if headers.get("origin", own) != own:
+                answer = PlainTextResponse("pages of other sites may not use this one\n", 403)
+        await answer(scope, receive, send)
+
+
+async def _show(site: Site, socket: Any) -> None:
+    """Answer what a page wants, until it leaves.
+
+    A run is shown as the page asks; a drive goes on by itself.
+    """
+    from starlette.websockets import WebSocketDisconnect
+
+    loop = asyncio.get_running_loop()
+    # In threads, so that one page's work holds up no other.
+    shown = await loop.run_in_executor(None, site.make)
+    wanted, new = Wanted(), asyncio.Event()
+
+    async def listen() -> None:
+        nonlocal wanted, shown
+        while True:
+            text = await socket.receive_text()
+            try:
+                sent = json.loads(text)
+            except ValueError:
+                continue
+            if isinstance(sent, dict) and sent.get("again") is True:
+                shown = await loop.run_in_executor(None, site.make)
+            wanted = wanted.changed(sent)
+            new.set()
+
+    async def answer() -> None:
+        last = loop.time()
+        while True:
+            if site.plays:
+                await new.wait()
+                new.clear()
+            else:
+                await asyncio.sleep(max(0.0, last + _STEP - loop.time()))
+            now = loop.time()
+            message = await loop.run_in_executor(None, shown.answer, wanted, now - last)
+            last = now
+            if message is not None or site.plays:
+                await socket.send_bytes(message or b"")
+
+    tasks = [asyncio.create_task(each) for each in (listen(), answer())]
+    done, left = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    for task in left:
+        task.cancel()
+    for task in done:
+        error = task.exception()
+        if error is not None and not isinstance(error, WebSocketDisconnect | RuntimeError):
+            raise error
 
 
 def own_names(host: str) -> list[str]:
@@ -185,57 +250,6 @@ def _is_loopback(host: str) -> bool:
 def page_address(host: str, port: int) -> str:
     """The address of the page, as one types it into a browser."""
     return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
-
-
-def _attach(view: Any, make: Callable[[], HandDrive]) -> None:
-    """Put a drive onto the page that is being made."""
-    from nicegui import ui
-
-    drive: HandDrive | None = None
-    wish, again = Wish(), False
-
-    def obey(event: Any) -> None:
-        nonlocal wish
-        wish = wish_of(event.args) or wish
-
-    def restart() -> None:
-        nonlocal again
-        again = True
-
-    view.on("drive", obey)
-    view.on("again", restart)
-    loop = asyncio.get_event_loop()
-    last = loop.time()
-
-    async def step() -> None:
-        nonlocal drive, last, again
-        # In threads, so that one page's work holds up no other. The timer waits for the page to be
-        # connected: who only asks for it gets no drive.
-        if drive is None:
-            drive = await loop.run_in_executor(None, make)
-        now = loop.time()
-        seconds, last = now - last, now
-        drive.wish = wish
-        if again:
-            again = False
-            drive.restart()
-        news = await loop.run_in_executor(None, drive.step, seconds)
-        if news is not None:
-            view.run_method("state", news)
-
-    ui.timer(_STEP, step)
-
-
-def wish_of(args: object) -> Wish | None:
-    """The wish that a page sent, or None where it is malformed."""
-    if not isinstance(args, dict):
-        return None
-    wishes = [
-        float(value)
-        for value in (args.get("forward"), args.get("turn"))
-        if isinstance(value, (int, float)) and abs(value) <= 1.0
-    ]
-    return Wish(*wishes) if len(wishes) == 2 else None
 
 
 def free_port(host: str, port: int | None) -> int:

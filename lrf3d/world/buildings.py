@@ -39,10 +39,7 @@ def world_of_features(
 ) -> World:
     """The world of features: polygons are dissolved into blocks, lines follow after them.
 
-    Args:
-        features: The features of the file.
-        name: Name of the world.
-        place: Longitude and latitude [°] of the point (0, 0), if they are known.
+    The place is the longitude and latitude [°] of the point (0, 0), if they are known.
 
     Raises:
         WorldError: No wall remains.
@@ -96,11 +93,7 @@ def world_of_features(
 
 
 def _blocks(polygons: list[Any], heights: Float) -> list[tuple[Int, list[tuple[Float, Float]]]]:
-    """Groups of footprints that touch, in the order of the first of each.
-
-    Args:
-        polygons: The footprints [m].
-        heights: (n,) their heights [m].
+    """Groups of footprints of some heights (n,) that touch, in the order of the first of each.
 
     Returns:
         For each block its footprints, and its rings (k, 2), outer ones counter-clockwise and

@@ -34,12 +34,7 @@ MOST_FREE = 0.25
 
 
 def world_of_map(mapped: World, free: FreeCells | None = None) -> World:
-    """A map as a world: its walls meet at corners, and walls that touch are one object.
-
-    Args:
-        mapped: The segments of the map as walls.
-        free: The free cells: no wall grows into them, and routes are planned through them.
-    """
+    """A map as a world: its walls meet at corners, and walls that touch are one object."""
     segments, walls = close_gaps(mapped.segments, free)
     return World(
         segments,
@@ -53,13 +48,11 @@ def world_of_map(mapped: World, free: FreeCells | None = None) -> World:
 
 @dataclass(frozen=True, slots=True)
 class _Closing:
-    """A possible closing of a gap.
+    """A possible closing of a gap, and the longest piece that it adds or cuts off [m].
 
-    Args:
-        cost: The longest piece of wall that is added or cut off [m].
-        end: Index of an end of a segment: twice its row, and one more for its second end.
-        other: The end that it meets; −1 within a wall.
-        corner: Where they meet (2,); None where a piece goes from one end to the other.
+    An end of a segment has twice the number of its row, and one more if it is the second. It meets
+    another end, or, where that is −1, a wall within. Without a corner (2,) a piece goes from one
+    end to the other.
     """
 
     cost: float
@@ -69,15 +62,11 @@ class _Closing:
 
 
 def close_gaps(segments: Float, free: FreeCells | None = None) -> tuple[Float, Int]:
-    """Make walls meet at their corners.
-
-    Args:
-        segments: (n, 4) walls of a map [m].
-        free: The free cells: no wall grows into them.
+    """Make the walls (n, 4) [m] of a map meet at their corners; no wall grows into free cells.
 
     Returns:
-        (m, 4) walls: the n with new ends, and after them those that close straight gaps; and (m,)
-        the rows of the walls that they continue.
+        The n walls with new ends, and after them those that close straight gaps; and the rows (m,)
+        of the walls that they continue.
     """
     origin = np.round(segments.reshape(-1, 2).mean(axis=0)) if len(segments) else np.zeros(2)
     ends = (segments.reshape(-1, 2, 2) - origin).reshape(-1, 2)

@@ -101,20 +101,17 @@ def office(size: float, seed: int) -> World:
             crossed = storeys > 1 and not (bottom == 0.0 or end == top)
             wings = [(0.0, across), (across + CORRIDOR, size)] if crossed else [(0.0, size)]
             for left, right in wings:
-                _row_of_rooms(plan, rng, left, right, bottom, end, faces)
+                _row_of_rooms(plan, rng, (left, bottom, right, end), faces)
     return plan.world()
 
 
-def _row_of_rooms(
-    plan: FloorPlan,
-    rng: np.random.Generator,
-    left: float,
-    right: float,
-    bottom: float,
-    top: float,
-    faces: float,
-) -> None:
+Box = tuple[float, float, float, float]
+"""The left, lower, right and upper side of a part of a plan [m]."""
+
+
+def _row_of_rooms(plan: FloorPlan, rng: np.random.Generator, box: Box, faces: float) -> None:
     """Rooms side by side, whose doors are in their upper (1) or lower (−1) wall."""
+    left, bottom, right, top = box
     corridor = top if faces > 0.0 else bottom
     count = max(1, round((right - left) / float(np.mean(ROOM_WIDTHS))))
     shares = rng.uniform(*ROOM_WIDTHS, count)
@@ -126,22 +123,15 @@ def _row_of_rooms(
         doors.append(float(rng.uniform(start + room, end - room)) - left)
         if end < right:
             plan.wall(end, bottom, end, top)
-        _furnish(plan, rng, start, end, bottom, top, faces)
+        _furnish(plan, rng, (start, bottom, end, top), faces)
     plan.wall(left, corridor, right, corridor, *doors)
     for x in (left, right):
         plan.wall(x, bottom, x, top)
 
 
-def _furnish(
-    plan: FloorPlan,
-    rng: np.random.Generator,
-    left: float,
-    right: float,
-    bottom: float,
-    top: float,
-    faces: float,
-) -> None:
+def _furnish(plan: FloorPlan, rng: np.random.Generator, room: Box, faces: float) -> None:
     """A desk by the outer wall of a room, and often a shelf along a side."""
+    left, bottom, right, top = room
     desk = np.array([min(1.8, right - left - 2.0), 0.8])
     x = float(rng.uniform(left + 0.4, right - 0.4 - desk[0]))
     y = bottom + 0.3 if faces > 0.0 else top - 0.3 - desk[1]
@@ -206,12 +196,7 @@ def _divide(plan: FloorPlan, rng: np.random.Generator, box: Float) -> None:
 def generate_city(walls: int, *, seed: int = 0) -> World:
     """A city with a number of walls, nearly square: buildings of four walls, one in each block.
 
-    The density does not depend on the size, so a laser sees about the same number of walls in
-    cities of any size.
-
-    Args:
-        walls: Number of walls, rounded down to a multiple of four.
-        seed: The same seed gives the same city.
+    Its density does not depend on its size, so a laser sees as many walls in cities of any size.
     """
     rng = np.random.default_rng(seed)
     count = walls // 4

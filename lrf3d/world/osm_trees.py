@@ -26,11 +26,8 @@ _CROWN = 0.6
 _SLENDER = 1.0 / 45.0
 """Radius of a trunk at the height of a laser, in heights of its tree."""
 
-_RADII = (0.05, 1.2)
-"""Least and largest radius of a trunk [m]."""
-
-_SIDES = 6
-"""Sides of a trunk."""
+_RADII, _SIDES = (0.05, 1.2), 6
+"""Least and largest radius of a trunk [m], and number of its sides."""
 
 _CLEAR = 0.1
 """Trees whose trunks are nearer than this to a building [m] are left out: maps are not as exact,

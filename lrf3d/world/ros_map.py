@@ -17,9 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.errors import OutputError, WorldError, shown
+from lrf3d.errors import InputError, OutputError, WorldError, shown
 from lrf3d.files import opened, own_name, read_text, replacing
-from lrf3d.geometry import LARGEST_COORDINATE, Bool, Float, Int, Single, is_finite
+from lrf3d.geometry import Bool, Float, Int, Single, is_finite
+from lrf3d.pose import as_pose
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.grid_walls import walls_of_grid
 from lrf3d.world.model import World
@@ -37,9 +38,6 @@ cell: offices have 0.05, noise 1."""
 
 UNKNOWN = 205
 """Value of the pixels of unknown cells as map_saver writes them."""
-
-DEFAULTS = {"occupied_thresh": 0.65, "free_thresh": 0.25, "negate": 0, "mode": "trinary"}
-"""The defaults of map_server."""
 
 RESOLUTION = 0.05
 """Default side of a cell [m], unless the map becomes too large."""
@@ -59,7 +57,7 @@ OCCUPIED, FREE = 0, 254
 
 @dataclass(frozen=True, slots=True)
 class _Description:
-    """How a picture is read as a map."""
+    """How a picture is read as a map; the defaults are those of map_server."""
 
     picture: Path
     resolution: float
@@ -128,7 +126,7 @@ def _world(description: _Description, occupied: Bool, path: Path, free: FreeCell
 
 def _description(path: Path) -> _Description:
     """What a YAML file says, checked."""
-    data = DEFAULTS | _yaml(path)
+    data = _yaml(path)
     name = data.get("image")
     if not isinstance(name, str) or not name:
         raise WorldError(f"image is {shown(name)}, expected the name of a picture")
@@ -137,31 +135,29 @@ def _description(path: Path) -> _Description:
         raise WorldError(
             f"image is {shown(name)}; put the picture next to this file and name it so"
         )
-    free, occupied = (_number(data, key, most=1.0) for key in ("free_thresh", "occupied_thresh"))
+    resolution = _number(data, "resolution", most=1e4)
+    if not resolution:
+        raise WorldError("resolution is 0, expected the metres per cell")
+    free, occupied = (
+        _number({"free_thresh": 0.25, "occupied_thresh": 0.65} | data, key, most=1.0)
+        for key in ("free_thresh", "occupied_thresh")
+    )
     if free > occupied:
         raise WorldError("free_thresh is above occupied_thresh")
-    if data["negate"] not in (0, 1):
-        raise WorldError(f"negate is {shown(data['negate'])}, expected 0 or 1")
-    if data["mode"] not in ("trinary", "scale", "raw"):
-        raise WorldError(f"mode is {shown(data['mode'])}, expected trinary, scale or raw")
-    origin = data.get("origin")
-    if not (isinstance(origin, list) and len(origin) == 3 and is_finite(*origin)) or (
-        max(map(abs, origin)) > LARGEST_COORDINATE
-    ):
-        raise WorldError(f"origin is {shown(origin)}, expected [x, y, yaw] in metres and radians")
-    x, y, yaw = map(float, origin)
-    resolution = _number(data, "resolution", most=1e4)
-    if resolution == 0.0:
-        raise WorldError("resolution is 0, expected the metres per cell")
-    return _Description(
-        path.parent / plain,
-        resolution,
-        (x, y, yaw),
-        occupied,
-        free,
-        bool(data["negate"]),
-        data["mode"],
-    )
+    negate, mode = data.get("negate", 0), data.get("mode", "trinary")
+    origin: Any = data.get("origin")
+    if negate not in (0, 1):
+        raise WorldError(f"negate is {shown(negate)}, expected 0 or 1")
+    if mode not in ("trinary", "scale", "raw"):
+        raise WorldError(f"mode is {shown(mode)}, expected trinary, scale or raw")
+    try:
+        x, y, yaw = as_pose(origin)
+    except InputError:
+        raise WorldError(
+            f"origin is {shown(origin)}, expected [x, y, yaw] in metres and radians"
+        ) from None
+    picture, place = path.parent / plain, (x, y, yaw)
+    return _Description(picture, resolution, place, occupied, free, bool(negate), mode)
 
 
 def _yaml(path: Path) -> dict[str, Any]:
@@ -264,22 +260,15 @@ def _check_size(picture: Path, image: Any) -> None:
 
 
 def write_ros_map(world: World, path: Path, *, resolution: float | None = None) -> None:
-    """Write a world as a ``.yaml`` file and, beside it, a ``.pgm`` picture.
+    """Write the walls and the free cells of a world as a ``.yaml`` file and, beside it, a ``.pgm``.
 
-    Args:
-        world: The world, of which the walls and the free cells are written.
-        path: The ``.yaml`` file.
-        resolution: Side of a cell [m]; if not given, 0.05, or more for a large map.
+    A cell has a side of ``resolution`` [m]; if not given, of 0.05, or more for a large map.
 
     Raises:
         OutputError: The files cannot be written, or the map becomes too large.
     """
-    margin = FREE_MARGIN
-    if resolution is None:
-        resolution = cell_size(world)
-    else:
-        margin = max(margin, 2.0 * resolution)
-    cells, (x, y) = map_cells(world, resolution, path, margin=margin)
+    resolution = cell_size(world) if resolution is None else resolution
+    cells, (x, y) = map_cells(world, resolution, path)
     picture = path.with_suffix(".pgm")
     rows, columns = cells.shape
     # A JSON string is valid YAML for any name.
@@ -302,23 +291,17 @@ def cell_size(world: World, least: float = RESOLUTION) -> float:
 
 
 def map_cells(
-    world: World, resolution: float, path: Path, *, margin: float = FREE_MARGIN
+    world: World, resolution: float, path: Path
 ) -> tuple[NDArray[np.uint8], tuple[float, float]]:
-    """The cells of a world, FREE, OCCUPIED or UNKNOWN.
+    """The cells (rows, columns) of a world, FREE, OCCUPIED or UNKNOWN, the first row at the bottom.
 
-    Args:
-        world: The world, with its walls and its free cells.
-        resolution: Side of a cell [m].
-        path: The file that they are for, which errors name.
-        margin: What is mapped beyond the outermost walls [m].
-
-    Returns:
-        The cells (rows, columns), the first row at the bottom, and the place x, y [m] of the outer
-        corner of the first.
+    They reach a metre, or two cells, beyond the walls. The place x, y [m] of the outer corner of
+    the first cell is returned, too.
 
     Raises:
-        OutputError: There are too many.
+        OutputError: There are too many; the message names the path that they are for.
     """
+    margin = max(FREE_MARGIN, 2.0 * resolution)
     low, high = world.bounds[0] - margin, world.bounds[1] + margin
     # A whole number of cells from the origin, so that straight walls stay straight.
     first = np.floor(low / resolution)

@@ -41,6 +41,10 @@ def test_commands_write_to_folders_of_their_own_and_to_no_others(tmp_path, monke
     other = ("run", "b/box.toml", *run[2:])
     assert "out/box: holds results of ../../a/box.toml; choose" in refused(*other, cwd=tmp_path)
     assert lrf3d(*other, "-o", "out/b", cwd=tmp_path).returncode == 0
+    # The same in another format is no other source.
+    Path("a/box.toml").rename("a/box.yaml.toml")
+    assert lrf3d("run", "a/box.yaml.toml", *run[2:], cwd=tmp_path).returncode == 0
+    Path("a/box.yaml.toml").rename("a/box.toml")
     # A folder that is given is written to, as is one whose summary says nothing.
     assert lrf3d(*other, "-o", "out/box", cwd=tmp_path).returncode == 0
     Path("out/box/summary.json").write_text("[]")

@@ -46,11 +46,7 @@ needs_browser = pytest.mark.skipif(bool(missing()), reason=missing() or "none")
 def served(what, *options):
     """Serve a view of a run or a world; gives its address, and sees that Ctrl-C ends it."""
     command = [sys.executable, "-m", "lrf3d", "view", str(what), "--no-browser", *options]
-    # NiceGUI does not serve where it believes to be tested.
-    plain = {name: value for name, value in os.environ.items() if "PYTEST" not in name}
-    program = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=plain
-    )
+    program = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         line = program.stdout.readline()
         address = re.search(r"http://\S+(?=;)", line)
@@ -79,10 +75,11 @@ def started():
 
 
 @contextmanager
-def opened(browser, address, size=(660, 372)):
+def opened(browser, address, size=(660, 372), **options):
     """A page in Chromium, ready to be used; whatever it complains of fails the test."""
     complaints, asked = [], []
-    with browser.new_page(viewport=dict(zip(("width", "height"), size, strict=True))) as page:
+    viewport = dict(zip(("width", "height"), size, strict=True))
+    with browser.new_page(viewport=viewport, **options) as page:
         page.set_default_timeout(1000.0 * PATIENCE)
         page.on("pageerror", lambda error: complaints.append(str(error)))
         page.on(
@@ -94,7 +91,7 @@ def opened(browser, address, size=(660, 372)):
         page.locator(".lrf3d-failure").wait_for(state="detached")
         yield page
         assert complaints == []
-        own = tuple(f"{kind}{address}/" for kind in ("", "blob:"))
+        own = (f"{address}/", f"blob:{address}/", f"{address.replace('http', 'ws')}/")
         assert [url for url in asked if not url.startswith((*own, "data:"))] == []
 
 

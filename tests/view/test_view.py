@@ -1,10 +1,7 @@
 """Runs and worlds in the browser: the page is there, draws, plays and obeys."""
 
-import os
 import re
-import signal
 import socket
-import subprocess
 import sys
 from dataclasses import replace
 from itertools import combinations
@@ -90,9 +87,9 @@ def test_the_page_of_a_run_draws_plays_and_is_scrubbed(recorded, played, chromiu
         pixels = picture(page)
         assert pixels.std(axis=(0, 1)).min() > 20.0
         (_, column), count = robot(pixels)
-        assert count > 60 and abs(column - 330) < 12
+        assert count > 35 and abs(column - 330) < 12
         page.click("[aria-label=pause]")
-        assert page.inner_text(".lrf3d-play") == "play_arrow"
+        assert page.get_attribute(".lrf3d-play", "aria-label") == "play"
         # The end of the run, with its map, as the file has them.
         page.keyboard.press("End")
         until(lambda: number(page, "t") == pytest.approx(page_end(run), abs=0.06))
@@ -130,20 +127,6 @@ def test_the_page_lists_its_keys_and_saves_pictures(played, chromium):
         until(lambda: page.evaluate("Boolean(document.fullscreenElement)"))
         page.click(".lrf3d-full")
         until(lambda: not page.evaluate("Boolean(document.fullscreenElement)"))
-
-
-@needs_browser
-def test_the_inset_stays_sharp_in_a_larger_window(played, chromium):
-    pixels = (
-        "(({width, clientWidth}) => [width, clientWidth])(document.querySelector('.lrf3d-inset'))"
-    )
-    with opened(chromium, played) as page:
-        page.click("[aria-label=pause]")
-        assert len(set(page.evaluate(pixels))) == 1
-        page.set_viewport_size({"width": 1280, "height": 720})
-        drawn, shown = until(lambda: page.evaluate(f"(([a, b]) => a === b && [a, b])({pixels})"))
-        assert drawn == shown > 200
-        assert picture(page)[20:100, -100:-20].std() > 5.0
 
 
 @pytest.mark.slow
@@ -194,7 +177,8 @@ def test_the_camera_follows_circles_and_is_turned_by_hand(recorded, played, chro
             seen[name] = until(lambda: still(page))
         for one, other in combinations(seen.values(), 2):
             assert np.abs(one - other).mean() > 5.0
-        # V goes on to the first view again, and the picture is the same.
+        # V goes on to the first view again, then to this one, and the picture is the same.
+        page.keyboard.press("v")
         page.keyboard.press("v")
         page.mouse.move(330, 110)
         again = until(lambda: still(page))
@@ -207,7 +191,7 @@ def test_the_camera_follows_circles_and_is_turned_by_hand(recorded, played, chro
         page.keyboard.press("End")
         until(lambda: number(page, "t") == pytest.approx(page_end(run), abs=0.06))
         (row, column), count = robot(picture(page))
-        assert count > 60 and abs(row - robot(follow)[0][0]) < 40 and abs(column - 330) < 20
+        assert count > 35 and abs(row - robot(follow)[0][0]) < 40 and abs(column - 330) < 20
 
 
 def still(page):
@@ -246,27 +230,27 @@ def test_keys_and_pads_drive_the_robot_through_a_world(driven, chromium):
         page.keyboard.up("ArrowUp")
         until(lambda: number(page, "v") == 0.0)
         assert number(page, "y") == 3.0 and number(page, "theta") == 0.0
-        assert re.search(r"^\d+ / 61 beams hit", page.inner_text(".lrf3d-warm"))
+        assert re.search(r"^\d+ / 61 beams hit", page.inner_text(".lrf3d-beams"))
         assert re.search(r"^[1-9]\d* segments? in ", page.inner_text(".lrf3d-map"))
-        page.hover("[aria-label=left]")
-        page.mouse.down()
+        page.keyboard.down("ArrowLeft")
         until(lambda: number(page, "theta") > 45.0)
-        page.mouse.up()
-        page.hover("[aria-label=back]")
-        page.mouse.down()
-        until(lambda: number(page, "v") < -0.5)
+        page.keyboard.up("ArrowLeft")
+        page.keyboard.down("KeyS")
+        until(lambda: number(page, "v") < -0.5 or page.is_visible(".lrf3d-stop"))
         # The wall behind it stops it.
         page.get_by_text("a wall is in the way").wait_for()
-        page.mouse.up()
+        page.keyboard.up("KeyS")
         assert number(page, "y") > 0.3
         page.click(".lrf3d-again")
         until(lambda: (number(page, "x"), number(page, "y")) == (2.0, 3.0))
 
 
+@pytest.mark.parametrize("size", [(360, 740), (740, 360)])
 @needs_browser
-def test_the_page_fits_a_telephone(driven, chromium):
-    wide, tall = 360, 740
-    with opened(chromium, driven, (wide, tall)) as page:
+def test_the_page_fits_a_telephone(driven, chromium, size):
+    wide, tall = size
+    phone = {"has_touch": True, "is_mobile": True}
+    with opened(chromium, driven, size, **phone) as page:
         until(lambda: number(page, "x") == 2.0)
         boxes = {
             name: page.locator(f".lrf3d-{name}").bounding_box()
@@ -281,6 +265,27 @@ def test_the_page_fits_a_telephone(driven, chromium):
                 for at, size in (("x", "width"), ("y", "height"))
             ]
             assert any(apart)
+        # The robot is over the pads; they are large enough, have names, and obey the keyboard.
+        rows, columns = np.nonzero(orange(picture(page)[150:]))
+        pads = boxes["pads"]
+        under = (rows + 150 > pads["y"]) & (columns > pads["x"])
+        assert len(rows) > 60 and not under.any()
+        for button in page.locator("button, select").all():
+            box = button.bounding_box()
+            assert min(box["width"], box["height"]) >= 44
+            assert button.get_attribute("aria-label") or button.inner_text()
+        page.focus("[data-way=ahead]")
+        page.keyboard.down("Space")
+        until(lambda: number(page, "v") > 0.2)
+        page.keyboard.up("Space")
+        until(lambda: number(page, "v") == 0.0)
+
+
+@needs_browser
+def test_pads_are_for_fingers_and_the_page_has_a_language(driven, chromium):
+    with opened(chromium, driven) as page:
+        assert not page.is_visible(".lrf3d-pads")
+        assert page.get_attribute("html", "lang") == "en"
 
 
 # Without it -------------------------------------------------------------------------------------
@@ -290,17 +295,16 @@ def test_a_world_is_warm_before_its_page_is_offered(yard, monkeypatch):
     steps = []
     step = HandDrive.step
     monkeypatch.setattr(HandDrive, "step", lambda *of: steps.append(of) or step(*of))
-    scene, make = world_view(str(yard), seed=0)
-    assert len(steps) == 1 and scene.setup["title"] == "yard"
-    assert make().pose == (2.0, 3.0, 0.0)
+    site = world_view(str(yard), seed=0)
+    assert len(steps) == 1 and site.setup["title"] == "yard" and not site.plays
+    assert site.make().drive.pose == (2.0, 3.0, 0.0)
 
 
-def test_the_scene_of_a_run_is_that_of_its_world(recorded):
+def test_the_site_of_a_run_is_that_of_its_world(recorded):
     run, folder = recorded
-    scene, show = run_view(str(folder), None)
-    assert scene.setup["laser"]["angles"] == run.lrf.angles.tolist()
-    assert len(scene.setup["walls"]) == 5 * len(run.world.segments)
-    assert show.playback == 1.0 and scene.glb[:4] == b"glTF"
+    site = run_view(str(folder), None)
+    assert site.plays and site.setup["end"] == pytest.approx(page_end(run))
+    assert site.setup["speed"] == run.film.playback and site.glb[:4] == b"glTF"
 
 
 def test_what_cannot_be_shown_ends_in_one_line(tmp_path):
@@ -329,7 +333,7 @@ def test_what_is_wrong_is_named(yard):
 
 
 def test_without_nicegui_the_extra_is_named(yard, monkeypatch):
-    monkeypatch.setitem(sys.modules, "nicegui", None)
+    monkeypatch.setitem(sys.modules, "uvicorn", None)
     with pytest.raises(MissingLibraryError, match=r"pip install -e .*\[view\]"):
         shown(yard)
 
@@ -337,22 +341,3 @@ def test_without_nicegui_the_extra_is_named(yard, monkeypatch):
 def test_help_comes_without_the_page():
     done = lrf3d("view", "--help")
     assert done.returncode == 0 and "RUN|WORLD" in done.stdout
-
-
-STOPPED = """
-import signal, sys
-from nicegui import app
-from lrf3d.cli import main
-app.on_startup(lambda: signal.raise_signal(signal.SIGHUP))
-sys.argv = ["lrf3d", "view", "paper_room", "--no-browser"]
-main()
-"""
-
-
-def test_a_page_that_is_stopped_before_it_listens_blames_no_port():
-    # NiceGUI starts another server in tests.
-    environment = {name: value for name, value in os.environ.items() if "PYTEST" not in name}
-    done = subprocess.run(
-        [sys.executable, "-c", STOPPED], env=environment, capture_output=True, text=True
-    )
-    assert (done.returncode, done.stderr) == (128 + signal.SIGHUP, "lrf3d: stopped\n")

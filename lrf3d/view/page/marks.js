@@ -1,151 +1,196 @@
-// What the drive leaves behind: its trail on the ground, and the map as bands along the walls.
+// Marks as the film draws them: their arrays go into the buffers of the graphics card as they come.
 
-import { THREE } from "nicegui-scene";
+import { THREE } from "three";
 
-import { paintOf } from "./stage.js";
+const COMMON = `
+  uniform vec2 viewport;
+  uniform vec3 haze;
+  uniform float nearer, slack, thick, pixel, focus;
+  // Where a point is drawn whose depth is that of a point nearer to the eye by so many metres.
+  vec4 raised(vec3 place, float metres) {
+    vec3 ray = cameraPosition - place;
+    float away = length(ray);
+    mat4 seen = projectionMatrix * viewMatrix;
+    vec4 drawn = seen * vec4(place, 1.0);
+    vec4 near = seen * vec4(place + ray / away * min(metres + slack * away, 0.5 * away), 1.0);
+    drawn.z = near.z / near.w * drawn.w;
+    return drawn;
+  }
+  // Whether what lies on a thin wall is seen: from the side that it faces, or from far above.
+  bool shown(vec3 place, vec2 side) {
+    return nearer > 1e3 || dot(cameraPosition.xy - place.xy, side) >= 0.0;
+  }`;
 
-const THROUGH = 0.55; // How strongly the map shines through what hides it.
+const SHADERS = {
+  faces: [
+    `attribute vec4 tint;
+    varying vec3 paint;
+    void main() {
+      vec3 way = (position - cameraPosition) * thick;
+      float far = dot(way, way);
+      paint = mix(tint.rgb, haze, far / (1.0 + far));
+      gl_Position = projectionMatrix * viewMatrix * vec4(position, 1.0);
+    }`,
+    `varying vec3 paint;
+    void main() { gl_FragColor = vec4(paint, 1.0); }`,
+  ],
+  soft: [
+    `attribute vec4 tint;
+    varying vec4 paint;
+    void main() {
+      paint = tint;
+      gl_Position = raised(position, nearer > 1e3 ? nearer : 0.02);
+    }`,
+    `varying vec4 paint;
+    void main() { gl_FragColor = paint; }`,
+  ],
+  lines: [
+    `attribute vec2 corner;
+    attribute vec3 start, end;
+    attribute vec4 first, last;
+    attribute vec2 side;
+    uniform float width;
+    varying vec4 paint;
+    varying vec3 off;
+    const float NEAR = 0.25;
+    void main() {
+      mat4 seen = projectionMatrix * viewMatrix;
+      float wa = (seen * vec4(start, 1.0)).w;
+      float wb = (seen * vec4(end, 1.0)).w;
+      // What lies behind the eye is cut off before the division turns it round.
+      vec4 a = raised(wa < NEAR && wb > NEAR ? mix(start, end, (NEAR - wa) / (wb - wa)) : start, nearer);
+      vec4 b = raised(wb < NEAR && wa > NEAR ? mix(end, start, (NEAR - wb) / (wa - wb)) : end, nearer);
+      vec2 way = (b.xy / b.w - a.xy / a.w) * viewport;
+      vec2 across = normalize(vec2(-way.y, way.x) + vec2(1e-9, 0.0)) * corner.y;
+      float half_width = 0.5 * width * pixel + 0.75;
+      vec4 place = corner.x > 0.5 ? b : a;
+      place.xy += across * half_width * 2.0 / viewport * place.w;
+      // Divided by the last, this is straight in the picture and not in space.
+      off = vec3(corner.y * half_width * place.w, corner.x * length(end - start), place.w);
+      paint = corner.x > 0.5 ? last : first;
+      if (!shown(start, side)) place.z = 2.0 * place.w;
+      gl_Position = place;
+    }`,
+    `uniform float width, pixel, dash;
+    varying vec4 paint;
+    varying vec3 off;
+    void main() {
+      if (dash > 0.0 && fract(off.y / dash) > 0.6) discard;
+      float cover = clamp(0.5 * width * pixel + 0.5 - abs(off.x / off.z), 0.0, 1.0);
+      gl_FragColor = vec4(paint.rgb, paint.a * cover);
+    }`,
+  ],
+  points: [
+    `attribute vec4 tint;
+    attribute vec2 side;
+    uniform vec3 sizes;
+    uniform vec2 halo;
+    varying vec4 paint;
+    varying float diameter;
+    void main() {
+      paint = tint;
+      gl_Position = raised(position, nearer);
+      if (!shown(position, side)) gl_Position.z = 2.0 * gl_Position.w;
+      diameter = clamp(sizes.x * focus / gl_Position.w, sizes.y * pixel, sizes.z * pixel);
+      gl_PointSize = max(halo.x, 1.0) * diameter + 1.0;
+    }`,
+    `uniform vec2 halo;
+    varying vec4 paint;
+    varying float diameter;
+    void main() {
+      float away = length(gl_PointCoord - 0.5) * (max(halo.x, 1.0) * diameter + 1.0);
+      float cover = clamp(0.5 * diameter + 0.5 - away, 0.0, 1.0);
+      vec3 colour = paint.rgb;
+      if (halo.x > 0.0) {
+        // The middle is white-hot, and light blooms round the point.
+        colour = mix(colour, vec3(1.0), 0.6 * (1.0 - smoothstep(0.0, 0.4, away / diameter)));
+        float bloom = max(1.0 - 2.0 * away / (halo.x * diameter), 0.0);
+        cover = max(cover, halo.y * bloom * bloom);
+      }
+      gl_FragColor = vec4(colour, paint.a * cover);
+    }`,
+  ],
+};
 
-// Draw a mark over all that stands, or among it again.
-export function raise(mesh, over, order) {
-  mesh.material.depthTest = !over;
-  // What is translucent is drawn last, so that nothing is drawn over it.
-  mesh.material.transparent = over;
-  mesh.renderOrder = over ? order : 0;
+const TYPES = { f4: Float32Array, u1: Uint8Array };
+
+export class Marks {
+  // lens: the uniforms that all marks of a scene share.
+  constructor(scene, lens, { dash, halo }) {
+    Object.assign(this, { scene, lens, dash, halo, meshes: {} });
+  }
+
+  update(name, told, block, marks) {
+    if (told === null) {
+      this.scene.remove(this.meshes[name]);
+      this.meshes[name].material.dispose();
+      delete this.meshes[name];
+      return;
+    }
+    if (told.kind) this.make(name, told);
+    const mesh = this.meshes[name];
+    if (told.as && told.as !== name) mesh.userData.as = () => marks.find((each) => each.meshes[told.as]).meshes[told.as].geometry;
+    else if (told.as && mesh.userData.as) {
+      delete mesh.userData.as;
+      mesh.geometry = mesh.userData.own;
+    }
+    for (const [column, [type, from, length, size]] of Object.entries(told.columns ?? {})) {
+      fill(mesh.userData.own, column, new TYPES[type](block, from, length), size);
+    }
+    if (mesh.userData.as) mesh.geometry = mesh.userData.as();
+  }
+
+  make(name, { kind, width = 0, hidden = false, sizes = [0, 0, 0], glows = false }) {
+    const own = this.meshes[name]?.userData.own ?? (kind === "lines" ? bars() : new THREE.BufferGeometry());
+    if (this.meshes[name]) this.scene.remove(this.meshes[name]);
+    const [vertex, fragment] = SHADERS[kind];
+    const material = new THREE.ShaderMaterial({
+      vertexShader: COMMON + vertex,
+      fragmentShader: fragment,
+      uniforms: {
+        ...this.lens,
+        width: { value: width },
+        dash: { value: hidden ? this.dash : 0 },
+        sizes: { value: new THREE.Vector3(...sizes) },
+        halo: { value: new THREE.Vector2(...(glows ? this.halo : [0, 0])) },
+      },
+      side: THREE.DoubleSide,
+      transparent: kind !== "faces",
+      depthWrite: kind === "faces",
+      depthFunc: hidden ? THREE.GreaterDepth : THREE.LessEqualDepth,
+    });
+    const mesh = kind === "points" ? new THREE.Points(own, material) : new THREE.Mesh(own, material);
+    // Bounds change with every moment, and marks are where one looks.
+    mesh.frustumCulled = false;
+    mesh.userData.own = own;
+    this.meshes[name] = mesh;
+    this.scene.add(mesh);
+  }
 }
 
-export class Trail {
-  constructor(scene, look) {
-    this.look = look;
-    const color = paintOf(look.colour);
-    this.paint = new THREE.MeshBasicMaterial({ color, side: THREE.DoubleSide });
-    this.mesh = new THREE.Mesh(new THREE.BufferGeometry(), this.paint);
-    this.mesh.frustumCulled = false;
-    scene.add(this.mesh);
-    this.width = look.width;
-    this.set([]);
-  }
-
-  // Make the trail at least so wide [m], and lay it on the ground or over everything.
-  lift(width, over) {
-    raise(this.mesh, over, 10);
-    this.width = Math.max(this.look.width, width);
-    this.fill(0);
-    this.cut = 0;
-  }
-
-  // The places that the trail leads through: x, y, x, y, … ; legs that are jumps are left out.
-  set(places, jumps = new Set()) {
-    this.places = Array.from(places);
-    this.jumps = jumps;
-    this.room = 0;
-    this.fill(0);
-  }
-
-  add(x, y) {
-    this.places.push(x, y);
-    this.fill(this.places.length / 2 - 2);
-  }
-
-  fill(from) {
-    const legs = Math.max(0, this.places.length / 2 - 1);
-    if (legs + 1 > this.room) {
-      this.room = 2 * legs + 64;
-      const array = new Float32Array(18 * this.room);
-      const attribute = new THREE.BufferAttribute(array, 3);
-      this.mesh.geometry.dispose();
-      this.mesh.geometry = new THREE.BufferGeometry();
-      this.mesh.geometry.setAttribute("position", attribute);
-      from = 0;
-    }
-    for (let leg = Math.max(0, from); leg < legs; leg++) this.put(leg, this.end(leg + 1));
-    this.mesh.geometry.attributes.position.needsUpdate = true;
-  }
-
-  end(place) {
-    return [this.places[2 * place], this.places[2 * place + 1]];
-  }
-
-  put(leg, [x, y]) {
-    const [x0, y0] = this.end(leg);
-    const long = Math.hypot(x - x0, y - y0);
-    const half = this.jumps.has(leg) || long === 0 ? 0 : this.width / 2 / long;
-    const [dx, dy] = [-(y - y0) * half, (x - x0) * half];
-    const [a, b] = [[x0 - dx, y0 - dy], [x - dx, y - dy]];
-    const [c, d] = [[x + dx, y + dy], [x0 + dx, y0 + dy]];
-    const corners = [a, b, c, a, c, d].flatMap((place) => [...place, this.look.height]);
-    this.mesh.geometry.attributes.position.array.set(corners, 18 * leg);
-  }
-
-  // Show the first legs whole, and one more as far as the robot is on it.
-  show(legs, robot) {
-    const all = Math.max(0, this.places.length / 2 - 1);
-    for (let leg = this.cut ?? all; leg < Math.min(legs, all); leg++) {
-      this.put(leg, this.end(leg + 1));
-    }
-    const partly = this.places.length >= 2 && legs < this.room;
-    if (partly) this.put(legs, [robot.x, robot.y]);
-    this.cut = legs;
-    this.mesh.geometry.setDrawRange(0, 6 * (legs + (partly ? 1 : 0)));
-    this.mesh.geometry.attributes.position.needsUpdate = true;
-  }
+// Two triangles for each line.
+function bars() {
+  const geometry = new THREE.InstancedBufferGeometry();
+  const corners = new Float32Array([0, -1, 0, 1, 1, -1, 1, 1]);
+  geometry.setAttribute("corner", new THREE.BufferAttribute(corners, 2));
+  geometry.setIndex([0, 1, 2, 2, 1, 3]);
+  return geometry;
 }
 
-export class MapBands {
-  constructor(scene, look) {
-    this.look = look;
-    const paint = { vertexColors: true, side: THREE.DoubleSide };
-    this.mesh = new THREE.Mesh(new THREE.BufferGeometry(), new THREE.MeshBasicMaterial(paint));
-    // What houses hide of it.
-    const faint = { transparent: true, opacity: THROUGH, depthFunc: THREE.GreaterDepth, depthWrite: false };
-    this.hidden = new THREE.Mesh(this.mesh.geometry, new THREE.MeshBasicMaterial({ ...paint, ...faint }));
-    this.mesh.frustumCulled = this.hidden.frustumCulled = false;
-    scene.add(this.mesh, this.hidden);
-    this.proud = look.width / 2;
-    this.shown = [[], [], []];
+// Put values into a column of a geometry; where there is too little room, more is made.
+function fill(geometry, column, values, size) {
+  const bytes = values instanceof Uint8Array;
+  let attribute = geometry.getAttribute(column);
+  if (!attribute || attribute.array.length < values.length) {
+    geometry.dispose();
+    const array = new values.constructor(size * Math.ceil((1.3 * values.length) / size));
+    const kind = geometry.isInstancedBufferGeometry ? THREE.InstancedBufferAttribute : THREE.BufferAttribute;
+    attribute = new kind(array, size, bytes);
+    attribute.setUsage(THREE.DynamicDrawUsage);
+    geometry.setAttribute(column, attribute);
   }
-
-  // Make the map at least so wide [m], and lay it over everything; or along the walls, and if it
-  // has a width, it shines through what hides it.
-  lift(width, over) {
-    raise(this.mesh, over, 11);
-    this.hidden.visible = width > 0 && !over;
-    this.proud = Math.max(this.look.width, width) / 2;
-    this.show(...this.shown);
-  }
-
-  // segments: x1, y1, x2, y2, …; colours: red, green, blue of each in 0…255; tops: how high the
-  // band of each reaches [m], which is no higher than its wall.
-  show(segments, colours, tops) {
-    this.shown = [segments, colours, tops];
-    const { proud } = this;
-    const count = segments.length / 4;
-    const places = new Float32Array(54 * count);
-    const paints = new Float32Array(54 * count);
-    const colour = new THREE.Color();
-    for (let i = 0; i < count; i++) {
-      const [x1, y1, x2, y2] = segments.slice(4 * i, 4 * i + 4);
-      const long = Math.hypot(x2 - x1, y2 - y1) || 1;
-      const [dx, dy] = [(-(y2 - y1) / long) * proud, ((x2 - x1) / long) * proud];
-      const high = tops[i];
-      const low = high - (this.look.band[1] - this.look.band[0]);
-      const [a, b] = [[x1 + dx, y1 + dy], [x2 + dx, y2 + dy]];
-      const [c, d] = [[x2 - dx, y2 - dy], [x1 - dx, y1 - dy]];
-      const faces = [
-        [[...a, low], [...b, low], [...b, high], [...a, high]],
-        [[...c, low], [...d, low], [...d, high], [...c, high]],
-        [[...a, high], [...b, high], [...c, high], [...d, high]],
-      ];
-      const corners = faces.flatMap(([p, q, r, s]) => [...p, ...q, ...r, ...p, ...r, ...s]);
-      places.set(corners, 54 * i);
-      const [red, green, blue] = colours.slice(3 * i, 3 * i + 3);
-      colour.setRGB(red / 255, green / 255, blue / 255, THREE.SRGBColorSpace);
-      for (let corner = 0; corner < 18; corner++) colour.toArray(paints, 54 * i + 3 * corner);
-    }
-    this.mesh.geometry.dispose();
-    const geometry = new THREE.BufferGeometry();
-    geometry.setAttribute("position", new THREE.BufferAttribute(places, 3));
-    geometry.setAttribute("color", new THREE.BufferAttribute(paints, 3));
-    this.mesh.geometry = this.hidden.geometry = geometry;
-  }
+  attribute.array.set(values);
+  attribute.needsUpdate = true;
+  if (geometry.isInstancedBufferGeometry) geometry.instanceCount = values.length / size;
+  else geometry.setDrawRange(0, values.length / size);
 }
