@@ -170,17 +170,7 @@ def solved_log(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MappedLog:
-    """A log, the map of some of its scans, and how well that predicts the others.
-
-    Args:
-        log: The log.
-        mode: Mode of the mapper.
-        sigma: The initial noise [m] of the mapper; its default if None.
-        map: The map.
-        score: How well it predicts the odd scans.
-        milliseconds: (k,) time of the update with each scan.
-        mapped: The scans that the map was built from.
-    """
+    """A log, the map of some of its scans, and how well that predicts the others."""
 
     log: LaserLog
     mode: str

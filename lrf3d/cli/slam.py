@@ -36,9 +36,7 @@ def slam(
         key_distance: Distance [m] from one key scan to the next; 0.5 if not given.
     """
     from lrf3d.io.reading import CARMEN_ENDINGS, load_log
-    from lrf3d.io.trajectory_files import load_relations, save_tum
 
-    known = None if relations is None else load_relations(relations)
     poses = "auto" if log.name.lower().endswith(CARMEN_ENDINGS) else "odom"
     # A log that cannot be read is reported before the rest is imported.
     drive = load_log(log, largest_range=largest_range, poses=poses, scan_topic=scan_topic)
@@ -46,9 +44,11 @@ def slam(
     from lrf3d.cli.console import warn
     from lrf3d.cli.folder import results_folder
     from lrf3d.io import save_run
+    from lrf3d.io.trajectory_files import load_relations, save_tum
     from lrf3d.mapping import save_map
     from lrf3d.recorded import solved_log
 
+    known = None if relations is None else load_relations(relations)
     chosen = {} if key_distance is None else {"key_distance": key_distance}
     with report.progress("scans") as progress:
         solved = solved_log(drive, relations=known, progress=progress, **chosen)

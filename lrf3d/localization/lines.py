@@ -28,12 +28,10 @@ wall is flat to a hundredth of a millimetre."""
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LocalLines(Value):
-    """Lines of one scan, in the frame of the robot.
+    """Lines (m, 2) alpha [rad], p [m] of one scan, in the frame of the robot.
 
-    Args:
-        segments: (m, 4) x1 y1 x2 y2 [m]; the robot is on their left.
-        lines: (m, 2) alpha [rad], p [m]; the normals point away from the robot.
-        covariances: (m, 2, 2) of alpha and p.
+    Their normals point away from the robot, which is on the left of their segments (m, 4) [m];
+    covariances (m, 2, 2) are those of alpha and p.
     """
 
     segments: Float
@@ -57,9 +55,8 @@ class LocalLines(Value):
         usable = (lengths(segments) > 0.0) & (local_map.points >= 2)
         segments, points = segments[usable], local_map.points[usable]
         lines = normal_lines(segments)
-        return cls(
-            segments, lines, line_covariances(segments, lines, points, noise, spacing=spacing)
-        )
+        covariances = line_covariances(segments, lines, points, noise, spacing=spacing)
+        return cls(segments, lines, covariances)
 
     def __len__(self) -> int:
         return len(self.lines)
@@ -70,12 +67,7 @@ class LocalLines(Value):
 
 
 def line_covariances(
-    segments: Float,
-    lines: Float,
-    points: Int,
-    noise: RangeNoise,
-    *,
-    spacing: float | None = None,
+    segments: Float, lines: Float, points: Int, noise: RangeNoise, *, spacing: float | None = None
 ) -> Float:
     """Covariances (m, 2, 2) of alpha [rad] and p [m] of lines fitted to the points of a scan.
 
@@ -98,11 +90,8 @@ def line_covariances(
     if spacing is not None:
         step = np.minimum(step, spacing)
     width = points[:, None] * step
-    angles = (
-        start
-        + 0.5 * (turn - width)
-        + width * (np.arange(COVARIANCE_BEAMS) + 0.5) / COVARIANCE_BEAMS
-    )
+    share = (np.arange(COVARIANCE_BEAMS) + 0.5) / COVARIANCE_BEAMS
+    angles = start + 0.5 * (turn - width) + width * share
     # For a wall that points at the robot the tangent is unbounded.
     margin = (high - low) / (points[:, None] - 1.0)
     t = np.clip(p * np.tan(angles), low - margin, high + margin)
@@ -115,8 +104,8 @@ def line_covariances(
     # About the mean, so that a short segment far along its line loses no digits. Points that lie
     # evenly scatter by (1 − 1/n²)·length²/12; the samples do so with their own number.
     spread = (weights * (t - mean[:, None]) ** 2).sum(axis=1)
-    share = np.divide(width, turn, out=np.ones_like(turn), where=turn > 0.0)
-    evenly = total * ((high - low) * share)[:, 0] ** 2 / 12.0
+    seen = np.divide(width, turn, out=np.ones_like(turn), where=turn > 0.0)
+    evenly = total * ((high - low) * seen)[:, 0] ** 2 / 12.0
     spread += evenly * (1.0 / COVARIANCE_BEAMS**2 - 1.0 / points**2)
     # On a wall that points straight at the robot all samples are at one place.
     spread = np.maximum(spread, evenly / points**2)

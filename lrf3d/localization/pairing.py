@@ -31,27 +31,16 @@ the pose: about the distance between neighbouring returns."""
 
 
 class Innovation(NamedTuple):
-    """Differences of pairs of lines, in the robot's frame; all arrays have the pairs' shape.
+    """Differences of pairs of lines, in the robot's frame; all arrays have the pairs' shape."""
 
-    Attributes:
-        angle: Measured less expected alpha [rad].
-        offset: Measured less expected p [m].
-        normal_x: x and y of the known line's normal in the world, pointing away from the robot.
-        normal_y: See above.
-        variance_angle: Variances [rad², rad·m, m²] of the difference, without the pose's share.
-        covariance: See above.
-        variance_offset: See above.
-        faces: Whether the robot is on the visible side of the known line.
-    """
-
-    angle: Float
-    offset: Float
-    normal_x: Float
+    angle: Float  # Measured less expected alpha [rad],
+    offset: Float  # and p [m].
+    normal_x: Float  # The known line's normal in the world, pointing away from the robot.
     normal_y: Float
-    variance_angle: Float
-    covariance: Float
-    variance_offset: Float
-    faces: Bool
+    variance_angle: Float  # Variances of the difference, without the pose's share [rad²],
+    covariance: Float  # [rad·m],
+    variance_offset: Float  # and [m²].
+    faces: Bool  # Whether the robot is on the visible side of the known line.
 
     def squared_distance(self, pose_covariance: Float) -> Float:
         """Mahalanobis distance squared, of two degrees of freedom, for a pose's (3, 3)."""
@@ -91,19 +80,12 @@ def innovation(
 
 
 class Pairs(NamedTuple):
-    """Pairs of a line of a scan and a known line.
+    """Pairs (k,) of a line of a scan and a known line."""
 
-    Attributes:
-        local: (k,) rows of the local lines, in ascending order.
-        known: (k,) rows of their known lines.
-        comparisons: Number of comparisons of a local line with a known one.
-        objects: The objects that were seen, in ascending order.
-    """
-
-    local: Int
-    known: Int
-    comparisons: int
-    objects: Int
+    local: Int  # Rows of the local lines, in ascending order,
+    known: Int  # and of their known lines.
+    comparisons: int  # Number of comparisons of a local line with a known one.
+    objects: Int  # The objects that were seen, in ascending order.
 
 
 def pair_lines(

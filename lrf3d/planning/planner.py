@@ -140,6 +140,8 @@ def find_route(
     Raises:
         InputError: As of `plan_route`.
     """
+    from scipy.ndimage import distance_transform_edt
+
     sizes = (radius or RADIUS, speed or SPEED, clearance, range_max, lookahead, dt)
     if not (is_finite(*sizes) and min(sizes) > 0.0):
         raise InputError(
@@ -183,37 +185,30 @@ def find_route(
         steps, _ = checker.hit(drive[:-1], drive[1:], radius)
         if not len(steps):
             break
-        needed[_near(ground, drive[np.unique(steps)] - world.origin)] += RETREAT
+        touched = np.ones(needed.shape, dtype=np.bool_)
+        touched[ground.grid.cells(drive[steps] - world.origin)] = False
+        needed[distance_transform_edt(touched, sampling=ground.grid.size) <= AROUND] += RETREAT
     if space.side == "inside":
         notes += closed_doors(space, radius, radius + MARGIN)
     return PlannedRoute(waypoints, space.side, radius, pace, tuple(notes))
 
 
 def _checked_start(world: World, start: Sequence[float] | Float, radius: float) -> Float:
-    """The position (2,) of a start [m].
-
-    Raises:
-        InputError: It is invalid, or in a wall.
-    """
+    """The position (2,) of a start [m], which must not be in a wall."""
     position = np.asarray(numbers(start, "start"), dtype=np.float64)
     if position.shape not in ((2,), (3,)) or not (np.abs(position) <= LARGEST_COORDINATE).all():
         raise InputError(f"start {shown(start)}: expected finite numbers x, y or x, y, theta")
-    position = position[:2]
-    at_rest = Trajectory([0.0], [[*position, 0.0]])
-    if find_collision(at_rest, world, radius) is not None:
+    x, y = position = position[:2]
+    if find_collision(Trajectory([0.0], [[x, y, 0.0]]), world, radius) is not None:
         raise InputError(
-            f"start ({position[0]:g}, {position[1]:g}): nearer to a wall than the robot's radius of"
-            f" {radius:g} m; move it"
+            f"start ({x:g}, {y:g}): nearer to a wall than the robot's radius of {radius:g} m; move"
+            " it"
         )
     return position
 
 
 def _fitting_radius(ground: Ground, where: Side | None, start: Float | None) -> float:
-    """The usual radius [m], or a smaller one where doors keep the robot from a third of the inside.
-
-    Raises:
-        InputError: There is no room even for the smallest.
-    """
+    """The usual radius [m], or a smaller one where doors keep it from a third of the inside."""
 
     def cells(radius: float) -> Bool:
         return find_free_space(ground, radius + MARGIN, where=where, start=start).allowed
@@ -230,11 +225,7 @@ def _fitting_radius(ground: Ground, where: Side | None, start: Float | None) -> 
 
 
 def _tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
-    """Paths over the places of a free space that show most of the walls.
-
-    Raises:
-        InputError: There is only one place.
-    """
+    """Paths over the places of a free space that show most of the walls."""
     views, lookouts = find_lookouts(space, world, range_max)
     if space.start is not None:
         lookouts = np.append(space.start, lookouts[lookouts != space.start])
@@ -289,12 +280,3 @@ def _is_clear(space: FreeSpace, places: Float, room: Float, here: int, there: in
     # Compared with the path at the same share of its places, with a cell to spare.
     kept = np.interp(shares, np.linspace(0.0, 1.0, there + 1 - here), room[here : there + 1])
     return bool((space.room(line) >= np.maximum(kept - space.ground.grid.size, 0.0)).all())
-
-
-def _near(ground: Ground, places: Float) -> Bool:
-    """Which cells are near some places (k, 2) [m]."""
-    from scipy.ndimage import distance_transform_edt
-
-    marks = np.ones(ground.grid.gaps.shape, dtype=np.bool_)
-    marks[ground.grid.cells(places)] = False
-    return np.asarray(distance_transform_edt(marks, sampling=ground.grid.size) <= AROUND)

@@ -1,7 +1,7 @@
 """The modules ``GL`` and ``pyrender`` for all that draws with OpenGL: importing this prepares both.
 
-pyrender makes the context and is the base of buffers and renderer; only
-:mod:`lrf3d.render.opengl` overrides or reads members of its own that are private.
+pyrender makes the context and is the base of buffers; only
+:mod:`lrf3d.render.buffers` overrides or reads members of its own that are private.
 """
 
 import ctypes

@@ -57,8 +57,7 @@ class CollisionChecker:
         """The first collision of a round robot of a radius [m], or None."""
         import shapely
 
-        world = self.world
-        positions = trajectory.poses[:, :2]
+        world, positions = self.world, trajectory.poses[:, :2]
         ends = np.concatenate([positions[1:], positions[-1:]])
         step, wall = self.hit(positions, ends, radius)
         if not len(step):

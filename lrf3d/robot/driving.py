@@ -52,15 +52,11 @@ def drive(
     if not (is_finite(dt, tolerance) and min(dt, tolerance) > 0.0):
         raise InputError(f"dt {shown(dt)}, tolerance {shown(tolerance)}: expected positive numbers")
     pose = np.array(as_pose(start))
-    if callable(v) or callable(omega):
-        return _integrate(pose, _function(v), _function(omega), _positive(duration), dt, tolerance)
-    return _chain_arcs(pose, numbers(v, "v"), numbers(omega, "omega"), duration, dt)
-
-
-def _positive(duration: float | ArrayLike) -> float:
+    if not (callable(v) or callable(omega)):
+        return _chain_arcs(pose, numbers(v, "v"), numbers(omega, "omega"), duration, dt)
     if not (is_finite(duration) and duration > 0.0):  # type: ignore[operator]
         raise InputError(f"duration {shown(duration)}: expected one positive number of seconds")
-    return float(duration)  # type: ignore[arg-type]
+    return _integrate(pose, _function(v), _function(omega), float(duration), dt, tolerance)  # type: ignore[arg-type]
 
 
 def _function(value: Input) -> Callable[[float], float]:

@@ -1,6 +1,6 @@
 """EstimatedTrajectory: the estimated poses of a drive, with covariances and loop closures."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +12,6 @@ from lrf3d.pose import as_poses
 CONFIDENCE = float(np.sqrt(-2.0 * np.log(1.0 - 0.95)))
 """Half axes of the ellipse that holds a position with 95 % probability, in standard deviations:
 χ² of two degrees of freedom is −2 ln(1 − p)."""
-
 
 NO_PAIRS, NO_POSES = sealed(np.empty((0, 2), np.int64)), sealed(np.empty((0, 3)))
 
@@ -46,27 +45,11 @@ class EstimatedTrajectory(Value):
     poses: Float
     known_scans: Int
     covariances: Float
-    closures: Int
-    dropped_closures: Int
-    odometry: Float
+    closures: Int = field(default_factory=lambda: NO_PAIRS)
+    dropped_closures: Int = field(default_factory=lambda: NO_PAIRS)
+    odometry: Float = field(default_factory=lambda: NO_POSES)
 
-    def __init__(
-        self,
-        poses: ArrayLike,
-        known_scans: ArrayLike,
-        covariances: ArrayLike,
-        closures: ArrayLike = NO_PAIRS,
-        dropped_closures: ArrayLike = NO_PAIRS,
-        odometry: ArrayLike = NO_POSES,
-    ) -> None:
-        self.__dict__.update(
-            poses=poses,
-            known_scans=known_scans,
-            covariances=covariances,
-            closures=closures,
-            dropped_closures=dropped_closures,
-            odometry=odometry,
-        )
+    def __post_init__(self) -> None:
         self._hold("poses", "covariances", "odometry")
         self._hold("known_scans", "closures", "dropped_closures", dtype=np.int64)
         count, known = len(self.poses), len(self.known_scans)
@@ -108,7 +91,11 @@ class EstimatedTrajectory(Value):
         Each is the symmetric root of a position's covariance. Two of them can be interpolated entry
         by entry, whereas the axes of two ellipses may be in another order.
         """
-        return CONFIDENCE * _roots(self.covariances[:, :2, :2])
+        matrices = self.covariances[:, :2, :2]
+        values, vectors = np.linalg.eigh(0.5 * (matrices + matrices.transpose(0, 2, 1)))
+        # Rounding may have made a value slightly negative.
+        roots = CONFIDENCE * np.sqrt(np.maximum(values, 0.0))
+        return np.asarray(np.einsum("mij,mj,mkj->mik", vectors, roots, vectors))
 
     def errors(self, poses: ArrayLike) -> Float:
         """Distances (k,) [m] of the estimated positions from those of poses (k, 3)."""
@@ -123,25 +110,13 @@ class EstimatedTrajectory(Value):
         """The estimate at some of the scans, in ascending order."""
         new_index = np.full(len(self), -1)
         new_index[scans] = np.arange(len(scans))
-
-        def inside(pairs: Int) -> Int:
-            found = new_index[pairs]
-            return np.asarray(found[found.min(axis=1, initial=0) >= 0])
-
         known = new_index[self.known_scans] >= 0
+        closures, dropped = new_index[self.closures], new_index[self.dropped_closures]
         return EstimatedTrajectory(
             self.poses[scans],
             new_index[self.known_scans[known]],
             self.covariances[known],
-            inside(self.closures),
-            inside(self.dropped_closures),
+            closures[(closures >= 0).all(axis=1)],
+            dropped[(dropped >= 0).all(axis=1)],
             self.odometry[scans] if len(self.odometry) else self.odometry,
         )
-
-
-def _roots(matrices: Float) -> Float:
-    """Symmetric roots (m, 2, 2) of covariances, which rounding may have made slightly negative."""
-    symmetric = 0.5 * (matrices + matrices.transpose(0, 2, 1))
-    values, vectors = np.linalg.eigh(symmetric)
-    roots = np.sqrt(np.maximum(values, 0.0))
-    return np.asarray(np.einsum("mij,mj,mkj->mik", vectors, roots, vectors))

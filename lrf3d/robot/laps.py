@@ -21,19 +21,8 @@ def drive_laps(
 ) -> tuple[Trajectory, ...]:
     """A first lap along a route, and a second one that ends where it begins, to be repeated.
 
-    A route that does not end where it begins is driven back the way it came. If the first lap
-    alone has as many poses as are needed, it ends there, and there is no second lap.
-
-    Args:
-        route: (m, 2) way-points [m].
-        start: Pose at time 0; on the first way-point if not given.
-        speed: Speed on straight parts [m/s].
-        lookahead: Distance along the route to the point that the robot steers at [m].
-        dt: Time between the poses [s].
-        most: Number of poses that are needed.
-
-    Raises:
-        InputError: The route has fewer than two different points, or the laps are too long.
+    A route (m, 2) that does not end where it begins is driven back the way it came. If the first
+    lap alone has as many poses as are needed at most, it ends there, and there is no second lap.
     """
     closed = (route[0] == route[-1]).all()
     lap = route if closed else np.concatenate([route, route[-2::-1]])
@@ -45,11 +34,7 @@ def drive_laps(
 
 
 def chain_laps(laps: tuple[Trajectory, ...], scans: int) -> Trajectory:
-    """The first of two laps and then the second again and again, cut after a number of scans.
-
-    Raises:
-        InputError: The lap takes no time.
-    """
+    """The first of two laps and then the second again and again, cut after a number of scans."""
     if len(laps[0]) >= scans:
         return Trajectory(laps[0].times[:scans], laps[0].poses[:scans])
     first, lap = _evenly_spaced(laps[0]), _evenly_spaced(laps[-1])

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrf3d.geometry import Bool, Float, Int, Single, lengths
+from lrf3d.geometry import Bool, Float, Int, lengths
 from lrf3d.laser import LaserScan, beam_directions
 from lrf3d.scene.look import (
     BEAM_COLOUR,
@@ -137,50 +137,32 @@ class DrawnBeams:
             leg_beams,
         )  # fmt: skip
 
-    def fan(self, height: float) -> Single:
-        """Triangles (3 · n, 5) of the fan: position and range of each corner [m], and its share.
-
-        The share 0…1 is what of the opacity is left towards the ends of the fan.
-        """
-        both_open = ~self.hits[:-1] & ~self.hits[1:]
-        # Between two beams that ended on different walls the fan goes as far as the shorter.
-        kind = np.where(self.joined, 1, np.where(both_open, 2, 0))
-        start = _wedges(kind, self.beam_angle)
-        stop = np.append(start[1:], len(kind))
-        near = np.minimum(self.ranges[start], self.ranges[stop])[:, None]
-        whole = (kind[start] > 0)[:, None]
-        first, second = self.ends[start], self.ends[stop]
-        first = np.where(whole, first, self._at(first, near, self.ranges[start]))
-        second = np.where(whole, second, self._at(second, near, self.ranges[stop]))
-        rows = np.zeros((len(first), 3, 5), np.float32)
-        rows[:, 0, :2] = self.apex
-        rows[:, 1, :2] = first
-        rows[:, 2, :2] = second
-        rows[:, :, 2] = height
-        rows[:, 1, 3] = np.hypot(*(first - self.apex).T)
-        rows[:, 2, 3] = np.hypot(*(second - self.apex).T)
-        shares = self.shares
-        rows[:, 1, 4], rows[:, 2, 4] = shares[start], shares[stop]
-        rows[:, 0, 4] = 0.5 * (rows[:, 1, 4] + rows[:, 2, 4])
-        return rows.reshape(-1, 5)
-
     @property
     def shares(self) -> Float:
         """What of the opacity of each beam (beams,) is left towards the ends of the fan."""
         return fading_ends(len(self.ends), self.beam_angle)
 
     def glow(self, height: float, *, indoor: bool) -> Soft:
-        """The glow of the beams near the robot."""
-        rows = self.fan(height).reshape(-1, 3, 5)
-        left = np.minimum(1.0, FAN_REACH / np.maximum(rows[..., 3:4], 1e-9))
-        corners = rows[:, :1, :3] + left * (rows[..., :3] - rows[:, :1, :3])
-        near = 1.0 - np.minimum(rows[..., 3], FAN_REACH) / FAN_REACH
-        strength = FAN_STRENGTH_INDOOR if indoor else FAN_STRENGTH
-        colours = np.empty((*near.shape, 4))
+        """The glow of the beams near the robot: triangles between them."""
+        both_open = ~self.hits[:-1] & ~self.hits[1:]
+        # Between two beams that ended on different walls it goes as far as the shorter.
+        kind = np.where(self.joined, 1, np.where(both_open, 2, 0))
+        start = _wedges(kind, self.beam_angle)
+        sides = np.stack([start, np.append(start[1:], len(kind))])
+        ranges = self.ranges[sides]
+        reached = np.where(kind[start] > 0, ranges, ranges.min(axis=0, initial=np.inf))
+        reached = np.minimum(reached, FAN_REACH)
+        corners = np.full((len(start), 3, 3), height)
+        corners[:, 0, :2] = self.apex
+        colours = np.empty((len(start), 3, 4))
         colours[..., :3] = FAN_COLOUR
-        colours[..., 3] = strength * rows[..., 4] * near
+        strength, shares = FAN_STRENGTH_INDOOR if indoor else FAN_STRENGTH, self.shares[sides]
         # Over the robot itself it is pale: its colours stay its own.
-        colours[:, 0, 3] *= FAN_SHARE_AT_ROBOT
+        colours[:, 0, 3] = strength * FAN_SHARE_AT_ROBOT * shares.mean(axis=0)
+        for side, beams in enumerate(sides):
+            ends = self._at(self.ends[beams], reached[side, :, None], self.ranges[beams])
+            corners[:, 1 + side, :2] = ends
+            colours[:, 1 + side, 3] = strength * shares[side] * (1.0 - reached[side] / FAN_REACH)
         return Soft(single(corners), single(colours))
 
     def single(self, height: float, reach: float) -> Lines:

@@ -20,6 +20,7 @@ from lrf3d.scene.look import (
     SHADOW_COLOUR,
     SUN,
 )
+from lrf3d.scene.panels import triangles
 from lrf3d.scene.shapes import Faces, Soft, single
 
 if TYPE_CHECKING:
@@ -223,10 +224,7 @@ def _level(corners: Float, height: float, colour: Float) -> Single:
 
 def outline_triangles(outline: Float) -> Float:
     """Corners (t, 3, 2) of counter-clockwise triangles of an outline's inside."""
-    shape = shapely.make_valid(shapely.Polygon(outline))
-    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(shape))
-    corners = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
-    return np.stack([counter_clockwise(each) for each in corners])
+    return triangles(np.array([shapely.make_valid(shapely.Polygon(outline))]))[0]
 
 
 def soft_shadow(corners: Float, fringe: float, dark: float, height: float) -> Soft:

@@ -1,13 +1,17 @@
 """Panels: faces of walls and roofs before they are lit, in columns, and what cuts them small."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import shapely
 
 from lrf3d.geometry import Float, Int
 
 LIT = -1e3
 """How far under the shadow's edge a corner lies that is in the sun [m]: not at all."""
+
+_LEAST = 1e-7
+"""Triangles below this area [m²] are left out: of outlines that touch themselves there are some."""
 
 
 class Panels(NamedTuple):
@@ -91,3 +95,18 @@ def _cut(values: Float, columns: int, rows: int) -> Float:
     grid = bottom[:, :, None] + t * (top - bottom)[:, :, None]
     corners = grid[:, :-1, :-1], grid[:, 1:, :-1], grid[:, 1:, 1:], grid[:, :-1, 1:]
     return np.stack(corners, axis=3).reshape(-1, *values.shape[1:])
+
+
+def triangles(polygons: Any) -> tuple[Float, Int]:
+    """Cut polygons (p,) into counter-clockwise triangles (t, 3, 2), and which each (t,) is of."""
+    if not len(polygons):
+        return np.zeros((0, 3, 2)), np.zeros(0, np.int64)
+    found, piece = shapely.get_parts(
+        shapely.constrained_delaunay_triangles(polygons), return_index=True
+    )
+    corners = shapely.get_coordinates(found).reshape(-1, 4, 2)[:, :3]
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = 0.5 * (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
+    corners[area < 0.0] = corners[area < 0.0][:, ::-1]
+    there = np.abs(area) > _LEAST
+    return corners[there], piece[there]

@@ -11,8 +11,7 @@ import shapely
 
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.scene.look import spread
-from lrf3d.scene.outlines import triangles
-from lrf3d.scene.panels import Panels, joined, level_panels, panels
+from lrf3d.scene.panels import Panels, joined, level_panels, panels, triangles
 from lrf3d.scene.shadows import shade_roofs
 from lrf3d.scene.structures import Structures
 

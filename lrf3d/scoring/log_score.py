@@ -33,17 +33,13 @@ UNEVEN = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class LogScore(Report):
-    """How well a map predicts scans.
+    """How well a map of some segments, with a total length [m], predicts scans.
 
     Args:
-        explained: Share of returns within 0.1 m of a map segment.
-        violation: Share of returns whose beam hits the map over 0.2 m before the return.
-        median_range_error: Median |map range − measured range| [m] of the returns whose beam
-            hits the map; NaN if none does.
-        segments: Number of segments in the map.
-        length: Total length of the map's segments [m].
-        scans: Number of scans.
-        returns: Number of returns that count.
+        explained: Share of the returns that count within 0.1 m of a map segment.
+        violation: Share of them whose beam hits the map over 0.2 m before the return.
+        median_range_error: Median |map range − measured range| [m] of those whose beam hits the
+            map; NaN if none does.
     """
 
     explained: float

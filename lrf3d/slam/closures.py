@@ -82,13 +82,9 @@ FLOOR = np.diag([0.01, 0.01, 1.0])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Closure:
-    """An old key scan and a new one that show the same place.
+    """An old key scan and a new one, by their numbers, that show the same place.
 
-    Args:
-        old: Number of the old key scan.
-        new: Number of the new one.
-        relative: (3,) pose of the new one as seen from the old one.
-        information: (3, 3) its inverse covariance, along the axes of the old one.
+    The pose (3,) and its information (3, 3) are those of the new one, as seen from the old one.
     """
 
     old: int
@@ -120,12 +116,7 @@ class LoopCloser:
         return self._rejected + self._pending
 
     def drive(self, step: Float, lost: int) -> float:
-        """Note how the robot has moved; returns the distance [m] over which it drifts as far.
-
-        Args:
-            step: (3,) pose now as seen from where it was.
-            lost: How many scans on the way matched nothing.
-        """
+        """Note how the robot has moved; returns the distance [m] over which it drifts as far."""
         # A turn in place lets the robot drift like a way of the length of its lever.
         length = float(np.hypot(step[0], step[1]) + abs(step[2])) + LOST * lost
         self.distance += length
@@ -139,13 +130,7 @@ class LoopCloser:
         self.keys.append(key)
 
     def link(self, edge: Edges, length: float, lost: int) -> None:
-        """Note the way that leads to the next key scan.
-
-        Args:
-            edge: The edge of the pose graph to it.
-            length: How far the robot has driven [m].
-            lost: How many scans on the way matched nothing.
-        """
+        """Note the way that leads to the next key scan."""
         covariance = np.linalg.inv(edge.information[0])
         # What the walls leave to the wheels, these measure with one scale all the way.
         scale = covariance @ edge.prior[0] @ (edge.measured[0] * [1.0, 1.0, 0.0])
@@ -154,12 +139,7 @@ class LoopCloser:
         self.ways.link(first, second, length, covariance, scale)
 
     def search(self, poses: Float, scale: float) -> list[Closure]:
-        """Closures of the newest key scan that are accepted now, and older ones that it confirms.
-
-        Args:
-            poses: (k, 3) estimated poses of all key scans.
-            scale: Standard deviation of the scale of the wheels.
-        """
+        """Closures that are accepted now: of the newest key scan, and older ones it confirms."""
         new = len(self.keys) - 1
         closure = self._found(new, poses, scale)
         # What lies farther back is next to no closure to come.
@@ -257,13 +237,7 @@ class LoopCloser:
         return search(self.keys[new].surface, grid, guess, window, NEAR)
 
     def _confirmed(self, newest: Closure, enough: int, *, strict: bool = False) -> list[Closure]:
-        """The pending closures that are accepted, now that another one has come.
-
-        Args:
-            newest: The other one.
-            enough: How many have to agree.
-            strict: Whether none may be against them.
-        """
+        """The pending closures that are accepted, now that another one has come."""
         around = [other for other in self._pending if self._beside(other, newest)]
         agreeing = [other for other in around if self._agree(other, newest)]
         known = [other for other in self._recent if self._beside(other, newest)]

@@ -42,12 +42,8 @@ def search(
 ) -> list[Match]:
     """The places in a window where a surface lies on a map's, best first.
 
-    Args:
-        surface: (m, 4) in the frame of the robot.
-        grid: The map's surface.
-        guess: (3,) pose in the middle of the window.
-        spread: (3, 3) its covariance, which the window is made of.
-        near: Places farther than this [m] from the map's origin are left out.
+    The window has a covariance (3, 3), its spread, around a guess (3,); places farther than a
+    distance [m] from the map's origin are left out.
     """
     if not len(surface):
         return []
@@ -97,15 +93,7 @@ def shifts_within(guess: Float, spread: Float, near: float) -> Int:
 def window_scores(
     points: Float, grid: SurfaceGrid, centre: Float, shifts: Int, angles: Float
 ) -> Float:
-    """How many points (m, 2) fall on marked cells (a, s), for each heading and shift of a window.
-
-    Args:
-        points: In the frame of the robot [m].
-        grid: The map's surface.
-        centre: (3,) pose in the middle of the window.
-        shifts: (s, 2) shifts from it along x and y, in cells.
-        angles: (a,) turns [rad] from it.
-    """
+    """How many points (m, 2) fall on marked cells (a, s), for each heading and shift [cells]."""
     # The field is as large as the map and its margin, in coarse cells.
     cell = COARSE_CELL
     wide = int(grid.size[0] * grid.size[2] / cell) + 3

@@ -17,7 +17,7 @@ from lrf3d.mapping import LineMap
 from lrf3d.pose import Pose, as_pose
 from lrf3d.slam.closures import LEAST_DISTANCE, Closure, LoopCloser, closure_edges
 from lrf3d.slam.frames import bent, between, compose, turned
-from lrf3d.slam.front_end import KEY_DISTANCE, KEY_TURN, FrontEnd, Tracked
+from lrf3d.slam.front_end import KEY_DISTANCE, KEY_TURN, FrontEnd, Tracked, refined
 from lrf3d.slam.key_map import KeyMap
 from lrf3d.slam.known_places import PLACE_COVARIANCE, Anchor, in_known_place
 from lrf3d.slam.pose_graph import (
@@ -27,7 +27,6 @@ from lrf3d.slam.pose_graph import (
     pose_covariances,
     variance_factor,
 )
-from lrf3d.slam.refinement import refined
 from lrf3d.slam.scan_matching import SIGMA
 from lrf3d.slam.self_check import SelfCheck, self_check, without_contradictions
 from lrf3d.slam.surface import LEAST_NOISE, range_noise, surface_of_scan

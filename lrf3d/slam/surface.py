@@ -71,13 +71,7 @@ def range_noise(scan: LaserScan) -> float:
 
 
 def surface_of_scan(scan: LaserScan, laser: Float, noise: float = LEAST_NOISE) -> Float:
-    """The surface (m, 4) that a scan shows, in the frame of a robot with its laser at (2,) [m].
-
-    Args:
-        scan: The scan.
-        laser: The place of the laser.
-        noise: Standard deviation of the ranges [m].
-    """
+    """The surface (m, 4) that a scan shows, in the frame of a robot with its laser at (2,) [m]."""
     hits = scan.hits
     points = scan.ranges[hits, None] * beam_directions(0.0, scan.angles[hits]) + laser
     step = abs(float(scan.angles[-1] - scan.angles[0])) / max(len(scan.angles) - 1, 1)
@@ -88,11 +82,7 @@ def surface_of_scan(scan: LaserScan, laser: Float, noise: float = LEAST_NOISE) -
 def surface_of(points: Float, laser: Float, step: float, noise: float) -> Float:
     """Surface (m, 4) of points (n, 2) [m] seen in this order from the laser at (2,) [m].
 
-    Args:
-        points: The points.
-        laser: The place of the laser.
-        step: The angle between adjacent beams [rad].
-        noise: Standard deviation of the ranges [m].
+    The step [rad] is that between beams, the noise [m] that of ranges.
     """
     count = len(points)
     found = np.empty((2 * count, 4))
@@ -269,13 +259,9 @@ def _between(surface: Float, i: int) -> int:
 
 
 class SurfaceGrid(NamedTuple):
-    """A surface whose points are sorted into square cells.
+    """A surface (m, 4) sorted into square cells: the number of the first point of each cell.
 
-    Args:
-        surface: (m, 4) the points and normals, cell by cell.
-        first: (rows · columns + 1,) the first point of each cell.
-        corner: (2,) the lower left corner of the grid [m].
-        size: (3,) columns, rows, and the side of a cell [m].
+    The size (3,) holds columns, rows and the side of a cell [m].
     """
 
     surface: Float

@@ -8,6 +8,8 @@ dimensions are ignored, and so are heights (z).
 """
 
 from collections.abc import Iterable, Iterator
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -35,9 +37,11 @@ def read_dxf(path: Path) -> World:
     Raises:
         WorldError: The file is not a DXF drawing or has no outline.
     """
-    from ezdxf import units
-    from ezdxf.enums import InsertUnits
-    from ezdxf.filemanagement import readfile
+    # It prints where it cannot keep a list of the fonts that it finds, which no wall needs.
+    with redirect_stdout(StringIO()):
+        from ezdxf import units
+        from ezdxf.enums import InsertUnits
+        from ezdxf.filemanagement import readfile
 
     check_ordinary(path, what="a world file", largest=LARGEST_DXF, error=WorldError)
     drawing = readfile(path)

@@ -139,7 +139,7 @@ def test_the_fan_keeps_its_outline_with_fewer_triangles():
     scan = run.scan(6)
     apex = np.array([scan.pose.x, scan.pose.y])
     drawn = DrawnBeams.from_scan(scan, run.world.segments, run.world.objects, apex)
-    fan = drawn.fan(0.5)[:, :4].reshape(-1, 3, 4)
+    fan = drawn.glow(0.5, indoor=False).corners
     # These beams are two degrees apart: the angle bounds the triangles.
     assert len(fan) < 0.75 * (len(scan.ranges) - 1)
     lrf = replace(run.lrf, beams=1, angle_min=0.0, angle_max=0.0, range_max=500.0)

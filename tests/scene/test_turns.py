@@ -54,7 +54,7 @@ def test_points_lie_on_the_walls_that_mirrors_show():
     assert np.bincount(beams.leg_beams).max() >= 3
     straight = drawn(hall("plaster", "plaster", "plaster", "plaster", "brick"))[1]
     assert len(beams.single(0.5, 80.0).starts) > len(straight.single(0.5, 80.0).starts)
-    assert len(beams.fan(0.5))
+    assert len(beams.glow(0.5, indoor=True).corners)
 
 
 def test_points_are_coloured_by_their_intensity_if_asked():
