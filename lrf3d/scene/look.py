@@ -84,10 +84,9 @@ BEAM_COLOUR, BEAM_STRENGTH, BEAM_WIDTH = (1.0, 0.36, 0.26), 0.55, 1.1
 TURNED_SHARE = 0.7
 """Opacity of beams that a mirror has turned, beside that of others."""
 
-FAN_COLOUR, FAN_CURVE = (1.00, 0.30, 0.20), 1.5
+FAN_COLOUR = (1.00, 0.30, 0.20)
 FAN_STRENGTH, FAN_STRENGTH_INDOOR = 0.20, 0.17
-"""Colour of the fan of beams, the power of what is left of its reach that it fades with, and its
-opacity at the robot."""
+"""Colour of the fan of beams, and its opacity at the robot."""
 
 FAN_REACH = 4.0
 """Range [m] at which the glow of the beams has faded: beyond, the hits say what the robot sees."""
@@ -132,12 +131,6 @@ hit points."""
 
 POINT_HALO, POINT_HALO_STRENGTH = 2.6, 0.34
 """Size of the bloom round a hit point, in its diameters, and its opacity at the point."""
-
-TRACE_COLOUR, TRACE_STRENGTH = (1.0, 0.36, 0.14), 0.70
-"""Colour and opacity of the line on the walls where a scan hit them."""
-
-TRACE_HEIGHT, TRACE_GAP = 0.06, 0.02
-"""Height of that line where it is a ribbon, and how far it stands before its wall [m]."""
 
 TRAIL_COLOUR, TRAIL_WIDTH, TRAIL_HEIGHT = (0.16, 0.56, 1.00), 0.045, 0.015
 """Colour of the robot's trail, and its width and height over the ground [m]."""

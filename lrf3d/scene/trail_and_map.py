@@ -10,13 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.geometry import Bool, Float, Int, Single
+from lrf3d.geometry import Bool, Float, Int
 from lrf3d.mapping import LineMap
 from lrf3d.run import Run
 from lrf3d.scene.beams import lines_at
 from lrf3d.scene.look import (
-    MAP_BAND,
-    MAP_WIDTH,
     TRAIL_COLOUR,
     TRAIL_HEIGHT,
     TRAIL_OLD,
@@ -166,40 +164,11 @@ class DrawnMap:
             return cls(np.zeros((0, 4)), np.zeros((0, 3)))
         return cls.from_map(run.maps[number], run.lasting_objects[number], origin)
 
-    @property
-    def colour_bytes(self) -> Int:
-        """Colours (m, 3) in 0…255."""
-        return np.round(255.0 * self.colours).astype(np.int64)
-
     def lines(self, height: float, width: float, opacity: float, *, hidden: bool = False) -> Lines:
         """Its segments as lines at a height [m], of a width [pixels] and an opacity."""
         opacities = np.full((len(self.segments), 2), opacity)
         start, end = self.segments[:, :2], self.segments[:, 2:]
         return lines_at(height, start, end, self.colours, opacities, width, hidden=hidden)
-
-    def bands(self, tops: Float | None = None) -> Single:
-        """Corners (3 · m, 4, 3) of bands along the walls: both sides and the top of each.
-
-        Tops (m,) are how high they reach [m], where walls are low.
-        """
-        ends = self.segments.reshape(-1, 2, 2)
-        along = ends[:, 1] - ends[:, 0]
-        along = along / np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)[:, None]
-        side = 0.5 * MAP_WIDTH * np.column_stack([-along[:, 1], along[:, 0]])
-        left, right = ends + side[:, None], ends - side[:, None]
-        high = np.full(len(ends), MAP_BAND[1]) if tops is None else tops
-        low = high - (MAP_BAND[1] - MAP_BAND[0])
-        corners = np.zeros((len(ends), 3, 4, 3), np.float32)
-        for face, (first, second, heights) in enumerate(
-            (
-                (left, left, (low, low, high, high)),
-                (right[:, ::-1], right[:, ::-1], (low, low, high, high)),
-                (right, left, (high, high, high, high)),
-            )
-        ):
-            corners[:, face, :2, :2], corners[:, face, 2:, :2] = first, second[:, ::-1]
-            corners[:, face, :, 2] = np.stack(heights, axis=1)
-        return corners.reshape(-1, 4, 3)
 
 
 def _is_straight(times: Float, places: Float, first: int, last: int) -> bool:

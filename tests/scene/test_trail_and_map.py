@@ -7,9 +7,8 @@ import pytest
 from test_render import room_run
 
 from lrf3d.robot import Trajectory
-from lrf3d.scene.look import MAP_BAND
 from lrf3d.scene.timeline import DriveKeys, Timeline, drive_keys
-from lrf3d.scene.trail_and_map import DrawnMap, straight_pieces, thinned, trail_lines
+from lrf3d.scene.trail_and_map import straight_pieces, thinned, trail_lines
 
 
 def test_the_trail_is_one_in_all_pictures_and_leaves_out_where_the_robot_was_set_down():
@@ -62,14 +61,3 @@ def test_scans_in_quick_succession_are_a_drive():
     keys = drive_keys(Timeline(quick))
     assert not keys.set_down.any()
     assert sum(np.hypot(*piece.way) for piece in straight_pieces(keys)) == pytest.approx(1.5)
-
-
-def test_bands_of_the_map_stand_out_to_both_sides_and_look_outward():
-    drawn = DrawnMap(np.array([[1.0, 2.0, 4.0, 2.0]]), np.ones((1, 3)))
-    bands = drawn.bands().astype(float)
-    assert bands.shape == (3, 4, 3)
-    low, high = MAP_BAND
-    assert bands[..., 2].min() == pytest.approx(low) and bands[..., 2].max() == pytest.approx(high)
-    normals = np.cross(bands[:, 1] - bands[:, 0], bands[:, 2] - bands[:, 1])
-    normals /= np.linalg.norm(normals, axis=1)[:, None]
-    np.testing.assert_allclose(np.abs(normals), [[0, 1, 0], [0, 1, 0], [0, 0, 1]], atol=1e-6)
