@@ -125,9 +125,9 @@ def test_a_second_signal_ends_a_command_at_once(number, tmp_path):
     number = getattr(signal, number, None)
     if number is None or os.name != "posix":
         pytest.skip("no such signal here")
-    (tmp_path / "mine.py").write_text(HANGING)
+    (tmp_path / "hanging.py").write_text(HANGING)
     process = subprocess.Popen(
-        [sys.executable, "-m", "lrf3d", "run", "paper_room", "--mapper", "mine.py:Mapper"],
+        [sys.executable, "-m", "lrf3d", "run", "paper_room", "--mapper", "hanging.py:Mapper"],
         cwd=tmp_path, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     assert process.stderr.readline() == "begun\n"
@@ -142,14 +142,14 @@ def test_a_second_signal_ends_a_command_at_once(number, tmp_path):
 
 
 def test_a_signal_that_comes_twice_at_once_counts_once(tmp_path):
-    (tmp_path / "mine.py").write_text(
+    (tmp_path / "twice.py").write_text(
         "import signal\n"
         "class Mapper:\n"
         "    def update(self, scan):\n"
         "        signal.raise_signal(signal.SIGINT)\n"
         "        signal.raise_signal(signal.SIGINT)\n"
     )
-    arguments = ("run", "paper_room", "--no-video", "--mapper", "mine.py:Mapper")
+    arguments = ("run", "paper_room", "--no-video", "--mapper", "twice.py:Mapper")
     done = program(*arguments, cwd=tmp_path)
     assert (done.returncode, done.stderr) == (
         130,

@@ -148,7 +148,7 @@ class DrawnBeams:
         # Between two beams that ended on different walls it goes as far as the shorter.
         kind = np.where(self.joined, 1, np.where(both_open, 2, 0))
         start = _wedges(kind, self.beam_angle)
-        sides = np.stack([start, np.append(start[1:], len(kind))])
+        sides = np.stack([start, np.append(start, len(kind))[1:]])
         ranges = self.ranges[sides]
         reached = np.where(kind[start] > 0, ranges, ranges.min(axis=0, initial=np.inf))
         reached = np.minimum(reached, FAN_REACH)

@@ -85,12 +85,12 @@ def test_a_simulated_drive_is_solved():
 
 def test_own_mappers_and_ours_see_the_same_scans(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "mine.py").write_text(
+    (tmp_path / "scored.py").write_text(
         "import lrf3d\nclass Mine(lrf3d.LineMapper):\n    pass\n"
         "def robust():\n    return lrf3d.LineMapper(sigma=0.04)\n"
     )
-    rows = score("city", "robust,mine.py:Mine", seeds=1, poses=3, beams="61").tables["maps"]
-    assert [row["mapper"] for row in rows] == ["robust", "mine.py:Mine"]
+    rows = score("city", "robust,scored.py:Mine", seeds=1, poses=3, beams="61").tables["maps"]
+    assert [row["mapper"] for row in rows] == ["robust", "scored.py:Mine"]
     with pytest.raises(InputError, match="--mapper rubust: expected"):
         score("city", "rubust")
 

@@ -356,18 +356,18 @@ def test_the_command_writes_its_files_and_prints_one_value(room, tmp_path):
 
 def test_an_own_mapper_is_named_by_its_file(room, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    Path("mine.py").write_text(
+    Path("swept.py").write_text(
         "import lrf3d\nclass Mine:\n    map = lrf3d.LineMap([[0, 0, 1, 0]], [0], [2])\n"
         "    def update(self, scan):\n        pass\n"
     )
     CliRunner().invoke(
         app,
-        ["sweep", room, "--mapper", "robust,mine.py:Mine", "--sigma", "0.1", "--seeds", "1",
+        ["sweep", room, "--mapper", "robust,swept.py:Mine", "--sigma", "0.1", "--seeds", "1",
          "--workers", "1", "--out", "out"],
         catch_exceptions=False,
     )  # fmt: skip
     text = Path("out/means.csv").read_text()
-    assert re.findall(r"^box,(\S+?),", text, re.M) == ["robust", "mine.py:Mine"]
+    assert re.findall(r"^box,(\S+?),", text, re.M) == ["robust", "swept.py:Mine"]
 
 
 def test_without_the_extra_one_line_says_what_to_install(room):
