@@ -15,9 +15,10 @@ def crosscheck(
     report: Report,
     figure: Annotated[Path | None, typer.Option("--figure", "-o")] = None,
 ) -> None:
-    """Compare Embree's own float32 hits with the exact ones, for the beams of a whole drive.
+    """Compare bare Embree in float32 with the exact ranges.
 
-    Every difference is classified by its cause. The exit status is 1 if one is unexplained.
+    Each difference over a whole drive is classified by its cause. The exit status is 1 if one is
+    unexplained.
 
     Options:
         figure: Draw the beams that differ to this .png.

@@ -23,7 +23,7 @@ def localise(
     heading: Noise = 2.0,
     workers: Workers = None,
 ) -> None:
-    """Localise the robot on a known map by odometry and scans, and compare with the truth.
+    """Localise the robot on a known map, and score it.
 
     The NEES is the squared error in units of the filter's own covariance, 3 on average.
 

@@ -25,7 +25,9 @@ def map_(
     poses: Literal["auto", "truth", "tf", "odom"] = "auto",
     scan_topic: options.ScanTopic = None,
 ) -> None:
-    """Build a map from the even scans of a log, and test it on the odd ones.
+    """Map a log whose poses are known, and test the map.
+
+    The even scans build the map, the odd ones test it.
 
     Poses are those logged with the scans; in a bag the ground truth, else the transforms up to the
     root, else odometry. The summary says which.

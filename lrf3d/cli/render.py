@@ -22,7 +22,9 @@ def render(
     last: Annotated[float | None, typer.Option("--to")] = None,
     points_by: Literal["range", "intensity"] | None = None,
 ) -> None:
-    """Draw the film of a run, a picture of one moment of it, or all its frames as pictures.
+    """Draw the film of a run, or a picture of one moment.
+
+    The ending of --out selects the kind; a folder takes all frames as pictures.
 
     Options:
         out: The film: .mp4, .webp or .gif; with --at a .png, with --frames a folder. In the run's

@@ -23,7 +23,7 @@ def slam(
     largest_range: options.LargestRange = None,
     scan_topic: options.ScanTopic = None,
 ) -> None:
-    """Find the poses and the map of a recorded drive from its scans and its odometry.
+    """Find poses and map of a log from odometry and scans.
 
     Loops are closed; the systematic errors of the wheels, and the lag of the laser behind them, are
     estimated.

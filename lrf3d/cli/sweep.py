@@ -29,7 +29,7 @@ def sweep(
     ignore_collisions: options.IgnoreCollisions = False,
     out: options.Out = None,
 ) -> None:
-    """Run every combination of worlds, mappers, noises, beams and settings with many seeds.
+    """Compare mappers over worlds, noises, settings and seeds.
 
     Each result is saved as it comes; --resume continues a sweep that was stopped, with the same
     results. Writes sweep.parquet, summary.json, means.csv, means.tex and a figure for each world

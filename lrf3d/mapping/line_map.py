@@ -24,6 +24,9 @@ KIND = np.dtype("<U6")
 WALLS = np.array(WALL, KIND)
 """The kind of all segments of a map of walls alone."""
 
+OTHER_FORMATS = (".toml", ".yaml", ".yml", ".glb")
+"""Endings of worlds that are written in other formats than a map."""
+
 
 @dataclass(frozen=True, eq=False)
 class LineMap(Value, Pictured):
@@ -146,6 +149,7 @@ def save_map(line_map: LineMap, path: str | Path, *, free: FreeCells | None = No
             are planned there.
 
     Raises:
+        InputError: The file's ending is that of another format.
         OutputError: The file cannot be written.
 
     Examples:
@@ -154,6 +158,11 @@ def save_map(line_map: LineMap, path: str | Path, *, free: FreeCells | None = No
         >>> len(lrf3d.load_map("map.geojson"))
         0
     """
+    if Path(path).suffix.lower() in OTHER_FORMATS:
+        raise InputError(
+            f"{path}: a map is written as .geojson; load_world reads that, and save_world writes"
+            " other formats"
+        )
     columns = (
         line_map.segments.reshape(-1, 2, 2), line_map.objects, *line_map.lines.T, line_map.points,
         line_map.kinds,

@@ -35,3 +35,9 @@ def test_walls_beyond_the_largest_coordinate_are_left_out_of_what_is_mapped():
         mapper = lrf3d.LineMapper(mode)
         mapper.update(scan)
         assert (np.abs(mapper.map.segments) <= 1e9).all()
+
+
+def test_a_map_is_not_written_under_the_ending_of_another_format(tmp_path):
+    with pytest.raises(InputError, match=r"map\.yaml: a map is written as \.geojson"):
+        lrf3d.save_map(LineMap.empty(), tmp_path / "map.yaml")
+    assert list(tmp_path.iterdir()) == []
