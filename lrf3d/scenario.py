@@ -57,19 +57,24 @@ class Scenario(Value):
     """A world with the settings for driving, scanning, mapping and filming.
 
     Args:
-        world, lrf, noise: The walls, the laser range finder and its noise.
+        world: The walls.
+        lrf: The laser range finder.
+        noise: Its noise.
         compared: Standard deviations [m] at range_max of further noise levels, whose maps a figure
             compares with that of the run.
-        obstacles, start: The dynamic obstacles, and the initial pose x, y [m], theta [rad].
+        obstacles: The dynamic obstacles.
+        start: The initial pose x, y [m], theta [rad].
         route: (m, 2) way-points [m], the first at the start; None if it is to be planned.
         poses: (k, 3) poses x, y [m], theta [rad] to scan from instead of driving.
         planned: The side of the walls, inside or outside, on which the route was planned.
-        speed, scan_interval: Speed of the drive [m/s], and time between two scans [s].
-        lookahead, radius: Distance along the route to the point that the robot steers at, and
-            radius of the robot [m].
+        speed: Speed of the drive [m/s].
+        scan_interval: Time between two scans [s].
+        lookahead: Distance [m] along the route to the point that the robot steers at.
+        radius: Radius of the robot [m].
         mapper: Keyword arguments of the LineMapper.
-        view, playback, points_by: Camera of the film, simulated seconds in a second of it, and
-            whether its hit points show ``range`` or ``intensity``.
+        view: Camera of the film.
+        playback: Simulated seconds in a second of the film.
+        points_by: Whether its hit points show ``range`` or ``intensity``.
         name: Name in files and pictures.
 
     Examples:
