@@ -34,11 +34,12 @@ class EstimatedTrajectory(Value):
     Examples:
         >>> import numpy as np
         >>> import lrf3d
-        >>> poses = [(0, 0, 0), (1, 0, 0), (2, 0, 0)]
-        >>> estimate = lrf3d.EstimatedTrajectory(poses, [0, 2], [0.0 * np.eye(3), 0.04 * np.eye(3)])
+        >>> poses = np.array([(0, 0, 0), (1, 0, 0), (2.0, 0, 0)])
+        >>> covariances = np.array([0.0 * np.eye(3), 0.04 * np.eye(3)])
+        >>> estimate = lrf3d.EstimatedTrajectory(poses, np.array([0, 2]), covariances)
         >>> estimate.ellipses.round(2).tolist()[1]
         [[0.49, 0.0], [0.0, 0.49]]
-        >>> estimate.errors([(0, 0, 0), (1, 0.1, 0), (2, 0, 0)]).tolist()
+        >>> estimate.errors(np.array([(0, 0, 0), (1, 0.1, 0), (2, 0, 0)])).tolist()
         [0.0, 0.1, 0.0]
     """
 
