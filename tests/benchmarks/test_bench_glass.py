@@ -23,6 +23,7 @@ def test_samples_are_by_others_where_these_are_near_and_parallel():
     assert samples(own, np.empty((0, 4)))[1].tolist() == [0.0, 0.0]
 
 
+@pytest.mark.slow
 def test_what_a_mirror_shows_is_an_image():
     walls = [[0, 0, 8, 0], [8, 0, 8, 6], [8, 6, 0, 6], [0, 6, 0, 0]]
     world = World(walls, range(4), materials=["plaster", "mirror", "plaster", "brick"])
@@ -31,6 +32,7 @@ def test_what_a_mirror_shows_is_an_image():
     assert images(run) > 0
 
 
+@pytest.mark.slow
 @pytest.mark.xfail(strict=True, reason="from few random poses three flashes of a pane are rare")
 def test_glass_of_the_city_is_found_and_no_image_is_mapped():
     lrf = LaserRangeFinder(-np.pi, np.pi, 361)

@@ -76,6 +76,7 @@ def test_a_door_that_closes_is_mapped_and_obstacles_are_not():
     assert rows["none"]["length_f1"] > 0.95 and rows[maps.DOOR_CLOSES]["door_share"] > 0.5
 
 
+@pytest.mark.slow
 def test_a_simulated_drive_is_solved():
     report = Report("")
     slam.simulated(report, 0.5, 60)

@@ -31,6 +31,7 @@ def test_the_picture_has_each_world(tmp_path):
     assert (tmp_path / "drives.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_no_loop_is_closed_between_any_two_of_twenty_identical_rooms():
     drive = simulated("identical rooms", 3)
     assert drive.closures > 100
@@ -38,6 +39,7 @@ def test_no_loop_is_closed_between_any_two_of_twenty_identical_rooms():
     assert np.hypot(*drive.errors[:, :2].T).max() < 0.5
 
 
+@pytest.mark.slow
 def test_in_a_corridor_without_end_the_error_stays_within_its_ellipse():
     drives = [simulated("endless corridor", seed) for seed in range(3)]
     assert sum(drive.closures for drive in drives) == 0
