@@ -80,10 +80,9 @@ class SweepGrid:
                 why = f"has a value twice: {values}" if values else "has no value"
                 raise InputError(f"sweep: {axis} {why}")
             runs *= len(values)
-        if len(self.worlds) * runs > MOST_RUNS:
-            number = f"{len(self.worlds) * runs:,}"
+        if (runs := len(self.worlds) * runs) > MOST_RUNS:
             raise InputError(
-                f"sweep: {number} runs with {self.seeds:,} seeds; at most {MOST_RUNS:,}"
+                f"sweep: {runs:,} runs with {self.seeds:,} seeds; at most {MOST_RUNS:,}"
             )
 
     @property
