@@ -23,7 +23,7 @@ from lrf3d.scene.moments import Scene
 from lrf3d.scene.shapes import Body, Lines, Points, Soft
 from lrf3d.scene.stage import Stage
 from lrf3d.scene.timeline import DriveKeys, Timeline, drive_keys, obstacle_keys, scan_times
-from lrf3d.scene.trail_and_map import straight_pieces
+from lrf3d.scene.trail_and_map import thinned
 
 _ABOVE = Look(np.array([0.0, 0.0, 1.0]), np.zeros(3), field=1e-6, up=(0.0, 1.0, 0.0))
 """A look that nothing is made larger for, to be seen from far away."""
@@ -42,6 +42,10 @@ _EYE_INDOOR, _TARGET_INDOOR = np.array([-3.4, 0.0, 4.2]), np.array([0.8, 0.0, 0.
 
 _FIELD = float(np.radians(50.0))
 """Its angle of view from the bottom to the top [rad]."""
+
+_PIECE_ERROR, _SHORTEST = 0.03, 1e-3
+"""How far a straight piece of the trail may be off [m], in place and along the way; shorter ones
+are left out: a robot that turns on the spot."""
 
 _RIM, _LEAST = 0.08, 1e-3
 """Width of the rim of the ellipse of now, as a share of its half axes; and the least half axis [m]:
@@ -62,7 +66,7 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
     bodies = scene.seen(moment, _ABOVE, _SIZE, ()).bodies
     document = _standing(run.world.name, scene.stage, bodies)
     keys = drive_keys(scene.timeline)
-    for name, path in [("robot", keys[:2]), *_obstacle_paths(scene.timeline)]:
+    for name, path in [("robot", keys), *_obstacle_paths(scene.timeline)]:
         node = next(n for n, each in enumerate(document.gltf.nodes) if each.name == name)
         document.drive(node, *path)
         if name == "robot":
@@ -178,12 +182,16 @@ def _add_trail(
     part = document.part(document.material(name), strip, np.tile(colour, (6, 1)))
     mesh = document.mesh(name, part)
     group = document.node(name, document.root)
-    for begin, end, start, way in straight_pieces(keys):
+    pieces = thinned(keys, _PIECE_ERROR)
+    for (begin, start), (end, stop) in pairwise(zip(*pieces, strict=True)):
+        way = (stop - start)[:2]
+        if np.hypot(*way) < _SHORTEST:
+            continue
         node = document.node(
             f"{name} from {begin:.1f} s",
             group,
             mesh=mesh,
-            translation=[*start.tolist(), height],
+            translation=[*start[:2].tolist(), height],
             rotation=turned(np.arctan2(way[1:], way[:1]))[0].tolist(),
             scale=[0.0, 0.0, 0.0],
         )
@@ -198,7 +206,7 @@ def _add_estimate(document: Document, timeline: Timeline) -> None:
     if drawn is None:
         return
     poses = np.column_stack([drawn.places, np.zeros(len(drawn.places))])
-    keys = DriveKeys(drawn.times, poses, np.zeros(max(len(poses) - 1, 0), np.bool_))
+    keys = DriveKeys(drawn.times, poses)
     height = look.TRAIL_HEIGHT + look.ESTIMATE_LIFT
     _add_trail(document, keys, "estimate", look.ESTIMATE_COLOUR, look.ESTIMATE_WIDTH, height)
     if not len(drawn.ellipse_times):

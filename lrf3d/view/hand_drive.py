@@ -20,7 +20,6 @@ from lrf3d.robot import Trajectory, Unicycle
 from lrf3d.robot.collision import CollisionChecker
 from lrf3d.run import Run
 from lrf3d.scenario import Scenario
-from lrf3d.scene import look
 from lrf3d.scene.moments import Scene
 from lrf3d.scene.shapes import Lines
 from lrf3d.scene.stage import Stage
@@ -220,13 +219,6 @@ class _LiveScene(Scene):
         )
         return made
 
-    def plan_window(self) -> tuple[Float | None, float]:
-        """The whole of a small world; a larger one is followed by: nobody knows the path."""
-        ends = self.structures.segments.reshape(-1, 2)
-        if len(ends) and float(np.ptp(ends, axis=0).max()) > look.INSET_WHOLE:
-            return None, look.INSET_FOLLOWED
-        return super().plan_window()
-
     def _trail(self, moment: Moment) -> Lines | None:
         made: Lines = self._same("trail", (moment.time, len(self._drive.path)), self._driven)
         return made
@@ -234,7 +226,7 @@ class _LiveScene(Scene):
     def _driven(self) -> Lines:
         times = np.array([time for time, _ in self._drive.path])
         poses = np.array([pose for _, pose in self._drive.path]) - [*self.origin, 0.0]
-        keys = DriveKeys(times, poses, np.zeros(len(times) - 1, np.bool_))
+        keys = DriveKeys(times, poses)
         return trail_lines(keys, self._drive.time, self._fade)
 
 
