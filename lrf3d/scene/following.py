@@ -36,19 +36,8 @@ class Chase:
     def __init__(self, timeline: Timeline, structures: Structures) -> None:
         path = self._path = SmoothPath(timeline)
         self._indoor = structures.indoor
-        if self._indoor:
-            self._back = np.full(len(path.times), self.BACK_INDOOR)
-            return
-        backward = -np.column_stack([np.cos(path.headings), np.sin(path.headings)])
-        sideways = np.column_stack([-backward[:, 1], backward[:, 0]])
-        free = np.full(len(path.times), self.BACK)
-        for side in (-self.CLEARANCE, 0.0, self.CLEARANCE):
-            ends = path.places + (self.BACK + self.CLEARANCE) * backward + side * sideways
-            point, wall, gap = walls_met(structures, path.places, ends)
-            tall = structures.heights[wall] > _LOW
-            np.minimum.at(free, point[tall], gap[tall] - 1.5 * self.CLEARANCE)
         # The least over the filter's reach comes first: its mean is then never past a wall.
-        free = np.maximum(free, self.NEAREST)
+        free = self.free_way(structures, path.places, path.headings)
         least = minimum_filter1d(free, 2 * int(2.0 * path.width) + 1, mode="nearest")
         self._back = gaussian_filter1d(least, path.width, mode="nearest", truncate=2.0)
 
@@ -58,15 +47,33 @@ class Chase:
             float(np.interp(time, self._path.times, values))
             for values in (*self._path.places.T, self._path.headings, self._back)
         )
+        return self.behind(x, y, heading, back, indoor=self._indoor)
+
+    @classmethod
+    def behind(cls, x: float, y: float, heading: float, back: float, *, indoor: bool) -> Look:
+        """The look from so far [m] behind a place, along a heading [rad]."""
         forward = np.array([np.cos(heading), np.sin(heading), 0.0])
         # The nearer the eye, the higher it is and the steeper it looks.
-        height = self.HEIGHT + 0.9 * (1.0 - back / self.BACK)
-        if self._indoor:
-            height = self.HEIGHT_INDOOR
+        height = cls.HEIGHT_INDOOR if indoor else cls.HEIGHT + 0.9 * (1.0 - back / cls.BACK)
         eye = np.array([x, y, height]) - back * forward
-        down = np.arctan2(height - self.AIM, back) - self.BELOW
+        down = np.arctan2(height - cls.AIM, back) - cls.BELOW
         target = eye + np.cos(down) * forward - [0.0, 0.0, np.sin(down)]
-        return Look(eye, target, self.FIELD, cuts=True, shot="chase")
+        return Look(eye, target, cls.FIELD, cuts=True, shot="chase")
+
+    @classmethod
+    def free_way(cls, structures: Structures, places: Float, headings: Float) -> Float:
+        """How far (k,) behind places (k, 2) no tall wall is in the way of the eye [m]."""
+        if structures.indoor:
+            return np.full(len(places), cls.BACK_INDOOR)
+        backward = -np.column_stack([np.cos(headings), np.sin(headings)])
+        sideways = np.column_stack([-backward[:, 1], backward[:, 0]])
+        free = np.full(len(places), cls.BACK)
+        for side in (-cls.CLEARANCE, 0.0, cls.CLEARANCE):
+            ends = places + (cls.BACK + cls.CLEARANCE) * backward + side * sideways
+            point, wall, gap = walls_met(structures, places, ends)
+            tall = structures.heights[wall] > _LOW
+            np.minimum.at(free, point[tall], gap[tall] - 1.5 * cls.CLEARANCE)
+        return np.asarray(np.maximum(free, cls.NEAREST))
 
 
 class Orbit:
