@@ -4,7 +4,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import import_module
-from math import prod
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -293,10 +292,3 @@ def keep_light(rows: Mapping[str, Float], row: int, scan: LaserScan) -> None:
     for name, values in rows.items():
         light = getattr(scan, name)
         values[row] = np.nan if light is None else light
-
-
-def run_bytes(scans: int, world: World, lrf: LaserRangeFinder) -> int:
-    """Bytes that the scans of a run take on disk: float64 and int64 numbers."""
-    light = sum(prod(shape) for shape in light_shapes(world, lrf).values())
-    # A time and a pose for each scan; a range, a true range and a wall for each beam.
-    return 8 * scans * (4 + 3 * lrf.beams + light)

@@ -10,13 +10,12 @@ from lrf3d.scene import facades, look
 
 _SHADERS = Path(__file__).parent / "shaders"
 
-CONSTANTS: dict[str, Any] = {
+_CONSTANTS: dict[str, Any] = {
     "BODY_LIGHT": look.BODY_LIGHT,
     "CUT_BEFORE": look.CUT_BEFORE,
     "DASH": look.DASH,
     "GHOST": (*look.GHOST, look.GHOST_STRENGTH),
-    "LEFT_STANDING": look.LEFT_STANDING,
-    "NOTCH": look.NOTCH,
+    "LEFT_STANDING": look.LEFT_STANDING[0],
     "POINT_HALO": look.POINT_HALO,
     "POINT_HALO_STRENGTH": look.POINT_HALO_STRENGTH,
     "RIM": look.SHADOW_RIM,
@@ -46,7 +45,7 @@ def shader_source(name: str, *, vertex: bool, constants: Mapping[str, Any]) -> s
     """
     file, *defined = name.split(":")
     lines = [f"#define {each}\n" for each in (["VERTEX"] * vertex + defined)]
-    for constant, value in {**CONSTANTS, **constants}.items():
+    for constant, value in {**_CONSTANTS, **constants}.items():
         values = np.ravel(value).tolist()
         kind = f"vec{len(values)}" if len(values) > 1 else type(values[0]).__name__
         lines.append(f"const {kind} {constant} = {kind}({', '.join(map(repr, values))});\n")

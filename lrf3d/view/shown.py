@@ -7,7 +7,8 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from types import SimpleNamespace
+from typing import Any, Protocol, cast
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -15,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from lrf3d.geometry import Float
 from lrf3d.run import Run
 from lrf3d.scene import look
-from lrf3d.scene.camera import Camera, Look
+from lrf3d.scene.camera import Camera, Look, SmoothPath
 from lrf3d.scene.cameras import margins
 from lrf3d.scene.estimate import TRUTH, estimate_words
 from lrf3d.scene.following import Chase, First
@@ -46,9 +47,9 @@ _LIMITS = {
 _LOWEST, _STEEPEST = math.radians(4.0), math.radians(88.0)
 """How steeply a look that a hand has turned goes down."""
 
-_OVER_BAR, _OVER_PADS = 0.2, 0.58
-"""How far the picture is moved up, in halves of its height, as there are controls below: a bar, and
-in upright pictures pads."""
+_OVER_BAR, _OVER_PADS = -0.25, 0.12
+"""Where the robot is seen that is followed, from the middle up, in halves of the picture's height:
+below it is the bar, and in upright pictures pads."""
 
 _PLAN_SIDE = 0.3
 """Side of the plan in the corner, as a share of the shorter side of the picture."""
@@ -124,8 +125,7 @@ class _Page:
     def message(self, moment: Moment, wanted: Wanted, words: Mapping[str, str]) -> bytes | None:
         """What is seen at a moment."""
         size = round(wanted.width), round(wanted.height)
-        pose = moment.pose - [*self.scene.origin, 0.0]
-        view = self._look(pose, wanted)
+        view = self._look(wanted)
         seen = self.scene.seen(moment, view, size)
         bodies = dict(seen.bodies)
         marks: dict[str, Mark | Faces] = {name: body.faces for name, body in seen.bodies}
@@ -150,7 +150,9 @@ class _Page:
             "scale": max(min(size) / 720.0, look.LEAST_SCALE),
             "ray": _numbers(np.linalg.inv(_upright(seen.lens))),
             "ghost": seen.ghost,
-            "cut": None if cut is None else _numbers([*cut.robot, *cut.toward, cut.slope]),
+            "cut": [0.0] * 6
+            if cut is None
+            else _numbers([*cut.robot, *cut.toward, cut.slope, cut.top]),
         }
         values = {
             "camera": camera,
@@ -161,16 +163,14 @@ class _Page:
         }
         return self._sender.message(marks, values)
 
-    def _look(self, pose: Float, wanted: Wanted) -> Look:
+    def _look(self, wanted: Wanted) -> Look:
         aspect = wanted.width / wanted.height
         camera = self._cameras.get(wanted.view, self._cameras["follow"])
         view = camera.look(self.scene.timeline.start + wanted.time, aspect)
-        pivot = view.target
         if wanted.view == "follow":
-            pivot = np.array([*pose[:2], Chase.AIM])
             view = replace(view, shift=_OVER_PADS if aspect < 1.0 else _OVER_BAR)
         if (wanted.around, wanted.over, wanted.zoom) != (0.0, 0.0, 1.0):
-            view = _turned(view, pivot, wanted)
+            view = _turned(view, wanted)
         return view
 
     def _standing(self, bands: Faces, moment: Moment, view: Look) -> Faces:
@@ -183,16 +183,15 @@ class _Page:
         return self._map[1]
 
 
-def _turned(view: Look, pivot: Float, wanted: Wanted) -> Look:
-    """A look that a hand has turned about a pivot, which stays where it is in the picture."""
-    away = view.eye - pivot
+def _turned(view: Look, wanted: Wanted) -> Look:
+    """A look that a hand has turned about its target."""
+    away = view.eye - view.target
     level = math.hypot(away[0], away[1])
     steep = math.atan2(away[2], level)
     over = min(max(steep + wanted.over, _LOWEST), _STEEPEST) - steep
     right = np.array([-away[1], away[0], 0.0]) / max(level, 1e-9)
     turn = Rotation.from_rotvec([0.0, 0.0, wanted.around]) * Rotation.from_rotvec(-over * right)
-    eye = pivot + wanted.zoom * turn.apply(away)
-    return replace(view, eye=eye, target=eye + turn.apply(view.target - view.eye))
+    return replace(view, eye=view.target + wanted.zoom * turn.apply(away))
 
 
 def _upright(lens: Lens) -> Float:
@@ -282,9 +281,10 @@ class _Behind:
     def look(self, time: float, aspect: float) -> Look:
         """The look of now."""
         drive, structures = self._drive, self._drive.scene.structures
-        x, y = np.array(drive.pose[:2]) - drive.scene.origin
-        back = Chase.free_way(structures, np.array([[x, y]]), np.array([drive.facing]))
-        return Chase.behind(x, y, drive.facing, float(back[0]), indoor=structures.indoor)
+        places = np.array([drive.pose[:2]]) - drive.scene.origin
+        now = SimpleNamespace(times=np.zeros(1), places=places, headings=np.array([drive.facing]))
+        track = Chase.behind(cast(SmoothPath, now), structures)
+        return track.over_walls(structures, places, 1.0).look(0.0, cuts=True)
 
 
 def setup_of(scene: Scene, views: tuple[str, ...], *, end: float) -> dict[str, Any]:
