@@ -17,7 +17,7 @@ from lrf3d.geometry import Float
 from lrf3d.interrupts import check, stoppable
 from lrf3d.io import LaserLog, load_log
 from lrf3d.io.reading import CARMEN_ENDINGS
-from lrf3d.laser import LaserScan
+from lrf3d.laser import LaserScan, doubtful_ranges
 from lrf3d.laser.free_space import distinct_poses, free_cells
 from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.progress import Progress, silent
@@ -243,6 +243,9 @@ def map_log(
     Raises:
         InputError: There is no such mode, the noise is invalid, or the scans show no wall.
 
+    Warns:
+        Lrf3dWarning: The ranges are hardly in metres.
+
     Examples:
         >>> import lrf3d
         >>> room = lrf3d.load_world("paper_room")
@@ -263,12 +266,14 @@ def map_log(
         milliseconds.append(1e3 * (perf_counter() - begin))
         progress(done, len(even))
         check()
-    line_map = mapper.map
+    line_map, doubt = mapper.map, doubtful_ranges(log.scans)
     if not len(line_map):
+        reason = doubt or "expected walls within the laser's range"
         raise InputError(
-            f"{log.name}: {len(even)} scans show no wall, so that there is no map; expected ranges"
-            " in metres of at least a few beams"
+            f"{log.name}: {len(even)} scans show no wall, so that there is no map; {reason}"
         )
+    if doubt:
+        warnings.warn(f"map: {log.name}: {doubt}", Lrf3dWarning, stacklevel=2)
     return MappedLog(
         log, mode, sigma, line_map, score_log(line_map, odd), tuple(milliseconds), even
     )

@@ -176,7 +176,7 @@ class Renderer:
         defined = ":FADED" * (seen.ghost > 0.0)
         uniforms: dict[str, Any] = {
             "ghost": float(seen.ghost),
-            "slope": 0.0 if cut is None else cut.slope,
+            "slope": (0.0, 0.0) if cut is None else (cut.slope, cut.top),
             "cut": (0.0, 0.0, 0.0, 0.0) if cut is None else (*cut.robot, *cut.toward),
         }
         self._painted.bind()

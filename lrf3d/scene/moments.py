@@ -128,7 +128,9 @@ class Scene:
             level = max(float(np.hypot(*away)), 2.0 * _REAR)
             toward = away / level
             slope = _BELOW_SIGHT * float(lens.eye[2]) / (level - _REAR)
-            cut = Cut(pose[:2] + _REAR * toward, toward, slope)
+            start, gain = look.LEFT_FROM_AFAR
+            top = look.LEFT_STANDING[1] + gain * max(level - start, 0.0)
+            cut = Cut(pose[:2] + _REAR * toward, toward, slope, top)
         return Seen(lens, tuple(bodies), marks, view.sky_below, view.ghost, cut)
 
     def _lens(self, view: Look, size: tuple[int, int]) -> Lens:

@@ -258,7 +258,7 @@ def setup_of(scene: Scene, views: tuple[str, ...], *, end: float) -> dict[str, A
         "haze": look.HAZE_INDOOR if indoor else look.HAZE,
         "zenith": look.ZENITH,
         "ghost": [*look.GHOST, look.GHOST_STRENGTH],
-        "standing": [*look.LEFT_STANDING, *look.NOTCH],
+        "standing": look.LEFT_STANDING,
         "dash": look.DASH,
         "halo": [look.POINT_HALO, look.POINT_HALO_STRENGTH],
         "plan": [part / 255 for part in look.PLAN_BACK],

@@ -24,12 +24,10 @@ from lrf3d.notebook import Pictured
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.materials import Material, checked
+from lrf3d.world.schema import MOST_OBJECTS
 
 DEFAULT_HEIGHT = 2.5
 """Height of a wall [m] if none is given: a room's storey."""
-
-MOST_OBJECTS = 1_000_000
-"""Largest number of an object: a name and a colour are stored for every number up to it."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -39,7 +39,7 @@ def test_an_invalid_material_is_refused(values: dict[str, object], message: str)
     ("materials", "message"),
     [
         (["glass", "brick"], "2 materials for 1 objects"),
-        (["glas"], "there is no material 'glas'; did you mean 'glass'?"),
+        (["glas"], "there is no 'glas'; did you mean 'glass'?"),
     ],
 )
 def test_materials_that_do_not_fit_the_world_are_refused(

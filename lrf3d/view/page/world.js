@@ -15,8 +15,7 @@ const AIR = `
 const WALL = `
   vec2 out_there = there.xy - cut.xy;
   float toward = dot(out_there, cut.zw);
-  float aside = abs(dot(out_there, vec2(-cut.w, cut.z)));
-  float high = clamp(standing.x + slope * toward, standing.x, standing.y) + standing.w * max(aside - standing.z, 0.0);
+  float high = clamp(standing.x + slope * toward, standing.x, standing.y);
   if (slope > 0.0 && toward > 0.0 && there.z > high) discard;
   gl_FragColor = vec4(mix(gl_FragColor.rgb, ghost.rgb, faded), 1.0 - faded * ghost.a);`;
 
@@ -33,7 +32,7 @@ export class World {
     this.walls = {
       cut: { value: new THREE.Vector4() },
       slope: { value: 0 },
-      standing: { value: new THREE.Vector4(...setup.standing) },
+      standing: { value: new THREE.Vector2(...setup.standing) },
       ghost: { value: new THREE.Vector4(...setup.ghost) },
       faded: { value: 0 },
     };
@@ -82,7 +81,7 @@ export class World {
         "#include <project_vertex>",
         "#include <project_vertex>\nthere = (modelMatrix * vec4(transformed, 1.0)).xyz;",
       );
-      const known = "varying vec3 there;\nuniform vec3 haze;\nuniform float thick, slope, faded;\nuniform vec4 cut, standing, ghost;\n";
+      const known = "varying vec3 there;\nuniform vec3 haze;\nuniform float thick, slope, faded;\nuniform vec2 standing;\nuniform vec4 cut, ghost;\n";
       const after = AIR + (wall ? WALL : "");
       shader.fragmentShader = known + shader.fragmentShader.replace("#include <fog_fragment>", after);
     };
