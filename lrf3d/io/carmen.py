@@ -45,6 +45,15 @@ from lrf3d.robot import Trajectory
 FARTHEST_LASER = 10.0
 """How far a laser may stand from its robot's centre [m]: farther, the number is in other units."""
 
+LONGEST_LINE = 1 << 20
+"""Bytes that are read of a line, enough for 100,000 beams; what is left counts as more lines."""
+
+MOST_IDLE_LINES = 1_000_000
+"""Successive lines without a scan after which a file is given up: hours of other messages."""
+
+MOST_BYTES = 1 << 30
+"""Largest size of a log, unpacked: it holds more readings than are read."""
+
 GZIP = b"\x1f\x8b"
 """First bytes of gzipped files, whatever their name is."""
 
@@ -72,7 +81,9 @@ def load_carmen(
     if largest_range is not None and not largest_range > 0.0:
         raise InputError(f"largest range {largest_range}: expected metres, more than 0")
     reading, bad, bad_count = _Reading(largest_range), list[BadLine](), 0
+    idle = size = 0
     for number, text, fault in _lines(path):
+        size, scans = size + len(text), len(reading.scans)
         try:
             if fault:
                 raise ValueError(fault)
@@ -80,9 +91,16 @@ def load_carmen(
         except ValueError as error:
             bad_count += 1
             bad += [BadLine(number, str(error))] if len(bad) < NAMED else []
-        if reading.readings > MOST_READINGS:
+        idle = 0 if len(reading.scans) > scans else idle + 1
+        if idle > MOST_IDLE_LINES:
             raise InputError(
-                f"{path}: more than {MOST_READINGS:,} readings; cut the log into parts"
+                f"{path}: line {number}: no scan in {MOST_IDLE_LINES:,} lines before it; expected"
+                " FLASER or ROBOTLASER1 lines"
+            )
+        if reading.readings > MOST_READINGS or size > MOST_BYTES:
+            raise InputError(
+                f"{path}: line {number}: more than {MOST_READINGS:,} readings or {MOST_BYTES:,}"
+                " bytes; cut the log into parts"
             )
     if not reading.scans:
         why = f"; {bad_count} bad lines, first {bad[0]}" if bad else ""
@@ -110,7 +128,8 @@ def _lines(path: Path) -> Iterator[tuple[int, bytes, str]]:
         file.seek(0)
         stream: Any = gzip.open(file) if packed else file
         try:
-            for number, text in enumerate(stream, 1):
+            parts = iter(lambda: stream.readline(LONGEST_LINE), b"")
+            for number, text in enumerate(parts, 1):
                 yield number, text, ""
         except (EOFError, zlib.error, gzip.BadGzipFile) as error:
             yield number + 1, b"", f"the packed data are damaged from here on ({error})"
@@ -208,7 +227,8 @@ class _Reading:
         try:
             ranges = np.array([float(word) for word in said[:count]])
         except ValueError as error:
-            raise ValueError(f"reading: {error}") from None
+            word = str(error).rpartition(": ")[2].lstrip("b")
+            raise ValueError(f"reading {word}, expected a number") from None
         if (ranges < 0.0).any():
             raise ValueError(f"reading {ranges[ranges < 0.0][0]:g}, expected metres")
         # Some drivers write NaN for a beam without a return, and 0 for one without a valid range.

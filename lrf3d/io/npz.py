@@ -24,6 +24,9 @@ from lrf3d.files import check_ordinary, replacing
 MAPPED = 1 << 26
 """Least size [bytes] of an array that is mapped; smaller ones are read and checked."""
 
+MOST_PACKED = 1 << 29
+"""Largest size [bytes] that the packed arrays of a file may unpack to; ours are not packed."""
+
 _LOCAL_HEADER = 30
 """Size [bytes] of the header of a member of a zip file, without its name and its extra fields."""
 
@@ -62,6 +65,9 @@ def read_arrays(path: Path) -> dict[str, NDArray[np.generic]]:
     """
     check_ordinary(path, what="a .npz file")
     with zipfile.ZipFile(path) as file:
+        packed = [e.file_size for e in file.infolist() if e.compress_type != zipfile.ZIP_STORED]
+        if sum(packed) > MOST_PACKED:
+            raise ValueError(f"it unpacks to {sum(packed):,} bytes; unpack it first")
         return {
             entry.filename.removesuffix(".npy"): _read(path, file, entry)
             for entry in file.infolist()

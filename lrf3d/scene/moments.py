@@ -66,9 +66,6 @@ _BELOW_SIGHT = 0.8
 """Share of the line of sight from there to the eye that cut walls reach up to."""
 
 
-_TRAIL_ERROR = 0.005
-"""How far the trail may be off the robot's path [m]."""
-
 Made = TypeVar("Made")
 
 
@@ -92,7 +89,7 @@ class Scene:
         self._goal = None if goal is None else goal_disc(np.array(goal) - [*self.origin, 0.0])
         self._turning = turning_walls(run.world)
         self._walls = run.world.segments - np.tile(self.origin, 2)
-        self._keys = thinned(drive_keys(timeline), _TRAIL_ERROR)
+        self.keys = thinned(drive_keys(timeline))
         self._estimate = DrawnEstimate.from_timeline(timeline)
         self._reach = beam_reach(run.lrf.range_max, structures)
         self._fade = look.TRAIL_FADE * timeline.playback
@@ -196,7 +193,7 @@ class Scene:
         if not self.run.knows_truth:
             return None
         now = moment.time - self.timeline.start
-        return self._same("trail", now, trail_lines, self._keys, now, self._fade)
+        return self._same("trail", now, trail_lines, self.keys, now, self._fade)
 
     def _estimated(self, moment: Moment) -> Iterator[tuple[str, Lines]]:
         if self._estimate is not None:

@@ -8,6 +8,7 @@ their origin knows no centimetres.
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -127,6 +128,11 @@ class Structures:
     """(2,) where the origin of the film's frame lies in the world [m]."""
     path: Float
     """(k, 2) where a robot drives [m]."""
+
+    @cached_property
+    def tree(self) -> shapely.STRtree:
+        """A search tree of the walls."""
+        return shapely.STRtree(shapely.linestrings(self.segments.reshape(-1, 2, 2)))
 
     @classmethod
     def from_run(cls, run: Run) -> "Structures":

@@ -7,6 +7,7 @@ film's frame.
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 
 from lrf3d.geometry import Float, Int
 from lrf3d.mapping import LineMap
@@ -42,19 +43,20 @@ def trail_lines(
     return lines_at(TRAIL_HEIGHT, places[:-1], places[1:], colours, opacities, TRAIL_WIDTH_PIXELS)
 
 
-def thinned(keys: DriveKeys, error: float) -> DriveKeys:
+def thinned(keys: DriveKeys, error: float = 0.005) -> DriveKeys:
     """The keys without those that the robot passes while it drives evenly, to within an error [m].
 
-    Of a robot that stands, too, only the first and the last key are left.
+    Lines are simplified (Douglas and Peucker, 1973) that run as the robot does, and as its way
+    grows with time.
     """
-    times, places, kept = keys.times, keys.poses[:, :2], [0]
-    for last in range(2, len(times)):
-        first = kept[-1]
-        share = (times[first:last] - times[first]) / (times[last] - times[first])
-        even = places[first] + share[:, None] * (places[last] - places[first])
-        if np.abs(places[first:last] - even).max() > error:
-            kept.append(last - 1)
-    kept = [*kept, len(times) - 1] if len(times) > 1 else kept
+    times, places = keys.times, keys.poses[:, :2]
+    if len(times) < 3:
+        return keys
+    way = np.append(0.0, np.cumsum(np.hypot(*np.diff(places, axis=0).T)))
+    pace = way[-1] / (times[-1] - times[0])
+    lines = np.column_stack([places, times]), np.column_stack([way, pace * times, times])
+    simple = shapely.simplify(shapely.linestrings(lines), error, preserve_topology=False)
+    kept = np.isin(times, shapely.get_coordinates(simple, include_z=True)[:, 2])
     return DriveKeys(times[kept], keys.poses[kept])
 
 

@@ -11,7 +11,7 @@ import lrf3d
 from lrf3d.errors import InputError
 from lrf3d.exporting import export_run
 from lrf3d.geometry import wrap_angle
-from lrf3d.io import LaserLog, load_log
+from lrf3d.io import LaserLog, carmen, load_log
 from lrf3d.laser import LaserRangeFinder
 
 
@@ -91,7 +91,7 @@ def test_a_scan_in_both_messages_is_read_once(tmp_path):
         ("FLASER -3 1 2 3", "readings"),
         ("FLASER 99999999999999999999 1", "readings"),
         (front([1, 2, "-3"]), "reading -3"),
-        (front([1, "2,5", 3]), "reading: could not convert string to float: b'2,5'"),
+        (front([1, "2,5", 3]), "reading '2,5'"),
         (front([1, 2, 3], pose=("inf", 0, 0)), "x is 'inf'"),
         (front([1, 2, 3], pose=(0, 0, "nan")), "theta"),
         (front([1, 2, 3], time="noon"), "time"),
@@ -130,6 +130,28 @@ def test_all_bad_lines_are_counted_and_the_first_few_named(tmp_path):
     log = load_log(write(tmp_path / "a.log.gz", *lines))
     assert len(log) == 1 and log.bad_count == 100
     assert [bad.number for bad in log.bad_lines] == [2, 3, 4, 5, 6]
+
+
+@pytest.mark.parametrize(
+    ("limit", "value", "text"),
+    [
+        ("MOST_IDLE_LINES", 1000, b"ODOM 1\n" * 1001),
+        ("MOST_BYTES", 1 << 22, bytes(1 << 23)),
+    ],
+)
+def test_a_bomb_is_given_up_early(tmp_path, monkeypatch, limit, value, text):
+    monkeypatch.setattr(carmen, limit, value)
+    path = tmp_path / "a.log.gz"
+    path.write_bytes(gzip.compress(text))
+    with pytest.raises(InputError, match=rf"a\.log\.gz: line \d+: .*{value:,}"):
+        load_log(path)
+
+
+def test_an_endless_line_does_not_hide_what_follows(tmp_path):
+    path = tmp_path / "a.log"
+    path.write_bytes(b"FLASER 2 " + b"1 " * 3_000_000 + b"\n" + front([1, 2]).encode())
+    log = load_log(path)
+    assert len(log) == 1 and log.bad_count > 0
 
 
 @pytest.mark.parametrize("name", ["no.log", "picture.png", "folder.log"])
@@ -251,7 +273,7 @@ def test_an_invalid_offset_of_the_laser_is_a_bad_line(tmp_path):
 def test_a_log_with_too_many_readings_is_to_be_cut(tmp_path, monkeypatch):
     monkeypatch.setattr("lrf3d.io.carmen.MOST_READINGS", 5)
     (tmp_path / "a.log").write_text("FLASER 3 1 2 3 0 0 0 0 0 0 0 host 0\n" * 2)
-    with pytest.raises(InputError, match=r"a\.log: more than 5 readings; cut the log into parts"):
+    with pytest.raises(InputError, match=r"a\.log: line 2: more than 5 readings .*; cut the"):
         load_log(tmp_path / "a.log")
 
 

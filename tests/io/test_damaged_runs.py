@@ -74,6 +74,14 @@ def test_a_run_of_another_version_is_to_be_made_again(run_file):
         lrf3d.load_run(run_file)
 
 
+def test_a_small_file_that_would_fill_the_memory_is_refused(run_file, monkeypatch):
+    monkeypatch.setattr(npz, "MOST_PACKED", 1_000_000)
+    with zipfile.ZipFile(run_file, "a", zipfile.ZIP_DEFLATED) as file:
+        file.writestr("more.npy", as_bytes(np.zeros(4_000_000), (1, 0)))
+    with pytest.raises(InputError, match="it unpacks to 32,"):
+        lrf3d.load_run(run_file)
+
+
 def test_a_large_array_that_claims_more_than_the_file_holds_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(npz, "MAPPED", 1)
     path = tmp_path / "run.npz"
