@@ -338,7 +338,7 @@ def test_the_command_writes_its_files_and_prints_one_value(room, tmp_path):
     for flags, words in (
         (["--vary", "mapper.gap"], "expected TABLE.KEY=VALUE"),
         (["--sigma", ","], "--sigma ',': expected values"),
-        (["--shard", "3/2"], "--shard 3/2: expected I/N"),
+        (["--shard", "3/2"], "--shard '3/2': expected I/N"),
         (["--mapper", "rubust"], "mapper rubust|mapper 'rubust'"),
     ):
         with pytest.raises(InputError, match=words):
