@@ -227,7 +227,8 @@ class _Reading:
         try:
             ranges = np.array([float(word) for word in said[:count]])
         except ValueError as error:
-            raise ValueError(f"reading: {error}") from None
+            word = str(error).rpartition(": ")[2].lstrip("b")
+            raise ValueError(f"reading {word}, expected a number") from None
         if (ranges < 0.0).any():
             raise ValueError(f"reading {ranges[ranges < 0.0][0]:g}, expected metres")
         # Some drivers write NaN for a beam without a return, and 0 for one without a valid range.

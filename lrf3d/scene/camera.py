@@ -190,7 +190,7 @@ class Track(NamedTuple):
         highest = float(structures.heights.max(initial=0.0))
         way *= np.minimum(1.0, (highest / rise + _CLEARANCE) / reach)[:, None]
         aside = np.column_stack([-way[:, 1], way[:, 0]])
-        tree = shapely.STRtree(shapely.linestrings(structures.segments.reshape(-1, 2, 2)))
+        tree = structures.tree
         needed = self.steeps.copy()
         for side in (-_ASIDE, 0.0, _ASIDE):
             ways = shapely.linestrings(np.stack([robots, robots + way + side * aside], axis=1))

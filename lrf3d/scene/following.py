@@ -33,16 +33,22 @@ class Chase:
     """Angle of view [rad]; the robot is in the lower half of the picture."""
 
     def __init__(self, timeline: Timeline, structures: Structures) -> None:
-        path, indoor = SmoothPath(timeline), structures.indoor
-        track = track_of(
+        path = SmoothPath(timeline)
+        track = self.behind(path, structures)
+        self.track = track.over_walls(structures, path.places, path.SMOOTH / path.STEP)
+
+    @classmethod
+    def behind(cls, path: SmoothPath, structures: Structures) -> Track:
+        """Looks from behind a path."""
+        indoor = structures.indoor
+        return track_of(
             path,
             path.headings + np.pi,
-            away=self.AWAY_INDOOR if indoor else self.AWAY,
-            steep=self.LEAST_INDOOR if indoor else self.LEAST,
-            field=self.FIELD,
-            shift=self.SHIFT,
+            away=cls.AWAY_INDOOR if indoor else cls.AWAY,
+            steep=cls.LEAST_INDOOR if indoor else cls.LEAST,
+            field=cls.FIELD,
+            shift=cls.SHIFT,
         )
-        self.track = track.over_walls(structures, path.places, path.SMOOTH / path.STEP)
 
     def look(self, time: float, aspect: float) -> Look:
         """The look at a time [s] of the run."""

@@ -94,7 +94,7 @@ class Scene:
         self._goal = None if goal is None else goal_disc(np.array(goal) - [*self.origin, 0.0])
         self._optics = WallOptics.of(run.world)
         self._walls = run.world.segments - np.tile(self.origin, 2)
-        self._keys = thinned(smoothed(drive_keys(timeline)))
+        self.keys = thinned(smoothed(drive_keys(timeline)))
         self._estimate = DrawnEstimate.from_timeline(timeline)
         self._reach = beam_reach(run.lrf.range_max, structures)
         self._fade = look.TRAIL_FADE * timeline.playback
@@ -201,7 +201,7 @@ class Scene:
         if not self.run.knows_truth:
             return None
         now = moment.time - self.timeline.start
-        made: Lines = self._same("trail", now, trail_lines, self._keys, now, self._fade)
+        made: Lines = self._same("trail", now, trail_lines, self.keys, now, self._fade)
         return made
 
     def _estimated(self, moment: Moment) -> Iterator[tuple[str, Lines]]:

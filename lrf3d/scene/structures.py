@@ -8,6 +8,7 @@ their origin knows no centimetres.
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -158,6 +159,11 @@ class Structures:
     indoor: bool
     origin: Float
     path: Float
+
+    @cached_property
+    def tree(self) -> shapely.STRtree:
+        """A search tree of the walls."""
+        return shapely.STRtree(shapely.linestrings(self.segments.reshape(-1, 2, 2)))
 
     @classmethod
     def from_run(cls, run: Run) -> "Structures":

@@ -1,7 +1,7 @@
 """World: the walls of a scene as line segments, grouped into objects."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from lrf3d.errors import InputError, WorldError, shown
 from lrf3d.geometry import (
     LARGEST_COORDINATE,
-    LATER,
     Float,
     Int,
     Value,
@@ -73,7 +72,7 @@ class World(Value, Pictured):
     cameras: tuple[FixedCamera, ...]
     place: tuple[float, float] | None
     free: FreeCells | None
-    materials: tuple[Material | None, ...] = field(default=(), metadata=LATER)
+    materials: tuple[Material | None, ...] = ()
 
     def __init__(
         self,

@@ -201,6 +201,7 @@ def test_wrong_usage_ends_with_two(room):
 def test_a_size_that_is_none_is_refused(room):
     assert "--size" in refused("run", room, "--size", "big")
     assert "--size" in refused("run", room, "--size", "641x361")
+    assert "--size" in refused("run", room, "--size", "640x" + 5000 * "9")
 
 
 def test_an_interrupt_ends_cleanly(room, tmp_path):
