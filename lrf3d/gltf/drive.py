@@ -5,23 +5,20 @@ snapshot of the map is a node of its own, which has its size while it is to be s
 otherwise, and each straight piece of the trail is one that grows while it is driven.
 """
 
-from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
-import pygltflib
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float
-from lrf3d.gltf.document import Document, turned
+from lrf3d.gltf.document import LINES, Document, turned
 from lrf3d.gltf.stage import add_body, add_stage, lit
 from lrf3d.run import Run
 from lrf3d.scene import look
 from lrf3d.scene.camera import Look
 from lrf3d.scene.estimate import CORNERS, DrawnEstimate, ring_quads
 from lrf3d.scene.moments import Scene
-from lrf3d.scene.shapes import Body, Lines, Points, Soft
-from lrf3d.scene.stage import Stage
+from lrf3d.scene.shapes import Lines, Points, Soft
 from lrf3d.scene.timeline import DriveKeys, Timeline, drive_keys, obstacle_keys, scan_times
 from lrf3d.scene.trail_and_map import straight_pieces
 
@@ -60,10 +57,13 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
     scene = Scene(Timeline(run, playback=1.0))
     moment = scene.timeline.moment(scene.timeline.start)
     bodies = scene.seen(moment, _ABOVE, _SIZE, ()).bodies
-    document = _standing(run.world.name, scene.stage, bodies)
+    origin = scene.origin.tolist()
+    document = Document(run.world.name or "world", {"origin": origin, "world": run.world.name})
+    add_stage(document, scene.stage)
     keys = drive_keys(scene.timeline)
-    for name, path in [("robot", keys[:2]), *_obstacle_paths(scene.timeline)]:
-        node = next(n for n, each in enumerate(document.gltf.nodes) if each.name == name)
+    paths = [keys[:2], *(obstacle_keys(each, scene.timeline) for each in run.obstacles)]
+    for (name, body), path in zip(bodies, paths, strict=True):
+        node = add_body(document, name, body.faces)
         document.drive(node, *path)
         if name == "robot":
             _add_camera(document, node, scene)
@@ -75,36 +75,15 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
     return document.glb()
 
 
-def still_glb(name: str, stage: Stage, bodies: Iterable[tuple[str, Body]]) -> bytes:
-    """A world as a GLB file, with bodies at the frame's origin."""
-    return _standing(name, stage, bodies).glb()
-
-
-def _standing(name: str, stage: Stage, bodies: Iterable[tuple[str, Body]]) -> Document:
-    origin = stage.structures.origin.tolist()
-    document = Document(name or "world", {"origin": origin, "world": name})
-    add_stage(document, stage)
-    for body_name, body in bodies:
-        add_body(document, body_name, body.faces)
-    return document
-
-
-def _obstacle_paths(timeline: Timeline) -> list[tuple[str, tuple[Float, Float]]]:
-    obstacles = enumerate(timeline.run.obstacles)
-    return [(f"obstacle {number}", obstacle_keys(each, timeline)) for number, each in obstacles]
-
-
 def _add_camera(document: Document, robot: int, scene: Scene) -> None:
     """A camera that the robot carries behind it."""
     view = Look(_EYE, _TARGET, _FIELD)
     if scene.structures.indoor:
         over = [0.0, 0.0, float(scene.structures.heights.max(initial=0.0))]
         view = Look(_EYE_INDOOR + over, _TARGET_INDOOR, _FIELD)
-    lens = pygltflib.Perspective(yfov=view.field, znear=0.1, zfar=2000.0, aspectRatio=16 / 9)
-    document.gltf.cameras.append(
-        pygltflib.Camera(type="perspective", perspective=lens, name="chase")
-    )
-    document.node("chase camera", robot, camera=0, matrix=view.pose.T.ravel().tolist())
+    lens = {"yfov": view.field, "znear": 0.1, "zfar": 2000.0, "aspectRatio": 16 / 9}
+    camera = document.add("cameras", type="perspective", perspective=lens, name="chase")
+    document.node("chase camera", robot, camera=camera, matrix=view.pose.T.ravel().tolist())
 
 
 def _add_scans(document: Document, scene: Scene, every: int) -> None:
@@ -127,7 +106,7 @@ def _add_scans(document: Document, scene: Scene, every: int) -> None:
         )
         corners = np.concatenate([glow.corners, _triangles(hits, moment.pose[:2] - scene.origin)])
         colours = np.concatenate([glow.colours, np.repeat(hits.colours[:, None], 3, axis=1)])
-        parts = [document.part(material, ends, faded, mode=pygltflib.LINES)]
+        parts = [document.part(material, ends, faded, mode=LINES)]
         if len(corners):
             parts.append(document.part(material, corners, colours))
         mesh = document.mesh(f"scan {scan}", *parts)
@@ -185,7 +164,6 @@ def _add_trail(
             mesh=mesh,
             translation=[*start.tolist(), height],
             rotation=turned(np.arctan2(way[1:], way[:1]))[0].tolist(),
-            scale=[0.0, 0.0, 0.0],
         )
         # Its width is there at once: a strip that widens as it grows would be a wedge.
         grown = np.array([[0, 1, 1], [np.hypot(*way), 1, 1]])
@@ -218,21 +196,10 @@ def _add_estimate(document: Document, timeline: Timeline) -> None:
     angles = np.unwrap(np.arctan2(axes[:, 1, 1], axes[:, 0, 1]), period=np.pi)
     scales = np.maximum(np.column_stack([sizes[:, ::-1], np.ones(len(sizes))]), _LEAST)
     places = np.column_stack([drawn.places, np.zeros(len(drawn.places))])
-    node = document.node(
-        "ellipse of now",
-        document.root,
-        mesh=mesh,
-        translation=places[0].tolist(),
-        rotation=turned(angles)[0].tolist(),
-        scale=scales[0].tolist(),
-    )
-    for path, times, values in (
-        ("translation", drawn.times, places),
-        ("rotation", drawn.ellipse_times, turned(angles)),
-        ("scale", drawn.ellipse_times, scales),
-    ):
-        if len(times) > 1:
-            document.animate(node, path, times, values)
+    node = document.node("ellipse of now", document.root, mesh=mesh)
+    document.animate(node, "translation", drawn.times, places)
+    document.animate(node, "rotation", drawn.ellipse_times, turned(angles))
+    document.animate(node, "scale", drawn.ellipse_times, scales)
 
 
 def _ring(document: Document, outline: Float, width: float, opacity: float, material: int) -> int:

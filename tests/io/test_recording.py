@@ -305,7 +305,6 @@ def test_what_cannot_be_replaced_is_known_before_the_drive(name, tmp_path):
         ("poses", np.zeros((5, 2))),
         ("ranges", np.zeros((5, 61), dtype=np.complex128)),
         ("walls", np.full((5, 61), "x")),
-        ("world_name", np.array(3.0)),
     ],
 )
 def test_what_is_wrong_in_a_run_is_told_with_its_file(name, array, tmp_path):
