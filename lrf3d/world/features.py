@@ -10,8 +10,7 @@ import numpy as np
 from lrf3d.errors import WorldError, shown
 from lrf3d.geometry import LARGEST_COORDINATE, Float, is_finite
 from lrf3d.world.materials import Material, material_of
-from lrf3d.world.model import MOST_OBJECTS
-from lrf3d.world.schema import parse_colour
+from lrf3d.world.schema import MOST_OBJECTS, parse_colour
 
 LEVEL_HEIGHT = 3.0
 """Height of a storey [m], for buildings with only a number of levels."""
@@ -37,6 +36,11 @@ class Feature:
     colour: tuple[float, float, float] | None = None
     number: int | None = None
     material: Material | None = None
+
+    @property
+    def looks(self) -> tuple[str, tuple[float, float, float] | None, Material | None]:
+        """Its name, colour and material."""
+        return self.name, self.colour, self.material
 
     @property
     def polygons(self) -> list[Any]:

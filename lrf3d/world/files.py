@@ -33,7 +33,7 @@ READERS = {
 """The module and the function that read a world, by the ending of the file."""
 
 WRITERS = {
-    ".toml": "toml_text:write_toml",
+    ".toml": "toml_file:write_toml",
     ".geojson": "geojson:write_geojson",
     ".yaml": "ros_map:write_ros_map",
     ".glb": "mesh:write_glb",

@@ -16,8 +16,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
-import numpy as np
-
 from lrf3d.errors import InputError, WorldError, shown
 from lrf3d.files import own_name, read_text, write_text
 from lrf3d.geometry import is_finite
@@ -37,8 +35,7 @@ from lrf3d.world.geographic import (
 )
 from lrf3d.world.materials import material_value
 from lrf3d.world.model import World
-from lrf3d.world.pieces import WallRun, parts_of
-from lrf3d.world.schema import colour_value
+from lrf3d.world.pieces import WallRun, description, runs_of
 
 
 def read_geojson(path: Path) -> World:
@@ -181,9 +178,7 @@ def write_geojson(world: World, path: Path) -> None:
 
 def geojson_text(world: World) -> str:
     """The GeoJSON text of a world: one feature for each run of walls of one object."""
-    bare = sorted(set(range(world.object_count)) - set(world.objects.tolist()))
-    parts = [*(WallRun(number, (), np.empty(0)) for number in bare), *parts_of(world)]
-    features = ",\n".join(json.dumps(_feature(part, world)) for part in parts)
+    features = ",\n".join(json.dumps(_feature(part, world)) for part in runs_of(world))
     # Other readers ignore these members, as the standard allows.
     members = json.dumps([asdict(camera) for camera in world.cameras])
     cameras = f' "cameras": {members},' if world.cameras else ""
@@ -196,14 +191,9 @@ def geojson_text(world: World) -> str:
 
 
 def _feature(part: WallRun, world: World) -> dict[str, Any]:
-    properties: dict[str, Any] = {"object": part.number}
-    if world.object_names and world.object_names[part.number]:
-        properties["name"] = world.object_names[part.number]
-    if np.isfinite(world.colours[part.number]).all():
-        properties["colour"] = colour_value(world.colours[part.number])
-    material = world.materials[part.number] if world.materials else None
-    if material is not None:
-        properties["material"] = material_value(material)
+    properties = {"object": part.number, **description(world, part.number)}
+    if "material" in properties:
+        properties["material"] = material_value(properties["material"])
     if not part.pieces:
         return {"type": "Feature", "properties": properties, "geometry": None}
     properties["height"] = part.height_value
