@@ -134,11 +134,7 @@ def print_table(rows: Rows) -> None:
 
 
 def print_text(text: str) -> None:
-    """Print a text and flush it.
-
-    Raises:
-        OSError: It cannot be written; the error names the standard output.
-    """
+    """Print a text and flush it; an error names the standard output."""
     try:
         print(text, end="", flush=True)
     except BrokenPipeError:

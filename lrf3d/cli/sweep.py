@@ -1,5 +1,6 @@
 """``lrf3d sweep``: runs over worlds, settings and seeds, on this machine or a cluster."""
 
+import re
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -128,12 +129,15 @@ def sweep(
 
 def _job(text: str) -> tuple[int, int]:
     """The number of a job and of all jobs."""
-    from lrf3d.errors import InputError
+    from lrf3d.errors import InputError, shown
 
-    number, _, count = text.partition("/")
-    if not (number.isdecimal() and count.isdecimal() and 1 <= int(number) <= int(count)):
-        raise InputError(f"--shard {text}: expected I/N, such as 2/8 for the second of eight jobs")
-    return int(number), int(count)
+    given = re.fullmatch(r"([0-9]{1,6})/([0-9]{1,6})", text)
+    number, count = map(int, given.groups()) if given else (0, 0)
+    if not 1 <= number <= count:
+        raise InputError(
+            f"--shard {shown(text)}: expected I/N, such as 2/8 for the second of eight jobs"
+        )
+    return number, count
 
 
 def _mapper(label: str) -> Any:

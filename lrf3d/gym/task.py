@@ -46,13 +46,7 @@ GOAL_MARGIN = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """The outcome of a step for each of k robots.
-
-    Args:
-        rewards: (k,) metres nearer to the goal, with the rewards of the step and of its end.
-        reached: (k,) which are at their goal.
-        collided: (k,) which hit a wall or a dynamic obstacle; these stay at their previous pose.
-    """
+    """The outcome of a step (k,) for each robot; those that collided stay at their last pose."""
 
     rewards: Float
     reached: Bool
@@ -106,11 +100,10 @@ class DriveTask:
         self.times[robots] = 0.0
 
     def step(self, actions: ArrayLike) -> Outcome:
-        """Drive for the time between two scans.
+        """Drive for the time between two scans, with actions (k, 2).
 
-        Args:
-            actions: (k, 2) shares of the scenario's speed and of the fastest turn, left positive;
-                they are clipped to −1 to 1, and held until the next scan.
+        They are shares of the scenario's speed and of the fastest turn, left positive, clipped to
+        −1 to 1.
 
         Raises:
             InputError: They are not finite numbers of this shape; no robot moves then.

@@ -99,7 +99,10 @@ class SweepGrid:
 
 def setting(name: str, value: SettingValue) -> str:
     """A setting in the form of ``lrf3d run --set``."""
-    return f"{name}={json.dumps(value, ensure_ascii=False)}"
+    try:
+        return f"{name}={json.dumps(value, ensure_ascii=False)}"
+    except ValueError:
+        raise InputError(f"sweep: {name}: {shown(value)} cannot be a value") from None
 
 
 def _checked(name: str, value: object) -> SettingValue:

@@ -95,7 +95,8 @@ def make_plan(
             raise InputError(f"{name}: another world of the sweep is called {file.world.name}, too")
         if warning := size_warning(file.world):
             warn(f"{name}: {warning}")
-        walls = digest((file.world.segments, file.world.objects, file.world.heights))
+        world = file.world
+        walls = digest((world.segments, world.objects, world.heights, *world.materials))
         drives: dict[str, Trajectory] = {}
         for values in grid.combinations:
             scenario = scenario_of(file, [setting(*each) for each in values.items()])

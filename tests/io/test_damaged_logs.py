@@ -124,27 +124,3 @@ def test_the_program_ends_with_one_line(whole, kind, tmp_path):
         return
     assert kind in refused("map", kind, cwd=tmp_path)
     assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("ranges", "text"),
-        ("poses", "integer"),
-        ("walls", "float"),
-        ("map_objects", "float"),
-        ("world_name", "integer"),
-        ("lrf", "text"),
-    ],
-)
-def test_a_run_with_values_of_another_type_is_refused(whole, tmp_path, name, value):
-    from lrf3d.io import load_run
-
-    path = tmp_path / "run.npz"
-    path.write_bytes(next(iter(whole["run.npz"].values())))
-    arrays = dict(np.load(path))
-    types = {"text": np.str_, "integer": np.int64, "float": np.float64}
-    arrays[name] = np.ones(np.shape(arrays[name])).astype(types[value])
-    np.savez(path, **arrays)
-    with pytest.raises(InputError, match=f"{name} holds .*, which a run does not"):
-        load_run(path)

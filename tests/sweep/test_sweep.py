@@ -223,8 +223,9 @@ def test_keys_come_from_what_a_world_holds_and_not_from_where_it_lies(room, tmp_
     elsewhere.write_text("# The same room.\n" + ROOM)
     keys = [run.key for run in tiny(room).runs]
     assert keys == [run.key for run in tiny(str(elsewhere)).runs]
-    elsewhere.write_text(ROOM.replace("[10, 8]", "[10, 8.5]"))
-    assert not set(keys) & {run.key for run in tiny(str(elsewhere)).runs}
+    for old, new in (("[10, 8]", "[10, 8.5]"), ("closed =", 'material = "brick"\nclosed =')):
+        elsewhere.write_text(ROOM.replace(old, new))
+        assert not set(keys) & {run.key for run in tiny(str(elsewhere)).runs}
     with pytest.raises(InputError, match="another world of the sweep is called box"):
         make_plan(SweepGrid((room, str(elsewhere)), seeds=1))
 
@@ -337,7 +338,7 @@ def test_the_command_writes_its_files_and_prints_one_value(room, tmp_path):
     for flags, words in (
         (["--vary", "mapper.gap"], "expected TABLE.KEY=VALUE"),
         (["--sigma", ","], "--sigma ',': expected values"),
-        (["--shard", "3/2"], "--shard 3/2: expected I/N"),
+        (["--shard", "3/2"], "--shard '3/2': expected I/N"),
         (["--mapper", "rubust"], "mapper rubust|mapper 'rubust'"),
     ):
         with pytest.raises(InputError, match=words):
