@@ -19,7 +19,6 @@ from lrf3d.scoring import (
     adjusted_rand_index,
     buildings_seen,
     match_segments,
-    matching,
     score_map,
     visible_walls,
 )
