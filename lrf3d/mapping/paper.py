@@ -33,11 +33,11 @@ class SegmentTable(NamedTuple):
 
     def take(self, rows: Int) -> "SegmentTable":
         """The table of some rows."""
-        return SegmentTable(*(column[rows] for column in self))
+        return SegmentTable._make(column[rows] for column in self)
 
     def join(self, other: "SegmentTable") -> "SegmentTable":
         """The rows of this table and then those of another."""
-        return SegmentTable(*(np.concatenate(pair) for pair in zip(self, other, strict=True)))
+        return SegmentTable._make(np.concatenate(pair) for pair in zip(self, other, strict=True))
 
     def as_map(self, place: Float) -> LineMap:
         """The map of the segments around a place (2,) [m] in the world."""
