@@ -20,7 +20,7 @@ from lrf3d.scene.estimate import CORNERS, DrawnEstimate, ring_quads
 from lrf3d.scene.moments import Scene
 from lrf3d.scene.shapes import Lines, Points, Soft
 from lrf3d.scene.timeline import DriveKeys, Timeline, drive_keys, obstacle_keys, scan_times
-from lrf3d.scene.trail_and_map import straight_pieces
+from lrf3d.scene.trail_and_map import thinned
 
 _ABOVE = Look(np.array([0.0, 0.0, 1.0]), np.zeros(3), field=1e-6, up=(0.0, 1.0, 0.0))
 """A look that nothing is made larger for, to be seen from far away."""
@@ -39,6 +39,10 @@ _EYE_INDOOR, _TARGET_INDOOR = np.array([-3.4, 0.0, 4.2]), np.array([0.8, 0.0, 0.
 
 _FIELD = float(np.radians(50.0))
 """Its angle of view from the bottom to the top [rad]."""
+
+_PIECE_ERROR, _SHORTEST = 0.03, 1e-3
+"""How far a straight piece of the trail may be off [m], in place and along the way; shorter ones
+are left out: a robot that turns on the spot."""
 
 _RIM, _LEAST = 0.08, 1e-3
 """Width of the rim of the ellipse of now, as a share of its half axes; and the least half axis [m]:
@@ -61,7 +65,7 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
     document = Document(run.world.name or "world", {"origin": origin, "world": run.world.name})
     add_stage(document, scene.stage)
     keys = drive_keys(scene.timeline)
-    paths = [keys[:2], *(obstacle_keys(each, scene.timeline) for each in run.obstacles)]
+    paths = [keys, *(obstacle_keys(each, scene.timeline) for each in run.obstacles)]
     for (name, body), path in zip(bodies, paths, strict=True):
         node = add_body(document, name, body.faces)
         document.drive(node, *path)
@@ -157,12 +161,16 @@ def _add_trail(
     part = document.part(document.material(name), strip, np.tile(colour, (6, 1)))
     mesh = document.mesh(name, part)
     group = document.node(name, document.root)
-    for begin, end, start, way in straight_pieces(keys):
+    pieces = thinned(keys, _PIECE_ERROR)
+    for (begin, start), (end, stop) in pairwise(zip(*pieces, strict=True)):
+        way = (stop - start)[:2]
+        if np.hypot(*way) < _SHORTEST:
+            continue
         node = document.node(
             f"{name} from {begin:.1f} s",
             group,
             mesh=mesh,
-            translation=[*start.tolist(), height],
+            translation=[*start[:2].tolist(), height],
             rotation=turned(np.arctan2(way[1:], way[:1]))[0].tolist(),
         )
         # Its width is there at once: a strip that widens as it grows would be a wedge.
@@ -176,7 +184,7 @@ def _add_estimate(document: Document, timeline: Timeline) -> None:
     if drawn is None:
         return
     poses = np.column_stack([drawn.places, np.zeros(len(drawn.places))])
-    keys = DriveKeys(drawn.times, poses, np.zeros(max(len(poses) - 1, 0), np.bool_))
+    keys = DriveKeys(drawn.times, poses)
     height = look.TRAIL_HEIGHT + look.ESTIMATE_LIFT
     _add_trail(document, keys, "estimate", look.ESTIMATE_COLOUR, look.ESTIMATE_WIDTH, height)
     if not len(drawn.ellipse_times):

@@ -63,15 +63,10 @@ TRACKS = {b"ODOM": "odom", b"TRUEPOS": "truth"}
 def load_carmen(
     path: str | Path, *, largest_range: float | None = None, poses: str = "auto"
 ) -> LaserLog:
-    """Read the scans of a CARMEN log.
+    """Read the scans of a CARMEN log; see `load_log`.
 
-    Args:
-        path: The log, packed with gzip or not.
-        largest_range: Readings from here on are no return [m]; if not given the farthest that
-            the message says its range finder sees, or 50 m, or less if the largest reading of
-            the log stands out.
-        poses: ``auto`` for those of the scans, ``odom`` or ``truth`` for those that ODOM or
-            TRUEPOS messages give for the times of the scans, taken as the laser's.
+    Readings from the largest range on are no return: if not given, the farthest that the message
+    says its range finder sees, or 50 m, or less if the largest reading of the log stands out.
 
     Raises:
         InputError: The file cannot be read, holds no scan or not the poses that are asked for,

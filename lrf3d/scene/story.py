@@ -111,9 +111,9 @@ class Story:
             share = _RISEN * _eased((passed - begin) / (end - begin))
             return self._over(between(chase, whole, share), share)
         if shot == "close":
-            # From the side from which it looks down the least.
-            orbits = [track.at(times) for track in self._orbits]
-            return min(orbits, key=lambda track: float(track.steeps.max()))
+            # The side from which it looks down the least: from above, little is seen of it.
+            sides = [chase, *(track.at(times) for track in self._orbits)]
+            return min(sides, key=lambda track: float(track.steeps.max()))
         if shot == "high":
             away = min(_HIGH, _HIGH_SHARE * float(whole.aways[0]))
             turns = np.full(len(self._path.times), whole.turns[0])

@@ -110,7 +110,7 @@ class HandDrive:
             self._map_due, self._stale = self.time + _MAP_PAUSE, False
         times = np.array([*self._times, self.time])
         poses = np.array([*self._poses, self.pose]) - [*self.scene.origin, 0.0]
-        self.scene.keys = thinned(DriveKeys(times, poses, np.zeros(len(times) - 1, np.bool_)))
+        self.scene.keys = thinned(DriveKeys(times, poses))
         return True
 
     def moment(self) -> Moment:
