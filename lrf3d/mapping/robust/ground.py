@@ -33,10 +33,10 @@ DEPTH = 0.2
 EDGE = 0.3
 """[m] Beams that pass a mirror by less show neither what is there nor what is not."""
 
-SAMPLE = 0.1
+SAMPLE = PATCH
 """[m] Steps in which segments are searched for images."""
 
-LEAST_LEFT, RIM = 5, 2
+LEAST_LEFT, RIM = 3, 1
 """[samples] What is left of a segment beside its images stays from so many on that are seen; by so
 many it is cut where an image begins."""
 

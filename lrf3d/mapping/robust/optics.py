@@ -139,11 +139,11 @@ def absorb(stretches: Float, segments: Float, kept: Bool, owners: Int) -> None:
         low, high = 0.0, size
         for other in range(len(segments)):
             x1, y1, x2, y2 = segments[other]
-            length = np.hypot(x2 - x1, y2 - y1)
             aside = (y1 - y) * ux - (x1 - x) * uy, (y2 - y) * ux - (x2 - x) * uy
             along = (x1 - x) * ux + (y1 - y) * uy, (x2 - x) * ux + (y2 - y) * uy
             if not kept[other] or max(abs(aside[0]), abs(aside[1])) >= ABSORBED_DISTANCE:
                 continue
+            length = np.hypot(x2 - x1, y2 - y1)
             shared = min(max(along[0], along[1]), size) - max(min(along[0], along[1]), 0.0)
             if shared > ABSORBED * length and abs(aside[1] - aside[0]) < ABSORBED_SINE * length:
                 kept[other] = False
@@ -151,11 +151,12 @@ def absorb(stretches: Float, segments: Float, kept: Bool, owners: Int) -> None:
         stretches[row, 0], stretches[row, 1] = x + low * ux, y + low * uy
         stretches[row, 2], stretches[row, 3] = x + high * ux, y + high * uy
     for row in range(len(stretches)):
-        least = JOINS
+        least = JOINS * JOINS
         for other in range(len(segments)):
             for ends in range(4 if kept[other] else 0):
                 one, two = 2 * (ends // 2), 2 * (ends % 2)
                 x = segments[other, one] - stretches[row, two]
-                apart = np.hypot(x, segments[other, one + 1] - stretches[row, two + 1])
+                y = segments[other, one + 1] - stretches[row, two + 1]
+                apart = x * x + y * y
                 if apart < least:
                     least, owners[row] = apart, other

@@ -174,6 +174,8 @@ def mirror_pieces(pieces: Float) -> Bool:
     """Which pieces (PIECES,) of a line are a mirror."""
     images, wrong, opaque = pieces[:, IMAGE], pieces[:, WRONG], pieces[:, OPAQUE]
     known, alike = pieces[:, LIT], pieces[:, ALIKE]
+    if alike.sum() < LEAST_LIT:
+        return np.zeros(PIECES, np.bool_)
     # What a mirror shows that was not seen otherwise is no image of anything.
     good = np.where(known > 0.0, alike > ALIKE_SHARE * known, images > IMAGE_FACTOR * wrong)
     good &= (images >= LEAST_IMAGES) & (images > IMAGE_FACTOR * opaque)
@@ -192,6 +194,8 @@ def stretches(line: Float, mirror: bool, pieces: Float, reach: Float, former: Fl
     """Stretches (s, 4) [m] of a line: pieces that are found, and former ones not belied."""
     shown, _, passed, opaque, _, _, images, wrong, known, alike = pieces.T
     found = mirror_pieces(pieces) if mirror else glass_pieces(pieces)
+    if not (found.any() or len(former)):
+        return former
     if mirror:
         belied = (opaque + wrong > images + SEEN) | (known > 2.0 * alike + SEEN)
     else:
