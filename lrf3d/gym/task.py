@@ -14,8 +14,7 @@ from lrf3d.errors import InputError
 from lrf3d.geometry import Bool, Float, Int, numbers, wrap_angle
 from lrf3d.laser import LaserScan, ProportionalNoise
 from lrf3d.laser.noise import at_sigma
-from lrf3d.planning.free_space import find_free_space
-from lrf3d.planning.sides import Ground
+from lrf3d.planning.free_space import free_places
 from lrf3d.pose import Pose
 from lrf3d.robot.collision import CollisionChecker
 from lrf3d.robot.unicycle import arcs
@@ -81,8 +80,7 @@ class DriveTask:
         )  # fmt: skip
         self._checker = CollisionChecker(scenario.world)
         least = scenario.radius + GOAL_MARGIN
-        space = find_free_space(Ground.around(scenario.world), least)
-        self._cells = space.places + scenario.world.origin
+        self._cells = free_places(scenario.world, least)
         self.farthest = float(np.hypot(*np.ptp(self._cells, axis=0))) + GOAL_FAR
         self.poses, self.goals = np.zeros((count, 3)), np.zeros((count, 2))
         self.times = np.zeros(count)

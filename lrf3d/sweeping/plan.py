@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from lrf3d.digest import digest, name_of, seed_of
 from lrf3d.errors import InputError
 from lrf3d.laser import Noise
-from lrf3d.planning.sides import Side
+from lrf3d.planning.ground import Side
 from lrf3d.robot import Trajectory
 from lrf3d.scenario import Scenario, read_scenario_file, scenario_of
 from lrf3d.simulation import line_mapper

@@ -11,7 +11,7 @@ from numpy.lib import format as npy
 
 import lrf3d
 from lrf3d import InputError, LaserRangeFinder, OutputError, World
-from lrf3d.io import npz, recording
+from lrf3d.io import npz
 from lrf3d.world.cameras import FilmPlan
 
 ROOM = World([[0, 0, 10, 0], [10, 0, 10, 8], [10, 8, 0, 8], [0, 8, 0, 0]])
@@ -108,15 +108,6 @@ def test_a_folder_that_is_missing_is_named_when_the_run_is_recorded(tmp_path):
         lrf3d.record(simulation(), tmp_path / "nowhere" / "run.npz")
 
 
-def test_a_journal_that_cannot_be_opened_is_named(tmp_path, monkeypatch):
-    def refused(*_, **__):
-        raise PermissionError(13, "Permission denied")
-
-    monkeypatch.setattr(recording, "Journal", refused)
-    with pytest.raises(OutputError, match=r"run\.journal: cannot be written: Permission denied"):
-        lrf3d.record(simulation(), tmp_path / "run.npz")
-
-
 def test_a_finished_run_that_is_damaged_is_recorded_again(run_file):
     whole = run_file.read_bytes()
     run_file.write_bytes(whole[: len(whole) // 2])
@@ -130,26 +121,6 @@ def stop_after(count):
             raise KeyboardInterrupt
 
     return progress
-
-
-def stopped(path, mapper, at):
-    """A recording that stops after some of its scans; its journal."""
-
-    made = lrf3d.Simulation(ROOM, POSES, LRF, mapper=mapper, rng=0)
-    with pytest.raises(KeyboardInterrupt):
-        lrf3d.record(made, path, progress=stop_after(at))
-    return path.with_suffix(".journal")
-
-
-@pytest.mark.parametrize("rest", [b"no journal", b"\xff" * 40])
-def test_what_is_no_journal_is_recorded_over(rest, run_file):
-    whole = run_file.read_bytes()
-    run_file.unlink()
-    journal = stopped(run_file, None, 2)
-    # A file of something else, or a record that claims to be longer than the file.
-    journal.write_bytes(rest if rest == b"no journal" else journal.read_bytes() + rest)
-    lrf3d.record(simulation(), run_file, resume=True)
-    assert run_file.read_bytes() == whole
 
 
 def farther(scan, rng):

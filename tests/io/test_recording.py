@@ -12,7 +12,6 @@ import lrf3d
 from lrf3d import (
     InputError,
     LaserRangeFinder,
-    LineMap,
     LineMapper,
     OutputError,
     ProportionalNoise,
@@ -244,18 +243,6 @@ def test_a_killed_process_loses_next_to_nothing(tmp_path):
     )
     assert 1000 <= resumed[0] < 1500
     assert path.read_bytes() == (tmp_path / "whole.npz").read_bytes()
-
-
-def test_a_stream_of_steps_gives_the_run_and_keeps_no_scans():
-    steps = simulation(scans=5)
-    seen = []
-    for step in steps:
-        seen.append(step.index)
-        if len(seen) == 2:
-            break
-    seen += [step.index for step in steps]
-    assert seen == [0, 1, 2, 3, 4]
-    assert isinstance(steps.map, LineMap) and steps.done == 5
 
 
 def test_one_file_has_one_writer(tmp_path):
