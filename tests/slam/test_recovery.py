@@ -91,7 +91,7 @@ def test_false_closures_that_the_scans_contradict_are_taken_back():
     assert kept.tolist() == (~edges.robust).tolist()
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [1, 2])
 def test_wheels_that_slip_between_scans_far_apart_ruin_nothing(seed):
     """The slip turns what is left of the step; along the corridor only its turn shows that."""
     scans, wheels, true = drive(rooms(4), [*through(4), *through(4)[1:]])
