@@ -23,7 +23,6 @@ from lrf3d.scene.ground import bare_ground
 from lrf3d.scene.light import sky_light
 from lrf3d.scene.stage import paint_walls
 from lrf3d.scene.structures import Structures
-from lrf3d.scene.trees import crowns_of
 
 PICTURE = (640, 360)
 """Width and height of the pictures [pixels]."""
@@ -121,7 +120,7 @@ def _bitmap(mi: Any, picture: Float, kind: str = "nearest") -> dict[str, Any]:
 
 def _walls(mi: Any, structures: Structures) -> dict[str, Any]:
     """Walls and roofs: what is painted over them, mixed with their own colour by its opacity."""
-    walls, roofs, _ = paint_walls(structures, crowns_of(structures))
+    walls, roofs, _ = paint_walls(structures)
     parts = []
     for faces in (walls, roofs):
         columns = np.concatenate([faces.places, faces.texture, faces.colours], axis=2)

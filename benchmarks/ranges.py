@@ -90,7 +90,6 @@ def methods(world: World) -> Iterator[Callable[[], Method]]:
     yield lambda: bare_embree(world)
     yield lambda: plain("NumPy determinants", partial(determinants, world.segments))
     yield lambda: plain("Open3D", open3d_ranges(world))
-    yield lambda: plain("MuJoCo", mujoco_ranges(world))
 
 
 def bench(
@@ -102,7 +101,7 @@ def bench(
 ) -> Report:
     """Cast scans with lrf3d and with its peers: run time against error.
 
-    Open3D and MuJoCo take part where they are installed: .venv/bin/pip install -e '.[bench]'.
+    Open3D takes part where it is installed: .venv/bin/pip install -e '.[bench]'.
     """
     report = Report(__doc__.splitlines()[0])
     for count in numbers("--walls", walls, least=4):
@@ -142,7 +141,7 @@ def measure(report: Report, count: int, seconds: float) -> None:
         {each.name: partial(_scan, list(map(each.ready, poses))) for each, _ in built},
         seconds=seconds / 2,
     )
-    quick = [each for each, _ in built if each.name not in ("NumPy determinants", "MuJoCo")]
+    quick = [each for each, _ in built if each.name != "NumPy determinants"]
     batches = take_turns(
         {each.name: partial(_batch, each, many) for each in quick}, seconds=seconds / 2
     )
@@ -265,33 +264,6 @@ def open3d_ranges(world: World) -> Cast:
         found = scene.cast_rays(library.core.Tensor(np.hstack(rays(world, lrf, poses))))
         distances = found["t_hit"].numpy().astype(np.float64)
         return limited(distances.reshape(len(poses), lrf.beams), lrf)
-
-    return cast
-
-
-def mujoco_ranges(world: World) -> Cast:
-    """MuJoCo's ``mj_multiRay`` at one mesh of all walls, scan after scan."""
-    library: Any = import_module("mujoco")
-    walls, spec = mesh_of(world), library.MjSpec()
-    vertices, faces = walls.vertices.astype(np.float32), walls.faces.astype(np.int32)
-    mesh = spec.add_mesh(name="walls", uservert=vertices.ravel(), userface=faces.ravel())
-    # Walls enclose no volume, which a mesh must unless it is a shell.
-    mesh.inertia = library.mjtMeshInertia.mjMESH_INERTIA_SHELL
-    spec.worldbody.add_geom(type=library.mjtGeom.mjGEOM_MESH, meshname="walls")
-    model = spec.compile()
-    data = library.MjData(model)
-    library.mj_forward(model, data)
-
-    def cast(lrf: LaserRangeFinder, poses: Float) -> Float:
-        distances = np.empty((len(poses), lrf.beams, 1))
-        met = np.zeros((lrf.beams, 1), np.int32)
-        for pose, out in zip(poses, distances, strict=True):
-            origins, directions = (each.astype(np.float64) for each in rays(world, lrf, pose[None]))
-            library.mj_multiRay(
-                model, data, origins[0], directions.reshape(-1, 1), None, 1, -1, met, out, None,
-                lrf.beams, lrf.range_max,
-            )  # fmt: skip
-        return limited(np.where(distances < 0.0, np.inf, distances)[..., 0], lrf)
 
     return cast
 

@@ -23,8 +23,7 @@ from lrf3d.io import load_log
 from lrf3d.laser import LaserRangeFinder, ProportionalNoise
 from lrf3d.mapping import LineMapper
 from lrf3d.mapping.mapper import MODES
-from lrf3d.planning.free_space import find_free_space
-from lrf3d.planning.sides import Ground
+from lrf3d.planning.free_space import free_places
 from lrf3d.scoring import score_log, score_run
 from lrf3d.simulation import simulate
 from lrf3d.world import World, load_world
@@ -157,6 +156,6 @@ def random_poses(world: World, count: int, rng: np.random.Generator) -> Float:
     Raises:
         InputError: There is no such room in the world.
     """
-    cells = find_free_space(Ground.around(world), CLEARANCE).places
+    places = free_places(world, CLEARANCE)
     heading = rng.uniform(-np.pi, np.pi, count)
-    return np.column_stack([cells[rng.integers(len(cells), size=count)] + world.origin, heading])
+    return np.column_stack([places[rng.integers(len(places), size=count)], heading])

@@ -10,7 +10,6 @@ of three numbers, whose mean over the seeds is 3 for a covariance that is right.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
@@ -172,36 +171,9 @@ def measure(seeds: int, run: Callable[..., list[Drive]]) -> dict[str, list[Drive
     return {world: run(partial(simulated, world), range(seeds)) for world in WORLDS}
 
 
-def draw(worlds: dict[str, list[Drive]], path: Path) -> None:
-    """Draw how errors and covariances grow along the drives through each world."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(12, 5), layout="constrained")
-    axes = figure.subplots(2, len(worlds), sharex=True, squeeze=False)
-    for column, (world, drives) in enumerate(worlds.items()):
-        squares = np.mean([drive.errors**2 for drive in drives], axis=0)
-        variances = np.mean(
-            [np.diagonal(drive.covariances, axis1=1, axis2=2) for drive in drives], axis=0
-        )
-        share = np.arange(1, len(squares) + 1) / len(squares)
-        for row, (numbers, unit) in enumerate(((slice(0, 2), 100.0), (slice(2, 3), 180.0 / np.pi))):
-            for values, style in ((squares, "o"), (variances, "-")):
-                label = "error" if style == "o" else "standard deviation"
-                root = unit * np.sqrt(values[:, numbers].sum(axis=1))
-                axes[row, column].plot(share, root, style, label=label)
-            axes[row, column].set_ylim(bottom=0.0)
-        axes[0, column].set_title(world)
-        axes[1, column].set_xlabel("share of the drive")
-    axes[0, 0].set_ylabel("place [cm]")
-    axes[1, 0].set_ylabel("heading [°]")
-    axes[1, 1].legend(loc="lower right")
-    figure.savefig(path, dpi=100)
-
-
 def main(
     seeds: Annotated[int, typer.Option(min=2, help="Drives through each world.")] = 50,
     scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler.")] = None,
-    figure: Annotated[Path | None, typer.Option(help="Picture of errors and covariances.")] = None,
 ) -> None:
     """Measure how consistent SLAM is, and print it as JSON."""
     from lrf3d.sweeping.running import executor_of
@@ -210,8 +182,6 @@ def main(
         assert executor is not None
         worlds = measure(seeds, lambda work, runs: list(executor.map(work, runs)))
     print(json_text({world: consistency(drives) for world, drives in worlds.items()}))
-    if figure is not None:
-        draw(worlds, figure)
 
 
 if __name__ == "__main__":

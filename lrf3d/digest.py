@@ -37,11 +37,8 @@ def _plain(value: Any) -> Any:
         return ["array", value.shape, hashlib.sha256(ordered.tobytes()).hexdigest()]
     if is_dataclass(value):
         held = {each: getattr(value, each.name) for each in fields(value)}
-        return {
-            each.name: _plain(one)
-            for each, one in held.items()
-            if not (each.metadata.get("later") and one == each.default)
-        }
+        # What a value does not show at its default is left out.
+        return {e.name: _plain(one) for e, one in held.items() if e.repr or one != e.default}
     if isinstance(value, Mapping):
         return {str(key): _plain(each) for key, each in value.items()}
     if isinstance(value, tuple | list):

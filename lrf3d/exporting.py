@@ -1,7 +1,5 @@
-"""Exporting runs for other programs: a table of all formats."""
+"""Exporting runs for other programs."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -10,65 +8,13 @@ from lrf3d.errors import InputError
 from lrf3d.files import replacing
 from lrf3d.run import Run
 
-
-@dataclass(frozen=True, slots=True)
-class Exporter:
-    """A format that runs are written in.
-
-    Args:
-        name: Default name of a file; the part after its first dot is the ending of all files.
-        about: What it is and which programs read it.
-        write: Writes every n-th scan of a run to a path, completely or not at all.
-    """
-
-    name: str
-    about: str
-    write: Callable[[Run, Path, int], None]
-
-    @property
-    def endings(self) -> tuple[str, ...]:
-        """Valid endings of its files; empty for a folder."""
-        _, dot, ending = self.name.partition(".")
-        return (f".{ending}", f".{ending.removesuffix('.gz')}") if dot else ("",)
-
-
-def _write_carmen(run: Run, path: Path, every: int) -> None:
-    from lrf3d.io.carmen_writer import write_carmen
-
-    write_carmen(_thinned(run, every), path)
-
-
-def _write_mcap(run: Run, path: Path, every: int) -> None:
-    from lrf3d.io.bag_writer import write
-
-    write(_thinned(run, every), path)
-
-
-def _write_bag_folder(run: Run, path: Path, every: int) -> None:
-    from lrf3d.io.bag_writer import write_folder
-
-    write_folder(_thinned(run, every), path)
-
-
-def _write_glb(run: Run, path: Path, every: int) -> None:
-    from lrf3d.gltf import run_glb
-
-    with replacing(path) as unfinished:
-        unfinished.write_bytes(run_glb(run, every=every))
-
-
-def _thinned(run: Run, every: int) -> Run:
-    """The run with every n-th of its scans, and the last of its maps."""
-    return run if every == 1 else run.part(np.arange(0, len(run), every))
-
-
-EXPORTERS: dict[str, Exporter] = {
-    "carmen": Exporter("run.log.gz", "a CARMEN log", _write_carmen),
-    "mcap": Exporter("run.mcap", "a ROS 2 bag as one file, for Foxglove", _write_mcap),
-    "rosbag2": Exporter("run_bag", "a ROS 2 bag, for ros2 bag play", _write_bag_folder),
-    "glb": Exporter("run.glb", "an animated 3D scene for Blender and web viewers", _write_glb),
+EXPORTERS = {
+    "carmen": "run.log.gz",
+    "mcap": "run.mcap",
+    "rosbag2": "run_bag",
+    "glb": "run.glb",
 }
-"""The formats by their names; a new format is one more entry."""
+"""The formats, with default names of their files; what follows the first dot is the ending."""
 
 
 def export_run(run: Run, to: str, path: str | Path, *, every: int = 1) -> None:
@@ -95,7 +41,24 @@ def export_run(run: Run, to: str, path: str | Path, *, every: int = 1) -> None:
     """
     if to not in EXPORTERS:
         raise InputError(f"--to {to}: expected one of {', '.join(EXPORTERS)}")
-    exporter, path = EXPORTERS[to], Path(path)
-    if not path.name.lower().endswith(exporter.endings):
-        raise InputError(f"--out {path}: expected a name that ends in {exporter.endings[0]}")
-    exporter.write(run, path, every)
+    path = Path(path)
+    _, dot, ending = EXPORTERS[to].partition(".")
+    endings = (f".{ending}", f".{ending.removesuffix('.gz')}") if dot else ("",)
+    if not path.name.lower().endswith(endings):
+        raise InputError(f"--out {path}: expected a name that ends in {endings[0]}")
+    if to == "glb":
+        from lrf3d.gltf import run_glb
+
+        with replacing(path) as unfinished:
+            unfinished.write_bytes(run_glb(run, every=every))
+        return
+    if every > 1:
+        run = run.part(np.arange(0, len(run), every))
+    if to == "carmen":
+        from lrf3d.io.carmen_writer import write_carmen
+
+        write_carmen(run, path)
+    else:
+        from lrf3d.io.bag_writer import write, write_folder
+
+        (write if to == "mcap" else write_folder)(run, path)

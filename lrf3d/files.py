@@ -12,21 +12,15 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import BinaryIO
 
 from lrf3d.errors import InputError, OutputError
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 LARGEST_TEXT = 1 << 28
 """Largest text file [bytes]: about two million walls as TOML."""
 
 LONGEST_NAME = 200
 """Bytes of a name that are kept in its temporary name: names have at most 255."""
-
-ROWS, SCATTERED_ROWS = 2048, 256
-"""Rows of a part of a mapped array: consecutive ones, and single ones, which load whole pages."""
 
 GENERAL = frozenset(
     "building data drawing export floorplan grid journal log map model plan run scan scene"
@@ -44,14 +38,9 @@ def check_ordinary(
     missing: str = "no such file",
     error: type[InputError] = InputError,
 ) -> None:
-    """Check that a path is a regular file of limited size.
+    """Check that a path is a regular file, of at most the largest size [bytes].
 
-    Args:
-        path: The path; links are followed.
-        what: What is expected there, for messages.
-        largest: Largest size [bytes].
-        missing: The message if nothing is there.
-        error: The class of the error.
+    Messages say what is expected there, or ``missing`` if nothing is there.
 
     Raises:
         InputError: It is not there, is a folder, a pipe, a socket or a device, or is too large.
@@ -123,13 +112,8 @@ def read_text(
 def own_name(path: str | Path, given: object = None, *, stem: str | None = None) -> str:
     """The name of the contents of a file, for pictures and for the folder of the results.
 
-    It is the name in the file if there is one, else the file's name without its ending. If that is
-    as general as ``map.yaml``, the name of its folder comes before it.
-
-    Args:
-        path: The file, or the folder.
-        given: The name in the file, if it is a text.
-        stem: The file's name without its ending, where that has more than one part.
+    It is the name in the file if that is a text, else the stem, which is the file's name without
+    its ending. If that is as general as ``map.yaml``, the name of its folder comes before it.
 
     Example:
         >>> own_name("plans/office.dxf"), own_name("berlin/map.yaml"), own_name("x.toml", "Lab 3")
@@ -242,11 +226,8 @@ def make_folder(path: str | Path) -> Path:
 def locked(target: Path, shown: Path | None = None) -> Iterator[None]:
     """Hold the lock of a target, so that no other process writes to it meanwhile.
 
-    The system releases it however this process ends.
-
-    Args:
-        target: The file or the folder; the lock is a hidden file next to it.
-        shown: What is locked, for messages; the target if not given.
+    The lock is a hidden file next to it, which the system releases however this process ends.
+    Messages call the target by what is shown, if given.
 
     Raises:
         InputError: Another process holds it.
@@ -279,35 +260,3 @@ def locked(target: Path, shown: Path | None = None) -> Iterator[None]:
 
 def _cut(name: str) -> str:
     return os.fsdecode(os.fsencode(name)[:LONGEST_NAME])
-
-
-def in_parts(array: "NDArray[Any]", rows: int = ROWS) -> "Iterator[NDArray[Any]]":
-    """The parts of a mapped array; the memory of each is released when the next one is read."""
-    for first in range(0, len(array), rows):
-        yield array[first : first + rows]
-        _release(array)
-
-
-def some_rows(array: "NDArray[Any]", chosen: "NDArray[Any]") -> "NDArray[Any]":
-    """A copy of some rows of a mapped array."""
-    import numpy as np
-
-    if not len(chosen):
-        return array[:0].copy()
-    taken = []
-    for part in np.array_split(chosen, max(1, len(chosen) // SCATTERED_ROWS)):
-        taken.append(array[part])
-        _release(array)
-    return np.concatenate(taken)
-
-
-def _release(array: Any) -> None:
-    """Release the memory that a mapped array occupies; its data stay in the file."""
-    import mmap
-
-    while array is not None:
-        if isinstance(array, mmap.mmap):
-            if hasattr(mmap, "MADV_DONTNEED"):
-                array.madvise(mmap.MADV_DONTNEED)
-            return
-        array = getattr(array, "base", None)

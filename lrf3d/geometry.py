@@ -104,11 +104,6 @@ def _is_read_only(array: Any) -> bool:
     return True
 
 
-LATER = {"later": True}
-"""Metadata of a field that a value did not have at first: at its default it is left out of the
-digests of values, which so stay what they were."""
-
-
 class Value:
     """Base of values with arrays, which stay read-only in copies and after unpickling.
 

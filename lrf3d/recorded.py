@@ -6,7 +6,6 @@ A log, or the path of one, enters. `slam_log` finds its poses and returns the dr
 
 import warnings
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -18,10 +17,11 @@ from lrf3d.geometry import Float
 from lrf3d.interrupts import check, stoppable
 from lrf3d.io import LaserLog, load_log
 from lrf3d.io.reading import CARMEN_ENDINGS
-from lrf3d.laser import LaserScan
+from lrf3d.laser import LaserScan, doubtful_ranges
 from lrf3d.laser.free_space import distinct_poses, free_cells
 from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.progress import Progress, silent
+from lrf3d.robot import EstimatedTrajectory
 from lrf3d.run import Run
 from lrf3d.scoring import LogScore, Relations, TrajectoryScore, score_log, score_trajectory
 from lrf3d.slam.frames import compose
@@ -60,47 +60,77 @@ def slam_log(log: LaserLog | str | Path, *, key_distance: float = KEY_DISTANCE) 
     return solved.run
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class SolvedLog:
-    """A log, its poses, and their error against known relations (None without any)."""
+class LogMap:
+    """A log and the map of some of its scans."""
 
     log: LaserLog
-    solution: LogSolution
-    score: TrajectoryScore | None = None
+    map: LineMap
+    mapped: list[LaserScan]
+    poses: Float
+    estimate: EstimatedTrajectory | None = None
+
+    def free_cells(self) -> FreeCells:
+        """The cells that the mapped scans show to be free."""
+        chosen = distinct_poses(np.array([scan.pose for scan in self.mapped]).reshape(-1, 3))
+        return free_cells([self.mapped[index] for index in chosen])
+
+    def draw(self, path: Path) -> None:
+        """Draw the map over the points that it was built from, and the path, to a file."""
+        from lrf3d.render.figures import draw_map
+
+        draw_map(
+            self.map,
+            path,
+            points=np.vstack([scan.points() for scan in self.mapped]),
+            poses=self.poses,
+            estimate=self.estimate,
+            title=self.log.name,
+        )
+
+    def summary(self) -> dict[str, Any]:
+        """The figures, in JSON's types."""
+        return {
+            "name": self.log.name,
+            "log": {
+                "scans": len(self.log),
+                "beams": len(self.log.scans[0].ranges),
+                "bad_lines": self.log.bad_count,
+                "readings_not_numbers": self.log.not_numbers,
+            },
+            "map": {"segments": len(self.map), "objects": self.map.object_count},
+        }
+
+
+class SolvedLog(LogMap):
+    """A log, its poses, and their error against known relations (None without any)."""
+
+    def __init__(
+        self, log: LaserLog, solution: LogSolution, score: TrajectoryScore | None = None
+    ) -> None:
+        self.log, self.solution, self.score = log, solution, score
+        self.run = run = run_of(solution, log.name)
+        self.map, self.poses, self.estimate = run.map, run.trajectory.poses, run.estimate
+        self.mapped = [run.scan(number) for number in solution.slam.key_scans.tolist()]
 
     def __repr__(self) -> str:
         return f"SolvedLog({self.log.name}, {self.solution})"
-
-    @cached_property
-    def run(self) -> Run:
-        """The recorded drive as a run, in the walls that it mapped."""
-        return run_of(self.solution, self.log.name)
 
     def trajectory(self) -> tuple[Float, Float]:
         """Times (n,) [s] and poses (n, 3) of the robot at the odometry lines, as logged."""
         times = self.log.times if self.log.wheels is None else self.log.wheels.times
         return times, self.solution.line_poses
 
-    def free_cells(self) -> FreeCells:
-        """The cells that the key scans, from which the map was built, show to be free."""
-        keys = self.solution.slam.key_scans
-        chosen = keys[distinct_poses(self.run.trajectory.poses[keys])]
-        return free_cells([self.run.scan(number) for number in chosen.tolist()])
-
     def summary(self) -> dict[str, Any]:
         """The figures, in JSON's types."""
-        solution, slam = self.solution, self.solution.slam
+        solution, slam, common = self.solution, self.solution.slam, super().summary()
         biases, tracked = slam.wheels.biases.tolist(), slam.tracked
         return {
-            "name": self.log.name,
+            **common,
             "log": {
-                "scans": len(self.log),
-                "beams": len(self.log.scans[0].ranges),
+                **common["log"],
                 "odometry_lines": len(solution.line_poses),
                 "odometry": "the poses of the scans" if self.log.wheels is None else "ODOM lines",
                 **solution.repairs.as_dict(),
-                "bad_lines": self.log.bad_count,
-                "readings_not_numbers": self.log.not_numbers,
             },
             "wheels": {
                 "lag_lines": solution.lag,
@@ -118,20 +148,9 @@ class SolvedLog:
                 "scans_with_a_weak_direction": sum(scan.weak for scan in tracked[1:]),
             },
             "self_check": solution.check.as_dict(),
-            "map": {"segments": len(self.run.map), "objects": self.run.map.object_count},
             "score": None if self.score is None else self.score.as_dict(),
             "milliseconds_a_scan": solution.milliseconds,
         }
-
-    def draw(self, path: Path) -> None:
-        """Draw the map over the points of its key scans, the path and the closures, to a file."""
-        from lrf3d.render.figures import draw_map
-
-        keys = self.solution.slam.key_scans.tolist()
-        points = np.vstack([self.run.scan(number).points() for number in keys])
-        run = self.run
-        poses, estimate = run.trajectory.poses, run.estimate
-        draw_map(run.map, path, points=points, poses=poses, estimate=estimate, title=self.log.name)
 
 
 def solved_log(
@@ -169,7 +188,7 @@ def solved_log(
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MappedLog:
+class MappedLog(LogMap):
     """A log, the map of some of its scans, and how well that predicts the others."""
 
     log: LaserLog
@@ -183,40 +202,24 @@ class MappedLog:
     def __repr__(self) -> str:
         return f"MappedLog({self.log.name}, {len(self.mapped)} scans, {self.map.counts})"
 
-    def free_cells(self) -> FreeCells:
-        """The cells that the mapped scans show to be free."""
-        chosen = distinct_poses(np.array([scan.pose for scan in self.mapped]).reshape(-1, 3))
-        return free_cells([self.mapped[index] for index in chosen])
+    @property
+    def poses(self) -> Float:  # type: ignore[override]
+        """Poses (k, 3) of the scans that the map was built from."""
+        return np.array([scan.pose for scan in self.mapped])
 
     def summary(self) -> dict[str, Any]:
         """The figures, in JSON's types."""
+        common = super().summary()
+        bad = [{bad.kind: bad.number, "reason": bad.reason} for bad in self.log.bad_lines]
         return {
-            "name": self.log.name,
+            **common,
             "mode": self.mode,
             "sigma_m": self.sigma,
-            "log": {
-                "scans": len(self.log),
-                "beams": len(self.log.scans[0].ranges),
-                "poses": self.log.source,
-                "bad_lines": self.log.bad_count,
-                "first_bad_lines": [
-                    {bad.kind: bad.number, "reason": bad.reason} for bad in self.log.bad_lines
-                ],
-                "readings_not_numbers": self.log.not_numbers,
-            },
-            "map": {"segments": len(self.map), "objects": self.map.object_count},
+            "log": {**common["log"], "poses": self.log.source, "first_bad_lines": bad},
             "score": self.score.as_dict(),
             "milliseconds_a_scan": float(np.mean(self.milliseconds)),
             "median_milliseconds_a_scan": float(np.median(self.milliseconds)),
         }
-
-    def draw(self, path: Path) -> None:
-        """Draw the map over the points that it was built from, to a file."""
-        from lrf3d.render.figures import draw_map
-
-        points = np.vstack([scan.points() for scan in self.mapped])
-        poses = np.array([scan.pose for scan in self.mapped])
-        draw_map(self.map, path, points=points, poses=poses, title=self.log.name)
 
 
 @stoppable()
@@ -240,6 +243,9 @@ def map_log(
     Raises:
         InputError: There is no such mode, the noise is invalid, or the scans show no wall.
 
+    Warns:
+        Lrf3dWarning: The ranges are hardly in metres.
+
     Examples:
         >>> import lrf3d
         >>> room = lrf3d.load_world("paper_room")
@@ -260,12 +266,14 @@ def map_log(
         milliseconds.append(1e3 * (perf_counter() - begin))
         progress(done, len(even))
         check()
-    line_map = mapper.map
+    line_map, doubt = mapper.map, doubtful_ranges(log.scans)
     if not len(line_map):
+        reason = doubt or "expected walls within the laser's range"
         raise InputError(
-            f"{log.name}: {len(even)} scans show no wall, so that there is no map; expected ranges"
-            " in metres of at least a few beams"
+            f"{log.name}: {len(even)} scans show no wall, so that there is no map; {reason}"
         )
+    if doubt:
+        warnings.warn(f"map: {log.name}: {doubt}", Lrf3dWarning, stacklevel=2)
     return MappedLog(
         log, mode, sigma, line_map, score_log(line_map, odd), tuple(milliseconds), even
     )

@@ -4,7 +4,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import import_module
-from math import prod
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -13,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.errors import InputError, shown
-from lrf3d.files import some_rows
 from lrf3d.geometry import Float, Int, Value, sealed
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapping import LineMap
@@ -172,15 +170,13 @@ class Run(Value, Pictured):
 
     def part(self, scans: Int) -> "Run":
         """The run of some of its scans, in ascending order, with the last of its maps."""
-        light: dict[str, Any] = {
-            name: some_rows(values, scans) for name, values in self.light.items()
-        }
+        light: dict[str, Any] = {name: values[scans] for name, values in self.light.items()}
         part = replace(
             self,
             trajectory=Trajectory(self.trajectory.times[scans], self.trajectory.poses[scans]),
-            ranges=some_rows(self.ranges, scans),
-            truth=some_rows(self.truth, scans),
-            walls=some_rows(self.walls, scans),
+            ranges=self.ranges[scans],
+            truth=self.truth[scans],
+            walls=self.walls[scans],
             snapshot_scans=(len(scans) - 1,) if self.maps else (),
             maps=self.maps[-1:],
             estimate=None if self.estimate is None else self.estimate.part(scans),
@@ -293,10 +289,3 @@ def keep_light(rows: Mapping[str, Float], row: int, scan: LaserScan) -> None:
     for name, values in rows.items():
         light = getattr(scan, name)
         values[row] = np.nan if light is None else light
-
-
-def run_bytes(scans: int, world: World, lrf: LaserRangeFinder) -> int:
-    """Bytes that the scans of a run take on disk: float64 and int64 numbers."""
-    light = sum(prod(shape) for shape in light_shapes(world, lrf).values())
-    # A time and a pose for each scan; a range, a true range and a wall for each beam.
-    return 8 * scans * (4 + 3 * lrf.beams + light)

@@ -18,7 +18,7 @@ from lrf3d.files import own_name
 from lrf3d.geometry import Float, Value
 from lrf3d.laser import Imperfections, LaserRangeFinder, Noise, ProportionalNoise
 from lrf3d.laser.noise import SIGMA, as_noise, at_sigma, spread_of
-from lrf3d.planning.sides import Side
+from lrf3d.planning.ground import Side
 from lrf3d.pose import Pose
 from lrf3d.progress import Progress, silent
 from lrf3d.robot import Trajectory, check_drive, find_collision, follow_route

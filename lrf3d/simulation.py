@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.casting.timed import Caster
-from lrf3d.errors import InputError, check_names
+from lrf3d.errors import InputError, check_names, shown
 from lrf3d.geometry import Float, numbers, sealed, whole_number
 from lrf3d.interrupts import check, stoppable
 from lrf3d.laser import LaserRangeFinder, LaserScan, ProportionalNoise
@@ -291,6 +291,11 @@ def simulate(
     if lrf is not None:
         settings["lrf"] = lrf
     if not isinstance(world, World):
+        if not hasattr(world, "simulation"):
+            raise InputError(
+                f"simulate: {shown(world)}: expected a World or a Scenario, such as"
+                " load_scenario('city')"
+            )
         return collect(world.simulation(drive=drive, **settings), progress, snapshots=snapshots)
     if drive is None:
         raise InputError("drive: not given, and a world alone has none; give one, or a scenario")

@@ -1,7 +1,6 @@
 """Text for people: numbers, counts and tables."""
 
 from collections.abc import Collection, Sequence
-from io import StringIO
 
 
 def counted(number: int, noun: str) -> str:
@@ -23,30 +22,16 @@ def table(
 ) -> str:
     """A table as text; every table that lrf3d prints is made here.
 
-    Args:
-        head: A title for each column; empty for a table without titles.
-        rows: The cells of each row.
-        left: Indices of the columns that are aligned to the left; the others are aligned to the
-            right.
-        width: Least width of the first column [characters].
+    Without a head it has no titles. Columns of the given indices are aligned to the left, the
+    others to the right; the first has a least width [characters].
     """
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
-    # Cells are plain text: square brackets around units are not markup.
-    made = Table(box=None, pad_edge=False, header_style=None, show_header=bool(head))
-    for number in range(len(head or rows[0])):
-        made.add_column(
-            Text(head[number] if head else ""),
-            justify="left" if number in left else "right",
-            no_wrap=True,
-            min_width=None if number else width,
-        )
-    for row in rows:
-        made.add_row(*map(Text, row))
-    # The console is wide enough never to fold a line, also for readers of a pipe.
-    console = Console(file=StringIO(), width=10_000, color_system=None)
-    console.print(made)
-    assert isinstance(console.file, StringIO)
-    return "\n".join(line.rstrip() for line in console.file.getvalue().splitlines())
+    lines = [head, *rows] if head else list(rows)
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    widths[0] = max(widths[0], width)
+    return "\n".join(
+        "  ".join(
+            cell.ljust(widths[number]) if number in left else cell.rjust(widths[number])
+            for number, cell in enumerate(line)
+        ).rstrip()
+        for line in lines
+    )

@@ -13,7 +13,7 @@ from program import lrf3d as program
 
 import lrf3d
 from lrf3d.cores import process_pool
-from lrf3d.interrupts import check, handle_signals, stoppable
+from lrf3d.interrupts import check, stoppable
 
 POSES = [(1 + 0.01 * k, 1, 0) for k in range(20)]
 
@@ -97,15 +97,6 @@ def test_a_recording_says_what_it_keeps_and_is_resumed(room, tmp_path):
     assert stopped.value.__notes__ == ["7 of 20 scans kept; go on with --resume"]
     lrf3d.record(simulation(), tmp_path / "run.npz", resume=True)
     assert (tmp_path / "run.npz").read_bytes() == (tmp_path / "whole.npz").read_bytes()
-
-
-def test_a_signal_that_is_ignored_stays_so():
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    try:
-        handle_signals("lrf3d")
-        assert signal.getsignal(signal.SIGTERM) is signal.SIG_IGN
-    finally:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 HANGING = """

@@ -135,3 +135,8 @@ def test_a_run_that_cannot_be_written_leaves_nothing(tmp_path, monkeypatch):
     with pytest.raises(lrf3d.OutputError, match="No space left"):
         save_run(run_of(), tmp_path / "run.npz")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_name_is_no_world_to_simulate_in():
+    with pytest.raises(InputError, match="simulate: 'corridor': expected a World or a Scenario"):
+        lrf3d.simulate("corridor")

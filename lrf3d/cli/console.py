@@ -14,6 +14,7 @@ import typer
 from lrf3d.errors import Lrf3dWarning, one_line
 from lrf3d.interrupts import check
 from lrf3d.progress import Progress
+from lrf3d.text import table
 
 Rows = Sequence[tuple[str, str]]
 
@@ -126,19 +127,12 @@ def _rounded(value: Any) -> Any:
 
 def print_table(rows: Rows) -> None:
     """Print names and values in two columns."""
-    # Imported here, because the help of a command needs no rich.
-    from lrf3d.text import table
-
     cells = [(name, one_line(value)) for name, value in rows]
     print_text(table((), cells, left=(0, 1), width=9) + "\n")
 
 
 def print_text(text: str) -> None:
-    """Print a text and flush it.
-
-    Raises:
-        OSError: It cannot be written; the error names the standard output.
-    """
+    """Print a text and flush it; an error names the standard output."""
     try:
         print(text, end="", flush=True)
     except BrokenPipeError:

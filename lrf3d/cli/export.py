@@ -37,7 +37,7 @@ def export(
     if to not in EXPORTERS:
         raise InputError(f"--to {to}: expected one of {', '.join(EXPORTERS)}")
     folder = run if run.is_dir() else run.parent
-    path = folder / EXPORTERS[to].name if out is None else out
+    path = folder / EXPORTERS[to] if out is None else out
     make_folder(path.parent)
     export_run(kept, to, path, every=every)
     files = [path] if path.is_file() else sorted(path.iterdir())

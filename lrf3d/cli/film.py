@@ -1,5 +1,6 @@
 """The options of films and pictures, and how they are drawn."""
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -124,14 +125,14 @@ class Film:
 
     def _size(self) -> tuple[int, int] | None:
         """Width and height; both even, as H.264 needs them."""
-        from lrf3d.errors import InputError
+        from lrf3d.errors import InputError, shown
 
         if self.size is None:
             return None
-        width, _, height = self.size.lower().partition("x")
-        if not (width.isdigit() and height.isdigit()):
-            raise InputError(f"--size {self.size}: expected WIDTHxHEIGHT, such as 1280x720")
-        size = int(width), int(height)
+        given = re.fullmatch(r"([0-9]{1,5})x([0-9]{1,5})", self.size.lower())
+        if given is None:
+            raise InputError(f"--size {shown(self.size)}: expected WIDTHxHEIGHT, such as 1280x720")
+        size = int(given[1]), int(given[2])
         if min(size) < 64 or max(size) > 7680 or size[0] % 2 or size[1] % 2:
             raise InputError(f"--size {self.size}: expected even numbers from 64 to 7680")
         return size

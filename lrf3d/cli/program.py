@@ -81,31 +81,24 @@ def _message(error: Exception) -> str | None:
     if isinstance(error, Lrf3dError):
         return str(error)
     if isinstance(error, OSError):
-        default = "standard output" if _discard_output(sys.stdout) else ""
+        _discard_output(sys.stdout)
         reason = error.strerror or str(error) or type(error).__name__
         names = [os.fsdecode(name) for name in (error.filename, error.filename2)
                  if isinstance(name, str | bytes)]  # fmt: skip
-        return ": ".join(filter(None, [" to ".join(names) or default, reason]))
+        return ": ".join(filter(None, [" to ".join(names), reason]))
     if isinstance(error, MemoryError):
         why = f" ({error})" if str(error) else ""
         return f"out of memory{why}; ask for less at once, or use a machine with more memory"
     return None
 
 
-def _discard_output(*streams: "Any") -> bool:
-    """Drop the output that streams cannot print, or Python would try again when it ends.
-
-    Returns:
-        Whether there was such a stream.
-    """
-    found = False
+def _discard_output(*streams: "Any") -> None:
+    """Drop the output that streams cannot print, or Python would try again when it ends."""
     for stream in streams:
         try:
             stream.flush()
         except OSError:
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-            found = True
-    return found
 
 
 def _report(name: str, error: BaseException, message: str) -> None:

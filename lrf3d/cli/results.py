@@ -1,6 +1,5 @@
 """The results of ``lrf3d run``: runs of a scenario at its noise levels, figures and files."""
 
-import json
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -11,7 +10,6 @@ from typing import Any
 
 from lrf3d.cli.folder import Drawing
 from lrf3d.cli.plugins import made
-from lrf3d.errors import InputError
 from lrf3d.geometry import lengths
 from lrf3d.interrupts import noting
 from lrf3d.io import record
@@ -32,14 +30,8 @@ KEPT = "all scans kept; go on with --resume"
 class Results:
     """The runs of a scenario, one for each noise level [m], of which the first is recorded.
 
-    Args:
-        scenario: The scenario.
-        sigmas: The noise levels [m].
-        runs: A run for each of them.
-        main: The simulation of the first run, with its mapper.
-        seconds: The time that the scans of this call took.
-        taken: Their number.
-        driven: Whether the robot drove, rather than scanned from single poses.
+    With the simulation of that first one, the time that the scans of this call took, and their
+    number; the robot has driven, or it has scanned from single poses.
     """
 
     scenario: Scenario
@@ -118,7 +110,7 @@ def summary_of(results: Results, settings: Mapping[str, Any], folder: Path) -> d
             # The run was finished before, so this mapper has no scans yet.
             for scan in run.scans:
                 mapper.update(scan)
-        summary["report"] = _checked(mapper, mapper.report(run, folder))
+        summary["report"] = dict(mapper.report(run, folder))
     if len(results.runs) > 1:
         summary["noise_levels"] = [
             {"sigma_m": sigma, "segments": len(run.map), "objects": run.map.object_count}
@@ -164,21 +156,6 @@ def rows_of(
 
 def _share(value: float | None) -> str:
     return "–" if value is None else f"{value:.3f}"
-
-
-def _checked(mapper: Any, report: Any) -> dict[str, Any]:
-    """The report of a mapper in JSON's types.
-
-    Raises:
-        InputError: JSON cannot represent it.
-    """
-    try:
-        return dict(json.loads(json.dumps(dict(report), allow_nan=False)))
-    except (TypeError, ValueError) as error:
-        raise InputError(
-            f"{mapper!r}: report returned {str(report)[:60]!r}; expected a dict of texts and finite"
-            f" numbers ({error})"
-        ) from None
 
 
 def files_of(results: Results, folder: Path) -> dict[str, str]:

@@ -1,5 +1,6 @@
 """``lrf3d sweep``: runs over worlds, settings and seeds, on this machine or a cluster."""
 
+import re
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -63,30 +64,31 @@ def sweep(
     for world in worlds or ():
         find_world(world)
     job = None if shard is None else _job(shard)
-    flags = {"noise.sigma": ("--sigma", sigma), "laser.beams": ("--beams", beams)}
 
     from lrf3d.cli.folder import results_folder
+    from lrf3d.cli.plugins import load_plugin
     from lrf3d.files import own_name
+    from lrf3d.sweeping import grid as grids
     from lrf3d.sweeping.drawing import figures_of
-    from lrf3d.sweeping.grid import SIGMA, SIGMAS, SweepGrid, parse_axis, parse_values, read_grid
     from lrf3d.sweeping.plan import make_plan
     from lrf3d.sweeping.running import executor_of, known_rows, run_plan
     from lrf3d.sweeping.table import SweepTable, missing_parquet
 
     if find_spec("pyarrow") is None:
         raise missing_parquet()
-    axes = {
-        key: parse_values(text, flag) for key, (flag, text) in flags.items() if text is not None
-    }
-    axes.update(parse_axis(text) for text in vary or ())
-    chosen: dict[str, Any] = {"seeds": seeds, "every": every}
+    flags = ((grids.SIGMA, "--sigma", sigma), (grids.BEAMS, "--beams", beams))
+    axes = {key: grids.parse_values(text, flag) for key, flag, text in flags if text is not None}
+    axes.update(grids.parse_axis(text) for text in vary or ())
+    chosen: dict[str, Any] = {"worlds": tuple(worlds or ()), "seeds": seeds, "every": every}
     if mapper is not None:
-        chosen["mappers"] = {label.strip(): _mapper(label.strip()) for label in mapper.split(",")}
+        labels = [label.strip() for label in mapper.split(",")]
+        # A mode of the LineMapper, or the class or object that a user names.
+        chosen["mappers"] = {k: load_plugin("mapper", k) if ":" in k else k for k in labels}
     chosen = {name: value for name, value in chosen.items() if value is not None}
     if grid is not None:
-        asked = read_grid(grid, axes, worlds=tuple(worlds or ()), **chosen)
+        asked = grids.read_grid(grid, axes, **chosen)
     else:
-        asked = SweepGrid(tuple(worlds or ()), {SIGMA: SIGMAS, **axes}, **chosen)
+        asked = grids.SweepGrid(axes={grids.SIGMA: grids.SIGMAS, **axes}, **chosen)
     plan = make_plan(
         asked,
         collision=warn if ignore_collisions else None,
@@ -128,16 +130,12 @@ def sweep(
 
 def _job(text: str) -> tuple[int, int]:
     """The number of a job and of all jobs."""
-    from lrf3d.errors import InputError
+    from lrf3d.errors import InputError, shown
 
-    number, _, count = text.partition("/")
-    if not (number.isdecimal() and count.isdecimal() and 1 <= int(number) <= int(count)):
-        raise InputError(f"--shard {text}: expected I/N, such as 2/8 for the second of eight jobs")
-    return int(number), int(count)
-
-
-def _mapper(label: str) -> Any:
-    """A mode of the LineMapper, or the class or object that a user names."""
-    from lrf3d.cli.plugins import load_plugin
-
-    return load_plugin("mapper", label) if ":" in label else label
+    given = re.fullmatch(r"([0-9]{1,6})/([0-9]{1,6})", text)
+    number, count = map(int, given.groups()) if given else (0, 0)
+    if not 1 <= number <= count:
+        raise InputError(
+            f"--shard {shown(text)}: expected I/N, such as 2/8 for the second of eight jobs"
+        )
+    return number, count

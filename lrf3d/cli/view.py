@@ -39,20 +39,14 @@ def view(
     if not run:
         # An unknown name is reported before the server is imported.
         find_world(what)
-    from lrf3d.view.opening import open_view
+    from lrf3d.view.opening import run_view, world_view
+    from lrf3d.view.server import bound, serve
 
     def say(address: str) -> None:
         text = f"{what} is shown at {address}; Ctrl-C ends it"
         report.print({"address": address}, [("view", text)])
 
-    open_view(
-        what,
-        is_run=run,
-        host=host,
-        port=port,
-        browser=browser,
-        playback=playback,
-        seed=seed,
-        started=say,
-        read=lambda name: drive.read(name, report),
-    )
+    # A wrong address is refused before the work.
+    with bound(host, port) as door:
+        site = run_view(what, playback) if run else world_view(drive.read(what, report), seed)
+        serve(site, door, host=host, browser=browser, started=say)

@@ -1,8 +1,8 @@
-"""Worlds and runs as glTF 2.0 in one file (GLB), which Blender, web viewers and engines read.
+"""Runs as glTF 2.0 in one file (GLB), which Blender, web viewers and engines read.
 
 What the film draws is written, in the film's light: no material needs a lamp.
 """
 
-from lrf3d.gltf.drive import run_glb, still_glb
+from lrf3d.gltf.drive import run_glb
 
-__all__ = ["run_glb", "still_glb"]
+__all__ = ["run_glb"]

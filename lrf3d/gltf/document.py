@@ -1,33 +1,31 @@
-"""A glTF document in the making: arrays become accessors, and all of them one block of bytes.
-
-The classes of the format and the packing of the file are pygltflib's.
-"""
+"""A glTF document in the making: arrays become accessors, and all of them one block of bytes."""
 
 import io
+import json
+import struct
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import pygltflib
 from numpy.typing import NDArray
 from PIL import Image
-from pygltflib import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER
 
 from lrf3d.geometry import Float
 
-VERTICES, INDICES, KEYS = ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, 0
-"""What an array is for: the format wants each kind in buffer views of its own."""
+VERTICES, INDICES, KEYS = 34962, 34963, None
+"""What an array is for, as the format numbers it; keys of animations have no number."""
+
+TRIANGLES, LINES = 4, 1
+"""What the corners of a part make up."""
 
 _KINDS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
-_COMPONENTS = {
-    "float32": pygltflib.FLOAT,
-    "uint8": pygltflib.UNSIGNED_BYTE,
-    "uint16": pygltflib.UNSIGNED_SHORT,
-    "uint32": pygltflib.UNSIGNED_INT,
-}
+_COMPONENTS = {"float32": 5126, "uint8": 5121, "uint16": 5123, "uint32": 5125}
+_REPEAT, _CLAMP, _LINEAR, _MIPMAPS = 10497, 33071, 9729, 9987
+
+_UNLIT = "KHR_materials_unlit"
 
 _ALIGNMENT = 4
-"""Bytes that the start of every accessor is a multiple of."""
+"""Bytes that the start of every array is a multiple of."""
 
 
 class Document:
@@ -38,75 +36,70 @@ class Document:
     """
 
     def __init__(self, name: str, extras: Mapping[str, Any]) -> None:
-        asset = pygltflib.Asset(version="2.0", generator="lrf3d")
-        unlit = ["KHR_materials_unlit"]
-        self.gltf = pygltflib.GLTF2(asset=asset, scene=0, extensionsUsed=unlit)
-        self._streams: dict[tuple[int, str, int], bytearray] = {}
-        self._accessors: list[tuple[tuple[int, str, int], pygltflib.Accessor]] = []
-        self._pictures: list[tuple[pygltflib.Image, bytes]] = []
-        self._animation = pygltflib.Animation(name="drive", samplers=[], channels=[])
+        self._parts: dict[str, list[dict[str, Any]]] = {}
+        self._blob = bytearray()
+        self._name = name
+        self._samplers: list[dict[str, Any]] = []
+        self._channels: list[dict[str, Any]] = []
         # A quarter turn about x: glTF has y up.
         half = float(np.sqrt(0.5))
         self.root = self.node(name, rotation=[-half, 0.0, 0.0, half], extras=dict(extras))
-        self.gltf.scenes = [pygltflib.Scene(nodes=[self.root], name=name)]
 
-    def array(self, values: NDArray[Any], use: int, *, bounded: bool = False) -> int:
+    def add(self, kind: str, **properties: Any) -> int:
+        """Add an entry of a kind, such as ``cameras``, and give its number."""
+        entries = self._parts.setdefault(kind, [])
+        entries.append(properties)
+        return len(entries) - 1
+
+    def array(self, values: NDArray[Any], use: int | None, *, bounded: bool = False) -> int:
         """Add an array (n,) or (n, k) and give its accessor; whole numbers of vertices are 0…1.
 
         The format wants the bounds of positions and of times noted.
         """
         columns = 1 if values.ndim == 1 else values.shape[1]
-        key = (use, values.dtype.name, columns)
-        stream = self._streams.setdefault(key, bytearray())
-        accessor = pygltflib.Accessor(
-            byteOffset=len(stream),
-            componentType=_COMPONENTS[values.dtype.name],
-            count=len(values),
-            type=_KINDS[columns],
-            normalized=use == VERTICES and values.dtype.kind == "u",
-        )
+        accessor: dict[str, Any] = {
+            "bufferView": self._view(values.tobytes(), **({} if use is None else {"target": use})),
+            "componentType": _COMPONENTS[values.dtype.name],
+            "count": len(values),
+            "type": _KINDS[columns],
+        }
+        if use == VERTICES and values.dtype.kind == "u":
+            accessor["normalized"] = True
         if bounded:
             rows = values.reshape(-1, columns)
-            accessor.min, accessor.max = rows.min(axis=0).tolist(), rows.max(axis=0).tolist()
-        stream += np.ascontiguousarray(values).tobytes()
-        stream += bytes(-len(stream) % _ALIGNMENT)
-        self._accessors.append((key, accessor))
-        return len(self._accessors) - 1
+            accessor |= {"min": rows.min(axis=0).tolist(), "max": rows.max(axis=0).tolist()}
+        return self.add("accessors", **accessor)
+
+    def _view(self, data: bytes, **properties: Any) -> int:
+        self._blob += bytes(-len(self._blob) % _ALIGNMENT)
+        place = {"buffer": 0, "byteOffset": len(self._blob), "byteLength": len(data)}
+        self._blob += data
+        return self.add("bufferViews", **place, **properties)
 
     def material(self, name: str, *, texture: int | None = None, translucent: bool = False) -> int:
         """Add a material and give its number; vertices carry its colours, if it has no texture."""
         factors: dict[str, Any] = {"metallicFactor": 0.0, "roughnessFactor": 1.0}
         if texture is not None:
             factors["baseColorTexture"] = {"index": texture}
-        self.gltf.materials.append(
-            pygltflib.Material(
-                name=name,
-                pbrMetallicRoughness=factors,
-                extensions={"KHR_materials_unlit": {}},
-                alphaMode="BLEND" if translucent else "OPAQUE",
-                doubleSided=True,
-            )
+        return self.add(
+            "materials",
+            name=name,
+            pbrMetallicRoughness=factors,
+            extensions={_UNLIT: {}},
+            alphaMode="BLEND" if translucent else "OPAQUE",
+            doubleSided=True,
         )
-        return len(self.gltf.materials) - 1
 
     def texture(self, name: str, picture: Image.Image, kind: str, *, repeat: bool = False) -> int:
         """Add a picture as a ``PNG`` or ``JPEG`` and give the number of its texture."""
         file = io.BytesIO()
         picture.save(file, kind, quality=88, optimize=True)
-        wrap = pygltflib.REPEAT if repeat else pygltflib.CLAMP_TO_EDGE
-        sampler = pygltflib.Sampler(
-            magFilter=pygltflib.LINEAR,
-            minFilter=pygltflib.LINEAR_MIPMAP_LINEAR,
-            wrapS=wrap,
-            wrapT=wrap,
-        )
-        image = pygltflib.Image(name=name, mimeType=f"image/{kind.lower()}")
-        self._pictures.append((image, file.getvalue()))
-        self.gltf.samplers.append(sampler)
-        self.gltf.images.append(image)
-        number = len(self.gltf.images) - 1
-        self.gltf.textures.append(pygltflib.Texture(source=number, sampler=number))
-        return number
+        wrap = _REPEAT if repeat else _CLAMP
+        filters = {"magFilter": _LINEAR, "minFilter": _MIPMAPS}
+        sampler = self.add("samplers", **filters, wrapS=wrap, wrapT=wrap)
+        view, mime = self._view(file.getvalue()), f"image/{kind.lower()}"
+        source = self.add("images", name=name, mimeType=mime, bufferView=view)
+        return self.add("textures", source=source, sampler=sampler)
 
     def part(
         self,
@@ -116,8 +109,8 @@ class Document:
         *,
         kind: type = np.uint8,
         texture: NDArray[Any] | None = None,
-        mode: int = pygltflib.TRIANGLES,
-    ) -> pygltflib.Primitive:
+        mode: int = TRIANGLES,
+    ) -> dict[str, Any]:
         """A part of a mesh: corners (…, 3), screen colours (…, 3 or 4), places (…, 2) in a texture.
 
         Colours are kept as whole numbers of a kind.
@@ -140,89 +133,70 @@ class Document:
             name: self.array(column[first], VERTICES, bounded=name == "POSITION")
             for name, column in columns.items()
         }
-        return pygltflib.Primitive(
-            attributes=pygltflib.Attributes(**attributes),
-            indices=self.array(numbers.astype(small), INDICES),
-            material=material,
-            mode=mode,
-        )
+        indices = self.array(numbers.astype(small), INDICES)
+        return {"attributes": attributes, "indices": indices, "material": material, "mode": mode}
 
-    def mesh(self, name: str, *parts: pygltflib.Primitive) -> int:
+    def mesh(self, name: str, *parts: Mapping[str, Any]) -> int:
         """Add a mesh and give its number."""
-        self.gltf.meshes.append(pygltflib.Mesh(name=name, primitives=list(parts)))
-        return len(self.gltf.meshes) - 1
+        return self.add("meshes", name=name, primitives=parts)
 
     def node(self, name: str, parent: int | None = None, **properties: Any) -> int:
         """Add a node and give its number."""
-        self.gltf.nodes.append(pygltflib.Node(name=name, **properties))
-        number = len(self.gltf.nodes) - 1
+        number = self.add("nodes", name=name, **properties)
         if parent is not None:
-            self.gltf.nodes[parent].children.append(number)
+            self._parts["nodes"][parent].setdefault("children", []).append(number)
         return number
 
     def animate(
         self, node: int, path: str, times: Float, values: Float, *, step: bool = False
     ) -> None:
-        """Move a node: key times (k,) [s] and values (k, n), straight or stepping between."""
-        kind = pygltflib.ANIM_STEP if step else pygltflib.ANIM_LINEAR
+        """Move a node: key times (k,) [s] and values (k, n), straight or stepping between.
+
+        What does not play an animation shows the first.
+        """
+        self._parts["nodes"][node][path] = values[0].tolist()
+        if len(times) < 2:
+            return
         keys = self.array(times.astype(np.float32), KEYS, bounded=True)
         output = self.array(values.astype(np.float32), KEYS)
-        sampler = pygltflib.AnimationSampler(input=keys, output=output, interpolation=kind)
-        self._animation.samplers.append(sampler)
-        target = pygltflib.AnimationChannelTarget(node=node, path=path)
-        number = len(self._animation.samplers) - 1
-        self._animation.channels.append(pygltflib.AnimationChannel(sampler=number, target=target))
+        kind = "STEP" if step else "LINEAR"
+        self._samplers.append({"input": keys, "output": output, "interpolation": kind})
+        target = {"node": node, "path": path}
+        self._channels.append({"sampler": len(self._samplers) - 1, "target": target})
 
     def drive(self, node: int, times: Float, poses: Float) -> None:
         """Move a node over level ground: key times (k,) [s], poses (k, 3) with even headings."""
-        places = np.column_stack([poses[:, :2], np.zeros(len(poses))])
-        turns = turned(poses[:, 2])
-        moved = self.gltf.nodes[node]
-        moved.translation, moved.rotation = places[0].tolist(), turns[0].tolist()
-        if len(times) > 1:
-            self.animate(node, "translation", times, places)
-            self.animate(node, "rotation", times, turns)
+        self.animate(node, "translation", times, poses * [1.0, 1.0, 0.0])
+        self.animate(node, "rotation", times, turned(poses[:, 2]))
 
     def show(self, node: int, begin: float, end: float, whole: float) -> None:
         """Give a node its size only from one time to another [s] of a whole animation."""
-        sizes, times = [1.0], [0.0]
+        times, sizes = [0.0], [1.0]
         if begin > 0.0:
-            # Programs that play nothing show the start.
-            self.gltf.nodes[node].scale = [0.0, 0.0, 0.0]
-            sizes, times = [0.0, 1.0], [0.0, begin]
+            times, sizes = [0.0, begin], [0.0, 1.0]
         if end < whole:
-            sizes, times = [*sizes, 0.0], [*times, end]
+            times, sizes = [*times, end], [*sizes, 0.0]
         if len(times) > 1:
-            values = np.repeat(np.array(sizes)[:, None], 3, axis=1)
-            self.animate(node, "scale", np.array(times), values, step=True)
+            self.animate(node, "scale", np.array(times), np.tile(sizes, (3, 1)).T, step=True)
 
     def glb(self) -> bytes:
         """The finished file."""
-        gltf = self.gltf
-        blob = bytearray()
-        views: dict[tuple[int, str, int], int] = {}
-        for (use, kind, columns), stream in self._streams.items():
-            view = pygltflib.BufferView(buffer=0, byteOffset=len(blob), byteLength=len(stream))
-            if use != KEYS:
-                view.target = use
-            if use == VERTICES:
-                view.byteStride = np.dtype(kind).itemsize * columns
-            views[use, kind, columns] = len(gltf.bufferViews)
-            gltf.bufferViews.append(view)
-            blob += stream
-        for key, accessor in self._accessors:
-            accessor.bufferView = views[key]
-            gltf.accessors.append(accessor)
-        for image, picture in self._pictures:
-            image.bufferView = len(gltf.bufferViews)
-            view = pygltflib.BufferView(buffer=0, byteOffset=len(blob), byteLength=len(picture))
-            gltf.bufferViews.append(view)
-            blob += picture + bytes(-len(picture) % _ALIGNMENT)
-        if self._animation.channels:
-            gltf.animations = [self._animation]
-        gltf.buffers = [pygltflib.Buffer(byteLength=len(blob))]
-        gltf.set_binary_blob(bytes(blob))
-        return b"".join(gltf.save_to_bytes())
+        if self._channels:
+            self.add("animations", name="drive", samplers=self._samplers, channels=self._channels)
+        whole = {
+            "asset": {"version": "2.0", "generator": "lrf3d"},
+            "extensionsUsed": [_UNLIT],
+            "scene": 0,
+            "scenes": [{"nodes": [self.root], "name": self._name}],
+            "buffers": [{"byteLength": len(self._blob)}],
+            **self._parts,
+        }
+        chunks = b""
+        text = json.dumps(whole, separators=(",", ":")).encode()
+        for kind, data, fill in ((b"JSON", text, b" "), (b"BIN\0", bytes(self._blob), b"\0")):
+            data += fill * (-len(data) % _ALIGNMENT)
+            chunks += struct.pack("<I4s", len(data), kind) + data
+        return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 
 
 def linear(colours: Float) -> NDArray[np.float32]:

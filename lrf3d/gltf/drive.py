@@ -5,25 +5,22 @@ snapshot of the map is a node of its own, which has its size while it is to be s
 otherwise, and each straight piece of the trail is one that grows while it is driven.
 """
 
-from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
-import pygltflib
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float
-from lrf3d.gltf.document import Document, turned
+from lrf3d.gltf.document import LINES, Document, turned
 from lrf3d.gltf.stage import add_body, add_stage, lit
 from lrf3d.run import Run
 from lrf3d.scene import look
 from lrf3d.scene.camera import Look
 from lrf3d.scene.estimate import CORNERS, DrawnEstimate, ring_quads
 from lrf3d.scene.moments import Scene
-from lrf3d.scene.shapes import Body, Lines, Points, Soft
-from lrf3d.scene.stage import Stage
+from lrf3d.scene.shapes import Lines, Points, Soft
 from lrf3d.scene.timeline import DriveKeys, Timeline, drive_keys, obstacle_keys, scan_times
-from lrf3d.scene.trail_and_map import straight_pieces
+from lrf3d.scene.trail_and_map import thinned
 
 _ABOVE = Look(np.array([0.0, 0.0, 1.0]), np.zeros(3), field=1e-6, up=(0.0, 1.0, 0.0))
 """A look that nothing is made larger for, to be seen from far away."""
@@ -43,6 +40,10 @@ _EYE_INDOOR, _TARGET_INDOOR = np.array([-3.4, 0.0, 4.2]), np.array([0.8, 0.0, 0.
 _FIELD = float(np.radians(50.0))
 """Its angle of view from the bottom to the top [rad]."""
 
+_PIECE_ERROR, _SHORTEST = 0.03, 1e-3
+"""How far a straight piece of the trail may be off [m], in place and along the way; shorter ones
+are left out: a robot that turns on the spot."""
+
 _RIM, _LEAST = 0.08, 1e-3
 """Width of the rim of the ellipse of now, as a share of its half axes; and the least half axis [m]:
 a node without a size has no axes."""
@@ -60,10 +61,13 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
     scene = Scene(Timeline(run, playback=1.0))
     moment = scene.timeline.moment(scene.timeline.start)
     bodies = scene.seen(moment, _ABOVE, _SIZE, ()).bodies
-    document = _standing(run.world.name, scene.stage, bodies)
+    origin = scene.origin.tolist()
+    document = Document(run.world.name or "world", {"origin": origin, "world": run.world.name})
+    add_stage(document, scene.stage)
     keys = drive_keys(scene.timeline)
-    for name, path in [("robot", keys[:2]), *_obstacle_paths(scene.timeline)]:
-        node = next(n for n, each in enumerate(document.gltf.nodes) if each.name == name)
+    paths = [keys, *(obstacle_keys(each, scene.timeline) for each in run.obstacles)]
+    for (name, body), path in zip(bodies, paths, strict=True):
+        node = add_body(document, name, body.faces)
         document.drive(node, *path)
         if name == "robot":
             _add_camera(document, node, scene)
@@ -75,36 +79,15 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
     return document.glb()
 
 
-def still_glb(name: str, stage: Stage, bodies: Iterable[tuple[str, Body]]) -> bytes:
-    """A world as a GLB file, with bodies at the frame's origin."""
-    return _standing(name, stage, bodies).glb()
-
-
-def _standing(name: str, stage: Stage, bodies: Iterable[tuple[str, Body]]) -> Document:
-    origin = stage.structures.origin.tolist()
-    document = Document(name or "world", {"origin": origin, "world": name})
-    add_stage(document, stage)
-    for body_name, body in bodies:
-        add_body(document, body_name, body.faces)
-    return document
-
-
-def _obstacle_paths(timeline: Timeline) -> list[tuple[str, tuple[Float, Float]]]:
-    obstacles = enumerate(timeline.run.obstacles)
-    return [(f"obstacle {number}", obstacle_keys(each, timeline)) for number, each in obstacles]
-
-
 def _add_camera(document: Document, robot: int, scene: Scene) -> None:
     """A camera that the robot carries behind it."""
     view = Look(_EYE, _TARGET, _FIELD)
     if scene.structures.indoor:
         over = [0.0, 0.0, float(scene.structures.heights.max(initial=0.0))]
         view = Look(_EYE_INDOOR + over, _TARGET_INDOOR, _FIELD)
-    lens = pygltflib.Perspective(yfov=view.field, znear=0.1, zfar=2000.0, aspectRatio=16 / 9)
-    document.gltf.cameras.append(
-        pygltflib.Camera(type="perspective", perspective=lens, name="chase")
-    )
-    document.node("chase camera", robot, camera=0, matrix=view.pose.T.ravel().tolist())
+    lens = {"yfov": view.field, "znear": 0.1, "zfar": 2000.0, "aspectRatio": 16 / 9}
+    camera = document.add("cameras", type="perspective", perspective=lens, name="chase")
+    document.node("chase camera", robot, camera=camera, matrix=view.pose.T.ravel().tolist())
 
 
 def _add_scans(document: Document, scene: Scene, every: int) -> None:
@@ -127,7 +110,7 @@ def _add_scans(document: Document, scene: Scene, every: int) -> None:
         )
         corners = np.concatenate([glow.corners, _triangles(hits, moment.pose[:2] - scene.origin)])
         colours = np.concatenate([glow.colours, np.repeat(hits.colours[:, None], 3, axis=1)])
-        parts = [document.part(material, ends, faded, mode=pygltflib.LINES)]
+        parts = [document.part(material, ends, faded, mode=LINES)]
         if len(corners):
             parts.append(document.part(material, corners, colours))
         mesh = document.mesh(f"scan {scan}", *parts)
@@ -178,14 +161,17 @@ def _add_trail(
     part = document.part(document.material(name), strip, np.tile(colour, (6, 1)))
     mesh = document.mesh(name, part)
     group = document.node(name, document.root)
-    for begin, end, start, way in straight_pieces(keys):
+    pieces = thinned(keys, _PIECE_ERROR)
+    for (begin, start), (end, stop) in pairwise(zip(*pieces, strict=True)):
+        way = (stop - start)[:2]
+        if np.hypot(*way) < _SHORTEST:
+            continue
         node = document.node(
             f"{name} from {begin:.1f} s",
             group,
             mesh=mesh,
-            translation=[*start.tolist(), height],
+            translation=[*start[:2].tolist(), height],
             rotation=turned(np.arctan2(way[1:], way[:1]))[0].tolist(),
-            scale=[0.0, 0.0, 0.0],
         )
         # Its width is there at once: a strip that widens as it grows would be a wedge.
         grown = np.array([[0, 1, 1], [np.hypot(*way), 1, 1]])
@@ -198,7 +184,7 @@ def _add_estimate(document: Document, timeline: Timeline) -> None:
     if drawn is None:
         return
     poses = np.column_stack([drawn.places, np.zeros(len(drawn.places))])
-    keys = DriveKeys(drawn.times, poses, np.zeros(max(len(poses) - 1, 0), np.bool_))
+    keys = DriveKeys(drawn.times, poses)
     height = look.TRAIL_HEIGHT + look.ESTIMATE_LIFT
     _add_trail(document, keys, "estimate", look.ESTIMATE_COLOUR, look.ESTIMATE_WIDTH, height)
     if not len(drawn.ellipse_times):
@@ -218,21 +204,10 @@ def _add_estimate(document: Document, timeline: Timeline) -> None:
     angles = np.unwrap(np.arctan2(axes[:, 1, 1], axes[:, 0, 1]), period=np.pi)
     scales = np.maximum(np.column_stack([sizes[:, ::-1], np.ones(len(sizes))]), _LEAST)
     places = np.column_stack([drawn.places, np.zeros(len(drawn.places))])
-    node = document.node(
-        "ellipse of now",
-        document.root,
-        mesh=mesh,
-        translation=places[0].tolist(),
-        rotation=turned(angles)[0].tolist(),
-        scale=scales[0].tolist(),
-    )
-    for path, times, values in (
-        ("translation", drawn.times, places),
-        ("rotation", drawn.ellipse_times, turned(angles)),
-        ("scale", drawn.ellipse_times, scales),
-    ):
-        if len(times) > 1:
-            document.animate(node, path, times, values)
+    node = document.node("ellipse of now", document.root, mesh=mesh)
+    document.animate(node, "translation", drawn.times, places)
+    document.animate(node, "rotation", drawn.ellipse_times, turned(angles))
+    document.animate(node, "scale", drawn.ellipse_times, scales)
 
 
 def _ring(document: Document, outline: Float, width: float, opacity: float, material: int) -> int:

@@ -38,9 +38,8 @@ def add_stage(document: Document, stage: Stage) -> None:
 
 def _add_ground(document: Document, ground: GroundPicture) -> None:
     """The painted ground, and a plain one round it as far as one sees."""
-    # Sides that are powers of two spare old graphics cards a copy.
-    sides = [2 ** round(np.log2(min(side, _LARGEST))) for side in ground.picture.shape[1::-1]]
-    picture = Image.fromarray(ground.picture).resize((sides[0], sides[1]), Image.Resampling.LANCZOS)
+    picture = Image.fromarray(ground.picture)
+    picture.thumbnail((_LARGEST, _LARGEST), Image.Resampling.LANCZOS)
     texture = document.texture("ground", picture, "JPEG")
     low, high = ground.corner, ground.corner + ground.size
     (x0, y0), (x1, y1) = low - _HORIZON, high + _HORIZON

@@ -14,8 +14,7 @@ from lrf3d.errors import InputError
 from lrf3d.geometry import Bool, Float, Int, numbers, wrap_angle
 from lrf3d.laser import LaserScan, ProportionalNoise
 from lrf3d.laser.noise import at_sigma
-from lrf3d.planning.free_space import find_free_space
-from lrf3d.planning.sides import Ground
+from lrf3d.planning.free_space import free_places
 from lrf3d.pose import Pose
 from lrf3d.robot.collision import CollisionChecker
 from lrf3d.robot.unicycle import arcs
@@ -46,13 +45,7 @@ GOAL_MARGIN = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """The outcome of a step for each of k robots.
-
-    Args:
-        rewards: (k,) metres nearer to the goal, with the rewards of the step and of its end.
-        reached: (k,) which are at their goal.
-        collided: (k,) which hit a wall or a dynamic obstacle; these stay at their previous pose.
-    """
+    """The outcome of a step (k,) for each robot; those that collided stay at their last pose."""
 
     rewards: Float
     reached: Bool
@@ -87,8 +80,7 @@ class DriveTask:
         )  # fmt: skip
         self._checker = CollisionChecker(scenario.world)
         least = scenario.radius + GOAL_MARGIN
-        space = find_free_space(Ground.around(scenario.world), least)
-        self._cells = space.places + scenario.world.origin
+        self._cells = free_places(scenario.world, least)
         self.farthest = float(np.hypot(*np.ptp(self._cells, axis=0))) + GOAL_FAR
         self.poses, self.goals = np.zeros((count, 3)), np.zeros((count, 2))
         self.times = np.zeros(count)
@@ -106,11 +98,10 @@ class DriveTask:
         self.times[robots] = 0.0
 
     def step(self, actions: ArrayLike) -> Outcome:
-        """Drive for the time between two scans.
+        """Drive for the time between two scans, with actions (k, 2).
 
-        Args:
-            actions: (k, 2) shares of the scenario's speed and of the fastest turn, left positive;
-                they are clipped to −1 to 1, and held until the next scan.
+        They are shares of the scenario's speed and of the fastest turn, left positive, clipped to
+        −1 to 1.
 
         Raises:
             InputError: They are not finite numbers of this shape; no robot moves then.

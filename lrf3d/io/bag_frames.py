@@ -15,13 +15,7 @@ from lrf3d.geometry import Bool, Float, Int
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """Poses of a frame in another one at some times.
-
-    Args:
-        places: (n, 3) its origin [m].
-        rotations: Its rotation at each of the times.
-        known: (n,) whether the pose is known at that time.
-    """
+    """Origins (n, 3) [m] and rotations of a frame in another one at n times, where known (n,)."""
 
     places: Float
     rotations: Rotation
@@ -68,14 +62,7 @@ class Rows:
 
 @dataclass(frozen=True, eq=False)
 class FrameTrack:
-    """The pose of a frame in another one over time.
-
-    Args:
-        times: (k,) stamps [ns], in ascending order.
-        places: (k, 3) its origin [m].
-        rotations: Its rotation at each of the stamps.
-        is_static: Whether the pose holds at all times, as on ``/tf_static``.
-    """
+    """The pose of a frame in another one at ascending stamps (k,) [ns], or at all times."""
 
     times: Int
     places: Float

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from lrf3d.errors import InputError, MissingLibraryError, missing_extra
+from lrf3d.errors import InputError, MissingLibraryError, missing_extra, one_line
 from lrf3d.files import check_ordinary
 from lrf3d.io.laser_log import BadLine
 
@@ -23,12 +23,6 @@ TYPES = (SCAN, ODOMETRY, POSE, UNSURE_POSE, TRANSFORMS)
 
 STATIC_FRAMES = "/tf_static"
 """The topic of constant transforms."""
-
-LONGEST_REASON = 90
-"""Characters of a library's error message that are reported."""
-
-LONGEST_METADATA = 1 << 17
-"""Largest metadata that are read [bytes]: those of a bag of a thousand files, in two seconds."""
 
 
 class Message(NamedTuple):
@@ -88,11 +82,8 @@ def open_bag(path: Path) -> Iterator[Bag]:
     except ImportError:
         raise missing_rosbags(path) from None
     if path.is_dir():
-        metadata = path / "metadata.yaml"
-        if not metadata.exists():
+        if not (path / "metadata.yaml").exists():
             raise InputError(f"{path}: a folder without metadata.yaml or run.npz, expected a log")
-        if metadata.stat().st_size > LONGEST_METADATA:
-            raise InputError(f"{metadata}: over {LONGEST_METADATA:,} bytes; read single files")
         for part in path.iterdir():
             if part.name == "metadata.yaml" or not part.is_dir():
                 check_ordinary(part, what="a file of a ROS 2 bag")
@@ -126,5 +117,4 @@ def _damaged(path: Path, error: Exception) -> InputError:
 
 def _short(error: Exception) -> str:
     """The message of a library's error in one line."""
-    text = " ".join(str(error).split()) or type(error).__name__
-    return text if len(text) <= LONGEST_REASON else text[: LONGEST_REASON - 1] + "…"
+    return one_line(" ".join(str(error).split()) or type(error).__name__, 90)

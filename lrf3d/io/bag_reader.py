@@ -47,12 +47,7 @@ BASE, DRIFTING = "base_link", "odom"
 
 
 def load_bag(path: str | Path, *, poses: str = "auto", scan_topic: str | None = None) -> LaserLog:
-    """Read the scans of a ROS 2 bag.
-
-    Args:
-        path: A .mcap or .db3 file, or the folder of a bag.
-        poses: Where the poses come from: ``auto``, ``truth``, ``tf`` or ``odom``.
-        scan_topic: The topic of the scans; ``/scan``, or the first there is, if not given.
+    """Read the scans of a ROS 2 bag; see `load_log`.
 
     Raises:
         InputError: The bag cannot be read, or has no scan or no pose.
@@ -65,20 +60,13 @@ def load_bag(path: str | Path, *, poses: str = "auto", scan_topic: str | None = 
     if not contents.scans:
         why = f"; first {contents.bad[0]}" if contents.bad else ""
         raise InputError(f"{path}: no scan on {topic} that can be used{why}")
-    times = np.array(contents.stamps, dtype=np.int64)
-    found = _placed(path, contents, times, poses)
-    return _log(path, contents, times, found)
+    found = _placed(path, contents, np.array(contents.stamps, dtype=np.int64), poses)
+    return _log(path, contents, found)
 
 
 @dataclass(frozen=True, eq=False)
 class PlacedLaser:
-    """Where the laser was at the scans.
-
-    Args:
-        source: Where the poses come from, in words.
-        laser: The poses of the laser.
-        mount: The laser on the robot's base.
-    """
+    """Where the laser was at the scans, and on the robot's base; the source in words."""
 
     source: str
     laser: Placed
@@ -227,7 +215,7 @@ def _placed(path: Path, contents: _Contents, times: Int, wanted: str) -> PlacedL
     return PlacedLaser(guessed, robot, none)
 
 
-def _log(path: Path, contents: _Contents, times: Int, found: PlacedLaser) -> LaserLog:
+def _log(path: Path, contents: _Contents, found: PlacedLaser) -> LaserLog:
     placed, source = found.laser, found.source
     poses, upright = placed.in_the_plane()
     askew = np.flatnonzero(placed.known & ~(np.abs(upright) >= LEAST_UPRIGHT))

@@ -15,13 +15,18 @@ Lines that cannot be read are skipped and reported. If a log holds each scan twi
 a new message, only the kind that comes first is read.
 """
 
+import gzip
+import zlib
+from collections.abc import Iterator
 from dataclasses import replace
 from math import inf, isfinite, pi
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from lrf3d.errors import InputError
+from lrf3d.files import opened
 from lrf3d.geometry import LARGEST_COORDINATE, Float, wrap_angle
 from lrf3d.io.laser_log import (
     LARGEST_RANGE,
@@ -33,16 +38,24 @@ from lrf3d.io.laser_log import (
     log_name,
 )
 from lrf3d.io.no_return import without_no_returns
-from lrf3d.io.packed import lines_of
 from lrf3d.laser import LaserScan
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
 
-MOST_WITHOUT_SCAN = 1_000_000
-"""Largest number of successive lines without a scan: hours of other messages."""
-
 FARTHEST_LASER = 10.0
 """How far a laser may stand from its robot's centre [m]: farther, the number is in other units."""
+
+LONGEST_LINE = 1 << 20
+"""Bytes that are read of a line, enough for 100,000 beams; what is left counts as more lines."""
+
+MOST_IDLE_LINES = 1_000_000
+"""Successive lines without a scan after which a file is given up: hours of other messages."""
+
+MOST_BYTES = 1 << 30
+"""Largest size of a log, unpacked: it holds more readings than are read."""
+
+GZIP = b"\x1f\x8b"
+"""First bytes of gzipped files, whatever their name is."""
 
 TRACKS = {b"ODOM": "odom", b"TRUEPOS": "truth"}
 
@@ -50,15 +63,10 @@ TRACKS = {b"ODOM": "odom", b"TRUEPOS": "truth"}
 def load_carmen(
     path: str | Path, *, largest_range: float | None = None, poses: str = "auto"
 ) -> LaserLog:
-    """Read the scans of a CARMEN log.
+    """Read the scans of a CARMEN log; see `load_log`.
 
-    Args:
-        path: The log, packed with gzip or not.
-        largest_range: Readings from here on are no return [m]; if not given the farthest that
-            the message says its range finder sees, or 50 m, or less if the largest reading of
-            the log stands out.
-        poses: ``auto`` for those of the scans, ``odom`` or ``truth`` for those that ODOM or
-            TRUEPOS messages give for the times of the scans, taken as the laser's.
+    Readings from the largest range on are no return: if not given, the farthest that the message
+    says its range finder sees, or 50 m, or less if the largest reading of the log stands out.
 
     Raises:
         InputError: The file cannot be read, holds no scan or not the poses that are asked for,
@@ -67,11 +75,10 @@ def load_carmen(
     path = Path(path)
     if largest_range is not None and not largest_range > 0.0:
         raise InputError(f"largest range {largest_range}: expected metres, more than 0")
-    reading = _Reading(largest_range)
-    bad: list[BadLine] = []
-    idle = bad_count = 0
-    for number, text, fault in lines_of(path):
-        scans = len(reading.scans)
+    reading, bad, bad_count = _Reading(largest_range), list[BadLine](), 0
+    idle = size = 0
+    for number, text, fault in _lines(path):
+        size, scans = size + len(text), len(reading.scans)
         try:
             if fault:
                 raise ValueError(fault)
@@ -80,14 +87,15 @@ def load_carmen(
             bad_count += 1
             bad += [BadLine(number, str(error))] if len(bad) < NAMED else []
         idle = 0 if len(reading.scans) > scans else idle + 1
-        if idle > MOST_WITHOUT_SCAN:
+        if idle > MOST_IDLE_LINES:
             raise InputError(
-                f"{path}: line {number}: no scan in {MOST_WITHOUT_SCAN:,} lines before it;"
-                " expected FLASER or ROBOTLASER1 lines"
+                f"{path}: line {number}: no scan in {MOST_IDLE_LINES:,} lines before it; expected"
+                " FLASER or ROBOTLASER1 lines"
             )
-        if reading.readings > MOST_READINGS:
+        if reading.readings > MOST_READINGS or size > MOST_BYTES:
             raise InputError(
-                f"{path}: more than {MOST_READINGS:,} readings; cut the log into parts"
+                f"{path}: line {number}: more than {MOST_READINGS:,} readings or {MOST_BYTES:,}"
+                " bytes; cut the log into parts"
             )
     if not reading.scans:
         why = f"; {bad_count} bad lines, first {bad[0]}" if bad else ""
@@ -107,6 +115,21 @@ def load_carmen(
     return log if poses == "auto" else _placed_by(log, poses, path)
 
 
+def _lines(path: Path) -> Iterator[tuple[int, bytes, str]]:
+    """The lines of a file, gzipped or not: number, bytes, and what is wrong, if anything."""
+    number = 0
+    with opened(path, what="a log") as file:
+        packed = file.read(len(GZIP)) == GZIP
+        file.seek(0)
+        stream: Any = gzip.open(file) if packed else file
+        try:
+            parts = iter(lambda: stream.readline(LONGEST_LINE), b"")
+            for number, text in enumerate(parts, 1):
+                yield number, text, ""
+        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+            yield number + 1, b"", f"the packed data are damaged from here on ({error})"
+
+
 def _placed_by(log: LaserLog, name: str, path: Path) -> LaserLog:
     """The log with the poses of one of its tracks; what lies before or after it is left out."""
     if name not in log.tracks:
@@ -114,15 +137,11 @@ def _placed_by(log: LaserLog, name: str, path: Path) -> LaserLog:
         raise InputError(f"{path}: no poses from {name} in it; there are {there}")
     track = log.tracks[name]
     inside = (log.times >= track.times[0]) & (log.times <= track.times[-1])
-    placed = track.at(log.times)
-    scans = [
-        replace(scan, pose=Pose(*pose.tolist()))
-        for scan, pose, known in zip(log.scans, placed, inside, strict=True)
-        if known
-    ]
-    wheels = log.wheels and replace(log.wheels, places=log.wheels.places[inside])
-    if not scans:
+    if not inside.any():
         raise InputError(f"{path}: no scan within the time of the poses from {name}")
+    rows = zip(log.scans, track.at(log.times).tolist(), inside, strict=True)
+    scans = [replace(scan, pose=Pose(*pose)) for scan, pose, known in rows if known]
+    wheels = log.wheels and replace(log.wheels, places=log.wheels.places[inside])
     source = "ODOM messages" if name == "odom" else "TRUEPOS messages"
     return replace(log, scans=scans, source=source, wheels=wheels)
 
@@ -148,12 +167,11 @@ class _Reading:
         """
         name = words[0] if words else b"#"
         if name in TRACKS:
-            if len(words) != 10:
-                raise ValueError(f"{len(words)} words, expected 10")
+            _check_length(words, 10)
             stamped = (_number(words[7], "time"), _pose(words[1:4]))
             self._stamped[TRACKS[name]].append(stamped)
-        elif name == b"PARAM" and words[1:2] == [b"robot_frontlaser_offset"]:
-            offset = _number(words[2] if len(words) > 2 else b"", "robot_frontlaser_offset")
+        elif words[:2] == [b"PARAM", b"robot_frontlaser_offset"]:
+            offset = _number(b"".join(words[2:3]), "robot_frontlaser_offset")
             if abs(offset) > FARTHEST_LASER:
                 raise ValueError(f"robot_frontlaser_offset {offset:g} m, expected at most 10 m")
             self.offset = offset
@@ -170,66 +188,56 @@ class _Reading:
     def _front(self, words: list[bytes]) -> LaserScan:
         """The scan of a FLASER message, 180° wide."""
         count = _count(words, 1)
-        if len(words) != count + 11:
-            raise ValueError(f"{len(words)} words, {count} readings need {count + 11}")
+        _check_length(words, count + 11)
         farthest = LARGEST_RANGE if self._largest_range is None else self._largest_range
-        pose, time = words[count + 2 : count + 5], words[count + 8]
-        return self._scan(words[2 : count + 2], pose, time, front(count), farthest)
+        return self._scan(words[2:], count, words[count + 8], front(count), farthest)
 
     def _robot(self, words: list[bytes]) -> LaserScan:
         """The scan of a ROBOTLASER1 message, which holds its angles and its range."""
         count = _count(words, 8)
-        remissions = _count(words, count + 9, least=0)
-        tail = count + remissions + 10
-        if len(words) != tail + 14:
-            raise ValueError(
-                f"{len(words)} words, {count} readings and {remissions} remissions need {tail + 14}"
-            )
+        tail = count + _count(words, count + 9, least=0) + 10
+        _check_length(words, tail + 14)
         start, step, farthest = (_number(words[k]) for k in (2, 4, 5))
         if not 0.0 < step * (count - 1) < 2.1 * pi:
             raise ValueError(f"{count} beams {step} rad apart, expected at most a full turn")
         if farthest > LARGEST_COORDINATE:
-            raise ValueError(
-                f"a range of {farthest:g} m, expected at most {LARGEST_COORDINATE:g} m"
-            )
+            raise ValueError(f"a range of {farthest:g} m, expected at most 1e+09 m")
         # A message without a range says 0; the user's limit holds where it is nearer.
         known = farthest if farthest > 0.0 else None
         limits = [limit for limit in (known, self._largest_range) if limit is not None]
-        pose, time = words[tail : tail + 3], words[tail + 11]
-        readings = words[9 : count + 9]
-        return self._scan(readings, pose, time, (start, step), min(limits, default=LARGEST_RANGE))
+        said = words[9 : count + 9] + words[tail:]
+        return self._scan(
+            said, count, words[tail + 11], (start, step), min(limits, default=LARGEST_RANGE)
+        )
 
     def _scan(
         self,
-        readings: list[bytes],
-        pose: list[bytes],
+        said: list[bytes],
+        count: int,
         time: bytes,
         fan: tuple[float, float],
         farthest: float,
     ) -> LaserScan:
+        """The scan of some readings, which its pose follows."""
         try:
-            ranges = np.array([float(word) for word in readings])
-        except ValueError:
-            wrong = next(word for word in readings if not _is_number(word))
-            raise ValueError(f"reading {_shown(wrong)}, expected a number") from None
+            ranges = np.array([float(word) for word in said[:count]])
+        except ValueError as error:
+            word = str(error).rpartition(": ")[2].lstrip("b")
+            raise ValueError(f"reading {word}, expected a number") from None
         if (ranges < 0.0).any():
             raise ValueError(f"reading {ranges[ranges < 0.0][0]:g}, expected metres")
-        # Some drivers write NaN for a beam without a return.
+        # Some drivers write NaN for a beam without a return, and 0 for one without a valid range.
         self.not_numbers += int(np.isnan(ranges).sum())
         ranges[~(ranges < farthest)] = inf
-        # Some drivers write a reading of 0 for a beam without a valid range.
         ranges[ranges == 0.0] = -inf
-        angles = self._angles(len(ranges), *fan)
-        stamp = _number(time, "time")
-        return LaserScan(_pose(pose), angles, ranges, range_max=farthest, time=stamp)
-
-    def _angles(self, count: int, start: float, step: float) -> Float:
-        """The angles of a fan (count,) [rad], one array for successive scans that share them."""
-        if self._fan[0] != (count, start, step):
-            angles = fan_angles(count, start, step)
+        # Successive scans share the array of their angles.
+        if self._fan[0] != (count, *fan):
+            angles = fan_angles(count, *fan)
             angles.flags.writeable = False
-            self._fan = (count, start, step), angles
-        return self._fan[1]
+            self._fan = (count, *fan), angles
+        stamp = _number(time, "time")
+        pose = _pose(said[count : count + 3])
+        return LaserScan(pose, self._fan[1], ranges, range_max=farthest, time=stamp)
 
     def tracks(self) -> dict[str, Trajectory]:
         """The trajectories of ODOM and TRUEPOS messages.
@@ -239,10 +247,8 @@ class _Reading:
         tracks = {}
         for name, stamped in self._stamped.items():
             if stamped:
-                times = np.array([time for time, _ in stamped])
-                latest = np.maximum.accumulate(times)
-                later = np.concatenate([[True], times[1:] > latest[:-1]])
-                poses = np.array([pose for _, pose in stamped])
+                times, poses = (np.array(column) for column in zip(*stamped, strict=True))
+                later = np.diff(np.maximum.accumulate(times), prepend=-inf) > 0.0
                 tracks[name] = Trajectory(times[later], poses[later])
         return tracks
 
@@ -270,33 +276,32 @@ def fan_angles(count: int, start: float, step: float) -> Float:
 
 
 def _pose(words: list[bytes]) -> Pose:
-    x, y, theta = (
-        _number(word, name) for word, name in zip(words, ("x", "y", "theta"), strict=True)
-    )
+    x, y, theta = map(_number, words, ("x", "y", "theta"))
     if not max(abs(x), abs(y), abs(theta)) <= LARGEST_COORDINATE:
-        raise ValueError(f"pose {x:g} {y:g} {theta:g}, expected at most {LARGEST_COORDINATE:g} m")
+        raise ValueError(f"pose {x:g} {y:g} {theta:g}, expected at most 1e+09 m")
     return Pose(x, y, float(wrap_angle(theta)))
 
 
+def _check_length(words: list[bytes], expected: int) -> None:
+    if len(words) != expected:
+        raise ValueError(f"{len(words)} words, expected {expected}")
+
+
 def _count(words: list[bytes], place: int, least: int = 2) -> int:
-    word = words[place] if place < len(words) else b""
+    word = b"".join(words[place : place + 1])
     if not word.isdigit() or len(word) > 7 or int(word) < least:
         raise ValueError(f"{_shown(word)} readings, expected a number from {least}")
     return int(word)
 
 
 def _number(word: bytes, what: str = "a value") -> float:
-    if not _is_number(word) or not isfinite(float(word)):
-        raise ValueError(f"{what} is {_shown(word)}, expected a finite number")
-    return float(word)
-
-
-def _is_number(word: bytes) -> bool:
     try:
-        float(word)
+        value = float(word)
     except ValueError:
-        return False
-    return True
+        value = inf
+    if not isfinite(value):
+        raise ValueError(f"{what} is {_shown(word)}, expected a finite number")
+    return value
 
 
 def _shown(word: bytes) -> str:

@@ -45,13 +45,10 @@ class BadLine:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class WheelRecord(Value):
-    """The raw odometry of a log, line by line, and where the scans stand between the lines.
+    """The raw odometry of a log: stamps (n,) [s] as logged, and poses (n, 3) of the robot's base.
 
-    Args:
-        times: (n,) stamps [s] as logged; they may repeat or run backwards.
-        poses: (n, 3) poses x, y [m], theta [rad] of the robot's base, as its wheels measured them.
-        places: (k,) for each scan the index of the last odometry line before it.
-        laser_offset: How far the laser stands ahead of the base's centre [m].
+    ``places`` (k,) holds for each scan the index of the last odometry line before it; the laser
+    stands ``laser_offset`` [m] ahead of the base's centre.
     """
 
     times: Float

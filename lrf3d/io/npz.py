@@ -9,9 +9,9 @@ import os
 import struct
 import zipfile
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
-from io import BytesIO
+from math import prod
 from pathlib import Path
 from typing import IO
 
@@ -19,15 +19,13 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import DTypeLike, NDArray
 
-from lrf3d.errors import OutputError
 from lrf3d.files import check_ordinary, replacing
-from lrf3d.io.packed import LARGEST_RATIO
-
-SMALL_RUN = 1 << 28
-"""Bytes that any file may unpack to, regardless of its size."""
 
 MAPPED = 1 << 26
 """Least size [bytes] of an array that is mapped; smaller ones are read and checked."""
+
+MOST_PACKED = 1 << 29
+"""Largest size [bytes] that the packed arrays of a file may unpack to; ours are not packed."""
 
 _LOCAL_HEADER = 30
 """Size [bytes] of the header of a member of a zip file, without its name and its extra fields."""
@@ -63,14 +61,13 @@ def read_arrays(path: Path) -> dict[str, NDArray[np.generic]]:
 
     Raises:
         InputError: There is no such file, or it is not a regular file.
-        ValueError: It holds something other than arrays, or unpacks to far more than a run does;
-            or another exception of :data:`DAMAGES`.
+        ValueError: It holds something other than arrays; or another exception of :data:`DAMAGES`.
     """
     check_ordinary(path, what="a .npz file")
     with zipfile.ZipFile(path) as file:
-        total = sum(entry.file_size for entry in file.infolist())
-        if total > max(SMALL_RUN, LARGEST_RATIO * path.stat().st_size):
-            raise ValueError(f"it unpacks to {total:,} bytes, over {LARGEST_RATIO} times its size")
+        packed = [e.file_size for e in file.infolist() if e.compress_type != zipfile.ZIP_STORED]
+        if sum(packed) > MOST_PACKED:
+            raise ValueError(f"it unpacks to {sum(packed):,} bytes; unpack it first")
         return {
             entry.filename.removesuffix(".npy"): _read(path, file, entry)
             for entry in file.infolist()
@@ -86,9 +83,7 @@ def _read(path: Path, file: zipfile.ZipFile, entry: zipfile.ZipInfo) -> NDArray[
         shape, by_columns, dtype = read(stream)
         begin = stream.tell()
         # NumPy allocates the whole array before it reads any of it.
-        size = dtype.itemsize
-        for length in shape:
-            size *= length
+        size = prod(shape) * dtype.itemsize
         if dtype.hasobject or size > entry.file_size:
             raise ValueError(f"{entry.filename} is not a plain array, or incomplete")
     if size >= MAPPED and entry.compress_type == zipfile.ZIP_STORED and not by_columns:
@@ -112,14 +107,7 @@ def _start_of(path: Path, entry: zipfile.ZipInfo) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """An array in blocks.
-
-    Args:
-        name: Its name.
-        shape: Its shape.
-        dtype: Its type.
-        blocks: Its rows, some at a time.
-    """
+    """An array in blocks of some rows, with its name, shape and type."""
 
     name: str
     shape: tuple[int, ...]
@@ -142,7 +130,7 @@ def write_npz(path: str | Path, columns: Iterable[Column]) -> None:
         with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
             try:
                 for column in columns:
-                    _write_member(archive, file, column, path)
+                    _write_member(archive, file, column)
             except BaseException:
                 # Closing an archive would complete it, which fails as well and hides the error.
                 archive.fp = None
@@ -151,38 +139,16 @@ def write_npz(path: str | Path, columns: Iterable[Column]) -> None:
         os.fsync(file.fileno())
 
 
-def _write_member(
-    archive: zipfile.ZipFile, file: IO[bytes], column: Column, path: str | Path
-) -> None:
+def _write_member(archive: zipfile.ZipFile, file: IO[bytes], column: Column) -> None:
     """Write an array to an archive, aligned in its file."""
     member = zipfile.ZipInfo(f"{column.name}.npy", EPOCH)
     taken = file.tell() + _LOCAL_HEADER + len(member.filename) + _ZIP64 + _PADDING
     padding = -taken % ALIGNED
     # An extra field of an unknown kind, which readers skip.
     member.extra = b"\0\0" + padding.to_bytes(2, "little") + bytes(padding)
-    with archive.open(member, "w", force_zip64=True) as stream:
-        stream.write(_header(column))
-        for block in _checked(column, path):
-            stream.write(np.ascontiguousarray(block).reshape(-1).view(np.uint8).data)
-
-
-def _checked(column: Column, path: str | Path) -> Iterator[Array]:
-    """The blocks of a column, checked against its type and its shape."""
-    rows = 0
-    for block in column.blocks:
-        rows += len(block) if block.ndim else 1
-        if block.dtype != np.dtype(column.dtype) or block.shape[1:] != column.shape[1:]:
-            raise OutputError(f"{path}: not written: {column.name} has {block.dtype}{block.shape}")
-        yield block
-    if rows != (column.shape[0] if column.shape else 1):
-        raise OutputError(f"{path}: not written: {column.name} has {rows} rows of {column.shape}")
-
-
-def _header(column: Column) -> bytes:
-    """The header of a .npy file."""
-    header = BytesIO()
     described = npy.dtype_to_descr(np.dtype(column.dtype))
-    npy.write_array_header_1_0(
-        header, {"descr": described, "fortran_order": False, "shape": column.shape}
-    )
-    return header.getvalue()
+    header = {"descr": described, "fortran_order": False, "shape": column.shape}
+    with archive.open(member, "w", force_zip64=True) as stream:
+        npy.write_array_header_1_0(stream, header)
+        for block in column.blocks:
+            stream.write(np.ascontiguousarray(block).reshape(-1).view(np.uint8).data)

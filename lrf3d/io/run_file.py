@@ -32,15 +32,6 @@ if TYPE_CHECKING:
 
 VERSION = 1
 
-INTEGERS = frozenset(
-    "version objects walls snapshot_scans map_sizes map_objects map_points map_kinds"
-    " obstacle_corners obstacle_stops estimate_scans estimate_closures estimate_dropped".split()
-)
-TEXTS = frozenset(
-    "world_name object_names camera_names film_view film_points_by materials origin".split()
-)
-"""Arrays of integers and of texts; all others have floats."""
-
 
 def save_run(run: Run, path: str | Path) -> None:
     """Write a run to a file whole or not at all.
@@ -257,11 +248,6 @@ def _receiver(arrays: dict[str, Any]) -> tuple[float, float, str, int]:
 
 
 def _run(arrays: dict[str, Any]) -> Run:
-    for name, array in arrays.items():
-        # An empty array may have any kind: NumPy takes an empty list of names for floats.
-        kinds = "iu" if name in INTEGERS else "U" if name in TEXTS else "f"
-        if array.size and array.dtype.kind not in kinds:
-            raise ValueError(f"{name} holds {array.dtype}, which a run does not")
     walls, sizes = arrays["walls"], arrays["map_sizes"]
     if walls.size and not -1 <= walls.min() <= walls.max() < len(arrays["segments"]):
         raise ValueError(f"walls from {walls.min()} to {walls.max()}, which the world has not")

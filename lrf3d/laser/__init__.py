@@ -13,7 +13,7 @@ from lrf3d.laser.noise import (
 )
 from lrf3d.laser.range_finder import LaserRangeFinder, beam_directions, layer_directions
 from lrf3d.laser.ros_scan import RosHeader, RosScan, Stamp
-from lrf3d.laser.scan import LaserScan, reflection_points
+from lrf3d.laser.scan import LaserScan, doubtful_ranges, reflection_points
 
 __all__ = [
     "AngleNoise",
@@ -33,6 +33,7 @@ __all__ = [
     "RosScan",
     "Stamp",
     "beam_directions",
+    "doubtful_ranges",
     "layer_directions",
     "reflection_points",
 ]

@@ -11,7 +11,6 @@ import numpy as np
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import (
     LARGEST_COORDINATE,
-    LATER,
     TINY,
     Float,
     Value,
@@ -75,10 +74,10 @@ class LaserRangeFinder(Value):
     range_max: float = 80.0
     height: float = 0.5
     scan_duration: float = 0.0
-    threshold: float = field(default=0.0, repr=False, metadata=LATER)
-    near_field: float = field(default=0.0, repr=False, metadata=LATER)
-    echo: str = field(default="strongest", repr=False, metadata=LATER)
-    echoes: int = field(default=1, repr=False, metadata=LATER)
+    threshold: float = field(default=0.0, repr=False)
+    near_field: float = field(default=0.0, repr=False)
+    echo: str = field(default="strongest", repr=False)
+    echoes: int = field(default=1, repr=False)
 
     def __post_init__(self) -> None:
         beams = whole_number(self.beams, "range finder: beams", most=MOST_BEAMS)

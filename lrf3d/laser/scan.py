@@ -264,3 +264,28 @@ def _covariance(values: ArrayLike) -> Float:
 def reflection_points(pose: Sequence[float], angles: Float, ranges: Float) -> Float:
     """Points (n, 2) in the world at ranges (n,) along beams at angles (n,) (Eq. 8)."""
     return np.array([pose[0], pose[1]]) + ranges[:, None] * beam_directions(pose[2], angles)
+
+
+LEAST_RETURNED = 0.02
+"""Share of the beams of a drive of which fewer returning show no walls."""
+
+FARTHEST = 300.0
+"""Median of all ranges [m] above which they cannot be metres: no such laser sees as far."""
+
+
+def doubtful_ranges(scans: Sequence[LaserScan]) -> str | None:
+    """What tells that the ranges of a drive are not in metres, as a sentence; None if nothing."""
+    ranges = np.concatenate([scan.ranges[scan.hits & (scan.ranges > 0.0)] for scan in scans])
+    beams = sum(len(scan.ranges) for scan in scans)
+    if len(ranges) < LEAST_RETURNED * beams:
+        return (
+            f"{len(ranges)} of {beams} beams returned, too few to show walls; are the ranges in"
+            " metres (millimetres have to be divided by 1000, centimetres by 100), and is the"
+            " largest range right?"
+        )
+    if (middle := float(np.median(ranges))) > FARTHEST:
+        return (
+            f"half of the ranges are over {middle:g}: expected metres; divide millimetres by 1000,"
+            " centimetres by 100"
+        )
+    return None

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.compiling import compiled, inner
+from lrf3d.compiling import borrower, compiled, inner
 from lrf3d.geometry import Float, Int
 
 GRID_CELL = 4.0
@@ -60,20 +60,20 @@ def filled(segments: Float, points: Int, entries: int) -> Grid:
         entries *= 2
 
 
-@inner
+@borrower
 def _slot_of(grid: Grid, x: int, y: int) -> int:
     """The slot of a cell."""
     mixed = ((x << 31) + y) * 0x9E3779B97F4A7C1
     return (mixed ^ (mixed >> 29)) & (len(grid.heads) - 1)
 
 
-@inner
+@borrower
 def _steps(segment: Float) -> int:
     """The number of parts of a segment (4,) that are no longer than a cell along an axis."""
     return int(max(abs(segment[2] - segment[0]), abs(segment[3] - segment[1])) / GRID_CELL) + 1
 
 
-@inner
+@borrower
 def _box(segment: Float, step: int, steps: int, reach: float) -> tuple[int, int, int, int]:
     """First and last column, first and last row of the cells within a reach [m] of one part."""
     x, y = segment[0], segment[1]
@@ -86,7 +86,7 @@ def _box(segment: Float, step: int, steps: int, reach: float) -> tuple[int, int,
     )  # fmt: skip
 
 
-@inner
+@borrower
 def insert(grid: Grid, row: int, segment: Float) -> None:
     """Put a row's segment (4,) into the cells that it passes through; notes where room ran out."""
     steps = _steps(segment)
@@ -114,7 +114,7 @@ def insert(grid: Grid, row: int, segment: Float) -> None:
                 grid.heads[slot] = entry
 
 
-@inner
+@borrower
 def remove(grid: Grid, row: int, segment: Float) -> None:
     """Take a row out of the cells that its segment (4,) passes through."""
     steps = _steps(segment)
@@ -143,7 +143,7 @@ def insert_rows(grid: Grid, rows: Int, segments: Float) -> None:
         insert(grid, rows[k], segments[rows[k]])
 
 
-@inner
+@borrower
 def near(grid: Grid, segment: Float, reach: float) -> int:
     """Collect in `found` every row within reach [m] of a segment (4,), each once, and count them.
 

@@ -70,18 +70,18 @@ class LineMap(Value, Pictured):
                 f" {points.shape}: expected shapes (m, 4), (m,) and (m,)"
             )
         kinds = np.array(self.kinds, dtype=KIND)
-        known = (kinds == WALL) | (kinds == GLASS) | (kinds == MIRROR)
         if not kinds.ndim:
             kinds = np.full(len(segments), kinds)
+        known = (kinds == WALL) | (kinds == GLASS) | (kinds == MIRROR)
         if kinds.shape != objects.shape or not known.all():
             raise InputError(
                 f"map of {len(segments)} segments with kinds {kinds.tolist()}: expected"
                 f" {', '.join(KINDS)}, one for each segment"
             )
         object.__setattr__(self, "kinds", sealed(kinds))
-        inside = (np.abs(segments) <= LARGEST_COORDINATE).all(axis=1)
+        inside = np.abs(segments) <= LARGEST_COORDINATE
         if not inside.all():
-            row = int(np.argmin(inside))
+            row = int(np.argmin(inside.all(axis=1)))
             raise InputError(
                 f"map: segment {row} is {segments[row].tolist()}, expected numbers of at most"
                 f" {LARGEST_COORDINATE:g} m"
@@ -131,9 +131,11 @@ def solid_map(segments: Float, labels: Int, points: Int) -> LineMap:
     Far from the world's origin the ends of a tiny segment may round to one place; it is left out,
     like what lies beyond the largest coordinate.
     """
-    solid = (lengths(segments) > 0.0) & (np.abs(segments) <= LARGEST_COORDINATE).all(axis=1)
-    objects = np.unique(labels[solid], return_inverse=True)[1]
-    return LineMap(segments[solid], objects, points[solid])
+    solid, inside = lengths(segments) > 0.0, np.abs(segments) <= LARGEST_COORDINATE
+    if not (solid.all() and inside.all()):
+        solid &= inside.all(axis=1)
+        segments, labels, points = segments[solid], labels[solid], points[solid]
+    return LineMap(segments, np.unique(labels, return_inverse=True)[1], points)
 
 
 def save_map(line_map: LineMap, path: str | Path, *, free: FreeCells | None = None) -> None:

@@ -14,10 +14,9 @@ import numpy as np
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import LARGEST_COORDINATE, Bool, Float, Int, is_finite, numbers
 from lrf3d.planning.doors import closed_doors
-from lrf3d.planning.free_space import FreeSpace, find_free_space
-from lrf3d.planning.lookouts import COMFORT, find_lookouts
-from lrf3d.planning.sides import Ground, Side
-from lrf3d.planning.tour import Network, find_tour, path_to
+from lrf3d.planning.free_space import COMFORT, MARGIN, FreeSpace, find_free_space
+from lrf3d.planning.ground import Ground, Side
+from lrf3d.planning.tour import find_tour
 from lrf3d.robot import find_collision, follow_route
 from lrf3d.robot.collision import CollisionChecker
 from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, SPEED
@@ -35,12 +34,8 @@ SMALLER_RADII = (0.28, 0.22, 0.18)
 FAR_ENOUGH = 2 / 3
 """Least share of the inside that the usual robot must get to."""
 
-SHORTEST_ROUTE, LONGEST_ROUTE = 20.0, 800.0
-"""Shortest route [m], some seconds of driving: where a few steps show all walls, the robot also
-drives to the ends of the free space; and the longest one, some minutes."""
-
-MARGIN = 0.05
-"""Distance [m] of the robot from walls that is needed, for what the follower is off the route."""
+SAME = 1.1
+"""Cost of a straight line, as a multiple of that of the path, up to which it is as good."""
 
 LONGEST_LEG = 30.0
 """Longest straight piece of a route [m]."""
@@ -161,17 +156,13 @@ def find_route(
                 f"the robot's radius is {radius:g} m instead of {RADIUS:g} m: doors are too narrow"
                 " for a wider one"
             )
-    needed = np.full(ground.grid.gaps.shape, radius + MARGIN)
+    further = np.zeros(ground.gaps.shape)
     for _ in range(ATTEMPTS):
         space = find_free_space(
-            ground,
-            needed,
-            clearance=clearance,
-            where=where,
-            start=position,
+            ground, radius, further=further, clearance=clearance, where=where, start=position
         )
-        legs = _tour(space, world, range_max)
-        waypoints = _straightened(space, legs, clearance) + world.origin
+        legs = find_tour(space, world, range_max)
+        waypoints = _straightened(space, legs) + world.origin
         if position is not None and (waypoints[0] != position).any():
             waypoints = np.vstack([position, waypoints])
         pace = speed or (INDOOR_SPEED if space.side == "inside" else SPEED)
@@ -185,11 +176,11 @@ def find_route(
         steps, _ = checker.hit(drive[:-1], drive[1:], radius)
         if not len(steps):
             break
-        touched = np.ones(needed.shape, dtype=np.bool_)
-        touched[ground.grid.cells(drive[steps] - world.origin)] = False
-        needed[distance_transform_edt(touched, sampling=ground.grid.size) <= AROUND] += RETREAT
+        touched = np.ones(further.shape, dtype=np.bool_)
+        touched[ground.cells(drive[steps] - world.origin)] = False
+        further[distance_transform_edt(touched, sampling=ground.size) <= AROUND] += RETREAT
     if space.side == "inside":
-        notes += closed_doors(space, radius, radius + MARGIN)
+        notes += closed_doors(space)
     return PlannedRoute(waypoints, space.side, radius, pace, tuple(notes))
 
 
@@ -211,72 +202,58 @@ def _fitting_radius(ground: Ground, where: Side | None, start: Float | None) -> 
     """The usual radius [m], or a smaller one where doors keep it from a third of the inside."""
 
     def cells(radius: float) -> Bool:
-        return find_free_space(ground, radius + MARGIN, where=where, start=start).allowed
+        return find_free_space(ground, radius, where=where, start=start).allowed
 
     *wider, smallest = (RADIUS, *SMALLER_RADII)
-    small = find_free_space(ground, smallest + MARGIN, where=where, start=start)
+    small = find_free_space(ground, smallest, where=where, start=start)
     for radius in wider if small.side == "inside" else ():
         # The cells that the robot could be in if all doors were wide.
-        roomy = small.allowed & (ground.grid.gaps >= radius + MARGIN)
+        roomy = small.allowed & (ground.gaps >= radius + MARGIN)
         with suppress(InputError):
             if roomy.any() and cells(radius).sum() >= FAR_ENOUGH * roomy.sum():
                 return radius
     return smallest if small.side == "inside" else RADIUS
 
 
-def _tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
-    """Paths over the places of a free space that show most of the walls."""
-    views, lookouts = find_lookouts(space, world, range_max)
-    if space.start is not None:
-        lookouts = np.append(space.start, lookouts[lookouts != space.start])
-    elif not len(lookouts):
-        # With a short range_max no wall may be visible.
-        lookouts = np.array([np.argmax(space.gaps)])
-    network = Network.between(space, views, lookouts)
-    legs = find_tour(network, longest=LONGEST_ROUTE, from_first=space.start is not None)
-    while not legs or sum(space.length(leg) for leg in legs) < SHORTEST_ROUTE:
-        end = int(legs[-1][-1] if legs else lookouts[0])
-        legs.append(_path_to_farthest(space, end))
-    return legs
+def _straightened(space: FreeSpace, legs: list[Int]) -> Float:
+    """Way-points (m, 2) along the legs, straight as far as that costs no more than the legs.
 
-
-def _path_to_farthest(space: FreeSpace, start: int) -> Int:
-    """The cheapest path from a place to the farthest one, not in a corner if there is another."""
-    from scipy.sparse.csgraph import dijkstra
-
-    costs, before = dijkstra(space.graph, indices=[start], return_predecessors=True)
-    roomy = (space.gaps >= COMFORT) * costs[0]
-    if len(costs[0]) < 2:
-        raise InputError("no room to drive between the walls; give a route or poses to stand at")
-    return path_to(before[0], int(np.argmax(roomy if roomy.any() else costs[0])))
-
-
-def _straightened(space: FreeSpace, legs: list[Int], clearance: float) -> Float:
-    """Way-points (m, 2) along the legs, straight as long as the clearance is kept.
-
-    From each way-point the straight line is drawn to place after place; the last one before it is
-    no longer clear is the next way-point. The ends of the legs, which are lookouts, always stay.
+    From each way-point the straight line is drawn to place after place; the last one before it
+    costs more is the next way-point. The ends of the legs, which are lookouts, always stay.
     """
     waypoints = [space.places[legs[0][0]]]
     for leg in legs:
-        places, room = space.places[leg], np.minimum(space.gaps[leg], clearance)
+        places, gaps = space.places[leg], space.gaps[leg]
+        steps = np.hypot(*np.diff(places, axis=0).T)
+        prices = space.cost(gaps)
+        costs = np.append(0.0, np.cumsum(steps * 0.5 * (prices[1:] + prices[:-1])))
         here = 0
         while here < len(leg) - 1:
             there = here + 1
-            while there + 1 < len(leg) and _is_clear(space, places, room, here, there + 1):
+            while there + 1 < len(leg) and _is_better(
+                space,
+                places[[here, there + 1]],
+                costs[there + 1] - costs[here],
+                gaps[here : there + 2].min(),
+            ):
                 there += 1
             waypoints.append(places[there])
             here = there
     return np.array(waypoints)
 
 
-def _is_clear(space: FreeSpace, places: Float, room: Float, here: int, there: int) -> bool:
-    """Whether a straight line between two places of a path has about the clearance of the path."""
-    length = float(np.hypot(*(places[there] - places[here])))
+def _is_better(space: FreeSpace, ends: Float, cost: float, least: float) -> bool:
+    """Whether the line between two places (2, 2) costs at most as much, as far from walls."""
+    from scipy.ndimage import map_coordinates
+
+    length = float(np.hypot(*(ends[1] - ends[0])))
     if length > LONGEST_LEG:
         return False
-    shares = np.linspace(0.0, 1.0, max(3, int(length / (0.5 * space.ground.grid.size)) + 2))
-    line = places[here] * (1.0 - shares[:, None]) + places[there] * shares[:, None]
-    # Compared with the path at the same share of its places, with a cell to spare.
-    kept = np.interp(shares, np.linspace(0.0, 1.0, there + 1 - here), room[here : there + 1])
-    return bool((space.room(line) >= np.maximum(kept - space.ground.grid.size, 0.0)).all())
+    ground = space.ground
+    shares = np.linspace(0.0, 1.0, int(2.0 * length / ground.size) + 2)[:, None]
+    cells = (ends[0] * (1.0 - shares) + ends[1] * shares - ground.low) / ground.size - 0.5
+    gaps = map_coordinates(ground.gaps, cells.T, order=1)
+    enough = gaps.min() >= min(least, space.radius + COMFORT) - 0.01
+    prices = space.cost(gaps)
+    mean = 0.5 * (prices[1:] + prices[:-1]).mean()
+    return bool(enough and length * mean <= SAME * cost)

@@ -1,63 +1,152 @@
-"""Tours: the order in which to visit places so that the drive shows the most walls."""
+"""Tours: drives past lookouts, from which most of the walls are seen."""
 
-from dataclasses import dataclass, field
 from itertools import combinations, pairwise
 from typing import Any
 
 import numpy as np
 
-from lrf3d.geometry import Bool, Float, Int
-from lrf3d.planning.free_space import FreeSpace
-from lrf3d.planning.lookouts import Views
+from lrf3d.casting import PlanarCaster
+from lrf3d.errors import InputError
+from lrf3d.geometry import Bool, Float, Int, lengths
+from lrf3d.laser import LaserRangeFinder
+from lrf3d.planning.free_space import COMFORT, FreeSpace
+from lrf3d.world import World
 
-LEAST_WORTH = 0.02
-"""Least length of wall [m] that each additional metre of driving must show."""
+PATCHES = 600
+"""Approximate number of patches of the free space, each with one candidate for a lookout."""
 
-POSITIONS = 3
-"""Number of positions in the tour, those with the shortest detours, that are tried for a place."""
+BEAMS, HEADINGS = 360, 8
+"""Number of beams all around, and of headings for which the view of a laser with 180° is stored."""
 
-NOWHERE = -1
-"""Stands before the first place of a tour and behind the last, where paths cost nothing."""
+FARTHEST_VIEW = 40.0
+"""Largest distance [m] at which a wall counts as seen: farther away, beams of 1° leave gaps."""
+
+PIECES, SHORTEST_PIECE = 8000, 0.4
+"""Approximate number of pieces of all walls, and their least length [m]."""
+
+FULL_WEIGHT = 2.0
+"""Length [m] from which a wall counts in full; niches and steps are not worth a detour."""
+
+TIGHT = 0.3
+"""Factor of the worth of a lookout without comfort."""
+
+OPEN = 5.0
+"""Distance to walls [m] above which more room makes no better lookout."""
+
+LEAST_WORTH, LEAST_GAIN = 0.02, 0.0005
+"""Least length of wall [m] that another metre must show, and least share of all that another
+lookout must."""
+
+SHORTEST_ROUTE, LONGEST_ROUTE = 20.0, 800.0
+"""Shortest route [m], some seconds of driving: where a few steps show all walls, the robot also
+drives to the ends of the free space; and the longest one, some minutes."""
+
+TURN = 1.0
+"""Length [m] of the way back at an end of the route."""
 
 
-@dataclass(frozen=True)
-class Network:
-    """The cheapest paths between places (k,), what they cost, and what is seen along them.
+def find_tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
+    """The paths of a tour, through places of a free space, that shows much in few metres.
 
-    Costs (k + 1, k + 1) end with those to nowhere; ``before`` (k, all places) has the place before
-    each on the path from each of the places.
+    It grows by one lookout after the other, always the one that shows the most additional wall for
+    each additional metre, where that is the shortest detour.
+
+    Raises:
+        InputError: There is no room to drive.
     """
+    patches, patch_of = _patches(space)
+    seen, weights = _look(space.places[patches] + world.origin, world, range_max)
+    around = np.asarray(seen.any(axis=0))
+    comfortable = space.gaps >= space.radius + COMFORT
+    lookouts = patches[_cover(around, weights, np.where(comfortable[patches], 1.0, TIGHT))]
+    kept = int(space.start is not None)
+    if space.start is not None:
+        lookouts = np.append(space.number[space.start], lookouts)
+    paths = _paths(space, lookouts, lookouts)
+    metres = np.array([[_length(space, path) for path in row] for row in paths])
+    views, order = around[patch_of[lookouts]], [0]
+    while True:
+        steps, away = metres[order[:-1], order[1:]], metres[order]
+        shown = _shown(space, _legs(space, paths, order), seen, patch_of)
+        detours = np.vstack([away[:1], away[:-1] + away[1:] - steps[:, None], away[-1:]])[kept:]
+        detour = detours.min(axis=0)
+        worth = views @ np.where(shown, 0.0, weights) / np.maximum(detour, 1.0)
+        worth[order] = 0.0
+        worth[steps.sum() + detour > LONGEST_ROUTE] = 0.0
+        best = int(np.argmax(worth))
+        if worth[best] < LEAST_WORTH:
+            break
+        order.insert(kept + int(np.argmin(detours[:, best])), best)
+        order = _two_opt(order, metres[np.ix_(order, order)], kept)
+    # What is seen depends on the direction of the drive.
+    tours = [_legs(space, paths, each) for each in ([order] if kept else [order, order[::-1]])]
+    legs = max(tours, key=lambda legs: float(weights @ _shown(space, legs, seen, patch_of)))
+    end = int(legs[-1][-1] if legs else lookouts[0])
+    while sum(_length(space, leg) for leg in legs) < SHORTEST_ROUTE:
+        apart = np.hypot(*(space.places - space.places[end]).T)
+        goal = int(np.argmax(apart * np.where(comfortable, 1.0, TIGHT)))
+        if goal == end:
+            raise InputError("no room to drive between the walls; give a route or poses")
+        legs += _paths(space, np.array([end]), np.array([goal]))[0]
+        end = goal
+    return legs
 
-    space: FreeSpace
-    views: Views
-    places: Int
-    costs: Float
-    before: Any
-    legs: dict[tuple[int, int], tuple[Int, float, Bool]] = field(default_factory=dict)
 
-    @classmethod
-    def between(cls, space: FreeSpace, views: Views, places: Int) -> "Network":
-        """The network between places (k,) of a free space."""
-        from scipy.sparse.csgraph import dijkstra
+def _legs(space: FreeSpace, paths: list[list[Int]], order: list[int]) -> list[Int]:
+    """The paths of a tour; at its ends the robot turns round, to see what lay behind it."""
+    legs = [paths[one][other] for one, other in pairwise(order)]
+    turn = int(TURN / space.ground.size) + 2
+    begin = [] if space.start is not None else [leg[turn - 1 :: -1] for leg in legs[:1]]
+    return [*begin, *legs, *(leg[: -turn - 1 : -1] for leg in legs[-1:])]
 
-        costs, before = dijkstra(space.graph, indices=places, return_predecessors=True)
-        return cls(space, views, places, np.pad(costs[:, places], (0, 1)), before)
 
-    def leg(self, start: int, end: int) -> tuple[Int, float, Bool]:
-        """The path from one place to another, its length [m], and the pieces seen along it."""
-        if (start, end) not in self.legs:
-            path = path_to(self.before[start], int(self.places[end]))
-            seen = self.views.along(self.space.places, path)
-            self.legs[start, end] = path, self.space.length(path), seen
-        return self.legs[start, end]
+def _shown(space: FreeSpace, legs: list[Int], seen: Bool, patch_of: Int) -> Bool:
+    """Which pieces (pieces,) are seen ahead on a drive."""
+    path = np.concatenate([np.zeros(0, dtype=np.int64), *legs])
+    steps = np.diff(space.places[path], axis=0)
+    moved = steps.any(axis=1)
+    turn = np.arctan2(steps[:, 1], steps[:, 0]) / (2.0 * np.pi) * HEADINGS
+    heading = np.round(turn).astype(int) % HEADINGS
+    pairs = np.unique(np.stack([heading, patch_of[path[1:]]])[:, moved], axis=1)
+    return np.asarray(seen[tuple(pairs)].any(axis=0))
 
-    def legs_of(self, order: list[int]) -> list[tuple[Int, float, Bool]]:
-        """The legs of a tour."""
-        return [self.leg(*ends) for ends in pairwise(order)]
 
-    def worth(self, seen: Bool) -> float:
-        """Total weight of seen pieces."""
-        return float(self.views.weights @ seen)
+def _patches(space: FreeSpace) -> tuple[Int, Int]:
+    """The most open place in each patch of a free space, and the patch nearest to each place."""
+    from scipy.sparse.csgraph import dijkstra
+
+    size = max(np.sqrt(len(space.places) / PATCHES), 2.0) * space.ground.size
+    patch = np.floor(space.places / size)
+    off_middle = np.abs(space.places / size - patch - 0.5).max(axis=1)
+    # Among places with as much room the one nearest to the middle of the patch comes first.
+    order = np.lexsort((off_middle, -np.round(np.minimum(space.gaps, OPEN))))
+    best = order[np.unique((patch @ [1.0, 1e6])[order], return_index=True)[1]]
+    source = dijkstra(space.graph, indices=best, min_only=True, return_predecessors=True)[2]
+    number = np.zeros(len(space.places), dtype=np.int64)
+    number[best] = np.arange(len(best))
+    return best, number[source]
+
+
+def _cover(seen: Bool, weights: Float, appeal: Float) -> list[int]:
+    """The positions that show nearly all: each of them the most of what those before it do not.
+
+    What is seen (k, pieces) counts by the appeal (k,) of a position.
+    """
+    unseen = np.where(seen.any(axis=0), weights, 0.0)
+    least, chosen = LEAST_GAIN * unseen.sum(), list[int]()
+    # With a short range_max no wall may be visible.
+    while (gains := appeal * (seen @ unseen)).max() > least or not chosen:
+        chosen.append(int(np.argmax(gains)))
+        unseen[seen[chosen[-1]]] = 0.0
+    return chosen
+
+
+def _paths(space: FreeSpace, starts: Int, ends: Int) -> list[list[Int]]:
+    """The places of the cheapest paths from each start to each end, which are places."""
+    from scipy.sparse.csgraph import dijkstra
+
+    _, before = dijkstra(space.graph, indices=starts, return_predecessors=True)
+    return [[path_to(row, int(end)) for end in ends] for row in before]
 
 
 def path_to(before: Any, end: int) -> Int:
@@ -68,61 +157,54 @@ def path_to(before: Any, end: int) -> Int:
     return np.array(path[::-1])
 
 
-def find_tour(network: Network, *, longest: float, from_first: bool) -> list[Int]:
-    """The paths of a tour that shows much and is not longer than allowed [m].
+def _length(space: FreeSpace, path: Int) -> float:
+    """Length [m] of a path."""
+    return float(np.hypot(*np.diff(space.places[path], axis=0).T).sum())
 
-    It grows by one place after the other, always the one that shows the most additional wall for
-    each additional metre. It begins at the first of the places (one or more) if asked to.
+
+def _look(positions: Float, world: World, range_max: float) -> tuple[Bool, Float]:
+    """Which pieces are seen (headings, k, pieces) from positions (k, 2) [m], and their weights.
+
+    A weight is about the length of a piece [m].
     """
-    order, kept = [0], int(from_first)
-    while (longer := _longer(network, order, longest, kept)) is not None:
-        order = _two_opt(network.costs, longer, kept)
-    tours = [network.legs_of(order), network.legs_of(order[::-1])][: 2 - kept]
-    # What is seen depends on the direction of the drive.
-    best = max(tours, key=lambda legs: network.worth(_ahead(network, legs)[-1]))
-    return [path for path, _, _ in best]
+    reach = min(range_max, FARTHEST_VIEW)
+    lrf = LaserRangeFinder(
+        -np.pi, np.pi - 2.0 * np.pi / BEAMS, beams=BEAMS, range_max=reach, height=0.0
+    )
+    # Mirrors and glass are left out: what they show is not seen where it stands.
+    caster = PlanarCaster(World(world.segments, heights=world.heights))
+    poses = np.column_stack([positions, np.zeros(len(positions))])
+    ranges, walls = caster.scan_batch(lrf, poses)
+    position, beam = np.nonzero(walls >= 0)
+    wall, long = walls[position, beam], lengths(world.segments)
+    # Of a wall as long as a country only what is seen counts.
+    visible = np.minimum(long[np.unique(wall)], 4.0 * reach).sum()
+    size = max(SHORTEST_PIECE, float(visible) / PIECES)
+    points = positions[position] + ranges[position, beam, None] * lrf.directions((0, 0, 0))[beam]
+    station = np.minimum(lengths(np.hstack([world.segments[wall, :2], points])), 0.999 * long[wall])
+    numbers, piece = np.unique(wall << 32 | (station / size).astype(np.int64), return_inverse=True)
+    wall, station = numbers >> 32, size * (numbers & 0xFFFFFFFF)
+    weights = np.minimum(size, long[wall] - station) * np.minimum(long[wall] / FULL_WEIGHT, 1.0)
+    seen = np.zeros((HEADINGS, len(positions), len(numbers)), dtype=np.bool_)
+    for heading in range(HEADINGS):
+        turn = (beam - BEAMS // 2 - heading * BEAMS // HEADINGS + BEAMS // 4) % BEAMS
+        seen[heading, position[turn <= BEAMS // 2], piece[turn <= BEAMS // 2]] = True
+    return seen, weights
 
 
-def _ahead(network: Network, legs: list[tuple[Int, float, Bool]]) -> Bool:
-    """What is seen (legs + 1, pieces) on no leg, on the first, on the first two, and so on."""
-    nothing = np.zeros(len(network.views.weights), dtype=np.bool_)
-    return np.asarray(np.logical_or.accumulate([nothing, *(seen for _, _, seen in legs)]))
-
-
-def _longer(network: Network, order: list[int], longest: float, kept: int) -> list[int] | None:
-    """The tour with the one more place that shows the most for each metre of detour, or None."""
-    costs, legs = network.costs, network.legs_of(order)
-    before, after = _ahead(network, legs), _ahead(network, legs[::-1])[::-1]
-    worth, length = network.worth(before[-1]), sum(leg[1] for leg in legs)
-    best, most = None, 0.0
-    ends = np.array([NOWHERE, *order, NOWHERE])
-    for place in sorted(set(range(len(costs) - 1)) - set(order)):
-        detours = costs[ends[:-1], place] + costs[place, ends[1:]] - costs[ends[:-1], ends[1:]]
-        for at in kept + np.argsort(detours[kept:], kind="stable")[:POSITIONS]:
-            new = network.legs_of([*order[max(at - 1, 0) : at], place, *order[at : at + 1]])
-            old = legs[max(at - 1, 0) : at] if at < len(order) else []
-            metres = sum(leg[1] for leg in new) - sum(leg[1] for leg in old)
-            seen = before[max(at - 1, 0)] | after[min(at, len(legs))]
-            gain = network.worth(seen | _ahead(network, new)[-1]) - worth
-            if gain > max(LEAST_WORTH * metres, most * max(metres, 1.0)):
-                if length + metres <= longest:
-                    most = gain / max(metres, 1.0)
-                    best = [*order[:at], place, *order[at:]]
-    return best
-
-
-def _two_opt(costs: Float, order: list[int], kept: int) -> list[int]:
-    """Reverse pieces of an open tour, after the kept places, as long as that is cheaper."""
-    tour = [NOWHERE, *order, NOWHERE]
+def _two_opt(order: list[int], metres: Float, kept: int) -> list[int]:
+    """Reverse pieces of an open tour, after the kept places, as long as that is shorter."""
+    # The last row and column stand for nowhere, before the first place and behind the last.
+    metres = np.pad(metres, (0, 1))
+    tour = [-1, *range(len(order)), -1]
     better = True
     while better:
         better = False
         for first, last in combinations(range(1 + kept, len(tour) - 1), 2):
             before, one, other, after = (tour[at] for at in (first - 1, first, last, last + 1))
-            gain = costs[before, one] + costs[other, after]
-            gain -= costs[before, other] + costs[one, after]
+            gain = metres[before, one] + metres[other, after]
             # Rounding alone must not reverse a piece back and forth forever.
-            if gain > 1e-9:
+            if gain - metres[before, other] - metres[one, after] > 1e-9:
                 tour[first : last + 1] = tour[first : last + 1][::-1]
                 better = True
-    return tour[1:-1]
+    return [order[at] for at in tour[1:-1]]

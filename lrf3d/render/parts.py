@@ -45,7 +45,7 @@ class Parts:
         self.triangles = np.ascontiguousarray(triangles[order], np.uint32)
         self._sizes = np.bincount(runs, minlength=2 * count)
         self._starts = np.cumsum(self._sizes) - self._sizes
-        self._count = count
+        self.count = count
         self._low, self._high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
         for places, owner in ((walls.places, owners[:quads]), (roofs.places, owners[quads:])):
             np.minimum.at(self._low, owner, places.min(axis=1))
@@ -53,7 +53,7 @@ class Parts:
 
     def seen(self, matrix: Float, eye: Float) -> Int:
         """Parts that a picture of a matrix (4, 4) from an eye (3,) may show, near ones first."""
-        inside = np.ones(self._count, dtype=bool)
+        inside = np.ones(self.count, dtype=bool)
         for plane in (
             matrix[3], matrix[3] + matrix[0], matrix[3] - matrix[0], matrix[3] + matrix[1],
             matrix[3] - matrix[1],
@@ -68,7 +68,7 @@ class Parts:
 
     def choose(self, parts: Int) -> Chosen:
         """The triangles of some parts, in their order."""
-        runs = np.concatenate([parts, parts + self._count])
+        runs = np.concatenate([parts, parts + self.count])
         sizes = self._sizes[runs]
         before = np.cumsum(sizes) - sizes
         chosen = np.repeat(self._starts[runs] - before, sizes) + np.arange(int(sizes.sum()))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lrf3d.casting.triangle_rays import TriangleRays
-from lrf3d.geometry import Float, Single, cross
+from lrf3d.geometry import Float, Single
 from lrf3d.render.fill import Surfaces, fill_discs, fill_triangles, shade
 from lrf3d.render.pictures import Picture
 from lrf3d.scene import look
@@ -167,9 +167,8 @@ class PlainRenderer:
 def _sunk(corners: Single, cut: Cut) -> Single:
     """Corners (t, 3, 16) of faces, lowered where they would hide the robot."""
     off = corners[..., :2] - cut.robot
-    toward, aside = off @ cut.toward, np.abs(cross(off, cut.toward))
-    high = np.clip(look.LEFT_STANDING[0] + cut.slope * toward, *look.LEFT_STANDING)
-    high += look.NOTCH[1] * np.maximum(aside - look.NOTCH[0], 0.0)
+    toward, low = off @ cut.toward, look.LEFT_STANDING[0]
+    high = np.clip(low + cut.slope * toward, low, cut.top)
     sunk = corners.copy()
     sunk[..., 2] = np.where(toward > -look.CUT_BEFORE, np.minimum(sunk[..., 2], high), sunk[..., 2])
     return sunk

@@ -4,36 +4,14 @@ Names of the files in ``shaders/`` and values enter; programs leave that draw wi
 """
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from lrf3d.geometry import Single
 from lrf3d.render.bindings import GL, rewrite
-from lrf3d.scene import facades, look
+from lrf3d.render.glsl import shader_source
 from lrf3d.scene.shapes import Lens
-
-_SHADERS = Path(__file__).parent / "shaders"
-
-_CONSTANTS: dict[str, Any] = {
-    "BODY_LIGHT": look.BODY_LIGHT,
-    "CUT_BEFORE": look.CUT_BEFORE,
-    "DASH": look.DASH,
-    "GHOST": (*look.GHOST, look.GHOST_STRENGTH),
-    "LEFT_STANDING": look.LEFT_STANDING,
-    "NOTCH": look.NOTCH,
-    "POINT_HALO": look.POINT_HALO,
-    "POINT_HALO_STRENGTH": look.POINT_HALO_STRENGTH,
-    "RIM": look.SHADOW_RIM,
-    "SHARPNESS": look.GROUND_SHARPNESS,
-    "SIZE": (float(facades.BAYS * facades.TILE), float(facades.ROWS * facades.TILE)),
-    "SLANTS": facades.SLANTS,
-    "SUN": look.SUN,
-    "TILE": float(facades.TILE),
-    "WINDOWED": facades.WINDOWED,
-}
-"""Constants of the look that shaders know by these names."""
 
 Uniform = float | int | np.ndarray[Any, Any] | tuple[float, ...]
 
@@ -42,20 +20,15 @@ class ShaderProgram:
     """A linked pair of a vertex and a fragment shader.
 
     Args:
-        name: The file ``name.glsl``, with ``common.glsl`` before it; what stands after a colon is
-            defined in it, and ``VERTEX`` in the vertex shader.
+        name: The file ``name.glsl`` and what is defined in it: see :func:`shader_source`.
         constants: Values that shaders know by name, besides those of the look.
     """
 
     def __init__(self, name: str, constants: Mapping[str, Any]) -> None:
         self.name = name
         self._id = GL.glCreateProgram()
-        file, *defined = name.split(":")
-        common = "".join(f"#define {each}\n" for each in defined) + _constants(constants)
-        shaders = [
-            _compile(file, GL.GL_VERTEX_SHADER, "#define VERTEX\n" + common),
-            _compile(file, GL.GL_FRAGMENT_SHADER, common),
-        ]
+        kinds = (GL.GL_VERTEX_SHADER, GL.GL_FRAGMENT_SHADER)
+        shaders = [_compile(name, kind, constants) for kind in kinds]
         for shader in shaders:
             GL.glAttachShader(self._id, shader)
         GL.glLinkProgram(self._id)
@@ -138,22 +111,11 @@ class CameraBlock:
         GL.glDeleteBuffers(1, [self._buffer])
 
 
-def _constants(more: Mapping[str, Any]) -> str:
-    """The constants of the look and of a film, as lines of a shader."""
-    lines = []
-    for name, value in {**_CONSTANTS, **more}.items():
-        values = np.ravel(value).tolist()
-        kind = f"vec{len(values)}" if len(values) > 1 else type(values[0]).__name__
-        lines.append(f"const {kind} {name} = {kind}({', '.join(map(repr, values))});\n")
-    return "".join(lines)
-
-
-def _compile(file: str, kind: int, common: str) -> int:
-    common += (_SHADERS / "common.glsl").read_text()
-    source = (_SHADERS / f"{file}.glsl").read_text()
+def _compile(name: str, kind: int, constants: Mapping[str, Any]) -> int:
+    source = shader_source(name, vertex=kind == GL.GL_VERTEX_SHADER, constants=constants)
     shader: int = GL.glCreateShader(kind)
-    GL.glShaderSource(shader, f"#version 330 core\n{common}\n#line 1\n{source}")
+    GL.glShaderSource(shader, f"#version 330 core\n{source}")
     GL.glCompileShader(shader)
     if not GL.glGetShaderiv(shader, GL.GL_COMPILE_STATUS):
-        raise RuntimeError(f"shader {file} does not compile: {GL.glGetShaderInfoLog(shader)!r}")
+        raise RuntimeError(f"shader {name} does not compile: {GL.glGetShaderInfoLog(shader)!r}")
     return shader

@@ -12,6 +12,7 @@ import numpy as np
 from lrf3d.geometry import Single
 from lrf3d.render.bindings import GL
 from lrf3d.render.buffers import Buffer, Texture, make_current
+from lrf3d.render.glsl import air
 from lrf3d.render.packing import (
     FACE_SIZES,
     WALL_SIZES,
@@ -53,11 +54,7 @@ class Renderer:
             self._sampled, self._samples_taken = _sampled_framebuffer(size, samples)
             corners = np.array([[-1.0, -1.0], [3.0, -1.0], [-1.0, 3.0]], np.float32)
             self._resolving = self._static("resolve", (2,), corners)
-        self._constants = {
-            "HAZE": look.HAZE_INDOOR if indoor else look.HAZE,
-            "ZENITH": look.ZENITH_INDOOR if indoor else look.ZENITH,
-            "GLOW": (0.0, 0.0, 0.0) if indoor else look.GLOW,
-        }
+        self._constants = air(indoor=indoor)
         self._programs: dict[str, ShaderProgram] = {}
         self._picture: Picture = np.zeros((size[1], size[0], 4), np.uint8)
         self._scale = max(min(size) / 720.0, look.LEAST_SCALE)
@@ -176,7 +173,7 @@ class Renderer:
         defined = ":FADED" * (seen.ghost > 0.0)
         uniforms: dict[str, Any] = {
             "ghost": float(seen.ghost),
-            "slope": 0.0 if cut is None else cut.slope,
+            "slope": (0.0, 0.0) if cut is None else (cut.slope, cut.top),
             "cut": (0.0, 0.0, 0.0, 0.0) if cut is None else (*cut.robot, *cut.toward),
         }
         self._painted.bind()

@@ -4,7 +4,7 @@ import math
 import os
 from collections.abc import Iterable, Iterator
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from itertools import islice
 from pathlib import Path
@@ -44,6 +44,51 @@ _SMALLEST, _LARGEST = 16, 8192
 
 _EXAMPLES = 24
 """How many pictures of a film choose the colours of a GIF: more choose the same ones."""
+
+
+@dataclass(frozen=True, slots=True)
+class FilmOptions:
+    """How pictures of a run are drawn: the options of :func:`render_video` that all share."""
+
+    size: tuple[int, int] = (1280, 720)
+    playback: float | None = None
+    view: str | None = None
+    samples: int = 4
+    renderer: str | None = None
+    panel: str = "short"
+
+    def of(self, run: Run) -> dict[str, Any]:
+        """What a :class:`~lrf3d.render.film.Film` is made with; what is not given, the run says.
+
+        Raises:
+            InputError: An option is invalid.
+        """
+        view = run.film.view if self.view is None else self.view
+        playback = run.film.playback if self.playback is None else self.playback
+        sides = self.size if isinstance(self.size, tuple | list) else ()
+        if len(sides) != 2 or not all(
+            is_finite(side) and side == int(side) and _SMALLEST <= side <= _LARGEST
+            for side in sides
+        ):
+            raise InputError(
+                f"size {shown(self.size)}: expected width and height,"
+                f" {_SMALLEST} to {_LARGEST} pixels each"
+            )
+        if not isinstance(view, str):
+            raise InputError(f"view {shown(view)}: expected the name of a camera")
+        check_view(view, run.world.cameras)
+        if not (is_finite(self.samples) and self.samples in SAMPLES):
+            raise InputError(f"samples {shown(self.samples)}: expected 0 or 4")
+        if not (is_finite(playback) and playback > 0.0):
+            raise InputError(f"playback {shown(playback)}: expected a number of more than 0")
+        if self.panel not in PANELS:
+            raise InputError(f"panel {shown(self.panel)}: expected one of {', '.join(PANELS)}")
+        return asdict(self) | {
+            "size": (int(sides[0]), int(sides[1])),
+            "view": view,
+            "playback": float(playback),
+            "renderer": choose_renderer(self.renderer),
+        }
 
 
 @stoppable()
@@ -94,18 +139,8 @@ def render_video(
     from lrf3d.render.encode import encode, format_of
 
     path = Path(path)
-    job = _job(
-        run,
-        fps,
-        part,
-        workers,
-        size=size,
-        playback=playback,
-        view=view,
-        samples=samples,
-        renderer=renderer,
-        panel=panel,
-    )
+    options = FilmOptions(size, playback, view, samples, renderer, panel)
+    job = _job(run, options, fps, part, workers)
     kind = format_of(path, job.film["size"], fps)
     total = len(job.times)
     chosen = np.linspace(0, total - 1, min(total, _EXAMPLES) * kind.palette).astype(int)
@@ -132,7 +167,14 @@ def _counted(
 
 @stoppable()
 def render_frames(
-    run: Run, folder: str | Path, *, progress: FrameProgress | None = None, **options: Any
+    run: Run,
+    folder: str | Path,
+    *,
+    fps: float = 25.0,
+    part: tuple[float | None, float | None] = (None, None),
+    workers: int | None = None,
+    progress: FrameProgress | None = None,
+    **options: Any,
 ) -> int:
     """Draw the frames of a run's film as frame_000000.png and on, in a new or an empty folder.
 
@@ -148,7 +190,7 @@ def render_frames(
     """
     # The current folder has a name, too, and one above it.
     folder = Path(os.path.abspath(folder))
-    job = _job(run, **options)
+    job = _job(run, FilmOptions(**options), fps, part, workers)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise InputError(f"{folder}: not empty; name a new or an empty folder")
     make_folder(folder.parent)
@@ -170,27 +212,10 @@ def render_frames(
 
 
 def frame(
-    run: Run,
-    time: float,
-    *,
-    size: tuple[int, int] = (1280, 720),
-    view: str | None = None,
-    samples: int = 4,
-    playback: float | None = None,
-    renderer: str | None = None,
-    panel: str = "short",
-    goal: tuple[float, float, float] | None = None,
+    run: Run, time: float, *, goal: tuple[float, float, float] | None = None, **options: Any
 ) -> NDArray[np.uint8]:
     """The picture (h, w, 3) of a run at a time, with a goal x, y, radius [m]: see `Run.frame`."""
-    film = _film_options(
-        run,
-        size=size,
-        view=view,
-        samples=samples,
-        playback=playback,
-        renderer=renderer,
-        panel=panel,
-    )
+    film = FilmOptions(**options).of(run)
     if not is_finite(time):
         raise InputError(f"time {shown(time)}: expected a finite number of seconds")
     if goal is not None:
@@ -220,18 +245,18 @@ def _film(run: Run, **options: Any) -> Any:
 
 def _job(
     run: Run,
-    fps: float = 25.0,
-    part: tuple[float | None, float | None] = (None, None),
-    workers: int | None = None,
-    **options: Any,
+    options: FilmOptions,
+    fps: float,
+    part: tuple[float | None, float | None],
+    workers: int | None,
 ) -> Job:
     """The pictures of a film, when all that is asked for can be drawn."""
-    film = _film_options(run, **options)
+    film = options.of(run)
     if not (is_finite(fps) and fps > 0.0):
         raise InputError(f"fps {shown(fps)}: expected a number of more than 0")
     if workers is not None:
         workers = whole_number(workers, "workers")
-    if not (isinstance(part, tuple) and len(part) == 2 and _numbers_or_none(*part)):
+    if not (isinstance(part, tuple) and [*map(_is_time, part)] == [True, True]):
         raise InputError(f"part {shown(part)}: expected the first and the last time [s], or None")
     timeline = Timeline(run, playback=film["playback"])
     times = _within(timeline, timeline.frame_times(fps, margins(film["view"])), *part)
@@ -253,47 +278,8 @@ def _within(timeline: Timeline, times: Float, first: float | None, last: float |
     return np.asarray(chosen)
 
 
-def _film_options(
-    run: Run,
-    *,
-    size: tuple[int, int] = (1280, 720),
-    view: str | None = None,
-    samples: int = 4,
-    playback: float | None = None,
-    renderer: str | None = None,
-    panel: str = "short",
-) -> dict[str, Any]:
-    """What a film is made with, when all of it can be drawn; what is not given, the run says."""
-    view = run.film.view if view is None else view
-    playback = run.film.playback if playback is None else playback
-    sides = size if isinstance(size, tuple | list) else ()
-    if len(sides) != 2 or not all(
-        is_finite(side) and side == int(side) and _SMALLEST <= side <= _LARGEST for side in sides
-    ):
-        raise InputError(
-            f"size {shown(size)}: expected width and height, {_SMALLEST} to {_LARGEST} pixels each"
-        )
-    if not isinstance(view, str):
-        raise InputError(f"view {shown(view)}: expected the name of a camera")
-    check_view(view, run.world.cameras)
-    if not (is_finite(samples) and samples in SAMPLES):
-        raise InputError(f"samples {shown(samples)}: expected 0 or 4")
-    if not (is_finite(playback) and playback > 0.0):
-        raise InputError(f"playback {shown(playback)}: expected a number of more than 0")
-    if panel not in PANELS:
-        raise InputError(f"panel {shown(panel)}: expected one of {', '.join(PANELS)}")
-    return {
-        "size": (int(sides[0]), int(sides[1])),
-        "view": view,
-        "samples": samples,
-        "playback": float(playback),
-        "renderer": choose_renderer(renderer),
-        "panel": panel,
-    }
-
-
-def _numbers_or_none(*values: object) -> bool:
-    return all(value is None or is_finite(value) for value in values)
+def _is_time(value: object) -> bool:
+    return value is None or is_finite(value)
 
 
 def choose_renderer(wanted: str | None) -> str:

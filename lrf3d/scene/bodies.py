@@ -1,7 +1,7 @@
 """The robot, from ``assets/robot.glb``, and dynamic obstacles, as triangles in their own frames."""
 
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import shapely
@@ -9,7 +9,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from lrf3d.files import assets_folder
-from lrf3d.geometry import Float, Single
+from lrf3d.geometry import Float, Single, directions
 from lrf3d.scene.look import (
     DART,
     GOAL,
@@ -23,9 +23,6 @@ from lrf3d.scene.look import (
 from lrf3d.scene.panels import triangles
 from lrf3d.scene.shapes import Faces, Soft, single
 
-if TYPE_CHECKING:
-    from lrf3d.casting.dynamic_obstacle import DynamicObstacle
-
 _LASER_HEIGHT = 0.495
 """Height [m] of the laser's ring in the file."""
 
@@ -34,10 +31,9 @@ _DECK = 0.31
 
 
 def robot_mesh(laser_height: float) -> tuple[Single, NDArray[np.uint32]]:
-    """Load the robot, with its laser at a height [m], which the column is stretched to.
+    """Vertices (v, 9) of the robot: position, normal, colour; and indices (3 · t,) of triangles.
 
-    Returns:
-        Vertices (v, 9), position, normal and colour, and indices (3 · t,) of triangles.
+    Its laser is at a height [m], which the column is stretched to.
     """
     mesh = trimesh.load_mesh(assets_folder() / "robot.glb", process=False)
     visual: Any = mesh.visual
@@ -123,24 +119,38 @@ def _round_shadow() -> Soft:
     return soft_shadow(rim, _BLOB_FRINGE, _BLOB_DARKNESS, 0.0)
 
 
-_BASE, _BEVEL = 0.10, 0.06
-"""Height of the dark foot of a body, and width of its slanted upper edge [m]."""
-
-_SHARPEST = 0.77
-"""Cosine of the angle between two sides from which on their edge is drawn sharp."""
+_FOOT = 0.10
+"""Height of the dark foot of a body [m]."""
 
 
-def obstacle_colours(obstacles: "tuple[DynamicObstacle, ...]") -> Float:
-    """Colours (m, 3) of dynamic obstacles, 0…1."""
-    return np.asarray(OBSTACLE_COLOURS[np.arange(len(obstacles)) % len(OBSTACLE_COLOURS)])
+def obstacle_colours(count: int) -> Float:
+    """Colours (count, 3) of dynamic obstacles, 0…1."""
+    return np.asarray(OBSTACLE_COLOURS[np.arange(count) % len(OBSTACLE_COLOURS)])
 
 
-def obstacle_bodies(obstacles: "tuple[DynamicObstacle, ...]") -> list[Single]:
-    """Triangles (v, 9) of each body, in its own frame: position [m], normal, colour."""
-    return [
-        _body(counter_clockwise(obstacle.outline), obstacle.height, colour)
-        for obstacle, colour in zip(obstacles, obstacle_colours(obstacles), strict=True)
-    ]
+def obstacle_body(outline: Float, height: float, colour: Float) -> Faces:
+    """A counter-clockwise outline (n, 2) of a height [m], on a dark foot, with a pale top."""
+    after = np.roll(outline, -1, axis=0)
+    normals = directions(np.hstack([outline, after])) @ np.array([[0.0, -1.0], [1.0, 0.0]])
+    foot = min(_FOOT, 0.2 * height)
+    rows = []
+    for low, high, paint in ((0.0, foot, 0.35 * colour), (foot, height, colour)):
+        side = np.zeros((len(outline), 4, 9))
+        side[:, [0, 3], :2], side[:, 1:3, :2] = outline[:, None], after[:, None]
+        side[:, :2, 2], side[:, 2:, 2] = low, high
+        side[:, :, 3:5], side[:, :, 6:] = normals[:, None], paint
+        rows.append(side[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 9))
+    # A dart on the top says which way is ahead.
+    dart = 0.5 * float(np.abs(outline).max(axis=0).min()) * DART[[0, 1, 2, 0, 2, 3]]
+    top = outline_triangles(outline).reshape(-1, 2)
+    for corners, level, paint in (
+        (top, height, 0.55 + 0.45 * colour),
+        (dart, height + 0.005, 0.35 * colour),
+    ):
+        count = len(corners)
+        up = np.tile([level, 0.0, 0.0, 1.0, *paint], (count, 1))
+        rows.append(np.hstack([corners, up]))
+    return faces_of(single(np.concatenate(rows)))
 
 
 def placed(points: Float, pose: Float) -> Float:
@@ -149,77 +159,9 @@ def placed(points: Float, pose: Float) -> Float:
     return np.asarray(points @ matrix[:2, :2].T + matrix[:2, 3])
 
 
-def in_body(points: Float, pose: Float) -> Float:
-    """Points (n, 2) in the frame of a body at a pose."""
-    matrix = world_from_robot(pose)
-    return np.asarray((points - matrix[:2, 3]) @ matrix[:2, :2])
-
-
 def counter_clockwise(outline: Float) -> Float:
     """An outline (n, 2), turned round where it runs clockwise."""
-    after = np.roll(outline, -1, axis=0)
-    area = float(np.sum(outline[:, 0] * after[:, 1] - outline[:, 1] * after[:, 0]))
-    return outline if area >= 0.0 else outline[::-1]
-
-
-def _outward(outline: Float) -> tuple[Float, Float]:
-    """Normals (n, 2) of the sides, each from its corner to the next, and mitres of the corners."""
-    along = np.roll(outline, -1, axis=0) - outline
-    along /= np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)[:, None]
-    normals = np.column_stack([along[:, 1], -along[:, 0]])
-    mitres = normals + np.roll(normals, 1, axis=0)
-    # As far out as both sides are, but at sharp corners no more than twice that.
-    square = np.maximum(np.einsum("ij,ij->i", mitres, mitres), 1.0)
-    return normals, 2.0 * mitres / square[:, None]
-
-
-def _body(outline: Float, height: float, colour: Float) -> Single:
-    """Triangles (v, 9) of a body: sides on a dark foot, a slanted edge and the top."""
-    normals, mitres = _outward(outline)
-    size = float(np.ptp(outline, axis=0).min())
-    bevel = min(_BEVEL, 0.3 * height, 0.2 * size)
-    inner = outline - bevel * mitres
-    # Of two sides that hardly bend the edge is round.
-    before = np.roll(normals, 1, axis=0)
-    smooth = (np.einsum("ij,ij->i", normals, before) > _SHARPEST)[:, None]
-    mean = normals + before
-    mean /= np.maximum(np.hypot(mean[:, 0], mean[:, 1]), 1e-9)[:, None]
-    starts = np.where(smooth, mean, normals)
-    ends = np.roll(np.where(smooth, mean, before), -1, axis=0)
-    foot = min(_BASE, 0.2 * height)
-    shoulder = height - bevel
-    rows = []
-    for low, high, below, above, rise, paint in (
-        (outline, outline, 0.0, foot, 0.0, 0.35 * colour),
-        (outline, outline, foot, shoulder, 0.0, colour),
-        (outline, inner, shoulder, height, 1.0, colour),
-    ):
-        faces = np.zeros((len(outline), 4, 9), np.float32)
-        corners = (low, np.roll(low, -1, axis=0), np.roll(high, -1, axis=0), high)
-        levels, facing = (below, below, above, above), (starts, ends, ends, starts)
-        for corner in range(4):
-            faces[:, corner, :2] = corners[corner]
-            faces[:, corner, 2] = levels[corner]
-            faces[:, corner, 3:5] = facing[corner]
-            faces[:, corner, 5] = rise
-            faces[:, corner, 6:9] = paint
-        rows.append(faces[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 9))
-    rows.append(_level(outline_triangles(inner).reshape(-1, 2), height, 0.55 + 0.45 * colour))
-    # A dart on the top says which way is ahead.
-    reach = 0.55 * float(np.abs(inner).max(axis=0).min())
-    dart = 0.9 * reach * DART[[0, 1, 2, 0, 2, 3]]
-    rows.append(_level(dart, height + 0.005, 0.35 * colour))
-    return np.concatenate(rows).astype(np.float32)
-
-
-def _level(corners: Float, height: float, colour: Float) -> Single:
-    """Rows (v, 9) of triangles that look up."""
-    rows = np.zeros((len(corners), 9), np.float32)
-    rows[:, :2] = corners
-    rows[:, 2] = height
-    rows[:, 5] = 1.0
-    rows[:, 6:9] = colour
-    return rows
+    return outline if shapely.is_ccw(shapely.linearrings(outline)) else outline[::-1]
 
 
 def outline_triangles(outline: Float) -> Float:
@@ -230,12 +172,13 @@ def outline_triangles(outline: Float) -> Float:
 def soft_shadow(corners: Float, fringe: float, dark: float, height: float) -> Soft:
     """The hull of corners (n, 2) at a height [m]: dark inside, fading out over a fringe [m]."""
     hull = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(corners)))[:-1]
-    hull = counter_clockwise(hull)
-    outer = hull + fringe * _outward(hull)[1]
+    middle = hull.mean(axis=0)
+    away = hull - middle
+    outer = hull + fringe * away / np.maximum(np.hypot(*away.T), 1e-9)[:, None]
     following, outer_following = np.roll(hull, -1, axis=0), np.roll(outer, -1, axis=0)
-    middle = np.broadcast_to(hull.mean(axis=0), hull.shape)
+    middles = np.broadcast_to(middle, hull.shape)
     places = np.stack(
-        [middle, hull, following, hull, outer, outer_following, hull, outer_following, following],
+        [middles, hull, following, hull, outer, outer_following, hull, outer_following, following],
         axis=1,
     ).reshape(-1, 3, 2)
     levels = np.full((len(places), 3, 1), height)

@@ -60,12 +60,6 @@ class Brush:
             for ring, value in [(polygon.exterior, fill), *((r, 0) for r in polygon.interiors)]:
                 draw.polygon(self._points(np.asarray(ring.coords)), fill=value)
 
-    def quads(self, picture: Image.Image, quads: Float) -> None:
-        """Fill convex shapes (n, corners, 2)."""
-        draw = ImageDraw.Draw(picture)
-        for quad in quads:
-            draw.polygon(self._points(quad), fill=255)
-
     def grid(self, picture: Image.Image, metres: float, width: float) -> None:
         """Draw lines of a width [m] at a spacing [m], at its multiples in the film's frame.
 

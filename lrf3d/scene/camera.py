@@ -5,13 +5,13 @@ draws a part of a film sees the same.
 """
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import shapely
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry import Float
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline
 
@@ -115,7 +115,7 @@ class Camera(Protocol):
 
 
 class SmoothPath:
-    """The robot's path, smoothed over time, for cameras that follow it."""
+    """The robot's path at even times, smoothed over time, for cameras that follow it."""
 
     STEP = 0.04
     """Time of the film between the points [s] that the path is computed at."""
@@ -129,21 +129,89 @@ class SmoothPath:
         count = int(np.ceil((timeline.end - timeline.start) / step)) + 2
         self.times: Float = timeline.start + step * np.arange(count, dtype=np.float64)
         poses = timeline.poses(self.times)
-        self.places = poses[:, :2] - timeline.origin
-        self.width = self.SMOOTH / self.STEP
-        self.headings = gaussian_filter1d(np.unwrap(poses[:, 2]), self.width, mode="nearest")
-        follow = self.FOLLOW / self.STEP
-        self._smooth = gaussian_filter1d(self.places, follow, axis=0, mode="nearest")
+        width, follow = self.SMOOTH / self.STEP, self.FOLLOW / self.STEP
+        self.headings = gaussian_filter1d(np.unwrap(poses[:, 2]), width, mode="nearest")
+        places = poses[:, :2] - timeline.origin
+        self.places = gaussian_filter1d(places, follow, axis=0, mode="nearest")
 
     def place(self, time: float) -> Float:
         """The smoothed place (2,) at a time [s]."""
-        return np.array([np.interp(time, self.times, axis) for axis in self._smooth.T])
+        return np.array([np.interp(time, self.times, axis) for axis in self.places.T])
 
 
-def walls_met(structures: Structures, starts: Float, ends: Float) -> tuple[Int, Int, Float]:
-    """Which ways (k, 2) to (k, 2) meet which walls: the numbers of both, and how far off [m]."""
-    tree = shapely.STRtree(shapely.linestrings(structures.segments.reshape(-1, 2, 2)))
-    ways = shapely.linestrings(np.stack([starts, ends], axis=1))
-    way, wall = tree.query(ways, predicate="intersects")
-    cuts = shapely.intersection(ways[way], tree.geometries[wall])
-    return way, wall, np.asarray(shapely.distance(shapely.points(starts[way]), cuts))
+class Track(NamedTuple):
+    """Looks from a side and a distance at a middle, at times (k,) between which they are mixed."""
+
+    times: Float
+    middles: Float
+    """(k, 3) what is in the middle [m]."""
+    turns: Float
+    steeps: Float
+    """(k,) the direction from there to the eye: around, and over the ground [rad]."""
+    aways: Float
+    """(k,) how far off the eye is [m]."""
+    fields: Float
+    """(k,) angles of view [rad]."""
+    shifts: Float
+    """(k,) how far the picture is moved up, in halves of its height."""
+    airs: Float
+    """(k,) the reach of the air [m]."""
+
+    def at(self, times: Float) -> "Track":
+        """The looks at other times."""
+        x, y, z = self.middles.T
+        x, y, z, *others = (np.interp(times, self.times, each) for each in (x, y, z, *self[2:]))
+        return Track(times, np.column_stack([x, y, z]), *others)
+
+    def eyes(self) -> Float:
+        """Where the eye is, (k, 3) [m]."""
+        level = self.aways * np.cos(self.steeps)
+        way = [level * np.cos(self.turns), level * np.sin(self.turns)]
+        return self.middles + np.column_stack([*way, self.aways * np.sin(self.steeps)])
+
+    def look(self, time: float, **others: Any) -> Look:
+        """The look at a time [s], with what else is to be said of it."""
+        now = self.at(np.array([time]))
+        field, shift, air = (float(each[0]) for each in now[5:])
+        return Look(now.eyes()[0], now.middles[0], field, shift=shift, air=air, **others)
+
+    def over_walls(self, structures: Structures, robots: Float, smooth: float) -> "Track":
+        """Looks that are as steep as it takes to see robots (k, 2) over walls, smoothed [samples].
+
+        In rooms walls are cut instead.
+        """
+        if structures.indoor:
+            return self
+        eyes = self.eyes()
+        way = eyes[:, :2] - robots
+        reach = np.maximum(np.hypot(way[:, 0], way[:, 1]), 1e-6)
+        # Walls beyond this are below the line of sight.
+        rise = np.maximum(np.tan(self.steeps), 0.1)
+        highest = float(structures.heights.max(initial=0.0))
+        way *= np.minimum(1.0, (highest / rise + _CLEARANCE) / reach)[:, None]
+        aside = np.column_stack([-way[:, 1], way[:, 0]])
+        tree = structures.tree
+        needed = self.steeps.copy()
+        for side in (-_ASIDE, 0.0, _ASIDE):
+            ways = shapely.linestrings(np.stack([robots, robots + way + side * aside], axis=1))
+            number, wall = tree.query(ways, predicate="intersects")
+            cuts = shapely.intersection(ways[number], tree.geometries[wall])
+            gap = shapely.distance(shapely.points(robots[number]), cuts) - _CLEARANCE
+            above = structures.heights[wall] - _ROBOT
+            steep = np.arctan2(above, np.maximum(gap, 0.1)) + _MARGIN * (above > 0.0)
+            np.maximum.at(needed, number, steep)
+        # The most over the filter's reach comes first: its mean is then never too low.
+        most = maximum_filter1d(np.minimum(needed, _STEEPEST), 2 * int(2.0 * smooth) + 1)
+        steeps = gaussian_filter1d(most, smooth, mode="nearest", truncate=2.0)
+        return self._replace(steeps=np.maximum(self.steeps, steeps))
+
+
+_ASIDE, _CLEARANCE = 0.12, 0.3
+"""How far beside the way to the eye walls count, as a share of the way, and before it [m]."""
+
+_MARGIN, _STEEPEST = float(np.radians(9.0)), float(np.radians(80.0))
+"""How far under the robot roofs are seen, so that they are no large part of the picture, and how
+steeply eyes look down at the most [rad]."""
+
+_ROBOT = 0.5
+"""Height of a robot [m]: lower walls do not hide it."""

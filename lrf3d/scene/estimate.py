@@ -12,9 +12,10 @@ from lrf3d.geometry import Float, Int
 from lrf3d.robot import EstimatedTrajectory
 from lrf3d.run import Run
 from lrf3d.scene.beams import lines_at
-from lrf3d.scene.look import ESTIMATE_COLOUR, ESTIMATE_FADED, TRAIL_HEIGHT, TRAIL_WIDTH_PIXELS
+from lrf3d.scene.look import ESTIMATE_COLOUR, ESTIMATE_FADED, TRAIL_HEIGHT
 from lrf3d.scene.shapes import Lines
-from lrf3d.scene.timeline import Timeline
+from lrf3d.scene.timeline import DriveKeys, Timeline
+from lrf3d.scene.trail_and_map import trail_lines
 
 MOST_KEPT = 40
 """Most ellipses that stay along the way: more would be one band."""
@@ -31,25 +32,20 @@ TRUTH, BELIEVED = "truth", "estimate, 95 %"
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DrawnEstimate:
-    """The estimate of a run as it is drawn.
-
-    Args:
-        times: (k,) times of the scans, from the start of the run on [s].
-        places: (k, 2) estimated position when each scan was in [m].
-        ellipse_times: (m,) times when an ellipse is known [s].
-        middles: (m, 2) its middle [m].
-        shapes: (m, 2, 2) the matrix that makes it of the unit circle [m].
-        kept: (n,) numbers of the ellipses that stay along the way, faded.
-        beside_truth: Whether the true way is known, and is another trail.
-    """
+    """The estimate of a run as it is drawn."""
 
     times: Float
+    """(k,) times of the scans, from the start of the run on [s]."""
     places: Float
+    """(k, 2) estimated position when each scan was in [m]."""
     ellipse_times: Float
+    """(m,) times when an ellipse is known [s]."""
     middles: Float
+    """(m, 2) its middle [m]."""
     shapes: Float
+    """(m, 2, 2) the matrix that makes it of the unit circle [m]."""
     kept: Int
-    beside_truth: bool
+    """(n,) numbers of the ellipses that stay along the way, faded."""
 
     @classmethod
     def from_timeline(cls, timeline: Timeline) -> "DrawnEstimate | None":
@@ -60,10 +56,7 @@ class DrawnEstimate:
         times = run.trajectory.times - timeline.start
         places = estimate.poses[:, :2] - timeline.origin
         known, shapes = estimate.known_scans, estimate.ellipses
-        kept = kept_ellipses(estimate)
-        return cls(
-            times, places, times[known], places[known], shapes, kept, beside_truth=run.knows_truth
-        )
+        return cls(times, places, times[known], places[known], shapes, kept_ellipses(estimate))
 
     def place(self, time: float) -> Float:
         """The estimated position (2,) at a time from the start of the run on [s]."""
@@ -78,10 +71,8 @@ class DrawnEstimate:
 
     def trail(self, time: float) -> Lines:
         """The estimated trail up to a time from the start of the run on [s]."""
-        done = max(0, int(np.searchsorted(self.times, time, side="right")) - 1)
-        # The leg that is being driven ends where the robot is estimated to be now.
-        places = np.concatenate([self.places[: done + 1], self.place(time)[None]])
-        return _lines(places[:-1], places[1:], 1.0, TRAIL_WIDTH_PIXELS)
+        poses = np.column_stack([self.places, np.zeros(len(self.places))])
+        return trail_lines(DriveKeys(self.times, poses), time, np.inf, ESTIMATE_COLOUR)
 
     def rings(self, time: float) -> Lines:
         """The ellipses that stay by a time, faded, and the one that is known now."""
@@ -91,7 +82,9 @@ class DrawnEstimate:
         alpha = np.full(len(rings) * CORNERS, ESTIMATE_FADED)
         alpha[-CORNERS:] = 1.0
         following = np.roll(rings, -1, axis=1)
-        return _lines(rings.reshape(-1, 2), following.reshape(-1, 2), alpha, _RING_WIDTH)
+        colours = np.tile(ESTIMATE_COLOUR, (len(alpha), 1))
+        ends = rings.reshape(-1, 2), following.reshape(-1, 2)
+        return lines_at(TRAIL_HEIGHT, *ends, colours, alpha[:, None] * [1.0, 1.0], _RING_WIDTH)
 
     def outlines(self) -> Float:
         """Outlines (n, CORNERS, 2) of the ellipses that stay [m]."""
@@ -103,12 +96,6 @@ def outlines(middles: Float, shapes: Float) -> Float:
     angle = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
     circle = np.column_stack([np.cos(angle), np.sin(angle)])
     return np.asarray(middles[:, None] + np.einsum("nij,cj->nci", shapes, circle))
-
-
-def _lines(starts: Float, ends: Float, alpha: Float | float, width: float) -> Lines:
-    colours = np.tile(ESTIMATE_COLOUR, (len(starts), 1))
-    opacities = np.broadcast_to(np.reshape(alpha, (-1, 1)), (len(starts), 2))
-    return lines_at(TRAIL_HEIGHT, starts, ends, colours, opacities, width)
 
 
 def ring_quads(rings: Float, width: float) -> Float:

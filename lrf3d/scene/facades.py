@@ -25,9 +25,8 @@ SLANTS = 4
 """Copies of a layer with windows, each twice as blurred along the wall as the one before: a wall
 seen at a slant is narrow and yet high, which smaller copies of a picture are not made for."""
 
-BLANK, FOOT, PLINTH, WINDOWED = 0, 1, 2, 3
-"""Layers: nothing painted, the foot of a plain wall, that of a house, and the first of those with
-windows."""
+BLANK, WINDOWED = 0, 1
+"""Layers: nothing painted, and the first of those with windows."""
 
 STYLES = ((12, 16), (14, 15), (11, 18))
 """Half the width and height of a window [texels], for each style of houses."""
@@ -47,9 +46,6 @@ _MIDDLE, _RIM, _DOOR = 35, 2, (13, 45)
 _SILL, _SILL_PAINT = (5, 5), np.array([0.56, 0.55, 0.53, 0.25])
 """How far a sill reaches to both sides of its window and below it [texels], and its colour."""
 
-PLINTH_HEIGHT, SKIRTING_HEIGHT = 0.45, 0.09
-"""Heights of the darker foot of a house, and of that of a wall in rooms [m]."""
-
 
 @cache
 def layers(indoor: bool) -> tuple[Texels, ...]:
@@ -57,10 +53,9 @@ def layers(indoor: bool) -> tuple[Texels, ...]:
 
     Row 0 lies at the foot of the wall. Each further level is half as wide and high.
     """
-    painted = [_blank(), _foot(indoor)]
+    painted = [_blank()]
     if not indoor:
         rng = np.random.default_rng(4)
-        painted.append(_darkened(_blank()))
         for ground in (True, False):
             for style in range(len(STYLES)):
                 painted += _slants(_windows(style, rng, ground=ground))
@@ -77,22 +72,6 @@ def layers(indoor: bool) -> tuple[Texels, ...]:
 def _blank() -> Float:
     layer = np.zeros((ROWS * TILE, BAYS * TILE, 4))
     layer[..., 3] = 1.0
-    return layer
-
-
-def _foot(indoor: bool) -> Float:
-    """The lowest storey of a plain wall, with the skirting of one in rooms."""
-    layer = _blank()
-    if indoor:
-        layer[(np.arange(len(layer)) + 0.5) / len(layer) * STOREY <= SKIRTING_HEIGHT, :, 3] = 0.62
-    return layer
-
-
-def _darkened(layer: Float) -> Float:
-    """A layer with the plinth of a house over its lowest storey."""
-    layer[:TILE][(np.arange(TILE) + 0.5) / TILE * STOREY <= PLINTH_HEIGHT] *= 0.82
-    # What lies under the foot where the layer repeats is seen with it from far away.
-    layer[-TILE // 4 :] = layer[:1]
     return layer
 
 
@@ -119,7 +98,7 @@ def _windows(style: int, rng: np.random.Generator, *, ground: bool) -> Float:
             _box(tile, 1, low, high)[:] = 0.8 * _FRAME + 0.2 * pane[low:high]
             bar = low + 2 * (high - low) // 3
             _box(tile, wide, bar, bar + 1)[:] = 0.8 * _FRAME + 0.2 * pane[bar]
-    return _darkened(layer) if ground else layer
+    return layer
 
 
 def _box(tile: Float, half_width: int, low: int, high: int) -> Float:

@@ -15,16 +15,13 @@ from lrf3d.scene.shadows import swept
 from lrf3d.scene.shapes import GroundPicture
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.town import KERB, PAVEMENT, STREET, plan_town
-from lrf3d.scene.trees import Crowns, shadows
+from lrf3d.scene.trees import crowns_of, shadows
 
 _PIXELS = 3072
 """Longest side of the picture [pixels]; larger ones take longer to paint than a second."""
 
 _FINEST, _FINEST_INDOOR = 0.06, 0.02
 """Smallest size of a pixel [m]: finer ones show no more of a small place."""
-
-_COARSE = 0.25
-"""Size of a pixel [m] above which kerbs and feet of walls would be too narrow, and are left out."""
 
 _MARGIN, _MARGIN_INDOOR = STREET + 2.0 * PAVEMENT + 6.0, 3.0
 """How far the picture reaches past walls [m], or past their shadows if these reach farther: a town
@@ -56,9 +53,6 @@ _LIGHT_CELL, _LIGHT_CELL_INDOOR, _LIGHT_CELLS = 0.8, 0.25, 150
 _LIGHT_BLUR = 0.8
 """How far that light is smoothed [cells]: rays are few, and it changes slowly."""
 
-_BED = 0.65
-"""Radius of the bed of a tree in a pavement [m]."""
-
 _LEAVES = 220
 """How much of the sun leaves hide, 0…255: some of it comes through."""
 
@@ -77,28 +71,34 @@ _AROUND = 1.6
 """How far round its path a robot has a floor under it [m], where there are no rooms."""
 
 
-def paint_ground(structures: Structures, crowns: Crowns, light: Light) -> GroundPicture:
+def paint_ground(structures: Structures, light: Light) -> GroundPicture:
     """Paint the ground of a world in its light, coarser the larger it is."""
-    brush, indoor = _brush(structures), structures.indoor
-    cover = _floor(structures, brush) if indoor else _streets(structures, brush)
+    brush, cover = _cover(structures)
+    indoor, open_sky = structures.indoor, open_light(indoor=structures.indoor)
     dark = _baked(light, brush, indoor=indoor)
-    open_sky = open_light(indoor=indoor)
     shining = _as_light(dark, brush)
     if not indoor:
         sun = SUN[2] * SUNSHINE
         open_sky = open_sky + sun
         fine = brush.finer()
         shadow = fine.blank()
-        fine.polygons(shadow, shadows(crowns), fill=_LEAVES)
+        fine.polygons(shadow, shadows(crowns_of(structures)), fill=_LEAVES)
         # The walls of a solid sweep what it hides, but for the ground under it.
-        fine.quads(shadow, swept(structures.segments, structures.heights))
-        shadow = fine.reduced(shadow, _SHADOW_BLUR)
-        shining = Image.composite(shining, _as_light(dark + sun, brush), shadow)
+        fine.polygons(shadow, shapely.polygons(swept(structures.segments, structures.heights)))
+        shining = Image.composite(
+            shining, _as_light(dark + sun, brush), fine.reduced(shadow, _SHADOW_BLUR)
+        )
     far = np.clip(np.array(_land(indoor=indoor)) * screen(open_sky), 0.0, 1.0)
     seen = ImageChops.multiply(cover, shining)
     around = Image.new("RGB", seen.size, tuple(np.round(255.0 * far).astype(int).tolist()))
     picture = Image.composite(seen, around, _fading(*brush.size))
     return GroundPicture(np.asarray(picture), brush.corner, brush.extent, far)
+
+
+def _cover(structures: Structures) -> tuple[Brush, Image.Image]:
+    """What paints the ground of a world, and a picture of what covers it."""
+    brush = _brush(structures)
+    return brush, (_floor if structures.indoor else _streets)(structures, brush)
 
 
 def _brush(structures: Structures) -> Brush:
@@ -117,9 +117,9 @@ def _brush(structures: Structures) -> Brush:
 
 def bare_ground(structures: Structures) -> tuple[Brush, Float, Float]:
     """Where the ground's picture lies, what covers it (h, w, 3) in no light, and the land (3,)."""
-    brush, indoor = _brush(structures), structures.indoor
-    cover = _floor(structures, brush) if indoor else _streets(structures, brush)
-    return brush, np.asarray(cover) / 255.0 / _BRIGHTEST, np.array(_land(indoor=indoor))
+    brush, cover = _cover(structures)
+    land = np.array(_land(indoor=structures.indoor))
+    return brush, np.asarray(cover) / 255.0 / _BRIGHTEST, land
 
 
 def _land(*, indoor: bool) -> tuple[float, ...]:
@@ -180,21 +180,10 @@ def _streets(structures: Structures, brush: Brush) -> Image.Image:
     """What covers the ground of a town: lawns, pavements, kerbs and asphalt."""
     fine = brush.finer()
     paved, kerbs, streets = fine.blank(), fine.blank(), fine.blank()
-    if brush.pixel <= _COARSE:
-        plan = plan_town(structures)
-        fine.polygons(paved, plan.paved)
-        fine.polygons(kerbs, shapely.buffer(plan.streets, KERB))
-        fine.polygons(streets, plan.streets)
-        # Where the ground is paved, trees stand in beds of their own.
-        trees = shapely.centroid(structures.solids[structures.trees])
-        trees = trees[shapely.dwithin(plan.paved, trees, _BED)]
-        for picture in (paved, kerbs, streets):
-            fine.polygons(picture, shapely.buffer(trees, _BED), fill=0)
-    else:
-        # From so far away, a street is what lies between houses.
-        for picture, reach in ((paved, STREET + PAVEMENT), (streets, STREET)):
-            fine.polygons(picture, shapely.buffer(structures.houses, reach, quad_segs=4))
-        fine.polygons(streets, shapely.buffer(structures.houses, PAVEMENT, quad_segs=4), fill=0)
+    plan = plan_town(structures)
+    fine.polygons(paved, plan.paved)
+    fine.polygons(kerbs, shapely.buffer(plan.streets, KERB))
+    fine.polygons(streets, plan.streets)
     return _covered(
         brush,
         (None, _LAWN),

@@ -7,8 +7,6 @@ bounces as matter (Goral et al., 1984, with rays in place of form factors). The 
 itself is added where it is drawn, as its shadows have sharp edges.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -44,9 +42,6 @@ _OFF, _INWARD = 0.02, 0.10
 _INSIDE = 0.2
 """Share of rays that meet walls from within from which on a place is inside of one."""
 
-_SPREAD = 0.02
-"""Radius of the sun's disc [rad] in what it lights up."""
-
 _CELL, _CELLS = 1.0, 110
 """Least side of a cell of the ground that light goes on from [m], and the most cells to a side."""
 
@@ -73,26 +68,8 @@ def open_light(*, indoor: bool) -> Float:
     return np.asarray(sky_light(_sphere(512), indoor=indoor).mean(axis=0))
 
 
-class _Points(NamedTuple):
-    """Points (n,) that light is gathered at: places (n, 3) and normals (n, 3)."""
-
-    places: Float
-    normals: Float
-
-
 class Light:
-    """The light of a world.
-
-    Args:
-        structures: What stands in it.
-        walls: (m quads) its walls.
-        roofs: (t triangles) its roofs.
-        progress: Called with the points that light has been gathered at, and the number of all.
-
-    Attributes:
-        walls: (m, 4, 3) light at the corners of the walls.
-        roofs: (t, 3, 3) light at those of the roofs.
-    """
+    """The light of a world, at the corners of its walls (m, 4, 3) and roofs (t, 3, 3)."""
 
     def __init__(
         self, structures: Structures, walls: Panels, roofs: Panels, progress: Progress = silent
@@ -106,92 +83,66 @@ class Light:
         # Without Embree the rays of all faces would take minutes: they get the light of the open.
         if not 0 < self._count <= _MOST_FACES or not embreex_installed():
             return
-        rng = np.random.default_rng(7)
-        self._turns = rng.uniform(0.0, 2.0 * np.pi, 4096)
-        self._build(walls, roofs)
-        self._grid(structures)
-        corners, owner = _corners(walls, roofs)
-        cells = self._cells()
-        first, total = len(corners.places), len(corners.places) + len(cells.places)
-        seen, sky = self._gather(corners, _RAYS, lambda done, _: progress(done, total))
-        seen_below, sky_below = self._gather(
-            cells, _GROUND_RAYS, lambda done, _: progress(first + done, total)
-        )
+        self._turns = np.random.default_rng(7).uniform(0.0, 2.0 * np.pi, 4096)
+        halves = walls.places[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 3)
+        self._rays = TriangleRays(single(np.concatenate([halves, roofs.places])))
+        # The face of each triangle, and where each face looks.
+        number, quads = np.arange(self._count), len(walls.places)
+        self._owner = np.concatenate([np.repeat(number[:quads], 2), number[quads:]])
+        self._facing = np.concatenate([walls.normals[:, 0], roofs.normals.mean(axis=1)])
+        cells = self._cells(structures.places)
+        places, normals, owner = _corners(walls, roofs)
+        seen, sky = self._gather(places, normals, _RAYS, progress)
+        seen_below, sky_below = self._gather(cells, _up(cells), _GROUND_RAYS)
         sun, albedo = self._sunlit(walls, roofs, cells), self._albedo(walls, roofs, cells)
         # What patches send on: faces, cells of the ground, the land around; insides of houses
         # and the sky, whose light is known, nothing.
-        sent = np.zeros((self._count + len(cells.places) + 3, 3), np.float32)
+        self._sent = np.zeros((self._count + len(cells) + 3, 3), np.float32)
         land = GROUND_ALBEDO_INDOOR if self._indoor else GROUND_ALBEDO
-        shone = self._shone(np.array([[0.0, 0.0, 1.0]]))[0]
-        sent[-3] = land * (self._open + shone)
-        light, cut = sky, 4 * len(walls.places)
-        for _ in range(_BOUNCES):
-            light = (sky + _mean_of(sent, seen))[owner]
+        self._sent[-3] = land * (self._open + self._shone(_up(np.zeros((1, 3))))[0])
+        for bounce in range(_BOUNCES + 1):
+            light, cut = (sky + _mean_of(self._sent, seen))[owner], 4 * quads
             self.walls, self.roofs = light[:cut].reshape(-1, 4, 3), light[cut:].reshape(-1, 3, 3)
-            below = sky_below + _mean_of(sent, seen_below)
-            faces = np.concatenate([self.walls.mean(axis=1), self.roofs.mean(axis=1), below])
-            sent[:-3] = albedo * (faces + sun)
-        self._sent = sent
-        light = (sky + _mean_of(sent, seen))[owner]
-        self.walls, self.roofs = light[:cut].reshape(-1, 4, 3), light[cut:].reshape(-1, 3, 3)
+            if bounce < _BOUNCES:
+                below = sky_below + _mean_of(self._sent, seen_below)
+                faces = [self.walls.mean(axis=1), self.roofs.mean(axis=1), below]
+                self._sent[:-3] = albedo * (np.concatenate(faces) + sun)
 
     def ground(self, places: Float) -> tuple[Float, Bool]:
         """The light (n, 3) on the ground at places (n, 2), and which are not inside of a house."""
         if self._rays is None:
             return np.broadcast_to(self._open, (len(places), 3)), np.ones(len(places), dtype=bool)
-        points = _Points(
-            np.column_stack([places, np.full(len(places), _OFF)]),
-            np.tile([0.0, 0.0, 1.0], (len(places), 1)),
-        )
-        seen, sky = self._gather(points, _GROUND_RAYS)
+        places = np.column_stack([places, np.full(len(places), _OFF)])
+        seen, sky = self._gather(places, _up(places), _GROUND_RAYS)
         return sky + _mean_of(self._sent, seen), (seen == self._land + 1).mean(axis=1) < _INSIDE
 
-    def _build(self, walls: Panels, roofs: Panels) -> None:
-        halves = walls.places[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 3)
-        self._rays = TriangleRays(single(np.concatenate([halves, roofs.places])))
-        quads = len(walls.places)
-        self._owner = np.concatenate([np.arange(2 * quads) // 2, np.arange(quads, self._count)])
-        # Only leaves look another way at each corner.
-        leaves = roofs.normals.mean(axis=1)
-        leaves /= np.linalg.norm(leaves, axis=1)[:, None]
-        self._facing = np.concatenate([walls.normals[:, 0], leaves])
-
-    def _grid(self, structures: Structures) -> None:
-        ends = structures.places
+    def _cells(self, ends: Float) -> Float:
+        """Middles (n, 3) of the cells of the ground that light goes on from, around ends (m, 2)."""
         low, high = ends.min(axis=0) - 4.0, ends.max(axis=0) + 4.0
         cell = max(_CELL * (0.5 if self._indoor else 1.0), float((high - low).max()) / _CELLS)
         self._low, self._cell = low, cell
         self._shape = np.ceil((high - low) / cell).astype(int)
         self._land = self._count + int(np.prod(self._shape))
-
-    def _cells(self) -> _Points:
         x, y = np.meshgrid(*(np.arange(side) + 0.5 for side in self._shape), indexing="ij")
-        places = self._low + self._cell * np.column_stack([x.ravel(), y.ravel()])
-        count = len(places)
-        return _Points(
-            np.column_stack([places, np.full(count, _OFF)]), np.tile([0.0, 0.0, 1.0], (count, 1))
-        )
+        places = low + cell * np.column_stack([x.ravel(), y.ravel()])
+        return np.column_stack([places, np.full(len(places), _OFF)])
 
     def _gather(
-        self, points: _Points, rays: int, progress: Progress = silent
+        self, places: Float, normals: Float, rays: int, progress: Progress = silent
     ) -> tuple[NDArray[np.int32], Float]:
         """Which patches (n, rays) the rays of points meet, and the mean light (n, 3) of the sky."""
-        count = len(points.places)
-        seen = np.empty((count, rays), np.int32)
-        sky = np.empty((count, 3))
-        local = _sphere(rays)
-        for first in range(0, count, max(1, _AT_ONCE // rays)):
-            part = slice(first, first + max(1, _AT_ONCE // rays))
-            places, normals = points.places[part], points.normals[part]
-            turn = self._turns[(np.arange(len(places)) + first) % len(self._turns)]
-            ways = _around(normals, turn, local)
-            origins = np.repeat(places, rays, axis=0)
-            patches = self._met(origins, ways.reshape(-1, 3))
+        seen = np.empty((len(places), rays), np.int32)
+        sky = np.empty((len(places), 3))
+        for first in range(0, len(places), _AT_ONCE // rays):
+            part = slice(first, min(first + _AT_ONCE // rays, len(places)))
+            turn = self._turns[np.arange(part.start, part.stop) % len(self._turns)]
+            ways = _around(normals[part], turn, _sphere(rays))
+            patches = self._met(np.repeat(places[part], rays, axis=0), ways.reshape(-1, 3))
             seen[part] = patches.reshape(-1, rays)
             light = sky_light(ways.reshape(-1, 3), indoor=self._indoor).reshape(ways.shape)
             free = (patches == self._land + 2).reshape(-1, rays, 1)
             sky[part] = np.where(free, light, 0.0).mean(axis=1)
-            progress(first + len(places), count)
+            progress(part.stop, len(places))
         return seen, sky
 
     def _met(self, origins: Float, ways: Float) -> Int:
@@ -218,24 +169,19 @@ class Light:
             return np.zeros((len(normals), 3))
         return np.asarray(np.maximum(normals @ SUN, 0.0)[:, None] * SUNSHINE)
 
-    def _sunlit(self, walls: Panels, roofs: Panels, cells: _Points) -> Float:
-        """The mean light (n, 3) of the sun on all patches, by three rays from each."""
-        shine = self._shone(np.concatenate([self._facing, cells.normals]))
+    def _sunlit(self, walls: Panels, roofs: Panels, cells: Float) -> Float:
+        """The light (n, 3) of the sun on all patches, by a ray from the middle of each."""
+        shine = self._shone(np.concatenate([self._facing, _up(cells)]))
         if self._indoor:
             return shine
         assert self._rays is not None
         middles = np.concatenate([walls.places.mean(axis=1), roofs.places.mean(axis=1)])
-        corners = np.concatenate([walls.places[:, :2], roofs.places[:, :2]])
-        free = np.zeros(len(shine))
-        for number, aside in enumerate(np.array([[0, 0, 0], [1, 1, 0], [-1, 1, 0]])):
-            spot = middles if number == 0 else 0.5 * (middles + corners[:, number - 1])
-            places = cells.places + 0.25 * self._cell * aside
-            origins = np.concatenate([spot + _OFF * self._facing, places])
-            ways = np.broadcast_to(SUN + _SPREAD * aside, origins.shape)
-            free += self._rays.first(single(origins), single(ways)) < 0
-        return shine * (free / 3.0)[:, None]
+        origins = np.concatenate([middles + _OFF * self._facing, cells])
+        ways = np.broadcast_to(SUN, origins.shape)
+        free = self._rays.first(single(origins), single(ways)) < 0
+        return shine * free[:, None]
 
-    def _albedo(self, walls: Panels, roofs: Panels, cells: _Points) -> Float:
+    def _albedo(self, walls: Panels, roofs: Panels, cells: Float) -> Float:
         """What share (n, 3) of light all patches send on."""
         # The coarsest copy of the texture is its mean.
         means = layers(self._indoor)[-1][:, 0, 0].astype(np.float64) / 255.0
@@ -243,22 +189,22 @@ class Light:
         own = np.concatenate([each.colours[:, 0] for each in (walls, roofs)])
         colours = own * means[layer, 3:] + means[layer, :3]
         ground = GROUND_ALBEDO_INDOOR if self._indoor else GROUND_ALBEDO
-        below = np.broadcast_to(ground, cells.places.shape)
+        below = np.broadcast_to(ground, cells.shape)
         return np.concatenate([np.clip(colours, 0.0, 1.0) ** GAMMA, below])
 
 
-def _corners(walls: Panels, roofs: Panels) -> tuple[_Points, Int]:
-    """The different corners of faces, and which of them each corner of each face is."""
-    places, normals, middles = (
-        np.concatenate([each.reshape(-1, 3) for each in columns])
-        for columns in (
-            (walls.places, roofs.places),
-            (walls.normals, roofs.normals),
-            [
-                np.repeat(each.places.mean(axis=1), each.places.shape[1], axis=0)
-                for each in (walls, roofs)
-            ],
-        )
+def _up(places: Float) -> Float:
+    """Normals (n, 3) of the ground at places (n, 3)."""
+    return np.broadcast_to([0.0, 0.0, 1.0], places.shape)
+
+
+def _corners(walls: Panels, roofs: Panels) -> tuple[Float, Float, Int]:
+    """Places and normals (n, 3) of the different corners of faces, and which of them each is."""
+    both = (walls, roofs)
+    places = np.concatenate([each.places.reshape(-1, 3) for each in both])
+    normals = np.concatenate([each.normals.reshape(-1, 3) for each in both])
+    middles = np.concatenate(
+        [np.repeat(each.places.mean(axis=1), each.places.shape[1], axis=0) for each in both]
     )
     keys = np.round(np.concatenate([100.0 * places, 50.0 * normals], axis=1)).astype(np.int64)
     _, first, owner = np.unique(keys, axis=0, return_index=True, return_inverse=True)
@@ -271,7 +217,7 @@ def _corners(walls: Panels, roofs: Panels) -> tuple[_Points, Int]:
     inward -= (inward * normals).sum(axis=1)[:, None] * normals
     length = np.maximum(np.linalg.norm(inward, axis=1), 1e-9)[:, None]
     step = inward / length * np.minimum(_INWARD, 0.3 * length)
-    return _Points(places + step + _OFF * normals, normals), owner
+    return places + step + _OFF * normals, normals, owner
 
 
 def _sphere(count: int) -> Float:

@@ -54,14 +54,12 @@ BODY_LIGHT = (0.56, 0.36, 0.06)
 GHOST, GHOST_STRENGTH = (0.95, 0.96, 0.98), 0.80
 """Colour of houses that have faded to ghosts, and what of their opacity they have lost."""
 
-LEFT_STANDING = (0.04, 1.2)
-"""Least and largest height [m] of what is left of walls in rooms that would hide the robot."""
+LEFT_STANDING, LEFT_FROM_AFAR = (0.04, 1.2), (8.0, 0.1)
+"""Least and largest height [m] of what is left of walls in rooms that would hide the robot; and how
+much higher they may be for each metre that the eye is farther off than a distance [m, m/m]."""
 
 CUT_BEFORE = 0.4
 """How far before the robot's rear walls begin to be cut [m]: they bend where their pieces end."""
-
-NOTCH = (0.8, 1.5)
-"""Half the width [m] of the notch that is cut into walls, and how steeply its sides rise [m/m]."""
 
 DASH = 0.8
 """Length of a dash with its gap [m]."""

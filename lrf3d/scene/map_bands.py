@@ -15,9 +15,6 @@ if TYPE_CHECKING:
 _NEAR = 0.2
 """A wall farther than this from a segment of the map [m] is another one."""
 
-_TALL = 2.0
-"""Walls from this height on [m] are higher than any band."""
-
 _LOWEST = 0.02
 """Height above the ground [m] that bands keep."""
 
@@ -60,11 +57,6 @@ class WallTops:
             found, wall = self._tree.query_nearest(middles, max_distance=_NEAR, all_matches=False)
             tops[found] = self._heights[wall]
         return tops
-
-    def bands(self, segments: Float) -> Float:
-        """How high (m,) the bands on segments (m, 4) reach [m]."""
-        tops = self.of(segments)
-        return np.asarray(np.minimum(np.where(tops < _TALL, tops, np.inf), MAP_BAND[1]))
 
 
 def bands(drawn: "DrawnMap", walls: Float, eye: Float, *, least: float, raised: float) -> Faces:

@@ -4,9 +4,9 @@ A moment of the run and a look enter; what is to be seen leaves. What has not ch
 moment before is the same object again, so that nothing is made or sent twice.
 """
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -22,8 +22,8 @@ from lrf3d.scene.shapes import Body, Cut, Lens, Lines, Mark, Plan, Points, Seen,
 from lrf3d.scene.stage import Stage, stage_of
 from lrf3d.scene.structures import SIGHT_DISTANCE
 from lrf3d.scene.timeline import Moment, Timeline, drive_keys
-from lrf3d.scene.trail_and_map import DrawnMap, smoothed, thinned, trail_lines
-from lrf3d.scene.turns import WallOptics
+from lrf3d.scene.trail_and_map import DrawnMap, thinned, trail_lines
+from lrf3d.scene.turns import turning_walls
 
 LAYERS = (
     "shadow", "goal", "trail", "estimate", "fan", "beams", "map", "points", "marker", "inset",
@@ -52,9 +52,8 @@ but not for an eye that looks from far on purpose."""
 _PAST_GROUND = 3.0
 """How far an eye far above the ground sees, in its heights: past all of it, at a slant too."""
 
-_LEAST_PLAN, _PLAN_MARGIN = 4.0, 8.0
-"""Least size [m] that the plan shows: there may be no wall, and a robot that stands; and what it
-shows round the robot's path, at the least."""
+_LEAST_PLAN = 4.0
+"""Least size [m] that the plan shows: there may be no wall, and a robot that stands."""
 
 _OLD_SCANS = 8
 """Earlier scans whose hits are still shown, at the most."""
@@ -67,17 +66,13 @@ _BELOW_SIGHT = 0.8
 """Share of the line of sight from there to the eye that cut walls reach up to."""
 
 
+Made = TypeVar("Made")
+
+
 class Scene:
-    """All that can be seen of a run.
+    """All that can be seen of a run, with a goal on the ground where one is given.
 
-    Args:
-        timeline: The run, as time goes by in its film.
-        goal: A goal to be marked on the ground.
-        stage: What stands in the run's world, if it has been painted already.
-
-    Attributes:
-        stage: What stands in the run's world, which never changes.
-        robot: The robot, in its own frame.
+    What stands in the run's world may have been painted already.
     """
 
     def __init__(
@@ -92,9 +87,9 @@ class Scene:
         self.tops = WallTops(structures.segments, structures.heights)
         self.robot = Body(robot_body(run.lrf.height), np.eye(4))
         self._goal = None if goal is None else goal_disc(np.array(goal) - [*self.origin, 0.0])
-        self._optics = WallOptics.of(run.world)
+        self._turning = turning_walls(run.world)
         self._walls = run.world.segments - np.tile(self.origin, 2)
-        self._keys = thinned(smoothed(drive_keys(timeline)))
+        self.keys = thinned(drive_keys(timeline))
         self._estimate = DrawnEstimate.from_timeline(timeline)
         self._reach = beam_reach(run.lrf.range_max, structures)
         self._fade = look.TRAIL_FADE * timeline.playback
@@ -128,7 +123,9 @@ class Scene:
             level = max(float(np.hypot(*away)), 2.0 * _REAR)
             toward = away / level
             slope = _BELOW_SIGHT * float(lens.eye[2]) / (level - _REAR)
-            cut = Cut(pose[:2] + _REAR * toward, toward, slope)
+            start, gain = look.LEFT_FROM_AFAR
+            top = look.LEFT_STANDING[1] + gain * max(level - start, 0.0)
+            cut = Cut(pose[:2] + _REAR * toward, toward, slope, top)
         return Seen(lens, tuple(bodies), marks, view.sky_below, view.ghost, cut)
 
     def _lens(self, view: Look, size: tuple[int, int]) -> Lens:
@@ -154,53 +151,49 @@ class Scene:
         yield "trail", "trail", self._trail(moment)
         for name, line in self._estimated(moment):
             yield "estimate", name, line
-        beams = self._beams(moment, pose[:2])
+        beams = self._beams(moment)
         if beams is not None:
-            glow, single, hits = beams
-            if view.fan != 1.0:
-                colours = glow.colours * np.array([1.0, 1.0, 1.0, view.fan], np.float32)
-                glow = glow._replace(colours=colours)
-            yield "fan", "fan", glow
-            yield "beams", "beams", single
+            fainter = np.array([1.0, 1.0, 1.0, view.fan], np.float32)
+            yield "fan", "fan", beams[0]._replace(colours=beams[0].colours * fainter)
+            yield "beams", "beams", beams[1]
         stage = self.run.snapshot_after(moment.scan)
         if view.shows_map:
-            yield "map", "map lines", self._same("map", stage, self._map_lines, moment.scan, False)
+            lines = self._same("map", stage, self._map_lines, moment.scan, height)
+            yield "map", "map lines", lines
         elif view.raised == 0.0:
-            yield "map", "hidden", self._same("hidden", stage, self._map_lines, moment.scan, True)
+            yield "map", "hidden", self._same("hidden", stage, self._hidden_lines, moment.scan)
         yield "points", "recent", self._recent_hits(moment)
         if beams is not None:
-            yield "points", "points", hits
+            yield "points", "points", beams[2]
         yield "marker", "marker", self._marker(pose, view, lens, size, height)
 
-    def _same(self, name: str, key: Any, make: Any, *arguments: Any) -> Any:
+    def _same(self, name: str, key: object, make: Callable[..., Made], *arguments: object) -> Made:
         """What was made for this key the last time, or made now."""
         kept = self._kept.get(name)
         if kept is None or kept[0] != key:
             kept = self._kept[name] = key, make(*arguments)
-        return kept[1]
+        made: Made = kept[1]
+        return made
 
     def drawn_map(self, scan: int) -> DrawnMap:
         """The map after a scan."""
         stage = self.run.snapshot_after(scan)
-        made: DrawnMap = self._same(
-            "drawn", stage, DrawnMap.from_snapshot, self.run, stage, self.origin
-        )
-        return made
+        return self._same("drawn", stage, DrawnMap.from_snapshot, self.run, stage, self.origin)
 
-    def _map_lines(self, scan: int, hidden: bool) -> Lines:
+    def _map_lines(self, scan: int, height: float) -> Lines:
+        return self.drawn_map(scan).lines(height, look.MAP_LINE_WIDTH, 1.0)
+
+    def _hidden_lines(self, scan: int) -> Lines:
+        height = float(np.mean(look.MAP_BAND))
         drawn = self.drawn_map(scan)
-        height = float(np.mean(look.MAP_BAND)) if hidden else self.run.lrf.height
-        width = look.HIDDEN_WIDTH if hidden else look.MAP_LINE_WIDTH
-        opacity = look.HIDDEN_STRENGTH if hidden else 1.0
-        return drawn.lines(height, width, opacity, hidden=hidden)
+        return drawn.lines(height, look.HIDDEN_WIDTH, look.HIDDEN_STRENGTH, hidden=True)
 
     def _trail(self, moment: Moment) -> Lines | None:
         # Of a recorded drive only the estimate is known, which is drawn as such.
         if not self.run.knows_truth:
             return None
         now = moment.time - self.timeline.start
-        made: Lines = self._same("trail", now, trail_lines, self._keys, now, self._fade)
-        return made
+        return self._same("trail", now, trail_lines, self.keys, now, self._fade)
 
     def _estimated(self, moment: Moment) -> Iterator[tuple[str, Lines]]:
         if self._estimate is not None:
@@ -208,28 +201,23 @@ class Scene:
             yield "estimate", self._same("estimate", now, self._estimate.trail, now)
             yield "ellipses", self._same("ellipses", now, self._estimate.rings, now)
 
-    def _beams(self, moment: Moment, place: Float) -> tuple[Soft, Lines, Points] | None:
+    def _beams(self, moment: Moment) -> tuple[Soft, Lines, Points] | None:
+        """The glow, single beams and hits of the newest scan, from where the robot is now."""
         if not moment.scanning:
             return None
-        moved = self.obstacles.poses(moment.time).tobytes()
-        key = (moment.scan, *moment.pose.tolist(), moved)
-        found: tuple[Soft, Lines, Points] = self._same(
-            "beams", key, self._drawn_beams, moment, place
-        )
-        return found
+        key = moment.scan, *moment.pose.tolist()
+        return self._same("beams", key, self._drawn_beams, moment.scan, moment.pose)
 
-    def _drawn_beams(self, moment: Moment, place: Float) -> tuple[Soft, Lines, Points]:
-        run, height = self.run, self.run.lrf.height
-        scan = run.scan(moment.scan)
-        local = replace(scan, pose=np.array(scan.pose) - [*self.origin, 0.0])
-        carry = self.obstacles.carrying(moment.time)
-        drawn = DrawnBeams.from_scan(
-            local, self._walls, run.world.objects, place, carry, self._optics
-        )
+    def _drawn_beams(self, number: int, pose: Float | None = None) -> tuple[Soft, Lines, Points]:
+        scan, origin, lrf = self.run.scan(number), np.array([*self.origin, 0.0]), self.run.lrf
+        place = np.array(scan.pose) - origin
+        apex = place if pose is None else pose - origin
+        local = replace(scan, pose=place)
+        drawn = DrawnBeams.from_scan(local, self._walls, apex[:2], self._turning)
         return (
-            drawn.glow(height, indoor=self.structures.indoor),
-            drawn.single(height, self._reach),
-            drawn.hit_points(height, run.lrf.range_max, by=run.film.points_by),
+            drawn.glow(lrf.height, indoor=self.structures.indoor),
+            drawn.single(lrf.height, self._reach),
+            drawn.hit_points(lrf.height, lrf.range_max, by=self.run.film.points_by),
         )
 
     def _recent_hits(self, moment: Moment) -> Points:
@@ -239,39 +227,18 @@ class Scene:
         last = moment.scan if moment.scanning else moment.scan + 1
         step = 1 + (last - first) // _OLD_SCANS
         chosen = [number for number in range(first, last) if number % step == 0]
-        found: Points = self._same("recent", chosen, self._old_hits, chosen)
-        ages = moment.time - times[chosen]
-        left = np.clip(1.0 - ages / self._recent, 0.0, 1.0) * look.HITS_STRENGTH
-        counts = [len(self._hits[number].places) for number in chosen]
-        colours = found.colours.copy()
-        colours[:, 3] = np.repeat(left, counts)
-        return found._replace(colours=colours)
-
-    def _old_hits(self, chosen: list[int]) -> Points:
         self._hits = {
-            number: self._hits[number] if number in self._hits else self._hits_of(number)
+            number: self._hits[number] if number in self._hits else self._drawn_beams(number)[2]
             for number in chosen
         }
-        empty = [np.zeros((0, size), np.float32) for size in (3, 4, 2)]
-        none = Points(empty[0], empty[1], empty[2], look.HIT_SIZE, look.HIT_PIXELS)
-        each = [none, *self._hits.values()]
-        places = np.concatenate([points.places for points in each])
-        colours = np.concatenate([points.colours for points in each])
-        sides = np.concatenate([points.sides for points in each])
-        return Points(places, colours, sides, look.HIT_SIZE, look.HIT_PIXELS, glows=False)
-
-    def _hits_of(self, number: int) -> Points:
-        scan = self.run.scan(number)
-        place = np.array(scan.pose) - [*self.origin, 0.0]
-        drawn = DrawnBeams.from_scan(
-            replace(scan, pose=place),
-            self._walls,
-            self.run.world.objects,
-            place[:2],
-            optics=self._optics,
-        )
-        by = self.run.film.points_by
-        return drawn.hit_points(self.run.lrf.height, self.run.lrf.range_max, by=by)
+        left = np.clip(1.0 - (moment.time - times[chosen]) / self._recent, 0.0, 1.0)
+        size, pixels = look.HIT_SIZE, look.HIT_PIXELS
+        none = tuple(np.zeros((0, columns), np.float32) for columns in (3, 4, 2))
+        each = [none, *(hits[:3] for hits in self._hits.values())]
+        places, colours, sides = (np.concatenate(column) for column in zip(*each, strict=True))
+        counts = [len(hits[0]) for hits in each[1:]]
+        colours[:, 3] = np.repeat(look.HITS_STRENGTH * left, counts)
+        return Points(places, colours, sides, size, pixels, glows=False)
 
     def _marker(
         self, pose: Float, view: Look, lens: Lens, size: tuple[int, int], height: float
@@ -305,7 +272,7 @@ class Scene:
         lens = Lens(matrix, np.array([x, y, _ON_TOP]), 1.0, 0.0, 0.0, _ON_TOP)
         stage = self.run.snapshot_after(moment.scan)
         lines = self._same("plan", stage, self._plan_lines, moment.scan)
-        beams = self._beams(moment, pose[:2])
+        beams = self._beams(moment)
         marks: list[tuple[str, Mark | None]] = [("plan map", lines)]
         if beams is not None:
             marks.append(("plan points", beams[2]._replace(glows=False)))
@@ -319,16 +286,13 @@ class Scene:
     def plan_window(self) -> tuple[Float | None, float]:
         """The middle (2,) of what the plan shows and its size [m]; no middle where it follows."""
         path = self.run.trajectory.poses[:, :2] - self.origin
-        ends = self.structures.segments.reshape(-1, 2)
-        everything = np.concatenate([ends, path])
-        for points, margin in ((everything, 1.0), (path, _PLAN_MARGIN + 12.0)):
-            low, high = points.min(axis=0), points.max(axis=0)
-            size = float((high - low).max())
-            if size <= look.INSET_WHOLE - 2.0 * margin:
-                # A room needs less of a rim than a city, and walls are needed around a path.
-                rim = margin * min(1.0, size / 40.0) if points is everything else margin
-                return 0.5 * (low + high), max(1.04 * size + 2.0 * rim, _LEAST_PLAN)
-        return None, look.INSET_FOLLOWED
+        points = np.concatenate([self.structures.places, path])
+        low, high = points.min(axis=0), points.max(axis=0)
+        size = float((high - low).max())
+        if size > look.INSET_WHOLE:
+            return None, look.INSET_FOLLOWED
+        # A room needs less of a rim than a city.
+        return 0.5 * (low + high), max(1.04 * size + 2.0 * min(1.0, size / 40.0), _LEAST_PLAN)
 
     def _plan_lines(self, scan: int) -> Lines:
         drawn = self.drawn_map(scan)

@@ -4,14 +4,14 @@ Solids enter, triangles leave. Hipped roofs rise from the tops of the walls, whi
 the file says, and less steeply than the sun: the shadow that a house casts stays that of its walls.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import shapely
 
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.scene.look import spread
-from lrf3d.scene.panels import Panels, joined, level_panels, panels, triangles
+from lrf3d.scene.panels import LIT, Panels, joined, level_panels, panels, triangles
 from lrf3d.scene.shadows import shade_roofs
 from lrf3d.scene.structures import Structures
 
@@ -47,53 +47,27 @@ _TILES = np.array([[0.70, 0.60, 0.55], [0.64, 0.58, 0.55], [0.60, 0.61, 0.62], [
 """Colours of tiles: pale clay and slate."""
 
 
-class HippedRoofs(NamedTuple):
-    """Hipped roofs of some of the solids; what is not of these does not count."""
-
-    chosen: Bool
-    """(k,) which solids have one."""
-    middle: Float
-    """(k, 2) middle of each [m]."""
-    along: Float
-    """(k, 2) direction of its longer side, of unit length."""
-    half: Float
-    """(k, 2) half its length and width [m]."""
-    colours: Float
-    """(k, 3) colours of its tiles."""
-
-    def rise(self, solids: Int, places: Float) -> Float:
-        """How high (n,) roofs of solids (n,) are over the eaves at places (n, 2) [m]."""
-        way = places - self.middle[solids]
-        along = self.along[solids]
-        u, v = (way * along).sum(axis=1), along[:, 0] * way[:, 1] - along[:, 1] * way[:, 0]
-        length, width = self.half[solids].T
-        inward = np.minimum(length - np.abs(u), width - np.abs(v))
-        return np.asarray(_SLOPE * np.maximum(inward, 0.0))
-
-
 def build_roofs(structures: Structures) -> Panels:
-    """Triangles (t,) of the roofs of all solids, in the sun and in the shadow of others."""
+    """Triangles (t,) of the roofs of all solids; flat ones also in the shadow of others."""
+    hipped = hipped_houses(structures)
     polygons, solids, under = shade_roofs(structures)
+    flat = ~hipped[solids] & (shapely.area(polygons) > _SLIVER)
+    polygons, solids, under = polygons[flat], solids[flat], under[flat]
     if structures.indoor:
         polygons, piece = _cut_small(polygons)
         solids, under = solids[piece], under[piece]
-    hips = plan_hips(structures)
-    tiled = hips.chosen[solids]
-    flat = ~tiled & (shapely.area(polygons) > _SLIVER)
-    corners, piece = triangles(polygons[flat])
-    owner = solids[flat][piece]
-    colours = 1.02 * structures.solid_colours[owner]
-    if not structures.indoor:
-        walls = structures.solid_colours[owner]
-        colours = 1.08 * (walls + _SHARE_OF_GREY * (_GREY - walls))
+    corners, piece = triangles(polygons)
+    owner = solids[piece]
+    walls = structures.solid_colours[owner]
+    grey = 1.08 * (walls + _SHARE_OF_GREY * (_GREY - walls))
     level = level_panels(
         corners,
         structures.solid_heights[owner],
-        colours,
-        under[flat][piece],
+        1.02 * walls if structures.indoor else grey,
+        under[piece],
         structures.solid_objects[owner],
     )
-    return joined(level, _hip_faces(structures, hips, polygons[tiled], solids[tiled], under[tiled]))
+    return joined(level, _hips(structures, np.flatnonzero(hipped)))
 
 
 def _cut_small(polygons: Any) -> tuple[Any, Int]:
@@ -116,68 +90,53 @@ def _cut_small(polygons: Any) -> tuple[Any, Int]:
     return parts[whole], polygon[owner[whole]]
 
 
-def plan_hips(structures: Structures) -> HippedRoofs:
-    """Choose the houses that have hipped roofs."""
+def hipped_houses(structures: Structures) -> Bool:
+    """Which solids (k,) have hipped roofs."""
     solids, heights = structures.solids, structures.solid_heights
-    count = len(solids)
-    boxes = shapely.minimum_rotated_rectangle(solids)
-    whole = (shapely.get_type_id(boxes) == 3) & (not structures.indoor)
-    corners = np.zeros((count, 4, 2))
-    if whole.any():
-        corners[whole] = shapely.get_coordinates(boxes[whole]).reshape(-1, 5, 2)[:, :4]
-    sides = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 1]], axis=1)
-    length = np.hypot(sides[..., 0], sides[..., 1])
-    long = length.argmax(axis=1)
-    rows = np.arange(count)
-    half = 0.5 * np.column_stack([length[rows, long], length[rows, 1 - long]])
-    along = sides[rows, long] / np.maximum(length[rows, long], 1e-9)[:, None]
-    draw = spread(structures.solid_objects, 0.37)
-    chosen = whole & (shapely.area(solids) > _RIGHT * shapely.area(boxes))
+    half = 0.5 * _sides(solids)[1]
+    chosen = shapely.area(solids) > _RIGHT * 4.0 * half[:, 0] * half[:, 1]
     chosen &= (2.0 * half[:, 1] >= _NARROWEST) & (2.0 * half[:, 1] <= _WIDEST)
-    chosen &= (half[:, 0] <= _LONGEST * half[:, 1]) & (draw < _SHARE)
+    chosen &= half[:, 0] <= _LONGEST * half[:, 1]
+    chosen &= spread(structures.solid_objects, 0.37) < _SHARE
     chosen &= (heights >= _LOWEST) & (heights <= _HIGHEST)
-    colours = _TILES[(draw * 97.0).astype(int) % len(_TILES)]
-    return HippedRoofs(chosen, corners.mean(axis=1), along, half, colours)
+    return np.asarray(chosen & (not structures.indoor))
 
 
-def _hip_planes(roofs: HippedRoofs, solids: Int) -> tuple[Any, Float]:
-    """The four planes of each roof of solids (n,): polygons (n, 4), and normals (n, 4, 3)."""
-    length, width = roofs.half[solids].T
-    ridge = length - width
-    # Corners in the roof's own frame: both long sides, then both ends.
-    outlines = np.zeros((len(solids), 4, 4, 2))
-    for plane, side in ((0, 1.0), (1, -1.0)):
-        outlines[:, plane, :, 0] = np.stack([-length, length, ridge, -ridge], axis=1)
-        outlines[:, plane, :2, 1] = side * width[:, None]
-        outlines[:, plane + 2, :2, 0] = side * length[:, None]
-        outlines[:, plane + 2, 2:, 0] = side * ridge[:, None]
-        outlines[:, plane + 2, :2, 1] = np.stack([-width, width], axis=1)
-    along = roofs.along[solids]
-    across = np.column_stack([-along[:, 1], along[:, 0]])
-    frame = np.stack([along, across], axis=1)
-    corners = np.einsum("npci,nij->npcj", outlines, frame) + roofs.middle[solids][:, None, None]
-    out = np.stack([across, -across, along, -along], axis=1)
-    normals = np.concatenate([_SLOPE * out, np.ones((*out.shape[:2], 1))], axis=2)
-    return shapely.polygons(corners), normals / np.hypot(_SLOPE, 1.0)
+def _sides(solids: Any) -> tuple[Float, Float]:
+    """Corners (k, 4, 2) of the rectangles round solids and the lengths (k, 2) of their sides.
+
+    The first side is a longer one; they are 0 where there is no rectangle.
+    """
+    boxes = shapely.minimum_rotated_rectangle(solids)
+    whole = shapely.get_type_id(boxes) == 3
+    corners = np.zeros((len(solids), 4, 2))
+    rings = shapely.get_coordinates(boxes[whole]).reshape(-1, 5, 2)[:, :4]
+    corners[whole] = rings if len(rings) else 0.0
+    sides = np.linalg.norm(corners[:, 1:3] - corners[:, 0:2], axis=2)
+    across = sides[:, 1] > sides[:, 0]
+    corners[across] = np.roll(corners[across], -1, axis=1)
+    return corners, np.where(across[:, None], sides[:, ::-1], sides)
 
 
-def _hip_faces(
-    structures: Structures, roofs: HippedRoofs, polygons: Any, solids: Int, under: Float
-) -> Panels:
-    """Triangles of hipped roofs, from polygons (p,) of solids by number, so far in shadow."""
-    planes, normals = _hip_planes(roofs, solids)
-    parts, cell = shapely.get_parts(
-        shapely.intersection(polygons[:, None], planes).ravel(), return_index=True
-    )
-    good = (shapely.get_type_id(parts) == 3) & (shapely.area(parts) > _SLIVER)
-    corners, part = triangles(parts[good])
-    piece, plane = np.divmod(cell[good][part], 4)
-    owner = solids[piece]
-    rise = roofs.rise(np.repeat(owner, 3), corners.reshape(-1, 2)).reshape(-1, 3, 1)
-    return panels(
-        np.concatenate([corners, structures.solid_heights[owner, None, None] + rise], axis=2),
-        normals[piece, plane][:, None],
-        roofs.colours[owner][:, None],
-        under[piece, None],
-        structures.solid_objects[owner],
-    )
+def _hips(structures: Structures, solids: Int) -> Panels:
+    """Triangles of the hipped roofs of solids (n,): two long sides and both ends of each."""
+    corners, sides = _sides(structures.solids[solids])
+    eaves = structures.solid_heights[solids]
+    ends = 0.5 * (corners + np.roll(corners, -1, axis=1))[:, [3, 1]]
+    along = (ends[:, 1] - ends[:, 0]) / np.maximum(sides[:, :1], 1e-9)
+    inward = 0.5 * sides[:, 1:] * along
+    ridge = np.stack([ends[:, 0] + inward, ends[:, 1] - inward], axis=1)
+    high = np.stack([eaves] * 4 + [eaves + 0.5 * _SLOPE * sides[:, 1]] * 2, axis=1)
+    points = np.concatenate([np.concatenate([corners, ridge], axis=1), high[..., None]], axis=2)
+    faces = points[:, [[0, 1, 5], [0, 5, 4], [1, 2, 5], [2, 3, 4], [2, 4, 5], [3, 0, 4]]]
+    faces = faces.reshape(-1, 3, 3)
+    normals = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+    down = normals[:, 2] < 0.0
+    faces[down] = faces[down][:, ::-1]
+    normals *= np.where(down, -1.0, 1.0)[:, None]
+    area, owner = np.linalg.norm(normals, axis=1), np.repeat(structures.solid_objects[solids], 6)
+    # A square house has no ridge.
+    good = area > _SLIVER
+    faces, owner, normals = faces[good], owner[good], normals[good] / area[good, None]
+    colours = _TILES[(spread(owner, 0.37) * 97.0).astype(int) % len(_TILES)]
+    return panels(faces, normals[:, None], colours[:, None], np.array(LIT), owner)

@@ -14,7 +14,6 @@ from lrf3d.geometry import Float, Int, cross, directions, lengths
 from lrf3d.scene.look import SUN
 from lrf3d.scene.panels import LIT
 from lrf3d.scene.structures import Structures
-from lrf3d.scene.trees import Crowns, screens
 
 _SLOPE = float(SUN[2] / np.hypot(SUN[0], SUN[1]))
 """By how much the edge of a shadow falls with the distance [m/m]."""
@@ -31,7 +30,7 @@ _TOUCH = 0.01
 _LOWEST = 0.02
 """Shadows up to this height [m] are left out."""
 
-_MOST_WALLS = 60_000
+_MOST_WALLS = 20_000
 """Worlds of more walls are drawn without: it would take seconds until the first frame."""
 
 _MOST_PIECES = 24
@@ -51,14 +50,14 @@ class Strips(NamedTuple):
     """(p,) heights of the edge at its start and its end [m]."""
 
 
-def shade_walls(structures: Structures, crowns: Crowns, segments: Float) -> Strips:
+def shade_walls(structures: Structures, segments: Float) -> Strips:
     """Cut the faces of walls (n, 4), which look to the right, where the edge of a shadow bends."""
     count = len(segments)
     lit, length = np.full(count, LIT), lengths(segments)
     whole = Strips(np.arange(count), np.zeros(count), length, lit, lit)
     if structures.indoor or not 0 < len(structures.segments) <= _MOST_WALLS:
         return whole
-    cast = _cast(structures, crowns, segments)
+    cast = _cast(structures, segments)
     if not len(cast.face):
         return whole
     strips = _profiles(cast, length)
@@ -111,104 +110,68 @@ def swept(segments: Float, heights: Float) -> Float:
     return np.stack([start, end, end + slide, start + slide], axis=1)
 
 
-def _cast(structures: Structures, crowns: Crowns, segments: Float) -> Strips:
-    """What walls and trees hide from the faces that look at the sun, as straight pieces."""
+def _cast(structures: Structures, segments: Float) -> Strips:
+    """What walls hide from the faces that look at the sun, as straight pieces."""
     along = directions(segments)
     faces = np.flatnonzero(along[:, 1] * _TOWARD[0] - along[:, 0] * _TOWARD[1] > _GRAZED)
-    hedges, tops = screens(crowns)
-    walls = np.concatenate([structures.segments, hedges])
-    tops = np.concatenate([np.column_stack([structures.heights] * 2), tops])
-    reach = tops.max(initial=0.0) / _SLOPE
-    sides = segments[faces]
+    walls, tops = structures.segments, structures.heights
     tree = shapely.STRtree(shapely.linestrings(walls.reshape(-1, 2, 2)))
-    toward = shapely.polygons(swept(sides, np.full(len(sides), -reach * _SLOPE)))
-    face, wall = tree.query(toward, predicate="intersects")
+    toward = swept(segments[faces], np.full(len(faces), -tops.max(initial=0.0)))
+    face, wall = tree.query(shapely.polygons(toward), predicate="intersects")
     face = faces[face]
     first, along, length = segments[face, :2], along[face], lengths(segments[face])
-    turn = cross(along, np.broadcast_to(_TOWARD, along.shape))
-    place, away = np.empty((2, len(face))), np.empty((2, len(face)))
-    for end in range(2):
-        way = walls[wall, 2 * end : 2 * end + 2] - first
-        place[end] = cross(way, np.broadcast_to(_TOWARD, way.shape)) / turn
-        away[end] = cross(along, way) / turn
+    sun = np.broadcast_to(_TOWARD, along.shape)
+    # Where the ends of a wall lie, along the face and toward the sun from it.
+    ways = walls[wall, :2] - first, walls[wall, 2:] - first
+    turn = cross(along, sun)
+    place = np.array([cross(way, sun) / turn for way in ways])
+    away = np.array([cross(along, way) / turn for way in ways])
     # Only what lies toward the sun, and the part of it before the face, hides anything.
-    share = np.zeros((2, len(face)))
-    share[1] = 1.0
+    share = np.array([np.zeros(len(face)), np.ones(len(face))])
     for values, least, most in ((away, _TOUCH, np.inf), (place, 0.0, length)):
         change = values[1] - values[0]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            bounds = (np.array([least + 0.0 * length, most + 0.0 * length]) - values[0]) / change
-        level = np.abs(change) < 1e-12
-        inside = (values[0] >= least) & (values[0] <= most)
-        low = np.where(level, np.where(inside, 0.0, 2.0), np.minimum(*bounds))
-        high = np.where(level, np.where(inside, 1.0, -1.0), np.maximum(*bounds))
-        share[0], share[1] = np.maximum(share[0], low), np.minimum(share[1], high)
+        change = np.where(np.abs(change) < 1e-12, 1e-12, change)
+        bounds = (least - values[0]) / change, (most - values[0]) / change
+        share = np.array(
+            [np.maximum(share[0], np.minimum(*bounds)), np.minimum(share[1], np.maximum(*bounds))]
+        )
     ends = place[0] + (place[1] - place[0]) * share
-    low, high = tops[wall].T
-    heights = low + (high - low) * share - _SLOPE * (away[0] + (away[1] - away[0]) * share)
+    heights = tops[wall] - _SLOPE * (away[0] + (away[1] - away[0]) * share)
     swap = ends[1] < ends[0]
     ends[:, swap], heights[:, swap] = ends[::-1, swap], heights[::-1, swap]
     good = (share[1] > share[0]) & (ends[1] - ends[0] > 1e-6) & (heights.max(axis=0) > _LOWEST)
     chosen = np.flatnonzero(good)
     chosen = chosen[np.lexsort([-heights[:, chosen].max(axis=0), face[chosen]])]
-    cast = Strips(face[chosen], ends[0, chosen], ends[1, chosen], *heights[:, chosen])
-    _, starts, sizes = np.unique(cast.face, return_index=True, return_counts=True)
-    rank = np.arange(len(chosen)) - np.repeat(starts, sizes)
-    kept = rank < _MOST_PIECES
-    return Strips(cast.face[kept], *(column[kept] for column in cast[1:]))
+    return Strips(face[chosen], ends[0, chosen], ends[1, chosen], *heights[:, chosen])
 
 
 def _profiles(cast: Strips, lengths: Float) -> Strips:
     """The highest of the pieces over each place of their faces, and the lit strips between them."""
-    faces, starts, sizes = np.unique(cast.face, return_index=True, return_counts=True)
+    faces, starts = np.unique(cast.face, return_index=True)
     found = []
-    before = 0
-    # Faces with about as many pieces are worked out together.
-    for most in (1, 2, 4, 8, 16, _MOST_PIECES):
-        group = np.flatnonzero((sizes > before) & (sizes <= most))
-        before = most
-        if len(group):
-            columns = np.arange(most)
-            there = columns < sizes[group, None]
-            index = np.where(there, starts[group, None] + columns, 0)
-            pieces = [np.where(there, column[index], LIT) for column in cast[1:]]
-            found.append(_envelopes(faces[group], lengths[faces[group]], *pieces))
+    for face, *pieces in zip(faces, *(np.split(c, starts[1:]) for c in cast[1:]), strict=True):
+        columns = _envelope(float(lengths[face]), *(each[:_MOST_PIECES] for each in pieces))
+        found.append((np.full(len(columns[0]), face), *columns))
     return Strips(*(np.concatenate(column) for column in zip(*found, strict=True)))
 
 
-def _envelopes(
-    faces: Int, lengths: Float, start: Float, end: Float, low: Float, high: Float
-) -> Strips:
-    """The upper envelopes of pieces (f, m), one for each face (f,)."""
+def _envelope(
+    length: float, start: Float, end: Float, low: Float, high: Float
+) -> tuple[Float, ...]:
+    """The upper envelope of pieces (m,) over a face: start, end, and heights there, of strips."""
     slope = (high - low) / np.maximum(end - start, 1e-9)
     level = low - slope * start
-    first, second = np.triu_indices(start.shape[1], 1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        meeting = (level[:, second] - level[:, first]) / (slope[:, first] - slope[:, second])
-    whole = np.column_stack([np.zeros(len(faces)), lengths])
-    knots = np.concatenate([whole, start, end, np.nan_to_num(meeting, nan=0.0)], axis=1)
-    knots = np.sort(np.clip(knots, 0.0, lengths[:, None]), axis=1)
-    left, right = knots[:, :-1], knots[:, 1:]
-    middle = 0.5 * (left + right)[:, :, None]
-    over = (start[:, None] <= middle) & (middle <= end[:, None])
-    height = np.where(over, level[:, None] + slope[:, None] * middle, LIT)
-    top = height.argmax(axis=2)
+        meeting = np.subtract.outer(level, level) / -np.subtract.outer(slope, slope)
+    meeting = meeting[np.isfinite(meeting)]
+    knots = np.unique(np.clip(np.concatenate([[0.0, length], start, end, meeting]), 0.0, length))
+    knots = knots[np.append(True, np.diff(knots) > 1e-4)]
+    knots[-1] = length
+    middle = 0.5 * (knots[:-1] + knots[1:])[:, None]
+    height = np.where((start <= middle) & (middle <= end), level + slope * middle, LIT)
+    top = np.where(height.max(axis=1) > LIT, height.argmax(axis=1), -1)
+    new = np.flatnonzero(np.append(True, np.diff(top) != 0))
+    top, begin, finish = top[new], knots[new], np.append(knots[new[1:]], length)
     # What lies in the sun is of no piece.
-    top[~over.any(axis=2)] = -1
-    row, column = np.nonzero(right - left > 1e-4)
-    piece = top[row, column]
-    new = np.flatnonzero(np.append(True, (row[1:] != row[:-1]) | (piece[1:] != piece[:-1])))
-    last = np.append(new[1:], len(row)) - 1
-    row, piece = row[new], piece[new]
-    begin = left[row, column[new]]
-    finish = right[row, column[last]]
-    # Strips of a face join without a gap, and reach from its start to its end.
-    outer = np.append(True, row[1:] != row[:-1])
-    begin[outer] = 0.0
-    finish[:-1] = np.where(outer[1:], lengths[row[:-1]], begin[1:])
-    finish[-1] = lengths[row[-1]]
-    edges = [
-        np.where(piece < 0, LIT, level[row, piece] + slope[row, piece] * place)
-        for place in (begin, finish)
-    ]
-    return Strips(faces[row], begin, finish, *edges)
+    edges = (np.where(top < 0, LIT, level[top] + slope[top] * place) for place in (begin, finish))
+    return begin, finish, *edges

@@ -168,6 +168,8 @@ class Cut(NamedTuple):
     """(2,) level direction from it to the eye, of unit length."""
     slope: float
     """How much higher walls may be for each metre towards the eye [m/m]."""
+    top: float
+    """How high they may be at the most [m]."""
 
 
 class Seen(NamedTuple):

@@ -19,28 +19,14 @@ from lrf3d.scene.panels import Panels, cut_small, joined
 from lrf3d.scene.roofs import build_roofs
 from lrf3d.scene.shapes import GroundPicture, Painted, single
 from lrf3d.scene.structures import Structures
-from lrf3d.scene.trees import Crowns, crowns_of
-from lrf3d.scene.walls import bare_above_foot, lay_walls
-
-_GROUND_SHARE = 0.25
-"""What the ground takes of a bake, against the walls."""
+from lrf3d.scene.trees import crowns_of
+from lrf3d.scene.walls import lay_walls
 
 _STEP, _STEP_INDOOR = 3.2, 0.8
 """Sides of the pieces that walls are cut into for their light [m]."""
 
 _MOST_PIECES = 60_000
 """About how many pieces there may be: beyond, light takes seconds."""
-
-
-class Walls(NamedTuple):
-    """What pictures show of what stands in a world."""
-
-    walls: Painted
-    """(n quads) Walls and the tops of free ones."""
-    roofs: Painted
-    """(t triangles) Roofs and leaves."""
-    light: Light
-    """The light of the world."""
 
 
 class Stage(NamedTuple):
@@ -75,30 +61,22 @@ def _in_memory(run: Run) -> list[Stage]:
 
 def paint_stage(structures: Structures, progress: Progress = silent) -> Stage:
     """Paint walls, roofs and ground."""
-    whole = 1
-
-    def report(done: int, total: int) -> None:
-        nonlocal whole
-        whole = total + max(1, round(_GROUND_SHARE * total))
-        progress(done, whole)
-
-    crowns = crowns_of(structures)
-    walls, roofs, light = paint_walls(structures, crowns, progress=report)
-    ground = paint_ground(structures, crowns, light)
-    progress(whole, whole)
+    walls, roofs, light = paint_walls(structures, lambda done, whole: progress(done, whole + 1))
+    ground = paint_ground(structures, light)
+    progress(1, 1)
     return Stage(structures, walls, roofs, ground)
 
 
-def paint_walls(structures: Structures, crowns: Crowns, *, progress: Progress = silent) -> Walls:
-    """Paint walls, roofs and leaves in their light."""
+def paint_walls(
+    structures: Structures, progress: Progress = silent
+) -> tuple[Painted, Painted, Light]:
+    """Walls (n quads), and roofs and leaves (t triangles), in their light, and that light."""
     indoor = structures.indoor
     step = _STEP_INDOOR if indoor else _STEP
-    walls = cut_small(lay_walls(structures, crowns), step, _MOST_PIECES)
-    walls = bare_above_foot(walls, indoor=indoor)
-    roofs = joined(build_roofs(structures), crowns.faces)
+    walls = cut_small(lay_walls(structures), step, _MOST_PIECES)
+    roofs = joined(build_roofs(structures), crowns_of(structures))
     light = Light(structures, walls, roofs, progress)
-    found = (_painted(walls, light.walls, indoor), _painted(roofs, light.roofs, indoor))
-    return Walls(*found, light)
+    return _painted(walls, light.walls, indoor), _painted(roofs, light.roofs, indoor), light
 
 
 def _painted(faces: Panels, light: Float, indoor: bool) -> Painted:

@@ -5,13 +5,11 @@ draws itself, a look from near and one from high up, again and again in long run
 fade to ghosts and the walls of the map stand up.
 """
 
-from dataclasses import replace
-
 import numpy as np
 
 from lrf3d.geometry import Float
-from lrf3d.scene.camera import Camera, Look, SmoothPath
-from lrf3d.scene.following import Chase, Orbit
+from lrf3d.scene.camera import Look, SmoothPath, Track
+from lrf3d.scene.following import Chase, Orbit, track_of
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline
 from lrf3d.scene.whole import CARD, Overview
@@ -37,129 +35,118 @@ _UNKNOWN = 0.2
 _RISEN = 0.85
 """Share of the way to the whole that a rising shot goes."""
 
-_CLOSE, _CLOSE_STEEP = 4.6, float(np.radians(24.0))
-"""How far off the robot a shot from near is [m], and how steeply it looks down at the least [rad].
-"""
-
-_CLOSE_SIDES, _TOO_STEEP = 6, float(np.radians(55.0))
-"""Sides from which such a shot may begin, and how steeply it never looks down [rad]: of a robot
-from above there is little to see."""
+_CLOSE, _CLOSE_STEEP, _CLOSE_SIDES = 4.6, float(np.radians(24.0)), 6
+"""How far off the robot a shot from near is [m], how steeply it looks down at the least [rad], and
+from how many sides it may begin."""
 
 _HIGH, _HIGH_SHARE, _HIGH_STEEP = 50.0, 0.55, float(np.radians(60.0))
 """How far off the robot a shot from high up is at the most [m], and as a share of the way to where
-the whole is seen from; and how steeply it looks down [rad], so that few houses hide the robot."""
+the whole is seen from; and how steeply it looks down at the least [rad]."""
+
+_LEAVES, _CALM = 0.1, 0.3
+"""Share of a way from the robot after which it leads over all walls, and the time [s of the film]
+over which it does so."""
 
 
 class Story:
     """Shows a run in shots."""
 
     def __init__(self, timeline: Timeline, structures: Structures) -> None:
-        self._timeline = timeline
+        self._timeline, self._structures = timeline, structures
         self._path = SmoothPath(timeline)
         self._opening = Overview(timeline, structures)
         self._whole = Overview(timeline, structures, CARD)
         self._chase = Chase(timeline, structures)
-        length = (timeline.end - timeline.start) / timeline.playback
-        self._down = min(_DOWN, 0.4 * length)
-        self._length = length
-        self._count = max(1, round((length - self._down) / SHOT))
-        orbits = [
-            Orbit(timeline, structures, _CLOSE, _CLOSE_STEEP, float(turn))
-            for turn in -2.2 + np.linspace(0.0, 2.0 * np.pi, _CLOSE_SIDES, endpoint=False)
+        turns = -2.2 + np.linspace(0.0, 2.0 * np.pi, _CLOSE_SIDES, endpoint=False)
+        self._orbits = [
+            Orbit(timeline, structures, _CLOSE, _CLOSE_STEEP, float(turn)).track for turn in turns
         ]
-        self._close = [self._clearest(orbits, number) for number in range(self._count)]
-
-    def _clearest(self, orbits: list[Orbit], number: int) -> Camera:
-        """The orbit that looks down the least in a shot; between near houses, the chase."""
-        timeline, shot = self._timeline, (self._length - self._down) / self._count
-        first, last = (
-            timeline.start + timeline.playback * (self._down + place * shot)
-            for place in (number, number + 1)
-        )
-        steep = [orbit.steepest(first, last) for orbit in orbits]
-        least = int(np.argmin(steep))
-        return orbits[least] if steep[least] < _TOO_STEEP else self._chase
+        self._length = (timeline.end - timeline.start) / timeline.playback
+        self._down = min(_DOWN, 0.4 * self._length)
+        self._count = max(1, round((self._length - self._down) / SHOT))
+        self._tracks: dict[tuple[int, float], Track] = {}
 
     def look(self, time: float, aspect: float) -> Look:
         """The look at a time [s] of the run, also before its start and after its end."""
         passed = (time - self._timeline.start) / self._timeline.playback
-        if passed < self._down:
-            near, far = self._chase.look(time, aspect), self._opening.look(time, aspect)
-            share = _eased(1.0 - max(passed, 0.0) / self._down)
-            known = "unknown" if passed <= _UNKNOWN else "chase"
-            return replace(between(near, far, share), plan=False, shot=known)
         place = (passed - self._down) / max(self._length - self._down, 1e-9) * self._count
-        number = min(int(place), self._count - 1)
-        shot = self._shot(number, place - number, time, aspect)
-        if passed <= self._length:
-            return shot
-        moved = _eased((passed - self._length) / (CLOSING - HELD))
-        last = between(shot, self._whole.look(time, aspect), moved)
-        return replace(last, plan=False, ghost=moved, raised=moved, shot="end")
+        number = int(np.clip(np.floor(place), -1, self._count - 1))
+        number = self._count if passed > self._length else number
+        if (number, aspect) not in self._tracks:
+            self._tracks[number, aspect] = self._track(number, aspect)
+        track = self._tracks[number, aspect]
+        if number < 0:
+            shot = "unknown" if passed <= _UNKNOWN else "chase"
+            return track.look(time, plan=False, cuts=True, shot=shot)
+        if number == self._count:
+            faded = _eased((passed - self._length) / (CLOSING - HELD))
+            fading = {"ghost": float(faded), "raised": float(faded), "shot": "end"}
+            return track.look(time, plan=False, cuts=True, **fading)
+        shot = SHOTS[number % len(SHOTS)]
+        near = 0.5 if shot == "high" else 0.2
+        return track.look(time, plan=shot in ("chase", "close"), cuts=True, near=near, shot=shot)
 
-    def _shot(self, number: int, share: float, time: float, aspect: float) -> Look:
-        name = SHOTS[number % len(SHOTS)]
-        if name == "close":
-            return replace(self._close[number].look(time, aspect), shot="close")
-        if name == "chase":
-            return self._chase.look(time, aspect)
-        far = self._whole.look(time, aspect)
-        if name == "rise":
-            near = self._chase.look(time, aspect)
-            return replace(between(near, far, _RISEN * _eased(share)), shot="rise", plan=False)
-        way = far.eye - far.target
-        away = min(_HIGH, _HIGH_SHARE * float(np.linalg.norm(way)))
-        target = np.array([*self._path.place(time), 0.0])
-        level = np.cos(_HIGH_STEEP) * _unit(way[:2])
-        eye = target + away * np.array([*level, np.sin(_HIGH_STEEP)])
-        return Look(eye, target, far.field, near=0.5, air=far.air, plan=False, shot="high")
+    def _track(self, number: int, aspect: float) -> Track:
+        """The looks of a shot by its number; that of the opening is −1."""
+        begin, end = (
+            self._down + place * (self._length - self._down) / self._count
+            for place in (number, number + 1)
+        )
+        if number < 0:
+            begin, end = -OPENING, self._down
+        if number == self._count:
+            begin, end = self._length, self._length + CLOSING
+        passed = np.arange(begin, end + SmoothPath.STEP, SmoothPath.STEP)
+        times = self._timeline.start + self._timeline.playback * passed
+        chase, whole = self._chase.track.at(times), self._whole.track(aspect).at(times)
+        if number < 0:
+            share = _eased(1.0 - passed / self._down)
+            return self._over(between(chase, self._opening.track(aspect).at(times), share), share)
+        if number == self._count:
+            share = _eased((passed - begin) / (CLOSING - HELD))
+            last = self._track(number - 1, aspect).at(times)
+            return self._over(between(last, whole, share), share)
+        shot = SHOTS[number % len(SHOTS)]
+        if shot == "rise":
+            share = _RISEN * _eased((passed - begin) / (end - begin))
+            return self._over(between(chase, whole, share), share)
+        if shot == "close":
+            # The side from which it looks down the least: from above, little is seen of it.
+            sides = [chase, *(track.at(times) for track in self._orbits)]
+            return min(sides, key=lambda track: float(track.steeps.max()))
+        if shot == "high":
+            away = min(_HIGH, _HIGH_SHARE * float(whole.aways[0]))
+            turns = np.full(len(self._path.times), whole.turns[0])
+            high = track_of(
+                self._path, turns, away=away, steep=_HIGH_STEEP, field=float(whole.fields[0])
+            )
+            high = high.at(times)._replace(airs=whole.airs)
+            places = high.middles[:, :2]
+            return high.over_walls(self._structures, places, SmoothPath.SMOOTH / SmoothPath.STEP)
+        return chase
+
+    def _over(self, way: Track, share: Float) -> Track:
+        """A way from the robot, at shares (k,) of it, that leads over walls."""
+        places = np.array([self._path.place(time) for time in way.times])
+        over = way.over_walls(self._structures, places, _CALM / SmoothPath.STEP)
+        leads = np.clip(share / _LEAVES, 0.0, 1.0)
+        return way._replace(steeps=way.steeps + leads * (over.steeps - way.steeps))
 
 
-def between(near: Look, far: Look, share: float) -> Look:
-    """A look on the way from one at the robot to one from far away, at a share 0…1 of it."""
-    if share <= 0.0:
-        return near
-    robot = near.eye + _reach(near) * _unit(near.target - near.eye)
-    offsets = [near.eye - robot, far.eye - far.target]
-    away, turn, steep = np.array([_polar(offset) for offset in offsets]).T
+def between(near: Track, far: Track, share: Float) -> Track:
+    """Looks on the way from the robot to far away, at shares (k,) 0…1 of it."""
     # The way is as long to the eye in each second; steps in and down come last.
-    distance = float(np.exp(np.log(away[0]) + share * np.log(away[1] / away[0])))
-    moved = (distance - away[0]) / (away[1] - away[0]) if away[1] != away[0] else share
-    target = robot + moved * (far.target - robot)
-    half = (turn[1] - turn[0] + np.pi) % (2.0 * np.pi) - np.pi
-    angle = turn[0] + share * half
-    down = steep[0] + np.sqrt(share) * (steep[1] - steep[0])
-    level = distance * np.cos(down)
-    way = [level * np.cos(angle), level * np.sin(angle), distance * np.sin(down)]
-    eye = target + np.array(way)
-    mixed = {
-        name: getattr(near, name) + share * (getattr(far, name) - getattr(near, name))
-        for name in ("field", "air", "shift")
-    }
-    return replace(near, eye=eye, target=target, **mixed)
+    aways = np.exp(np.log(near.aways) + share * np.log(far.aways / near.aways))
+    moved = (aways - near.aways) / np.where(far.aways == near.aways, 1.0, far.aways - near.aways)
+    middles = near.middles + moved[:, None] * (far.middles - near.middles)
+    half = (far.turns - near.turns + np.pi) % (2.0 * np.pi) - np.pi
+    turns = near.turns + share * half
+    steeps = near.steeps + np.sqrt(share) * (far.steeps - near.steeps)
+    fields, shifts, airs = (a + share * (b - a) for a, b in zip(near[5:], far[5:], strict=True))
+    return Track(near.times, middles, turns, steeps, aways, fields, shifts, airs)
 
 
-def _reach(look: Look) -> float:
-    """How far off the ground is in the middle of a look [m], within reason."""
-    ahead = _unit(look.target - look.eye)
-    return float(np.clip(look.eye[2] / max(-ahead[2], 0.05), 1.0, 12.0))
-
-
-def _unit(way: Float) -> Float:
-    return np.asarray(way / np.linalg.norm(way))
-
-
-def _polar(offset: Float) -> tuple[float, float, float]:
-    """Length [m], turn and rise [rad] of an offset (3,)."""
-    level = float(np.hypot(offset[0], offset[1]))
-    return (
-        float(np.linalg.norm(offset)),
-        float(np.arctan2(offset[1], offset[0])),
-        float(np.arctan2(offset[2], level)),
-    )
-
-
-def _eased(share: float) -> float:
-    """A share that leaves 0 and reaches 1 at rest."""
-    share = float(np.clip(share, 0.0, 1.0))
-    return share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+def _eased(shares: Float | float) -> Float:
+    """Shares that leave 0 and reach 1 at rest."""
+    shares = np.clip(shares, 0.0, 1.0)
+    return np.asarray(shares**3 * (10.0 - 15.0 * shares + 6.0 * shares**2))

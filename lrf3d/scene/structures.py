@@ -8,6 +8,7 @@ their origin knows no centimetres.
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from lrf3d.geometry import Bool, Float, Int, directions, lengths
 from lrf3d.run import Run
-from lrf3d.scene.look import object_colours, spread
+from lrf3d.scene.look import object_colours
 from lrf3d.world import World
 
 SIGHT_DISTANCE = 4000.0
@@ -25,16 +26,13 @@ SIGHT_DISTANCE = 4000.0
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """The part of a world that can be seen.
-
-    Args:
-        world: The walls within :data:`SIGHT_DISTANCE` of the path; where those are all, the world
-            itself.
-        origin: (2,) whole metres near their middle: the origin of the frame to draw in.
-    """
+    """The part of a world that can be seen."""
 
     world: World
+    """The walls within :data:`SIGHT_DISTANCE` of the path; where those are all, the world itself.
+    """
     origin: Float
+    """(2,) whole metres near their middle: the origin of the frame to draw in."""
 
     @classmethod
     def of(cls, world: World, path: Float | None = None) -> "Sight":
@@ -61,43 +59,20 @@ def _near(world: World, low: Float, high: Float) -> World:
     ends = world.segments.reshape(-1, 2)
     if ((ends >= low) & (ends <= high)).all() and world.heights.max(initial=0.0) <= SIGHT_DISTANCE:
         return world
-    pieces, kept = _cut(world.segments, low, high)
+    lines = shapely.linestrings(world.segments.reshape(-1, 2, 2))
+    pieces = shapely.clip_by_rect(lines, *low, *high)
+    kept = np.flatnonzero(shapely.length(pieces) > 0.0)
     objects = world.objects[kept]
     count = int(objects.max(initial=-1)) + 1
     return replace(
         world,
-        segments=pieces,
+        segments=shapely.get_coordinates(pieces[kept]).reshape(-1, 4),
         objects=objects,
         heights=np.minimum(world.heights[kept], SIGHT_DISTANCE),
         object_names=world.object_names[:count],
         colours=world.colours[:count],
         materials=world.materials[:count],
     )
-
-
-def _cut(segments: Float, low: Float, high: Float) -> tuple[Float, Int]:
-    """What of segments (n, 4) lies in a box, and the number of the segment that each piece is of.
-
-    The way of Liang and Barsky (1984): along a segment the box is left and entered by its four
-    sides one after the other.
-    """
-    start, way = segments[:, :2], segments[:, 2:] - segments[:, :2]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        first, second = (low - start) / way, (high - start) / way
-    # A segment that runs along a side of the box is beside it or not, all the way.
-    beside = (way == 0.0) & ((start < low) | (start > high))
-    level = way == 0.0
-    enter = np.where(level, 0.0, np.minimum(first, second)).max(axis=1).clip(min=0.0)
-    leave = np.where(level, 1.0, np.maximum(first, second)).min(axis=1).clip(max=1.0)
-    kept = np.flatnonzero((enter < leave) & ~beside.any(axis=1))
-    enter, leave = enter[kept, None], leave[kept, None]
-    start, end, way = start[kept], segments[kept, 2:], way[kept]
-    # Ends within the box stay as they are, to the last bit.
-    begin = np.where(enter > 0.0, start + enter * way, start)
-    finish = np.where(leave < 1.0, start + leave * way, end)
-    pieces = np.concatenate([begin, finish], axis=1)
-    there = lengths(pieces) > 0.0
-    return pieces[there], kept[there]
 
 
 INDOOR_HEIGHT = 3.5
@@ -123,41 +98,41 @@ _PROBE = 0.005
 
 @dataclass(frozen=True, eq=False)
 class Structures:
-    """The walls of a world in the film's frame, and the solids that they close round.
-
-    Args:
-        segments: (n, 4) walls x1 y1 x2 y2 [m]; those of solids run with the inside on the left.
-        objects: (n,) the object that each wall belongs to.
-        heights: (n,) heights [m].
-        colours: (n, 3) red, green, blue in 0…1.
-        seeds: (n,) a number in 0…1 for each wall, the same for all walls of an object.
-        closed: (n,) whether the wall belongs to a solid and so has one visible side.
-        smooth: (n,) whether it is of a material that has no windows, such as metal.
-        solids: (k,) polygons of the solids.
-        solid_objects: (k,) the object that each solid is.
-        solid_heights: (k,) heights of their roofs [m].
-        solid_colours: (k, 3) colours of their walls.
-        trees: (t,) the solids that are trunks of trees.
-        indoor: Whether this is the inside of a house.
-        origin: (2,) where the origin of the film's frame lies in the world [m].
-        path: (k, 2) where a robot drives [m].
-    """
+    """The walls of a world in the film's frame, and the solids that they close round."""
 
     segments: Float
+    """(n, 4) walls x1 y1 x2 y2 [m]; those of solids run with the inside on the left."""
     objects: Int
+    """(n,) the object that each wall belongs to."""
     heights: Float
+    """(n,) heights [m]."""
     colours: Float
-    seeds: Float
+    """(n, 3) red, green, blue in 0…1."""
     closed: Bool
+    """(n,) whether the wall belongs to a solid and so has one visible side."""
     smooth: Bool
+    """(n,) whether it is of a material that has no windows, such as metal."""
     solids: NDArray[Any]
+    """(k,) polygons of the solids."""
     solid_objects: Int
+    """(k,) the object that each solid is."""
     solid_heights: Float
+    """(k,) heights of their roofs [m]."""
     solid_colours: Float
+    """(k, 3) colours of their walls."""
     trees: Int
+    """(t,) the solids that are trunks of trees."""
     indoor: bool
+    """Whether this is the inside of a house."""
     origin: Float
+    """(2,) where the origin of the film's frame lies in the world [m]."""
     path: Float
+    """(k, 2) where a robot drives [m]."""
+
+    @cached_property
+    def tree(self) -> shapely.STRtree:
+        """A search tree of the walls."""
+        return shapely.STRtree(shapely.linestrings(self.segments.reshape(-1, 2, 2)))
 
     @classmethod
     def from_run(cls, run: Run) -> "Structures":
@@ -182,16 +157,9 @@ class Structures:
         path = np.zeros((0, 2)) if path is None else path - origin
         areas = _areas(segments, world.objects, world.object_count)
         areas[_entered(areas, path) | _holds_others(areas, segments, world.objects)] = None
-        closed = np.zeros(len(segments), dtype=bool)
-        facing = segments.copy()
-        order = np.argsort(world.objects, kind="stable")
-        starts = np.searchsorted(world.objects[order], np.arange(world.object_count + 1))
-        for number in np.flatnonzero(~shapely.is_missing(areas)):
-            walls = order[starts[number] : starts[number + 1]]
-            left, right = _sides(areas[number], segments[walls])
-            closed[walls] = left != right
-            turned = walls[right & ~left]
-            facing[turned] = segments[turned][:, [2, 3, 0, 1]]
+        left, right = (_inside(areas[world.objects], segments, aside) for aside in (1.0, -1.0))
+        closed, turned, facing = left != right, right & ~left, segments.copy()
+        facing[turned] = segments[turned][:, [2, 3, 0, 1]]
         indoor = bool(world.heights.max(initial=0.0) <= INDOOR_HEIGHT) or _enclosed(
             segments, world.heights, closed, path
         )
@@ -206,7 +174,6 @@ class Structures:
             objects=world.objects,
             heights=world.heights,
             colours=colours[world.objects].reshape(-1, 3),
-            seeds=spread(world.objects, 0.11),
             closed=closed,
             smooth=_of_materials(world, _WINDOWLESS)[world.objects],
             solids=areas[found],
@@ -299,12 +266,10 @@ def _holds_others(areas: NDArray[Any], segments: Float, objects: NDArray[Any]) -
     return holds
 
 
-def _sides(area: Any, walls: Float) -> tuple[Bool, Bool]:
-    """Whether the area lies on the left and on the right of the walls (n, 4)."""
-    middles = 0.5 * (walls[:, :2] + walls[:, 2:])
+def _inside(areas: NDArray[Any], walls: Float, aside: float) -> Bool:
+    """Whether areas (n,) lie on the left (1), or the right (−1), of walls (n, 4)."""
     along = directions(walls)
-    left = _PROBE * np.column_stack([-along[:, 1], along[:, 0]])
-    shapely.prepare(area)
-    inside_left = shapely.contains_xy(area, middles + left)
-    inside_right = shapely.contains_xy(area, middles - left)
-    return inside_left, inside_right
+    places = 0.5 * (walls[:, :2] + walls[:, 2:])
+    places = places + aside * _PROBE * np.column_stack([-along[:, 1], along[:, 0]])
+    shapely.prepare(areas)
+    return np.asarray(shapely.contains_xy(areas, places[:, 0], places[:, 1]))

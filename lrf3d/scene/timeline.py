@@ -4,9 +4,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import shapely
 
-from lrf3d.geometry import Bool, Float
+from lrf3d.geometry import Float
 from lrf3d.run import Run
 from lrf3d.scene.structures import Sight
 
@@ -47,8 +46,7 @@ class Timeline:
     """The run as a function of time.
 
     A run of single stops, such as the paper's three poses, is played as stops: the robot stands
-    with the beams on, then glides to the next pose with the beams off, or is set down there where
-    a wall stands between.
+    with the beams on, then glides to the next pose with the beams off.
 
     Args:
         run: The run.
@@ -67,7 +65,6 @@ class Timeline:
         self.dwells = len(gaps) == 0 or float(np.median(gaps)) > DWELL_GAP
         self.start = float(times[0])
         self.end = float(times[-1])
-        self.jumps = self._legs_through_walls() if self.dwells else np.zeros(len(gaps), dtype=bool)
         if self.dwells:
             # The last stop is looked at as long as the others.
             self.end += DWELL_SHARE * (float(np.median(gaps)) if len(gaps) else DWELL_GAP)
@@ -116,61 +113,33 @@ class Timeline:
         share = np.clip((times - knots[stop]) / gap, 0.0, 1.0)
         glide = np.clip((share - DWELL_SHARE) / (1.0 - DWELL_SHARE), 0.0, 1.0)
         # The glide starts and ends at rest, as a robot does.
-        eased = np.where(self.jumps[stop], glide > 0.5, glide * glide * (3.0 - 2.0 * glide))
-        return np.asarray(knots[stop] + gap * eased)
-
-    def _legs_through_walls(self) -> Bool:
-        """Which legs (k − 1,) between stops cross a wall: no robot drove there, it was set down."""
-        legs = np.stack([self.run.trajectory.poses[:-1, :2], self.run.trajectory.poses[1:, :2]], 1)
-        crosses = np.zeros(len(legs), dtype=bool)
-        if len(legs) and len(self.run.world.segments):
-            tree = shapely.STRtree(shapely.linestrings(self.run.world.segments.reshape(-1, 2, 2)))
-            # A leg of no length is a point, which shapely takes as a line just as well.
-            leg, _ = tree.query(shapely.linestrings(legs), predicate="intersects")
-            crosses[leg] = True
-        return crosses
+        return np.asarray(knots[stop] + gap * glide * glide * (3.0 - 2.0 * glide))
 
 
 _GLIDE_KEYS = 12
 """Keys between two stops of a robot that stands and scans: enough for a soft start and end."""
 
-_SET_DOWN = 1e-3
-"""Half the time [s] in which a robot is set down behind a wall."""
-
 
 class DriveKeys(NamedTuple):
-    """The robot's way in key poses, between which it goes straight and evenly.
-
-    Args:
-        times: (k,) when it is there, from the start of the run on [s], rising.
-        poses: (k, 3) its poses in the film's frame; headings go on past half a turn.
-        set_down: (k − 1,) which legs were not driven: the robot was set down behind a wall.
-    """
+    """The robot's way in key poses, between which it goes straight and evenly."""
 
     times: Float
+    """(k,) when it is there, from the start of the run on [s], rising."""
     poses: Float
-    set_down: Bool
+    """(k, 3) its poses in the film's frame; headings go on past half a turn."""
 
 
 def drive_keys(timeline: Timeline) -> DriveKeys:
     """The key poses of a run's robot, as it is seen to move."""
-    times, turns = timeline.run.trajectory.times, np.zeros(0)
+    times = timeline.run.trajectory.times
     if timeline.dwells and len(times) > 1:
         glide = DWELL_SHARE + (1.0 - DWELL_SHARE) * np.linspace(0.0, 1.0, _GLIDE_KEYS + 1)
-        gaps = np.diff(times)
-        keys = times[:-1, None] + gaps[:, None] * glide
-        # Where the robot is set down behind a wall, it is here or there, but never on the way.
-        turns = times[:-1] + gaps * (DWELL_SHARE + 0.5 * (1.0 - DWELL_SHARE))
-        turns = turns[timeline.jumps]
-        keys = np.concatenate([times, keys.ravel(), turns - _SET_DOWN, turns + _SET_DOWN])
-        times = np.unique(np.append(keys, timeline.end))
-    elif timeline.end > times[-1]:
-        times = np.append(times, timeline.end)
-    middles = 0.5 * (times[:-1] + times[1:])
-    begun, ended = (np.searchsorted(turns + side, middles) for side in (-_SET_DOWN, _SET_DOWN))
+        keys = times[:-1, None] + np.diff(times)[:, None] * glide
+        times = np.concatenate([times, keys.ravel()])
+    times = np.unique(np.append(times, timeline.end))
     poses = timeline.poses(times) - [*timeline.origin, 0.0]
     poses[:, 2] = np.unwrap(poses[:, 2])
-    return DriveKeys(times - timeline.start, poses, begun > ended)
+    return DriveKeys(times - timeline.start, poses)
 
 
 def obstacle_keys(obstacle: "DynamicObstacle", timeline: Timeline) -> tuple[Float, Float]:

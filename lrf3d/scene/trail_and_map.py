@@ -1,16 +1,15 @@
 """What a drive leaves behind: the robot's trail on the ground, and the map as it grows.
 
-The keys of a drive and the maps of a run enter; leave the ribbon and the pieces of the trail, and
-the lines and bands of the map, in the film's frame.
+The keys of a drive and the maps of a run enter; leave the lines of the trail and of the map, in the
+film's frame.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
+import shapely
 
-from lrf3d.geometry import Bool, Float, Int
+from lrf3d.geometry import Float, Int
 from lrf3d.mapping import LineMap
 from lrf3d.run import Run
 from lrf3d.scene.beams import lines_at
@@ -24,120 +23,41 @@ from lrf3d.scene.look import (
 from lrf3d.scene.shapes import Lines
 from lrf3d.scene.timeline import DriveKeys
 
-_PIECE_ERROR = 0.03
-"""How far a straight piece of the trail may be off [m], in place and along the way."""
-
-_THIN_ERROR = 0.002
-"""How far a leg of the trail may be off one of the keys that it replaces [m]."""
-
-_BENT, _FINER = 0.02, 5
-"""Turn of a leg [rad] from which on it is drawn as a curve, and the number of its pieces."""
-
-_SHORTEST = 1e-3
-"""Pieces of the trail below this length [m] are left out: a robot that turns on the spot."""
+_FRESH = 0.95
+"""Opacity of the trail where the robot is."""
 
 
-class TrailPiece(NamedTuple):
-    """A straight piece of the trail, which grows evenly.
-
-    Args:
-        begin: When the robot is at its start, from the start of the run on [s].
-        end: When it is at its end [s].
-        start: (2,) its start [m].
-        way: (2,) from its start to its end [m].
-    """
-
-    begin: float
-    end: float
-    start: Float
-    way: Float
-
-
-def trail_lines(keys: DriveKeys, now: float, fade: float) -> Lines:
+def trail_lines(
+    keys: DriveKeys, now: float, fade: float, colour: tuple[float, float, float] = TRAIL_COLOUR
+) -> Lines:
     """The trail up to a time [s]; what is older is paler, after a time of fading [s]."""
-    begun = legs_begun(keys, now)
+    begun = min(len(keys.times) - 1, int(np.searchsorted(keys.times, now)))
     places, times = keys.poses[: begun + 1, :2].copy(), keys.times[: begun + 1]
     if begun and times[-1] > now:
         share = (now - times[-2]) / max(times[-1] - times[-2], 1e-12)
         places[-1] = places[-2] + share * (places[-1] - places[-2])
     old = np.clip((now - times) / fade, 0.0, 1.0)
-    left = 0.95 + (TRAIL_OLD - 0.95) * old * (2.0 - old)
-    driven = ~keys.set_down[:begun]
-    ends = np.column_stack([left[:-1], left[1:]])[driven]
-    colours = np.tile(TRAIL_COLOUR, (len(ends), 1))
-    starts, stops = places[:-1][driven], places[1:][driven]
-    return lines_at(TRAIL_HEIGHT, starts, stops, colours, ends, TRAIL_WIDTH_PIXELS)
+    left = _FRESH + (TRAIL_OLD - _FRESH) * old * (2.0 - old)
+    opacities = np.column_stack([left[:-1], left[1:]])
+    colours = np.tile(colour, (begun, 1))
+    return lines_at(TRAIL_HEIGHT, places[:-1], places[1:], colours, opacities, TRAIL_WIDTH_PIXELS)
 
 
-def smoothed(keys: DriveKeys) -> DriveKeys:
-    """The keys with more of them where the robot turns: there its trail is a curve.
+def thinned(keys: DriveKeys, error: float = 0.005) -> DriveKeys:
+    """The keys without those that the robot passes while it drives evenly, to within an error [m].
 
-    Between two poses the curve leaves and arrives along their headings (Hermite's cubic).
+    Lines are simplified (Douglas and Peucker, 1973) that run as the robot does, and as its way
+    grows with time.
     """
-    way = np.diff(keys.poses[:, :2], axis=0)
-    length = np.hypot(way[:, 0], way[:, 1])
-    bends = (np.abs(np.diff(keys.poses[:, 2])) > _BENT) & (length > _SHORTEST) & ~keys.set_down
-    counts = np.where(bends, _FINER, 1)
-    leg = np.repeat(np.arange(len(counts)), counts)
-    share = (np.arange(len(leg)) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[leg]
-    straight = keys.poses[leg] + share[:, None] * (keys.poses[leg + 1] - keys.poses[leg])
-    first, last = (
-        length[leg, None] * np.column_stack([np.cos(turn), np.sin(turn)])
-        for turn in (keys.poses[leg, 2], keys.poses[leg + 1, 2])
-    )
-    # How far the cubic leaves the straight line: by its slopes at both ends less the line's own.
-    s = share[:, None]
-    off = s * (1.0 - s) * ((1.0 - s) * (first - way[leg]) - s * (last - way[leg]))
-    # A robot that drives backwards, or aside, has headings that are not its way's.
-    ahead = np.einsum("ij,ij->i", first, way[leg]) > 0.9 * length[leg] ** 2
-    straight[:, :2] += np.where((bends[leg] & ahead)[:, None], off, 0.0)
-    times = keys.times[leg] + share * (keys.times[leg + 1] - keys.times[leg])
-    return DriveKeys(
-        np.append(times, keys.times[-1]),
-        np.concatenate([straight, keys.poses[-1:]]),
-        keys.set_down[leg],
-    )
-
-
-def thinned(keys: DriveKeys) -> DriveKeys:
-    """The keys without those that lie where the robot drives evenly from one to the next."""
-    before = -1
-    while len(keys.times) != before:
-        before = len(keys.times)
-        # Of neighbours only every other one goes at a time: it is seen from where the others are.
-        for parity in (1, 2):
-            kept = np.ones(len(keys.times), dtype=bool)
-            kept[parity:-1:2] = ~_is_between(keys)[parity - 1 :: 2]
-            keys = DriveKeys(keys.times[kept], keys.poses[kept], keys.set_down[kept[:-1]])
-    return keys
-
-
-def _is_between(keys: DriveKeys) -> Bool:
-    """Which keys (k − 2,) lie where the way from the one before to the next is at their time."""
     times, places = keys.times, keys.poses[:, :2]
-    share = (times[1:-1] - times[:-2]) / np.maximum(times[2:] - times[:-2], 1e-12)
-    even = places[:-2] + share[:, None] * (places[2:] - places[:-2])
-    near = np.abs(even - places[1:-1]).max(axis=1, initial=0.0) < _THIN_ERROR
-    return np.asarray(near & ~keys.set_down[:-1] & ~keys.set_down[1:])
-
-
-def legs_begun(keys: DriveKeys, time: float) -> int:
-    """How many legs of the trail have begun, from the start of the run on [s]."""
-    return min(len(keys.times) - 1, int(np.searchsorted(keys.times, time)))
-
-
-def straight_pieces(keys: DriveKeys) -> Iterator[TrailPiece]:
-    """The trail in as few pieces as are straight and driven evenly."""
-    times, places = keys.times, keys.poses[:, :2]
-    first = 0
-    while first < len(times) - 1:
-        last = first + 1
-        while last + 1 < len(times) and _is_straight(times, places, first, last + 1):
-            last += 1
-        way = places[last] - places[first]
-        if np.hypot(*way) >= _SHORTEST and not keys.set_down[first:last].any():
-            yield TrailPiece(float(times[first]), float(times[last]), places[first], way)
-        first = last
+    if len(times) < 3:
+        return keys
+    way = np.append(0.0, np.cumsum(np.hypot(*np.diff(places, axis=0).T)))
+    pace = way[-1] / (times[-1] - times[0])
+    lines = np.column_stack([places, times]), np.column_stack([way, pace * times, times])
+    simple = shapely.simplify(shapely.linestrings(lines), error, preserve_topology=False)
+    kept = np.isin(times, shapely.get_coordinates(simple, include_z=True)[:, 2])
+    return DriveKeys(times[kept], keys.poses[kept])
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -169,9 +89,3 @@ class DrawnMap:
         opacities = np.full((len(self.segments), 2), opacity)
         start, end = self.segments[:, :2], self.segments[:, 2:]
         return lines_at(height, start, end, self.colours, opacities, width, hidden=hidden)
-
-
-def _is_straight(times: Float, places: Float, first: int, last: int) -> bool:
-    share = (times[first : last + 1] - times[first]) / (times[last] - times[first])
-    even = places[first] + share[:, None] * (places[last] - places[first])
-    return bool(np.abs(places[first : last + 1] - even).max() < _PIECE_ERROR)

@@ -18,73 +18,51 @@ LEAST_LEG = 1e-9
 """Shortest leg, as a share of the rest of the way: a beam does not meet again what it leaves."""
 
 
-class WallOptics(NamedTuple):
-    """Which walls do more with beams than end them.
-
-    Args:
-        mirrors: (n,) those that turn them.
-        clear: (n,) those that let them pass.
-    """
-
-    mirrors: Bool
-    clear: Bool
-
-    @classmethod
-    def of(cls, world: World) -> "WallOptics | None":
-        """Those of a world; None where all walls end beams."""
-        kinds = [(bool(one and one.mirrors), bool(one and one.passes)) for one in world.materials]
-        if not any(mirrors or passes for mirrors, passes in kinds):
-            return None
-        rows = np.array(kinds)[world.objects]
-        # Glass turns little of the light, and lets the rest pass.
-        return cls(rows[:, 0] & ~rows[:, 1], rows[:, 1])
+def turning_walls(world: World) -> Bool:
+    """Which walls (n,) turn beams; glass turns little of the light, and lets the rest pass."""
+    if not world.materials:
+        return np.zeros(len(world.segments), dtype=bool)
+    turning = [bool(one and one.mirrors and not one.passes) for one in world.materials]
+    return np.array(turning)[world.objects]
 
 
 class Turns(NamedTuple):
-    """The ways of beams.
-
-    Args:
-        first: (beams, 2) where the first leg of each ends [m].
-        last: (beams, 2) where its last leg ends [m].
-        starts: (beams, 2) where its last leg begins [m].
-        mirrors: (beams,) the first mirror, −1 for none.
-        legs: (l, 4) the legs after the first [m].
-        beams: (l,) the beam of each of these.
-    """
+    """The ways of beams."""
 
     first: Float
-    last: Float
+    """(beams, 2) where the first leg of each ends [m]."""
     starts: Float
-    mirrors: Int
+    last: Float
+    """(beams, 2) where the last leg of each begins and ends [m]."""
     legs: Float
+    """(l, 4) the legs after the first [m]."""
     beams: Int
+    """(l,) the beam of each of these."""
 
     @classmethod
     def of(cls, origin: Float, ends: Float, mirrors: Float) -> "Turns":
         """The ways from an origin (2,) to ends (beams, 2), turned at mirrors (m, 4) [m]."""
-        count = len(ends)
-        starts, ends = np.tile(origin, (count, 1)), ends.copy()
-        first, met = ends.copy(), np.full(count, -1)
-        legs, beams = [np.empty((0, 4))], [np.empty(0, np.int64)]
-        going = np.arange(count)
+        starts, last = np.tile(origin, (len(ends), 1)), ends.copy()
+        first, legs, beams = ends.copy(), [np.empty((0, 4))], [np.empty(0, np.int64)]
+        going = np.arange(len(ends) if len(mirrors) else 0)
         for turn in range(MOST_LEGS):
-            share, mirror = _first_crossing(starts[going], ends[going], mirrors)
-            place = starts[going] + share[:, None] * (ends[going] - starts[going])
+            if not len(going):
+                break
+            share, mirror = _first_crossing(starts[going], last[going], mirrors)
+            place = starts[going] + share[:, None] * (last[going] - starts[going])
             if turn:
                 legs.append(np.hstack([starts[going], place]))
                 beams.append(going)
             else:
-                first, met = place, mirror
+                first = place
             turned = (mirror >= 0) & (turn + 1 < MOST_LEGS)
             going, place, mirror = going[turned], place[turned], mirror[turned]
-            if not len(going):
-                break
             unit = directions(mirrors[mirror])
             normal = np.column_stack([-unit[:, 1], unit[:, 0]])
-            depth = np.einsum("ij,ij->i", ends[going] - place, normal)
-            ends[going] -= 2.0 * depth[:, None] * normal
+            depth = np.einsum("ij,ij->i", last[going] - place, normal)
+            last[going] -= 2.0 * depth[:, None] * normal
             starts[going] = place
-        return cls(first, ends, starts, met, np.concatenate(legs), np.concatenate(beams))
+        return cls(first, starts, last, np.concatenate(legs), np.concatenate(beams))
 
 
 def _first_crossing(starts: Float, ends: Float, mirrors: Float) -> tuple[Float, Int]:

@@ -1,6 +1,7 @@
 """Walls as panels: cut where shadows and storeys end, and laid on the texture of façades."""
 
-from typing import NamedTuple
+from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -9,25 +10,24 @@ from lrf3d.scene.facades import (
     BAY,
     BAYS,
     BLANK,
-    FOOT,
     GROUND,
-    PLINTH,
-    PLINTH_HEIGHT,
     ROWS,
-    SKIRTING_HEIGHT,
     SLANTS,
     STOREY,
     STYLES,
     UPPER,
     WINDOWED,
 )
+from lrf3d.scene.look import spread
 from lrf3d.scene.panels import LIT, Panels, joined, level_panels
 from lrf3d.scene.shadows import shade_walls
 from lrf3d.scene.structures import Structures
-from lrf3d.scene.trees import Crowns
 
 CORNICE, NARROW = 0.45, 1.7
 """Height of the band under the roof, and the shortest face that has windows [m]."""
+
+PLINTH, SKIRTING = 0.45, 0.09
+"""Heights of the darker foot of a house, and of that of a wall in rooms [m]."""
 
 CAP_WIDTH = 0.12
 """Width [m] of the strip on top of a free wall, which shows where it runs from above."""
@@ -50,25 +50,6 @@ class Sides(NamedTuple):
     """(n,) whether it is of a free wall."""
 
 
-class _Row(NamedTuple):
-    """Pieces of walls between two heights, with values for all sides (n,)."""
-
-    chosen: Bool
-    """Which sides have one."""
-    low: Float
-    high: Float
-    """From and up to which height [m]."""
-    layer: Float
-    """Layer of the texture."""
-    bay: Float
-    storey: Float
-    """Where on the layer it begins."""
-    unit: Float
-    """How high a storey of the layer is [m]."""
-    bright: float = 1.0
-    """How much brighter than its wall it is."""
-
-
 def wall_sides(structures: Structures) -> Sides:
     """The sides of all walls."""
     solid, free = np.flatnonzero(structures.closed), np.flatnonzero(~structures.closed)
@@ -79,40 +60,38 @@ def wall_sides(structures: Structures) -> Sides:
     return Sides(walls, segments, np.arange(len(walls)) >= len(solid))
 
 
-def lay_walls(structures: Structures, crowns: Crowns) -> Panels:
+def lay_walls(structures: Structures) -> Panels:
     """All walls and the tops of free ones: ground floors, upper floors and cornices of houses."""
     sides, indoor = wall_sides(structures), structures.indoor
     number, segments = sides.walls, sides.segments
-    strips = shade_walls(structures, crowns, segments)
+    strips = shade_walls(structures, segments)
     length, along = lengths(segments), directions(segments)
     bays = np.maximum(1.0, np.floor(length / BAY))
     normals = np.column_stack([along[:, 1], -along[:, 0], np.zeros(len(along))])
     starts = segments[:, :2] + np.where(sides.free, _APART, 0.0)[:, None] * normals[:, :2]
     way = segments[:, 2:] - segments[:, :2]
     found = []
-    for row in _rows(structures, number, length, bays):
-        strip = np.flatnonzero(row.chosen[strips.face])
+    for chosen, *columns in _rows(structures, number, length, bays):
+        strip = np.flatnonzero(chosen[strips.face])
         side = strips.face[strip]
+        below, above, layer, first, storey, unit, bright = (
+            np.broadcast_to(column, number.shape)[side, None] for column in columns
+        )
         begin, end = strips.start[strip], strips.end[strip]
-        place = np.column_stack([begin, end, end, begin])
-        share = place / np.maximum(length[side], 1e-9)[:, None]
-        up = np.column_stack([row.low[side], row.low[side], row.high[side], row.high[side]])
-        low, high = strips.low[strip], strips.high[strip]
+        share = np.column_stack([begin, end, end, begin]) / np.maximum(length[side], 1e-9)[:, None]
+        up = np.hstack([below, below, above, above])
         level = starts[side, None] + share[..., None] * way[side, None]
-        texture = np.zeros((len(side), 4, 3))
         # Along the wall, only windows differ from place to place.
-        windowed = (row.layer[side] >= WINDOWED)[:, None]
-        bay = row.bay[side, None] + share * bays[side, None]
-        texture[..., 0] = np.where(windowed, bay, 0.0)
-        texture[..., 1] = row.storey[side, None] + (up - row.low[side, None]) / row.unit[side, None]
-        texture[..., 2] = row.layer[side, None]
-        wall, shape = number[side], (len(side), 4, 3)
+        bay = np.where(layer >= WINDOWED, first + share * bays[side, None], 0.0)
+        texture = np.stack([bay, storey + (up - below) / unit, layer + 0.0 * up], axis=2)
+        low, high = strips.low[strip], strips.high[strip]
+        wall, shape = number[side], texture.shape
         found.append(
             Panels(
                 np.concatenate([level, up[..., None]], axis=2),
                 np.broadcast_to(normals[side, None], shape),
                 texture,
-                np.broadcast_to(row.bright * structures.colours[wall, None], shape),
+                np.broadcast_to((bright * structures.colours[wall])[:, None], shape),
                 np.column_stack([low, high, high, low]) - up,
                 structures.objects[wall],
             )
@@ -120,42 +99,33 @@ def lay_walls(structures: Structures, crowns: Crowns) -> Panels:
     return joined(*found, _caps(structures, 0.55 if indoor else 0.85))
 
 
-def _rows(structures: Structures, walls: Int, length: Float, bays: Float) -> tuple[_Row, ...]:
-    """What stands one above the other in the sides of walls (n,)."""
-    heights, seeds = structures.heights[walls], structures.seeds[walls]
+def _rows(
+    structures: Structures, walls: Int, length: Float, bays: Float
+) -> Iterator[tuple[Any, ...]]:
+    """What stands one above the other in the sides of walls (n,), and in which of them (n,).
+
+    From and up to which height [m]; layer of the texture, the bay and the storey where it begins,
+    and how high a storey of it is [m]; how much brighter than its wall it is.
+    """
+    heights, seeds = structures.heights[walls], spread(structures.objects[walls], 0.11)
     facade = structures.closed[walls] & (heights >= _LOWEST_FACADE) & ~structures.smooth[walls]
     facade &= not structures.indoor
     top = heights - CORNICE
     storey = top / np.maximum(1.0, np.floor(top / STOREY))
-    none, one = np.zeros(len(walls)), np.ones(len(walls))
     wide, style = length > NARROW, SLANTS * np.floor(len(STYLES) * np.modf(seeds * 7.31)[0])
     # The door, in the first bay of the texture, goes to one bay of the face, if it has several.
     door = np.where(bays > 1.5, -np.floor(seeds * 0.999 * bays), 1.0)
     pattern = np.floor(seeds * 997.0) + 3.0 * np.arange(len(walls))
-    ground, upper = np.where(wide, GROUND + style, PLINTH), np.where(wide, UPPER + style, BLANK)
-    tall, foot = facade & (top > 1.5 * storey), np.minimum(heights, STOREY)
-    return (
-        _Row(facade, none, storey, ground, door, none, storey),
-        _Row(tall, storey, top, upper, pattern % BAYS, pattern % ROWS, storey),
-        _Row(facade, top, heights, none, none, none, one, 1.10),
-        _Row(~facade, none, foot, FOOT * one, none, none, STOREY / ROWS * one),
-        _Row(~facade & (heights > STOREY), foot, heights, none, none, none, one),
-    )
-
-
-def bare_above_foot(pieces: Panels, *, indoor: bool) -> Panels:
-    """Pieces of walls, with nothing painted on those above the foot of their wall.
-
-    Half of a picture may be such walls, and without a texture they are drawn in half the time.
-    """
-    low, layer = pieces.texture[..., 1].min(axis=1), pieces.texture[:, 0, 2]
-    # The foot of a plain wall is painted in rooms only.
-    foot = (SKIRTING_HEIGHT / STOREY * ROWS) if indoor else -1.0
-    above = (layer == FOOT) & (low > foot)
-    above |= (layer == PLINTH) & (low > PLINTH_HEIGHT / STOREY)
-    texture = pieces.texture.copy()
-    texture[above, :, 2] = BLANK
-    return pieces._replace(texture=texture)
+    ground, upper = np.where(wide, GROUND + style, BLANK), np.where(wide, UPPER + style, BLANK)
+    yield facade, 0.0, PLINTH, ground, door, 0.0, storey, 0.82
+    yield facade, PLINTH, storey, ground, door, PLINTH / storey, storey, 1.0
+    tall = facade & (top > 1.5 * storey)
+    yield tall, storey, top, upper, pattern % BAYS, pattern % ROWS, storey, 1.0
+    yield facade, top, heights, BLANK, 0.0, 0.0, 1.0, 1.10
+    foot = SKIRTING if structures.indoor else 0.0
+    skirted = ~facade & (heights > 2.0 * foot) & structures.indoor
+    yield skirted, 0.0, foot, BLANK, 0.0, 0.0, 1.0, 0.62
+    yield ~facade, np.where(skirted, foot, 0.0), heights, BLANK, 0.0, 0.0, 1.0, 1.0
 
 
 def _caps(structures: Structures, bright: float) -> Panels:

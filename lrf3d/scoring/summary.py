@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.files import in_parts
 from lrf3d.run import Run
 from lrf3d.scoring import buildings_seen, score_run
 
@@ -19,7 +18,8 @@ MOST_DRAWN = 4000
 def summarise(run: Run) -> dict[str, Any]:
     """The figures of a run; those of the map are None if the mapper makes no LineMap."""
     judged = judged_part(run)
-    returned = sum(int(np.isfinite(part).sum()) for part in in_parts(run.ranges))
+    # A row at a time, for a run may be larger than the memory.
+    returned = sum(int(np.isfinite(ranges).sum()) for ranges in run.ranges)
     summary: dict[str, Any] = {
         "world": {
             "name": run.world.name,

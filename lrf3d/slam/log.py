@@ -9,7 +9,7 @@ import numpy as np
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, Int, lengths
 from lrf3d.interrupts import check, stoppable
-from lrf3d.laser import LaserRangeFinder, LaserScan
+from lrf3d.laser import LaserRangeFinder, LaserScan, doubtful_ranges
 from lrf3d.mapping import LineMapper
 from lrf3d.pose import Pose
 from lrf3d.progress import Progress, silent
@@ -56,12 +56,6 @@ JITTER = 1e-4
 
 LATEST = 1e12
 """Largest stamp [s]: larger ones are nanoseconds, of which a float cannot tell two apart."""
-
-LEAST_RETURNED = 0.02
-"""Share of all beams that must have returned."""
-
-FARTHEST = 300.0
-"""Median of all ranges [m] above which they cannot be metres: no such laser sees as far."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -220,17 +214,8 @@ def _checked(scans: Sequence[LaserScan], wheels: Float, times: Float) -> list[La
     stamps = np.concatenate([times, [scan.time for scan in scans]])
     if np.abs(stamps).max() > LATEST:
         raise InputError(f"a stamp of {stamps[np.abs(stamps).argmax()]:g} s; expected seconds")
-    ranges = np.concatenate([scan.ranges[scan.hits & (scan.ranges > 0.0)] for scan in scans])
-    if len(ranges) < LEAST_RETURNED * len(scans) * len(first):
-        raise InputError(
-            f"{len(ranges)} of {len(scans) * len(first)} beams returned, too few to show walls;"
-            " are the ranges in metres, and is the largest range right?"
-        )
-    if (middle := float(np.median(ranges))) > FARTHEST:
-        raise InputError(
-            f"half of the ranges are over {middle:g}: expected metres; divide millimetres by 1000,"
-            " centimetres by 100"
-        )
+    if doubt := doubtful_ranges(scans):
+        raise InputError(doubt)
     return even
 
 

@@ -4,16 +4,15 @@ import json
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from itertools import product
-from math import prod
 from pathlib import Path
 from typing import Any
 
 from lrf3d.errors import InputError, shown
 from lrf3d.files import read_text
+from lrf3d.geometry import whole_number
 from lrf3d.mapping.mapper import MODES
-from lrf3d.world.schema import TABLES, read_settings, value_of
+from lrf3d.world.schema import TABLES, known_key, read_settings, value_of
 
 SIGMAS = (0.01, 0.04, 0.07, 0.21, 0.42, 0.63)
 """Default noises [m]: those of the paper's figures, and some between."""
@@ -31,7 +30,7 @@ even the fastest take hours on one core."""
 SIGMA, MODE, BEAMS = "noise.sigma", "mapper.mode", "laser.beams"
 """The settings that have an option of their own."""
 
-SETTING_COLUMNS = {SIGMA: "sigma_m", BEAMS: "beams"}
+COLUMNS = {SIGMA: "sigma_m", BEAMS: "beams"}
 """Columns of the table for the settings that every sweep lists; others keep their names."""
 
 SettingValue = float | int | str | bool
@@ -55,39 +54,35 @@ class SweepGrid:
 
     worlds: tuple[str, ...]
     axes: Mapping[str, tuple[SettingValue, ...]] = field(default_factory=dict)
-    mappers: Mapping[str, Any] = field(default_factory=lambda: dict(USUAL))
+    mappers: Mapping[str, Any] = field(default_factory=lambda: USUAL)
     seeds: int = SEEDS
     every: int = 1
 
     def __post_init__(self) -> None:
         if not self.worlds:
             raise InputError("sweep: no world; name one, such as city")
-        if not self.mappers:
-            raise InputError("sweep: no mapper; name one, such as robust")
         for label, mapper in self.mappers.items():
             if isinstance(mapper, str) and mapper not in MODES:
                 known = ", ".join(MODES)
                 raise InputError(f"sweep: mapper {shown(mapper)}: expected {known} or FILE.py:NAME")
-            made = isinstance(mapper, str | dict | type) or callable(mapper)
-            if not made and not callable(getattr(mapper, "update", None)):
+            if not (isinstance(mapper, str | dict) or callable(getattr(mapper, "update", mapper))):
                 raise InputError(f"sweep: mapper {label}: has no method update(scan)")
-        for name, number in (("seeds", self.seeds), ("every", self.every)):
-            if not 1 <= number <= MOST_RUNS:
-                raise InputError(f"sweep: {name} is {shown(number)}, expected 1 to {MOST_RUNS:,}")
+        for name in ("seeds", "every"):
+            number = whole_number(getattr(self, name), f"sweep: {name}", most=MOST_RUNS)
+            object.__setattr__(self, name, number)
         if MODE in self.axes:
             raise InputError(f"sweep: {MODE}: vary it by --mapper robust,paper")
         axes = {name: tuple(_checked(name, v) for v in vs) for name, vs in self.axes.items()}
-        for name, values in axes.items():
-            if not values:
-                raise InputError(f"sweep: {name} has no value")
-            if len(set(values)) < len(values):
-                raise InputError(f"sweep: {name} has a value twice: {values}")
         object.__setattr__(self, "axes", axes)
-        cells = len(self.worlds) * len(self.mappers) * prod(len(values) for values in axes.values())
-        if cells * self.seeds > MOST_RUNS:
+        runs = self.seeds
+        for axis, values in {"mappers": tuple(self.mappers), **axes}.items():
+            if not values or len(set(values)) < len(values):
+                why = f"has a value twice: {values}" if values else "has no value"
+                raise InputError(f"sweep: {axis} {why}")
+            runs *= len(values)
+        if (runs := len(self.worlds) * runs) > MOST_RUNS:
             raise InputError(
-                f"sweep: {cells} settings with {self.seeds} seeds each are"
-                f" {cells * self.seeds:,} runs; expected at most {MOST_RUNS:,}"
+                f"sweep: {runs:,} runs with {self.seeds:,} seeds; at most {MOST_RUNS:,}"
             )
 
     @property
@@ -98,23 +93,8 @@ class SweepGrid:
     @property
     def varied(self) -> dict[str, tuple[SettingValue, ...]]:
         """The values of each axis, by column of the table, the mappers first."""
-        labels = {"mapper": tuple(self.mappers)}
-        return labels | {column_of(name): values for name, values in self.axes.items()}
-
-    def as_dict(self) -> dict[str, Any]:
-        """The grid in JSON's types."""
-        return {
-            "worlds": list(self.worlds),
-            "mappers": list(self.mappers),
-            "axes": {name: list(values) for name, values in self.axes.items()},
-            "seeds": self.seeds,
-            "every": self.every,
-        }
-
-
-def column_of(name: str) -> str:
-    """The column of a setting."""
-    return SETTING_COLUMNS.get(name, name)
+        axes = {COLUMNS.get(name, name): values for name, values in self.axes.items()}
+        return {"mapper": tuple(self.mappers), **axes}
 
 
 def setting(name: str, value: SettingValue) -> str:
@@ -125,23 +105,18 @@ def setting(name: str, value: SettingValue) -> str:
         raise InputError(f"sweep: {name}: {shown(value)} cannot be a value") from None
 
 
-def _checked(name: str, value: SettingValue) -> SettingValue:
+def _checked(name: str, value: object) -> SettingValue:
     """A value in the type of its setting."""
-    if not isinstance(value, float | int | str | bool):
+    if isinstance(value, SettingValue):
+        [table] = read_settings([setting(name, value)]).values()
+        [value] = table.values()
+    if not isinstance(value, SettingValue):
         raise InputError(f"sweep: {name}: only single values can be varied, not {shown(value)}")
-    [table] = read_settings([setting(name, value)]).values()
-    [checked] = table.values()
-    if not isinstance(checked, float | int | str | bool):
-        raise InputError(f"sweep: {name}: only single values can be varied, not {shown(value)}")
-    return checked
+    return value
 
 
 def parse_axis(text: str) -> tuple[str, tuple[SettingValue, ...]]:
-    """An axis written as ``mapper.gap=0.5,1,2.5``.
-
-    Raises:
-        InputError: The text is not an axis.
-    """
+    """An axis written as ``mapper.gap=0.5,1,2.5``."""
     name, equals, values = text.partition("=")
     if not equals:
         raise InputError(f"--vary {text}: expected TABLE.KEY=VALUE,VALUE,…, as mapper.gap=1,2.5")
@@ -149,82 +124,49 @@ def parse_axis(text: str) -> tuple[str, tuple[SettingValue, ...]]:
 
 
 def parse_values(text: str, flag: str) -> tuple[SettingValue, ...]:
-    """Comma-separated values, each a number, a word, true or false.
-
-    Raises:
-        InputError: The list is empty.
-    """
-    parts = [part.strip() for part in text.split(",") if part.strip()]
+    """Comma-separated values, each a number, a word, true or false."""
+    parts = [part for part in text.split(",") if part.strip()]
     if not parts:
         raise InputError(f"{flag} {text!r}: expected values with commas between them")
-    return tuple(_value(part) for part in parts)
-
-
-def _value(text: str) -> SettingValue:
-    try:
-        value = value_of(text)
-    except InputError:
-        return text
-    return value if isinstance(value, float | int | str | bool) else text
+    return tuple(map(value_of, parts))
 
 
 def read_grid(path: Path, axes: Mapping[str, tuple[SettingValue, ...]], **rest: Any) -> SweepGrid:
     """Read a grid file: the tables of a world file with lists of values, worlds and seeds.
 
-    Args:
-        path: The file; its paths of worlds are relative to its folder.
-        axes: Axes that override those of the file.
-        rest: Worlds, mappers, seeds and every, which override those of the file.
+    Paths of worlds are relative to its folder; axes and the rest override what it holds.
 
     Raises:
         InputError: The file cannot be read or used.
     """
+    text = read_text(path, what="a grid")
     try:
-        data = tomllib.loads(read_text(path, what="a grid"))
-    except RecursionError:
-        raise InputError(f"{path}: nested too deeply for a grid") from None
-    except InputError:
-        raise
-    except ValueError as error:
-        raise InputError(f"{path}: {error}") from None
-    known = ["worlds", "seeds", "every", *TABLES]
-    for key in data:
-        if key not in known:
-            near = get_close_matches(key, known, n=1, cutoff=0.5)
-            hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
-            raise InputError(f"{path}: there is no {key!r}; {hint}")
-    found: dict[str, tuple[Any, ...]] = {}
-    for table in TABLES:
-        keys = data.get(table, {})
-        if not isinstance(keys, dict):
-            raise InputError(f"{path}: {table}: expected a table [{table}], found {shown(keys)}")
-        for key, values in keys.items():
-            found[f"{table}.{key}"] = tuple(values if isinstance(values, list) else [values])
-    modes = found.pop(MODE, tuple(USUAL))
-    if not all(isinstance(mode, str) for mode in modes):
-        raise InputError(f"{path}: {MODE}: expected {' or '.join(MODES)}, found {shown(modes)}")
-    chosen: dict[str, Any] = {
-        "worlds": _worlds(path, data.get("worlds", [])),
-        "mappers": {mode: mode for mode in modes},
-        "seeds": _count(path, data, "seeds", SEEDS),
-        "every": _count(path, data, "every", 1),
-        **{name: value for name, value in rest.items() if value},
-    }
-    try:
-        return SweepGrid(axes={SIGMA: SIGMAS, **found, **axes}, **chosen)
-    except InputError as error:
+        return _grid_of(tomllib.loads(text), path, axes, rest)
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: {error}") from None
 
 
-def _worlds(path: Path, worlds: object) -> tuple[str, ...]:
+def _grid_of(
+    data: dict[str, Any],
+    path: Path,
+    axes: Mapping[str, tuple[SettingValue, ...]],
+    rest: Mapping[str, Any],
+) -> SweepGrid:
+    found: dict[str, Any] = {}
+    for name, value in data.items():
+        known_key(name, ("worlds", "seeds", "every", *TABLES), "grid")
+        if name not in TABLES:
+            continue
+        if not isinstance(value, dict):
+            raise InputError(f"{name}: expected a table [{name}], found {shown(value)}")
+        for key, values in value.items():
+            found[f"{name}.{key}"] = tuple(values if isinstance(values, list) else [values])
+    chosen = {name: value for name, value in data.items() if name not in TABLES}
+    worlds = chosen.get("worlds", [])
     if not isinstance(worlds, list) or not all(isinstance(world, str) for world in worlds):
-        raise InputError(f'{path}: worlds: expected a list of texts, such as ["city"]')
-    beside = [path.parent / world for world in worlds]
-    return tuple(str(b) if b.is_file() else w for b, w in zip(beside, worlds, strict=True))
-
-
-def _count(path: Path, data: Mapping[str, Any], key: str, usual: int) -> int:
-    value = data.get(key, usual)
-    if isinstance(value, bool) or not isinstance(value, int):
-        raise InputError(f"{path}: {key}: expected a whole number, found {shown(value)}")
-    return value
+        raise InputError('worlds: expected a list of texts, such as ["city"]')
+    beside = {world: path.parent / world for world in worlds}
+    chosen["worlds"] = tuple(str(b) if b.is_file() else w for w, b in beside.items())
+    chosen["mappers"] = {str(mode): mode for mode in found.pop(MODE, USUAL)}
+    chosen |= {name: value for name, value in rest.items() if value}
+    return SweepGrid(axes={SIGMA: SIGMAS, **found, **axes}, **chosen)

@@ -1,5 +1,11 @@
-"""The sweep: all runs of a plan on an executor, their rows in a folder, and the table of them."""
+"""The sweep: all runs of a plan on an executor, their rows in a folder, and the table of them.
 
+A row is a line of JSON, a pure function of its run. It is appended to a file as it comes, so a kill
+loses none; a line that a crash cut off is left out and made again. Jobs have files of their own.
+"""
+
+import json
+import os
 import pickle
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,7 +19,7 @@ from typing import Any
 
 from lrf3d.casting import PlanarCaster
 from lrf3d.cores import core_count, process_pool
-from lrf3d.errors import InputError, Lrf3dError, missing_extra
+from lrf3d.errors import InputError, Lrf3dError, OutputError, missing_extra
 from lrf3d.files import locked, make_folder, scratch_folder
 from lrf3d.interrupts import check, noting, stoppable
 from lrf3d.progress import Progress, silent
@@ -21,10 +27,12 @@ from lrf3d.run import Run
 from lrf3d.scoring import buildings_seen, score_run
 from lrf3d.scoring.visibility import visible_walls
 from lrf3d.sweeping.grid import SIGMA, SIGMAS, SettingValue, SweepGrid
-from lrf3d.sweeping.plan import Plan, PlannedRun, make_plan
-from lrf3d.sweeping.rows import ROWS, Row, RowFile, read_rows
-from lrf3d.sweeping.table import SweepTable
+from lrf3d.sweeping.plan import Cell, Plan, PlannedRun, make_plan
+from lrf3d.sweeping.table import Row, SweepTable
 from lrf3d.world.touching import joined_objects
+
+ROWS = "sweep{}.jsonl"
+"""Name of a file of rows, with the number of the job that writes it."""
 
 BATCH = 8
 """Runs that are sent together: a crash costs at most these, and sending them next to nothing."""
@@ -106,16 +114,10 @@ def run_plan(
     shard: tuple[int, int] | None = None,
     progress: Progress = silent,
 ) -> SweepTable:
-    """Make the runs of a plan that a folder does not hold yet.
+    """Make the runs of a plan that a folder does not hold yet; without an executor here.
 
-    Args:
-        plan: The plan.
-        folder: The folder for the rows.
-        executor: Makes the runs; None for this process.
-        resume: Continue with the rows in the folder.
-        shard: The number of this job, from 1, and of all jobs: only every n-th run is made, and
-            appended to a file of this job's own.
-        progress: Called with the number of finished runs, and of all.
+    With a shard, the number of this job from 1 and of all jobs, only every n-th run is made, and
+    appended to a file of this job's own.
 
     Raises:
         InputError: The folder holds other runs, or another process writes to it.
@@ -126,36 +128,38 @@ def run_plan(
     with locked(path):
         kept = known_rows(plan, folder)
         missing = [run for run in mine if run.key not in kept]
-        done = len(mine) - len(missing)
-        if kept and done and not resume:
+        if len(missing) < len(mine) and not resume:
             raise InputError(
                 f"{folder}: holds {len(kept)} runs of this sweep; go on with it by --resume, or"
                 " choose another folder with --out"
             )
-        begin = done
-        with RowFile(path) as file, noting(lambda: kept_note(len(kept), len(plan.runs))):
+        if path.exists():
+            # The end of a line that a crash cut off.
+            os.truncate(path, path.read_bytes().rfind(b"\n") + 1)
+        begin = done = len(mine) - len(missing)
+        with noting(lambda: f"{len(kept)} of {len(plan.runs)} runs kept; go on with --resume"):
             progress(done, len(mine))
             for rows in _made(plan, missing, executor):
-                file.add(rows)
+                _append(rows, path)
                 kept |= {row["key"]: row for row in rows}
                 done += len(rows)
                 progress(done, len(mine))
-    rows = [kept[run.key] for run in plan.runs if run.key in kept]
-    return SweepTable(plan, rows, made=done - begin)
-
-
-def kept_note(kept: int, total: int) -> str:
-    """What a sweep that was stopped says."""
-    return f"{kept} of {total} runs kept; go on with --resume"
+    return SweepTable(plan, [kept[r.key] for r in plan.runs if r.key in kept], made=done - begin)
 
 
 def known_rows(plan: Plan, folder: Path) -> dict[str, Row]:
-    """The rows of a plan that a folder holds, by their keys.
-
-    Raises:
-        InputError: The folder holds runs of another plan.
-    """
-    found = read_rows(folder)
+    """The rows of all jobs in a folder, by their keys; all have to be of the plan."""
+    found: dict[str, Row] = {}
+    for path in sorted(folder.glob(ROWS.format("*"))):
+        text = path.read_text(encoding="utf-8", errors="replace")
+        for number, line in enumerate(text.split("\n")[:-1], start=1):
+            try:
+                row = json.loads(line)
+                found[row["key"]] = row
+            except (ValueError, TypeError, KeyError, RecursionError):
+                raise InputError(
+                    f"{path}: line {number} is not a row of a sweep; remove the line"
+                ) from None
     foreign = len(found.keys() - {run.key for run in plan.runs})
     if foreign:
         raise InputError(
@@ -165,6 +169,16 @@ def known_rows(plan: Plan, folder: Path) -> dict[str, Row]:
     return found
 
 
+def _append(rows: Sequence[Row], path: Path) -> None:
+    """Append rows to a file, where they are even if this process is killed afterwards."""
+    text = "".join(json.dumps(row, allow_nan=False) + "\n" for row in rows)
+    try:
+        with path.open("ab") as file:
+            file.write(text.encode())
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written: {error.strerror}") from error
+
+
 @contextmanager
 def executor_of(
     workers: int | None, scheduler: str | None = None, executor: Executor | None = None
@@ -172,20 +186,16 @@ def executor_of(
     """The executor of a sweep: a given one, that of a Dask scheduler, or processes here.
 
     None, for this process, where one worker is asked for.
-
-    Raises:
-        InputError: No scheduler answers.
-        MissingLibraryError: Dask is not installed.
     """
     if executor is not None:
         yield executor
     elif scheduler is not None:
         try:
             from distributed import Client
+
+            client = Client(scheduler, timeout=30)
         except ImportError as error:
             raise missing_extra("--scheduler needs Dask", "sweep") from error
-        try:
-            client = Client(scheduler, timeout=30)
         except (OSError, ValueError) as error:
             raise InputError(
                 f"--scheduler {scheduler}: no scheduler answers there; start one with dask"
@@ -204,34 +214,23 @@ def _made(
     plan: Plan, runs: Sequence[PlannedRun], executor: Executor | None
 ) -> Iterator[Sequence[Row]]:
     """The rows of runs, in any order."""
-    packed = {name: pickle.dumps(place, protocol=5) for name, place in plan.places.items()}
-    batches = deque(runs[k : k + BATCH] for k in range(0, len(runs), BATCH))
-
-    def orders_of(batch: Sequence[PlannedRun]) -> list[tuple[bytes, Any, Any, int]]:
-        cells = [plan.cells[run.cell] for run in batch]
-        return [(packed[cell.place], cell.noise, cell.mapper, run.noise_seed)
-                for cell, run in zip(cells, batch, strict=True)]  # fmt: skip
-
-    def rows_of(batch: Sequence[PlannedRun], figures: list[Row]) -> list[Row]:
-        return [plan.described(run) | row for run, row in zip(batch, figures, strict=True)]
-
     if executor is None:
         for run in runs:
             check()
-            yield rows_of([run], carry_out(orders_of([run])))
+            yield rows_of([run])
         return
+    batches = deque(runs[k : k + BATCH] for k in range(0, len(runs), BATCH))
     most = AHEAD * (getattr(executor, "_max_workers", None) or core_count())
-    running: dict[Future[list[Row]], Sequence[PlannedRun]] = {}
+    running: set[Future[list[Row]]] = set()
     try:
         while batches or running:
             while batches and len(running) < most:
-                batch = batches.popleft()
-                running[executor.submit(carry_out, orders_of(batch))] = batch
+                running.add(executor.submit(rows_of, batches.popleft()))
             check()
             # A signal does not end this wait, so it ends now and then by itself.
-            for future in wait(running, 0.1, FIRST_COMPLETED).done:
-                batch = running.pop(future)
-                yield rows_of(batch, future.result())
+            done, running = wait(running, 0.1, FIRST_COMPLETED)
+            for future in done:
+                yield future.result()
     except BrokenProcessPool as error:
         raise Lrf3dError(
             "a process of the sweep has ended, perhaps for want of memory; go on with --resume and"
@@ -251,19 +250,19 @@ def _made(
                 future.cancel()
 
 
-def carry_out(orders: Sequence[tuple[bytes, Any, Any, int]]) -> list[Row]:
-    """Make some runs, each a pure function of its packed place, its noise, mapper and seed."""
-    return [figures(run_of(*order)) for order in orders]
+def rows_of(runs: Sequence[PlannedRun]) -> list[Row]:
+    """Make some runs; the row of each is a pure function of its cell and its seed."""
+    return [run.columns | _figures(_run(run.cell, run.noise_seed)) for run in runs]
 
 
-def run_of(place: bytes, noise: Any, mapper: Any, seed: int) -> Run:
-    """One run, simulated."""
-    scenario, drive, caster = _unpacked(place)
+def _run(cell: Cell, seed: int) -> Run:
+    scenario, drive, caster = _unpacked(cell.place)
+    mapper = cell.mapper
     if not isinstance(mapper, dict):
         # A user's class or function makes a mapper for each run; a mapper is copied.
         mapper = deepcopy(mapper) if hasattr(type(mapper), "update") else mapper()
     run: Run = scenario.run(
-        drive=drive, noise=noise, mapper=mapper, rng=seed, caster=caster, snapshots=1
+        drive=drive, noise=cell.noise, mapper=mapper, rng=seed, caster=caster, snapshots=1
     )
     return run
 
@@ -274,7 +273,7 @@ def _unpacked(place: bytes) -> tuple[Any, Any, PlanarCaster]:
     return scenario, drive, PlanarCaster(scenario.world)
 
 
-def figures(run: Run) -> Row:
+def _figures(run: Run) -> Row:
     """The figures of a run that a sweep keeps, in JSON's types."""
     _, walls = visible_walls(run)
     visible = len(set(joined_objects(run.world)[walls].tolist()))

@@ -13,33 +13,22 @@ import numpy as np
 from lrf3d.errors import MissingLibraryError, missing_extra
 from lrf3d.files import replacing, write_text
 from lrf3d.sweeping.plan import Plan
-from lrf3d.sweeping.rows import Row
 from lrf3d.text import table
+
+Row = dict[str, Any]
 
 INTERVAL_CONFIDENCE = 0.95
 """Probability that an interval contains the mean."""
 
-
-class Column(NamedTuple):
-    """How a mean is written: its heading, the factor of its values, and its decimals."""
-
-    heading: str
-    factor: float
-    digits: int
-
-
 MEASURES = {
-    "length_f1": Column("length F1", 1.0, 3),
-    "segment_f1": Column("segment F1", 1.0, 3),
-    "segment_ratio": Column("segments", 1.0, 2),
-    "perpendicular_rms": Column("RMS [mm]", 1e3, 1),
-    "object_purity": Column("purity", 1.0, 3),
-    "object_ratio": Column("objects", 1.0, 2),
+    "length_f1": ("length F1", 1.0, 3),
+    "segment_f1": ("segment F1", 1.0, 3),
+    "segment_ratio": ("segments", 1.0, 2),
+    "perpendicular_rms": ("RMS [mm]", 1e3, 1),
+    "object_purity": ("purity", 1.0, 3),
+    "object_ratio": ("objects", 1.0, 2),
 }
-"""The measures that are averaged."""
-
-MOST_LINES = 60
-"""Largest number of lines of a printed table; the files have all."""
+"""The measures that are averaged: their headings, the factors of their values, their decimals."""
 
 
 class Mean(NamedTuple):
@@ -71,14 +60,11 @@ class Mean(NamedTuple):
         known = {name: value if np.isfinite(value) else None for name, value in bounds.items()}
         return {**known, "runs": self.runs}
 
-    def text(self, form: Column, sign: str = " ± ") -> str:
-        """The mean with half of its interval."""
-        if not np.isfinite(self.mean):
-            return "–"
-        mean = f"{form.factor * self.mean:.{form.digits}f}"
-        if not np.isfinite(self.half):
-            return mean
-        return f"{mean}{sign}{form.factor * self.half:.{form.digits}f}"
+    def text(self, measure: str, sign: str) -> str:
+        """The mean of a measure with half of its interval."""
+        _, factor, digits = MEASURES[measure]
+        numbers = [f"{factor * value:.{digits}f}" for value in self[:2] if np.isfinite(value)]
+        return sign.join(numbers) or "–"
 
 
 class CellMean(NamedTuple):
@@ -113,38 +99,36 @@ class SweepTable:
     @cached_property
     def means(self) -> list[CellMean]:
         """The means of each combination over its seeds."""
-        rows_of: list[list[Row]] = [[] for _ in self.plan.cells]
-        by_key = {row["key"]: row for row in self.rows}
-        for run in self.plan.runs:
-            if run.key in by_key:
-                rows_of[run.cell].append(by_key[run.key])
-        return [
-            CellMean(
-                cell.world,
-                dict(cell.columns),
-                {name: Mean.of([row[name] for row in mine]) for name in MEASURES},
-            )
-            for cell, mine in zip(self.plan.cells, rows_of, strict=True)
-        ]
+        by_key, means = {row["key"]: row for row in self.rows}, []
+        for number, cell in enumerate(self.plan.cells):
+            first, count = number * self.plan.grid.seeds, self.plan.grid.seeds
+            keys = [run.key for run in self.plan.runs[first : first + count]]
+            mine = [by_key[key] for key in keys if key in by_key]
+            measures = {name: Mean.of([row[name] for row in mine]) for name in MEASURES}
+            means.append(CellMean(cell.world, dict(cell.columns), measures))
+        return means
 
     def __repr__(self) -> str:
         return f"SweepTable({len(self.rows)} runs of {len(self.plan.cells)} settings)"
 
     def __str__(self) -> str:
-        head, lines = self._cells(" ± ")
-        text = table(head, lines[:MOST_LINES])
-        if len(lines) > MOST_LINES:
-            text += f"\n… and {len(lines) - MOST_LINES} more in means.csv"
         return (
-            f"{text}\nMean of {self.plan.grid.seeds} seeds ± half of its"
+            f"{table(*self._cells(' ± '))}\nMean of {self.plan.grid.seeds} seeds ± half of its"
             f" {100.0 * INTERVAL_CONFIDENCE:g} % interval. segments: per visible wall;"
             " objects: per visible\nobject; 1 is ideal."
         )
 
     def summary(self) -> dict[str, Any]:
         """The means with their intervals, in JSON's types: the same for the same rows."""
+        grid = self.plan.grid
         return {
-            "sweep": {**self.plan.grid.as_dict(), "worlds": self.plan.worlds},
+            "sweep": {
+                "worlds": self.plan.worlds,
+                "mappers": list(grid.mappers),
+                "axes": {name: list(values) for name, values in grid.axes.items()},
+                "seeds": grid.seeds,
+                "every": grid.every,
+            },
             "runs": len(self.rows),
             "confidence": INTERVAL_CONFIDENCE,
             "combinations": [
@@ -182,18 +166,15 @@ class SweepTable:
         """
         head, lines = self._cells(r" \pm ")
         known = len(head) - len(MEASURES)
-        escaped = [text.replace("_", r"\_").replace("%", r"\%") for text in head]
         rows = [
-            [cell.replace("_", r"\_") for cell in line[:known]]
-            + [f"${cell}$" if cell != "–" else "--" for cell in line[known:]]
+            [*line[:known], *(f"${cell}$" if cell != "–" else "--" for cell in line[known:])]
             for line in lines
         ]
-        body = "\n".join(" & ".join(cells) + r" \\" for cells in rows)
-        write_text(
-            path,
-            f"\\begin{{tabular}}{{{'l' * known}{'r' * len(MEASURES)}}}\n\\hline\n"
-            f"{' & '.join(escaped)} \\\\\n\\hline\n{body}\n\\hline\n\\end{{tabular}}\n",
-        )
+        text = [" & ".join(cells).replace("_", r"\_") + r" \\" for cells in (head, *rows)]
+        text[1:1] = [r"\hline"]
+        columns = "l" * known + "r" * len(MEASURES)
+        body = [rf"\begin{{tabular}}{{{columns}}}", r"\hline", *text, r"\hline", r"\end{tabular}"]
+        write_text(path, "\n".join([*body, ""]))
 
     def to_parquet(self, path: str | Path) -> None:
         """Write a row for each run as Parquet.
@@ -208,38 +189,24 @@ class SweepTable:
         except ImportError as error:
             raise missing_parquet() from error
         with replacing(path) as unfinished:
-            parquet.write_table(pyarrow.Table.from_pylist(_typed(self.rows)), unfinished)
+            parquet.write_table(pyarrow.Table.from_pylist(self.rows), unfinished)
 
-    def _cells(self, sign: str) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    def _cells(self, sign: str) -> tuple[list[str], list[list[str]]]:
         """The heading and the lines of the table of means, as text."""
         varied = [name for name, values in self.plan.grid.varied.items() if len(values) > 1]
-        shown = ["mapper", *(name for name in varied if name != "mapper")]
-        if "sigma_m" not in shown:
-            shown.append("sigma_m")
-        head = ("world", *(name.removesuffix("_m") for name in shown),
-                *(form.heading for form in MEASURES.values()))  # fmt: skip
+        shown = list(dict.fromkeys(["mapper", *varied, "sigma_m"]))
+        head = ["world", *(name.removesuffix("_m") for name in shown)]
         lines = [
-            (each.world, *(_word(each.columns[name]) for name in shown),
-             *(each.measures[name].text(form, sign) for name, form in MEASURES.items()))
+            [
+                each.world,
+                *(f"{v:g}" if isinstance(v := each.columns[n], float) else str(v) for n in shown),
+                *(mean.text(name, sign) for name, mean in each.measures.items()),
+            ]
             for each in self.means
-        ]  # fmt: skip
-        return head, lines
+        ]
+        return head + [heading for heading, *_ in MEASURES.values()], lines
 
 
 def missing_parquet() -> MissingLibraryError:
     """The error that explains how to install PyArrow."""
     return missing_extra("sweeps need PyArrow", "sweep")
-
-
-def _typed(rows: Sequence[Row]) -> list[Row]:
-    """Rows whose columns have one type each: a column with any float has only floats."""
-    real = {name for row in rows for name, value in row.items() if isinstance(value, float)}
-    return [
-        {name: float(value) if name in real and value is not None else value
-         for name, value in row.items()}
-        for row in rows
-    ]  # fmt: skip
-
-
-def _word(value: object) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -1,21 +1,40 @@
-"""What the page is sent: the scene at a moment as arrays, without what the page has already.
+"""What the page is sent: the scene as arrays, without what the page has already.
 
 A message is a header in JSON, after its length in four bytes, and then the arrays, one after the
-other. The page puts them into the buffers of its graphics card and works nothing out.
+other. The page puts them into the buffers of its graphics card, draws them with the shaders of the
+film, and works nothing out.
 """
 
 import json
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.gltf.stage import lit
-from lrf3d.scene.shapes import Faces, Lines, Mark, Points, Soft
+from lrf3d.render.glsl import air, shader_source
+from lrf3d.render.packing import land_of, mesh, rectangle, walls_of
+from lrf3d.render.parts import Parts
+from lrf3d.scene.facades import layers
+from lrf3d.scene.shapes import Faces, Lines, Mark
+from lrf3d.scene.stage import Stage
+
+_PROGRAMS = (
+    "walls", "walls:PLAIN", "walls:FADED", "walls:PLAIN:FADED", "faces", "ground", "sky", "soft",
+    "lines", "lines:DASHED", "points", "points:GLOW_ROUND",
+)  # fmt: skip
+"""The shaders that the page draws with."""
 
 _ALIGNMENT = 4
 """Bytes that the start of every array is a multiple of."""
+
+
+class Rows(NamedTuple):
+    """An array that the page puts into one buffer as it is."""
+
+    kind: str
+    rows: NDArray[Any]
+    shape: tuple[int, ...] = ()
 
 
 class Sender:
@@ -23,36 +42,32 @@ class Sender:
 
     def __init__(self) -> None:
         self._sent: dict[str, Any] = {}
+        self._arrays: dict[str, dict[str, NDArray[Any]]] = {}
 
-    def message(self, marks: Mapping[str, Mark | Faces], others: Mapping[str, Any]) -> bytes | None:
-        """A message of marks by name, and of other values for JSON; None if nothing has changed."""
-        header: dict[str, Any] = {
-            name: value for name, value in others.items() if self._is_new(f"its {name}", value)
-        }
+    def message(
+        self, marks: Mapping[str, Mark | Faces | Rows], values: Mapping[str, Any]
+    ) -> bytes | None:
+        """A message of marks by name, and of values for JSON; None if nothing has changed."""
+        header = {name: value for name, value in values.items() if self._is_new(name, value)}
+        drawn: dict[str, dict[str, Any]] = {}
         block = bytearray()
-        drawn: dict[str, Any] = {}
-        names = {id(mark[0]): name for name, mark in reversed(list(marks.items()))}
         for name, mark in marks.items():
-            like = names[id(mark[0])]
-            if self._is_new(f"{name} as", like):
-                drawn.setdefault(name, {})["as"] = like
-            if self._is_new(f"{name} how", how := _style(mark)):
-                drawn.setdefault(name, {}).update(how)
-            if like != name:
-                continue
-            for column, sources in _columns(mark).items():
-                if self._same_arrays(f"{name} {column}", sources):
-                    continue
-                values = _packed(mark, column)
-                place = (values.dtype.str[1:], len(block), values.size, values.shape[-1])
-                drawn.setdefault(name, {}).setdefault("columns", {})[column] = place
-                block += values.tobytes()
-                block += bytes(-len(block) % _ALIGNMENT)
-        for name in [key for key in self._sent.get("marks", ()) if key not in marks]:
-            drawn[name] = None
-            for key in [key for key in self._sent if key.startswith(f"{name} ")]:
-                del self._sent[key]
-        self._sent["marks"] = tuple(marks)
+            fields = mark._asdict()
+            arrays = {key: each for key, each in fields.items() if isinstance(each, np.ndarray)}
+            style = {key: each for key, each in fields.items() if key not in arrays}
+            if self._is_new(f"style of {name}", style):
+                drawn[name] = {"kind": type(mark).__name__.lower(), **style}
+            # An array that is the same object as before has not changed.
+            before = self._arrays.get(name, {})
+            changed = {key: each for key, each in arrays.items() if each is not before.get(key)}
+            self._arrays[name] = arrays
+            if changed and isinstance(mark, Lines):
+                changed = {"rows": _rows(mark)}
+            for key, values_ in changed.items():
+                data = _bytes(values_, colours=key == "colours")
+                columns = drawn.setdefault(name, {}).setdefault("columns", {})
+                columns[key] = len(block), len(data)
+                block += data
         if drawn:
             header["marks"] = drawn
         if not header:
@@ -61,56 +76,56 @@ class Sender:
         text += b" " * (-len(text) % _ALIGNMENT)
         return len(text).to_bytes(4, "little") + text + bytes(block)
 
-    def _is_new(self, key: str, value: Any) -> bool:
-        new = key not in self._sent or self._sent[key] != value
-        self._sent[key] = value
+    def _is_new(self, name: str, value: Any) -> bool:
+        new = name not in self._sent or self._sent[name] != value
+        self._sent[name] = value
         return bool(new)
 
-    def _same_arrays(self, key: str, arrays: tuple[Any, ...]) -> bool:
-        """Whether these very arrays have been sent; they are kept: none takes their place."""
-        before = self._sent.get(key, ())
-        self._sent[key] = arrays
-        return len(before) == len(arrays) and all(map(lambda a, b: a is b, before, arrays))
+
+def stage_message(stage: Stage) -> bytes:
+    """What never changes: shaders, walls, roofs and ground, whose picture goes apart."""
+    parts, ground = Parts(stage.walls, stage.roofs), stage.ground
+    chosen = parts.choose(np.arange(parts.count))
+    land = land_of(ground).reshape(-1, 3, 9)
+    marks: dict[str, Faces | Rows] = {
+        "walls": Rows("walls", walls_of(stage.walls, stage.roofs)),
+        "indices": Rows("indices", chosen.indices, (chosen.textured,)),
+        "ground": Rows("ground", rectangle(ground.corner, ground.corner + ground.size)),
+        "sky": Rows("sky", mesh(10, 10)),
+        "land": Faces(land[..., :3], land[..., 3:6], land[..., 6:]),
+    }
+    indoor = stage.structures.indoor
+    for level, texels in enumerate(layers(indoor)):
+        marks[f"level {level}"] = Rows("level", texels, texels.shape[2::-1])
+    programs = {
+        name: [shader_source(name, vertex=v, constants=air(indoor=indoor)) for v in (True, False)]
+        for name in _PROGRAMS
+    }
+    area = [*ground.corner.tolist(), *(1.0 / ground.size).tolist()]
+    message = Sender().message(marks, {"programs": programs, "area": area})
+    assert message is not None
+    return message
 
 
-def _style(mark: Mark | Faces) -> dict[str, Any]:
-    """The kind of a mark, and what is the same in all of it."""
-    if isinstance(mark, Lines):
-        return {"kind": "lines", "width": mark.width, "hidden": mark.hidden}
-    if isinstance(mark, Points):
-        sizes = [mark.size, *mark.pixels]
-        return {"kind": "points", "sizes": sizes, "glows": mark.glows}
-    return {"kind": "soft" if isinstance(mark, Soft) else "faces"}
+def _rows(lines: Lines) -> NDArray[np.uint8]:
+    """Both ends of lines, their colours there, and the sides of walls: rows (n, 40) of bytes."""
+    tints = [_tints(np.column_stack([lines.colours, opacity])) for opacity in lines.opacities.T]
+    places = [
+        np.ascontiguousarray(each, np.float32).view(np.uint8)
+        for each in (lines.starts, lines.ends, lines.sides)
+    ]
+    return np.concatenate([*places[:2], *tints, places[2]], axis=1)
 
 
-def _columns(mark: Mark | Faces) -> dict[str, tuple[Any, ...]]:
-    """The columns of a mark, and the arrays that each is made of."""
-    if isinstance(mark, Lines):
-        return {
-            "start": (mark.starts,),
-            "end": (mark.ends,),
-            "first": (mark.colours, mark.opacities),
-            "last": (mark.colours, mark.opacities),
-            "side": (mark.sides,),
-        }
-    if isinstance(mark, Points):
-        return {"position": (mark.places,), "tint": (mark.colours,), "side": (mark.sides,)}
-    return {"position": (mark.corners,), "tint": (mark.colours,)}
+def _bytes(values: NDArray[Any], *, colours: bool) -> bytes:
+    """An array as the page takes it: places in float32, colours and opacities in bytes."""
+    if colours:
+        values = _tints(values)
+    return values.astype(np.float32).tobytes() if values.dtype == np.float64 else values.tobytes()
 
 
-def _packed(mark: Mark | Faces, column: str) -> NDArray[Any]:
-    """A column as the page takes it: places in float32, colours and opacities in bytes."""
-    if isinstance(mark, Lines) and column in ("first", "last"):
-        opacity = mark.opacities[:, :1] if column == "first" else mark.opacities[:, 1:]
-        return _bytes(np.concatenate([mark.colours, opacity], axis=1))
-    if column == "tint":
-        colours = lit(mark) if isinstance(mark, Faces) else mark.colours
-        colours = colours.reshape(-1, colours.shape[-1])
-        opaque = np.ones((len(colours), 4 - colours.shape[1]))
-        return _bytes(np.concatenate([colours, opaque], axis=1))
-    values = _columns(mark)[column][0]
-    return np.ascontiguousarray(values.reshape(-1, values.shape[-1]), np.float32)
-
-
-def _bytes(shares: NDArray[Any]) -> NDArray[np.uint8]:
-    return np.asarray(np.round(255.0 * np.clip(shares, 0.0, 1.0)), np.uint8)
+def _tints(shares: NDArray[Any]) -> NDArray[np.uint8]:
+    """Colours (…, 3 or 4) in 0…1 as four bytes each."""
+    tints = np.full((*shares.shape[:-1], 4), 255, np.uint8)
+    tints[..., : shares.shape[-1]] = np.round(255.0 * np.clip(shares, 0.0, 1.0))
+    return tints

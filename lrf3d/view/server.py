@@ -1,4 +1,4 @@
-"""The page and its server: Starlette and uvicorn, and three.js, which NiceGUI brings.
+"""The page and its server: Starlette and uvicorn.
 
 Everything is served from this machine; the page loads nothing from elsewhere.
 """
@@ -6,21 +6,23 @@ Everything is served from this machine; the page loads nothing from elsewhere.
 import asyncio
 import contextlib
 import errno
+import gzip
 import html
+import io
 import json
 import socket
 import webbrowser
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from importlib.util import find_spec
-from ipaddress import ip_address
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from PIL import Image
+
 from lrf3d.errors import InputError, OutputError, missing_extra
-from lrf3d.gltf import still_glb
 from lrf3d.interrupts import asked, check
-from lrf3d.scene.moments import Scene
+from lrf3d.scene.stage import Stage
+from lrf3d.view.message import stage_message
 from lrf3d.view.shown import Shown, Wanted
 
 FIRST_PORT, PORTS = 8080, 100
@@ -33,7 +35,6 @@ _STEP = 1.0 / 30.0
 """Time between two steps of a drive [s]."""
 
 _PAGE = Path(__file__).parent / "page"
-_FILES = ("page.css", "page.js", "marks.js", "rig.js", "world.js")
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,46 +42,41 @@ class Site:
     """What is served: the setup and the world for all pages, and what makes one page's own part."""
 
     setup: dict[str, Any]
-    glb: bytes
+    stage: Stage
     make: Callable[[], Shown]
-    plays: bool = field(default=False)
 
-    @classmethod
-    def of(cls, scene: Scene, setup: dict[str, Any], make: Callable[[], Shown]) -> "Site":
-        """The site of a scene; one whose setup has an end is played, another is driven."""
-        obstacles = scene.obstacles.bodies(scene.timeline.start)
-        glb = still_glb(setup["title"], scene.stage, [("robot", scene.robot), *obstacles])
-        return cls(setup, glb, make, bool(setup["end"]))
+    @property
+    def plays(self) -> bool:
+        """Whether a run is played, which has an end; another is driven."""
+        return bool(self.setup["end"])
 
 
 def serve(
     site: Site,
+    door: socket.socket,
     *,
-    host: str = "127.0.0.1",
-    port: int | None,
+    host: str,
     browser: bool = True,
     started: Callable[[str], None] = lambda address: None,
 ) -> None:
     """Show a site until the program is interrupted; `started` is called with its address.
 
+    The door is a socket of :func:`bound` for the host; it is closed in the end.
+
     Raises:
-        MissingLibraryError: NiceGUI is not installed.
-        OutputError: The address was taken meanwhile.
+        MissingLibraryError: The libraries of the extra ``view`` are not installed.
     """
     try:
         import uvicorn
 
-        three = find_spec("nicegui.elements.scene")
-    except (ImportError, ValueError) as error:
-        raise missing_extra(f"the view needs NiceGUI ({error})", "view") from None
-    assert three is not None and three.origin is not None
-    port = free_port(host, port)
-    app = application(site, host, Path(three.origin).parent / "dist" / "index.js")
+        app = application(site, host)
+    except ImportError as error:
+        raise missing_extra(f"the view needs a server ({error})", "view") from None
+    port = door.getsockname()[1]
+    address = f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
     server = uvicorn.Server(
         uvicorn.Config(
             app,
-            host=host,
-            port=port,
             log_level="critical",
             ws_max_size=MESSAGE_SIZE,
             # A short message could unpack to gigabytes.
@@ -91,13 +87,13 @@ def serve(
     )
 
     async def run() -> None:
-        serving = asyncio.create_task(server.serve())
+        serving = asyncio.create_task(server.serve([door]))
         while not (server.started or serving.done() or asked()):
             await asyncio.sleep(0.01)
         if server.started:
-            started(page_address(host, port))
+            started(address)
             if browser:
-                webbrowser.open(page_address(host, port))
+                webbrowser.open(address)
         while not (asked() or serving.done()):
             await asyncio.sleep(0.05)
         server.should_exit = True
@@ -105,51 +101,53 @@ def serve(
 
     # Signals set the flag of lrf3d.interrupts, which is looked at here.
     server.capture_signals = contextlib.nullcontext  # type: ignore[method-assign, assignment]
-    try:
+    with door:
         asyncio.run(run())
-    except SystemExit:
-        # The program was stopped as the server started, or the address was taken meanwhile.
-        check()
-        free_port(host, port)
-        raise
     check()
 
 
-def application(site: Site, host: str, three: Path) -> Any:
+def application(site: Site, host: str) -> Any:
     """The application that answers a site's pages, and nobody else."""
     from starlette.applications import Starlette
     from starlette.middleware import Middleware
     from starlette.middleware.trustedhost import TrustedHostMiddleware
-    from starlette.requests import Request
     from starlette.responses import FileResponse, HTMLResponse, Response
     from starlette.routing import Route, WebSocketRoute
-    from starlette.websockets import WebSocket
 
-    def page(request: Request) -> Response:
-        setup = json.dumps(site.setup).replace("<", "\\u003c")
-        text = (_PAGE / "index.html").read_text(encoding="utf-8")
-        title = html.escape(site.setup["title"])
-        return HTMLResponse(text.replace("{title}", title).replace("{setup}", setup))
-
-    def world(request: Request) -> Response:
-        return Response(site.glb, media_type="model/gltf-binary")
-
-    def file(path: Path) -> Route:
-        return Route(f"/lrf3d/{path.name}", lambda request: FileResponse(path))
-
-    async def moments(socket: WebSocket) -> None:
-        await socket.accept()
-        await _show(site, socket)
-
-    three_route = Route("/lrf3d/three.js", lambda request: FileResponse(three))
-    routes = [Route("/", page), Route("/lrf3d/world.glb", world), three_route]
-    routes += [file(_PAGE / name) for name in _FILES]
-    middleware = [
-        Middleware(TrustedHostMiddleware, allowed_hosts=own_names(host), www_redirect=False),
-        Middleware(_OwnPages),
-    ]
+    words = {
+        "{title}": html.escape(site.setup["title"]),
+        "{mode}": "plays" if site.plays else "drives",
+        "{setup}": json.dumps(site.setup).replace("<", "\\u003c"),
+    }
+    page = (_PAGE / "index.html").read_text(encoding="utf-8")
+    for name, text in words.items():
+        page = page.replace(name, text)
+    # Row 0 of the ground's picture is at the smallest y, as textures have it.
+    ground = io.BytesIO()
+    Image.fromarray(site.stage.ground.picture).save(ground, "JPEG", quality=90)
+    world = gzip.compress(stage_message(site.stage), 1)
+    answers = {
+        "/": HTMLResponse(page),
+        "/lrf3d/world": Response(world, headers={"Content-Encoding": "gzip"}),
+        "/lrf3d/ground.jpg": Response(ground.getvalue(), media_type="image/jpeg"),
+        **{
+            f"/lrf3d/{name}": FileResponse(_PAGE / name)
+            for name in ("page.css", "page.js", "scene.js")
+        },
+    }
+    names = own_names(host)
     return Starlette(
-        routes=[*routes, WebSocketRoute("/lrf3d/moments", moments)], middleware=middleware
+        routes=[
+            *(
+                Route(path, lambda request, answer=answer: answer)
+                for path, answer in answers.items()
+            ),
+            WebSocketRoute("/lrf3d/moments", lambda socket: _show(site, socket)),
+        ],
+        middleware=[
+            Middleware(TrustedHostMiddleware, allowed_hosts=names, www_redirect=False),
+            Middleware(_OwnPages),
+        ],
     )
 
 
@@ -184,6 +182,7 @@ async def _show(site: Site, socket: Any) -> None:
     """
     from starlette.websockets import WebSocketDisconnect
 
+    await socket.accept()
     loop = asyncio.get_running_loop()
     # In threads, so that one page's work holds up no other.
     shown = await loop.run_in_executor(None, site.make)
@@ -193,13 +192,9 @@ async def _show(site: Site, socket: Any) -> None:
         nonlocal wanted, shown
         while True:
             text = await socket.receive_text()
-            try:
-                sent = json.loads(text)
-            except ValueError:
-                continue
-            if isinstance(sent, dict) and sent.get("again") is True:
+            if text == "again":
                 shown = await loop.run_in_executor(None, site.make)
-            wanted = wanted.changed(sent)
+            wanted = wanted.changed(text)
             new.set()
 
     async def answer() -> None:
@@ -216,20 +211,21 @@ async def _show(site: Site, socket: Any) -> None:
             if message is not None or site.plays:
                 await socket.send_bytes(message or b"")
 
+    # Either ends by an error where the page has left.
     tasks = [asyncio.create_task(each) for each in (listen(), answer())]
-    done, left = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-    for task in left:
-        task.cancel()
-    for task in done:
-        error = task.exception()
-        if error is not None and not isinstance(error, WebSocketDisconnect | RuntimeError):
-            raise error
+    try:
+        await asyncio.gather(*tasks)
+    except (WebSocketDisconnect, RuntimeError):
+        pass
+    finally:
+        for task in tasks:
+            task.cancel()
 
 
 def own_names(host: str) -> list[str]:
     """The names that the page can be opened by where the server listens at a host."""
     names = ["localhost", "127.0.0.1", "[::1]"]
-    if _is_loopback(host):
+    if host.lower() in (*names, "::1"):
         return names
     import ifaddr
 
@@ -240,20 +236,8 @@ def own_names(host: str) -> list[str]:
     return [*names, *own, host.lower(), name, short, f"{short}.local"]
 
 
-def _is_loopback(host: str) -> bool:
-    try:
-        return ip_address(host).is_loopback
-    except ValueError:
-        return host.lower() == "localhost"
-
-
-def page_address(host: str, port: int) -> str:
-    """The address of the page, as one types it into a browser."""
-    return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
-
-
-def free_port(host: str, port: int | None) -> int:
-    """The port that was asked for at a host, or the first free one from 8080.
+def bound(host: str, port: int | None) -> socket.socket:
+    """A socket at a host and a port, or the first free one from 8080 on.
 
     Raises:
         InputError: There is no such host, or it is another machine.
@@ -267,19 +251,20 @@ def free_port(host: str, port: int | None) -> int:
     if not found:
         raise InputError(f"--host {host}: no such address")
     family, *_, address = found[0]
-    tried = range(FIRST_PORT, FIRST_PORT + PORTS) if port is None else [port]
-    for number in tried:
-        with socket.socket(family, socket.SOCK_STREAM) as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            try:
-                probe.bind((address[0], number, *address[2:]))
-            except OSError as error:
-                if error.errno == errno.EADDRNOTAVAIL:
-                    raise InputError(f"--host {host}: not an address of this machine") from None
-                if port is not None:
-                    raise OutputError(
-                        f"--port {port}: {error.strerror} at {host}; choose another"
-                    ) from None
-                continue
-        return number
-    raise OutputError(f"no free port from {FIRST_PORT} on; choose one with --port")
+    for number in range(FIRST_PORT, FIRST_PORT + PORTS) if port is None else [port]:
+        door = socket.socket(family, socket.SOCK_STREAM)
+        door.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            door.bind((address[0], number, *address[2:]))
+            # From now on nobody else has it; who comes before the page is ready waits.
+            door.listen()
+        except OSError as error:
+            door.close()
+            if error.errno == errno.EADDRNOTAVAIL:
+                raise InputError(f"--host {host}: not an address of this machine") from None
+            reason = error.strerror
+        else:
+            return door
+    if port is None:
+        raise OutputError(f"no free port from {FIRST_PORT} on; choose one with --port")
+    raise OutputError(f"--port {port}: {reason} at {host}; choose another")

@@ -13,7 +13,8 @@ from lrf3d.errors import WorldError
 from lrf3d.geometry import Float, Int
 from lrf3d.world.features import Feature
 from lrf3d.world.model import DEFAULT_HEIGHT, World
-from lrf3d.world.pieces import from_corner, walls
+from lrf3d.world.pieces import Part, from_corner, walls, world_of_parts
+from lrf3d.world.touching import groups
 
 DEFAULT_BUILDING_HEIGHT = 8.0
 """Default height of a building [m]: two storeys and a roof."""
@@ -46,50 +47,26 @@ def world_of_features(
     """
     owners = [feature for feature in features for _ in feature.polygons]
     polygons = [polygon for feature in features for polygon in feature.polygons]
-    segments, heights, objects = [], [], []
-    # The features that describe each object, the last one first.
-    described: dict[int, list[Feature]] = {}
-    following = 0
     tall = np.array([owner.height_or(DEFAULT_BUILDING_HEIGHT) for owner in owners])
-    for members, rings in _blocks(polygons, tall):
-        for points, tops in rings:
-            segments.append(walls(points, closed=True))
-            heights.append(tops)
-            objects.append(np.full(len(points), following, dtype=np.int64))
-        described[following] = [owners[index] for index in members[::-1].tolist()]
-        following += 1
+    parts = list[Part]()
+    for number, (members, rings) in enumerate(_blocks(polygons, tall)):
+        parts += [Part(number, walls(points, closed=True), tops) for points, tops in rings]
+        looks = [owners[index].looks for index in members.tolist()]
+        parts += [Part(number, np.empty((0, 4)), np.empty(0), *each) for each in looks]
     loose = [feature for feature in features if not feature.polygons]
     numbered = not owners and all(feature.number is not None for feature in loose)
     for feature in features:
         lines = [walls(line, closed=False) for line in feature.lines]
-        if lines or (numbered and feature.number is not None):
-            number = feature.number if numbered and feature.number is not None else following
-            count = sum(map(len, lines))
-            segments += lines
-            heights.append(feature.wall_heights(count, DEFAULT_HEIGHT))
-            objects.append(np.full(count, number, dtype=np.int64))
-            described.setdefault(number, []).append(feature)
-            following = number + 1
-    if not segments:
+        if lines or numbered:
+            number = parts[-1].number + 1 if parts else 0
+            if numbered and feature.number is not None:
+                number = feature.number
+            segments = np.concatenate([np.empty((0, 4)), *lines])
+            heights = feature.wall_heights(len(segments), DEFAULT_HEIGHT)
+            parts.append(Part(number, segments, heights, *feature.looks))
+    if not any(len(part.segments) for part in parts):
         raise WorldError("the footprints are too small to leave a wall")
-    owned = np.concatenate(objects)
-    count = int(owned.max()) + 1
-    names, colours = [""] * count, np.full((count, 3), np.nan)
-    materials: list[Any] = [None] * count
-    for number, feature in ((n, each) for n in range(count) for each in described.get(n, [])):
-        names[number] = feature.name or names[number]
-        colours[number] = colours[number] if feature.colour is None else feature.colour
-        materials[number] = feature.material or materials[number]
-    return World(
-        np.concatenate(segments),
-        owned,
-        np.concatenate(heights),
-        name,
-        object_names=names if any(names) else (),
-        colours=colours,
-        place=place,
-        materials=materials,
-    )
+    return world_of_parts(parts, name, place=place)
 
 
 def _blocks(polygons: list[Any], heights: Float) -> list[tuple[Int, list[tuple[Float, Float]]]]:
@@ -100,8 +77,6 @@ def _blocks(polygons: list[Any], heights: Float) -> list[tuple[Int, list[tuple[F
         courtyards clockwise, with the heights (k,) of the walls from point i to point i + 1.
     """
     import shapely
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
     if not polygons:
@@ -111,12 +86,11 @@ def _blocks(polygons: list[Any], heights: Float) -> list[tuple[Int, list[tuple[F
     source = cKDTree(corners - origin)
     local = np.array([_valid(shapely.transform(p, lambda xy: xy - origin)) for p in polygons])
     first, second = shapely.STRtree(local).query(local, predicate="dwithin", distance=CLOSING)
-    links = coo_array((np.ones(len(first)), (first, second)), shape=(len(local), len(local)))
-    _, label = connected_components(links, directed=False)
+    label = groups(first, second, len(local))
     # Labels are numbered by their first members, so blocks keep the order of the source.
-    groups = np.split(np.argsort(label, kind="stable"), np.cumsum(np.bincount(label))[:-1])
+    blocks_of = np.split(np.argsort(label, kind="stable"), np.cumsum(np.bincount(label))[:-1])
     blocks = []
-    for members in groups:
+    for members in blocks_of:
         rings = []
         for part in _joined(local[members]):
             for index, ring in enumerate((part.exterior, *part.interiors)):

@@ -1,5 +1,6 @@
 """Cameras: fixed ones in a world, by name, and the default camera of a film."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
@@ -48,15 +49,15 @@ class FixedCamera:
             )
         for key in ("position", "target"):
             point: Any = getattr(self, key)
-            if (
-                not is_finite(*point)
-                or len(point) != 3
-                or max(map(abs, point)) > LARGEST_COORDINATE
-            ):
+            try:
+                x, y, z = map(float, point)
+            except (TypeError, ValueError, OverflowError):
+                x = y = z = math.nan
+            if not all(abs(each) <= LARGEST_COORDINATE for each in (x, y, z)):
                 raise WorldError(
                     f"camera {self.name!r}: {key} is {shown(point)}, expected x, y, z [m]"
                 )
-            object.__setattr__(self, key, tuple(map(float, point)))
+            object.__setattr__(self, key, (x, y, z))
         if self.position == self.target:
             raise WorldError(f"camera {self.name!r}: position and target are the same point")
         if not (is_finite(self.field_deg) and 0.0 < self.field_deg < WIDEST_VIEW):

@@ -10,8 +10,7 @@ import numpy as np
 from lrf3d.errors import WorldError, shown
 from lrf3d.geometry import LARGEST_COORDINATE, Float, is_finite
 from lrf3d.world.materials import Material, material_of
-from lrf3d.world.model import MOST_OBJECTS
-from lrf3d.world.schema import parse_colour
+from lrf3d.world.schema import MOST_OBJECTS, parse_colour
 
 LEVEL_HEIGHT = 3.0
 """Height of a storey [m], for buildings with only a number of levels."""
@@ -37,6 +36,11 @@ class Feature:
     colour: tuple[float, float, float] | None = None
     number: int | None = None
     material: Material | None = None
+
+    @property
+    def looks(self) -> tuple[str, tuple[float, float, float] | None, Material | None]:
+        """Its name, colour and material."""
+        return self.name, self.colour, self.material
 
     @property
     def polygons(self) -> list[Any]:
@@ -91,53 +95,34 @@ def feature_of(item: object) -> Feature:
     )
 
 
-_KNOWN = (
-    *("Point", "MultiPoint", "LineString", "MultiLineString"),
-    *("Polygon", "MultiPolygon", "GeometryCollection"),
-)
-
-
-def _shapes(geometry: object) -> Iterator[Any]:
+def _shapes(geometry: Any) -> Iterator[Any]:
     """The polygons and lines of a geometry, checked; points, such as trees, are left out."""
     import shapely
     from shapely.geometry import shape
 
     if geometry is None:
         return
-    kind = geometry.get("type") if isinstance(geometry, dict) else None
-    if not isinstance(geometry, dict) or kind not in _KNOWN:
-        raise WorldError(f"unknown geometry {shown(kind or geometry)}")
-    if kind == "GeometryCollection" and isinstance(geometry.get("geometries"), list):
-        for part in geometry["geometries"]:
-            yield from _shapes(part)
-        return
-    if kind in ("Point", "MultiPoint") or geometry.get("coordinates") == []:
-        return
+    kind = str(geometry.get("type") if isinstance(geometry, dict) else geometry)[:40]
     try:
-        whole = shape({"type": kind, "coordinates": _in_plane(geometry.get("coordinates"))})
+        whole = shapely.force_2d(shape(geometry))
     except Exception as error:
-        # shapely's exceptions depend on what is wrong with the numbers.
+        # shapely's exceptions depend on what is wrong with the geometry.
         raise WorldError(f"{kind}: {' '.join(str(error).split())}; expected [x, y], …") from None
     if not (np.abs(shapely.get_coordinates(whole)) <= LARGEST_COORDINATE).all():
         raise WorldError(f"{kind}: expected finite coordinates of at most {LARGEST_COORDINATE:g} m")
-    for part in shapely.get_parts(whole):
+    # A collection may hold several polygons in one.
+    parts = shapely.get_parts(shapely.get_parts([whole]))
+    for part in parts[~shapely.is_empty(parts)]:
         if part.geom_type == "LineString":
             points = shapely.get_coordinates(part)
             moves = np.append(True, (points[1:] != points[:-1]).any(axis=1))
             if moves.sum() < 2:
                 raise WorldError(f"{kind} of no length: expected two different points")
             yield shapely.LineString(points[moves])
-        else:
+        elif part.geom_type == "Polygon":
             if not shapely.make_valid(part).area > 0.0:
                 raise WorldError(f"{kind}: lies on one line and encloses nothing")
             yield shapely.remove_repeated_points(part)
-
-
-def _in_plane(coordinates: Any) -> Any:
-    """Nested lists of coordinates without heights, which some positions of a line may lack."""
-    if isinstance(coordinates, list) and coordinates and isinstance(coordinates[0], list):
-        return [_in_plane(each) for each in coordinates]
-    return coordinates[:2] if isinstance(coordinates, list) else coordinates
 
 
 def _height(properties: dict[str, Any]) -> float | tuple[float, ...] | None:

@@ -33,7 +33,7 @@ READERS = {
 """The module and the function that read a world, by the ending of the file."""
 
 WRITERS = {
-    ".toml": "toml_text:write_toml",
+    ".toml": "toml_file:write_toml",
     ".geojson": "geojson:write_geojson",
     ".yaml": "ros_map:write_ros_map",
     ".glb": "mesh:write_glb",
@@ -63,23 +63,18 @@ def load_world(
     """
     path = find_world(name_or_path)
     ending = path.suffix.lower()
-    options: dict[str, Any] = {}
-    if trees:
-        if ending != ".osm":
-            raise WorldError(f"{path}: trees are read from OpenStreetMap extracts (.osm) alone")
-        options["trees"] = True
-    if resolution is not None:
-        if ending not in PICTURES:
-            raise WorldError(f"{path}: a resolution is for a picture ({', '.join(PICTURES)}) alone")
-        options["resolution"] = resolution
+    if trees and ending != ".osm":
+        raise WorldError(f"{path}: trees are read from OpenStreetMap extracts (.osm) alone")
+    if resolution is not None and ending not in PICTURES:
+        raise WorldError(f"{path}: a resolution is for a picture ({', '.join(PICTURES)}) alone")
+    given = {"trees": trees or None, "resolution": resolution}
+    options = {key: value for key, value in given.items() if value is not None}
     try:
         world: World = _function(READERS[ending])(path, **options)
     except WorldError as error:
         # Readers name the place in the file.
-        message = str(error)
-        raise WorldError(
-            message if message.startswith(str(path)) else f"{path}: {message}"
-        ) from None
+        named = str(error).startswith(str(path))
+        raise WorldError(str(error) if named else f"{path}: {error}") from None
     except Exception as error:
         if ending not in BY_LIBRARY:
             raise

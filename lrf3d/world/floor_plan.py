@@ -6,7 +6,7 @@ import numpy as np
 
 from lrf3d.geometry import Float
 from lrf3d.world.model import World
-from lrf3d.world.pieces import walls
+from lrf3d.world.pieces import Part, walls, world_of_parts
 
 THICKNESS = 0.2
 """Thickness of walls [m]."""
@@ -76,30 +76,13 @@ class FloorPlan:
         )
         # A grid of a millimetre keeps walls that should meet from missing each other by rounding.
         union = shapely.union_all(areas, grid_size=0.001)
-        segments: list[Float] = []
-        heights: list[Float] = []
-        names: list[str] = []
-        colours: list[tuple[float, float, float]] = []
+        parts = list[Part]()
         for part in shapely.get_parts([shapely.simplify(union, 1e-6)]):
             rings = [np.array(ring.coords)[:-1] for ring in (part.exterior, *part.interiors)]
-            walls_of_part = np.concatenate(
-                [walls(np.round(ring, 3), closed=True) for ring in rings]
-            )
-            segments.append(walls_of_part)
-            heights.append(np.full(len(walls_of_part), self.height))
-            names.append(f"walls {len(names)}" if names else "walls")
-            colours.append(WALL_COLOUR)
+            outline = np.concatenate([walls(np.round(ring, 3), closed=True) for ring in rings])
+            name = f"walls {len(parts)}" if parts else "walls"
+            parts.append(Part(len(parts), outline, np.array(self.height), name, WALL_COLOUR))
         for number, (kind, points, height, colour) in enumerate(self.boxes):
-            segments.append(walls(np.round(points, 3), closed=True))
-            heights.append(np.full(len(points), height))
-            names.append(f"{kind} {number}")
-            colours.append(colour)
-        counts = [len(part) for part in segments]
-        return World(
-            np.concatenate(segments),
-            np.repeat(np.arange(len(counts)), counts),
-            np.concatenate(heights),
-            self.name,
-            object_names=tuple(names),
-            colours=np.array(colours),
-        )
+            outline = walls(np.round(points, 3), closed=True)
+            parts.append(Part(len(parts), outline, np.array(height), f"{kind} {number}", colour))
+        return world_of_parts(parts, self.name)

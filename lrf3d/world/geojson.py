@@ -14,11 +14,9 @@ from collections.abc import Iterator
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
-import numpy as np
-
-from lrf3d.errors import InputError, WorldError, shown
+from lrf3d.errors import WorldError
 from lrf3d.files import own_name, read_text, write_text
 from lrf3d.geometry import is_finite
 from lrf3d.world.buildings import world_of_features
@@ -37,8 +35,8 @@ from lrf3d.world.geographic import (
 )
 from lrf3d.world.materials import material_value
 from lrf3d.world.model import World
-from lrf3d.world.pieces import WallRun, parts_of
-from lrf3d.world.schema import colour_value
+from lrf3d.world.pieces import WallRun, description, runs_of
+from lrf3d.world.schema import at, made_of
 
 
 def read_geojson(path: Path) -> World:
@@ -72,14 +70,15 @@ def read_geojson(path: Path) -> World:
         place = float(centre[0]), float(centre[1])
         features = [feature.moved(partial(lay_flat, centre=centre)) for feature in features]
     name = data["name"] if isinstance(data.get("name"), str) else own_name(path)
-    try:
+    with at(str(path)):
         world = world_of_features(features, name, place=place)
-        free = _free(data)
-        if _is_map(data):
-            return world_of_map(world, free)
-        return replace(world, cameras=_cameras(data.get("cameras", [])), free=free)
-    except InputError as error:
-        raise WorldError(str(error)) from None
+        members = enumerate(data.get("cameras", []))
+        cameras = tuple(made_of(FixedCamera, each, f"cameras[{place}]") for place, each in members)
+        with at("free"):
+            free = FreeCells.from_dict(data["free"]) if "free" in data else None
+    return (
+        world_of_map(world, free) if _is_map(data) else replace(world, cameras=cameras, free=free)
+    )
 
 
 def _features(data: dict[str, Any]) -> Iterator[Feature]:
@@ -107,9 +106,7 @@ def _is_map(data: dict[str, Any]) -> bool:
 def _parse(path: Path) -> dict[str, Any]:
     text = read_text(path, what="a world file", error=WorldError)
     try:
-        data = json.loads(
-            text, parse_constant=_refuse_constant, object_pairs_hook=_without_duplicates
-        )
+        data = json.loads(text)
     except RecursionError:
         raise WorldError("nested too deeply for a world file") from None
     except ValueError as error:
@@ -131,37 +128,6 @@ _FOREIGN = {
 """Messages for other kinds of JSON with coordinates, by type."""
 
 
-def _cameras(members: Any) -> tuple[FixedCamera, ...]:
-    """The cameras in the member ``cameras``, as lrf3d writes it."""
-    try:
-        return tuple(FixedCamera(**member) for member in members)
-    except TypeError as error:
-        raise WorldError(
-            f"cameras: expected a list of name, position, target and field_deg ({error})"
-        ) from None
-
-
-def _free(data: dict[str, Any]) -> FreeCells | None:
-    """The cells in the member ``free``, as lrf3d writes it."""
-    try:
-        return FreeCells.from_dict(data["free"]) if "free" in data else None
-    except InputError as error:
-        raise WorldError(f"free: {error}") from None
-
-
-def _refuse_constant(constant: str) -> NoReturn:
-    raise ValueError(f"{constant} is not a number; expected finite ones")
-
-
-def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) < len(pairs):
-        keys = [key for key, _ in pairs]
-        twice = next(key for key in keys if keys.count(key) > 1)
-        raise ValueError(f"the key {shown(twice)} stands twice in one object; remove one")
-    return found
-
-
 def _place(data: dict[str, Any]) -> tuple[float, float] | None:
     """Longitude and latitude of (0, 0) from the member ``place``, as lrf3d writes it."""
     place = data.get("place")
@@ -181,9 +147,7 @@ def write_geojson(world: World, path: Path) -> None:
 
 def geojson_text(world: World) -> str:
     """The GeoJSON text of a world: one feature for each run of walls of one object."""
-    bare = sorted(set(range(world.object_count)) - set(world.objects.tolist()))
-    parts = [*(WallRun(number, (), np.empty(0)) for number in bare), *parts_of(world)]
-    features = ",\n".join(json.dumps(_feature(part, world)) for part in parts)
+    features = ",\n".join(json.dumps(_feature(part, world)) for part in runs_of(world))
     # Other readers ignore these members, as the standard allows.
     members = json.dumps([asdict(camera) for camera in world.cameras])
     cameras = f' "cameras": {members},' if world.cameras else ""
@@ -196,14 +160,9 @@ def geojson_text(world: World) -> str:
 
 
 def _feature(part: WallRun, world: World) -> dict[str, Any]:
-    properties: dict[str, Any] = {"object": part.number}
-    if world.object_names and world.object_names[part.number]:
-        properties["name"] = world.object_names[part.number]
-    if np.isfinite(world.colours[part.number]).all():
-        properties["colour"] = colour_value(world.colours[part.number])
-    material = world.materials[part.number] if world.materials else None
-    if material is not None:
-        properties["material"] = material_value(material)
+    properties = {"object": part.number, **description(world, part.number)}
+    if "material" in properties:
+        properties["material"] = material_value(properties["material"])
     if not part.pieces:
         return {"type": "Feature", "properties": properties, "geometry": None}
     properties["height"] = part.height_value

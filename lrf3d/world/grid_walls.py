@@ -4,10 +4,11 @@ The input is cells, the output segments in units of cells. A wall that is one or
 becomes one line along its middle, a thicker one its outline, through the middles of the edges
 between occupied cells and others. Chains of such points are cut where they bend, each piece becomes
 the line that fits its points best, and pieces meet where they met before, so that no beam passes
-between.
+between. Points are complex numbers x + iy [cells].
 """
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,47 +18,27 @@ from lrf3d.world.pieces import from_corner
 
 Complex = NDArray[np.complex128]
 
-TOLERANCE = 1.05
+TOLERANCE = 1.0
 """Largest distance [cells] of a chain's points from a piece through two of them: the points of a
 straight wall at any angle lie within half a cell of a line, and so within one of such a piece."""
 
-NEAR = 6
-"""Distance [cells] from parts of three cells and more within which walls are not thinned: a slanted
-wall of two and a half cells has some such parts."""
+NEAR = 13
+"""Side [cells] of the squares about parts of three cells and more in which walls are not thinned: a
+slanted wall of two and a half cells has some such parts."""
 
 WIDEST_HOLE = 4.3
 """Largest distance [cells] between ends of walls, or single cells, that are joined: three empty
 cells, because measured maps have holes."""
 
-FARTHEST_JOINT = 1.5
+FARTHEST_JOINT = 1.0
 """Largest distance [cells] that a joint is moved to where the fitted lines meet."""
 
 STIFFNESS = 0.001
 """Weight of the place of a joint beside those of the lines that meet there, which may be
 parallel."""
 
-LONE = np.array([-0.5, -0.5, 0.5, 0.5])
-"""A single cell becomes its diagonal [cells], which is visible from most sides."""
-
-_CELLS = {
-    "sw": (np.s_[:-1, :-1], -0.5 - 0.5j),
-    "se": (np.s_[:-1, 1:], 0.5 - 0.5j),
-    "nw": (np.s_[1:, :-1], -0.5 + 0.5j),
-    "ne": (np.s_[1:, 1:], 0.5 + 0.5j),
-}
-"""The cells around all corners of the lattice, and their middles from there, x + iy [cells]."""
-
-_EDGES = {
-    "s": ("sw", "se", -0.5j),
-    "n": ("nw", "ne", 0.5j),
-    "w": ("sw", "nw", -0.5),
-    "e": ("se", "ne", 0.5),
-}
-"""The edges that meet in a corner: the cells on their sides, and their middles."""
-
-_TURNS = [("s", "n", ""), ("w", "e", "")]
-_TURNS += [("s", "w", "sw"), ("s", "e", "se"), ("n", "w", "nw"), ("n", "e", "ne")]
-"""Pairs of edges that an outline may connect in a corner, and the cell that it turns around."""
+AROUND = [(0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)]
+"""Rows and columns to the neighbours of a cell, counter-clockwise from the east."""
 
 
 def walls_of_grid(occupied: Bool) -> Float:
@@ -67,153 +48,175 @@ def walls_of_grid(occupied: Bool) -> Float:
         occupied: (rows, columns) whether each cell is occupied; the first row is at the bottom.
             Beyond the grid the cells at its border continue: no outline runs along the border.
     """
-    double = _double(occupied)
+    double = _opened(occupied, 2) & ~_grown(_opened(occupied, 3), NEAR)
     grid = _thinned(occupied, double)
-    thin = grid & ~_blocks(grid, 2)
-    row, column = np.nonzero(thin)
+    thick = _opened(grid, 2)
+    row, column = np.nonzero(grid & ~thick)
     cells: Complex = column + 0.5 + 1.0j * (row + 0.5)
-    pairs = np.sort(np.concatenate(list(_links(grid, thin))), axis=1)
-    pairs = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)
-    pairs = np.concatenate([pairs, _bridges(pairs, cells)])
-    lone = cells[~np.isin(cells, pairs)]
-    diagonals = np.column_stack([lone.real, lone.imag, lone.real, lone.imag]) + LONE
-    return np.concatenate([_straightened(pairs, occupied, double), diagonals])
+    pairs = np.concatenate([*_outline(thick), *_thin_links(grid, thick)])
+    chains = _merged(pairs)
+    chains = _merged(np.concatenate([pairs, _bridges(chains, cells[~np.isin(cells, pairs)])]))
+    lone = cells[~np.isin(cells, np.concatenate([*chains, [0.0]]))]
+    # A single cell becomes its diagonal, which is visible from most sides.
+    diagonals = np.column_stack([lone.real, lone.imag] * 2) + np.array([-0.5, -0.5, 0.5, 0.5])
+    middles = _middles(occupied, double)
+    return np.concatenate([_straightened(chains, middles), diagonals])
 
 
-def _blocks(grid: Bool, side: int) -> Bool:
+def _opened(grid: Bool, side: int) -> Bool:
     """Which cells are part of an occupied square of a side [cells]."""
-    return _grown(~_grown(~grid, 0, side), 1 - side, 1)
+    from scipy.ndimage import binary_opening
+
+    return np.asarray(binary_opening(grid, np.ones((side, side), dtype=np.bool_)), dtype=np.bool_)
 
 
-def _grown(grid: Bool, first: int, end: int) -> Bool:
-    """Which cells have one of the grid before or behind them, by first to end − 1 steps."""
-    for axis in (0, 1):
-        grid = np.logical_or.reduce(
-            [np.roll(grid, step, axis) for step in range(-end + 1, 1 - first)]
-        )
-    return grid
+def _grown(grid: Bool, side: int) -> Bool:
+    from scipy.ndimage import maximum_filter
+
+    return np.asarray(maximum_filter(grid, side, mode="constant"), dtype=np.bool_)
 
 
-def _double(occupied: Bool) -> Bool:
-    """Which cells are of walls that are two cells thick, away from thicker parts."""
-    thick = _blocks(occupied, 3)
-    return _blocks(occupied, 2) & ~(_grown(thick, -NEAR, NEAR + 1) if thick.any() else thick)
+def _neighbours(grid: Bool, row: int, column: int) -> Bool:
+    """Whether each cell's neighbour, some rows and columns on, is in the grid."""
+    rows, columns = grid.shape
+    return np.pad(grid, 1)[1 + row : 1 + row + rows, 1 + column : 1 + column + columns]
 
 
-def _thinned(occupied: Bool, double: Bool) -> Bool:
+def _thinned(grid: Bool, double: Bool) -> Bool:
     """The grid with walls two cells thick made one cell thick.
 
     Cells are removed side by side where they connect their neighbours in no other way (Rosenfeld
     1975), so that what was connected stays connected and no gap is closed.
     """
-    grid = np.pad(occupied, 1)
-    # Counter-clockwise from the east; those at even places share an edge with the cell.
-    steps = [(0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)]
     for side in (2, 4, 6, 0):
-        row, column = np.nonzero(_blocks(grid, 2)[1:-1, 1:-1] & double)
-        near = [grid[row + 1 + up, column + 1 + right] for up, right in steps]
+        near = [_neighbours(grid, *step) for step in AROUND]
         parts = [~near[k] & (near[k + 1] | near[(k + 2) % 8]) for k in (0, 2, 4, 6)]
-        gone = ~near[side] & (np.sum(parts, axis=0) == 1)
-        grid[row[gone] + 1, column[gone] + 1] = False
-    return grid[1:-1, 1:-1]
+        gone = _opened(grid, 2) & double & ~near[side] & (np.sum(parts, axis=0) == 1)
+        grid = grid & ~gone
+    return grid
 
 
-def _links(grid: Bool, thin: Bool) -> Iterator[Complex]:
-    """Pairs (k, 2) of points that follow each other, as x + iy.
-
-    They are the middles of thin cells, and of the edges around thick parts, past each corner of the
-    lattice; the point of an edge of a thin cell is the middle of the cell.
-    """
-    around = {name: grid[cells] for name, (cells, _) in _CELLS.items()}
-    every = np.stack([*around.values()])
-    mixed = every.any(axis=0) & ~every.all(axis=0)
-    row, column = np.nonzero(mixed)
-    corner = column + 1.0 + 1.0j * (row + 1.0)
-    full = {name: cells[mixed] for name, cells in around.items()}
-    fine = {name: thin[cells][mixed] for name, (cells, _) in _CELLS.items()}
-    for one, other in (("sw", "se"), ("nw", "ne"), ("sw", "nw"), ("se", "ne")):
-        met = fine[one] & fine[other]
-        yield np.column_stack([corner[met] + _CELLS[one][1], corner[met] + _CELLS[other][1]])
-    for one, other, *empty in (("sw", "ne", "se", "nw"), ("se", "nw", "sw", "ne")):
-        met = fine[one] & fine[other] & ~full[empty[0]] & ~full[empty[1]]
-        yield np.column_stack([corner[met] + _CELLS[one][1], corner[met] + _CELLS[other][1]])
-    edge, point, by_thin = {}, {}, {}
-    for side, (one, other, middle) in _EDGES.items():
-        edge[side] = full[one] != full[other]
-        by_thin[side] = edge[side] & (fine[one] | fine[other])
-        owner = np.where(full[one], _CELLS[one][1], _CELLS[other][1])
-        point[side] = corner + np.where(by_thin[side], owner, middle)
-    saddle = (full["sw"] == full["ne"]) & (full["se"] == full["nw"])
-    for first, second, turned in _TURNS:
-        # Thin cells have links of their own. At a saddle the outline turns around each empty cell.
-        met = edge[first] & edge[second] & ~(by_thin[first] & by_thin[second])
-        met &= ~(saddle & full[turned]) if turned else ~saddle
-        yield np.column_stack([point[first][met], point[second][met]])
+def _outline(thick: Bool) -> Iterator[Complex]:
+    """Pairs (k, 2) of middles of edges around cells, past each corner of the lattice."""
+    sw, se, nw, ne = thick[:-1, :-1], thick[:-1, 1:], thick[1:, :-1], thick[1:, 1:]
+    south, north, west, east = (
+        (sw != se, -0.5j),
+        (nw != ne, 0.5j),
+        (sw != nw, -0.5),
+        (se != ne, 0.5),
+    )
+    saddle = south[0] & north[0] & west[0] & east[0]
+    for (edge, middle), (following, next_middle), around in (
+        (south, north, saddle),
+        (west, east, saddle),
+        # At a saddle the outline turns around each empty cell.
+        (south, west, saddle & sw),
+        (south, east, saddle & se),
+        (north, west, saddle & nw),
+        (north, east, saddle & ne),
+    ):
+        row, column = np.nonzero(edge & following & ~around)
+        corner = column + 1.0 + 1.0j * (row + 1.0)
+        yield np.column_stack([corner + middle, corner + next_middle])
 
 
-def _bridges(pairs: Complex, cells: Complex) -> Complex:
-    """Pairs (k, 2) across holes, between ends of thin walls and single cells, the nearest first."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
+def _thin_links(grid: Bool, thick: Bool) -> Iterator[Complex]:
+    """Pairs (k, 2) of the middles of thin cells and of thin or thick neighbours."""
+    for place, (up, right) in enumerate(AROUND):
+        open_way = np.ones_like(grid)
+        if up and right:
+            open_way = ~_neighbours(grid, up, 0) & ~_neighbours(grid, 0, right)
+        thin = grid & ~thick & open_way
+        row, column = np.nonzero(thin & _neighbours(grid & ~thick, up, right))
+        cell = column + 0.5 + 1.0j * (row + 0.5)
+        if place < 4:
+            yield np.column_stack([cell, cell + right + 1.0j * up])
+        # The outline of a thick part passes through the middles of its edges.
+        row, column = np.nonzero(thin & _neighbours(thick, up, right))
+        cell = column + 0.5 + 1.0j * (row + 0.5)
+        yield np.column_stack([cell, cell + (right if up else 0.5 * right) + 0.5j * up])
+
+
+def _merged(pairs: Any) -> list[Complex]:
+    """Chains of the points of pairs (k, 2), from one end or branch to the next."""
+    import shapely
+
+    lines = shapely.linestrings(np.stack([pairs.real, pairs.imag], axis=-1))
+    merged = shapely.get_parts(shapely.line_merge(shapely.multilinestrings(lines)))
+    chains = [shapely.get_coordinates(chain) for chain in merged]
+    starts = np.array([chain[0] @ [1.0, 1.0j] for chain in chains])
+    ends, count = np.unique(
+        [starts, [chain[-1] @ [1.0, 1.0j] for chain in chains]], return_counts=True
+    )
+    # A ring that another wall meets begins there.
+    met = np.isin(starts, ends[count > 2])
+    chains = [
+        chain if kept else from_corner(chain) for chain, kept in zip(chains, met, strict=True)
+    ]
+    return [points[:, 0] + 1.0j * points[:, 1] for points in chains]
+
+
+def _bridges(chains: list[Complex], lone: Complex) -> Complex:
+    """Pairs (k, 2) across holes, between ends of walls and single cells, the nearest first."""
     from scipy.spatial import cKDTree
 
-    nodes, at = np.unique(np.append(pairs, cells), return_inverse=True)
-    linked, cell = at[: pairs.size], at[pairs.size :]
-    graph = coo_array((np.ones(len(pairs)), (linked[::2], linked[1::2])), shape=(len(nodes),) * 2)
-    _, part = connected_components(graph, directed=False)
-    free = 2 - np.bincount(linked, minlength=len(nodes))
-    ends = cell[free[cell] > 0]
-    if not len(ends):
+    ends = np.array([end for chain in chains for end in (chain[0], chain[-1])])
+    _, where, count = np.unique(ends, return_inverse=True, return_counts=True)
+    single = np.flatnonzero(count[where] == 1)
+    free = np.concatenate([ends[single], lone])
+    if len(free) < 2:
         return np.empty((0, 2), np.complex128)
-    places = np.column_stack([nodes[ends].real, nodes[ends].imag])
-    near = ends[cKDTree(places).query_pairs(WIDEST_HOLE, output_type="ndarray")]
-    near = near[part[near[:, 0]] != part[near[:, 1]]]
+    owner = np.concatenate([single // 2, -1 - np.arange(len(lone))])
+    slots = np.repeat([1, 2], [len(single), len(lone)])
+    tree = cKDTree(np.column_stack([free.real, free.imag]))
+    near = tree.query_pairs(WIDEST_HOLE, output_type="ndarray")
+    near = near[owner[near[:, 0]] != owner[near[:, 1]]]
     bridges = []
-    for one, other in near[np.argsort(np.abs(nodes[near[:, 0]] - nodes[near[:, 1]]))].tolist():
-        if free[one] > 0 and free[other] > 0:
-            free[[one, other]] -= 1
-            bridges.append((nodes[one], nodes[other]))
+    for pair in near[np.argsort(np.abs(free[near[:, 0]] - free[near[:, 1]]))]:
+        if slots[pair].all():
+            slots[pair] -= 1
+            bridges.append(free[pair])
     return np.array(bridges, np.complex128).reshape(-1, 2)
 
 
-def _straightened(pairs: Complex, occupied: Bool, double: Bool) -> Float:
-    """Segments (n, 4) that fit the chains of pairs (k, 2)."""
+def _middles(occupied: Bool, double: Bool) -> Complex:
+    """How far the middle of a wall two cells thick is from the middles of its cells."""
+    from scipy.ndimage import correlate
+
+    side = np.array([-1.0, 0.0, 1.0])
+    cells = occupied.astype(np.float64)
+    right, up, count = (
+        correlate(cells, kernel, mode="constant")
+        for kernel in (np.tile(side, (3, 1)), np.tile(side[:, None], 3), np.ones((3, 3)))
+    )
+    return np.asarray(double * (right + 1.0j * up) / np.maximum(count, 1.0))
+
+
+def _straightened(chains: list[Complex], middles: Complex) -> Float:
+    """Segments (n, 4) that fit the chains."""
     import shapely
 
-    if not len(pairs):
+    if not chains:
         return np.empty((0, 4))
-    lines = shapely.linestrings(np.stack([pairs.real, pairs.imag], axis=-1))
-    merged = shapely.get_parts(shapely.line_merge(shapely.multilinestrings(lines)))
-    chains = [from_corner(shapely.get_coordinates(chain)) for chain in merged]
     count = np.array([len(chain) for chain in chains])
-    number = np.repeat(np.arange(len(chains)), count)
+    number, first = np.repeat(np.arange(len(chains)), count), np.cumsum(count) - count
     points = np.concatenate(chains)
+    row, column = points.imag.astype(np.int64), points.real.astype(np.int64)
+    inside = (points.real % 1.0 == 0.5) & (points.imag % 1.0 == 0.5)
+    moved = points.copy()
+    moved[inside] += middles[row[inside], column[inside]]
     # Both points of a post of two by two cells would become one.
-    long = count[number, None] > 2
-    points = np.where(long, _in_middle(points, occupied, double), points)
-    simple = shapely.simplify(shapely.linestrings(points, indices=number), TOLERANCE)
+    post = (count == 2) & (moved[first] == moved[first + 1])
+    points = np.where(post[number], points, moved)
+    places = np.column_stack([points.real, points.imag])
+    simple = shapely.simplify(shapely.linestrings(places, indices=number), TOLERANCE)
     corners, owner = shapely.get_coordinates(simple, return_index=True)
     # A chain has no point twice, but the first of a ring, so the corners are found by their places.
-    far = 1e3 * (points.max() + 1.0)
-    kept = np.isin(points @ [1.0, 1.0j] + far * number, corners @ [1.0, 1.0j] + far * owner)
+    far = 1e3 * (places.max() + 1.0)
+    kept = np.isin(points + far * number, corners @ [1.0, 1.0j] + far * owner)
     place = np.flatnonzero(kept)
     same = number[place[:-1]] == number[place[1:]]
-    return _fitted(points, place[:-1][same], place[1:][same])
-
-
-def _in_middle(points: Float, occupied: Bool, double: Bool) -> Float:
-    """The points (k, 2), with those in cells of double walls moved to the middle of both cells."""
-    column, row = np.minimum(points, np.array(double.shape[::-1]) - 1).astype(np.int64).T
-    moved = np.flatnonzero(double[row, column] & (points % 1.0 == 0.5).all(axis=1))
-    row, column, grid = row[moved], column[moved], np.pad(occupied, 1)
-    weight, middle = np.zeros((len(moved), 1)), np.zeros((len(moved), 2))
-    for up in (-1, 0, 1):
-        for right in (-1, 0, 1):
-            near = grid[row + 1 + up, column + 1 + right][:, None]
-            weight, middle = weight + near, middle + near * [right, up]
-    points = points.copy()
-    points[moved] += middle / weight
-    return points
+    return _fitted(places, place[:-1][same], place[1:][same])
 
 
 def _fitted(points: Float, first: Int, last: Int) -> Float:

@@ -10,12 +10,12 @@ The values of the built-in materials are round numbers, typical of such surfaces
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, fields
-from difflib import get_close_matches
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from lrf3d.errors import WorldError, shown
 from lrf3d.geometry import is_finite
+from lrf3d.world.schema import known_key, made_of
 
 SMOOTH_DEG = 1.0
 """Widest lobe [°] of a surface that a beam leaves as a beam; in a wider one its light scatters."""
@@ -98,14 +98,8 @@ class Material:
     @property
     def optics(self) -> tuple[float, ...]:
         """The values that kernels take: those of the fields after the name, the lobe in rad."""
-        return (
-            self.diffuse,
-            self.specular,
-            math.radians(self.lobe_deg),
-            self.transmission,
-            self.index,
-            self.retro,
-        )
+        diffuse, specular, lobe, *others = (getattr(self, key) for key in LIMITS)
+        return (diffuse, specular, math.radians(lobe), *others)
 
     def as_dict(self) -> dict[str, Any]:
         """The name and the values that are not 0, as a world file has them."""
@@ -141,32 +135,21 @@ BUILT_IN = {
 PLAIN = BUILT_IN["plaster"]
 """The material of walls without one."""
 
-_OSM = {
-    "plaster": "plaster",
-    "cement_block": "plaster",
-    "concrete": "plaster",
-    "brick": "brick",
-    "glass": "glass",
-    "mirror": "mirror",
-    "metal": "metal",
-    "metal_plates": "metal",
-    "steel": "metal",
+_OSM = {name: name for name in ("plaster", "brick", "glass", "mirror", "metal")} | {
+    **dict.fromkeys(("cement_block", "concrete"), "plaster"),
+    **dict.fromkeys(("metal_plates", "steel"), "metal"),
 }
 """Built-in materials for the values of OpenStreetMap's key ``building:material``."""
 
 
-def named(name: object, own: Iterable[Material] = ()) -> Material:
+def named(value: object, own: Iterable[Material] = (), place: str = "material") -> Material:
     """The material of a name, among those of a file and the built-in ones.
 
     Raises:
-        WorldError: There is none.
+        WorldError: There is none; the message names the place of the name.
     """
     known = {**BUILT_IN, **{material.name: material for material in own}}
-    if isinstance(name, str) and name in known:
-        return known[name]
-    near = get_close_matches(str(name), list(known), n=1, cutoff=0.5)
-    hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
-    raise WorldError(f"there is no material {shown(name)}; {hint}")
+    return known[known_key(str(value), known, place)]
 
 
 def osm_material(value: object) -> Material | None:
@@ -183,13 +166,7 @@ def material_of(value: object) -> Material | None:
     """
     if isinstance(value, str):
         return BUILT_IN.get(value) or osm_material(value)
-    if not isinstance(value, dict):
-        return None
-    keys = [field.name for field in fields(Material)]
-    for key in value:
-        if key not in keys:
-            raise WorldError(f"material: unknown key {shown(key)}; known are {', '.join(keys)}")
-    return Material(**{"name": "", **value})
+    return made_of(Material, {"name": "", **value}, "material") if isinstance(value, dict) else None
 
 
 def material_value(material: Material) -> str | dict[str, Any]:
@@ -212,8 +189,8 @@ def checked(
         raise WorldError(
             f"{len(found)} materials for {count} objects: expected one for each, or none at all"
         )
-    own: dict[str, Material] = {}
-    for material in found:
-        if material is not None and own.setdefault(material.name, material) != material:
-            raise WorldError(f"two different materials of the name {material.name!r}; rename one")
+    used = [material.name for material in set(found) if material is not None]
+    for name in used:
+        if used.count(name) > 1:
+            raise WorldError(f"two different materials of the name {name!r}; rename one")
     return found

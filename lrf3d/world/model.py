@@ -1,7 +1,7 @@
 """World: the walls of a scene as line segments, grouped into objects."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from lrf3d.errors import InputError, WorldError, shown
 from lrf3d.geometry import (
     LARGEST_COORDINATE,
-    LATER,
     Float,
     Int,
     Value,
@@ -24,12 +23,10 @@ from lrf3d.notebook import Pictured
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.materials import Material, checked
+from lrf3d.world.schema import MOST_OBJECTS
 
 DEFAULT_HEIGHT = 2.5
 """Height of a wall [m] if none is given: a room's storey."""
-
-MOST_OBJECTS = 1_000_000
-"""Largest number of an object: a name and a colour are stored for every number up to it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +72,7 @@ class World(Value, Pictured):
     cameras: tuple[FixedCamera, ...]
     place: tuple[float, float] | None
     free: FreeCells | None
-    materials: tuple[Material | None, ...] = field(default=(), metadata=LATER)
+    materials: tuple[Material | None, ...] = ()
 
     def __init__(
         self,
@@ -91,71 +88,49 @@ class World(Value, Pictured):
         free: FreeCells | None = None,
         materials: Sequence[str | Material | None] | None = None,
     ) -> None:
-        rows = _rows(segments, 4, "segments")
-        walls = len(rows)
-        _refuse(
-            ~(np.abs(rows) <= LARGEST_COORDINATE).all(axis=1),
-            lambda wall: (
-                f"wall {wall}: ends {rows[wall].tolist()}, expected finite numbers of at"
-                f" most {LARGEST_COORDINATE:g} m"
-            ),
-        )
-        _refuse(
-            (rows[:, :2] == rows[:, 2:]).all(axis=1),
-            lambda wall: (
-                f"wall {wall}: both ends at ({rows[wall, 0]:g}, {rows[wall, 1]:g}), a"
-                " segment of no length; remove one"
-            ),
-        )
-        numbers = _column(np.zeros(walls) if objects is None else objects, walls, "object")
-        _refuse(
-            (numbers < 0.0) | (numbers > MOST_OBJECTS) | (numbers != np.floor(numbers)),
-            lambda wall: (
-                f"wall {wall}: object {numbers[wall]:.17g}, expected whole numbers from 0"
-                f" to {MOST_OBJECTS}; renumber the objects 0, 1, 2, …"
-            ),
-        )
-        tops = np.full(walls, DEFAULT_HEIGHT) if heights is None else heights
-        tops = _column(tops, walls, "height")
-        _refuse(
-            (tops <= 0.0) | (tops > LARGEST_COORDINATE),
-            lambda wall: (
-                f"wall {wall}: height {tops[wall]:g} m, expected more than 0 and at most"
-                f" {LARGEST_COORDINATE:g}"
-            ),
+        rows = _array(segments, "segments", (-1, 4))
+        walls, far = len(rows), LARGEST_COORDINATE
+        known = (np.abs(rows) <= far).all(axis=1)
+        _check(known, "wall", "ends", rows, f"finite numbers of at most {far:g} m")
+        long = (rows[:, :2] != rows[:, 2:]).any(axis=1)
+        _check(long, "wall", "ends", rows, "two different points; remove one")
+        numbers = _array(np.zeros(walls) if objects is None else objects, "objects", (walls,))
+        whole = (numbers >= 0.0) & (numbers <= MOST_OBJECTS) & (numbers == np.floor(numbers))
+        _check(
+            whole, "wall", "object", numbers, f"whole numbers from 0 to {MOST_OBJECTS}: renumber"
         )
         owned = sealed(numbers.astype(np.int64))
         count = int(owned.max(initial=-1)) + 1
-        shades = _rows(np.full((count, 3), np.nan) if colours is None else colours, 3, "colours")
-        _refuse(
-            ~((shades >= 0.0) & (shades <= 1.0)).all(axis=1) & ~np.isnan(shades).all(axis=1),
-            lambda number: (
-                f"object {number}: colour {shades[number].tolist()}, expected red,"
-                " green, blue from 0 to 1, or three NaN for none"
-            ),
-        )
-        names = _items(object_names, "object_names")
-        for each, key in ((name, "name"), *((each, "object_names") for each in names)):
-            if not isinstance(each, str):
-                raise WorldError(f"{key}: expected a text, found {shown(each)}")
-        if len(shades) != count or len(names) not in (0, count):
-            raise WorldError(
-                f"{len(shades)} colours and {len(names)} names for {count} objects:"
-                " expected one for each, or none at all"
-            )
-        if not (free is None or isinstance(free, FreeCells)):
-            raise WorldError(f"free: expected FreeCells or None, found {shown(free)}")
-        made_of = None if materials is None else _items(materials, "materials")
+        tops = np.full(walls, DEFAULT_HEIGHT) if heights is None else heights
+        tops = _array(tops, "heights", (walls,))
+        stands = (tops > 0.0) & (tops <= far)
+        _check(stands, "wall", "height", tops, f"more than 0 and at most {far:g} m")
+        shades = np.full((count, 3), np.nan) if colours is None else colours
+        shades = _array(shades, "colours", (count, 3))
+        seen = ((shades >= 0.0) & (shades <= 1.0)).all(axis=1) | np.isnan(shades).all(axis=1)
+        _check(seen, "object", "colour", shades, "red, green, blue from 0 to 1, or three NaN")
+        names = _items(object_names, str, "object_names")
+        if len(names) not in (0, count):
+            raise WorldError(f"{len(names)} names for {count} objects: expected one for each")
+        filmed = _items(cameras, FixedCamera, "cameras")
+        called = [camera.name for camera in filmed]
+        for each in called:
+            if called.count(each) > 1:
+                raise WorldError(f"cameras: two of the name {each!r}; rename one")
+        point = () if place is None else _items(place, int | float, "place")
+        if not (is_finite(*point) and (place is None or len(point) == 2)):
+            raise WorldError(f"place: expected longitude and latitude, found {shown(place)}")
+        made_of = _items(materials or (), str | Material | None, "materials")
         for key, value in {
             "segments": rows,
             "objects": owned,
             "heights": tops,
-            "name": name,
-            "object_names": tuple(names),
+            "name": _items([name], str, "name")[0],
+            "object_names": names,
             "colours": shades,
-            "cameras": _cameras(cameras),
-            "place": None if place is None else _place(place),
-            "free": free,
+            "cameras": filmed,
+            "place": None if place is None else (float(point[0]), float(point[1])),
+            "free": _items([free], FreeCells | None, "free")[0],
             "materials": checked(made_of, count),
         }.items():
             object.__setattr__(self, key, value)
@@ -211,59 +186,33 @@ class World(Value, Pictured):
         )
 
 
-def _refuse(bad: Any, message: Callable[[int], str]) -> None:
+def _check(good: Any, row: str, what: str, values: Float, expected: str) -> None:
     """Raise the error of the first bad row, if there is one."""
-    if bad.any():
-        raise WorldError(message(int(np.argmax(bad))))
+    if not good.all():
+        place = int(np.argmin(good))
+        raise WorldError(f"{row} {place}: {what} {values[place].tolist()}, expected {expected}")
 
 
-def _rows(values: ArrayLike, columns: int, name: str) -> Float:
-    array = _array(values, name)
-    if array.size == 0:
-        return sealed(np.empty((0, columns)))
-    if array.ndim != 2 or array.shape[1] != columns:
-        raise WorldError(f"{name} of shape {array.shape}: expected (n, {columns})")
-    return array
-
-
-def _column(values: ArrayLike, count: int, name: str) -> Float:
-    array = _array(values, name)
-    if array.shape != (count,):
-        raise WorldError(f"{name} of shape {array.shape}: expected ({count},), one for each wall")
-    _refuse(
-        ~np.isfinite(array),
-        lambda wall: f"wall {wall}: {name} is {array[wall]}, expected a finite number",
-    )
-    return array
-
-
-def _array(values: ArrayLike, name: str) -> Float:
+def _array(values: ArrayLike, name: str, shape: tuple[int, ...]) -> Float:
+    """Values from outside as an array of a shape, in which −1 is any number."""
     try:
         array: Float = read_only(values, name)
     except InputError as error:
         raise WorldError(str(error)) from None
+    if array.size == 0 and shape[0] <= 0:
+        return sealed(np.empty((0, *shape[1:])))
+    if array.shape[1:] != shape[1:] or (shape[0] >= 0 and len(array) != shape[0]):
+        rows = ", ".join(["n" if each < 0 else str(each) for each in shape])
+        raise WorldError(f"{name} of shape {array.shape}: expected ({rows})")
     return array
 
 
-def _items(values: Any, name: str) -> list[Any]:
-    """The items of a list or tuple from outside; a text is neither."""
-    if isinstance(values, list | tuple):
-        return list(values)
-    raise WorldError(f"{name}: expected a list, found {shown(values)}")
-
-
-def _cameras(values: Any) -> tuple[FixedCamera, ...]:
-    cameras = _items(values, "cameras")
-    for index, camera in enumerate(cameras):
-        if not isinstance(camera, FixedCamera):
-            raise WorldError(f"cameras: expected FixedCamera, found {shown(camera)}")
-        if camera.name in [other.name for other in cameras[:index]]:
-            raise WorldError(f"cameras: two of the name {camera.name!r}; rename one")
-    return tuple(cameras)
-
-
-def _place(values: Any) -> tuple[float, float]:
-    items = _items(values, "place")
-    if len(items) != 2 or not is_finite(*items):
-        raise WorldError(f"place: expected longitude and latitude, found {shown(values)}")
-    return float(items[0]), float(items[1])
+def _items(values: Any, kind: Any, name: str) -> tuple[Any, ...]:
+    """The items of a list or tuple from outside, all of one kind; a text is no list."""
+    if not isinstance(values, list | tuple):
+        raise WorldError(f"{name}: expected a list, found {shown(values)}")
+    for each in values:
+        if not isinstance(each, kind):
+            kinds = getattr(kind, "__name__", kind)
+            raise WorldError(f"{name}: expected {kinds}, found {shown(each)}")
+    return tuple(values)

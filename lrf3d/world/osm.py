@@ -3,31 +3,30 @@
 A path enters; a :class:`World` leaves, whose point (0, 0) is the middle of the buildings and whose
 ``place`` says where on Earth that is. Buildings are closed ways and multipolygon relations with a
 tag ``building``; their height is ``height``, or three metres for each of ``building:levels``.
-Tags are free text; a value that cannot be read counts as not given. OpenStreetMap's wiki defines
-them on the pages Key:building, Key:height, Key:min_height and Key:building:levels. Trees are read
-where they are asked for, see :mod:`lrf3d.world.osm_trees`.
+Where they are asked for, nodes ``natural=tree`` become trunks, slender blocks of bark as high as
+the tree; rows of trees, which do not say where their trees stand, are left out. Tags are free text;
+a value that cannot be read counts as not given. OpenStreetMap's wiki defines them on the pages
+Key:building, Key:height, Key:min_height, Key:building:levels, Tag:natural=tree, Key:circumference
+and Key:diameter_crown.
 """
 
-from array import array
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from lrf3d.errors import WorldError, shown
+from lrf3d.errors import WorldError
 from lrf3d.files import opened, own_name
 from lrf3d.geometry import Float
 from lrf3d.world.buildings import world_of_features
 from lrf3d.world.features import LEVEL_HEIGHT, Feature, metres_of
 from lrf3d.world.geographic import centre_of, lay_flat
-from lrf3d.world.materials import osm_material
+from lrf3d.world.materials import BUILT_IN, osm_material
 from lrf3d.world.model import World
-from lrf3d.world.osm_trees import is_tree, trunks
 from lrf3d.world.schema import parse_colour
 
 LARGEST_OSM = 1 << 28
@@ -45,38 +44,45 @@ ABOVE_BEAMS = 2.0
 NO_WALLS = {"no", "roof", "carport"}
 """Values of the tag building without walls."""
 
+DEFAULT_TREE = 8.0
+"""Height [m] of a tree of which nothing is given: one along a street, some decades old."""
+
+_TALLEST, _LOWEST = 100.0, 1.0
+"""Heights [m] outside of which a tag counts as an error."""
+
+_CROWN = 0.6
+"""Width of a crown, in heights of its tree."""
+
+_SLENDER = 1.0 / 45.0
+"""Radius of a trunk at the height of a laser, in heights of its tree."""
+
+_RADII, _SIDES = (0.05, 1.2), 6
+"""Least and largest radius of a trunk [m], and number of its sides."""
+
+_CLEAR = 0.1
+"""Trees whose trunks are nearer than this to a building [m] are left out: maps are not as exact,
+and what touches a wall would be a part of it."""
+
 Tags = dict[str, str]
 
 
 def read_osm(path: Path, *, trees: bool = False) -> World:
-    """Read the buildings of an OpenStreetMap extract in XML.
+    """Read the buildings of an OpenStreetMap extract in XML, and the trunks of its trees if asked.
 
     Buildings that stand above the beams (``min_height`` of two metres or more) and mere roofs are
     left out, and so are outlines of which the extract holds a part only.
-
-    Args:
-        path: The file.
-        trees: Whether the trunks of its trees are walls too, each an object of bark.
 
     Raises:
         WorldError: The file holds no building or an invalid number; the message names the element.
     """
     import shapely
 
-    extract = _Extract()
-    with opened(path, what="a world file", largest=LARGEST_OSM, error=WorldError) as file:
-        try:
-            extract.read(ElementTree.iterparse(file, events=("start", "end")))
-        except (ElementTree.ParseError, ValueError, LookupError) as error:
-            if isinstance(error, WorldError):
-                raise
-            raise WorldError(f"not XML: {error}") from None
-    features = [feature for feature in extract.features() if feature.shapes]
+    extract = _read(path)
+    features = [feature for feature in _buildings(extract) if feature.shapes]
     if not features:
         raise WorldError("holds no whole building, so there is no wall")
-    centre, extent = centre_of(
-        shapely.get_coordinates([s for each in features for s in each.shapes])
-    )
+    buildings = [shape for feature in features for shape in feature.shapes]
+    centre, extent = centre_of(shapely.get_coordinates(buildings))
     if extent > WIDEST_EXTRACT:
         raise WorldError(
             f"buildings {extent:.1f}° apart, expected at most {WIDEST_EXTRACT:g}°; cut out a part"
@@ -89,138 +95,94 @@ def read_osm(path: Path, *, trees: bool = False) -> World:
     return world_of_features(features, own_name(path), place=(float(centre[0]), float(centre[1])))
 
 
-@dataclass(slots=True)
-class _Way:
-    """The nodes of a way, and its tags."""
+class _Extract(NamedTuple):
+    """The places [°] of nodes, the trees, the nodes of ways, and the members of relations."""
 
-    nodes: list[int]
-    tags: Tags
+    nodes: dict[int, tuple[float, float]]
+    trees: list[tuple[tuple[float, float], Tags]]
+    ways: dict[int, tuple[list[int], Tags]]
+    relations: list[tuple[list[tuple[int, str]], Tags]]
 
 
-@dataclass(slots=True)
-class _Extract:
-    """The nodes, ways and relations of a file, and its trees."""
+def _read(path: Path) -> _Extract:
+    """The elements of a file; each is forgotten when it is read."""
+    extract, root = _Extract({}, [], {}, []), None
+    with opened(path, what="a world file", largest=LARGEST_OSM, error=WorldError) as file:
+        try:
+            for event, element in ElementTree.iterparse(file, events=("start", "end")):
+                if root is None:
+                    root = element
+                    if root.tag != "osm":
+                        raise WorldError(f"<{root.tag[:40]}> where <osm> was expected")
+                if event == "end" and element.tag in ("node", "way", "relation"):
+                    if element.get("visible") != "false" and element.get("action") != "delete":
+                        _add(element, extract)
+                    root.clear()
+        except (ElementTree.ParseError, LookupError) as error:
+            raise WorldError(f"not XML: {error}; export the extract again") from None
+    return extract
 
-    # Arrays take a tenth of the memory of numbers and pairs: most nodes are of no building.
-    ids: "array[int]" = field(default_factory=lambda: array("q"))
-    degrees: "array[float]" = field(default_factory=lambda: array("d"))
-    trees: list[tuple[tuple[float, float], Tags]] = field(default_factory=list)
-    ways: dict[int, _Way] = field(default_factory=dict)
-    relations: list[tuple[list[tuple[int, str]], Tags]] = field(default_factory=list)
 
-    def read(self, events: Iterable[tuple[str, Element]]) -> None:
-        """Collect the elements of a file; each is forgotten when it is read."""
-        root: Element | None = None
-        for event, element in events:
-            if root is None:
-                root = element
-                if root.tag != "osm":
-                    raise WorldError(
-                        f"<{root.tag[:40]}> where <osm> was expected: not an OpenStreetMap file"
-                    )
-            if event == "end" and element.tag in ("node", "way", "relation"):
-                if element.get("visible") != "false" and element.get("action") != "delete":
-                    self.add(element)
-                root.clear()
-
-    def add(self, element: Element) -> None:
-        number = _whole(element, "id", element)
-        tags = {tag.get("k", ""): tag.get("v", "") for tag in element.iter("tag")}
+def _add(element: Element, extract: _Extract) -> None:
+    tags = {tag.get("k", ""): tag.get("v", "") for tag in element.iter("tag")}
+    try:
+        number = int(element.get("id", ""))
         if element.tag == "node":
-            place = _degrees(element, "lon", 180.0), _degrees(element, "lat", 90.0)
-            self.ids.append(number)
-            self.degrees.extend(place)
+            place = float(element.get("lon", "")), float(element.get("lat", ""))
+            if not (abs(place[0]) <= 180.0 and abs(place[1]) <= 90.0):
+                raise ValueError(f"longitude and latitude {place}, expected degrees")
+            extract.nodes[number] = place
             if is_tree(tags):
-                self.trees.append((place, tags))
+                extract.trees.append((place, tags))
         elif element.tag == "way":
-            nodes = [_whole(each, "ref", element) for each in element.iter("nd")]
-            self.ways[number] = _Way(nodes, tags)
+            nodes = [int(each.get("ref", "")) for each in element.iter("nd")]
+            extract.ways[number] = nodes, tags
         elif tags.get("type") == "multipolygon":
-            members = [
-                (_whole(each, "ref", element), each.get("role", ""))
-                for each in element.iter("member")
-                if each.get("type") == "way"
-            ]
-            self.relations.append((members, tags))
+            ways = [each for each in element.iter("member") if each.get("type") == "way"]
+            members = [(int(each.get("ref", "")), each.get("role", "")) for each in ways]
+            extract.relations.append((members, tags))
+    except ValueError as error:
+        called = f"{element.tag} {element.get('id', 'without id')[:40]}"
+        raise WorldError(f"{called}: {error}; export the extract again") from None
 
-    def features(self) -> Iterator[Feature]:
-        """The buildings, in degrees of longitude and latitude."""
-        import shapely
 
-        ids = np.frombuffer(self.ids, dtype=np.int64)
-        order = np.argsort(ids, kind="stable")
-        degrees = np.frombuffer(self.degrees, dtype=np.float64).reshape(-1, 2)
+def _buildings(extract: _Extract) -> Iterator[Feature]:
+    """The buildings, in degrees of longitude and latitude."""
+    import shapely
 
-        def points(nodes: list[int]) -> Float | None:
-            """The places of nodes [°], or None where some are not in the extract."""
-            place = np.searchsorted(ids, nodes, sorter=order)
-            if not len(ids) or (place == len(ids)).any() or (ids[order[place]] != nodes).any():
-                return None
-            return degrees[order[place]]
+    nodes, ways = extract.nodes, extract.ways
 
-        def areas(members: list[tuple[int, str]], inner: bool) -> Any:
-            """What the ways of a role enclose together."""
-            ways = {number for number, role in members if (role == "inner") == inner}
-            found = [points(self.ways[n].nodes) for n in sorted(ways) if n in self.ways]
-            lines = [
-                shapely.LineString(line) for line in found if line is not None and len(line) > 1
-            ]
-            return shapely.union_all(shapely.get_parts(shapely.polygonize(lines)))
+    def areas(members: list[tuple[int, str]], inner: bool) -> Any:
+        """What the ways of a role enclose together."""
+        own = sorted({number for number, role in members if (role == "inner") == inner})
+        whole = [ways[n][0] for n in own if n in ways and nodes.keys() >= set(ways[n][0])]
+        lines = [[nodes[n] for n in refs] for refs in whole if len(refs) > 1]
+        enclosed = shapely.polygonize([shapely.LineString(line) for line in lines])
+        return shapely.union_all(shapely.get_parts(enclosed))
 
-        outlines: set[int] = set()
-        for members, tags in self.relations:
-            ways = [self.ways[n].tags for n, role in members if n in self.ways and role != "inner"]
-            # Old relations have the tags of the building on an outer way.
-            own = [tags] if "building" in tags else ways
-            building = next((each for each in own if is_building(each)), None)
-            if building is not None:
-                outlines |= {number for number, _ in members}
-                yield _feature(
-                    building, shapely.difference(areas(members, False), areas(members, True))
-                )
-        for number, way in self.ways.items():
-            if number in outlines or not is_building(way.tags):
-                continue
-            line = (
-                points(way.nodes) if len(way.nodes) > 3 and way.nodes[0] == way.nodes[-1] else None
-            )
-            yield _feature(way.tags, None if line is None else shapely.Polygon(line))
+    outlines: set[int] = set()
+    for members, tags in extract.relations:
+        outer = [ways[n][1] for n, role in members if n in ways and role != "inner"]
+        # Old relations have the tags of the building on an outer way.
+        building = next(filter(is_building, [tags] if "building" in tags else outer), None)
+        if building is not None:
+            outlines |= {number for number, _ in members}
+            area = shapely.difference(areas(members, False), areas(members, True))
+            yield _feature(building, area)
+    for number, (refs, tags) in ways.items():
+        closed = len(refs) > 3 and refs[0] == refs[-1] and nodes.keys() >= set(refs)
+        if closed and number not in outlines and is_building(tags):
+            yield _feature(tags, shapely.Polygon([nodes[n] for n in refs]))
 
 
 def _feature(tags: Tags, area: Any) -> Feature:
     import shapely
 
-    parts = [] if area is None else shapely.get_parts([area]).tolist()
+    parts = shapely.get_parts([area]).tolist()
     shapes = tuple(part for part in parts if shapely.make_valid(part).area > 0.0)
     material = osm_material(tags.get("building:material"))
     colour = parse_colour(tags.get("building:colour"))
     return Feature(shapes, tag_height(tags), name_of(tags), colour, None, material)
-
-
-def _whole(element: Element, key: str, owner: Element) -> int:
-    try:
-        number = int(element.get(key, ""))
-    except ValueError:
-        number = 1 << 63
-    if not -(1 << 63) <= number < 1 << 63:
-        raise WorldError(f"{_called(owner)}: {key} is {shown(element.get(key))}, no number")
-    return number
-
-
-def _degrees(node: Element, key: str, most: float) -> float:
-    try:
-        value = float(node.get(key, ""))
-    except ValueError:
-        value = float("nan")
-    if not -most <= value <= most:
-        raise WorldError(
-            f"{_called(node)}: {key} is {shown(node.get(key))}, expected degrees within ±{most:g}"
-        )
-    return value
-
-
-def _called(element: Element) -> str:
-    return f"{element.tag} {element.get('id', 'without id')[:40]}"
 
 
 def is_building(tags: Tags) -> bool:
@@ -246,3 +208,49 @@ def name_of(tags: Tags) -> str:
     """The name of a building, or its street and number."""
     address = f"{tags.get('addr:street', '')} {tags.get('addr:housenumber', '')}".strip()
     return tags.get("name") or address
+
+
+def is_tree(tags: Tags) -> bool:
+    """Whether the tags of a node describe a tree."""
+    return tags.get("natural") == "tree" and tags.get("location") != "underground"
+
+
+def tree_height(tags: Tags) -> float:
+    """Height [m] of a tree: given, or as its crown is wide, or that of most."""
+    height = metres_of(tags.get("height", ""))
+    if height is None:
+        height = (metres_of(tags.get("diameter_crown", "")) or 0.0) / _CROWN
+    return height if _LOWEST <= height <= _TALLEST else DEFAULT_TREE
+
+
+def trunk_radius(tags: Tags) -> float:
+    """Radius [m] of the trunk of a tree: by its circumference, or as such trees have it."""
+    around = metres_of(tags.get("circumference", "")) or 0.0
+    radius = around / (2.0 * np.pi) or _SLENDER * tree_height(tags)
+    return float(np.clip(radius, *_RADII))
+
+
+def trunks(places: Float, tags: list[Tags], buildings: list[Any]) -> list[Feature]:
+    """The trunks of trees at places (k, 2) [m] that stand free of buildings and of each other."""
+    import shapely
+
+    radii, points = np.array([trunk_radius(each) for each in tags]), shapely.points(places)
+    houses = shapely.STRtree(shapely.make_valid(np.array(buildings)))
+    tree, _ = houses.query(points, predicate="dwithin", distance=radii + _CLEAR)
+    near = np.zeros(len(points), dtype=bool)
+    near[tree] = True
+    # Of a tree that is mapped twice, the first one counts.
+    first, second = shapely.STRtree(points).query(
+        points, predicate="dwithin", distance=radii + radii.max()
+    )
+    gap = np.hypot(*(places[first] - places[second]).T)
+    near[second[(first < second) & (gap <= radii[first] + radii[second])]] = True
+    turn = np.arange(_SIDES + 1) % _SIDES * (2.0 * np.pi / _SIDES)
+    circle = np.column_stack([np.cos(turn), np.sin(turn)])
+    found = []
+    for number in np.flatnonzero(~near).tolist():
+        own = tags[number]
+        outline = shapely.LineString(places[number] + radii[number] * circle)
+        name = own.get("name") or own.get("species") or own.get("genus") or ""
+        found.append(Feature((outline,), tree_height(own), name, material=BUILT_IN["bark"]))
+    return found

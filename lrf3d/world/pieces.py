@@ -1,47 +1,50 @@
-"""Polylines and walls: an object's outline as points, and the wall segments between them."""
+"""Polylines, walls and objects: from the outlines of objects to a world, and back for files."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from lrf3d.geometry import Float
+from lrf3d.world.materials import Material
 from lrf3d.world.model import World
+from lrf3d.world.schema import colour_value
 
 
-@dataclass(frozen=True, slots=True)
-class Piece:
-    """A polyline through points (k, 2) [m]; a closed one ends at its first point."""
-
-    points: Float
-    closed: bool
-
-    @property
-    def outline(self) -> Float:
-        """The points (k or k + 1, 2), with the first one repeated at the end of a closed piece."""
-        return np.vstack([self.points, self.points[:1]]) if self.closed else self.points
-
-
-@dataclass(frozen=True, slots=True)
-class WallRun:
-    """Consecutive walls of one object.
-
-    Args:
-        number: The object they belong to.
-        pieces: The polylines they make.
-        heights: (n,) height of each wall [m].
-    """
+class Part(NamedTuple):
+    """Walls (n, 4) [m] of one object, with one height [m] or one for each, and its looks."""
 
     number: int
-    pieces: tuple[Piece, ...]
+    segments: Float
     heights: Float
+    name: str = ""
+    colour: tuple[float, float, float] | None = None
+    material: Material | None = None
 
-    @property
-    def height_value(self) -> float | list[float]:
-        """The heights for a file: one number if all walls have the same height, else a list."""
-        heights = [float(height) for height in self.heights]
-        return heights[0] if len(set(heights)) == 1 else heights
+
+def world_of_parts(parts: Sequence[Part], name: str, **others: Any) -> World:
+    """The world of walls; the first part of an object that has a name, a colour, … gives it."""
+    objects = np.repeat([part.number for part in parts], [len(part.segments) for part in parts])
+    count = int(objects.max()) + 1
+    names, colours = [""] * count, np.full((count, 3), np.nan)
+    materials: list[Material | None] = [None] * count
+    for part in reversed([part for part in parts if part.number < count]):
+        names[part.number] = part.name or names[part.number]
+        materials[part.number] = part.material or materials[part.number]
+        if part.colour is not None:
+            colours[part.number] = part.colour
+    return World(
+        np.concatenate([part.segments for part in parts]),
+        objects,
+        np.concatenate([np.broadcast_to(part.heights, len(part.segments)) for part in parts]),
+        name,
+        object_names=names if any(names) else (),
+        colours=colours,
+        materials=materials,
+        **others,
+    )
 
 
 def walls(points: Float, closed: bool) -> Float:
@@ -60,6 +63,33 @@ def from_corner(chain: Float) -> Float:
     ring = chain[:-1]
     start = int(np.argmax(((ring - ring.mean(axis=0)) ** 2).sum(axis=1)))
     return np.vstack([ring[start:], ring[: start + 1]])
+
+
+class Piece(NamedTuple):
+    """A polyline through points (k, 2) [m]; a closed one ends at its first point."""
+
+    points: Float
+    closed: bool
+
+    @property
+    def outline(self) -> Float:
+        """The points (k or k + 1, 2), with the first one repeated at the end of a closed piece."""
+        return np.vstack([self.points, self.points[:1]]) if self.closed else self.points
+
+
+@dataclass(frozen=True, slots=True)
+class WallRun:
+    """Consecutive walls of one object: their polylines, and the height [m] of each wall."""
+
+    number: int
+    pieces: tuple[Piece, ...]
+    heights: Float
+
+    @property
+    def height_value(self) -> float | list[float]:
+        """The heights for a file: one number if all walls have the same height, else a list."""
+        heights: list[float] = self.heights.tolist()
+        return heights[0] if len(set(heights)) == 1 else heights
 
 
 def pieces_of(segments: Float) -> tuple[Piece, ...]:
@@ -82,10 +112,25 @@ def pieces_of(segments: Float) -> tuple[Piece, ...]:
     return tuple(pieces)
 
 
-def parts_of(world: World) -> Iterator[WallRun]:
-    """The walls of a world in their order, in runs of one object each."""
+def runs_of(world: World) -> Iterator[WallRun]:
+    """The objects without walls that have a name, …, and all walls in runs of one object each."""
+    for number in sorted(set(range(world.object_count)) - set(world.objects.tolist())):
+        if description(world, number):
+            yield WallRun(number, (), np.empty(0))
     cuts = np.flatnonzero(np.diff(world.objects)) + 1
-    bounds = [0, *cuts.tolist(), len(world.objects)] if len(world.objects) else [0]
-    for first, end in pairwise(bounds):
-        pieces = pieces_of(world.segments[first:end])
-        yield WallRun(int(world.objects[first]), pieces, world.heights[first:end])
+    for first, end in pairwise([0, *cuts.tolist(), len(world.objects)]):
+        if end > first:
+            pieces = pieces_of(world.segments[first:end])
+            yield WallRun(int(world.objects[first]), pieces, world.heights[first:end])
+
+
+def description(world: World, number: int) -> dict[str, Any]:
+    """The name, the colour and the material of an object, as far as it has them."""
+    name = world.object_names[number] if world.object_names else ""
+    colour, material = world.colours[number], world.materials[number] if world.materials else None
+    values = {
+        "name": name,
+        "colour": colour_value(colour) if np.isfinite(colour).all() else None,
+        "material": material,
+    }
+    return {key: value for key, value in values.items() if value}

@@ -10,7 +10,7 @@ A world is written as a picture in which each wall is one cell thick.
 
 import json
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 
 from lrf3d.errors import InputError, OutputError, WorldError, shown
 from lrf3d.files import opened, own_name, read_text, replacing
-from lrf3d.geometry import Bool, Float, Int, Single, is_finite
-from lrf3d.pose import as_pose
+from lrf3d.geometry import Bool, Float, Int, Single
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.grid_walls import walls_of_grid
 from lrf3d.world.model import World
+from lrf3d.world.schema import Converter, at, integer, number, row, text
 from lrf3d.world.touching import connected
 
 LARGEST_YAML, LARGEST_PICTURE = 1 << 16, 1 << 28
@@ -31,10 +31,6 @@ LARGEST_YAML, LARGEST_PICTURE = 1 << 16, 1 << 28
 
 MOST_CELLS = 1 << 26
 """Largest number of cells of a map: 400 m by 400 m at 5 cm."""
-
-FEW_EDGES, DENSEST = 20_000, 0.25
-"""Number of edges between occupied cells and others that any map may have, and number for each
-cell: offices have 0.05, noise 1."""
 
 UNKNOWN = 205
 """Value of the pixels of unknown cells as map_saver writes them."""
@@ -55,17 +51,22 @@ OCCUPIED, FREE = 0, 254
 """Values of pixels as map_saver writes them."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Description:
-    """How a picture is read as a map; the defaults are those of map_server."""
+_SHARE = number(least=0.0, most=1.0)
 
-    picture: Path
-    resolution: float
-    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    occupied: float = 0.65
-    free: float = 0.25
-    negate: bool = False
-    mode: str = "trinary"
+KEYS: Mapping[str, Converter] = {
+    "image": text(),
+    "resolution": number(above=0.0, most=1e4),
+    "origin": row("x", "y", "yaw"),
+    "occupied_thresh": _SHARE,
+    "free_thresh": _SHARE,
+    # YAML has true and false, too.
+    "negate": lambda value, key: integer(least=0, most=1)(value * 1, key),
+    "mode": text("trinary", "scale", "raw"),
+}
+"""The keys of a description that are read, and the converters of their values."""
+
+USUAL = {"occupied_thresh": 0.65, "free_thresh": 0.25, "negate": 0, "mode": "trinary"}
+"""What a description says where it does not say it, as for map_server."""
 
 
 def read_ros_map(path: Path) -> World:
@@ -74,21 +75,33 @@ def read_ros_map(path: Path) -> World:
     Raises:
         WorldError: The file, or the picture that it names, cannot be used.
     """
-    description = _description(path)
-    occupied, free = _cells(description)
-    known = FreeCells(free, description.resolution, description.origin)
-    return _world(description, occupied, path, known)
+    import yaml
+
+    content = read_text(path, what="a world file", largest=LARGEST_YAML, error=WorldError)
+    try:
+        data = yaml.safe_load(content)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise WorldError(f"not YAML: {' '.join(str(error).split())[:120]}") from None
+    if not isinstance(data, dict) or not {"image", "resolution", "origin"} <= set(data):
+        raise WorldError("expected the description of a ROS map: image, resolution, origin")
+    with at(str(path)):
+        values = {key: KEYS[key](value, key) for key, value in data.items() if key in KEYS}
+        values = {**USUAL, **values}
+        if Path(values["image"]).name != values["image"].removeprefix("./"):
+            name = shown(values["image"])
+            raise WorldError(f"image is {name}; put the picture next to this file and name it so")
+        if values["free_thresh"] > values["occupied_thresh"]:
+            raise WorldError("free_thresh is above occupied_thresh")
+    occupied, free = _cells(path.parent / values["image"], values)
+    place = values["resolution"], tuple(values["origin"].tolist())
+    return _world(occupied, *place, path, FreeCells(free, *place))
 
 
 def read_picture(path: Path, *, resolution: float | None = None) -> World:
     """Read the dark pixels of a picture of a floor plan as walls.
 
     Its lower left corner is at (0, 0). Light pixels may be outside the house, so none is known to
-    be free.
-
-    Args:
-        path: The picture.
-        resolution: Side of a pixel [m].
+    be free. A pixel has a side of ``resolution`` [m].
 
     Raises:
         WorldError: No resolution is given, or the picture cannot be used.
@@ -99,164 +112,65 @@ def read_picture(path: Path, *, resolution: float | None = None) -> World:
             f" write {path.with_suffix('.yaml').name} next to it: image: {path.name},"
             " resolution: 0.05, origin: [0, 0, 0]"
         )
-    if not (is_finite(resolution) and 0.0 < resolution <= 1e4):
-        raise WorldError(
-            f"resolution {shown(resolution)}: expected more than 0 and at most 10000 m"
-        )
-    description = _Description(path, resolution)
-    return _world(description, _cells(description)[0], path, None)
+    with at(str(path)):
+        KEYS["resolution"](resolution, "resolution")
+    return _world(_cells(path, USUAL)[0], resolution, (0.0, 0.0, 0.0), path, None)
 
 
-def _world(description: _Description, occupied: Bool, path: Path, free: FreeCells | None) -> World:
-    edges = int((occupied[1:] != occupied[:-1]).sum() + (occupied[:, 1:] != occupied[:, :-1]).sum())
-    if edges > FEW_EDGES and edges > DENSEST * occupied.size:
-        raise WorldError(
-            f"{edges:,} edges between occupied cells and others, as in noise; clean the map"
-        )
-    local = walls_of_grid(occupied).reshape(-1, 2) * description.resolution
+def _world(
+    occupied: Bool,
+    resolution: float,
+    origin: tuple[float, ...],
+    path: Path,
+    free: FreeCells | None,
+) -> World:
+    local = walls_of_grid(occupied).reshape(-1, 2) * resolution
     if not len(local):
         raise WorldError("no wall: all cells are alike, or no occupied one is next to another")
-    x, y, yaw = description.origin
+    x, y, yaw = origin
     cos, sin = math.cos(yaw), math.sin(yaw)
     segments = (local @ np.array([[cos, sin], [-sin, cos]]) + [x, y]).reshape(-1, 4)
     # Ends meet up to rounding; half a cell is the resolution of the map.
-    objects = connected(segments, 0.5 * description.resolution)
+    objects = connected(segments, 0.5 * resolution)
     return World(segments, objects, name=own_name(path), free=free)
 
 
-def _description(path: Path) -> _Description:
-    """What a YAML file says, checked."""
-    data = _yaml(path)
-    name = data.get("image")
-    if not isinstance(name, str) or not name:
-        raise WorldError(f"image is {shown(name)}, expected the name of a picture")
-    plain = name.removeprefix("./")
-    if Path(plain).name != plain or "\\" in plain or "\0" in plain:
-        raise WorldError(
-            f"image is {shown(name)}; put the picture next to this file and name it so"
-        )
-    resolution = _number(data, "resolution", most=1e4)
-    if not resolution:
-        raise WorldError("resolution is 0, expected the metres per cell")
-    free, occupied = (
-        _number({"free_thresh": 0.25, "occupied_thresh": 0.65} | data, key, most=1.0)
-        for key in ("free_thresh", "occupied_thresh")
-    )
-    if free > occupied:
-        raise WorldError("free_thresh is above occupied_thresh")
-    negate, mode = data.get("negate", 0), data.get("mode", "trinary")
-    origin: Any = data.get("origin")
-    if negate not in (0, 1):
-        raise WorldError(f"negate is {shown(negate)}, expected 0 or 1")
-    if mode not in ("trinary", "scale", "raw"):
-        raise WorldError(f"mode is {shown(mode)}, expected trinary, scale or raw")
-    try:
-        x, y, yaw = as_pose(origin)
-    except InputError:
-        raise WorldError(
-            f"origin is {shown(origin)}, expected [x, y, yaw] in metres and radians"
-        ) from None
-    picture, place = path.parent / plain, (x, y, yaw)
-    return _Description(picture, resolution, place, occupied, free, bool(negate), mode)
-
-
-def _yaml(path: Path) -> dict[str, Any]:
-    """The keys and values of a YAML file, of which no key stands twice."""
-    import yaml
-
-    text = read_text(path, what="a world file", largest=LARGEST_YAML, error=WorldError)
-    try:
-        node = yaml.compose(text, Loader=yaml.SafeLoader)
-        data = yaml.safe_load(text)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        mark = getattr(error, "problem_mark", None)
-        line = f"line {mark.line + 1}: " if mark else ""
-        reason = getattr(error, "problem", None) or type(error).__name__
-        raise WorldError(f"{line}not YAML: {reason}") from None
-    if not isinstance(node, yaml.MappingNode):
-        raise WorldError("expected the description of a ROS map: image, resolution, origin")
-    lines: dict[str, int] = {}
-    for key, _ in node.value:
-        name, line = str(key.value), key.start_mark.line + 1
-        if lines.setdefault(name, line) != line:
-            raise WorldError(
-                f"line {line}: the key {shown(name)} stands in line {lines[name]}, too; remove one"
-            )
-    return dict(data)
-
-
-def _number(data: dict[str, Any], key: str, *, most: float) -> float:
-    value: Any = data.get(key)
-    if isinstance(value, bool) or not is_finite(value) or not 0.0 <= float(value) <= most:
-        raise WorldError(f"{key} is {shown(value)}, expected a number from 0 to {most:g}")
-    return float(value)
-
-
-def _cells(description: _Description) -> tuple[Bool, Bool]:
+def _cells(picture: Path, values: Mapping[str, Any]) -> tuple[Bool, Bool]:
     """Which cells (rows, columns) are occupied and which free, the first row at the bottom."""
-    light, opaque = _light(description.picture)
-    share = light if description.negate else 1.0 - light
+    light, opaque = _light(picture)
+    share = light if values["negate"] else 1.0 - light
     value = np.round(255.0 * (1.0 - share))
-    if description.mode == "raw":
+    if values["mode"] == "raw":
         # The value of a pixel is the occupancy in percent; above 100 it is unknown.
         known, share = value <= 100.0, value / 100.0
-    elif description.mode == "scale":
+    elif values["mode"] == "scale":
         known = opaque
     else:
         # map_saver writes this grey for unknown cells, even if free_thresh is just above it.
         known = value != UNKNOWN
-    occupied = known & (share > description.occupied)
-    return occupied[::-1], (known & ~occupied & (share <= description.free))[::-1]
+    occupied = known & (share > values["occupied_thresh"])
+    return occupied[::-1], (known & ~occupied & (share <= values["free_thresh"]))[::-1]
 
 
 def _light(picture: Path) -> tuple[Single, Bool]:
-    """How light the pixels (rows, columns) of a picture are on white paper, from 0 to 1.
-
-    Returns:
-        The lightness, and which pixels are opaque.
-    """
+    """How light the pixels of a picture are on white paper, from 0 to 1, and which are opaque."""
     from PIL import Image
 
     with opened(picture, what="a world file", largest=LARGEST_PICTURE, error=WorldError) as file:
         try:
             with Image.open(file, formats=["PNG", "PPM", "BMP"]) as image:
-                width, height = image.size
-                if width * height > MOST_CELLS:
-                    raise WorldError(
-                        f"{picture}: {width} by {height} cells, more than {MOST_CELLS:,}; cut it"
-                    )
-                _check_size(picture, image)
-                if image.mode in ("L", "I", "I;16", "I;16B"):
-                    most = np.float32(255.0 if image.mode == "L" else 65535.0)
-                    light = np.asarray(image).astype(np.float32) / most
+                if image.width * image.height > MOST_CELLS:
+                    raise InputError(f"{image.size} cells, more than {MOST_CELLS:,}; cut it")
+                if image.mode.startswith("I"):
+                    light = np.asarray(image).astype(np.float32) / np.float32(65535.0)
                     return light, np.ones(light.shape, dtype=np.bool_)
-                pixels = np.asarray(image.convert("RGBA"))
-        except WorldError:
-            raise
+                pixels = np.asarray(image.convert("RGBA")) / np.float32(255.0)
         except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
             reason = (str(error).splitlines() or [type(error).__name__])[0][:80]
-            raise WorldError(
-                f"{picture}: damaged, or not a PGM, PNG or BMP picture ({reason})"
-            ) from None
-    alpha = pixels[..., 3] / np.float32(255.0)
-    light = pixels[..., :3].mean(axis=2, dtype=np.float32) / np.float32(255.0)
-    return np.asarray(1.0 - alpha * (1.0 - light)), np.asarray(alpha == 1.0)
-
-
-def _check_size(picture: Path, image: Any) -> None:
-    """Check that a PGM holds as many pixels as its header says; others would be drawn askew."""
-    (codec, _, begin, mode), *_ = getattr(image, "tile", None) or [("", (), 0, "")]
-    if image.format != "PPM" or codec != "raw":
-        return
-    depth = 2 if "16" in str(mode) else len(image.getbands())
-    expected = image.width * image.height * depth
-    # A line break behind the pixels is harmless.
-    found = picture.stat().st_size - begin
-    if not expected <= found <= expected + 2:
-        raise WorldError(
-            f"{picture}: {found:,} bytes of pixels, but {image.width} by {image.height} pixels by"
-            f" its header are {expected:,}; save the picture again"
-        )
+            raise WorldError(f"{picture}: not a PGM, PNG or BMP picture ({reason})") from None
+    alpha = pixels[..., 3]
+    light = 1.0 - alpha * (1.0 - pixels[..., :3].mean(axis=2))
+    return light, np.asarray(alpha == 1.0)
 
 
 def write_ros_map(world: World, path: Path, *, resolution: float | None = None) -> None:

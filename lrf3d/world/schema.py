@@ -1,50 +1,45 @@
 """The schema of world files: the keys of each table, and the converter of their values.
 
-A converter takes a value from tomllib and returns it in the form that the program uses, or raises
-:class:`Invalid`. Settings on the command line, such as ``laser.range_max=20``, have the same.
+A converter takes a value from tomllib and the path of its key, such as ``object[2].points``. It
+returns the value in the form that the program uses, or raises an error that begins with the path.
+Settings on the command line, such as ``laser.range_max=20``, have the same.
 """
 
 import math
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import MISSING, fields
 from difflib import get_close_matches
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from lrf3d.errors import InputError, shown
+from lrf3d.errors import InputError, WorldError, shown
 from lrf3d.geometry import LARGEST_COORDINATE, Float
-from lrf3d.world.cameras import WIDEST_VIEW
-from lrf3d.world.materials import LIMITS
-from lrf3d.world.model import MOST_OBJECTS
 
-Converter = Callable[[Any], Any]
+Converter = Callable[[Any, str], Any]
+Made = TypeVar("Made")
+
+MOST_OBJECTS = 1_000_000
+"""Largest number of an object: a name and a colour are stored for every number up to it."""
 
 _HEX = re.compile(r"#(?:[0-9a-fA-F]{3}|[0-9a-fA-F]{6})")
 
 
-class Invalid(Exception):
-    """A value that a converter refuses; ``inside`` is the place in it, such as ``[2]``."""
-
-    def __init__(self, message: str, inside: str = "") -> None:
-        super().__init__(message)
-        self.inside = inside
-
-
 def number(
-    *, above: float = -math.inf, least: float = -math.inf, most: float = math.inf
+    *, above: float = -math.inf, least: float = -math.inf, most: float = LARGEST_COORDINATE
 ) -> Converter:
     """A finite number within limits."""
     limit = f" above {above:g}" if above > -math.inf else ""
-    limit = f" of at least {least:g}" if least > -math.inf else limit
-    limit += f" and at most {most:g}" if most < math.inf else ""
+    limit += f" of at least {least:g}" if least > -math.inf else ""
+    limit += f" and at most {most:g}" if most < LARGEST_COORDINATE else ""
 
-    def convert(value: Any) -> float:
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise Invalid(f"expected a number, found {shown(value)}")
-        if not (abs(value) <= LARGEST_COORDINATE and least <= value <= most and value > above):
-            raise Invalid(f"expected a finite number{limit}, found {shown(value)}")
+    def convert(value: Any, key: str) -> float:
+        known = isinstance(value, int | float) and not isinstance(value, bool)
+        if not (known and abs(value) <= most and least <= value and value > above):
+            raise InputError(f"{key}: expected a finite number{limit}, found {shown(value)}")
         return float(value)
 
     return convert
@@ -53,9 +48,11 @@ def number(
 def integer(*, least: int, most: int = MOST_OBJECTS) -> Converter:
     """A whole number within limits."""
 
-    def convert(value: Any) -> int:
+    def convert(value: Any, key: str) -> int:
         if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
-            raise Invalid(f"expected a whole number from {least} to {most}, found {shown(value)}")
+            raise InputError(
+                f"{key}: expected a whole number from {least} to {most}, found {shown(value)}"
+            )
         return value
 
     return convert
@@ -63,35 +60,33 @@ def integer(*, least: int, most: int = MOST_OBJECTS) -> Converter:
 
 def text(*choices: str) -> Converter:
     """A text, one of the choices where there are any."""
+    expected = f"one of {', '.join(choices)}" if choices else "a text in quotes"
 
-    def convert(value: Any) -> str:
-        if not isinstance(value, str):
-            raise Invalid(f"expected a text in quotes, found {shown(value)}")
-        if choices and value not in choices:
-            raise Invalid(f"expected one of {', '.join(choices)}, found {shown(value)}")
+    def convert(value: Any, key: str) -> str:
+        if not isinstance(value, str) or (choices and value not in choices):
+            raise InputError(f"{key}: expected {expected}, found {shown(value)}")
         return value
 
     return convert
 
 
-def flag(value: Any) -> bool:
+def flag(value: Any, key: str) -> bool:
     """True or false."""
     if not isinstance(value, bool):
-        raise Invalid(f"expected true or false, found {shown(value)}")
+        raise InputError(f"{key}: expected true or false, found {shown(value)}")
     return value
 
 
-def parse_colour(value: object) -> tuple[float, float, float] | None:
+def parse_colour(value: Any) -> tuple[float, float, float] | None:
     """Red, green, blue in 0…1 of a colour from a file, or None if it is invalid."""
     if isinstance(value, str) and _HEX.fullmatch(value):
         digits = value[1:] if len(value) == 7 else "".join(2 * digit for digit in value[1:])
-        red, green, blue = (int(digits[place : place + 2], 16) / 255 for place in (0, 2, 4))
-        return red, green, blue
-    if isinstance(value, Sequence) and not isinstance(value, str) and len(value) == 3:
-        numbers = [v for v in value if isinstance(v, int | float) and not isinstance(v, bool)]
-        if len(numbers) == 3 and all(0.0 <= number <= 1.0 for number in numbers):
-            return float(numbers[0]), float(numbers[1]), float(numbers[2])
-    return None
+        value = [int(digits[place : place + 2], 16) / 255 for place in (0, 2, 4)]
+    if not isinstance(value, list) or len(value) != 3:
+        return None
+    if not all(type(part) in (int, float) and 0.0 <= part <= 1.0 for part in value):
+        return None
+    return float(value[0]), float(value[1]), float(value[2])
 
 
 def colour_value(colour: Float) -> str | list[float]:
@@ -102,45 +97,36 @@ def colour_value(colour: Float) -> str | list[float]:
     return [float(part) for part in colour]
 
 
-def colour(value: Any) -> tuple[float, float, float]:
+def colour(value: Any, key: str) -> tuple[float, float, float]:
     """A colour."""
     parsed = parse_colour(value)
     if parsed is None:
-        raise Invalid(f'expected a colour such as "#c8b49a", found {shown(value)}')
+        raise InputError(f'{key}: expected a colour such as "#c8b49a", found {shown(value)}')
     return parsed
 
 
 def several(convert: Converter, what: str, *, least: int = 1, alone: bool = False) -> Converter:
     """A list of values; or, where ``alone``, one of them, which is not wrapped in a list."""
 
-    def convert_all(value: Any) -> Any:
-        if not isinstance(value, list):
-            if alone:
-                return convert(value)
-            raise Invalid(f"expected a list of {what}, found {shown(value)}")
-        if len(value) < least:
-            raise Invalid(f"expected a list of at least {least} {what}, found {len(value)}")
-        converted = []
-        for place, item in enumerate(value):
-            try:
-                converted.append(convert(item))
-            except Invalid as problem:
-                raise Invalid(str(problem), f"[{place}]{problem.inside}") from None
-        return tuple(converted)
+    def convert_all(value: Any, key: str) -> Any:
+        if alone and not isinstance(value, list):
+            return convert(value, key)
+        if not isinstance(value, list) or len(value) < least:
+            found = len(value) if isinstance(value, list) else shown(value)
+            raise InputError(f"{key}: expected a list of at least {least} {what}, found {found}")
+        return tuple(convert(item, f"{key}[{place}]") for place, item in enumerate(value))
 
     return convert_all
 
 
 def row(*names: str) -> Converter:
     """A row of finite numbers, called by these names, as an array."""
-    expected, convert_one = f"[{', '.join(names)}]", number()
+    convert_all = several(number(), "numbers")
 
-    def convert(value: Any) -> Float:
-        if not isinstance(value, list):
-            raise Invalid(f"expected {expected}, found {shown(value)}")
-        if len(value) != len(names):
-            raise Invalid(f"expected {expected}, found {len(value)} values")
-        return np.array([convert_one(item) for item in value], dtype=np.float64)
+    def convert(value: Any, key: str) -> Float:
+        if not isinstance(value, list) or len(value) != len(names):
+            raise InputError(f"{key}: expected [{', '.join(names)}], found {shown(value)}")
+        return np.array(convert_all(value, key))
 
     return convert
 
@@ -148,13 +134,12 @@ def row(*names: str) -> Converter:
 def rows(*names: str, least: int = 1) -> Converter:
     """A list of rows of finite numbers, as an array (k, names)."""
     convert_all = several(row(*names), f"[{', '.join(names)}]", least=least)
-    return lambda value: np.array(convert_all(value), dtype=np.float64).reshape(-1, len(names))
+    return lambda value, key: np.array(convert_all(value, key))
 
 
 _ANGLE = number(least=-3600.0, most=3600.0)
 _LENGTH = number(above=0.0)
 _NOT_NEGATIVE = number(least=0.0)
-_SHARE = number(least=0.0, most=1.0)
 
 OBJECT: Mapping[str, Converter] = {
     "name": text(),
@@ -167,25 +152,10 @@ OBJECT: Mapping[str, Converter] = {
     "material": text(),
 }
 
-MATERIAL: Mapping[str, Converter] = {
-    "name": text(),
-    **{key: number(least=0.0, most=most) for key, most in LIMITS.items()},
-}
-
 OBSTACLE: Mapping[str, Converter] = {
     "route": rows("x", "y", least=2),
-    "speed": _LENGTH,
-    "radius": _LENGTH,
     "points": rows("x", "y", least=3),
-    "height": _LENGTH,
-}
-
-CAMERA: Mapping[str, Converter] = {
-    "name": text(),
-    "position": row("x", "y", "z"),
-    "target": row("x", "y", "z"),
-    "field_deg": number(above=0.0, most=WIDEST_VIEW),
-    "track": flag,
+    **dict.fromkeys(("speed", "radius", "height"), _LENGTH),
 }
 
 TABLES: Mapping[str, Mapping[str, Converter]] = {
@@ -196,9 +166,8 @@ TABLES: Mapping[str, Mapping[str, Converter]] = {
         **dict.fromkeys(("speed", "scan_interval", "lookahead", "radius"), _LENGTH),
     },
     "laser": {
-        "angle_min_deg": _ANGLE,
-        "angle_max_deg": _ANGLE,
-        "beams": integer(least=1, most=1_000_000),
+        **dict.fromkeys(("angle_min_deg", "angle_max_deg"), _ANGLE),
+        "beams": integer(least=1),
         "range_max": _LENGTH,
         **dict.fromkeys(
             ("range_min", "height", "scan_duration", "threshold", "near_field"), _NOT_NEGATIVE
@@ -210,7 +179,7 @@ TABLES: Mapping[str, Mapping[str, Converter]] = {
         "sigma": several(_NOT_NEGATIVE, "sigmas", alone=True),
         **dict.fromkeys(("constant", "resolution"), _NOT_NEGATIVE),
         **dict.fromkeys(("angle_deg", "beam_deg"), number(least=0.0, most=90.0)),
-        **dict.fromkeys(("drop_outs", "drop_outs_far"), _SHARE),
+        **dict.fromkeys(("drop_outs", "drop_outs_far"), number(least=0.0, most=1.0)),
     },
     "mapper": {
         "mode": text("paper", "robust"),
@@ -265,10 +234,9 @@ def read_settings(texts: Iterable[str]) -> dict[str, dict[str, Any]]:
         place = f"setting {name[:80]}"
         keys = TABLES[known_key(table, TABLES, place)]
         convert = keys[known_key(key, keys, place)]
-        try:
-            tables.setdefault(table, {})[key] = convert(value_of(value))
-        except (InputError, Invalid) as problem:
-            raise InputError(f"{place}: {problem}") from None
+        with at(place):
+            found = value_of(value)
+        tables.setdefault(table, {})[key] = convert(found, place)
     return tables
 
 
@@ -276,11 +244,44 @@ def known_key(word: str, known: Iterable[str], place: str) -> str:
     """The word, which must be one of those known.
 
     Raises:
-        InputError: It is not; the message names the place and the nearest known word.
+        WorldError: It is not; the message names the place and the nearest known word.
     """
     known = list(known)
     if word not in known:
         near = get_close_matches(word, known, n=1, cutoff=0.5)
         hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
-        raise InputError(f"{place}: there is no {shown(word)}; {hint}")
+        raise WorldError(f"{place}: there is no {shown(word)}; {hint}")
     return word
+
+
+def converted(table: Any, keys: Mapping[str, Converter], path: str) -> dict[str, Any]:
+    """The values of a table, which may have these keys."""
+    if not isinstance(table, dict):
+        raise InputError(f"{path}: expected a table [{path}]")
+    return {
+        key: keys[known_key(key, keys, path)](value, f"{path}.{key}")
+        for key, value in table.items()
+    }
+
+
+def made_of(kind: type[Made], table: Any, path: str) -> Made:
+    """A dataclass of the values of a table, which checks them itself."""
+    if not isinstance(table, dict):
+        raise InputError(f"{path}: expected a table [{path}], found {shown(table)}")
+    known: Any = fields(kind)  # type: ignore[arg-type]
+    for key in table:
+        known_key(key, [field.name for field in known], path)
+    for field in known:
+        if field.default is MISSING and field.name not in table:
+            raise InputError(f"{path}: expected a {field.name}")
+    with at(path):
+        return kind(**table)
+
+
+@contextmanager
+def at(place: str) -> Iterator[None]:
+    """Let errors name a place."""
+    try:
+        yield
+    except InputError as error:
+        raise WorldError(f"{place}: {error}") from None

@@ -1,34 +1,36 @@
 """World files in TOML: what a person writes, checked; errors name the key that is wrong.
 
 A path enters; a :class:`WorldFile` leaves: the walls, and the tables on the robot, the laser,
-the noise, the mapper and the film that :mod:`lrf3d.scenario` turns into a scenario.
+the noise, the mapper and the film that :mod:`lrf3d.scenario` turns into a scenario. A world is
+written as text that is read again to the last bit.
 """
 
+import json
 import tomllib
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from contextlib import AbstractContextManager
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from lrf3d.errors import InputError, WorldError
-from lrf3d.files import own_name, read_text
+from lrf3d.files import own_name, read_text, write_text
+from lrf3d.geometry import Float
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.free_cells import FreeCells
-from lrf3d.world.materials import Material, named
+from lrf3d.world.materials import BUILT_IN, Material, named
 from lrf3d.world.model import DEFAULT_HEIGHT, World
-from lrf3d.world.pieces import walls
+from lrf3d.world.pieces import Part, WallRun, description, runs_of, walls, world_of_parts
 from lrf3d.world.schema import (
-    CAMERA,
-    MATERIAL,
     OBJECT,
     OBSTACLE,
     TABLES,
-    Converter,
-    Invalid,
+    at,
+    converted,
     known_key,
+    made_of,
     row,
     text,
 )
@@ -71,20 +73,9 @@ class WorldFile:
         )
         return replace(self, world=self.world.scaled(factor), tables=tables, obstacles=obstacles)
 
-    @contextmanager
-    def at(self, key: str) -> Iterator[None]:
+    def at(self, key: str) -> AbstractContextManager[None]:
         """Let errors name the file and a key in it."""
-        with _at(f"{self.path}: {key}: "):
-            yield
-
-
-@contextmanager
-def _at(place: str) -> Iterator[None]:
-    """Let errors name a place."""
-    try:
-        yield
-    except InputError as error:
-        raise WorldError(f"{place}{error}") from None
+        return at(f"{self.path}: {key}")
 
 
 def read_toml(path: Path) -> World:
@@ -104,145 +95,129 @@ def read_world_file(path: Path) -> WorldFile:
             names the file and the key.
     """
     content = read_text(path, what="a world file", error=WorldError)
-    with _at(f"{path}: "):
+    with at(str(path)):
         try:
             data = tomllib.loads(content)
         except RecursionError:
             raise InputError("nested too deeply for a world file") from None
-        except ValueError as error:
+        except tomllib.TOMLDecodeError as error:
             raise InputError(f"not TOML: {error}") from None
         for key in data:
             known_key(key, KEYS, key)
         tables = {
-            key: _table(data[key], converters, key)
-            for key, converters in TABLES.items()
-            if key in data
+            key: converted(data[key], keys, key) for key, keys in TABLES.items() if key in data
         }
-        obstacles = tuple(_tables(data, "obstacle", OBSTACLE, "route"))
-        for index, obstacle in enumerate(obstacles):
-            if "radius" in obstacle and "points" in obstacle:
-                raise InputError(f"obstacle[{index}]: expected a radius or points, found both")
-        return WorldFile(_world(data, path), tables, obstacles, path)
+        obstacles = []
+        for key, table in _tables(data, "obstacle"):
+            obstacles.append(converted(table, OBSTACLE, key))
+            if "route" not in table:
+                raise InputError(f"{key}: expected a route")
+            if "radius" in table and "points" in table:
+                raise InputError(f"{key}: expected a radius or points, found both")
+        return WorldFile(_world(data, path), tables, tuple(obstacles), path)
 
 
-def _value(convert: Converter, value: object, key: str) -> Any:
-    try:
-        return convert(value)
-    except Invalid as problem:
-        raise InputError(f"{key}{problem.inside}: {problem}") from None
-
-
-def _table(table: object, converters: Mapping[str, Converter], key: str) -> dict[str, Any]:
-    if not isinstance(table, dict):
-        raise InputError(f"{key}: expected a table [{key}]")
-    return {
-        name: _value(converters[known_key(name, converters, key)], value, f"{key}.{name}")
-        for name, value in table.items()
-    }
-
-
-def _tables(
-    data: Mapping[str, Any], key: str, converters: Mapping[str, Converter], *needed: str
-) -> Iterator[dict[str, Any]]:
-    """The tables [[key]], each with the keys that are needed."""
+def _tables(data: Mapping[str, Any], key: str) -> Iterator[tuple[str, Any]]:
+    """The tables [[key]], each with its own path."""
     tables = data.get(key, [])
     if not isinstance(tables, list):
-        view = "; view and playback stand in [film]" if key == "camera" else ""
-        raise InputError(f"{key}: expected tables [[{key}]]{view}")
+        raise InputError(f"{key}: expected tables [[{key}]]")
     for index, table in enumerate(tables):
-        values = _table(table, converters, f"{key}[{index}]")
-        for each in needed:
-            if each not in values:
-                raise InputError(f"{key}[{index}]: expected a {each}")
-        yield values
+        yield f"{key}[{index}]", table
 
 
 def _world(data: Mapping[str, Any], path: Path) -> World:
-    cameras, own, free = [], list[Material](), None
-    for index, values in enumerate(_tables(data, "camera", CAMERA, "name", "position", "target")):
-        with _at(f"camera[{index}]: "):
-            cameras.append(FixedCamera(**values))
-    for index, values in enumerate(_tables(data, "material", MATERIAL, "name")):
-        with _at(f"material[{index}]: "):
-            own.append(Material(**values))
-            if own[-1].name in [material.name for material in own[:-1]]:
-                raise InputError(f"a second material {own[-1].name!r}")
-    if "free" in data:
-        with _at("free: "):
-            free = FreeCells.from_dict(data["free"])
-    objects = list(_tables(data, "object", OBJECT))
-    if not objects:
-        raise InputError("object: expected at least one table [[object]] with points")
-    segments, heights, numbers = [], [], list[int]()
-    first: dict[int, int] = {}
-    for index, values in enumerate(objects):
-        key = f"object[{index}]"
-        segments.append(_segments(values, key))
+    cameras = [made_of(FixedCamera, table, key) for key, table in _tables(data, "camera")]
+    own = [made_of(Material, table, key) for key, table in _tables(data, "material")]
+    parts = list[Part]()
+    for key, table in _tables(data, "object"):
+        values = converted(table, OBJECT, key)
+        number = values.get("number", parts[-1].number + 1 if parts else 0)
+        segments = _segments(values, key)
         height = values.get("height", DEFAULT_HEIGHT)
-        if isinstance(height, tuple) and len(height) != len(segments[-1]):
+        if isinstance(height, tuple) and len(height) != len(segments):
             raise InputError(
-                f"{key}.height: {len(height)} heights for {len(segments[-1])} walls, expected one"
-                " for each"
+                f"{key}.height: {len(height)} heights for {len(segments)} walls, expected one for"
+                " each"
             )
-        heights.append(np.broadcast_to(np.asarray(height), (len(segments[-1]),)))
-        numbers.append(values.get("number", numbers[-1] + 1 if numbers else 0))
-        before = first.setdefault(numbers[-1], index)
-        for each in ("name", "colour", "material"):
-            if before != index and each in values:
-                raise InputError(f"{key}.{each}: stands with object[{before}] of the same number")
-    owned = np.repeat(numbers, [len(part) for part in segments])
-    if not len(owned):
-        raise InputError("object: no object has a wall; give one at least two points")
-    count = int(owned.max()) + 1
-    names, colours = [""] * count, np.full((count, 3), np.nan)
-    materials: list[Material | None] = [None] * count
-    for number, index in first.items():
-        if number < count:
-            names[number] = objects[index].get("name", "")
-            colours[number] = objects[index].get("colour", np.nan)
-            if "material" in objects[index]:
-                with _at(f"object[{index}].material: "):
-                    materials[number] = named(objects[index]["material"], own)
-    place = (
-        _value(row("longitude", "latitude"), data["place"], "place") if "place" in data else None
-    )
-    name = _value(text(), data["name"], "name") if "name" in data else own_name(path)
-    return World(
-        np.concatenate(segments),
-        owned,
-        np.concatenate(heights),
-        name,
-        object_names=names if any(names) else (),
-        colours=colours,
+        made = values.get("material")
+        material = None if made is None else named(made, own, f"{key}.material")
+        looks = values.get("name", ""), values.get("colour"), material
+        parts.append(Part(number, segments, np.array(height), *looks))
+    if not any(len(part.segments) for part in parts):
+        raise InputError("object: expected at least one table [[object]] with points")
+    with at("free"):
+        free = FreeCells.from_dict(data["free"]) if "free" in data else None
+    place = row("longitude", "latitude")(data["place"], "place") if "place" in data else None
+    return world_of_parts(
+        parts,
+        text()(data["name"], "name") if "name" in data else own_name(path),
         cameras=cameras,
         place=None if place is None else tuple(place.tolist()),
         free=free,
-        materials=materials,
     )
 
 
-def _segments(values: Mapping[str, Any], key: str) -> Any:
+def _segments(values: Mapping[str, Any], key: str) -> Float:
     """The walls (n, 4) of an object."""
     if ("points" in values) == ("lines" in values):
         raise InputError(f"{key}: expected points, a list of [x, y], or lines, a list of such")
-    closed = values.get("closed", False)
     if "points" in values:
         lines = {f"{key}.points": values["points"]}
     else:
         lines = {f"{key}.lines[{place}]": line for place, line in enumerate(values["lines"])}
+    closed = values.get("closed", False)
     pieces = [np.empty((0, 4))]
     for inside, points in lines.items():
         if closed and len(points) < 3:
             raise InputError(f"{inside}: closed with {len(points)} points, expected at least 3")
         pieces.append(walls(points, closed))
-        empty = np.flatnonzero((pieces[-1][:, :2] == pieces[-1][:, 2:]).all(axis=1))
-        if len(empty):
-            wall = int(empty[0])
-            following = (wall + 1) % len(points)
-            x, y = points[wall]
-            fix = "remove one" if following else "closed joins them already"
+        for wall in np.flatnonzero((pieces[-1][:, :2] == pieces[-1][:, 2:]).all(axis=1)):
             raise InputError(
-                f"{inside}[{following or wall}]: points {wall} and {following} are both"
-                f" ({x:g}, {y:g}), a segment of no length; {fix}"
+                f"{inside}[{wall}]: the next point is ({points[wall][0]:g}, {points[wall][1]:g}),"
+                " too, a segment of no length; remove one"
             )
     return np.concatenate(pieces)
+
+
+def write_toml(world: World, path: Path) -> None:
+    """Write a world as TOML.
+
+    Raises:
+        OutputError: The file cannot be written.
+    """
+    place = {} if world.place is None else {"place": world.place}
+    blocks = [_table("", {"name": world.name, **place})]
+    described: set[int] = set()
+    for run in runs_of(world):
+        values = {} if run.number in described else description(world, run.number)
+        if "material" in values:
+            values["material"] = values["material"].name
+        described.add(run.number)
+        blocks.append(_table("[[object]]", {"number": run.number, **values, **_outline(run)}))
+    used = dict.fromkeys(material for material in world.materials if material is not None)
+    own = [material for material in used if BUILT_IN.get(material.name) != material]
+    blocks += [_table("[[material]]", material.as_dict()) for material in own]
+    blocks += [_table("[[camera]]", asdict(camera)) for camera in world.cameras]
+    if world.free is not None:
+        blocks.append(_table("[free]", world.free.as_dict()))
+    write_text(path, "\n".join(blocks))
+
+
+def _outline(run: WallRun) -> dict[str, Any]:
+    """The points and the heights of walls."""
+    closed = bool(run.pieces) and all(piece.closed for piece in run.pieces)
+    lines = [(piece.points if closed else piece.outline).tolist() for piece in run.pieces]
+    return {
+        **({"points": lines[0]} if len(lines) == 1 else {"lines": lines}),
+        **({"closed": True} if closed else {}),
+        **({"height": run.height_value} if len(run.heights) else {}),
+    }
+
+
+def _table(head: str, values: Mapping[str, Any]) -> str:
+    """A table of TOML: JSON writes texts, numbers and lists as TOML does, but for one character."""
+    lines = [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in values.items()]
+    # The name of a file may hold half a pair of surrogates, which no text can.
+    text = "\n".join([head, *lines, ""]).lstrip().replace("\x7f", "\\u007f")
+    return text.encode(errors="replace").decode()

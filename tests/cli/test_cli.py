@@ -88,15 +88,6 @@ def test_a_run_is_rendered_as_its_world_file_says(room, tmp_path):
     assert "2 frames of 64x64" in done.stdout
 
 
-def test_the_same_seed_repeats_bit_for_bit_and_another_does_not(room, tmp_path):
-    maps = []
-    for name, seed in (("a", 5), ("b", 5), ("c", 6)):
-        done = lrf3d("run", room, "--no-video", "--seed", seed, "--out", tmp_path / name)
-        assert done.returncode == 0, done.stderr
-        maps.append((tmp_path / name / "map.geojson").read_bytes())
-    assert maps[0] == maps[1] != maps[2]
-
-
 def test_several_noises_stand_side_by_side(room, tmp_path):
     sigmas = ("--sigma", 0.02, 0.2, "--sigma=0.3,0.4")
     done = lrf3d("run", room, "--no-video", "--json", "--scans", 3, *sigmas, cwd=tmp_path)
@@ -201,6 +192,7 @@ def test_wrong_usage_ends_with_two(room):
 def test_a_size_that_is_none_is_refused(room):
     assert "--size" in refused("run", room, "--size", "big")
     assert "--size" in refused("run", room, "--size", "641x361")
+    assert "--size" in refused("run", room, "--size", "640x" + 5000 * "9")
 
 
 def test_an_interrupt_ends_cleanly(room, tmp_path):
@@ -221,29 +213,6 @@ def test_an_interrupt_ends_cleanly(room, tmp_path):
     assert {path.name for path in (tmp_path / "out").iterdir()} <= {"run.journal", "summary.json"}
 
 
-@pytest.mark.slow
-def test_a_run_that_was_killed_is_resumed_and_ends_the_same(room, tmp_path):
-    settings = ["run", room, "--no-video", "--scans", 4000, "--resume"]
-    whole, killed = tmp_path / "whole", tmp_path / "killed"
-    assert lrf3d(*settings, "--out", whole).returncode == 0
-    command = [sys.executable, "-m", "lrf3d", *map(str, settings), "--out", str(killed)]
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    journal = killed / "run.journal"
-    while process.poll() is None and not (journal.exists() and journal.stat().st_size > 1_500_000):
-        time.sleep(0.01)
-    process.kill()
-    assert process.wait() == -signal.SIGKILL
-    assert "--resume" in refused("render", killed)
-    assert "mapper" in refused(*settings, "--mode", "paper", "--out", killed)
-    done = lrf3d(*settings, "--json", "--out", killed)
-    assert done.returncode == 0, done.stderr
-    assert not journal.exists()
-    for name in ("run.npz", "map.geojson"):
-        assert (killed / name).read_bytes() == (whole / name).read_bytes()
-    summary = json.loads(done.stdout)
-    assert summary["drive"]["scans"] == 4000 and summary["judged_scans"] == 2000
-
-
 DIGITS = "9" * 5000
 
 
@@ -252,7 +221,7 @@ DIGITS = "9" * 5000
     [
         (["run", "ROOM", "--set", f"laser.range_max={DIGITS}"], "laser.range_max"),
         (["run", "ROOM", "--set", f"laser.range_max=0x{DIGITS}"], "thousands of digits"),
-        (["run", "ROOM", "--set", "laser.range_max=2020-01-01"], "expected a number"),
+        (["run", "ROOM", "--set", "laser.range_max=2020-01-01"], "expected a finite number"),
         (["run", "ROOM", "--set", "noise.sigma=" + "[" * 5000], "not a TOML value"),
         (["sweep", "ROOM", "--sigma", f"0x{DIGITS}"], "thousands of digits"),
         (["run", "n" * 300 + ".toml"], "too long"),
@@ -334,13 +303,3 @@ def test_what_libraries_warn_of_does_not_reach_the_terminal(room, tmp_path):
     named = ("--mapper", "warner.py:Mapper", "--no-video", "--scans", 2)
     done = lrf3d("run", room, *named, cwd=tmp_path)
     assert done.returncode == 0 and done.stderr == ""
-
-
-def test_an_interrupt_within_generated_code_ends_like_any_other(room, tmp_path):
-    (tmp_path / "stopping.py").write_text(
-        "class Mapper:\n"
-        "    def update(self, scan):\n"
-        "        exec('import signal; signal.raise_signal(signal.SIGINT)')\n"
-    )
-    done = lrf3d("run", room, "--no-video", "--mapper", "stopping.py:Mapper", cwd=tmp_path)
-    assert done.returncode == 130 and done.stderr.startswith("lrf3d: stopped")

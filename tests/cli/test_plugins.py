@@ -2,7 +2,6 @@
 
 import json
 import pickle
-import re
 import sys
 from pathlib import Path
 
@@ -281,22 +280,11 @@ def test_an_error_in_a_users_own_code_keeps_its_traceback(folder, text, error):
         run(folder, "--mapper", "mistaken.py:Mine", "--scans", "3")
 
 
-@pytest.mark.parametrize(
-    ("kind", "text", "said"),
-    [
-        ("noise", "def mine(scan, rng): pass\n", "returned None; expected a LaserScan of 61"),
-        (
-            "mapper",
-            "class mine:\n    def update(*_): pass\n    def report(*_): return {'a': mine}\n",
-            "report returned .*expected a dict of texts and finite numbers",
-        ),
-    ],
-)
-def test_what_a_plug_in_returns_is_checked(folder, kind, text, said):
-    (folder / "returning.py").write_text(text)
-    sys.modules.pop("returning", None)
-    named = (f"--{kind}", "returning.py:mine", "--no-video", "--scans", "3")
-    assert re.search(said, refused("run", "box.toml", *named, cwd=folder))
+def test_what_a_noise_returns_is_checked(folder):
+    (folder / "returning.py").write_text("def mine(scan, rng): pass\n")
+    named = ("--noise", "returning.py:mine", "--no-video", "--scans", "3")
+    said = refused("run", "box.toml", *named, cwd=folder)
+    assert "returned None; expected a LaserScan of 61" in said
 
 
 def test_a_file_takes_no_installed_modules_place_and_finds_those_beside_it(folder):

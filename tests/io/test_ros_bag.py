@@ -323,12 +323,6 @@ def test_frames_in_a_circle_end_the_search(tmp_path):
         load_log(write(tmp_path / "bag", *circle, *scans(0.5)))
 
 
-def test_metadata_without_end_are_refused(mcap, tmp_path):
-    (tmp_path / "metadata.yaml").write_text("x: y\n" * 100_000)
-    with pytest.raises(InputError, match="over 131,072 bytes"):
-        load_log(tmp_path)
-
-
 def test_a_range_without_end_is_no_return(tmp_path):
     endless = scan(0.5, ranges=[1.0, 3e38, 2.0])
     endless.range_max = float("inf")

@@ -125,22 +125,6 @@ def test_both_renderers_draw_the_same_bodies(view):
     assert apart.mean() < 8.0 and (apart > 80).mean() < 0.03
 
 
-@pytest.mark.parametrize("turned", [False, True])
-def test_returns_go_with_the_body_that_they_are_of(turned):
-    outline = L_SHAPE[::-1] if turned else L_SHAPE
-    path = Trajectory([0.0, 1.0], [(500.0, 3.0, 0.0), (504.0, 5.0, 1.0)])
-    origin = np.array([490.0, 0.0])
-    bodies = Obstacles((DynamicObstacle(outline, path),), origin, indoor=False)
-    seen = DynamicObstacle(outline, path).walls(0.2)[:, :2] - origin
-    now = DynamicObstacle(outline, path).walls(0.7)[:, :2] - origin
-    points = np.concatenate([seen, seen, [[3.0, 40.0]]])
-    loose = np.arange(len(points)) < len(seen)
-    loose[-1] = True
-    carried = bodies.carrying(0.7)(points, loose, 0.2)
-    assert carried[: len(seen)] == pytest.approx(now)
-    assert np.array_equal(carried[len(seen) :], points[len(seen) :])
-
-
 def test_nothing_is_made_where_nothing_moves():
     none = Obstacles((), np.zeros(2), indoor=False)
     assert none.bodies(1.0) == [] and none.shadows(1.0) is None and none.plans(1.0, 0.1) is None

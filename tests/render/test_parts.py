@@ -33,7 +33,7 @@ def test_what_is_left_out_could_not_be_seen(large_run, view):
 
     film = Film(large_run, size=SIZE, view=view, samples=0)
     parts = film.renderer._parts
-    seen, every = parts.seen, np.arange(parts._count)
+    seen, every = parts.seen, np.arange(parts.count)
     for time in (0.3, 2.2, 4.4):
         parts.seen = seen
         some = film.draw(time).astype(int)

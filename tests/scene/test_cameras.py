@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import shapely
 from test_render import city_run, room_run
 
 from lrf3d.scene.camera import Look
@@ -76,6 +77,23 @@ def test_the_shots_of_a_story_are_of_some_seconds_and_show_all_that_there_is():
     assert list(dict.fromkeys(shots)) == ["unknown", "chase", "rise", "close", "high", "end"]
     lengths = 0.1 * np.diff(changes)
     assert (lengths > 3.9).all() and (lengths < 6.5).all()
+
+
+def test_among_houses_no_wall_hides_the_robot_from_the_eye():
+    timeline = Timeline(city_run(seconds=80.0), playback=4.0)
+    structures = Structures.from_run(timeline.run)
+    walls = shapely.linestrings(structures.segments.reshape(-1, 2, 2))
+    for camera in (Story, Orbit, Chase):
+        moving = camera(timeline, structures)
+        for time in np.arange(timeline.start + 8.0, timeline.end, 0.5).tolist():
+            eye = moving.look(time, 16 / 9).eye
+            robot = np.array([*(timeline.poses(np.array([time]))[0, :2] - timeline.origin), 0.5])
+            cuts = shapely.intersection(shapely.linestrings([robot[:2], eye[:2]]), walls)
+            met = ~shapely.is_empty(cuts)
+            share = shapely.distance(shapely.points(robot[:2]), cuts[met]) / np.hypot(
+                *(eye - robot)[:2]
+            )
+            assert (robot[2] + share * (eye - robot)[2] > structures.heights[met]).all()
 
 
 def test_the_eye_goes_down_smoothly():

@@ -6,9 +6,8 @@ from test_render import box
 
 from lrf3d.geometry import lengths
 from lrf3d.scene import shadows
-from lrf3d.scene.facades import BAYS, BLANK, PLINTH, SLANTS, TILE, WINDOWED, layers
+from lrf3d.scene.facades import BAYS, BLANK, SLANTS, TILE, WINDOWED, layers
 from lrf3d.scene.structures import Structures
-from lrf3d.scene.trees import crowns_of
 from lrf3d.scene.walls import NARROW, lay_walls
 from lrf3d.world import World
 
@@ -17,10 +16,6 @@ from lrf3d.world import World
 def whole_walls(monkeypatch):
     """Walls are cut by their pattern alone, not where shadows end."""
     monkeypatch.setattr(shadows, "_MOST_WALLS", 0)
-
-
-def laid(structures):
-    return lay_walls(structures, crowns_of(structures))
 
 
 def town():
@@ -37,7 +32,7 @@ def test_the_texture_is_the_same_each_time():
     layers.cache_clear()
     again = layers(False)
     assert all(np.array_equal(a, b) for a, b in zip(first, again, strict=True))
-    assert len(layers(True)[0]) == 2 and first[-1].shape[1] == 1
+    assert len(layers(True)[0]) == 1 and first[-1].shape[1] == 1
 
 
 def test_windows_repeat_without_a_seam():
@@ -58,7 +53,7 @@ def test_coarser_copies_keep_the_mean_of_a_wall():
 
 def test_pieces_of_walls_cover_what_the_walls_did():
     structures = town()
-    quads = laid(structures)
+    quads = lay_walls(structures)
     side, up = (quads.places[:, corner] - quads.places[:, 0] for corner in (1, 3))
     area = np.linalg.norm(np.cross(side, up), axis=1)
     whole = np.bincount(structures.objects, lengths(structures.segments) * structures.heights)
@@ -66,8 +61,8 @@ def test_pieces_of_walls_cover_what_the_walls_did():
 
 
 def test_a_house_has_one_door_in_a_face_of_some_bays():
-    painted = laid(town())
-    ground = (painted.texture[:, 0, 2] > PLINTH) & (painted.places[:, 0, 2] == 0.0)
+    painted = lay_walls(town())
+    ground = (painted.texture[:, 0, 2] >= WINDOWED) & (painted.places[:, 0, 2] == 0.0)
     start, end = painted.texture[ground, 0, 0], painted.texture[ground, 1, 0]
     # The door stands in the first of the bays that repeat.
     doors = np.ceil(end / BAYS - 1e-4) - np.ceil(start / BAYS - 1e-4)
@@ -79,10 +74,10 @@ def test_a_house_has_one_door_in_a_face_of_some_bays():
 
 def test_narrow_faces_have_no_window():
     world = World(box(0.0, 0.0, 20.0, 0.9 * NARROW), np.zeros(4, int), np.full(4, 9.0))
-    painted = laid(Structures.from_world(world))
+    painted = lay_walls(Structures.from_world(world))
     width = np.linalg.norm(painted.places[:, 1] - painted.places[:, 0], axis=1)
     layer = painted.texture[:, 0, 2]
-    assert set(layer[width < NARROW]) == {BLANK, PLINTH}
+    assert set(layer[width < NARROW]) == {BLANK}
     assert (layer[width > 10.0] >= WINDOWED).any()
 
 
@@ -90,5 +85,5 @@ def test_narrow_faces_have_no_window():
 def test_there_are_no_windows_in_metal(material, windows):
     heights = np.full(4, 9.0)
     world = World(box(0.0, 0.0, 20.0, 8.0), np.zeros(4, int), heights, materials=(material,))
-    layer = laid(Structures.from_world(world)).texture[:, 0, 2]
+    layer = lay_walls(Structures.from_world(world)).texture[:, 0, 2]
     assert (layer >= WINDOWED).any() == windows

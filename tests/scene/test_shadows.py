@@ -10,7 +10,6 @@ from lrf3d.scene.look import SUN
 from lrf3d.scene.panels import LIT
 from lrf3d.scene.shadows import shade_roofs, shade_walls
 from lrf3d.scene.structures import Structures
-from lrf3d.scene.trees import crowns_of
 from lrf3d.scene.walls import wall_sides
 from lrf3d.world import World
 
@@ -60,7 +59,7 @@ def judged(structures, points):
 def shaded(structures):
     """The sides of walls (n, 4), and the strips in which the edge of their shadow is straight."""
     segments = wall_sides(structures).segments
-    return segments, shade_walls(structures, crowns_of(structures), segments)
+    return segments, shade_walls(structures, segments)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])

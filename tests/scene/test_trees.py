@@ -5,11 +5,10 @@ import pytest
 import shapely
 from test_render import box
 
-from lrf3d.geometry import directions
 from lrf3d.scene.look import SUN
 from lrf3d.scene.stage import paint_stage
 from lrf3d.scene.structures import Structures
-from lrf3d.scene.trees import crowns_of, screens, shadows
+from lrf3d.scene.trees import crowns_of
 from lrf3d.world import World
 
 
@@ -36,37 +35,25 @@ def test_slender_solids_of_bark_are_trees_and_others_are_not():
     assert not len(town((15, 4), material="brick").trees)
     hall = World(box(0, 0, 10, 8), heights=[6.0] * 4, materials=["bark"])
     assert not len(Structures.from_world(hall).trees)
-    assert not len(crowns_of(town((15, 4), height=1.2)).middles)
+    assert not len(crowns_of(town((15, 4), height=1.2)).places)
 
 
-def test_crowns_stand_over_their_trunks_above_beams_and_beside_houses():
-    structures = town((15, 4), (11.2, 4), (20, 4))
+def test_crowns_stand_over_their_trunks_above_beams():
+    structures = town((15, 4), (20, 4))
     crowns = crowns_of(structures)
-    corners = crowns.faces.places.reshape(3, -1, 3, 3)
+    corners = crowns.places.reshape(2, -1, 3, 3)
     assert corners[..., 2].min() > 2.0 and corners[..., 2].max() < 1.2 * 8.0
-    assert crowns.sizes[1, 0] < 0.7 * crowns.sizes[2, 0]
-    flat = shapely.convex_hull(shapely.multipoints(corners[..., :2].reshape(3, -1, 2)))
-    assert not shapely.intersects(flat, structures.houses[0]).any()
+    flat = shapely.convex_hull(shapely.multipoints(corners[..., :2].reshape(2, -1, 2)))
     assert shapely.contains(flat, structures.solids[structures.trees]).all()
     # Triangles look outward.
     normal = np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
-    outward = corners.mean(axis=2) - crowns.middles[:, None]
+    outward = corners.mean(axis=2) - corners.mean(axis=(1, 2))[:, None]
     assert ((normal * outward).sum(axis=-1) > 0).all()
-    assert np.linalg.norm(crowns.faces.normals, axis=-1) == pytest.approx(1.0, abs=1e-6)
-
-
-def test_a_screen_hides_the_sun_where_its_crown_does():
-    crowns = crowns_of(town((30, 4)))
-    walls, tops = screens(crowns)
-    assert directions(walls) @ SUN[:2] == pytest.approx(0.0)
-    slide = SUN[:2] / SUN[2]
-    ends = walls.reshape(-1, 2) - tops.reshape(-1, 1) * slide
-    reach = shapely.distance(shapely.points(ends), shadows(crowns)[0])
-    assert reach.max() < 0.3 * crowns.sizes[0, 0]
+    assert np.linalg.norm(crowns.normals, axis=-1) == pytest.approx(1.0, abs=1e-6)
 
 
 def test_the_ground_is_darker_in_the_shadow_of_a_tree():
-    seen, middle = [], crowns_of(town((25, 4))).middles[0]
+    seen, middle = [], crowns_of(town((25, 4))).places.mean(axis=(0, 1))
     for structures in (town((25, 4), height=2.0), town((25, 4))):
         ground = paint_stage(structures).ground
         x, y = middle[:2] - middle[2] * SUN[:2] / SUN[2]

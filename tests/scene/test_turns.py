@@ -14,7 +14,7 @@ from lrf3d.scene.look import (
     RETRO_COLOUR,
     object_colours,
 )
-from lrf3d.scene.turns import Turns, WallOptics
+from lrf3d.scene.turns import Turns, turning_walls
 
 WALLS = [[0, 0, 12, 0], [12, 0, 12, 8], [12, 8, 0, 8], [0, 8, 0, 0], [4, 1, 5, 2.5]]
 
@@ -26,9 +26,7 @@ def hall(*materials):
 def drawn(world, pose=(7.0, 4.0, 0.3)):
     lrf = LaserRangeFinder(-np.pi, np.pi, 181)
     scan = lrf3d.PlanarCaster(world).cast(lrf, pose)
-    beams = DrawnBeams.from_scan(
-        scan, world.segments, world.objects, np.array(pose[:2]), optics=WallOptics.of(world)
-    )
+    beams = DrawnBeams.from_scan(scan, world.segments, np.array(pose[:2]), turning_walls(world))
     return scan, beams
 
 
@@ -81,7 +79,7 @@ def test_a_leg_begins_where_the_one_before_ends():
     for beam in range(50):
         legs = turns.legs[turns.beams == beam]
         if not len(legs):
-            assert turns.mirrors[beam] == -1 and (turns.first[beam] == ends[beam]).all()
+            assert (turns.first[beam] == ends[beam]).all()
             continue
         assert (legs[0, :2] == turns.first[beam]).all()
         assert (legs[1:, :2] == legs[:-1, 2:]).all()
@@ -92,12 +90,10 @@ def test_a_leg_begins_where_the_one_before_ends():
             assert turns.last[beam] == pytest.approx([fold, ends[beam, 1]], abs=1e-9)
 
 
-def test_worlds_whose_walls_end_beams_have_no_optics():
-    assert WallOptics.of(lrf3d.load_world("paper_room")) is None
-    assert WallOptics.of(hall("plaster", "metal", None, "brick", "retro-reflector")) is None
-    optics = WallOptics.of(hall("glass", "mirror", None, "brick", "metal"))
-    assert optics.mirrors.tolist() == [False, True, False, False, False]
-    assert optics.clear.tolist() == [True, False, False, False, False]
+def test_only_mirrors_turn_beams():
+    assert not turning_walls(lrf3d.load_world("paper_room")).any()
+    optics = turning_walls(hall("glass", "mirror", None, "brick", "metal"))
+    assert optics.tolist() == [False, True, False, False, False]
 
 
 def test_mirrors_glass_and_retro_reflectors_have_their_colours():

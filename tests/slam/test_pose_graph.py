@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
 from lrf3d.slam.frames import between
 from lrf3d.slam.pose_graph import (
@@ -60,6 +61,20 @@ def test_the_gradient_of_edges_is_that_of_their_cost(rng):
         there, back = poses + step.reshape(-1, 3), poses - step.reshape(-1, 3)
         slope = (cost(edges, there) - cost(edges, back)) / 2e-6
         assert 2.0 * gradient[k] == pytest.approx(slope, rel=1e-5, abs=1e-4)
+
+
+def test_the_sum_is_the_least_that_a_general_solver_finds(rng):
+    true = ring(8)
+    driven = edges_of(true, [(k, k + 1) for k in range(7)], rng, noise=0.05)
+    closed = edges_of(true, [(7, 0), (5, 1)], rng, noise=0.3, robust=True)
+    edges = Edges.joined([driven, closed])
+    found = optimised(true, edges, 50)
+
+    def total(free):
+        return cost(edges, np.vstack([true[:1], free.reshape(-1, 3)]))
+
+    nudged = found[1:].ravel() + 0.01 * rng.normal(size=21)
+    assert cost(edges, found) == pytest.approx(minimize(total, nudged, tol=1e-9).fun, rel=1e-6)
 
 
 def test_the_covariance_of_a_chain_is_that_of_its_steps(rng):

@@ -211,7 +211,7 @@ def test_mappers_and_noises_are_given_one_draw_and_seeds_and_beams_others(room):
     plan = tiny(room)
     seeds = {}
     for run in plan.runs:
-        row = plan.described(run)
+        row = run.columns
         seeds.setdefault((row["beams"], row["seed"]), set()).add(row["noise_seed"])
     assert all(len(each) == 1 for each in seeds.values())
     assert len(set.union(*seeds.values())) == len(seeds) == 6
@@ -223,8 +223,9 @@ def test_keys_come_from_what_a_world_holds_and_not_from_where_it_lies(room, tmp_
     elsewhere.write_text("# The same room.\n" + ROOM)
     keys = [run.key for run in tiny(room).runs]
     assert keys == [run.key for run in tiny(str(elsewhere)).runs]
-    elsewhere.write_text(ROOM.replace("[10, 8]", "[10, 8.5]"))
-    assert not set(keys) & {run.key for run in tiny(str(elsewhere)).runs}
+    for old, new in (("[10, 8]", "[10, 8.5]"), ("closed =", 'material = "brick"\nclosed =')):
+        elsewhere.write_text(ROOM.replace(old, new))
+        assert not set(keys) & {run.key for run in tiny(str(elsewhere)).runs}
     with pytest.raises(InputError, match="another world of the sweep is called box"):
         make_plan(SweepGrid((room, str(elsewhere)), seeds=1))
 
@@ -255,8 +256,8 @@ def test_a_grid_file_says_what_flags_say(room, tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("sede = 3", "grid.toml: there is no 'sede'; did you mean 'seeds'"),
-        ("seeds = 0", "grid.toml: sweep: seeds is 0"),
+        ("sede = 3", "grid.toml: grid: there is no 'sede'; did you mean 'seeds'"),
+        ("seeds = 0", "grid.toml: sweep: seeds 0: expected"),
         ('worlds = "city"', "grid.toml: worlds: expected a list"),
         ("[noise]\nsigmas = [1]", "there is no 'sigmas'; did you mean 'sigma'"),
         ("[noise]\nsigma = [-1]", "sigma"),
@@ -264,8 +265,8 @@ def test_a_grid_file_says_what_flags_say(room, tmp_path):
         ("[noise]\nsigma = []", "noise.sigma has no value"),
         ("[robot]\nroute = [[[0, 0], [1, 1]]]", "only single values can be varied"),
         ("noise = 5", r"noise: expected a table \[noise\], found 5"),
-        ("[mapper]\nmode = [3]", "mapper.mode: expected"),
-        (f"seeds = 0x{'9' * 5000}", "seeds is a number of thousands of digits, expected 1 to"),
+        ("[mapper]\nmode = [3]", "has no method update"),
+        (f"seeds = 0x{'9' * 5000}", "seeds a number of thousands of digits: expected"),
         ("noise]", "grid.toml: .*line 2"),
     ],
 )
@@ -285,16 +286,8 @@ def test_values_are_numbers_words_and_nothing_else():
 
 
 def test_more_runs_than_can_be_made_are_refused_before_they_are_planned(room):
-    with pytest.raises(InputError, match=r"4 settings with 900000 .* 3,600,000 runs"):
+    with pytest.raises(InputError, match="3,600,000 runs with 900,000 seeds"):
         SweepGrid((room,), {"noise.sigma": (0.1, 0.2)}, seeds=900_000)
-
-
-def test_a_drive_that_is_thinned_to_one_scan_is_warned_of():
-    heard = []
-    make_plan(SweepGrid(("paper_room",), {}, seeds=1, every=100), warn=heard.append)
-    assert len(heard) == 1 and "paper_room: one scan in 100 leaves one of" in heard[0]
-    make_plan(SweepGrid(("paper_room",), {}, seeds=1, every=2), warn=heard.append)
-    assert len(heard) == 1
 
 
 def test_means_have_the_interval_of_student():
@@ -345,7 +338,7 @@ def test_the_command_writes_its_files_and_prints_one_value(room, tmp_path):
     for flags, words in (
         (["--vary", "mapper.gap"], "expected TABLE.KEY=VALUE"),
         (["--sigma", ","], "--sigma ',': expected values"),
-        (["--shard", "3/2"], "--shard 3/2: expected I/N"),
+        (["--shard", "3/2"], "--shard '3/2': expected I/N"),
         (["--mapper", "rubust"], "mapper rubust|mapper 'rubust'"),
     ):
         with pytest.raises(InputError, match=words):

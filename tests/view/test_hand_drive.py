@@ -6,7 +6,7 @@ from yard import OBSTACLE, YARD
 
 from lrf3d.pose import Pose
 from lrf3d.scenario import load_scenario
-from lrf3d.view.hand_drive import HandDrive, Wish
+from lrf3d.view.hand_drive import HandDrive
 
 
 def hand(text, tmp_path, **settings):
@@ -16,29 +16,25 @@ def hand(text, tmp_path, **settings):
     return HandDrive(scenario, Pose(2.0, 3.0, 0.0), **settings)
 
 
-def test_a_hand_drives_stops_before_walls_and_starts_again(tmp_path):
+def test_a_hand_drives_stops_before_walls_and_starts_again_alike(tmp_path):
     drive = hand(YARD, tmp_path, rng=4)
+    first = drive.latest.ranges
     assert drive.step(0.05) and len(drive.line_map)
-    first = drive.scan.ranges
-    drive.wish = Wish(forward=1.0)
     speeds, bumped = [], False
     for _ in range(200):
-        drive.step(0.05)
+        drive.step(0.05, forward=1.0)
         speeds.append(drive.speed)
         bumped |= drive.bumped
     assert max(speeds) == pytest.approx(2.0)
     # Ten seconds at 2 m/s would lead through the wall at x = 16.
     assert bumped and 15.0 < drive.pose.x < 15.65 + 1e-9
     assert drive.pose.y == 3.0
-    drive.restart()
-    drive.wish = Wish()
-    assert drive.step(0.05) and np.array_equal(drive.scan.ranges, first)
+    assert np.array_equal(hand(YARD, tmp_path, rng=4).latest.ranges, first)
 
 
 def test_a_hand_cannot_ask_for_more_than_the_robot_can_or_for_a_long_step(tmp_path):
     drive = hand(YARD, tmp_path)
-    drive.wish = Wish(forward=1.0)
-    drive.step(1e6)
+    drive.step(1e6, forward=1.0)
     assert drive.pose.x < 2.0 + 2.0 * 0.1 + 1e-9
 
 
@@ -47,7 +43,7 @@ def test_what_moves_is_seen_by_the_laser(tmp_path):
     nearer = 0
     for _ in range(60):
         drive.step(0.1)
-        nearer += int(np.sum(drive.scan.ranges < plain.scan.ranges - 1.0))
+        nearer += int(np.sum(drive.latest.ranges < plain.latest.ranges - 1.0))
     assert nearer > 60
 
 
@@ -55,12 +51,10 @@ def test_while_nothing_changes_the_clock_stands_still(tmp_path):
     drive = hand(YARD, tmp_path)
     assert drive.step(0.05)
     assert [drive.step(0.05) for _ in range(3)] == [False] * 3 and drive.time == 0.05
-    drive.wish = Wish(turn=1.0)
-    assert drive.step(0.05) and drive.turning > 0.0
+    assert drive.step(0.05, turn=1.0) and drive.turning > 0.0
 
 
 def test_the_noise_of_the_scenario_is_that_of_the_drive(tmp_path):
     drive = hand(YARD + "\n[noise]\nsigma = 0\nresolution = 0.5\n", tmp_path)
-    drive.step(0.05)
-    hits = drive.scan.ranges[drive.scan.hits]
+    hits = drive.latest.ranges[drive.latest.hits]
     assert np.array_equal(hits, np.round(2.0 * hits) / 2.0)

@@ -8,13 +8,13 @@ from urllib.parse import urlsplit
 import pytest
 from browser import PATIENCE, served
 
-pytest.importorskip("nicegui")
+pytest.importorskip("uvicorn")
 
 from wsproto import ConnectionType, WSConnection
 from wsproto.events import AcceptConnection, RejectConnection, Request, TextMessage
 
 from lrf3d.errors import InputError
-from lrf3d.view.server import free_port, own_names
+from lrf3d.view.server import bound, own_names
 
 SOCKET = "/lrf3d/moments"
 
@@ -86,8 +86,8 @@ class Page:
 def test_a_foreign_page_or_name_gets_nothing(address):
     port = urlsplit(address).port
     assert get(address)[0] == get(address, Host=f"localhost:{port}")[0] == 200
-    assert get(address, "/lrf3d/world.glb", Origin=address)[0] == 200
-    for path in ("/", "/lrf3d/world.glb", "/lrf3d/page.js", SOCKET, "/nowhere"):
+    assert get(address, "/lrf3d/world", Origin=address)[0] == 200
+    for path in ("/", "/lrf3d/world", "/lrf3d/page.js", SOCKET, "/nowhere"):
         for host in ("evil.com", "localhost.evil.com", "127.0.0.1.nip.io", "2130706433", ""):
             assert get(address, path, Host=f"{host}:{port}")[0] == 400
         for origin in ("http://evil.com", "null", f"http://localhost:{port}"):
@@ -118,7 +118,7 @@ def test_where_others_are_let_in_the_machine_s_own_names_are_theirs(monkeypatch)
 
 def test_files_beside_those_of_the_page_stay_here(address):
     for path in ("/server.py", "/..%2fserver.py", "/../server.py", "/%2fetc%2fpasswd"):
-        for folder in ("", "/lrf3d", "/lrf3d/three.js"):
+        for folder in ("", "/lrf3d", "/lrf3d/page.js"):
             assert get(address, folder + path)[0] == 404
 
 
@@ -141,4 +141,4 @@ def test_too_long_a_message_ends_its_page_alone(address):
 @pytest.mark.parametrize("host", ["", "a" * 300, "a\0b", "nowhere.invalid", "192.0.2.1"])
 def test_where_nobody_can_listen_is_named(host):
     with pytest.raises(InputError, match="--host"):
-        free_port(host, None)
+        bound(host, None)

@@ -6,32 +6,32 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from estimates import estimated
+from test_glb import one_beam_run
 from test_render import city_run
 from yard import OBSTACLE, YARD
 
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
-from lrf3d.laser import LaserRangeFinder
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
 from lrf3d.scenario import load_scenario
 from lrf3d.scene.shapes import Lines, Points, Soft
 from lrf3d.scene.stage import stage_of
-from lrf3d.view.hand_drive import HandDrive, Wish
-from lrf3d.view.message import Sender
+from lrf3d.view.hand_drive import HandDrive
+from lrf3d.view.message import Sender, stage_message
 from lrf3d.view.shown import VIEWS, Driven, Played, Wanted
 
 FAR = (85_000.0, 447_500.0)
-TYPES = {"f4": np.float32, "u1": np.uint8}
+LINE = np.dtype([("ends", "f4", (2, 3)), ("tints", "u1", (2, 4)), ("side", "f4", 2)])
 
 
 def read(message):
-    """A message's header, its arrays in the place of their descriptions."""
+    """A message's header, its arrays in the place of where they lie."""
     length = int.from_bytes(message[:4], "little")
     header, block = json.loads(message[4 : 4 + length]), message[4 + length :]
-    for told in header.get("marks", {}).values():
-        for name, (kind, first, count, size) in (told or {}).get("columns", {}).items():
-            array = np.frombuffer(block, TYPES[kind], count, first)
-            told["columns"][name] = array.reshape(-1, size)
+    for mark in header.get("marks", {}).values():
+        for name, (first, size) in mark.get("columns", {}).items():
+            kind = {"rows": "u1", "colours": "u1"}.get(name, "f4")
+            mark["columns"][name] = np.frombuffer(block[first : first + size], kind)
     return header
 
 
@@ -41,36 +41,37 @@ def lines(width=2.0):
     return Lines(ends, ends + 1, ends / 5, opacities, sides, width)
 
 
-def test_arrays_are_sent_once_and_marks_that_go_are_named():
-    sender = Sender()
-    mark = lines()
-    header = read(sender.message({"a": mark, "b": mark}, {"words": {"t": "1"}}))
+def test_arrays_are_sent_once_and_colours_are_bytes():
+    places, sides = np.zeros((1, 3), np.float32), np.zeros((1, 2), np.float32)
+    points = Points(places, np.full((1, 4), 0.5, np.float32), sides, 0.1, (2.0, 4.0))
+    soft = Soft(np.zeros((1, 3, 3), np.float32), np.full((1, 3, 4), 2.0, np.float32))
+    marks, sender = {"lines": lines(), "points": points, "soft": soft}, Sender()
+    header = read(sender.message(marks, {"words": {"t": "1"}}))
     assert header["words"] == {"t": "1"}
-    first = header["marks"]["a"]
-    assert (first["kind"], first["width"]) == ("lines", 2.0)
-    assert np.array_equal(first["columns"]["start"], mark.starts)
-    assert first["columns"]["last"][:, 3].tolist() == [0, 255]
-    assert header["marks"]["b"]["as"] == "a" and "columns" not in header["marks"]["b"]
-    assert sender.message({"a": mark, "b": mark}, {"words": {"t": "1"}}) is None
-    changed = mark._replace(opacities=mark.opacities.copy())
-    header = read(sender.message({"a": changed}, {"words": {"t": "1"}}))
-    assert set(header) == {"marks"} and header["marks"]["b"] is None
-    assert set(header["marks"]["a"]["columns"]) == {"first", "last"}
-    # One that comes again is sent as a whole.
-    header = read(sender.message({"a": changed, "b": lines(3.0)}, {}))
-    assert len(header["marks"]["b"]["columns"]) == 5
+    first = header["marks"]["lines"]
+    assert (first["kind"], first["width"], first["hidden"]) == ("lines", 2.0, False)
+    rows = first["columns"]["rows"].view(LINE)
+    assert np.array_equal(rows["ends"], np.stack([lines().starts, lines().ends], axis=1))
+    assert rows["tints"][:, :, 3].tolist() == [[255, 0], [128, 255]]
+    assert header["marks"]["points"]["columns"]["colours"].tolist() == [128] * 4
+    assert header["marks"]["soft"]["columns"]["colours"].tolist() == [255] * 12
+    assert sender.message(marks, {"words": {"t": "1"}}) is None
+    paler = points._replace(colours=points.colours / 2)
+    header = read(sender.message({**marks, "points": paler}, {}))
+    assert set(header) == {"marks"} and set(header["marks"]) == {"points"}
+    assert set(header["marks"]["points"]) == {"columns"}
+    assert set(header["marks"]["points"]["columns"]) == {"colours"}
 
 
 @pytest.mark.parametrize("offset", [(0.0, 0.0), FAR])
 def test_a_page_gets_the_scene_of_the_film(offset):
     run = city_run(offset)
-    played = Played(run, stage_of(run), 1.0)
-    header = read(played.answer(Wanted(time=2.0), 0.0))
+    header = read(Played(run, stage_of(run), 1.0).answer(Wanted(time=2.0), 0.0))
     marks = header["marks"]
-    assert {"trail", "fan", "beams", "points", "map", "plan robot"} <= set(marks)
-    assert marks["plan points"]["as"] == "points"
+    assert {"trail", "fan", "beams", "points", "map", "robot", "plan robot"} <= set(marks)
+    assert set(header["order"]) <= set(marks) and set(header["bodies"]) == {"robot", "map"}
     scan = run.scan(int(np.searchsorted(run.trajectory.times, 2.0 + 1e-9, side="right")) - 1)
-    places = marks["points"]["columns"]["position"][:, :2] + run.world.origin
+    places = marks["points"]["columns"]["places"].reshape(-1, 3)[:, :2] + run.world.origin
     assert places == pytest.approx(scan.points(), abs=1e-4)
     pose = run.trajectory.at(np.array([2.0]))[0]
     assert header["bodies"]["robot"][12:14] == pytest.approx(pose[:2] - run.world.origin, abs=1e-4)
@@ -78,19 +79,38 @@ def test_a_page_gets_the_scene_of_the_film(offset):
     assert f" / {run.lrf.beams} beams hit" in header["words"]["beams"]
 
 
+def test_what_stands_is_sent_with_the_shaders_of_the_film():
+    stage = stage_of(city_run())
+    marks = read(stage_message(stage))
+    assert len(marks["marks"]["walls"]["columns"]["rows"]) == 64 * (
+        4 * len(stage.walls.places) + 3 * len(stage.roofs.places)
+    )
+    assert all("void main" in each for pair in marks["programs"].values() for each in pair)
+
+
 def test_every_view_is_looked_through_and_nothing_comes_where_nothing_changes():
     run = city_run()
-    played = Played(run, stage_of(run), 1.0)
+    played, eyes = Played(run, stage_of(run), 1.0), []
     for view in VIEWS:
         wanted = Wanted(view=view, time=1.0)
-        header = read(played.answer(wanted, 0.0))
-        assert header["camera"]["view"] == view
+        eyes.append(read(played.answer(wanted, 0.0))["camera"]["eye"])
         assert played.answer(wanted, 0.0) is None
-    story = Wanted(view="story", time=1e6)
-    camera = read(played.answer(story, 0.0))["camera"]
-    assert camera["ghost"] == 1.0
-    by_hand = read(played.answer(Wanted(view="orbit", eye=(1.0, 2.0, 30.0)), 0.0))["camera"]
-    assert by_hand["eye"] == [1.0, 2.0, 30.0]
+    assert len(set(map(tuple, eyes))) == len(VIEWS)
+    assert read(played.answer(Wanted(view="story", time=1e6), 0.0))["camera"]["ghost"] == 1.0
+
+
+@pytest.mark.parametrize("view", ["follow", "orbit"])
+def test_a_hand_turns_the_camera_about_what_it_looks_at(view):
+    run = city_run()
+    played = Played(run, stage_of(run), 1.0)
+    plain = read(played.answer(Wanted(view=view), 0.0))["camera"]
+    turned = read(played.answer(Wanted(view=view, around=np.pi, zoom=2.0), 0.0))["camera"]
+    higher = read(played.answer(Wanted(view=view, over=0.3), 0.0))["camera"]
+    assert higher["eye"][2] > plain["eye"][2]
+    if view == "follow":
+        robot = np.array([*run.trajectory.poses[0, :2] - run.world.origin, 0.35])
+        away = np.array(plain["eye"]) - robot
+        assert np.array(turned["eye"]) - robot == pytest.approx(2 * away * [-1, -1, 1], abs=0.5)
 
 
 def test_a_page_gets_what_moved_and_what_the_robot_believed():
@@ -105,26 +125,10 @@ def test_a_page_gets_what_moved_and_what_the_robot_believed():
 
 
 def test_runs_without_a_map_or_of_one_beam_are_shown():
-    run = city_run()
-    lrf = LaserRangeFinder(angle_min=0.0, angle_max=0.0, beams=1, range_max=run.lrf.range_max)
-    middle = slice(45, 46)
-    ranges, walls = run.ranges[:, middle], run.walls[:, middle]
-    single = replace(run, lrf=lrf, ranges=ranges, truth=ranges, walls=walls)
-    bare = replace(run, snapshot_scans=(), maps=())
-    for each in (single, bare):
-        assert read(Played(each, stage_of(each), 1.0).answer(Wanted(), 0.0))["marks"]
-    assert "no map yet" in json.dumps(
-        read(Played(bare, stage_of(bare), 1.0).answer(Wanted(), 0.0))["words"]
-    )
-
-
-def test_points_and_glow_are_bytes():
-    places, sides = np.zeros((1, 3), np.float32), np.zeros((1, 2), np.float32)
-    points = Points(places, np.full((1, 4), 0.5, np.float32), sides, 0.1, (2.0, 4.0))
-    soft = Soft(np.zeros((1, 3, 3), np.float32), np.full((1, 3, 4), 2.0, np.float32))
-    marks = read(Sender().message({"points": points, "soft": soft}, {}))["marks"]
-    assert marks["points"]["columns"]["tint"].tolist() == [[128] * 4]
-    assert marks["soft"]["columns"]["tint"].tolist() == [[255] * 4] * 3
+    runs = one_beam_run(), replace(city_run(), snapshot_scans=(), maps=())
+    shown = [read(Played(run, stage_of(run), 1.0).answer(Wanted(), 0.0)) for run in runs]
+    assert all(each["marks"] for each in shown)
+    assert shown[1]["words"]["map"] == "no map yet"
 
 
 @pytest.fixture
@@ -142,13 +146,14 @@ def test_a_drive_sends_nothing_while_nothing_changes(driven):
     header = read(page.answer(Wanted(), 0.05))
     assert {"fan", "points", "map", "trail"} <= set(header["marks"])
     assert [page.answer(Wanted(), 0.05) for _ in range(3)] == [None] * 3
-    turning = read(page.answer(Wanted(wish=Wish(0.0, 1.0)), 0.05))
+    turning = read(page.answer(Wanted(turn=1.0), 0.05))
     # The robot turns on the spot, and so do its beams.
-    assert {"robot"} <= set(turning["bodies"]) and "points" in turning["marks"]
+    assert "robot" in turning["bodies"] and "points" in turning["marks"]
     for _ in range(20):
-        page.answer(Wanted(wish=Wish(1.0, 0.0)), 0.05)
-    last = read(page.answer(Wanted(wish=Wish(1.0, 0.0)), 0.05))
-    assert len(last["marks"]["trail"]["columns"]["start"]) > 10
+        page.answer(Wanted(forward=1.0), 0.05)
+    last = read(page.answer(Wanted(forward=1.0), 0.05))
+    ends = last["marks"]["trail"]["columns"]["rows"].view(LINE)["ends"]
+    assert np.hypot(*np.diff(ends[..., :2], axis=1)[:, 0].T).sum() > 1.5
     assert last["words"]["v"] == "2.00"
 
 
@@ -162,15 +167,15 @@ def test_a_drive_shows_what_moves(driven):
 @pytest.mark.parametrize(
     "sent",
     [
-        *(None, 1, "drive", [], [1, 0], {}, {"forward": 1}, {"forward": None, "turn": 0}),
-        *({"forward": value, "turn": 0} for value in ("1", float("nan"), 10**400, 2, [0])),
-        *({"time": "1"}, {"time": float("nan")}, {"view": "nowhere"}, {"view": ["top"]}),
-        *({"eye": [1, 2]}, {"eye": [1, 2, "3"]}, {"aspect": 0}, {"aspect": -1e300}),
+        *("", "drive", "null", "1", '"drive"', "[]", "[1, 0]", "{}", '{"forward": null}'),
+        *('{"forward": [0]}', '{"forward": NaN}', f'{{"turn": 1{"0" * 400}}}', '{"turn": 2}'),
+        *('{"time": "now"}', '{"view": "nowhere"}', '{"view": ["top"]}', '{"width": -1}'),
     ],
 )
 def test_what_is_malformed_is_ignored(sent):
     assert Wanted().changed(sent) == Wanted()
 
 
-def test_a_wish_is_two_numbers():
-    assert Wanted().changed({"forward": 1, "turn": -0.5}).wish == Wish(1.0, -0.5)
+def test_what_is_sent_is_wanted():
+    sent = '{"view": "top", "forward": 1, "turn": -0.5}'
+    assert Wanted(time=3.0).changed(sent) == Wanted("top", 3.0, forward=1.0, turn=-0.5)

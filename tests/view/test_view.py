@@ -1,7 +1,6 @@
 """Runs and worlds in the browser: the page is there, draws, plays and obeys."""
 
 import re
-import socket
 import sys
 from dataclasses import replace
 from itertools import combinations
@@ -15,13 +14,13 @@ from test_glb import simulated
 from test_render import city_run
 from yard import OBSTACLE, YARD
 
-from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
-from lrf3d.errors import InputError, MissingLibraryError, OutputError, WorldError
+from lrf3d.errors import MissingLibraryError, OutputError
 from lrf3d.io import save_run
-from lrf3d.robot import Trajectory
+from lrf3d.scenario import load_scenario
 from lrf3d.scene.timeline import Timeline
 from lrf3d.view.hand_drive import HandDrive
-from lrf3d.view.opening import open_view, run_view, world_view
+from lrf3d.view.opening import run_view, world_view
+from lrf3d.view.server import bound, serve
 from lrf3d.world import World
 
 
@@ -127,35 +126,6 @@ def test_the_page_lists_its_keys_and_saves_pictures(played, chromium):
         until(lambda: page.evaluate("Boolean(document.fullscreenElement)"))
         page.click(".lrf3d-full")
         until(lambda: not page.evaluate("Boolean(document.fullscreenElement)"))
-
-
-@pytest.mark.slow
-@needs_browser
-def test_four_hundred_buildings_are_a_few_draw_calls(tmp_path, chromium):
-    house = (
-        '[[object]]\nname = "{0} {1}"\npoints = [[{2}, {3}], [{4}, {3}], [{4}, {5}], [{2}, {5}]]\n'
-    )
-    house += "closed = true\nheight = 7.0\n"
-    places = [(i, j, 20 * i, 20 * j, 20 * i + 10, 20 * j + 9) for i in range(20) for j in range(20)]
-    robot = "[robot]\nroute = [[15, 15], [75, 15]]\nspeed = 2.0\n"
-    town = "".join(house.format(*place) for place in places) + robot
-    (tmp_path / "town.toml").write_text(town)
-    with served(tmp_path / "town.toml") as address, opened(chromium, address) as page:
-        until(lambda: page.evaluate("document.querySelector('canvas').dataset.calls") or None)
-        drawn = page.evaluate("({...document.querySelector('canvas').dataset})")
-        assert int(drawn["calls"]) < 60
-
-
-@pytest.mark.slow
-@needs_browser
-def test_the_page_shows_what_moved_in_a_run(tmp_path, chromium):
-    way = Trajectory([0.0, 4.0], [(-22.0, 3.0, 0.0), (-14.0, 3.0, 0.0)])
-    save_run(
-        replace(city_run(), obstacles=(DynamicObstacle(round_outline(0.4), way),)),
-        tmp_path / "run.npz",
-    )
-    with served(tmp_path) as address, opened(chromium, address) as page:
-        until(lambda: number(page, "t") > 0.2)
 
 
 def page_end(run):
@@ -270,11 +240,11 @@ def test_the_page_fits_a_telephone(driven, chromium, size):
         pads = boxes["pads"]
         under = (rows + 150 > pads["y"]) & (columns > pads["x"])
         assert len(rows) > 60 and not under.any()
-        for button in page.locator("button, select").all():
+        for button in page.locator("button:visible, select:visible").all():
             box = button.bounding_box()
             assert min(box["width"], box["height"]) >= 44
             assert button.get_attribute("aria-label") or button.inner_text()
-        page.focus("[data-way=ahead]")
+        page.focus("[data-pad=ahead]")
         page.keyboard.down("Space")
         until(lambda: number(page, "v") > 0.2)
         page.keyboard.up("Space")
@@ -295,7 +265,7 @@ def test_a_world_is_warm_before_its_page_is_offered(yard, monkeypatch):
     steps = []
     step = HandDrive.step
     monkeypatch.setattr(HandDrive, "step", lambda *of: steps.append(of) or step(*of))
-    site = world_view(str(yard), seed=0)
+    site = world_view(load_scenario(yard), seed=0)
     assert len(steps) == 1 and site.setup["title"] == "yard" and not site.plays
     assert site.make().drive.pose == (2.0, 3.0, 0.0)
 
@@ -304,7 +274,7 @@ def test_the_site_of_a_run_is_that_of_its_world(recorded):
     run, folder = recorded
     site = run_view(str(folder), None)
     assert site.plays and site.setup["end"] == pytest.approx(page_end(run))
-    assert site.setup["speed"] == run.film.playback and site.glb[:4] == b"glTF"
+    assert site.setup["speed"] == run.film.playback
 
 
 def test_what_cannot_be_shown_ends_in_one_line(tmp_path):
@@ -313,29 +283,21 @@ def test_what_cannot_be_shown_ends_in_one_line(tmp_path):
     assert "run.npz" in refused("view", damaged)
 
 
-def shown(what, **options):
-    """Show what cannot be shown."""
-    usual = {"host": "127.0.0.1", "port": None, "browser": False, "playback": None, "seed": 0}
-    open_view(str(what), is_run=False, started=print, **{**usual, **options})
-
-
 def test_what_is_wrong_is_named(yard):
-    with pytest.raises(WorldError, match="nowhere"):
-        shown("nowhere")
-    with pytest.raises(InputError, match="--host 300\\.1\\.1\\.1"):
-        shown(yard, host="300.1.1.1")
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
+    assert "nowhere" in refused("view", "nowhere")
+    assert "--host 300.1.1.1" in refused("view", yard, "--host", "300.1.1.1")
+    with bound("127.0.0.1", None) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(OutputError, match=f"--port {port}"):
-            shown(yard, port=port)
+            bound("127.0.0.1", port)
 
 
-def test_without_nicegui_the_extra_is_named(yard, monkeypatch):
+def test_without_the_server_the_extra_is_named(yard, monkeypatch):
     monkeypatch.setitem(sys.modules, "uvicorn", None)
-    with pytest.raises(MissingLibraryError, match=r"pip install -e .*\[view\]"):
-        shown(yard)
+    site = world_view(load_scenario(yard), seed=0)
+    with bound("127.0.0.1", None) as door:
+        with pytest.raises(MissingLibraryError, match=r"pip install -e .*\[view\]"):
+            serve(site, door, host="127.0.0.1")
 
 
 def test_help_comes_without_the_page():

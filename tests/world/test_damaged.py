@@ -1,6 +1,5 @@
 """Damaged world files end in one clear error that names the file and what is wrong in it."""
 
-import random
 import subprocess
 import sys
 from pathlib import Path
@@ -62,11 +61,10 @@ def test_an_invalid_description_of_a_map_is_refused_with_the_reason(line, tmp_pa
 @pytest.mark.parametrize(
     ("picture", "said"),
     [
-        (b"P5\n99999999 99999999\n255\n", "cells, more than|damaged"),
-        (b"P5\nwide high\n255\n", "damaged"),
-        (b"GIF89a\1\0\1\0\0\0\0;", "damaged"),
+        (b"P5\n99999999 99999999\n255\n", "cells, more than|not a PGM"),
+        (b"P5\nwide high\n255\n", "not a PGM"),
+        (b"GIF89a\1\0\1\0\0\0\0;", "not a PGM"),
         (b"P5\n2 2\n255\n\xff\xff\xff\xff", "no wall"),
-        (b"P5\n300 300\n255\n" + random.Random(2).randbytes(90_000), "noise"),
     ],
 )
 def test_a_picture_that_is_no_map_is_refused(picture, said, tmp_path):

@@ -208,7 +208,7 @@ def test_a_file_that_is_not_there_is_named(name: str, tmp_path: Path) -> None:
 
 def test_a_file_that_is_no_text_is_named_with_the_line(tmp_path: Path) -> None:
     (tmp_path / "bad.toml").write_bytes(b'name = "a"\nx = "\xff"\n')
-    with pytest.raises(WorldError, match=r"bad\.toml:2: not a text file"):
+    with pytest.raises(WorldError, match=r"^[^ ]*bad\.toml:2: not a text file"):
         load_world(tmp_path / "bad.toml")
 
 
@@ -227,28 +227,27 @@ def test_reading_a_world_leaves_heavy_libraries_alone() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"objects": [np.nan]}, "object is nan"),
-        ({"objects": [-1]}, "object -1"),
-        ({"objects": [0.5]}, "object 0.5"),
-        ({"heights": [0.0]}, "height 0 m"),
+        ({"objects": [np.nan]}, "wall 0: object nan"),
+        ({"objects": [0.5]}, "wall 0: object 0.5, expected whole"),
+        ({"heights": [0.0]}, "wall 0: height 0.0, expected more than 0"),
+        ({"heights": [np.nan]}, "wall 0: height nan, expected more than 0"),
+        ({"heights": "tall"}, "heights: expected numbers"),
         ({"object_names": ("a", "b")}, "2 names for 1 objects"),
-        ({"colours": [[0, 0, 0], [1, 1, 1]]}, "2 colours"),
+        ({"object_names": "a"}, "object_names: expected a list"),
+        ({"object_names": [5]}, "object_names: expected str, found 5"),
+        ({"colours": [[0, 0, 0], [1, 1, 1]]}, r"colours of shape \(2, 3\): expected \(1, 3\)"),
         ({"colours": [[0, 0, 255]]}, "from 0 to 1"),
         ({"colours": [[0, 0, np.nan]]}, "three NaN"),
         ({"place": (np.nan, np.nan)}, "place: expected longitude and latitude"),
         ({"place": "ab"}, "place: expected"),
-        ({"free": "abc"}, "free: expected FreeCells"),
-        ({"cameras": "abc"}, "cameras: expected a list"),
+        ({"free": "abc"}, "free: expected .*FreeCells"),
         ({"cameras": ["abc"]}, "cameras: expected FixedCamera"),
         ({"cameras": 2 * [FixedCamera("c", (0, 0, 1), (1, 1, 1))]}, "two of the name 'c'"),
         ({"materials": 5}, "materials: expected a list"),
-        ({"object_names": "a"}, "object_names: expected a list"),
-        ({"object_names": [5]}, "object_names: expected a text"),
-        ({"name": 5}, "name: expected a text"),
-        ({"heights": [1e300]}, "at most 1e"),
-        ({"heights": "tall"}, "height: expected numbers"),
-        ({"segments": [[0, 0, 1e300, 0]]}, "at most 1e"),
-        ({"segments": [[0, 0, 1.1e9, 0]]}, "at most 1e"),
+        ({"materials": [5]}, "materials: expected str"),
+        ({"name": 5}, "name: expected str"),
+        ({"segments": [[0, 0, 1.1e9, 0]]}, "wall 0: ends .*at most 1e"),
+        ({"segments": [[0, 0, 0, 0]]}, "wall 0: ends .* two different points"),
         ({"segments": "walls"}, "segments: expected numbers"),
     ],
 )

@@ -6,8 +6,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from lrf3d.errors import InputError
-from lrf3d.planning.free_space import find_free_space
-from lrf3d.planning.sides import Ground
+from lrf3d.planning.free_space import free_places
 from lrf3d.world.floor_plan import DOOR, THICKNESS
 from lrf3d.world.generators import KINDS, generate, maze_passages
 from lrf3d.world.pieces import pieces_of
@@ -43,16 +42,15 @@ def test_every_object_is_made_of_rings_that_touch_no_other(kind: str, seed: int)
 @pytest.mark.parametrize("seed", range(3))
 def test_every_room_can_be_driven_to(kind: str, seed: int) -> None:
     world = generate(kind, size=SMALL[kind], seed=seed)
-    space = find_free_space(Ground.around(world), 0.65)
-    (x1, y1), (x2, y2) = world.bounds - world.origin
-    assert (space.places > [x1, y1]).all() and (space.places < [x2, y2]).all()
-    lattice = np.stack(np.meshgrid(np.arange(x1, x2, 0.3), np.arange(y1, y2, 0.3)), axis=-1)
-    free = lattice.reshape(-1, 2)
-    grid = space.ground.grid
-    free = free[grid.gaps[grid.cells(free)] > 0.65 + space.spacing]
-    gaps, _ = cKDTree(space.places).query(free)
+    places = free_places(world, 0.65)
+    low, high = world.bounds
+    assert (places > low).all() and (places < high).all()
+    lattice = np.stack(np.meshgrid(*map(np.arange, low, high, (0.3, 0.3))))
+    free = shapely.points(np.moveaxis(lattice, 0, -1).reshape(-1, 2))
+    walls = shapely.multilinestrings(shapely.linestrings(world.segments.reshape(-1, 2, 2)))
+    free = shapely.get_coordinates(free[shapely.distance(walls, free) > 0.9])
     # A nook between a desk and a wall may be shut off; a room may not.
-    assert (gaps > 2.0 * space.spacing).mean() < 0.01
+    assert (cKDTree(places).query(free)[0] > 0.3).mean() < 0.01
 
 
 @pytest.mark.parametrize("count", [3, 8])

@@ -118,7 +118,7 @@ def test_lines_are_walls_as_they_are_and_points_are_none(tmp_path: Path) -> None
         tmp_path,
         feature({"type": "Point", "coordinates": [1, 2]}),
         feature(None),
-        feature({"type": "LineString", "coordinates": [[0, 0, 9], [5, 0, 9], [5, 0], [5, 5]]}),
+        feature({"type": "LineString", "coordinates": [[0, 0, 9], [5, 0, 9], [5, 5, 9]]}),
         polygon(rectangle(0, 10, 4, 4), name="hut", colour="#ffffff"),
         feature(
             {
@@ -233,20 +233,6 @@ def test_an_empty_geometry_is_none(tmp_path: Path) -> None:
         "geometry": {"type": "Polygon", "coordinates": []},
     }
     assert len(read(tmp_path, empty, polygon([[0, 0], [9, 0], [9, 9]])).segments) == 3
-
-
-@pytest.mark.parametrize("where", ["member", "property"])
-def test_a_key_that_stands_twice_is_named(where: str, tmp_path: Path) -> None:
-    ring = json.dumps(rectangle(0, 0, 5, 5))
-    twice = '"height": 3, "height": 30' if where == "property" else ""
-    extra = '"name": "a", "name": "b",' if where == "member" else ""
-    (tmp_path / "t.geojson").write_text(
-        f'{{{extra} "type": "Feature", "properties": {{{twice}}},'
-        f' "geometry": {{"type": "Polygon", "coordinates": [{ring}]}}}}'
-    )
-    name = "name" if where == "member" else "height"
-    with pytest.raises(WorldError, match=rf"t\.geojson: .*'{name}' stands twice"):
-        load_world(tmp_path / "t.geojson")
 
 
 @pytest.mark.parametrize("crs", [None, "urn:ogc:def:crs:OGC:1.3:CRS84"])

@@ -4,13 +4,11 @@ import numpy as np
 import pytest
 
 import lrf3d
-from lrf3d.digest import digest
 from lrf3d.errors import WorldError
 from lrf3d.world import Material, World, load_world, save_world
 from lrf3d.world.materials import BUILT_IN, material_of
 
 WALLS = [[0, 0, 4, 0], [4, 0, 4, 3]]
-DIGEST = "9d986b4b39e77975693cdb179496e51a094b4e942f97f415fc884f7fbde35b1c"
 
 
 @pytest.mark.parametrize("material", BUILT_IN.values(), ids=str)
@@ -39,7 +37,7 @@ def test_an_invalid_material_is_refused(values: dict[str, object], message: str)
     ("materials", "message"),
     [
         (["glass", "brick"], "2 materials for 1 objects"),
-        (["glas"], "there is no material 'glas'; did you mean 'glass'?"),
+        (["glas"], "there is no 'glas'; did you mean 'glass'?"),
     ],
 )
 def test_materials_that_do_not_fit_the_world_are_refused(
@@ -68,12 +66,6 @@ def test_a_world_without_materials_is_saved_without_a_word_of_them(
     written = (tmp_path / f"world{ending}").read_bytes().replace(b'"materials"', b"")
     written = written.replace(b'"material":0', b"").replace(b'"material": 0', b"")
     assert b"material" not in written
-
-
-def test_the_digest_of_a_world_without_materials_is_what_it_was() -> None:
-    # Sweeps derive their seeds from it.
-    assert digest(World(WALLS, name="w")) == DIGEST
-    assert digest(World(WALLS, name="w", materials=["glass"])) != DIGEST
 
 
 def test_materials_are_read_as_openstreetmap_says_them() -> None:

@@ -8,7 +8,7 @@ import pytest
 from lrf3d.errors import WorldError
 from lrf3d.world import World, load_world, save_world
 from lrf3d.world.geographic import EARTH_RADIUS
-from lrf3d.world.osm_trees import DEFAULT_TREE, tree_height, trunk_radius
+from lrf3d.world.osm import DEFAULT_TREE, tree_height, trunk_radius
 
 HOUSE = [(0, 0), (30, 0), (30, 20), (0, 20)]
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.compiling import compiled, inner
+from lrf3d.compiling import borrower, compiled, inner
 from lrf3d.geometry import Float, Int
 from lrf3d.mapping.grid import Grid, near, order_of
 from lrf3d.mapping.robust.cells import FREE_DEPTH, Cells
@@ -163,7 +163,7 @@ def link_walls(links: Links, walls: Walls, grid: Grid, cells: Cells, rows: Int) 
             break
 
 
-@inner
+@borrower
 def is_link(links: Links, walls: Walls, wall: int, place: int) -> bool:
     """Whether a link still stands, and no beam has crossed it."""
     other = links.others[wall, place]
@@ -175,7 +175,7 @@ def is_link(links: Links, walls: Walls, wall: int, place: int) -> bool:
     )
 
 
-@inner
+@borrower
 def measure_link(one: Float, other: Float, link: Float) -> bool:
     """Fill in the link x1 y1 x2 y2 of two walls, 1 if it runs before one; whether it may join."""
     _shortest_link(one, other, link)
@@ -187,7 +187,7 @@ def measure_link(one: Float, other: Float, link: Float) -> bool:
     return bool(length <= SHORT_LINK or not before)
 
 
-@inner
+@borrower
 def _parted(one: Float, other: Float, reach: float) -> bool:
     """Whether two segments are farther apart than a reach [m] along an axis."""
     for k in range(2):
@@ -198,7 +198,7 @@ def _parted(one: Float, other: Float, reach: float) -> bool:
     return False
 
 
-@inner
+@borrower
 def _shortest_link(one: Float, other: Float, link: Float) -> None:
     """Fill in the shortest line from one of two segments to the other."""
     dx, dy = one[2] - one[0], one[3] - one[1]
@@ -226,7 +226,7 @@ def _shortest_link(one: Float, other: Float, link: Float) -> None:
             link[0], link[1], link[2], link[3] = x, y, u, v
 
 
-@inner
+@borrower
 def _reach_before(wall: Float, link: Float) -> float:
     """How far [m] a link gets before the face of a wall that it begins or ends at."""
     dx, dy = wall[2] - wall[0], wall[3] - wall[1]
@@ -245,14 +245,14 @@ def _kind(link: Float, one: Float, other: Float, cells: Cells) -> int:
     if length <= TOUCH:
         return JOINS
     if length > SHORT_LINK:
-        if is_crossed(line, cells, FREE_DEPTH, 0, LINK_SINE, True):
+        if is_crossed(line, cells, FREE_DEPTH, 0, LINK_SINE):
             return CROSSED
         return BLOCKED if _is_blocked(one, other, cells) else OPEN
     # A short one may be crossed by many beams, but not by any that go deeper than a corner.
     depth = max(FREE_DEPTH, NICHE_DEPTH * length) if before else FREE_DEPTH
-    if is_crossed(line, cells, depth, STRAY_BEAMS, LINK_SINE, True):
+    if is_crossed(line, cells, depth, STRAY_BEAMS, LINK_SINE):
         return CROSSED
-    if before and is_crossed(line, cells, FREE_DEPTH, CORNER_BEAMS, LINK_SINE, False):
+    if before and is_crossed(line, cells, FREE_DEPTH, CORNER_BEAMS, LINK_SINE):
         return CROSSED
     return JOINS
 
@@ -268,12 +268,12 @@ def _is_blocked(one: Float, other: Float, cells: Cells) -> bool:
                 line[k + 2] = other[k] + across * (other[k + 2] - other[k])
             length = np.hypot(line[2] - line[0], line[3] - line[1])
             if max(_reach_before(one, line), _reach_before(other, line)) <= BEHIND_SINE * length:
-                if is_crossed(line, cells, FREE_DEPTH, 0, LINK_SINE, True):
+                if is_crossed(line, cells, FREE_DEPTH, 0, LINK_SINE):
                     return False
     return True
 
 
-@inner
+@borrower
 def _root(parents: Int, wall: int) -> int:
     while parents[wall] != wall:
         parents[wall] = parents[parents[wall]]
@@ -332,7 +332,7 @@ def find_objects(links: Links, walls: Walls, rows: Int) -> Int:
     return labels
 
 
-@inner
+@borrower
 def _unite(parents: Int, sizes: Int, one: int, other: int) -> None:
     """Make one of two objects, named by walls."""
     one, other = _root(parents, one), _root(parents, other)
@@ -376,7 +376,7 @@ def close_corners(ends: Float, objects: Int) -> Float:
     return closed
 
 
-@inner
+@borrower
 def _crossing(ends: Float, end: int, other: int, corner: Float) -> bool:
     """Fill in the corner (2,) where the walls of two ends cross; whether it is near to both."""
     one, side, two, turned = end >> 1, end & 1, other >> 1, other & 1

@@ -8,7 +8,7 @@ wall that is merged and cut again and again settles.
 
 import numpy as np
 
-from lrf3d.compiling import compiled, inner
+from lrf3d.compiling import borrower, compiled, inner
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.mapping.grid import Grid, insert, near, remove
 from lrf3d.mapping.robust.cells import (
@@ -154,13 +154,13 @@ def replace_walls(
     return fresh[:added], linked[:count]
 
 
-@inner
+@borrower
 def _hide(walls: Walls, row: int) -> None:
     """Let a wall wait for more hits: it is not shown."""
     walls.real[row], walls.placed[row] = False, UNLINKED
 
 
-@inner
+@borrower
 def _unmoved(walls: Walls, old: Int, taken: Bool, ends: Float) -> int:
     """The place among old rows, not taken yet, of the wall that a part hardly differs from; −1."""
     best, least = -1, UNCHANGED

@@ -7,7 +7,7 @@ split where its points bend by more than a map can be trusted.
 
 import numpy as np
 
-from lrf3d.compiling import compiled, inner
+from lrf3d.compiling import borrower, compiled, inner
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.mapping.robust.cells import OPEN_WEIGHT, Cells, NewEvidence
 from lrf3d.mapping.robust.evidence import FOLLOWED, PIECE, follow, gather_evidence, unit_of
@@ -142,7 +142,7 @@ def refit_walls(
     )  # fmt: skip
 
 
-@inner
+@borrower
 def _weigh(counts: Float) -> tuple[float, float, bool]:
     """The hits of a part's pieces (n, 7), what violations weigh, and whether it came lately."""
     hits = against = before = scans = spell = 0.0
@@ -157,7 +157,7 @@ def _weigh(counts: Float) -> tuple[float, float, bool]:
     return hits, against, lately
 
 
-@inner
+@borrower
 def violation_weight(counts: Float) -> float:
     """What a free-space violation weighs against a hit, by the counts (7,) of a piece."""
     hits, violations, scans, between = counts[0], counts[1], counts[3], counts[4]
@@ -174,7 +174,7 @@ def violation_weight(counts: Float) -> float:
     return weight
 
 
-@inner
+@borrower
 def came_lately(before: float, scans: float, spell: float) -> bool:
     """Whether a place that so many beams went through before was hit for a short spell [scans]."""
     return spell < SETTLED_AFTER and before > max(CAME_BEAMS, CAME_SCANS * scans)
@@ -220,7 +220,7 @@ def real_pieces(counts: Float) -> Int:
     return states
 
 
-@inner
+@borrower
 def _misfit(total: Float, first: int, last: int) -> float:
     """The misfit [χ²] of the best line through the pieces between two of running sums (n, 6)."""
     w = total[last, 0] - total[first, 0]
@@ -272,7 +272,7 @@ def split_pieces(sums: Float, breaks: Int) -> int:
     return found
 
 
-@inner
+@borrower
 def _end_of_hits(counts: Float, sums: Float, way: float) -> float:
     """Where along a wall [m] the hits of its last piece end, one way (1) or the other (−1).
 

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.compiling import compiled, inner
+from lrf3d.compiling import borrower, compiled, inner
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.mapping.grid import Grid, insert, near, remove
 from lrf3d.mapping.robust.cells import FREE_DEPTH, Cells
@@ -131,7 +131,7 @@ class Rule(NamedTuple):
         return cls(length, distance, BEND * distance, MOST_EXPLAINED)
 
 
-@inner
+@borrower
 def take_row(walls: Walls) -> int:
     """A free row; there is room for it."""
     if walls.used[1]:
@@ -143,7 +143,7 @@ def take_row(walls: Walls) -> int:
     return row
 
 
-@inner
+@borrower
 def give_back(walls: Walls, row: int) -> None:
     """Make a row free; the grid holds it no more."""
     walls.points[row], walls.real[row] = 0, False
@@ -262,18 +262,18 @@ def _partner(walls: Walls, grid: Grid, row: int, cells: Cells, rule: Rule) -> in
         value = misfit(one, moments, two, others, rule)
         if value < least or (value == least and other < best):
             if _span(one, two, line) <= 0.0 or not is_crossed(
-                line, cells, FREE_DEPTH, SPARE_BEAMS, WALL_SINE, False
+                line, cells, FREE_DEPTH, SPARE_BEAMS, WALL_SINE
             ):
                 best, least = other, value
         elif best < 0 and walls.real[row] and walls.real[other]:
             if misfit(one, moments, two, others, straight) < 1.0:
                 gap = _span(one, two, line)
-                if gap < narrowest and not is_crossed(line, cells, FREE_DEPTH, 0, WALL_SINE, False):
+                if gap < narrowest and not is_crossed(line, cells, FREE_DEPTH, 0, WALL_SINE):
                     second, narrowest = other, gap
     return best if best >= 0 else second
 
 
-@inner
+@borrower
 def _span(one: Float, other: Float, line: Float) -> float:
     """Fill in the line (4,) from the end of one wall to where the next begins: its length [m]."""
     ux, uy = one[2] - one[0], one[3] - one[1]

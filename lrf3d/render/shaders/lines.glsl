@@ -8,7 +8,7 @@ layout(location = 3) in vec4 tint;
 layout(location = 4) in vec2 side;      // where the wall's face looks, or 0
 out vec4 paint;
 out float along;                // way from the start [m]
-noperspective out float off;    // from the middle of the line [pixels]
+out vec2 off;                   // from the middle of the line [pixels] times the depth, and the depth
 const float NEAR = 0.25;        // no less than that of the camera [m]
 void main() {
     // What lies behind the eye is cut off before the division turns it round.
@@ -22,7 +22,8 @@ void main() {
     float half_width = 0.5 * width + 0.75;
     a.xy += across * half_width * 2.0 / viewport * a.w;
     // Seen from the end, left and right have changed places.
-    off = sign(turn) * half_width * (abs(turn) > 1.5 ? -1.0 : 1.0);
+    // Divided by the depth it is straight in the picture, and not in space.
+    off = vec2(sign(turn) * half_width * (abs(turn) > 1.5 ? -1.0 : 1.0), 1.0) * a.w;
     along = abs(turn) > 1.5 ? length(there - here) : 0.0;
     paint = tint;
     if (!shown(here, side)) a.z = 2.0 * a.w;
@@ -31,13 +32,13 @@ void main() {
 #else
 in vec4 paint;
 in float along;
-noperspective in float off;
+in vec2 off;
 out vec4 colour;
 void main() {
 #ifdef DASHED
     if (fract(along / DASH) > 0.6) discard;
 #endif
-    float cover = clamp(0.5 * width + 0.5 - abs(off), 0.0, 1.0);
+    float cover = clamp(0.5 * width + 0.5 - abs(off.x / off.y), 0.0, 1.0);
     colour = vec4(paint.rgb, paint.a * cover);
 }
 #endif

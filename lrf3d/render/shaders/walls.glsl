@@ -2,7 +2,7 @@
 // needed is left out: each value takes time for each pixel.
 uniform float ghost;        // how far they have faded
 uniform vec4 cut;           // robot x, y, and the level direction to the eye
-uniform float slope;        // how much higher walls may be nearer to the eye
+uniform vec2 slope;         // how much higher walls may be nearer to the eye, and at the most
 #ifdef VERTEX
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 painted;
@@ -27,9 +27,9 @@ void main() {
     // Walls of rooms sink where they would hide the robot: they are cut small for their light.
     vec3 place = position;
     vec2 off = place.xy - cut.xy;
-    float toward = dot(off, cut.zw), aside = abs(dot(off, vec2(-cut.w, cut.z)));
-    float high = clamp(LEFT_STANDING.x + slope * toward, LEFT_STANDING.x, LEFT_STANDING.y);
-    if (toward > -CUT_BEFORE && slope > 0.0) place.z = min(place.z, high + NOTCH.y * max(aside - NOTCH.x, 0.0));
+    float toward = dot(off, cut.zw);
+    float high = clamp(LEFT_STANDING + slope.x * toward, LEFT_STANDING, slope.y);
+    if (toward > -CUT_BEFORE && slope.x > 0.0) place.z = min(place.z, high);
     way = (place - eye) * thick;
     gl_Position = view_projection * vec4(place, 1.0);
 }

@@ -1,13 +1,14 @@
 // The page: asks the server for moments of a run or has the robot drive, and shows what comes.
 
-import { Rig } from "./rig.js";
-import { World } from "./world.js";
+import { Scene } from "./scene.js";
 
 const SPEEDS = [0.5, 1, 2, 4, 8, 16];
 const STEP = 2; // Seconds that an arrow key skips.
 const LONGEST = 0.5; // Seconds that a frame stands for at most: a hidden page draws none.
+const TURN = 0.006; // Angle that the camera turns for each pixel of a drag [rad].
+const ZOOM = 0.001; // How much farther off it goes for each pixel of a wheel's turn.
 const NAMES = { story: "Story", follow: "Follow", orbit: "Orbit", top: "Above", first: "Eyes" };
-const WAYS = {
+const KEYS = {
   ArrowUp: "ahead", KeyW: "ahead", ArrowDown: "back", KeyS: "back",
   ArrowLeft: "left", KeyA: "left", ArrowRight: "right", KeyD: "right",
 };
@@ -16,36 +17,38 @@ const setup = JSON.parse(document.querySelector("#setup").textContent);
 const plays = setup.end > 0;
 const part = (name) => document.querySelector(`.lrf3d-${name}`);
 const held = { ahead: false, back: false, left: false, right: false };
+const hand = { around: 0, over: 0, zoom: 1 };
+const fingers = new Map();
 let [time, speed, playing, waiting, asked, last] = [0, setup.speed, plays, true, "", performance.now()];
-let world, rig, socket;
+let view, scene, socket;
 
-function ask(more = {}) {
+function ask() {
   const { ahead, back, left, right } = held;
+  const { width, height } = scene.canvas;
   const wish = plays ? { time } : { forward: ahead - back, turn: left - right };
-  const aspect = Number((world.canvas.clientWidth / world.canvas.clientHeight).toFixed(3));
-  const eye = rig.eye?.map((value) => Number(value.toFixed(2)));
-  const text = JSON.stringify({ view: rig.view, aspect, eye, ...wish, ...more });
+  const text = JSON.stringify({ view, width, height, ...hand, ...wish });
   // A run is asked for moment by moment; a drive sends what it has by itself.
   if (text === asked || (plays && waiting)) return;
   [asked, waiting] = [text, true];
   socket.send(text);
 }
 
+function unpacked(data) {
+  const length = new DataView(data).getUint32(0, true);
+  return [JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length))), data.slice(4 + length)];
+}
+
 function take(data) {
   waiting = false;
   if (!data.byteLength) return;
-  const length = new DataView(data).getUint32(0, true);
-  const header = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
-  world.take(header, data.slice(4 + length));
-  if (header.camera) rig.tell(header.camera);
+  const [header, block] = unpacked(data);
+  scene.take(header, block);
   for (const [name, words] of Object.entries(header.words ?? {})) part(name).textContent = words;
-  if (header.plan) scale(header.plan);
+  if (header.plan) {
+    part("scale").textContent = `${header.plan.metres} m`;
+    part("scale").style.width = `${100 * header.plan.share}%`;
+  }
   part("failure")?.remove();
-}
-
-function scale([, , window, metres]) {
-  part("scale").textContent = `${metres} m`;
-  part("scale").style.width = `${(100 * metres) / window}%`;
 }
 
 function frame(now) {
@@ -53,17 +56,14 @@ function frame(now) {
   last = now;
   if (playing) move(time + seconds * speed);
   if (playing && time >= limits()[1]) play(false);
-  if (rig.view) {
-    ask();
-    rig.update(seconds);
-    if (world.stale) world.render();
-  }
+  ask();
+  if (scene.stale) scene.render();
   requestAnimationFrame(frame);
 }
 
 // From when to when there is something to see: a story begins before the run and ends after it.
 function limits() {
-  return rig.view === "story" ? setup.story : [0, setup.end];
+  return view === "story" ? setup.story : [0, setup.end];
 }
 
 function move(to) {
@@ -85,23 +85,43 @@ function play(on) {
   part("play").setAttribute("aria-label", on ? "pause" : "play");
 }
 
-function choose(view) {
-  rig.choose(view);
+function choose(chosen) {
+  view = chosen;
+  Object.assign(hand, { around: 0, over: 0, zoom: 1 });
   if (plays) move(time);
   for (const button of part("views").children) {
     button.setAttribute("aria-pressed", button.dataset.view === view);
   }
 }
 
-function hold(way, on) {
-  held[way] = on;
-  document.querySelector(`[data-way=${way}]`).classList.toggle("lrf3d-held", on);
+function hold(pad, on) {
+  held[pad] = on;
+  document.querySelector(`[data-pad=${pad}]`).classList.toggle("lrf3d-held", on);
+}
+
+// A drag turns the camera; with two fingers it comes nearer as they part.
+function drag(event) {
+  const before = fingers.get(event.pointerId);
+  if (!before || !["follow", "orbit"].includes(view)) return;
+  const now = [event.clientX, event.clientY];
+  const [other] = [...fingers].filter(([id]) => id !== event.pointerId);
+  if (other) {
+    zoom(Math.hypot(before[0] - other[1][0], before[1] - other[1][1]) / Math.hypot(now[0] - other[1][0], now[1] - other[1][1]));
+  } else {
+    hand.around -= TURN * (now[0] - before[0]);
+    hand.over += TURN * (now[1] - before[1]);
+  }
+  fingers.set(event.pointerId, now);
+}
+
+function zoom(by) {
+  if (["follow", "orbit"].includes(view)) hand.zoom = Math.min(4, Math.max(0.2, hand.zoom * by));
 }
 
 const TOOLS = {
   picture() {
-    world.render();
-    world.canvas.toBlob((picture) => {
+    scene.render();
+    scene.canvas.toBlob((picture) => {
       const link = document.createElement("a");
       link.href = URL.createObjectURL(picture);
       link.download = `${setup.title}_${part("t").textContent}s.png`;
@@ -116,12 +136,12 @@ const TOOLS = {
 function key(event) {
   if (event.ctrlKey || event.metaKey || event.altKey) return;
   const down = event.type === "keydown";
-  const pad = event.target.dataset?.way;
+  const pad = event.target.dataset?.pad;
   const tool = { KeyP: "picture", KeyF: "full", KeyH: "list" }[event.code];
   if (pad && ["Enter", "Space"].includes(event.code)) hold(pad, down);
-  else if (!plays && WAYS[event.code]) hold(WAYS[event.code], down);
+  else if (!plays && KEYS[event.code]) hold(KEYS[event.code], down);
   else if (!down) return;
-  else if (event.code === "KeyV") choose(setup.views[(setup.views.indexOf(rig.view) + 1) % setup.views.length]);
+  else if (event.code === "KeyV") choose(setup.views[(setup.views.indexOf(view) + 1) % setup.views.length]);
   else if (tool && !event.repeat) TOOLS[tool]();
   else if (plays && !event.target.matches("select") && skip(event)) part("slider").blur();
   else return;
@@ -138,52 +158,42 @@ function skip({ code, target }) {
 }
 
 function dress() {
-  document.body.classList.add(plays ? "lrf3d-plays" : "lrf3d-drives");
-  part(plays ? "driving" : "playing").remove();
-  for (const view of setup.views) {
-    const button = document.createElement("button");
-    button.className = `lrf3d-view-${view}`;
-    button.dataset.view = view;
-    button.textContent = NAMES[view];
-    button.onclick = () => choose(view);
+  for (const name of setup.views) {
+    const button = Object.assign(document.createElement("button"), { textContent: NAMES[name] });
+    button.className = `lrf3d-view-${name}`;
+    button.dataset.view = name;
+    button.onclick = () => choose(name);
     part("views").append(button);
   }
   for (const name of Object.keys(TOOLS)) part(name).onclick = TOOLS[name];
-  const keys = plays
-    ? { Space: "play, pause", "← →": "two seconds back, ahead", "Home End": "to the start, to the end" }
-    : { "W A S D, arrows": "drive" };
-  Object.assign(keys, { V: "next view", F: "full screen", P: "save a picture", H: "this list", "Drag, wheel": "turn, zoom" });
-  for (const [name, what] of Object.entries(keys)) {
-    for (const [tag, text] of [["dt", name], ["dd", what]]) {
-      part("keys").append(Object.assign(document.createElement(tag), { textContent: text }));
-    }
-  }
   part("truth").style.color = `rgb(${setup.trail})`;
   part("believed").style.color = `rgb(${setup.estimate})`;
-  if (plays) {
-    for (const value of [...new Set([...SPEEDS, speed])].sort((a, b) => a - b)) {
-      part("speed").append(new Option(`${value}×`, value, false, value === speed));
-    }
-    part("speed").onchange = (event) => (speed = Number(event.target.value));
-    part("slider").oninput = (event) => move(Number(event.target.value));
-    part("play").onclick = () => play(!playing);
-  } else {
-    part("again").onclick = () => ask({ again: true });
+  for (const value of [...new Set([...SPEEDS, speed])].sort((a, b) => a - b)) {
+    part("speed").append(new Option(`${value}×`, value, false, value === speed));
   }
+  part("speed").onchange = (event) => (speed = Number(event.target.value));
+  part("slider").oninput = (event) => move(Number(event.target.value));
+  part("play").onclick = () => play(!playing);
+  part("again").onclick = () => socket.send("again");
   for (const pad of document.querySelectorAll(".lrf3d-pad")) {
-    const way = pad.dataset.way;
-    pad.addEventListener("pointerdown", (event) => {
+    pad.onpointerdown = (event) => {
       pad.setPointerCapture(event.pointerId);
-      hold(way, true);
-    });
-    for (const end of ["pointerup", "pointercancel", "lostpointercapture", "blur"]) {
-      pad.addEventListener(end, () => hold(way, false));
-    }
-    pad.addEventListener("contextmenu", (event) => event.preventDefault());
+      hold(pad.dataset.pad, true);
+    };
+    pad.onlostpointercapture = pad.onblur = () => hold(pad.dataset.pad, false);
+    pad.oncontextmenu = () => false;
   }
+  const canvas = part("scene");
+  canvas.onpointerdown = (event) => {
+    canvas.setPointerCapture(event.pointerId);
+    fingers.set(event.pointerId, [event.clientX, event.clientY]);
+  };
+  canvas.onpointermove = drag;
+  canvas.onlostpointercapture = (event) => fingers.delete(event.pointerId);
+  canvas.addEventListener("wheel", (event) => zoom(Math.exp(ZOOM * event.deltaY)), { passive: true });
   document.addEventListener("keydown", key);
   document.addEventListener("keyup", key);
-  window.addEventListener("blur", () => Object.keys(held).forEach((way) => hold(way, false)));
+  window.addEventListener("blur", () => Object.keys(held).forEach((pad) => hold(pad, false)));
 }
 
 async function start() {
@@ -192,14 +202,17 @@ async function start() {
   await new Promise((done) => requestAnimationFrame(() => setTimeout(done)));
   socket = new WebSocket(`ws://${location.host}/lrf3d/moments`);
   socket.binaryType = "arraybuffer";
-  world = new World(part("scene"), part("inset"), setup);
-  rig = new Rig(world, setup);
-  const open = new Promise((done) => (socket.onopen = done));
   const early = [];
   socket.onmessage = (event) => early.push(event.data);
-  await Promise.all([open, world.load("/lrf3d/world.glb")]);
+  socket.onclose = () => (part("stop").textContent = "the server has ended");
+  scene = new Scene(part("scene"), part("inset"));
+  const [world, ground] = await Promise.all([
+    fetch("/lrf3d/world").then((answer) => answer.arrayBuffer()),
+    fetch("/lrf3d/ground.jpg").then(async (answer) => createImageBitmap(await answer.blob())),
+    new Promise((done) => (socket.onopen = done)),
+  ]);
+  scene.load(...unpacked(world), ground);
   socket.onmessage = (event) => take(event.data);
-  socket.onclose = () => (part("hud").lastElementChild.textContent = "the server has ended");
   choose(setup.views.includes("story") && location.hash === "#story" ? "story" : "follow");
   if (plays) play(true);
   early.forEach(take);

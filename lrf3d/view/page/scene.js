@@ -1,0 +1,278 @@
+// Draws the scene as the film does: with its shaders, in its order, from arrays as they come.
+
+const TINT = "tint"; // Four bytes of colour and opacity; other attributes are so many floats.
+// The buffers of each kind of geometry and their attributes, in the order of the shaders' locations.
+const LAYOUTS = {
+  walls: { rows: [3, 3, 3, 3, 3, 1] },
+  ground: { rows: [2] },
+  sky: { rows: [2] },
+  lines: { rows: [3, 3, 1, TINT, 2] },
+  faces: { corners: [3], normals: [3], colours: [TINT] },
+  soft: { corners: [3], colours: [TINT] },
+  points: { places: [3], colours: [TINT], sides: [2] },
+};
+// The corners of the two triangles of a line: at which end, and to its left or right seen from there.
+const CORNERS = [[0, 1], [0, -1], [1, 1], [0, 1], [1, 1], [1, -1]];
+const LINE = 10; // Words of a line as it comes: both ends, two colours, the side of its wall;
+const ROW = 10; // and of each of its corners: this end, the other, left or right, colour, side.
+const HERE = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
+const HEAD = `#version 300 es
+precision highp float;
+precision highp int;
+precision highp sampler2DArray;
+`;
+
+export class Scene {
+  constructor(canvas, inset) {
+    const gl = canvas.getContext("webgl2", { alpha: false, antialias: true });
+    if (!gl) throw new Error("it has no WebGL 2");
+    Object.assign(this, { canvas, inset, gl, programs: {}, marks: {}, bodies: {}, order: [], stale: true });
+    this.camera = new Float32Array(24);
+    this.block = gl.createBuffer();
+    gl.bindBufferBase(gl.UNIFORM_BUFFER, 0, this.block);
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+    gl.enable(gl.DEPTH_TEST);
+    gl.depthFunc(gl.LEQUAL);
+    gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
+    new ResizeObserver(() => this.resize()).observe(canvas);
+    this.resize();
+  }
+
+  resize() {
+    const { canvas } = this;
+    this.ratio = Math.min(window.devicePixelRatio, 2);
+    canvas.width = Math.max(16, Math.round(this.ratio * canvas.clientWidth));
+    canvas.height = Math.max(16, Math.round(this.ratio * canvas.clientHeight));
+    this.stale = true;
+  }
+
+  // What stands in the world, and the picture of its ground.
+  load(header, block, picture) {
+    const { gl } = this;
+    this.area = header.area;
+    for (const [name, sources] of Object.entries(header.programs)) this.programs[name] = this.program(name, sources);
+    this.facades = this.texture(gl.TEXTURE_2D_ARRAY, gl.REPEAT);
+    const levels = Object.values(header.marks).filter(({ kind }) => kind === "level");
+    gl.texParameteri(gl.TEXTURE_2D_ARRAY, gl.TEXTURE_MAX_LEVEL, levels.length - 1);
+    levels.forEach(({ shape, columns }, level) => {
+      const texels = new Uint8Array(block, ...columns.rows);
+      gl.texImage3D(gl.TEXTURE_2D_ARRAY, level, gl.RGBA8, ...shape, 0, gl.RGBA, gl.UNSIGNED_BYTE, texels);
+    });
+    this.pavement = this.texture(gl.TEXTURE_2D, gl.CLAMP_TO_EDGE);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB8, gl.RGB, gl.UNSIGNED_BYTE, picture);
+    gl.generateMipmap(gl.TEXTURE_2D);
+    this.take(header, block);
+    const { columns, shape } = header.marks.indices;
+    gl.bindVertexArray(this.marks.walls.vertices);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, new Uint8Array(block, ...columns.rows), gl.STATIC_DRAW);
+    [this.textured, this.indexed] = [shape[0], columns.rows[1] / 4];
+  }
+
+  texture(kind, wrap) {
+    const { gl } = this;
+    const made = gl.createTexture();
+    gl.bindTexture(kind, made);
+    gl.texParameteri(kind, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_NEAREST);
+    for (const axis of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(kind, axis, wrap);
+    return made;
+  }
+
+  program(name, sources) {
+    const { gl } = this;
+    const made = gl.createProgram();
+    [gl.VERTEX_SHADER, gl.FRAGMENT_SHADER].forEach((kind, i) => {
+      const shader = gl.createShader(kind);
+      gl.shaderSource(shader, HEAD + sources[i]);
+      gl.compileShader(shader);
+      gl.attachShader(made, shader);
+    });
+    gl.linkProgram(made);
+    return made;
+  }
+
+  // The uniforms of a program by name, asked for when it is first used: until then drivers compile.
+  uniforms(made) {
+    const { gl } = this;
+    if (made.places) return made.places;
+    if (!gl.getProgramParameter(made, gl.LINK_STATUS)) {
+      const logs = gl.getAttachedShaders(made).map((shader) => gl.getShaderInfoLog(shader));
+      throw new Error(`a shader does not compile: ${gl.getProgramInfoLog(made)} ${logs.join(" ")}`);
+    }
+    const block = gl.getUniformBlockIndex(made, "Camera");
+    if (block !== gl.INVALID_INDEX) gl.uniformBlockBinding(made, block, 0);
+    const count = gl.getProgramParameter(made, gl.ACTIVE_UNIFORMS);
+    const names = Array.from({ length: count }, (_, i) => gl.getActiveUniform(made, i).name);
+    made.places = names.map((name) => [name, gl.getUniformLocation(made, name)]).filter(([, place]) => place);
+    return made.places;
+  }
+
+  // Take what the server has sent: a header and arrays.
+  take({ marks = {}, bodies, order, camera, plan }, block) {
+    for (const [name, { kind, columns = {}, ...style }] of Object.entries(marks)) {
+      if (kind && !LAYOUTS[kind]) continue;
+      const mark = (this.marks[name] ??= this.geometry(kind));
+      if (kind) Object.assign(mark, style, { kind });
+      for (const [column, place] of Object.entries(columns)) {
+        const data = mark.kind === "lines" ? corners(new Uint32Array(block, place[0], place[1] / 4)) : new Uint8Array(block, ...place);
+        this.fill(mark, column, data);
+      }
+    }
+    Object.assign(this.bodies, bodies);
+    if (order) this.order = order;
+    if (camera) this.look = camera;
+    if (plan !== undefined) this.plan = plan;
+    this.inset.hidden = !this.plan;
+    this.stale = true;
+  }
+
+  geometry(kind) {
+    const { gl } = this;
+    const made = { vertices: gl.createVertexArray(), buffers: {}, count: 0 };
+    gl.bindVertexArray(made.vertices);
+    let place = 0;
+    for (const [column, sizes] of Object.entries(LAYOUTS[kind])) {
+      const buffer = gl.createBuffer();
+      gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+      const stride = 4 * sizes.reduce((sum, size) => sum + (size === TINT ? 1 : size), 0);
+      let offset = 0;
+      for (const size of sizes) {
+        gl.enableVertexAttribArray(place);
+        if (size === TINT) gl.vertexAttribPointer(place, 4, gl.UNSIGNED_BYTE, true, stride, offset);
+        else gl.vertexAttribPointer(place, size, gl.FLOAT, false, stride, offset);
+        offset += size === TINT ? 4 : 4 * size;
+        place += 1;
+      }
+      made.buffers[column] = { buffer, stride };
+    }
+    return made;
+  }
+
+  fill(mark, column, data) {
+    const { gl } = this;
+    const { buffer, stride } = mark.buffers[column];
+    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+    gl.bufferData(gl.ARRAY_BUFFER, data, gl.DYNAMIC_DRAW);
+    mark.count = data.byteLength / stride;
+  }
+
+  // Draw with a camera into a box of the canvas: left, bottom, width, height.
+  see({ matrix, eye, thick, slack, nearer, focus }, [left, bottom, width, height]) {
+    const { gl, camera } = this;
+    gl.viewport(left, bottom, width, height);
+    camera.set(matrix);
+    camera.set([...eye, thick, width, height, slack, nearer], 16);
+    gl.bindBuffer(gl.UNIFORM_BUFFER, this.block);
+    gl.bufferData(gl.UNIFORM_BUFFER, camera, gl.DYNAMIC_DRAW);
+    this.focus = focus;
+  }
+
+  paint(name, mark, uniforms = {}, { mode = this.gl.TRIANGLES, blend = false, cull = false, solid = !blend, span } = {}) {
+    const { gl } = this;
+    const made = this.programs[name];
+    const count = span ? span[1] : mark.count;
+    if (!count) return;
+    (blend ? gl.enable : gl.disable).call(gl, gl.BLEND);
+    (cull ? gl.enable : gl.disable).call(gl, gl.CULL_FACE);
+    gl.depthMask(solid);
+    const places = this.uniforms(made);
+    gl.useProgram(made);
+    for (const [uniform, place] of places) {
+      const value = uniforms[uniform];
+      if (value === undefined) continue;
+      if (value.length === 16) gl.uniformMatrix4fv(place, false, value);
+      else if (value.length) gl[`uniform${value.length}fv`](place, value);
+      else gl.uniform1f(place, value);
+    }
+    gl.bindVertexArray(mark.vertices);
+    if (span) gl.drawElements(mode, span[1], gl.UNSIGNED_INT, 4 * span[0]);
+    else gl.drawArrays(mode, 0, count);
+    this.calls += 1;
+  }
+
+  render() {
+    if (!this.look) return;
+    const { gl, canvas, look, marks } = this;
+    this.calls = 0;
+    this.see(look, [0, 0, canvas.width, canvas.height]);
+    gl.depthMask(true);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    this.paint("faces", marks.land, { pose: HERE });
+    for (const [name, pose] of Object.entries(this.bodies)) if (pose) this.paint("faces", marks[name], { pose });
+    if (!look.ghost) this.paintWalls();
+    gl.bindTexture(gl.TEXTURE_2D, this.pavement);
+    this.paint("ground", marks.ground, { area: this.area });
+    if (look.ray) this.paint("sky", marks.sky, { below: 1, ray_from_corner: look.ray });
+    if (look.ghost) {
+      // The nearest walls alone are to be seen through.
+      gl.colorMask(false, false, false, false);
+      this.paintWalls();
+      gl.colorMask(true, true, true, true);
+      this.paintWalls();
+    }
+    for (const name of this.order) this.paintMark(marks[name]);
+    if (this.plan) this.paintPlan();
+    canvas.dataset.calls = this.calls;
+    this.stale = false;
+  }
+
+  paintWalls() {
+    const { gl, look, textured, indexed } = this;
+    const faded = look.ghost > 0 ? ":FADED" : "";
+    const uniforms = { ghost: look.ghost, cut: look.cut.slice(0, 4), slope: look.cut.slice(4) };
+    gl.bindTexture(gl.TEXTURE_2D_ARRAY, this.facades);
+    const how = { cull: true, blend: look.ghost > 0, solid: true };
+    this.paint(`walls:PLAIN${faded}`, this.marks.walls, uniforms, { ...how, span: [textured, indexed - textured] });
+    this.paint(`walls${faded}`, this.marks.walls, uniforms, { ...how, span: [0, textured] });
+  }
+
+  paintMark(mark) {
+    const { gl } = this;
+    const { scale } = this.look;
+    if (mark.kind === "points") {
+      const sizes = [mark.size * this.focus, ...mark.pixels.map((size) => scale * size)];
+      this.paint(mark.glows ? "points:GLOW_ROUND" : "points", mark, { sizes }, { mode: gl.POINTS, blend: true });
+    } else if (mark.kind === "lines") {
+      gl.depthFunc(mark.hidden ? gl.GREATER : gl.LEQUAL);
+      this.paint(mark.hidden ? "lines:DASHED" : "lines", mark, { width: mark.width * scale }, { blend: true });
+      gl.depthFunc(gl.LEQUAL);
+    } else {
+      this.paint("soft", mark, {}, { blend: true });
+    }
+  }
+
+  // The map from above, in a corner of the picture.
+  paintPlan() {
+    const { gl, canvas, inset, ratio, plan } = this;
+    const { left, top, width: side } = inset.getBoundingClientRect();
+    const box = [left, canvas.clientHeight - top - side, side, side].map((value) => Math.round(ratio * value));
+    gl.disable(gl.DEPTH_TEST);
+    gl.enable(gl.SCISSOR_TEST);
+    gl.scissor(...box);
+    gl.clearColor(...plan.back, 1);
+    gl.clear(gl.COLOR_BUFFER_BIT);
+    this.see(plan.camera, box);
+    for (const name of plan.order) this.paintMark(this.marks[name]);
+    gl.disable(gl.SCISSOR_TEST);
+    gl.enable(gl.DEPTH_TEST);
+  }
+}
+
+// Lines as the vertices of two triangles each.
+function corners(lines) {
+  const rows = new Uint32Array((CORNERS.length * lines.length * ROW) / LINE);
+  const floats = new Float32Array(rows.buffer);
+  let at = 0;
+  for (let from = 0; from < lines.length; from += LINE) {
+    for (const [end, side] of CORNERS) {
+      const ends = [from, from + 3];
+      rows.set(lines.subarray(ends[end], ends[end] + 3), at);
+      rows.set(lines.subarray(ends[1 - end], ends[1 - end] + 3), at + 3);
+      floats[at + 6] = side * (1 + end);
+      rows[at + 7] = lines[from + 6 + end];
+      rows.set(lines.subarray(from + 8, from + LINE), at + 8);
+      at += ROW;
+    }
+  }
+  return new Uint8Array(rows.buffer);
+}
