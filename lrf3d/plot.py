@@ -8,6 +8,7 @@ limits were set by hand. A metre is as long in x as in y. Further keywords, such
 Examples:
     >>> import lrf3d
     >>> from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
     >>> room = lrf3d.load_world("paper_room")
     >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], rng=0)
     >>> figure = Figure()
@@ -26,8 +27,10 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cbook import normalize_kwargs
 from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.markers import MarkerStyle
 from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
@@ -46,8 +49,11 @@ from lrf3d.world import World
 
 __all__ = ["estimate", "map", "png", "points", "run", "scan", "trajectory", "world"]
 
-UNDER_MAP, INSIDE, POINT = "#c3c8d0", "#eef0f3", "#6f7986"
-"""Colours of true walls under a map, of what walls enclose, and of reflection points."""
+INSIDE, POINT = "#eef0f3", "#6f7986"
+"""Colours of what walls enclose, and of reflection points."""
+
+BELOW: dict[str, Any] = {"color": "#c3c8d0", "linewidth": 1.0}
+"""How true walls are drawn under a map."""
 
 BEAM, HIT, PATH, ROBOT = "#f2a03d", "#d6361f", "#2f6fb3", "#16324f"
 """Colours of beams, of their returns, of the robot's path and of the robot."""
@@ -214,16 +220,20 @@ def estimate(estimate: EstimatedTrajectory, ax: Axes | None = None, **style: Any
 
 def run(run: Run, ax: Axes | None = None) -> Axes:
     """Plot a run: its map, the robot's path and its estimate, over the true walls."""
-    poses = run.trajectory.poses
-    ax = world(Sight.of_run(run).world, ax, poses=poses, color=UNDER_MAP, linewidth=1.0)
+    ax = world(Sight.of_run(run).world, ax, poses=run.trajectory.poses, **BELOW)
     if run.maps:
         map(run.map, ax, objects=run.lasting_objects[-1])
-    if run.estimate is None:
+    return paths(run.trajectory.poses, run.estimate, ax)
+
+
+def paths(poses: Float, believed: EstimatedTrajectory | None, ax: Axes) -> Axes:
+    """Plot the poses (k, 3) of a drive, and its estimate where there is one."""
+    if believed is None:
         return trajectory(poses, ax)
     # Of a recorded drive the truth is not known: its poses are the estimate.
-    beside = {"linewidth": 2.8, "label": TRUTH} if run.knows_truth else {"alpha": 0.0, "label": "_"}
-    trajectory(poses, ax, **beside)
-    return estimate(run.estimate, ax)
+    if not np.array_equal(poses, believed.poses):
+        trajectory(poses, ax, linewidth=2.8, label=TRUTH)
+    return estimate(believed, ax)
 
 
 def png(value: World | LineMap | LaserScan | Run) -> bytes:
@@ -262,10 +272,11 @@ def _shown(ax: Axes) -> Axes:
 
 
 def _styled(usual: dict[str, Any], style: dict[str, Any]) -> dict[str, Any]:
-    """Keywords that are given before the usual ones, whichever of their two names they have."""
-    short = {"c": "color", "colors": "color", "lw": "linewidth", "linewidths": "linewidth"}
-    short |= {"ls": "linestyle", "linestyles": "linestyle"}
-    return {**usual, **{short.get(name, name): value for name, value in style.items()}}
+    """Keywords that are given before the usual ones, whichever of their names they have."""
+    given = normalize_kwargs(normalize_kwargs(style, Line2D), LineCollection)
+    if "colors" in given:
+        given["color"] = given.pop("colors")
+    return {**usual, **given}
 
 
 def _draw_walls(ax: Axes, segments: Float, kinds: Any, style: dict[str, Any]) -> None:

@@ -10,8 +10,6 @@ from string import ascii_lowercase
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from shapely import STRtree, linestrings
-from shapely import points as shapely_points
 
 from lrf3d import plot
 from lrf3d.geometry import Float
@@ -19,7 +17,6 @@ from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapping import LineMap
 from lrf3d.robot import EstimatedTrajectory
 from lrf3d.run import Run
-from lrf3d.scene.estimate import TRUTH
 from lrf3d.scene.structures import Sight
 from lrf3d.sheet import FAINT, INK, MARGIN, add_legend, dressed, plain, save_figure, sheet
 from lrf3d.text import counted
@@ -33,10 +30,6 @@ LEAST, MOST = 2.0, 12.0
 
 AROUND = np.array([0.9, 1.6])
 """Room beside and above and below all panels, for labels, headline and legend [inches]."""
-
-HALF_LINE, LEAST_BESIDE = 2.0, 0.02
-"""How far beside a wall of a map its line covers points [1/72 inch], and the share of points beside
-the lines from which on they are drawn."""
 
 HALF = np.array([-0.5, 0.5])
 """The ends of an axis, from its middle, in its length."""
@@ -137,16 +130,10 @@ def draw_map(
         [*known, poses[:, :2], estimated[:, :2]], 1, name, "  ·  ".join(words)
     )
     if world is not None:
-        plot.world(world, ax, poses=poses, color=plot.UNDER_MAP, linewidth=1.0)
-    plot.points(_beside(points, line_map, ax), ax)
+        plot.world(world, ax, poses=poses, **plot.BELOW)
+    plot.points(points, ax)
     plot.map(line_map, ax, objects=objects)
-    if estimate is None:
-        plot.trajectory(poses, ax)
-    else:
-        # Of a recorded drive the truth is not known: its poses are the estimate.
-        if not np.array_equal(poses, estimate.poses):
-            plot.trajectory(poses, ax, linewidth=2.8, label=TRUTH)
-        plot.estimate(estimate, ax)
+    plot.paths(poses, estimate, ax)
     return finished(figure, [ax], path)
 
 
@@ -167,7 +154,7 @@ def draw_noise_levels(
     _head(axes[0], f"(a)  the world and the first scan, $d_{{max}}$ = {runs[0].lrf.range_max:g} m")
     panels = zip(axes[1:], ascii_lowercase[1:], runs, sigmas, strict=False)
     for ax, letter, run, sigma in panels:
-        plot.world(world, ax, poses=poses, color=plot.UNDER_MAP, linewidth=1.0)
+        plot.world(world, ax, poses=poses, **plot.BELOW)
         plot.points(_reflections(run), ax)
         plot.map(run.map, ax, objects=run.lasting_objects[-1] if run.maps else None)
         plot.trajectory(poses, ax)
@@ -216,22 +203,6 @@ def _ends(segments: Float) -> Float:
 def _bulk(points: Float) -> Float:
     """Corners of the box that holds all points (n, 2) but the outermost half percent a side."""
     return np.percentile(points, [0.5, 99.5], axis=0) if len(points) else points
-
-
-def _beside(points: Float, line_map: LineMap, ax: Axes) -> Float:
-    """The points (n, 2) that the lines of a map do not cover; none where these are too few to see.
-
-    A legend that names points which nobody sees is a riddle.
-    """
-    low, high = np.column_stack([ax.get_xlim(), ax.get_ylim()])
-    metres = ((high - low) / ax.bbox.size).max() * ax.figure.dpi / 72.0
-    inside = points[((points >= low) & (points <= high)).all(axis=1)]
-    shown = inside[:: max(1, len(inside) // plot.MOST_POINTS)]
-    tree = STRtree(linestrings(line_map.segments.reshape(-1, 2, 2)))
-    covered = tree.query(shapely_points(shown), "dwithin", HALF_LINE * metres)[0]
-    beside = np.ones(len(shown), np.bool_)
-    beside[covered] = False
-    return shown[beside] if beside.sum() > LEAST_BESIDE * len(shown) else points[:0]
 
 
 def _reflections(run: Run) -> Float:

@@ -15,7 +15,6 @@ from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.errors import InputError
 from lrf3d.exporting import export_run
 from lrf3d.gltf import run_glb
-from lrf3d.gltf.stage import _cut_at_shadows
 from lrf3d.io import save_run
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.mapping import LineMap
@@ -49,10 +48,19 @@ RUNS = {
     ),
     "of one scan": lambda: city_run().part(np.array([0])),
     "far away": lambda: city_run(FAR),
+    "with an estimate": lambda: estimated(city_run()),
+    "of one beam": lambda: one_beam_run(),
     "that sees nothing": lambda: run_of(
         World([[0, 0, 1, 0]]), [0, 1, 2], [(9, 9, 0), (9, 10, 1), (9, 11, 2)], range_max=2.0
     ),
 }
+
+
+def one_beam_run():
+    run = city_run()
+    lrf = LaserRangeFinder(angle_min=0.0, angle_max=0.0, beams=1, range_max=run.lrf.range_max)
+    ranges, walls = run.ranges[:, 45:46], run.walls[:, 45:46]
+    return replace(run, lrf=lrf, ranges=ranges, truth=ranges, walls=walls)
 
 
 @pytest.fixture(scope="module")
@@ -78,14 +86,6 @@ def test_the_khronos_validator_finds_no_fault_in_worlds(tmp_path):
     for path in paths:
         path.write_bytes(glb_bytes(load_scenario(path.stem).world))
     assert faults(*paths) == []
-
-
-@needs_validator
-def test_the_khronos_validator_finds_a_fault_where_there_is_one(tmp_path):
-    broken = pygltflib.GLTF2.load_from_bytes(run_glb(city_run()))
-    broken.accessors[0].count += 10_000_000
-    broken.save_binary(tmp_path / "broken.glb")
-    assert faults(tmp_path / "broken.glb")
 
 
 class Glb:
@@ -191,18 +191,6 @@ def test_everything_has_the_light_of_the_film_and_needs_no_lamp():
     assert all("KHR_materials_unlit" in material.extensions for material in gltf.materials)
 
 
-def test_walls_are_cut_where_their_shadows_end():
-    rows = np.zeros((3, 3, 16), np.float32)
-    rows[:, :, :2] = [[0, 0], [4, 0], [0, 3]]
-    rows[:, :, 15] = [[-1, -2, -3], [-1, 1, 3], [2, -2, 0.5]]
-    cut = _cut_at_shadows(rows)
-    assert len(cut) == 7
-    low, high = cut[..., 15].min(axis=1), cut[..., 15].max(axis=1)
-    assert (np.minimum(high, -low) < 1e-6).all()
-    a, b, c = np.moveaxis(cut[..., :2], 1, 0)
-    assert np.linalg.det(np.stack([b - a, c - a], axis=1)).sum() == pytest.approx(3 * 12.0)
-
-
 def test_the_map_grows_and_ends_as_the_map_of_the_run():
     run = simulated("paper_room", 1)
     glb = Glb(run_glb(run))
@@ -255,13 +243,6 @@ def test_the_estimate_stands_where_the_robot_believed_itself_to_be():
     assert "trail" not in {each.name for each in alone.gltf.nodes}
 
 
-@needs_validator
-def test_the_khronos_validator_finds_no_fault_in_an_estimate(tmp_path):
-    path = tmp_path / "estimate.glb"
-    export_run(estimated(city_run()), "glb", path)
-    assert faults(path) == []
-
-
 def test_the_same_run_gives_the_same_bytes():
     assert run_glb(city_run()) == run_glb(city_run())
 
@@ -272,15 +253,6 @@ def test_fewer_scans_are_kept_where_that_is_asked_for():
     assert len(glb.nodes("beams")) == len(range(0, len(run), 4))
     with pytest.raises(InputError, match="every 0"):
         run_glb(run, every=0)
-
-
-def test_a_range_finder_of_one_beam_is_drawn():
-    run = city_run()
-    lrf = LaserRangeFinder(angle_min=0.0, angle_max=0.0, beams=1, range_max=run.lrf.range_max)
-    middle = slice(45, 46)
-    ranges, walls = run.ranges[:, middle], run.walls[:, middle]
-    single = replace(run, lrf=lrf, ranges=ranges, truth=ranges, walls=walls)
-    assert len(Glb(run_glb(single)).nodes("beams")) == len(run)
 
 
 def test_the_command_writes_the_file_and_refuses_what_is_no_run(tmp_path):

@@ -61,18 +61,6 @@ def test_a_failing_worker_leaves_no_file(tmp_path, monkeypatch):
 
 
 @needs_gl
-def test_an_error_in_progress_ends_all_and_leaves_no_file(tmp_path):
-    def stop(done, total):
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        video.render_video(
-            city_run(), tmp_path / "a.mp4", size=(64, 36), fps=4, workers=1, progress=stop
-        )
-    assert os.listdir(tmp_path) == []
-
-
-@needs_gl
 def test_workers_end_when_their_caller_is_killed(tmp_path):
     script = (
         "import sys; sys.path.insert(0, sys.argv[1])\n"
@@ -166,16 +154,6 @@ def test_an_animation_has_its_frames_its_size_and_its_length(tmp_path, ending, f
 
 
 @needs_gl
-@pytest.mark.slow
-def test_a_webp_of_a_scene_that_stands_still_is_as_long_as_the_film(tmp_path):
-    run = room_run(stops=True)
-    path = tmp_path / "run.webp"
-    video.render_video(run, path, size=(64, 36), fps=10, view="top", samples=0, workers=3)
-    _, times = pictures_of(path)
-    assert sum(times) == round(1000 * len(video.Timeline(run).frame_times(10)) / 10)
-
-
-@needs_gl
 @pytest.mark.parametrize("ending", [".mp4", ".webp", ".gif"])
 @pytest.mark.parametrize("frames", [1, pytest.param(2, marks=pytest.mark.slow), 3])
 def test_films_may_be_as_short_as_a_frame(tmp_path, ending, frames):
@@ -195,25 +173,6 @@ def test_films_may_be_as_short_as_a_frame(tmp_path, ending, frames):
             pixels = np.array(film.convert("RGB")).astype(int)
             alone = video.frame(run, 0.0, size=(128, 72), samples=0).astype(int)
             assert np.abs(pixels - alone).mean() < 8.0
-
-
-@needs_gl
-@pytest.mark.parametrize("ending", [".gif", ".webp"])
-def test_progress_goes_once_from_start_to_end(tmp_path, ending):
-    seen = []
-    video.render_video(
-        room_run(),
-        tmp_path / f"a{ending}",
-        size=(64, 36),
-        fps=10,
-        samples=0,
-        workers=1,
-        progress=lambda done, total: seen.append((done, total)),
-    )
-    total = seen[0][1]
-    assert {frames for _, frames in seen} == {total}
-    done = [frames for frames, _ in seen]
-    assert done == sorted(done) and done[-1] == total
 
 
 @needs_gl

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from estimates import estimated
+from test_glb import one_beam_run
 from test_render import city_run
 from yard import OBSTACLE, YARD
 
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
-from lrf3d.laser import LaserRangeFinder
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
 from lrf3d.scenario import load_scenario
@@ -125,13 +125,8 @@ def test_a_page_gets_what_moved_and_what_the_robot_believed():
 
 
 def test_runs_without_a_map_or_of_one_beam_are_shown():
-    run = city_run()
-    lrf = LaserRangeFinder(angle_min=0.0, angle_max=0.0, beams=1, range_max=run.lrf.range_max)
-    middle = slice(45, 46)
-    ranges, walls = run.ranges[:, middle], run.walls[:, middle]
-    single = replace(run, lrf=lrf, ranges=ranges, truth=ranges, walls=walls)
-    bare = replace(run, snapshot_scans=(), maps=())
-    shown = [read(Played(run, stage_of(run), 1.0).answer(Wanted(), 0.0)) for run in (single, bare)]
+    runs = one_beam_run(), replace(city_run(), snapshot_scans=(), maps=())
+    shown = [read(Played(run, stage_of(run), 1.0).answer(Wanted(), 0.0)) for run in runs]
     assert all(each["marks"] for each in shown)
     assert shown[1]["words"]["map"] == "no map yet"
 

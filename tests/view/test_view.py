@@ -14,10 +14,8 @@ from test_glb import simulated
 from test_render import city_run
 from yard import OBSTACLE, YARD
 
-from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.errors import MissingLibraryError, OutputError
 from lrf3d.io import save_run
-from lrf3d.robot import Trajectory
 from lrf3d.scenario import load_scenario
 from lrf3d.scene.timeline import Timeline
 from lrf3d.view.hand_drive import HandDrive
@@ -128,35 +126,6 @@ def test_the_page_lists_its_keys_and_saves_pictures(played, chromium):
         until(lambda: page.evaluate("Boolean(document.fullscreenElement)"))
         page.click(".lrf3d-full")
         until(lambda: not page.evaluate("Boolean(document.fullscreenElement)"))
-
-
-@pytest.mark.slow
-@needs_browser
-def test_four_hundred_buildings_are_a_few_draw_calls(tmp_path, chromium):
-    house = (
-        '[[object]]\nname = "{0} {1}"\npoints = [[{2}, {3}], [{4}, {3}], [{4}, {5}], [{2}, {5}]]\n'
-    )
-    house += "closed = true\nheight = 7.0\n"
-    places = [(i, j, 20 * i, 20 * j, 20 * i + 10, 20 * j + 9) for i in range(20) for j in range(20)]
-    robot = "[robot]\nroute = [[15, 15], [75, 15]]\nspeed = 2.0\n"
-    town = "".join(house.format(*place) for place in places) + robot
-    (tmp_path / "town.toml").write_text(town)
-    with served(tmp_path / "town.toml") as address, opened(chromium, address) as page:
-        until(lambda: page.evaluate("document.querySelector('canvas').dataset.calls") or None)
-        drawn = page.evaluate("({...document.querySelector('canvas').dataset})")
-        assert int(drawn["calls"]) < 60
-
-
-@pytest.mark.slow
-@needs_browser
-def test_the_page_shows_what_moved_in_a_run(tmp_path, chromium):
-    way = Trajectory([0.0, 4.0], [(-22.0, 3.0, 0.0), (-14.0, 3.0, 0.0)])
-    save_run(
-        replace(city_run(), obstacles=(DynamicObstacle(round_outline(0.4), way),)),
-        tmp_path / "run.npz",
-    )
-    with served(tmp_path) as address, opened(chromium, address) as page:
-        until(lambda: number(page, "t") > 0.2)
 
 
 def page_end(run):
