@@ -16,14 +16,10 @@ from lrf3d.laser.noise import SIGMA
 from lrf3d.localization import OdometryNoise
 from lrf3d.localization.lines import KnownLines, LocalLines
 from lrf3d.localization.pairing import STRATEGIES, Pairs, pair_lines
-from lrf3d.mapping import LineMapper
 from lrf3d.pose import Pose
 from lrf3d.scenario import load_scenario
 from lrf3d.world import World
 from lrf3d.world.generators import BLOCK_SIDE, city_blocks, generate_city
-
-ROBOT = Pose(0.0, 0.0, 0.0)
-"""The robot's pose in its own frame."""
 
 STRIDE, SCANS = 0.8, 300
 """From one scan to the next on a drive through a town [m], as in the city, and its scans."""
@@ -56,17 +52,15 @@ def pair_drive(
     ``same_share`` is the share of the scans in which the pairs are just those of ``all``.
     """
     rng = np.random.default_rng(seed)
-    known, caster, extract = KnownLines.from_world(world), PlanarCaster(world), LineMapper()
+    known, caster = KnownLines.from_world(world), PlanarCaster(world)
     noise, odometry = ProportionalNoise(SIGMA), OdometryNoise()
     range_noise = RangeNoise.from_sigma(SIGMA, 0.0, lrf.range_max)
-    spacing = (lrf.angle_max - lrf.angle_min) / (lrf.beams - 1)
     found: dict[str, list[Pairs]] = {strategy: [] for strategy in STRATEGIES}
     spent: dict[str, list[float]] = {strategy: [] for strategy in STRATEGIES}
     seen: dict[str, Int | None] = dict.fromkeys(STRATEGIES)
     for pose in poses:
         scan = noise(caster.cast(lrf, pose), rng)
-        in_robot_frame = type(scan)(ROBOT, scan.angles, scan.ranges, range_max=lrf.range_max)
-        local = LocalLines.from_map(extract.local_map(in_robot_frame), range_noise, spacing=spacing)
+        local = LocalLines.from_scan(scan, range_noise)
         # A step errs as much ahead as to the side, so it does so along the world's axes too.
         predicted = Pose(*(pose + odometry(np.zeros((1, 3)), rng)[0]).tolist())
         for k in rng.permutation(len(STRATEGIES)):

@@ -5,7 +5,7 @@ is never used.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from lrf3d.errors import InputError, expect, shown
 from lrf3d.geometry import Float, Int, Value, is_finite, wrap_angle
 from lrf3d.laser import LaserScan, RangeNoise
-from lrf3d.laser.noise import USUAL_RANGE
 from lrf3d.localization.estimate import PoseEstimate
 from lrf3d.localization.lines import KnownLines, LocalLines
 from lrf3d.localization.pairing import (
@@ -23,16 +22,7 @@ from lrf3d.localization.pairing import (
     innovation,
     pair_lines,
 )
-from lrf3d.mapping import LineMapper
-from lrf3d.pose import Pose, as_poses
-
-ROBOT = Pose(0.0, 0.0, 0.0)
-"""The robot's pose in its own frame."""
-
-
-LEAST_FLOOR = 0.001
-"""Least floor of the noise [m] when lines are extracted: walls that are drawn in whole millimetres
-are not straighter than that."""
+from lrf3d.pose import as_poses
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,7 +158,6 @@ class Localiser:
         self.pairs: Pairs | None = None
         self.used = 0
         self._step_covariance = noise.covariance
-        self._mapper: LineMapper | None = None
 
     def __repr__(self) -> str:
         return f"Localiser({len(self.known)} known lines, at {self.estimate.pose})"
@@ -190,14 +179,7 @@ class Localiser:
             InputError: It is not a scan.
         """
         expect(scan, LaserScan, "scan")
-        if self._mapper is None:
-            # Eq. 7 gives the noise at range_max.
-            reach = scan.range_max if scan.range_max < np.inf else USUAL_RANGE
-            floor = max(self._range_noise.floor, LEAST_FLOOR)
-            self._mapper = LineMapper(sigma=self._range_noise.growth * reach, floor=floor)
-        spacing = float(np.median(np.abs(np.diff(scan.angles)))) if len(scan.angles) > 1 else None
-        local_map = self._mapper.local_map(replace(scan, pose=ROBOT))
-        local = LocalLines.from_map(local_map, self._range_noise, spacing=spacing)
+        local = LocalLines.from_scan(scan, self._range_noise)
         pose, seen = self.estimate.pose, None if self.pairs is None else self.pairs.objects
         self.pairs = pair_lines(
             local, self.known, pose, self.estimate.covariance, strategy=self._strategy, seen=seen

@@ -6,21 +6,12 @@ a polyline of each, and Eq. 9 decides which segments of scan and map are one: G_
 
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.geometry import (
-    Bool,
-    Float,
-    Int,
-    cross,
-    directions,
-    fit_line,
-    lengths,
-    principal_direction,
-)
+from lrf3d.geometry import Bool, Float, Int, cross, directions, fit_line, lengths
 from lrf3d.laser import LaserScan, beam_directions
 from lrf3d.mapping.line_map import LineMap, solid_map
 
@@ -28,89 +19,38 @@ LEAST_LENGTH = 1e-9
 """Length [m] that a segment is longer than: points nearer to each other have no direction."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SegmentTable:
-    """Line segments, a row each.
-
-    Args:
-        ends: (m, 4) x1 y1 x2 y2 [m]; the laser saw the segment from its left.
-        moments: (m, 6) weight, mean x, mean y [m] and scatter xx, xy, yy about the mean. They add
-            up, so a line that is fitted to them does not depend on the order of merging.
-        points: (m,) number of points.
-        unions: (m,) the union, or object, that each belongs to.
-    """
+class SegmentTable(NamedTuple):
+    """Segments (m, 4) [m], seen from their left, their numbers of points (m,), and unions (m,)."""
 
     ends: Float
-    moments: Float
     points: Int
     unions: Int
 
     @classmethod
     def empty(cls) -> "SegmentTable":
         """A table of no rows."""
-        return cls(np.zeros((0, 4)), np.zeros((0, 6)), *np.zeros((2, 0), np.int64))
-
-    def __len__(self) -> int:
-        return len(self.ends)
+        return cls(np.zeros((0, 4)), *np.zeros((2, 0), np.int64))
 
     def take(self, rows: Int) -> "SegmentTable":
         """The table of some rows."""
-        return SegmentTable(*(getattr(self, column.name)[rows] for column in fields(self)))
+        return SegmentTable._make(column[rows] for column in self)
 
     def join(self, other: "SegmentTable") -> "SegmentTable":
         """The rows of this table and then those of another."""
-        pairs = ((getattr(self, one.name), getattr(other, one.name)) for one in fields(self))
-        return SegmentTable(*(np.concatenate(pair) for pair in pairs))
+        return SegmentTable._make(np.concatenate(pair) for pair in zip(self, other, strict=True))
 
     def as_map(self, place: Float) -> LineMap:
         """The map of the segments around a place (2,) [m] in the world."""
         return solid_map(self.ends + np.tile(place, 2), self.unions, self.points)
 
-    def shifted(self, offset: Float) -> "SegmentTable":
-        """The table with all places moved by an offset (2,) [m]."""
-        moments = self.moments.copy()
-        moments[:, 1:3] += offset
-        return replace(self, ends=self.ends + np.tile(offset, 2), moments=moments)
 
-
-def measure_moments(points: Float, weights: Float) -> Float:
-    """Moments (6,) of points (n, 2) with weights (n,)."""
-    total = weights.sum()
-    mean = weights @ points / total
-    centred = points - mean
-    xx, xy, yy = (weights @ (centred[:, i] * centred[:, j]) for i, j in ((0, 0), (0, 1), (1, 1)))
-    return np.array([total, mean[0], mean[1], xx, xy, yy])
-
-
-def add_moments(one: Float, other: Float) -> Float:
-    """Moments (6,) of the points of two moments (6,) together."""
-    total = one[0] + other[0]
-    share = other[0] / total
-    dx, dy = other[1] - one[1], other[2] - one[2]
-    spread = one[0] * share
-    return np.array(
-        [
-            total,
-            one[1] + share * dx,
-            one[2] + share * dy,
-            one[3] + other[3] + spread * dx * dx,
-            one[4] + other[4] + spread * dx * dy,
-            one[5] + other[5] + spread * dy * dy,
-        ]
-    )
-
-
-def fit_ends(moments: Float, ends: Float) -> Float:
-    """The segment (4,) on the best line of moments (6,) that spans all of ends (k, 4).
-
-    It runs the way that the first of the ends do.
-    """
-    mean = moments[1:3]
-    unit = principal_direction(moments[3], moments[4], moments[5])
-    if unit @ (ends[0, 2:] - ends[0, :2]) < 0.0:
+def fit_segment(points: Float, along: Float) -> Float:
+    """The segment (4,) on the best line of points (n, 2) that spans them, along a direction."""
+    mean, unit = fit_line(points)
+    if unit @ along < 0.0:
         unit = -unit
-    along = (ends.reshape(-1, 2) - mean) @ unit
-    return np.concatenate([mean + along.min() * unit, mean + along.max() * unit])
+    places = (points - mean) @ unit
+    return np.concatenate([mean + places.min() * unit, mean + places.max() * unit])
 
 
 def split_and_merge(points: Float, split: float) -> SegmentTable:
@@ -122,12 +62,14 @@ def split_and_merge(points: Float, split: float) -> SegmentTable:
     segment.
     """
     cuts = _merge(points, _split(points, split), split)
-    rows = [_segment(points[first : last + 1]) for first, last in pairwise(cuts)]
-    rows = [row for row in rows if np.hypot(*(row[0][2:] - row[0][:2])) > LEAST_LENGTH]
-    if not rows:
-        return SegmentTable.empty()
-    ends, moments, counts = (np.array(column) for column in zip(*rows, strict=True))
-    return SegmentTable(ends, moments, counts, np.zeros(len(rows), np.int64))
+    ends = [
+        fit_segment(points[first : last + 1], points[last] - points[first])
+        for first, last in pairwise(cuts)
+    ]
+    table = SegmentTable(
+        np.reshape(ends, (-1, 4)), 1 + np.diff(cuts), np.zeros(len(ends), np.int64)
+    )
+    return table.take(np.flatnonzero(lengths(table.ends) > LEAST_LENGTH))
 
 
 def _split(points: Float, split: float) -> list[int]:
@@ -169,15 +111,6 @@ def _largest_distance(points: Float) -> float:
     """How far [m] the farthest of points (n, 2) lies off their best line."""
     mean, unit = fit_line(points)
     return float(np.abs(cross(unit, points - mean)).max())
-
-
-def _segment(points: Float) -> tuple[Float, Float, int]:
-    """The ends (4,), moments (6,) and number of points (n, 2) of a polyline's segment."""
-    moments = measure_moments(points, np.ones(len(points)))
-    span = np.concatenate([points[:-1], points[1:]], axis=1)
-    # Two equal points span nothing; the chord of the whole piece gives the direction.
-    chord = np.concatenate([points[0], points[-1]])[None]
-    return fit_ends(moments, np.concatenate([chord, span])), moments, len(points)
 
 
 def ordered_returns(scan: LaserScan) -> tuple[Int, bool]:
@@ -226,28 +159,22 @@ def _returns(scan: LaserScan) -> Float:
     return np.asarray(ranges[:, None] * beam_directions(scan.pose.theta, scan.angles))
 
 
-@dataclass(frozen=True, slots=True)
-class SplitMergeExtractor:
-    """The polylines of a scan: clusters by a fixed gap, split-and-merge.
-
-    Args:
-        gap: Two consecutive points farther apart than this [m] are of two clusters.
-        split: A polyline is split where a point is farther off than this [m].
-    """
+class SplitMergeExtractor(NamedTuple):
+    """The polylines of a scan: clusters by a fixed gap [m], split [m] and merged."""
 
     gap: float
     split: float
 
     def local_map(self, scan: LaserScan) -> LineMap:
         """The polylines of a scan in the world."""
-        return self(scan).as_map(np.array(scan.pose[:2]))
+        return self.polylines(scan).as_map(np.array(scan.pose[:2]))
 
-    def __call__(self, scan: LaserScan) -> SegmentTable:
+    def polylines(self, scan: LaserScan) -> SegmentTable:
         """The polylines of a scan, in the world's directions around the laser."""
         points, table = _returns(scan), SegmentTable.empty()
         for number, beams in enumerate(clusters(scan, self.gap)):
             polyline = split_and_merge(points[beams], self.split)
-            table = table.join(replace(polyline, unions=np.full(len(polyline), number)))
+            table = table.join(polyline._replace(unions=polyline.unions + number))
         return table
 
 
@@ -277,26 +204,17 @@ def _distance(points: Float, point: Float) -> Float:
 
 def unite(table: SegmentTable, row: int, other: int) -> None:
     """Merge the second row into the first: the line through the four ends, which are projected."""
-    ends = table.ends[[row, other]]
-    mean, unit = fit_line(ends.reshape(-1, 2))
-    if unit @ directions(ends)[0] < 0.0:
-        unit = -unit
-    along = (ends.reshape(-1, 2) - mean) @ unit
-    table.ends[row] = np.concatenate([mean + along.min() * unit, mean + along.max() * unit])
-    table.moments[row] = add_moments(table.moments[row], table.moments[other])
+    ends = table.ends[[row, other]].reshape(-1, 2)
+    table.ends[row] = fit_segment(ends, ends[1] - ends[0])
     table.points[row] += table.points[other]
     table.points[other] = 0
     table.unions[table.unions == table.unions[other]] = table.unions[row]
 
 
 class PaperMapper:
-    """The map of section 3.1.
+    """The map of section 3.1, by T and R of Eq. 9 [m].
 
-    Args:
-        extract: Finds the polylines of a scan.
-        length: T of Eq. 9 [m].
-        distance: R of Eq. 9 [m].
-        least: Segments with fewer points than this are kept back until they have more.
+    Segments with fewer points than the least are kept back until they have more.
     """
 
     def __init__(
@@ -304,25 +222,27 @@ class PaperMapper:
     ) -> None:
         self._extract, self._least = extract, least
         self._length, self._distance = length, distance
-        self._table, self._origin = SegmentTable.empty(), np.zeros(2)
+        self._origin = np.zeros(2)
         self._map: LineMap | None = None
+        self.table = SegmentTable.empty()
+        """All segments, around the map's origin."""
 
     def update(self, scan: LaserScan) -> None:
         """Unite the map with the local map of a scan."""
         place = np.array(scan.pose[:2])
-        if not len(self._table):
+        if not len(self.table.ends):
             # Whole metres, so that subtracting the origin and adding it again loses nothing.
             self._origin = np.round(place)
-        self.add(self._extract(scan).shifted(place - self._origin))
+        local = self._extract.polylines(scan)
+        self.add(local._replace(ends=local.ends + np.tile(place - self._origin, 2)))
 
     def add(self, local: SegmentTable) -> None:
         """Unite the map with segments around its origin."""
-        old = self._table
-        unions = local.unions + 1 + old.unions.max(initial=-1)
-        table = old.join(replace(local, unions=unions))
+        unions = local.unions + 1 + self.table.unions.max(initial=-1)
+        table = self.table.join(local._replace(unions=unions))
         # Only fresh and merged segments are compared: the others were compared before. The loop
         # ends, since each merge takes one segment away.
-        waiting = deque(range(len(old), len(table)))
+        waiting = deque(range(len(self.table.ends), len(table.ends)))
         while waiting:
             row = waiting.popleft()
             if not table.points[row]:
@@ -333,17 +253,12 @@ class PaperMapper:
             if fits.any():
                 unite(table, row, int(fits.argmax()))
                 waiting.append(row)
-        self._table, self._map = table.take(np.flatnonzero(table.points)), None
-
-    @property
-    def table(self) -> SegmentTable:
-        """All segments, around the map's origin."""
-        return self._table
+        self.table, self._map = table.take(np.flatnonzero(table.points)), None
 
     @property
     def map(self) -> LineMap:
         """The segments that have enough points, in the world."""
         if self._map is None:
-            shown = np.flatnonzero(self._table.points >= self._least)
-            self._map = self._table.take(shown).as_map(self._origin)
+            shown = np.flatnonzero(self.table.points >= self._least)
+            self._map = self.table.take(shown).as_map(self._origin)
         return self._map

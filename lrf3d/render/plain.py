@@ -13,10 +13,11 @@ from PIL import Image
 from lrf3d.casting.triangle_rays import TriangleRays
 from lrf3d.geometry import Float, Single
 from lrf3d.render.fill import Surfaces, fill_discs, fill_triangles, shade
+from lrf3d.render.packing import mark_of, walls_of
 from lrf3d.render.pictures import Picture
 from lrf3d.scene import look
 from lrf3d.scene.facades import layers
-from lrf3d.scene.shapes import Body, Cut, Lens, Lines, Mark, Painted, Points, Seen, Soft, single
+from lrf3d.scene.shapes import Body, Cut, Lens, Lines, Mark, Points, Seen, Soft, single
 from lrf3d.scene.stage import Stage
 
 _LIFTED = 0.02
@@ -42,7 +43,10 @@ class PlainRenderer:
     def __init__(self, stage: Stage, size: tuple[int, int]) -> None:
         self._size = size
         self._scale = max(min(size) / 720.0, look.LEAST_SCALE)
-        self._corners = np.concatenate([_triangles(stage.walls), _triangles(stage.roofs)])
+        quads = walls_of(stage.walls).reshape(-1, 4, 16)[:, [0, 1, 2, 0, 2, 3]]
+        self._corners = np.concatenate(
+            [quads.reshape(-1, 3, 16), walls_of(stage.roofs).reshape(-1, 3, 16)]
+        )
         self._rays = TriangleRays(single(self._corners[..., :3]))
         indoor, ground = stage.structures.indoor, stage.ground
         haze, zenith = (
@@ -135,33 +139,25 @@ class PlainRenderer:
         fill_discs(rows[shown], canvas.colours, canvas.near)
 
     def _draw_lines(self, canvas: _Canvas, lens: Lens, lines: Lines) -> None:
-        starts, ends = lines.starts.astype(float), lines.ends.astype(float)
-        first, last = (_projected(each, lens, 0.0, canvas)[0][:, 2] for each in (starts, ends))
+        rows = mark_of(lines).rows.astype(float)
+        here, there, turn, tint, side = np.split(rows, [3, 6, 7, 11], axis=1)
+        first, last = (each @ lens.matrix[3, :3] + lens.matrix[3, 3] for each in (here, there))
         # What lies behind the eye is cut off.
         share = (1.01 * _NEAR - first) / np.where(last == first, 1.0, last - first)
-        cut = starts + share[:, None] * (ends - starts)
-        starts, ends = (
+        cut = here + share[:, None] * (there - here)
+        here, there = (
             np.where((depth < _NEAR)[:, None], cut, each)
-            for depth, each in ((first, starts), (last, ends))
+            for depth, each in ((first, here), (last, there))
         )
-        (a, a_near), (b, b_near) = (
-            _projected(each, lens, lens.nearer, canvas) for each in (starts, ends)
-        )
-        way = b[:, :2] - a[:, :2]
-        across = np.column_stack([-way[:, 1], way[:, 0]])
-        across *= (
-            0.5 * max(lines.width * self._scale, 1.0) / np.maximum(np.hypot(*way.T), 1e-9)[:, None]
-        )
-        rows = np.empty((len(a), 6, 7))
-        for corner, (at_end, side) in enumerate(
-            [(0, 1), (1, 1), (1, -1), (0, 1), (1, -1), (0, -1)]
-        ):
-            rows[:, corner, :2] = (b if at_end else a)[:, :2] + side * across
-            rows[:, corner, 2] = b_near if at_end else a_near
-            rows[:, corner, 3:6], rows[:, corner, 6] = lines.colours, lines.opacities[:, at_end]
-        rows = rows[(np.maximum(first, last) > _NEAR) & _faces(lines.starts, lines.sides, lens)]
+        a, near = _projected(here, lens, lens.nearer, canvas)
+        way = (_projected(there, lens, lens.nearer, canvas)[0] - a)[:, :2]
+        half = 0.5 * max(lines.width * self._scale, 1.0) * np.sign(turn)
+        across = np.column_stack([-way[:, 1], way[:, 0]]) * half
+        a[:, :2] += across / np.maximum(np.hypot(*way.T), 1e-9)[:, None]
+        drawn = np.column_stack([a[:, :2], near, tint]).reshape(-1, 3, 7)
+        shown = (np.maximum(first, last) > _NEAR) & _faces(rows[:, :3], side, lens)
         test = _BEHIND if lines.hidden else _NEARER
-        fill_triangles(rows.reshape(-1, 3, 7), test, False, canvas.colours, canvas.near)
+        fill_triangles(drawn[shown[::3]], test, False, canvas.colours, canvas.near)
 
 
 def _sunk(corners: Single, cut: Cut) -> Single:
@@ -179,7 +175,7 @@ def _fixed(lens: Lens) -> Float:
     return np.array([*lens.eye, lens.focus, lens.thick])
 
 
-def _faces(places: Single, sides: Single, lens: Lens) -> NDArray[np.bool_]:
+def _faces(places: Any, sides: Any, lens: Lens) -> NDArray[np.bool_]:
     """Whether what lies on thin walls is seen (n,): from their sides, or from far above."""
     seen = ((lens.eye - places)[:, :2] * sides).sum(axis=1) >= 0.0
     return np.asarray(seen | (lens.nearer > 1e3))
@@ -214,12 +210,6 @@ def _projected(places: Any, lens: Lens, nearer: float, canvas: _Canvas) -> tuple
     step = np.minimum(nearer + lens.slack * away, 0.5 * away) / np.maximum(away, 1e-9)
     depth = clip[:, 2] + step * (ray @ lens.matrix[3, :3])
     return clip, 1.0 / np.maximum(depth, 1e-3)
-
-
-def _triangles(painted: Painted) -> Single:
-    """Corners (t, 3, 16) of faces: place, texture, colour, light in the sun, without, under."""
-    rows = np.concatenate([*painted[:1], *painted[2:6], painted.under[..., None]], axis=2)
-    return rows if rows.shape[1] == 3 else rows[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 16)
 
 
 def _halved(picture: Picture) -> tuple[Picture, ...]:

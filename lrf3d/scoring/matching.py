@@ -1,7 +1,6 @@
 """Matching: pairs of close segments, and of map segments with the walls that they represent.
 
-A spatial index finds the neighbours, and samples are compared a million at a time, so that a map
-of 100,000 segments needs no table of all pairs.
+A spatial index finds the neighbours, so that large maps need no table of all pairs.
 """
 
 import numpy as np
@@ -45,23 +44,17 @@ def _assign(own: Int, wall: Int, cost: Float) -> Int:
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
-    # Nearly all pairs have no alternative. They need no solver, which is slow for thousands.
-    lone = (np.bincount(own)[own] == 1) & (np.bincount(wall)[wall] == 1)
-    pairs: Int = np.column_stack([own, wall])[lone]
-    if not lone.all():
-        owns, column = np.unique(own[~lone], return_inverse=True)
-        walls, row = np.unique(wall[~lone], return_inverse=True)
-        each = np.arange(len(walls))
-        # A column more for each wall that stays unpaired, which costs more than all pairs together;
-        # one is added to all costs, since the solver takes zero for no edge.
-        costs = np.append(cost[~lone], np.full(len(walls), 3.0 * (len(walls) + 1))) + 1.0
-        places = np.append(row, each), np.append(column, len(owns) + each)
-        table = coo_array((costs, places), shape=(len(walls), len(owns) + len(walls))).tocsr()
-        rows, columns = min_weight_full_bipartite_matching(table)
-        paired = columns < len(owns)
-        disputed = np.column_stack([owns[columns[paired]], walls[rows[paired]]])
-        pairs = np.vstack([pairs, disputed])
-    return pairs[np.argsort(pairs[:, 1])]
+    owns, column = np.unique(own, return_inverse=True)
+    walls, row = np.unique(wall, return_inverse=True)
+    each = np.arange(len(walls))
+    # A column more for each wall that stays unpaired, which costs more than all pairs together;
+    # one is added to all costs, since the solver takes zero for no edge.
+    costs = np.append(cost, np.full(len(walls), 3.0 * (len(walls) + 1))) + 1.0
+    places = np.append(row, each), np.append(column, len(owns) + each)
+    table = coo_array((costs, places), shape=(len(walls), len(owns) + len(walls))).tocsr()
+    rows, columns = min_weight_full_bipartite_matching(table)
+    paired = columns < len(owns)
+    return np.column_stack([owns[columns[paired]], walls[rows[paired]]])
 
 
 SAMPLE_SPACING = 0.05
@@ -69,9 +62,6 @@ SAMPLE_SPACING = 0.05
 
 LENGTH_ROUNDING = 1e-6
 """Share of a piece that rounding may add to a length, even 10⁶ m from the origin."""
-
-SAMPLES_AT_ONCE = 1_000_000
-"""Samples compared at a time: some tens of megabytes."""
 
 
 def in_local_frame(first: Float, second: Float) -> tuple[Float, Float]:
@@ -93,8 +83,7 @@ def close_pairs(segments: Float, others: Float, reach: float) -> tuple[Int, Int]
     tree = shapely.STRtree(shapely.linestrings(others[theirs].reshape(-1, 2, 2)))
     lines = shapely.linestrings(segments[mine].reshape(-1, 2, 2))
     own, other = tree.query(lines, predicate="dwithin", distance=reach)
-    order = np.lexsort((other, own))
-    return mine[own[order]], theirs[other[order]]
+    return mine[own], theirs[other]
 
 
 def sample_counts(segments: Float) -> Int:
@@ -106,42 +95,28 @@ def sample_counts(segments: Float) -> Int:
 
 
 def sample_offsets(segments: Float, walls: Float, *, reach: float, angle: float) -> Float:
-    """Perpendicular distance [m] of samples along segments to the nearest wall alongside.
+    """Distances (s,) [m] of samples along segments to the nearest wall alongside.
 
     The samples (s,) are those of the segments (n, 4), one after the other; a wall (m, 4) lies
     alongside within a reach [m] of the sample and an angle [rad] of its segment. The distance is
     that to the line of the wall; +inf if there is none.
     """
+    import shapely
+
     counts = sample_counts(segments)
-    segments, walls = in_local_frame(segments, walls)
-    first = np.cumsum(counts) - counts
-    nearest = np.full(counts.sum(), np.inf)
-    offsets = nearest.copy()
-    own, other = close_pairs(segments, walls, reach)
-    across = cross(directions(segments[own]), directions(walls[other]))
-    alike = np.abs(across) <= np.sin(angle)
-    own, other = own[alike], other[alike]
-    # Pairs are sorted by their segment; of equally near walls the last one counts.
-    total = counts[own].cumsum()
-    cuts = np.searchsorted(total, np.arange(SAMPLES_AT_ONCE, total[-1:].sum(), SAMPLES_AT_ONCE))
-    for pair in np.split(np.arange(len(own)), cuts):
-        samples = counts[own[pair]]
-        step = np.arange(samples.sum()) - np.repeat(np.cumsum(samples) - samples, samples)
-        share = (step + 0.5) / np.repeat(samples, samples)
-        row = np.repeat(pair, samples)
-        distance, sideways = _distances(segments[own[row]], share, walls[other[row]])
-        sample = first[own[row]] + step
-        np.minimum.at(nearest, sample, distance)
-        best = (distance == nearest[sample]) & (distance <= reach)
-        offsets[sample[best]] = sideways[best]
+    segments, walls = in_local_frame(segments, walls[lengths(walls) > 0.0])
+    row = np.repeat(np.arange(len(segments)), counts)
+    share = (np.arange(len(row)) - (np.cumsum(counts) - counts)[row] + 0.5) / counts[row]
+    points = segments[row, :2] + share[:, None] * (segments[row, 2:] - segments[row, :2])
+    tree = shapely.STRtree(shapely.linestrings(walls.reshape(-1, 2, 2)))
+    sample, wall = tree.query(shapely.points(points), predicate="dwithin", distance=reach)
+    alike = np.abs(cross(directions(segments[row[sample]]), directions(walls[wall])))
+    sample, wall = sample[alike <= np.sin(angle)], wall[alike <= np.sin(angle)]
+    along, gap = directions(walls[wall]), points[sample] - walls[wall, :2]
+    forward, sideways = np.einsum("ij,ij->i", gap, along), np.abs(cross(along, gap))
+    distance = np.hypot(forward - np.clip(forward, 0.0, lengths(walls[wall])), sideways)
+    offsets = np.full(len(row), np.inf)
+    # The nearest is written last.
+    order = np.argsort(-distance, kind="stable")
+    offsets[sample[order]] = sideways[order]
     return offsets
-
-
-def _distances(segments: Float, share: Float, walls: Float) -> tuple[Float, Float]:
-    """Distances (n,) [m] of the points at shares (n,) of segments to a wall, and to its line."""
-    point = segments[:, :2] + share[:, None] * (segments[:, 2:] - segments[:, :2])
-    gap, along = point - walls[:, :2], directions(walls)
-    forward = np.einsum("ij,ij->i", gap, along)
-    sideways = np.abs(cross(along, gap))
-    beyond = forward - np.clip(forward, 0.0, lengths(walls))
-    return np.hypot(beyond, sideways), sideways

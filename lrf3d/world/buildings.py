@@ -14,6 +14,7 @@ from lrf3d.geometry import Float, Int
 from lrf3d.world.features import Feature
 from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.pieces import Part, from_corner, walls, world_of_parts
+from lrf3d.world.touching import groups
 
 DEFAULT_BUILDING_HEIGHT = 8.0
 """Default height of a building [m]: two storeys and a roof."""
@@ -76,8 +77,6 @@ def _blocks(polygons: list[Any], heights: Float) -> list[tuple[Int, list[tuple[F
         courtyards clockwise, with the heights (k,) of the walls from point i to point i + 1.
     """
     import shapely
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
     if not polygons:
@@ -87,12 +86,11 @@ def _blocks(polygons: list[Any], heights: Float) -> list[tuple[Int, list[tuple[F
     source = cKDTree(corners - origin)
     local = np.array([_valid(shapely.transform(p, lambda xy: xy - origin)) for p in polygons])
     first, second = shapely.STRtree(local).query(local, predicate="dwithin", distance=CLOSING)
-    links = coo_array((np.ones(len(first)), (first, second)), shape=(len(local), len(local)))
-    _, label = connected_components(links, directed=False)
+    label = groups(first, second, len(local))
     # Labels are numbered by their first members, so blocks keep the order of the source.
-    groups = np.split(np.argsort(label, kind="stable"), np.cumsum(np.bincount(label))[:-1])
+    blocks_of = np.split(np.argsort(label, kind="stable"), np.cumsum(np.bincount(label))[:-1])
     blocks = []
-    for members in groups:
+    for members in blocks_of:
         rings = []
         for part in _joined(local[members]):
             for index, ring in enumerate((part.exterior, *part.interiors)):

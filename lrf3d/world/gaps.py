@@ -5,7 +5,7 @@ corners, or a world of them. A mapped wall ends at its outermost hit, short of t
 beams and robots would slip through. Doors stay open: they are wider, and beams went through them.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -46,18 +46,16 @@ def world_of_map(mapped: World, free: FreeCells | None = None) -> World:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Closing:
-    """A possible closing of a gap, and the longest piece that it adds or cuts off [m].
+class _Closing(NamedTuple):
+    """A possible closing of a gap; the least ones are taken first.
 
     An end of a segment has twice the number of its row, and one more if it is the second. It meets
-    another end, or, where that is −1, a wall within. Without a corner (2,) a piece goes from one
-    end to the other.
+    another end at a corner (2,) or straight on (no corner), or a wall within (no other end).
     """
 
+    within: bool
     cost: float
-    end: int
-    other: int
+    ends: tuple[int, ...]
     corner: Float | None
 
 
@@ -71,26 +69,19 @@ def close_gaps(segments: Float, free: FreeCells | None = None) -> tuple[Float, I
     origin = np.round(segments.reshape(-1, 2).mean(axis=0)) if len(segments) else np.zeros(2)
     ends = (segments.reshape(-1, 2, 2) - origin).reshape(-1, 2)
     outward = _outward(ends)
-    # Corners of two ends come first: if one end met the side of the other wall, that wall's own end
-    # would stay behind as a stub.
-    closings = sorted(
-        [*_corners(ends, outward), *_joints(ends, outward)],
-        key=lambda closing: (closing.other < 0, closing.cost, closing.end, closing.other),
-    )
     moved, bridges, rows = ends.copy(), [], []
     taken = np.zeros(len(ends), dtype=np.bool_)
-    for closing in closings:
-        both = [closing.end] if closing.other < 0 else [closing.end, closing.other]
-        if taken[both].any():
-            continue
-        corner = ends[closing.other] if closing.corner is None else closing.corner
-        pieces = [(ends[end], corner) for end in both]
-        if free is not None and _is_free(free, pieces, origin):
+    # Corners of two ends come first: if one end met the side of the other wall, that wall's own end
+    # would stay behind as a stub.
+    for closing in sorted([*_corners(ends, outward), *_joints(ends, outward)], key=lambda c: c[:3]):
+        both, corner = list(closing.ends), closing.corner
+        target = ends[both[-1]] if corner is None else corner
+        if taken[both].any() or (free is not None and _is_free(free, ends[both], target, origin)):
             continue
         taken[both] = True
-        if closing.corner is None:
-            bridges.append(np.concatenate([ends[closing.end], corner]))
-            rows.append(closing.end // 2)
+        if corner is None:
+            bridges.append(np.concatenate([ends[both[0]], target]))
+            rows.append(both[0] // 2)
         else:
             moved[both] = corner
     grown = moved.reshape(-1, 4)
@@ -118,7 +109,6 @@ def _corners(ends: Float, outward: Float) -> list[_Closing]:
     one, other = pairs.T
     between = ends[other] - ends[one]
     sine = cross(outward[one], outward[other])
-    found = []
     distance = np.linalg.norm(between, axis=1)
     aside = np.abs(cross(outward[one], between))
     ahead = np.einsum("ij,ij->i", outward[one], between)
@@ -127,15 +117,15 @@ def _corners(ends: Float, outward: Float) -> list[_Closing]:
     with np.errstate(divide="ignore", invalid="ignore"):
         first = cross(between, outward[other]) / sine
         second = cross(between, outward[one]) / sine
+        corners = ends[one] + first[:, None] * outward[one]
     meets = bends & _may_grow(first) & _may_grow(second)
     straight = ~bends & facing & (ahead > 0.0) & (distance <= WIDEST) & (aside <= ASIDE)
-    for k in np.flatnonzero(meets):
-        corner = ends[one[k]] + first[k] * outward[one[k]]
-        cost = max(abs(float(first[k])), abs(float(second[k])))
-        found.append(_Closing(cost, int(one[k]), int(other[k]), corner))
-    for k in np.flatnonzero(straight):
-        found.append(_Closing(float(distance[k]), int(one[k]), int(other[k]), None))
-    return found
+    both = list(zip(one.tolist(), other.tolist(), strict=True))
+    cost = np.maximum(np.abs(first), np.abs(second))
+    return [
+        *(_Closing(False, float(cost[k]), both[k], corners[k]) for k in np.flatnonzero(meets)),
+        *(_Closing(False, float(distance[k]), both[k], None) for k in np.flatnonzero(straight)),
+    ]
 
 
 def _joints(ends: Float, outward: Float) -> list[_Closing]:
@@ -154,11 +144,12 @@ def _joints(ends: Float, outward: Float) -> list[_Closing]:
     with np.errstate(divide="ignore", invalid="ignore"):
         growth = cross(from_start, along) / sine
         station = cross(from_start, outward[end]) / sine
+        corners = ends[end] + growth[:, None] * outward[end]
     length = np.linalg.norm(ends[2 * wall + 1] - ends[2 * wall], axis=1)
     fits = (np.abs(sine) > np.sin(LEAST_ANGLE)) & _may_grow(growth)
     fits &= (station > 0.0) & (station < length)
     return [
-        _Closing(abs(float(growth[k])), int(end[k]), -1, ends[end[k]] + growth[k] * outward[end[k]])
+        _Closing(True, abs(float(growth[k])), (int(end[k]),), corners[k])
         for k in np.flatnonzero(fits)
     ]
 
@@ -168,12 +159,11 @@ def _may_grow(growth: Float) -> Bool:
     return (growth >= -OVERSHOOT) & (growth <= WIDEST)
 
 
-def _is_free(free: FreeCells, pieces: list[tuple[Float, Float]], origin: Float) -> bool:
+def _is_free(free: FreeCells, begins: Float, corner: Float, origin: Float) -> bool:
     """Whether beams went through any closing piece, each from an end to a corner."""
-    for begin, end in pieces:
-        count = int(np.hypot(*(end - begin)) / STEP) + 1
+    for begin in begins:
+        count = int(np.hypot(*(corner - begin)) / STEP) + 1
         shares = (np.arange(count) + 0.5) / count
-        points = begin + shares[:, None] * (end - begin) + origin
-        if free.contain(points).mean() > MOST_FREE:
+        if free.contain(begin + shares[:, None] * (corner - begin) + origin).mean() > MOST_FREE:
             return True
     return False

@@ -20,12 +20,12 @@ USUAL_WALL = 4.0
 
 def size_warning(world: World) -> str | None:
     """A warning, with the remedy, if the size of a world is implausible; otherwise None."""
-    if not len(world.segments):
-        return None
-    width, height = (float(side) for side in np.ptp(world.bounds, axis=0))
-    size = f"the world is {_metres(width)} by {_metres(height)}"
-    if max(width, height) < SMALLEST_SIDE:
-        return f"{size}, a drawing on paper? --scale 100 makes one of 1:100 as large as the house"
+    width, height = np.ptp(world.bounds, axis=0).tolist()
+    if len(world.segments) and max(width, height) < SMALLEST_SIDE:
+        return (
+            f"the world is {width:.3g} by {height:.3g} m, a drawing on paper? --scale 100 makes one"
+            " of 1:100 as large as the house"
+        )
     try:
         check_size(world)
     except WorldError as error:
@@ -47,15 +47,11 @@ def check_size(world: World) -> None:
     most = np.ptp(np.quantile(world.segments.reshape(-1, 2), [0.1, 0.9], axis=0), axis=0)
     if most.max() <= LARGEST_SIDE or usual <= LONGEST_WALLS:
         return
-    width, height = (float(side) for side in np.ptp(world.bounds, axis=0))
+    width, height = np.ptp(world.bounds, axis=0).tolist()
     scales = {0.01: "centimetres", 0.001: "millimetres"}
     scale = min(scales, key=lambda each: abs(np.log(each * usual / USUAL_WALL)))
     raise WorldError(
-        f"{world.name or 'world'}: {_metres(width)} by {_metres(height)}, with walls of"
-        f" {_metres(usual)}, is too large to plan a route in; --scale {scale:g}, if the drawing is"
-        f" in {scales[scale]}, or give a route"
+        f"{world.name or 'world'}: {width:,.0f} by {height:,.0f} m, with walls of {usual:,.0f} m,"
+        f" is too large to plan a route in; --scale {scale:g}, if the drawing is in"
+        f" {scales[scale]}, or give a route"
     )
-
-
-def _metres(size: float) -> str:
-    return f"{size:,.0f} m" if size >= 100.0 else f"{size:.3g} m"

@@ -4,7 +4,7 @@ Lengths are metres on paper: ``width`` and ``height`` in mm, cm, in, pt or px (1
 size of the ``viewBox``. y points up, and the lower left corner of the sheet is (0, 0). Curves
 become chords no farther from them than :data:`CURVE_ERROR`, or a five-thousandth of the sheet where
 that is less. Walls that touch are one object. Texts, pictures, hidden elements and definitions are
-ignored.
+ignored; symbols are drawn where they are used, in the units of the drawing.
 """
 
 import math
@@ -27,29 +27,23 @@ SHEET_SHARE = 2e-4
 """Chords lie no farther from their curves than this share of the sheet: a drawing on paper is a
 thousandth of the size of what it shows."""
 
-PIXEL = 0.0254 / 96.0
-"""A pixel of CSS [m], the unit of numbers without one."""
+DPI = 96.0
+"""Pixels of CSS, the unit of numbers without one, in an inch."""
 
-UNITS = {
-    "": PIXEL,
-    "px": PIXEL,
-    "mm": 1e-3,
-    "cm": 1e-2,
-    "in": 0.0254,
-    "pt": 0.0254 / 72.0,
-    "pc": 0.0254 / 6.0,
-    "q": 0.25e-3,
-    "m": 1.0,
-}
+PIXEL = 0.0254 / DPI
+"""Such a pixel [m]."""
+
+UNITS = {"": PIXEL, "px": PIXEL, "m": 1.0, "cm": 1e-2, "mm": 1e-3, "q": 0.25e-3}
+UNITS |= {"in": 0.0254, "pt": 0.0254 / 72.0, "pc": 0.0254 / 6.0}
 """Metres in the units of lengths."""
 
-_LENGTH = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([a-zA-Z]*)\s*")
+_LENGTH = re.compile(rf"([+\d.eE-]*[\d.])\s*({'|'.join(UNITS)})", re.IGNORECASE)
 
 LARGEST_SVG = 1 << 25
 """Largest drawing [bytes]: the plan of a factory is smaller."""
 
-UNDRAWN = {"clipPath", "mask", "pattern", "marker", "symbol"}
-"""Elements whose parts are not drawn in their place."""
+UNDRAWN = {"clipPath", "mask", "pattern", "marker"}
+"""Elements whose parts are not drawn."""
 
 
 def read_svg(path: Path) -> World:
@@ -68,15 +62,13 @@ def read_svg(path: Path) -> World:
             raise WorldError(f"not XML: {error}") from None
     if _name(root) != "svg":
         raise WorldError(f"<{_name(root)[:40]}> where <svg> was expected: not an SVG drawing")
-    _place_symbols(root)
-    (x, y, width, height), scale = _sheet(root)
-    # The library converts units by pixels; the scale is applied here instead.
-    root.attrib.pop("preserveAspectRatio", None)
-    root.attrib.update(viewBox=f"{x} {y} {width} {height}", width=f"{width}", height=f"{height}")
-    drawing = SVG.parse(BytesIO(ElementTree.tostring(root)), ppi=96.0)
-    tolerance = min(CURVE_ERROR / scale, SHEET_SHARE * max(width, height))
+    _prepare(root)
+    width, height = _size(root)
+    root.attrib.update(width=f"{width}", height=f"{height}", preserveAspectRatio="xMinYMax")
+    drawing = SVG.parse(BytesIO(ElementTree.tostring(root)), ppi=DPI)
+    tolerance = min(CURVE_ERROR / PIXEL, SHEET_SHARE * max(width, height))
     strokes = [
-        (np.array([0.0, height]) + _points(part, tolerance) * [1.0, -1.0]) * scale
+        (np.array([0.0, height]) + _points(part, tolerance) * [1.0, -1.0]) * PIXEL
         for element in drawing.elements()
         if isinstance(element, Shape) and element.values.get("visibility") in (None, "visible")
         # `abs` applies the transform of a shape.
@@ -85,64 +77,51 @@ def read_svg(path: Path) -> World:
     return world_of_strokes(strokes, path)
 
 
-def _place_symbols(root: Element) -> None:
-    """Draw symbols where they are used and viewports where they are, as the library does not."""
-    symbols = {each.get("id"): each for each in root.iter() if _name(each) == "symbol"}
+def _prepare(root: Element) -> None:
+    """Take out what is not drawn, and make symbols and frames groups, which the library knows."""
     for element in list(root.iter()):
-        for part in list(element):
-            if _name(part) in UNDRAWN:
-                element.remove(part)
-    for use in [each for each in root.iter() if _name(each) == "use"]:
-        key = next((key for key in use.attrib if key.rpartition("}")[2] == "href"), None)
-        href = "" if key is None else use.get(key, "")
-        if href and not href.startswith("#"):
-            raise WorldError(f"uses {shown(href)}, which is outside this file; put it in")
-        if key is not None and (symbol := symbols.get(href[1:])) is not None:
-            head = use.tag[: -len("use")]
-            box: dict[str, str] = {
-                k: v for k, v in symbol.items() if k in ("viewBox", "preserveAspectRatio")
-            }
-            place: dict[str, str] = {
-                k: use.attrib.pop(k) for k in ("x", "y", "width", "height") if k in use.attrib
-            }
-            viewport = Element(f"{head}svg", {**box, **place})
-            viewport.extend(symbol)
-            del use.attrib[key]
-            use.tag = f"{head}g"
-            use.append(viewport)
-    for part in [each for each in root.iter() if _name(each) == "svg" and each is not root]:
-        if "viewBox" not in part.attrib:
-            part.tag = f"{part.tag[: -len('svg')]}g"
-            part.set("transform", f"translate({part.get('x', '0')},{part.get('y', '0')})")
+        for part in [part for part in element if _name(part) in UNDRAWN]:
+            element.remove(part)
+        for key, href in element.attrib.items():
+            if _name(element) == "use" and key.endswith("href") and not href.startswith("#"):
+                raise WorldError(f"uses {shown(href)}, which is outside this file; put it in")
+        if _name(element) == "svg" and element is not root and "viewBox" not in element.attrib:
+            element.tag = f"{element.tag[: -len('svg')]}g"
+            element.set("transform", f"translate({element.get('x', '0')},{element.get('y', '0')})")
+        if _name(element) == "symbol":
+            head = element.tag[: -len("symbol")]
+            group = Element(
+                f"{head}g", {key: element.attrib[key] for key in {"id"} & set(element.attrib)}
+            )
+            group.extend(element)
+            element.clear()
+            element.tag = f"{head}defs"
+            element.append(group)
 
 
-def _sheet(root: Element) -> tuple[tuple[float, float, float, float], float]:
-    """The visible part of a drawing, x, y, width, height [units], and the metres in a unit."""
-    width, height = (_metres(key, root.get(key, "")) for key in ("width", "height"))
-    given = root.get("viewBox")
-    if given is None:
-        return (0.0, 0.0, (width or 1.0) / PIXEL, (height or width or 1.0) / PIXEL), PIXEL
+def _size(root: Element) -> tuple[float, float]:
+    """Width and height of a sheet [px]; a side that is not given follows from the ``viewBox``."""
+    sides: list[float | None] = []
+    for key in ("width", "height"):
+        text = root.get(key, "").strip()
+        match = _LENGTH.fullmatch(text)
+        length = float(match.group(1)) * UNITS[match.group(2).lower()] / PIXEL if match else 0.0
+        given = text not in ("", "auto") and not text.endswith("%")
+        if given and not 0.0 < length <= LARGEST_COORDINATE:
+            raise WorldError(f"{key} is {shown(text)}, expected a length above 0 such as 120mm")
+        sides.append(length if given else None)
+    width, height = sides
     try:
-        x, y, wide, high = map(float, given.replace(",", " ").split())
+        _, _, wide, high = map(float, root.get("viewBox", "0 0 1 1").replace(",", " ").split())
     except ValueError:
-        x = y = wide = high = math.nan
-    if not (max(abs(x), abs(y), wide, high) <= LARGEST_COORDINATE and min(wide, high) > 1e-9):
-        raise WorldError(f"viewBox is {shown(given)}, expected a place and a size above 0")
-    # The drawing is fitted into the sheet: the tighter of the two sides decides.
-    scales = [size / of for size, of in ((width, wide), (height, high)) if size is not None]
-    return (x, y, wide, high), min(scales, default=PIXEL)
-
-
-def _metres(key: str, text: str) -> float | None:
-    """A length [m]; None if it is a percentage or not given."""
-    if text.strip() in ("", "auto") or text.strip().endswith("%"):
-        return None
-    match = _LENGTH.fullmatch(text)
-    unit = UNITS.get(match.group(2).lower()) if match else None
-    length = float(match.group(1)) * unit if match and unit else math.nan
-    if not 0.0 < length <= LARGEST_COORDINATE:
-        raise WorldError(f"{key} is {shown(text)}, expected a length above 0 such as 120mm")
-    return length
+        wide = high = math.nan
+    if not (min(wide, high) > 1e-9 and max(wide, high) <= LARGEST_COORDINATE):
+        raise WorldError(
+            f"viewBox is {shown(root.get('viewBox'))}, expected a place and a size above 0"
+        )
+    if width is None:
+        width = wide if height is None else height * wide / high
+    return width, width * high / wide if height is None else height
 
 
 def _points(outline: Any, tolerance: float) -> Float:

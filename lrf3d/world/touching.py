@@ -17,13 +17,18 @@ def connected(segments: Float, gap: float = TOUCHING) -> Int:
         gap: Largest gap between walls that touch [m].
     """
     import shapely
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
 
     middle = segments.reshape(-1, 2).mean(axis=0)
     lines = shapely.linestrings(segments.reshape(-1, 2, 2) - middle)
     one, other = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=gap)
-    count = len(segments)
+    return groups(one, other, len(segments))
+
+
+def groups(one: Int, other: Int, count: int) -> Int:
+    """The group (count,) of each of some things, of which pairs (k,), (k,) belong together."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     links = coo_array((np.ones(len(one)), (one, other)), shape=(count, count))
     _, label = connected_components(links, directed=False)
     return np.asarray(label, dtype=np.int64)
@@ -34,16 +39,12 @@ def joined_objects(world: World) -> Int:
 
     Maps are scored and labelled by these: no beam can separate the rooms of a house.
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     if not len(world.segments):
         return world.objects
     # Objects and groups of touching walls are the nodes of a graph; each wall is an edge.
     group = connected(world.segments) + world.object_count
     nodes = int(group.max()) + 1
-    links = coo_array((np.ones(len(group)), (world.objects, group)), shape=(nodes, nodes))
-    _, label = connected_components(links, directed=False)
+    label = groups(world.objects, group, nodes)
     lowest = np.full(nodes, nodes)
     np.minimum.at(lowest, label[world.objects], world.objects)
     return np.asarray(lowest[label[world.objects]], dtype=np.int64)

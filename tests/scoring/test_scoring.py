@@ -19,7 +19,6 @@ from lrf3d.scoring import (
     adjusted_rand_index,
     buildings_seen,
     match_segments,
-    matching,
     score_map,
     visible_walls,
 )
@@ -159,17 +158,6 @@ def test_scores_do_not_depend_on_where_the_world_lies(blocks, truth, angle, shif
     there_map = replace(blocks.map, segments=moved(blocks.map.segments))
     there = score_map(there_map, moved(segments), objects).as_dict()
     assert there == pytest.approx(here, abs=1e-8)
-
-
-def test_blocks_change_no_offset(monkeypatch):
-    rng = np.random.default_rng(3)
-    segments, walls = rng.uniform(0, 10, (40, 4)), rng.uniform(0, 10, (60, 4))
-    segments = np.vstack([segments, walls + rng.normal(0, 0.03, walls.shape)])
-    whole = sample_offsets(segments, walls, reach=0.3, angle=0.3)
-    monkeypatch.setattr(matching, "SAMPLES_AT_ONCE", 37)
-    np.testing.assert_array_equal(sample_offsets(segments, walls, reach=0.3, angle=0.3), whole)
-    assert np.isfinite(whole).any()
-    assert np.isinf(whole).any()
 
 
 def test_offsets_equal_those_of_all_pairs():

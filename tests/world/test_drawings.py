@@ -98,10 +98,9 @@ def test_transforms_uses_and_the_view_box_are_followed_and_y_points_up(tmp_path:
         ),
         ('<svg x="1" y="2"><path d="M0 0h3v4"/></svg>', (1, 2), (4, 6)),
         (
-            '<symbol id="s" viewBox="0 0 4 4"><path d="M0 0h4v4"/></symbol>'
-            '<use href="#s" x="1" width="8" height="8"/>',
-            (1, 0),
-            (9, 8),
+            '<symbol id="s"><path d="M0 0h4v4"/></symbol><use href="#s" x="1" y="2"/>',
+            (1, 2),
+            (5, 6),
         ),
         # What clips, masks, fills and marks is no outline.
         (

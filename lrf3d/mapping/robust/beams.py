@@ -4,7 +4,6 @@ A scan enters; leave where it was taken in the map's own frame, how far each of 
 and how far off the places may be where they ended.
 """
 
-from hashlib import blake2b
 from typing import NamedTuple
 
 import numpy as np
@@ -190,11 +189,3 @@ def widen(moments: Float, scan: LaserScan) -> None:
     own, turn = pose_spread(scan)
     variance = own + turn * np.hypot(moments[:, 1], moments[:, 2]) ** 2
     moments[:, [0, 3, 4, 5]] /= (1.0 + moments[:, 0] * variance)[:, None]
-
-
-def fingerprint(scan: LaserScan) -> int:
-    """A number of 64 bits that no other scan has."""
-    digest = blake2b(np.ascontiguousarray(scan.ranges).data, digest_size=8)
-    digest.update(np.ascontiguousarray(scan.angles).data)
-    digest.update(np.array(scan.pose).data)
-    return int.from_bytes(digest.digest(), "little", signed=True)

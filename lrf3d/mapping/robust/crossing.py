@@ -9,7 +9,6 @@ from lrf3d.mapping.robust.cells import (
     FREE_DEPTH,
     MOST_PASSES,
     PASS_DIRECTIONS,
-    SIDE_BITS,
     Cells,
     block_at,
     cell_in,
@@ -29,9 +28,6 @@ LINK_SINE = 0.35
 LINE_END = 1.5 * CELL
 """[m] How much of a line's ends is left out: beams that go by the end of a wall, through the same
 cells, go on as far as they like."""
-
-FLANK = 1.5 * CELL
-"""[m] How far beside a line its sides begin: no cell there reaches the line."""
 
 STRIDE = 8
 """Steps from one to the next in each of the walks that together meet all cells of a line: most are
@@ -74,13 +70,10 @@ def count_beams(
 
 
 @borrower
-def is_crossed(
-    line: Float, cells: Cells, depth: float, spare: int, sine: float, aslant: bool
-) -> bool:
+def is_crossed(line: Float, cells: Cells, depth: float, spare: int, sine: float) -> bool:
     """Whether more beams than are to spare crossed a line (4,) and went so deep [m] behind it.
 
-    What is near its ends does not count. Beams cross it at the angle of the sine, or more; aslant,
-    those at smaller angles count as well that are seen on one side and then on the other.
+    They cross it at the angle of the sine, or more; what is near its ends does not count.
     """
     x1, y1, x2, y2 = line
     length = np.hypot(x2 - x1, y2 - y1)
@@ -90,77 +83,13 @@ def is_crossed(
     end = min(LINE_END, 0.25 * length)
     steps = int((length - 2.0 * end) / CELL) + 1
     step = (length - 2.0 * end) / steps
-    ways, along, deeper = ways_across(ux, uy, sine), 0, depth - FREE_DEPTH
+    ways = ways_across(ux, uy, sine)
     for first in range(STRIDE):
         for k in range(first, steps, STRIDE):
             x, y = x1 + (end + (k + 0.5) * step) * ux, y1 + (end + (k + 0.5) * step) * uy
             column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
             block, cell = block_at(cells, column, row), cell_in(column, row)
-            passed = int(cells.passed[block, cell])
-            along |= passed & ~ways
-            if passed & ways:
-                spare -= count_beams(cells, block, cell, ways, x, y, deeper)
-                if spare < 0:
-                    return True
-    if not aslant:
-        return False
-    # Few lines have beams along them at all, and most of those have them on one side only.
-    for aside in (FLANK, -FLANK):
-        if along:
-            along &= _ways_beside(line, cells, aside, end, step, steps)
-    for way in range(PASS_DIRECTIONS if along else 0):
-        if (along >> way) & 1 and _changes_sides(line, cells, way, end, step, steps, spare):
-            return True
-    return False
-
-
-@borrower
-def _ways_beside(
-    line: Float, cells: Cells, aside: float, end: float, step: float, steps: int
-) -> int:
-    """The directions, each a bit, in which beams went so far [m] to the left of a line (4,)."""
-    x1, y1 = line[0], line[1]
-    length = np.hypot(line[2] - x1, line[3] - y1)
-    ux, uy = (line[2] - x1) / length, (line[3] - y1) / length
-    ways, at_x, at_y, block = 0, 1 << 40, 0, 0
-    for k in range(steps):
-        along = end + (k + 0.5) * step
-        column = int(np.floor((x1 + along * ux - aside * uy) / CELL))
-        row = int(np.floor((y1 + along * uy + aside * ux) / CELL))
-        if column >> SIDE_BITS != at_x or row >> SIDE_BITS != at_y:
-            at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
-            block = block_at(cells, column, row)
-        ways |= cells.passed[block, cell_in(column, row)]
-    return ways
-
-
-@borrower
-def _changes_sides(
-    line: Float, cells: Cells, way: int, end: float, step: float, steps: int, spare: int
-) -> bool:
-    """Whether more beams than are to spare that run one way, along a line (4,), also cross it.
-
-    Beams that run along the line go through its cells, too. One that crosses it is on its one side
-    before it is on the line, and then on its other side.
-    """
-    x1, y1 = line[0], line[1]
-    length = np.hypot(line[2] - x1, line[3] - y1)
-    ux, uy = (line[2] - x1) / length, (line[3] - y1) / length
-    # The most beams so far: on either side, and of each of them on the line after that.
-    left = right = from_left = from_right = 0
-    for k in range(steps):
-        x, y = x1 + (end + (k + 0.5) * step) * ux, y1 + (end + (k + 0.5) * step) * uy
-        one = _passes(cells, x - FLANK * uy, y + FLANK * ux, way)
-        other = _passes(cells, x + FLANK * uy, y - FLANK * ux, way)
-        middle = _passes(cells, x, y, way)
-        for aside in (0.5 * FLANK, -0.5 * FLANK):
-            middle = max(middle, _passes(cells, x - aside * uy, y + aside * ux, way))
-        if min(from_right, one) > spare or min(from_left, other) > spare:
-            return True
-        if middle == 0 and one == 0 and other == 0:
-            left = right = from_left = from_right = 0
-            continue
-        left, right = max(left, one), max(right, other)
-        from_left = max(from_left, min(left, middle))
-        from_right = max(from_right, min(right, middle))
+            spare -= count_beams(cells, block, cell, ways, x, y, depth - FREE_DEPTH)
+            if spare < 0:
+                return True
     return False

@@ -15,9 +15,8 @@ from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.laser.noise import USUAL_RANGE
-from lrf3d.mapping.grid import order_of
 from lrf3d.mapping.line_map import LineMap, solid_map
-from lrf3d.mapping.robust.beams import MOST_RANGE, longest_loss, plain, range_deviation
+from lrf3d.mapping.robust.beams import MOST_RANGE, in_order, longest_loss, plain, range_deviation
 from lrf3d.mapping.robust.segmentation import LEAST_POINTS, fit_wall, segment_cluster
 
 GRAZING_ANGLE = np.radians(8.0)
@@ -64,7 +63,7 @@ class LocalWalls(NamedTuple):
 
 
 @inner
-def sorted_returns(
+def _joined_returns(
     theta: float,
     angles: Float,
     ranges: Float,
@@ -72,50 +71,27 @@ def sorted_returns(
     noise: RangeNoise,
     gap: float,
 ) -> tuple[Float, Float, Float, Bool]:
-    """Beams, ranges and deviations of the returns by rising angle, and which hang together.
+    """Beams, ranges and deviations of the returns, and which of them go on in the next.
 
-    The last of the returns hangs together with the first only where the scan closes a circle.
+    The last of the returns goes on in the first only where the scan closes a circle.
     """
-    count = len(angles)
-    rising = True
-    for i in range(count - 1):
-        if angles[i + 1] < angles[i]:
-            rising = False
-            break
-    order = np.arange(count) if rising else order_of(angles)
-    in_turn = np.empty(count)
-    for place in range(count):
-        in_turn[place] = ranges[order[place]]
-    lost = longest_loss(in_turn, range_max)
-    circle = False
+    count, lost, kept, circle = len(angles), longest_loss(ranges, range_max), 0, False
     if count >= 3:
         # A scan of 360° whose last beam looks where its first does gives that beam once.
-        span = angles[order[-1]] - angles[order[0]]
-        step = span / (count - 1)
-        left = 2.0 * np.pi - span
+        span = angles[-1] - angles[0]
+        step, left = span / (count - 1), 2.0 * np.pi - span
         circle = left < 1.5 * step
-        if left < 0.5 * step:
-            order = order[:-1]
-            count -= 1
-    beams = np.empty((count, 2))
-    reaches = np.empty(count)
-    deviations = np.empty(count)
-    turns = np.empty(count)
-    places = np.empty(count, np.int64)
-    kept = 0
+        count -= left < 0.5 * step
+    beams, reaches, deviations = np.empty((count, 2)), np.empty(count), np.empty(count)
+    places, joined = np.empty(count, np.int64), np.zeros(count, np.bool_)
     for place in range(count):
-        i = order[place]
-        reach = ranges[i]
+        reach = ranges[place]
         if reach > 0.0 and reach <= range_max and reach < np.inf:
-            angle = theta + angles[i]
-            beams[kept, 0] = np.cos(angle)
-            beams[kept, 1] = np.sin(angle)
-            reaches[kept] = reach
-            deviations[kept] = range_deviation(noise, reach)
-            turns[kept] = angles[i]
+            angle = theta + angles[place]
+            beams[kept, 0], beams[kept, 1] = np.cos(angle), np.sin(angle)
+            reaches[kept], deviations[kept] = reach, range_deviation(noise, reach)
             places[kept] = place
             kept += 1
-    joined = np.zeros(kept, np.bool_)
     for i in range(kept):
         k = (i + 1) % kept
         if k == i or (k == 0 and not circle):
@@ -123,7 +99,7 @@ def sorted_returns(
         # A beam that is lost says nothing of the wall between its neighbours.
         if (places[k] - places[i]) % count > 1 + lost:
             continue
-        turn = abs(turns[k] - turns[i])
+        turn = abs(angles[places[k]] - angles[places[i]])
         turn = min(turn, 2.0 * np.pi - turn)
         near, far = min(reaches[i], reaches[k]), max(reaches[i], reaches[k])
         step = np.sqrt(max(near * near + far * far - 2.0 * near * far * np.cos(turn), 0.0))
@@ -134,7 +110,21 @@ def sorted_returns(
             reach = min(gap, near * np.sin(turn) / np.sin(GRAZING_ANGLE - turn))
         blur = CLUSTER_DEVIATIONS * np.sqrt(deviations[i] ** 2 + deviations[k] ** 2)
         joined[i] = step <= reach + blur
-    return beams[:kept], reaches[:kept], deviations[:kept], joined
+    return beams[:kept], reaches[:kept], deviations[:kept], joined[:kept]
+
+
+@inner
+def _rolled(
+    begin: int, beams: Float, ranges: Float, deviations: Float
+) -> tuple[Float, Float, Float]:
+    """The returns of a whole turn from one on."""
+    count = len(ranges)
+    turned, reaches, errors = np.empty((count, 2)), np.empty(count), np.empty(count)
+    for k in range(count):
+        place = (begin + k) % count
+        turned[k, 0], turned[k, 1] = beams[place, 0], beams[place, 1]
+        reaches[k], errors[k] = ranges[place], deviations[place]
+    return turned, reaches, errors
 
 
 @compiled
@@ -149,64 +139,38 @@ def extract_walls(
 ) -> int:
     """Fill in the walls (≥ n // 3 rows) of a scan with a heading [rad]; returns how many.
 
-    Of the ranges (n,) along angles (n,) those above 0 and up to range_max count; a gap [m] parts
-    clusters however far they are.
+    Of the ranges (n,) along rising angles (n,) those above 0 and up to range_max count; a gap [m]
+    parts clusters however far they are.
     """
     ends, moments, labels = local
-    beams, reaches, deviations, joined = sorted_returns(
+    beams, reaches, deviations, joined = _joined_returns(
         theta, angles, ranges, range_max, noise, gap
     )
     count = len(reaches)
-    found = clusters = 0
-    if count == 0:
-        return 0
-    # Begin behind a break, so that no cluster runs over the end of the list.
-    begin = 0
+    walls = np.empty((count // LEAST_POINTS + 1, 2), np.int64)
+    begin = found = clusters = 0
     while begin < count and joined[begin]:
         begin += 1
     closed = begin == count
-    begin = 0 if closed else begin + 1
-    walls = np.empty((count // LEAST_POINTS + 1, 2), np.int64)
+    if closed and count and segment_cluster(beams, reaches, deviations, walls) > 1:
+        # One object all round: begin at a corner, so that no wall is cut in two.
+        begin = walls[1, 0] - 1
+    # Begin behind a break, so that no cluster runs over the end of the list.
+    beams, reaches, deviations = _rolled(begin + 1, beams, reaches, deviations)
     first = 0
-    run_beams = np.empty((count, 2))
-    run_ranges = np.empty(count)
-    run_deviations = np.empty(count)
     while first < count:
-        size = 0
-        while first + size < count:
-            place = (begin + first + size) % count
-            run_beams[size, 0], run_beams[size, 1] = beams[place, 0], beams[place, 1]
-            run_ranges[size] = reaches[place]
-            run_deviations[size] = deviations[place]
-            size += 1
-            if not joined[place] and not closed:
-                break
-        first += size
-        if size < LEAST_POINTS:
-            continue
-        parts = segment_cluster(run_beams[:size], run_ranges[:size], run_deviations[:size], walls)
-        if closed and parts > 1:
-            # One object all round: begin anew at a corner, so that no wall is cut in two.
-            turn = walls[1, 0]
-            for i in range(count):
-                place = (turn + i) % count
-                run_beams[i, 0], run_beams[i, 1] = beams[place, 0], beams[place, 1]
-                run_ranges[i], run_deviations[i] = reaches[place], deviations[place]
-            parts = segment_cluster(run_beams, run_ranges, run_deviations, walls)
-        size_found = _polyline(
-            run_beams[:size],
-            run_ranges[:size],
-            run_deviations[:size],
-            walls[:parts],
-            ends[found:],
-            moments[found:],
-            labels[found:],
-        )
-        for row in range(found, found + size_found):
+        last = first
+        while last < count - 1 and (closed or joined[(begin + 1 + last) % count]):
+            last += 1
+        last += 1
+        run = beams[first:last], reaches[first:last], deviations[first:last]
+        first = last
+        parts = segment_cluster(*run, walls) if len(run[1]) >= LEAST_POINTS else 0
+        size = _polyline(*run, walls[:parts], ends[found:], moments[found:], labels[found:])
+        for row in range(found, found + size):
             labels[row, 1] = clusters
-        if size_found:
-            clusters += 1
-        found += size_found
+        clusters += size > 0
+        found += size
     return found
 
 
@@ -320,8 +284,9 @@ class LikelihoodExtractor:
         ends, moments = np.empty((most, 4)), np.empty((most, 6))
         local = LocalWalls(ends, moments, np.empty((most, 2), np.int64))
         range_max = min(float(scan.range_max), MOST_RANGE)
+        angles, ranges = in_order(scan)
         count = extract_walls(
-            heading, plain(scan.angles), plain(scan.ranges), range_max, noise, self.gap, local
+            heading, plain(angles), plain(ranges), range_max, noise, self.gap, local
         )
         return LocalWalls(ends[:count], moments[:count], local.labels[:count])
 

@@ -11,7 +11,7 @@ from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserScan
 from lrf3d.mapping.grid import Grid, filled
 from lrf3d.mapping.line_map import LineMap, solid_map
-from lrf3d.mapping.robust.beams import Beams, Frame, fingerprint, widen
+from lrf3d.mapping.robust.beams import Beams, Frame, widen
 from lrf3d.mapping.robust.cells import LEAST, Cells, NewEvidence, open_squares
 from lrf3d.mapping.robust.extraction import LikelihoodExtractor, LocalWalls
 from lrf3d.mapping.robust.judging import add_beams
@@ -39,15 +39,12 @@ class RobustMapper:
         self._links = Links.of_size(LEAST)
         # Walls that are new in their places, and may fit others now.
         self._waiting = np.empty(0, np.int64)
-        self._scans, self._last_scan = 0, 0
+        self._scans = 0
         self._frame: Frame | None = None
         self._map: LineMap | None = None
 
     def update(self, scan: LaserScan) -> None:
-        """Unite the map with a scan; the same scan again changes nothing."""
-        number = fingerprint(scan)
-        if number == self._last_scan:
-            return
+        """Unite the map with a scan."""
         self._map = None
         if self._frame is None:
             self._frame = Frame.of(scan)
@@ -61,8 +58,6 @@ class RobustMapper:
         self._link_walls(self._refit_walls(changed, gone, fresh))
         if lit is not None:
             self._optics.update(lit, found.ends, self._walls.ends[self._rows()])
-        # Last: a scan whose update was interrupted may be given again.
-        self._last_scan = number
 
     def _judge_beams(self, beams: Beams, place: Place, count: int) -> NewEvidence:
         """Add what the beams show to the cells; returns what is new of which walls."""

@@ -245,14 +245,14 @@ def _kind(link: Float, one: Float, other: Float, cells: Cells) -> int:
     if length <= TOUCH:
         return JOINS
     if length > SHORT_LINK:
-        if is_crossed(line, cells, FREE_DEPTH, 0, LINK_SINE, True):
+        if is_crossed(line, cells, FREE_DEPTH, 0, LINK_SINE):
             return CROSSED
         return BLOCKED if _is_blocked(one, other, cells) else OPEN
     # A short one may be crossed by many beams, but not by any that go deeper than a corner.
     depth = max(FREE_DEPTH, NICHE_DEPTH * length) if before else FREE_DEPTH
-    if is_crossed(line, cells, depth, STRAY_BEAMS, LINK_SINE, True):
+    if is_crossed(line, cells, depth, STRAY_BEAMS, LINK_SINE):
         return CROSSED
-    if before and is_crossed(line, cells, FREE_DEPTH, CORNER_BEAMS, LINK_SINE, False):
+    if before and is_crossed(line, cells, FREE_DEPTH, CORNER_BEAMS, LINK_SINE):
         return CROSSED
     return JOINS
 
@@ -268,7 +268,7 @@ def _is_blocked(one: Float, other: Float, cells: Cells) -> bool:
                 line[k + 2] = other[k] + across * (other[k + 2] - other[k])
             length = np.hypot(line[2] - line[0], line[3] - line[1])
             if max(_reach_before(one, line), _reach_before(other, line)) <= BEHIND_SINE * length:
-                if is_crossed(line, cells, FREE_DEPTH, 0, LINK_SINE, True):
+                if is_crossed(line, cells, FREE_DEPTH, 0, LINK_SINE):
                     return False
     return True
 

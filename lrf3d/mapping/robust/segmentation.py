@@ -8,7 +8,7 @@ a few operations; so every division of a cluster can be weighed, and the cheapes
 
 import numpy as np
 
-from lrf3d.compiling import compiled, inner
+from lrf3d.compiling import compiled
 from lrf3d.geometry import Float, Int
 
 WALL_COST = 20.0
@@ -24,13 +24,6 @@ LEAST_POINTS = 3
 PRUNED_COST = max(0.0, (LEAST_POINTS - 1) * OUTLIER_COST - WALL_COST)
 """[χ²] How much worse than the best a division may be and still lead to a better one later: what
 the points behind it could cost that are too few for a wall of their own. Exact: no tuning."""
-
-MOST_OPEN = 256
-"""[places] Most places where a wall may still begin that are weighed for a point, so that the work
-grows with the points and not with their square. On a wall all of its points stay such places. On
-walls of more points the older half is thinned out, and a wall may then begin a few of many beams
-beside its corner; with 1024 maps from scans of 721 beams are the same, and 50,000 beams take three
-times as long."""
 
 
 @compiled
@@ -91,7 +84,7 @@ def segment_cluster(beams: Float, ranges: Float, deviations: Float, walls: Int) 
             if best[first] + misfit <= cheapest + PRUNED_COST:
                 open_first[kept] = first
                 kept += 1
-        opened = kept if kept < MOST_OPEN else _thinned(open_first, kept, choice)
+        opened = kept
         best[last] = cheapest
         origin[last] = choice
     found = 0
@@ -108,17 +101,6 @@ def segment_cluster(beams: Float, ranges: Float, deviations: Float, walls: Int) 
         for k in range(2):
             walls[i, k], walls[found - 1 - i, k] = walls[found - 1 - i, k], walls[i, k]
     return found
-
-
-@inner
-def _thinned(places: Int, count: int, choice: int) -> int:
-    """Strike off every second of the older half of places, but for the choice; how many stay."""
-    kept = 0
-    for place in range(count):
-        if place >= count // 2 or place % 2 == 0 or places[place] == choice:
-            places[kept] = places[place]
-            kept += 1
-    return kept
 
 
 @compiled

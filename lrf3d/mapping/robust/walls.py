@@ -262,13 +262,13 @@ def _partner(walls: Walls, grid: Grid, row: int, cells: Cells, rule: Rule) -> in
         value = misfit(one, moments, two, others, rule)
         if value < least or (value == least and other < best):
             if _span(one, two, line) <= 0.0 or not is_crossed(
-                line, cells, FREE_DEPTH, SPARE_BEAMS, WALL_SINE, False
+                line, cells, FREE_DEPTH, SPARE_BEAMS, WALL_SINE
             ):
                 best, least = other, value
         elif best < 0 and walls.real[row] and walls.real[other]:
             if misfit(one, moments, two, others, straight) < 1.0:
                 gap = _span(one, two, line)
-                if gap < narrowest and not is_crossed(line, cells, FREE_DEPTH, 0, WALL_SINE, False):
+                if gap < narrowest and not is_crossed(line, cells, FREE_DEPTH, 0, WALL_SINE):
                     second, narrowest = other, gap
     return best if best >= 0 else second
 
