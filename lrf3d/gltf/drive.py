@@ -163,7 +163,7 @@ def _add_trail(
     group = document.node(name, document.root)
     pieces = thinned(keys, _PIECE_ERROR)
     for (begin, start), (end, stop) in pairwise(zip(*pieces, strict=True)):
-        way = (stop - start)[:2]
+        along = (stop - start)[:2]
         if np.hypot(*along) < _SHORTEST:
             continue
         node = document.node(
