@@ -252,7 +252,7 @@ def _is_better(space: FreeSpace, ends: Float, cost: float, least: float) -> bool
     ground = space.ground
     shares = np.linspace(0.0, 1.0, int(2.0 * length / ground.size) + 2)[:, None]
     cells = (ends[0] * (1.0 - shares) + ends[1] * shares - ground.low) / ground.size - 0.5
-    gaps = map_coordinates(ground.gaps, cells.T, order=1)
+    gaps = map_coordinates(ground.gaps, cells.T, order=1, mode="nearest")
     enough = gaps.min() >= min(least, space.radius + COMFORT) - 0.01
     prices = space.cost(gaps)
     mean = 0.5 * (prices[1:] + prices[:-1]).mean()

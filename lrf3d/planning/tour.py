@@ -33,6 +33,9 @@ TIGHT = 0.3
 OPEN = 5.0
 """Distance to walls [m] above which more room makes no better lookout."""
 
+MOST_LOOKOUTS = 60
+"""Largest number of lookouts: between each two of them the cheapest path is found."""
+
 LEAST_WORTH, LEAST_GAIN = 0.02, 0.0005
 """Least length of wall [m] that another metre must show, and least share of all that another
 lookout must."""
@@ -132,12 +135,15 @@ def _cover(seen: Bool, weights: Float, appeal: Float) -> list[int]:
 
     What is seen (k, pieces) counts by the appeal (k,) of a position.
     """
-    unseen = np.where(seen.any(axis=0), weights, 0.0)
-    least, chosen = LEAST_GAIN * unseen.sum(), list[int]()
+    # As numbers they are summed ten times as fast as truth values are.
+    shows, unseen = seen.astype(np.float32), weights.astype(np.float32)
+    least, chosen = LEAST_GAIN * float(unseen[seen.any(axis=0)].sum()), list[int]()
     # With a short range_max no wall may be visible.
-    while (gains := appeal * (seen @ unseen)).max() > least or not chosen:
+    while (gains := appeal * (shows @ unseen)).max() > least or not chosen:
         chosen.append(int(np.argmax(gains)))
         unseen[seen[chosen[-1]]] = 0.0
+        if len(chosen) == MOST_LOOKOUTS:
+            break
     return chosen
 
 

@@ -83,19 +83,16 @@ def buildings_seen(run: Run) -> BuildingCount:
     walls_of = np.bincount(objects)
     parts, walls = visible_walls(run)
     seen = (np.bincount(objects[walls], minlength=len(walls_of)) == walls_of) & (walls_of > 0)
-    _, object_of, object_sizes = np.unique(run.map.objects, return_inverse=True, return_counts=True)
+    _, object_of, sizes = np.unique(run.map.objects, return_inverse=True, return_counts=True)
     pairs = match_segments(run.map.segments, parts)
     building, map_object = objects[walls[pairs[:, 1]]], object_of[pairs[:, 0]]
-    # A building is whole if all its walls are matched, and all matches are of one object.
-    matched = np.bincount(building, minlength=len(walls_of))
-    lowest = np.full(len(walls_of), len(object_sizes))
-    highest = np.full(len(walls_of), -1)
-    np.minimum.at(lowest, building, map_object)
-    np.maximum.at(highest, building, map_object)
-    one_object = (matched == walls_of) & (lowest == highest) & (highest >= 0)
-    sizes = np.append(object_sizes, 0)[np.where(one_object, highest, len(object_sizes))]
+    whole = 0
+    for number in np.flatnonzero(seen):
+        found = map_object[building == number]
+        one = len(found) == walls_of[number] and bool((found == found[0]).all())
+        whole += one and sizes[found[0]] == walls_of[number]
     return BuildingCount(
         buildings=int((walls_of > 0).sum()),
         seen_on_all_sides=int(seen.sum()),
-        whole=int((seen & one_object & (sizes == walls_of)).sum()),
+        whole=int(whole),
     )
