@@ -14,11 +14,11 @@ from lrf3d.slam.correlation import DEVIATIONS as WINDOW_DEVIATIONS
 from lrf3d.slam.correlation import same_place, search
 from lrf3d.slam.frames import between, compose, turned
 from lrf3d.slam.front_end import WEAK, weakest_direction
+from lrf3d.slam.graph_paths import GraphPaths
 from lrf3d.slam.pose_graph import Edges
 from lrf3d.slam.scan_matching import Match
 from lrf3d.slam.surface import wall_map
 from lrf3d.slam.violation import Key, contradicted
-from lrf3d.slam.ways import Ways
 
 LEAST_DISTANCE = 6.0
 """Two key scans are worth closing a loop if the way between them over the graph is longer [m]."""
@@ -39,7 +39,7 @@ LEAST_SPREAD, MOST_SPREAD = np.array([0.1, 0.1, 0.02]), np.array([5.0, 5.0, 0.15
 """Bounds of the standard deviations [m], [rad] of the window that is searched."""
 
 FARTHEST = 2000.0
-"""Ways over the graph are found up to this length [m]."""
+"""Paths over the graph are found up to this length [m]."""
 
 LOST = 10.0
 """Distance [m] over which a robot drifts as far as in one scan that matches nothing: 0.1 m."""
@@ -103,7 +103,7 @@ class LoopCloser:
         # Those of the last stretch: not accepted yet, and accepted.
         self._pending: list[Closure] = []
         self._recent: list[Closure] = []
-        self.ways = Ways()
+        self.paths = GraphPaths()
         # How far the robot had driven at each key scan [m], and by now.
         self.driven = np.empty(0)
         self.distance = 0.0
@@ -136,7 +136,7 @@ class LoopCloser:
         scale = covariance @ edge.prior[0] @ (edge.measured[0] * [1.0, 1.0, 0.0])
         covariance = covariance + lost * LOST_SPREAD
         first, second = int(edge.first[0]), int(edge.second[0])
-        self.ways.link(first, second, length, covariance, scale)
+        self.paths.link(first, second, length, covariance, scale)
 
     def search(self, poses: Float, scale: float) -> list[Closure]:
         """Closures that are accepted now: of the newest key scan, and older ones it confirms."""
@@ -164,13 +164,13 @@ class LoopCloser:
         return accepted
 
     def _accept(self, closures: list[Closure]) -> list[Closure]:
-        """Accept closures, which are ways over the graph from now on."""
+        """Accept closures, which are paths over the graph from now on."""
         for closure in closures:
             covariance = np.asarray(np.linalg.inv(closure.information), dtype=np.float64)
             # Along a corridor it leaves the robot as uncertain as a long drive does.
             off = np.sqrt(np.linalg.eigvalsh(covariance[:2, :2])[1]) / DRIFT
             length = max(CLOSURE_LENGTH, float(off))
-            self.ways.link(closure.old, closure.new, length, covariance, np.zeros(3))
+            self.paths.link(closure.old, closure.new, length, covariance, np.zeros(3))
         self.accepted += closures
         self._recent += closures
         return closures
@@ -182,7 +182,7 @@ class LoopCloser:
         fits = self.driven < self.driven[new] - LEAST_DISTANCE
         if not fits.any():
             return None
-        lengths, spreads = self.ways.spreads(new, poses, FARTHEST, scale)
+        lengths, spreads = self.paths.spreads(new, poses, FARTHEST, scale)
         fits &= np.isfinite(lengths) & (lengths > LEAST_DISTANCE)
         away = poses[:, :2] - poses[new, :2]
         apart = np.hypot(away[:, 0], away[:, 1])
@@ -274,7 +274,7 @@ class LoopCloser:
         )
 
     def _agree(self, first: Closure, second: Closure) -> bool:
-        """Whether the loop over two closures and the ways between their ends closes."""
+        """Whether the loop over two closures and the paths between their ends closes."""
         if first is second:
             return True
         old = between(self.keys[first.old].pose, self.keys[second.old].pose)

@@ -30,6 +30,10 @@ PEAKS = 6
 APART, TURNED_APART = 0.3, 0.1
 """Two poses that differ by more [m], [rad] are different places."""
 
+CLOSE = 0.7
+"""Of the peaks, which are refined with the points of the window's search, those that explain more
+than this share of what the best one does are refined with all points."""
+
 LOOSE = np.diag([4.0, 4.0, 25.0])
 """Information of the guess when a peak is refined: 0.5 m and 0.2 rad, which leaves it free."""
 
@@ -52,8 +56,8 @@ def search(
     step = float(np.clip(COARSE_CELL / max(far, 1e-3), *ANGLE_STEPS))
     turns = max(1, int(np.ceil(DEVIATIONS * np.sqrt(spread[2, 2]) / step)))
     angles: Float = step * np.arange(-turns, turns + 1, dtype=np.float64)
-    points = np.ascontiguousarray(surface[:: 1 + len(surface) // COARSE_POINTS, :2])
-    scores = window_scores(points, grid, guess, shifts, angles)
+    sample = np.ascontiguousarray(surface[:: 1 + len(surface) // COARSE_POINTS])
+    scores = window_scores(sample, grid, guess, shifts, angles)
     matches: list[Match] = []
     for _ in range(PEAKS if len(shifts) else 0):
         a, s = np.unravel_index(int(scores.argmax()), scores.shape)
@@ -61,7 +65,7 @@ def search(
             break
         shift = COARSE_CELL * shifts[s]
         start = np.array([*(guess[:2] + shift), guess[2] + angles[a]])
-        match = match_scan(surface, grid, start, LOOSE, ITERATIONS)
+        match = match_scan(sample, grid, start, LOOSE, ITERATIONS)
         # One that slid away, as along a corridor, is another place, and may be out of the window.
         stayed = bool(np.isfinite(match.pose).all()) and same_place(match.pose, start)
         if stayed and not any(same_place(match.pose, other.pose) for other in matches):
@@ -69,7 +73,12 @@ def search(
         # The peak's surroundings lead to the same place.
         around = np.flatnonzero((np.abs(shifts - shifts[s]) <= 2).all(axis=1))
         scores[max(a - 2, 0) : a + 3, around] = 0.0
-    return sorted(matches, key=lambda match: -match.explained)
+    least = CLOSE * max((match.explained for match in matches), default=0.0)
+    places = [
+        match_scan(surface, grid, match.pose, LOOSE) if match.explained > least else match
+        for match in matches
+    ]
+    return sorted(places, key=lambda match: -match.explained)
 
 
 def shifts_within(guess: Float, spread: Float, near: float) -> Int:
@@ -93,7 +102,7 @@ def shifts_within(guess: Float, spread: Float, near: float) -> Int:
 def window_scores(
     points: Float, grid: SurfaceGrid, centre: Float, shifts: Int, angles: Float
 ) -> Float:
-    """How many points (m, 2) fall on marked cells (a, s), for each heading and shift [cells]."""
+    """How many points (m, …) fall on marked cells (a, s), for each heading and shift [cells]."""
     # The field is as large as the map and its margin, in coarse cells.
     cell = COARSE_CELL
     wide = int(grid.size[0] * grid.size[2] / cell) + 3

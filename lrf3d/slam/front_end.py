@@ -14,7 +14,7 @@ import numpy as np
 from lrf3d.geometry import Bool, Float, Int, wrap_angle
 from lrf3d.slam.correlation import same_place, search
 from lrf3d.slam.frames import between, compose, turned
-from lrf3d.slam.scan_matching import Match, match_scan
+from lrf3d.slam.scan_matching import PRIOR_SCALE, Match, match_scan
 from lrf3d.slam.surface import SurfaceGrid, evenly_spaced, moved, wall_map
 from lrf3d.slam.violation import BEHIND, Key, views_of
 from lrf3d.slam.wheels import Wheels
@@ -29,15 +29,14 @@ LOCAL_KEYS = 8
 LEAST_EXPLAINED = 0.15
 """A match that explains a smaller share of the points than this is rejected."""
 
-DOUBTFUL = 0.65
-"""Where a match explains a smaller share than this, the places around are searched."""
+DOUBTFUL, SLIPPED = 0.65, 3.0
+"""Where a match explains a smaller share than the first, or is as many deviations off from where
+the wheels lead, the places around are searched: a slip turns the robot, which walls show, and moves
+it aside, which they may not."""
 
 SLIP, SLIP_SHARE, SLIP_TURN, SLIP_TURN_SHARE = 0.4, 0.3, 0.4, 0.3
 """How far [m], [rad] wheels may slip between two scans, and as a share of their step: the window
 that is searched. In a wider one other places look alike."""
-
-LEAST_BACKWARDS = 0.5
-"""Share that a place must explain that is as far off as where wheels went backwards unsaid."""
 
 LONGEST_STILL = 5
 """Scans over which encoders that stand still widen the window."""
@@ -80,9 +79,9 @@ REFINED_PRIOR = np.diag([2500.0, 2500.0, 10000.0])
 REFINED_ITERATIONS = 8
 """Most Gauss-Newton steps."""
 
-REFINED_WITH = 8
-"""Key scans that a scan is matched with. With twice as many it takes twice the time, and the mean
-error moves by a hundredth."""
+REFINED_WITH = 12
+"""Key scans that a scan is matched with. More take longer, and move the mean error by some
+thousandths."""
 
 ELSEWHERE = 0.03
 """Where a scan is farther than this [m], [rad] from where its wheels have it, seen from the scan
@@ -170,29 +169,32 @@ class FrontEnd:
         expected = self._last if self._dead else self.wheels.corrected(increment)
         covariance = UNGUIDED if self._dead else self.wheels.covariance(increment)
         guess = compose(self.pose, expected)
-        variances = covariance.diagonal().copy()
-        variances[2] += self.wheels.unlearned(increment)
-        surface = surface[~self._moving(surface, guess, np.sqrt(variances))]
-        match = Match(guess, np.zeros((3, 3)), 0.0, np.inf)
+        uncertain = covariance + np.diag([0.0, 0.0, self.wheels.unlearned(increment)])
+        surface = surface[~self._moving(surface, guess, np.sqrt(uncertain.diagonal()))]
+        match, slip = Match(guess, np.zeros((3, 3)), 0.0, np.inf), 0.0
         if self._grid is not None and len(surface):
-            prior = turned(np.diag(1.0 / variances), float(self.pose[2]))
-            match = match_scan(surface, self._grid, guess, prior)
-            if match.explained < DOUBTFUL and len(surface) >= LEAST_POINTS:
+            own = np.linalg.inv(uncertain)
+            match = match_scan(surface, self._grid, guess, turned(own, float(self.pose[2])))
+            slip = _square(between(self.pose, match.pose), expected, own)
+            doubtful = match.explained < DOUBTFUL or slip > SLIPPED**2
+            if doubtful and len(surface) >= LEAST_POINTS:
                 match = self._searched(surface, self._grid, match, guess, expected)
+                slip = _square(between(self.pose, match.pose), expected, own)
         accepted = match.explained >= LEAST_EXPLAINED and bool(np.isfinite(match.pose).all())
         pose = match.pose if accepted else guess
         pose[2] = wrap_angle(pose[2])
         information = turned(match.information, -float(pose[2])) if accepted else np.zeros((3, 3))
         found = between(self.pose, pose)
-        if accepted and not self._dead:
-            self.wheels.compare(expected, found, covariance)
-        dead = self._dead or bool(accepted and self._still and np.abs(found).max() > MOVED)
+        if accepted:
+            if not self._dead:
+                self.wheels.compare(expected, found, covariance)
+            # Where wheels have slipped, the directions that scans do not fix are uncertain, too.
+            covariance = covariance * (1.0 + slip / PRIOR_SCALE**2)
         self._last = found
-        if dead and not self._dead:
+        if accepted and self._still and not self._dead and np.abs(found).max() > MOVED:
             # What scans show at last is the motion since the encoders stopped.
-            self._last = found / self._still
+            self._last, self._dead = found / self._still, True
             self._recent.clear()
-        self._dead = dead
         self._turn_known &= accepted and not self._dead
         self._ahead_known &= accepted and information[0, 0] > WEAK
         self._raw += increment
@@ -209,36 +211,27 @@ class FrontEnd:
     ) -> Match:
         """The place around the guess that is clearly better than all others; if none is, the match.
 
-        Wheels slip and spin, and robots are pushed: then they are not where odometry leads. If none
-        is found there, the robot may have driven backwards with encoders that measure no sign.
+        Wheels slip and spin, and robots are pushed: then they are not where odometry leads.
         """
-        way = float(np.hypot(expected[0], expected[1]))
         # Encoders that stand still may be dead, and the robot farther on with each scan.
-        aside = SLIP * min(max(self._still, 1), LONGEST_STILL) + SLIP_SHARE * way
+        aside = SLIP * min(max(self._still, 1), LONGEST_STILL)
+        aside += SLIP_SHARE * float(np.hypot(expected[0], expected[1]))
         turn = SLIP_TURN + SLIP_TURN_SHARE * abs(float(expected[2]))
-        places: list[Match] = []
-        worth: list[float] = []
-        standing = compose(self.pose, expected * [0.0, 0.0, 1.0])
-        for centre, ahead, enough in (
-            (guess, aside, LEAST_FOUND),
-            (standing, way + SLIP, LEAST_BACKWARDS),
-        ):
-            spread = np.array([ahead, aside, turn]) / 3.0
-            window = turned(np.diag(spread**2), float(centre[2]))
-            for place in search(surface, grid, centre, window):
-                places.append(place)
-                off = between(centre, place.pose) / spread
-                worth.append(_odds(place) - (0.0 if self._still else np.log1p(float(off @ off))))
-            if not places:
-                continue
-            best = places[int(np.argmax(worth))]
-            clearer = _odds(best) - _odds(match)
-            for place, value in zip(places, worth, strict=True):
-                if not same_place(place.pose, best.pose, tolerance=2.0):
-                    clearer = min(clearer, max(worth) - value)
-            if clearer > CLEARLY and best.explained > enough:
-                return best
-        return match
+        spread = np.array([aside, aside, turn]) / 3.0
+        places = search(surface, grid, guess, np.diag(spread**2))
+        if not places:
+            return match
+        off = [between(guess, place.pose) / spread for place in places]
+        far = [0.0 if self._still else float(np.log1p(each @ each)) for each in off]
+        worth = [_odds(place) - less for place, less in zip(places, far, strict=True)]
+        best = places[int(np.argmax(worth))]
+        others = [
+            value
+            for place, value in zip(places, worth, strict=True)
+            if not same_place(place.pose, best.pose, tolerance=2.0)
+        ]
+        clearer = min(_odds(best) - _odds(match), max(worth) - max(others, default=-np.inf))
+        return best if clearer > CLEARLY and best.explained > LEAST_FOUND else match
 
     def _moving(self, surface: Float, guess: Float, deviations: Float) -> Bool:
         """Which points (m,) of a surface were not there when the robot came by, or follow it."""
@@ -290,6 +283,12 @@ class FrontEnd:
         self._recent.clear()
         self._keys.append(key)
         self._grid = wall_map((near.walls, near.pose) for near in list(self._keys)[-LOCAL_KEYS:])
+
+
+def _square(found: Float, expected: Float, information: Float) -> float:
+    """The squared difference of two increments, in units of its variance."""
+    error = between(expected, found)
+    return float(error @ information @ error)
 
 
 def _odds(match: Match) -> float:

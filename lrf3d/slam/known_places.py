@@ -82,11 +82,11 @@ def in_known_place(
     if here.sum() < ENOUGH or len(scan.surface) < LEAST_POINTS:
         return None
     uncertain = last.way + way
-    ways = closer.ways.lengths(last.key, CERTAIN) + uncertain
-    here &= ways < CERTAIN
+    apart_by_path = closer.paths.lengths(last.key, CERTAIN) + uncertain
+    here &= apart_by_path < CERTAIN
     if here.sum() < ENOUGH:
         return None
-    near = np.flatnonzero(old & (apart < AROUND) & (ways < CERTAIN))
+    near = np.flatnonzero(old & (apart < AROUND) & (apart_by_path < CERTAIN))
     near = near[np.argsort(apart[near], kind="stable")][:MOST_WITH]
     around = [keys[k] for k in near.tolist()]
     grid = wall_map((key.walls, pose) for key, pose in zip(around, poses[near], strict=True))

@@ -159,16 +159,16 @@ def optimised(poses: Float, edges: Edges, iterations: int = 10) -> Float:
     return poses
 
 
-def optimised_around(poses: Float, edges: Edges, ways: Callable[[float], Float]) -> Float:
+def optimised_around(poses: Float, edges: Edges, paths: Callable[[float], Float]) -> Float:
     """The poses (k, 3) after a Gauss-Newton step where something has changed; the first is held.
 
     The step is taken around the change alone, with all else held. Where poses half-way to the
-    border still move, it reaches twice as far: until the change has died out. ``ways(limit)`` is
+    border still move, it reaches twice as far: until the change has died out. ``paths(limit)`` is
     the way (k,) [m] over the graph from the change to each pose, +inf beyond a limit.
     """
     reach = LEAST_REACH
     while True:
-        way = ways(reach)
+        way = paths(reach)
         free = way <= reach
         used = edges.part(free[edges.first] | free[edges.second])
         nodes = np.unique(np.concatenate([used.first, used.second, FIRST]))

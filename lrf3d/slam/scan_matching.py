@@ -39,6 +39,10 @@ POST = 0.25
 """Strength of a post next to a point of a wall: from elsewhere another side of it is seen, and its
 middle is twice as far off."""
 
+FEWER, COARSELY = 120, 4
+"""The first number of points is enough for as many first steps as the second says: they only lead
+near to where the last ones end."""
+
 ITERATIONS = 12
 """Most Gauss-Newton steps of a match; six are usual."""
 
@@ -90,14 +94,15 @@ def _matched(
     explained = deviation = 0.0
     line = np.empty(4)
     for iteration in range(iterations):
-        scale = FIRST_SCALE * (LAST_SCALE / FIRST_SCALE) ** (min(iteration, 4) / 4.0)
+        scale = FIRST_SCALE * (LAST_SCALE / FIRST_SCALE) ** (min(iteration, COARSELY) / COARSELY)
+        stride = 1 + len(surface) // FEWER if iteration < min(COARSELY, iterations - 1) else 1
         for a in range(3):
             gradient[a] = 0.0
             for b in range(3):
                 scan_part[a, b] = 0.0
         explained = squares = 0.0
         cos, sin = np.cos(pose[2]), np.sin(pose[2])
-        for i in range(len(surface)):
+        for i in range(0, len(surface), stride):
             # The lever of the turn: where the point lies from the robot, in the map's axes.
             u = cos * surface[i, 0] - sin * surface[i, 1]
             v = sin * surface[i, 0] + cos * surface[i, 1]
@@ -112,7 +117,7 @@ def _matched(
                 continue
             bounded = 1.0 + (line[2] / scale) ** 2
             weight = line[3] / (bounded * bounded)
-            strength = weight / (sigma * sigma) * (POST if post else 1.0)
+            strength = stride * weight / (sigma * sigma) * (POST if post else 1.0)
             # A post is met like two walls across each other.
             for side in range(2 if post else 1):
                 mx, my, distance = line[0], line[1], line[2]
@@ -150,7 +155,7 @@ def _matched(
         for a in range(3):
             pose[a] -= step[a]
             farthest = max(farthest, abs(step[a]))
-        if iteration >= 4 and farthest < STEP:
+        if iteration >= COARSELY and farthest < STEP:
             break
     return pose, scan_part, explained, deviation
 

@@ -91,15 +91,15 @@ class SelfCheck:
         return []
 
 
-def self_check(keys: Sequence[Key], poses: Float, ways: Float) -> SelfCheck:
+def self_check(keys: Sequence[Key], poses: Float, driven: Float) -> SelfCheck:
     """Compare the key scans (k,) of a solved drive, at poses (k, 3), where the robot came by again.
 
-    The ways (k,) are how far it had driven at each of them [m].
+    Driven (k,) is how far the robot had driven at each of them [m].
     """
     scans, counts = [], []
     for number, key in enumerate(keys):
         apart = np.hypot(*(poses[:number, :2] - poses[number, :2]).T)
-        near = np.flatnonzero((apart < NEAR) & (ways[:number] < ways[number] - LATER))
+        near = np.flatnonzero((apart < NEAR) & (driven[:number] < driven[number] - LATER))
         near = near[np.argsort(apart[near], kind="stable")][:COMPARED]
         if len(near):
             olds = [keys[k] for k in near.tolist()]
@@ -121,7 +121,7 @@ def self_check(keys: Sequence[Key], poses: Float, ways: Float) -> SelfCheck:
 
 
 def without_contradictions(
-    keys: Sequence[Key], poses: Float, ways: Float, edges: Edges, stretches: Int
+    keys: Sequence[Key], poses: Float, driven: Float, edges: Edges, stretches: Int
 ) -> tuple[Float, Bool]:
     """The poses (k, 3) that fit edges, and which of these (e,) are kept.
 
@@ -129,7 +129,7 @@ def without_contradictions(
     without which they clearly agree better are taken back.
     """
     kept, closures = np.ones(len(edges), np.bool_), np.flatnonzero(edges.robust)
-    check = self_check(keys, poses, ways)
+    check = self_check(keys, poses, driven)
     while not check.passed:
         squares = edges.squares(poses)[closures]
         left = np.unique(stretches[kept[closures]]).tolist()
@@ -138,7 +138,7 @@ def without_contradictions(
             fewer = kept.copy()
             fewer[closures[stretches == stretch]] = False
             found = optimised(poses, edges.part(fewer))
-            other = self_check(keys, found, ways)
+            other = self_check(keys, found, driven)
             if other.violation < AGREE_BETTER * check.violation:
                 kept, poses, check = fewer, found, other
                 break

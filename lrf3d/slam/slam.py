@@ -374,7 +374,7 @@ class Slam:
             edges = self._gathered_edges()
             newest = len(self._closer.keys) - 1
             poses = optimised_around(
-                self._key_poses, edges, lambda limit: self._closer.ways.lengths(newest, limit)
+                self._key_poses, edges, lambda limit: self._closer.paths.lengths(newest, limit)
             )
             self._move_keys(poses, edges)
 

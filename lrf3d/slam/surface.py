@@ -15,10 +15,13 @@ from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserScan
 from lrf3d.laser.range_finder import beam_directions
 
-BASELINE, BASELINE_GROWTH, BASELINE_NOISE = 0.15, 0.03, 8.0
+FAR_OFF = 8.0
+"""From this range on [m] beams stand so far apart that normals take in more of what they hit."""
+
+BASELINE, BASELINE_GROWTH, BASELINE_NOISE = 0.15, 0.06, 8.0
 """How far a normal reaches to both sides [m]: at 1 m range beams stand 2 cm apart, and the noise of
-a centimetre would turn the normal of adjacent points at will. Far off it reaches this share of the
-range, where beams stand farther apart, and this many deviations of a noisy laser."""
+a centimetre would turn the normal of adjacent points at will. Far off it reaches this much more a
+metre, and with a noisy laser as many deviations."""
 
 LEAST_TO_SIDE, MOST_TO_SIDE = 2, 8
 """Points that a normal takes in to each side: at least, which is what lasers of few beams show of a
@@ -30,8 +33,8 @@ more: beams fan out, and meet walls under flat angles. Lasers of few beams need 
 of their beams, and noisy ones the last, deviations."""
 
 STRAIGHT, STRAIGHT_GROWTH, STRAIGHT_NOISE = 0.03, 0.006, 1.5
-"""Largest RMS distance [m] of points to their line: three times a usual range noise; as a share of
-the range, for hedges far off are as good as walls; and in deviations of a noisy laser."""
+"""Largest RMS distance [m] of points to their line: three times a usual range noise; this much more
+a metre far off, for hedges there are as good as walls; and in deviations of a noisy laser."""
 
 FLATTEST = 0.1
 """Least cosine between beam and normal: a line that the beam runs along joins two surfaces."""
@@ -109,7 +112,8 @@ def surface_of(points: Float, laser: Float, step: float, noise: float) -> Float:
         root = np.sqrt(half * half + xy * xy)
         across = max(0.5 * (xx + yy) - root, 0.0)
         along = 0.5 * (xx + yy) + root
-        straight = max(STRAIGHT, max(STRAIGHT_GROWTH * away, STRAIGHT_NOISE * noise))
+        farther = max(away - FAR_OFF, 0.0)
+        straight = max(STRAIGHT + STRAIGHT_GROWTH * farther, STRAIGHT_NOISE * noise)
         angle = 0.5 * np.arctan2(2.0 * xy, xx - yy)
         nx, ny = -np.sin(angle), np.cos(angle)
         facing = -(nx * beam_x + ny * beam_y)
@@ -177,7 +181,8 @@ def _hidden(points: Float, i: int, k: int, laser: Float, away: Float, step: floa
 @inner
 def _reach(points: Float, i: int, way: int, away: float, step: float, noise: float) -> int:
     """The last point on one side of a point that its normal takes in."""
-    baseline = max(BASELINE, max(BASELINE_GROWTH * away, BASELINE_NOISE * noise))
+    baseline = BASELINE + BASELINE_GROWTH * max(away - FAR_OFF, 0.0)
+    baseline = max(baseline, BASELINE_NOISE * noise)
     gap = CONNECTED + away * max(CONNECTED_GROWTH, CONNECTED_SPACING * step)
     gap = max(gap, CONNECTED_NOISE * noise)
     most = int(MOST_TO_SIDE * max(1.0, BASELINE_NOISE * noise / BASELINE))

@@ -69,10 +69,13 @@ class Wheels:
         way, turn = float(np.hypot(increment[0], increment[1])), abs(float(increment[2]))
         place = STILL_POSITION + SLIP * way + SKID * turn
         heading = STILL_HEADING + SWERVE * way + SLIP_TURN * turn
-        deviations = np.array([place, place, heading]) ** 2
-        deviations[:2] *= self._excess[0]
-        deviations[2] *= self._excess[1]
-        return np.diag(deviations)
+        place, heading = place**2 * self._excess[0], heading**2 * self._excess[1]
+        # Wheels may slip anywhere on the way: turned by them, the rest of it leads elsewhere.
+        lever = way / 2.0
+        aside = place + heading * way**2 / 3.0
+        return np.array(
+            [[place, 0.0, 0.0], [0.0, aside, lever * heading], [0.0, lever * heading, heading]]
+        )
 
     def unlearned(self, increment: Float) -> float:
         """Variance [rad²] of an increment's turn by what is not known of a and b yet.

@@ -122,9 +122,9 @@ def test_a_drive_that_agrees_with_itself_passes_its_check(rounds):
 
 def test_a_map_that_contradicts_itself_is_reported(rounds):
     slam = rounds[0]
-    keys, poses, ways = slam._closer.keys, slam._key_poses.copy(), slam._closer.driven
+    keys, poses, driven = slam._closer.keys, slam._key_poses.copy(), slam._closer.driven
     poses[len(poses) // 2 :, 1] += 1.5
-    check = self_check(keys, poses, ways)
+    check = self_check(keys, poses, driven)
     assert not check.passed
     assert "contradicts itself" in check.sentences()[0]
 

@@ -106,13 +106,13 @@ def test_one_false_closure_among_true_ones_is_outvoted(rng):
 
 
 def ways_on_a_line(count, start, step=0.5):
-    """Ways over the graph of poses in a row [m], as `optimised_around` asks for them."""
+    """Paths over the graph of poses in a row [m], as `optimised_around` asks for them."""
 
-    def ways(limit):
+    def paths(limit):
         way = step * np.abs(np.arange(count) - start)
         return np.where(way <= limit, way, np.inf)
 
-    return ways
+    return paths
 
 
 def test_a_change_that_dies_out_is_optimised_where_it_is(rng):

@@ -89,3 +89,17 @@ def test_false_closures_that_the_scans_contradict_are_taken_back():
     found, kept = without_contradictions(closer.keys, bent, closer.driven, edges, stretches)
     assert errors(place, found).max() < 0.2
     assert kept.tolist() == (~edges.robust).tolist()
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_wheels_that_slip_between_scans_far_apart_ruin_nothing(seed):
+    """The slip turns what is left of the step; along the corridor only its turn shows that."""
+    scans, wheels, true = drive(rooms(4), [*through(4), *through(4)[1:]])
+    scans, wheels, true = scans[::6], wheels[::6], true[::6]
+    rng = np.random.default_rng(seed)
+    steps = between(wheels[:-1], wheels[1:])
+    for slip in rng.choice(np.arange(5, len(steps)), 8, replace=False):
+        turn = np.array([0.0, 0.0, np.radians(15) * rng.choice([-1, 1])])
+        steps[slip] = compose(turn, steps[slip])
+    solution = solve_log(scans, way_of(wheels[0], steps), np.arange(len(scans)))
+    assert errors(true, solution.scan_poses).max() < 0.15
