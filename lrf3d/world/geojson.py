@@ -16,7 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from lrf3d.errors import WorldError
+from lrf3d.errors import WorldError, shown
 from lrf3d.files import own_name, read_text, write_text
 from lrf3d.geometry import is_finite
 from lrf3d.world.buildings import world_of_features
@@ -106,7 +106,7 @@ def _is_map(data: dict[str, Any]) -> bool:
 def _parse(path: Path) -> dict[str, Any]:
     text = read_text(path, what="a world file", error=WorldError)
     try:
-        data = json.loads(text)
+        data = json.loads(text, object_pairs_hook=_unique)
     except RecursionError:
         raise WorldError("nested too deeply for a world file") from None
     except ValueError as error:
@@ -116,6 +116,16 @@ def _parse(path: Path) -> dict[str, Any]:
     if data.get("type") in _FOREIGN:
         raise WorldError(_FOREIGN[data["type"]])
     return data
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """A JSON object; which of two values of one key is meant, nobody knows."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in keys if keys.count(key) > 1)
+        raise ValueError(f"the key {shown(twice)} stands twice in one object; remove one")
+    return found
 
 
 _FOREIGN = {

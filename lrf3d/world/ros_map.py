@@ -79,11 +79,19 @@ def read_ros_map(path: Path) -> World:
 
     content = read_text(path, what="a world file", largest=LARGEST_YAML, error=WorldError)
     try:
+        node = yaml.compose(content, Loader=yaml.SafeLoader)
         data = yaml.safe_load(content)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise WorldError(f"not YAML: {' '.join(str(error).split())[:120]}") from None
     if not isinstance(data, dict) or not {"image", "resolution", "origin"} <= set(data):
         raise WorldError("expected the description of a ROS map: image, resolution, origin")
+    lines: dict[str, int] = {}
+    for key, _ in node.value:
+        name, line = str(key.value), key.start_mark.line + 1
+        if lines.setdefault(name, line) != line:
+            raise WorldError(
+                f"line {line}: the key {shown(name)} stands in line {lines[name]}, too; remove one"
+            )
     with at(str(path)):
         values = {key: KEYS[key](value, key) for key, value in data.items() if key in KEYS}
         values = {**USUAL, **values}
@@ -161,6 +169,7 @@ def _light(picture: Path) -> tuple[Single, Bool]:
             with Image.open(file, formats=["PNG", "PPM", "BMP"]) as image:
                 if image.width * image.height > MOST_CELLS:
                     raise InputError(f"{image.size} cells, more than {MOST_CELLS:,}; cut it")
+                _check_size(picture, image)
                 if image.mode.startswith("I"):
                     light = np.asarray(image).astype(np.float32) / np.float32(65535.0)
                     return light, np.ones(light.shape, dtype=np.bool_)
@@ -171,6 +180,20 @@ def _light(picture: Path) -> tuple[Single, Bool]:
     alpha = pixels[..., 3]
     light = 1.0 - alpha * (1.0 - pixels[..., :3].mean(axis=2))
     return light, np.asarray(alpha == 1.0)
+
+
+def _check_size(picture: Path, image: Any) -> None:
+    """Check that a PGM holds as many pixels as its header says; others would be drawn askew."""
+    (codec, _, begin, mode), *_ = image.tile
+    if image.format == "PPM" and codec == "raw":
+        expected = image.width * image.height * (2 if "16" in str(mode) else len(image.getbands()))
+        found = picture.stat().st_size - begin
+        # A line break behind the pixels is harmless.
+        if not expected <= found <= expected + 2:
+            raise InputError(
+                f"{found:,} bytes of pixels, but {image.width} by {image.height} pixels by its"
+                f" header are {expected:,}; save the picture again"
+            )
 
 
 def write_ros_map(world: World, path: Path, *, resolution: float | None = None) -> None:

@@ -129,10 +129,15 @@ def _tables(data: Mapping[str, Any], key: str) -> Iterator[tuple[str, Any]]:
 def _world(data: Mapping[str, Any], path: Path) -> World:
     cameras = [made_of(FixedCamera, table, key) for key, table in _tables(data, "camera")]
     own = [made_of(Material, table, key) for key, table in _tables(data, "material")]
+    if len({material.name for material in own}) < len(own):
+        raise InputError("material: two tables of one name; rename one")
     parts = list[Part]()
     for key, table in _tables(data, "object"):
         values = converted(table, OBJECT, key)
         number = values.get("number", parts[-1].number + 1 if parts else 0)
+        for each in ("name", "colour", "material"):
+            if each in values and any(part.number == number for part in parts):
+                raise InputError(f"{key}.{each}: stands with another object of the same number")
         segments = _segments(values, key)
         height = values.get("height", DEFAULT_HEIGHT)
         if isinstance(height, tuple) and len(height) != len(segments):

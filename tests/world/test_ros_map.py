@@ -218,3 +218,21 @@ def test_a_map_that_is_written_keeps_what_is_free(tmp_path: Path) -> None:
     places = np.random.default_rng(0).uniform([1.2, 1.2], [5.6, 3.8], (200, 2))
     places = places[np.abs(places[:, 0] - 4.95) > 0.2]
     assert (again.free.contain(places) == world.free.contain(places)).all()
+
+
+def test_a_key_that_stands_twice_is_named(tmp_path: Path) -> None:
+    path = save_map(tmp_path, room())
+    path.write_text(path.read_text() + "resolution: 0.5\n")
+    with pytest.raises(WorldError, match=r"map\.yaml: line 5: .*'resolution' stands in line 2"):
+        load_world(path)
+
+
+@pytest.mark.parametrize("size", ["59 50", "60 49", "61 50"])
+def test_a_picture_of_another_size_than_its_header_is_refused(size: str, tmp_path: Path) -> None:
+    path = save_map(tmp_path, room(), "map.pgm")
+    data = (tmp_path / "map.pgm").read_bytes()
+    (tmp_path / "map.pgm").write_bytes(data.replace(b"60 50", size.encode()))
+    with pytest.raises(WorldError, match=r"map\.pgm"):
+        load_world(path)
+    (tmp_path / "map.pgm").write_bytes(data + b"\n")
+    assert len(load_world(path).segments) == 4

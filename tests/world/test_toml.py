@@ -80,6 +80,11 @@ def test_an_object_may_be_made_of_several_lines(tmp_path: Path) -> None:
         (GATE.replace("2, 3]", "2]"), "camera[0]: camera 'gate': position is [1, 2], expected x"),
         (GATE.replace("[9, 9, 1]", "[1, 2, 3]"), "camera[0]: camera 'gate': pos"),
         (2 * GATE, "cameras: two of the name 'gate'"),
+        (2 * "[[material]]\nname = 'a'\n", "material: two tables of one name"),
+        (
+            "[[object]]\nnumber = 0\nname = 'b'\npoints = [[0, 0], [0, 1]]\n",
+            "object[1].name: stands with another object of the same number",
+        ),
         ("[robot]\nstart = [1, 2]\n", "robot.start: expected [x, y, degrees], found [1, 2]"),
         ("name = 'b'\n", "not TOML: Cannot overwrite a value (at line 5"),
         ("x = [1,", "not TOML: "),
