@@ -99,11 +99,7 @@ class MissingLibraryError(Lrf3dError):
 
 
 def check_names(what: str, given: "Iterable[str]", known: "Sequence[str]") -> None:
-    """Check that names are known.
-
-    Raises:
-        InputError: One is not; the message names the nearest.
-    """
+    """Check that names are known."""
     for name in given:
         if name not in known:
             from difflib import get_close_matches
@@ -137,10 +133,6 @@ def _from_here(path: Path) -> str:
 
 
 def expect(value: object, kind: type, name: str) -> None:
-    """Check the kind of an argument that comes from outside.
-
-    Raises:
-        InputError: It is of another kind.
-    """
+    """Check the kind of an argument that comes from outside."""
     if not isinstance(value, kind):
         raise InputError(f"{name} {shown(value)}: expected a {kind.__name__}")

@@ -41,9 +41,6 @@ def check_ordinary(
     """Check that a path is a regular file, of at most the largest size [bytes].
 
     Messages say what is expected there, or ``missing`` if nothing is there.
-
-    Raises:
-        InputError: It is not there, is a folder, a pipe, a socket or a device, or is too large.
     """
     try:
         # Opening a pipe would wait for a writer, so its kind is checked before.
@@ -73,11 +70,7 @@ def opened(
     largest: int | None = None,
     error: type[InputError] = InputError,
 ) -> Iterator[BinaryIO]:
-    """Open a regular file for reading; the arguments are those of :func:`check_ordinary`.
-
-    Raises:
-        InputError: It does not exist, is not a regular file, is too large, or cannot be read.
-    """
+    """Open a regular file for reading; the arguments are those of :func:`check_ordinary`."""
     check_ordinary(path, what=what, largest=largest, error=error)
     try:
         with open(path, "rb") as file:
@@ -95,11 +88,7 @@ def read_text(
     largest: int = LARGEST_TEXT,
     error: type[InputError] = InputError,
 ) -> str:
-    """The text of a regular file, UTF-8 with or without a byte order mark.
-
-    Raises:
-        InputError: There is no such file, it is too large, or it cannot be read as text.
-    """
+    """The text of a regular file, UTF-8 with or without a byte order mark."""
     with opened(path, what=what, largest=largest, error=error) as file:
         data = file.read()
     try:
@@ -148,9 +137,6 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
     The name has the ending of ``path``, from which libraries derive the format. If writing fails or
     is interrupted, an older file at ``path`` stays. What a killed process leaves is overwritten.
-
-    Raises:
-        OutputError: The file cannot be written there.
     """
     path = Path(path)
     if "\0" in str(path):
@@ -193,21 +179,13 @@ def scratch_folder() -> Iterator[Path]:
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """Write a text file completely or not at all.
-
-    Raises:
-        OutputError: The file cannot be written there.
-    """
+    """Write a text file completely or not at all."""
     with replacing(path) as unfinished:
         unfinished.write_text(text, encoding="utf-8")
 
 
 def make_folder(path: str | Path) -> Path:
-    """Make a folder and its parents, and check that it can be written to.
-
-    Raises:
-        OutputError: It cannot be made or written to.
-    """
+    """Make a folder and its parents, and check that it can be written to."""
     path = Path(path)
     if "\0" in str(path):
         raise OutputError(f"{path}: not a folder name; remove its NUL character")
@@ -228,10 +206,6 @@ def locked(target: Path, shown: Path | None = None) -> Iterator[None]:
 
     The lock is a hidden file next to it, which the system releases however this process ends.
     Messages call the target by what is shown, if given.
-
-    Raises:
-        InputError: Another process holds it.
-        OutputError: The lock cannot be made.
     """
     from filelock import FileLock, Timeout
 

@@ -43,9 +43,6 @@ def read_only(values: Any, name: str, dtype: DTypeLike = np.float64) -> Any:
 
     They are copied, unless they are such an array already, contiguous and not writeable. Messages
     call them by the name.
-
-    Raises:
-        InputError: They are not numbers in rows of equal length.
     """
     held = isinstance(values, np.ndarray) and values.dtype == dtype and values.flags.c_contiguous
     if held and _is_read_only(values):
@@ -57,11 +54,7 @@ def read_only(values: Any, name: str, dtype: DTypeLike = np.float64) -> Any:
 
 
 def numbers(values: Any, name: str) -> Any:
-    """Values from outside as an array of numbers: floats, integers or booleans.
-
-    Raises:
-        InputError: They are not numbers in rows of equal length.
-    """
+    """Values from outside as an array of numbers: floats, integers or booleans."""
     try:
         array = np.asarray(values)
         if array.dtype.kind == "O":
@@ -83,11 +76,7 @@ def is_finite(*values: object) -> bool:
 
 
 def whole_number(value: Any, name: str, *, least: int = 1, most: int | None = None) -> int:
-    """A value from outside as an integer; 181.0 is accepted.
-
-    Raises:
-        InputError: It is not a whole number, or out of range.
-    """
+    """A value from outside as an integer; 181.0 is accepted."""
     largest = value if most is None else most
     if not is_finite(value) or value != int(value) or value < least or value > largest:
         limit = f"of at least {least}" if most is None else f"from {least} to {most}"
@@ -122,11 +111,7 @@ class Value:
         return f"{type(self).__name__}({', '.join(parts)})"
 
     def _hold(self, *names: str, dtype: DTypeLike = np.float64) -> None:
-        """Replace the attributes of these names by read-only arrays.
-
-        Raises:
-            InputError: One does not hold numbers in rows of equal length.
-        """
+        """Replace the attributes of these names by read-only arrays."""
         for name in names:
             object.__setattr__(self, name, read_only(getattr(self, name), name, dtype))
 

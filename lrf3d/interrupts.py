@@ -39,11 +39,7 @@ def check() -> None:
 
 
 def handle_signals(name: str) -> None:
-    """Let signals stop this program: the first at the next `check`, a second one immediately.
-
-    Args:
-        name: Name of the program, for its messages.
-    """
+    """Let signals stop the program of this name: at the next `check`, or the second one at once."""
 
     def handle(number: int, where: "FrameType | None") -> None:
         if not _asked:

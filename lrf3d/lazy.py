@@ -14,10 +14,8 @@ def loading(
 ) -> "tuple[Callable[[str], object], Callable[[], list[str]]]":
     """The ``__getattr__`` and ``__dir__`` of a package whose public names are loaded at first use.
 
-    Args:
-        module_globals: ``globals()`` of the package; a name that was loaded is kept there.
-        modules: Names by the module that defines them, relative to the package; "" for a module
-            that is itself a name.
+    Names are given by the module that defines them, relative to the package; "" for a module that
+    is itself a name.
     """
     package = module_globals["__name__"]
     homes = {name: module for module, names in modules.items() for name in names.split()}

@@ -54,11 +54,7 @@ _SIZE = f" of at most {LARGEST:g} m or rad"
 
 
 def as_pose(pose: Sequence[float] | Float) -> Pose:
-    """Check and convert a pose that comes from outside.
-
-    Raises:
-        InputError: The pose is not three numbers, or one is not finite or over 1e9 in size.
-    """
+    """Check and convert a pose that comes from outside."""
     try:
         # Numbers of an array take thrice as long to read one by one, and this runs for every scan.
         x, y, theta = pose.tolist() if isinstance(pose, np.ndarray) else pose
@@ -73,11 +69,7 @@ def as_pose(pose: Sequence[float] | Float) -> Pose:
 
 
 def as_poses(poses: object) -> Float:
-    """Check and convert poses (k, 3) that come from outside.
-
-    Raises:
-        InputError: The poses are not rows of three numbers, finite and at most 1e9 in size.
-    """
+    """Check and convert poses (k, 3) that come from outside."""
     array = np.asarray(numbers(poses, "poses"), dtype=np.float64)
     if array.ndim != 2 or array.shape[1] != 3:
         raise InputError(f"poses of shape {array.shape}: expected rows x, y, theta, shape (k, 3)")

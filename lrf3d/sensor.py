@@ -41,20 +41,12 @@ class Sensor:
     def measure(
         self, pose: Float, time: float, rng: np.random.Generator
     ) -> tuple[LaserScan, LaserScan]:
-        """The true and the measured scan from a pose (3,) at a time [s].
-
-        Raises:
-            InputError: The noise does not return a valid scan.
-        """
+        """The true and the measured scan from a pose (3,) at a time [s]."""
         true_scan = self.cast(self.lrf, pose, time)
         return true_scan, self.noisy(true_scan, rng)
 
     def noisy(self, true_scan: LaserScan, rng: np.random.Generator) -> LaserScan:
-        """The measured scan of a true one.
-
-        Raises:
-            InputError: The noise does not return a valid scan.
-        """
+        """The measured scan of a true one."""
         scan = measured(true_scan, self.noise, rng)
         if not isinstance(scan, LaserScan) or len(scan.ranges) != self.lrf.beams:
             raise InputError(

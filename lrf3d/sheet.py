@@ -85,11 +85,7 @@ def plain(words: str) -> str:
 
 
 def save_figure(figure: Figure, path: str | Path | None) -> Figure:
-    """Write a figure, if there is a path, and return it.
-
-    Raises:
-        OutputError: It cannot be written there, or the ending names no known format.
-    """
+    """Write a figure, if there is a path, and return it."""
     if path is not None:
         known = figure.canvas.get_supported_filetypes()
         if Path(path).suffix[1:].lower() not in known:

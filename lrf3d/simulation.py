@@ -310,11 +310,7 @@ def collect(
     *,
     snapshots: int | None = None,
 ) -> Run:
-    """Run a simulation to its end and keep it in memory; `record` writes it to a file.
-
-    Raises:
-        InputError: The number of scans is unknown; give ``scans``.
-    """
+    """Run a simulation to its end and keep it in memory; `record` writes it to a file."""
     total = simulation.total
     schedule, shape = SnapshotSchedule(total, snapshots), (total, simulation.lrf.beams)
     times, poses = np.empty(total), np.empty((total, 3))

@@ -57,12 +57,7 @@ class ControlledDrive:
         self._index = 0
 
     def after(self, scan: LaserScan) -> None:
-        """Get the next command of the controller, and drive.
-
-        Raises:
-            CollisionError: The robot would run into a wall.
-            InputError: The command of the controller is invalid.
-        """
+        """Get the next command of the controller, and drive."""
         time = self._index * self.interval
         self._index += 1
         command = self.controller.command(time, self.pose, scan)

@@ -51,11 +51,6 @@ class ResultsFolder:
 
         Files and drawings are given by their contents; ``following`` is the command that a user
         may want next, and ``kept`` is printed if drawing fails or is stopped: how to continue.
-
-        Raises:
-            DrawingError: Something could not be drawn; an error becomes one line, as the data are
-                written already.
-            OutputError: The summary cannot be written.
         """
         made = {**files, "summary": "summary.json"}
         figures = {**summary, "made_by": self.made_by, "files": made}
@@ -92,11 +87,6 @@ def results_folder(
     """The folder for the results of a command, ``out/NAME`` if none is given.
 
     Unless other commands may write there meanwhile, it is locked until the command ends.
-
-    Raises:
-        InputError: Another process writes to it, or no folder is given and ``out/NAME`` holds
-            results of other sources.
-        OutputError: It cannot be made or written to.
     """
     folder = Path("out") / folder_name(name) if out is None else out
     # Paths are relative to the folder, so that a project can be moved.

@@ -75,12 +75,7 @@ class Drive:
         return warn if self.ignore_collisions else None
 
     def read(self, name: str, report: "Report") -> "Scenario":
-        """Read a world to drive through, and plan a route if it has none.
-
-        Raises:
-            InputError: There is no such world, a setting or the scale is invalid, or there is no
-                room to drive on the given side of the walls.
-        """
+        """Read a world to drive through, and plan a route if it has none."""
         from lrf3d.cli.console import warn
         from lrf3d.errors import InputError
 
@@ -109,11 +104,7 @@ def read_world(
     scale: float = 1.0,
     resolution: float | None = None,
 ) -> "Scenario":
-    """Read a world, and warn if its size is implausible.
-
-    Raises:
-        InputError: There is no such world, or a setting or the scale is invalid.
-    """
+    """Read a world, and warn if its size is implausible."""
     from lrf3d.world.files import find_world
 
     # An unknown name is reported before anything else is imported, which takes a second.

@@ -24,12 +24,7 @@ FORMS = {
 def load_plugin(kind: str, name: str) -> Any:
     """Find a user's object, or a class to instantiate without arguments for each run.
 
-    Args:
-        kind: ``mapper``, ``controller`` or ``noise``.
-        name: ``module:object``; the path of a ``.py`` file may replace the module.
-
-    Raises:
-        InputError: The name is invalid, or there is no such module, object or method.
+    The name is ``module:object``; the path of a ``.py`` file may replace the module.
     """
     module_name, _, path = name.rpartition(":")
     if not (module_name and path):

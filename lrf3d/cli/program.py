@@ -15,12 +15,7 @@ if TYPE_CHECKING:
 
 
 def main(program: "Any" = None, name: str = "lrf3d") -> None:
-    """Run a program; a known error ends it with one line and exit status 1.
-
-    Args:
-        program: The commands, a Typer; those of lrf3d if not given.
-        name: Name of the program.
-    """
+    """Run a program, lrf3d if not given; a known error ends it with one line and exit status 1."""
     handle_signals(name)
     status = 1
     try:

@@ -163,18 +163,18 @@ def _add_trail(
     group = document.node(name, document.root)
     pieces = thinned(keys, _PIECE_ERROR)
     for (begin, start), (end, stop) in pairwise(zip(*pieces, strict=True)):
-        way = (stop - start)[:2]
-        if np.hypot(*way) < _SHORTEST:
+        along = (stop - start)[:2]
+        if np.hypot(*along) < _SHORTEST:
             continue
         node = document.node(
             f"{name} from {begin:.1f} s",
             group,
             mesh=mesh,
             translation=[*start[:2].tolist(), height],
-            rotation=turned(np.arctan2(way[1:], way[:1]))[0].tolist(),
+            rotation=turned(np.arctan2(along[1:], along[:1]))[0].tolist(),
         )
         # Its width is there at once: a strip that widens as it grows would be a wedge.
-        grown = np.array([[0, 1, 1], [np.hypot(*way), 1, 1]])
+        grown = np.array([[0, 1, 1], [np.hypot(*along), 1, 1]])
         document.animate(node, "scale", np.array([begin, end]), grown)
 
 

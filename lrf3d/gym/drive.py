@@ -99,16 +99,16 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
     def step(self, actions: Array) -> tuple[Observation, Array, Array, Array, dict[str, Any]]:
         """Drive with actions (num_envs, 2)."""
         again = self._ended
-        outcome = self.task.step(np.where(again[:, None], 0.0, actions))
+        rewards, reached, collided = self.task.step(np.where(again[:, None], 0.0, actions))
         self._steps += 1
-        reached, collided = outcome.reached & ~again, outcome.collided & ~again
+        reached, collided = reached & ~again, collided & ~again
         ended = reached | collided
         cut = (self._steps >= self.max_steps) & ~ended & ~again
         if again.any():
             self.task.place(np.flatnonzero(again), self.np_random)
             self._steps[again] = 0
         self._ended = ended | cut
-        rewards = np.where(again, 0.0, outcome.rewards)
+        rewards = np.where(again, 0.0, rewards)
         # Gymnasium's vector infos mark by a second array which environments have a value.
         valid = np.ones(self.num_envs, np.bool_)
         infos = {"reached": reached, "_reached": valid, "collided": collided, "_collided": valid}

@@ -4,8 +4,6 @@ The input is the commands of all robots; the output is their observations and re
 have finished. The robots are in one world but do not see each other: each is a separate attempt.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -41,15 +39,6 @@ ACTION_TURN_RATE = 1.5
 
 GOAL_MARGIN = 0.1
 """Clearance of a robot from walls at its start, in addition to its radius [m]."""
-
-
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """The outcome of a step (k,) for each robot; those that collided stay at their last pose."""
-
-    rewards: Float
-    reached: Bool
-    collided: Bool
 
 
 class DriveTask:
@@ -97,11 +86,12 @@ class DriveTask:
         self.poses[robots] = np.column_stack([starts, headings])
         self.times[robots] = 0.0
 
-    def step(self, actions: ArrayLike) -> Outcome:
+    def step(self, actions: ArrayLike) -> tuple[Float, Bool, Bool]:
         """Drive for the time between two scans, with actions (k, 2).
 
         They are shares of the scenario's speed and of the fastest turn, left positive, clipped to
-        −1 to 1.
+        −1 to 1. Returns (k,) each: the rewards, which robots are at their goal, and which hit a
+        wall or a dynamic obstacle and so stay at their last pose.
 
         Raises:
             InputError: They are not finite numbers of this shape; no robot moves then.
@@ -130,7 +120,7 @@ class DriveTask:
         after = self.distances()
         reached = (after < GOAL_RADIUS) & ~collided
         rewards = before - after + EACH_STEP + AT_GOAL * reached + AT_WALL * collided
-        return Outcome(rewards, reached, collided)
+        return rewards, reached, collided
 
     def distances(self) -> Float:
         """Distances (k,) of the robots from their goals [m]."""

@@ -70,12 +70,7 @@ class Bag:
 
 @contextmanager
 def open_bag(path: Path) -> Iterator[Bag]:
-    """Open a bag for reading.
-
-    Raises:
-        InputError: There is no such bag, or it is damaged.
-        MissingLibraryError: rosbags is not installed.
-    """
+    """Open a bag for reading."""
     try:
         from rosbags.rosbag2 import Reader
         from rosbags.typesys import Stores, get_typestore

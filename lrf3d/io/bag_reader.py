@@ -47,12 +47,7 @@ BASE, DRIFTING = "base_link", "odom"
 
 
 def load_bag(path: str | Path, *, poses: str = "auto", scan_topic: str | None = None) -> LaserLog:
-    """Read the scans of a ROS 2 bag; see `load_log`.
-
-    Raises:
-        InputError: The bag cannot be read, or has no scan or no pose.
-        MissingLibraryError: rosbags is not installed.
-    """
+    """Read the scans of a ROS 2 bag; see `load_log`."""
     path = Path(path)
     with open_bag(path) as bag:
         topic = _scan_topic(bag, scan_topic)

@@ -42,25 +42,13 @@ Fields = dict[str, Any]
 
 
 def write(run: Run, path: Path) -> None:
-    """Write a run to an MCAP file, completely or not at all.
-
-    Raises:
-        InputError: The run has times before 0, which a bag cannot hold.
-        OutputError: The file cannot be written.
-        MissingLibraryError: rosbags is not installed.
-    """
+    """Write a run to an MCAP file, completely or not at all."""
     with replacing(path) as unfinished, _bag_of(run, path) as folder:
         shutil.move(folder / f"{folder.name}.mcap", unfinished)
 
 
 def write_folder(run: Run, path: Path) -> None:
-    """Write a run to the folder of a bag; a bag in its place is replaced.
-
-    Raises:
-        InputError: The run has times before 0, which a bag cannot hold.
-        OutputError: The folder cannot be written, or holds something else.
-        MissingLibraryError: rosbags is not installed.
-    """
+    """Write a run to the folder of a bag; a bag in its place is replaced."""
     if path.exists() and not (path / "metadata.yaml").is_file():
         raise OutputError(f"{path}: exists and is not a bag; choose another place")
     with _bag_of(run, path) as folder:

@@ -67,10 +67,6 @@ def load_carmen(
 
     Readings from the largest range on are no return: if not given, the farthest that the message
     says its range finder sees, or 50 m, or less if the largest reading of the log stands out.
-
-    Raises:
-        InputError: The file cannot be read, holds no scan or not the poses that are asked for,
-            or more than fit into memory.
     """
     path = Path(path)
     if largest_range is not None and not largest_range > 0.0:
@@ -160,11 +156,7 @@ class _Reading:
         self._fan: tuple[tuple[int, float, float], Float] = ((0, 0.0, 0.0), np.empty(0))
 
     def take(self, words: list[bytes]) -> None:
-        """Read a message.
-
-        Raises:
-            ValueError: It cannot be read, with the reason.
-        """
+        """Read a message; a ValueError says why it cannot be read."""
         name = words[0] if words else b"#"
         if name in TRACKS:
             _check_length(words, 10)

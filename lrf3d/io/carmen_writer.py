@@ -27,11 +27,7 @@ SAME = 1e-9
 
 
 def write_carmen(run: Run, path: Path) -> None:
-    """Write a run to a CARMEN log, completely or not at all.
-
-    Raises:
-        OutputError: The file cannot be written.
-    """
+    """Write a run to a CARMEN log, completely or not at all."""
     text = "\n".join(_lines(run)).encode("ascii") + b"\n"
     with replacing(path) as unfinished:
         # Without the time of day in it, the same run is the same file.

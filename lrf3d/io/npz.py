@@ -57,12 +57,7 @@ Array = NDArray[np.generic]
 
 
 def read_arrays(path: Path) -> dict[str, NDArray[np.generic]]:
-    """The arrays of a .npz file by their names.
-
-    Raises:
-        InputError: There is no such file, or it is not a regular file.
-        ValueError: It holds something other than arrays; or another exception of :data:`DAMAGES`.
-    """
+    """The arrays of a .npz file by their names."""
     check_ordinary(path, what="a .npz file")
     with zipfile.ZipFile(path) as file:
         packed = [e.file_size for e in file.infolist() if e.compress_type != zipfile.ZIP_STORED]
@@ -121,11 +116,7 @@ class Column:
 
 
 def write_npz(path: str | Path, columns: Iterable[Column]) -> None:
-    """Write arrays to a file, completely or not at all, and flush it to the disk.
-
-    Raises:
-        OutputError: The file cannot be written.
-    """
+    """Write arrays to a file, completely or not at all, and flush it to the disk."""
     with replacing(path) as unfinished, unfinished.open("wb") as file:
         with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
             try:

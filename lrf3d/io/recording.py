@@ -157,11 +157,7 @@ def fingerprint_of(simulation: Simulation) -> dict[str, str]:
 
 
 class Journal:
-    """A journal, open for appending; the rows of one of the same run may be kept.
-
-    Raises:
-        InputError: They shall be kept, and are of another run.
-    """
+    """A journal, open for appending; the rows of one of the same run may be kept."""
 
     def __init__(
         self, path: Path, fingerprint: dict[str, str], simulation: Simulation, *, keep: bool
@@ -208,11 +204,7 @@ class Journal:
             self._flushed = monotonic()
 
     def blocks(self) -> Iterator[NDArray[Any]]:
-        """The rows, some megabytes at a time.
-
-        Raises:
-            OutputError: The file no longer holds what was written to it.
-        """
+        """The rows, some megabytes at a time."""
         self._file.flush()
         rows = 0
         for block in self._valid_rows():
@@ -272,11 +264,7 @@ def _is_of(path: Path, fingerprint: dict[str, str]) -> bool:
 
 
 def _rng_state(rng: np.random.Generator) -> bytes:
-    """The state of a random generator as JSON.
-
-    Raises:
-        InputError: It has another kind of state than NumPy's default generator.
-    """
+    """The state of a random generator as JSON."""
     try:
         state = json.dumps(rng.bit_generator.state).encode()
     except TypeError:

@@ -179,11 +179,7 @@ def load_run(path: str | Path) -> Run:
 
 
 def run_path(path: str | Path) -> Path:
-    """The file of a run that is given by its name or by its folder.
-
-    Raises:
-        InputError: There is no run; the message says what is there instead.
-    """
+    """The file of a run that is given by its name or by its folder."""
     path = Path(path)
     folder, file = (path, path / "run.npz") if path.is_dir() else (path.parent, path)
     if os.path.lexists(file):

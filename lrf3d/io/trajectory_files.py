@@ -21,11 +21,7 @@ from lrf3d.scoring.trajectory_score import Relations
 
 
 def load_relations(path: str | Path) -> Relations:
-    """Read relations from a text file.
-
-    Raises:
-        InputError: The file cannot be read, or a line is no relation.
-    """
+    """Read relations from a text file."""
     rows: list[list[float]] = []
     for number, line in enumerate(read_text(path).split("\n"), 1):
         words = line.partition("#")[0].split()
@@ -53,11 +49,7 @@ def load_relations(path: str | Path) -> Relations:
 
 
 def save_tum(times: Float, poses: Float, path: str | Path) -> None:
-    """Write poses (k, 3) x, y [m], theta [rad] at times (k,) [s] to a file, whole or not at all.
-
-    Raises:
-        OutputError: The file cannot be written.
-    """
+    """Write poses (k, 3) x, y [m], theta [rad] at times (k,) [s] to a file, whole or not at all."""
     sines, cosines = np.sin(0.5 * poses[:, 2]), np.cos(0.5 * poses[:, 2])
     rows = zip(times.tolist(), poses.tolist(), sines.tolist(), cosines.tolist(), strict=True)
     lines = [

@@ -141,14 +141,11 @@ def _figures(errors: Float, nees: Float) -> dict[str, Any]:
         "scans": scans,
         "mean_position_error_m": float(distance.mean()),
         "rms_position_error_m": float(np.sqrt((distance**2).mean())),
-        "share_of_errors_above_5_cm": float((distance > 0.05).mean()),
         "largest_position_error_m": float(distance.max()),
         "mean_heading_error_deg": float(np.degrees(np.abs(errors[..., 2]).mean())),
         "nees": {
             "mean": float(nees.mean()),
             "bounds_of_average_over_seeds": [low, high],
             "scans_within_bounds": float(((averages >= low) & (averages <= high)).mean()),
-            "scans_above": float((averages > high).mean()),
-            "scans_below": float((averages < low).mean()),
         },
     }

@@ -29,7 +29,7 @@ LEAST, MOST = 2.0, 12.0
 """Sides of a panel [inches]."""
 
 AROUND = np.array([0.9, 1.6])
-"""Room beside and above and below all panels, for labels, headline and legend [inches]."""
+"""Room around all panels, for labels, headline and legend [inches]."""
 
 HALF = np.array([-0.5, 0.5])
 """The ends of an axis, from its middle, in its length."""
@@ -60,20 +60,20 @@ def draw_world(
     Raises:
         OutputError: The picture cannot be written.
     """
-    way = np.empty((0, 2)) if route is None else np.asarray(route, dtype=np.float64)[:, :2]
+    legs = np.empty((0, 2)) if route is None else np.asarray(route, dtype=np.float64)[:, :2]
     stops = np.empty((0, 3)) if poses is None else np.asarray(poses, dtype=np.float64)
     where = np.array([scan.pose]) if scan is not None else np.empty((0, 3))
     words = f"{counted(len(world.segments), 'wall')} of {counted(world.object_count, 'object')}"
     if scan is not None:
         words += f"  ·  scan of {len(scan.ranges)} beams, {int(scan.hits.sum())} returns"
     title = world.name or "world"
-    world = Sight.of(world, np.vstack([way, stops[:, :2], where[:, :2]])).world
+    world = Sight.of(world, np.vstack([legs, stops[:, :2], where[:, :2]])).world
     robots = np.vstack([where, stops])
-    figure, (ax,) = metre_sheet([_ends(world.segments), way, robots[:, :2]], 1, title, words)
+    figure, (ax,) = metre_sheet([_ends(world.segments), legs, robots[:, :2]], 1, title, words)
     plot.world(world, ax, poses=robots, linewidth=1.6)
-    if len(way):
+    if len(legs):
         ax.plot(
-            *way.T, color=plot.PATH, linewidth=1.2, linestyle=(0.0, (4.0, 2.0)), label="route",
+            *legs.T, color=plot.PATH, linewidth=1.2, linestyle=(0.0, (4.0, 2.0)), label="route",
             zorder=3,
         )  # fmt: skip
     if scan is not None:

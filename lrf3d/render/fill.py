@@ -104,11 +104,11 @@ def shade(
 
 
 @compiled
-def fill_triangles(rows: Float, test: int, solid: bool, colours: Single, near: Single) -> None:
+def fill_triangles(rows: Float, behind: bool, solid: bool, colours: Single, near: Single) -> None:
     """Fill triangles (t, 3, 7): x, y [pixels], one over the depth, colour and opacity.
 
-    A test of 1 draws what is nearer than what is there, 2 what is behind it. What is solid hides
-    what comes later.
+    What is nearer than what is there is drawn, or what is behind it. What is solid hides what comes
+    later.
     """
     height, width = near.shape
     for t in range(len(rows)):
@@ -132,7 +132,7 @@ def fill_triangles(rows: Float, test: int, solid: bool, colours: Single, near: S
                 v = ((b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])) / area
                 at = a + u * (b - a) + v * (c - a)
                 there = near[row, column]
-                if (at[2] < there) if test == 1 else (at[2] > there):
+                if (at[2] > there) if behind else (at[2] < there):
                     continue
                 for k in range(3):
                     colours[row, column, k] += at[6] * (at[3 + k] - colours[row, column, k])

@@ -13,6 +13,7 @@ from PIL import Image
 from lrf3d.casting.triangle_rays import TriangleRays
 from lrf3d.geometry import Float, Single
 from lrf3d.render.fill import Surfaces, fill_discs, fill_triangles, shade
+from lrf3d.render.glsl import air
 from lrf3d.render.packing import mark_of, walls_of
 from lrf3d.render.pictures import Picture
 from lrf3d.scene import look
@@ -25,9 +26,6 @@ _LIFTED = 0.02
 
 _NEAR = 0.2
 """Depth [m] before which lines are cut and other marks are left out."""
-
-_NEARER, _BEHIND = 1, 2
-"""What is drawn of a triangle: what is nearer than what is there, or what is behind it."""
 
 
 class _Canvas(NamedTuple):
@@ -49,15 +47,13 @@ class PlainRenderer:
         )
         self._rays = TriangleRays(single(self._corners[..., :3]))
         indoor, ground = stage.structures.indoor, stage.ground
-        haze, zenith = (
-            (look.HAZE_INDOOR, look.ZENITH_INDOOR) if indoor else (look.HAZE, look.ZENITH)
-        )
+        sky = air(indoor=indoor)
         self._surfaces = Surfaces(
             single(self._corners),
             *_texels(layers(indoor)),
             *_texels(_halved(ground.picture)),
             np.array([*ground.corner, *ground.size, *ground.land]),
-            np.array([*haze, *zenith]),
+            np.array([*sky["HAZE"], *sky["ZENITH"]]),
         )
         self._picture: Picture = np.full((size[1], size[0], 4), 255, np.uint8)
 
@@ -66,19 +62,20 @@ class PlainRenderer:
         width, height = self._size
         lens, ghost = seen.lens, seen.ghost
         ways = _ways(lens, self._size)
+        fixed = np.array([*lens.eye, lens.focus, lens.thick])
         surfaces, rays = self._surfaces, self._rays
         if seen.cut is not None:
             surfaces = surfaces._replace(corners=_sunk(self._corners, seen.cut))
             rays = TriangleRays(single(surfaces.corners[..., :3]))
         hits = rays.first(np.tile(single(lens.eye), (len(ways), 1)), ways)
         none = np.full(len(ways), -1, np.int32)
-        colours, near = shade(ways, none if ghost else hits, _fixed(lens), surfaces)
+        colours, near = shade(ways, none if ghost else hits, fixed, surfaces)
         canvas = _Canvas(colours.reshape(height, width, 3), near.reshape(height, width))
         for _, body in seen.bodies:
             self._draw_body(canvas, lens, body)
         if ghost:
             # Walls that fade are laid over all that stands in them.
-            walls, depth = shade(ways, hits, _fixed(lens), surfaces)
+            walls, depth = shade(ways, hits, fixed, surfaces)
             walls += ghost * (np.array(look.GHOST, np.float32) - walls)
             shown = (hits >= 0) & (depth > near)
             colours[shown] += (1.0 - ghost * look.GHOST_STRENGTH) * (walls - colours)[shown]
@@ -128,7 +125,7 @@ class PlainRenderer:
         clip, near = _projected(corners.reshape(-1, 3), lens, nearer, canvas)
         rows = np.column_stack([clip[:, :2], near, colours.reshape(-1, 4)]).reshape(-1, 3, 7)
         before = (clip[:, 2] > _NEAR).reshape(-1, 3).all(axis=1)
-        fill_triangles(rows[before], _NEARER, solid, canvas.colours, canvas.near)
+        fill_triangles(rows[before], False, solid, canvas.colours, canvas.near)
 
     def _draw_points(self, canvas: _Canvas, lens: Lens, points: Points) -> None:
         clip, near = _projected(points.places, lens, lens.nearer, canvas)
@@ -156,8 +153,7 @@ class PlainRenderer:
         a[:, :2] += across / np.maximum(np.hypot(*way.T), 1e-9)[:, None]
         drawn = np.column_stack([a[:, :2], near, tint]).reshape(-1, 3, 7)
         shown = (np.maximum(first, last) > _NEAR) & _faces(rows[:, :3], side, lens)
-        test = _BEHIND if lines.hidden else _NEARER
-        fill_triangles(drawn[shown[::3]], test, False, canvas.colours, canvas.near)
+        fill_triangles(drawn[shown[::3]], lines.hidden, False, canvas.colours, canvas.near)
 
 
 def _sunk(corners: Single, cut: Cut) -> Single:
@@ -168,11 +164,6 @@ def _sunk(corners: Single, cut: Cut) -> Single:
     sunk = corners.copy()
     sunk[..., 2] = np.where(toward > -look.CUT_BEFORE, np.minimum(sunk[..., 2], high), sunk[..., 2])
     return sunk
-
-
-def _fixed(lens: Lens) -> Float:
-    """The camera as :func:`~lrf3d.render.fill.shade` takes it."""
-    return np.array([*lens.eye, lens.focus, lens.thick])
 
 
 def _faces(places: Any, sides: Any, lens: Lens) -> NDArray[np.bool_]:

@@ -47,11 +47,11 @@ class Renderer:
         indoor = stage.structures.indoor
         self._buffers: dict[str, Buffer] = {}
         # With samples there is a second pair of targets, whose depth a shader can read.
-        self._frame, self._targets = _framebuffer(size)
+        self._frame, self._targets = _framebuffer(size, 0)
         self._sampled: int | None = None
         self._samples_taken: list[int] = []
         if samples:
-            self._sampled, self._samples_taken = _sampled_framebuffer(size, samples)
+            self._sampled, self._samples_taken = _framebuffer(size, samples)
             corners = np.array([[-1.0, -1.0], [3.0, -1.0], [-1.0, 3.0]], np.float32)
             self._resolving = self._static("resolve", (2,), corners)
         self._constants = air(indoor=indoor)
@@ -266,29 +266,23 @@ _ATTACHMENTS = (
 """What a framebuffer holds of each pixel or sample: its colour and its depth."""
 
 
-def _framebuffer(size: tuple[int, int]) -> tuple[int, list[int]]:
-    """A framebuffer, and the buffers of its colour and its depth."""
+def _framebuffer(size: tuple[int, int], samples: int) -> tuple[int, list[int]]:
+    """A framebuffer, and the buffers of its colour and its depth; textures, if with samples."""
     frame = GL.glGenFramebuffers(1)
-    buffers = GL.glGenRenderbuffers(len(_ATTACHMENTS)).tolist()
     GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, frame)
-    for buffer, (kind, place) in zip(buffers, _ATTACHMENTS, strict=True):
-        GL.glBindRenderbuffer(GL.GL_RENDERBUFFER, buffer)
-        GL.glRenderbufferStorage(GL.GL_RENDERBUFFER, kind, *size)
-        GL.glFramebufferRenderbuffer(GL.GL_FRAMEBUFFER, place, GL.GL_RENDERBUFFER, buffer)
-    return frame, buffers
-
-
-def _sampled_framebuffer(size: tuple[int, int], samples: int) -> tuple[int, list[int]]:
-    """A framebuffer of several samples a pixel, and the textures of their colours and depths."""
-    frame = GL.glGenFramebuffers(1)
-    textures = GL.glGenTextures(len(_ATTACHMENTS)).tolist()
-    kind_of_texture = GL.GL_TEXTURE_2D_MULTISAMPLE
-    GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, frame)
-    for texture, (kind, place) in zip(textures, _ATTACHMENTS, strict=True):
-        GL.glBindTexture(kind_of_texture, texture)
-        GL.glTexImage2DMultisample(kind_of_texture, samples, kind, *size, True)
-        GL.glFramebufferTexture2D(GL.GL_FRAMEBUFFER, place, kind_of_texture, texture, 0)
-    return frame, textures
+    make = GL.glGenTextures if samples else GL.glGenRenderbuffers
+    made = make(len(_ATTACHMENTS)).tolist()
+    for each, (kind, place) in zip(made, _ATTACHMENTS, strict=True):
+        if samples:
+            texture = GL.GL_TEXTURE_2D_MULTISAMPLE
+            GL.glBindTexture(texture, each)
+            GL.glTexImage2DMultisample(texture, samples, kind, *size, True)
+            GL.glFramebufferTexture2D(GL.GL_FRAMEBUFFER, place, texture, each, 0)
+        else:
+            GL.glBindRenderbuffer(GL.GL_RENDERBUFFER, each)
+            GL.glRenderbufferStorage(GL.GL_RENDERBUFFER, kind, *size)
+            GL.glFramebufferRenderbuffer(GL.GL_FRAMEBUFFER, place, GL.GL_RENDERBUFFER, each)
+    return frame, made
 
 
 def _switch(what: int, on: bool) -> None:

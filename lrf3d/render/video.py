@@ -195,7 +195,7 @@ def render_frames(
         raise InputError(f"{folder}: not empty; name a new or an empty folder")
     make_folder(folder.parent)
     try:
-        # Beside its place, so that it can be put there at once.
+        # Next to its place, so that it can be put there at once.
         with locked(folder), unfinished_folder(folder) as place:
             whole = place / "frames"
             whole.mkdir()

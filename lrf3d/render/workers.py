@@ -32,7 +32,7 @@ _FRAMES_A_WORKER = 20
 """A process that draws fewer frames than this takes longer to start than it saves."""
 
 _PIPE = 1 << 20
-"""Bytes that a process can be ahead of its reader by, beside the picture that it draws."""
+"""Bytes that a process can be ahead of its reader, besides the picture that it draws."""
 
 _WAIT = 0.1
 """How often it is checked whether the film is to be stopped [s]."""
@@ -159,7 +159,7 @@ def _draw_share(job: Job, first: int, step: int, out: IO[bytes]) -> None:
 def main(arguments: list[str]) -> int:
     """Draw the share that the arguments name: the job's file, the process's number, how many.
 
-    A failure is left as a pickle beside the job for the caller to raise.
+    A failure is left as a pickle next to the job for the caller to raise.
     """
     job_file, number, count = Path(arguments[0]), int(arguments[1]), int(arguments[2])
     # What libraries print must not be taken for pictures.

@@ -165,9 +165,8 @@ PLAN_BACK, PLAN_LINE_WIDTH, DART_SHARE = (24, 28, 36), 2.6, 0.034
 """Colour of the inset where nothing is known, 0…255, the width of the map in it [pixels of 720
 lines], and the size of the robot's dart as a share of what is shown."""
 
-PAPER, STONE = (0.965, 0.970, 0.980), (0.70, 0.725, 0.76)
 ROBOT, ROBOT_RIM = (0.98, 0.46, 0.06), (0.12, 0.14, 0.18)
-"""Colours of the inset: paper and houses, and the robot as a dart with its rim."""
+"""Colours of the robot as a dart, and of its rim."""
 
 INSET_WHOLE, INSET_FOLLOWED = 140.0, 110.0
 """The largest world [m] that the inset shows whole, and what it shows of a larger one."""

@@ -47,9 +47,6 @@ class SweepGrid:
             to instantiate for each run, or an object with ``update(scan)``, copied for each run.
         seeds: Number of seeds, from 0.
         every: Use every n-th scan of a drive.
-
-    Raises:
-        InputError: There is no world, no value or no seed, or a setting is invalid.
     """
 
     worlds: tuple[str, ...]
@@ -135,9 +132,6 @@ def read_grid(path: Path, axes: Mapping[str, tuple[SettingValue, ...]], **rest: 
     """Read a grid file: the tables of a world file with lists of values, worlds and seeds.
 
     Paths of worlds are relative to its folder; axes and the rest override what it holds.
-
-    Raises:
-        InputError: The file cannot be read or used.
     """
     text = read_text(path, what="a grid")
     try:

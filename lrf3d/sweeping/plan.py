@@ -81,10 +81,6 @@ def make_plan(
 
     Routes are planned on the given side of the walls, which ``say`` is called with; ``collision``
     is called with the message of a collision, after which the drive continues.
-
-    Raises:
-        InputError: A world, a setting or a drive is invalid.
-        CollisionError: A drive would hit a wall.
     """
     cells: list[Cell] = []
     runs: list[PlannedRun] = []

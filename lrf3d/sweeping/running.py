@@ -118,10 +118,6 @@ def run_plan(
 
     With a shard, the number of this job from 1 and of all jobs, only every n-th run is made, and
     appended to a file of this job's own.
-
-    Raises:
-        InputError: The folder holds other runs, or another process writes to it.
-        OutputError: The folder cannot be written to.
     """
     path = make_folder(folder) / ROWS.format("" if shard is None else ".{}of{}".format(*shard))
     mine = plan.runs if shard is None else plan.runs[shard[0] - 1 :: shard[1]]

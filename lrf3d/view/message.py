@@ -102,7 +102,8 @@ def stage_message(stage: Stage) -> bytes:
         for name in _PROGRAMS
     }
     area = [*ground.corner.tolist(), *(1.0 / ground.size).tolist()]
-    message = Sender().message(marks, {"programs": programs, "area": area})
+    bodies = {"land": np.eye(4).ravel().tolist()}
+    message = Sender().message(marks, {"programs": programs, "area": area, "bodies": bodies})
     assert message is not None
     return message
 

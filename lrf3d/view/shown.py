@@ -47,9 +47,9 @@ _LIMITS = {
 _LOWEST, _STEEPEST = math.radians(4.0), math.radians(88.0)
 """How steeply a look that a hand has turned goes down."""
 
-_OVER_BAR, _OVER_PADS = -0.25, 0.12
-"""Where the robot is seen that is followed, from the middle up, in halves of the picture's height:
-below it is the bar, and in upright pictures pads."""
+_OVER_BAR, _OVER_PADS, _UPRIGHT = -0.25, -0.1, math.radians(70.0)
+"""Where a robot that is followed is seen, from the middle up, in halves of the picture's height:
+below it is the bar, and in upright pictures pads; these have a wider angle of view [rad]."""
 
 _PLAN_SIDE = 0.3
 """Side of the plan in the corner, as a share of the shorter side of the picture."""
@@ -168,7 +168,9 @@ class _Page:
         camera = self._cameras.get(wanted.view, self._cameras["follow"])
         view = camera.look(self.scene.timeline.start + wanted.time, aspect)
         if wanted.view == "follow":
-            view = replace(view, shift=_OVER_PADS if aspect < 1.0 else _OVER_BAR)
+            view = replace(view, shift=_OVER_BAR)
+            if aspect < 1.0:
+                view = replace(view, shift=_OVER_PADS, field=_UPRIGHT)
         if (wanted.around, wanted.over, wanted.zoom) != (0.0, 0.0, 1.0):
             view = _turned(view, wanted)
         return view

@@ -100,7 +100,7 @@ def read_world_file(path: Path) -> WorldFile:
             data = tomllib.loads(content)
         except RecursionError:
             raise InputError("nested too deeply for a world file") from None
-        except tomllib.TOMLDecodeError as error:
+        except ValueError as error:
             raise InputError(f"not TOML: {error}") from None
         for key in data:
             known_key(key, KEYS, key)

@@ -16,7 +16,6 @@ from lrf3d import (
 )
 from lrf3d.casting.dynamic_obstacle import round_outline
 from lrf3d.mapping.robust.judging import LEAST_HITS
-from lrf3d.mapping.robust.refitting import violation_weight
 from lrf3d.scoring.matching import sample_offsets
 
 LRF = LaserRangeFinder(range_max=30.0)
@@ -80,15 +79,6 @@ def test_a_door_that_closes_after_half_of_a_drive_is_in_the_map():
     closed = np.array([[4.7, 1.5, 5.7, 1.5]])
     on_map = sample_offsets(closed, run.map.segments, reach=0.1, angle=np.radians(5.0))
     assert np.isfinite(on_map).all()
-
-
-def test_beams_through_what_one_scan_hit_weigh_more_than_through_what_many_did():
-    def weight(hits, violations, scans, between):
-        return violation_weight.py_func(np.array([hits, violations, 0.0, scans, between, 0.0, 0.0]))
-
-    assert weight(20, 40, 2, 0) > weight(20, 40, 20, 0) > weight(20, 40, 20, 20)
-    # What came between hits is little beside all that came before and after.
-    assert weight(20, 400, 2, 2) == weight(20, 400, 2, 0) > weight(20, 4, 2, 2)
 
 
 def test_what_all_beams_go_through_leaves_the_cells():

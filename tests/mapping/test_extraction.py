@@ -1,10 +1,8 @@
 import numpy as np
-import pytest
 
 from lrf3d import LaserScan
 from lrf3d.laser import RangeNoise
 from lrf3d.mapping.robust.extraction import END_DEVIATIONS, LikelihoodExtractor
-from lrf3d.mapping.robust.segmentation import fit_wall
 
 
 def test_a_noisy_end_is_moved_no_farther_than_its_noise_explains():
@@ -21,11 +19,3 @@ def test_a_noisy_end_is_moved_no_farther_than_its_noise_explains():
         assert (off <= END_DEVIATIONS * sigma).all()
         unmoved += np.count_nonzero(off < 1e-12)
     assert unmoved
-
-
-def test_beams_in_one_direction_fit_the_wall_across_them():
-    beams, ranges = np.tile([0.6, 0.8], (3, 1)), np.array([4.0, 5.0, 6.0])
-    x, y = fit_wall(beams, ranges, 0.1 * ranges**2)
-    assert (x, y) == pytest.approx((0.6 * np.mean(1 / ranges), 0.8 * np.mean(1 / ranges)))
-    one = fit_wall(beams[:1], ranges[:1], np.array([0.1]))
-    assert one == pytest.approx((0.6 / 4, 0.8 / 4))

@@ -3,7 +3,7 @@ import pytest
 
 import lrf3d
 from lrf3d.laser import RangeNoise
-from lrf3d.mapping.robust.noise_estimate import NoiseEstimate, scale_of
+from lrf3d.mapping.robust.noise_estimate import NoiseEstimate
 
 ROOM = lrf3d.World(
     [[0, 0, 12, 0], [12, 0, 12, 8], [12, 8, 0, 8], [0, 8, 0, 0], [5, 3, 6, 3], [6, 3, 6, 5]]
@@ -86,14 +86,6 @@ def test_beams_in_one_direction_say_nothing_of_each_other():
 
 def test_the_floor_is_kept():
     assert learnt(scans_of(ROOM, (0.0, 0.0)), floor=0.01).known.floor == 0.01
-
-
-def test_the_scale_of_normal_differences_is_their_deviation_though_some_are_wrong():
-    rng = np.random.default_rng(0)
-    sizes = np.abs(np.concatenate([rng.normal(0.0, 0.02, 20_000), rng.uniform(0.5, 5.0, 3_500)]))
-    counts = np.bincount((12.0 * np.log10(sizes / 1e-5).clip(0.0)).astype(int), minlength=100)
-    assert scale_of(counts[:100]) == pytest.approx(0.02, rel=0.35)
-    assert scale_of(np.bincount(np.full(9, 50), minlength=100)) > 0.0
 
 
 @pytest.mark.parametrize("sigma", [0.0004, 0.4, 4.0, None])

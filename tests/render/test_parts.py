@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_render import SIZE, city_run, needs_gl, ranges_of, room_run, run_of
+from test_render import SIZE, city_run, needs_gl, room_run, run_of
 
 from lrf3d.errors import InputError
 from lrf3d.world.cameras import FixedCamera
@@ -132,24 +132,6 @@ def test_memory_stays_flat_over_many_frames():
 
 
 @needs_gl
-def test_the_fan_keeps_its_outline_with_fewer_triangles():
-    from lrf3d.scene.beams import DrawnBeams
-
-    run = city_run()
-    scan = run.scan(6)
-    apex = np.array([scan.pose.x, scan.pose.y])
-    drawn = DrawnBeams.from_scan(scan, run.world.segments, run.world.objects, apex)
-    fan = drawn.glow(0.5, indoor=False).corners
-    # These beams are two degrees apart: the angle bounds the triangles.
-    assert len(fan) < 0.75 * (len(scan.ranges) - 1)
-    lrf = replace(run.lrf, beams=1, angle_min=0.0, angle_max=0.0, range_max=500.0)
-    for _, first, second in fan:
-        middle = 0.5 * (first + second)[:2] - apex
-        angle = float(np.arctan2(middle[1], middle[0]))
-        seen, _ = ranges_of(run.world, lrf, np.array([*apex, angle]))
-        assert np.hypot(*middle) <= seen[0] * 1.01 + 0.05
-
-
 def test_cameras_of_a_world_are_kept_with_its_run(tmp_path):
     from lrf3d.io import load_run, save_run
 

@@ -7,19 +7,21 @@ mirrors.
 """
 
 import warnings
-from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.compiling import compiled, inner
+from lrf3d.compiling import compiled
 from lrf3d.errors import Lrf3dWarning
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry import Float
+from lrf3d.laser import LaserScan, RangeNoise
+from lrf3d.mapping.robust.beams import Beams
 
-UX, UY, RANGE, FREE, DEVIATION, LIGHT, BRIGHT, REFLECTANCE = range(8)
-"""Columns of `LitScan.rays`: the unit vector of each beam; its range [m], 0 where nothing returned;
-how far it is free at least [m]; the standard deviation of the range [m]; the light of the return
-as if from 1 m, how bright it was compared with the usual one, and how reflective the wall is that
-it is on, 0 where it is on none."""
+UX, UY, RANGE, FREE, DEVIATION, BRIGHT, REFLECTANCE, TURN, KIND = range(9)
+"""Columns of kept rays: the unit vector of each beam; its range [m], 0 where nothing returned; how
+far it is free at least [m]; the standard deviation of the range [m]; the light of the return as if
+from 1 m, compared with the usual one; how reflective the wall is that it is on, 0 where it is on
+none; how far it goes to the first known glass or mirror [m]; and what its return shows, see
+`ground`."""
 
 MOST_SCANS = 160
 """[scans] So many are kept: of a drive at least the last 80 m. What mirrors showed before stays."""
@@ -28,11 +30,8 @@ LEAST_WAY, LEAST_TURN = 0.5, 0.5
 """[m, rad] A scan is kept if the robot has moved or turned by so much since the last one."""
 
 USUAL_SHARE = 0.7
-"""[share] The usual brightness of a return is that which so many have at most: beside a front of
-glass most are dim."""
-
-BRIGHTNESSES, STEPS_AN_OCTAVE = 512, 4
-"""[steps] Steps in which brightness is counted, in all and for each factor of two."""
+"""[share] The usual light of a scan's returns is that which so many have at most: next to a front
+of glass most are dim."""
 
 ON_WALL = 0.1
 """[m] How far off a wall of the same scan a return of it lies at most."""
@@ -48,11 +47,9 @@ LARGEST_MISFIT = 0.3
 """[share] By this part of the difference another one may deviate. Light that falls with the range
 alone deviates by a third."""
 
-LEAST_FITTING = 0.5
-"""[share] Intensities are light if so many of the pairs fit: metal and glass never do."""
-
-LEAST_PAIRS = 100
-"""[pairs] … of at least so many."""
+LEAST_FITTING, LEAST_PAIRS = 0.5, 100
+"""[share, pairs] Intensities are light if so many of at least so many pairs fit: metal and glass
+never do."""
 
 NO_LIGHT = (
     "intensities do not fall with range and incidence as light does: the map has no glass and no"
@@ -60,67 +57,73 @@ NO_LIGHT = (
 )
 
 
-class LitScan(NamedTuple):
-    """A scan in the map's frame: its place (2,), heading, and rays (n, 8) by rising angle."""
-
-    place: Float
-    heading: float
-    rays: Float
-
-
 class LitScans:
-    """The last kept scans, and the number of all that were kept."""
+    """The last kept scans: their places (k, 2) [m], and rays (k, n, 9) by rising angle.
+
+    `reflectances` (w,) are those of the walls of the newest, 0 where they are not known.
+    """
 
     def __init__(self) -> None:
-        self._places, self._rays = (
-            np.zeros((MOST_SCANS, 2)),
-            np.zeros((MOST_SCANS, 0, 8)),
-        )
-        self._kinds = np.zeros((MOST_SCANS, 0), np.int64)
-        self._brightness = np.zeros(BRIGHTNESSES, np.int64)
-        self._last = np.full(3, np.inf)
+        self.reflectances = np.empty(0)
+        self._places, self._rays = np.zeros((MOST_SCANS, 2)), np.zeros((MOST_SCANS, 9, 0))
+        self._last, self._usual = np.full(3, np.inf), 0.0
+        self._fitting = self._pairs = 0
+        self._warned = False
         self.count = 0
 
-    def rows(self, newest: bool) -> tuple[Float, Float, Int]:
-        """Of all kept scans, or of the newest alone: places, rays, and what returns show."""
+    def rows(self, newest: bool) -> tuple[Float, Float]:
+        """Places and rays of all kept scans, or of the newest alone."""
         last = (self.count - 1) % MOST_SCANS
         rows = slice(last, last + 1) if newest else slice(0, self.count)
-        return self._places[rows], self._rays[rows], self._kinds[rows]
+        # Each column lies together: most rays do not reach what is looked at.
+        return self._places[rows], self._rays[rows].transpose(0, 2, 1)
 
     @property
-    def newest_place(self) -> Float:
-        """Where the newest was taken (2,) [m]."""
-        return self._last[:2]
+    def are_light(self) -> bool:
+        """Whether enough returns were seen, and most of them follow the laser equation."""
+        return self._pairs >= LEAST_PAIRS and self._fitting >= LEAST_FITTING * self._pairs
 
-    def usual_brightness(self, brightness: Float) -> float:
-        """The usual brightness of a return, which those (n,) of another scan add to."""
-        steps = np.floor(STEPS_AN_OCTAVE * np.log2(brightness)) + BRIGHTNESSES // 2
-        steps = steps.clip(0, BRIGHTNESSES - 1).astype(np.int64)
-        self._brightness += np.bincount(steps, minlength=BRIGHTNESSES)
-        below = np.cumsum(self._brightness)
-        step = int(np.searchsorted(below, USUAL_SHARE * below[-1]))
-        return float(2.0 ** ((step + 0.5 - BRIGHTNESSES // 2) / STEPS_AN_OCTAVE))
+    def keep(
+        self, scan: LaserScan, pose: tuple[float, float, float], noise: RangeNoise, walls: Float
+    ) -> bool:
+        """Keep a scan with its walls (w, 4) around the laser in place of the oldest.
 
-    def keep(self, scan: LitScan) -> bool:
-        """Keep a scan in place of the oldest, unless the robot stands nearly where it did."""
-        moved = np.hypot(*(scan.place - self._last[:2])) > LEAST_WAY
-        if not (moved or abs(scan.heading - self._last[2]) > LEAST_TURN):
+        Not if it has no light, or the robot stands nearly where it did.
+        """
+        off = np.abs(np.array(pose) - self._last)
+        if scan.intensities is None or (np.hypot(*off[:2]) <= LEAST_WAY and off[2] <= LEAST_TURN):
             return False
-        more = len(scan.rays) - self._rays.shape[1]
-        if more > 0:
-            self._rays = np.pad(self._rays, ((0, 0), (0, more), (0, 0)))
-            self._kinds = np.pad(self._kinds, ((0, 0), (0, more)))
+        lights = scan.intensities[np.argsort(scan.angles, kind="stable")]
+        units, free, _ = Beams.of(scan, pose[2], noise)
+        ranges = free.clip(0.0)
+        light = np.where((lights > 0.0) & (lights < np.inf), lights * ranges * ranges, 0.0)
+        if not light.any():
+            return False
+        usual = float(np.log(np.quantile(light[light > 0.0], USUAL_SHARE)))
+        self._usual = (self.count * self._usual + usual) / (self.count + 1)
+        more = max(len(light) - self._rays.shape[2], 0)
+        self._rays = np.pad(self._rays, ((0, 0), (0, 0), (0, more))) if more else self._rays
         row = self.count % MOST_SCANS
-        self._places[row], self._rays[row], self._kinds[row] = scan.place, 0.0, 0
-        self._rays[row, : len(scan.rays)] = scan.rays
-        self._last = np.array([*scan.place, scan.heading])
+        self._places[row], self._rays[row], self._last = pose[:2], 0.0, np.array(pose)
+        rays = self._rays[row, :, : len(light)].T
+        rays[:, : UY + 1], rays[:, RANGE], rays[:, FREE] = units, ranges, np.abs(free)
+        rays[:, DEVIATION] = np.sqrt(noise.variance(ranges))
+        rays[:, BRIGHT] = light / np.exp(self._usual)
+        self.reflectances = np.zeros(len(walls))
+        fitting, pairs = read_reflectances(rays, light, walls, self.reflectances)
+        self._fitting, self._pairs = self._fitting + fitting, self._pairs + pairs
         self.count += 1
-        return True
+        if not (self._warned or self.are_light) and self._pairs >= LEAST_PAIRS:
+            self._warned = True
+            warnings.warn(NO_LIGHT, Lrf3dWarning, stacklevel=2)
+        return self.are_light
 
 
 @compiled
-def read_reflectances(rays: Float, walls: Float) -> tuple[int, int]:
-    """Fill in the reflectances of the rays (n, 8) that end on walls (w, 4) around the laser [m].
+def read_reflectances(
+    rays: Float, light: Float, walls: Float, reflectances: Float
+) -> tuple[int, int]:
+    """Fill in how reflective walls (w, 4) around the laser [m] are, and rays (n, 9) that end there.
 
     Returns the number of pairs of returns that fit the laser equation, and that of all pairs.
     """
@@ -135,8 +138,8 @@ def read_reflectances(rays: Float, walls: Float) -> tuple[int, int]:
         dx, dy = dx / size, dy / size
         count = 0
         for beam in range(len(rays)):
-            reach, light = rays[beam, RANGE], rays[beam, LIGHT]
-            if light <= 0.0:
+            reach = rays[beam, RANGE]
+            if light[beam] <= 0.0:
                 continue
             ux, uy = rays[beam, UX], rays[beam, UY]
             cos = abs(ux * dy - uy * dx)
@@ -145,10 +148,12 @@ def read_reflectances(rays: Float, walls: Float) -> tuple[int, int]:
             on = abs(py * dx - px * dy) < ON_WALL and -ON_WALL < along < size + ON_WALL
             if not on or cos < WEAKEST_COSINE:
                 continue
-            rays[beam, REFLECTANCE] = light / cos
+            rays[beam, REFLECTANCE] = light[beam] / cos
+            reflectances[row] += light[beam] / cos
             expected[count] = np.log(cos / (reach * reach))
-            lights[count] = np.log(light / (reach * reach))
+            lights[count] = np.log(light[beam] / (reach * reach))
             count += 1
+        reflectances[row] /= max(count, 1)
         # Half of the wall apart: neighbours differ by too little.
         for first in range(count - count // 2):
             last = first + count // 2
@@ -158,49 +163,3 @@ def read_reflectances(rays: Float, walls: Float) -> tuple[int, int]:
                 fitting += misfit < LARGEST_MISFIT * abs(change)
                 pairs += 1
     return fitting, pairs
-
-
-class LaserEquation:
-    """Whether the intensities so far are light; a warning says so once if they are not."""
-
-    def __init__(self) -> None:
-        self._fitting = self._pairs = 0
-        self._warned = False
-
-    @property
-    def fits(self) -> bool:
-        """Whether enough returns were seen, and most of them fit."""
-        return self._pairs >= LEAST_PAIRS and self._fitting >= LEAST_FITTING * self._pairs
-
-    def read(self, rays: Float, walls: Float) -> None:
-        """Fill in the reflectances of the rays of a scan, see `read_reflectances`."""
-        fitting, pairs = read_reflectances(rays, walls)
-        self._fitting, self._pairs = self._fitting + fitting, self._pairs + pairs
-        if not (self._warned or self.fits) and self._pairs >= LEAST_PAIRS:
-            self._warned = True
-            warnings.warn(NO_LIGHT, Lrf3dWarning, stacklevel=2)
-
-
-@inner
-def way_to_first(place: Float, ray: Float, segments: Float, but: float) -> float:
-    """How far [m] a ray goes to the first of segments (m, 5) that it crosses, or infinity.
-
-    The fifth column is the line that a segment is of: those of one line are left out.
-    """
-    first = np.inf
-    for row in range(len(segments)):
-        if segments[row, 4] == but:
-            continue
-        x, y = segments[row, 0] - place[0], segments[row, 1] - place[1]
-        dx, dy = (
-            segments[row, 2] - segments[row, 0],
-            segments[row, 3] - segments[row, 1],
-        )
-        across = ray[UX] * dy - ray[UY] * dx
-        if across == 0.0:
-            continue
-        way = (x * dy - y * dx) / across
-        share = (x * ray[UY] - y * ray[UX]) / across
-        if 0.0 < way < first and 0.0 <= share <= 1.0:
-            first = way
-    return first

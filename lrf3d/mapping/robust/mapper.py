@@ -50,14 +50,14 @@ class RobustMapper:
             self._frame = Frame.of(scan)
         place, heading = self._frame.pose_of(scan)
         noise = self._noise.update(scan, self._extract.noise(scan))
-        scan, lit = self._optics.look(scan, place, heading, noise)
+        lit, scan = scan, self._optics.without_images(scan, place, heading)
         found = self._extract.walls(scan, heading, noise)
         widen(found.moments, scan)
         fresh = self._judge_beams(Beams.of(scan, heading, noise), place, len(found.ends))
         changed, gone = self._merge_walls(found, place)
         self._link_walls(self._refit_walls(changed, gone, fresh))
-        if lit is not None:
-            self._optics.update(lit, found.ends, self._walls.ends[self._rows()])
+        segments = self._walls.ends[self._rows()]
+        self._optics.update(lit, (*place, heading), noise, found.ends, segments, self._cells)
 
     def _judge_beams(self, beams: Beams, place: Place, count: int) -> NewEvidence:
         """Add what the beams show to the cells; returns what is new of which walls."""
@@ -119,5 +119,5 @@ class RobustMapper:
             objects = find_objects(self._links, self._walls, rows)
             ends: Float = close_corners(self._walls.ends[rows], objects)
             shown = solid_map(self._frame.in_world(ends), objects, self._walls.points[rows])
-            self._map = self._optics.show(shown, self._frame)
+            self._map = self._optics.show(shown, self._frame, self._cells)
         return self._map

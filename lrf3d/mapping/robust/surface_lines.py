@@ -1,4 +1,4 @@
-"""Surface lines: which lines may be glass or mirrors, when they are looked at, and what is found.
+"""Surface lines: which lines may be glass or mirrors, and what is found when they are looked at.
 
 A wall of a scan and a segment of the map define the line that mirrors one into the other. Near its
 normal glass flashes: it returns many times the light of any diffuse wall, and the beams next to the
@@ -9,40 +9,37 @@ lines of images are no mirrors, since walls of rooms mirror each other: `surface
 import numpy as np
 
 from lrf3d.compiling import compiled, inner
-from lrf3d.geometry import Bool, Float, Int, cross
-from lrf3d.mapping.robust.ground import DEPTH, Ground
-from lrf3d.mapping.robust.light import BRIGHT, DEVIATION, FREE, RANGE, UX, UY, LitScan, LitScans
+from lrf3d.geometry import Float
+from lrf3d.mapping.robust.cells import Cells
+from lrf3d.mapping.robust.ground import DEPTH, reflectance_at
+from lrf3d.mapping.robust.light import BRIGHT, DEVIATION, FREE, RANGE, UX, UY, LitScans
 from lrf3d.mapping.robust.surfaces import (
-    COLUMNS,
+    COUNTS,
     DEVIATIONS,
     DIM,
+    DIMMED,
     FLASH,
     FLASH_ANGLE,
     MOST_OPAQUE,
     ON_LINE,
     PASSED_BY,
-    PIECE,
     PIECES,
     SHORTEST,
     count_beams,
-    glass_pieces,
-    mirror_pieces,
-    pieces_at,
     stretches,
 )
 
 MOST_LINES = 256
-"""[lines] Those that fewest scans speak for are forgotten."""
+"""[lines] Those that no scan has spoken for the longest are forgotten."""
 
 LINES_A_SCAN, MOST_A_SCAN = 8, 64
 """[lines] How many lines of images of a scan count, those first that most of its walls agree on."""
 
-LEAST_VOTES = 3
-"""[scans] A line is looked at when so many scans, or flashes, speak for it."""
-
-LOOKS, LOOK_AGAIN = 1, 16
-"""[lines, scans] Lines that are looked at with each kept scan; one with glass or a mirror is after
-so many again."""
+LEAST_VOTES, MOST_VOTES, LOOK_AGAIN = 3, 50, 1.0 / 16.0
+"""[votes] A line is looked at when so many scans, or flashes, speak for it, and with each more, the
+one first that most speak for since; so many former ones count where a line of images is averaged;
+and what each look adds to lines with glass or mirrors, of which no images are left that could
+speak for them."""
 
 BESIDE = np.radians(1.5), np.radians(20.0)
 """[rad] How far off a flash beams show what stands next to it."""
@@ -58,12 +55,6 @@ that of several, and at most."""
 LONGEST_GAP = 8.0
 """[m] Between two flashes of a pane."""
 
-NEAREST_FLASH = 0.05
-"""[m] Nearer to one that is known another one shows nothing."""
-
-FRAME_DISTANCE, FRAME_SINE = 0.3, 0.3
-"""[m, sine] A wall ends a pane whose line it reaches so nearly or crosses, no flatter."""
-
 PARALLEL_SINE = 0.2
 """[sine] Twice the sine of half the angle between two walls of which one may be the other's image:
 walls at right angles to the mirror go on in theirs, and do not say where it is."""
@@ -71,235 +62,158 @@ walls at right angles to the mirror go on in theirs, and do not say where it is.
 IMAGE_DISTANCE = 0.15
 """[m] How far off a wall an image may lie when it is mirrored back."""
 
+SAMPLES = 8
+"""Places along a wall at which it is compared how bright it is."""
+
 SAME_ANGLE, SAME_DISTANCE = np.radians(2.0), 0.1
 """[rad, m] Two lines nearer than this are one: the faces of a thin wall are two."""
 
-
-class Flashes:
-    """All flashes of glass so far, and the number of the line of each, `line_of` (f,)."""
-
-    def __init__(self) -> None:
-        # Of each its place, the direction of its beam, and the deviation of its range.
-        self._flashes = np.empty((0, 5))
-        self.line_of: Int = np.empty(0, np.int64)
-        self._fits: dict[int, tuple[Float, Float, Float]] = {}
-
-    def add(self, scan: LitScan) -> None:
-        """Add the flashes of a scan."""
-        rays, bright = scan.rays, scan.rays[:, BRIGHT]
-        peak = (bright > FLASH) & (bright > np.roll(bright, 1)) & (bright >= np.roll(bright, -1))
-        units = rays[:, [UX, UY]]
-        places = scan.place + rays[:, RANGE, None] * units
-        # Nearer to a flash that is known another one shows nothing.
-        peaks = np.array(
-            [row for row in np.flatnonzero(peak).tolist() if self._is_new(places[row])]
-        )
-        if not len(peaks):
-            return
-        cos = units[peaks] @ units.T
-        beside = (cos < np.cos(BESIDE[0])) & (cos > np.cos(BESIDE[1]))
-        way = rays[peaks, RANGE, None] / np.maximum(cos, np.cos(BESIDE[1]))
-        tolerance = ON_LINE + DEVIATIONS * rays[peaks, DEVIATION, None]
-        on = beside & (rays[:, RANGE] > 0.0) & (np.abs(rays[:, RANGE] - way) * cos < tolerance)
-        dim = on & (bright < DIM)
-        passed = beside & (rays[:, FREE] > way + tolerance + PASSED_BY)
-        glass = np.zeros(len(peaks), np.bool_)
-        # One side is enough: at the end of a pane a wall may follow.
-        left = cross(units[peaks][:, None], units[None]) > 0.0
-        for side in (left, ~left):
-            shown = ((dim | passed) & side).sum(axis=1)
-            opaque = (on & ~dim & side).sum(axis=1)
-            glass |= (shown >= LEAST_SHOWN) & (opaque < MOST_OPAQUE * shown)
-        for row in peaks[glass].tolist():
-            if self._is_new(places[row]):
-                self._add(np.array([*places[row], *units[row], rays[row, DEVIATION]]))
-
-    def _is_new(self, place: Float) -> bool:
-        apart = self._flashes[:, :2] - place
-        return bool(((apart * apart).sum(axis=1) > NEAREST_FLASH**2).all())
-
-    def _add(self, flash: Float) -> None:
-        """Add a flash to the line that it lies on, or begin another one."""
-        own = int(self.line_of.max(initial=-1)) + 1
-        self._flashes = np.vstack([self._flashes, flash])
-        self.line_of = np.append(self.line_of, own)
-        for other in np.unique(self.line_of[:-1]).tolist():
-            if self._on(other, slice(-1, None)).any():
-                own = other
-                break
-        self.line_of[-1] = own
-        self._fits.pop(own, None)
-        # Others that lie on it now, as it is better known, are of the same line.
-        taken = self._on(own)
-        for other in np.unique(self.line_of[taken]).tolist():
-            if other != own and taken[self.line_of == other].all():
-                self.line_of[self.line_of == other] = own
-                self._fits.pop(own, None)
-
-    def line(self, number: int) -> tuple[Float, Float, Float]:
-        """A point (2,) of a line, its direction (2,), and the places (f, 2) of its flashes [m]."""
-        if number not in self._fits:
-            own = self._flashes[self.line_of == number]
-            point = own[:, :2].mean(axis=0)
-            unit = np.array([-own[0, 3], own[0, 2]])
-            if np.ptp((own[:, :2] - point) @ unit) > SHORTEST:
-                unit = np.linalg.eigh(np.cov((own[:, :2] - point).T))[1][:, 1]
-            self._fits[number] = point, unit, own[:, :2]
-        return self._fits[number]
-
-    def _on(self, number: int, rows: slice = slice(None)) -> Bool:
-        """Which flashes (f,), of some, lie on a line."""
-        point, unit, places = self.line(number)
-        flashes = self._flashes[rows]
-        offset, own = flashes[:, :2] - point, (places - point) @ unit
-        along = offset @ unit
-        aside = np.abs(cross(unit, offset))
-        turn = STEADY if np.ptp(own) > SHORTEST else LOOSE
-        allowed = ON_LINE + DEVIATIONS * flashes[:, 4]
-        allowed = allowed + np.minimum(turn * np.abs(along), FARTHEST)
-        near = np.maximum(along - own.max(), own.min() - along) < LONGEST_GAP
-        on: Bool = (aside < allowed) & near
-        return on & (np.abs(flashes[:, 2:4] @ unit) < FLASH_ANGLE)
+NO_POINTS, NO_SURFACES = np.empty((0, 2)), np.empty((0, 5))
 
 
 class SurfaceLines:
-    """The lines of glass and of mirrors.
+    """The lines of glass and of mirrors, and the stretches of them that were found.
 
-    `glass` (g, 5) and `mirrors` (m, 5), seen from their left, are found [m]; the fifth is the line.
+    `surfaces` (s, 5) are those [m], mirrors seen from their left, and whether each is a mirror.
     """
 
     def __init__(self) -> None:
-        self._lines, self._mirrors = np.zeros((MOST_LINES, 3)), np.zeros(MOST_LINES, np.bool_)
-        # How many scans or flashes speak for each line, and the scans when the last one did and
-        # when it was looked at; its number among the lines of flashes; and what was found there.
-        self._votes, self._voted, self._looked = np.zeros((3, MOST_LINES))
-        self._flash_lines = np.full(MOST_LINES, -1)
-        self._found = [np.empty((0, 4))] * MOST_LINES
-        self.glass = self.mirrors = np.empty((0, 5))
+        # Of each line: its unit normal, distance and middle, see `count_beams`; the votes for it,
+        # in all and since it was looked at, and the number of the last one; its flashes, none where
+        # it is of images; how far these are from the middle; and its stretches.
+        self._lines, self._extents = np.zeros((MOST_LINES, 4)), np.zeros(MOST_LINES)
+        self._votes, self._new_votes, self._last_votes = np.zeros((3, MOST_LINES))
+        self._vote_count = 0
+        self._flashes, self._found = [NO_POINTS] * MOST_LINES, [NO_SURFACES] * MOST_LINES
+        self._flashed, self._there = np.zeros((2, MOST_LINES), np.bool_)
+        self.surfaces = NO_SURFACES
 
-    def add_images(self, number: int, place: Float, walls: Float, segments: Float) -> None:
-        """Add the lines that mirror segments (m, 4) of the map into walls (w, 4) of a scan [m]."""
+    def add_images(
+        self, place: Float, walls: Float, segments: Float, cells: Cells, ground: Float
+    ) -> None:
+        """Add the lines that mirror segments (m, 4) of the map into walls (w, 5) of a scan [m].
+
+        The fifth is how reflective each wall is.
+        """
         lines, weights = np.empty((MOST_A_SCAN, 3)), np.empty(MOST_A_SCAN)
-        count = find_lines(place, walls, segments, lines, weights)
+        count = find_lines(place, walls, segments, cells, ground, lines, weights)
         for choice in np.argsort(-weights[:count], kind="stable")[:LINES_A_SCAN].tolist():
-            known = np.where(self._mirrors[:, None], self._lines, 0.0)
-            row = same_line(place, known, lines[choice])
+            row = same_line(place, self._lines * ~self._flashed[:, None], lines[choice])
             if row < 0:
                 row = self._new_row()
-                self._mirrors[row], self._lines[row] = True, lines[choice]
-            else:
-                votes = min(self._votes[row], 50.0)
-                mixed = votes * self._lines[row] + lines[choice]
-                self._lines[row] = mixed / np.hypot(mixed[0], mixed[1])
-            self._votes[row] += 1.0
-            self._voted[row] = number
+            if self._there[row]:
+                # Its images are not extracted any more: these are of something else.
+                continue
+            line = min(self._votes[row], MOST_VOTES) * self._lines[row, :3] + lines[choice]
+            nx, ny, distance = line / np.hypot(line[0], line[1])
+            self._lines[row] = nx, ny, distance, ny * place[0] - nx * place[1]
+            self._vote(row)
+
+    def add_flashes(self, place: Float, rays: Float) -> None:
+        """Add the flashes of a scan to the lines that they lie on, or begin others."""
+        flashes = np.empty((len(rays), 5))
+        for flash in flashes[: find_flashes(place, rays, flashes)]:
+            point, unit, deviation = flash[:2], flash[2:4], flash[4]
+            nx, ny, distance, middle = self._lines.T
+            along = np.abs(ny * point[0] - nx * point[1] - middle)
+            turn = np.where(self._extents > SHORTEST, STEADY, LOOSE)
+            allowed = ON_LINE + DEVIATIONS * deviation + np.minimum(turn * along, FARTHEST)
+            aside = np.abs(nx * point[0] + ny * point[1] - distance)
+            on = self._flashed & (aside < allowed) & (along < self._extents + LONGEST_GAP)
+            on &= np.abs(nx * unit[0] + ny * unit[1]) > np.cos(FLASH_ANGLE)
+            row = int(np.argmax(on * self._votes)) if on.any() else self._new_row()
+            points = self._flashes[row] = np.vstack([self._flashes[row], point])
+            mean, normal = points.mean(axis=0), self._lines[row, :2] if on.any() else unit
+            if np.ptp(points @ [normal[1], -normal[0]]) > SHORTEST:
+                normal = np.linalg.eigh(np.cov((points - mean).T))[1][:, 0]
+            across = np.array([normal[1], -normal[0]])
+            self._lines[row] = *normal, normal @ mean, across @ mean
+            self._extents[row] = np.abs((points - mean) @ across).max()
+            self._flashed[row] = True
+            self._vote(row)
+
+    def _vote(self, row: int) -> None:
+        self._vote_count += 1
+        self._votes[row] += 1.0
+        self._new_votes[row] += 1.0
+        self._last_votes[row] = self._vote_count
 
     def _new_row(self) -> int:
-        """A free row; where there is none, that of the line that least speaks for."""
-        kept = np.array([len(found) > 0 for found in self._found])
-        row = int(np.argmin(np.where(kept, np.inf, self._votes)))
-        self._votes[row] = self._looked[row] = self._lines[row] = 0.0
-        self._mirrors[row], self._flash_lines[row] = False, -1
-        self._found[row] = np.empty((0, 4))
+        """A free row; where there is none, that of the line last spoken for the longest ago."""
+        row = int(np.argmin(np.where(self._there, np.inf, self._last_votes)))
+        self._votes[row] = self._new_votes[row] = self._lines[row] = self._extents[row] = 0.0
+        self._flashes[row], self._found[row] = NO_POINTS, NO_SURFACES
+        self._flashed[row] = False
         return row
 
-    def _add_flashes(self, number: int, flashes: Flashes) -> None:
-        """Add the lines of flashes."""
-        numbers, counts = np.unique(flashes.line_of, return_counts=True)
-        for row in np.flatnonzero(self._flash_lines >= 0).tolist():
-            if self._flash_lines[row] not in numbers:
-                self._found[row], self._votes[row] = np.empty((0, 4)), 0.0
-                self._flash_lines[row] = -1
-        for name, count in zip(numbers.tolist(), counts.tolist(), strict=True):
-            if count >= LEAST_VOTES:
-                rows = np.flatnonzero(self._flash_lines == name)
-                row = int(rows[0]) if len(rows) else self._new_row()
-                if count > self._votes[row]:
-                    self._flash_lines[row], self._votes[row], self._voted[row] = (
-                        name,
-                        count,
-                        number,
-                    )
+    def look(self, scans: LitScans, cells: Cells, ground: Float) -> Float:
+        """Decide which stretches of the line with most new votes are glass, or a mirror.
 
-    def look(self, scans: LitScans, flashes: Flashes, walls: Float, ground: Ground) -> bool:
-        """Look at lines that are due through all kept scans; returns whether mirrors changed."""
-        self._add_flashes(scans.count, flashes)
-        former = self.mirrors
-        age = scans.count - self._looked
-        there = np.array([len(found) > 0 for found in self._found])
-        due = (self._voted > self._looked) & (self._votes >= LEAST_VOTES)
-        due |= there & (age > LOOK_AGAIN)
-        for row in np.argsort(-(due * self._votes * age), kind="stable")[:LOOKS].tolist():
-            if due[row]:
-                self._looked[row] = scans.count
-                self._look(row, scans, flashes, walls, ground)
-        return not np.array_equal(former, self.mirrors)
+        Returns the stretches (c, 5) that were there before or are now; none if nothing changed.
+        """
+        self._new_votes[self._there] += LOOK_AGAIN
+        due = np.where(self._votes >= LEAST_VOTES, self._new_votes, 0.0)
+        row = int(np.argmax(due))
+        if due[row] < 1.0:
+            return NO_SURFACES
+        self._new_votes[row] = 0.0
+        line, glass, former = self._lines[row], bool(self._flashed[row]), self._found[row]
+        pieces = np.zeros((PIECES, len(COUNTS)))
+        reach = np.full((PIECES, 2), (np.inf, -np.inf))
+        count_beams(line, not glass, scans.rows(newest=False), cells, ground, pieces, reach)
+        ends = stretches(line, not glass, pieces, reach, former[:, :4])
+        if self._is_known_glass(row):
+            ends = ends[:0]
+        self._found[row] = np.column_stack([ends, np.full(len(ends), float(not glass))])
+        self._there[row] = len(ends) > 0
+        if np.array_equal(former, self._found[row]):
+            return NO_SURFACES
+        self.surfaces = np.concatenate(self._found)
+        return np.concatenate([former, self._found[row]])
 
-    def _look(
-        self, row: int, scans: LitScans, flashes: Flashes, walls: Float, ground: Ground
-    ) -> None:
-        """Decide which stretches of a line are glass, or a mirror."""
-        flashed = np.empty((0, 2))
-        place = scans.newest_place
-        if not self._mirrors[row]:
-            place, unit, flashed = flashes.line(int(self._flash_lines[row]))
-            self._lines[row] = (
-                -unit[1],
-                unit[0],
-                unit[0] * place[1] - unit[1] * place[0],
-            )
-        line, mirror = self._lines[row], bool(self._mirrors[row])
-        middle = float(line[1] * place[0] - line[0] * place[1])
-        pieces, reach = (
-            np.zeros((PIECES, COLUMNS)),
-            np.full((PIECES, 2), (np.inf, -np.inf)),
-        )
-        blocking = np.concatenate([self.glass, self.mirrors])
-        kept = scans.rows(newest=False)[:2]
-        count_beams(line, middle, float(row), mirror, kept, blocking, ground, pieces, reach)
-        if mirror:
-            found = mirror_pieces(pieces) & (not self._is_glass(place, line))
-        else:
-            stations = flashed @ [line[1], -line[0]] - middle
-            stations = stations[np.abs(stations) < 0.5 * PIECE * PIECES]
-            # Scans that were not kept may have shown the flashes that reach farthest.
-            np.minimum.at(reach[:, 0], pieces_at(stations), stations)
-            np.maximum.at(reach[:, 1], pieces_at(stations), stations)
-            found = glass_pieces(pieces, stations, frames(line, middle, walls))
-        self._found[row] = stretches(line, middle, pieces, reach, found, self._found[row])
-        self._collect()
-
-    def _is_glass(self, place: Float, line: Float) -> bool:
-        """Whether flashes lie on a line (3,): what is seen through glass is darker as well."""
-        glass = self._lines[self._flash_lines >= 0]
-        side = np.sign(glass[:, :2] @ place - glass[:, 2])
-        return same_line(place, glass * side[:, None], line) >= 0
-
-    def _collect(self) -> None:
-        """The panes and the mirrors of all lines."""
-        rows = np.repeat(np.arange(MOST_LINES), [len(found) for found in self._found])
-        all_found = np.column_stack([np.concatenate(self._found), rows])
-        mirror = self._mirrors[rows]
-        self.glass, self.mirrors = all_found[~mirror], all_found[mirror]
+    def _is_known_glass(self, row: int) -> bool:
+        """Whether a line is that of a pane: what is seen through glass is darker as well."""
+        line = self._lines[row]
+        place = line[2] * line[:2] + line[3] * np.array([line[1], -line[0]])
+        panes = self._flashed & self._there & (self._votes > self._votes[row] * self._flashed[row])
+        sides = np.sign(self._lines[:, :2] @ line[:2])
+        return same_line(place, self._lines * (sides * panes)[:, None], line) >= 0
 
 
-def frames(line: Float, middle: float, walls: Float) -> Float:
-    """Stations [m] along a line (3,), from its middle, at which walls (w, 4) end on it or cross it.
+@compiled
+def find_flashes(place: Float, rays: Float, flashes: Float) -> int:
+    """Find the flashes of glass in the rays (n, 9) of a scan; returns their number.
 
-    Walls along the line are left out: they may be returns of the glass itself.
+    Flashes (n, 5) are filled with their places, the units of their beams, and the deviations of
+    their ranges [m].
     """
-    nx, ny, distance = line
-    ends = walls.reshape(-1, 2, 2)
-    along = ends @ [ny, -nx] - middle
-    aside = ends @ [nx, ny] - distance
-    rise = aside[:, 1] - aside[:, 0]
-    upright = np.abs(rise) > FRAME_SINE * np.hypot(rise, along[:, 1] - along[:, 0])
-    meets = upright & (
-        (np.abs(aside).min(axis=1) < FRAME_DISTANCE) | (aside[:, 0] * aside[:, 1] < 0.0)
-    )
-    share = np.clip(-aside[meets, 0] / rise[meets], 0.0, 1.0)
-    stations: Float = along[meets, 0] + share * (along[meets, 1] - along[meets, 0])
-    return stations
+    found, (nearest, farthest) = 0, BESIDE
+    for row in range(len(rays)):
+        ray, bright = rays[row], rays[row, BRIGHT]
+        if bright < FLASH or bright <= rays[row - 1, BRIGHT]:
+            continue
+        if bright < rays[(row + 1) % len(rays), BRIGHT]:
+            continue
+        tolerance = ON_LINE + DEVIATIONS * ray[DEVIATION]
+        shown, opaque = np.zeros(2), np.zeros(2)
+        for other in rays:
+            cos = ray[UX] * other[UX] + ray[UY] * other[UY]
+            if not np.cos(farthest) < cos < np.cos(nearest):
+                continue
+            side = int(ray[UX] * other[UY] > ray[UY] * other[UX])
+            way = ray[RANGE] / cos
+            if other[FREE] > way + tolerance + PASSED_BY:
+                shown[side] += 1.0
+            elif other[RANGE] > 0.0 and abs(other[RANGE] - way) * cos < tolerance:
+                dim = other[BRIGHT] < DIM
+                shown[side] += dim
+                opaque[side] += not dim
+        # One side is enough: at the end of a pane a wall may follow.
+        if ((shown >= LEAST_SHOWN) & (opaque < MOST_OPAQUE * shown)).any():
+            flashes[found, :2] = place + ray[RANGE] * ray[: UY + 1]
+            flashes[found, 2:4], flashes[found, 4] = ray[: UY + 1], ray[DEVIATION]
+            found += 1
+    return found
 
 
 @inner
@@ -341,9 +255,27 @@ def image_line(place: Float, wall: Float, real: Float, line: Float) -> float:
     return shared if shared > 0.5 * length else 0.0
 
 
+@inner
+def _may_be_image(wall: Float, line: Float, cells: Cells, ground: Float) -> bool:
+    """Whether a wall (5,) is as bright as an image in a line (3,), as far as that is known."""
+    known = alike = 0
+    for sample in range(SAMPLES):
+        share = (sample + 0.5) / SAMPLES
+        x, y = wall[0] + share * (wall[2] - wall[0]), wall[1] + share * (wall[3] - wall[1])
+        behind = 2.0 * (line[0] * x + line[1] * y - line[2])
+        own = reflectance_at(cells, ground, x - behind * line[0], y - behind * line[1])
+        if own > 0.0:
+            known += 1
+            alike += DIMMED[0] * own < wall[4] < DIMMED[1] * own
+    return 2 * alike >= known
+
+
 @compiled
-def find_lines(place: Float, walls: Float, segments: Float, lines: Float, weights: Float) -> int:
-    """Find lines that mirror segments (m, 4) of a map into walls (w, 4) of a scan, and count them.
+def find_lines(
+    place: Float, walls: Float, segments: Float, cells: Cells, ground: Float, lines: Float,
+    weights: Float,
+) -> int:  # fmt: skip
+    """Find lines that mirror segments (m, 4) of a map into walls (w, 5) of a scan, and count them.
 
     Lines (k, 3) are filled with unit normals towards the laser and distances from the origin [m],
     weights (k,) with the lengths [m] that are shared.
@@ -352,7 +284,7 @@ def find_lines(place: Float, walls: Float, segments: Float, lines: Float, weight
     for wall in range(len(walls)):
         for row in range(len(segments)):
             shared = image_line(place, walls[wall], segments[row], line)
-            if shared <= 0.0:
+            if shared <= 0.0 or not _may_be_image(walls[wall], line, cells, ground):
                 continue
             own = same_line(place, lines[:count], line)
             if own < 0:

@@ -15,7 +15,6 @@ const LAYOUTS = {
 const CORNERS = [[0, 1], [0, -1], [1, 1], [0, 1], [1, 1], [1, -1]];
 const LINE = 10; // Words of a line as it comes: both ends, two colours, the side of its wall;
 const ROW = 10; // and of each of its corners: this end, the other, left or right, colour, side.
-const HERE = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
 const HEAD = `#version 300 es
 precision highp float;
 precision highp int;
@@ -197,19 +196,15 @@ export class Scene {
     this.see(look, [0, 0, canvas.width, canvas.height]);
     gl.depthMask(true);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    this.paint("faces", marks.land, { pose: HERE });
-    for (const [name, pose] of Object.entries(this.bodies)) if (pose) this.paint("faces", marks[name], { pose });
-    if (!look.ghost) this.paintWalls();
+    for (const [name, pose] of Object.entries(this.bodies)) this.paint("faces", marks[name], { pose });
     gl.bindTexture(gl.TEXTURE_2D, this.pavement);
     this.paint("ground", marks.ground, { area: this.area });
-    if (look.ray) this.paint("sky", marks.sky, { below: 1, ray_from_corner: look.ray });
-    if (look.ghost) {
-      // The nearest walls alone are to be seen through.
-      gl.colorMask(false, false, false, false);
-      this.paintWalls();
-      gl.colorMask(true, true, true, true);
-      this.paintWalls();
-    }
+    this.paint("sky", marks.sky, { below: 1, ray_from_corner: look.ray });
+    // The nearest walls alone are seen through where they fade.
+    gl.colorMask(!look.ghost, !look.ghost, !look.ghost, true);
+    this.paintWalls();
+    gl.colorMask(true, true, true, true);
+    if (look.ghost) this.paintWalls();
     for (const name of this.order) this.paintMark(marks[name]);
     if (this.plan) this.paintPlan();
     canvas.dataset.calls = this.calls;
