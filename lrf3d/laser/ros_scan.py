@@ -41,11 +41,6 @@ class Stamp:
         nanosec = round((time - sec) * 1e9)
         return cls(sec + 1, 0) if nanosec == 1_000_000_000 else cls(sec, nanosec)
 
-    @classmethod
-    def of_nanoseconds(cls, nanoseconds: int) -> "Stamp":
-        """The stamp of whole nanoseconds."""
-        return cls(*divmod(nanoseconds, 1_000_000_000))
-
     @property
     def nanoseconds(self) -> int:
         """All of it in nanoseconds."""

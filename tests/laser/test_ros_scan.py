@@ -78,12 +78,6 @@ def test_what_goes_out_comes_back(ranges):
         assert again.header == scan.as_ros().header
 
 
-@given(st.integers(-(2**40), 2**40), st.integers(0, 10**9 - 1))
-def test_a_stamp_of_nanoseconds_is_split_and_put_together(sec, nanosec):
-    stamp = Stamp.of_nanoseconds(sec * 10**9 + nanosec)
-    assert stamp == Stamp(sec, nanosec)
-
-
 @given(st.floats(0, 1e6))
 def test_a_time_is_told_to_the_nanosecond(time):
     stamp = Stamp.of(time)
