@@ -36,10 +36,10 @@ LINES_A_SCAN, MOST_A_SCAN = 8, 64
 """[lines] How many lines of images of a scan count, those first that most of its walls agree on."""
 
 LEAST_VOTES, MOST_VOTES, LOOK_AGAIN = 3, 50, 1.0 / 16.0
-"""[votes] A line is looked at when so many scans, or flashes, speak for it, and with each more, the
-one first that most speak for since; so many former ones count where a line of images is averaged;
-and what each look adds to lines with glass or mirrors, of which no images are left that could
-speak for them."""
+"""[votes] A line is looked at when so many scans, or a flash less, speak for it, and with each new,
+the one first that most speak for since; so many former ones count where a line of images is
+averaged; and what each look adds to lines with glass or mirrors, of which no images are left that
+could speak for them."""
 
 BESIDE = np.radians(1.5), np.radians(20.0)
 """[rad] How far off a flash beams show what stands next to it."""
@@ -152,7 +152,7 @@ class SurfaceLines:
         Returns the stretches (c, 5) that were there before or are now; none if nothing changed.
         """
         self._new_votes[self._there] += LOOK_AGAIN
-        due = np.where(self._votes >= LEAST_VOTES, self._new_votes, 0.0)
+        due = np.where(self._votes >= LEAST_VOTES - self._flashed, self._new_votes, 0.0)
         row = int(np.argmax(due))
         if due[row] < 1.0:
             return NO_SURFACES
