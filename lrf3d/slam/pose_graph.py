@@ -197,24 +197,21 @@ def variance_factor(poses: Float, edges: Edges, deviation: float) -> float:
     return (squares + before) / (residuals + PRIOR_RESIDUALS)
 
 
-def joint_covariance(poses: Float, edges: Edges, numbers: Int) -> Float:
-    """Covariance (3m, 3m) of m poses of the graph together; the very first pose is fixed."""
-    columns = np.arange(3 * len(numbers))
-    rows = (3 * numbers[:, None] + np.arange(3)).ravel()
-    # The first pose is held: its rows are left out, and its covariance is 0.
-    units = np.zeros((3 * len(poses), len(columns)))
-    units[rows, columns] = 1.0
-    solved = np.zeros_like(units)
-    solved[3:] = _factor(normal_equations(poses, edges)[0][3:, 3:]).solve(units[3:])
-    return np.asarray(solved[rows])
-
-
 def pose_covariances(poses: Float, edges: Edges, numbers: Int) -> Float:
-    """Covariances (m, 3, 3) of the poses of some numbers (m,), each by itself."""
+    """Covariances (m, 3, 3) of the poses of some numbers (m,), each by itself; that of 0 is 0."""
     found = np.zeros((len(numbers), 3, 3))
-    for first in range(0, len(numbers) if len(poses) > 1 else 0, TOGETHER):
+    if len(poses) < 2:
+        return found
+    # The first pose is held: its rows are left out.
+    factor = _factor(normal_equations(poses, edges)[0][3:, 3:])
+    for first in range(0, len(numbers), TOGETHER):
         part = numbers[first : first + TOGETHER]
-        blocks = joint_covariance(poses, edges, part).reshape(len(part), 3, len(part), 3)
+        rows = (3 * part[:, None] + np.arange(3)).ravel()
+        units = np.zeros((3 * len(poses), len(rows)))
+        units[rows, np.arange(len(rows))] = 1.0
+        solved = np.zeros_like(units)
+        solved[3:] = factor.solve(units[3:])
         each = np.arange(len(part))
+        blocks = solved[rows].reshape(len(part), 3, len(part), 3)
         found[first : first + TOGETHER] = blocks[each, :, each]
     return found

@@ -236,7 +236,8 @@ def fault_of(case, folder):
     # Usage errors are the command line's own; what was chosen for the user is said, too.
     if status < 2 and not all(line.startswith("lrf3d: ") for line in lines):
         return f"said\n{err[:2000]}"
-    return f"said\n{err[:2000]}" if (status == 1 and not lines) or len(err) > 9000 else ""
+    wrong = status == 1 and (len(lines) != 1 or len(err) > 5000)
+    return f"said\n{err[:2000]}" if wrong else ""
 
 
 @pytest.fixture(scope="module")

@@ -101,13 +101,6 @@ def test_key_scans_without_walls_close_no_loop(rounds):
     assert not any(without_walls(closer)._found(k, poses, 0.01) for k in found)
 
 
-def test_stretches_of_key_scans_end_where_scans_hang(rounds):
-    slam = rounds[0]
-    places = np.searchsorted(slam._anchored, slam.key_scans)
-    assert (np.diff(places) > 1).tolist() == np.diff(slam._closer._stretches).astype(bool).tolist()
-    assert slam._closer._stretches[-1] > 0
-
-
 def test_the_map_of_a_known_place_has_each_wall_once(rounds):
     slam, _, _ = rounds
     assert 9 <= len(slam.map) <= 12

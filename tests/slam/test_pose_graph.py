@@ -6,10 +6,10 @@ from lrf3d.slam.frames import between
 from lrf3d.slam.pose_graph import (
     ROBUST_SCALE,
     Edges,
-    joint_covariance,
     normal_equations,
     optimised,
     optimised_around,
+    pose_covariances,
 )
 
 
@@ -81,7 +81,7 @@ def test_the_covariance_of_a_chain_is_that_of_its_steps(rng):
     """Each step is independent: variances of headings add, and places grow by their levers."""
     true = np.column_stack([np.arange(4.0), np.zeros(4), np.zeros(4)])
     edges = edges_of(true, [(0, 1), (1, 2), (2, 3)], rng)
-    covariance = joint_covariance(true, edges, np.array([3]))
+    covariance = pose_covariances(true, edges, np.array([3]))[0]
     assert covariance[0, 0] == pytest.approx(3 / 400)
     assert covariance[2, 2] == pytest.approx(3 / 900)
     assert covariance[1, 1] == pytest.approx(3 / 300 + (2**2 + 1**2) / 900)

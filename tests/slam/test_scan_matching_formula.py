@@ -14,7 +14,6 @@ from lrf3d.slam.scan_matching import (
     Match,
     _matched,
     match_scan,
-    solve3,
 )
 from lrf3d.slam.surface import ALONG, CELL, grid_of
 
@@ -116,12 +115,3 @@ def test_one_point_is_all_that_it_explains_and_a_match_of_none_has_no_deviation(
         found = match_scan(point, grid, np.zeros(3), np.eye(3), 5)
         assert (found.explained, found.deviation) == pytest.approx((explained, deviation))
         assert found.pose == pytest.approx(np.zeros(3))
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_a_symmetric_system_is_solved(seed):
-    rng = np.random.default_rng(seed)
-    mixed = rng.normal(size=(3, 3))
-    matrix, right = mixed @ mixed.T + np.eye(3), rng.normal(size=3)
-    solve = getattr(solve3, "py_func", solve3)
-    assert solve(matrix, right) == pytest.approx(np.linalg.solve(matrix, right))
