@@ -86,7 +86,7 @@ def read_ros_map(path: Path) -> World:
     if not isinstance(data, dict) or not {"image", "resolution", "origin"} <= set(data):
         raise WorldError("expected the description of a ROS map: image, resolution, origin")
     lines: dict[str, int] = {}
-    for key, _ in node.value:
+    for key, _ in node.value if node else ():
         name, line = str(key.value), key.start_mark.line + 1
         if lines.setdefault(name, line) != line:
             raise WorldError(
