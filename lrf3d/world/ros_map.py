@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.errors import InputError, OutputError, WorldError, shown
+from lrf3d.errors import OutputError, WorldError, shown
 from lrf3d.files import opened, own_name, read_text, replacing
 from lrf3d.geometry import Bool, Float, Int, Single
 from lrf3d.world.free_cells import FreeCells
@@ -195,8 +195,8 @@ def _check_size(picture: Path, image: Any) -> None:
         # A line break behind the pixels is harmless.
         if not expected <= found <= expected + 2:
             raise WorldError(
-                f"{picture}: {found:,} bytes of pixels, but {image.width} by {image.height} pixels by its"
-                f" header are {expected:,}; save the picture again"
+                f"{picture}: {found:,} bytes of pixels, but {image.width} by {image.height} pixels"
+                f" by its header are {expected:,}; save the picture again"
             )
 
 
