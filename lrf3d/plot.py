@@ -8,7 +8,6 @@ limits were set by hand. A metre is as long in x as in y. Further keywords, such
 Examples:
     >>> import lrf3d
     >>> from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
     >>> room = lrf3d.load_world("paper_room")
     >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], rng=0)
     >>> figure = Figure()

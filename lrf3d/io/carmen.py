@@ -215,7 +215,7 @@ class _Reading:
             ranges = np.array([float(word) for word in said[:count]])
         except ValueError as error:
             word = str(error).rpartition(": ")[2].lstrip("b")
-            raise ValueError(f"reading {word}, expected a number") from None
+            raise ValueError(f"reading {word[:40]}, expected a number") from None
         if (ranges < 0.0).any():
             raise ValueError(f"reading {ranges[ranges < 0.0][0]:g}, expected metres")
         # Some drivers write NaN for a beam without a return, and 0 for one without a valid range.

@@ -104,7 +104,7 @@ def _shapes(geometry: Any) -> Iterator[Any]:
         return
     kind = str(geometry.get("type") if isinstance(geometry, dict) else geometry)[:40]
     try:
-        whole = shapely.force_2d(shape(geometry))
+        whole = shape(_flat(geometry))
     except Exception as error:
         # shapely's exceptions depend on what is wrong with the geometry.
         raise WorldError(f"{kind}: {' '.join(str(error).split())}; expected [x, y], …") from None
@@ -123,6 +123,16 @@ def _shapes(geometry: Any) -> Iterator[Any]:
             if not shapely.make_valid(part).area > 0.0:
                 raise WorldError(f"{kind}: lies on one line and encloses nothing")
             yield shapely.remove_repeated_points(part)
+
+
+def _flat(value: Any) -> Any:
+    """A geometry without heights, which some positions of a line may lack."""
+    if isinstance(value, dict):
+        return {key: _flat(each) for key, each in value.items()}
+    if not isinstance(value, list):
+        return value
+    nested = not value or isinstance(value[0], list | dict)
+    return [_flat(each) for each in value] if nested else value[:2]
 
 
 def _height(properties: dict[str, Any]) -> float | tuple[float, ...] | None:

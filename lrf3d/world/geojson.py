@@ -70,10 +70,14 @@ def read_geojson(path: Path) -> World:
         place = float(centre[0]), float(centre[1])
         features = [feature.moved(partial(lay_flat, centre=centre)) for feature in features]
     name = data["name"] if isinstance(data.get("name"), str) else own_name(path)
+    members = data.get("cameras", [])
     with at(str(path)):
         world = world_of_features(features, name, place=place)
-        members = enumerate(data.get("cameras", []))
-        cameras = tuple(made_of(FixedCamera, each, f"cameras[{place}]") for place, each in members)
+        if not isinstance(members, list):
+            raise WorldError(f"cameras: expected a list, found {shown(members)}")
+        cameras = tuple(
+            made_of(FixedCamera, each, f"cameras[{index}]") for index, each in enumerate(members)
+        )
         with at("free"):
             free = FreeCells.from_dict(data["free"]) if "free" in data else None
     return (

@@ -118,7 +118,10 @@ def _read(path: Path) -> _Extract:
                     if element.get("visible") != "false" and element.get("action") != "delete":
                         _add(element, extract)
                     root.clear()
-        except (ElementTree.ParseError, LookupError) as error:
+        except WorldError:
+            raise
+        # Encodings that the parser does not know are a LookupError or a ValueError.
+        except (ElementTree.ParseError, LookupError, ValueError) as error:
             raise WorldError(f"not XML: {error}; export the extract again") from None
     return extract
 

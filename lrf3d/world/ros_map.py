@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.errors import InputError, OutputError, WorldError, shown
+from lrf3d.errors import OutputError, WorldError, shown
 from lrf3d.files import opened, own_name, read_text, replacing
 from lrf3d.geometry import Bool, Float, Int, Single
 from lrf3d.world.free_cells import FreeCells
@@ -60,7 +60,9 @@ KEYS: Mapping[str, Converter] = {
     "occupied_thresh": _SHARE,
     "free_thresh": _SHARE,
     # YAML has true and false, too.
-    "negate": lambda value, key: integer(least=0, most=1)(value * 1, key),
+    "negate": lambda value, key: integer(least=0, most=1)(
+        int(value) if isinstance(value, bool) else value, key
+    ),
     "mode": text("trinary", "scale", "raw"),
 }
 """The keys of a description that are read, and the converters of their values."""
@@ -168,12 +170,14 @@ def _light(picture: Path) -> tuple[Single, Bool]:
         try:
             with Image.open(file, formats=["PNG", "PPM", "BMP"]) as image:
                 if image.width * image.height > MOST_CELLS:
-                    raise InputError(f"{image.size} cells, more than {MOST_CELLS:,}; cut it")
+                    raise WorldError(f"{picture}: {image.size} cells, over {MOST_CELLS:,}; cut it")
                 _check_size(picture, image)
                 if image.mode.startswith("I"):
                     light = np.asarray(image).astype(np.float32) / np.float32(65535.0)
                     return light, np.ones(light.shape, dtype=np.bool_)
                 pixels = np.asarray(image.convert("RGBA")) / np.float32(255.0)
+        except WorldError:
+            raise
         except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
             reason = (str(error).splitlines() or [type(error).__name__])[0][:80]
             raise WorldError(f"{picture}: not a PGM, PNG or BMP picture ({reason})") from None
@@ -190,9 +194,9 @@ def _check_size(picture: Path, image: Any) -> None:
         found = picture.stat().st_size - begin
         # A line break behind the pixels is harmless.
         if not expected <= found <= expected + 2:
-            raise InputError(
-                f"{found:,} bytes of pixels, but {image.width} by {image.height} pixels by its"
-                f" header are {expected:,}; save the picture again"
+            raise WorldError(
+                f"{picture}: {found:,} bytes of pixels, but {image.width} by {image.height} pixels"
+                f" by its header are {expected:,}; save the picture again"
             )
 
 

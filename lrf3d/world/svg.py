@@ -4,7 +4,7 @@ Lengths are metres on paper: ``width`` and ``height`` in mm, cm, in, pt or px (1
 size of the ``viewBox``. y points up, and the lower left corner of the sheet is (0, 0). Curves
 become chords no farther from them than :data:`CURVE_ERROR`, or a five-thousandth of the sheet where
 that is less. Walls that touch are one object. Texts, pictures, hidden elements and definitions are
-ignored; symbols are drawn where they are used, in the units of the drawing.
+ignored; symbols are drawn where they are used.
 """
 
 import math
@@ -62,8 +62,9 @@ def read_svg(path: Path) -> World:
             raise WorldError(f"not XML: {error}") from None
     if _name(root) != "svg":
         raise WorldError(f"<{_name(root)[:40]}> where <svg> was expected: not an SVG drawing")
-    _prepare(root)
     width, height = _size(root)
+    _fit_symbols(root, width, height)
+    _prepare(root)
     root.attrib.update(width=f"{width}", height=f"{height}", preserveAspectRatio="xMinYMax")
     drawing = SVG.parse(BytesIO(ElementTree.tostring(root)), ppi=DPI)
     tolerance = min(CURVE_ERROR / PIXEL, SHEET_SHARE * max(width, height))
@@ -75,6 +76,32 @@ def read_svg(path: Path) -> World:
         for part in abs(Outline(element)).as_subpaths()
     ]
     return world_of_strokes(strokes, path)
+
+
+def _fit_symbols(root: Element, width: float, height: float) -> None:
+    """Fit symbols with a ``viewBox`` into the places of their uses, as the library does not."""
+    from svgelements import Length, Viewbox
+
+    boxes = {f"#{each.get('id')}": each for each in root.iter() if "viewBox" in each.attrib}
+    _, _, wide, high = _numbers(root.get("viewBox", f"0 0 {width} {height}"))
+    for use in root.iter():
+        hrefs = [href for key, href in use.items() if key.endswith("href") and href in boxes]
+        if _name(use) != "use" or not hrefs or _name(symbol := boxes[hrefs[0]]) != "symbol":
+            continue
+        place = [
+            Length(use.attrib.pop(key, usual)).value(ppi=DPI, relative_length=side)
+            for key, usual, side in (
+                ("x", "0", wide), ("y", "0", high), ("width", "100%", wide),
+                ("height", "100%", high),
+            )
+        ]  # fmt: skip
+        box, ratio = _numbers(symbol.attrib["viewBox"]), symbol.get("preserveAspectRatio")
+        fitted = Viewbox.viewbox_transform(*place, *box, ratio)
+        use.set("transform", f"{use.get('transform', '')} {fitted}")
+
+
+def _numbers(text: str) -> list[float]:
+    return [float(word) for word in text.replace(",", " ").split()]
 
 
 def _prepare(root: Element) -> None:
@@ -112,7 +139,7 @@ def _size(root: Element) -> tuple[float, float]:
         sides.append(length if given else None)
     width, height = sides
     try:
-        _, _, wide, high = map(float, root.get("viewBox", "0 0 1 1").replace(",", " ").split())
+        _, _, wide, high = _numbers(root.get("viewBox", "0 0 1 1"))
     except ValueError:
         wide = high = math.nan
     if not (min(wide, high) > 1e-9 and max(wide, high) <= LARGEST_COORDINATE):

@@ -124,7 +124,9 @@ REFUSED: dict[str, tuple[str | bytes, str]] = {
     "deep.geojson": ('{"a":' * 100_000, "nested too deeply"),
     "nan.geojson": (json.dumps(GEOJSON).replace("9, 0", "NaN, 0"), "feature 0: .*invalid"),
     "far.geojson": (json.dumps(GEOJSON).replace("9, 0", "1e300, 0"), "feature 0: .*at most"),
+    "cameras.geojson": (json.dumps({**GEOJSON, "cameras": None}), "cameras: expected a list"),
     "entity.osm": (_ENTITY.format("osm"), "not XML|entity"),
+    "encoding.osm": ('<?xml version="1.0" encoding="shift_jis"?><osm/>', "not XML: .*encodings"),
     "root.osm": ("<gpx></gpx>", "<osm> was expected"),
     "latitude.osm": (OSM.replace('lat="52.0"', 'lat="91"'), "node 1: .*degrees"),
     "number.osm": (OSM.replace('ref="1"', 'ref="one"'), "way 10: .*'one'"),
@@ -164,6 +166,7 @@ MAPS: dict[str, str] = {
     "occupied_thresh: 2": "occupied_thresh: expected a finite number",
     "free_thresh: 0.9": "above occupied_thresh",
     "negate: maybe": "negate: expected a whole number from 0 to 1",
+    "negate:": "negate: expected a whole number from 0 to 1",
     "mode: fancy": "mode: expected one of trinary, scale, raw",
     "a: [b": "not YAML",
 }

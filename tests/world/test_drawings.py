@@ -102,6 +102,13 @@ def test_transforms_uses_and_the_view_box_are_followed_and_y_points_up(tmp_path:
             (1, 2),
             (5, 6),
         ),
+        # A symbol with a viewBox is fitted into the place of its use.
+        (
+            '<symbol id="s" viewBox="0 0 4 4"><path d="M0 0h4v4"/></symbol>'
+            '<use href="#s" x="1" width="8" height="8"/>',
+            (1, 0),
+            (9, 8),
+        ),
         # What clips, masks, fills and marks is no outline.
         (
             '<clipPath id="c"><path d="M0 0h9v9"/></clipPath><mask><path d="M0 0h9v9"/></mask>'

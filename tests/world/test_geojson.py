@@ -112,7 +112,7 @@ def test_lines_are_walls_as_they_are_and_points_are_none(tmp_path: Path) -> None
         feature({"type": "Point", "coordinates": [1, 2]}),
         feature(None),
         feature({"type": "Polygon", "coordinates": []}),
-        feature({"type": "LineString", "coordinates": [[0, 0, 9], [5, 0, 9], [5, 5, 9]]}),
+        feature({"type": "LineString", "coordinates": [[0, 0, 9], [5, 0], [5, 5, 9]]}),
         polygon(rectangle(0, 10, 4, 4), name="hut", colour="#ffffff"),
         feature(
             {
