@@ -1,5 +1,6 @@
 """The results of ``lrf3d run``: runs of a scenario at its noise levels, figures and files."""
 
+import json
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ from typing import Any
 
 from lrf3d.cli.folder import Drawing
 from lrf3d.cli.plugins import made
+from lrf3d.errors import InputError
 from lrf3d.geometry import lengths
 from lrf3d.interrupts import noting
 from lrf3d.io import record
@@ -110,7 +112,13 @@ def summary_of(results: Results, settings: Mapping[str, Any], folder: Path) -> d
             # The run was finished before, so this mapper has no scans yet.
             for scan in run.scans:
                 mapper.update(scan)
-        summary["report"] = dict(mapper.report(run, folder))
+        report = mapper.report(run, folder)
+        try:
+            summary["report"] = dict(json.loads(json.dumps(report, allow_nan=False)))
+        except (TypeError, ValueError) as error:
+            raise InputError(
+                f"{mapper!r}: report: {error}; expected a dict of texts and finite numbers"
+            ) from None
     if len(results.runs) > 1:
         summary["noise_levels"] = [
             {"sigma_m": sigma, "segments": len(run.map), "objects": run.map.object_count}

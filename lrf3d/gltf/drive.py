@@ -20,7 +20,7 @@ from lrf3d.scene.estimate import CORNERS, DrawnEstimate, ring_quads
 from lrf3d.scene.moments import Scene
 from lrf3d.scene.shapes import Lines, Points, Soft
 from lrf3d.scene.timeline import DriveKeys, Timeline, drive_keys, obstacle_keys, scan_times
-from lrf3d.scene.trail_and_map import thinned
+from lrf3d.scene.trail_and_map import driven, thinned
 
 _ABOVE = Look(np.array([0.0, 0.0, 1.0]), np.zeros(3), field=1e-6, up=(0.0, 1.0, 0.0))
 """A look that nothing is made larger for, to be seen from far away."""
@@ -162,7 +162,8 @@ def _add_trail(
     mesh = document.mesh(name, part)
     group = document.node(name, document.root)
     pieces = thinned(keys, _PIECE_ERROR)
-    for (begin, start), (end, stop) in pairwise(zip(*pieces, strict=True)):
+    for number in np.flatnonzero(driven(pieces)):
+        (begin, end), (start, stop) = (column[number : number + 2] for column in pieces)
         along = (stop - start)[:2]
         if np.hypot(*along) < _SHORTEST:
             continue

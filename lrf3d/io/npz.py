@@ -7,6 +7,7 @@ can be mapped. The bytes of the file depend on nothing but the arrays.
 
 import os
 import struct
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Iterable
@@ -41,6 +42,7 @@ DAMAGES = (
     zipfile.BadZipFile,
     zlib.error,
     struct.error,
+    tokenize.TokenError,
 )
 """Exceptions of reading a damaged file."""
 

@@ -241,7 +241,10 @@ class Journal:
             file.seek(self._begin)
             while len(data := file.read(max(1, BLOCK_BYTES // size) * size)) >= size:
                 rows = np.frombuffer(data[: len(data) // size * size], self.dtype)
-                right = rows["number"] == np.arange(first, first + len(rows))
+                # The end of a row may be missing where the power failed.
+                right = (rows["number"] == np.arange(first, first + len(rows))) & (
+                    rows["rng"] != b""
+                )
                 yield rows[: len(rows) if right.all() else right.argmin()]
                 if not right.all():
                     return

@@ -23,6 +23,9 @@ _PIXELS = 3072
 _FINEST, _FINEST_INDOOR = 0.06, 0.02
 """Smallest size of a pixel [m]: finer ones show no more of a small place."""
 
+_COARSE = 0.25
+"""Size of a pixel [m] above which kerbs would be too narrow to be seen, and slow to plan."""
+
 _MARGIN, _MARGIN_INDOOR = STREET + 2.0 * PAVEMENT + 6.0, 3.0
 """How far the picture reaches past walls [m], or past their shadows if these reach farther: a town
 ends within it."""
@@ -180,10 +183,20 @@ def _streets(structures: Structures, brush: Brush) -> Image.Image:
     """What covers the ground of a town: lawns, pavements, kerbs and asphalt."""
     fine = brush.finer()
     paved, kerbs, streets = fine.blank(), fine.blank(), fine.blank()
-    plan = plan_town(structures)
-    fine.polygons(paved, plan.paved)
-    fine.polygons(kerbs, shapely.buffer(plan.streets, KERB))
-    fine.polygons(streets, plan.streets)
+    if brush.pixel <= _COARSE:
+        plan = plan_town(structures)
+        fine.polygons(paved, plan.paved)
+        fine.polygons(kerbs, shapely.buffer(plan.streets, KERB))
+        fine.polygons(streets, plan.streets)
+    else:
+        # From so far away, a street is what lies between houses.
+        for picture, reach, fill in (
+            (paved, STREET + PAVEMENT, 255),
+            (streets, STREET, 255),
+            (streets, PAVEMENT, 0),
+        ):
+            around = shapely.buffer(structures.houses, reach, quad_segs=4)
+            fine.polygons(picture, around, fill=fill)
     return _covered(
         brush,
         (None, _LAWN),

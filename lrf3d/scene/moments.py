@@ -227,18 +227,22 @@ class Scene:
         last = moment.scan if moment.scanning else moment.scan + 1
         step = 1 + (last - first) // _OLD_SCANS
         chosen = [number for number in range(first, last) if number % step == 0]
+        recent = self._same("recent", chosen, self._old_hits, chosen)
+        left = np.clip(1.0 - (moment.time - times[chosen]) / self._recent, 0.0, 1.0)
+        counts = [len(hits.places) for hits in self._hits.values()]
+        colours = recent.colours.copy()
+        colours[:, 3] = np.repeat(look.HITS_STRENGTH * left, counts)
+        return recent._replace(colours=colours)
+
+    def _old_hits(self, chosen: list[int]) -> Points:
         self._hits = {
             number: self._hits[number] if number in self._hits else self._drawn_beams(number)[2]
             for number in chosen
         }
-        left = np.clip(1.0 - (moment.time - times[chosen]) / self._recent, 0.0, 1.0)
-        size, pixels = look.HIT_SIZE, look.HIT_PIXELS
         none = tuple(np.zeros((0, columns), np.float32) for columns in (3, 4, 2))
         each = [none, *(hits[:3] for hits in self._hits.values())]
         places, colours, sides = (np.concatenate(column) for column in zip(*each, strict=True))
-        counts = [len(hits[0]) for hits in each[1:]]
-        colours[:, 3] = np.repeat(look.HITS_STRENGTH * left, counts)
-        return Points(places, colours, sides, size, pixels, glows=False)
+        return Points(places, colours, sides, look.HIT_SIZE, look.HIT_PIXELS, glows=False)
 
     def _marker(
         self, pose: Float, view: Look, lens: Lens, size: tuple[int, int], height: float

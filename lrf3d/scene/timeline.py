@@ -4,8 +4,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import shapely
 
-from lrf3d.geometry import Float
+from lrf3d.geometry import Bool, Float
 from lrf3d.run import Run
 from lrf3d.scene.structures import Sight
 
@@ -18,6 +19,9 @@ DWELL_GAP = 1.0
 
 DWELL_SHARE = 0.75
 """Share of the time between two stops that the robot stands and scans."""
+
+_SET_DOWN = 5e-4
+"""Half the time [s] in which a robot is set down behind a wall."""
 
 _SPEED_STEP = 0.05
 """Half the time [s] over which the speed is measured: shorter shows the joints of the path."""
@@ -46,7 +50,8 @@ class Timeline:
     """The run as a function of time.
 
     A run of single stops, such as the paper's three poses, is played as stops: the robot stands
-    with the beams on, then glides to the next pose with the beams off.
+    with the beams on, then glides to the next pose with the beams off, or is set down there where
+    a wall stands between.
 
     Args:
         run: The run.
@@ -63,6 +68,7 @@ class Timeline:
         times = run.trajectory.times
         gaps = np.diff(times)
         self.dwells = len(gaps) == 0 or float(np.median(gaps)) > DWELL_GAP
+        self.set_down = self._legs_through_walls() if self.dwells else np.zeros(len(gaps), np.bool_)
         self.start = float(times[0])
         self.end = float(times[-1])
         if self.dwells:
@@ -113,7 +119,17 @@ class Timeline:
         share = np.clip((times - knots[stop]) / gap, 0.0, 1.0)
         glide = np.clip((share - DWELL_SHARE) / (1.0 - DWELL_SHARE), 0.0, 1.0)
         # The glide starts and ends at rest, as a robot does.
-        return np.asarray(knots[stop] + gap * glide * glide * (3.0 - 2.0 * glide))
+        eased = np.where(self.set_down[stop], glide > 0.5, glide * glide * (3.0 - 2.0 * glide))
+        return np.asarray(knots[stop] + gap * eased)
+
+    def _legs_through_walls(self) -> Bool:
+        """Which legs (k − 1,) between stops cross a wall."""
+        places = self.run.trajectory.poses[:, :2]
+        legs = shapely.linestrings(np.stack([places[:-1], places[1:]], axis=1))
+        walls = shapely.STRtree(shapely.linestrings(self.run.world.segments.reshape(-1, 2, 2)))
+        crosses = np.zeros(len(legs), np.bool_)
+        crosses[walls.query(legs, predicate="intersects")[0]] = True
+        return crosses
 
 
 _GLIDE_KEYS = 12
@@ -135,7 +151,9 @@ def drive_keys(timeline: Timeline) -> DriveKeys:
     if timeline.dwells and len(times) > 1:
         glide = DWELL_SHARE + (1.0 - DWELL_SHARE) * np.linspace(0.0, 1.0, _GLIDE_KEYS + 1)
         keys = times[:-1, None] + np.diff(times)[:, None] * glide
-        times = np.concatenate([times, keys.ravel()])
+        turns = times[:-1] + 0.5 * (1.0 + DWELL_SHARE) * np.diff(times)
+        turns = turns[timeline.set_down]
+        times = np.concatenate([times, keys.ravel(), turns - _SET_DOWN, turns + _SET_DOWN])
     times = np.unique(np.append(times, timeline.end))
     poses = timeline.poses(times) - [*timeline.origin, 0.0]
     poses[:, 2] = np.unwrap(poses[:, 2])

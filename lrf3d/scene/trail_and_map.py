@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry import Bool, Float, Int
 from lrf3d.mapping import LineMap
 from lrf3d.run import Run
 from lrf3d.scene.beams import lines_at
@@ -22,6 +22,9 @@ from lrf3d.scene.look import (
 )
 from lrf3d.scene.shapes import Lines
 from lrf3d.scene.timeline import DriveKeys
+
+_FASTEST = 1000.0
+"""A robot that went faster than this [m/s] did not drive but was set down elsewhere."""
 
 _FRESH = 0.95
 """Opacity of the trail where the robot is."""
@@ -38,9 +41,17 @@ def trail_lines(
         places[-1] = places[-2] + share * (places[-1] - places[-2])
     old = np.clip((now - times) / fade, 0.0, 1.0)
     left = _FRESH + (TRAIL_OLD - _FRESH) * old * (2.0 - old)
-    opacities = np.column_stack([left[:-1], left[1:]])
-    colours = np.tile(colour, (begun, 1))
-    return lines_at(TRAIL_HEIGHT, places[:-1], places[1:], colours, opacities, TRAIL_WIDTH_PIXELS)
+    legs = np.flatnonzero(driven(keys)[:begun])
+    opacities = np.column_stack([left[legs], left[legs + 1]])
+    colours = np.tile(colour, (len(legs), 1))
+    starts, ends = places[legs], places[legs + 1]
+    return lines_at(TRAIL_HEIGHT, starts, ends, colours, opacities, TRAIL_WIDTH_PIXELS)
+
+
+def driven(keys: DriveKeys) -> Bool:
+    """Which legs (k − 1,) between keys the robot drove."""
+    way = np.hypot(*np.diff(keys.poses[:, :2], axis=0).T)
+    return np.asarray(way <= _FASTEST * np.diff(keys.times))
 
 
 def thinned(keys: DriveKeys, error: float = 0.005) -> DriveKeys:

@@ -109,6 +109,8 @@ def make_plan(
                     slice(None, None, grid.every),
                 )
                 drives[robot] = Trajectory(drive.times[used], drive.poses[used])
+                if len(drives[robot]) == 1 < len(drive):
+                    warn(f"{name}: one scan in {grid.every} leaves one of {len(drive)} to score")
             drive = drives[robot]
             place = digest(
                 (walls, scenario.lrf, scenario.obstacles, scenario.radius, drive.times, drive.poses)

@@ -51,6 +51,7 @@ class Sender:
         header = {name: value for name, value in values.items() if self._is_new(name, value)}
         drawn: dict[str, dict[str, Any]] = {}
         block = bytearray()
+        packed: dict[tuple[int, str], tuple[int, int]] = {}
         for name, mark in marks.items():
             fields = mark._asdict()
             arrays = {key: each for key, each in fields.items() if isinstance(each, np.ndarray)}
@@ -59,15 +60,20 @@ class Sender:
                 drawn[name] = {"kind": type(mark).__name__.lower(), **style}
             # An array that is the same object as before has not changed.
             before = self._arrays.get(name, {})
-            changed = {key: each for key, each in arrays.items() if each is not before.get(key)}
+            changed: dict[str, Any] = {
+                key: each for key, each in arrays.items() if each is not before.get(key)
+            }
             self._arrays[name] = arrays
             if changed and isinstance(mark, Lines):
-                changed = {"rows": _rows(mark)}
-            for key, values_ in changed.items():
-                data = _bytes(values_, colours=key == "colours")
+                changed = {"rows": mark}
+            for key, each in changed.items():
                 columns = drawn.setdefault(name, {}).setdefault("columns", {})
-                columns[key] = len(block), len(data)
-                block += data
+                # What two marks share, such as the trail and that of the plan, is sent once.
+                if (id(each), key) not in packed:
+                    data = _bytes(each, colours=key == "colours")
+                    packed[id(each), key] = len(block), len(data)
+                    block += data
+                columns[key] = packed[id(each), key]
         if drawn:
             header["marks"] = drawn
         if not header:
@@ -118,8 +124,10 @@ def _rows(lines: Lines) -> NDArray[np.uint8]:
     return np.concatenate([*places[:2], *tints, places[2]], axis=1)
 
 
-def _bytes(values: NDArray[Any], *, colours: bool) -> bytes:
+def _bytes(values: NDArray[Any] | Lines, *, colours: bool) -> bytes:
     """An array as the page takes it: places in float32, colours and opacities in bytes."""
+    if isinstance(values, Lines):
+        return _rows(values).tobytes()
     if colours:
         values = _tints(values)
     return values.astype(np.float32).tobytes() if values.dtype == np.float64 else values.tobytes()

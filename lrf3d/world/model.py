@@ -120,7 +120,7 @@ class World(Value, Pictured):
         point = () if place is None else _items(place, int | float, "place")
         if not (is_finite(*point) and (place is None or len(point) == 2)):
             raise WorldError(f"place: expected longitude and latitude, found {shown(place)}")
-        made_of = _items(materials or (), str | Material | None, "materials")
+        made_of = _items(() if materials is None else materials, str | Material | None, "materials")
         for key, value in {
             "segments": rows,
             "objects": owned,
@@ -201,7 +201,7 @@ def _array(values: ArrayLike, name: str, shape: tuple[int, ...]) -> Float:
         raise WorldError(str(error)) from None
     if array.size == 0 and shape[0] <= 0:
         return sealed(np.empty((0, *shape[1:])))
-    if array.shape[1:] != shape[1:] or (shape[0] >= 0 and len(array) != shape[0]):
+    if not array.ndim or array.shape[1:] != shape[1:] or (shape[0] >= 0 and len(array) != shape[0]):
         rows = ", ".join(["n" if each < 0 else str(each) for each in shape])
         raise WorldError(f"{name} of shape {array.shape}: expected ({rows})")
     return array

@@ -41,6 +41,10 @@ def longer(scan, rng):
 def drawn(scan, rng):
     return replace(scan, ranges=scan.ranges + rng.normal(0.0, 0.1, len(scan.ranges)))
 
+class Reporting(Points):
+    def report(self, run, folder):
+        return {"points": np.int64(self.count)}
+
 straight = Straight()
 number = 3
 """
@@ -94,6 +98,11 @@ def test_a_mapper_a_controller_and_a_noise_are_named_on_the_command_line(folder)
     kept = lrf3d.load_run(out)
     assert np.allclose(kept.ranges - kept.truth, 0.25)
     assert kept.trajectory.poses[-1, 0] == pytest.approx(9.0)
+
+
+def test_a_report_that_json_cannot_hold_is_refused_in_one_line(folder):
+    named = ("--no-video", "--scans", "3", "--mapper", "own_parts:Reporting")
+    assert "int64 is not JSON serializable; expected a dict" in refused("run", "box.toml", *named)
 
 
 def test_a_long_drive_goes_there_and_back_until_it_is_long_enough(folder):

@@ -74,6 +74,13 @@ def test_a_run_of_another_version_is_to_be_made_again(run_file):
         lrf3d.load_run(run_file)
 
 
+def test_a_run_with_an_array_without_an_end_of_its_header_is_refused(run_file):
+    with zipfile.ZipFile(run_file, "a") as file:
+        file.writestr("more.npy", as_bytes(np.zeros(3), (1, 0)).replace(b"}", b"("))
+    with pytest.raises(InputError, match="damaged"):
+        lrf3d.load_run(run_file)
+
+
 def test_a_small_file_that_would_fill_the_memory_is_refused(run_file, monkeypatch):
     monkeypatch.setattr(npz, "MOST_PACKED", 1_000_000)
     with zipfile.ZipFile(run_file, "a", zipfile.ZIP_DEFLATED) as file:

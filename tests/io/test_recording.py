@@ -135,7 +135,7 @@ def test_a_drive_that_its_controller_ends_early_is_whole(tmp_path):
 
 
 @pytest.mark.parametrize("scans_left", [0, 1, 37, 549])
-@pytest.mark.parametrize("damage", ["cut within a row", "zeros", "something else"])
+@pytest.mark.parametrize("damage", ["cut within a row", "zeros", "no end", "something else"])
 def test_a_damaged_journal_is_valid_up_to_the_damage(damage, scans_left, tmp_path):
     lrf3d.record(simulation(scans=600), tmp_path / "whole.npz")
     path = tmp_path / "run.npz"
@@ -146,6 +146,7 @@ def test_a_damaged_journal_is_valid_up_to_the_damage(damage, scans_left, tmp_pat
     row = (len(data) - len(data.split(b"\n")[0]) - 1) // 550
     place = len(data) - (550 - scans_left) * row
     rest = {"cut within a row": data[place:][: row // 2], "zeros": bytes(3 * row)}
+    rest["no end"] = data[place:][: row // 2] + bytes(row)
     journal.write_bytes(data[:place] + rest.get(damage, b"something else" * row))
     made = []
     lrf3d.record(

@@ -226,6 +226,20 @@ def test_the_map_is_made_once_after_an_update():
     assert mapper.map is not first
 
 
+@pytest.mark.parametrize("mode", ["robust", "paper"])
+def test_a_robot_that_stands_changes_no_wall(mode):
+    mapper, rng = LineMapper(mode=mode), np.random.default_rng(1)
+    still = ProportionalNoise(0.03)(PlanarCaster(WORLD).cast(CIRCLE, AROUND[0]), rng)
+    mapper.update(still)
+    mapper.update(still)
+    before = mapper.map
+    for _ in range(60):
+        mapper.update(still)
+    # A third of the noise.
+    assert mapper.map.segments == pytest.approx(before.segments, abs=0.01)
+    assert np.array_equal(mapper.map.objects, before.objects)
+
+
 def test_a_map_is_a_value_that_pickles():
     line_map = build(LineMapper())
     copy = pickle.loads(pickle.dumps(line_map))

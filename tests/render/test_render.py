@@ -13,7 +13,8 @@ from lrf3d.mapping import LineMap
 from lrf3d.robot import Trajectory
 from lrf3d.run import Run
 from lrf3d.scene.beams import DrawnBeams
-from lrf3d.scene.timeline import Timeline
+from lrf3d.scene.timeline import Timeline, drive_keys
+from lrf3d.scene.trail_and_map import thinned, trail_lines
 from lrf3d.world import World
 from lrf3d.world.cameras import FilmPlan
 
@@ -249,6 +250,19 @@ def test_hit_points_lie_on_their_walls_wherever_the_robot_has_gone_since():
         drawn = DrawnBeams.from_scan(scan, walls, apex)
         hit = shapely.linestrings(walls[run.walls[6][scan.hits]].reshape(-1, 2, 2))
         assert shapely.distance(shapely.points(drawn.points), hit).max() < 1e-9
+
+
+def test_a_robot_that_was_set_down_behind_a_wall_does_not_drive_through_it():
+    world = World(np.array([[2.0, -1.0, 2.0, 1.0]]))
+    run = run_of(world, [0.0, 4.0, 8.0], [[0, 0, 0], [4, 0, 0], [6, 0, 0]])
+    timeline = Timeline(run)
+    x = timeline.poses(np.linspace(0.0, 8.0, 81))[:, 0]
+    assert not ((x > 0.0) & (x < 4.0)).any()
+    assert ((x > 4.0) & (x < 6.0)).any()
+    # Nor does its trail go through it.
+    trail = trail_lines(thinned(drive_keys(timeline)), 8.0, 1e9)
+    ends = np.column_stack([trail.starts[:, 0], trail.ends[:, 0]]) + timeline.origin[0]
+    assert len(ends) and ((ends < 2.0).all(axis=1) | (ends > 2.0).all(axis=1)).all()
 
 
 def test_stops_dwell_with_beams_on_then_glide_with_beams_off():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
+from lrf3d.scene.ground import bare_ground
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.town import PAVEMENT, STREET, plan_town
 from lrf3d.world import World, load_world
@@ -65,3 +66,14 @@ def test_a_world_without_houses_has_just_the_street_that_is_driven():
     path = np.array([[0.0, 0.0], [30.0, 0.0]])
     town = Structures.from_world(World(np.array([[0.0, 5.0, 30.0, 5.0]]), [0], [6.0]), path)
     assert shapely.contains(plan_town(town).streets, shapely.linestrings(path - town.origin))
+
+
+def test_kerbs_are_planned_only_where_they_can_be_seen(monkeypatch):
+    monkeypatch.setattr("lrf3d.scene.ground.plan_town", None)
+    town = houses((0, 0, 10, 10), (20, 0, 30, 10), (900, 900, 910, 910))
+    brush, cover, _ = bare_ground(town)
+    places = np.array([[60.0, 5.0], [15.0, 5.0], [11.0, 5.0]]) - town.origin
+    columns, rows = ((places - brush.corner) / brush.pixel).astype(int).T
+    lawn, street, pavement = cover[rows, columns]
+    assert lawn[1] > 1.05 * lawn[0]
+    assert pavement.min() > 1.2 * street.max()

@@ -230,6 +230,12 @@ def test_keys_come_from_what_a_world_holds_and_not_from_where_it_lies(room, tmp_
         make_plan(SweepGrid((room, str(elsewhere)), seeds=1))
 
 
+def test_a_drive_that_is_thinned_to_one_scan_is_warned_of():
+    heard = []
+    make_plan(SweepGrid(("paper_room",), seeds=1, every=100), warn=heard.append)
+    assert len(heard) == 1 and "one scan in 100 leaves one of" in heard[0]
+
+
 def test_digests_distinguish_values_by_their_contents():
     array = np.array([[1.0, 2.0], [3.0, -0.0]])
     assert digest(array) == digest(np.asfortranarray(array.copy())) == digest(array + 0.0)

@@ -61,6 +61,14 @@ def test_arrays_are_sent_once_and_colours_are_bytes():
     assert set(header) == {"marks"} and set(header["marks"]) == {"points"}
     assert set(header["marks"]["points"]) == {"columns"}
     assert set(header["marks"]["points"]["columns"]) == {"colours"}
+    # What the plan shares with the scene is sent once.
+    twice = {**marks, "plan points": points._replace(glows=False), "plan lines": marks["lines"]}
+    message = Sender().message(twice, {})
+    sent = read(message)["marks"]
+    assert len(message) - int.from_bytes(message[:4], "little") == 4 + sum(
+        column.nbytes for name in marks for column in sent[name]["columns"].values()
+    )
+    assert sent["plan lines"]["columns"]["rows"].tolist() == first["columns"]["rows"].tolist()
 
 
 @pytest.mark.parametrize("offset", [(0.0, 0.0), FAR])

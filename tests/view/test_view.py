@@ -134,6 +134,19 @@ def page_end(run):
     return timeline.end - timeline.start
 
 
+@needs_browser
+def test_a_body_that_is_seen_no_more_goes(played, chromium):
+    with opened(chromium, played) as page:
+        left = page.evaluate("""async () => {
+          const { Scene } = await import("/lrf3d/scene.js");
+          const scene = new Scene(document.createElement("canvas"), document.createElement("div"));
+          scene.take({ bodies: { robot: [], map: [] } });
+          scene.take({ bodies: { robot: [] } });
+          return Object.keys(scene.bodies);
+        }""")
+        assert left == ["robot"]
+
+
 @pytest.mark.slow
 @needs_browser
 def test_the_camera_follows_circles_and_is_turned_by_hand(recorded, played, chromium):

@@ -223,6 +223,7 @@ def test_reading_a_world_leaves_heavy_libraries_alone() -> None:
         ({"heights": [0.0]}, "wall 0: height 0.0, expected more than 0"),
         ({"heights": [np.nan]}, "wall 0: height nan, expected more than 0"),
         ({"heights": "tall"}, "heights: expected numbers"),
+        ({"heights": 5}, r"heights of shape \(\): expected"),
         ({"object_names": ("a", "b")}, "2 names for 1 objects"),
         ({"object_names": "a"}, "object_names: expected a list"),
         ({"object_names": [5]}, "object_names: expected str, found 5"),

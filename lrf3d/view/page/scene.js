@@ -61,6 +61,7 @@ export class Scene {
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB8, gl.RGB, gl.UNSIGNED_BYTE, picture);
     gl.generateMipmap(gl.TEXTURE_2D);
     this.take(header, block);
+    this.standing = header.bodies;
     const { columns, shape } = header.marks.indices;
     gl.bindVertexArray(this.marks.walls.vertices);
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
@@ -117,7 +118,8 @@ export class Scene {
         this.fill(mark, column, data);
       }
     }
-    Object.assign(this.bodies, bodies);
+    // Bodies that are not named are not to be seen, such as the map's walls from above.
+    if (bodies) this.bodies = { ...this.standing, ...bodies };
     if (order) this.order = order;
     if (camera) this.look = camera;
     if (plan !== undefined) this.plan = plan;
