@@ -95,8 +95,9 @@ class AngleNoise:
     def __post_init__(self) -> None:
         check_sigma(self.sigma, "radians")
 
-    def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
+    def __call__(self, scan: LaserScan, rng: np.random.Generator | int) -> LaserScan:
         """Return the scan that beams at the deviating angles measure."""
+        rng = np.random.default_rng(rng)
         if self.sigma == 0.0 or len(scan.angles) < 2:
             return scan
         draws = rng.normal(0.0, self.sigma, len(scan.angles))
@@ -137,8 +138,9 @@ class DropOuts:
             kept *= 1.0 - self.far * np.clip(scan.ranges / scan.range_max, 0.0, 1.0) ** 2
         return 1.0 - kept
 
-    def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
+    def __call__(self, scan: LaserScan, rng: np.random.Generator | int) -> LaserScan:
         """Return the scan without the returns that are lost: +inf after REP 117."""
+        rng = np.random.default_rng(rng)
         lost = rng.random(len(scan.ranges)) < self.probabilities(scan)
         lost &= np.isfinite(scan.ranges)
         return replace(

@@ -80,8 +80,9 @@ class MixedPixels:
                 f"mixed pixels: echo {shown(self.echo)}, expected one of {', '.join(CHOOSE)}"
             )
 
-    def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
+    def __call__(self, scan: LaserScan, rng: np.random.Generator | int) -> LaserScan:
         """Return the scan with mixed ranges, or two echoes, at its edges."""
+        rng = np.random.default_rng(rng)
         gaps = np.abs(np.diff(scan.angles))
         offsets = rng.random(len(scan.ranges))[1:] * gaps
         returned = np.isfinite(scan.ranges)

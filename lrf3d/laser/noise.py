@@ -142,8 +142,9 @@ class ProportionalNoise:
         """Standard deviations [m]: the constant part, and the growing part at range_max."""
         return 0.0, self.sigma
 
-    def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
+    def __call__(self, scan: LaserScan, rng: np.random.Generator | int) -> LaserScan:
         """Return the scan with noise on each range."""
+        rng = np.random.default_rng(rng)
         if self.sigma == 0.0:
             return scan
         if not np.isfinite(scan.range_max):
@@ -172,8 +173,9 @@ class ConstantNoise:
         """Standard deviations [m]: the constant part, and the growing part at range_max."""
         return self.sigma, 0.0
 
-    def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
+    def __call__(self, scan: LaserScan, rng: np.random.Generator | int) -> LaserScan:
         """Return the scan with noise on each range; a beam without return stays without."""
+        rng = np.random.default_rng(rng)
         if self.sigma == 0.0:
             return scan
         # Adding to an infinity does not change it.
@@ -235,8 +237,9 @@ class Chain:
         constant, growing = zip(*known, strict=True)
         return math.hypot(*constant), math.hypot(*growing)
 
-    def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
+    def __call__(self, scan: LaserScan, rng: np.random.Generator | int) -> LaserScan:
         """Return the scan after all noises."""
+        rng = np.random.default_rng(rng)
         for noise in self.noises:
             scan = noise(scan, rng)
         return scan

@@ -55,10 +55,10 @@ class OdometryNoise:
         """Covariance (3, 3) of a step: ahead, to the left [m], turn [rad]."""
         return np.diag([self.position**2, self.position**2, self.heading**2])
 
-    def __call__(self, steps: Float, rng: np.random.Generator) -> Float:
+    def __call__(self, steps: Float, rng: np.random.Generator | int) -> Float:
         """Return increments (k, 3) as the wheels would measure them."""
         deviations = [self.position, self.position, self.heading]
-        return steps + rng.normal(size=steps.shape) * deviations
+        return steps + np.random.default_rng(rng).normal(size=steps.shape) * deviations
 
 
 def odometry_increments(poses: ArrayLike) -> Float:

@@ -63,6 +63,11 @@ def test_the_same_seed_gives_the_same_scan_and_as_many_draws_whatever_is_seen(no
     assert one.random() == other.random()
 
 
+@pytest.mark.parametrize("noise", EVERY, ids=lambda noise: type(noise).__name__)
+def test_a_whole_number_seeds_a_generator(noise):
+    assert np.array_equal(noise(WALL, 5).ranges, noise(WALL, np.random.default_rng(5)).ranges)
+
+
 @pytest.mark.parametrize("noise", [ProportionalNoise(300.0), ConstantNoise(50.0)])
 def test_what_noise_carries_below_zero_is_reported_as_zero(noise):
     measured = noise(WALL, np.random.default_rng(0)).ranges
