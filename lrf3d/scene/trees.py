@@ -21,6 +21,9 @@ _FOOT, _CLEAR, _WIDTH = 0.30, 2.2, 0.27
 """Where a crown begins, in heights of its tree, and at the least [m]: above robots and lasers; and
 its radius, in these heights."""
 
+_FINE = 400
+"""Crowns of so many trees have 80 triangles, of more 20: nobody sees them all from near by."""
+
 _LUMPS, _PATCHES = 0.16, 0.10
 """How far its corners lie off an ellipsoid, in its radius, and by how much its triangles differ in
 brightness."""
@@ -35,7 +38,7 @@ def crowns_of(structures: Structures) -> Panels:
     radius = _WIDTH * tops
     middles = np.column_stack([places, tops - half]).reshape(-1, 1, 3)
     scale = np.column_stack([radius, radius, half])[:, None]
-    ball = trimesh.creation.icosphere(subdivisions=1)
+    ball = trimesh.creation.icosphere(subdivisions=1 if len(trees) <= _FINE else 0)
     rng = np.random.default_rng(11)
     lumps = 1.0 + _LUMPS * rng.uniform(-1.0, 1.0, (len(trees), len(ball.vertices), 1))
     corners = (middles + scale * lumps * ball.vertices)[:, ball.faces].reshape(-1, 3, 3)
@@ -48,6 +51,8 @@ def crowns_of(structures: Structures) -> Panels:
 
 
 def shadows(crowns: Panels) -> Any:
-    """What crowns hide from the sun on the ground, as a shapely geometry."""
+    """What each crown hides from the sun on the ground, as shapely geometries."""
+    count = len(np.unique(crowns.objects))
     slide = crowns.places[..., 2:] * (SUN[:2] / SUN[2])
-    return shapely.union_all(shapely.convex_hull(shapely.polygons(crowns.places[..., :2] - slide)))
+    corners = (crowns.places[..., :2] - slide).reshape(count, -1 if count else 0, 2)
+    return shapely.convex_hull(shapely.multipoints(corners))

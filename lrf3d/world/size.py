@@ -23,8 +23,8 @@ def size_warning(world: World) -> str | None:
     width, height = np.ptp(world.bounds, axis=0).tolist()
     if len(world.segments) and max(width, height) < SMALLEST_SIDE:
         return (
-            f"the world is {width:.3g} by {height:.3g} m, a drawing on paper? --scale 100 makes one"
-            " of 1:100 as large as the house"
+            f"the world is {width:.3g} m by {height:.3g} m, a drawing on paper? --scale 100 makes"
+            " one of 1:100 as large as the house"
         )
     try:
         check_size(world)
@@ -51,7 +51,7 @@ def check_size(world: World) -> None:
     scales = {0.01: "centimetres", 0.001: "millimetres"}
     scale = min(scales, key=lambda each: abs(np.log(each * usual / USUAL_WALL)))
     raise WorldError(
-        f"{world.name or 'world'}: {width:,.0f} by {height:,.0f} m, with walls of {usual:,.0f} m,"
+        f"{world.name or 'world'}: {width:,.0f} m by {height:,.0f} m, with walls of {usual:,.0f} m,"
         f" is too large to plan a route in; --scale {scale:g}, if the drawing is in"
         f" {scales[scale]}, or give a route"
     )

@@ -105,13 +105,15 @@ def test_without_opengl_a_film_is_drawn_and_one_line_says_what_to_install(tmp_pa
     with av.open(str(film)) as container:
         frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
     assert len(frames) == 6
-    alone = drawn(city_run(seconds=1.0), 0.4, samples=4, size=(128, 72))
-    assert np.abs(frames[2] - alone).mean() < 6.0
+    # Packing a film loses something, but far less than what passes from one frame to the next.
+    alone = [drawn(city_run(seconds=1.0), t, samples=4, size=(128, 72)) for t in (0.2, 0.4, 0.6)]
+    before, own, after = (np.abs(frames[2] - picture).mean() for picture in alone)
+    assert own < 0.7 * min(before, after) and own < 8.0
     picture = tmp_path / "at.png"
     at = [*command[:7], "--at", "0.4", "--out", str(picture)]
     subprocess.run(at, env=without_gl, check=True, capture_output=True, timeout=120)
     with Image.open(picture) as read:
-        assert np.array_equal(np.array(read), alone)
+        assert np.array_equal(np.array(read), alone[1])
 
 
 def test_without_opengl_asking_for_it_is_refused_in_one_line(tmp_path, without_gl):
