@@ -30,6 +30,8 @@ def closed_doors(space: FreeSpace) -> list[str]:
     from scipy.sparse.csgraph import dijkstra
 
     ground, radius = space.ground, space.radius
+    if radius <= THINNEST:
+        return []
     where = space.side if ground.world.free is None else None
     small = find_free_space(
         ground, THINNEST, where=where, start=space.places[0] + ground.world.origin

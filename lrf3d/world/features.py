@@ -102,7 +102,9 @@ def _shapes(geometry: Any) -> Iterator[Any]:
 
     if geometry is None:
         return
-    kind = str(geometry.get("type") if isinstance(geometry, dict) else geometry)[:40]
+    if not isinstance(geometry, dict) or "type" not in geometry:
+        raise WorldError(f"unknown geometry {shown(geometry)}, expected that of GeoJSON")
+    kind = str(geometry["type"])[:40]
     try:
         whole = shape(_flat(geometry))
     except Exception as error:

@@ -59,8 +59,7 @@ def walls_of_grid(occupied: Bool) -> Float:
     lone = cells[~np.isin(cells, np.concatenate([*chains, [0.0]]))]
     # A single cell becomes its diagonal, which is visible from most sides.
     diagonals = np.column_stack([lone.real, lone.imag] * 2) + np.array([-0.5, -0.5, 0.5, 0.5])
-    middles = _middles(occupied, double)
-    return np.concatenate([_straightened(chains, middles), diagonals])
+    return np.concatenate([_straightened(chains, occupied, double), diagonals])
 
 
 def _opened(grid: Bool, side: int) -> Bool:
@@ -179,20 +178,15 @@ def _bridges(chains: list[Complex], lone: Complex) -> Complex:
     return np.array(bridges, np.complex128).reshape(-1, 2)
 
 
-def _middles(occupied: Bool, double: Bool) -> Complex:
-    """How far the middle of a wall two cells thick is from the middles of its cells."""
-    from scipy.ndimage import correlate
-
-    side = np.array([-1.0, 0.0, 1.0])
-    cells = occupied.astype(np.float64)
-    right, up, count = (
-        correlate(cells, kernel, mode="constant")
-        for kernel in (np.tile(side, (3, 1)), np.tile(side[:, None], 3), np.ones((3, 3)))
-    )
-    return np.asarray(double * (right + 1.0j * up) / np.maximum(count, 1.0))
+def _middles(occupied: Bool, double: Bool, row: Int, column: Int) -> Complex:
+    """How far the middle of a wall two cells thick is from the middles of its cells (k,)."""
+    padded, steps = np.pad(occupied, 1), [(0, 0), *AROUND]
+    near = np.array([padded[row + 1 + up, column + 1 + right] for up, right in steps])
+    towards = np.array([right + 1.0j * up for up, right in steps])
+    return np.asarray(double[row, column] * (towards @ near) / np.maximum(near.sum(axis=0), 1))
 
 
-def _straightened(chains: list[Complex], middles: Complex) -> Float:
+def _straightened(chains: list[Complex], occupied: Bool, double: Bool) -> Float:
     """Segments (n, 4) that fit the chains."""
     import shapely
 
@@ -204,7 +198,7 @@ def _straightened(chains: list[Complex], middles: Complex) -> Float:
     row, column = points.imag.astype(np.int64), points.real.astype(np.int64)
     inside = (points.real % 1.0 == 0.5) & (points.imag % 1.0 == 0.5)
     moved = points.copy()
-    moved[inside] += middles[row[inside], column[inside]]
+    moved[inside] += _middles(occupied, double, row[inside], column[inside])
     # Both points of a post of two by two cells would become one.
     post = (count == 2) & (moved[first] == moved[first + 1])
     points = np.where(post[number], points, moved)

@@ -175,15 +175,15 @@ def _light(picture: Path) -> tuple[Single, Bool]:
                 if image.mode.startswith("I"):
                     light = np.asarray(image).astype(np.float32) / np.float32(65535.0)
                     return light, np.ones(light.shape, dtype=np.bool_)
-                pixels = np.asarray(image.convert("RGBA")) / np.float32(255.0)
+                pixels = np.asarray(image.convert("LA" if image.mode == "L" else "RGBA"))
         except WorldError:
             raise
         except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
             reason = (str(error).splitlines() or [type(error).__name__])[0][:80]
             raise WorldError(f"{picture}: not a PGM, PNG or BMP picture ({reason})") from None
-    alpha = pixels[..., 3]
-    light = 1.0 - alpha * (1.0 - pixels[..., :3].mean(axis=2))
-    return light, np.asarray(alpha == 1.0)
+    alpha = pixels[..., -1] / np.float32(255.0)
+    light = pixels[..., :-1].mean(axis=2, dtype=np.float32) / np.float32(255.0)
+    return np.asarray(1.0 - alpha * (1.0 - light)), np.asarray(alpha == 1.0)
 
 
 def _check_size(picture: Path, image: Any) -> None:

@@ -125,6 +125,7 @@ REFUSED: dict[str, tuple[str | bytes, str]] = {
     "nan.geojson": (json.dumps(GEOJSON).replace("9, 0", "NaN, 0"), "feature 0: .*invalid"),
     "far.geojson": (json.dumps(GEOJSON).replace("9, 0", "1e300, 0"), "feature 0: .*at most"),
     "cameras.geojson": (json.dumps({**GEOJSON, "cameras": None}), "cameras: expected a list"),
+    "esri.geojson": ('{"rings": [[[0, 0], [9, 0], [9, 9]]]}', "feature 0: unknown geometry"),
     "entity.osm": (_ENTITY.format("osm"), "not XML|entity"),
     "encoding.osm": ('<?xml version="1.0" encoding="shift_jis"?><osm/>', "not XML: .*encodings"),
     "root.osm": ("<gpx></gpx>", "<osm> was expected"),

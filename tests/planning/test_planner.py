@@ -175,6 +175,10 @@ def test_no_walls_and_no_room_are_clear_errors() -> None:
         plan_route(room(9.0, 7.0), radius=60.0)
 
 
+def test_a_robot_thinner_than_those_that_doors_are_looked_for_with_has_a_route() -> None:
+    assert find_route(room(9.0, 7.0), radius=1e-3).notes == ()
+
+
 HOUSE = house(1.0, 2.0)
 
 
