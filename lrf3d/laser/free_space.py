@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lrf3d.compiling import compiled
+from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.laser.scan import LaserScan
 from lrf3d.world.free_cells import FreeCells
@@ -94,15 +94,30 @@ def free_cells(scans: Sequence[LaserScan]) -> FreeCells:
 def _mark(cells: Bool, pose: Float, angles: Float, ranges: Float, size: float) -> None:
     """Mark the cells (rows, columns), with sides of size [m], that a scan shows to be free."""
     rows, columns = cells.shape
+    beams = len(angles)
     px, py, theta = pose[0], pose[1], pose[2]
+    step = max((angles[beams - 1] - angles[0]) / max(beams - 1, 1), 1e-9)
     farthest = DRIVEN
-    for each in ranges:
-        if np.isfinite(each):
-            farthest = max(farthest, min(each, SIGHT))
-    left = max(int(np.floor((px - farthest) / size)), 0)
-    right = min(int(np.floor((px + farthest) / size)) + 1, columns)
-    bottom = max(int(np.floor((py - farthest) / size)), 0)
-    top = min(int(np.floor((py + farthest) / size)) + 1, rows)
+    widest = 0.0
+    for i in range(beams):
+        if np.isfinite(ranges[i]):
+            farthest = max(farthest, min(ranges[i], SIGHT))
+        if i > 0:
+            widest = max(widest, angles[i] - angles[i - 1])
+    # What is seen lies in the box around the robot and the returns, but for the arcs between beams.
+    bulge = DRIVEN + farthest * (1.0 - np.cos(0.5 * min(widest, np.pi)))
+    low_x = low_y = -bulge
+    high_x = high_y = bulge
+    for i in range(beams):
+        if np.isfinite(ranges[i]):
+            reach = min(ranges[i], SIGHT)
+            x, y = reach * np.cos(angles[i] + theta), reach * np.sin(angles[i] + theta)
+            low_x, high_x = min(low_x, x - bulge), max(high_x, x + bulge)
+            low_y, high_y = min(low_y, y - bulge), max(high_y, y + bulge)
+    left = max(int(np.floor((px + low_x) / size)), 0)
+    right = min(int(np.floor((px + high_x) / size)) + 1, columns)
+    bottom = max(int(np.floor((py + low_y) / size)), 0)
+    top = min(int(np.floor((py + high_y) / size)) + 1, rows)
     for row in range(bottom, top):
         for column in range(left, right):
             if cells[row, column]:
@@ -117,10 +132,27 @@ def _mark(cells: Bool, pose: Float, angles: Float, ranges: Float, size: float) -
             # Within the full turn that begins at the first beam.
             turn = np.arctan2(y, x) - theta - angles[0]
             turn -= 2.0 * np.pi * np.floor(turn / (2.0 * np.pi))
-            after = np.searchsorted(angles, angles[0] + turn)
-            if after == 0 or after == len(angles):
+            after = _first_beam_from(angles, turn, step)
+            if after == 0 or after == beams:
                 continue
             behind = away + MARGIN + 0.5 * size
             one, other = ranges[after - 1], ranges[after]
             if np.isfinite(one) and np.isfinite(other) and min(one, other) >= behind:
                 cells[row, column] = True
+
+
+@inner
+def _first_beam_from(angles: Float, turn: float, step: float) -> int:
+    """Number of the first beam that is turned by so much [rad] from the first one, or by more.
+
+    Beams are evenly spaced, or nearly: the right one is beside that of the mean step [rad], and is
+    found sooner than by halving.
+    """
+    beams = len(angles)
+    angle = angles[0] + turn
+    after = min(int(turn / step) + 1, beams)
+    while after > 0 and angles[after - 1] >= angle:
+        after -= 1
+    while after < beams and angles[after] < angle:
+        after += 1
+    return after
