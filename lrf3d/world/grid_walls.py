@@ -53,7 +53,7 @@ def walls_of_grid(occupied: Bool) -> Float:
     grid = _thinned(occupied, double)
     thick = _opened(grid, 2)
     thin = np.argwhere(grid & ~thick)
-    cells: Complex = (thin + 0.5) @ [1.0j, 1.0]
+    cells = np.asarray((thin + 0.5) @ [1.0j, 1.0], dtype=np.complex128)
     pairs = np.concatenate([*_outline(thick), *_thin_links(grid, thick, thin, cells)])
     chains = _merged(pairs)
     bridges = _bridges(chains, cells[~np.isin(cells, pairs)])
@@ -84,7 +84,7 @@ def _opened(grid: Bool, side: int) -> Bool:
 
 def _neighbour(grid: Bool, cells: Int, row: int, column: int) -> Bool:
     """Whether the neighbours of cells (k, 2), some rows and columns on, are in the grid."""
-    rows, columns = (cells + [row, column]).T
+    rows, columns = (cells + np.array([row, column])).T
     within = (rows >= 0) & (rows < grid.shape[0]) & (columns >= 0) & (columns < grid.shape[1])
     return np.asarray(within & grid[rows * within, columns * within])
 
