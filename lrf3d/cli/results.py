@@ -152,7 +152,9 @@ def rows_of(
     if len(results.runs) > 1:
         levels = zip(results.sigmas, results.runs, strict=True)
         rows += [(f"σ {sigma:g} m", run.map.counts) for sigma, run in levels]
-    rows += [(str(name), str(value)) for name, value in summary.get("report", {}).items()]
+    for name, value in summary.get("report", {}).items():
+        shown = f"{value:.3g}" if isinstance(value, float) else str(value)
+        rows.append((name.replace("_", " "), shown))
     time = f"{summary['seconds']:.1f} s"
     if summary["milliseconds_a_scan"] is not None:
         time += f", {summary['milliseconds_a_scan']:.1f} ms a scan"
