@@ -94,7 +94,9 @@ def rows_of(runs: Sequence[Run], summary: dict[str, Any]) -> list[tuple[str, str
         rows.append(("map", f"{run.map.counts}: {found}"))
     for level, other in zip(summary.get("noise_levels", ()), runs, strict=False):
         rows.append((f"σ {level['sigma_m']:g} m", other.map.counts))
-    rows += [(str(name), str(value)) for name, value in summary.get("report", {}).items()]
+    for name, value in summary.get("report", {}).items():
+        shown = f"{value:.3g}" if isinstance(value, float) else str(value)
+        rows.append((str(name).replace("_", " "), shown))
     time = f"{summary['seconds']:.1f} s"
     if summary["milliseconds_a_scan"] is not None:
         time += f", {summary['milliseconds_a_scan']:.1f} ms a scan"
