@@ -68,10 +68,10 @@ def make_robots(count):
 def drive(robots, weights, seed, *, paired=False):
     """One episode of each robot: the sum of its rewards (k,), and whether it reached its goal."""
     observation, _ = robots.reset(seed=seed)
-    task, half = robots.task, robots.num_envs // 2
+    half = robots.num_envs // 2
     if paired:
         # Both of a pair have the same start and goal, so that only their networks differ.
-        task.poses[half:], task.goals[half:] = task.poses[:half], task.goals[:half]
+        robots.poses[half:], robots.goals[half:] = robots.poses[:half], robots.goals[:half]
         observation, *_ = robots.step(np.zeros((robots.num_envs, 2)))
     rewards = np.zeros(robots.num_envs)
     driving = np.ones(robots.num_envs, dtype=bool)
