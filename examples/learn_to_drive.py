@@ -5,7 +5,7 @@
 Robots start anywhere in the city, and each drives to a goal between 5 and 20 m away by its ranges.
 Each is given a network that differs a little from the present one. After an episode the present
 network moves towards those that were rewarded best (Salimans et al., *Evolution Strategies as a
-Scalable Alternative to Reinforcement Learning*, 2017). It needs ``pip install 'lrf3d[gym]'``, and
+Scalable Alternative to Reinforcement Learning*, 2017). It needs ``pip install -e '.[gym]'``, and
 writes the network and its learning curve beside each other.
 """
 
