@@ -119,8 +119,7 @@ def link_walls(links: Links, walls: Walls, grid: Grid, cells: Cells, rows: Int) 
         places[rows[k]] = k
         links.own[rows[k]] += 1
     for k in range(len(rows)):
-        wall, reach, found = rows[k], LONGEST_LINK, 0
-        farthest = 0
+        wall, reach, found, farthest = rows[k], LONGEST_LINK, 0, 0
         for i in range(near(grid, walls.ends[wall], LONGEST_LINK)):
             other = grid.found[i]
             # A link of two of them is added once, by the later one.
