@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.geometry import Single
-from lrf3d.scene.shapes import Faces, GroundPicture, Lines, Mark, Painted, Points, Soft
+from lrf3d.scene.shapes import Faces, GroundPicture, Lines, Mark, Points, Soft
 
 WALL_SIZES, FACE_SIZES = (3, 3, 3, 3, 3, 1), (3, 3, 3)
 """Floats of a vertex of walls and of faces, attribute by attribute."""
@@ -20,16 +20,6 @@ class Packed(NamedTuple):
 
     sizes: tuple[int, ...]
     rows: Single
-
-
-def walls_of(*painted: Painted) -> Single:
-    """Vertices (v, 16) of walls and roofs."""
-    columns = ("places", "texture", "colours", "lit", "shaded")
-    rows = [
-        np.concatenate([*(getattr(each, name) for name in columns), each.under[..., None]], axis=2)
-        for each in painted
-    ]
-    return np.concatenate([each.reshape(-1, 16) for each in rows])
 
 
 def faces_of(faces: Faces) -> Single:

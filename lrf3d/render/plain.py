@@ -14,7 +14,7 @@ from lrf3d.casting.triangle_rays import TriangleRays
 from lrf3d.geometry import Float, Single
 from lrf3d.render.fill import Surfaces, fill_discs, fill_triangles, shade
 from lrf3d.render.glsl import air
-from lrf3d.render.packing import mark_of, walls_of
+from lrf3d.render.packing import mark_of
 from lrf3d.render.pictures import Picture
 from lrf3d.scene import look
 from lrf3d.scene.facades import layers
@@ -41,10 +41,8 @@ class PlainRenderer:
     def __init__(self, stage: Stage, size: tuple[int, int]) -> None:
         self._size = size
         self._scale = max(min(size) / 720.0, look.LEAST_SCALE)
-        quads = walls_of(stage.walls).reshape(-1, 4, 16)[:, [0, 1, 2, 0, 2, 3]]
-        self._corners = np.concatenate(
-            [quads.reshape(-1, 3, 16), walls_of(stage.roofs).reshape(-1, 3, 16)]
-        )
+        quads = stage.faces.rows()
+        self._corners = quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 16)
         self._rays = TriangleRays(single(self._corners[..., :3]))
         indoor, ground = stage.structures.indoor, stage.ground
         sky = air(indoor=indoor)

@@ -21,7 +21,6 @@ from lrf3d.render.packing import (
     mark_of,
     mesh,
     rectangle,
-    walls_of,
 )
 from lrf3d.render.parts import Parts
 from lrf3d.render.pictures import Picture
@@ -59,10 +58,10 @@ class Renderer:
         self._picture: Picture = np.zeros((size[1], size[0], 4), np.uint8)
         self._scale = max(min(size) / 720.0, look.LEAST_SCALE)
         self._camera = CameraBlock()
-        self._parts = Parts(stage.walls, stage.roofs)
+        self._parts = Parts(stage.faces)
         self._chosen = np.zeros(0, np.int64)
         self._textured = 0
-        self._walls = self._static("walls", WALL_SIZES, walls_of(stage.walls, stage.roofs))
+        self._walls = self._static("walls", WALL_SIZES, stage.faces.rows().reshape(-1, 16))
         ground = stage.ground
         corners = rectangle(ground.corner, ground.corner + ground.size)
         self._ground = self._static("ground", (2,), corners)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.render.glsl import air, shader_source
-from lrf3d.render.packing import land_of, mesh, rectangle, walls_of
+from lrf3d.render.packing import land_of, mesh, rectangle
 from lrf3d.render.parts import Parts
 from lrf3d.scene.facades import layers
 from lrf3d.scene.shapes import Faces, Lines, Mark
@@ -90,11 +90,11 @@ class Sender:
 
 def stage_message(stage: Stage) -> bytes:
     """What never changes: shaders, walls, roofs and ground, whose picture goes apart."""
-    parts, ground = Parts(stage.walls, stage.roofs), stage.ground
+    parts, ground = Parts(stage.faces), stage.ground
     chosen = parts.choose(np.arange(parts.count))
     land = land_of(ground).reshape(-1, 3, 9)
     marks: dict[str, Faces | Rows] = {
-        "walls": Rows("walls", walls_of(stage.walls, stage.roofs)),
+        "walls": Rows("walls", stage.faces.rows().reshape(-1, 16)),
         "indices": Rows("indices", chosen.indices, (chosen.textured,)),
         "ground": Rows("ground", rectangle(ground.corner, ground.corner + ground.size)),
         "sky": Rows("sky", mesh(10, 10)),

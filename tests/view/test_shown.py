@@ -90,9 +90,7 @@ def test_a_page_gets_the_scene_of_the_film(offset):
 def test_what_stands_is_sent_with_the_shaders_of_the_film():
     stage = stage_of(city_run())
     marks = read(stage_message(stage))
-    assert len(marks["marks"]["walls"]["columns"]["rows"]) == 64 * (
-        4 * len(stage.walls.places) + 3 * len(stage.roofs.places)
-    )
+    assert len(marks["marks"]["walls"]["columns"]["rows"]) == 64 * 4 * len(stage.faces.places)
     assert all("void main" in each for pair in marks["programs"].values() for each in pair)
 
 
