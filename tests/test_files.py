@@ -12,7 +12,6 @@ import pytest
 from lrf3d import InputError, OutputError, WorldError, load_log, load_map, load_run, load_world
 from lrf3d.files import locked, own_name, replacing, unfinished_folder
 from lrf3d.io.reading import is_run
-from lrf3d.sweeping.grid import read_grid
 from lrf3d.world.files import READERS, find_world
 
 ROOM = "[[object]]\npoints = [[0, 0], [4, 0], [4, 3]]\n"
@@ -53,7 +52,6 @@ READ = {
     "d.db3": load_log,
     "e.npz": load_log,
     "f.npz": load_run,
-    "grid.toml": lambda path: read_grid(path, {}),
     "map.json": load_map,
     **{f"world{ending}": load_world for ending in READERS},
 }

@@ -1,7 +1,6 @@
 """``lrf3d sweep``: runs over worlds, settings and seeds, on this machine or a cluster."""
 
 import re
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -13,14 +12,13 @@ from lrf3d.cli.console import Report
 def sweep(
     context: typer.Context,
     report: Report,
-    worlds: Annotated[list[str] | None, typer.Argument(metavar="[WORLD]…")] = None,
-    grid: Path | None = None,
+    worlds: Annotated[list[str], typer.Argument(metavar="WORLD…")],
     sigma: Annotated[str | None, typer.Option(metavar="S,S,…")] = None,
     beams: Annotated[str | None, typer.Option(metavar="N,N,…")] = None,
-    mapper: Annotated[str | None, typer.Option(metavar="M,M,…")] = None,
+    mapper: Annotated[str, typer.Option(metavar="M,M,…")] = "robust,paper",
     vary: Annotated[list[str] | None, typer.Option(metavar="TABLE.KEY=V,V,…")] = None,
-    seeds: options.MaybeCount = None,
-    every: options.MaybeCount = None,
+    seeds: options.Count = 20,
+    every: options.Count = 1,
     scheduler: Annotated[str | None, typer.Option(metavar="tcp://HOST:PORT")] = None,
     workers: options.Workers = None,
     shard: Annotated[str | None, typer.Option(metavar="I/N")] = None,
@@ -39,13 +37,12 @@ def sweep(
     Example: lrf3d sweep corridor --mapper robust,paper,mine.py:Mine --sigma 0.02,0.05
 
     Options:
-        worlds: Built-in worlds or world files; not with --grid.
-        grid: A TOML file: a world file's tables with lists of values.
-        sigma: Noise levels [m] at range_max.
+        worlds: Built-in worlds or world files.
+        sigma: Noise levels [m] at range_max; six from 0.01 to 0.63 if not given.
         beams: Numbers of beams.
-        mapper: robust, paper, or your own as FILE.py:NAME; both modes if not given.
+        mapper: robust, paper, or your own as FILE.py:NAME.
         vary: Values for any key of world files; repeatable.
-        seeds: Number of seeds for each setting; 20 if not given.
+        seeds: Number of seeds for each setting.
         every: Use every n-th scan of a drive.
         scheduler: A Dask scheduler instead of this machine.
         shard: Make only the runs of job I of N, such as 2/8.
@@ -58,47 +55,45 @@ def sweep(
     from lrf3d.errors import InputError
     from lrf3d.world.files import find_world
 
-    if grid is None and not worlds:
-        raise InputError("sweep: no world; name one, such as city, or give --grid FILE")
     # An unknown name is reported before the simulation is imported.
-    for world in worlds or ():
+    for world in worlds:
         find_world(world)
     job = None if shard is None else _job(shard)
 
     from lrf3d.cli.folder import results_folder
     from lrf3d.cli.plugins import load_plugin
-    from lrf3d.files import own_name
-    from lrf3d.sweeping import grid as grids
+    from lrf3d.sweeping import plan as plans
     from lrf3d.sweeping.drawing import figures_of
-    from lrf3d.sweeping.plan import make_plan
     from lrf3d.sweeping.running import executor_of, known_rows, run_plan
     from lrf3d.sweeping.table import SweepTable, missing_parquet
 
     if find_spec("pyarrow") is None:
         raise missing_parquet()
-    flags = ((grids.SIGMA, "--sigma", sigma), (grids.BEAMS, "--beams", beams))
-    axes = {key: grids.parse_values(text, flag) for key, flag, text in flags if text is not None}
-    axes.update(grids.parse_axis(text) for text in vary or ())
-    chosen: dict[str, Any] = {"worlds": tuple(worlds or ()), "seeds": seeds, "every": every}
-    if mapper is not None:
-        labels = [label.strip() for label in mapper.split(",")]
+    axes: dict[str, Any] = {plans.SIGMA: plans.SIGMAS}
+    for key, flag, text in ((plans.SIGMA, "sigma", sigma), (plans.BEAMS, "beams", beams)):
+        axes |= {} if text is None else {key: _values(text, f"--{flag}")}
+    for text in vary or ():
+        key, equals, values = text.partition("=")
+        if not equals:
+            raise InputError(
+                f"--vary {text}: expected TABLE.KEY=VALUE,VALUE,…, as mapper.gap=1,2.5"
+            )
+        axes[key.strip()] = _values(values, f"--vary {key.strip()}")
+    labels = [label.strip() for label in mapper.split(",")]
+    plan = plans.make_plan(
+        worlds,
+        axes,
         # A mode of the LineMapper, or the class or object that a user names.
-        chosen["mappers"] = {k: load_plugin("mapper", k) if ":" in k else k for k in labels}
-    chosen = {name: value for name, value in chosen.items() if value is not None}
-    if grid is not None:
-        asked = grids.read_grid(grid, axes, **chosen)
-    else:
-        asked = grids.SweepGrid(axes={grids.SIGMA: grids.SIGMAS, **axes}, **chosen)
-    plan = make_plan(
-        asked,
+        mappers={name: load_plugin("mapper", name) if ":" in name else name for name in labels},
+        seeds=seeds,
+        every=every,
         collision=warn if ignore_collisions else None,
         where=options.side_of(inside),
         say=report.note,
         warn=warn,
     )
-    name = plan.worlds[0] if grid is None else own_name(grid)
-    sources = asked.worlds if grid is None else [grid]
-    output = results_folder(context, report, sources, f"{name}_sweep", out, alone=job is None)
+    name = f"{plan.worlds[0]}_sweep"
+    output = results_folder(context, report, worlds, name, out, alone=job is None)
     if merge:
         rows = known_rows(plan, output.path)
         result = SweepTable(plan, [rows[run.key] for run in plan.runs if run.key in rows])
@@ -126,6 +121,16 @@ def sweep(
         rows=done,
         kept="all runs kept; go on with --resume",
     )
+
+
+def _values(text: str, flag: str) -> tuple[Any, ...]:
+    """Comma-separated values, each a number, a word, true or false."""
+    from lrf3d.errors import InputError
+    from lrf3d.world.schema import value_of
+
+    if not text.strip(", "):
+        raise InputError(f"{flag} {text!r}: expected values with commas between them")
+    return tuple(value_of(part) for part in text.split(",") if part.strip())
 
 
 def _job(text: str) -> tuple[int, int]:

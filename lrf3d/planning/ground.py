@@ -114,7 +114,8 @@ class Ground:
     def _in_buildings(self, parts: Int, is_open: Bool) -> Bool:
         """Which cells are the inside of a building: a closed part with one object around it.
 
-        It is a high one, or one of several that encloses nothing else; others are rooms.
+        It is a high one, or one that encloses nothing else and is seen from outside next to others;
+        the rest are rooms, also in a plan whose outer wall has a line on each side.
         """
         from scipy.ndimage import maximum, minimum
 
@@ -123,8 +124,9 @@ class Ground:
         owner = minimum(world.objects[wall], parts, number).astype(int)
         closed = (owner == maximum(world.objects[wall], parts, number)) & ~is_open
         alone = np.bincount(owner[closed], minlength=world.object_count)[owner] == 1
+        several = len(np.unique(world.objects[wall[self.outside]])) > 1
         high = maximum(world.heights[wall], parts, number) > DEFAULT_HEIGHT
-        return np.asarray((closed & (high | alone & (world.object_count > 1)))[parts])
+        return np.asarray((closed & (high | alone & several))[parts])
 
 
 def _outside(gaps: Float, size: float) -> Bool:

@@ -164,7 +164,8 @@ def _sunk(corners: Single, cut: Cut) -> Single:
     """Corners (t, 3, 16) of faces, lowered where they would hide the robot."""
     off = corners[..., :2] - cut.robot
     toward, low = off @ cut.toward, look.LEFT_STANDING[0]
-    high = np.clip(low + cut.slope * toward, low, cut.top)
+    aside = np.maximum(np.abs(off @ [-cut.toward[1], cut.toward[0]]) - look.CUT_ASIDE, 0.0)
+    high = np.clip(low + cut.slope * toward + aside, low, cut.top)
     sunk = corners.copy()
     sunk[..., 2] = np.where(toward > -look.CUT_BEFORE, np.minimum(sunk[..., 2], high), sunk[..., 2])
     return sunk

@@ -42,6 +42,9 @@ _OFF, _INWARD = 0.02, 0.10
 _INSIDE = 0.2
 """Share of rays that meet walls from within from which on a place is inside of one."""
 
+_DARK = 0.02
+"""Share of the open sky's light below which a face is never seen from a room or a street."""
+
 _CELL, _CELLS = 1.0, 110
 """Least side of a cell of the ground that light goes on from [m], and the most cells to a side."""
 
@@ -98,6 +101,8 @@ class Light:
             if bounce < _BOUNCES:
                 below = sky_below + _mean_of(self._sent, seen_below)
                 self._sent[:-3] = albedo * (np.concatenate([self.faces.mean(axis=1), below]) + sun)
+        # No light gets between the two lines of a wall, which is seen where it is cut off.
+        self.faces[self.faces.max(axis=-1) < _DARK * self._open.max()] = 0.5 * self._open
 
     def ground(self, places: Float) -> tuple[Float, Bool]:
         """The light (n, 3) on the ground at places (n, 2), and which are not inside of a house."""

@@ -1,22 +1,46 @@
-"""Plan: all runs of a grid, with keys and seeds that are derived from their contents."""
+"""Plan: all runs of a sweep, with keys and seeds that are derived from their contents."""
 
 import inspect
+import json
 import pickle
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import product
+from math import prod
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from lrf3d.digest import digest, name_of, seed_of
-from lrf3d.errors import InputError
+from lrf3d.errors import InputError, shown
+from lrf3d.geometry import whole_number
 from lrf3d.laser import Noise
+from lrf3d.mapping.mapper import MODES
 from lrf3d.planning.ground import Side
 from lrf3d.robot import Trajectory
-from lrf3d.scenario import Scenario, read_scenario_file, scenario_of
+from lrf3d.scenario import read_scenario_file, scenario_of
 from lrf3d.simulation import line_mapper
-from lrf3d.sweeping.grid import COLUMNS, SettingValue, SweepGrid, setting
+from lrf3d.world.schema import read_settings
 from lrf3d.world.size import size_warning
+
+SIGMA, MODE, BEAMS = "noise.sigma", "mapper.mode", "laser.beams"
+"""The settings that have an option of their own."""
+
+SIGMAS = (0.01, 0.04, 0.07, 0.21, 0.42, 0.63)
+"""Default noises [m]: those of the paper's figures, and some between."""
+
+SEEDS = 20
+"""Default number of seeds of each setting."""
+
+USUAL = {"robust": "robust", "paper": "paper"}
+"""Default mappers: both modes of the LineMapper."""
+
+MOST_RUNS = 1_000_000
+"""Largest number of seeds, of ``every``, and of runs: the plan of all runs is held in memory, and
+even the fastest take hours on one core."""
+
+COLUMNS = {SIGMA: "sigma_m", BEAMS: "beams"}
+"""Columns of the table for the settings that every sweep lists; others keep their names."""
 
 KEY_DIGITS = 32
 """Hexadecimal digits of a key: 128 bits, so that no two keys are equal by chance."""
@@ -24,78 +48,88 @@ KEY_DIGITS = 32
 FORMAT = 2
 """Incremented when the same run gives other figures, so that old and new ones are not mixed."""
 
-
-@dataclass(frozen=True, slots=True)
-class Cell:
-    """A combination of settings, by column of the table, in a world.
-
-    Its place is the pickled scenario and drive, which cells with other noises and mappers share.
-    The mapper is a dict of keyword arguments of the LineMapper, or a user's mapper or its class.
-    """
-
-    world: str
-    place: bytes
-    columns: dict[str, SettingValue]
-    noise: Noise
-    mapper: Any
+SettingValue = float | int | str | bool
+Row = dict[str, Any]
+Say = Callable[[str], None]
 
 
 class PlannedRun(NamedTuple):
-    """A run: its key, its cell, its number among the seeds, and the seed itself."""
+    """A run: the columns of its row that are known before it is made, and what it is made of.
 
-    key: str
-    cell: Cell
-    seed: int
-    noise_seed: int
+    The place is the pickled scenario and drive, which runs with other noises and mappers share. The
+    mapper is a dict of keyword arguments of the LineMapper, or a user's mapper or its class.
+    """
+
+    columns: Row
+    place: bytes
+    noise: Noise
+    mapper: Any
 
     @property
-    def columns(self) -> dict[str, SettingValue]:
-        """The columns of its row that are known before it is made."""
-        known = {"key": self.key, "world": self.cell.world, **self.cell.columns}
-        return {**known, "seed": self.seed, "noise_seed": self.noise_seed}
+    def key(self) -> str:
+        """The key, which is equal for equal runs."""
+        return str(self.columns["key"])
 
 
 @dataclass(frozen=True)
 class Plan:
-    """All runs of a grid, and its cells, both in the order of the table."""
+    """All runs of a sweep in the order of its table, and the values of what is varied by column."""
 
-    grid: SweepGrid
-    cells: tuple[Cell, ...]
     runs: tuple[PlannedRun, ...]
+    varied: dict[str, tuple[SettingValue, ...]]
+    seeds: int
+    every: int
 
     @property
     def worlds(self) -> list[str]:
         """The names of the worlds."""
-        return list(dict.fromkeys(cell.world for cell in self.cells))
+        return list(dict.fromkeys(str(run.columns["world"]) for run in self.runs))
+
+    @property
+    def columns(self) -> list[str]:
+        """The columns that say what a run varies; runs that differ only in the seed share them."""
+        return [name for name in self.runs[0].columns if name not in ("key", "seed", "noise_seed")]
 
 
 def make_plan(
-    grid: SweepGrid,
+    worlds: Sequence[str],
+    axes: Mapping[str, Sequence[SettingValue]] | None = None,
     *,
-    collision: Callable[[str], None] | None = None,
+    mappers: Mapping[str, Any] = USUAL,
+    seeds: int = SEEDS,
+    every: int = 1,
+    collision: Say | None = None,
     where: Side | None = None,
-    say: Callable[[str], None] = lambda message: None,
-    warn: Callable[[str], None] = lambda message: None,
+    say: Say = lambda message: None,
+    warn: Say = lambda message: None,
 ) -> Plan:
-    """Plan all runs of a grid: each world is read once, and each route and drive computed once.
+    """Plan the runs of every combination of worlds, settings of world files, mappers and seeds.
 
-    Routes are planned on the given side of the walls, which ``say`` is called with; ``collision``
-    is called with the message of a collision, after which the drive continues.
+    The arguments are those of `sweep`. Each world is read once, and each route and drive computed
+    once. Routes are planned on the given side of the walls, which ``say`` is called with;
+    ``collision`` is called with the message of a collision, after which the drive continues.
     """
-    cells: list[Cell] = []
+    axes = {SIGMA: SIGMAS} if axes is None else axes
+    values = {name: tuple(_checked(name, each) for each in axes[name]) for name in axes}
+    seeds = whole_number(seeds, "sweep: seeds", most=MOST_RUNS)
+    every = whole_number(every, "sweep: every", most=MOST_RUNS)
+    _check(worlds, mappers, values, seeds)
     runs: list[PlannedRun] = []
-    places: dict[str, bytes] = {}
-    for name in grid.worlds:
+    names: set[str] = set()
+    for name in worlds:
         file = read_scenario_file(name)
-        if any(cell.world == file.world.name for cell in cells):
+        if file.world.name in names:
             raise InputError(f"{name}: another world of the sweep is called {file.world.name}, too")
+        names.add(file.world.name)
         if warning := size_warning(file.world):
             warn(f"{name}: {warning}")
         world = file.world
         walls = digest((world.segments, world.objects, world.heights, *world.materials))
         drives: dict[str, Trajectory] = {}
-        for values in grid.combinations:
-            scenario = scenario_of(file, [setting(*each) for each in values.items()])
+        places: dict[str, bytes] = {}
+        for row in product(*values.values()):
+            settings = dict(zip(values, row, strict=True))
+            scenario = scenario_of(file, [_setting(*each) for each in settings.items()])
             robot = digest(
                 (scenario.start, scenario.route, scenario.poses, scenario.speed, scenario.radius,
                  scenario.scan_interval, scenario.lookahead, scenario.lrf.range_max)
@@ -104,46 +138,83 @@ def make_plan(
                 routed = scenario.with_route(where=where, say=warn)
                 if routed.planned is not None:
                     say(f"{name}: the route is planned {routed.planned} the walls")
-                drive, used = (
-                    routed.trajectory(on_collision=collision),
-                    slice(None, None, grid.every),
-                )
-                drives[robot] = Trajectory(drive.times[used], drive.poses[used])
-                if len(drives[robot]) == 1 < len(drive):
-                    warn(f"{name}: one scan in {grid.every} leaves one of {len(drive)} to score")
+                whole, used = routed.trajectory(on_collision=collision), slice(None, None, every)
+                drives[robot] = Trajectory(whole.times[used], whole.poses[used])
+                if len(drives[robot]) == 1 < len(whole):
+                    warn(f"{name}: one scan in {every} leaves one of {len(whole)} to score")
             drive = drives[robot]
             place = digest(
                 (walls, scenario.lrf, scenario.obstacles, scenario.radius, drive.times, drive.poses)
             )
             if place not in places:
                 places[place] = pickle.dumps((replace(scenario, mapper={}), drive), protocol=5)
-            for label, chosen in grid.mappers.items():
-                cell = _cell(scenario, places[place], label, chosen, values)
-                cells.append(cell)
+            known: Row = {"sigma_m": scenario.sigmas[0], "beams": scenario.lrf.beams}
+            known |= {COLUMNS.get(key, key): value for key, value in settings.items()}
+            for label, chosen in mappers.items():
+                mapper, noise = chosen, scenario.noise
+                if isinstance(mapper, str | dict):
+                    mapper = {"mode": mapper} if isinstance(mapper, str) else mapper
+                    mapper = {**scenario.mapper, **mapper}
+                    line_mapper(noise, **mapper)  # An invalid threshold is found here.
                 # The repr of a noise contains its class as well as its numbers.
-                identity = digest((repr(cell.noise), _identity(label, cell.mapper)))
-                for seed in range(grid.seeds):
-                    key = digest((FORMAT, cell.world, place, identity, seed))[:KEY_DIGITS]
-                    # All mappers and noises have the same seeds, to be compared run by run.
-                    runs.append(PlannedRun(key, cell, seed, seed_of((place, seed))))
-    return Plan(grid, tuple(cells), tuple(runs))
+                identity = digest((repr(noise), _identity(label, mapper)))
+                for seed in range(seeds):
+                    columns: Row = {
+                        "key": digest((FORMAT, scenario.name, place, identity, seed))[:KEY_DIGITS],
+                        "world": scenario.name,
+                        "mapper": label,
+                        **known,
+                        "seed": seed,
+                        # All mappers and noises have the same seeds, to be compared run by run.
+                        "noise_seed": seed_of((place, seed)),
+                    }
+                    runs.append(PlannedRun(columns, places[place], noise, mapper))
+    varied = {COLUMNS.get(name, name): each for name, each in values.items()}
+    return Plan(tuple(runs), {"mapper": tuple(mappers), **varied}, seeds, every)
 
 
-def _cell(
-    scenario: Scenario, place: bytes, label: str, chosen: Any, values: dict[str, SettingValue]
-) -> Cell:
-    """The cell of a combination of settings and a mapper."""
-    mapper = {"mode": chosen} if isinstance(chosen, str) else chosen
-    if isinstance(mapper, dict):
-        mapper = {**scenario.mapper, **mapper}
-        line_mapper(scenario.noise, **mapper)  # An invalid threshold is found here.
-    columns: dict[str, SettingValue] = {
-        "mapper": label,
-        "sigma_m": scenario.sigmas[0],
-        "beams": scenario.lrf.beams,
-    }
-    columns |= {COLUMNS.get(key, key): value for key, value in values.items()}
-    return Cell(scenario.name, place, columns, scenario.noise, mapper)
+def _check(
+    worlds: Sequence[str],
+    mappers: Mapping[str, Any],
+    axes: Mapping[str, Sequence[SettingValue]],
+    seeds: int,
+) -> None:
+    """Refuse what cannot be run, before any world is read."""
+    if not worlds:
+        raise InputError("sweep: no world; name one, such as city")
+    for label, mapper in mappers.items():
+        if isinstance(mapper, str) and mapper not in MODES:
+            known = ", ".join(MODES)
+            raise InputError(f"sweep: mapper {shown(mapper)}: expected {known} or FILE.py:NAME")
+        if not (isinstance(mapper, str | dict) or callable(getattr(mapper, "update", mapper))):
+            raise InputError(f"sweep: mapper {label}: has no method update(scan)")
+    if MODE in axes:
+        raise InputError(f"sweep: {MODE}: vary it by --mapper robust,paper")
+    varied = {"mappers": tuple(mappers), **axes}
+    for name, values in varied.items():
+        if not values or len(set(values)) < len(values):
+            why = f"has a value twice: {values}" if values else "has no value"
+            raise InputError(f"sweep: {name} {why}")
+    if (runs := len(worlds) * seeds * prod(map(len, varied.values()))) > MOST_RUNS:
+        raise InputError(f"sweep: {runs:,} runs with {seeds:,} seeds; at most {MOST_RUNS:,}")
+
+
+def _setting(name: str, value: SettingValue) -> str:
+    """A setting in the form of ``lrf3d run --set``."""
+    try:
+        return f"{name}={json.dumps(value, ensure_ascii=False)}"
+    except ValueError:
+        raise InputError(f"sweep: {name}: {shown(value)} cannot be a value") from None
+
+
+def _checked(name: str, value: object) -> SettingValue:
+    """A value in the type of its setting."""
+    if isinstance(value, SettingValue):
+        [table] = read_settings([_setting(name, value)]).values()
+        [value] = table.values()
+    if not isinstance(value, SettingValue):
+        raise InputError(f"sweep: {name}: only single values can be varied, not {shown(value)}")
+    return value
 
 
 def _identity(label: str, mapper: Any) -> Any:

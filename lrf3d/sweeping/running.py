@@ -7,11 +7,10 @@ loses none; a line that a crash cut off is left out and made again. Jobs have fi
 import json
 import os
 import pickle
-from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import Executor, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from copy import deepcopy
 from functools import lru_cache
 from pathlib import Path
@@ -26,9 +25,8 @@ from lrf3d.progress import Progress, silent
 from lrf3d.run import Run
 from lrf3d.scoring import buildings_seen, score_run
 from lrf3d.scoring.visibility import visible_walls
-from lrf3d.sweeping.grid import SIGMA, SIGMAS, SettingValue, SweepGrid
-from lrf3d.sweeping.plan import Cell, Plan, PlannedRun, make_plan
-from lrf3d.sweeping.table import Row, SweepTable
+from lrf3d.sweeping.plan import SEEDS, USUAL, Plan, PlannedRun, Row, SettingValue, make_plan
+from lrf3d.sweeping.table import SweepTable
 from lrf3d.world.touching import joined_objects
 
 ROWS = "sweep{}.jsonl"
@@ -36,9 +34,6 @@ ROWS = "sweep{}.jsonl"
 
 BATCH = 8
 """Runs that are sent together: a crash costs at most these, and sending them next to nothing."""
-
-AHEAD = 3
-"""Batches sent for each worker: one in progress and some queued, so that no worker waits."""
 
 PLACES_KEPT = 4
 """Places whose casters a worker keeps."""
@@ -50,7 +45,7 @@ def sweep(
     *,
     mappers: Mapping[str, Any] | Sequence[str] | None = None,
     axes: Mapping[str, Sequence[SettingValue]] | None = None,
-    seeds: int = 20,
+    seeds: int = SEEDS,
     every: int = 1,
     folder: str | Path | None = None,
     resume: bool = False,
@@ -90,19 +85,14 @@ def sweep(
         >>> [row["mapper"] for row in table.rows]
         ['robust', 'robust']
     """
-    chosen: dict[str, Any] = {"seeds": seeds, "every": every}
-    if mappers is not None:
-        if not isinstance(mappers, Mapping):
-            mappers = {label: label for label in mappers}
-        chosen["mappers"] = dict(mappers)
-    values = {SIGMA: SIGMAS} if axes is None else {key: tuple(each) for key, each in axes.items()}
+    if not isinstance(mappers, Mapping):
+        mappers = USUAL if mappers is None else {label: label for label in mappers}
     names = (worlds,) if isinstance(worlds, str) else tuple(worlds)
-    plan = make_plan(SweepGrid(names, values, **chosen))
-    if folder is None:
-        with scratch_folder() as scratch, executor_of(workers, executor=executor) as used:
-            return run_plan(plan, scratch, used, progress=progress)
-    with executor_of(workers, executor=executor) as used:
-        return run_plan(plan, Path(folder), used, resume=resume, progress=progress)
+    plan = make_plan(names, axes, mappers=mappers, seeds=seeds, every=every)
+    with ExitStack() as stack:
+        place = stack.enter_context(scratch_folder()) if folder is None else Path(folder)
+        used = stack.enter_context(executor_of(workers)) if executor is None else executor
+        return run_plan(plan, place, used, resume=resume, progress=progress)
 
 
 def run_plan(
@@ -135,7 +125,7 @@ def run_plan(
         begin = done = len(mine) - len(missing)
         with noting(lambda: f"{len(kept)} of {len(plan.runs)} runs kept; go on with --resume"):
             progress(done, len(mine))
-            for rows in _made(plan, missing, executor):
+            for rows in _made(missing, executor):
                 _append(rows, path)
                 kept |= {row["key"]: row for row in rows}
                 done += len(rows)
@@ -176,16 +166,12 @@ def _append(rows: Sequence[Row], path: Path) -> None:
 
 
 @contextmanager
-def executor_of(
-    workers: int | None, scheduler: str | None = None, executor: Executor | None = None
-) -> Iterator[Executor | None]:
-    """The executor of a sweep: a given one, that of a Dask scheduler, or processes here.
+def executor_of(workers: int | None, scheduler: str | None = None) -> Iterator[Executor | None]:
+    """The executor of a sweep: that of a Dask scheduler, or processes here.
 
     None, for this process, where one worker is asked for.
     """
-    if executor is not None:
-        yield executor
-    elif scheduler is not None:
+    if scheduler is not None:
         try:
             from distributed import Client
 
@@ -206,27 +192,23 @@ def executor_of(
             yield pool
 
 
-def _made(
-    plan: Plan, runs: Sequence[PlannedRun], executor: Executor | None
-) -> Iterator[Sequence[Row]]:
-    """The rows of runs, in any order."""
+def _made(runs: Sequence[PlannedRun], executor: Executor | None) -> Iterator[list[Row]]:
+    """The rows of runs, in their order."""
     if executor is None:
         for run in runs:
             check()
             yield rows_of([run])
         return
-    batches = deque(runs[k : k + BATCH] for k in range(0, len(runs), BATCH))
-    most = AHEAD * (getattr(executor, "_max_workers", None) or core_count())
-    running: set[Future[list[Row]]] = set()
+    futures = [
+        executor.submit(rows_of, runs[first : first + BATCH])
+        for first in range(0, len(runs), BATCH)
+    ]
     try:
-        while batches or running:
-            while batches and len(running) < most:
-                running.add(executor.submit(rows_of, batches.popleft()))
-            check()
+        for future in futures:
             # A signal does not end this wait, so it ends now and then by itself.
-            done, running = wait(running, 0.1, FIRST_COMPLETED)
-            for future in done:
-                yield future.result()
+            while not wait([future], 0.1).done:
+                check()
+            yield future.result()
     except BrokenProcessPool as error:
         raise Lrf3dError(
             "a process of the sweep has ended, perhaps for want of memory; go on with --resume and"
@@ -241,24 +223,28 @@ def _made(
         ) from error
     finally:
         # Processes of this machine end with their pool.
-        if not isinstance(executor, ProcessPoolExecutor):
-            for future in running:
-                future.cancel()
+        for future in () if isinstance(executor, ProcessPoolExecutor) else futures:
+            future.cancel()
 
 
 def rows_of(runs: Sequence[PlannedRun]) -> list[Row]:
-    """Make some runs; the row of each is a pure function of its cell and its seed."""
-    return [run.columns | _figures(_run(run.cell, run.noise_seed)) for run in runs]
+    """Make some runs; the row of each is a pure function of what it is made of."""
+    return [run.columns | _figures(_run(run)) for run in runs]
 
 
-def _run(cell: Cell, seed: int) -> Run:
-    scenario, drive, caster = _unpacked(cell.place)
-    mapper = cell.mapper
+def _run(planned: PlannedRun) -> Run:
+    scenario, drive, caster = _unpacked(planned.place)
+    mapper = planned.mapper
     if not isinstance(mapper, dict):
         # A user's class or function makes a mapper for each run; a mapper is copied.
         mapper = deepcopy(mapper) if hasattr(type(mapper), "update") else mapper()
     run: Run = scenario.run(
-        drive=drive, noise=cell.noise, mapper=mapper, rng=seed, caster=caster, snapshots=1
+        drive=drive,
+        noise=planned.noise,
+        mapper=mapper,
+        rng=planned.columns["noise_seed"],
+        caster=caster,
+        snapshots=1,
     )
     return run
 

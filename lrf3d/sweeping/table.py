@@ -12,10 +12,8 @@ import numpy as np
 
 from lrf3d.errors import MissingLibraryError, missing_extra
 from lrf3d.files import replacing, write_text
-from lrf3d.sweeping.plan import Plan
+from lrf3d.sweeping.plan import Plan, Row
 from lrf3d.text import table
-
-Row = dict[str, Any]
 
 INTERVAL_CONFIDENCE = 0.95
 """Probability that an interval contains the mean."""
@@ -60,17 +58,10 @@ class Mean(NamedTuple):
         known = {name: value if np.isfinite(value) else None for name, value in bounds.items()}
         return {**known, "runs": self.runs}
 
-    def text(self, measure: str, sign: str) -> str:
-        """The mean of a measure with half of its interval."""
-        _, factor, digits = MEASURES[measure]
-        numbers = [f"{factor * value:.{digits}f}" for value in self[:2] if np.isfinite(value)]
-        return sign.join(numbers) or "–"
 
+class SettingMeans(NamedTuple):
+    """The means of one combination of settings: its columns, and its means by measure."""
 
-class CellMean(NamedTuple):
-    """The means of a combination: its world, its settings by column, its means by measure."""
-
-    world: str
     columns: dict[str, Any]
     measures: dict[str, Mean]
 
@@ -97,44 +88,40 @@ class SweepTable:
     made: int = 0
 
     @cached_property
-    def means(self) -> list[CellMean]:
+    def means(self) -> list[SettingMeans]:
         """The means of each combination over its seeds."""
-        by_key, means = {row["key"]: row for row in self.rows}, []
-        for number, cell in enumerate(self.plan.cells):
-            first, count = number * self.plan.grid.seeds, self.plan.grid.seeds
-            keys = [run.key for run in self.plan.runs[first : first + count]]
-            mine = [by_key[key] for key in keys if key in by_key]
-            measures = {name: Mean.of([row[name] for row in mine]) for name in MEASURES}
-            means.append(CellMean(cell.world, dict(cell.columns), measures))
-        return means
+        groups: dict[tuple[Any, ...], list[Row]] = {}
+        for row in self.rows:
+            groups.setdefault(tuple(row[name] for name in self.plan.columns), []).append(row)
+        return [
+            SettingMeans(
+                dict(zip(self.plan.columns, values, strict=True)),
+                {name: Mean.of([row[name] for row in rows]) for name in MEASURES},
+            )
+            for values, rows in groups.items()
+        ]
 
     def __repr__(self) -> str:
-        return f"SweepTable({len(self.rows)} runs of {len(self.plan.cells)} settings)"
+        return f"SweepTable({len(self.rows)} runs of {len(self.means)} settings)"
 
     def __str__(self) -> str:
         return (
-            f"{table(*self._cells(' ± '))}\nMean of {self.plan.grid.seeds} seeds ± half of its"
+            f"{table(*self._cells(' ± '))}\nMean of {self.plan.seeds} seeds ± half of its"
             f" {100.0 * INTERVAL_CONFIDENCE:g} % interval. segments: per visible wall;"
             " objects: per visible\nobject; 1 is ideal."
         )
 
     def summary(self) -> dict[str, Any]:
         """The means with their intervals, in JSON's types: the same for the same rows."""
-        grid = self.plan.grid
+        plan = self.plan
+        varied = {name: list(values) for name, values in plan.varied.items()}
         return {
-            "sweep": {
-                "worlds": self.plan.worlds,
-                "mappers": list(grid.mappers),
-                "axes": {name: list(values) for name, values in grid.axes.items()},
-                "seeds": grid.seeds,
-                "every": grid.every,
-            },
+            "sweep": {"worlds": plan.worlds, **varied, "seeds": plan.seeds, "every": plan.every},
             "runs": len(self.rows),
             "confidence": INTERVAL_CONFIDENCE,
             "combinations": [
-                {"world": each.world, **each.columns}
-                | {name: mean.as_dict() for name, mean in each.measures.items()}
-                for each in self.means
+                columns | {name: mean.as_dict() for name, mean in measures.items()}
+                for columns, measures in self.means
             ],
         }
 
@@ -145,13 +132,12 @@ class SweepTable:
             OutputError: The file cannot be written.
         """
         lines = []
-        for each in self.means:
-            line = {"world": each.world, **each.columns}
-            for name, mean in each.measures.items():
+        for columns, measures in self.means:
+            lines.append(line := dict(columns))
+            for name, mean in measures.items():
                 bounds = mean.as_dict()
                 line |= {name: bounds["mean"], f"{name}_low": bounds["low"]}
                 line |= {f"{name}_high": bounds["high"]}
-            lines.append(line)
         text = StringIO()
         writer = csv.DictWriter(text, lines[0], lineterminator="\n")
         writer.writeheader()
@@ -193,17 +179,17 @@ class SweepTable:
 
     def _cells(self, sign: str) -> tuple[list[str], list[list[str]]]:
         """The heading and the lines of the table of means, as text."""
-        varied = [name for name, values in self.plan.grid.varied.items() if len(values) > 1]
-        shown = list(dict.fromkeys(["mapper", *varied, "sigma_m"]))
-        head = ["world", *(name.removesuffix("_m") for name in shown)]
-        lines = [
-            [
-                each.world,
-                *(f"{v:g}" if isinstance(v := each.columns[n], float) else str(v) for n in shown),
-                *(mean.text(name, sign) for name, mean in each.measures.items()),
-            ]
-            for each in self.means
-        ]
+        varied = [name for name, values in self.plan.varied.items() if len(values) > 1]
+        shown = list(dict.fromkeys(["world", "mapper", *varied, "sigma_m"]))
+        lines = []
+        for columns, measures in self.means:
+            values = [columns[name] for name in shown]
+            line = [f"{each:g}" if isinstance(each, float) else str(each) for each in values]
+            for name, (_, factor, digits) in MEASURES.items():
+                known = [each for each in measures[name][:2] if np.isfinite(each)]
+                line.append(sign.join(f"{factor * each:.{digits}f}" for each in known) or "–")
+            lines.append(line)
+        head = [name.removesuffix("_m") for name in shown]
         return head + [heading for heading, *_ in MEASURES.values()], lines
 
 

@@ -48,37 +48,45 @@ def walls_of_grid(occupied: Bool) -> Float:
         occupied: (rows, columns) whether each cell is occupied; the first row is at the bottom.
             Beyond the grid the cells at its border continue: no outline runs along the border.
     """
-    double = _opened(occupied, 2) & ~_grown(_opened(occupied, 3), NEAR)
+    double = _opened(occupied, 2)
+    double &= ~_squares(np.pad(_opened(occupied, 3), NEAR // 2), NEAR, np.logical_or)
     grid = _thinned(occupied, double)
     thick = _opened(grid, 2)
-    row, column = np.nonzero(grid & ~thick)
-    cells: Complex = column + 0.5 + 1.0j * (row + 0.5)
-    pairs = np.concatenate([*_outline(thick), *_thin_links(grid, thick)])
+    thin = np.argwhere(grid & ~thick)
+    cells = np.asarray((thin + 0.5) @ [1.0j, 1.0], dtype=np.complex128)
+    pairs = np.concatenate([*_outline(thick), *_thin_links(grid, thick, thin, cells)])
     chains = _merged(pairs)
-    chains = _merged(np.concatenate([pairs, _bridges(chains, cells[~np.isin(cells, pairs)])]))
+    bridges = _bridges(chains, cells[~np.isin(cells, pairs)])
+    chains = _merged(np.concatenate([pairs, bridges])) if len(bridges) else chains
     lone = cells[~np.isin(cells, np.concatenate([*chains, [0.0]]))]
     # A single cell becomes its diagonal, which is visible from most sides.
     diagonals = np.column_stack([lone.real, lone.imag] * 2) + np.array([-0.5, -0.5, 0.5, 0.5])
     return np.concatenate([_straightened(chains, occupied, double), diagonals])
 
 
+def _squares(grid: Bool, side: int, combine: Any) -> Bool:
+    """The cells of each square of a side [cells] within the grid, combined by and, or by or."""
+    for _ in range(2):
+        width = 1
+        while width < side:
+            step = min(width, side - width)
+            grid, width = combine(grid[: len(grid) - step], grid[step:]), width + step
+        grid = grid.T
+    return grid
+
+
 def _opened(grid: Bool, side: int) -> Bool:
     """Which cells are part of an occupied square of a side [cells]."""
-    from scipy.ndimage import binary_opening
-
-    return np.asarray(binary_opening(grid, np.ones((side, side), dtype=np.bool_)), dtype=np.bool_)
-
-
-def _grown(grid: Bool, side: int) -> Bool:
-    from scipy.ndimage import maximum_filter
-
-    return np.asarray(maximum_filter(grid, side, mode="constant"), dtype=np.bool_)
+    if min(grid.shape) < side:
+        return np.zeros_like(grid)
+    return _squares(np.pad(_squares(grid, side, np.logical_and), side - 1), side, np.logical_or)
 
 
-def _neighbours(grid: Bool, row: int, column: int) -> Bool:
-    """Whether each cell's neighbour, some rows and columns on, is in the grid."""
-    rows, columns = grid.shape
-    return np.pad(grid, 1)[1 + row : 1 + row + rows, 1 + column : 1 + column + columns]
+def _neighbour(grid: Bool, cells: Int, row: int, column: int) -> Bool:
+    """Whether the neighbours of cells (k, 2), some rows and columns on, are in the grid."""
+    rows, columns = (cells + np.array([row, column])).T
+    within = (rows >= 0) & (rows < grid.shape[0]) & (columns >= 0) & (columns < grid.shape[1])
+    return np.asarray(within & grid[rows * within, columns * within])
 
 
 def _thinned(grid: Bool, double: Bool) -> Bool:
@@ -87,17 +95,21 @@ def _thinned(grid: Bool, double: Bool) -> Bool:
     Cells are removed side by side where they connect their neighbours in no other way (Rosenfeld
     1975), so that what was connected stays connected and no gap is closed.
     """
+    grid = grid.copy()
     for side in (2, 4, 6, 0):
-        near = [_neighbours(grid, *step) for step in AROUND]
+        cells = np.argwhere(_opened(grid, 2) & double)
+        near = [_neighbour(grid, cells, *step) for step in AROUND]
         parts = [~near[k] & (near[k + 1] | near[(k + 2) % 8]) for k in (0, 2, 4, 6)]
-        gone = _opened(grid, 2) & double & ~near[side] & (np.sum(parts, axis=0) == 1)
-        grid = grid & ~gone
+        gone = cells[~near[side] & (np.sum(parts, axis=0) == 1)]
+        grid[tuple(gone.T)] = False
     return grid
 
 
 def _outline(thick: Bool) -> Iterator[Complex]:
     """Pairs (k, 2) of middles of edges around cells, past each corner of the lattice."""
-    sw, se, nw, ne = thick[:-1, :-1], thick[:-1, 1:], thick[1:, :-1], thick[1:, 1:]
+    four = (thick[:-1, :-1], thick[:-1, 1:], thick[1:, :-1], thick[1:, 1:])
+    corners = np.argwhere(np.logical_or.reduce(four) & ~np.logical_and.reduce(four))
+    sw, se, nw, ne = (each[tuple(corners.T)] for each in four)
     south, north, west, east = (
         (sw != se, -0.5j),
         (nw != ne, 0.5j),
@@ -114,25 +126,25 @@ def _outline(thick: Bool) -> Iterator[Complex]:
         (north, west, saddle & nw),
         (north, east, saddle & ne),
     ):
-        row, column = np.nonzero(edge & following & ~around)
-        corner = column + 1.0 + 1.0j * (row + 1.0)
+        corner = (corners[edge & following & ~around] + 1.0) @ [1.0j, 1.0]
         yield np.column_stack([corner + middle, corner + next_middle])
 
 
-def _thin_links(grid: Bool, thick: Bool) -> Iterator[Complex]:
-    """Pairs (k, 2) of the middles of thin cells and of thin or thick neighbours."""
+def _thin_links(grid: Bool, thick: Bool, thin: Int, cells: Complex) -> Iterator[Complex]:
+    """Pairs (k, 2) of the middles of thin cells and of thin or thick neighbours.
+
+    The thin cells (k, 2) are rows and columns; their middles (k,) are the cells.
+    """
     for place, (up, right) in enumerate(AROUND):
-        open_way = np.ones_like(grid)
+        occupied, solid = (_neighbour(each, thin, up, right) for each in (grid, thick))
         if up and right:
-            open_way = ~_neighbours(grid, up, 0) & ~_neighbours(grid, 0, right)
-        thin = grid & ~thick & open_way
-        row, column = np.nonzero(thin & _neighbours(grid & ~thick, up, right))
-        cell = column + 0.5 + 1.0j * (row + 0.5)
+            aside = _neighbour(grid, thin, up, 0) | _neighbour(grid, thin, 0, right)
+            occupied, solid = occupied & ~aside, solid & ~aside
         if place < 4:
+            cell = cells[occupied & ~solid]
             yield np.column_stack([cell, cell + right + 1.0j * up])
         # The outline of a thick part passes through the middles of its edges.
-        row, column = np.nonzero(thin & _neighbours(thick, up, right))
-        cell = column + 0.5 + 1.0j * (row + 0.5)
+        cell = cells[solid]
         yield np.column_stack([cell, cell + (right if up else 0.5 * right) + 0.5j * up])
 
 

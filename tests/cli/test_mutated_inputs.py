@@ -88,18 +88,9 @@ view = "door"
 playback = 2
 """
 
-GRID = b"""\
-worlds = ["city", "box.toml"]
-seeds = 2
-every = 8
-[noise]
-sigma = [0, 0.07]
-[laser]
-beams = [31, 61]
-[mapper]
-mode = ["robust", "paper"]
-gap = [1, 2.5]
-"""
+AXES = [
+    b"noise.sigma=0,0.07", b"laser.beams=31,61", b"mapper.gap=1,2.5", b"robot.speed=.5,1",
+]  # fmt: skip
 
 FLAGS = {
     "--sigma": b"0.04", "--seed": b"3", "--scans": b"3", "--mode": b"paper", "--caster": b"planar",
@@ -174,7 +165,7 @@ class Inputs:
     def mutated(self, seed):
         """The files and the command of a seed."""
         rng = random.Random(f"mutated {seed}")
-        kind = rng.choice(["world"] * 10 + ["file"] * 5 + ["grid"] + ["flags"] * 4)
+        kind = rng.choice(["world"] * 10 + ["file"] * 5 + ["sweep"] + ["flags"] * 4)
         if kind == "world":
             files = dict(self.worlds[rng.choice(sorted(self.worlds))])
             target, first = rng.choice(list(files)), next(iter(files))
@@ -190,9 +181,9 @@ class Inputs:
             elif name == "run.npz":
                 ways += [["export", name, "--to", "carmen"], ["export", name, "--to", "glb"]]
             return {name: mutate(self.data[name], rng)}, rng.choice(ways)
-        if kind == "grid":
-            files = {"grid.toml": mutate(GRID, rng), "box.toml": ROOM}
-            return files, ["sweep", "--grid", "grid.toml", "--merge"]
+        if kind == "sweep":
+            axis = argument(rng.choice(AXES), rng)
+            return {"box.toml": ROOM}, ["sweep", "box.toml", "--vary", axis, "--merge"]
         command = ["run", "box.toml", "--no-video"]
         for flag in rng.sample(sorted(FLAGS), rng.randrange(3)):
             command += [flag, argument(FLAGS[flag], rng)]

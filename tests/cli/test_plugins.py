@@ -41,6 +41,10 @@ def longer(scan, rng):
 def drawn(scan, rng):
     return replace(scan, ranges=scan.ranges + rng.normal(0.0, 0.1, len(scan.ranges)))
 
+class Sharing(Points):
+    def report(self, run, folder):
+        return {"share_of_points": self.count / 3e3}
+
 class Reporting(Points):
     def report(self, run, folder):
         return {"points": np.int64(self.count)}
@@ -311,3 +315,8 @@ def test_a_file_takes_no_installed_modules_place_and_finds_those_beside_it(folde
     (folder / "own_mapper.py").write_text(text)
     with pytest.raises(InputError, match="another module is called own_mapper; rename the file"):
         load_plugin("mapper", "own_mapper.py:Mine")
+
+
+def test_the_report_of_a_mapper_is_printed_with_three_digits(folder):
+    done = program("run", "box.toml", "--no-video", "--mapper", "own_parts:Sharing", cwd=folder)
+    assert "share of points  0.102\n" in done.stdout

@@ -155,8 +155,6 @@ class Workshop:
                 with redirect_stdout(StringIO()) as said:
                     exec(compile(code, str(page), "exec"), names)
                 printed.append(said.getvalue())
-            elif snippet.language == "toml" and snippet.code.startswith("worlds ="):
-                Path("study.toml").write_text(snippet.code)
             elif snippet.language == "toml":
                 # A table that stands alone is one more of the world before it.
                 alone = "[[object]]" not in snippet.code

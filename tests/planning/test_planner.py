@@ -98,6 +98,12 @@ def test_a_lone_house_is_seen_from_outside() -> None:
     assert not shapely.contains_xy(house, route[:, 0], route[:, 1]).any()
 
 
+def test_a_plan_with_a_line_on_each_side_of_its_outer_wall_is_driven_inside() -> None:
+    walls = [*box(0.0, 0.0, 12.0, 9.0), *box(0.2, 0.2, 11.6, 8.6), [6.0, 0.2, 6.0, 4.0]]
+    route = plan_route(World(np.array(walls), objects=[0] * 4 + [1] * 5))
+    assert shapely.contains_xy(shapely.box(0.2, 0.2, 11.8, 8.8), route[:, 0], route[:, 1]).all()
+
+
 def test_a_very_large_world_is_planned_in_its_densest_part() -> None:
     crowd = [box(3000.0 + 15.0 * i, 14.0 * j, 9.0, 8.0) for i in range(4) for j in range(3)]
     world = town([*crowd, box(0.0, 0.0, 10.0, 10.0), box(0.0, 5000.0, 10.0, 10.0)])

@@ -71,6 +71,9 @@ def _count_unowned_hits(
     point = np.empty(4)
     for k in range(fresh.numbers[1]):
         moments = cells.moments[fresh.unowned[k]]
+        if moments[0] == 0.0:
+            # It was an image in a mirror.
+            continue
         x, y = moments[2], moments[3]
         point[0] = point[2] = x
         point[1] = point[3] = y
