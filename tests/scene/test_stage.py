@@ -11,7 +11,7 @@ from lrf3d.scene.stage import stage_of
 
 
 def assert_same(one, other):
-    for first, second in zip((*one.walls, *one.roofs), (*other.walls, *other.roofs), strict=True):
+    for first, second in zip(one.faces, other.faces, strict=True):
         assert np.array_equal(first, second)
     assert np.array_equal(one.ground.picture, other.ground.picture)
 
