@@ -17,12 +17,13 @@ from lrf3d.errors import InputError, OutputError, shown
 from lrf3d.files import locked, make_folder, replacing, unfinished_folder
 from lrf3d.geometry import Float, is_finite, read_only, whole_number
 from lrf3d.interrupts import stoppable
+from lrf3d.progress import Progress, silent
 from lrf3d.render.gl import gl_available, require_gl
-from lrf3d.render.pictures import FrameProgress, Picture
 from lrf3d.render.workers import Job, draw
 from lrf3d.run import Run
 from lrf3d.scene.cameras import margins
 from lrf3d.scene.panel import PANELS
+from lrf3d.scene.shapes import Pixels
 from lrf3d.scene.stage import stage_of
 from lrf3d.scene.timeline import Timeline
 from lrf3d.world.cameras import MOVING_VIEWS, check_view
@@ -105,7 +106,7 @@ def render_video(
     renderer: str | None = None,
     panel: str = "short",
     part: tuple[float | None, float | None] = (None, None),
-    progress: FrameProgress | None = None,
+    progress: Progress = silent,
 ) -> None:
     """Draw a run as a film: H.264 in .mp4, or a looping animation in .webp or .gif.
 
@@ -155,14 +156,11 @@ def render_video(
             )
 
 
-def _counted(
-    pictures: Iterable[Picture], total: int, progress: FrameProgress | None
-) -> Iterator[Picture]:
+def _counted(pictures: Iterable[Pixels], total: int, progress: Progress) -> Iterator[Pixels]:
     """The pictures; progress is called after each with their number and that of all."""
     for number, picture in enumerate(pictures):
         yield picture
-        if progress is not None:
-            progress(number + 1, total)
+        progress(number + 1, total)
 
 
 @stoppable()
@@ -173,7 +171,7 @@ def render_frames(
     fps: float = 25.0,
     part: tuple[float | None, float | None] = (None, None),
     workers: int | None = None,
-    progress: FrameProgress | None = None,
+    progress: Progress = silent,
     **options: Any,
 ) -> int:
     """Draw the frames of a run's film as frame_000000.png and on, in a new or an empty folder.

@@ -19,13 +19,14 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
+from PIL import Image
 
 from lrf3d.cores import core_count
 from lrf3d.errors import Lrf3dError
 from lrf3d.geometry import Float
 from lrf3d.interrupts import check
-from lrf3d.render.pictures import Picture, save_png
 from lrf3d.run import Run
+from lrf3d.scene.shapes import Pixels
 from lrf3d.scene.stage import Stage
 
 _FRAMES_A_WORKER = 20
@@ -34,8 +35,16 @@ _FRAMES_A_WORKER = 20
 _PIPE = 1 << 20
 """Bytes that a process can be ahead of its reader, besides the picture that it draws."""
 
+_EFFORT = 4
+"""Compression 0…9: beyond, a file takes twice the time and hardly gets smaller."""
+
 _WAIT = 0.1
 """How often it is checked whether the film is to be stopped [s]."""
+
+
+def save_png(picture: Pixels, path: Path) -> None:
+    """Write a picture (h, w, 3 or 4) uint8; it is opaque, so that three values a pixel are kept."""
+    Image.fromarray(picture[:, :, :3]).save(path, compress_level=_EFFORT)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +69,7 @@ class Job:
         return self.folder / f"frame_{number:06d}.png"
 
 
-def draw(job: Job, scratch: Path) -> Generator[Picture, None, None]:
+def draw(job: Job, scratch: Path) -> Generator[Pixels, None, None]:
     """The pictures (h, w, 3) of a job, the first first, each until the next is asked for.
 
     For a job with a folder, empty ones: the pictures are files. What ends a process is raised here.
