@@ -92,7 +92,7 @@ def lay_frame(picture: Pixels, box: tuple[int, int, int], window: float) -> None
     power = 10.0 ** np.floor(np.log10(window / 3.0))
     metres = power * max(step for step in (1.0, 2.0, 5.0) if step * power <= window / 3.0)
     part[-pad - rim : -pad, pad : pad + round(metres / window * side)] = _BAR
-    letters = max(round(24 * scale), 7)
+    letters = max(round(20 * scale), 7)
     place = pad, side - pad - rim - round(_LINE * letters)
     _write(part, f"{metres:g} m", letters, place, _BAR)
 

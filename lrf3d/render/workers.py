@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
-from PIL import Image
 
 from lrf3d.cores import core_count
 from lrf3d.errors import Lrf3dError
@@ -35,16 +34,8 @@ _FRAMES_A_WORKER = 20
 _PIPE = 1 << 20
 """Bytes that a process can be ahead of its reader, besides the picture that it draws."""
 
-_EFFORT = 4
-"""Compression 0…9: beyond, a file takes twice the time and hardly gets smaller."""
-
 _WAIT = 0.1
 """How often it is checked whether the film is to be stopped [s]."""
-
-
-def save_png(picture: Pixels, path: Path) -> None:
-    """Write a picture (h, w, 3 or 4) uint8; it is opaque, so that three values a pixel are kept."""
-    Image.fromarray(picture[:, :, :3]).save(path, compress_level=_EFFORT)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,25 +51,18 @@ class Job:
     """What stands in the run's world: its light is baked once for all processes."""
     workers: int | None
     """How many processes draw; as many as are worth it if not given."""
-    folder: Path | None = None
-    """Where each picture is written as a file, if they are not to be read."""
-
-    def file(self, number: int) -> Path:
-        """The file of a picture; names sort like numbers."""
-        assert self.folder is not None
-        return self.folder / f"frame_{number:06d}.png"
 
 
 def draw(job: Job, scratch: Path) -> Generator[Pixels, None, None]:
     """The pictures (h, w, 3) of a job, the first first, each until the next is asked for.
 
-    For a job with a folder, empty ones: the pictures are files. What ends a process is raised here.
+    What ends a process is raised here.
     """
     cores = core_count()
     total = len(job.times)
     count = min(job.workers or min(cores, math.ceil(total / _FRAMES_A_WORKER)), total)
     (scratch / "job").write_bytes(pickle.dumps(job, pickle.HIGHEST_PROTOCOL))
-    width, height = job.film["size"] if job.folder is None else (0, 0)
+    width, height = job.film["size"]
     read = bytearray(3 * width * height + 1)
     with ExitStack() as ended:
         drawers = [
@@ -157,9 +141,6 @@ def _draw_share(job: Job, first: int, step: int, out: IO[bytes]) -> None:
     film = Film(job.run, stage=job.stage, **job.film)
     for number in range(first, len(job.times), step):
         picture = film.draw(float(job.times[number]))
-        if job.folder is not None:
-            save_png(picture, job.file(number))
-            picture = picture[:0]
         out.write(b".")
         out.write(np.ascontiguousarray(picture[:, :, :3]).data)
         out.flush()
