@@ -84,8 +84,7 @@ class Film:
     def draw(self, run: "Run", path: Path, time: float) -> None:
         """Write the picture of a run at a time [s]."""
         from lrf3d.files import replacing
-        from lrf3d.render.pictures import save_png
-        from lrf3d.render.video import frame
+        from lrf3d.render.video import frame, save_png
 
         picture = frame(run, time, **self._options())
         with replacing(path) as unfinished:
