@@ -39,13 +39,13 @@ def bench(
     report = Report(__doc__.splitlines()[0])
     report.add(
         "robots",
-        world=envs.task.scenario.name,
+        world=envs.scenario.name,
         robots=robots,
-        beams=envs.task.lrf.beams,
+        beams=envs.lrf.beams,
         cores=core_count(),
         step_s=median,
         nine_tenths_below_s=slow,
         scans_a_second=float(robots / median),
-        beams_a_second=float(robots / median * envs.task.lrf.beams),
+        beams_a_second=float(robots / median * envs.lrf.beams),
     )
     return report

@@ -5,7 +5,7 @@
 Robots start anywhere in the city, and each drives to a goal between 5 and 20 m away by its ranges.
 Each is given a network that differs a little from the present one. After an episode the present
 network moves towards those that were rewarded best (Salimans et al., *Evolution Strategies as a
-Scalable Alternative to Reinforcement Learning*, 2017). It needs ``pip install 'lrf3d[gym]'``, and
+Scalable Alternative to Reinforcement Learning*, 2017). It needs ``pip install -e '.[gym]'``, and
 writes the network and its learning curve beside each other.
 """
 
@@ -68,10 +68,10 @@ def make_robots(count):
 def drive(robots, weights, seed, *, paired=False):
     """One episode of each robot: the sum of its rewards (k,), and whether it reached its goal."""
     observation, _ = robots.reset(seed=seed)
-    task, half = robots.task, robots.num_envs // 2
+    half = robots.num_envs // 2
     if paired:
         # Both of a pair have the same start and goal, so that only their networks differ.
-        task.poses[half:], task.goals[half:] = task.poses[:half], task.goals[:half]
+        robots.poses[half:], robots.goals[half:] = robots.poses[:half], robots.goals[:half]
         observation, *_ = robots.step(np.zeros((robots.num_envs, 2)))
     rewards = np.zeros(robots.num_envs)
     driving = np.ones(robots.num_envs, dtype=bool)

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
+from lrf3d.geometry import generator
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.progress import Progress, silent
 from lrf3d.robot import Trajectory
@@ -56,7 +57,7 @@ def simulate_fleet(
     outline = round_outline(radius)
     bodies = [DynamicObstacle(outline, trajectory, height) for trajectory in trajectories]
     before, total, runs = 0, sum(map(len, trajectories)), list[Run]()
-    generators = np.random.default_rng(rng).spawn(len(trajectories))
+    generators = generator(rng).spawn(len(trajectories))
     for robot, trajectory in enumerate(trajectories):
 
         def report(done: int, _: int, before: int = before) -> None:

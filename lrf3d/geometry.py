@@ -75,11 +75,34 @@ def is_finite(*values: object) -> bool:
         return False
 
 
+def number(
+    value: Any, name: str, unit: str = "", *, positive: bool = False, most: float = math.inf
+) -> float:
+    """A value from outside as a finite number: at least 0, or above it, and at most a limit."""
+    if is_finite(value) and 0.0 <= value <= most and (value > 0.0 or not positive):
+        return float(value)
+    least = "above 0" if positive else "at least 0"
+    limit = "" if most == math.inf else f" and at most {most:g}"
+    of = f" of {unit}" if unit else ""
+    raise InputError(f"{name} {shown(value)}: expected a finite number{of}, {least}{limit}")
+
+
+def generator(rng: Any) -> "np.random.Generator":
+    """The source of random numbers that a user gives: a generator, or what seeds one."""
+    try:
+        return np.random.default_rng(rng)
+    except (TypeError, ValueError):
+        raise InputError(
+            f"rng {shown(rng)}: expected a whole number that seeds a generator, or a"
+            " numpy.random.Generator"
+        ) from None
+
+
 def whole_number(value: Any, name: str, *, least: int = 1, most: int | None = None) -> int:
     """A value from outside as an integer; 181.0 is accepted."""
     largest = value if most is None else most
     if not is_finite(value) or value != int(value) or value < least or value > largest:
-        limit = f"of at least {least}" if most is None else f"from {least} to {most}"
+        limit = f"of at least {least}" if most is None else f"from {least} to {most:,}"
         raise InputError(f"{name} {shown(value)}: expected a whole number {limit}")
     return int(value)
 

@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.errors import InputError, check_names
 from lrf3d.files import own_name
-from lrf3d.geometry import Float, Value
-from lrf3d.laser import Imperfections, LaserRangeFinder, Noise, ProportionalNoise
+from lrf3d.geometry import Float, Value, whole_number
+from lrf3d.laser import LaserRangeFinder, Noise, ProportionalNoise, imperfect
 from lrf3d.laser.noise import SIGMA, as_noise, at_sigma, spread_of
 from lrf3d.planning.free_space import Side
 from lrf3d.pose import Pose
@@ -193,7 +193,7 @@ class Scenario(Value):
             CollisionError: The drive would hit a wall.
             InputError: The scenario has neither poses nor a route, or the drive is too long.
         """
-        self._check_number(scans)
+        scans = None if scans is None else whole_number(scans, "scans", most=MOST_SCANS)
         if self.poses is not None:
             stops = np.arange(len(self.poses) if scans is None else scans)
             return Trajectory(POSE_INTERVAL * stops, self.poses[stops % len(self.poses)])
@@ -267,7 +267,7 @@ class Scenario(Value):
                 "scans": CONTROLLED_SCANS if scans is None else scans,
                 "radius": scenario.radius if on_collision is None else None,
             }
-            scenario._check_number(arguments["scans"])
+            whole_number(arguments["scans"], "scans", most=MOST_SCANS)
         elif driven is None:
             scenario = scenario.with_route()
             driven = scenario.trajectory(scans=scans, on_collision=on_collision)
@@ -300,10 +300,6 @@ class Scenario(Value):
         from lrf3d.simulation import collect
 
         return collect(self.simulation(**changes), progress, snapshots=snapshots)
-
-    def _check_number(self, scans: int | None) -> None:
-        if scans is not None and scans > MOST_SCANS:
-            raise InputError(f"{scans:,} scans: more than {MOST_SCANS:,}; ask for fewer")
 
 
 def start_of(route: Float) -> Pose:
@@ -361,7 +357,7 @@ def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
     return Scenario(
         world=file.world,
         lrf=lrf,
-        noise=Imperfections(**noise).noise(sigma, lrf),
+        noise=imperfect(sigma, lrf, **noise),
         compared=tuple(compared),
         obstacles=_obstacles(file, robot.get("radius", RADIUS)),
         mapper=MappingProxyType(dict(file.tables.get("mapper", {}))),

@@ -8,10 +8,9 @@ import numpy as np
 from lrf3d.casting import EmbreeCaster, PlanarCaster
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.casting.timed import Caster, timed
-from lrf3d.errors import InputError
+from lrf3d.errors import InputError, expect
 from lrf3d.geometry import Float
-from lrf3d.laser import LaserRangeFinder, LaserScan, Noise
-from lrf3d.laser.echoes import measured
+from lrf3d.laser import Chain, LaserRangeFinder, LaserScan, Noise
 from lrf3d.robot import Trajectory
 from lrf3d.world import World
 
@@ -35,7 +34,9 @@ class Sensor:
         obstacles: Sequence[DynamicObstacle] = (),
         path: Trajectory | None = None,
     ) -> None:
+        expect(lrf, LaserRangeFinder, "range finder")
         self.lrf, self.caster, self.noise = lrf, caster_of(caster, world), noise
+        self._noisy = Chain([noise])
         self.cast = timed(self.caster, lrf, path, obstacles)
 
     def measure(
@@ -47,7 +48,7 @@ class Sensor:
 
     def noisy(self, true_scan: LaserScan, rng: np.random.Generator) -> LaserScan:
         """The measured scan of a true one."""
-        scan = measured(true_scan, self.noise, rng)
+        scan = self._noisy(true_scan, rng)
         if not isinstance(scan, LaserScan) or len(scan.ranges) != self.lrf.beams:
             raise InputError(
                 f"noise {self.noise!r} returned {_shown(scan)}; expected a LaserScan of"

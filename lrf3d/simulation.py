@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.casting.timed import Caster
-from lrf3d.errors import InputError, check_names, shown
-from lrf3d.geometry import Float, numbers, sealed, whole_number
+from lrf3d.errors import InputError, check_names, expect, shown
+from lrf3d.geometry import Float, generator, numbers, sealed, whole_number
 from lrf3d.interrupts import check, stoppable
 from lrf3d.laser import LaserRangeFinder, LaserScan, ProportionalNoise
 from lrf3d.laser.noise import FLOOR, SIGMA, Noise, as_noise, spread_of
@@ -150,7 +150,7 @@ class Simulation:
         self.mapper: Mapper = line_mapper(noise) if mapper is None else mapper
         if not callable(getattr(self.mapper, "update", None)):
             raise InputError(f"mapper {self.mapper!r}: expected an object with update(scan)")
-        self.rng = np.random.default_rng(rng)
+        self.rng = generator(rng)
         self.drive: Trajectory | ControlledDrive
         end: float | None = None
         if callable(getattr(drive, "command", None)):
@@ -169,6 +169,8 @@ class Simulation:
             scans = len(path) if scans is None else min(scans, len(path))
         # A run stores the paths of its obstacles as poses, up to its end; an endless drive is not
         # stored.
+        for obstacle in obstacles:
+            expect(obstacle, DynamicObstacle, "obstacle")
         self.obstacles = tuple(
             obstacles if end is None else (obstacle.until(end) for obstacle in obstacles)
         )
@@ -312,6 +314,7 @@ def collect(
 ) -> Run:
     """Run a simulation to its end and keep it in memory; `record` writes it to a file."""
     total = simulation.total
+    snapshots = None if snapshots is None else whole_number(snapshots, "snapshots")
     schedule, shape = SnapshotSchedule(total, snapshots), (total, simulation.lrf.beams)
     times, poses = np.empty(total), np.empty((total, 3))
     ranges, truth, walls = np.empty(shape), np.empty(shape), np.empty(shape, dtype=np.int64)

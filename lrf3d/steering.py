@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from lrf3d.errors import CollisionError, InputError, shown
-from lrf3d.geometry import Float, is_finite
+from lrf3d.geometry import Float, is_finite, number
 from lrf3d.laser import LaserScan
 from lrf3d.pose import Pose, as_pose
 from lrf3d.robot import Trajectory, Unicycle
@@ -44,11 +44,8 @@ class ControlledDrive:
         world: World,
         radius: float | None,
     ) -> None:
-        if not (is_finite(interval) and interval > 0.0):
-            raise InputError(
-                f"scan_interval {shown(interval)}: expected a positive number of seconds"
-            )
-        self.controller, self.interval = controller, interval
+        self.controller = controller
+        self.interval = number(interval, "scan_interval", "seconds", positive=True)
         self.start = self.pose = as_pose(start)
         self.goes_on = True
         self.radius = radius

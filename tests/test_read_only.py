@@ -142,7 +142,7 @@ def test_numbers_are_whatever_numpy_takes_for_numbers():
     [
         (lambda: LaserRangeFinder(beams="a"), "beams 'a': expected a whole number"),
         (lambda: LaserRangeFinder(beams=1.5), "beams 1.5: expected a whole number"),
-        (lambda: LaserRangeFinder(beams=10**12), "from 1 to 1000000"),
+        (lambda: LaserRangeFinder(beams=10**12), "from 1 to 1,000,000"),
         (lambda: LaserRangeFinder(0.0, 1e16), "expected −63 ≤ angle_min ≤ angle_max ≤ 63"),
         (lambda: LaserRangeFinder(range_max="a"), "expected finite numbers"),
         (lambda: LaserRangeFinder(scan_duration=None), "scan_duration None"),

@@ -11,7 +11,7 @@ from lrf3d.geometry import (
     LARGEST_COORDINATE,
     Float,
     Value,
-    is_finite,
+    number,
     read_only,
     whole_number,
     wrap_angle,
@@ -73,10 +73,7 @@ class DynamicObstacle(Value):
                 f"dynamic obstacle: corner {corner} is {outline[corner].tolist()}, expected finite"
                 f" numbers of at most {LARGEST_COORDINATE:g} m"
             )
-        if not (is_finite(self.height) and self.height > 0.0):
-            raise InputError(
-                f"dynamic obstacle of height {shown(self.height)}: expected more than 0 metres"
-            )
+        number(self.height, "dynamic obstacle: height", "metres", positive=True)
         object.__setattr__(self, "outline", outline)
 
     @cached_property
@@ -132,8 +129,7 @@ class DynamicObstacle(Value):
 
 def round_outline(radius: float, corners: int = 16) -> Float:
     """A regular polygon (corners, 2) around a circle of a radius [m]."""
-    if not (is_finite(radius) and radius > 0.0):
-        raise InputError(f"radius {shown(radius)}: expected a positive number of metres")
+    number(radius, "radius", "metres", positive=True)
     corners = whole_number(corners, "corners", least=3)
     turns = 2.0 * np.pi / corners * (np.arange(corners) + 0.5)
     # The sides touch the circle, so that the polygon is nowhere narrower than it.

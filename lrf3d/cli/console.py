@@ -26,7 +26,7 @@ class Report:
     Options:
         json: Print one JSON object and nothing else.
         quiet: Print no summary, notes and progress.
-        verbose: Print more figures.
+        verbose: Print all figures, by their names in JSON.
     """
 
     title: ClassVar[str | None] = None
@@ -34,12 +34,14 @@ class Report:
     quiet: Annotated[bool, typer.Option("--quiet", "-q")] = False
     verbose: Annotated[bool, typer.Option("--verbose", "-v")] = False
 
-    def print(self, figures: Any, rows: Rows, details: Rows = ()) -> None:
-        """Print figures as JSON or as a table, to which ``-v`` adds the details."""
+    def print(self, figures: Mapping[str, Any], rows: Rows) -> None:
+        """Print figures as JSON, or what most users ask as a table, and with ``-v`` all of them."""
         if self.json:
             print_json(figures)
         elif not self.quiet:
-            print_table([*rows, *(details if self.verbose else ())])
+            print_table(rows)
+            if self.verbose:
+                print_table(list(_by_name(figures)))
 
     def note(self, message: str) -> None:
         """Print on stderr what was chosen by default."""
@@ -123,6 +125,16 @@ def _rounded(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {name: _rounded(each) for name, each in value.items()}
     return [_rounded(each) for each in value] if isinstance(value, list | tuple) else value
+
+
+def _by_name(figures: Mapping[str, Any], place: str = "") -> Iterator[tuple[str, str]]:
+    """All figures by their names, those of nested ones with dots between."""
+    for name, value in figures.items():
+        if isinstance(value, Mapping):
+            yield from _by_name(value, f"{place}{name}.")
+        else:
+            plain = isinstance(value, str)
+            yield f"{place}{name}", value if plain else json.dumps(_rounded(value))
 
 
 def print_table(rows: Rows) -> None:

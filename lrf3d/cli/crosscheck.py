@@ -37,8 +37,7 @@ def crosscheck(
 
         draw_crosscheck(scenario.world, scenario.lrf, trajectory.poses, result, figure)
         figures["picture"] = str(figure)
-    counts = result.counts
-    unexplained = counts.pop(Cause.UNEXPLAINED, 0)
+    unexplained = result.counts.get(Cause.UNEXPLAINED, 0)
     agree, largest = result.beams - len(result.causes), result.largest_difference
     report.print(
         figures,
@@ -46,11 +45,8 @@ def crosscheck(
             ("beams", f"{result.beams:,} in {len(trajectory)} scans"),
             ("agree", f"{agree:,}, the largest difference {largest:.1e} m"),
             ("differ", f"{len(result.causes)}, {unexplained} of them unexplained"),
+            *((f"  {cause}", f"{n}: {MEANING[cause]}") for cause, n in result.counts.items()),
             *([] if figure is None else [("picture", str(figure))]),
-        ],
-        [
-            *((str(cause), f"{count}: {MEANING[cause]}") for cause, count in counts.items()),
-            ("largest", f"{result.largest_error:.3g} m between two ranges of any beam"),
         ],
     )
     if unexplained:

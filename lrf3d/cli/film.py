@@ -46,11 +46,7 @@ class Film:
     panel: Literal["short", "full"] = "short"
 
     def check(self) -> None:
-        """Check the size, before any work.
-
-        Raises:
-            InputError: It is invalid.
-        """
+        """Check the size, before any work."""
         self._size()
 
     def write(
@@ -66,11 +62,9 @@ class Film:
         from lrf3d.render.video import render_frames, render_video
         from lrf3d.scene.stage import stage_of
 
-        ending, options = path.suffix.lower(), self._still()
+        ending, options = path.suffix.lower(), self._options()
         if self.size is None and ending in (".gif", ".webp"):
             options["size"] = _SMALL
-        options |= {"fps": self.fps or (_GIF_RATE if ending == ".gif" else _RATE)}
-        options |= {"workers": self.workers, "part": part}
         count, began = 0, perf_counter()
         # The light is baked once, for all that draw.
         with report.progress("light") as progress:
@@ -82,13 +76,17 @@ class Film:
                 count = total
                 progress(done, total)
 
-            (render_frames if frames else render_video)(run, path, **options, progress=counting)
-        return {
-            "frames": count,
-            "size": list(options["size"]),
-            "renderer": options["renderer"],
-            "seconds": perf_counter() - began,
-        }
+            (render_frames if frames else render_video)(
+                run,
+                path,
+                fps=self.fps or (_GIF_RATE if ending == ".gif" else _RATE),
+                workers=self.workers,
+                part=part,
+                progress=counting,
+                **options,
+            )
+        figures = {"frames": count, "size": list(options["size"]), "renderer": options["renderer"]}
+        return {**figures, "seconds": perf_counter() - began}
 
     def draw(self, run: "Run", path: Path, time: float) -> None:
         """Write the picture of a run at a time [s]."""
@@ -96,32 +94,26 @@ class Film:
         from lrf3d.render.pictures import save_png
         from lrf3d.render.video import frame
 
-        picture = frame(run, time, **self._still())
+        picture = frame(run, time, **self._options())
         with replacing(path) as unfinished:
             save_png(picture, unfinished)
 
-    def _still(self) -> dict[str, Any]:
-        """Keyword arguments to draw a picture: with OpenGL, or else with Embree."""
+    def _options(self) -> dict[str, Any]:
+        """Keyword arguments to draw any picture: with OpenGL, or else with Embree."""
         from lrf3d.cli.console import warn
         from lrf3d.errors import MissingLibraryError
         from lrf3d.render.gl import require_gl
 
-        renderer = self.renderer
-        if renderer is None:
+        shared = {name: getattr(self, name) for name in ("view", "playback", "samples", "panel")}
+        renderer = self.renderer or "gl"
+        if self.renderer is None:
             try:
                 require_gl()
-                renderer = "gl"
             except MissingLibraryError as error:
                 warn(f"Embree draws instead, smaller and slower: {error}")
                 renderer = "embree"
-        return {
-            "size": self._size() or (_LARGE if renderer == "gl" else _SMALL),
-            "playback": self.playback,
-            "view": self.view,
-            "samples": self.samples,
-            "renderer": renderer,
-            "panel": self.panel,
-        }
+        size = self._size() or (_LARGE if renderer == "gl" else _SMALL)
+        return {**shared, "size": size, "renderer": renderer}
 
     def _size(self) -> tuple[int, int] | None:
         """Width and height; both even, as H.264 needs them."""

@@ -43,9 +43,8 @@ class ResultsFolder:
         drawings: Mapping[str, tuple[str, Drawing]],
         *,
         rows: Rows,
-        details: Rows = (),
         following: str = "",
-        kept: str = "",
+        kept: str,
     ) -> None:
         """Write summary.json, print the results, and draw, which may fail or be stopped, last.
 
@@ -56,7 +55,7 @@ class ResultsFolder:
         figures = {**summary, "made_by": self.made_by, "files": made}
         write_text(self.path / "summary.json", json_text(figures))
         if not self.report.json:
-            self.report.print(summary, rows, details)
+            self.report.print(summary, rows)
         try:
             with noting(lambda: kept):
                 for name, (file, draw) in drawings.items():

@@ -52,27 +52,14 @@ def localise(
             run, sigma, odometry, known=known, strategy=strategy, seeds=seeds, workers=workers,
             progress=progress,
         )  # fmt: skip
-    nees = score["nees"]
-    low, high = nees["bounds_of_average_over_seeds"]
+    noise = {"position_m": position, "heading_deg": heading}
     report.print(
-        {
-            "name": scenario.name,
-            "sigma_m": sigma,
-            "odometry_noise": {"position_m": position, "heading_deg": heading},
-            **score,
-        },
+        {"name": scenario.name, "sigma_m": sigma, "odometry_noise": noise, **score},
         [
             ("known", f"{score['lines']} lines: the {known} of {scenario.name}"),
             ("drives", f"{score['seeds']} of {score['scans']} scans"),
             ("position", f"{score['mean_position_error_m']:.4f} m off on average, at most"
                          f" {score['largest_position_error_m']:.3f} m"),
             ("heading", f"{score['mean_heading_error_deg']:.4f}° off on average"),
-        ],
-        [
-            ("RMS", f"{score['rms_position_error_m']:.4f} m"),
-            ("NEES", f"{nees['mean']:.2f} on average; {100 * nees['scans_within_bounds']:.1f} % of"
-                     f" the scans within {low:.2f} to {high:.2f}"),
-            ("lines", f"{score['lines_a_scan']:.1f} a scan, by {score['comparisons_a_scan']:.0f}"
-                      " comparisons"),
         ],
     )  # fmt: skip

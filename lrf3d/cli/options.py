@@ -74,13 +74,15 @@ class Drive:
 
         return warn if self.ignore_collisions else None
 
-    def read(self, name: str, report: "Report") -> "Scenario":
-        """Read a world to drive through, and plan a route if it has none."""
+    def read(self, name: str, report: "Report", *, planned: bool = True) -> "Scenario":
+        """Read a world to drive through, and plan a route if it has none and needs one."""
         from lrf3d.cli.console import warn
         from lrf3d.errors import InputError
 
         where = side_of(self.inside)
         scenario = read_world(name, self.settings, scale=self.scale, resolution=self.resolution)
+        if not planned:
+            return scenario
         scenario = scenario.with_route(where=where, say=warn)
         if scenario.planned is None:
             if where is not None:

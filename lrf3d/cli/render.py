@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import typer
 
@@ -45,20 +45,21 @@ def render(
     if points_by is not None:
         kept = replace(kept, film=replace(kept.film, points_by=points_by))
     make_folder(path.parent)
-    figures: dict[str, Any] = {}
-    if at is None:
-        figures = film.write(kept, path, report, frames=frames, part=(first, last))
-    else:
+    if at is not None:
         film.draw(kept, path, at)
-    what = "frames" if frames else "video" if at is None else "picture"
-    rows = [("film" if what == "video" else what, str(path))]
-    if figures:
-        each = 1e3 * figures["seconds"] / max(figures["frames"], 1)
-        by = "OpenGL" if figures["renderer"] == "gl" else "Embree"
-        size = "x".join(map(str, figures["size"]))
-        drawn = f"{figures['seconds']:.1f} s, {each:.0f} ms each by {by}"
-        rows += [("drawn", f"{figures['frames']} frames of {size}"), ("time", drawn)]
-    report.print({what: str(path), **({} if not figures else {"drawn": figures})}, rows)
+        report.print({"picture": str(path)}, [("picture", str(path))])
+        return
+    drawn = film.write(kept, path, report, frames=frames, part=(first, last))
+    each = 1e3 * drawn["seconds"] / max(drawn["frames"], 1)
+    by = "OpenGL" if drawn["renderer"] == "gl" else "Embree"
+    report.print(
+        {"frames" if frames else "video": str(path), "drawn": drawn},
+        [
+            ("frames" if frames else "film", str(path)),
+            ("drawn", f"{drawn['frames']} frames of {'x'.join(map(str, drawn['size']))}"),
+            ("time", f"{drawn['seconds']:.1f} s, {each:.0f} ms each by {by}"),
+        ],
+    )
 
 
 def _output_path(run: Path, out: Path | None, picture: bool, frames: bool) -> Path:
@@ -67,17 +68,16 @@ def _output_path(run: Path, out: Path | None, picture: bool, frames: bool) -> Pa
 
     if picture and frames:
         raise InputError("--at and --frames: one is a single picture, the other all; give one")
-    ending = ".png" if picture else "" if frames else ".mp4"
+    name = "frames" if frames else "run.png" if picture else "run.mp4"
     if out is None:
-        folder = run if run.is_dir() else run.parent
-        return folder / ("frames" if frames else f"run{ending}")
-    given = out.suffix.lower()
-    if frames and given in (".png", ".mp4", ".webp", ".gif"):
-        raise InputError(f"--out {out}: --frames writes many files; name a folder")
-    if picture and given != ending:
-        raise InputError(f"--out {out}: expected a name that ends in .png, as --at draws a picture")
-    if not picture and given == ".png":
-        raise InputError(
-            f"--out {out}: a .png is one picture; give its time with --at TIME, or use --frames"
-        )
+        return (run if run.is_dir() else run.parent) / name
+    ending, wrong = out.suffix.lower(), ""
+    if frames and ending in (".png", ".mp4", ".webp", ".gif"):
+        wrong = "--frames writes many files; name a folder"
+    elif picture and ending != ".png":
+        wrong = "expected a name that ends in .png, as --at draws a picture"
+    elif ending == ".png" and not picture:
+        wrong = "a .png is one picture; give its time with --at TIME, or use --frames"
+    if wrong:
+        raise InputError(f"--out {out}: {wrong}")
     return out

@@ -63,63 +63,73 @@ def run(
     """
     from lrf3d.errors import InputError
 
-    sigmas = _numbers(sigma)
+    given = _numbers(sigma)
     film.check()
     if own.controller is not None and drive.inside is not None:
         raise InputError("--inside, --outside: a controller drives, so no route is planned")
     if slam and (own.mapper is not None or mode is not None):
         raise InputError("--slam: it is a mapper itself; leave out --mapper and --mode")
-    if own.controller is None:
-        scenario = drive.read(world, report)
-    else:
-        scenario = options.read_world(
-            world, drive.settings, scale=drive.scale, resolution=drive.resolution
-        )
+    scenario = drive.read(world, report, planned=own.controller is None)
 
     from lrf3d.cli.folder import results_folder
-    from lrf3d.cli.plugins import load_plugin
+    from lrf3d.cli.plugins import load_plugin, made
     from lrf3d.world.cameras import check_view
 
     check_view(scenario.view if film.view is None else film.view, scenario.world.cameras)
-    plugins: dict[str, Any] = {
-        kind: load_plugin(kind, name) for kind, name in vars(own).items() if name is not None
-    }
-    named = {kind: name for kind, name in vars(own).items() if name and kind != "noise"}
+    named = {kind: name for kind, name in vars(own).items() if name is not None}
+    plugins: dict[str, Any] = {kind: load_plugin(kind, name) for kind, name in named.items()}
+    named.pop("noise", None)
     if slam:
         from lrf3d.slam.simulated import SlamMapper
 
         plugins["mapper"], named["mapper"] = partial(SlamMapper, rng=seed), "lrf3d.slam:SlamMapper"
     settings: dict[str, Any] = {
-        "mode": mode, "caster": caster, "scans": scans, "on_collision": drive.on_collision
+        "mode": mode, "caster": caster, "scans": scans, "on_collision": drive.on_collision,
+        "rng": seed,
     }  # fmt: skip
     if own.controller is None:
         # All noise levels have the same drive, which is computed and checked once.
         settings["drive"] = scenario.trajectory(scans=scans, on_collision=drive.on_collision)
     output = results_folder(context, report, [world], scenario.name, out)
 
-    from lrf3d.cli.results import KEPT, files_of, pictures_of, rows_of, simulated, summary_of
+    from lrf3d.cli.results import KEPT, pictures_of, rows_of, simulated
+    from lrf3d.mapping import save_map
 
-    results = simulated(
-        scenario,
-        sigmas or scenario.sigmas,
+    def simulation(sigma: float | None) -> Any:
+        parts = {kind: made(found) for kind, found in plugins.items()}
+        return scenario.simulation(sigma=sigma, **settings, **parts)
+
+    levels = [None, *scenario.compared] if not given else given
+    runs, figures = simulated(
+        [partial(simulation, level) for level in levels],
         output.path,
-        plugins=plugins,
         progress=report.progress,
         resume=resume,
-        rng=seed,
-        **settings,
     )
-    summary = summary_of(results, {"seed": seed, "caster": caster, **named}, output.path)
-    files, pictures = files_of(results, output.path), pictures_of(results)
+    run, sigmas = runs[0], given or scenario.sigmas
+    about = {"name": scenario.name, "seed": seed, "caster": caster, **named}
+    summary = {**about, "sigma_m": sigmas[0], "planned": scenario.planned, **figures}
+    if own.controller is None and scenario.poses is not None:
+        # The robot did not drive between the poses.
+        summary["drive"]["length_m"] = 0.0
+    if len(runs) > 1:
+        summary["noise_levels"] = [
+            {"sigma_m": level, "segments": len(run.map), "objects": run.map.object_count}
+            for level, run in zip(sigmas, runs, strict=True)
+        ]
+    files = {"run": "run.npz"}
+    # A user's mapper may make no LineMap.
+    if run.maps:
+        files["map"] = "map.geojson"
+        save_map(run.map, output.path / files["map"], free=run.free_cells())
+    pictures = pictures_of(runs, sigmas, scenario)
     if video:
-        pictures["video"] = "run.mp4", lambda path: film.write(results.run, path, report)
-    rows, details = rows_of(results, summary)
+        pictures["video"] = "run.mp4", lambda path: film.write(run, path, report)
     output.finish(
         summary,
         files,
         pictures,
-        rows=rows,
-        details=details,
+        rows=rows_of(runs, summary),
         following=f"lrf3d {'view' if video else 'render'} {output.path}",
         kept=KEPT,
     )

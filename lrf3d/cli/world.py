@@ -34,21 +34,19 @@ def show(
         print_json(names) if report.json else print_text("\n".join([*names, ""]))
         return
     scenario = options.read_world(world, scale=scale, resolution=resolution)
-    figures, rows = _described(scenario.world)
-    figures = {"name": scenario.name} | figures
-    if scenario.route is not None:
-        rows.append(("route", counted(len(scenario.route), "way-point")))
-    figures["route_points"] = None if scenario.route is None else len(scenario.route)
-    if scenario.poses is not None:
-        rows.append(("poses", str(len(scenario.poses))))
-    figures["scan_poses"] = None if scenario.poses is None else len(scenario.poses)
+    route, poses = scenario.route, scenario.poses
+    figures, rows = _described(scenario.world, name=scenario.name)
+    figures["route_points"] = None if route is None else len(route)
+    figures["scan_poses"] = None if poses is None else len(poses)
+    rows += [] if route is None else [("route", counted(len(route), "way-point"))]
+    rows += [] if poses is None else [("poses", str(len(poses)))]
     if out is not None:
         from lrf3d.render.figures import draw_world
 
-        draw_world(scenario.world, out, route=scenario.route, poses=scenario.poses)
+        draw_world(scenario.world, out, route=route, poses=poses)
         figures["picture"] = str(out)
         rows.append(("picture", str(out)))
-    report.print(figures, [("name", scenario.name), *rows])
+    report.print(figures, rows)
 
 
 def convert(
@@ -74,11 +72,8 @@ def convert(
     read = load_world(source, trees=trees, resolution=resolution if bare else None).scaled(scale)
     cells = target.suffix.lower() == ".yaml"
     save_world(read, target, resolution=None if bare and not cells else resolution)
-    figures, rows = _described(read)
-    report.print(
-        {"from": source} | figures | {"written": str(target)},
-        [("from", source), *rows, ("written", str(target))],
-    )
+    figures, rows = _described(read, **{"from": source})
+    report.print(figures | {"written": str(target)}, [*rows, ("written", str(target))])
 
 
 def generate(
@@ -100,20 +95,20 @@ def generate(
 
     made = generate_world(kind, size=size, seed=seed)
     save_world(made, out)
-    figures, rows = _described(made)
-    report.print(
-        {"kind": kind, "seed": seed, "name": made.name} | figures | {"written": str(out)},
-        [("name", made.name), *rows, ("written", str(out))],
-    )
+    figures, rows = _described(made, name=made.name)
+    figures |= {"kind": kind, "seed": seed, "written": str(out)}
+    report.print(figures, [*rows, ("written", str(out))])
 
 
-def _described(world: "World") -> tuple[dict[str, Any], list[tuple[str, str]]]:
-    """The properties of a world, in JSON's types and as a table."""
+def _described(world: "World", **name: str) -> tuple[dict[str, Any], list[tuple[str, str]]]:
+    """The name and the properties of a world, in JSON's types and as a table."""
     from lrf3d.geometry import lengths
 
     long = float(lengths(world.segments).sum())
     low, high = float(world.heights.min()), float(world.heights.max())
+    (x1, y1), (x2, y2) = world.bounds
     figures = {
+        **name,
         "objects": world.object_count,
         "walls": len(world.segments),
         "wall_length_m": long,
@@ -121,9 +116,9 @@ def _described(world: "World") -> tuple[dict[str, Any], list[tuple[str, str]]]:
         "heights_m": [low, high],
         "place": None if world.place is None else list(world.place),
     }
-    (x1, y1), (x2, y2) = world.bounds
     heights = f"{low:g} m" if low == high else f"{low:g} to {high:g} m"
     rows = [
+        *name.items(),
         ("objects", f"{world.object_count:,}"),
         ("walls", f"{len(world.segments):,}, {long:.1f} m long, {heights} high"),
         ("bounds", f"x {x1:.2f} to {x2:.2f} m, y {y1:.2f} to {y2:.2f} m"),

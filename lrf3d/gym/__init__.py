@@ -13,9 +13,8 @@ except ModuleNotFoundError:
     raise missing_extra("environments need Gymnasium", "gym") from None
 
 from lrf3d.gym.drive import DriveEnv, DriveVectorEnv
-from lrf3d.gym.task import DriveTask
 
-__all__ = ["DriveEnv", "DriveTask", "DriveVectorEnv"]
+__all__ = ["DriveEnv", "DriveVectorEnv"]
 
 ID = "lrf3d/Drive-v0"
 """The identifier of the environment in Gymnasium."""

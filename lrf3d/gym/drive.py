@@ -1,4 +1,8 @@
-"""Environments of Gymnasium for a DriveTask: many robots at once, and one with pictures."""
+"""Environments of Gymnasium in which robots drive to goals: many at once, or one with pictures.
+
+Actions of all robots enter; observations, rewards, and which robots have finished leave. The robots
+are in one world but do not see each other: each is a separate attempt.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -10,17 +14,44 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from lrf3d.casting import PlanarCaster
 from lrf3d.errors import InputError, shown
-from lrf3d.geometry import Float, numbers
-from lrf3d.gym.task import GOAL_RADIUS, DriveTask
-from lrf3d.pose import as_pose
+from lrf3d.geometry import Bool, Float, Int, is_finite, numbers, wrap_angle
+from lrf3d.laser import LaserScan, ProportionalNoise
+from lrf3d.laser.noise import at_sigma
+from lrf3d.planning.free_space import free_places
+from lrf3d.pose import Pose, as_pose
 from lrf3d.render.window import Window
 from lrf3d.robot import Trajectory
+from lrf3d.robot.collision import CollisionChecker
+from lrf3d.robot.unicycle import arcs
 from lrf3d.run import Run
 from lrf3d.scenario import Scenario, load_scenario
+from lrf3d.sensor import Sensor
 
 MAX_STEPS = 500
 """Default number of steps after which an episode is truncated."""
+
+GOAL_NEAR, GOAL_FAR = 5.0, 20.0
+"""Least and largest distance of a goal from the start [m], in a world large enough."""
+
+CANDIDATES = 32
+"""Number of random candidates for a goal, of which the first at such a distance is used."""
+
+GOAL_RADIUS = 0.5
+"""Distance from its goal at which a robot has arrived [m]."""
+
+AT_GOAL, AT_WALL = 10.0, -10.0
+"""Rewards at the goal and for a collision."""
+
+EACH_STEP = -0.01
+"""Reward of each step, so that fast drives score higher."""
+
+ACTION_TURN_RATE = 1.5
+"""Largest turn rate of an action [rad/s], equal to that of the route follower."""
+
+GOAL_MARGIN = 0.1
+"""Clearance of a robot from walls at its start, in addition to its radius [m]."""
 
 Observation = dict[str, NDArray[np.float32]]
 Array = NDArray[Any]
@@ -30,7 +61,7 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
     """Robots that each drive to a goal, as in DriveEnv, in one world without seeing each other.
 
     A robot whose episode has ended is placed again in the step after (autoreset ``NextStep``);
-    its action in that step is ignored.
+    its action in that step is ignored. ``poses`` (k, 3) and ``goals`` (k, 2) are the current ones.
 
     Args:
         num_envs: Number of robots.
@@ -40,7 +71,7 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         render_mode: None; pictures are DriveEnv's.
 
     Raises:
-        InputError: An argument is invalid.
+        InputError: An argument is invalid, or there is no free space to drive in.
         WorldError: There is no such world.
     """
 
@@ -61,13 +92,34 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
             raise InputError(
                 f"render_mode {render_mode!r}: not available for many robots; use DriveEnv"
             )
-        scenario = world if isinstance(world, Scenario) else load_scenario(world)
+        self.scenario = scenario = world if isinstance(world, Scenario) else load_scenario(world)
+        noise = scenario.noise
+        if sigma is not None:
+            noise = at_sigma(noise, sigma) if sigma else ProportionalNoise(sigma)
         self.num_envs, self.max_steps, self.render_mode = num_envs, max_steps, None
-        self.task = DriveTask(scenario, num_envs, sigma=sigma)
-        self.single_observation_space = _observation_space(self.task)
+        self.lrf, self.dt = scenario.lrf, scenario.scan_interval
+        # A scan takes no time, because the robot decides on its motion after it.
+        self._caster = PlanarCaster(scenario.world)
+        self._sensor = Sensor(
+            scenario.world, self.lrf, caster=self._caster, noise=noise,
+            obstacles=scenario.obstacles,
+        )  # fmt: skip
+        self._checker = CollisionChecker(scenario.world)
+        self._cells = free_places(scenario.world, scenario.radius + GOAL_MARGIN)
+        self._farthest = float(np.hypot(*np.ptp(self._cells, axis=0))) + GOAL_FAR
+        low, high = [0.0, -1.0, -1.0], [self._farthest, 1.0, 1.0]
+        top = np.float32(self.lrf.range_max)
+        self.single_observation_space = spaces.Dict(
+            {
+                "goal": spaces.Box(np.array(low, np.float32), np.array(high, np.float32)),
+                "ranges": spaces.Box(np.float32(0.0), top, (self.lrf.beams,), np.float32),
+            }
+        )
         self.single_action_space = spaces.Box(np.float32(-1.0), np.float32(1.0), (2,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
+        self.poses, self.goals = np.zeros((num_envs, 3)), np.zeros((num_envs, 2))
+        self._times = np.zeros(num_envs)
         self._steps = np.zeros(num_envs, np.int64)
         self._ended = np.zeros(num_envs, np.bool_)
 
@@ -84,28 +136,28 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
             InputError: One of the options is not finite numbers of this shape.
         """
         super().reset(seed=seed)
-        self.task.place(np.arange(self.num_envs), self.np_random)
+        self._place(np.arange(self.num_envs))
         options = options or {}
         if "pose" in options:
-            self.task.poses[:] = as_pose(options["pose"])
+            self.poses[:] = as_pose(options["pose"])
         if "goal" in options:
             goal = numbers(options["goal"], "goal")
-            if goal.shape != (2,) or not np.isfinite(goal).all():
+            if goal.shape != (2,) or not is_finite(*goal):
                 raise InputError(f"goal {shown(options['goal'])}: expected x, y [m]")
-            self.task.goals[:] = goal
+            self.goals[:] = goal
         self._steps[:], self._ended[:] = 0, False
         return self._observe(), {}
 
     def step(self, actions: Array) -> tuple[Observation, Array, Array, Array, dict[str, Any]]:
-        """Drive with actions (num_envs, 2)."""
+        """Drive with actions (num_envs, 2) for the time between two scans."""
         again = self._ended
-        rewards, reached, collided = self.task.step(np.where(again[:, None], 0.0, actions))
+        rewards, reached, collided = self._drive(*self._commands(actions, again).T)
         self._steps += 1
         reached, collided = reached & ~again, collided & ~again
         ended = reached | collided
         cut = (self._steps >= self.max_steps) & ~ended & ~again
         if again.any():
-            self.task.place(np.flatnonzero(again), self.np_random)
+            self._place(np.flatnonzero(again))
             self._steps[again] = 0
         self._ended = ended | cut
         rewards = np.where(again, 0.0, rewards)
@@ -114,10 +166,96 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         infos = {"reached": reached, "_reached": valid, "collided": collided, "_collided": valid}
         return self._observe(), rewards, ended, cut, infos
 
+    def distances(self) -> Float:
+        """Distances (k,) of the robots from their goals [m]."""
+        away = self.goals - self.poses[:, :2]
+        return np.hypot(away[:, 0], away[:, 1])
+
+    def _place(self, robots: Int) -> None:
+        """Place some robots, each with a new pose and a new goal."""
+        rng = self.np_random
+        cells = self._cells[rng.integers(len(self._cells), size=(len(robots), CANDIDATES + 1))]
+        starts, goals = cells[:, 0], cells[:, 1:]
+        distances = np.hypot(*np.moveaxis(goals - starts[:, None], 2, 0))
+        # Distance of each candidate from the limits; argmin takes the first of those within them.
+        misfit = np.maximum(GOAL_NEAR - distances, distances - GOAL_FAR).clip(min=0.0)
+        self.goals[robots] = goals[np.arange(len(robots)), misfit.argmin(axis=1)]
+        headings = rng.uniform(-np.pi, np.pi, len(robots))
+        self.poses[robots] = np.column_stack([starts, headings])
+        self._times[robots] = 0.0
+
+    def _commands(self, actions: Array, idle: Bool) -> Float:
+        """Speed [m/s] and turn rate [rad/s] (k, 2) of actions; idle robots get none.
+
+        Actions are shares of the scenario's speed and of the fastest turn, left positive.
+        """
+        given = numbers(actions, "actions")
+        if given.shape != (self.num_envs, 2):
+            raise InputError(f"actions {given.shape}: expected {(self.num_envs, 2)}")
+        given = np.where(idle[:, None], 0.0, given)
+        if not (finite := np.isfinite(given).all(axis=1)).all():
+            robot = int(np.argmin(finite))
+            raise InputError(
+                f"action of robot {robot}: {given[robot].tolist()}; expected finite numbers from -1"
+                " to 1"
+            )
+        return np.array(np.clip(given, -1.0, 1.0) * (self.scenario.speed, ACTION_TURN_RATE))
+
+    def _drive(self, v: Float, omega: Float) -> tuple[Float, Bool, Bool]:
+        """Drive to the next scan; the rewards, who is at the goal, and who hit something.
+
+        A robot that hits a wall or a dynamic obstacle stays at its last pose.
+        """
+        before, radius = self.distances(), self.scenario.radius
+        moved = arcs(self.poses, v, omega, np.full(self.num_envs, self.dt))
+        hits, _ = self._checker.hit(self.poses[:, :2], moved[:, :2], radius)
+        collided = np.zeros(self.num_envs, np.bool_)
+        collided[hits] = True
+        moved[:, 2] = wrap_angle(moved[:, 2])
+        self._times += self.dt
+        for obstacle in self.scenario.obstacles:
+            collided |= obstacle.distances(moved[:, :2], self._times) < radius
+        self.poses = np.where(collided[:, None], self.poses, moved)
+        after = self.distances()
+        reached = (after < GOAL_RADIUS) & ~collided
+        rewards = before - after + EACH_STEP + AT_GOAL * reached + AT_WALL * collided
+        return rewards, reached, collided
+
+    def _scan(self) -> tuple[Float, Float, Int]:
+        """Measured and true ranges, and walls, (k, beams) each, after REP 117."""
+        sensor, scenario = self._sensor, self.scenario
+        places = zip(self.poses, self._times.tolist(), strict=True)
+        # Intensities are of single scans, as are the places of dynamic obstacles.
+        if scenario.obstacles or scenario.world.materials:
+            scans = [sensor.cast(self.lrf, pose, time) for pose, time in places]
+            truth = np.array([scan.ranges for scan in scans])
+            walls = np.array([scan.walls for scan in scans])
+        else:
+            truth, walls = self._caster.scan_batch(self.lrf, self.poses)
+            if sensor.noise == ProportionalNoise(0.0):
+                return truth, truth, walls
+            scans = [
+                LaserScan.unchecked(self.lrf, Pose(*pose.tolist()), *row).at_time(time)
+                for (pose, time), *row in zip(places, truth, walls, strict=True)
+            ]
+        return np.array([sensor.noisy(scan, self.np_random).ranges for scan in scans]), truth, walls
+
     def _observe(self) -> Observation:
-        self.scan = self.task.scan(self.np_random)
+        """The observations of the robots, in finite float32 numbers.
+
+        A beam without return has range_max, one below range_min has 0: the limits of what can be
+        measured.
+        """
+        self.scan = self._scan()
         """Measured and true ranges, and walls, of the last step."""
-        return self.task.observe(self.scan[0])
+        away = self.goals - self.poses[:, :2]
+        bearings = np.arctan2(away[:, 1], away[:, 0]) - self.poses[:, 2]
+        distances = np.minimum(self.distances(), self._farthest)
+        goal = np.column_stack([distances, np.cos(bearings), np.sin(bearings)])
+        return {
+            "goal": goal.astype(np.float32),
+            "ranges": np.clip(self.scan[0], 0.0, self.lrf.range_max).astype(np.float32),
+        }
 
 
 class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
@@ -159,12 +297,12 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     ) -> None:
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise InputError(f"render_mode {render_mode!r}: expected 'human', 'rgb_array' or None")
-        self._one = DriveVectorEnv(1, world, sigma=sigma, max_steps=max_steps)
-        self.task = self._one.task
-        self.observation_space = self._one.single_observation_space
-        self.action_space = self._one.single_action_space
+        self.robots = DriveVectorEnv(1, world, sigma=sigma, max_steps=max_steps)
+        """The robot, as many robots that are one."""
+        self.observation_space = self.robots.single_observation_space
+        self.action_space = self.robots.single_action_space
         self.render_mode = render_mode
-        self.metadata = {**self.metadata, "render_fps": max(1, round(1.0 / self.task.dt))}
+        self.metadata = {**self.metadata, "render_fps": max(1, round(1.0 / self.robots.dt))}
         self._size, self._view = size, view
         self._window = Window("lrf3d") if render_mode == "human" else None
         self._film: list[tuple[Float, ...]] = []
@@ -180,8 +318,8 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             InputError: One of the options is not finite numbers of its shape.
         """
         super().reset(seed=seed)
-        self._one.np_random = self.np_random
-        observation, _ = self._one.reset(options=options)
+        self.robots.np_random = self.np_random
+        observation, _ = self.robots.reset(options=options)
         self._film = []
         return self._shown(observation), self._info()
 
@@ -189,7 +327,7 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self, action: NDArray[np.float32]
     ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Drive with an action (2,)."""
-        observation, rewards, ended, cut, infos = self._one.step(numbers([action], "action"))
+        observation, rewards, ended, cut, infos = self.robots.step(numbers([action], "action"))
         ends = {name: bool(infos[name][0]) for name in ("reached", "collided")}
         info = {**self._info(), **ends}
         return self._shown(observation), float(rewards[0]), bool(ended[0]), bool(cut[0]), info
@@ -209,34 +347,21 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     def _shown(self, observation: Observation) -> Observation:
         """The observation of the robot; it is kept for pictures, and shown in the window."""
         if self.render_mode is not None:
-            ranges, truth, walls = self._one.scan
-            self._film.append((self.task.poses[0].copy(), ranges[0], truth[0], walls[0]))
+            self._film.append((self.robots.poses[0], *(rows[0] for rows in self.robots.scan)))
         if self._window is not None:
-            self._window.show(self._picture(), self.task.dt)
+            self._window.show(self._picture(), self.robots.dt)
         return {name: value[0] for name, value in observation.items()}
 
     def _picture(self) -> NDArray[np.uint8]:
         from lrf3d.render.video import frame
 
         poses, ranges, truth, walls = (np.array(column) for column in zip(*self._film, strict=True))
-        times = self.task.dt * np.arange(len(poses))
-        world, path = self.task.scenario.world, Trajectory(times, poses)
-        obstacles = tuple(obstacle.until(times[-1]) for obstacle in self.task.scenario.obstacles)
-        run = Run(world, self.task.lrf, path, ranges, truth, walls, (), (), obstacles)
-        goal = (*self.task.goals[0].tolist(), GOAL_RADIUS)
+        times, scenario = self.robots.dt * np.arange(len(poses)), self.robots.scenario
+        obstacles = tuple(obstacle.until(times[-1]) for obstacle in scenario.obstacles)
+        path = Trajectory(times, poses)
+        run = Run(scenario.world, scenario.lrf, path, ranges, truth, walls, (), (), obstacles)
+        goal = (*self.robots.goals[0].tolist(), GOAL_RADIUS)
         return frame(run, float(times[-1]), size=self._size, view=self._view, goal=goal)
 
     def _info(self) -> dict[str, Any]:
-        return {"pose": self.task.poses[0].copy(), "goal": self.task.goals[0].copy()}
-
-
-def _observation_space(task: DriveTask) -> spaces.Dict:
-    """The observations of one robot, see `DriveEnv`."""
-    low, high = [0.0, -1.0, -1.0], [task.farthest, 1.0, 1.0]
-    top = np.float32(task.lrf.range_max)
-    return spaces.Dict(
-        {
-            "goal": spaces.Box(np.array(low, np.float32), np.array(high, np.float32)),
-            "ranges": spaces.Box(np.float32(0.0), top, (task.lrf.beams,), np.float32),
-        }
-    )
+        return {"pose": self.robots.poses[0].copy(), "goal": self.robots.goals[0].copy()}

@@ -1,128 +1,90 @@
 """Frames of a bag: the pose of each in its parent over time, and along chains of them.
 
-Stamped transforms enter, in the order of the bag; poses at the times of the scans leave.
+Stamped transforms enter, in the order of the bag; poses at the times of the scans leave, as
+matrices (n, 4, 4) that are NaN where a pose is unknown.
 """
 
 from array import array
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from lrf3d.geometry import Bool, Float, Int
+from lrf3d.geometry import Float, Int
 
 
-@dataclass(frozen=True, eq=False)
-class Placed:
-    """Origins (n, 3) [m] and rotations of a frame in another one at n times, where known (n,)."""
-
-    places: Float
-    rotations: Rotation
-    known: Bool
-
-    def __matmul__(self, other: "Placed") -> "Placed":
-        """Compose: ``world_from_robot @ robot_from_laser`` is ``world_from_laser``."""
-        return Placed(
-            self.places + self.rotations.apply(other.places),
-            self.rotations * other.rotations,
-            self.known & other.known,
-        )
-
-    @classmethod
-    def identity(cls, count: int) -> "Placed":
-        """The identity at a number of times."""
-        return cls(np.zeros((count, 3)), Rotation.identity(count), np.ones(count, np.bool_))
-
-    def in_the_plane(self) -> tuple[Float, Float]:
-        """Poses (n, 3) x, y, theta in the plane, and the cosine of the z axis's tilt (n,).
-
-        The cosine is 1 for an upright frame and −1 for one upside down.
-        """
-        matrices = self.rotations.as_matrix()
-        theta = np.arctan2(matrices[:, 1, 0], matrices[:, 0, 0])
-        return np.column_stack([self.places[:, :2], theta]), matrices[:, 2, 2]
-
-
-class Rows:
-    """Stamped poses in the order of the bag, packed: a bag holds millions of transforms."""
-
-    def __init__(self) -> None:
-        self.stamps = array("q")
-        self.values = array("d")
-
-    def __len__(self) -> int:
-        return len(self.stamps)
-
-    def add(self, stamp: int, values: Iterable[float]) -> None:
-        """Add a stamp [ns] with x, y, z [m] and a quaternion x, y, z, w."""
-        self.stamps.append(stamp)
-        self.values.extend(values)
-
-
-@dataclass(frozen=True, eq=False)
 class FrameTrack:
-    """The pose of a frame in another one at ascending stamps (k,) [ns], or at all times."""
+    """The stamped poses of a frame in another one, packed: a bag holds millions of transforms."""
 
-    times: Int
-    places: Float
-    rotations: Rotation
-    is_static: bool = False
+    def __init__(self, *, is_static: bool = False) -> None:
+        self._stamps, self._rows, self._is_static = array("q"), array("d"), is_static
 
-    @classmethod
-    def of(cls, rows: "Rows", *, is_static: bool = False) -> "FrameTrack":
-        """The track of rows in any order; the later of two with the same stamp counts."""
-        stamps = np.array(rows.stamps, dtype=np.int64)
-        values = np.array(rows.values, dtype=np.float64).reshape(-1, 7)
-        times, last = np.unique(stamps[::-1], return_index=True)
-        values = values[::-1][last]
-        return cls(times, values[:, :3], Rotation.from_quat(values[:, 3:]), is_static)
+    def add(self, stamp: int, row: Iterable[float]) -> None:
+        """Add x, y, z [m] and a quaternion x, y, z, w at a stamp [ns], in any order."""
+        self._stamps.append(stamp)
+        self._rows.extend(row)
 
     @property
     def moves(self) -> bool:
         """Whether its pose ever changes; fixed joints may be published repeatedly."""
-        rotations = self.rotations.as_matrix()
-        same = (self.places == self.places[0]).all() and (rotations == rotations[0]).all()
-        return not (self.is_static or same)
+        _, places, rotations = self._sorted()
+        matrices = _matrices(places, rotations)
+        return not (self._is_static or (matrices == matrices[0]).all())
 
-    def at(self, times: Int) -> Placed:
-        """Its poses at times (n,) [ns], interpolated linearly between two stamps.
+    def at(self, times: Int) -> Float:
+        """Its poses (n, 4, 4) at times (n,) [ns], interpolated linearly between two stamps.
 
-        Before the first stamp and after the last they are unknown.
+        They are unknown before the first stamp and after the last; those of a static frame never
+        change.
         """
-        if self.is_static or len(self.times) == 1:
-            row = np.zeros(len(times), np.int64)
-            known = np.full(len(times), self.is_static) | (times == self.times[0])
-            return Placed(self.places[row], self.rotations[row], known)
-        first, last = self.times[0], self.times[-1]
-        # Seconds from the first stamp: float64 has no room for nanoseconds since 1970.
-        own, asked = 1e-9 * (self.times - first), 1e-9 * (np.clip(times, first, last) - first)
-        places = np.column_stack([np.interp(asked, own, column) for column in self.places.T])
-        rotations = Slerp(own, self.rotations)(asked)
-        return Placed(places, rotations, (times >= first) & (times <= last))
+        stamps, places, rotations = self._sorted()
+        first, last = stamps[[0, -1]]
+        if self._is_static or len(stamps) == 1:
+            matrices = np.tile(_matrices(places[:1], rotations[:1]), (len(times), 1, 1))
+        else:
+            # Seconds from the first stamp: float64 has no room for nanoseconds since 1970.
+            own, asked = 1e-9 * (stamps - first), 1e-9 * (np.clip(times, first, last) - first)
+            between = np.column_stack([np.interp(asked, own, column) for column in places.T])
+            matrices = _matrices(between, Slerp(own, rotations)(asked))
+        if not self._is_static:
+            matrices[(times < first) | (times > last)] = np.nan
+        return matrices
+
+    def _sorted(self) -> tuple[Int, Float, Rotation]:
+        """Ascending stamps, places and rotations; the later row of the same stamp counts."""
+        rows = np.array(self._rows).reshape(-1, 7)[::-1]
+        stamps, kept = np.unique(np.array(self._stamps)[::-1], return_index=True)
+        return stamps, rows[kept, :3], Rotation.from_quat(rows[kept, 3:])
 
 
-class FrameTree:
-    """Frames with their tracks; each frame has one parent."""
+Edges = Mapping[str, tuple[str, FrameTrack]]
+"""The parent of each frame, and the frame's track in it."""
 
-    def __init__(self, edges: dict[str, tuple[str, FrameTrack]]) -> None:
-        self._edges = edges
 
-    def chain(self, frame: str) -> list[str]:
-        """The frame and its ancestors, up to the root."""
-        frames = [frame]
-        while frame in self._edges and self._edges[frame][0] not in frames:
-            frame = self._edges[frame][0]
-            frames.append(frame)
-        return frames
+def chain(edges: Edges, frame: str) -> list[str]:
+    """The frame and its ancestors, up to the root."""
+    frames = [frame]
+    while frame in edges and edges[frame][0] not in frames:
+        frame = edges[frame][0]
+        frames.append(frame)
+    return frames
 
-    def moves(self, frame: str) -> bool:
-        """Whether the frame moves relative to the root of its chain."""
-        return any(self._edges[child][1].moves for child in self.chain(frame)[:-1])
 
-    def placed(self, frame: str, above: str, times: Int) -> Placed:
-        """Poses of the frame in one of its ancestors at times (n,) [ns]."""
-        result, chain = Placed.identity(len(times)), self.chain(frame)
-        for child in chain[: chain.index(above)]:
-            result = self._edges[child][1].at(times) @ result
-        return result
+def placed(edges: Edges, frame: str, above: str, times: Int) -> Float:
+    """Poses (n, 4, 4) of the frame in one of its ancestors at times (n,) [ns]."""
+    result, frames = np.tile(np.eye(4), (len(times), 1, 1)), chain(edges, frame)
+    for child in frames[: frames.index(above)]:
+        result = edges[child][1].at(times) @ result
+    return result
+
+
+def in_the_plane(matrices: Float) -> Float:
+    """Poses (n, 3) x, y, theta in the plane of frames (n, 4, 4)."""
+    theta = np.arctan2(matrices[:, 1, 0], matrices[:, 0, 0])
+    return np.column_stack([matrices[:, :2, 3], theta])
+
+
+def _matrices(places: Float, rotations: Rotation) -> Float:
+    matrices = np.tile(np.eye(4), (len(places), 1, 1))
+    matrices[:, :3, :3], matrices[:, :3, 3] = rotations.as_matrix(), places
+    return matrices

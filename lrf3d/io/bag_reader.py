@@ -13,31 +13,42 @@ odom      a topic of Odometry, ``/odom`` before others; where there is none, the
 The transforms give the mounting of the laser: its position, its heading, and whether it is upside
 down. The pose of a scan is interpolated at its stamp, which is that of its first beam. Scans before
 the first pose or after the last are left out and counted.
+
+The files, a .mcap, a .db3 or the folder of a bag with its metadata, are read by rosbags (extra
+``ros``), and only messages of the types named here, by rosbags' own definitions.
 """
 
 import math
 from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
-from lrf3d.errors import InputError
-from lrf3d.geometry import LARGEST_COORDINATE, Int
-from lrf3d.io.bag_frames import FrameTrack, FrameTree, Placed, Rows
-from lrf3d.io.bag_messages import (
-    ODOMETRY,
-    SCAN,
-    STATIC_FRAMES,
-    TRANSFORMS,
-    Bag,
-    Message,
-    open_bag,
-)
+from lrf3d.errors import InputError, MissingLibraryError, missing_extra, one_line
+from lrf3d.files import check_ordinary
+from lrf3d.geometry import LARGEST_COORDINATE, Float, Int
+from lrf3d.io.bag_frames import FrameTrack, chain, in_the_plane, placed
 from lrf3d.io.laser_log import MOST_READINGS, NAMED, BadLine, LaserLog, log_name
 from lrf3d.laser import LaserScan, Stamp
 from lrf3d.pose import Pose
+
+SCAN = "sensor_msgs/msg/LaserScan"
+ODOMETRY = "nav_msgs/msg/Odometry"
+POSE = "geometry_msgs/msg/PoseStamped"
+UNSURE_POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
+TYPES = (SCAN, ODOMETRY, POSE, UNSURE_POSE, TRANSFORMS)
+"""The types of messages that are read."""
+
+STATIC_FRAMES = "/tf_static"
+"""The topic of constant transforms."""
+
+LARGEST_METADATA = 1 << 19
+"""Largest metadata.yaml [bytes], of some thousand files: rosbags needs seconds to read it."""
 
 LEAST_UPRIGHT = np.cos(np.radians(15.0))
 """Least cosine of the tilt of a laser; one that is tilted more does not scan in the plane."""
@@ -49,108 +60,156 @@ BASE, DRIFTING = "base_link", "odom"
 def load_bag(path: str | Path, *, poses: str = "auto", scan_topic: str | None = None) -> LaserLog:
     """Read the scans of a ROS 2 bag; see `load_log`."""
     path = Path(path)
-    with open_bag(path) as bag:
-        topic = _scan_topic(bag, scan_topic)
-        contents = _read(bag, topic)
+    contents = _Contents()
+    with _opened(path) as (reader, store):
+        topics = {
+            each.topic: each.msgtype
+            for each in reader.connections
+            if each.msgtype in TYPES and each.ext.serialization_format == "cdr"
+        }
+        topic = _scan_topic(path, sorted(t for t in topics if topics[t] == SCAN), scan_topic)
+        wanted = [
+            each
+            for each in reader.connections
+            if each.topic in topics and (each.msgtype != SCAN or each.topic == topic)
+        ]
+        for number, (connection, data) in enumerate(_messages(path, reader, wanted), 1):
+            try:
+                message = store.deserialize_cdr(data, connection.msgtype)
+            except Exception as error:
+                # A damaged message may raise any exception.
+                contents.refuse(number, _short(error), "message")
+                continue
+            try:
+                contents.take(connection.topic, connection.msgtype, message)
+            except (InputError, OverflowError) as error:
+                contents.refuse(number, str(error), "message")
+            if contents.readings > MOST_READINGS:
+                raise InputError(f"{path}: more than {MOST_READINGS:,} readings; cut it into parts")
     if not contents.scans:
         why = f"; first {contents.bad[0]}" if contents.bad else ""
         raise InputError(f"{path}: no scan on {topic} that can be used{why}")
-    found = _placed(path, contents, np.array(contents.stamps, dtype=np.int64), poses)
-    return _log(path, contents, found)
+    return _log(path, contents, poses)
 
 
-@dataclass(frozen=True, eq=False)
-class PlacedLaser:
-    """Where the laser was at the scans, and on the robot's base; the source in words."""
+@contextmanager
+def _opened(path: Path) -> Iterator[tuple[Any, Any]]:
+    """A reader of a bag, and the definitions of its messages."""
+    try:
+        from rosbags.rosbag2 import Reader
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        raise missing_rosbags(path) from None
+    if path.is_dir():
+        metadata = path / "metadata.yaml"
+        if not metadata.exists():
+            raise InputError(f"{path}: a folder without metadata.yaml or run.npz, expected a log")
+        check_ordinary(metadata, what="a file of a ROS 2 bag", largest=LARGEST_METADATA)
+        for part in path.iterdir():
+            if not part.is_dir():
+                check_ordinary(part, what="a file of a ROS 2 bag")
+    else:
+        check_ordinary(path, what="a ROS 2 bag")
+    try:
+        reader = Reader(path)
+        reader.open()
+    except Exception as error:
+        # A damaged file may raise any exception in the reader.
+        _refuse(path, error)
+    try:
+        if reader.compression_mode == "message":
+            raise InputError(
+                f"{path}: each message is compressed; decompress it with ros2 bag convert"
+            )
+        yield reader, get_typestore(Stores.ROS2_HUMBLE)
+    finally:
+        reader.close()
 
-    source: str
-    laser: Placed
-    mount: Placed
+
+def _messages(path: Path, reader: Any, wanted: list[Any]) -> Iterator[tuple[Any, bytes]]:
+    """Connections and packed messages, in the order of the bag."""
+    try:
+        for connection, _, data in reader.messages(wanted):
+            yield connection, data
+    except Exception as error:
+        _refuse(path, error)
+
+
+def missing_rosbags(path: Path) -> MissingLibraryError:
+    """The error that explains how to install rosbags."""
+    return missing_extra(f"{path}: ROS bags need rosbags", "ros")
+
+
+def _refuse(path: Path, error: Exception) -> NoReturn:
+    raise InputError(f"{path}: not a ROS 2 bag or damaged ({_short(error)})") from None
+
+
+def _short(error: Exception) -> str:
+    """The message of a library's error in one line."""
+    return one_line(" ".join(str(error).split()) or type(error).__name__, 90)
+
+
+def _scan_topic(path: Path, topics: list[str], wanted: str | None) -> str:
+    if not topics:
+        raise InputError(f"{path}: no topic of {SCAN} in it")
+    if wanted is None:
+        return "/scan" if "/scan" in topics else topics[0]
+    if wanted not in topics:
+        raise InputError(f"{path}: no scans on {wanted}; there are {', '.join(topics)}")
+    return wanted
 
 
 @dataclass(slots=True)
 class _Contents:
-    """What a bag holds."""
+    """What a bag holds: scans, the poses of each topic and their frames, and transforms."""
 
     scans: list[LaserScan] = field(default_factory=list)
     stamps: list[int] = field(default_factory=list)
     frame: str = ""
-    rows: dict[str, Rows] = field(default_factory=lambda: defaultdict(Rows))
+    tracks: dict[str, FrameTrack] = field(default_factory=lambda: defaultdict(FrameTrack))
     children: dict[str, str] = field(default_factory=dict)
-    edges: dict[str, tuple[str, Rows, bool]] = field(default_factory=dict)
+    edges: dict[str, tuple[str, FrameTrack]] = field(default_factory=dict)
     bad: list[BadLine] = field(default_factory=list)
     bad_count: int = 0
+    readings: int = 0
 
-    def refuse(self, bad: BadLine) -> None:
-        """Count a message that cannot be used; the first few are kept."""
+    def refuse(self, number: int, why: str, kind: str) -> None:
+        """Count a message or a scan that cannot be used; the first few are kept."""
         self.bad_count += 1
         if len(self.bad) < NAMED:
-            self.bad.append(bad)
+            self.bad.append(BadLine(number, why, kind))
 
+    def take(self, topic: str, kind: str, message: Any) -> None:
+        """Take a message; an error says why it cannot be used."""
+        if kind == SCAN:
+            self._take_scan(message)
+        elif kind == TRANSFORMS:
+            for each in message.transforms:
+                row = _row(each.transform.translation, each.transform.rotation)
+                child, above, stamp = each.child_frame_id, each.header.frame_id, _stamp(each)
+                track = FrameTrack(is_static=topic == STATIC_FRAMES)
+                parent, track = self.edges.setdefault(_frame(child), (_frame(above), track))
+                # A frame has one parent; if programs publish different ones, the first counts.
+                if parent == _frame(above):
+                    track.add(stamp, row)
+        else:
+            pose = message.pose if kind == POSE else message.pose.pose
+            row, stamp = _row(pose.position, pose.orientation), _stamp(message)
+            self.tracks[topic].add(stamp, row)
+            child = _frame(message.child_frame_id) if kind == ODOMETRY else ""
+            self.children[topic] = child or BASE
 
-def _scan_topic(bag: Bag, wanted: str | None) -> str:
-    topics = sorted(topic for topic, kind in bag.topics.items() if kind == SCAN)
-    if not topics:
-        raise InputError(f"{bag.path}: no topic of {SCAN} in it")
-    if wanted is None:
-        return "/scan" if "/scan" in topics else topics[0]
-    if wanted not in topics:
-        raise InputError(f"{bag.path}: no scans on {wanted}; there are {', '.join(topics)}")
-    return wanted
-
-
-def _read(bag: Bag, scan_topic: str) -> _Contents:
-    contents, readings = _Contents(), 0
-    topics = {topic for topic, kind in bag.topics.items() if kind != SCAN} | {scan_topic}
-    for message in bag.messages(topics):
-        if isinstance(message, BadLine):
-            contents.refuse(message)
-            continue
-        try:
-            if message.kind == SCAN:
-                _take_scan(contents, message.content)
-                readings += len(contents.scans[-1].ranges)
-            elif message.kind == TRANSFORMS:
-                _take_transforms(contents, message)
-            else:
-                _take_pose(contents, message)
-        except (InputError, OverflowError) as error:
-            contents.refuse(BadLine(message.number, str(error), "message"))
-        if readings > MOST_READINGS:
-            raise InputError(f"{bag.path}: more than {MOST_READINGS:,} readings; cut it into parts")
-    return contents
-
-
-def _take_scan(contents: _Contents, said: Any) -> None:
-    scan = LaserScan.from_ros(said)
-    # A range finder whose range_max is infinite does not measure such ranges either.
-    scan = replace(scan, ranges=np.where(scan.ranges > LARGEST_COORDINATE, np.inf, scan.ranges))
-    if contents.scans and np.array_equal(contents.scans[-1].angles, scan.angles):
-        # Scans with the same angles share one array.
-        scan = replace(scan, angles=contents.scans[-1].angles)
-    contents.frame = contents.frame or _frame(said.header.frame_id)
-    contents.scans.append(scan)
-    contents.stamps.append(_stamp(said.header))
-
-
-def _take_transforms(contents: _Contents, message: Message) -> None:
-    is_static = message.topic == STATIC_FRAMES
-    for said in message.content.transforms:
-        child, parent = _frame(said.child_frame_id), _frame(said.header.frame_id)
-        known_parent, rows, _ = contents.edges.setdefault(child, (parent, Rows(), is_static))
-        row = _row(said.transform.translation, said.transform.rotation)
-        # A frame has one parent; if two programs publish different ones, the first counts.
-        if known_parent == parent:
-            rows.add(_stamp(said.header), row)
-
-
-def _take_pose(contents: _Contents, message: Message) -> None:
-    said = message.content
-    child = _frame(said.child_frame_id) if message.kind == ODOMETRY else ""
-    pose = said.pose.pose if hasattr(said.pose, "pose") else said.pose
-    row = _row(pose.position, pose.orientation)
-    contents.rows[message.topic].add(_stamp(said.header), row)
-    contents.children[message.topic] = child or BASE
+    def _take_scan(self, message: Any) -> None:
+        scan = LaserScan.from_ros(message)
+        # A range finder whose range_max is infinite does not measure such ranges either.
+        scan = replace(scan, ranges=np.where(scan.ranges > LARGEST_COORDINATE, np.inf, scan.ranges))
+        if self.scans and np.array_equal(self.scans[-1].angles, scan.angles):
+            # Scans with the same angles share one array.
+            scan = replace(scan, angles=self.scans[-1].angles)
+        self.frame = self.frame or _frame(message.header.frame_id)
+        self.readings += len(scan.ranges)
+        self.stamps.append(_stamp(message))
+        self.scans.append(scan)
 
 
 def _row(place: Any, turn: Any) -> tuple[float, ...]:
@@ -164,8 +223,9 @@ def _row(place: Any, turn: Any) -> tuple[float, ...]:
     return row
 
 
-def _stamp(header: Any) -> int:
-    return Stamp(int(header.stamp.sec), int(header.stamp.nanosec)).nanoseconds
+def _stamp(message: Any) -> int:
+    stamp = message.header.stamp
+    return Stamp(int(stamp.sec), int(stamp.nanosec)).nanoseconds
 
 
 def _frame(name: str) -> str:
@@ -173,64 +233,55 @@ def _frame(name: str) -> str:
     return name.removeprefix("/")
 
 
-def _placed(path: Path, contents: _Contents, times: Int, wanted: str) -> PlacedLaser:
-    """The poses of the laser at the times, and the source that they come from."""
-    tree = FrameTree(
-        {
-            child: (parent, FrameTrack.of(rows, is_static=is_static))
-            for child, (parent, rows, is_static) in contents.edges.items()
-            if len(rows)
-        }
-    )
-    truths = [topic for topic in sorted(contents.rows) if "ground_truth" in topic]
-    drives = sorted(set(contents.rows) - set(truths), key=lambda topic: (topic != "/odom", topic))
-    chain = tree.chain(contents.frame)
-    root, moves = chain[-1], tree.moves(contents.frame)
-    sources = {"truth": truths[:1], "tf": [root] if moves else [], "odom": drives[:1]}
-    if not drives and moves and DRIFTING in chain:
+def _placed(path: Path, contents: _Contents, wanted: str) -> tuple[str, Float, Float]:
+    """The source of the poses in words; of the laser in the world, and on the robot's base."""
+    edges, tracks, frame = contents.edges, contents.tracks, contents.frame
+    times: Int = np.array(contents.stamps, dtype=np.int64)
+    truths = [topic for topic in sorted(tracks) if "ground_truth" in topic]
+    drives = sorted(set(tracks) - set(truths), key=lambda topic: (topic != "/odom", topic))
+    frames = chain(edges, frame)
+    moves = any(edges[child][1].moves for child in frames[:-1])
+    sources = {"truth": truths[:1], "tf": frames[-1:] if moves else [], "odom": drives[:1]}
+    if not drives and moves and DRIFTING in frames:
         sources["odom"] = [DRIFTING]
-    there = [name for name, topics in sources.items() if topics]
+    there = [name for name, found in sources.items() if found]
     if not there:
         raise InputError(f"{path}: no poses in it: no ground truth, no transforms, no odometry")
     if wanted != "auto" and wanted not in there:
         raise InputError(f"{path}: no poses from {wanted} in it; there are {', '.join(there)}")
-    chosen = there[0] if wanted == "auto" else wanted
-    name = sources[chosen][0]
-    none = Placed.identity(len(times))
-    if name in (root, DRIFTING) and name not in contents.rows:
-        mount = tree.placed(contents.frame, BASE, times) if BASE in chain else none
-        laser = tree.placed(contents.frame, name, times)
-        return PlacedLaser(f"/tf, {contents.frame} in {name}", laser, mount)
-    base = contents.children[name]
-    robot = FrameTrack.of(contents.rows[name]).at(times)
-    if base in chain:
-        mount = tree.placed(contents.frame, base, times)
-        return PlacedLaser(name, robot @ mount, mount)
-    guessed = f"{name}, with the laser in the middle of {base} for want of a transform"
-    return PlacedLaser(guessed, robot, none)
+    source = sources[there[0] if wanted == "auto" else wanted][0]
+    base = contents.children.get(source, BASE)
+    mount = placed(edges, frame, base if base in frames else frame, times)
+    if source not in tracks:
+        return f"/tf, {frame} in {source}", placed(edges, frame, source, times), mount
+    laser = tracks[source].at(times) @ mount
+    if base not in frames:
+        source += f", with the laser in the middle of {base} for want of a transform"
+    return source, laser, mount
 
 
-def _log(path: Path, contents: _Contents, found: PlacedLaser) -> LaserLog:
-    placed, source = found.laser, found.source
-    poses, upright = placed.in_the_plane()
-    askew = np.flatnonzero(placed.known & ~(np.abs(upright) >= LEAST_UPRIGHT))
+def _log(path: Path, contents: _Contents, wanted: str) -> LaserLog:
+    """The scans with the poses of the wanted source."""
+    source, laser, mounted = _placed(path, contents, wanted)
+    # The cosine of the tilt is 1 for an upright laser and −1 for one upside down.
+    poses, upright, known = in_the_plane(laser), laser[:, 2, 2], np.isfinite(laser[:, 0, 0])
+    askew = np.abs(upright[known & ~(np.abs(upright) >= LEAST_UPRIGHT)])
     if len(askew):
-        tilt = np.degrees(np.arccos(np.clip(np.abs(upright[askew[0]]), 0.0, 1.0)))
+        tilt = np.degrees(np.arccos(min(askew[0], 1.0)))
         raise InputError(
             f"{path}: the laser {contents.frame} is tilted by {tilt:.0f}°, expected one that scans"
             " in the plane"
         )
     scans = []
     for number, scan in enumerate(contents.scans):
-        if not placed.known[number]:
+        if not known[number]:
             why = f"scan {number + 1} lies outside the time that poses are known for"
-            contents.refuse(BadLine(number + 1, why, "scan"))
+            contents.refuse(number + 1, why, "scan")
             continue
         angles = scan.angles if upright[number] > 0.0 else -scan.angles
         scans.append(replace(scan, pose=Pose(*poses[number].tolist()), angles=angles))
     if not scans:
         raise InputError(f"{path}: no scan within the time of the poses from {source}")
-    first = int(np.flatnonzero(placed.known)[0])
-    mount = Pose(*found.mount.in_the_plane()[0][first].tolist())
+    mount = Pose(*in_the_plane(mounted[known][:1])[0].tolist())
     bad = tuple(contents.bad)
     return LaserLog(log_name(path), scans, contents.bad_count, bad, source, mount=mount)

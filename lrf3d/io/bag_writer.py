@@ -15,8 +15,8 @@ import numpy as np
 
 from lrf3d.errors import InputError, OutputError
 from lrf3d.files import replacing, unfinished_folder
-from lrf3d.io.bag_messages import ODOMETRY, SCAN, STATIC_FRAMES, TRANSFORMS, missing_rosbags
-from lrf3d.laser import LaserScan, Stamp
+from lrf3d.io.bag_reader import ODOMETRY, SCAN, STATIC_FRAMES, TRANSFORMS, missing_rosbags
+from lrf3d.laser import Stamp
 from lrf3d.pose import Pose
 from lrf3d.run import Run
 from lrf3d.scene.look import object_tints
@@ -28,6 +28,18 @@ MAP, WORLD, BASE, LASER = "map", "odom", "base_link", "laser"
 
 CLOCK, GRID, LINES = "/clock", "/map", "/map_objects"
 """The topics of the time, of the finished map as cells, and of the map as it grows as lines."""
+
+TOPICS = {
+    STATIC_FRAMES: TRANSFORMS,
+    GRID: "nav_msgs/msg/OccupancyGrid",
+    LINES: "visualization_msgs/msg/MarkerArray",
+    CLOCK: "rosgraph_msgs/msg/Clock",
+    "/tf": TRANSFORMS,
+    "/odom": ODOMETRY,
+    "/ground_truth": ODOMETRY,
+    "/scan": SCAN,
+}
+"""The topics of a bag and their types."""
 
 BAG_VERSION: Literal[8] = 8
 """The version of rosbag2's metadata that both older and newer releases of ROS 2 read."""
@@ -92,18 +104,10 @@ def _fill(run: Run, folder: Path) -> None:
     with bag:
         topics = {
             topic: bag.add_connection(
-                topic, kind, typestore=store, offered_qos_profiles=[_latched()] if kept else []
+                topic, kind, typestore=store, offered_qos_profiles=_latched(topic)
             )
-            for topic, kind, kept in (
-                (STATIC_FRAMES, TRANSFORMS, True),
-                *([(GRID, "nav_msgs/msg/OccupancyGrid", True)] if mapped else []),
-                *([(LINES, "visualization_msgs/msg/MarkerArray", True)] if mapped else []),
-                (CLOCK, "rosgraph_msgs/msg/Clock", False),
-                ("/tf", TRANSFORMS, False),
-                ("/odom", ODOMETRY, False),
-                ("/ground_truth", ODOMETRY, False),
-                ("/scan", SCAN, False),
-            )
+            for topic, kind in TOPICS.items()
+            if mapped or topic not in (GRID, LINES)
         }
         for topic, stamp, fields in _messages(run, folder, mapped):
             connection = topics[topic]
@@ -138,7 +142,7 @@ def _messages(run: Run, path: Path, mapped: bool) -> Iterator[tuple[str, Stamp, 
         yield "/tf", stamp, {"transforms": moved}
         yield "/odom", stamp, _odometry(stamp, measured, speed.tolist())
         yield "/ground_truth", stamp, _odometry(stamp, scan.pose, speed.tolist())
-        yield "/scan", stamp, _scan(scan, step)
+        yield "/scan", stamp, scan.as_ros(LASER, scan_time=step).as_dict()
         if mapped and number in snapshots:
             yield LINES, stamp, {"markers": [_lines(run, snapshots[number], stamp)]}
 
@@ -200,12 +204,6 @@ def _odometry(stamp: Stamp, pose: Pose, speed: list[float]) -> Fields:
     }
 
 
-def _scan(scan: LaserScan, scan_time: float) -> Fields:
-    """The scan as a ROS message."""
-    fields: Fields = scan.as_ros(LASER, scan_time=scan_time).as_dict()
-    return fields
-
-
 def _grid(run: Run, stamp: Stamp, path: Path) -> Fields:
     """The finished map as a grid: 100 where a wall is, 0 where beams passed, −1 elsewhere."""
     free = run.free_cells()
@@ -238,26 +236,22 @@ def _lines(run: Run, snapshot: int, stamp: Stamp) -> Fields:
     }
 
 
-def _latched() -> Any:
-    """The quality of service of a latched topic: late subscribers receive its last message."""
-    from rosbags.interfaces import (
-        Qos,
-        QosDurability,
-        QosHistory,
-        QosLiveliness,
-        QosReliability,
-        QosTime,
-    )
+def _latched(topic: str) -> list[Any]:
+    """The quality of service of a topic whose last message late subscribers receive."""
+    from rosbags import interfaces as ros
 
-    for_ever = QosTime(9223372036, 854775807)
-    return Qos(
-        QosHistory.KEEP_LAST,
-        1,
-        QosReliability.RELIABLE,
-        QosDurability.TRANSIENT_LOCAL,
-        for_ever,
-        for_ever,
-        QosLiveliness.AUTOMATIC,
-        for_ever,
-        False,
+    if topic not in (STATIC_FRAMES, GRID, LINES):
+        return []
+    for_ever = ros.QosTime(9223372036, 854775807)
+    latched = ros.Qos(
+        ros.QosHistory.KEEP_LAST,
+        depth=1,
+        reliability=ros.QosReliability.RELIABLE,
+        durability=ros.QosDurability.TRANSIENT_LOCAL,
+        deadline=for_ever,
+        lifespan=for_ever,
+        liveliness=ros.QosLiveliness.AUTOMATIC,
+        liveliness_lease_duration=for_ever,
+        avoid_ros_namespace_conventions=False,
     )
+    return [latched]

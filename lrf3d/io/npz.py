@@ -1,8 +1,7 @@
 """Reading and writing .npz files with limited memory; nothing is ever unpickled.
 
-Large uncompressed arrays are memory-mapped when read. Arrays are written in blocks, so that none
-has to be in memory as a whole; they are stored uncompressed and aligned to 64 bytes, so that they
-can be mapped. The bytes of the file depend on nothing but the arrays.
+Arrays are stored uncompressed and aligned to 64 bytes, so that large ones are memory-mapped when
+read. The bytes of the file depend on nothing but the arrays.
 """
 
 import os
@@ -10,15 +9,13 @@ import struct
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Mapping
 from math import prod
 from pathlib import Path
-from typing import IO
 
 import numpy as np
 from numpy.lib import format as npy
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 
 from lrf3d.files import check_ordinary, replacing
 
@@ -84,64 +81,34 @@ def _read(path: Path, file: zipfile.ZipFile, entry: zipfile.ZipInfo) -> NDArray[
         if dtype.hasobject or size > entry.file_size:
             raise ValueError(f"{entry.filename} is not a plain array, or incomplete")
     if size >= MAPPED and entry.compress_type == zipfile.ZIP_STORED and not by_columns:
-        begin += _start_of(path, entry)
+        with path.open("rb") as whole:
+            whole.seek(entry.header_offset)
+            name, extra = struct.unpack("<26xHH", whole.read(_LOCAL_HEADER))
+        begin += entry.header_offset + _LOCAL_HEADER + name + extra
         if begin + size > path.stat().st_size:
             raise ValueError(f"{entry.filename} is incomplete")
-        mapped = np.memmap(path, dtype, "r", begin, shape)
-        return np.asarray(mapped)
+        return np.asarray(np.memmap(path, dtype, "r", begin, shape))
     with file.open(entry) as stream:
         return npy.read_array(stream, allow_pickle=False)
 
 
-def _start_of(path: Path, entry: zipfile.ZipInfo) -> int:
-    """Position of the data of a member in a zip file."""
-    with path.open("rb") as file:
-        file.seek(entry.header_offset)
-        header = file.read(_LOCAL_HEADER)
-    name, fields = struct.unpack("<26xHH", header)
-    return entry.header_offset + _LOCAL_HEADER + int(name) + int(fields)
-
-
-@dataclass(frozen=True, slots=True)
-class Column:
-    """An array in blocks of some rows, with its name, shape and type."""
-
-    name: str
-    shape: tuple[int, ...]
-    dtype: DTypeLike
-    blocks: Iterable[Array]
-
-    @classmethod
-    def of(cls, name: str, array: Array) -> "Column":
-        """The column of an array in memory."""
-        return cls(name, array.shape, array.dtype, [array])
-
-
-def write_npz(path: str | Path, columns: Iterable[Column]) -> None:
+def write_npz(path: str | Path, arrays: Mapping[str, Array]) -> None:
     """Write arrays to a file, completely or not at all, and flush it to the disk."""
     with replacing(path) as unfinished, unfinished.open("wb") as file:
         with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
             try:
-                for column in columns:
-                    _write_member(archive, file, column)
+                for name, array in arrays.items():
+                    member = zipfile.ZipInfo(f"{name}.npy", EPOCH)
+                    taken = file.tell() + _LOCAL_HEADER + len(member.filename) + _ZIP64 + _PADDING
+                    padding = -taken % ALIGNED
+                    # An extra field of an unknown kind, which readers skip.
+                    member.extra = b"\0\0" + padding.to_bytes(2, "little") + bytes(padding)
+                    with archive.open(member, "w", force_zip64=True) as stream:
+                        # NumPy writes some megabytes at a time, of rows in a mapped file too.
+                        npy.write_array(stream, array, version=(1, 0), allow_pickle=False)
             except BaseException:
                 # Closing an archive would complete it, which fails as well and hides the error.
                 archive.fp = None
                 raise
         file.flush()
         os.fsync(file.fileno())
-
-
-def _write_member(archive: zipfile.ZipFile, file: IO[bytes], column: Column) -> None:
-    """Write an array to an archive, aligned in its file."""
-    member = zipfile.ZipInfo(f"{column.name}.npy", EPOCH)
-    taken = file.tell() + _LOCAL_HEADER + len(member.filename) + _ZIP64 + _PADDING
-    padding = -taken % ALIGNED
-    # An extra field of an unknown kind, which readers skip.
-    member.extra = b"\0\0" + padding.to_bytes(2, "little") + bytes(padding)
-    described = npy.dtype_to_descr(np.dtype(column.dtype))
-    header = {"descr": described, "fortran_order": False, "shape": column.shape}
-    with archive.open(member, "w", force_zip64=True) as stream:
-        npy.write_array_header_1_0(stream, header)
-        for block in column.blocks:
-            stream.write(np.ascontiguousarray(block).reshape(-1).view(np.uint8).data)

@@ -3,13 +3,12 @@
 Until ``run.npz`` is complete, ``run.journal`` stands next to it: a line of JSON, the fingerprint of
 the run, and a row for each scan, with its number from 1, what the run keeps of it, and the state of
 the random numbers after it. Rows are appended, and flushed every few seconds; the file is valid up
-to the first row that is truncated or does not have the number of its place. To resume, the mapper
-is given the scans again, a millisecond each; the result is the same, byte for byte, as without the
-interruption. However many scans there are, only a few megabytes of them are in memory.
+to the first row that is truncated, does not have the number of its place, or has a pose that is no
+number. To resume, the mapper is given the scans again, a millisecond each; the result is the same,
+byte for byte, as without the interruption. Rows are mapped from the file, not held in memory.
 """
 
 import json
-from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from time import monotonic
@@ -22,14 +21,8 @@ from lrf3d.digest import digest, name_of
 from lrf3d.errors import InputError, OutputError
 from lrf3d.files import check_ordinary, locked
 from lrf3d.interrupts import check, noting, stoppable
-from lrf3d.io.npz import DAMAGES, Column, read_arrays, write_npz
-from lrf3d.io.run_file import (
-    estimate_columns,
-    head_columns,
-    load_run,
-    map_columns,
-    obstacle_columns,
-)
+from lrf3d.io.npz import DAMAGES, read_arrays, write_npz
+from lrf3d.io.run_file import load_run, run_arrays
 from lrf3d.laser import LaserScan
 from lrf3d.mapping import LineMap
 from lrf3d.pose import Pose
@@ -45,8 +38,8 @@ JOURNAL = ".journal"
 FLUSHED_EVERY = 2.0
 """Time between two flushes [s]: what a killed process loses at most."""
 
-BLOCK_BYTES = 1 << 22
-"""Size of the rows that are in memory at a time [bytes]."""
+BUFFER_BYTES = 1 << 22
+"""Size of the rows that are kept in memory until they are written [bytes]."""
 
 RNG_BYTES = 256
 """Room for the state of NumPy's default generator as JSON, which takes some 150 bytes."""
@@ -130,8 +123,8 @@ def record(
         return load_run(path)
 
 
-def fingerprint_of(simulation: Simulation) -> dict[str, str]:
-    """A digest or a name of each part of a simulation: a resumed one knows its journal by it."""
+def fingerprint_of(simulation: Simulation) -> str:
+    """Digests and names of the parts of a simulation, as JSON: a run is resumed if they match."""
     world, drive = simulation.world, simulation.drive
     path: list[Any]
     if isinstance(drive, Trajectory):
@@ -147,43 +140,40 @@ def fingerprint_of(simulation: Simulation) -> dict[str, str]:
         "dynamic obstacles": bodies,
         "seed": _rng_state(simulation.rng).decode(),
     }
-    return {
-        **{name: digest(part)[:16] for name, part in parts.items()},
+    names = {
         "scans": str(simulation.scans),
         "caster": type(simulation.sensor.caster).__name__,
         "noise": name_of(simulation.sensor.noise),
         "mapper": name_of(simulation.mapper),
     }
+    digests = {name: digest(part)[:16] for name, part in parts.items()}
+    return json.dumps(digests | names, sort_keys=True)
 
 
 class Journal:
     """A journal, open for appending; the rows of one of the same run may be kept."""
 
-    def __init__(
-        self, path: Path, fingerprint: dict[str, str], simulation: Simulation, *, keep: bool
-    ) -> None:
-        lrf = simulation.lrf
-        light = light_shapes(simulation.world, lrf)
-        self.path, self.scans = path, 0
+    def __init__(self, path: Path, fingerprint: str, simulation: Simulation, *, keep: bool) -> None:
+        beams, light = simulation.lrf.beams, light_shapes(simulation.world, simulation.lrf)
+        self.path = path
         self.dtype: np.dtype[Any] = np.dtype(
             [
                 ("number", np.int64),
                 ("times", np.float64),
                 ("poses", np.float64, (3,)),
-                ("ranges", np.float64, (lrf.beams,)),
-                ("truth", np.float64, (lrf.beams,)),
-                ("walls", np.int64, (lrf.beams,)),
+                ("ranges", np.float64, (beams,)),
+                ("truth", np.float64, (beams,)),
+                ("walls", np.int64, (beams,)),
                 *((name, np.float64, shape) for name, shape in light.items()),
                 ("rng", f"S{RNG_BYTES}"),
             ]
         )
-        header = json.dumps(fingerprint, sort_keys=True).encode() + b"\n"
+        header = fingerprint.encode() + b"\n"
         self._begin = len(header)
-        if keep and _is_of(path, fingerprint):
-            self.scans = sum(map(len, self._valid_rows()))
-        else:
+        if not (keep and _is_of(path, fingerprint)):
             path.write_bytes(header)
-        self._file = path.open("r+b", buffering=BLOCK_BYTES)
+        self.scans = len(self._valid_rows())
+        self._file = path.open("r+b", buffering=BUFFER_BYTES)
         self._file.truncate(self._begin + self.scans * self.dtype.itemsize)
         self._file.seek(0, 2)
         self._row = np.zeros(1, self.dtype)
@@ -203,27 +193,15 @@ class Journal:
             self._file.flush()
             self._flushed = monotonic()
 
-    def blocks(self) -> Iterator[NDArray[Any]]:
-        """The rows, some megabytes at a time."""
+    def rows(self) -> NDArray[Any]:
+        """All rows, mapped from the file."""
         self._file.flush()
-        rows = 0
-        for block in self._valid_rows():
-            rows += len(block)
-            yield block
-        if rows != self.scans:
+        rows = self._valid_rows()
+        if len(rows) != self.scans:
             raise OutputError(
                 f"{self.path}: another program has changed it; run again, into another folder"
             )
-
-    def columns(self) -> Iterator[Column]:
-        """What a finished run keeps of each scan."""
-
-        def column(name: str, kind: np.dtype[Any]) -> Column:
-            blocks = (rows[name] for rows in self.blocks())
-            return Column(name, (self.scans, *kind.shape), kind.base, blocks)
-
-        kept = [name for name in self.dtype.names or () if name not in ("number", "rng")]
-        return (column(name, self.dtype[name]) for name in kept)
+        return rows
 
     def kept(self) -> int:
         """The number of scans in the file."""
@@ -233,35 +211,28 @@ class Journal:
         """Close the file, with all rows in it."""
         self._file.close()
 
-    def _valid_rows(self) -> Iterator[NDArray[Any]]:
-        first, size = 1, self.dtype.itemsize
-        if not self.path.exists():
-            return
-        with self.path.open("rb") as file:
-            file.seek(self._begin)
-            while len(data := file.read(max(1, BLOCK_BYTES // size) * size)) >= size:
-                rows = np.frombuffer(data[: len(data) // size * size], self.dtype)
-                # The end of a row may be missing where the power failed.
-                right = (rows["number"] == np.arange(first, first + len(rows))) & (
-                    rows["rng"] != b""
-                )
-                yield rows[: len(rows) if right.all() else right.argmin()]
-                if not right.all():
-                    return
-                first += len(rows)
+    def _valid_rows(self) -> NDArray[Any]:
+        if not (count := self.kept()):
+            return np.empty(0, self.dtype)
+        rows = np.asarray(np.memmap(self.path, self.dtype, "r", self._begin, count))
+        # The end of a row may be missing where the power failed.
+        right = (rows["number"] == np.arange(1, count + 1)) & (rows["rng"] != b"")
+        right &= np.isfinite(rows["times"]) & np.isfinite(rows["poses"]).all(axis=1)
+        return rows[: count if right.all() else right.argmin()]
 
 
-def _is_of(path: Path, fingerprint: dict[str, str]) -> bool:
+def _is_of(path: Path, fingerprint: str) -> bool:
     """Whether a file is a journal of a run; false if it is none, an error if of another run."""
     try:
         with path.open("rb") as file:
             other = dict(json.loads(file.readline(1 << 16)))
     except (FileNotFoundError, ValueError, TypeError):
         return False
-    if parts := [name for name, value in fingerprint.items() if other.get(name) != value]:
+    parts = json.loads(fingerprint).items()
+    if differing := [name for name, value in parts if other.get(name) != value]:
         raise InputError(
-            f"{path}: of another run, whose {', '.join(parts)} differ; give the same settings, or"
-            " leave out --resume to begin again"
+            f"{path}: of another run, whose {', '.join(differing)} differ; give the same settings,"
+            " or leave out --resume to begin again"
         )
     return True
 
@@ -288,19 +259,24 @@ def _run(simulation: Simulation, journal: Journal, progress: Progress) -> dict[i
         if schedule.holds(index) and isinstance(line_map := simulation.map, LineMap):
             maps[index] = line_map
 
-    rng, lrf = simulation.rng, simulation.lrf
-    for rows in journal.blocks():
-        for row in rows:
-            ranges = row["ranges"].copy()
-            # The journal holds the walls of the true scan; a beam without return has none.
-            walls = np.where(np.isfinite(ranges), row["walls"], -1)
-            light = [row[name].copy() for name in LIGHT if name in (rows.dtype.names or ())]
-            scan = LaserScan.unchecked(lrf, Pose(*row["poses"].tolist()), ranges, walls, *light)
-            simulation.take(scan.at_time(float(row["times"])))
-            keep_map(simulation.done - 1)
-            check()
-        if len(rows):
+    rng, lrf, rows = simulation.rng, simulation.lrf, journal.rows()
+    if len(rows):
+        try:
             rng.bit_generator.state = json.loads(rows["rng"][-1])
+        except (ValueError, TypeError, KeyError, OverflowError):
+            raise InputError(
+                f"{journal.path}: the state of the random numbers after scan {len(rows)} is"
+                " damaged; leave out --resume to begin again"
+            ) from None
+    for row in rows:
+        ranges = row["ranges"].copy()
+        # The journal holds the walls of the true scan; a beam without return has none.
+        walls = np.where(np.isfinite(ranges), row["walls"], -1)
+        light = [row[name].copy() for name in LIGHT if name in (rows.dtype.names or ())]
+        scan = LaserScan.unchecked(lrf, Pose(*row["poses"].tolist()), ranges, walls, *light)
+        simulation.take(scan.at_time(float(row["times"])))
+        keep_map(simulation.done - 1)
+        check()
     for step in simulation:
         journal.add(step, rng)
         keep_map(step.index)
@@ -316,29 +292,30 @@ def _run(simulation: Simulation, journal: Journal, progress: Progress) -> dict[i
 def _write(
     simulation: Simulation,
     journal: Journal,
-    maps: Mapping[int, LineMap],
+    maps: dict[int, LineMap],
     path: Path,
-    fingerprint: Mapping[str, str],
+    fingerprint: str,
 ) -> None:
-    """Write the finished run, some rows of a column at a time."""
-    write_npz(
-        path,
-        [
-            *head_columns(simulation.world, simulation.lrf, simulation.film),
-            *obstacle_columns(simulation.obstacles),
-            *journal.columns(),
-            *map_columns(maps, list(maps.values())),
-            *estimate_columns(simulation.estimate),
-            Column.of("origin", np.array(json.dumps(fingerprint, sort_keys=True))),
-        ],
+    """Write the finished run; its columns are copied from the rows some megabytes at a time."""
+    rows = journal.rows()
+    names = [name for name in rows.dtype.names or () if name not in ("number", "rng")]
+    arrays = run_arrays(
+        simulation.world,
+        simulation.lrf,
+        simulation.film,
+        simulation.obstacles,
+        {name: rows[name] for name in names},
+        maps,
+        simulation.estimate,
     )
+    write_npz(path, arrays | {"origin": np.array(fingerprint)})
 
 
-def _finished(path: Path, fingerprint: Mapping[str, str]) -> bool:
+def _finished(path: Path, fingerprint: str) -> bool:
     """Whether a file is the finished run."""
     if not path.exists():
         return False
     try:
-        return str(read_arrays(path)["origin"]) == json.dumps(fingerprint, sort_keys=True)
+        return str(read_arrays(path)["origin"]) == fingerprint
     except (*DAMAGES, KeyError):
         return False

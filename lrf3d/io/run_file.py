@@ -8,7 +8,7 @@ stopped, a journal lies in its place: see `recording`.
 
 import json
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,7 +17,7 @@ import numpy as np
 
 from lrf3d.errors import InputError
 from lrf3d.files import check_ordinary
-from lrf3d.io.npz import DAMAGES, Column, read_arrays, write_npz
+from lrf3d.io.npz import DAMAGES, Array, read_arrays, write_npz
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.laser.range_finder import ECHO_CHOICES
 from lrf3d.mapping import LineMap
@@ -47,26 +47,24 @@ def save_run(run: Run, path: str | Path) -> None:
         >>> len(lrf3d.load_run("run.npz"))
         2
     """
-    write_npz(
-        path,
-        [
-            *head_columns(run.world, run.lrf, run.film),
-            *obstacle_columns(run.obstacles),
-            Column.of("times", run.trajectory.times),
-            Column.of("poses", run.trajectory.poses),
-            Column.of("ranges", run.ranges),
-            Column.of("truth", run.truth),
-            Column.of("walls", run.walls),
-            *(Column.of(name, values) for name, values in run.light.items()),
-            *map_columns(run.snapshot_scans, run.maps),
-            *estimate_columns(run.estimate),
-        ],
-    )
+    rows: dict[str, Array] = {"times": run.trajectory.times, "poses": run.trajectory.poses}
+    rows |= {"ranges": run.ranges, "truth": run.truth, "walls": run.walls, **run.light}
+    maps = dict(zip(run.snapshot_scans, run.maps, strict=True))
+    arrays = run_arrays(run.world, run.lrf, run.film, run.obstacles, rows, maps, run.estimate)
+    write_npz(path, arrays)
 
 
-def head_columns(world: World, lrf: LaserRangeFinder, film: FilmPlan) -> list[Column]:
-    """The columns that are known before the first scan."""
-    arrays = {
+def run_arrays(
+    world: World,
+    lrf: LaserRangeFinder,
+    film: FilmPlan,
+    obstacles: "Sequence[DynamicObstacle]",
+    rows: Mapping[str, Array],
+    maps: Mapping[int, LineMap],
+    estimate: EstimatedTrajectory | None,
+) -> dict[str, Array]:
+    """The arrays of a run's file, from what it keeps of each scan and the maps after some scans."""
+    arrays: dict[str, Any] = {
         "version": np.array(VERSION),
         "world_name": np.array(world.name),
         "segments": world.segments,
@@ -94,53 +92,37 @@ def head_columns(world: World, lrf: LaserRangeFinder, film: FilmPlan) -> list[Co
     if world.materials:
         values = [one and material_value(one) for one in world.materials]
         arrays["materials"] = np.array([json.dumps(value) for value in values], dtype=np.str_)
-    return [Column.of(name, array) for name, array in arrays.items()]
-
-
-def obstacle_columns(obstacles: "Sequence[DynamicObstacle]") -> list[Column]:
-    """The columns of the dynamic obstacles; empty without any."""
-    if not obstacles:
-        return []
-    arrays = {
-        "obstacle_heights": np.array([obstacle.height for obstacle in obstacles]),
-        "obstacle_corners": np.array([len(obstacle.outline) for obstacle in obstacles]),
-        "obstacle_outlines": np.concatenate([obstacle.outline for obstacle in obstacles]),
-        "obstacle_stops": np.array([len(obstacle.poses) for obstacle in obstacles]),
-        "obstacle_times": np.concatenate([obstacle.poses.times for obstacle in obstacles]),
-        "obstacle_poses": np.concatenate([obstacle.poses.poses for obstacle in obstacles]),
-    }
-    return [Column.of(name, array) for name, array in arrays.items()]
-
-
-def map_columns(snapshot_scans: Iterable[int], maps: Sequence[LineMap]) -> list[Column]:
-    """The columns of the map snapshots."""
-    none = LineMap.empty()
-    arrays = {
-        "snapshot_scans": np.array(list(snapshot_scans), dtype=np.int64),
-        "map_sizes": np.array([len(line_map) for line_map in maps], dtype=np.int64),
-        "map_segments": np.concatenate([none.segments, *(part.segments for part in maps)]),
-        "map_objects": np.concatenate([none.objects, *(part.objects for part in maps)]),
-        "map_points": np.concatenate([none.points, *(part.points for part in maps)]),
-    }
-    codes = np.concatenate([none.codes, *(part.codes for part in maps)])
-    if codes.any():
+    if obstacles:
+        arrays["obstacle_heights"] = np.array([each.height for each in obstacles])
+        arrays["obstacle_corners"] = np.array([len(each.outline) for each in obstacles])
+        arrays["obstacle_outlines"] = np.concatenate([each.outline for each in obstacles])
+        arrays["obstacle_stops"] = np.array([len(each.poses) for each in obstacles])
+        arrays["obstacle_times"] = np.concatenate([each.poses.times for each in obstacles])
+        arrays["obstacle_poses"] = np.concatenate([each.poses.poses for each in obstacles])
+    arrays |= rows
+    # Arrays without rows have their shape and type from the empty map.
+    parts = [LineMap.empty(), *maps.values()]
+    arrays["snapshot_scans"] = np.array(list(maps), dtype=np.int64)
+    arrays["map_sizes"] = np.array([len(part) for part in parts[1:]], dtype=np.int64)
+    arrays["map_segments"] = np.concatenate([part.segments for part in parts])
+    arrays["map_objects"] = np.concatenate([part.objects for part in parts])
+    arrays["map_points"] = np.concatenate([part.points for part in parts])
+    if (codes := np.concatenate([part.codes for part in parts])).any():
         arrays["map_kinds"] = codes
-    return [Column.of(name, array) for name, array in arrays.items()]
+    if estimate is not None:
+        arrays |= {name: getattr(estimate, field) for name, field in _ESTIMATE.items()}
+    return arrays
 
 
-def estimate_columns(estimate: EstimatedTrajectory | None) -> list[Column]:
-    """The columns of the estimate; empty if the poses were given to the robot."""
-    if estimate is None:
-        return []
-    arrays = {
-        "estimate_poses": estimate.poses,
-        "estimate_scans": estimate.known_scans,
-        "estimate_covariances": estimate.covariances,
-        "estimate_closures": estimate.closures,
-        "estimate_dropped": estimate.dropped_closures,
-        "estimate_odometry": estimate.odometry,
-    }
-    return [Column.of(name, array) for name, array in arrays.items()]
+_ESTIMATE = {
+    "estimate_poses": "poses",
+    "estimate_scans": "known_scans",
+    "estimate_covariances": "covariances",
+    "estimate_closures": "closures",
+    "estimate_dropped": "dropped_closures",
+    "estimate_odometry": "odometry",
+}
+"""Arrays of the file, and the fields of an EstimatedTrajectory that they hold."""
 
 
 def load_run(path: str | Path) -> Run:
@@ -229,13 +211,6 @@ def _obstacles(arrays: dict[str, Any]) -> "tuple[DynamicObstacle, ...]":
     )
 
 
-def _estimate(arrays: dict[str, Any]) -> EstimatedTrajectory | None:
-    if "estimate_poses" not in arrays:
-        return None
-    parts = ("poses", "scans", "covariances", "closures", "dropped", "odometry")
-    return EstimatedTrajectory(*(arrays[f"estimate_{part}"] for part in parts))
-
-
 def _receiver(arrays: dict[str, Any]) -> tuple[float, float, str, int]:
     if "receiver" not in arrays:
         return LaserRangeFinder().light
@@ -296,6 +271,8 @@ def _run(arrays: dict[str, Any]) -> Run:
             float(arrays["film_playback"]),
             str(arrays.get("film_points_by", USUAL_FILM.points_by)),
         ),
-        _estimate(arrays),
+        EstimatedTrajectory(**{field: arrays[name] for name, field in _ESTIMATE.items()})
+        if "estimate_poses" in arrays
+        else None,
         **{name: arrays[name] for name in LIGHT if name in arrays},
     )

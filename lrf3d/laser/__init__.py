@@ -1,6 +1,6 @@
 """The laser range finder, its scans and its noise (section 2.3 of Teslić et al.)."""
 
-from lrf3d.laser.imperfections import AngleNoise, DropOuts, Imperfections
+from lrf3d.laser.imperfections import AngleNoise, DropOuts, imperfect
 from lrf3d.laser.mixed_pixels import MixedPixels
 from lrf3d.laser.noise import (
     Chain,
@@ -20,7 +20,6 @@ __all__ = [
     "Chain",
     "ConstantNoise",
     "DropOuts",
-    "Imperfections",
     "LaserRangeFinder",
     "LaserScan",
     "Limits",
@@ -34,6 +33,7 @@ __all__ = [
     "Stamp",
     "beam_directions",
     "doubtful_ranges",
+    "imperfect",
     "layer_directions",
     "reflection_points",
 ]

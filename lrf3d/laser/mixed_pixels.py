@@ -4,31 +4,23 @@ A true scan comes in; what leaves is the scan with mixed ranges at its edges, or
 known and the two surfaces are farther apart than a pulse is long, with an echo of each.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
 from lrf3d.errors import InputError, shown
-from lrf3d.geometry import Bool, Float, is_finite
-from lrf3d.laser.noise import NO_SPREAD
+from lrf3d.geometry import Bool, Float, generator, number
+from lrf3d.laser.noise import NO_SPREAD, Rng
+from lrf3d.laser.range_finder import ECHO_CHOICES
 from lrf3d.laser.scan import LaserScan
 
 PULSE = 0.75
 """Distance [m] within which two surfaces return one echo: light's way there and back in the 5 ns
 that the pulses of common range finders last."""
 
-
 Echo = tuple[float, float, int]
 """Light that returns: its range [m], its intensity, and its wall, −1 where it is mixed."""
-
-CHOOSE: dict[str, Callable[[list[Echo]], Echo]] = {
-    "first": lambda found: found[0],
-    "last": lambda found: found[-1],
-    "strongest": lambda found: max(found, key=_light),
-}
-"""The echo that is the range, of those of a beam in the order of their ranges."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,23 +60,17 @@ class MixedPixels:
 
     def __post_init__(self) -> None:
         for name in ("divergence", "jump", "pulse"):
-            value = getattr(self, name)
-            if not (is_finite(value) and value > 0.0):
-                raise InputError(f"mixed pixels: {name} {shown(value)}, expected a positive number")
-        if not (is_finite(self.threshold) and self.threshold >= 0.0):
+            number(getattr(self, name), f"mixed pixels: {name}", positive=True)
+        number(self.threshold, "mixed pixels: threshold")
+        if not isinstance(self.echo, str) or self.echo not in ECHO_CHOICES:
             raise InputError(
-                f"mixed pixels: threshold {shown(self.threshold)}, expected a number, at least 0"
-            )
-        if not isinstance(self.echo, str) or self.echo not in CHOOSE:
-            raise InputError(
-                f"mixed pixels: echo {shown(self.echo)}, expected one of {', '.join(CHOOSE)}"
+                f"mixed pixels: echo {shown(self.echo)}, expected one of {', '.join(ECHO_CHOICES)}"
             )
 
-    def __call__(self, scan: LaserScan, rng: np.random.Generator | int) -> LaserScan:
+    def __call__(self, scan: LaserScan, rng: Rng) -> LaserScan:
         """Return the scan with mixed ranges, or two echoes, at its edges."""
-        rng = np.random.default_rng(rng)
         gaps = np.abs(np.diff(scan.angles))
-        offsets = rng.random(len(scan.ranges))[1:] * gaps
+        offsets = generator(rng).random(len(scan.ranges))[1:] * gaps
         returned = np.isfinite(scan.ranges)
         apart = np.abs(np.diff(np.where(returned, scan.ranges, 0.0))) > self.jump
         edge = np.flatnonzero(returned[:-1] & returned[1:] & apart & ~on_one_wall(scan))
@@ -108,10 +94,9 @@ class MixedPixels:
     def _lit(self, scan: LaserScan, light: Float, before: Float, after: Float) -> LaserScan:
         """The scan with intensities (beams,), with the light of both surfaces at its edges."""
         ranges, walls, lights = scan.ranges.copy(), scan.walls.copy(), light.copy()
-        echoes, echo_lights = scan.echoes, scan.echo_intensities
-        if echoes is None or echo_lights is None:
-            echoes, echo_lights = ranges[:, None], lights[:, None]
-        echoes, echo_lights = echoes.copy(), echo_lights.copy()
+        lit = scan.echoes is not None and scan.echo_intensities is not None
+        echoes = np.array(scan.echoes if lit else ranges[:, None])
+        echo_lights = np.array(scan.echo_intensities if lit else lights[:, None])
         for beam in np.flatnonzero(before + after).tolist():
             own = 1.0 - (before[beam] + after[beam])
             parts = (own, beam), (before[beam], beam - 1), (after[beam], beam + 1)
@@ -125,11 +110,15 @@ class MixedPixels:
                 for away, back in zip(echoes[beam], echo_lights[beam], strict=True)
                 if np.isfinite(away) and away != scan.ranges[beam]
             ]
-            found = sorted([*self._together(met), *others])
-            found = [echo for echo in found if echo[1] >= self.threshold]
-            chosen = CHOOSE[self.echo](found) if found else (np.inf, 0.0, -1)
-            ranges[beam], lights[beam], walls[beam] = chosen
-            kept = sorted(sorted(found, key=_light, reverse=True)[: echoes.shape[1]])
+            found = [
+                echo
+                for echo in sorted([*self._together(met), *others])
+                if echo[1] >= self.threshold
+            ]
+            brightest = sorted(found, key=lambda echo: echo[1], reverse=True)
+            choices = {"first": found[:1], "last": found[-1:], "strongest": brightest[:1]}
+            ranges[beam], lights[beam], walls[beam] = [*choices[self.echo], (np.inf, 0.0, -1)][0]
+            kept = sorted(brightest[: echoes.shape[1]])
             echoes[beam], echo_lights[beam] = np.inf, 0.0
             for slot, (away, back, _) in enumerate(kept):
                 echoes[beam, slot], echo_lights[beam, slot] = away, back
@@ -149,10 +138,6 @@ class MixedPixels:
                 away, light, wall = nearer + (away - nearer) * share, both, -1
             found.append((away, light, wall))
         return found
-
-
-def _light(echo: Echo) -> float:
-    return echo[1]
 
 
 def on_one_wall(scan: LaserScan) -> Bool:

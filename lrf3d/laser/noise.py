@@ -21,9 +21,11 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 import numpy as np
 
 from lrf3d.errors import InputError, shown
-from lrf3d.geometry import Float, is_finite
+from lrf3d.geometry import Float, generator, number
 from lrf3d.laser.range_finder import within_limits
 from lrf3d.laser.scan import LaserScan
+
+Rng = np.random.Generator | int
 
 
 class Noise(Protocol):
@@ -50,12 +52,8 @@ NO_SPREAD = (0.0, 0.0)
 class RangeNoise(NamedTuple):
     """The noise of ranges that mapping and localisation assume.
 
-    The standard deviation at the range r is hypot(floor, growth · r): that of Eq. 7 and one that
-    does not depend on the range. It is a named tuple, for compiled code.
-
-    Attributes:
-        floor: Standard deviation [m] at zero distance.
-        growth: Growth of the standard deviation with the range.
+    The standard deviation [m] at the range r is hypot(floor, growth · r): that of Eq. 7 and one
+    that does not depend on the range. It is a named tuple, for compiled code.
 
     Examples:
         >>> from lrf3d.laser import RangeNoise
@@ -75,10 +73,9 @@ class RangeNoise(NamedTuple):
         Raises:
             InputError: A number is negative or not finite, or range_max is 0.
         """
-        values = (sigma, floor, range_max)
-        if not (is_finite(*values) and min(values) >= 0.0 and range_max > 0.0):
-            raise InputError(f"range noise {values}: expected finite numbers of metres, at least 0")
-        return cls(float(floor), float(sigma / range_max))
+        at_range_max = number(sigma, "range noise: sigma", "metres")
+        growth = at_range_max / number(range_max, "range noise: range_max", positive=True)
+        return cls(number(floor, "range noise: floor", "metres"), growth)
 
     def variance(self, ranges: Float) -> Float:
         """Variance [m²] of ranges [m]."""
@@ -135,25 +132,22 @@ class ProportionalNoise:
     sigma: float
 
     def __post_init__(self) -> None:
-        check_sigma(self.sigma, "metres")
+        number(self.sigma, "sigma", "metres")
 
     @property
     def spread(self) -> tuple[float, float]:
         """Standard deviations [m]: the constant part, and the growing part at range_max."""
         return 0.0, self.sigma
 
-    def __call__(self, scan: LaserScan, rng: np.random.Generator | int) -> LaserScan:
+    def __call__(self, scan: LaserScan, rng: Rng) -> LaserScan:
         """Return the scan with noise on each range."""
-        rng = np.random.default_rng(rng)
         if self.sigma == 0.0:
             return scan
         if not np.isfinite(scan.range_max):
             raise InputError("scan without range_max: Eq. 7 scales its noise by it; give one")
-        ranges = scan.ranges.copy()
-        finite = np.isfinite(ranges)
-        draws = rng.normal(0.0, self.sigma, len(ranges))[finite]
-        ranges[finite] += ranges[finite] / scan.range_max * draws
-        return _measured(scan, ranges)
+        draws = generator(rng).normal(0.0, self.sigma, len(scan.ranges))
+        shares = np.where(np.isfinite(scan.ranges), scan.ranges, 0.0) / scan.range_max
+        return _measured(scan, scan.ranges + shares * draws)
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,20 +160,23 @@ class ConstantNoise:
     sigma: float
 
     def __post_init__(self) -> None:
-        check_sigma(self.sigma, "metres")
+        number(self.sigma, "sigma", "metres")
 
     @property
     def spread(self) -> tuple[float, float]:
         """Standard deviations [m]: the constant part, and the growing part at range_max."""
         return self.sigma, 0.0
 
-    def __call__(self, scan: LaserScan, rng: np.random.Generator | int) -> LaserScan:
+    def __call__(self, scan: LaserScan, rng: Rng) -> LaserScan:
         """Return the scan with noise on each range; a beam without return stays without."""
-        rng = np.random.default_rng(rng)
         if self.sigma == 0.0:
             return scan
-        # Adding to an infinity does not change it.
-        return _measured(scan, scan.ranges + rng.normal(0.0, self.sigma, len(scan.ranges)))
+        return _measured(scan, scan.ranges + generator(rng).normal(0, self.sigma, len(scan.ranges)))
+
+
+def _measured(scan: LaserScan, ranges: Float) -> LaserScan:
+    """The scan with noisy ranges, raised to at least 0; infinities stay."""
+    return replace(scan, ranges=np.where((ranges < 0.0) & np.isfinite(ranges), 0.0, ranges))
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,10 +187,9 @@ class Quantised:
     spread: ClassVar[tuple[float, float]] = NO_SPREAD
 
     def __post_init__(self) -> None:
-        if not (is_finite(self.step) and self.step > 0.0):
-            raise InputError(f"resolution {shown(self.step)}: expected a positive number of metres")
+        number(self.step, "resolution", "metres", positive=True)
 
-    def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
+    def __call__(self, scan: LaserScan, rng: Any) -> LaserScan:
         """Return the scan with rounded ranges; infinities stay."""
         return replace(scan, ranges=np.round(scan.ranges / self.step) * self.step)
 
@@ -207,17 +203,30 @@ class Limits:
 
     spread: ClassVar[tuple[float, float]] = NO_SPREAD
 
-    def __call__(self, scan: LaserScan, rng: np.random.Generator) -> LaserScan:
+    def __call__(self, scan: LaserScan, rng: Any) -> LaserScan:
         """Return the scan with +inf or −inf for the ranges beyond its limits."""
         return replace(scan, ranges=within_limits(scan.ranges, scan.range_min, scan.range_max))
 
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """Noises (n,) applied in order; an empty chain returns the scan unchanged.
+    """Noises (n,) applied in order, to the ranges and to the echoes; without any, scans stay.
+
+    The echo that is the range of a beam has the noise of that range; each other one has its own.
+    Echoes that a noise loses are left out. A noise that changes echoes itself, as `MixedPixels`, is
+    left alone.
 
     Raises:
         InputError: They are not functions of a scan and an rng.
+
+    Examples:
+        >>> import lrf3d
+        >>> from lrf3d.laser import Chain
+        >>> true = lrf3d.LaserScan((0, 0, 0), [0.0], [1.0], echoes=[[1.0, 3.0]], range_max=9.0,
+        ...                        intensities=[0.4], echo_intensities=[[0.4, 0.1]])
+        >>> scan = Chain([lrf3d.ProportionalNoise(0.1)])(true, rng=0)
+        >>> bool(scan.echoes[0, 0] == scan.ranges[0] != 1.0)
+        True
     """
 
     noises: tuple[Noise, ...] = field(default=())
@@ -225,7 +234,8 @@ class Chain:
     def __init__(self, noises: Iterable[Noise] = ()) -> None:
         if not isinstance(noises, Iterable):
             raise InputError(f"chain of {shown(noises)}: expected a list of noises")
-        object.__setattr__(self, "noises", tuple(as_noise(noise) for noise in noises))
+        parts = (one.noises if isinstance(one, Chain) else (as_noise(one),) for one in noises)
+        object.__setattr__(self, "noises", tuple(part for each in parts for part in each))
 
     @property
     def spread(self) -> tuple[float, float] | None:
@@ -237,12 +247,40 @@ class Chain:
         constant, growing = zip(*known, strict=True)
         return math.hypot(*constant), math.hypot(*growing)
 
-    def __call__(self, scan: LaserScan, rng: np.random.Generator | int) -> LaserScan:
+    def __call__(self, scan: LaserScan, rng: Rng) -> LaserScan:
         """Return the scan after all noises."""
-        rng = np.random.default_rng(rng)
+        rng = generator(rng)
         for noise in self.noises:
-            scan = noise(scan, rng)
+            before, scan = scan, noise(scan, rng)
+            # What a user's noise returns is checked by who asked for the scan.
+            if not isinstance(scan, LaserScan):
+                return scan
+            true, light = before.echoes, before.echo_intensities
+            if true is not None and light is not None:
+                scan = _with_echoes(before, true, light, scan, noise, rng)
         return scan
+
+
+def _with_echoes(
+    before: LaserScan, true_echoes: Float, light: Float, scan: LaserScan, noise: Noise,
+    rng: np.random.Generator,
+) -> LaserScan:  # fmt: skip
+    """What a noise made of a scan with echoes and their light (beams, k), with noise on these."""
+    if scan.echoes is not None and not np.array_equal(scan.echoes, true_echoes):
+        return scan
+    echoes, lit = true_echoes.copy(), light.copy()
+    bare = replace(before, echoes=None, echo_intensities=None)
+    for column in range(echoes.shape[1]):
+        alone = replace(bare, ranges=true_echoes[:, column], intensities=light[:, column])
+        echoes[:, column] = noise(alone, rng).ranges
+    chosen = np.isfinite(true_echoes) & (true_echoes == before.ranges[:, None])
+    # Two echoes at one place have one range as well.
+    echoes = np.where(chosen, scan.ranges[:, None], echoes)
+    lost = ~np.isfinite(echoes)
+    echoes[lost], lit[lost] = np.inf, 0.0
+    order = np.argsort(echoes, axis=1, kind="stable")
+    echoes, lit = (np.take_along_axis(values, order, axis=1) for values in (echoes, lit))
+    return replace(scan, echoes=echoes, echo_intensities=lit)
 
 
 def at_sigma(noise: Noise, sigma: float) -> Noise:
@@ -251,25 +289,8 @@ def at_sigma(noise: Noise, sigma: float) -> Noise:
     Raises:
         InputError: No part of it is a ProportionalNoise.
     """
-    parts = noise.noises if isinstance(noise, Chain) else (noise,)
-    changed = [
-        ProportionalNoise(sigma) if isinstance(part, ProportionalNoise) else part for part in parts
-    ]
+    other, parts = ProportionalNoise(sigma), Chain([noise]).noises
     if not any(isinstance(part, ProportionalNoise) for part in parts):
         raise InputError(f"sigma {shown(sigma)}: {noise!r} has no ProportionalNoise to give it to")
-    return Chain(changed) if isinstance(noise, Chain) else changed[0]
-
-
-def _measured(scan: LaserScan, ranges: Float) -> LaserScan:
-    """The scan with noisy ranges, raised to at least 0; infinities stay."""
-    return replace(scan, ranges=np.where((ranges < 0.0) & np.isfinite(ranges), 0.0, ranges))
-
-
-def check_sigma(sigma: float, unit: str) -> None:
-    """Check a standard deviation.
-
-    Raises:
-        InputError: It is not a finite number of at least 0.
-    """
-    if not (is_finite(sigma) and sigma >= 0.0):
-        raise InputError(f"sigma {shown(sigma)}: expected a finite number of {unit}, at least 0")
+    changed = [other if isinstance(part, ProportionalNoise) else part for part in parts]
+    return Chain(changed) if isinstance(noise, Chain) else other

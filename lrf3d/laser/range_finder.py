@@ -15,6 +15,7 @@ from lrf3d.geometry import (
     Float,
     Value,
     is_finite,
+    number,
     sealed,
     whole_number,
 )
@@ -96,11 +97,7 @@ class LaserRangeFinder(Value):
                 f" expected 0 ≤ range_min < range_max ≤ {LARGEST_COORDINATE:g}"
             )
         for name in ("scan_duration", "threshold", "near_field"):
-            value = getattr(self, name)
-            if not (is_finite(value) and value >= 0.0):
-                raise InputError(
-                    f"range finder: {name} {shown(value)}, expected a finite number, at least 0"
-                )
+            number(getattr(self, name), f"range finder: {name}")
         if not isinstance(self.echo, str) or self.echo not in ECHO_CHOICES:
             raise InputError(
                 f"range finder: echo {shown(self.echo)}, expected one of {', '.join(ECHO_CHOICES)}"

@@ -1,12 +1,11 @@
 """LaserScan: the ranges of one scan, with its pose."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import LARGEST_COORDINATE, Bool, Float, Int, Value, is_finite, read_only, sealed
@@ -20,8 +19,11 @@ from lrf3d.laser.ros_scan import RosHeader, RosScan, Stamp, even_spread, read_ro
 from lrf3d.notebook import Pictured
 from lrf3d.pose import Pose, as_pose
 
+LIGHT = (("intensities", 1, 0.0), ("echoes", 2, np.inf), ("echo_intensities", 2, 0.0))
+"""What a scan has of the light: name, number of axes, and what stands for nothing."""
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, repr=False)
 class LaserScan(Value, Pictured):
     """The ranges of one scan, with the pose that they were measured at.
 
@@ -62,73 +64,59 @@ class LaserScan(Value, Pictured):
     pose: Pose
     angles: Float
     ranges: Float
-    walls: Int
-    range_min: float
-    range_max: float
-    time_increment: float
+    walls: Int = None  # type: ignore[assignment]
+    _: KW_ONLY
+    range_min: float = 0.0
+    range_max: float = np.inf
     time: float = 0.0
+    time_increment: float = 0.0
     pose_covariance: Float | None = None
     intensities: Float | None = None
     echoes: Float | None = None
     echo_intensities: Float | None = None
 
-    def __init__(
-        self,
-        pose: Sequence[float] | Float,
-        angles: ArrayLike,
-        ranges: ArrayLike,
-        walls: ArrayLike | None = None,
-        *,
-        range_min: float = 0.0,
-        range_max: float = np.inf,
-        time: float = 0.0,
-        time_increment: float = 0.0,
-        pose_covariance: ArrayLike | None = None,
-        intensities: ArrayLike | None = None,
-        echoes: ArrayLike | None = None,
-        echo_intensities: ArrayLike | None = None,
-    ) -> None:
-        known = is_finite(range_min) and (is_finite(range_max) or range_max == np.inf)
-        if not (known and 0.0 <= range_min < min(range_max, LARGEST_COORDINATE)):
+    def __post_init__(self) -> None:
+        near, far = self.range_min, self.range_max
+        known = is_finite(near) and (is_finite(far) or far == np.inf)
+        if not (known and 0.0 <= near < min(far, LARGEST_COORDINATE)):
             raise InputError(
-                f"scan with range_min {shown(range_min)} and range_max {shown(range_max)}, expected"
+                f"scan with range_min {shown(near)} and range_max {shown(far)}, expected"
                 " 0 ≤ range_min < range_max"
             )
-        if not is_finite(time, time_increment):
+        if not is_finite(self.time, self.time_increment):
             raise InputError(
-                f"scan with time {shown(time)} and time_increment {shown(time_increment)}, expected"
-                " finite numbers of seconds"
+                f"scan with time {shown(self.time)} and time_increment"
+                f" {shown(self.time_increment)}, expected finite numbers of seconds"
             )
-        # Drivers write the largest float32 for a range finder whose reach they do not know.
-        range_max = float(range_max) if range_max <= LARGEST_COORDINATE else np.inf
-        beams: Float = read_only(angles, "angles")
-        measured = _within(read_only(ranges, "ranges"), min(range_max, LARGEST_COORDINATE))
-        no_walls = np.full(measured.shape, -1)
-        hit: Int = read_only(no_walls if walls is None else walls, "walls", np.int64)
-        if beams.ndim != 1 or measured.shape != beams.shape or hit.shape != beams.shape:
+        angles, ranges = read_only(self.angles, "angles"), read_only(self.ranges, "ranges")
+        walls = np.full(ranges.shape, -1) if self.walls is None else self.walls
+        walls = read_only(walls, "walls", np.int64)
+        if angles.ndim != 1 or not angles.shape == ranges.shape == walls.shape:
             raise InputError(
-                f"scan with angles {beams.shape}, ranges {measured.shape} and walls {hit.shape}:"
+                f"scan with angles {angles.shape}, ranges {ranges.shape} and walls {walls.shape}:"
                 " expected one of each for every beam"
             )
-        if not (np.abs(beams) <= LARGEST_ANGLE).all():
-            beam = int(np.argmin(np.abs(beams) <= LARGEST_ANGLE))
+        if not (np.abs(angles) <= LARGEST_ANGLE).all():
+            beam = int(np.argmin(np.abs(angles) <= LARGEST_ANGLE))
             raise InputError(
-                f"scan with the angle {beams[beam]:g} of beam {beam}: expected radians from"
+                f"scan with the angle {angles[beam]:g} of beam {beam}: expected radians from"
                 f" −{LARGEST_ANGLE:g} to {LARGEST_ANGLE:g}"
             )
+        for name, axes, nothing in LIGHT:
+            if (values := getattr(self, name)) is not None:
+                self.__dict__[name] = _of_beams(values, len(angles), name, axes, nothing)
+        if self.pose_covariance is not None:
+            self.__dict__["pose_covariance"] = _covariance(self.pose_covariance)
         self.__dict__.update(
-            pose=as_pose(pose),
-            angles=beams,
-            ranges=measured,
-            walls=hit,
-            range_min=float(range_min),
-            range_max=range_max,
-            time=float(time),
-            time_increment=float(time_increment),
-            pose_covariance=None if pose_covariance is None else _covariance(pose_covariance),
-            intensities=_of_beams(intensities, len(beams), "intensities", 1, 0.0),
-            echoes=_of_beams(echoes, len(beams), "echoes", 2, np.inf),
-            echo_intensities=_of_beams(echo_intensities, len(beams), "echo_intensities", 2, 0.0),
+            pose=as_pose(self.pose),
+            angles=angles,
+            ranges=_within(ranges, min(far, LARGEST_COORDINATE)),
+            walls=walls,
+            range_min=float(near),
+            # Drivers write the largest float32 for a range finder whose reach they do not know.
+            range_max=float(far) if far <= LARGEST_COORDINATE else np.inf,
+            time=float(self.time),
+            time_increment=float(self.time_increment),
         )
 
     def __repr__(self) -> str:
@@ -141,11 +129,12 @@ class LaserScan(Value, Pictured):
 
     @classmethod
     def unchecked(
-        cls, lrf: LaserRangeFinder, pose: Pose, ranges: Float, walls: Int,
-        intensities: Float | None = None, echoes: Float | None = None,
-        echo_intensities: Float | None = None,
-    ) -> "LaserScan":  # fmt: skip
-        """The scan of new arrays of a caster: they are made read-only, not checked or copied."""
+        cls, lrf: LaserRangeFinder, pose: Pose, ranges: Float, walls: Int, *light: Float | None
+    ) -> "LaserScan":
+        """The scan of new arrays of a caster: they are made read-only, not checked or copied.
+
+        The light is that of its attributes: intensities, echoes and echo_intensities, if known.
+        """
         scan = object.__new__(cls)
         # What is left out has its default in the class: a scan costs microseconds.
         scan.__dict__.update(
@@ -157,10 +146,9 @@ class LaserScan(Value, Pictured):
             range_max=lrf.range_max,
             time_increment=lrf.time_increment,
         )
-        if intensities is not None:
-            scan.__dict__["intensities"] = sealed(intensities)
-        if echoes is not None and echo_intensities is not None:
-            scan.__dict__.update(echoes=sealed(echoes), echo_intensities=sealed(echo_intensities))
+        for (name, *_), values in zip(LIGHT, light, strict=False):
+            if values is not None:
+                scan.__dict__[name] = sealed(values)
         return scan
 
     def at_time(self, time: float) -> "LaserScan":
@@ -227,27 +215,21 @@ def _within(ranges: Float, range_max: float) -> Float:
     return ranges
 
 
-def _of_beams(
-    values: ArrayLike | None, beams: int, name: str, axes: int, nothing: float
-) -> Float | None:
-    """Values for each beam (beams, …), or None; NaN becomes the value that stands for nothing."""
-    if values is None:
-        return None
+def _of_beams(values: Any, beams: int, name: str, axes: int, nothing: float) -> Float:
+    """Values for each beam (beams, …); NaN becomes the value that stands for nothing."""
     array: Float = read_only(values, name)
     if array.ndim != axes or len(array) != beams:
         raise InputError(
             f"scan with {name} {array.shape}: expected a row for each of {beams} beams"
         )
-    if np.isnan(array).any():
-        array = sealed(np.where(np.isnan(array), nothing, array))
-    return array
+    return sealed(np.where(np.isnan(array), nothing, array)) if np.isnan(array).any() else array
 
 
-def _covariance(values: ArrayLike) -> Float:
+def _covariance(values: Any) -> Float:
     """A matrix (3, 3) that is finite, symmetric, and semidefinite, but for rounding.
 
     Raises:
-        InputError: It is none.
+        InputError: It is not.
     """
     matrix: Float = read_only(values, "pose_covariance")
     if matrix.shape == (3, 3) and np.isfinite(matrix).all():

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError, expect, shown
-from lrf3d.geometry import Float, Int, Value, is_finite, wrap_angle
+from lrf3d.geometry import Float, Int, Value, generator, is_finite, wrap_angle
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.localization.estimate import PoseEstimate
 from lrf3d.localization.lines import KnownLines, LocalLines
@@ -58,7 +58,7 @@ class OdometryNoise:
     def __call__(self, steps: Float, rng: np.random.Generator | int) -> Float:
         """Return increments (k, 3) as the wheels would measure them."""
         deviations = [self.position, self.position, self.heading]
-        return steps + np.random.default_rng(rng).normal(size=steps.shape) * deviations
+        return steps + generator(rng).normal(size=steps.shape) * deviations
 
 
 def odometry_increments(poses: ArrayLike) -> Float:

@@ -12,6 +12,7 @@ _SHADERS = Path(__file__).parent / "shaders"
 
 _CONSTANTS: dict[str, Any] = {
     "BODY_LIGHT": look.BODY_LIGHT,
+    "CUT_ASIDE": look.CUT_ASIDE,
     "CUT_BEFORE": look.CUT_BEFORE,
     "DASH": look.DASH,
     "GHOST": (*look.GHOST, look.GHOST_STRENGTH),

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrf3d.errors import CollisionError, InputError, shown
-from lrf3d.geometry import Float, Int, is_finite
+from lrf3d.errors import CollisionError
+from lrf3d.geometry import Float, Int, number
 from lrf3d.robot.trajectory import Trajectory
 from lrf3d.world import World
 
@@ -78,8 +78,7 @@ def find_collision(trajectory: Trajectory, world: World, radius: float) -> Colli
     Raises:
         InputError: The radius is negative or not finite.
     """
-    if not (is_finite(radius) and radius >= 0.0):
-        raise InputError(f"radius {shown(radius)}: expected a finite number of metres, at least 0")
+    number(radius, "radius", "metres")
     return CollisionChecker(world).first(trajectory, radius) if len(world.segments) else None
 
 

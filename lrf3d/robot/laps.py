@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.errors import InputError, shown
-from lrf3d.geometry import Float, Value, is_finite, numbers
+from lrf3d.errors import InputError
+from lrf3d.geometry import Float, Value, number, numbers
 from lrf3d.pose import Pose
 from lrf3d.robot.following import FARTHEST, follow_route
 from lrf3d.robot.trajectory import Trajectory
@@ -96,8 +96,7 @@ class Patrol(Value):
                 f"patrol along points {points.shape}: expected points (m, 2) of at most"
                 f" {FARTHEST:g} m"
             )
-        if not (is_finite(self.speed) and self.speed > 0.0):
-            raise InputError(f"patrol at {shown(self.speed)} m/s: expected a positive speed")
+        number(self.speed, "patrol: speed", "metres per second", positive=True)
         if not (points[1:] != points[:-1]).any():
             raise InputError("patrol: expected a route of at least two different way-points")
         self._hold("route")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrf3d.errors import InputError, shown
-from lrf3d.geometry import Float, is_finite
+from lrf3d.geometry import Float, is_finite, number
 from lrf3d.pose import Pose, as_pose
 
 RADIUS = 0.35
@@ -31,10 +31,7 @@ class Unicycle:
     radius: float = RADIUS
 
     def __post_init__(self) -> None:
-        if not (is_finite(self.radius) and self.radius >= 0.0):
-            raise InputError(
-                f"robot of radius {shown(self.radius)} m: expected a finite one, at least 0"
-            )
+        number(self.radius, "robot of radius", "metres")
 
     def derivative(self, state: Float, v: float, omega: float) -> Float:
         """Time derivative (3,) of the state x, y, theta (Eq. 2)."""

@@ -61,6 +61,9 @@ much higher they may be for each metre that the eye is farther off than a distan
 CUT_BEFORE = 0.4
 """How far before the robot's rear walls begin to be cut [m]: they bend where their pieces end."""
 
+CUT_ASIDE = 1.0
+"""How far beside the line of sight walls may be higher [m], a metre for each metre farther off."""
+
 DASH = 0.8
 """Length of a dash with its gap [m]."""
 

@@ -31,8 +31,9 @@ APART, TURNED_APART = 0.3, 0.1
 """Two poses that differ by more [m], [rad] are different places."""
 
 CLOSE = 0.7
-"""Of the peaks, which are refined with the points of the window's search, those that explain more
-than this share of what the best one does are refined with all points."""
+"""Peaks that score less than this share of what the best one does are no places. Those that, once
+refined with the points of the window's search, explain more than it of what the best one does are
+refined with all points."""
 
 LOOSE = np.diag([4.0, 4.0, 25.0])
 """Information of the guess when a peak is refined: 0.5 m and 0.2 rad, which leaves it free."""
@@ -59,9 +60,10 @@ def search(
     sample = np.ascontiguousarray(surface[:: 1 + len(surface) // COARSE_POINTS])
     scores = window_scores(sample, grid, guess, shifts, angles)
     matches: list[Match] = []
+    least = CLOSE * float(scores.max(initial=0.0))
     for _ in range(PEAKS if len(shifts) else 0):
         a, s = np.unravel_index(int(scores.argmax()), scores.shape)
-        if scores[a, s] <= 0.0:
+        if scores[a, s] <= least:
             break
         shift = COARSE_CELL * shifts[s]
         start = np.array([*(guess[:2] + shift), guess[2] + angles[a]])

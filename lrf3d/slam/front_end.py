@@ -241,12 +241,9 @@ class FrontEnd:
         # Where a guess may be off by more than beams pass behind a point, nothing is known.
         far = np.hypot(surface[:, 0], surface[:, 1])
         known = 3.0 * (max(deviations[0], deviations[1]) + deviations[2] * far) < BEHIND
-        counts = np.zeros(len(surface), np.int64)
-        for key, relative in zip(
-            self._keys, between(np.array([key.pose for key in self._keys]), guess), strict=True
-        ):
-            counts += views_of(moved(surface, relative), key) == 2
-        gone = known & (counts >= THROUGH)
+        watching = between(np.array([key.pose for key in self._keys]), guess)
+        through = (views_of(surface, watching, self._keys) == 2).sum(axis=0)
+        gone = known & (through >= THROUGH)
         there = moved(surface, guess)
         if len(self._persons) and self._grid is not None:
             apart = np.abs(there[:, None, :2] - self._persons[None]).max(axis=2).min(axis=1)

@@ -5,9 +5,9 @@ one key scan to all others leave, and the covariances of its pose as seen from t
 path alone are an upper bound of the graph's own, at a hundredth of the time.
 """
 
+from heapq import heappop, heappush
+
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
 
 from lrf3d.compiling import compiled
 from lrf3d.geometry import Float, Int
@@ -43,20 +43,13 @@ class GraphPaths:
         self._links += 1
         self.count = max(self.count, first + 1, second + 1)
 
-    def _shortest(self, source: int, limit: float) -> tuple[Float, Int]:
-        """Lengths (k,) [m] of paths from a key scan, and on each the key scan before its end."""
-        ends, count = self._ends[: self._links], max(self.count, source + 1)
-        # A length of 0 would be no link.
-        lengths = np.maximum(self._lengths[: self._links], 1e-9)
-        graph = csr_array((lengths, (ends[:, 0], ends[:, 1])), shape=(count, count))
-        found, before = dijkstra(
-            graph, directed=False, indices=[source], limit=limit, return_predecessors=True
-        )
-        return np.asarray(found[0]), np.asarray(before[0], dtype=np.int64)
-
     def lengths(self, source: int, limit: float) -> Float:
         """Lengths (k,) [m] of the paths from a key scan to all, +inf beyond a limit [m]."""
         return self._shortest(source, limit)[0]
+
+    def _shortest(self, source: int, limit: float) -> tuple[Float, Int, Int]:
+        count, links = max(self.count, source + 1), self._links
+        return _shortest(source, limit, count, self._ends[:links], self._lengths[:links])
 
     def spreads(self, source: int, poses: Float, limit: float, scale: float) -> tuple[Float, Float]:
         """Lengths (k,) of paths [m], and covariances (k, 3, 3) of a pose with each other one held.
@@ -64,29 +57,59 @@ class GraphPaths:
         The poses (k, 3) are those of all key scans; lengths are +inf beyond the limit [m], and
         covariances along the axes of the map. The scale is that of the wheels, its deviation.
         """
-        lengths, before = self._shortest(source, limit)
-        ends = self._ends[: self._links]
+        lengths, last, order = self._shortest(source, limit)
+        links = last[order[1:]]
+        ends = self._ends[links]
         # Errors as twists about the origin: those of the links of a path add up.
-        twist = np.zeros((self._links, 3, 3))
+        twist = np.zeros((len(links), 3, 3))
         cos, sin = np.cos(poses[ends[:, 0], 2]), np.sin(poses[ends[:, 0], 2])
         twist[:, 0, 0], twist[:, 0, 1], twist[:, 0, 2] = cos, -sin, poses[ends[:, 1], 1]
         twist[:, 1, 0], twist[:, 1, 1], twist[:, 1, 2] = sin, cos, -poses[ends[:, 1], 0]
         twist[:, 2, 2] = 1.0
-        own = twist @ self._covariances[: self._links] @ twist.transpose(0, 2, 1)
-        moves = np.einsum("eij,ej->ei", twist, self._scales[: self._links])
-        order = np.argsort(lengths, kind="stable")[1 : np.isfinite(lengths).sum()]
-        # The link by which each key scan is reached, of all of them in the order of their ends.
-        numbers = np.sort(ends, axis=1) @ [len(poses), 1]
-        sorted_links = np.argsort(numbers, kind="stable")
-        steps = np.sort(np.column_stack([before[order], order]), axis=1) @ [len(poses), 1]
-        links = sorted_links[np.searchsorted(numbers[sorted_links], steps, side="right") - 1]
+        own = twist @ self._covariances[links] @ twist.transpose(0, 2, 1)
+        moves = (twist @ self._scales[links, :, None])[:, :, 0]
         # Over a link against its sense the scale counts against its sense, too.
-        signs = np.where(ends[links, 0] == order, 1.0, -1.0)
-        sums, moved = np.zeros((len(before), 3, 3)), np.zeros((len(before), 3))
-        _add_along(order, before, own[links], signs[:, None] * moves[links], sums, moved)
+        backwards = ends[:, 0] == order[1:]
+        before = np.where(backwards, ends[:, 1], ends[:, 0])
+        moves[~backwards] *= -1.0
+        sums, moved = np.zeros((len(lengths), 3, 3)), np.zeros((len(lengths), 3))
+        _add_along(order[1:], before, own, moves, sums, moved)
         lever = np.array([[1.0, 0.0, -poses[source, 1]], [0.0, 1.0, poses[source, 0]], [0, 0, 1.0]])
         together = sums + scale**2 * moved[:, :, None] * moved[:, None, :]
         return lengths, np.asarray(lever @ together @ lever.T)
+
+
+@compiled
+def _shortest(
+    source: int, limit: float, count: int, ends: Int, lengths: Float
+) -> tuple[Float, Int, Int]:
+    """Lengths (k,) of the paths from a key scan, their last links (k,), and their order (r,).
+
+    By Dijkstra: the order is that of the lengths, of those within the limit.
+    """
+    heads, following = np.full(count, -1), np.empty(ends.shape, np.int64)
+    for link in range(len(ends)):
+        for side in range(2):
+            following[link, side] = heads[ends[link, side]]
+            heads[ends[link, side]] = 2 * link + side
+    found, last, order = np.full(count, np.inf), np.full(count, -1), np.empty(count, np.int64)
+    found[source], settled = 0.0, 0
+    heap = [(0.0, source)]
+    while heap:
+        length, k = heappop(heap)
+        if length > found[k]:
+            continue
+        order[settled] = k
+        settled += 1
+        place = heads[k]
+        while place >= 0:
+            link, side = place // 2, place % 2
+            other, through = ends[link, 1 - side], length + lengths[link]
+            if through < found[other] and through <= limit:
+                found[other], last[other] = through, link
+                heappush(heap, (through, other))
+            place = following[link, side]
+    return found, last, order[:settled]
 
 
 @compiled
@@ -94,7 +117,7 @@ def _add_along(order: Int, before: Int, own: Float, moves: Float, sums: Float, m
     """Add up what the links of each path bring, from the nearest key scan to the farthest."""
     for row, k in enumerate(order):
         for a in range(3):
-            moved[k, a] = moved[before[k], a] + moves[row, a]
+            moved[k, a] = moved[before[row], a] + moves[row, a]
             for b in range(3):
-                sums[k, a, b] = sums[before[k], a, b] + own[row, a, b]
+                sums[k, a, b] = sums[before[row], a, b] + own[row, a, b]
     return len(order)

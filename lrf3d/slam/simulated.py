@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Int, is_finite
+from lrf3d.geometry import Float, Int, generator, is_finite
 from lrf3d.laser import LaserScan
 from lrf3d.mapping import LineMap
 from lrf3d.robot import EstimatedTrajectory
@@ -91,7 +91,7 @@ class SlamMapper:
     ) -> None:
         self.slam = Slam()
         self._wheels = WheelErrors() if wheels is None else wheels
-        self._rng = np.random.default_rng(rng)
+        self._rng = generator(rng)
         self._true: list[Float] = []
         self._by_wheels: list[Float] = []
         self._believed: list[Float] = []

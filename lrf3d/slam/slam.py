@@ -306,7 +306,8 @@ class Slam:
             raise InputError(
                 f"slam: {len(scans)} scans to refine; expected all {len(self._tracked)}"
             )
-        surfaces = [self.surface_of(scan) for scan in scans]
+        noise = max(self._noise, LEAST_NOISE)
+        surfaces = [surface_of_scan(scan, self._laser, noise) for scan in scans]
         motions = np.array([scan.motion for scan in self._tracked]).reshape(-1, 3)
         poses, keys = self.scan_poses(self._key_poses), self._closer.keys
         found = refined(surfaces, poses, motions, keys, self._key_poses, self._anchored)

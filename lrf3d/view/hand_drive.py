@@ -6,7 +6,7 @@ from typing import cast
 
 import numpy as np
 
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry import Float, Int, generator
 from lrf3d.laser import LaserScan
 from lrf3d.mapping import LineMap
 from lrf3d.mapping.tracking import ObjectTracker
@@ -70,7 +70,7 @@ class HandDrive:
             noise=scenario.noise,
             obstacles=self.obstacles,
         )
-        self._rng = np.random.default_rng(rng)
+        self._rng = generator(rng)
         self._mapper = line_mapper(scenario.noise, **scenario.mapper)
         self._tracker = ObjectTracker()
         self.pose, self.time, self.speed, self.turning = start, 0.0, 0.0, 0.0

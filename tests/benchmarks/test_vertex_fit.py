@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks.vertex_fit import _squared_errors, fit_vertices
+from benchmarks.vertex_fit import MISSED, fit_vertices, range_errors
 from lrf3d import LaserRangeFinder, LaserScan, PlanarCaster, World
 
 CIRCLE = LaserRangeFinder(-np.pi, np.pi - 2 * np.pi / 180, beams=180, range_max=30.0)
@@ -82,5 +82,5 @@ def test_beams_in_one_direction_span_no_edge():
 
 def test_beams_do_not_meet_an_edge_of_more_than_half_a_turn():
     bearings, beam = np.array([0.0, 3.0]), np.array([1.5])
-    assert _squared_errors(bearings, np.ones(2), beam, np.ones(1)) < 1.0
-    assert _squared_errors(1.2 * bearings, np.ones(2), beam, np.ones(1)) == np.inf
+    assert abs(range_errors(bearings, np.ones(2), beam, np.ones(1))[0]) < 1.0
+    assert range_errors(1.2 * bearings, np.ones(2), beam, np.ones(1))[0] == MISSED

@@ -17,8 +17,8 @@ WALK = lrf3d.Trajectory([0, 2], [(0, 0, 0), (4, 0, 0)])
     [
         (SQUARE[:2], 1.0, "expected at least 3 x, y"),
         ([*SQUARE[:3], (np.nan, 0.0)], 1.0, r"corner 3 is \[nan, 0.0\], expected finite"),
-        (SQUARE, 0.0, "of height 0.0: expected more than 0 metres"),
-        (SQUARE, np.inf, "of height inf"),
+        (SQUARE, 0.0, "height 0.0: expected .* metres, above 0"),
+        (SQUARE, np.inf, "height inf"),
     ],
 )
 def test_outlines_and_heights_that_are_no_body_are_refused(outline, height, message):
@@ -28,7 +28,7 @@ def test_outlines_and_heights_that_are_no_body_are_refused(outline, height, mess
 
 @pytest.mark.parametrize("radius", [0.0, -1.0, np.nan, np.inf])
 def test_a_round_outline_needs_a_radius(radius):
-    with pytest.raises(InputError, match=r"radius .*: expected a positive number of metres"):
+    with pytest.raises(InputError, match=r"radius .*: expected a finite number of metres, above 0"):
         round_outline(radius)
 
 

@@ -242,7 +242,7 @@ def test_where_walls_cross_the_first_is_met(caster):
             assert tuple(chain[0][chain[0] >= 0].tolist()) == found[0].chain
 
 
-def test_of_more_echoes_than_are_kept_the_brightest_stay():
+def test_of_more_echoes_than_are_reported_the_brightest_stay():
     mirror = Material("dusty mirror", diffuse=0.02, specular=0.97)
     pane = Material("pane", diffuse=0.01, specular=0.2, transmission=0.78)
     places = {1.1: mirror, -1.0: mirror, 0.6: pane, -0.45: pane}
@@ -253,7 +253,7 @@ def test_of_more_echoes_than_are_kept_the_brightest_stay():
     assert np.array_equal(scans[0].echoes, scans[1].echoes)
     for beam, ahead in enumerate(lrf.directions((0, 0, 0))):
         found = exact.echoes((0.0, 0.0), tuple(ahead), range_max=20.0)
-        assert len(found) == 16
+        assert len(found) > 16
         kept = sorted(float(echo.way) for echo in found[:5])
         assert scans[0].echoes[beam] == pytest.approx(kept, rel=1e-14)
 

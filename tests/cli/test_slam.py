@@ -132,8 +132,8 @@ def test_the_trajectory_of_a_carmen_log_is_that_of_the_base(tmp_path):
 def test_a_table_is_printed_for_people(log, tmp_path):
     done = program("slam", log, "--out", tmp_path / "out")
     assert done.returncode == 0
-    assert "loop closure" in done.stdout and "rad/m" not in done.stdout
-    assert "rad/m" in program("slam", log, "--out", tmp_path / "out", "-v").stdout
+    assert "loop closure" in done.stdout and "turn_rad_per_m" not in done.stdout
+    assert "wheels.turn_rad_per_m" in program("slam", log, "--out", tmp_path / "out", "-v").stdout
 
 
 def test_what_was_wrong_with_a_log_is_said(log_text, tmp_path):

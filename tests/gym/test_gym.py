@@ -10,7 +10,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import lrf3d.gym
-from lrf3d.gym import DriveEnv, DriveTask, DriveVectorEnv
+from lrf3d.gym import DriveEnv, DriveVectorEnv
 from lrf3d.render import video
 from lrf3d.render.gl import gl_available
 from lrf3d.scenario import load_scenario
@@ -69,13 +69,12 @@ def test_what_is_seen_is_finite_and_lies_in_its_space():
         assert envs.observation_space.contains(seen)
         assert all(np.isfinite(value).all() for value in seen.values())
         seen, *_ = envs.step(envs.action_space.sample())
-    _, truth, walls = envs.task.scan(np.random.default_rng(0))
+    _, truth, walls = envs.scan
     lost = np.isinf(truth)
     assert lost.any() and (seen["ranges"][lost] == 80.0).all()
     assert (walls[lost] == -1).all()
-    noisy = DriveTask(envs.task.scenario, 5, sigma=300.0)
-    noisy.poses = envs.task.poses
-    measured, *_ = noisy.scan(np.random.default_rng(0))
+    noisy = DriveVectorEnv(5, "city", sigma=300.0)
+    measured = noisy.reset(seed=2)[0]["ranges"]
     assert (measured == 0.0).any() and (measured >= 0.0).all()
 
 
@@ -124,7 +123,7 @@ def test_an_action_that_is_no_number_is_refused_and_the_next_ones_drive_on():
         envs.step(np.array([[0.5, 0.0], [np.nan, 0.0], [0.5, 0.0]]))
     for _ in range(3):
         _, rewards, *_ = envs.step(np.full((3, 2), 0.2))
-        assert np.isfinite(rewards).all() and np.isfinite(envs.task.poses).all()
+        assert np.isfinite(rewards).all() and np.isfinite(envs.poses).all()
     env = DriveEnv(CORRIDOR)
     for name, value in (("goal", (np.nan, 1.0)), ("goal", (1.0,)), ("pose", (0.0, np.inf, 0.0))):
         with pytest.raises(lrf3d.InputError, match=name):
@@ -137,18 +136,18 @@ def test_episodes_are_cut_off_and_robots_set_down_anew_in_the_next_step():
     still = np.zeros((4, 2))
     cuts = []
     for _ in range(8):
-        before = envs.task.poses.copy()
+        before = envs.poses.copy()
         _, rewards, ended, cut, _ = envs.step(still)
         cuts.append(cut.all())
         assert not ended.any()
-        moved = (envs.task.poses != before).any(axis=1)
+        moved = (envs.poses != before).any(axis=1)
         assert (rewards[moved] == 0.0).all() and moved.all() == (len(cuts) in (4, 8))
     assert cuts == [False, False, True, False, False, False, True, False]
 
 
 def test_robots_start_clear_of_walls_and_their_goals_lie_within_reach():
-    task = DriveTask(CORRIDOR, 300)
-    task.place(np.arange(300), np.random.default_rng(3))
+    task = DriveVectorEnv(300, CORRIDOR)
+    task.reset(seed=3)
     near = PlanarNearest(CORRIDOR.world.segments)
     assert near(task.poses[:, :2]).min() >= CORRIDOR.radius
     assert near(task.goals).min() >= CORRIDOR.radius
@@ -174,7 +173,7 @@ def test_pictures_show_the_goal(renderer, monkeypatch):
         pytest.skip("no OpenGL on this machine")
     monkeypatch.setattr(video, "choose_renderer", lambda wanted: renderer)
     env = DriveEnv(CORRIDOR, render_mode="rgb_array", size=(320, 180), view="chase")
-    pose = np.array(env.task.scenario.trajectory().poses[0])
+    pose = np.array(env.robots.scenario.trajectory().poses[0])
     ahead = pose[:2] + 1.5 * np.array([np.cos(pose[2]), np.sin(pose[2])])
     green = []
     for goal in (ahead, ahead + 500.0):
@@ -203,7 +202,7 @@ def test_each_step_is_shown_in_a_window(monkeypatch):
     env.step(np.array([0.1, 0.0]))
     assert env.render() is None
     env.close()
-    assert shown == ["lrf3d", *[((90, 160, 3), env.task.dt)] * 2, "closed"]
+    assert shown == ["lrf3d", *[((90, 160, 3), env.robots.dt)] * 2, "closed"]
 
 
 def test_without_gymnasium_the_line_to_run_is_told(monkeypatch):
@@ -223,14 +222,12 @@ def test_settings_that_make_no_sense_are_refused():
 def test_the_noise_is_that_of_the_scenario():
     scenario = CORRIDOR.changed(noise=lrf3d.ProportionalNoise(0.5))
     env, exact = DriveEnv(scenario), DriveEnv(scenario, sigma=0.0)
-    seen, info = env.reset(seed=4)
+    # The draws that follow those of the place are those of any simulation of the scenario.
     truth, same = exact.reset(seed=4)
+    draws = exact.np_random
+    seen, info = env.reset(seed=4)
     assert np.array_equal(info["pose"], same["pose"])
     scan = lrf3d.PlanarCaster(scenario.world).cast(scenario.lrf, info["pose"])
-    # The same draws as any simulation of the scenario makes.
-    draws = np.random.default_rng(4)
-    again = DriveTask(scenario, 1, sigma=0.0)
-    again.place(np.array([0]), draws)
     measured = scenario.noise(scan, draws)
     assert not np.array_equal(seen["ranges"], truth["ranges"])
     assert np.array_equal(seen["ranges"], np.clip(measured.ranges, 0, scenario.lrf.range_max,

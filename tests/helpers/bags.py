@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lrf3d.io.bag_messages import ODOMETRY, POSE, SCAN, TRANSFORMS
+from lrf3d.io.bag_reader import ODOMETRY, POSE, SCAN, TRANSFORMS
 from lrf3d.laser import Stamp
 
 rosbag2 = pytest.importorskip("rosbags.rosbag2", reason="needs pip install 'lrf3d[ros]'")

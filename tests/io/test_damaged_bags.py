@@ -7,7 +7,7 @@ from bags import STORE, mounted, odometry, rosbag2, scan, transform, write
 
 from lrf3d.errors import InputError
 from lrf3d.io import bag_reader, load_log
-from lrf3d.io.bag_messages import ODOMETRY, SCAN, TRANSFORMS
+from lrf3d.io.bag_reader import ODOMETRY, SCAN, TRANSFORMS
 from lrf3d.laser import Stamp
 
 WHEELS = [("/odom", t, ODOMETRY, odometry(float(t), (t, 0.0, 0.0))) for t in range(3)]
@@ -100,3 +100,11 @@ def test_a_compressed_bag_is_read(tmp_path):
     # A folder within a bag is no part of it.
     (bag / "pictures").mkdir()
     assert load_log(bag).scans[0].ranges == pytest.approx([1.0, 2.0, 3.0])
+
+
+def test_metadata_of_many_megabytes_are_not_parsed(tmp_path):
+    bag = write(tmp_path / "bag", mounted(), *WHEELS, *scans(0.5))
+    with (bag / "metadata.yaml").open("a") as file:
+        file.write("#" + "x" * 1_500_000)
+    with pytest.raises(InputError, match=r"metadata\.yaml: 1\.5 MB, more than the 0\.524 MB"):
+        load_log(bag)

@@ -16,7 +16,7 @@ from lrf3d.errors import InputError, OutputError
 from lrf3d.exporting import export_run
 from lrf3d.geometry import wrap_angle
 from lrf3d.io import load_log
-from lrf3d.io.bag_messages import ODOMETRY, POSE, SCAN, TRANSFORMS
+from lrf3d.io.bag_reader import ODOMETRY, POSE, SCAN, TRANSFORMS
 from lrf3d.laser import LaserRangeFinder, LaserScan, Stamp
 from lrf3d.mapping import LineMapper
 from lrf3d.pose import Pose

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from lrf3d import LaserRangeFinder, PlanarCaster, World
-from lrf3d.laser import Imperfections, MixedPixels
-from lrf3d.laser.echoes import measured
+from lrf3d.laser import MixedPixels, imperfect
 
 LRF = LaserRangeFinder(-0.5, 0.5, beams=51, range_max=30.0, echoes=3)
 STEP = 1.0 / 50.0
@@ -107,11 +106,11 @@ def test_what_is_behind_glass_stays_an_echo_at_an_edge():
 
 
 def test_noise_acts_on_both_echoes_of_an_edge():
-    chain = Imperfections(beam_deg=float(np.degrees(WIDE))).noise(0.05, LRF)
+    chain = imperfect(0.05, LRF, beam_deg=float(np.degrees(WIDE)))
     scan = scan_of(4.0)
     own = edge_of(scan)
     for seed in range(30):
-        after = measured(scan, chain, np.random.default_rng(seed))
+        after = chain(scan, np.random.default_rng(seed))
         two = after.echoes[own, :2]
         exact = np.array([scan.ranges[own], scan.ranges[own + 1]])
         assert (two != exact).all() and (np.abs(two - exact) < 0.1).all()
@@ -120,5 +119,5 @@ def test_noise_acts_on_both_echoes_of_an_edge():
 
 def test_a_chain_has_the_choice_and_the_threshold_of_the_laser():
     lrf = replace(LRF, echo="last", threshold=0.001)
-    chain = Imperfections(beam_deg=0.5).noise(0.0, lrf)
+    chain = imperfect(0.0, lrf, beam_deg=0.5)
     assert chain.noises[0] == MixedPixels(np.radians(0.5), echo="last", threshold=0.001)

@@ -1,5 +1,6 @@
 """Pictures of a run: what stands where, from every camera, also far from the origin."""
 
+import functools
 import math
 from itertools import pairwise
 
@@ -12,11 +13,15 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.mapping import LineMap
 from lrf3d.robot import Trajectory
 from lrf3d.run import Run
+from lrf3d.scene import stage
 from lrf3d.scene.beams import DrawnBeams
 from lrf3d.scene.timeline import Timeline, drive_keys
 from lrf3d.scene.trail_and_map import thinned, trail_lines
 from lrf3d.world import World
 from lrf3d.world.cameras import FilmPlan
+
+# Baking light takes seconds: tests of the same world share it.
+stage._in_memory = functools.lru_cache(8)(stage._in_memory.__wrapped__)
 
 needs_gl = pytest.mark.gl
 SIZE = (320, 180)
@@ -56,6 +61,7 @@ def run_of(world, times, poses, *, range_max=60.0):
     return Run(world, lrf, trajectory, ranges, ranges, walls, (0,), (map_,), film=film)
 
 
+@functools.cache
 def city_run(offset=(0.0, 0.0), *, seconds=4.0):
     """A street of buildings to both sides, driven along x."""
     rng = np.random.default_rng(5)
@@ -71,6 +77,7 @@ def city_run(offset=(0.0, 0.0), *, seconds=4.0):
     return run_of(world, times, poses)
 
 
+@functools.cache
 def room_run(*, stops=False, colours=None):
     """A room with a box in it."""
     segments = np.array([*box(0, 0, 8, 6), *box(5, 2.5, 1, 1)])
@@ -120,7 +127,7 @@ def test_the_sky_is_above_and_the_ground_below():
 def test_a_wall_has_its_colour_where_the_projection_puts_it():
     from lrf3d.render.film import Film
 
-    green = np.array([[0.6, 0.6, 0.6], [0.1, 0.8, 0.1]])
+    green = ((0.6, 0.6, 0.6), (0.1, 0.8, 0.1))
     run = room_run(colours=green)
     film = Film(run, size=SIZE, view="first", samples=0, layers=())
     picture = film.draw(0.0)[:, :, :3].astype(int)
@@ -295,7 +302,7 @@ def test_a_picture_that_cannot_be_drawn_is_refused(wrong):
 def test_colours_that_are_given_are_kept_and_the_others_chosen():
     from lrf3d.scene.look import object_colours
 
-    colours = np.array([[0.2, 0.3, 0.4], [np.nan] * 3])
+    colours = ((0.2, 0.3, 0.4), (np.nan,) * 3)
     found = object_colours(room_run(colours=colours).world, indoor=True)
     assert found[0] == pytest.approx([0.2, 0.3, 0.4])
     assert np.isfinite(found).all()

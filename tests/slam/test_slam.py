@@ -270,7 +270,7 @@ def test_beams_that_pass_through_what_the_other_saw_are_counted():
     points = np.array([[2.0, 0.0], [4.1, 0.0], [3.8, 0.3], [2.0, 30.0]])
     nothing = np.empty((0, 4))
     key = Key(0, np.zeros(3), nothing, nothing, angles, ranges, np.zeros(2), 0.01)
-    assert views_of(points, key).tolist() == [2, 1, 1, 0]
+    assert views_of(points, np.zeros((1, 3)), [key]).tolist() == [[2, 1, 1, 0]]
 
 
 @pytest.fixture

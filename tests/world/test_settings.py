@@ -6,7 +6,7 @@ from program import lrf3d as program
 
 from lrf3d import load_scenario
 from lrf3d.errors import InputError
-from lrf3d.laser import Imperfections
+from lrf3d.laser import imperfect
 from lrf3d.world.schema import read_settings
 
 ROOM = """\
@@ -49,9 +49,7 @@ def test_a_file_says_what_the_range_finder_does_and_what_moves(room):
     scenario = load_scenario(room)
     assert scenario.lrf.range_min == 0.2 and scenario.lrf.scan_duration == 0.1
     assert scenario.sigmas == (0.05,)
-    assert scenario.noise == Imperfections(constant=0.02, resolution=0.01, drop_outs=0.1).noise(
-        0.05
-    )
+    assert scenario.noise == imperfect(0.05, constant=0.02, resolution=0.01, drop_outs=0.1)
     trajectory = scenario.trajectory()
     (obstacle,) = scenario.obstacles
     assert np.hypot(*obstacle.outline.T).min() >= 0.3
@@ -68,7 +66,7 @@ def test_settings_hold_instead_of_what_the_file_says(room):
         room, ["laser.range_max=12", "noise.resolution=0.0", "noise.sigma=[0.01, 0.02]"]
     )
     assert scenario.lrf.range_max == 12.0 and scenario.lrf.beams == 61
-    assert scenario.noise == Imperfections(constant=0.02, drop_outs=0.1).noise(0.01)
+    assert scenario.noise == imperfect(0.01, constant=0.02, drop_outs=0.1)
     assert scenario.sigmas == (0.01, 0.02)
 
 

@@ -68,12 +68,6 @@ class Frame(NamedTuple):
         placed: Float = (segments.reshape(-1, 2) - SHIFT) @ turn + [self.x, self.y]
         return placed.reshape(-1, 4)
 
-    def of_world(self, points: Float) -> Float:
-        """Points (n, 2) of the world in this frame."""
-        cos, sin = np.cos(self.theta), np.sin(self.theta)
-        moved: Float = (points - (self.x, self.y)) @ np.array([[cos, -sin], [sin, cos]]) + SHIFT
-        return moved
-
 
 class Beams(NamedTuple):
     """The beams of a scan in the map's frame.

@@ -20,6 +20,7 @@ from lrf3d.mapping.robust.cells import (
     SQUARE_BITS,
     Cells,
     NewEvidence,
+    block_at,
     cell_in,
     take_block,
 )
@@ -201,6 +202,31 @@ def _contradict(
     if before == 0:
         for other in range(PASS_DIRECTIONS):
             cells.passes[block, other, cell] &= MOST_PASSES
+
+
+@borrower
+def forget_hits(
+    cells: Cells, x: float, y: float, dx: float, dy: float, reach: float, fresh: NewEvidence
+) -> None:
+    """Forget what beams of a direction hit around a place [m], about as near as a reach [m]."""
+    first_x, last_x = int(np.floor((x - reach) / CELL)), int(np.floor((x + reach) / CELL))
+    first_y, last_y = int(np.floor((y - reach) / CELL)), int(np.floor((y + reach) / CELL))
+    for cx in range(first_x, last_x + 1):
+        for cy in range(first_y, last_y + 1):
+            block, cell = block_at(cells, cx, cy), cell_in(cx, cy)
+            before, cluster = 0, cells.heads[block, cell]
+            while cluster > 0:
+                after, moments = cells.following[cluster], cells.moments[cluster]
+                if dx * moments[7] + dy * moments[8] > SAME_WAY:
+                    if fresh.stamps[cells.owners[cluster]] == cells.stamps[cluster]:
+                        count_evidence(fresh, cells.owners[cluster], moments[0])
+                    _give_back(cells, block, cell, before, cluster)
+                else:
+                    before = cluster
+                cluster = after
+            if before == 0:
+                for way in range(PASS_DIRECTIONS):
+                    cells.passes[block, way, cell] &= MOST_PASSES
 
 
 @borrower

@@ -17,7 +17,7 @@ from lrf3d.mapping.robust.extraction import LikelihoodExtractor, LocalWalls
 from lrf3d.mapping.robust.judging import add_beams
 from lrf3d.mapping.robust.noise_estimate import NoiseEstimate
 from lrf3d.mapping.robust.objects import Links, close_corners, find_objects, link_walls
-from lrf3d.mapping.robust.optics import Optics
+from lrf3d.mapping.robust.optics import Optics, with_surfaces
 from lrf3d.mapping.robust.refinement import choose_walls, replace_walls
 from lrf3d.mapping.robust.refitting import refit_walls
 from lrf3d.mapping.robust.walls import Rule, Walls, merge_walls
@@ -54,10 +54,11 @@ class RobustMapper:
         found = self._extract.walls(scan, heading, noise)
         widen(found.moments, scan)
         fresh = self._judge_beams(Beams.of(scan, heading, noise), place, len(found.ends))
+        segments = self._walls.ends[self._rows()]
+        pose = *place, heading
+        self._optics.update(lit, pose, noise, found.ends, segments, self._cells, fresh)
         changed, gone = self._merge_walls(found, place)
         self._link_walls(self._refit_walls(changed, gone, fresh))
-        segments = self._walls.ends[self._rows()]
-        self._optics.update(lit, (*place, heading), noise, found.ends, segments, self._cells)
 
     def _judge_beams(self, beams: Beams, place: Place, count: int) -> NewEvidence:
         """Add what the beams show to the cells; returns what is new of which walls."""
@@ -119,5 +120,7 @@ class RobustMapper:
             objects = find_objects(self._links, self._walls, rows)
             ends: Float = close_corners(self._walls.ends[rows], objects)
             shown = solid_map(self._frame.in_world(ends), objects, self._walls.points[rows])
-            self._map = self._optics.show(shown, self._frame, self._cells)
+            surfaces = self._optics.surfaces
+            special = self._frame.in_world(surfaces[:, :4])
+            self._map = with_surfaces(shown, special, surfaces[:, 4] > 0.0)
         return self._map

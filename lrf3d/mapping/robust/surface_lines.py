@@ -1,9 +1,8 @@
 """Surface lines: which lines may be glass or mirrors, and what is found when they are looked at.
 
-A wall of a scan and a segment of the map define the line that mirrors one into the other. Near its
-normal glass flashes: it returns many times the light of any diffuse wall, and the beams next to the
-flash pass it, or return next to nothing; flashes on each other's lines define one of glass. Most
-lines of images are no mirrors, since walls of rooms mirror each other: `surfaces` decides.
+A wall of a scan and a segment of the map define the line that mirrors one into the other; a flash
+is a return of a line across its beam. Most of these lines are nothing, since walls of rooms mirror
+each other: `surfaces` decides.
 """
 
 import numpy as np
@@ -11,22 +10,18 @@ import numpy as np
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float
 from lrf3d.mapping.robust.cells import Cells
-from lrf3d.mapping.robust.ground import DEPTH, reflectance_at
-from lrf3d.mapping.robust.light import BRIGHT, DEVIATION, FREE, RANGE, UX, UY, LitScans
+from lrf3d.mapping.robust.ground import DEPTH
+from lrf3d.mapping.robust.light import BRIGHT, RANGE, UY
 from lrf3d.mapping.robust.surfaces import (
     COUNTS,
-    DEVIATIONS,
-    DIM,
-    DIMMED,
     FLASH,
-    FLASH_ANGLE,
-    MOST_OPAQUE,
-    ON_LINE,
-    PASSED_BY,
+    PIECE,
     PIECES,
-    SHORTEST,
+    belied_pieces,
     count_beams,
-    stretches,
+    glass_pieces,
+    mirror_pieces,
+    runs,
 )
 
 MOST_LINES = 256
@@ -35,25 +30,13 @@ MOST_LINES = 256
 LINES_A_SCAN, MOST_A_SCAN = 8, 64
 """[lines] How many lines of images of a scan count, those first that most of its walls agree on."""
 
-LEAST_VOTES, MOST_VOTES, LOOK_AGAIN = 3, 50, 1.0 / 16.0
-"""[votes] A line is looked at when so many scans, or a flash less, speak for it, and with each new,
-the one first that most speak for since; so many former ones count where a line of images is
-averaged; and what each look adds to lines with glass or mirrors, of which no images are left that
-could speak for them."""
+LEAST_VOTES, MOST_VOTES, LOOK_AGAIN = 2, 50, 1.0 / 16.0
+"""[votes] A line is looked at when so many scans speak for it, and with each new, the one first
+that most speak for since; so many former ones count where a line is averaged; and what each look
+adds to lines with glass or mirrors, of which no images are left that could speak for them."""
 
-BESIDE = np.radians(1.5), np.radians(20.0)
-"""[rad] How far off a flash beams show what stands next to it."""
-
-LEAST_SHOWN = 3
-"""[beams] A flash is of glass if on one side so many of these pass or are dim, and few of them
-return from the line of the flash as from a wall: metal and retro-reflectors do."""
-
-LOOSE, STEADY, FARTHEST = 0.015, 0.005, 0.3
-"""[rad, rad, m] How far off a line other flashes may lie by its direction, that of one flash and
-that of several, and at most."""
-
-LONGEST_GAP = 8.0
-"""[m] Between two flashes of a pane."""
+SHORTEST = 0.6
+"""[m] Length of a pane or a mirror from which on it is found."""
 
 PARALLEL_SINE = 0.2
 """[sine] Twice the sine of half the angle between two walls of which one may be the other's image:
@@ -62,158 +45,100 @@ walls at right angles to the mirror go on in theirs, and do not say where it is.
 IMAGE_DISTANCE = 0.15
 """[m] How far off a wall an image may lie when it is mirrored back."""
 
-SAMPLES = 8
-"""Places along a wall at which it is compared how bright it is."""
-
 SAME_ANGLE, SAME_DISTANCE = np.radians(2.0), 0.1
 """[rad, m] Two lines nearer than this are one: the faces of a thin wall are two."""
-
-NO_POINTS, NO_SURFACES = np.empty((0, 2)), np.empty((0, 5))
 
 
 class SurfaceLines:
     """The lines of glass and of mirrors, and the stretches of them that were found.
 
-    `surfaces` (s, 5) are those [m], mirrors seen from their left, and whether each is a mirror.
+    `surfaces` (s, 5) are those [m], and whether each is a mirror.
     """
 
     def __init__(self) -> None:
         # Of each line: its unit normal, distance and middle, see `count_beams`; the votes for it,
-        # in all and since it was looked at, and the number of the last one; its flashes, none where
-        # it is of images; how far these are from the middle; and its stretches.
-        self._lines, self._extents = np.zeros((MOST_LINES, 4)), np.zeros(MOST_LINES)
+        # in all and since it was looked at, and the number of the last one; and which pieces of it
+        # are glass, or a mirror.
+        self._lines = np.zeros((MOST_LINES, 4))
         self._votes, self._new_votes, self._last_votes = np.zeros((3, MOST_LINES))
         self._vote_count = 0
-        self._flashes, self._found = [NO_POINTS] * MOST_LINES, [NO_SURFACES] * MOST_LINES
-        self._flashed, self._there = np.zeros((2, MOST_LINES), np.bool_)
-        self.surfaces = NO_SURFACES
+        self._pieces = np.zeros((MOST_LINES, PIECES), np.bool_)
+        self._mirrors = np.zeros(MOST_LINES, np.bool_)
+        self.surfaces = np.empty((0, 5))
 
-    def add_images(
-        self, place: Float, walls: Float, segments: Float, cells: Cells, ground: Float
-    ) -> None:
-        """Add the lines that mirror segments (m, 4) of the map into walls (w, 5) of a scan [m].
+    def add(self, place: Float, rays: Float, walls: Float, segments: Float) -> None:
+        """Add the lines that rays (n, 9) and walls (w, 4) [m] of a scan speak for.
 
-        The fifth is how reflective each wall is.
+        These may be images of segments (m, 4) of the map.
         """
         lines, weights = np.empty((MOST_A_SCAN, 3)), np.empty(MOST_A_SCAN)
-        count = find_lines(place, walls, segments, cells, ground, lines, weights)
-        for choice in np.argsort(-weights[:count], kind="stable")[:LINES_A_SCAN].tolist():
-            row = same_line(place, self._lines * ~self._flashed[:, None], lines[choice])
-            if row < 0:
-                row = self._new_row()
-            if self._there[row]:
-                # Its images are not extracted any more: these are of something else.
-                continue
-            line = min(self._votes[row], MOST_VOTES) * self._lines[row, :3] + lines[choice]
-            nx, ny, distance = line / np.hypot(line[0], line[1])
-            self._lines[row] = nx, ny, distance, ny * place[0] - nx * place[1]
-            self._vote(row)
+        count = find_lines(place, walls, segments, lines, weights)
+        images = lines[np.argsort(-weights[:count], kind="stable")[:LINES_A_SCAN]]
+        bright = rays[:, BRIGHT]
+        peaks = (bright > FLASH) & (bright > np.roll(bright, 1)) & (bright >= np.roll(bright, -1))
+        normals = -rays[peaks, : UY + 1]
+        flashes = np.column_stack([normals, normals @ place - rays[peaks, RANGE]])
+        for line in np.concatenate([flashes, images]):
+            self._vote(place, line)
 
-    def add_flashes(self, place: Float, rays: Float) -> None:
-        """Add the flashes of a scan to the lines that they lie on, or begin others."""
-        flashes = np.empty((len(rays), 5))
-        for flash in flashes[: find_flashes(place, rays, flashes)]:
-            point, unit, deviation = flash[:2], flash[2:4], flash[4]
-            nx, ny, distance, middle = self._lines.T
-            along = np.abs(ny * point[0] - nx * point[1] - middle)
-            turn = np.where(self._extents > SHORTEST, STEADY, LOOSE)
-            allowed = ON_LINE + DEVIATIONS * deviation + np.minimum(turn * along, FARTHEST)
-            aside = np.abs(nx * point[0] + ny * point[1] - distance)
-            on = self._flashed & (aside < allowed) & (along < self._extents + LONGEST_GAP)
-            on &= np.abs(nx * unit[0] + ny * unit[1]) > np.cos(FLASH_ANGLE)
-            row = int(np.argmax(on * self._votes)) if on.any() else self._new_row()
-            points = self._flashes[row] = np.vstack([self._flashes[row], point])
-            mean, normal = points.mean(axis=0), self._lines[row, :2] if on.any() else unit
-            if np.ptp(points @ [normal[1], -normal[0]]) > SHORTEST:
-                normal = np.linalg.eigh(np.cov((points - mean).T))[1][:, 0]
-            across = np.array([normal[1], -normal[0]])
-            self._lines[row] = *normal, normal @ mean, across @ mean
-            self._extents[row] = np.abs((points - mean) @ across).max()
-            self._flashed[row] = True
-            self._vote(row)
-
-    def _vote(self, row: int) -> None:
+    def _vote(self, place: Float, line: Float) -> None:
+        """Let a scan from a place (2,) speak for a line (3,)."""
+        row = same_line(place, self._lines, line)
+        if row < 0:
+            # A free row, or that of the line last spoken for the longest ago.
+            there = self._pieces.any(axis=1)
+            row = int(np.argmin(np.where(there, np.inf, self._last_votes)))
+            self._votes[row] = self._new_votes[row] = 0.0
+            self._lines[row] = *line, line[1] * place[0] - line[0] * place[1]
+        elif not self._mirrors[row]:
+            own, votes = self._lines[row, :3], min(self._votes[row], MOST_VOTES)
+            own *= votes
+            own += line * np.sign(own[:2] @ line[:2])
+            own /= np.hypot(own[0], own[1])
         self._vote_count += 1
         self._votes[row] += 1.0
         self._new_votes[row] += 1.0
         self._last_votes[row] = self._vote_count
 
-    def _new_row(self) -> int:
-        """A free row; where there is none, that of the line last spoken for the longest ago."""
-        row = int(np.argmin(np.where(self._there, np.inf, self._last_votes)))
-        self._votes[row] = self._new_votes[row] = self._lines[row] = self._extents[row] = 0.0
-        self._flashes[row], self._found[row] = NO_POINTS, NO_SURFACES
-        self._flashed[row] = False
-        return row
+    def look(self, places: Float, rays: Float, cells: Cells, ground: Float) -> bool:
+        """Decide which pieces of the line with most new votes are glass, or a mirror.
 
-    def look(self, scans: LitScans, cells: Cells, ground: Float) -> Float:
-        """Decide which stretches of the line with most new votes are glass, or a mirror.
-
-        Returns the stretches (c, 5) that were there before or are now; none if nothing changed.
+        Returns whether that has changed anything.
         """
-        self._new_votes[self._there] += LOOK_AGAIN
-        due = np.where(self._votes >= LEAST_VOTES - self._flashed, self._new_votes, 0.0)
+        self._new_votes[self._pieces.any(axis=1)] += LOOK_AGAIN
+        due = np.where(self._votes >= LEAST_VOTES, self._new_votes, 0.0)
         row = int(np.argmax(due))
         if due[row] < 1.0:
-            return NO_SURFACES
+            return False
         self._new_votes[row] = 0.0
-        line, glass, former = self._lines[row], bool(self._flashed[row]), self._found[row]
-        pieces = np.zeros((PIECES, len(COUNTS)))
-        reach = np.full((PIECES, 2), (np.inf, -np.inf))
-        count_beams(line, not glass, scans.rows(newest=False), cells, ground, pieces, reach)
-        ends = stretches(line, not glass, pieces, reach, former[:, :4])
-        if self._is_known_glass(row):
-            ends = ends[:0]
-        self._found[row] = np.column_stack([ends, np.full(len(ends), float(not glass))])
-        self._there[row] = len(ends) > 0
-        if np.array_equal(former, self._found[row]):
-            return NO_SURFACES
-        self.surfaces = np.concatenate(self._found)
-        return np.concatenate([former, self._found[row]])
+        counts, former = np.zeros((PIECES, len(COUNTS))), self._pieces[row].copy()
+        count_beams(self._lines[row], places, rays, cells, ground, counts)
+        # What is seen through glass is darker as well.
+        found, mirror = glass_pieces(counts), bool(self._mirrors[row])
+        if mirror or not (found.any() or former.any()):
+            found, mirror = mirror_pieces(counts), True
+        self._pieces[row] = found | (former & ~belied_pieces(counts, mirror))
+        self._mirrors[row] = mirror and self._pieces[row].any()
+        if np.array_equal(former, self._pieces[row]):
+            return False
+        rows = np.flatnonzero(self._pieces.any(axis=1))
+        self.surfaces = np.array([own for each in rows for own in self._stretches(int(each))])
+        self.surfaces = self.surfaces.reshape(-1, 5)
+        return True
 
-    def _is_known_glass(self, row: int) -> bool:
-        """Whether a line is that of a pane: what is seen through glass is darker as well."""
-        line = self._lines[row]
-        place = line[2] * line[:2] + line[3] * np.array([line[1], -line[0]])
-        panes = self._flashed & self._there & (self._votes > self._votes[row] * self._flashed[row])
-        sides = np.sign(self._lines[:, :2] @ line[:2])
-        return same_line(place, self._lines * (sides * panes)[:, None], line) >= 0
-
-
-@compiled
-def find_flashes(place: Float, rays: Float, flashes: Float) -> int:
-    """Find the flashes of glass in the rays (n, 9) of a scan; returns their number.
-
-    Flashes (n, 5) are filled with their places, the units of their beams, and the deviations of
-    their ranges [m].
-    """
-    found, (nearest, farthest) = 0, BESIDE
-    for row in range(len(rays)):
-        ray, bright = rays[row], rays[row, BRIGHT]
-        if bright < FLASH or bright <= rays[row - 1, BRIGHT]:
-            continue
-        if bright < rays[(row + 1) % len(rays), BRIGHT]:
-            continue
-        tolerance = ON_LINE + DEVIATIONS * ray[DEVIATION]
-        shown, opaque = np.zeros(2), np.zeros(2)
-        for other in rays:
-            cos = ray[UX] * other[UX] + ray[UY] * other[UY]
-            if not np.cos(farthest) < cos < np.cos(nearest):
-                continue
-            side = int(ray[UX] * other[UY] > ray[UY] * other[UX])
-            way = ray[RANGE] / cos
-            if other[FREE] > way + tolerance + PASSED_BY:
-                shown[side] += 1.0
-            elif other[RANGE] > 0.0 and abs(other[RANGE] - way) * cos < tolerance:
-                dim = other[BRIGHT] < DIM
-                shown[side] += dim
-                opaque[side] += not dim
-        # One side is enough: at the end of a pane a wall may follow.
-        if ((shown >= LEAST_SHOWN) & (opaque < MOST_OPAQUE * shown)).any():
-            flashes[found, :2] = place + ray[RANGE] * ray[: UY + 1]
-            flashes[found, 2:4], flashes[found, 4] = ray[: UY + 1], ray[DEVIATION]
-            found += 1
-    return found
+    def _stretches(self, row: int) -> list[Float]:
+        """The stretches x1 y1 x2 y2 [m] of a line, each with whether it is a mirror."""
+        nx, ny, distance, middle = self._lines[row]
+        foot, unit = distance * np.array([nx, ny]), np.array([ny, -nx])
+        found, mirror = [], self._mirrors[row]
+        # A pane ends anywhere in the last piece that showed it; at that of a mirror most beams did.
+        inside = 0.0 if mirror else 0.5
+        for first, last in runs(self._pieces[row]):
+            low = middle + PIECE * (first + inside - PIECES // 2)
+            high = middle + PIECE * (last - inside - PIECES // 2)
+            if high - low > SHORTEST:
+                found.append(np.array([*(foot + low * unit), *(foot + high * unit), mirror]))
+        return found
 
 
 @inner
@@ -255,27 +180,9 @@ def image_line(place: Float, wall: Float, real: Float, line: Float) -> float:
     return shared if shared > 0.5 * length else 0.0
 
 
-@inner
-def _may_be_image(wall: Float, line: Float, cells: Cells, ground: Float) -> bool:
-    """Whether a wall (5,) is as bright as an image in a line (3,), as far as that is known."""
-    known = alike = 0
-    for sample in range(SAMPLES):
-        share = (sample + 0.5) / SAMPLES
-        x, y = wall[0] + share * (wall[2] - wall[0]), wall[1] + share * (wall[3] - wall[1])
-        behind = 2.0 * (line[0] * x + line[1] * y - line[2])
-        own = reflectance_at(cells, ground, x - behind * line[0], y - behind * line[1])
-        if own > 0.0:
-            known += 1
-            alike += DIMMED[0] * own < wall[4] < DIMMED[1] * own
-    return 2 * alike >= known
-
-
 @compiled
-def find_lines(
-    place: Float, walls: Float, segments: Float, cells: Cells, ground: Float, lines: Float,
-    weights: Float,
-) -> int:  # fmt: skip
-    """Find lines that mirror segments (m, 4) of a map into walls (w, 5) of a scan, and count them.
+def find_lines(place: Float, walls: Float, segments: Float, lines: Float, weights: Float) -> int:
+    """Find lines that mirror segments (m, 4) of a map into walls (w, 4) of a scan, and count them.
 
     Lines (k, 3) are filled with unit normals towards the laser and distances from the origin [m],
     weights (k,) with the lengths [m] that are shared.
@@ -284,7 +191,7 @@ def find_lines(
     for wall in range(len(walls)):
         for row in range(len(segments)):
             shared = image_line(place, walls[wall], segments[row], line)
-            if shared <= 0.0 or not _may_be_image(walls[wall], line, cells, ground):
+            if shared <= 0.0:
                 continue
             own = same_line(place, lines[:count], line)
             if own < 0:
@@ -306,6 +213,6 @@ def same_line(place: Float, lines: Float, line: Float) -> int:
     for row in range(len(lines)):
         cos = lines[row, 0] * line[0] + lines[row, 1] * line[1]
         apart = abs(lines[row, 0] * x + lines[row, 1] * y - lines[row, 2])
-        if cos > np.cos(SAME_ANGLE) and apart < least:
+        if abs(cos) > np.cos(SAME_ANGLE) and apart < least:
             least, found = apart, row
     return found

@@ -28,7 +28,8 @@ void main() {
     vec3 place = position;
     vec2 off = place.xy - cut.xy;
     float toward = dot(off, cut.zw);
-    float high = clamp(LEFT_STANDING + slope.x * toward, LEFT_STANDING, slope.y);
+    float aside = max(abs(dot(off, vec2(-cut.w, cut.z))) - CUT_ASIDE, 0.0);
+    float high = clamp(LEFT_STANDING + slope.x * toward + aside, LEFT_STANDING, slope.y);
     if (toward > -CUT_BEFORE && slope.x > 0.0) place.z = min(place.z, high);
     way = (place - eye) * thick;
     gl_Position = view_projection * vec4(place, 1.0);
