@@ -85,21 +85,6 @@ def test_ranges_are_the_same_bits_and_a_warning_says_so_once(without_embree, tmp
     assert np.array_equal(np.load(tmp_path / "ranges.npy"), expected)
 
 
-@pytest.mark.slow
-def test_a_drive_is_the_same_to_the_last_bit(without_embree, tmp_path):
-    done = command("run paper_room --no-video --out bare", without_embree, tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert [line for line in done.stderr.splitlines() if NOTICE in line] == [
-        "lrf3d: warning: embreex is not installed: beams are cast without Embree, to the same"
-        " ranges"
-    ]
-    done = command("run paper_room --no-video --out full", dict(os.environ), tmp_path)
-    assert done.returncode == 0 and NOTICE not in done.stderr
-    bare, full = (lrf3d.load_run(tmp_path / name / "run.npz") for name in ("bare", "full"))
-    assert np.array_equal(bare.ranges, full.ranges) and np.array_equal(bare.walls, full.walls)
-    assert np.array_equal(bare.map.segments, full.map.segments)
-
-
 PICTURES = """
 import numpy as np, lrf3d
 from lrf3d.scene.stage import stage_of

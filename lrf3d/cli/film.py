@@ -54,36 +54,29 @@ class Film:
         run: "Run",
         path: Path,
         report: Report,
-        *,
-        frames: bool = False,
         part: tuple[float | None, float | None] = (None, None),
     ) -> dict[str, Any]:
-        """Write the film of a run, or its frames to a folder, and return its figures."""
-        from lrf3d.render.video import render_frames, render_video
+        """Write the film of a run, and return its figures."""
+        from lrf3d.render.video import render_video
         from lrf3d.scene.stage import stage_of
 
         ending, options = path.suffix.lower(), self._options()
         if self.size is None and ending in (".gif", ".webp"):
             options["size"] = _SMALL
+        rate = self.fps or (_GIF_RATE if ending == ".gif" else _RATE)
         count, began = 0, perf_counter()
         # The light is baked once, for all that draw.
         with report.progress("light") as progress:
             stage_of(run, progress)
-        with report.progress("frames" if frames else "film") as progress:
+        with report.progress("film") as progress:
 
             def counting(done: int, total: int) -> None:
                 nonlocal count
                 count = total
                 progress(done, total)
 
-            (render_frames if frames else render_video)(
-                run,
-                path,
-                fps=self.fps or (_GIF_RATE if ending == ".gif" else _RATE),
-                workers=self.workers,
-                part=part,
-                progress=counting,
-                **options,
+            render_video(
+                run, path, fps=rate, workers=self.workers, part=part, progress=counting, **options
             )
         figures = {"frames": count, "size": list(options["size"]), "renderer": options["renderer"]}
         return {**figures, "seconds": perf_counter() - began}

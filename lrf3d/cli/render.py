@@ -17,26 +17,23 @@ def render(
     report: Report,
     out: OutFile = None,
     at: float | None = None,
-    frames: bool = False,
     first: Annotated[float | None, typer.Option("--from")] = None,
     last: Annotated[float | None, typer.Option("--to")] = None,
     points_by: Literal["range", "intensity"] | None = None,
 ) -> None:
     """Draw the film of a run, or a picture of one moment.
 
-    The ending of --out selects the kind; a folder takes all frames as pictures.
+    The ending of --out selects the kind.
 
     Options:
-        out: The film: .mp4, .webp or .gif; with --at a .png, with --frames a folder. In the run's
-            folder if not given.
+        out: The film: .mp4, .webp or .gif; with --at a .png. In the run's folder if not given.
         at: Draw one picture at this time [s] instead of a film.
-        frames: Write each frame of the film as a .png.
         first: Begin the film at this time of the run [s].
         last: End the film at this time of the run [s].
         points_by: What the colour of hit points shows; that of the run if not given.
     """
     film.check()
-    path = _output_path(run, out, at is not None, frames)
+    path = _output_path(run, out, at is not None)
 
     from lrf3d.files import make_folder
     from lrf3d.io import load_run
@@ -49,35 +46,27 @@ def render(
         film.draw(kept, path, at)
         report.print({"picture": str(path)}, [("picture", str(path))])
         return
-    drawn = film.write(kept, path, report, frames=frames, part=(first, last))
+    drawn = film.write(kept, path, report, (first, last))
     each = 1e3 * drawn["seconds"] / max(drawn["frames"], 1)
     by = "OpenGL" if drawn["renderer"] == "gl" else "Embree"
     report.print(
-        {"frames" if frames else "video": str(path), "drawn": drawn},
+        {"video": str(path), "drawn": drawn},
         [
-            ("frames" if frames else "film", str(path)),
+            ("film", str(path)),
             ("drawn", f"{drawn['frames']} frames of {'x'.join(map(str, drawn['size']))}"),
             ("time", f"{drawn['seconds']:.1f} s, {each:.0f} ms each by {by}"),
         ],
     )
 
 
-def _output_path(run: Path, out: Path | None, picture: bool, frames: bool) -> Path:
-    """The file or folder to write to; its ending must fit what is drawn."""
+def _output_path(run: Path, out: Path | None, picture: bool) -> Path:
+    """The file to write to; its ending must fit what is drawn."""
     from lrf3d.errors import InputError
 
-    if picture and frames:
-        raise InputError("--at and --frames: one is a single picture, the other all; give one")
-    name = "frames" if frames else "run.png" if picture else "run.mp4"
     if out is None:
-        return (run if run.is_dir() else run.parent) / name
-    ending, wrong = out.suffix.lower(), ""
-    if frames and ending in (".png", ".mp4", ".webp", ".gif"):
-        wrong = "--frames writes many files; name a folder"
-    elif picture and ending != ".png":
-        wrong = "expected a name that ends in .png, as --at draws a picture"
-    elif ending == ".png" and not picture:
-        wrong = "a .png is one picture; give its time with --at TIME, or use --frames"
-    if wrong:
-        raise InputError(f"--out {out}: {wrong}")
+        return (run if run.is_dir() else run.parent) / ("run.png" if picture else "run.mp4")
+    if picture and out.suffix.lower() != ".png":
+        raise InputError(f"--out {out}: expected a name that ends in .png, as --at draws a picture")
+    if out.suffix.lower() == ".png" and not picture:
+        raise InputError(f"--out {out}: a .png is one picture; give its time with --at TIME")
     return out

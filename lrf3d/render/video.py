@@ -1,7 +1,6 @@
 """Films and pictures of a run: drawn with OpenGL or with Embree, by as many processes as asked."""
 
 import math
-import os
 from collections.abc import Iterable, Iterator
 from contextlib import closing
 from dataclasses import asdict, dataclass, replace
@@ -13,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.errors import InputError, OutputError, shown
-from lrf3d.files import locked, make_folder, replacing, unfinished_folder
+from lrf3d.errors import InputError, shown
+from lrf3d.files import replacing, unfinished_folder
 from lrf3d.geometry import Float, is_finite, read_only, whole_number
 from lrf3d.interrupts import stoppable
 from lrf3d.render.gl import gl_available, require_gl
@@ -163,52 +162,6 @@ def _counted(
         yield picture
         if progress is not None:
             progress(number + 1, total)
-
-
-@stoppable()
-def render_frames(
-    run: Run,
-    folder: str | Path,
-    *,
-    fps: float = 25.0,
-    part: tuple[float | None, float | None] = (None, None),
-    workers: int | None = None,
-    progress: FrameProgress | None = None,
-    **options: Any,
-) -> int:
-    """Draw the frames of a run's film as frame_000000.png and on, in a new or an empty folder.
-
-    All come at once, when the last is drawn. The options are those of :func:`render_video`.
-
-    Returns:
-        How many there are.
-
-    Raises:
-        InputError: An argument is out of its range, or the folder has something in it.
-        MissingLibraryError: OpenGL is asked for, or is there, and cannot draw.
-        OutputError: The folder cannot be written.
-    """
-    # The current folder has a name, too, and one above it.
-    folder = Path(os.path.abspath(folder))
-    job = _job(run, FilmOptions(**options), fps, part, workers)
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise InputError(f"{folder}: not empty; name a new or an empty folder")
-    make_folder(folder.parent)
-    try:
-        # Next to its place, so that it can be put there at once.
-        with locked(folder), unfinished_folder(folder) as place:
-            whole = place / "frames"
-            whole.mkdir()
-            with closing(draw(replace(job, folder=whole), place)) as pictures:
-                for _ in _counted(pictures, len(job.times), progress):
-                    pass
-            # An empty folder is replaced, one that was filled meanwhile is not.
-            os.replace(whole, folder)
-    except OSError as error:
-        raise OutputError(
-            f"{folder}: cannot be written: {error.strerror}; choose another place"
-        ) from error
-    return len(job.times)
 
 
 def frame(

@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from lrf3d.progress import Progress, silent
-from lrf3d.robot import Trajectory
 from lrf3d.run import Run
 from lrf3d.scene.ground import paint_ground
 from lrf3d.scene.light import Light, screen
@@ -21,7 +20,6 @@ from lrf3d.scene.shapes import GroundPicture, Painted, single
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.trees import crowns_of
 from lrf3d.scene.walls import lay_walls
-from lrf3d.world import World
 
 _STEP, _STEP_INDOOR = 3.2, 0.8
 """Sides of the pieces that walls are cut into for their light [m]."""
@@ -46,15 +44,15 @@ def stage_of(run: Run, progress: Progress = silent) -> Stage:
 
     Progress is called with finished steps and their number while the light is baked.
     """
-    kept = _in_memory(run.world, run.trajectory, run.knows_truth)
+    kept = _in_memory(run)
     if not kept:
         kept.append(paint_stage(Structures.from_run(run), progress))
     return kept[0]
 
 
 @lru_cache(maxsize=1)
-def _in_memory(world: World, path: Trajectory, knows_truth: bool) -> list[Stage]:
-    """The stage asked for last, once there is one; it depends on nothing else of a run."""
+def _in_memory(run: Run) -> list[Stage]:
+    """The stage of the run asked for last, once there is one."""
     return []
 
 

@@ -31,18 +31,6 @@ class Mapless:
 
 
 @CASTERS
-def test_a_robot_that_stands_has_the_scan_of_one_moment_to_the_last_bit(make):
-    pose = np.array([50.1, 30.7, 7.3])
-    stand = Trajectory([3.0, 4.0], [pose, pose])
-    caster = make(CITY)
-    swept = timed(caster, TURNING, stand)(TURNING, pose, 3.0)
-    plain = caster.cast(TURNING, pose)
-    assert np.array_equal(swept.ranges, plain.ranges)
-    assert np.array_equal(swept.walls, plain.walls)
-    assert swept.time == 3.0 and swept.time_increment == 0.2 / 44
-
-
-@CASTERS
 def test_each_beam_of_a_sweep_is_the_exact_one_from_where_the_robot_then_is(make):
     swept = timed(make(CITY), TURNING, DRIVE)(TURNING, DRIVE.poses[1], 0.5)
     times = 0.5 + TURNING.time_increment * np.arange(45)

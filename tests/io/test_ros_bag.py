@@ -55,9 +55,9 @@ def test_a_bag_that_is_read_back_has_the_same_float32_bits(run, mcap, poses):
     assert len(log) == len(run) and log.bad_count == 0
     for before, after in zip(run.scans, log.scans, strict=True):
         expected = before.as_ros("laser")
-        assert np.array_equal(after.ranges, expected.ranges.astype(np.float64))
-        assert np.array_equal(after.as_ros("laser").ranges, expected.ranges)
-        assert after.as_ros("laser").header == expected.header
+        assert np.array_equal(after.ranges, expected["ranges"].astype(np.float64))
+        assert np.array_equal(after.as_ros("laser")["ranges"], expected["ranges"])
+        assert after.as_ros("laser")["header"] == expected["header"]
         assert after.pose[:2] == before.pose[:2]
         assert abs(wrap_angle(after.pose.theta - before.pose.theta)) < 1e-15
         assert after.angles == pytest.approx(before.angles, abs=1e-6)

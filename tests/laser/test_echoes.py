@@ -56,32 +56,6 @@ def test_files_and_recordings_give_the_light_back(tmp_path):
         assert equal(lrf3d.load_run(tmp_path / f"{name}.npz"), run)
 
 
-def test_an_interrupted_recording_goes_on_with_the_same_light(tmp_path):
-    def stop(done, total):
-        if done == 4:
-            raise KeyboardInterrupt
-
-    class Watching:
-        """A mapper that keeps the scans that it is given."""
-
-        def __init__(self):
-            self.scans = []
-
-        def update(self, scan):
-            self.scans.append(scan)
-
-    def watched(mapper):
-        return lrf3d.Simulation(hall(), POSES, LRF, mapper=mapper, rng=3)
-
-    once, again = Watching(), Watching()
-    lrf3d.record(watched(once), tmp_path / "once.npz")
-    with pytest.raises(KeyboardInterrupt):
-        lrf3d.record(watched(Watching()), tmp_path / "again.npz", progress=stop)
-    lrf3d.record(watched(again), tmp_path / "again.npz", resume=True)
-    assert (tmp_path / "once.npz").read_bytes() == (tmp_path / "again.npz").read_bytes()
-    assert all(equal(one, other) for one, other in zip(once.scans, again.scans, strict=True))
-
-
 def test_light_of_another_shape_in_a_file_is_refused(tmp_path):
     run = lrf3d.simulate(hall(), POSES, LRF, rng=3)
     lrf3d.save_run(run, tmp_path / "run.npz")

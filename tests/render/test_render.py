@@ -20,8 +20,23 @@ from lrf3d.scene.trail_and_map import thinned, trail_lines
 from lrf3d.world import World
 from lrf3d.world.cameras import FilmPlan
 
-# Baking light takes seconds: tests of the same world share it.
-stage._in_memory = functools.lru_cache(8)(stage._in_memory.__wrapped__)
+kept_for_users = stage._in_memory
+
+
+@functools.lru_cache(8)
+def painted(world, path, knows_truth):
+    """What is painted of a drive in a world; baking its light takes seconds, so tests share it."""
+    return []
+
+
+def kept(run):
+    """The same for runs; other things that drive are kept as for users."""
+    if not isinstance(run, Run):
+        return kept_for_users(run)
+    return painted(run.world, run.trajectory, run.knows_truth)
+
+
+stage._in_memory = kept
 
 needs_gl = pytest.mark.gl
 SIZE = (320, 180)

@@ -185,24 +185,6 @@ def test_films_may_be_as_short_as_a_frame(tmp_path, ending, frames):
 
 
 @needs_gl
-@pytest.mark.slow
-def test_single_frames_are_the_pictures_of_their_times(tmp_path):
-    run = city_run(seconds=2.0)
-    folder = tmp_path / "frames"
-    drawn = {"size": (160, 90), "playback": 2.0}
-    count = video.render_frames(run, folder, fps=4, workers=2, **drawn)
-    names = sorted(path.name for path in folder.iterdir())
-    assert names == [f"frame_{number:06d}.png" for number in range(count)] and count == 5
-    for number in (0, 2, 3, 4):
-        with Image.open(folder / names[number]) as picture:
-            assert np.array_equal(np.array(picture), video.frame(run, number * 0.5, **drawn))
-    assert os.listdir(tmp_path) == ["frames"]
-    with pytest.raises(InputError, match="empty"):
-        video.render_frames(run, folder, fps=4, **drawn)
-    assert sorted(path.name for path in folder.iterdir()) == names
-
-
-@needs_gl
 def test_a_time_outside_of_the_run_has_no_picture():
     with pytest.raises(InputError, match="from 0 to 4 s"):
         video.frame(city_run(), 4.1, size=(64, 36))
@@ -211,11 +193,7 @@ def test_a_time_outside_of_the_run_has_no_picture():
 @needs_gl
 @pytest.mark.parametrize(
     ("name", "number"),
-    [
-        ("a.mp4", signal.SIGINT),
-        pytest.param("a.gif", signal.SIGTERM, marks=pytest.mark.slow),
-        ("f", signal.SIGTERM),
-    ],
+    [("a.mp4", signal.SIGINT), pytest.param("a.gif", signal.SIGTERM, marks=pytest.mark.slow)],
 )
 def test_a_command_that_is_stopped_leaves_nothing(tmp_path, name, number):
     run = tmp_path / "run.npz"
@@ -223,8 +201,7 @@ def test_a_command_that_is_stopped_leaves_nothing(tmp_path, name, number):
     out, temporary = tmp_path / "out", tmp_path / "tmp"
     out.mkdir()
     temporary.mkdir()
-    what = [] if "." in name else ["--frames"]
-    command = [sys.executable, "-m", "lrf3d", "render", str(run), "--out", str(out / name), *what]
+    command = [sys.executable, "-m", "lrf3d", "render", str(run), "--out", str(out / name)]
     command += [
         "--size",
         "64x64",

@@ -4,7 +4,7 @@ import pickle
 
 import numpy as np
 import pytest
-from test_render import city_run
+from test_render import city_run, kept_for_users
 
 from lrf3d.scene import stage as module
 from lrf3d.scene.stage import stage_of
@@ -24,6 +24,7 @@ def test_a_stage_of_another_process_has_the_same_light():
 def test_the_stage_of_a_run_is_painted_once(monkeypatch):
     (run, other), painted = (city_run.__wrapped__() for _ in range(2)), []
     paint = module.paint_stage
+    monkeypatch.setattr(module, "_in_memory", kept_for_users)
     monkeypatch.setattr(module, "paint_stage", lambda *each: painted.append(1) or paint(*each))
     assert stage_of(run) is stage_of(run) and len(painted) == 1
     assert_same(stage_of(run), stage_of(other))
