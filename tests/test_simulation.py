@@ -127,16 +127,6 @@ def test_files_that_are_no_runs_are_refused_by_name(tmp_path):
         load_run(tmp_path / "pickled.npz")
 
 
-def test_a_run_that_cannot_be_written_leaves_nothing(tmp_path, monkeypatch):
-    def fail(*args, **kwargs):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("os.fsync", fail)
-    with pytest.raises(lrf3d.OutputError, match="No space left"):
-        save_run(run_of(), tmp_path / "run.npz")
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_name_is_no_world_to_simulate_in():
     with pytest.raises(InputError, match="simulate: 'corridor': expected a World or a Scenario"):
         lrf3d.simulate("corridor")

@@ -1,17 +1,8 @@
 import numpy as np
 import pytest
 
-from benchmarks.glass import found_glass, images, samples, with_glass
+from benchmarks.glass import found_glass, images, samples
 from lrf3d import LaserRangeFinder, World, load_world, simulate
-from lrf3d.geometry import lengths
-
-
-def test_a_share_of_the_walls_is_glass():
-    world = load_world("city")
-    lit, glass = with_glass(world, 0.1, np.random.default_rng(0))
-    size = lengths(world.segments)
-    assert size[glass].sum() == pytest.approx(0.1 * size.sum(), rel=0.1)
-    assert [one.name == "glass" for one in lit.materials] == glass.tolist()
 
 
 def test_samples_are_by_others_where_these_are_near_and_parallel():

@@ -1,10 +1,8 @@
-import math
 from fractions import Fraction
 
 import numpy as np
 import pytest
 from hypothesis import strategies as st
-from numba import njit
 from rational import cast_exact
 
 from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
@@ -67,25 +65,3 @@ def test_a_beam_that_is_exactly_upright_ends_at_the_nearest_point_of_upright_wal
         scan = caster(World(walls)).cast(lrf, (0.3, y, theta))
         assert scan.walls.tolist() == [wall]
         assert scan.ranges.tolist() == [np.inf if t is None else float(t)]
-
-
-@njit
-def compiled_cos_sin(angles):
-    found = np.empty((len(angles), 2))
-    for i in range(len(angles)):
-        found[i, 0], found[i, 1] = math.cos(angles[i]), math.sin(angles[i])
-    return found
-
-
-def test_compiled_cosines_and_sines_have_the_bits_of_pythons():
-    rng = np.random.default_rng(0)
-    angles = np.concatenate(
-        [
-            rng.uniform(-10, 10, 20_000),
-            rng.uniform(-1e6, 1e6, 2_000),
-            10.0 ** rng.uniform(-18, 0, 2_000),
-            0.5 * np.pi * np.arange(-8, 9),
-        ]
-    )
-    expected = [(math.cos(angle), math.sin(angle)) for angle in angles.tolist()]
-    assert np.array_equal(compiled_cos_sin(angles), expected)

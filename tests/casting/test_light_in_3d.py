@@ -8,7 +8,6 @@ import pytest
 from lit_worlds import PERFECT, WHITE, world_of
 
 from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
-from lrf3d.casting.kernels.echoes import MOST_WALLS
 from lrf3d.errors import InputError
 from lrf3d.laser.light import shares
 from lrf3d.laser.range_finder import layer_directions
@@ -110,15 +109,3 @@ def test_inclined_beams_that_are_exactly_upright_in_plan_meet_what_lies_across()
             )
             ranges, _ = EmbreeCaster(world).cast_layers(lrf, pose, [rise])
             assert ranges[0, 0] == pytest.approx(seen / math.cos(rise), rel=1e-12)
-
-
-def test_an_inclined_beam_passes_sixteen_walls_as_a_level_one_does():
-    clear = Material("clear", diffuse=0.01, transmission=0.99)
-    lrf = replace(AHEAD, echo="last", threshold=1e-9)
-    for count in (MOST_WALLS - 1, MOST_WALLS, MOST_WALLS + 1):
-        panes = [(k, -9, k, 9, clear) for k in range(1, count)]
-        world = world_of(*panes, (count, -9, count, 9, WHITE), heights=[99.0] * count)
-        level = EmbreeCaster(world).chains(lrf, (0, 0, 0))[0]
-        found = EmbreeCaster(world).light_layers(lrf, (0, 0, 0), [0.1])
-        assert found.chains[0, 0].tolist()[: len(level)] == level.tolist()
-        assert (count - 1 in level) == (count <= MOST_WALLS)

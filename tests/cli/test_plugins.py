@@ -265,18 +265,6 @@ def test_the_occupancy_grid_maps_a_room_and_reports(examples, tmp_path):
         assert 95 < picture.size[0] < 110 and 75 < picture.size[1] < 90
 
 
-def test_the_example_prints_both_mappers(examples, capsys):
-    from occupancy_grid import main
-
-    scenario = EXAMPLES.parent / "worlds" / "corridor.toml"
-    main(scenario)
-    lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in lines] == ["mapper", "OccupancyGrid", "LineMapper"]
-    for line in lines[1:]:
-        precision, recall = map(float, line.split()[-2:])
-        assert precision > 0.95 and recall > 0.95
-
-
 @pytest.mark.parametrize(
     ("text", "error"),
     [

@@ -1,6 +1,4 @@
 import json
-import subprocess
-import sys
 
 import bags
 import numpy as np
@@ -169,14 +167,6 @@ def test_known_errors_are_one_line(log, tmp_path):
         done = program(*arguments)
         assert (done.returncode, done.stdout) == (1, "")
         assert done.stderr.count("\n") == 1 and done.stderr.startswith("lrf3d: ")
-
-
-@pytest.mark.parametrize("before", ["", "import lrf3d.slam.odometry; "])
-def test_slam_is_a_package_and_nothing_else(before):
-    code = f"{before}import lrf3d, lrf3d.slam.slam as s; print(callable(lrf3d.slam), s.Slam is"
-    code += " lrf3d.Slam)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "False True\n"
 
 
 def test_reprs_fit_a_line(log):

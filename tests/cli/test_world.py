@@ -34,6 +34,7 @@ def test_scale_and_resolution_are_what_is_written(tmp_path):
     )
     assert done.returncode == 0, done.stderr
     (_, _), (x2, y2) = json.loads(done.stdout)["bounds_m"]
+    assert {"city", "paper_room"} <= {*json.loads(lrf3d("world", "show", "--json").stdout)}
     plain = json.loads(lrf3d("world", "show", "paper_room", "--json").stdout)["bounds_m"]
     assert [x2, y2] == pytest.approx([0.5 * plain[1][0], 0.5 * plain[1][1]])
     assert "resolution: 0.1" in path.read_text()

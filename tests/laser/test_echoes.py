@@ -8,7 +8,7 @@ import pytest
 import lrf3d
 from lrf3d import LaserRangeFinder, World
 from lrf3d.errors import InputError
-from lrf3d.laser import Chain, DropOuts, ProportionalNoise
+from lrf3d.laser import DropOuts, ProportionalNoise
 
 LRF = LaserRangeFinder(-2.0, 2.0, beams=81, range_min=0.4, range_max=20.0, echoes=3)
 POSES = np.column_stack([np.linspace(1.0, 4.0, 7), np.full(7, 2.0), np.linspace(0.0, 1.0, 7)])
@@ -96,10 +96,3 @@ def test_a_noise_that_forgets_the_light_leaves_unknown_intensities_in_the_run():
 
     run = lrf3d.simulate(hall(), POSES, replace(LRF, echoes=1), noise=forgetful, rng=0)
     assert np.isnan(run.intensities).all()
-
-
-def test_what_has_no_light_has_plain_noise():
-    true = lrf3d.PlanarCaster(hall()).cast(LRF, POSES[0])
-    dark, noise = replace(true, echo_intensities=None), ProportionalNoise(0.1)
-    scan = Chain([noise])(dark, np.random.default_rng(0))
-    assert np.array_equal(scan.ranges, noise(dark, np.random.default_rng(0)).ranges)
