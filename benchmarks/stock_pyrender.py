@@ -11,11 +11,11 @@ import trimesh
 from lrf3d.geometry import Float
 from lrf3d.render.bindings import GL, pyrender
 from lrf3d.render.buffers import make_current
-from lrf3d.render.pictures import Picture
 from lrf3d.run import Run
 from lrf3d.scene.bodies import robot_mesh, world_from_robot
 from lrf3d.scene.cameras import make_camera
 from lrf3d.scene.look import SUN
+from lrf3d.scene.shapes import Pixels
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline
 
@@ -72,7 +72,7 @@ class StockFilm:
         make_current()
         self._renderer = pyrender.Renderer(*size)
 
-    def draw(self, time: float) -> Picture:
+    def draw(self, time: float) -> Pixels:
         """The picture (h, w, 3) uint8 at a time of the run [s]."""
         moment = self.timeline.moment(time)
         look = self._camera.look(time, self._size[0] / self._size[1])

@@ -14,10 +14,9 @@ from lrf3d.casting.triangle_rays import TriangleRays
 from lrf3d.geometry import Float, Single
 from lrf3d.render.fill import Surfaces, fill_discs, fill_triangles, shade
 from lrf3d.render.glsl import air
-from lrf3d.render.pictures import Picture
 from lrf3d.scene import look
 from lrf3d.scene.facades import layers
-from lrf3d.scene.shapes import Body, Cut, Lens, Lines, Mark, Points, Seen, Soft, single
+from lrf3d.scene.shapes import Body, Cut, Lens, Lines, Mark, Pixels, Points, Seen, Soft, single
 from lrf3d.scene.stage import Stage
 
 _LIFTED = 0.02
@@ -52,9 +51,9 @@ class PlainRenderer:
             np.array([*ground.corner, *ground.size, *ground.land]),
             np.array([*sky["HAZE"], *sky["ZENITH"]]),
         )
-        self._picture: Picture = np.full((size[1], size[0], 4), 255, np.uint8)
+        self._picture: Pixels = np.full((size[1], size[0], 4), 255, np.uint8)
 
-    def draw(self, seen: Seen) -> Picture:
+    def draw(self, seen: Seen) -> Pixels:
         """The picture (h, w, 4) uint8 of what is to be seen; the next one writes over it."""
         width, height = self._size
         lens, ghost = seen.lens, seen.ghost
@@ -208,7 +207,7 @@ def _projected(places: Any, lens: Lens, nearer: float, canvas: _Canvas) -> tuple
     return clip, 1.0 / np.maximum(depth, 1e-3)
 
 
-def _halved(picture: Picture) -> tuple[Picture, ...]:
+def _halved(picture: Pixels) -> tuple[Pixels, ...]:
     """A picture and copies of it, each half as wide and high as the one before."""
     levels = [picture]
     while min(levels[-1].shape[:2]) > 2:
@@ -216,7 +215,7 @@ def _halved(picture: Picture) -> tuple[Picture, ...]:
     return tuple(levels)
 
 
-def _texels(levels: tuple[Picture, ...]) -> tuple[Picture, NDArray[np.int64]]:
+def _texels(levels: tuple[Pixels, ...]) -> tuple[Pixels, NDArray[np.int64]]:
     """All texels of levels one after the other, and start, width and height (n, 3) of each."""
     sizes = np.array([level.size for level in levels])
     sides = np.array([level.shape[-2:-4:-1] for level in levels])

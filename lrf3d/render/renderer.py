@@ -15,11 +15,10 @@ from lrf3d.render.buffers import Buffer, Texture, make_current
 from lrf3d.render.glsl import air
 from lrf3d.render.packing import columns_of, land_of, mesh, rectangle, walls_of
 from lrf3d.render.parts import Parts
-from lrf3d.render.pictures import Picture
 from lrf3d.render.programs import CameraBlock, ShaderProgram, Uniform
 from lrf3d.scene import look
 from lrf3d.scene.facades import layers
-from lrf3d.scene.shapes import Lines, Mark, Plan, Points, Seen
+from lrf3d.scene.shapes import Lines, Mark, Pixels, Plan, Points, Seen
 from lrf3d.scene.stage import Stage
 
 
@@ -47,7 +46,7 @@ class Renderer:
             self._resolving = self._filled("resolve", corners)
         self._constants = air(indoor=indoor)
         self._programs: dict[str, ShaderProgram] = {}
-        self._picture: Picture = np.zeros((size[1], size[0], 4), np.uint8)
+        self._picture: Pixels = np.zeros((size[1], size[0], 4), np.uint8)
         self._scale = max(min(size) / 720.0, look.LEAST_SCALE)
         self._camera = CameraBlock()
         self._parts = Parts(stage.faces)
@@ -63,7 +62,7 @@ class Renderer:
         self._painted = Texture(layers(indoor))
         self._pavement = Texture((ground.picture,))
 
-    def draw(self, seen: Seen) -> Picture:
+    def draw(self, seen: Seen) -> Pixels:
         """The picture (h, w, 4) uint8 of what is to be seen; the next one writes over it."""
         self._begin()
         self._camera.fill(seen.lens, *self._size)
@@ -233,7 +232,7 @@ class Renderer:
             GL.glScissor(*box)
             GL.glViewport(*box)
 
-    def _finish(self) -> Picture:
+    def _finish(self) -> Pixels:
         self._overlay(None)
         GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._frame)
         GL.glPixelStorei(GL.GL_PACK_ALIGNMENT, 1)

@@ -11,17 +11,19 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from lrf3d.errors import InputError, shown
 from lrf3d.files import replacing, unfinished_folder
 from lrf3d.geometry import Float, is_finite, read_only, whole_number
 from lrf3d.interrupts import stoppable
+from lrf3d.progress import Progress, silent
 from lrf3d.render.gl import gl_available, require_gl
-from lrf3d.render.pictures import FrameProgress, Picture
 from lrf3d.render.workers import Job, draw
 from lrf3d.run import Run
 from lrf3d.scene.cameras import margins
 from lrf3d.scene.panel import PANELS
+from lrf3d.scene.shapes import Pixels
 from lrf3d.scene.stage import stage_of
 from lrf3d.scene.timeline import Timeline
 from lrf3d.world.cameras import MOVING_VIEWS, check_view
@@ -40,6 +42,9 @@ _SLACK = 1e-6
 
 _SMALLEST, _LARGEST = 16, 8192
 """Sides of pictures [pixels] that can be drawn."""
+
+_EFFORT = 4
+"""Compression of pictures 0…9: beyond, a file takes twice the time and hardly gets smaller."""
 
 _EXAMPLES = 24
 """How many pictures of a film choose the colours of a GIF: more choose the same ones."""
@@ -104,7 +109,7 @@ def render_video(
     renderer: str | None = None,
     panel: str = "short",
     part: tuple[float | None, float | None] = (None, None),
-    progress: FrameProgress | None = None,
+    progress: Progress = silent,
 ) -> None:
     """Draw a run as a film: H.264 in .mp4, or a looping animation in .webp or .gif.
 
@@ -154,14 +159,11 @@ def render_video(
             )
 
 
-def _counted(
-    pictures: Iterable[Picture], total: int, progress: FrameProgress | None
-) -> Iterator[Picture]:
+def _counted(pictures: Iterable[Pixels], total: int, progress: Progress) -> Iterator[Pixels]:
     """The pictures; progress is called after each with their number and that of all."""
     for number, picture in enumerate(pictures):
         yield picture
-        if progress is not None:
-            progress(number + 1, total)
+        progress(number + 1, total)
 
 
 def frame(
@@ -186,6 +188,11 @@ def frame(
             f"time {time:g} s: the run goes from {timeline.start:g} to {timeline.end:g} s"
         )
     return np.array(_film(run, goal=goal, **film).draw(time)[:, :, :3])
+
+
+def save_png(picture: Pixels, path: Path) -> None:
+    """Write a picture (h, w, 3 or 4) uint8; it is opaque, so that three values a pixel are kept."""
+    Image.fromarray(picture[:, :, :3]).save(path, compress_level=_EFFORT)
 
 
 @lru_cache(maxsize=1)

@@ -24,8 +24,8 @@ from lrf3d.cores import core_count
 from lrf3d.errors import Lrf3dError
 from lrf3d.geometry import Float
 from lrf3d.interrupts import check
-from lrf3d.render.pictures import Picture
 from lrf3d.run import Run
+from lrf3d.scene.shapes import Pixels
 from lrf3d.scene.stage import Stage
 
 _FRAMES_A_WORKER = 20
@@ -53,7 +53,7 @@ class Job:
     """How many processes draw; as many as are worth it if not given."""
 
 
-def draw(job: Job, scratch: Path) -> Generator[Picture, None, None]:
+def draw(job: Job, scratch: Path) -> Generator[Pixels, None, None]:
     """The pictures (h, w, 3) of a job, the first first, each until the next is asked for.
 
     What ends a process is raised here.

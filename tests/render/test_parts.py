@@ -11,7 +11,7 @@ from lrf3d.errors import InputError
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.generators import BLOCK_SIDE, generate_city
 
-BLOCKS = 12
+BLOCKS = 8
 
 
 @pytest.fixture(scope="module")
@@ -121,7 +121,7 @@ def test_memory_stays_flat_over_many_frames():
         with open("/proc/self/statm") as file:
             return int(file.read().split()[1]) * os.sysconf("SC_PAGESIZE")
 
-    times = np.linspace(0.0, 4.0, 150)
+    times = np.linspace(0.0, 4.0, 80)
     for time in times:
         film.draw(float(time))
     before = resident()

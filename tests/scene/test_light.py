@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from test_render import box
 
-from lrf3d.scene.light import open_light, screen, sky_light
+from lrf3d.scene.light import open_light
 from lrf3d.scene.look import GAMMA, SKYSHINE
 from lrf3d.scene.stage import paint_faces
 from lrf3d.scene.structures import Structures
@@ -80,10 +80,3 @@ def test_light_is_the_same_each_time_and_that_of_an_open_field_without_a_wall():
     empty = paint_faces(bare)[1]
     light, open_air = empty.ground(np.zeros((2, 2)))
     assert open_air.all() and light[0] == pytest.approx(open_light(indoor=True), rel=1e-6)
-
-
-def test_the_sky_is_even_outdoors_and_brighter_on_the_lamps_side_indoors():
-    up, toward = np.array([[0.0, 0.0, 1.0]]), np.array([[0.33, -0.37, 0.868]])
-    assert np.array_equal(sky_light(up, indoor=False), sky_light(toward, indoor=False))
-    assert (sky_light(toward, indoor=True) > sky_light(-toward, indoor=True)).all()
-    assert screen(np.array([1.0, 0.0])) == pytest.approx([1.0, 0.0])

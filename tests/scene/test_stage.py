@@ -1,7 +1,5 @@
 """Stages: light is baked once for a run, and handed to other processes."""
 
-import pickle
-
 import numpy as np
 import pytest
 from test_render import city_run, kept_for_users
@@ -14,11 +12,6 @@ def assert_same(one, other):
     for first, second in zip(one.faces, other.faces, strict=True):
         assert np.array_equal(first, second)
     assert np.array_equal(one.ground.picture, other.ground.picture)
-
-
-def test_a_stage_of_another_process_has_the_same_light():
-    stage = stage_of(city_run())
-    assert_same(stage, pickle.loads(pickle.dumps(stage)))
 
 
 def test_the_stage_of_a_run_is_painted_once(monkeypatch):
