@@ -17,7 +17,6 @@ PARTS = {
     "frames": "scripts/bench frames --figure frames.png",
     "light": "scripts/bench light --seeds 3",
     "robots": "scripts/bench robots --robots 1024",
-    "line_pairs": "scripts/bench line_pairs --json",
     "score": "scripts/bench score footprints.geojson --beams 181 --seeds 2",
 }
 """The parts, with an example of each."""

@@ -1,35 +1,26 @@
 """How much of the glass of a world does the default mapper find and mark, and does it map images?
 
-``python -m benchmarks.glass WORLD --seeds 20``: a share of the walls of a world is made glass, and
-seen from random poses. Of the glass that returned light directly, the length between its outermost
-returns, the share that is found is measured, and which share of what is marked is glass. Images are
-map segments that lie by returns which came by way of a mirror or a pane, and by no wall: a wall
-that is there is no image, however askew it is drawn.
-
-``--cost`` measures how long casting takes among such walls instead, beside the same walls without
-materials: CPU time by turns, the least of several rounds.
+A share of the walls of a world is made glass, and seen from random poses. Of the glass that
+returned light directly, the length between its outermost returns, the share that is found is
+measured, and which share of what is marked is glass. Images are map segments that lie by returns
+which came by way of a mirror or a pane, and by no wall: a wall that is there is no image, however
+askew it is drawn.
 """
-
-import argparse
-from dataclasses import replace
-from time import process_time
 
 import numpy as np
 
+from benchmarks.report import Row
 from benchmarks.score import random_poses
-from lrf3d.casting import EmbreeCaster, PlanarCaster
+from lrf3d.casting import PlanarCaster
 from lrf3d.geometry import Bool, Float, directions, lengths
 from lrf3d.laser import LaserRangeFinder, ProportionalNoise, reflection_points
 from lrf3d.run import Run
 from lrf3d.scoring.visibility import visible_walls
 from lrf3d.simulation import simulate
-from lrf3d.world import World, load_world
+from lrf3d.world import World
 
 STEP, NEAR, ASKEW = 0.05, 0.1, np.cos(np.radians(5.0))
 """Distance of samples [m]; how far off [m] and how much askew [cosine] they may lie."""
-
-ROUNDS = 7
-"""Rounds of which the least time counts."""
 
 DIRECT = 1e-3
 """Farthest off its wall [m] that the place of a direct return may be."""
@@ -94,10 +85,8 @@ def images(run: Run) -> int:
     return count
 
 
-def measure(
-    world: World, seed: int, lrf: LaserRangeFinder, poses: int, share: float
-) -> list[float]:
-    """Glass seen [m], share found, glass marked [m], share right, images, and all segments."""
+def found_glass(world: World, seed: int, lrf: LaserRangeFinder, poses: int, share: float) -> Row:
+    """The glass that is seen and marked in a map of a world, and the images in it."""
     lit, glass = with_glass(world, share, np.random.default_rng(1000 + seed))
     places = random_poses(world, poses, np.random.default_rng(seed))
     noise = ProportionalNoise(0.04)
@@ -106,61 +95,12 @@ def measure(
     marked = run.map.segments[run.map.kinds == "glass"]
     size, found = samples(parts[glass[walls]], marked)
     length, right = samples(marked, lit.segments[glass])
-    return [
-        size.sum(), float(size @ found / size.sum()), length.sum(),
-        float(length @ right / max(length.sum(), STEP)), images(run), len(run.map),
-    ]  # fmt: skip
-
-
-def cost(world: World, lrf: LaserRangeFinder, poses: int, share: float) -> None:
-    """Print how long both casters take for a beam, with walls of brick and with some of glass."""
-    glassy, glass = with_glass(world, share, np.random.default_rng(1000))
-    walls = glassy.segments, glassy.objects, glassy.heights
-    brick = World(*walls, materials=["brick"] * glassy.object_count)
-    worlds = World(*walls), brick, glassy
-    places = random_poses(world, poses, np.random.default_rng(0))
-    print("caster          no materials    brick    glass    beams that meet glass first")
-    for caster in PlanarCaster, EmbreeCaster:
-        casters = [caster(one) for one in worlds]
-        hit = casters[0].scan_batch(lrf, places)[1]
-        met = (glass[hit] & (hit >= 0)).mean()
-        for one in casters:
-            one.cast_batch(lrf, places)
-        times = np.full((ROUNDS, len(casters)), np.inf)
-        for round_ in range(ROUNDS):
-            for k, one in enumerate(casters):
-                begin = process_time()
-                one.cast_batch(lrf, places)
-                times[round_, k] = process_time() - begin
-        least = times.min(axis=0)
-        each = 1e9 * least[0] / (poses * lrf.beams)
-        print(
-            f"{caster.__name__:14s} {each:7.0f} ns/beam {least[1] / least[0]:8.2f}"
-            f" {least[2] / least[0]:8.2f} {met:12.3f}"
-        )
-
-
-def main() -> None:
-    """Print a row for each seed, and the mean."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("world")
-    parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--poses", type=int, default=200)
-    parser.add_argument("--beams", type=int, default=361, help="of a full turn")
-    parser.add_argument("--share", type=float, default=0.1, help="of the walls that is glass")
-    parser.add_argument("--cost", action="store_true", help="measure the time of casting")
-    given = parser.parse_args()
-    world = load_world(given.world)
-    lrf = replace(LaserRangeFinder(), angle_min=-np.pi, angle_max=np.pi, beams=given.beams)
-    if given.cost:
-        return cost(world, lrf, given.poses, given.share)
-    rows = []
-    print("seed   seen [m]   found   marked [m]   right   images   segments")
-    for seed in range(given.seeds):
-        rows.append(measure(world, seed, lrf, given.poses, given.share))
-        print("{:4d} {:10.1f} {:7.3f} {:12.1f} {:7.3f} {:8.0f} {:10.0f}".format(seed, *rows[-1]))
-    print("mean {:10.1f} {:7.3f} {:12.1f} {:7.3f} {:8.2f} {:10.0f}".format(*np.mean(rows, axis=0)))
-
-
-if __name__ == "__main__":
-    main()
+    return {
+        "seed": seed,
+        "seen": size.sum(),
+        "found_share": float(size @ found / max(size.sum(), STEP)),
+        "marked": length.sum(),
+        "right_share": float(length @ right / max(length.sum(), STEP)),
+        "images": images(run),
+        "segments": len(run.map),
+    }

@@ -1,23 +1,23 @@
-"""Are ranges by reflectance those of data sheets, and what do mirrors and glass cost?
+"""Are ranges by reflectance those of data sheets, and is glass found, and at what cost?
 
 The threshold of a simulated range finder is set so that a wall that reflects 10 % is measured up to
 the range that a data sheet states for it. How far walls of other reflectances are measured then is
-compared with the sheet. A share of the walls of the city is then made of glass, and the time of
-casting is compared with that of the same walls without materials.
+compared with the sheet. A share of the walls of the city is then made of glass: its map is compared
+with the glass that was seen, and the time of casting with that of the same walls without materials.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from typing import Annotated
 
 import numpy as np
 import typer
 
+from benchmarks.glass import found_glass, with_glass
 from benchmarks.report import Report
 from benchmarks.score import random_poses
 from benchmarks.timing import take_turns
 from lrf3d.casting import EmbreeCaster, PlanarCaster
-from lrf3d.geometry import Float
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.world import Material, World, load_world
 
@@ -69,7 +69,7 @@ def bench(
     poses: Annotated[int, typer.Option(min=1, help="Poses that scans are cast from.")] = 200,
     seeds: Annotated[int, typer.Option(min=1, help="Choices of the panes.")] = 1,
 ) -> Report:
-    """Compare ranges by reflectance with data sheets, and time casting among glass."""
+    """Compare ranges by reflectance with data sheets; map glass, and time casting among it."""
     report = Report(__doc__.splitlines()[0])
     for name, points in SHEETS.items():
         lrf = calibrated(points)
@@ -77,39 +77,36 @@ def bench(
             found = farthest(reflectance, lrf)
             report.add("data sheets", range_finder=name, reflectance_share=reflectance,
                        sheet=stated, simulated=found, ratio=found / stated)  # fmt: skip
+    plan, around = load_world(world), LaserRangeFinder(-np.pi, np.pi, beams=361)
     for seed in range(seeds):
-        cost(report, load_world(world), share, poses, seed)
+        report.add("glass", **found_glass(plan, seed, around, poses, share))
+    cost(report, plan, share, poses)
+    report.notes.append(
+        "glass: its length seen [m], how much of that is found, the length marked [m], how much of"
+        " that is\nglass, and map segments where a mirror or a pane only shows something."
+    )
     return report
 
 
-def cost(report: Report, world: World, share: float, poses: int, seed: int) -> None:
-    """Time both casters with walls of brick and with some of glass."""
-    rng = np.random.default_rng(seed)
-    glass = rng.random(len(world.segments)) < share
-    lit = World(world.segments, range(len(glass)), world.heights,
-                materials=["glass" if one else "brick" for one in glass])  # fmt: skip
+def cost(report: Report, world: World, share: float, poses: int) -> None:
+    """Time both casters with walls without materials and with some of glass."""
     plain = World(world.segments, world.objects, world.heights)
-    places, lrf = random_poses(world, poses, rng), LaserRangeFinder()
-    for caster in PlanarCaster, EmbreeCaster:
-        dark, bright = caster(plain), caster(lit)
+    lit, _ = with_glass(world, share, np.random.default_rng(1000))
+    places, lrf = random_poses(world, poses, np.random.default_rng(0)), LaserRangeFinder()
+
+    def casting(caster: PlanarCaster | EmbreeCaster) -> Callable[[int], object]:
+        return lambda _: caster.cast_batch(lrf, places)
+
+    for kind in PlanarCaster, EmbreeCaster:
         timed = take_turns(
-            {
-                "plain": partial(_cast, dark, lrf, places),
-                "glass": partial(_cast, bright, lrf, places),
-            },
+            {"plain": casting(kind(plain)), "glass": casting(kind(lit))},
             seconds=4.0,
         )
         beams = poses * lrf.beams
         report.add(
             "cost of glass",
-            caster=caster.__name__,
+            caster=kind.__name__,
             plain_s=timed["plain"].low / beams,
             glass_s=timed["glass"].low / beams,
             ratio=timed["glass"].low / timed["plain"].low,
         )
-
-
-def _cast(
-    caster: PlanarCaster | EmbreeCaster, lrf: LaserRangeFinder, poses: Float, _: int
-) -> object:
-    return caster.cast_batch(lrf, poses)

@@ -8,7 +8,7 @@ import time
 
 import numpy as np
 
-from benchmarks.report import Report, Row
+from benchmarks.report import Row
 from lrf3d.casting import PlanarCaster
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder, ProportionalNoise, RangeNoise
@@ -17,31 +17,7 @@ from lrf3d.localization import OdometryNoise
 from lrf3d.localization.lines import KnownLines, LocalLines
 from lrf3d.localization.pairing import STRATEGIES, Pairs, pair_lines
 from lrf3d.pose import Pose
-from lrf3d.scenario import load_scenario
 from lrf3d.world import World
-from lrf3d.world.generators import BLOCK_SIDE, city_blocks, generate_city
-
-STRIDE, SCANS = 0.8, 300
-"""From one scan to the next on a drive through a town [m], as in the city, and its scans."""
-
-
-def bench() -> Report:
-    """Pair the lines of scans with known maps of three sizes by both strategies."""
-    report = Report(__doc__.splitlines()[0])
-    city = load_scenario("city")
-    places = [("city", city.world, city.trajectory().poses, city.lrf)]
-    for walls in (1_000, 10_000):
-        columns, rows = city_blocks(walls)
-        scans = min(SCANS, int(BLOCK_SIDE * (columns - 1) / STRIDE))
-        x = 0.5 * BLOCK_SIDE * (columns - 1) + STRIDE * (np.arange(scans) - 0.5 * scans)
-        y = np.full(scans, BLOCK_SIDE * (rows // 2 - 0.5))
-        poses = np.column_stack([x, y, np.zeros(scans)])
-        places.append(("town", generate_city(walls), poses, LaserRangeFinder()))
-    for place, world, poses, lrf in places:
-        for strategy, row in pair_drive(world, poses, lrf).items():
-            report.add("line pairs", place=place, lines=len(world.segments), strategy=strategy,
-                       **row)  # fmt: skip
-    return report
 
 
 def pair_drive(

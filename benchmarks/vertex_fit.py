@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Bool, Float, Int
@@ -155,18 +156,14 @@ def _edge_charge(sums: Float, i: int, j: int, nx: float, ny: float) -> float:
     return max(charge, 0.0)
 
 
-ROUNDS = 30
-"""Most steps of moving the vertices; a dozen is usual."""
-
-DAMPING, MOST_DAMPING = 1e-3, 1e6
-"""Damping of the first Levenberg-Marquardt step, and the one at which moving ends: steps are then
-too short to change anything."""
-
 LEAST_GAIN = 1e-6
-"""Share of the squared errors below which a step gains too little to go on."""
+"""Share of the squared errors below which moving the vertices on gains too little."""
 
 LEAST_TURN = 1e-6
 """Least angle [rad] between neighbouring vertices, so that no edge points at the laser."""
+
+MISSED = 1e3
+"""Range error [m] of a beam that does not meet its edge: no step is taken to such vertices."""
 
 
 def move_vertices(
@@ -174,52 +171,37 @@ def move_vertices(
 ) -> tuple[Float, Float]:
     """Move the vertices of one polyline to the least squared range errors.
 
-    The ends of an open polyline stay on their beams, so that it goes on explaining the same ones.
-
-    Args:
-        bearings: (v,) angles of the vertices from the laser [rad], rising.
-        radii: (v,) their distances from the laser [m].
-        angles: (n,) angles of the beams that the polyline explains [rad].
-        ranges: (n,) their ranges [m].
-        closed: Whether the last vertex is the first again, a full turn on.
-
-    Returns:
-        The moved bearings and radii.
+    The ends of an open polyline stay on their beams, so that it goes on explaining the same ones;
+    the last vertex of a closed one is the first again, a full turn on. Bearings (v,) [rad] rise;
+    the beams that the polyline explains have angles (n,) [rad] and ranges (n,) [m].
     """
-    best, damping = _squared_errors(bearings, radii, angles, ranges), DAMPING
-    for _ in range(ROUNDS):
-        matrix, vector = _normal_equations(bearings, radii, angles, ranges, closed=closed)
-        scaled = matrix + damping * np.diag(np.diag(matrix) + 1e-12)
-        step = np.linalg.solve(scaled, vector).reshape(-1, 2)
-        if closed:
-            step = np.vstack([step, step[:1]])
-        moved = bearings + step[:, 0], radii + step[:, 1]
-        valid = (np.diff(moved[0]) > LEAST_TURN).all() and (moved[1] > 0.0).all()
-        error = _squared_errors(*moved, angles, ranges) if valid else np.inf
-        if error < best:
-            gain = best - error
-            (bearings, radii), best, damping = moved, error, 0.3 * damping
-            if gain < LEAST_GAIN * best:
-                break
-        else:
-            damping *= 10.0
-            if damping > MOST_DAMPING:
-                break
-    return bearings, radii
+    count = len(bearings) - closed
+    free = np.arange(count) if closed else np.arange(1, count - 1)
+
+    def placed(values: Float) -> tuple[Float, Float]:
+        moved = bearings[:count].copy()
+        moved[free] = values[: len(free)]
+        return (
+            np.append(moved, moved[:1] + 2.0 * np.pi) if closed else moved,
+            np.append(values[len(free) :], values[len(free) : len(free) + closed]),
+        )
+
+    def off(values: Float) -> Float:
+        return range_errors(*placed(values), angles, ranges)
+
+    begin = np.concatenate([bearings[free], radii[:count]])
+    found = least_squares(off, begin, ftol=LEAST_GAIN, x_scale="jac")
+    return placed(found.x)
 
 
-def _predicted(
-    bearings: Float, radii: Float, angles: Float
-) -> tuple[Float, Int, Float, Float, Float]:
-    """Ranges (n,) of beams to a polyline, as the quotient of `across` and `below`.
+def range_errors(bearings: Float, radii: Float, angles: Float, ranges: Float) -> Float:
+    """Errors (n,) of the ranges of beams to a polyline [m]; see `MISSED`.
 
     With the bearings α, β and the radii a, b of the ends of its edge, the range of a beam at φ is
     a·b·sin(β − α) / (b·sin(β − φ) + a·sin(φ − α)).
-
-    Returns:
-        The ranges; the edge of each beam; the beams' angles, in the turn of the polyline; the
-        denominator; the numerator.
     """
+    if not ((np.diff(bearings) > LEAST_TURN).all() and (radii > 0.0).all()):
+        return np.full(len(angles), MISSED)
     turn = 2.0 * np.pi
     # A closed polyline may begin at any bearing: beams before its first vertex meet its last edge.
     angles = np.where(angles < bearings[0] - 1e-12, angles + turn, angles)
@@ -228,44 +210,8 @@ def _predicted(
     ahead = radii[edge + 1] * np.sin(bearings[edge + 1] - angles)
     back = radii[edge] * np.sin(angles - bearings[edge])
     across = radii[edge] * radii[edge + 1] * np.sin(bearings[edge + 1] - bearings[edge])
-    return across / (ahead + back), edge, angles, ahead + back, across
-
-
-def _squared_errors(bearings: Float, radii: Float, angles: Float, ranges: Float) -> float:
-    """Sum of the squared range errors [m²]; infinite if a beam does not meet its edge."""
-    predicted = _predicted(bearings, radii, angles)[0]
-    if not (predicted > 0.0).all():
-        return np.inf
-    return float(((ranges - predicted) ** 2).sum())
-
-
-def _normal_equations(
-    bearings: Float, radii: Float, angles: Float, ranges: Float, *, closed: bool
-) -> tuple[Float, Float]:
-    """Matrix and right side of the Gauss-Newton step: bearing and radius of each vertex in turn."""
-    predicted, edge, angles, below, across = _predicted(bearings, radii, angles)
-    one, two = bearings[edge], bearings[edge + 1]
-    near, far = radii[edge], radii[edge + 1]
-    # Derivatives of the quotient across / below by the bearings and the radii of both ends.
-    slopes = np.zeros((len(angles), len(bearings), 2))
-    rows = np.arange(len(angles))
-    cosine = near * far * np.cos(two - one)
-    slopes[rows, edge, 0] = (-cosine + predicted * near * np.cos(angles - one)) / below
-    slopes[rows, edge + 1, 0] = (cosine - predicted * far * np.cos(two - angles)) / below
-    slopes[rows, edge, 1] = (across / near - predicted * np.sin(angles - one)) / below
-    slopes[rows, edge + 1, 1] = (across / far - predicted * np.sin(two - angles)) / below
-    if closed:
-        # The last vertex is the first.
-        slopes[:, 0] += slopes[:, -1]
-        slopes = slopes[:, :-1]
-    else:
-        slopes[:, [0, -1], 0] = 0.0
-    flat = slopes.reshape(len(angles), -1)
-    matrix = flat.T @ flat
-    # Directions that no beam determines stay as they are.
-    idle = np.diag(matrix) <= 0.0
-    matrix[idle, idle] = 1.0
-    return matrix, flat.T @ (ranges - predicted)
+    predicted = across / (ahead + back)
+    return np.where(predicted > 0.0, ranges - predicted, MISSED)
 
 
 OFFSETS = 3

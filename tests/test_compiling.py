@@ -134,12 +134,6 @@ def test_a_terminal_shows_once_that_kernels_are_compiled(load, monkeypatch):
     assert sys.stderr.getvalue() == ""
 
 
-def test_other_streams_stay_as_they_are(load, capsys):
-    compiling._announce.cache_clear()
-    run(load())
-    assert capsys.readouterr() == ("", "")
-
-
 def test_a_kernel_that_counts_no_references_may_not_return_arrays():
     def kernel(row: Float) -> tuple[Float, int]:
         return row, 1

@@ -14,7 +14,10 @@ import lrf3d
 from lrf3d.cli.app import app
 
 README = PAGES[0]
-LONG = {"crosscheck.md", "film.md", "range-finder.md", "sweeps.md", "tour.md", "worlds.md"}
+LONG = {
+    *("casting.md", "crosscheck.md", "film.md", "long-runs.md", "notebooks.md", "range-finder.md"),
+    *("sweeps.md", "tour.md", "worlds.md"),
+}
 """Pages whose snippets take more than some seconds."""
 
 

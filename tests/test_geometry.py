@@ -5,13 +5,11 @@ from hypothesis import strategies as st
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import (
-    directions,
     fit_line,
     is_finite,
     lengths,
     normal_lines,
     numbers,
-    principal_direction,
     quad_indices,
     read_only,
     whole_number,
@@ -60,22 +58,6 @@ def test_points_on_a_line_are_fitted_far_from_the_origin_too(heading, x, y):
     mean, found = fit_line(points)
     assert abs(found @ unit) == pytest.approx(1.0, abs=1e-9)
     assert np.allclose(mean, points.mean(axis=0))
-
-
-def test_weights_pull_the_line():
-    points = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, 1.0]])
-    mean, _ = fit_line(points, np.array([1.0, 1.0, 0.0]))
-    assert mean == pytest.approx([0.5, 0.0])
-
-
-def test_the_principal_direction_is_that_of_the_largest_spread():
-    assert np.abs(principal_direction(4.0, 0.0, 1.0)) == pytest.approx([1.0, 0.0])
-    assert np.abs(principal_direction(1.0, 0.0, 4.0)) == pytest.approx([0.0, 1.0])
-
-
-def test_directions_are_unit_vectors():
-    segments = np.array([[0.0, 0.0, 3.0, 4.0], [1.0, 1.0, 1.0, -1.0]])
-    assert directions(segments) == pytest.approx(np.array([[0.6, 0.8], [0.0, -1.0]]))
 
 
 def test_an_angle_just_above_pi_is_pi():

@@ -21,20 +21,6 @@ def example():
     return learn_to_drive
 
 
-def test_a_network_of_each_robot_acts_as_that_network_alone(example):
-    rng = np.random.default_rng(0)
-    weights = rng.standard_normal((5, example.Network.size))
-    observation = {
-        "ranges": rng.uniform(0.0, 20.0, (5, example.BEAMS)),
-        "goal": rng.uniform(-1.0, 1.0, (5, 3)),
-    }
-    actions = example.Network.actions(weights, observation)
-    assert actions.shape == (5, 2) and (np.abs(actions) <= 1.0).all()
-    for robot in range(5):
-        alone = {name: values[robot : robot + 1] for name, values in observation.items()}
-        assert example.Network.actions(weights[robot], alone)[0] == pytest.approx(actions[robot])
-
-
 def test_both_of_a_pair_drive_the_same_way_with_the_same_network(example):
     robots = example.make_robots(8)
     rewards, reached = example.drive(robots, np.zeros(example.Network.size), 1, paired=True)

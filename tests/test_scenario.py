@@ -4,10 +4,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lrf3d.casting import PlanarCaster
 from lrf3d.errors import CollisionError, WorldError
+from lrf3d.geometry import lengths
 from lrf3d.robot import find_collision, follow_route
 from lrf3d.scenario import Scenario, load_scenario, start_of
+from lrf3d.scoring import buildings_seen, visible_walls
 from lrf3d.world import World
 
 WALL = "[[object]]\npoints = [[0, 0], [4, 0]]\n"
@@ -16,24 +17,6 @@ WALL = "[[object]]\npoints = [[0, 0], [4, 0]]\n"
 def read(text: str, folder: Path) -> Scenario:
     (folder / "w.toml").write_text(WALL + text)
     return load_scenario(folder / "w.toml")
-
-
-def walls_seen(scenario: Scenario, poses: np.ndarray) -> np.ndarray:
-    """Share of each wall between neighbouring beams that meet it, over all poses."""
-    caster, lrf, segments = PlanarCaster(scenario.world), scenario.lrf, scenario.world.segments
-    seen = np.zeros((len(segments), 100), dtype=bool)
-    for pose in poses:
-        scan = caster.cast(lrf, pose)
-        walls = np.maximum(scan.walls, 0)
-        points = pose[:2] + np.where(scan.walls >= 0, scan.ranges, 0.0)[:, None] * (
-            lrf.directions(pose)
-        )
-        start, span = segments[walls, :2], segments[walls, 2:] - segments[walls, :2]
-        place = ((points - start) * span).sum(axis=1) / (span**2).sum(axis=1)
-        for beam in np.flatnonzero((scan.walls[:-1] >= 0) & (np.diff(scan.walls) == 0)):
-            low, high = sorted(np.clip(place[beam : beam + 2], 0.0, 1.0))
-            seen[scan.walls[beam], int(100 * low) : int(100 * high) + 1] = True
-    return seen.mean(axis=1)
 
 
 def test_a_file_of_walls_alone_gets_defaults(tmp_path: Path) -> None:
@@ -151,12 +134,10 @@ def test_the_city_is_that_of_the_paper_and_its_buildings_are_seen_from_all_sides
     assert city.world.object_count >= 40
     assert (np.bincount(city.world.objects) == 4).all()
     assert len(np.unique(city.world.heights)) > 15
-    assert city.route is not None
-    drive = follow_route(city.route, start=city.start, speed=city.speed, lookahead=1.0, dt=0.4)
-    assert drive.length >= 200.0
-    seen = walls_seen(city, drive.poses).reshape(-1, 4)
+    run = city.run(rng=0, snapshots=1, caster="planar")
+    assert run.trajectory.length >= 200.0
     # The others are the horizon, beyond the outer streets.
-    assert (seen > 0.6).all(axis=1).sum() >= 40
+    assert buildings_seen(run).seen_on_all_sides >= 40
 
 
 def test_the_paper_room_shows_six_walls_of_g3_from_three_poses() -> None:
@@ -166,6 +147,6 @@ def test_the_paper_room_shows_six_walls_of_g3_from_three_poses() -> None:
     assert room.lrf.range_max == 14.0
     assert room.sigmas == (0.07, 0.42, 0.63)
     assert room.poses is not None and len(room.poses) == 3
-    seen = walls_seen(room, room.poses)
-    assert (seen[room.world.objects == 2] > 0.7).all()
-    assert seen.mean() > 0.8
+    parts, walls = visible_walls(room.run(sigma=0.0, caster="planar"))
+    shares = lengths(parts) / lengths(room.world.segments[walls])
+    assert (shares[room.world.objects[walls] == 2] > 0.7).sum() == 6 and shares.mean() > 0.8

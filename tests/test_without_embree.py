@@ -62,44 +62,6 @@ def command(arguments, env, folder):
     )
 
 
-CAST = """
-import numpy as np, trimesh, lrf3d
-
-room, lrf = lrf3d.load_world("paper_room"), lrf3d.LaserRangeFinder(range_max=14.0)
-poses = [(1, 1, 0), (6.4, 1.6, 2.4), (11, 5, -2)]
-caster, mesh = lrf3d.EmbreeCaster(room), lrf3d.EmbreeCaster(trimesh.creation.box((2, 2, 2)))
-np.save("ranges.npy", caster.cast_batch(lrf, poses))
-assert caster.cast(lrf, poses[1]).ranges.tolist() == np.load("ranges.npy")[1].tolist()
-caster.cast_layers(lrf, poses[0], [0.0, 0.1])
-assert mesh.cast(lrf, (-3, 0, 0)).ranges[90] == 2.0
-"""
-
-
-def test_ranges_are_the_same_bits_and_a_warning_says_so_once(without_embree, tmp_path):
-    done = python(CAST, without_embree, tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert done.stderr.count(NOTICE) == 1
-    room, lrf = lrf3d.load_world("paper_room"), lrf3d.LaserRangeFinder(range_max=14.0)
-    poses = [(1, 1, 0), (6.4, 1.6, 2.4), (11, 5, -2)]
-    expected = lrf3d.EmbreeCaster(room).cast_batch(lrf, poses)
-    assert np.array_equal(np.load(tmp_path / "ranges.npy"), expected)
-
-
-@pytest.mark.slow
-def test_a_drive_is_the_same_to_the_last_bit(without_embree, tmp_path):
-    done = command("run paper_room --no-video --out bare", without_embree, tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert [line for line in done.stderr.splitlines() if NOTICE in line] == [
-        "lrf3d: warning: embreex is not installed: beams are cast without Embree, to the same"
-        " ranges"
-    ]
-    done = command("run paper_room --no-video --out full", dict(os.environ), tmp_path)
-    assert done.returncode == 0 and NOTICE not in done.stderr
-    bare, full = (lrf3d.load_run(tmp_path / name / "run.npz") for name in ("bare", "full"))
-    assert np.array_equal(bare.ranges, full.ranges) and np.array_equal(bare.walls, full.walls)
-    assert np.array_equal(bare.map.segments, full.map.segments)
-
-
 PICTURES = """
 import numpy as np, lrf3d
 from lrf3d.scene.stage import stage_of

@@ -133,8 +133,6 @@ class PlanarCaster:
             return lit.ranges, lit.walls
         ranges = np.empty((len(poses), lrf.beams))
         walls = np.empty((len(poses) if keep_walls else 0, lrf.beams), np.int64)
-        # A batch of none builds what all threads need.
-        self._fill(lrf.height, laser, poses[:0], ranges[:0], walls[:0])
 
         def work(start: int, stop: int) -> None:
             part = slice(start, stop)
@@ -150,7 +148,6 @@ class PlanarCaster:
         # Mirrors may be nearer than range_min, and what they show beyond it.
         laser, tree = laser_of(lrf, range_min=0.0), self.tree(lrf.height)
         lit = lighting.empty(lrf, len(poses), chains=chains)
-        self._fill(lrf.height, laser, poses[:0], lit.ranges[:0], lit.walls[:0])
 
         def work(start: int, stop: int) -> None:
             part = slice(start, stop)
@@ -168,6 +165,8 @@ def share(work: Callable[[int, int], None], count: int) -> None:
     if count <= size or cores < 2:
         work(0, count)
         return
+    # A piece of none builds what all threads need.
+    work(0, 0)
     starts = range(0, count, size)
     stops = (min(start + size, count) for start in starts)
     for _ in _pool(cores).map(work, starts, stops):

@@ -12,7 +12,7 @@ from lrf3d.geometry import Single
 from lrf3d.gltf.document import Document
 from lrf3d.scene.facades import BAYS, BLANK, ROWS, layers
 from lrf3d.scene.look import BODY_LIGHT, CLAY, SUN
-from lrf3d.scene.shapes import Faces, GroundPicture, Painted
+from lrf3d.scene.shapes import Faces, GroundPicture
 from lrf3d.scene.stage import Stage
 
 _HORIZON = 800.0
@@ -31,7 +31,10 @@ _FINER = 2
 def add_stage(document: Document, stage: Stage) -> None:
     """Add ground, walls and roofs."""
     _add_ground(document, stage.ground)
-    triangles = _cut_at_shadows(np.concatenate([_rows(stage.walls), _rows(stage.roofs)]))
+    # Place, texture, colour, light in the sun, in its shadow, and how far under.
+    rows = stage.faces.rows()[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 16)
+    whole = (rows[:, 1, :3] != rows[:, 2, :3]).any(axis=1)
+    triangles = _cut_at_shadows(rows[whole])
     if len(triangles):
         _add_walls(document, triangles, layers(stage.structures.indoor)[0])
 
@@ -65,14 +68,6 @@ def _rectangle(x0: float, y0: float, x1: float, y1: float) -> Single:
     """Corners (6, 3) of two triangles on the ground."""
     corners = np.array([[x0, y0, 0], [x1, y0, 0], [x1, y1, 0], [x0, y1, 0]], np.float32)
     return corners[[0, 1, 2, 0, 2, 3]]
-
-
-def _rows(painted: Painted) -> Single:
-    """Triangles (t, 3, 16): place, texture, colour, light in the sun, in its shadow, and under."""
-    columns = [painted.places, painted.texture, painted.colours, painted.lit, painted.shaded]
-    rows = np.concatenate([*columns, painted.under[..., None]], axis=2)
-    corners = [0, 1, 2, 0, 2, 3] if rows.shape[1] == 4 else [0, 1, 2]
-    return rows[:, corners].reshape(-1, 3, 16)
 
 
 def _cut_at_shadows(rows: Single) -> Single:

@@ -142,7 +142,7 @@ def _messages(run: Run, path: Path, mapped: bool) -> Iterator[tuple[str, Stamp, 
         yield "/tf", stamp, {"transforms": moved}
         yield "/odom", stamp, _odometry(stamp, measured, speed.tolist())
         yield "/ground_truth", stamp, _odometry(stamp, scan.pose, speed.tolist())
-        yield "/scan", stamp, scan.as_ros(LASER, scan_time=step).as_dict()
+        yield "/scan", stamp, scan.as_ros(LASER, scan_time=step)
         if mapped and number in snapshots:
             yield LINES, stamp, {"markers": [_lines(run, snapshots[number], stamp)]}
 

@@ -12,7 +12,7 @@ from lrf3d.laser.noise import (
     RangeNoise,
 )
 from lrf3d.laser.range_finder import LaserRangeFinder, beam_directions, layer_directions
-from lrf3d.laser.ros_scan import RosHeader, RosScan, Stamp
+from lrf3d.laser.ros_scan import Stamp
 from lrf3d.laser.scan import LaserScan, doubtful_ranges, reflection_points
 
 __all__ = [
@@ -28,8 +28,6 @@ __all__ = [
     "ProportionalNoise",
     "Quantised",
     "RangeNoise",
-    "RosHeader",
-    "RosScan",
     "Stamp",
     "beam_directions",
     "doubtful_ranges",

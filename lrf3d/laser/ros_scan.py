@@ -1,24 +1,20 @@
-"""RosScan: ``sensor_msgs/LaserScan``, field by field.
+"""Scans as ``sensor_msgs/LaserScan`` of ROS, field by field.
 
-It is made from a LaserScan; any object or dict with ROS's fields can be converted back. All numbers
-except the stamp are float32, and only here: the angles are consistent in float32, ``angle_max ==
-angle_min + (n − 1) · angle_increment``, the stamp is that of the first beam, and after REP 117 a
-beam without return is +inf, one that met something nearer than range_min is −inf.
+All numbers except the stamp are float32, and only here: the angles are consistent in float32,
+``angle_max == angle_min + (n − 1) · angle_increment``, the stamp is that of the first beam, and
+after REP 117 a beam without return is +inf, one that met something nearer than range_min is −inf.
 """
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float
 from lrf3d.laser.range_finder import within_limits
-
-Float32 = NDArray[np.float32]
 
 WIDEST_SCAN = 2.1 * math.pi
 """Largest angle [rad] from the first beam to the last: a full turn, and room for rounding."""
@@ -52,41 +48,10 @@ class Stamp:
         return self.nanoseconds / 1_000_000_000
 
 
-@dataclass(frozen=True, slots=True)
-class RosHeader:
-    """``std_msgs/Header``: the stamp of the first beam, and the frame of the laser."""
-
-    stamp: Stamp
-    frame_id: str
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RosScan:
-    """``sensor_msgs/LaserScan``: its fields in [rad], [s] and [m]; all numbers are float32.
-
-    The ranges (n,) are +inf and −inf after REP 117, the intensities (n,) may be empty.
-    """
-
-    header: RosHeader
-    angle_min: float
-    angle_max: float
-    angle_increment: float
-    time_increment: float
-    scan_time: float
-    range_min: float
-    range_max: float
-    ranges: Float32
-    intensities: Float32
-
-    def as_dict(self) -> dict[str, Any]:
-        """The message as nested dicts."""
-        return asdict(self)
-
-
 def read_ros_scan(message: Any) -> dict[str, Any]:
     """The arguments of a LaserScan, except its pose, from a message.
 
-    A message is a RosScan, a message of rclpy or rosbags, or nested dicts. A range that is NaN
+    A message is one of rclpy or rosbags, or nested dicts. A range that is NaN
     counts as no return, as everywhere.
 
     Raises:

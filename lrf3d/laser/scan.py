@@ -1,7 +1,7 @@
 """LaserScan: the ranges of one scan, with its pose."""
 
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, asdict, dataclass
 from functools import cached_property
 from typing import Any
 
@@ -15,7 +15,7 @@ from lrf3d.laser.range_finder import (
     beam_directions,
     within_limits,
 )
-from lrf3d.laser.ros_scan import RosHeader, RosScan, Stamp, even_spread, read_ros_scan
+from lrf3d.laser.ros_scan import Stamp, even_spread, read_ros_scan
 from lrf3d.notebook import Pictured
 from lrf3d.pose import Pose, as_pose
 
@@ -166,8 +166,8 @@ class LaserScan(Value, Pictured):
         """
         return cls(as_pose(pose), **read_ros_scan(message))
 
-    def as_ros(self, frame_id: str = "laser", *, scan_time: float = 0.0) -> RosScan:
-        """The scan as a ROS ``sensor_msgs/LaserScan``: see `ros_scan`.
+    def as_ros(self, frame_id: str = "laser", *, scan_time: float = 0.0) -> dict[str, Any]:
+        """The scan as a ROS ``sensor_msgs/LaserScan``, as nested dicts: see `ros_scan`.
 
         The time between two scans [s] is 0 if it is unknown.
 
@@ -175,16 +175,16 @@ class LaserScan(Value, Pictured):
             InputError: The beams are not evenly spaced, which the message cannot express.
         """
         light = np.empty(0) if self.intensities is None else self.intensities
-        return RosScan(
-            RosHeader(Stamp.of(self.time), frame_id),
-            *even_spread(self.angles),
-            float(np.float32(self.time_increment)),
-            float(np.float32(scan_time)),
-            float(np.float32(self.range_min)),
-            float(np.float32(self.range_max)),
-            within_limits(self.ranges, self.range_min, self.range_max).astype(np.float32),
-            light.astype(np.float32),
-        )
+        names = "angle_min angle_max angle_increment time_increment scan_time range_min range_max"
+        limits = self.range_min, self.range_max
+        numbers = *even_spread(self.angles), self.time_increment, scan_time, *limits
+        rounded = (float(np.float32(number)) for number in numbers)
+        return {
+            "header": {"stamp": asdict(Stamp.of(self.time)), "frame_id": frame_id},
+            **dict(zip(names.split(), rounded, strict=True)),
+            "ranges": within_limits(self.ranges, *limits).astype(np.float32),
+            "intensities": light.astype(np.float32),
+        }
 
     @cached_property
     def hits(self) -> Bool:

@@ -2,11 +2,12 @@
 
 The context and the buffers are pyrender's. Its private members are used here and nowhere else: the
 ``_platform`` of its ``OffscreenRenderer``, to make the one context of a process current, and the
-``_vaid`` and ``_buffers`` of its ``Primitive``, which ``_add_to_context`` fills, so that vertices
-are one interleaved buffer that can be rewritten.
+``_vaid`` and ``_buffers`` of its ``Primitive``, which ``_add_to_context`` fills, so that each
+vertex attribute has a buffer that can be rewritten.
 """
 
 import ctypes
+from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.errors import MissingLibraryError
-from lrf3d.geometry import Single
+from lrf3d.geometry import quad_indices
 from lrf3d.render.bindings import GL, pyrender, rewrite
 from lrf3d.render.gl import INSTALL_LINE
 
@@ -86,67 +87,79 @@ class Texture:
 
 
 class Buffer(pyrender.Primitive):  # type: ignore[misc]
-    """Vertices in one interleaved buffer that can be rewritten.
+    """Vertices, whose attributes are rewritten where their arrays have changed.
 
     Args:
-        sizes: Number of floats of each vertex attribute, in the order of the shader's locations.
         mode: What vertices make up, an OpenGL constant.
 
     Attributes:
         count: How many vertices, or indices, there are to draw.
-        shown: What was packed into it last.
     """
 
-    def __init__(self, sizes: tuple[int, ...], mode: int) -> None:
+    def __init__(self, mode: int) -> None:
         super().__init__(positions=np.zeros((1, 3)), mode=int(mode))
-        self.sizes, self.count = sizes, 0
-        self.shown: object = None
-        self._room = self._indexed = 0
+        self.count = 0
+        self._shown: dict[int, NDArray[Any]] = {}
+        self._rooms: dict[int, int] = {}
+        self._indexed = False
         self._add_to_context()
 
-    def fill(self, rows: Single) -> None:
-        """Draw these vertices (n, sum of sizes) from now on."""
-        self.count = len(rows)
-        GL.glBindBuffer(GL.GL_ARRAY_BUFFER, self._buffers[0])
-        if len(rows) > self._room:
-            self._room = len(rows) if not self._room else 2 * len(rows)
-            size = self._room * sum(self.sizes) * _FLOAT
-            GL.glBufferData(GL.GL_ARRAY_BUFFER, size, None, GL.GL_DYNAMIC_DRAW)
-        if len(rows):
-            rewrite(GL.GL_ARRAY_BUFFER, np.ascontiguousarray(rows, np.float32))
+    def fill(self, columns: Sequence[NDArray[Any]], *, corners: int = 1) -> None:
+        """Draw these from now on: an array (…, k) for each attribute, by the shader's locations.
+
+        Each row is that of so many corners: of one vertex, or of the four of a quad.
+        """
+        rows = 0
+        for place, values in enumerate(columns):
+            rows = values.size // values.shape[-1]
+            # An array that is the same object as before has not changed.
+            if values is not self._shown.get(place):
+                self._shown[place] = values
+                self._write(place, np.repeat(values.reshape(-1, values.shape[-1]), corners, axis=0))
+        if corners == 1:
+            self.count = rows
+        elif self.count != 6 * rows:
+            self.choose(quad_indices(rows))
 
     def choose(self, indices: NDArray[np.uint32]) -> None:
         """Draw its triangles of these vertices from now on."""
-        self.count = len(indices)
+        self.count, self._indexed = len(indices), True
         GL.glBindVertexArray(self._vaid)
-        if len(self._buffers) == 1:
-            self._buffers.append(GL.glGenBuffers(1))
-        GL.glBindBuffer(GL.GL_ELEMENT_ARRAY_BUFFER, self._buffers[1])
-        if len(indices) > self._indexed:
-            self._indexed = len(indices)
-            size = self._indexed * _FLOAT
-            GL.glBufferData(GL.GL_ELEMENT_ARRAY_BUFFER, size, None, GL.GL_DYNAMIC_DRAW)
-        if len(indices):
-            rewrite(GL.GL_ELEMENT_ARRAY_BUFFER, np.ascontiguousarray(indices))
+        self._store(GL.GL_ELEMENT_ARRAY_BUFFER, -1, indices)
 
     def draw(self, first: int, count: int) -> None:
         """Draw so many of its vertices, or of its indices, with the program in use."""
         GL.glBindVertexArray(self._vaid)
-        if len(self._buffers) == 1:
-            GL.glDrawArrays(self.mode, first, count)
-        else:
+        if self._indexed:
             start = ctypes.c_void_p(_FLOAT * first)
             GL.glDrawElements(self.mode, count, GL.GL_UNSIGNED_INT, start)
+        else:
+            GL.glDrawArrays(self.mode, first, count)
+
+    def _write(self, place: int, values: NDArray[Any]) -> None:
+        """Rewrite the attribute (n, k) at a location."""
+        new = place not in self._rooms
+        self._store(GL.GL_ARRAY_BUFFER, place, values.astype(np.float32, copy=False))
+        if new:
+            GL.glBindVertexArray(self._vaid)
+            size, start = values.shape[1], ctypes.c_void_p(0)
+            GL.glVertexAttribPointer(place, size, GL.GL_FLOAT, GL.GL_FALSE, 0, start)
+            GL.glEnableVertexAttribArray(place)
+
+    def _store(self, kind: int, place: int, values: NDArray[Any]) -> None:
+        """Put values into the buffer of a place, which grows by twice as much as is needed."""
+        room = self._rooms.get(place, -1)
+        if room < 0:
+            self._named[place] = GL.glGenBuffers(1)
+            self._buffers.append(self._named[place])
+        GL.glBindBuffer(kind, self._named[place])
+        if values.nbytes > room:
+            self._rooms[place] = values.nbytes if room < 0 else 2 * values.nbytes
+            GL.glBufferData(kind, self._rooms[place], None, GL.GL_DYNAMIC_DRAW)
+        if values.nbytes:
+            rewrite(kind, np.ascontiguousarray(values))
 
     def _add_to_context(self) -> None:
         self._vaid = GL.glGenVertexArrays(1)
-        GL.glBindVertexArray(self._vaid)
-        self._buffers = [GL.glGenBuffers(1)]
-        GL.glBindBuffer(GL.GL_ARRAY_BUFFER, self._buffers[0])
-        offset, stride = 0, sum(self.sizes) * _FLOAT
-        for place, size in enumerate(self.sizes):
-            pointer: Any = ctypes.c_void_p(offset)
-            GL.glVertexAttribPointer(place, size, GL.GL_FLOAT, GL.GL_FALSE, stride, pointer)
-            GL.glEnableVertexAttribArray(place)
-            offset += size * _FLOAT
-        GL.glBindVertexArray(0)
+        self._buffers: list[int] = []
+        self._named: dict[int, int] = {}

@@ -14,7 +14,7 @@ import av
 import av.filter
 
 from lrf3d.errors import InputError
-from lrf3d.render.pictures import Picture
+from lrf3d.scene.shapes import Pixels
 
 _RATES = 1000
 """Frames a second are kept as a fraction of this denominator at most."""
@@ -94,12 +94,12 @@ def format_of(path: Path, size: tuple[int, int], fps: float) -> Format:
 
 
 def encode(
-    pictures: Iterable[Picture],
+    pictures: Iterable[Pixels],
     path: Path,
     kind: Format,
     *,
     fps: float,
-    examples: Sequence[Picture] = (),
+    examples: Sequence[Pixels] = (),
 ) -> None:
     """Write pictures (h, w, 3) as a film; examples of them choose the colours of a palette."""
     rate = Fraction(fps).limit_denominator(_RATES)
@@ -118,7 +118,7 @@ def encode(
         film.mux(stream.encode(None))
 
 
-def _timed(pictures: Iterable[Picture], fps: float, unit: Fraction) -> Iterator[Any]:
+def _timed(pictures: Iterable[Pixels], fps: float, unit: Fraction) -> Iterator[Any]:
     """Frames with the times when they begin and how long they are shown."""
     for number, picture in enumerate(pictures):
         frame = av.VideoFrame.from_ndarray(picture, format="rgb24")
@@ -129,7 +129,7 @@ def _timed(pictures: Iterable[Picture], fps: float, unit: Fraction) -> Iterator[
         yield frame
 
 
-def _coloured(frames: Iterator[Any], examples: Sequence[Picture], unit: Fraction) -> Iterator[Any]:
+def _coloured(frames: Iterator[Any], examples: Sequence[Pixels], unit: Fraction) -> Iterator[Any]:
     """Frames in the 256 colours that serve examples of them best.
 
     With one palette for all no colour changes from frame to frame.

@@ -7,13 +7,12 @@ import numpy as np
 
 from lrf3d.render.gl import import_libraries
 from lrf3d.render.hud import gap_of, lay_frame, lay_labels
-from lrf3d.render.pictures import Picture
 from lrf3d.run import Run
 from lrf3d.scene import panel
 from lrf3d.scene.camera import Look
 from lrf3d.scene.cameras import make_camera
 from lrf3d.scene.moments import LAYERS, Goal, Scene
-from lrf3d.scene.shapes import Label, Seen
+from lrf3d.scene.shapes import Label, Pixels, Seen
 from lrf3d.scene.stage import Stage
 from lrf3d.scene.timeline import Moment, Timeline
 
@@ -24,7 +23,7 @@ _SIDE, _LEAST_SIDE = 0.30, 40
 class Renderer(Protocol):
     """Draws what is to be seen."""
 
-    def draw(self, seen: Seen) -> Picture:
+    def draw(self, seen: Seen) -> Pixels:
         """The picture (h, w, 4) uint8; the next one writes over it."""
         ...
 
@@ -76,9 +75,9 @@ class Film:
         self._side = round(_SIDE * min(size))
         self._middle, self._window = self.scene.plan_window()
         self._key: object = None
-        self._picture: Picture = np.zeros((0, 0, 4), np.uint8)
+        self._picture: Pixels = np.zeros((0, 0, 4), np.uint8)
 
-    def draw(self, time: float) -> Picture:
+    def draw(self, time: float) -> Pixels:
         """The picture (h, w, 4) uint8 at a time of the run [s]; the next one writes over it."""
         moment = self.timeline.moment(time)
         view = self.camera.look(time, self._size[0] / self._size[1])

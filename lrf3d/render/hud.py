@@ -3,14 +3,12 @@
 from functools import cache, lru_cache
 from importlib.util import find_spec
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from lrf3d.geometry import Int, Single
-from lrf3d.render.pictures import Picture
-from lrf3d.scene.shapes import Label, single
+from lrf3d.geometry import Single
+from lrf3d.scene.shapes import Label, Pixels, single
 
 _BACK, _LINE = 13, 1.36
 """What panels add to a quarter of the brightness under them, 0…255; height of a line in letters."""
@@ -51,28 +49,16 @@ def _font(size: int) -> ImageFont.FreeTypeFont:
     return ImageFont.truetype(folder / "DejaVuSansMono-Bold.ttf", size)
 
 
-class Words(NamedTuple):
-    """A line of text."""
-
-    width: int
-    rows: Int
-    columns: Int
-    """Width [pixels], and the pixels (n,) that letters cover."""
-    cover: Single
-    """(n, 1) how much of each they cover, 0…1."""
-
-
 @lru_cache(maxsize=64)
-def _words(text: str, size: int) -> Words:
+def _words(text: str, size: int) -> Single:
+    """How much of each pixel (h, w, 1) the letters of a line cover, 0…1."""
     font = _font(size)
     picture = Image.new("L", (int(font.getlength(text)) + 1, round(_LINE * size)))
     ImageDraw.Draw(picture).text((0, 0), text, font=font, fill=255)
-    pixels = np.asarray(picture)
-    rows, columns = np.nonzero(pixels)
-    return Words(picture.width, rows, columns, single(pixels[rows, columns, None] / 255.0))
+    return single(np.asarray(picture)[..., None] / 255.0)
 
 
-def lay_labels(picture: Picture, labels: tuple[Label, ...], taken: int) -> None:
+def lay_labels(picture: Pixels, labels: tuple[Label, ...], taken: int) -> None:
     """Lay labels over a picture whose upper right corner is taken for so many pixels."""
     size, gap = (picture.shape[1], picture.shape[0]), gap_of(picture.shape[1::-1])
     scale = scale_of(size)
@@ -84,7 +70,7 @@ def lay_labels(picture: Picture, labels: tuple[Label, ...], taken: int) -> None:
         high = 2 * pad + round(_LINE * letters * len(label.text))
         if letters < _LEAST_LETTER or high > _MOST_COVERED * size[1]:
             continue
-        wide = 2 * pad + max(_words(line, letters).width for line in label.text)
+        wide = 2 * pad + max(_words(line, letters).shape[1] for line in label.text)
         left, top = gap, gap
         if label.place == "middle":
             left, top = (size[0] - wide) // 2, size[1] - 2 * gap - high
@@ -95,7 +81,7 @@ def lay_labels(picture: Picture, labels: tuple[Label, ...], taken: int) -> None:
             _write(part, line, letters, (pad, pad + round(row * _LINE * letters)), colour)
 
 
-def lay_frame(picture: Picture, box: tuple[int, int, int], window: float) -> None:
+def lay_frame(picture: Pixels, box: tuple[int, int, int], window: float) -> None:
     """Frame the inset in a box, left, top and side [pixels], which shows a window [m]."""
     left, top, side = box
     scale = scale_of(picture.shape[1::-1])
@@ -106,16 +92,15 @@ def lay_frame(picture: Picture, box: tuple[int, int, int], window: float) -> Non
     power = 10.0 ** np.floor(np.log10(window / 3.0))
     metres = power * max(step for step in (1.0, 2.0, 5.0) if step * power <= window / 3.0)
     part[-pad - rim : -pad, pad : pad + round(metres / window * side)] = _BAR
-    letters = max(round(17 * scale), 7)
+    letters = max(round(20 * scale), 7)
     place = pad, side - pad - rim - round(_LINE * letters)
     _write(part, f"{metres:g} m", letters, place, _BAR)
 
 
 def _write(
-    part: Picture, text: str, letters: int, place: tuple[int, int], colour: tuple[int, int, int]
+    part: Pixels, text: str, letters: int, place: tuple[int, int], colour: tuple[int, int, int]
 ) -> None:
     """Write a line of text into a part of a picture, from a place to the right and down."""
-    words = _words(text, letters)
-    rows, columns = words.rows + place[1], words.columns + place[0]
-    under = part[rows, columns, :3]
-    part[rows, columns, :3] = under + words.cover * (np.array(colour, np.float32) - under)
+    cover = _words(text, letters)
+    under = part[place[1] : place[1] + len(cover), place[0] : place[0] + cover.shape[1], :3]
+    under[:] = under + cover[: len(under)] * (np.array(colour, np.float32) - under)

@@ -24,32 +24,21 @@ class Chosen(NamedTuple):
 
 
 class Parts:
-    """The triangles of walls and roofs by parts, one for each object or piece of it.
+    """The quads of walls and roofs by parts, one for each object or piece of it."""
 
-    Args:
-        walls: Quads, whose corners are the first vertices.
-        roofs: Triangles, whose corners follow.
-    """
-
-    def __init__(self, walls: Painted, roofs: Painted) -> None:
-        owners, count = _owners(walls, roofs)
-        quads, others = len(walls.places), len(roofs.places)
-        corners = 4 * quads + np.arange(3 * others, dtype=np.uint32)
-        triangles = np.concatenate([quad_indices(quads), corners]).reshape(-1, 3)
-        layers = np.concatenate([np.repeat(walls.texture[:, 0, 2], 2), roofs.texture[:, 0, 2]])
-        part = np.concatenate([np.repeat(owners[:quads], 2), owners[quads:]])
-        # Of each part there are two runs of triangles, first of all with a texture, then of bare:
+    def __init__(self, faces: Painted) -> None:
+        owners, count = _owners(faces)
+        # Of each part there are two runs of quads, first of all with a texture, then of bare:
         # those without one have a program of their own, which takes half the time.
-        runs = part + count * (layers == BLANK)
+        runs = owners + count * (faces.texture[:, 0, 2] == BLANK)
         order = np.argsort(runs, kind="stable")
-        self.triangles = np.ascontiguousarray(triangles[order], np.uint32)
+        self.quads = quad_indices(len(owners)).reshape(-1, 6)[order]
         self._sizes = np.bincount(runs, minlength=2 * count)
         self._starts = np.cumsum(self._sizes) - self._sizes
         self.count = count
         self._low, self._high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
-        for places, owner in ((walls.places, owners[:quads]), (roofs.places, owners[quads:])):
-            np.minimum.at(self._low, owner, places.min(axis=1))
-            np.maximum.at(self._high, owner, places.max(axis=1))
+        np.minimum.at(self._low, owners, faces.places.min(axis=1))
+        np.maximum.at(self._high, owners, faces.places.max(axis=1))
 
     def seen(self, matrix: Float, eye: Float) -> Int:
         """Parts that a picture of a matrix (4, 4) from an eye (3,) may show, near ones first."""
@@ -67,18 +56,17 @@ class Parts:
         return parts[np.argsort(np.hypot(gap[:, 0], gap[:, 1]), kind="stable")]
 
     def choose(self, parts: Int) -> Chosen:
-        """The triangles of some parts, in their order."""
+        """The quads of some parts, in their order."""
         runs = np.concatenate([parts, parts + self.count])
         sizes = self._sizes[runs]
         before = np.cumsum(sizes) - sizes
         chosen = np.repeat(self._starts[runs] - before, sizes) + np.arange(int(sizes.sum()))
-        return Chosen(self.triangles[chosen].ravel(), 3 * int(self._sizes[parts].sum()))
+        return Chosen(self.quads[chosen].ravel(), 6 * int(self._sizes[parts].sum()))
 
 
-def _owners(walls: Painted, roofs: Painted) -> tuple[Int, int]:
-    """The part (n,) of each quad and roof triangle, and the number of parts."""
-    middles = np.concatenate([each.places[..., :2].mean(axis=1) for each in (walls, roofs)])
-    objects = np.concatenate([walls.objects, roofs.objects])
+def _owners(faces: Painted) -> tuple[Int, int]:
+    """The part (n,) of each quad, and the number of parts."""
+    middles, objects = faces.places[..., :2].mean(axis=1), faces.objects
     count = int(objects.max(initial=-1)) + 1
     low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
     np.minimum.at(low, objects, middles)

@@ -14,11 +14,9 @@ from lrf3d.casting.triangle_rays import TriangleRays
 from lrf3d.geometry import Float, Single
 from lrf3d.render.fill import Surfaces, fill_discs, fill_triangles, shade
 from lrf3d.render.glsl import air
-from lrf3d.render.packing import mark_of, walls_of
-from lrf3d.render.pictures import Picture
 from lrf3d.scene import look
 from lrf3d.scene.facades import layers
-from lrf3d.scene.shapes import Body, Cut, Lens, Lines, Mark, Points, Seen, Soft, single
+from lrf3d.scene.shapes import Body, Cut, Lens, Lines, Mark, Pixels, Points, Seen, Soft, single
 from lrf3d.scene.stage import Stage
 
 _LIFTED = 0.02
@@ -41,10 +39,8 @@ class PlainRenderer:
     def __init__(self, stage: Stage, size: tuple[int, int]) -> None:
         self._size = size
         self._scale = max(min(size) / 720.0, look.LEAST_SCALE)
-        quads = walls_of(stage.walls).reshape(-1, 4, 16)[:, [0, 1, 2, 0, 2, 3]]
-        self._corners = np.concatenate(
-            [quads.reshape(-1, 3, 16), walls_of(stage.roofs).reshape(-1, 3, 16)]
-        )
+        quads = stage.faces.rows()
+        self._corners = quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 16)
         self._rays = TriangleRays(single(self._corners[..., :3]))
         indoor, ground = stage.structures.indoor, stage.ground
         sky = air(indoor=indoor)
@@ -55,9 +51,9 @@ class PlainRenderer:
             np.array([*ground.corner, *ground.size, *ground.land]),
             np.array([*sky["HAZE"], *sky["ZENITH"]]),
         )
-        self._picture: Picture = np.full((size[1], size[0], 4), 255, np.uint8)
+        self._picture: Pixels = np.full((size[1], size[0], 4), 255, np.uint8)
 
-    def draw(self, seen: Seen) -> Picture:
+    def draw(self, seen: Seen) -> Pixels:
         """The picture (h, w, 4) uint8 of what is to be seen; the next one writes over it."""
         width, height = self._size
         lens, ghost = seen.lens, seen.ghost
@@ -136,24 +132,31 @@ class PlainRenderer:
         fill_discs(rows[shown], canvas.colours, canvas.near)
 
     def _draw_lines(self, canvas: _Canvas, lens: Lens, lines: Lines) -> None:
-        rows = mark_of(lines).rows.astype(float)
-        here, there, turn, tint, side = np.split(rows, [3, 6, 7, 11], axis=1)
-        first, last = (each @ lens.matrix[3, :3] + lens.matrix[3, 3] for each in (here, there))
+        ends = np.stack([lines.starts, lines.ends]).astype(float)
+        depths = ends @ lens.matrix[3, :3] + lens.matrix[3, 3]
         # What lies behind the eye is cut off.
-        share = (1.01 * _NEAR - first) / np.where(last == first, 1.0, last - first)
-        cut = here + share[:, None] * (there - here)
-        here, there = (
-            np.where((depth < _NEAR)[:, None], cut, each)
-            for depth, each in ((first, here), (last, there))
+        share = (1.01 * _NEAR - depths[0]) / np.where(
+            depths[1] == depths[0], 1.0, depths[1] - depths[0]
         )
-        a, near = _projected(here, lens, lens.nearer, canvas)
-        way = (_projected(there, lens, lens.nearer, canvas)[0] - a)[:, :2]
-        half = 0.5 * max(lines.width * self._scale, 1.0) * np.sign(turn)
-        across = np.column_stack([-way[:, 1], way[:, 0]]) * half
-        a[:, :2] += across / np.maximum(np.hypot(*way.T), 1e-9)[:, None]
-        drawn = np.column_stack([a[:, :2], near, tint]).reshape(-1, 3, 7)
-        shown = (np.maximum(first, last) > _NEAR) & _faces(rows[:, :3], side, lens)
-        fill_triangles(drawn[shown[::3]], lines.hidden, False, canvas.colours, canvas.near)
+        cut = ends[0] + share[:, None] * (ends[1] - ends[0])
+        drawn = []
+        for end, depth in zip(ends, depths, strict=True):
+            end = np.where((depth < _NEAR)[:, None], cut, end)
+            drawn.append(_projected(end, lens, lens.nearer, canvas))
+        way = (drawn[1][0] - drawn[0][0])[:, :2]
+        across = (
+            0.5 * max(lines.width * self._scale, 1.0) * np.column_stack([-way[:, 1], way[:, 0]])
+        )
+        across /= np.maximum(np.hypot(*way.T), 1e-9)[:, None]
+        corners = [
+            np.column_stack([place[:, :2] + side * across, near, lines.colours, opacity])
+            for (place, near), opacity in zip(drawn, lines.opacities.T, strict=True)
+            for side in (1.0, -1.0)
+        ]
+        triangles = np.stack([corners[k] for k in (0, 1, 3, 0, 3, 2)], axis=1).reshape(-1, 3, 7)
+        shown = (depths.max(axis=0) > _NEAR) & _faces(lines.starts, lines.sides, lens)
+        shown = np.repeat(shown, 2)
+        fill_triangles(triangles[shown], lines.hidden, False, canvas.colours, canvas.near)
 
 
 def _sunk(corners: Single, cut: Cut) -> Single:
@@ -204,7 +207,7 @@ def _projected(places: Any, lens: Lens, nearer: float, canvas: _Canvas) -> tuple
     return clip, 1.0 / np.maximum(depth, 1e-3)
 
 
-def _halved(picture: Picture) -> tuple[Picture, ...]:
+def _halved(picture: Pixels) -> tuple[Pixels, ...]:
     """A picture and copies of it, each half as wide and high as the one before."""
     levels = [picture]
     while min(levels[-1].shape[:2]) > 2:
@@ -212,7 +215,7 @@ def _halved(picture: Picture) -> tuple[Picture, ...]:
     return tuple(levels)
 
 
-def _texels(levels: tuple[Picture, ...]) -> tuple[Picture, NDArray[np.int64]]:
+def _texels(levels: tuple[Pixels, ...]) -> tuple[Pixels, NDArray[np.int64]]:
     """All texels of levels one after the other, and start, width and height (n, 3) of each."""
     sizes = np.array([level.size for level in levels])
     sides = np.array([level.shape[-2:-4:-1] for level in levels])

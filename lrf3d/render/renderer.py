@@ -13,22 +13,12 @@ from lrf3d.geometry import Single
 from lrf3d.render.bindings import GL
 from lrf3d.render.buffers import Buffer, Texture, make_current
 from lrf3d.render.glsl import air
-from lrf3d.render.packing import (
-    FACE_SIZES,
-    WALL_SIZES,
-    faces_of,
-    land_of,
-    mark_of,
-    mesh,
-    rectangle,
-    walls_of,
-)
+from lrf3d.render.packing import columns_of, land_of, mesh, rectangle, walls_of
 from lrf3d.render.parts import Parts
-from lrf3d.render.pictures import Picture
 from lrf3d.render.programs import CameraBlock, ShaderProgram, Uniform
 from lrf3d.scene import look
 from lrf3d.scene.facades import layers
-from lrf3d.scene.shapes import Lines, Mark, Plan, Points, Seen
+from lrf3d.scene.shapes import Lines, Mark, Pixels, Plan, Points, Seen
 from lrf3d.scene.stage import Stage
 
 
@@ -53,35 +43,31 @@ class Renderer:
         if samples:
             self._sampled, self._samples_taken = _framebuffer(size, samples)
             corners = np.array([[-1.0, -1.0], [3.0, -1.0], [-1.0, 3.0]], np.float32)
-            self._resolving = self._static("resolve", (2,), corners)
+            self._resolving = self._filled("resolve", corners)
         self._constants = air(indoor=indoor)
         self._programs: dict[str, ShaderProgram] = {}
-        self._picture: Picture = np.zeros((size[1], size[0], 4), np.uint8)
+        self._picture: Pixels = np.zeros((size[1], size[0], 4), np.uint8)
         self._scale = max(min(size) / 720.0, look.LEAST_SCALE)
         self._camera = CameraBlock()
-        self._parts = Parts(stage.walls, stage.roofs)
+        self._parts = Parts(stage.faces)
         self._chosen = np.zeros(0, np.int64)
         self._textured = 0
-        self._walls = self._static("walls", WALL_SIZES, walls_of(stage.walls, stage.roofs))
+        self._walls = self._filled("walls", *walls_of(stage.faces))
         ground = stage.ground
         corners = rectangle(ground.corner, ground.corner + ground.size)
-        self._ground = self._static("ground", (2,), corners)
+        self._ground = self._filled("ground", corners)
         self._area = (*ground.corner.tolist(), *(1.0 / ground.size).tolist())
-        self._land = self._static("land", FACE_SIZES, land_of(ground))
-        self._sky = self._static("sky", (2,), mesh(10, 10))
+        self._land = self._filled("land", *land_of(ground))
+        self._sky = self._filled("sky", mesh(10, 10))
         self._painted = Texture(layers(indoor))
         self._pavement = Texture((ground.picture,))
 
-    def draw(self, seen: Seen) -> Picture:
+    def draw(self, seen: Seen) -> Pixels:
         """The picture (h, w, 4) uint8 of what is to be seen; the next one writes over it."""
         self._begin()
         self._camera.fill(seen.lens, *self._size)
         for name, body in seen.bodies:
-            buffer = self._buffer(name, FACE_SIZES, GL.GL_TRIANGLES)
-            if buffer.shown is not body.faces:
-                buffer.shown = body.faces
-                buffer.fill(faces_of(body.faces))
-            self._paint("faces", buffer, cull=True, pose=body.pose)
+            self._paint("faces", self._filled(name, *body.faces), cull=True, pose=body.pose)
         if seen.ghost == 0.0:
             self._draw_walls(seen)
         self._pavement.bind()
@@ -130,14 +116,14 @@ class Renderer:
         # The picture is drawn turned over, which turns the sense of its triangles too.
         GL.glFrontFace(GL.GL_CW)
 
-    def _static(self, name: str, sizes: tuple[int, ...], rows: Single) -> Buffer:
-        buffer = self._buffer(name, sizes, GL.GL_TRIANGLES)
-        buffer.fill(rows)
+    def _filled(self, name: str, *columns: Single) -> Buffer:
+        buffer = self._buffer(name, GL.GL_TRIANGLES)
+        buffer.fill(columns)
         return buffer
 
-    def _buffer(self, name: str, sizes: tuple[int, ...], mode: int) -> Buffer:
+    def _buffer(self, name: str, mode: int) -> Buffer:
         if name not in self._buffers:
-            self._buffers[name] = Buffer(sizes, mode)
+            self._buffers[name] = Buffer(mode)
         return self._buffers[name]
 
     def _paint(
@@ -191,12 +177,8 @@ class Renderer:
 
     def _draw_mark(self, name: str, mark: Mark, focus: float) -> None:
         mode = GL.GL_POINTS if isinstance(mark, Points) else GL.GL_TRIANGLES
-        if name not in self._buffers or self._buffers[name].shown is not mark:
-            packed = mark_of(mark)
-            buffer = self._buffer(name, packed.sizes, mode)
-            buffer.shown = mark
-            buffer.fill(packed.rows)
-        buffer = self._buffers[name]
+        buffer = self._buffer(name, mode)
+        buffer.fill(list(columns_of(mark).values()), corners=4 if isinstance(mark, Lines) else 1)
         if isinstance(mark, Points):
             sizes = (mark.size * focus, *(self._scale * size for size in mark.pixels))
             program = "points:GLOW_ROUND" if mark.glows else "points"
@@ -250,7 +232,7 @@ class Renderer:
             GL.glScissor(*box)
             GL.glViewport(*box)
 
-    def _finish(self) -> Picture:
+    def _finish(self) -> Pixels:
         self._overlay(None)
         GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._frame)
         GL.glPixelStorei(GL.GL_PACK_ALIGNMENT, 1)

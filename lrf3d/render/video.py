@@ -1,7 +1,6 @@
 """Films and pictures of a run: drawn with OpenGL or with Embree, by as many processes as asked."""
 
 import math
-import os
 from collections.abc import Iterable, Iterator
 from contextlib import closing
 from dataclasses import asdict, dataclass, replace
@@ -12,17 +11,19 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
-from lrf3d.errors import InputError, OutputError, shown
-from lrf3d.files import locked, make_folder, replacing, unfinished_folder
+from lrf3d.errors import InputError, shown
+from lrf3d.files import replacing, unfinished_folder
 from lrf3d.geometry import Float, is_finite, read_only, whole_number
 from lrf3d.interrupts import stoppable
+from lrf3d.progress import Progress, silent
 from lrf3d.render.gl import gl_available, require_gl
-from lrf3d.render.pictures import FrameProgress, Picture
 from lrf3d.render.workers import Job, draw
 from lrf3d.run import Run
 from lrf3d.scene.cameras import margins
 from lrf3d.scene.panel import PANELS
+from lrf3d.scene.shapes import Pixels
 from lrf3d.scene.stage import stage_of
 from lrf3d.scene.timeline import Timeline
 from lrf3d.world.cameras import MOVING_VIEWS, check_view
@@ -41,6 +42,9 @@ _SLACK = 1e-6
 
 _SMALLEST, _LARGEST = 16, 8192
 """Sides of pictures [pixels] that can be drawn."""
+
+_EFFORT = 4
+"""Compression of pictures 0…9: beyond, a file takes twice the time and hardly gets smaller."""
 
 _EXAMPLES = 24
 """How many pictures of a film choose the colours of a GIF: more choose the same ones."""
@@ -105,7 +109,7 @@ def render_video(
     renderer: str | None = None,
     panel: str = "short",
     part: tuple[float | None, float | None] = (None, None),
-    progress: FrameProgress | None = None,
+    progress: Progress = silent,
 ) -> None:
     """Draw a run as a film: H.264 in .mp4, or a looping animation in .webp or .gif.
 
@@ -155,60 +159,11 @@ def render_video(
             )
 
 
-def _counted(
-    pictures: Iterable[Picture], total: int, progress: FrameProgress | None
-) -> Iterator[Picture]:
+def _counted(pictures: Iterable[Pixels], total: int, progress: Progress) -> Iterator[Pixels]:
     """The pictures; progress is called after each with their number and that of all."""
     for number, picture in enumerate(pictures):
         yield picture
-        if progress is not None:
-            progress(number + 1, total)
-
-
-@stoppable()
-def render_frames(
-    run: Run,
-    folder: str | Path,
-    *,
-    fps: float = 25.0,
-    part: tuple[float | None, float | None] = (None, None),
-    workers: int | None = None,
-    progress: FrameProgress | None = None,
-    **options: Any,
-) -> int:
-    """Draw the frames of a run's film as frame_000000.png and on, in a new or an empty folder.
-
-    All come at once, when the last is drawn. The options are those of :func:`render_video`.
-
-    Returns:
-        How many there are.
-
-    Raises:
-        InputError: An argument is out of its range, or the folder has something in it.
-        MissingLibraryError: OpenGL is asked for, or is there, and cannot draw.
-        OutputError: The folder cannot be written.
-    """
-    # The current folder has a name, too, and one above it.
-    folder = Path(os.path.abspath(folder))
-    job = _job(run, FilmOptions(**options), fps, part, workers)
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise InputError(f"{folder}: not empty; name a new or an empty folder")
-    make_folder(folder.parent)
-    try:
-        # Next to its place, so that it can be put there at once.
-        with locked(folder), unfinished_folder(folder) as place:
-            whole = place / "frames"
-            whole.mkdir()
-            with closing(draw(replace(job, folder=whole), place)) as pictures:
-                for _ in _counted(pictures, len(job.times), progress):
-                    pass
-            # An empty folder is replaced, one that was filled meanwhile is not.
-            os.replace(whole, folder)
-    except OSError as error:
-        raise OutputError(
-            f"{folder}: cannot be written: {error.strerror}; choose another place"
-        ) from error
-    return len(job.times)
+        progress(number + 1, total)
 
 
 def frame(
@@ -233,6 +188,11 @@ def frame(
             f"time {time:g} s: the run goes from {timeline.start:g} to {timeline.end:g} s"
         )
     return np.array(_film(run, goal=goal, **film).draw(time)[:, :, :3])
+
+
+def save_png(picture: Pixels, path: Path) -> None:
+    """Write a picture (h, w, 3 or 4) uint8; it is opaque, so that three values a pixel are kept."""
+    Image.fromarray(picture[:, :, :3]).save(path, compress_level=_EFFORT)
 
 
 @lru_cache(maxsize=1)

@@ -24,8 +24,8 @@ from lrf3d.cores import core_count
 from lrf3d.errors import Lrf3dError
 from lrf3d.geometry import Float
 from lrf3d.interrupts import check
-from lrf3d.render.pictures import Picture, save_png
 from lrf3d.run import Run
+from lrf3d.scene.shapes import Pixels
 from lrf3d.scene.stage import Stage
 
 _FRAMES_A_WORKER = 20
@@ -51,25 +51,18 @@ class Job:
     """What stands in the run's world: its light is baked once for all processes."""
     workers: int | None
     """How many processes draw; as many as are worth it if not given."""
-    folder: Path | None = None
-    """Where each picture is written as a file, if they are not to be read."""
-
-    def file(self, number: int) -> Path:
-        """The file of a picture; names sort like numbers."""
-        assert self.folder is not None
-        return self.folder / f"frame_{number:06d}.png"
 
 
-def draw(job: Job, scratch: Path) -> Generator[Picture, None, None]:
+def draw(job: Job, scratch: Path) -> Generator[Pixels, None, None]:
     """The pictures (h, w, 3) of a job, the first first, each until the next is asked for.
 
-    For a job with a folder, empty ones: the pictures are files. What ends a process is raised here.
+    What ends a process is raised here.
     """
     cores = core_count()
     total = len(job.times)
     count = min(job.workers or min(cores, math.ceil(total / _FRAMES_A_WORKER)), total)
     (scratch / "job").write_bytes(pickle.dumps(job, pickle.HIGHEST_PROTOCOL))
-    width, height = job.film["size"] if job.folder is None else (0, 0)
+    width, height = job.film["size"]
     read = bytearray(3 * width * height + 1)
     with ExitStack() as ended:
         drawers = [
@@ -148,9 +141,6 @@ def _draw_share(job: Job, first: int, step: int, out: IO[bytes]) -> None:
     film = Film(job.run, stage=job.stage, **job.film)
     for number in range(first, len(job.times), step):
         picture = film.draw(float(job.times[number]))
-        if job.folder is not None:
-            save_png(picture, job.file(number))
-            picture = picture[:0]
         out.write(b".")
         out.write(np.ascontiguousarray(picture[:, :, :3]).data)
         out.flush()

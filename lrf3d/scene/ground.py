@@ -1,14 +1,13 @@
 """The ground as a picture, painted once in its light: pavement, streets, lawns and floors."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
-from PIL import Image, ImageChops
+from PIL import Image, ImageChops, ImageDraw, ImageFilter
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from lrf3d.geometry import Float
-from lrf3d.scene.brush import Brush
 from lrf3d.scene.light import Light, open_light, screen
 from lrf3d.scene.look import SUN, SUNSHINE
 from lrf3d.scene.shadows import swept
@@ -30,8 +29,12 @@ _MARGIN, _MARGIN_INDOOR = STREET + 2.0 * PAVEMENT + 6.0, 3.0
 """How far the picture reaches past walls [m], or past their shadows if these reach farther: a town
 ends within it."""
 
-_SHADOW_BLUR = 0.6
-"""How far the rim of the sun's light is smoothed [pixels]: it is some centimetres wide."""
+_FINER, _BLUR = 2, 0.6
+"""Pixels to a side that shapes are painted with in place of one, and how far they are smoothed
+[pixels]: steps in their edges would show."""
+
+_CLOSEST = 4.0
+"""Joints lie at least this many pixels apart: closer, they would be one grey."""
 
 _ASPHALT, _KERB, _PAVEMENT, _LAWN = (
     (0.47, 0.47, 0.475),
@@ -56,8 +59,8 @@ _LIGHT_CELL, _LIGHT_CELL_INDOOR, _LIGHT_CELLS = 0.8, 0.25, 150
 _LIGHT_BLUR = 0.8
 """How far that light is smoothed [cells]: rays are few, and it changes slowly."""
 
-_LEAVES = 220
-"""How much of the sun leaves hide, 0…255: some of it comes through."""
+_LEAVES = 0.86
+"""How much of the sun leaves hide: some of it comes through."""
 
 _BRIGHTEST = 1.3
 """What light, as a factor of a screen's colours, the largest value of a picture of light stands
@@ -74,59 +77,123 @@ _AROUND = 1.6
 """How far round its path a robot has a floor under it [m], where there are no rooms."""
 
 
+class Canvas(NamedTuple):
+    """Where a picture of the ground lies."""
+
+    corner: Float
+    """(2,) its lower left corner [m]."""
+    pixel: float
+    """Size of a pixel [m]."""
+    size: tuple[int, int]
+    """Its width and height [pixels]."""
+
+    @property
+    def extent(self) -> Float:
+        """Width and height (2,) of what is painted [m]."""
+        return self.pixel * np.array(self.size)
+
+    def mask(self, polygons: Any) -> Image.Image:
+        """How much of each pixel polygons cover, with smooth edges."""
+        fine = Image.new("L", (_FINER * self.size[0], _FINER * self.size[1]))
+        draw = ImageDraw.Draw(fine)
+        parts = shapely.get_parts(polygons)
+        # Where nothing is near, a union is one polygon of no points.
+        parts = parts[~shapely.is_empty(parts)]
+        # Large ones come first, as what stands in their holes is painted again.
+        for polygon in parts[np.argsort(-shapely.area(parts), kind="stable")]:
+            for ring, value in [(polygon.exterior, 255), *((r, 0) for r in polygon.interiors)]:
+                places = (np.asarray(ring.coords) - self.corner) * (_FINER / self.pixel)
+                draw.polygon(places.ravel().tolist(), fill=value)
+        return fine.reduce(_FINER).filter(ImageFilter.BoxBlur(_BLUR))
+
+
 def paint_ground(structures: Structures, light: Light) -> GroundPicture:
     """Paint the ground of a world in its light, coarser the larger it is."""
-    brush, cover = _cover(structures)
+    canvas, cover = _cover(structures)
     indoor, open_sky = structures.indoor, open_light(indoor=structures.indoor)
-    dark = _baked(light, brush, indoor=indoor)
-    shining = _as_light(dark, brush)
+    dark = _baked(light, canvas, indoor=indoor)
+    shining = _as_light(dark, canvas)
     if not indoor:
         sun = SUN[2] * SUNSHINE
         open_sky = open_sky + sun
-        fine = brush.finer()
-        shadow = fine.blank()
-        fine.polygons(shadow, shadows(crowns_of(structures)), fill=_LEAVES)
+        leaves = canvas.mask(shadows(crowns_of(structures))).point(lambda cover: _LEAVES * cover)
         # The walls of a solid sweep what it hides, but for the ground under it.
-        fine.polygons(shadow, shapely.polygons(swept(structures.segments, structures.heights)))
-        shining = Image.composite(
-            shining, _as_light(dark + sun, brush), fine.reduced(shadow, _SHADOW_BLUR)
-        )
-    far = np.clip(np.array(_land(indoor=indoor)) * screen(open_sky), 0.0, 1.0)
+        shadow = canvas.mask(shapely.polygons(swept(structures.segments, structures.heights)))
+        shadow = ImageChops.lighter(shadow, leaves)
+        shining = Image.composite(shining, _as_light(dark + sun, canvas), shadow)
+    far = np.clip(_land(indoor=indoor) * screen(open_sky), 0.0, 1.0)
     seen = ImageChops.multiply(cover, shining)
     around = Image.new("RGB", seen.size, tuple(np.round(255.0 * far).astype(int).tolist()))
-    picture = Image.composite(seen, around, _fading(*brush.size))
-    return GroundPicture(np.asarray(picture), brush.corner, brush.extent, far)
+    picture = Image.composite(seen, around, _fading(*canvas.size))
+    return GroundPicture(np.asarray(picture), canvas.corner, canvas.extent, far)
 
 
-def _cover(structures: Structures) -> tuple[Brush, Image.Image]:
-    """What paints the ground of a world, and a picture of what covers it."""
-    brush = _brush(structures)
-    return brush, (_floor if structures.indoor else _streets)(structures, brush)
+def bare_ground(structures: Structures) -> tuple[Canvas, Float, Float]:
+    """Where the ground's picture lies, what covers it (h, w, 3) in no light, and the land (3,)."""
+    canvas, cover = _cover(structures)
+    return canvas, np.asarray(cover) / 255.0 / _BRIGHTEST, _land(indoor=structures.indoor)
 
 
-def _brush(structures: Structures) -> Brush:
-    """What paints the ground of a world, coarser the larger it is."""
+def _cover(structures: Structures) -> tuple[Canvas, Image.Image]:
+    """Where the picture of the ground of a world lies, and what covers it."""
     indoor = structures.indoor
     ends = structures.places if len(structures.places) else np.zeros((1, 2))
-    margin = _MARGIN_INDOOR if indoor else max(_MARGIN, 2.0 + _reach(structures))
+    # The longest shadow reaches so far along x or y.
+    reach = float(structures.heights.max(initial=0.0) * np.abs(SUN[:2]).max() / SUN[2])
+    margin = _MARGIN_INDOOR if indoor else max(_MARGIN, 2.0 + reach)
     low, high = ends.min(axis=0) - margin, ends.max(axis=0) + margin
     if indoor and len(structures.path):
         low = np.minimum(low, structures.path.min(axis=0) - margin)
         high = np.maximum(high, structures.path.max(axis=0) + margin)
     pixel = max(float((high - low).max()) / _PIXELS, _FINEST_INDOOR if indoor else _FINEST)
     width, height = np.ceil((high - low) / pixel).astype(int).tolist()
-    return Brush(width, height, low, pixel)
+    canvas = Canvas(low, pixel, (width, height))
+    cover = Image.new("RGB", canvas.size)
+    for mask, paint in (_floor if indoor else _town)(structures, canvas):
+        bright = np.round(255.0 * np.minimum(_BRIGHTEST * np.array(paint), 1.0)).astype(int)
+        cover.paste(tuple(bright.tolist()), (0, 0, *canvas.size), mask)
+    return canvas, cover
 
 
-def bare_ground(structures: Structures) -> tuple[Brush, Float, Float]:
-    """Where the ground's picture lies, what covers it (h, w, 3) in no light, and the land (3,)."""
-    brush, cover = _cover(structures)
-    land = np.array(_land(indoor=structures.indoor))
-    return brush, np.asarray(cover) / 255.0 / _BRIGHTEST, land
+Paints = list[tuple[Image.Image | None, tuple[float, ...]]]
+"""Paints laid over each other, each where its mask says; everywhere without one."""
 
 
-def _land(*, indoor: bool) -> tuple[float, ...]:
-    return _AROUND_HOUSE if indoor else _LAWN
+def _town(structures: Structures, canvas: Canvas) -> Paints:
+    """What covers the ground of a town: lawns, pavements, kerbs and asphalt."""
+    if canvas.pixel <= _COARSE:
+        plan = plan_town(structures)
+        paved, streets = canvas.mask(plan.paved), canvas.mask(plan.streets)
+        kerbs = canvas.mask(shapely.buffer(plan.streets, KERB))
+    else:
+        # From so far away, a street is what lies between houses.
+        paved, wide, narrow = (
+            canvas.mask(shapely.buffer(structures.houses, reach, quad_segs=4))
+            for reach in (STREET + PAVEMENT, STREET, PAVEMENT)
+        )
+        kerbs = streets = ImageChops.subtract(wide, narrow)
+    return [(None, _LAWN), (paved, _PAVEMENT), (kerbs, _KERB), (streets, _ASPHALT)]
+
+
+def _floor(structures: Structures, canvas: Canvas) -> Paints:
+    """What covers the ground of a house: its floor, with an edge, tiles and joints."""
+    rooms = floor_of(structures)
+    tiles = canvas.mask(shapely.buffer(rooms, -0.06))
+    found: Paints = [(None, _AROUND_HOUSE), (canvas.mask(rooms), _EDGE), (tiles, _TILE)]
+    if _TILES >= _CLOSEST * canvas.pixel:
+        low, high = canvas.corner, canvas.corner + canvas.extent
+        half = 0.5 * max(_JOINT_WIDTH, canvas.pixel)
+        x, y = (_TILES * np.arange(np.ceil(low[k] / _TILES), high[k] / _TILES) for k in (0, 1))
+        joints = [
+            *shapely.box(x - half, low[1], x + half, high[1]),
+            *shapely.box(low[0], y - half, high[0], y + half),
+        ]
+        found.append((ImageChops.multiply(tiles, canvas.mask(joints)), _JOINT))
+    return found
+
+
+def _land(*, indoor: bool) -> Float:
+    return np.array(_AROUND_HOUSE if indoor else _LAWN)
 
 
 def _fading(width: int, height: int) -> Image.Image:
@@ -138,21 +205,15 @@ def _fading(width: int, height: int) -> Image.Image:
     return Image.fromarray(np.round(255.0 * np.outer(up, along)).astype(np.uint8))
 
 
-def _reach(structures: Structures) -> float:
-    """How far the longest shadow reaches [m], along x or y."""
-    tallest = structures.heights.max(initial=0.0)
-    return float(tallest * np.abs(SUN[:2]).max() / SUN[2])
-
-
-def _baked(light: Light, brush: Brush, *, indoor: bool) -> Float:
+def _baked(light: Light, canvas: Canvas, *, indoor: bool) -> Float:
     """The light (rows, columns, 3) on the ground without the sun, linear, in coarse cells."""
-    size = np.array(brush.size) * brush.pixel
+    size = canvas.extent
     cell = max(_LIGHT_CELL_INDOOR if indoor else _LIGHT_CELL, float(size.max()) / _LIGHT_CELLS)
     columns, rows = np.ceil(size / cell).astype(int)
     x, y = np.meshgrid(
         (np.arange(columns) + 0.5) * size[0] / columns, (np.arange(rows) + 0.5) * size[1] / rows
     )
-    found, open_air = light.ground(brush.corner + np.column_stack([x.ravel(), y.ravel()]))
+    found, open_air = light.ground(canvas.corner + np.column_stack([x.ravel(), y.ravel()]))
     found = found.reshape(rows, columns, 3)
     if open_air.any():
         # Under houses it is dark; what is next to them must not be for that.
@@ -162,66 +223,11 @@ def _baked(light: Light, brush: Brush, *, indoor: bool) -> Float:
     return found
 
 
-def _as_light(cells: Float, brush: Brush) -> Image.Image:
+def _as_light(cells: Float, canvas: Canvas) -> Image.Image:
     """Light in cells (rows, columns, 3) as a picture of what it makes of white."""
     values = np.clip(255.0 * screen(cells) / _BRIGHTEST, 0.0, 255.0)
     return Image.fromarray(np.round(values).astype(np.uint8)).resize(
-        brush.size, Image.Resampling.BICUBIC
-    )
-
-
-def _covered(brush: Brush, *layers: tuple[Any, tuple[float, ...]]) -> Image.Image:
-    """Paints laid over each other, each where its mask says."""
-    cover = Image.new("RGB", brush.size)
-    for mask, paint in layers:
-        bright = np.round(255.0 * np.minimum(_BRIGHTEST * np.array(paint), 1.0)).astype(int)
-        cover.paste(tuple(bright.tolist()), (0, 0, *brush.size), mask)
-    return cover
-
-
-def _streets(structures: Structures, brush: Brush) -> Image.Image:
-    """What covers the ground of a town: lawns, pavements, kerbs and asphalt."""
-    fine = brush.finer()
-    paved, kerbs, streets = fine.blank(), fine.blank(), fine.blank()
-    if brush.pixel <= _COARSE:
-        plan = plan_town(structures)
-        fine.polygons(paved, plan.paved)
-        fine.polygons(kerbs, shapely.buffer(plan.streets, KERB))
-        fine.polygons(streets, plan.streets)
-    else:
-        # From so far away, a street is what lies between houses.
-        for picture, reach, fill in (
-            (paved, STREET + PAVEMENT, 255),
-            (streets, STREET, 255),
-            (streets, PAVEMENT, 0),
-        ):
-            around = shapely.buffer(structures.houses, reach, quad_segs=4)
-            fine.polygons(picture, around, fill=fill)
-    return _covered(
-        brush,
-        (None, _LAWN),
-        (fine.reduced(paved), _PAVEMENT),
-        (fine.reduced(kerbs), _KERB),
-        (fine.reduced(streets), _ASPHALT),
-    )
-
-
-def _floor(structures: Structures, brush: Brush) -> Image.Image:
-    """What covers the ground of a house: its floor, with an edge, joints and tiles."""
-    fine = brush.finer()
-    floor, inner, lines = fine.blank(), fine.blank(), brush.blank()
-    rooms = floor_of(structures)
-    fine.polygons(floor, rooms)
-    fine.polygons(inner, shapely.buffer(rooms, -0.06))
-    brush.grid(lines, _TILES, _JOINT_WIDTH)
-    tiles = fine.reduced(inner)
-    joints = ImageChops.multiply(tiles, lines)
-    return _covered(
-        brush,
-        (None, _AROUND_HOUSE),
-        (fine.reduced(floor), _EDGE),
-        (tiles, _TILE),
-        (joints, _JOINT),
+        canvas.size, Image.Resampling.BICUBIC
     )
 
 

@@ -72,47 +72,37 @@ def open_light(*, indoor: bool) -> Float:
 
 
 class Light:
-    """The light of a world, at the corners of its walls (m, 4, 3) and roofs (t, 3, 3)."""
+    """The light of a world, at the corners of its faces (n, 4, 3)."""
 
-    def __init__(
-        self, structures: Structures, walls: Panels, roofs: Panels, progress: Progress = silent
-    ) -> None:
-        self._indoor = structures.indoor
-        self._count = len(walls.places) + len(roofs.places)
+    def __init__(self, structures: Structures, faces: Panels, progress: Progress = silent) -> None:
+        self._indoor, self._count = structures.indoor, len(faces.places)
         self._open = open_light(indoor=self._indoor)
-        self.walls: Float = np.broadcast_to(self._open, walls.places.shape)
-        self.roofs: Float = np.broadcast_to(self._open, roofs.places.shape)
+        self.faces: Float = np.broadcast_to(self._open, faces.places.shape)
         self._rays: TriangleRays | None = None
         # Without Embree the rays of all faces would take minutes: they get the light of the open.
         if not 0 < self._count <= _MOST_FACES or not embreex_installed():
             return
         self._turns = np.random.default_rng(7).uniform(0.0, 2.0 * np.pi, 4096)
-        halves = walls.places[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 3)
-        self._rays = TriangleRays(single(np.concatenate([halves, roofs.places])))
-        # The face of each triangle, and where each face looks.
-        number, quads = np.arange(self._count), len(walls.places)
-        self._owner = np.concatenate([np.repeat(number[:quads], 2), number[quads:]])
-        self._facing = np.concatenate([walls.normals[:, 0], roofs.normals.mean(axis=1)])
+        halves = faces.places[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 3)
+        self._rays = TriangleRays(single(halves))
+        self._facing = faces.normals[:, :3].mean(axis=1)
         cells = self._cells(structures.places)
-        places, normals, owner = _corners(walls, roofs)
+        places, normals, owner = _corners(faces)
         seen, sky = self._gather(places, normals, _RAYS, progress)
         seen_below, sky_below = self._gather(cells, _up(cells), _GROUND_RAYS)
-        sun, albedo = self._sunlit(walls, roofs, cells), self._albedo(walls, roofs, cells)
+        sun, albedo = self._sunlit(faces, cells), self._albedo(faces, cells)
         # What patches send on: faces, cells of the ground, the land around; insides of houses
         # and the sky, whose light is known, nothing.
         self._sent = np.zeros((self._count + len(cells) + 3, 3), np.float32)
         land = GROUND_ALBEDO_INDOOR if self._indoor else GROUND_ALBEDO
         self._sent[-3] = land * (self._open + self._shone(_up(np.zeros((1, 3))))[0])
         for bounce in range(_BOUNCES + 1):
-            light, cut = (sky + _mean_of(self._sent, seen))[owner], 4 * quads
-            self.walls, self.roofs = light[:cut].reshape(-1, 4, 3), light[cut:].reshape(-1, 3, 3)
+            self.faces = (sky + _mean_of(self._sent, seen))[owner].reshape(-1, 4, 3)
             if bounce < _BOUNCES:
                 below = sky_below + _mean_of(self._sent, seen_below)
-                faces = [self.walls.mean(axis=1), self.roofs.mean(axis=1), below]
-                self._sent[:-3] = albedo * (np.concatenate(faces) + sun)
+                self._sent[:-3] = albedo * (np.concatenate([self.faces.mean(axis=1), below]) + sun)
         # No light gets between the two lines of a wall, which is seen where it is cut off.
-        for light in (self.walls, self.roofs):
-            light[light.max(axis=-1) < _DARK * self._open.max()] = 0.5 * self._open
+        self.faces[self.faces.max(axis=-1) < _DARK * self._open.max()] = 0.5 * self._open
 
     def ground(self, places: Float) -> tuple[Float, Bool]:
         """The light (n, 3) on the ground at places (n, 2), and which are not inside of a house."""
@@ -164,7 +154,7 @@ class Light:
         number = cell[:, 0] * self._shape[1] + cell[:, 1]
         patches[down] = np.where(inside, self._count + number, self._land)
         met = np.flatnonzero(hits >= 0)
-        owner = self._owner[hits[met]]
+        owner = hits[met] // 2
         front = np.einsum("ij,ij->i", self._facing[owner], ways[met]) < 0.0
         patches[met] = np.where(front, owner, self._land + 1)
         return patches
@@ -175,25 +165,24 @@ class Light:
             return np.zeros((len(normals), 3))
         return np.asarray(np.maximum(normals @ SUN, 0.0)[:, None] * SUNSHINE)
 
-    def _sunlit(self, walls: Panels, roofs: Panels, cells: Float) -> Float:
+    def _sunlit(self, faces: Panels, cells: Float) -> Float:
         """The light (n, 3) of the sun on all patches, by a ray from the middle of each."""
         shine = self._shone(np.concatenate([self._facing, _up(cells)]))
         if self._indoor:
             return shine
         assert self._rays is not None
-        middles = np.concatenate([walls.places.mean(axis=1), roofs.places.mean(axis=1)])
+        middles = faces.places[:, :3].mean(axis=1)
         origins = np.concatenate([middles + _OFF * self._facing, cells])
         ways = np.broadcast_to(SUN, origins.shape)
         free = self._rays.first(single(origins), single(ways)) < 0
         return shine * free[:, None]
 
-    def _albedo(self, walls: Panels, roofs: Panels, cells: Float) -> Float:
+    def _albedo(self, faces: Panels, cells: Float) -> Float:
         """What share (n, 3) of light all patches send on."""
         # The coarsest copy of the texture is its mean.
         means = layers(self._indoor)[-1][:, 0, 0].astype(np.float64) / 255.0
-        layer = np.concatenate([each.texture[:, 0, 2] for each in (walls, roofs)]).astype(int)
-        own = np.concatenate([each.colours[:, 0] for each in (walls, roofs)])
-        colours = own * means[layer, 3:] + means[layer, :3]
+        layer = faces.texture[:, 0, 2].astype(int)
+        colours = faces.colours[:, 0] * means[layer, 3:] + means[layer, :3]
         ground = GROUND_ALBEDO_INDOOR if self._indoor else GROUND_ALBEDO
         below = np.broadcast_to(ground, cells.shape)
         return np.concatenate([np.clip(colours, 0.0, 1.0) ** GAMMA, below])
@@ -204,14 +193,10 @@ def _up(places: Float) -> Float:
     return np.broadcast_to([0.0, 0.0, 1.0], places.shape)
 
 
-def _corners(walls: Panels, roofs: Panels) -> tuple[Float, Float, Int]:
+def _corners(faces: Panels) -> tuple[Float, Float, Int]:
     """Places and normals (n, 3) of the different corners of faces, and which of them each is."""
-    both = (walls, roofs)
-    places = np.concatenate([each.places.reshape(-1, 3) for each in both])
-    normals = np.concatenate([each.normals.reshape(-1, 3) for each in both])
-    middles = np.concatenate(
-        [np.repeat(each.places.mean(axis=1), each.places.shape[1], axis=0) for each in both]
-    )
+    places, normals = faces.places.reshape(-1, 3), faces.normals.reshape(-1, 3)
+    middles = np.repeat(faces.places.mean(axis=1), 4, axis=0)
     keys = np.round(np.concatenate([100.0 * places, 50.0 * normals], axis=1)).astype(np.int64)
     _, first, owner = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     owner = owner.reshape(-1)

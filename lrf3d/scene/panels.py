@@ -1,4 +1,7 @@
-"""Panels: faces of walls and roofs before they are lit, in columns, and what cuts them small."""
+"""Panels: faces of walls and roofs before they are lit, in columns, and what cuts them small.
+
+All are quads; a triangle is one that has its last corner twice.
+"""
 
 from typing import Any, NamedTuple
 
@@ -15,31 +18,31 @@ _LEAST = 1e-7
 
 
 class Panels(NamedTuple):
-    """Faces (n) of c corners; the columns are those of :class:`~lrf3d.scene.shapes.Painted`."""
+    """Quads (n); the columns are those of :class:`~lrf3d.scene.shapes.Painted`."""
 
     places: Float
-    """(n, c, 3) corners, counter-clockwise from outside."""
+    """(n, 4, 3) corners, counter-clockwise from outside."""
     normals: Float
-    """(n, c, 3) unit normals."""
+    """(n, 4, 3) unit normals."""
     texture: Float
-    """(n, c, 3) bays along and storeys up the texture; its layer."""
+    """(n, 4, 3) bays along and storeys up the texture; its layer."""
     colours: Float
-    """(n, c, 3) colour of the wall itself."""
+    """(n, 4, 3) colour of the wall itself."""
     under: Float
-    """(n, c) how far under the edge of its shadow a corner lies [m]."""
+    """(n, 4) how far under the edge of its shadow a corner lies [m]."""
     objects: Int
     """(n,) the object of each."""
 
 
 def panels(places: Float, normals: Float, colours: Float, under: Float, objects: Int) -> Panels:
-    """Faces with places (n, c, 3) that have nothing painted on them; the rest is spread to fit."""
-    corners = places.shape[:2]
+    """Quads or triangles (n, c, 3) that have nothing painted on them; the rest is spread to fit."""
+    quad = [0, 1, 2, places.shape[1] - 1]
     return Panels(
-        places,
-        np.broadcast_to(normals, (*corners, 3)),
-        np.zeros((*corners, 3)),
-        np.broadcast_to(colours, (*corners, 3)),
-        np.broadcast_to(under, corners),
+        places[:, quad],
+        np.broadcast_to(normals, places.shape)[:, quad],
+        np.zeros((len(places), 4, 3)),
+        np.broadcast_to(colours, places.shape)[:, quad],
+        np.broadcast_to(under, places.shape[:2])[:, quad],
         objects,
     )
 
@@ -55,7 +58,7 @@ def level_panels(
 
 
 def joined(*each: Panels) -> Panels:
-    """Panels of one number of corners, one after the other."""
+    """Panels one after the other."""
     return Panels(*(np.concatenate(column) for column in zip(*each, strict=True)))
 
 

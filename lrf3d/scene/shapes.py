@@ -19,25 +19,30 @@ Pixels = NDArray[np.uint8]
 class Painted(NamedTuple):
     """Walls and roofs with what is painted on them and the light baked into them.
 
-    All have n faces of c corners: quads, or triangles.
+    All are quads; a triangle is one that has its last corner twice.
     """
 
     places: Single
-    """(n, c, 3) corners, counter-clockwise from outside."""
+    """(n, 4, 3) corners, counter-clockwise from outside."""
     normals: Single
-    """(n, c, 3) unit normals."""
+    """(n, 4, 3) unit normals."""
     texture: Single
-    """(n, c, 3) bays along and storeys up the texture of :mod:`lrf3d.scene.facades`; its layer."""
+    """(n, 4, 3) bays along and storeys up the texture of :mod:`lrf3d.scene.facades`; its layer."""
     colours: Single
-    """(n, c, 3) colour of the wall itself."""
+    """(n, 4, 3) colour of the wall itself."""
     lit: Single
-    """(n, c, 3) factor of a screen's colours in the sun."""
+    """(n, 4, 3) factor of a screen's colours in the sun."""
     shaded: Single
-    """(n, c, 3) the same where the sun is hidden."""
+    """(n, 4, 3) the same where the sun is hidden."""
     under: Single
-    """(n, c) how far under the edge of its shadow a corner lies [m]; negative in the sun."""
+    """(n, 4) how far under the edge of its shadow a corner lies [m]; negative in the sun."""
     objects: NDArray[np.int64]
     """(n,) the object of each."""
+
+    def rows(self) -> Single:
+        """Corners (n, 4, 16): place, texture, colour, light in the sun, in its shadow, under it."""
+        columns = self.places, self.texture, self.colours, self.lit, self.shaded
+        return np.concatenate([*columns, self.under[..., None]], axis=2)
 
 
 class GroundPicture(NamedTuple):

@@ -9,13 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.geometry import Float
 from lrf3d.progress import Progress, silent
 from lrf3d.run import Run
 from lrf3d.scene.ground import paint_ground
 from lrf3d.scene.light import Light, screen
 from lrf3d.scene.look import SUN, SUNSHINE
-from lrf3d.scene.panels import Panels, cut_small, joined
+from lrf3d.scene.panels import cut_small, joined
 from lrf3d.scene.roofs import build_roofs
 from lrf3d.scene.shapes import GroundPicture, Painted, single
 from lrf3d.scene.structures import Structures
@@ -34,10 +33,8 @@ class Stage(NamedTuple):
 
     structures: Structures
     """What its walls make up."""
-    walls: Painted
-    """(n quads) Walls in their light."""
-    roofs: Painted
-    """(t triangles) Roofs and leaves in their light."""
+    faces: Painted
+    """Walls, roofs and leaves in their light."""
     ground: GroundPicture
     """The ground in its light."""
 
@@ -61,34 +58,20 @@ def _in_memory(run: Run) -> list[Stage]:
 
 def paint_stage(structures: Structures, progress: Progress = silent) -> Stage:
     """Paint walls, roofs and ground."""
-    walls, roofs, light = paint_walls(structures, lambda done, whole: progress(done, whole + 1))
+    faces, light = paint_faces(structures, lambda done, whole: progress(done, whole + 1))
     ground = paint_ground(structures, light)
     progress(1, 1)
-    return Stage(structures, walls, roofs, ground)
+    return Stage(structures, faces, ground)
 
 
-def paint_walls(
-    structures: Structures, progress: Progress = silent
-) -> tuple[Painted, Painted, Light]:
-    """Walls (n quads), and roofs and leaves (t triangles), in their light, and that light."""
-    indoor = structures.indoor
-    step = _STEP_INDOOR if indoor else _STEP
+def paint_faces(structures: Structures, progress: Progress = silent) -> tuple[Painted, Light]:
+    """Walls, roofs and leaves in their light, in the sun and where it is hidden, and that light."""
+    step = _STEP_INDOOR if structures.indoor else _STEP
     walls = cut_small(lay_walls(structures), step, _MOST_PIECES)
-    roofs = joined(build_roofs(structures), crowns_of(structures))
-    light = Light(structures, walls, roofs, progress)
-    return _painted(walls, light.walls, indoor), _painted(roofs, light.roofs, indoor), light
-
-
-def _painted(faces: Panels, light: Float, indoor: bool) -> Painted:
-    """Faces in their light, in the sun and where it is hidden."""
-    sun = 0.0 if indoor else np.maximum(faces.normals @ SUN, 0.0)[..., None] * SUNSHINE
-    return Painted(
-        places=single(faces.places),
-        normals=single(faces.normals),
-        texture=single(faces.texture),
-        colours=single(faces.colours),
-        lit=single(screen(light + sun)),
-        shaded=single(screen(light)),
-        under=single(faces.under),
-        objects=faces.objects,
-    )
+    faces = joined(walls, build_roofs(structures), crowns_of(structures))
+    light = Light(structures, faces, progress)
+    sun = np.maximum(faces.normals @ SUN, 0.0)[..., None] * SUNSHINE * (not structures.indoor)
+    places, normals, texture, colours = (single(each) for each in faces[:4])
+    lit, shaded = (single(screen(each)) for each in (light.faces + sun, light.faces))
+    painted = places, normals, texture, colours, lit, shaded, single(faces.under), faces.objects
+    return Painted(*painted), light

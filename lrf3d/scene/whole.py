@@ -9,7 +9,7 @@ from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline
 from lrf3d.scene.town import STREET
 
-_FREE_ABOVE, _FREE_BELOW, CARD = 0.17, 0.03, 0.14
+_FREE_ABOVE, _FREE_BELOW, CARD = 0.19, 0.03, 0.15
 """Shares of the picture's height that the panel above has to itself, and what is below, which is
 more where there is a card."""
 

@@ -42,6 +42,9 @@ _MAP_PAUSE = 0.25
 _KEPT = 500
 """Scans that are kept: those of the last seconds are still seen."""
 
+_OPEN = 60
+"""Scans after which the way between them is thinned once and for all."""
+
 _CALM, _ALIGNED = 3.0, 1e-3
 """How fast a camera follows the robot's turns [1/s], and the angle [rad] that it leaves."""
 
@@ -84,6 +87,7 @@ class HandDrive:
         self._times: list[float] = []
         self._poses: list[Pose] = []
         self._scans: dict[int, LaserScan] = {}
+        self._old, self._settled = DriveKeys(np.zeros(0), np.zeros((0, 3))), 0
         self.latest = self._measure()
         self._map_scan()
         self.scene = Scene(_LiveTimeline(self), stage=stage)
@@ -108,9 +112,7 @@ class HandDrive:
             self.maps = {self.map_number: self.line_map}
             self.lasting_objects = {self.map_number: self._tracker.follow(self.line_map)}
             self._map_due, self._stale = self.time + _MAP_PAUSE, False
-        times = np.array([*self._times, self.time])
-        poses = np.array([*self._poses, self.pose]) - [*self.scene.origin, 0.0]
-        self.scene.keys = thinned(DriveKeys(times, poses))
+        self.scene.keys = self._driven()
         return True
 
     def moment(self) -> Moment:
@@ -129,6 +131,19 @@ class HandDrive:
     def snapshot_after(self, scan: int) -> int:
         """The number of the map, which changes with it."""
         return self.map_number
+
+    def _driven(self) -> DriveKeys:
+        """The way so far in few keys; what is older is settled, so that a page has it already."""
+        times = np.array([*self._times[self._settled :], self.time])
+        poses = np.array([*self._poses[self._settled :], self.pose]) - [*self.scene.origin, 0.0]
+        old, new = self._old, thinned(DriveKeys(times, poses))
+        if len(times) > _OPEN:
+            settled = thinned(DriveKeys(times[:-1], poses[:-1]))
+            self._old = DriveKeys(
+                *(np.concatenate([a, b[:-1]]) for a, b in zip(old, settled, strict=True))
+            )
+            self._settled = len(self._times) - 1
+        return DriveKeys(*(np.concatenate(each) for each in zip(old, new, strict=True)))
 
     def _drive(self, seconds: float, forward: float, turn: float) -> None:
         """Gain the speed that is wanted, and stop where the next step would touch a wall."""

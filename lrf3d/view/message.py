@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.render.glsl import air, shader_source
-from lrf3d.render.packing import land_of, mesh, rectangle, walls_of
+from lrf3d.render.packing import columns_of, land_of, mesh, rectangle, walls_of
 from lrf3d.render.parts import Parts
 from lrf3d.scene.facades import layers
-from lrf3d.scene.shapes import Faces, Lines, Mark
+from lrf3d.scene.shapes import Faces, Mark
 from lrf3d.scene.stage import Stage
 
 _PROGRAMS = (
@@ -30,10 +30,10 @@ _ALIGNMENT = 4
 
 
 class Rows(NamedTuple):
-    """An array that the page puts into one buffer as it is."""
+    """Arrays that are no mark of a scene."""
 
     kind: str
-    rows: NDArray[Any]
+    columns: tuple[NDArray[Any], ...]
     shape: tuple[int, ...] = ()
 
 
@@ -42,7 +42,7 @@ class Sender:
 
     def __init__(self) -> None:
         self._sent: dict[str, Any] = {}
-        self._arrays: dict[str, dict[str, NDArray[Any]]] = {}
+        self._columns: dict[tuple[str, str], tuple[NDArray[Any], NDArray[np.uint8]]] = {}
 
     def message(
         self, marks: Mapping[str, Mark | Faces | Rows], values: Mapping[str, Any]
@@ -51,29 +51,35 @@ class Sender:
         header = {name: value for name, value in values.items() if self._is_new(name, value)}
         drawn: dict[str, dict[str, Any]] = {}
         block = bytearray()
-        packed: dict[tuple[int, str], tuple[int, int]] = {}
+        packed: dict[tuple[int, int], int] = {}
         for name, mark in marks.items():
-            fields = mark._asdict()
-            arrays = {key: each for key, each in fields.items() if isinstance(each, np.ndarray)}
-            style = {key: each for key, each in fields.items() if key not in arrays}
+            if isinstance(mark, Rows):
+                style: dict[str, Any] = {"kind": mark.kind, "shape": mark.shape}
+                columns = {str(place): each for place, each in enumerate(mark.columns)}
+            else:
+                columns = columns_of(mark)
+                fields = mark._asdict().items()
+                style = {"kind": type(mark).__name__.lower()}
+                style |= {key: each for key, each in fields if key not in columns}
             if self._is_new(f"style of {name}", style):
-                drawn[name] = {"kind": type(mark).__name__.lower(), **style}
-            # An array that is the same object as before has not changed.
-            before = self._arrays.get(name, {})
-            changed: dict[str, Any] = {
-                key: each for key, each in arrays.items() if each is not before.get(key)
-            }
-            self._arrays[name] = arrays
-            if changed and isinstance(mark, Lines):
-                changed = {"rows": mark}
-            for key, each in changed.items():
-                columns = drawn.setdefault(name, {}).setdefault("columns", {})
+                drawn[name] = {**style, "columns": []}
+            for place, (key, values_) in enumerate(columns.items()):
+                before, known = self._columns.get((name, key), (None, None))
+                # An array that is the same object as before has not changed.
+                if values_ is before:
+                    continue
+                rows = _bytes(values_, colours=key == "colours")
+                first = 0 if known is None else _same(rows, known)
+                self._columns[name, key] = values_, rows
+                if known is not None and first == len(rows) == len(known):
+                    continue
                 # What two marks share, such as the trail and that of the plan, is sent once.
-                if (id(each), key) not in packed:
-                    data = _bytes(each, colours=key == "colours")
-                    packed[id(each), key] = len(block), len(data)
-                    block += data
-                columns[key] = packed[id(each), key]
+                if (id(values_), first) not in packed:
+                    packed[id(values_), first] = len(block)
+                    block += rows[first:].tobytes()
+                size = 0 if key == "colours" else values_.shape[-1]
+                where = [place, packed[id(values_), first], size, first, len(rows)]
+                drawn.setdefault(name, {"columns": []})["columns"].append(where)
         if drawn:
             header["marks"] = drawn
         if not header:
@@ -90,19 +96,18 @@ class Sender:
 
 def stage_message(stage: Stage) -> bytes:
     """What never changes: shaders, walls, roofs and ground, whose picture goes apart."""
-    parts, ground = Parts(stage.walls, stage.roofs), stage.ground
+    parts, ground, indoor = Parts(stage.faces), stage.ground, stage.structures.indoor
     chosen = parts.choose(np.arange(parts.count))
-    land = land_of(ground).reshape(-1, 3, 9)
+    corners = rectangle(ground.corner, ground.corner + ground.size)
     marks: dict[str, Faces | Rows] = {
-        "walls": Rows("walls", walls_of(stage.walls, stage.roofs)),
-        "indices": Rows("indices", chosen.indices, (chosen.textured,)),
-        "ground": Rows("ground", rectangle(ground.corner, ground.corner + ground.size)),
-        "sky": Rows("sky", mesh(10, 10)),
-        "land": Faces(land[..., :3], land[..., 3:6], land[..., 6:]),
+        "walls": Rows("walls", walls_of(stage.faces)),
+        "indices": Rows("indices", (chosen.indices[:, None],), (chosen.textured,)),
+        "ground": Rows("ground", (corners,)),
+        "sky": Rows("sky", (mesh(10, 10),)),
+        "land": land_of(ground),
     }
-    indoor = stage.structures.indoor
     for level, texels in enumerate(layers(indoor)):
-        marks[f"level {level}"] = Rows("level", texels, texels.shape[2::-1])
+        marks[f"level {level}"] = Rows("level", (texels,), texels.shape[2::-1])
     programs = {
         name: [shader_source(name, vertex=v, constants=air(indoor=indoor)) for v in (True, False)]
         for name in _PROGRAMS
@@ -114,27 +119,18 @@ def stage_message(stage: Stage) -> bytes:
     return message
 
 
-def _rows(lines: Lines) -> NDArray[np.uint8]:
-    """Both ends of lines, their colours there, and the sides of walls: rows (n, 40) of bytes."""
-    tints = [_tints(np.column_stack([lines.colours, opacity])) for opacity in lines.opacities.T]
-    places = [
-        np.ascontiguousarray(each, np.float32).view(np.uint8)
-        for each in (lines.starts, lines.ends, lines.sides)
-    ]
-    return np.concatenate([*places[:2], *tints, places[2]], axis=1)
-
-
-def _bytes(values: NDArray[Any] | Lines, *, colours: bool) -> bytes:
-    """An array as the page takes it: places in float32, colours and opacities in bytes."""
-    if isinstance(values, Lines):
-        return _rows(values).tobytes()
+def _bytes(values: NDArray[Any], *, colours: bool) -> NDArray[np.uint8]:
+    """Rows (n, bytes) of an array as the page takes it: colours and opacities in four bytes."""
+    rows = values.reshape(-1, values.shape[-1])
     if colours:
-        values = _tints(values)
-    return values.astype(np.float32).tobytes() if values.dtype == np.float64 else values.tobytes()
+        tints = np.full((len(rows), 4), 255, np.uint8)
+        tints[:, : rows.shape[1]] = np.round(255.0 * np.clip(rows, 0.0, 1.0))
+        return tints
+    return np.ascontiguousarray(rows).view(np.uint8)
 
 
-def _tints(shares: NDArray[Any]) -> NDArray[np.uint8]:
-    """Colours (…, 3 or 4) in 0…1 as four bytes each."""
-    tints = np.full((*shares.shape[:-1], 4), 255, np.uint8)
-    tints[..., : shares.shape[-1]] = np.round(255.0 * np.clip(shares, 0.0, 1.0))
-    return tints
+def _same(rows: NDArray[np.uint8], known: NDArray[np.uint8]) -> int:
+    """How many rows at the beginning are those that the page has."""
+    count = min(len(rows), len(known))
+    differ = np.flatnonzero((rows[:count] != known[:count]).any(axis=1))
+    return int(differ[0]) if len(differ) else count

@@ -3,7 +3,6 @@
 import json
 import math
 
-import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -11,10 +10,7 @@ from benchmarks import drive, light, line_pairs, maps, ranges, robots, slam
 from benchmarks.__main__ import PARTS, program
 from benchmarks.report import Report, duration, written
 from benchmarks.score import bench as score
-from lrf3d import PlanarCaster
 from lrf3d.errors import InputError
-from lrf3d.laser import LaserRangeFinder
-from lrf3d.world.generators import generate_city
 
 
 def finite(rows):
@@ -32,17 +28,6 @@ def test_casters_are_exact_and_bare_embree_is_not():
     assert finite(report.tables["ranges"])
 
 
-def test_beams_aimed_at_corners_pass_right_beside_them():
-    world = generate_city(40)
-    caster = PlanarCaster(world)
-    poses = ranges.corner_poses(caster, world, ranges.city_crossings(40, 50))
-    ends = world.segments.reshape(-1, 2)
-    ahead = np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
-    offset = ends[None] - poses[:, None, :2]
-    away = np.abs(offset[..., 0] * ahead[:, None, 1] - offset[..., 1] * ahead[:, None, 0])
-    assert (away.min(axis=1) < 1e-2).all() and len(poses) > 10
-
-
 def test_exact_arcs_end_where_the_reference_does():
     rows = drive.bench(seconds=30.0).tables["integrators"]
     arcs = next(row for row in rows if row["integrator"] == "exact arcs")
@@ -53,7 +38,7 @@ def test_exact_arcs_end_where_the_reference_does():
 def test_data_sheets_are_compared_by_reflectance():
     rows = light.bench("paper_room", poses=3).tables
     assert all(0.5 < row["ratio"] < 2.0 for row in rows["data sheets"])
-    assert len(rows["cost of glass"]) == 2
+    assert len(rows["cost of glass"]) == 2 and rows["glass"][0]["images"] == 0
 
 
 def test_robots_cast_their_beams():
@@ -112,9 +97,3 @@ def test_figures_are_written_in_the_unit_of_their_name():
     report.save("work", 1.0, 3.0)
     assert report.tables["skipped work"][0]["saves"] == 3.0
     assert "3 s" in report.text() and report.as_dict()["question"] == "What?"
-
-
-def test_a_range_is_limited_as_rep_117_says():
-    lrf = LaserRangeFinder(range_min=0.5, range_max=10.0)
-    found = ranges.limited(np.array([0.1, 1.0, 20.0]), lrf)
-    assert found.tolist() == [-np.inf, 1.0, np.inf]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from synthetic_run import around, make_run, make_world, ring
 
-from benchmarks.storage import held_polylines, local_polylines, storage
+from benchmarks.storage import held_polylines, storage
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.mapping import LineMap
 
@@ -39,7 +39,3 @@ def test_an_object_of_six_walls_takes_fewer_numbers_than_its_views_as_polylines_
 )
 def test_a_view_is_held_that_shows_what_the_others_do_not(views, held):
     assert len(held_polylines(views, 0.1)) == held
-
-
-def test_a_polyline_of_a_local_map_has_a_vertex_between_neighbours():
-    assert np.array_equal(local_polylines(local_map(FULL))[0], FULL)

@@ -43,16 +43,6 @@ def test_a_wall_lower_than_the_beam_is_not_hit(caster):
     assert caster(low).cast(lrf, (0, 0, 0)).ranges == pytest.approx([9.0])
 
 
-@pytest.mark.parametrize("caster", CASTERS)
-def test_a_batch_gives_the_ranges_of_the_single_scans(caster):
-    world, lrf = random_world(3), LaserRangeFinder(beams=61)
-    poses = np.random.default_rng(0).uniform(-10, 10, (5, 3))
-    one = caster(world)
-    batch = one.cast_batch(lrf, poses)
-    assert batch.shape == (5, 61)
-    assert np.array_equal(batch, [one.cast(lrf, pose).ranges for pose in poses])
-
-
 def pillars(seed, count=12, far=None):
     """Square pillars of 3 m at any angle, and if asked for a triangle very far away; a mesh."""
     import trimesh

@@ -1,12 +1,9 @@
-import math
 from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
 from hypothesis import strategies as st
-from numba import njit
-from rational import ExactWorld, cast_exact
+from rational import cast_exact
 
 from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
 
@@ -49,35 +46,7 @@ def test_a_beam_meets_a_wall_where_the_fractions_say(walls, origin, direction, f
     assert cast_exact(np.array(walls, dtype=np.float64), origin, direction) == found
 
 
-def test_all_hits_are_found_and_no_walls_are_a_miss():
-    world = ExactWorld(np.array([[4, -1, 4, 1], [2, -1, 2, 1.0]]), [(0, 0), (3, 0)])
-    assert world.hits(0, AHEAD) == [(0, 4), (1, 2)]
-    assert world.cast(1, AHEAD) == (0, 1)
-    assert cast_exact(np.empty((0, 4)), (0, 0), AHEAD) == NO
-
-
 grid = st.integers(-3, 3).map(float)
-
-
-@given(
-    st.lists(st.tuples(grid, grid, grid, grid), min_size=1, max_size=5),
-    st.tuples(grid, grid),
-    st.tuples(grid, grid).filter(any),
-    st.tuples(st.integers(-60, 60), st.integers(1, 2**40)),
-)
-@settings(max_examples=150, deadline=None)
-def test_moving_scaling_and_turning_a_world_moves_scales_and_turns_its_ranges(
-    walls, origin, direction, change
-):
-    power, shift = change
-    walls = np.array(walls)
-    wall, t = cast_exact(walls, origin, direction)
-    assert cast_exact(walls + shift, np.array(origin) + shift, direction) == (wall, t)
-    scaled = cast_exact(walls * 2.0**power, np.array(origin) * 2.0**power, direction)
-    assert scaled == (wall, None if t is None else t * Fraction(2) ** power)
-    quarter = np.column_stack([-walls[:, 1], walls[:, 0], -walls[:, 3], walls[:, 2]])
-    turned = cast_exact(quarter, (-origin[1], origin[0]), (-direction[1], direction[0]))
-    assert turned == (wall, t)
 
 
 @pytest.mark.parametrize("caster", [PlanarCaster, EmbreeCaster])
@@ -96,25 +65,3 @@ def test_a_beam_that_is_exactly_upright_ends_at_the_nearest_point_of_upright_wal
         scan = caster(World(walls)).cast(lrf, (0.3, y, theta))
         assert scan.walls.tolist() == [wall]
         assert scan.ranges.tolist() == [np.inf if t is None else float(t)]
-
-
-@njit
-def compiled_cos_sin(angles):
-    found = np.empty((len(angles), 2))
-    for i in range(len(angles)):
-        found[i, 0], found[i, 1] = math.cos(angles[i]), math.sin(angles[i])
-    return found
-
-
-def test_compiled_cosines_and_sines_have_the_bits_of_pythons():
-    rng = np.random.default_rng(0)
-    angles = np.concatenate(
-        [
-            rng.uniform(-10, 10, 20_000),
-            rng.uniform(-1e6, 1e6, 2_000),
-            10.0 ** rng.uniform(-18, 0, 2_000),
-            0.5 * np.pi * np.arange(-8, 9),
-        ]
-    )
-    expected = [(math.cos(angle), math.sin(angle)) for angle in angles.tolist()]
-    assert np.array_equal(compiled_cos_sin(angles), expected)

@@ -5,24 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from lit_worlds import PERFECT, WHITE, world_of
 
 from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
-from lrf3d.casting.kernels.echoes import MOST_WALLS
 from lrf3d.errors import InputError
 from lrf3d.laser.light import shares
 from lrf3d.laser.range_finder import layer_directions
 from lrf3d.world import Material
 
-WHITE = Material("white", diffuse=1.0)
-PERFECT = Material("perfect mirror", specular=1.0)
 AHEAD = LaserRangeFinder(0.0, 0.0, beams=1, height=1.0, range_max=200.0)
 ROUND = LaserRangeFinder(-np.pi, np.pi, beams=181, echo="last", echoes=3, threshold=1e-6)
-
-
-def world_of(*walls, heights=None):
-    """A world of walls, each an object of its own: x1, y1, x2, y2 and a material."""
-    segments = [wall[:4] for wall in walls]
-    return World(segments, np.arange(len(walls)), heights, materials=[wall[4] for wall in walls])
 
 
 def optical_world(rng, count=9, far=0.0):
@@ -63,21 +55,6 @@ def test_all_but_level_beams_take_the_ways_of_the_planar_casters():
         both = same & full
         assert found.echoes[0][both] == pytest.approx(scan.echoes[both], rel=1e-11)
     assert beams == 60 * 181 and other == 0
-
-
-def test_parallel_mirrors_lengthen_an_inclined_beam_as_images_do():
-    for turns in range(9):
-        mirrors = [(-1, 0, 50, 0, PERFECT), (-1, 3, 50, 3, PERFECT)]
-        end = turns - 0.25
-        world = world_of(*mirrors, (end, -1, end, 4, WHITE), heights=[40.0, 40.0, 40.0])
-        start = replace(AHEAD, angle_min=math.atan2(3, 1), angle_max=math.atan2(3, 1))
-        for elevation in (-0.02, 0.3, 0.7):
-            found = EmbreeCaster(world).light_layers(start, (-0.5, 1.5, 0), [elevation])
-            way = (end + 0.5) * math.sqrt(10.0) / math.cos(elevation)
-            assert found.ranges[0, 0] == pytest.approx(way, rel=1e-14)
-            want = math.cos(elevation) / math.sqrt(10) / way**2
-            assert found.intensities[0, 0] == pytest.approx(want, rel=1e-12)
-            assert found.chains[0, 0, :turns].tolist() == [1, 0, 1, 0, 1, 0, 1, 0][:turns]
 
 
 def test_beams_go_over_what_is_lower_behind_mirrors_too():
@@ -132,15 +109,3 @@ def test_inclined_beams_that_are_exactly_upright_in_plan_meet_what_lies_across()
             )
             ranges, _ = EmbreeCaster(world).cast_layers(lrf, pose, [rise])
             assert ranges[0, 0] == pytest.approx(seen / math.cos(rise), rel=1e-12)
-
-
-def test_an_inclined_beam_passes_sixteen_walls_as_a_level_one_does():
-    clear = Material("clear", diffuse=0.01, transmission=0.99)
-    lrf = replace(AHEAD, echo="last", threshold=1e-9)
-    for count in (MOST_WALLS - 1, MOST_WALLS, MOST_WALLS + 1):
-        panes = [(k, -9, k, 9, clear) for k in range(1, count)]
-        world = world_of(*panes, (count, -9, count, 9, WHITE), heights=[99.0] * count)
-        level = EmbreeCaster(world).chains(lrf, (0, 0, 0))[0]
-        found = EmbreeCaster(world).light_layers(lrf, (0, 0, 0), [0.1])
-        assert found.chains[0, 0].tolist()[: len(level)] == level.tolist()
-        assert (count - 1 in level) == (count <= MOST_WALLS)

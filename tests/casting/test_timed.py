@@ -31,18 +31,6 @@ class Mapless:
 
 
 @CASTERS
-def test_a_robot_that_stands_has_the_scan_of_one_moment_to_the_last_bit(make):
-    pose = np.array([50.1, 30.7, 7.3])
-    stand = Trajectory([3.0, 4.0], [pose, pose])
-    caster = make(CITY)
-    swept = timed(caster, TURNING, stand)(TURNING, pose, 3.0)
-    plain = caster.cast(TURNING, pose)
-    assert np.array_equal(swept.ranges, plain.ranges)
-    assert np.array_equal(swept.walls, plain.walls)
-    assert swept.time == 3.0 and swept.time_increment == 0.2 / 44
-
-
-@CASTERS
 def test_each_beam_of_a_sweep_is_the_exact_one_from_where_the_robot_then_is(make):
     swept = timed(make(CITY), TURNING, DRIVE)(TURNING, DRIVE.poses[1], 0.5)
     times = 0.5 + TURNING.time_increment * np.arange(45)
@@ -57,13 +45,6 @@ def test_each_beam_of_a_sweep_is_the_exact_one_from_where_the_robot_then_is(make
     assert swept.pose == tuple(DRIVE.poses[1])
     plain = make(CITY).cast(TURNING, DRIVE.poses[1])
     assert not np.allclose(swept.ranges, plain.ranges)
-
-
-def test_a_scan_that_takes_longer_than_the_time_to_the_next_is_refused():
-    with pytest.raises(InputError, match=r"scan_duration 0\.6 s: longer than the 0\.5 s"):
-        timed(PlanarCaster(CITY), LaserRangeFinder(scan_duration=0.6), DRIVE)
-    with pytest.raises(InputError, match="scan_duration"):
-        LaserRangeFinder(scan_duration=-1.0)
 
 
 def test_a_scan_may_take_as_long_as_the_interval_whatever_rounding_and_the_last_gap() -> None:

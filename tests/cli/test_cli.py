@@ -97,26 +97,7 @@ def test_several_noises_stand_side_by_side(room, tmp_path):
     assert (tmp_path / "out" / "box" / "noise.png").exists()
 
 
-def test_crosscheck_finds_nothing_unexplained(room):
-    done = lrf3d("crosscheck", room, "--json")
-    assert done.returncode == 0, done.stderr
-    report = json.loads(done.stdout)
-    assert report["unexplained"] == []
-    assert report["largest_difference_m"] <= 1e-9
-
-
-def test_world_show_lists_and_describes(room, tmp_path):
-    names = json.loads(lrf3d("world", "show", "--json").stdout)
-    assert {"city", "corridor", "mirror_hall", "paper_room"} <= set(names)
-    picture = tmp_path / "box.png"
-    report = json.loads(lrf3d("world", "show", room, "--json", "--out", picture).stdout)
-    assert report["walls"] == 4 and report["bounds_m"] == [[0, 0], [10, 8]]
-    assert picture.read_bytes().startswith(b"\x89PNG")
-
-
-@pytest.mark.parametrize(
-    "command", [[], ["run"], ["export"], ["render"], ["crosscheck"], ["world", "show"]]
-)
+@pytest.mark.parametrize("command", [[], ["run"], ["map"], ["world", "show"]])
 def test_help_shows_an_example(command):
     done = lrf3d(*command, "-h")
     assert done.returncode == 0 and done.stdout == lrf3d(*command, "--help").stdout
@@ -169,16 +150,11 @@ def test_a_bad_world_gets_one_clear_line_and_leaves_nothing(room, tmp_path, old,
     assert not list((tmp_path / "out").glob("*")) if (tmp_path / "out").exists() else True
 
 
-def test_a_collision_can_be_waved_through(room, tmp_path):
+def test_a_collision_can_be_ignored(room, tmp_path):
     room.write_text(ROOM.replace("[8, 2]", "[8, -2]"))
     done = lrf3d("run", room, "--no-video", "--ignore-collisions", "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     assert "warning" in done.stderr and "wall 0" in done.stderr
-
-
-def test_an_output_folder_that_cannot_be_is_refused(room, tmp_path):
-    (tmp_path / "file").write_text("")
-    assert "--out" in refused("run", room, "--out", tmp_path / "file" / "out")
 
 
 def test_wrong_usage_ends_with_two(room):
@@ -189,7 +165,7 @@ def test_wrong_usage_ends_with_two(room):
     assert lrf3d("fly", room).returncode == 2
 
 
-def test_a_size_that_is_none_is_refused(room):
+def test_an_invalid_size_is_refused(room):
     assert "--size" in refused("run", room, "--size", "big")
     assert "--size" in refused("run", room, "--size", "641x361")
     assert "--size" in refused("run", room, "--size", "640x" + 5000 * "9")
@@ -226,8 +202,9 @@ DIGITS = "9" * 5000
         (["sweep", "ROOM", "--sigma", f"0x{DIGITS}"], "thousands of digits"),
         (["run", "n" * 300 + ".toml"], "too long"),
         (["run", "ROOM", "--out", "n" * 300], "too long"),
+        (["run", "ROOM", "--out", "box.toml/out"], "--out"),
         (["render", "n" * 300], "too long"),
-        (["run", "ROOM", "--scans", "1" + 12 * "0"], "more than 10,000,000"),
+        (["run", "ROOM", "--scans", "1" + 12 * "0"], "from 1 to 10,000,000"),
         (["run", "ROOM", "--resume", "--out", "full"], "run.journal: a folder"),
     ],
 )

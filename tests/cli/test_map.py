@@ -116,11 +116,6 @@ def test_settings_that_make_no_sense_are_refused(log, tmp_path):
     assert not list(tmp_path.glob("out/*"))
 
 
-def test_help_shows_an_example():
-    done = lrf3d("map", "--help")
-    assert done.returncode == 0 and "Example: lrf3d map" in done.stdout
-
-
 @pytest.mark.parametrize("factor", [100, 1000])
 def test_ranges_that_are_not_in_metres_are_doubted_in_one_line(text, tmp_path, factor):
     lines = []

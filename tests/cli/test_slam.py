@@ -1,6 +1,4 @@
 import json
-import subprocess
-import sys
 
 import bags
 import numpy as np
@@ -136,7 +134,7 @@ def test_a_table_is_printed_for_people(log, tmp_path):
     assert "wheels.turn_rad_per_m" in program("slam", log, "--out", tmp_path / "out", "-v").stdout
 
 
-def test_what_was_wrong_with_a_log_is_said(log_text, tmp_path):
+def test_what_was_wrong_with_a_log_is_reported(log_text, tmp_path):
     text, true = log_text
     lines = text.splitlines()
     # Cut in the middle of a scan, and all of it before the cut twice.
@@ -169,14 +167,6 @@ def test_known_errors_are_one_line(log, tmp_path):
         done = program(*arguments)
         assert (done.returncode, done.stdout) == (1, "")
         assert done.stderr.count("\n") == 1 and done.stderr.startswith("lrf3d: ")
-
-
-@pytest.mark.parametrize("before", ["", "import lrf3d.slam.odometry; "])
-def test_slam_is_a_package_and_nothing_else(before):
-    code = f"{before}import lrf3d, lrf3d.slam.slam as s; print(callable(lrf3d.slam), s.Slam is"
-    code += " lrf3d.Slam)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "False True\n"
 
 
 def test_reprs_fit_a_line(log):

@@ -7,6 +7,7 @@ import warnings
 import gymnasium
 import numpy as np
 import pytest
+import shapely
 from gymnasium.utils.env_checker import check_env
 
 import lrf3d.gym
@@ -130,7 +131,7 @@ def test_an_action_that_is_no_number_is_refused_and_the_next_ones_drive_on():
             env.reset(seed=0, options={name: value})
 
 
-def test_episodes_are_cut_off_and_robots_set_down_anew_in_the_next_step():
+def test_episodes_are_cut_off_and_robots_placed_again_in_the_next_step():
     envs = DriveVectorEnv(4, CORRIDOR, max_steps=3)
     envs.reset(seed=1)
     still = np.zeros((4, 2))
@@ -148,23 +149,10 @@ def test_episodes_are_cut_off_and_robots_set_down_anew_in_the_next_step():
 def test_robots_start_clear_of_walls_and_their_goals_lie_within_reach():
     task = DriveVectorEnv(300, CORRIDOR)
     task.reset(seed=3)
-    near = PlanarNearest(CORRIDOR.world.segments)
-    assert near(task.poses[:, :2]).min() >= CORRIDOR.radius
-    assert near(task.goals).min() >= CORRIDOR.radius
+    walls = shapely.multilinestrings(CORRIDOR.world.segments.reshape(-1, 2, 2))
+    for places in (task.poses[:, :2], task.goals):
+        assert shapely.distance(walls, shapely.points(places)).min() >= CORRIDOR.radius
     assert 5.0 <= task.distances().min() and task.distances().max() <= 20.0
-
-
-class PlanarNearest:
-    """Distances of points from the nearest of some segments."""
-
-    def __init__(self, segments):
-        self.start, self.step = segments[:, :2], segments[:, 2:] - segments[:, :2]
-
-    def __call__(self, points):
-        away = points[:, None] - self.start
-        share = (away * self.step).sum(-1) / (self.step**2).sum(-1)
-        foot = self.start + np.clip(share, 0.0, 1.0)[..., None] * self.step
-        return np.hypot(*np.moveaxis(points[:, None] - foot, 2, 0)).min(axis=1)
 
 
 @pytest.mark.parametrize("renderer", ["gl", "embree"])
@@ -205,7 +193,7 @@ def test_each_step_is_shown_in_a_window(monkeypatch):
     assert shown == ["lrf3d", *[((90, 160, 3), env.robots.dt)] * 2, "closed"]
 
 
-def test_without_gymnasium_the_line_to_run_is_told(monkeypatch):
+def test_without_gymnasium_the_error_names_the_command_to_install_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "gymnasium", None)
     monkeypatch.delitem(sys.modules, "lrf3d.gym")
     with pytest.raises(lrf3d.MissingLibraryError, match=r"pip install -e .*\[gym\]"):

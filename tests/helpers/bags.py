@@ -80,17 +80,5 @@ def odometry(time, where, child="base_link"):
 
 def of_scan(scan):
     """A scan of lrf3d as a message."""
-    told = scan.as_ros("laser")
-    return make(
-        SCAN,
-        header(scan.time, "laser"),
-        told.angle_min,
-        told.angle_max,
-        told.angle_increment,
-        told.time_increment,
-        told.scan_time,
-        told.range_min,
-        told.range_max,
-        told.ranges,
-        told.intensities,
-    )
+    _, *fields = scan.as_ros("laser").values()
+    return make(SCAN, header(scan.time, "laser"), *fields)

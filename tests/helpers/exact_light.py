@@ -18,7 +18,7 @@ from fractions import Fraction
 
 from rational import integers, meet
 
-from lrf3d.casting.kernels.echoes import MOST_ECHOES, MOST_WALLS
+from lrf3d.casting.kernels.echoes import MOST_WALLS
 from lrf3d.casting.kernels.light import MOST_TURNS
 from lrf3d.geometry import Float
 from lrf3d.laser.light import LEAST_SHARE, brightness, intensity, shares
@@ -67,7 +67,7 @@ class ExactLight:
         range_max: float,
         near_field: float = 0.0,
     ) -> list[Echo]:
-        """The echoes of a beam up to a range [m], the strongest first; at most MOST_ECHOES."""
+        """The echoes of a beam up to a range [m], the strongest first."""
         flat = [float(value) for value in self._segments.ravel()]
         whole, self._unit = integers([*flat, *map(float, origin)])
         self._walls = [tuple(whole[k : k + 4]) for k in range(0, len(flat), 4)]
@@ -101,8 +101,7 @@ class ExactLight:
             left = ray.gain * passed * passed
             if left >= LEAST_SHARE:
                 waiting.append(_with(there, gain=left, here=_once_more(there.here, wall)))
-        found.sort(key=lambda echo: -echo.intensity)
-        return found[:MOST_ECHOES]
+        return sorted(found, key=lambda echo: -echo.intensity)
 
     def _next(self, ray: _Ray) -> tuple[int, tuple[int, int]] | None:
         """The wall that a ray meets next, and how far away as a fraction of its turn."""

@@ -8,7 +8,7 @@ import pytest
 import lrf3d
 from lrf3d import LaserRangeFinder, World
 from lrf3d.errors import InputError
-from lrf3d.laser import Chain, DropOuts, ProportionalNoise
+from lrf3d.laser import DropOuts, ProportionalNoise
 
 LRF = LaserRangeFinder(-2.0, 2.0, beams=81, range_min=0.4, range_max=20.0, echoes=3)
 POSES = np.column_stack([np.linspace(1.0, 4.0, 7), np.full(7, 2.0), np.linspace(0.0, 1.0, 7)])
@@ -56,32 +56,6 @@ def test_files_and_recordings_give_the_light_back(tmp_path):
         assert equal(lrf3d.load_run(tmp_path / f"{name}.npz"), run)
 
 
-def test_an_interrupted_recording_goes_on_with_the_same_light(tmp_path):
-    def stop(done, total):
-        if done == 4:
-            raise KeyboardInterrupt
-
-    class Watching:
-        """A mapper that keeps the scans that it is given."""
-
-        def __init__(self):
-            self.scans = []
-
-        def update(self, scan):
-            self.scans.append(scan)
-
-    def watched(mapper):
-        return lrf3d.Simulation(hall(), POSES, LRF, mapper=mapper, rng=3)
-
-    once, again = Watching(), Watching()
-    lrf3d.record(watched(once), tmp_path / "once.npz")
-    with pytest.raises(KeyboardInterrupt):
-        lrf3d.record(watched(Watching()), tmp_path / "again.npz", progress=stop)
-    lrf3d.record(watched(again), tmp_path / "again.npz", resume=True)
-    assert (tmp_path / "once.npz").read_bytes() == (tmp_path / "again.npz").read_bytes()
-    assert all(equal(one, other) for one, other in zip(once.scans, again.scans, strict=True))
-
-
 def test_light_of_another_shape_in_a_file_is_refused(tmp_path):
     run = lrf3d.simulate(hall(), POSES, LRF, rng=3)
     lrf3d.save_run(run, tmp_path / "run.npz")
@@ -122,10 +96,3 @@ def test_a_noise_that_forgets_the_light_leaves_unknown_intensities_in_the_run():
 
     run = lrf3d.simulate(hall(), POSES, replace(LRF, echoes=1), noise=forgetful, rng=0)
     assert np.isnan(run.intensities).all()
-
-
-def test_what_has_no_light_has_plain_noise():
-    true = lrf3d.PlanarCaster(hall()).cast(LRF, POSES[0])
-    dark, noise = replace(true, echo_intensities=None), ProportionalNoise(0.1)
-    scan = Chain([noise])(dark, np.random.default_rng(0))
-    assert np.array_equal(scan.ranges, noise(dark, np.random.default_rng(0)).ranges)

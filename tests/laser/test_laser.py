@@ -7,12 +7,6 @@ from lrf3d import LaserRangeFinder, LaserScan, Pose
 from lrf3d.errors import InputError
 
 
-def test_the_default_fan_is_the_papers():
-    lrf = LaserRangeFinder()
-    assert len(lrf.angles) == 181
-    assert np.degrees(lrf.angles + np.pi / 2) == pytest.approx(np.arange(181.0))
-
-
 @given(st.floats(-10, 10))
 def test_directions_are_unit_vectors_that_turn_with_the_pose(theta):
     lrf = LaserRangeFinder(beams=7)

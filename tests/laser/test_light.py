@@ -26,22 +26,9 @@ def test_glass_at_a_right_angle_mirrors_after_fresnel_at_both_faces(index):
     assert mirrored == pytest.approx(2.0 * face / (1.0 + face))
 
 
-@given(st.floats(1.2, 2.5))
-def test_glass_mirrors_one_polarisation_alone_at_brewsters_angle(index):
-    cos = 1.0 / math.hypot(1.0, index)
-    inside = math.sqrt(1.0 - (1.0 - cos * cos) / index**2)
-    face = ((cos - index * inside) / (cos + index * inside)) ** 2
-    mirrored, _ = shares(cos, 0.0, 0.0, 0.0, index)
-    assert mirrored == pytest.approx(face / (1.0 + face), rel=1e-9)
-
-
 @pytest.mark.parametrize("index", [1.0, 1.5])
 def test_glass_that_is_grazed_is_a_mirror(index):
     assert shares(0.0, 0.0, 0.0, 0.0, index) == pytest.approx((1.0, 0.0))
-
-
-def test_without_an_index_the_shares_are_those_of_the_material():
-    assert shares(0.3, 0.1, 0.6, 0.2, 0.0) == (0.6, 0.2)
 
 
 @given(cosines, unit, unit)
@@ -64,12 +51,3 @@ def test_the_lobe_of_a_glossy_surface_is_a_gaussian_of_twice_the_angle():
 def test_intensity_falls_with_the_square_of_the_distance(distance, bright):
     assert intensity(bright, distance, 0.0) == pytest.approx(bright / distance**2)
     assert intensity(bright, 1.0, 2.0) == pytest.approx(bright)
-
-
-@pytest.mark.parametrize("length", [0.5, 2.0])
-def test_the_near_field_is_darker_and_the_far_field_is_not(length):
-    caught = -math.expm1(-2.0 / length**2)
-    assert intensity(1.0, 50.0, length) == pytest.approx(1.0 / 50.0**2 / caught)
-    near = [intensity(1.0, 0.005 * length * count, length) for count in (1, 2, 4)]
-    # Close by, the share that is caught makes up for the square of the distance.
-    assert near == pytest.approx([2.0 / length**2 / caught] * 3, rel=1e-2)

@@ -105,18 +105,6 @@ def test_what_is_behind_glass_stays_an_echo_at_an_edge():
     assert (np.diff(after.echoes[own + 1]) > 0.0).all()
 
 
-def test_noise_acts_on_both_echoes_of_an_edge():
-    chain = imperfect(0.05, LRF, beam_deg=float(np.degrees(WIDE)))
-    scan = scan_of(4.0)
-    own = edge_of(scan)
-    for seed in range(30):
-        after = chain(scan, np.random.default_rng(seed))
-        two = after.echoes[own, :2]
-        exact = np.array([scan.ranges[own], scan.ranges[own + 1]])
-        assert (two != exact).all() and (np.abs(two - exact) < 0.1).all()
-        assert after.ranges[own] in two
-
-
 def test_a_chain_has_the_choice_and_the_threshold_of_the_laser():
     lrf = replace(LRF, echo="last", threshold=0.001)
     chain = imperfect(0.0, lrf, beam_deg=0.5)

@@ -116,15 +116,6 @@ def test_bodies_move_while_the_robot_stands(renderer):
     assert (np.abs(first - second).max(axis=2) > 20).sum() > 3
 
 
-@needs_gl
-@pytest.mark.parametrize("view", ["chase", "top", "orbit"])
-def test_both_renderers_draw_the_same_bodies(view):
-    run = replace(city_run(), obstacles=ALL)
-    pictures = [drawn(run, 2.1, renderer=name, view=view, samples=4) for name in ("gl", "embree")]
-    apart = np.abs(pictures[0] - pictures[1]).max(axis=2)
-    assert apart.mean() < 8.0 and (apart > 80).mean() < 0.03
-
-
 def test_nothing_is_made_where_nothing_moves():
     none = Obstacles((), np.zeros(2), indoor=False)
     assert none.bodies(1.0) == [] and none.shadows(1.0) is None and none.plans(1.0, 0.1) is None

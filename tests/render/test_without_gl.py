@@ -9,11 +9,10 @@ import av
 import numpy as np
 import pytest
 from PIL import Image
-from test_render import box, city_run, needs_gl, room_run, run_of
+from test_render import city_run, needs_gl, room_run
 
 from lrf3d.io import save_run
 from lrf3d.render.film import Film
-from lrf3d.world import World
 from lrf3d.world.cameras import FilmPlan
 
 SIZE = (256, 144)
@@ -65,29 +64,6 @@ def test_both_renderers_let_houses_fade_and_the_map_stand_up():
     assert apart.mean() < 8.0 and (apart > 80).mean() < 0.03
     # Strong colours are those of the map.
     assert (np.ptp(pictures[1], axis=2) > 60).mean() > 0.02
-
-
-def test_hit_points_do_not_show_through_a_wall_and_do_in_front_of_it():
-    world = World(np.array(box(0, 0, 8, 6)), np.zeros(4, int), np.full(4, 2.5))
-    run = run_of(world, np.arange(3.0), [[2, 3, 0], [3, 3, 0], [4, 3, 0]], range_max=12.0)
-    bare, dotted = (drawn(run, 0.0, view="first", layers=layers) for layers in ((), ("points",)))
-    assert (np.abs(bare - dotted).max(axis=2) > 60).sum() > 20
-    film = Film(run, size=SIZE, view="first", samples=0, renderer="embree", layers=())
-    behind = Film(run, size=SIZE, view="first", samples=0, renderer="embree", layers=("points",))
-    for each in (film, behind):
-        each.camera = Outside(world.origin)
-    assert np.array_equal(film.draw(0.0), behind.draw(0.0))
-
-
-class Outside:
-    def __init__(self, origin):
-        self.origin = origin
-
-    def look(self, time, aspect):
-        from lrf3d.scene.camera import Look
-
-        eye = np.array([14.0 - self.origin[0], 3.0 - self.origin[1], 0.7])
-        return Look(eye, eye - [5.0, 0.0, 0.1], 1.0)
 
 
 @pytest.mark.slow

@@ -13,8 +13,6 @@ from lrf3d.scene.estimate import (
     DrawnEstimate,
     estimate_words,
     kept_ellipses,
-    outlines,
-    ring_quads,
 )
 from lrf3d.scene.timeline import Timeline
 
@@ -50,19 +48,6 @@ def test_ellipses_that_stay_are_few_come_in_time_and_do_not_cover_each_other():
     rings = [len(drawn.rings(time).starts) // CORNERS for time in np.linspace(0.0, 41.0, 60)]
     # The last one is that of the robot now.
     assert rings[0] == 1 and rings[-1] == len(drawn.kept) + 1 and (np.diff(rings) >= 0).all()
-
-
-def test_rings_run_around_their_ellipses():
-    shape = np.array([[2.0, 0.3], [0.3, 1.0]])
-    middle = np.array([5.0, -3.0])
-    rings = outlines(middle[None], shape[None])
-    unit = (rings[0] - middle) @ np.linalg.inv(shape).T
-    assert np.hypot(*unit.T) == pytest.approx(np.ones(CORNERS))
-    quads = ring_quads(rings, 0.1)
-    assert quads.shape == (CORNERS, 4, 2)
-    # Inner and outer corner of each lie a width apart, around the corner of the outline.
-    assert np.hypot(*(quads[:, 1] - quads[:, 0]).T) == pytest.approx(np.full(CORNERS, 0.1))
-    assert 0.5 * (quads[:, 0] + quads[:, 1]) == pytest.approx(rings[0])
 
 
 def test_the_panel_tells_the_error_only_where_the_truth_is_known():

@@ -27,14 +27,6 @@ def town():
     return Structures.from_world(World(np.concatenate(walls), objects, heights))
 
 
-def test_the_texture_is_the_same_each_time():
-    first = layers(False)
-    layers.cache_clear()
-    again = layers(False)
-    assert all(np.array_equal(a, b) for a, b in zip(first, again, strict=True))
-    assert len(layers(True)[0]) == 1 and first[-1].shape[1] == 1
-
-
 def test_windows_repeat_without_a_seam():
     upper = layers(False)[0][WINDOWED + 3 * SLANTS]
     # At the borders of all bays and storeys there is nothing but the wall.

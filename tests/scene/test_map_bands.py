@@ -51,10 +51,3 @@ def test_faces_of_bands_look_outward():
     out = faces.corners.mean(axis=1) - [3.0, 0.0, 1.25]
     assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), out) > 0.0).all()
     assert (np.einsum("ij,ij->i", faces.normals[:, 0], out) > 0.0).all()
-
-
-def test_a_map_of_nothing_has_no_band():
-    nothing = np.zeros((0, 4))
-    tops = WallTops(nothing, np.zeros(0))
-    found = bands(DrawnMap(nothing, np.zeros((0, 3))), np.zeros(0), EYE, least=0.1, raised=0.0)
-    assert len(found.corners) == 0 and len(tops.of(WALLS)) == 2

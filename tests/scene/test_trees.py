@@ -41,7 +41,7 @@ def test_slender_solids_of_bark_are_trees_and_others_are_not():
 def test_crowns_stand_over_their_trunks_above_beams():
     structures = town((15, 4), (20, 4))
     crowns = crowns_of(structures)
-    corners = crowns.places.reshape(2, -1, 3, 3)
+    corners = crowns.places.reshape(2, -1, 4, 3)
     assert corners[..., 2].min() > 2.0 and corners[..., 2].max() < 1.2 * 8.0
     flat = shapely.convex_hull(shapely.multipoints(corners[..., :2].reshape(2, -1, 2)))
     assert shapely.contains(flat, structures.solids[structures.trees]).all()

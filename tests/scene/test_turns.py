@@ -14,7 +14,7 @@ from lrf3d.scene.look import (
     RETRO_COLOUR,
     object_colours,
 )
-from lrf3d.scene.turns import Turns, turning_walls
+from lrf3d.scene.turns import turning_walls
 
 WALLS = [[0, 0, 12, 0], [12, 0, 12, 8], [12, 8, 0, 8], [0, 8, 0, 0], [4, 1, 5, 2.5]]
 
@@ -69,25 +69,6 @@ def test_points_are_coloured_by_their_intensity_if_asked():
     bare = drawn(lrf3d.World(WALLS, range(5)))[1]
     one, other = (bare.hit_points(0.5, 80.0, by=by) for by in ("intensity", "range"))
     assert np.array_equal(one.colours, other.colours)
-
-
-def test_a_leg_begins_where_the_one_before_ends():
-    rng = np.random.default_rng(0)
-    mirrors = np.array([[0.0, -50.0, 0.0, 50.0], [3.0, -50.0, 3.0, 50.0]])
-    ends = np.array([1.0, 0.0]) + rng.uniform(-20, 20, (50, 2))
-    turns = Turns.of(np.array([1.0, 0.0]), ends, mirrors)
-    for beam in range(50):
-        legs = turns.legs[turns.beams == beam]
-        if not len(legs):
-            assert (turns.first[beam] == ends[beam]).all()
-            continue
-        assert (legs[0, :2] == turns.first[beam]).all()
-        assert (legs[1:, :2] == legs[:-1, 2:]).all()
-        assert (legs[-1] == np.concatenate([turns.starts[beam], turns.last[beam]])).all()
-        # Between two parallel mirrors the unfolded place is folded back by reflection.
-        fold = abs((ends[beam, 0] + 3.0) % 6.0 - 3.0)
-        if len(legs) < 8:
-            assert turns.last[beam] == pytest.approx([fold, ends[beam, 1]], abs=1e-9)
 
 
 def test_only_mirrors_turn_beams():

@@ -21,7 +21,6 @@ from lrf3d.view.message import Sender, stage_message
 from lrf3d.view.shown import VIEWS, Driven, Played, Wanted
 
 FAR = (85_000.0, 447_500.0)
-LINE = np.dtype([("ends", "f4", (2, 3)), ("tints", "u1", (2, 4)), ("side", "f4", 2)])
 
 
 def read(message):
@@ -29,9 +28,14 @@ def read(message):
     length = int.from_bytes(message[:4], "little")
     header, block = json.loads(message[4 : 4 + length]), message[4 + length :]
     for mark in header.get("marks", {}).values():
-        for name, (first, size) in mark.get("columns", {}).items():
-            kind = {"rows": "u1", "colours": "u1"}.get(name, "f4")
-            mark["columns"][name] = np.frombuffer(block[first : first + size], kind)
+        if mark.get("kind") == "level":
+            continue
+        sent, mark["columns"], mark["first"] = mark["columns"], {}, {}
+        for place, start, size, first, rows in sent:
+            kind, values = ("f4", size) if size else ("u1", 4)
+            count = (rows - first) * values
+            mark["columns"][place] = np.frombuffer(block, kind, count, start).reshape(-1, values)
+            mark["first"][place] = first
     return header
 
 
@@ -50,17 +54,17 @@ def test_arrays_are_sent_once_and_colours_are_bytes():
     assert header["words"] == {"t": "1"}
     first = header["marks"]["lines"]
     assert (first["kind"], first["width"], first["hidden"]) == ("lines", 2.0, False)
-    rows = first["columns"]["rows"].view(LINE)
-    assert np.array_equal(rows["ends"], np.stack([lines().starts, lines().ends], axis=1))
-    assert rows["tints"][:, :, 3].tolist() == [[255, 0], [128, 255]]
-    assert header["marks"]["points"]["columns"]["colours"].tolist() == [128] * 4
-    assert header["marks"]["soft"]["columns"]["colours"].tolist() == [255] * 12
+    for place, values in enumerate(lines()[:2]):
+        assert np.array_equal(first["columns"][place], values)
+    assert first["columns"][3].tolist() == [[1, 0], [0.5, 2]]
+    assert header["marks"]["points"]["columns"][1].tolist() == [[128] * 4]
+    assert header["marks"]["soft"]["columns"][1].tolist() == [[255] * 4] * 3
     assert sender.message(marks, {"words": {"t": "1"}}) is None
     paler = points._replace(colours=points.colours / 2)
     header = read(sender.message({**marks, "points": paler}, {}))
     assert set(header) == {"marks"} and set(header["marks"]) == {"points"}
-    assert set(header["marks"]["points"]) == {"columns"}
-    assert set(header["marks"]["points"]["columns"]) == {"colours"}
+    assert set(header["marks"]["points"]) == {"columns", "first"}
+    assert set(header["marks"]["points"]["columns"]) == {1}
     # What the plan shares with the scene is sent once.
     twice = {**marks, "plan points": points._replace(glows=False), "plan lines": marks["lines"]}
     message = Sender().message(twice, {})
@@ -68,7 +72,23 @@ def test_arrays_are_sent_once_and_colours_are_bytes():
     assert len(message) - int.from_bytes(message[:4], "little") == 4 + sum(
         column.nbytes for name in marks for column in sent[name]["columns"].values()
     )
-    assert sent["plan lines"]["columns"]["rows"].tolist() == first["columns"]["rows"].tolist()
+    assert np.array_equal(sent["plan lines"]["columns"][0], first["columns"][0])
+
+
+def test_of_an_array_that_has_grown_only_what_is_new_is_sent():
+    sender, places = Sender(), np.arange(18.0, dtype=np.float32).reshape(6, 3)
+    sides, colours = np.zeros((6, 2), np.float32), np.ones((6, 4), np.float32)
+
+    def sent(rows):
+        points = Points(places[:rows].copy(), colours[:rows], sides[:rows], 0.1, (2.0, 4.0))
+        return read(sender.message({"points": points}, {}))["marks"]["points"]
+
+    assert len(sent(4)["columns"][0]) == 4
+    grown = sent(6)
+    assert np.array_equal(grown["columns"][0], places[4:]) and grown["first"][0] == 4
+    assert len(sent(3)["columns"][0]) == 0
+    places[1] += 1.0
+    assert np.array_equal(sent(3)["columns"][0], places[1:3])
 
 
 @pytest.mark.parametrize("offset", [(0.0, 0.0), FAR])
@@ -79,7 +99,7 @@ def test_a_page_gets_the_scene_of_the_film(offset):
     assert {"trail", "fan", "beams", "points", "map", "robot", "plan robot"} <= set(marks)
     assert set(header["order"]) <= set(marks) and set(header["bodies"]) == {"robot", "map"}
     scan = run.scan(int(np.searchsorted(run.trajectory.times, 2.0 + 1e-9, side="right")) - 1)
-    places = marks["points"]["columns"]["places"].reshape(-1, 3)[:, :2] + run.world.origin
+    places = marks["points"]["columns"][0][:, :2] + run.world.origin
     assert places == pytest.approx(scan.points(), abs=1e-4)
     pose = run.trajectory.at(np.array([2.0]))[0]
     assert header["bodies"]["robot"][12:14] == pytest.approx(pose[:2] - run.world.origin, abs=1e-4)
@@ -90,9 +110,7 @@ def test_a_page_gets_the_scene_of_the_film(offset):
 def test_what_stands_is_sent_with_the_shaders_of_the_film():
     stage = stage_of(city_run())
     marks = read(stage_message(stage))
-    assert len(marks["marks"]["walls"]["columns"]["rows"]) == 64 * (
-        4 * len(stage.walls.places) + 3 * len(stage.roofs.places)
-    )
+    assert len(marks["marks"]["walls"]["columns"][0]) == 4 * len(stage.faces.places)
     assert all("void main" in each for pair in marks["programs"].values() for each in pair)
 
 
@@ -157,12 +175,20 @@ def test_a_drive_sends_nothing_while_nothing_changes(driven):
     turning = read(page.answer(Wanted(turn=1.0), 0.05))
     # The robot turns on the spot, and so do its beams.
     assert "robot" in turning["bodies"] and "points" in turning["marks"]
-    for _ in range(20):
-        page.answer(Wanted(forward=1.0), 0.05)
-    last = read(page.answer(Wanted(forward=1.0), 0.05))
-    ends = last["marks"]["trail"]["columns"]["rows"].view(LINE)["ends"]
-    assert np.hypot(*np.diff(ends[..., :2], axis=1)[:, 0].T).sum() > 1.5
+    trail = np.zeros((0, 3))
+    for _ in range(21):
+        last = read(page.answer(Wanted(forward=1.0), 0.05))
+        drawn = last["marks"]["trail"]
+        trail = np.concatenate([trail[: drawn["first"][1]], drawn["columns"][1]])
+    assert np.hypot(*np.diff(trail[:, :2], axis=0).T).sum() > 1.4
+    assert len(drawn["columns"][1]) < len(trail)
     assert last["words"]["v"] == "2.00"
+
+
+def test_a_long_drive_sends_no_more_than_a_short_one(driven):
+    page, wanted = driven(YARD), Wanted(forward=0.8, turn=0.9)
+    sizes = [len(page.answer(wanted, 0.05)) for _ in range(600)]
+    assert np.median(sizes[-60:]) < 1.15 * np.median(sizes[100:160])
 
 
 def test_a_drive_shows_what_moves(driven):

@@ -1,7 +1,7 @@
 """Echoes of a beam, compiled: which of them a laser keeps and reports.
 
-The echoes of a beam come in, in any order, with their intensities and the walls on their ways. What
-leaves are the range, wall and intensity of the chosen one, and the strongest ones in order.
+The echoes of a beam come one by one, in any order. One of them is its range, and the strongest are
+kept in the order of their ranges.
 """
 
 from typing import NamedTuple
@@ -14,14 +14,8 @@ from lrf3d.geometry import Float, Int
 MOST_WALLS = 16
 """Number of walls on the way of a beam, those that it passes through included."""
 
-MOST_ECHOES = 16
-"""Echoes of one beam that are kept, the strongest ones."""
-
 FIRST, LAST, STRONGEST = 0, 1, 2
 """Which echo is the range of a beam."""
-
-WAY, LIGHT, LENGTH = 0, 1, 2
-"""Columns of an echo: its range [m], its intensity, and the number of walls on its way."""
 
 
 class Receiver(NamedTuple):
@@ -50,82 +44,52 @@ class Lit(NamedTuple):
 
 
 @borrower
-def report(echoes: Float, ways: Int, count: int, receiver: Receiver, i: int, lit: Lit) -> None:
-    """Report the echoes of beam i: one as its range, and the strongest ones in order."""
-    _sort(echoes, ways, count)
-    first = 0
-    while first < count and echoes[first, WAY] < receiver.range_min:
-        first += 1
-    lit.ranges[i] = -np.inf if first > 0 else np.inf
-    lit.walls[i], lit.intensities[i] = -1, 0.0
-    chains, slots = lit.chains, lit.echo_ranges.shape[1]
-    if len(chains) > 0:
-        for k in range(MOST_WALLS):
-            chains[i, k] = -1
-    for slot in range(slots):
+def clear(i: int, lit: Lit) -> None:
+    """Let beam i have no echo."""
+    lit.ranges[i], lit.walls[i], lit.intensities[i] = np.inf, -1, 0.0
+    for slot in range(lit.echo_ranges.shape[1]):
         lit.echo_ranges[i, slot], lit.echo_intensities[i, slot] = np.inf, 0.0
-    if first == count:
+    for k in range(lit.chains.shape[1]):
+        lit.chains[i, k] = -1
+
+
+@borrower
+def receive(
+    way: float, light: float, chain: Int, walls: int, receiver: Receiver, i: int, lit: Lit
+) -> None:
+    """Take an echo of beam i from behind the first of a chain's walls."""
+    nearest, strongest = lit.ranges[i], lit.intensities[i]
+    if way < receiver.range_min:
+        # Too near to be measured, which is reported where nothing else returns.
+        lit.ranges[i] = -np.inf if nearest == np.inf else nearest
         return
-    chosen = count - 1 if receiver.choice == LAST else first
-    slot = 0
-    for k in range(first, count):
-        stronger = 0
-        for other in range(first, count):
-            if echoes[other, LIGHT] > echoes[k, LIGHT] or (
-                echoes[other, LIGHT] == echoes[k, LIGHT] and other < k
-            ):
-                stronger += 1
-        if stronger == 0 and receiver.choice == STRONGEST:
-            chosen = k
-        if stronger < slots:
-            lit.echo_ranges[i, slot] = echoes[k, WAY]
-            lit.echo_intensities[i, slot] = echoes[k, LIGHT]
-            slot += 1
-    length = int(echoes[chosen, LENGTH])
-    lit.ranges[i], lit.intensities[i] = echoes[chosen, WAY], echoes[chosen, LIGHT]
-    lit.walls[i] = ways[chosen, length - 1]
-    if len(chains) > 0:
-        for k in range(length):
-            chains[i, k] = ways[chosen, k]
+    farther, brighter = way > nearest, light > strongest
+    chosen = brighter or (light == strongest and not farther)
+    if receiver.choice != STRONGEST:
+        chosen = farther if receiver.choice == LAST else way < nearest
+        chosen = chosen or (way == nearest and brighter)
+    if chosen or lit.walls[i] < 0:
+        lit.ranges[i], lit.walls[i], lit.intensities[i] = way, chain[walls - 1], light
+        for k in range(lit.chains.shape[1]):
+            lit.chains[i, k] = chain[k] if k < walls else -1
+    _keep(way, light, lit.echo_ranges[i], lit.echo_intensities[i])
 
 
 @borrower
-def _sort(echoes: Float, ways: Int, count: int) -> None:
-    """Sort echoes by their ranges, and at equal ranges the stronger first; there are few."""
-    for k in range(1, count):
-        j = k
-        while j > 0 and (
-            echoes[j - 1, WAY] > echoes[j, WAY]
-            or (echoes[j - 1, WAY] == echoes[j, WAY] and echoes[j - 1, LIGHT] < echoes[j, LIGHT])
-        ):
-            for column in range(3):
-                held = echoes[j, column]
-                echoes[j, column] = echoes[j - 1, column]
-                echoes[j - 1, column] = held
-            for column in range(MOST_WALLS):
-                name = ways[j, column]
-                ways[j, column] = ways[j - 1, column]
-                ways[j - 1, column] = name
-            j -= 1
-
-
-@borrower
-def keep(
-    echoes: Float, ways: Int, count: int, way: float, light_back: float, chain: Int, walls: int
-) -> int:
-    """Keep an echo behind the first of a chain's walls; the number of echoes that are kept.
-
-    Where there is no room it takes the place of the weakest, if that is weaker.
-    """
-    place = count
-    if count == MOST_ECHOES:
-        place = 0
-        for k in range(count):
-            if echoes[k, LIGHT] < echoes[place, LIGHT]:
-                place = k
-        if echoes[place, LIGHT] >= light_back:
-            return count
-    echoes[place, WAY], echoes[place, LIGHT], echoes[place, LENGTH] = way, light_back, walls
-    for k in range(walls):
-        ways[place, k] = chain[k]
-    return max(count, place + 1)
+def _keep(way: float, light: float, ways: Float, lights: Float) -> None:
+    """Keep an echo among the strongest (k,), which lie in order; free places are dark."""
+    slot, slots = 0, len(ways)
+    for k in range(1, slots):
+        slot = k if lights[k] <= lights[slot] else slot
+    if slots == 0 or light < lights[slot] or (light == lights[slot] and way >= ways[slot]):
+        return
+    # It takes the place of the weakest, and then its own.
+    while slot + 1 < slots and ways[slot + 1] < way:
+        ways[slot], lights[slot] = ways[slot + 1], lights[slot + 1]
+        slot += 1
+    while slot > 0 and (
+        ways[slot - 1] > way or (ways[slot - 1] == way and lights[slot - 1] < light)
+    ):
+        ways[slot], lights[slot] = ways[slot - 1], lights[slot - 1]
+        slot -= 1
+    ways[slot], lights[slot] = way, light

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lrf3d.casting.kernels.buffer import ROOM
-from lrf3d.casting.kernels.echoes import MOST_ECHOES, MOST_WALLS, Lit, Receiver, keep, report
+from lrf3d.casting.kernels.echoes import MOST_WALLS, Lit, Receiver, clear, receive
 from lrf3d.casting.kernels.scans import PADDING, Laser, PlainLaser, aim
 from lrf3d.casting.kernels.solid import near_box
 from lrf3d.casting.kernels.tree import STACK, PlainTree, Tree
@@ -62,13 +62,11 @@ PlainLit = tuple[Float, Int, Float, Float, Float, Int]
 
 
 class Room(NamedTuple):
-    """Room to work in: rays that wait and echoes of a beam, with their walls; boxes that wait."""
+    """Room to work in: rays that wait, with their walls; boxes that wait."""
 
     rays: Float
     ways: Int
     chain: Int
-    echoes: Float
-    echo_ways: Int
     stack: Int
     nears: Float
 
@@ -91,8 +89,7 @@ def light_scans(
             i = rest[j]
             rays[0, Z], rays[0, DX], rays[0, DY], rays[0, DZ] = 0.0, dx[i], dy[i], 0.0
             place, start = (poses[k, 0], poses[k, 1]), (one.ranges[i], one.walls[i])
-            count = _follow(tree, optics, receiver, laser.range_max, place, start, room)
-            report(room.echoes, room.echo_ways, count, receiver, i, one)
+            _follow(tree, optics, receiver, laser.range_max, place, start, room, i, one)
 
 
 @compiled
@@ -107,8 +104,7 @@ def light_beams(
         rays[0, Z], rays[0, DX], rays[0, DY] = origin[2], beams[i, 0], beams[i, 1]
         rays[0, DZ] = beams[i, 2]
         place = origin[0], origin[1]
-        count = _follow(tree, optics, receiver, range_max, place, (0.0, -1), room)
-        report(room.echoes, room.echo_ways, count, receiver, i, lit)
+        _follow(tree, optics, receiver, range_max, place, (0.0, -1), room, i, lit)
 
 
 @inner
@@ -118,8 +114,6 @@ def _room() -> Room:
         np.empty((MOST_WALLS + 1, SIZE)),
         np.empty((MOST_WALLS + 1, MOST_WALLS), np.int64),
         np.empty(MOST_WALLS, np.int64),
-        np.empty((MOST_ECHOES, 3)),
-        np.empty((MOST_ECHOES, MOST_WALLS), np.int64),
         np.empty(STACK, np.int64),
         np.empty(STACK),
     )
@@ -151,19 +145,19 @@ def _light_dull(
 @borrower
 def _follow(
     tree: Tree, optics: Optics, receiver: Receiver, range_max: float, place: Vector,
-    start: tuple[float, int], room: Room,
-) -> int:  # fmt: skip
-    """Follow the beam in row 0 of the rays from a place, and all that it leaves, to its echoes.
+    start: tuple[float, int], room: Room, i: int, lit: Lit,
+) -> None:  # fmt: skip
+    """Follow beam i, in row 0 of the rays, from a place, and all that it leaves, to its echoes.
 
-    The way to its first wall [m] and this wall are known, unless the wall is −1. Returns the number
-    of echoes.
+    The way to its first wall [m] and this wall are known, unless the wall is −1.
     """
+    clear(i, lit)
     segments, table = optics.segments, optics.table
     rays, ways, chain, threshold = room.rays, room.ways, room.chain, receiver.threshold
     rays[0, WAY], rays[0, GAIN], rays[0, TURNS], rays[0, COUNT] = 0.0, 1.0, 0.0, 0.0
     rays[0, X], rays[0, Y], rays[0, HERE], rays[0, PASSED] = 0.0, 0.0, 0.0, 0.0
     way, name = start
-    waiting, echoes, known = 1, 0, name >= 0
+    waiting, known = 1, name >= 0
     while waiting > 0:
         waiting -= 1
         ray = rays[waiting]
@@ -190,7 +184,7 @@ def _follow(
         bright, mirrored, passed = _surface_light(table, kind, abs(slope) / size, along)
         back = intensity(gain * bright, way, receiver.near_field)
         if back > 0.0 and back >= threshold:
-            echoes = keep(room.echoes, room.echo_ways, echoes, way, back, chain, count)
+            receive(way, back, chain, count, receiver, i, lit)
         if count == MOST_WALLS:
             continue
         still = here > 0 and t == 0.0
@@ -211,7 +205,6 @@ def _follow(
             for j in range(count):
                 ways[waiting, j] = chain[j]
             waiting += 1
-    return echoes
 
 
 @borrower

@@ -22,7 +22,7 @@ from lrf3d.geometry import Float, Int
 from lrf3d.mapping.grid import Grid, near, order_of
 from lrf3d.mapping.robust.cells import FREE_DEPTH, Cells
 from lrf3d.mapping.robust.crossing import LINK_SINE, is_crossed
-from lrf3d.mapping.robust.walls import Walls, copy_columns
+from lrf3d.mapping.robust.walls import Walls, copy_columns, put_row
 
 TOUCH = 0.1
 """[m] Walls that come nearer than this touch: no beam between them need be trusted."""
@@ -119,8 +119,7 @@ def link_walls(links: Links, walls: Walls, grid: Grid, cells: Cells, rows: Int) 
         places[rows[k]] = k
         links.own[rows[k]] += 1
     for k in range(len(rows)):
-        wall, reach, found = rows[k], LONGEST_LINK, 0
-        farthest = 0
+        wall, reach, found, farthest = rows[k], LONGEST_LINK, 0, 0
         for i in range(near(grid, walls.ends[wall], LONGEST_LINK)):
             other = grid.found[i]
             # A link of two of them is added once, by the later one.
@@ -135,7 +134,8 @@ def link_walls(links: Links, walls: Walls, grid: Grid, cells: Cells, rows: Int) 
             if length > reach:
                 continue
             place = found if found < MOST_LINKS else farthest
-            links.others[wall, place], lengths[place], lines[place] = other, length, line
+            links.others[wall, place], lengths[place] = other, length
+            put_row(lines, place, line)
             found = min(found + 1, MOST_LINKS)
             if found == MOST_LINKS:
                 farthest = int(np.argmax(lengths))

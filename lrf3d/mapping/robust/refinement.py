@@ -20,7 +20,7 @@ from lrf3d.mapping.robust.cells import (
 from lrf3d.mapping.robust.evidence import FOLLOWED
 from lrf3d.mapping.robust.judging import count_evidence
 from lrf3d.mapping.robust.refitting import VIOLATION_WEIGHT, Parts
-from lrf3d.mapping.robust.walls import UNLINKED, Walls, give_back, take_row
+from lrf3d.mapping.robust.walls import UNLINKED, Walls, give_back, put_row, take_row
 
 FRESH_SHARE = 0.1
 """[share] A wall is refined again when this part of what it was refit by has come anew. Less
@@ -132,7 +132,8 @@ def replace_walls(
     for part in range(len(ends)):
         moved = places[part] < 0
         row = places[part] = take_row(walls) if moved else places[part]
-        walls.ends[row], walls.moments[row] = ends[part], moments[part]
+        put_row(walls.ends, row, ends[part])
+        put_row(walls.moments, row, moments[part])
         walls.points[row], walls.real[row] = points[part], real[part]
         walls.evidence[row], walls.fresh[row] = evidence[part], 0.0
         insert(grid, row, walls.ends[row])
@@ -142,7 +143,7 @@ def replace_walls(
         if moved:
             fresh[added] = row
             added += 1
-            walls.placed[row] = ends[part]
+            put_row(walls.placed, row, ends[part])
         if moved or points[part] > NEW_POINTS * walls.known[row]:
             walls.known[row] = points[part]
             linked[count] = row

@@ -112,6 +112,16 @@ def copy_columns(table: Iterable[Any], grown: Iterable[Any]) -> None:
         column[: len(own)] = own
 
 
+@inner
+def put_row(rows: Float, row: int, values: Float) -> None:
+    """Copy values (k,) into a row of rows (n, k).
+
+    An assignment takes a second to compile, because it also checks shapes and writes messages.
+    """
+    for k in range(len(values)):
+        rows[row, k] = values[k]
+
+
 class Rule(NamedTuple):
     """What one wall is.
 
@@ -182,7 +192,7 @@ def merge_walls(
         row = take_row(walls)
         for side in range(4):
             walls.ends[row, side] = ends[k, side] + place[side % 2]
-        walls.moments[row] = moments[k]
+        put_row(walls.moments, row, moments[k])
         walls.moments[row, 1] += place[0]
         walls.moments[row, 2] += place[1]
         walls.points[row] = points[k]

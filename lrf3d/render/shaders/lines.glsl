@@ -1,16 +1,21 @@
 // Lines of even width with soft edges, of two triangles each; DASHED ones have gaps.
 uniform float width;    // [pixels]
 #ifdef VERTEX
-layout(location = 0) in vec3 here;
-layout(location = 1) in vec3 there;
-layout(location = 2) in float turn;     // 1 to the left of the way there, -1 to the right; twice that at the end
-layout(location = 3) in vec4 tint;
+layout(location = 0) in vec3 start;
+layout(location = 1) in vec3 end;
+layout(location = 2) in vec3 tint;
+layout(location = 3) in vec2 opacities; // at both ends
 layout(location = 4) in vec2 side;      // where the wall's face looks, or 0
 out vec4 paint;
 out float along;                // way from the start [m]
 out vec2 off;                   // from the middle of the line [pixels] times the depth, and the depth
 const float NEAR = 0.25;        // no less than that of the camera [m]
 void main() {
+    // The corners of a line: two at its start and two at its end, to the left and right.
+    bool ends = (gl_VertexID & 2) != 0;
+    float turn = (gl_VertexID & 1) == 0 ? 1.0 : -1.0;
+    vec3 here = ends ? end : start;
+    vec3 there = ends ? start : end;
     // What lies behind the eye is cut off before the division turns it round.
     float w = (view_projection * vec4(here, 1.0)).w;
     vec4 b = view_projection * vec4(there, 1.0);
@@ -18,14 +23,14 @@ void main() {
     vec4 a = raised(crosses ? mix(here, there, (NEAR - w) / (b.w - w)) : here, nearer);
     if (b.w < NEAR && a.w > NEAR) b = mix(b, a, (NEAR - b.w) / (a.w - b.w));
     vec2 way = (b.xy / b.w - a.xy / a.w) * viewport;
-    vec2 across = normalize(vec2(-way.y, way.x) + vec2(1e-9, 0.0)) * sign(turn);
+    vec2 across = normalize(vec2(-way.y, way.x) + vec2(1e-9, 0.0)) * turn;
     float half_width = 0.5 * width + 0.75;
     a.xy += across * half_width * 2.0 / viewport * a.w;
     // Seen from the end, left and right have changed places.
     // Divided by the depth it is straight in the picture, and not in space.
-    off = vec2(sign(turn) * half_width * (abs(turn) > 1.5 ? -1.0 : 1.0), 1.0) * a.w;
-    along = abs(turn) > 1.5 ? length(there - here) : 0.0;
-    paint = tint;
+    off = vec2(turn * half_width * (ends ? -1.0 : 1.0), 1.0) * a.w;
+    along = ends ? length(there - here) : 0.0;
+    paint = vec4(tint, ends ? opacities.y : opacities.x);
     if (!shown(here, side)) a.z = 2.0 * a.w;
     gl_Position = a;
 }

@@ -1,20 +1,5 @@
 // Draws the scene as the film does: with its shaders, in its order, from arrays as they come.
 
-const TINT = "tint"; // Four bytes of colour and opacity; other attributes are so many floats.
-// The buffers of each kind of geometry and their attributes, in the order of the shaders' locations.
-const LAYOUTS = {
-  walls: { rows: [3, 3, 3, 3, 3, 1] },
-  ground: { rows: [2] },
-  sky: { rows: [2] },
-  lines: { rows: [3, 3, 1, TINT, 2] },
-  faces: { corners: [3], normals: [3], colours: [TINT] },
-  soft: { corners: [3], colours: [TINT] },
-  points: { places: [3], colours: [TINT], sides: [2] },
-};
-// The corners of the two triangles of a line: at which end, and to its left or right seen from there.
-const CORNERS = [[0, 1], [0, -1], [1, 1], [0, 1], [1, 1], [1, -1]];
-const LINE = 10; // Words of a line as it comes: both ends, two colours, the side of its wall;
-const ROW = 10; // and of each of its corners: this end, the other, left or right, colour, side.
 const HEAD = `#version 300 es
 precision highp float;
 precision highp int;
@@ -54,7 +39,7 @@ export class Scene {
     const levels = Object.values(header.marks).filter(({ kind }) => kind === "level");
     gl.texParameteri(gl.TEXTURE_2D_ARRAY, gl.TEXTURE_MAX_LEVEL, levels.length - 1);
     levels.forEach(({ shape, columns }, level) => {
-      const texels = new Uint8Array(block, ...columns.rows);
+      const texels = new Uint8Array(block, columns[0][1], 4 * shape[0] * shape[1] * shape[2]);
       gl.texImage3D(gl.TEXTURE_2D_ARRAY, level, gl.RGBA8, ...shape, 0, gl.RGBA, gl.UNSIGNED_BYTE, texels);
     });
     this.pavement = this.texture(gl.TEXTURE_2D, gl.CLAMP_TO_EDGE);
@@ -65,8 +50,8 @@ export class Scene {
     const { columns, shape } = header.marks.indices;
     gl.bindVertexArray(this.marks.walls.vertices);
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
-    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, new Uint8Array(block, ...columns.rows), gl.STATIC_DRAW);
-    [this.textured, this.indexed] = [shape[0], columns.rows[1] / 4];
+    [this.textured, this.indexed] = [shape[0], columns[0][4]];
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, new Uint32Array(block, columns[0][1], this.indexed), gl.STATIC_DRAW);
   }
 
   texture(kind, wrap) {
@@ -109,14 +94,11 @@ export class Scene {
 
   // Take what the server has sent: a header and arrays.
   take({ marks = {}, bodies, order, camera, plan }, block) {
-    for (const [name, { kind, columns = {}, ...style }] of Object.entries(marks)) {
-      if (kind && !LAYOUTS[kind]) continue;
-      const mark = (this.marks[name] ??= this.geometry(kind));
-      if (kind) Object.assign(mark, style, { kind });
-      for (const [column, place] of Object.entries(columns)) {
-        const data = mark.kind === "lines" ? corners(new Uint32Array(block, place[0], place[1] / 4)) : new Uint8Array(block, ...place);
-        this.fill(mark, column, data);
-      }
+    for (const [name, { columns, ...style }] of Object.entries(marks)) {
+      if (["indices", "level"].includes(style.kind)) continue;
+      const mark = (this.marks[name] ??= { vertices: this.gl.createVertexArray(), columns: [], count: 0 });
+      Object.assign(mark, style);
+      for (const column of columns) this.fill(mark, column, block);
     }
     // Bodies that are not named are not to be seen, such as the map's walls from above.
     if (bodies) this.bodies = { ...this.standing, ...bodies };
@@ -127,34 +109,30 @@ export class Scene {
     this.stale = true;
   }
 
-  geometry(kind) {
+  // Rewrite an attribute from its first new row on; colours are four bytes, others so many floats.
+  fill(mark, [place, start, size, first, count], block) {
     const { gl } = this;
-    const made = { vertices: gl.createVertexArray(), buffers: {}, count: 0 };
-    gl.bindVertexArray(made.vertices);
-    let place = 0;
-    for (const [column, sizes] of Object.entries(LAYOUTS[kind])) {
-      const buffer = gl.createBuffer();
-      gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
-      const stride = 4 * sizes.reduce((sum, size) => sum + (size === TINT ? 1 : size), 0);
-      let offset = 0;
-      for (const size of sizes) {
-        gl.enableVertexAttribArray(place);
-        if (size === TINT) gl.vertexAttribPointer(place, 4, gl.UNSIGNED_BYTE, true, stride, offset);
-        else gl.vertexAttribPointer(place, size, gl.FLOAT, false, stride, offset);
-        offset += size === TINT ? 4 : 4 * size;
-        place += 1;
+    const stride = 4 * (size || 1);
+    const { buffer, room } = mark.columns[place] ?? { room: 0 };
+    if (count > room || !buffer) {
+      const [wider, rows] = [gl.createBuffer(), first ? 2 * count : count];
+      gl.bindVertexArray(mark.vertices);
+      gl.bindBuffer(gl.ARRAY_BUFFER, wider);
+      gl.bufferData(gl.ARRAY_BUFFER, stride * rows, gl.DYNAMIC_DRAW);
+      gl.enableVertexAttribArray(place);
+      if (size) gl.vertexAttribPointer(place, size, gl.FLOAT, false, 0, 0);
+      else gl.vertexAttribPointer(place, 4, gl.UNSIGNED_BYTE, true, 0, 0);
+      if (mark.kind === "lines") gl.vertexAttribDivisor(place, 1);
+      if (first) {
+        gl.bindBuffer(gl.COPY_READ_BUFFER, buffer);
+        gl.copyBufferSubData(gl.COPY_READ_BUFFER, gl.ARRAY_BUFFER, 0, 0, stride * first);
       }
-      made.buffers[column] = { buffer, stride };
+      gl.deleteBuffer(buffer ?? null);
+      mark.columns[place] = { buffer: wider, room: rows };
     }
-    return made;
-  }
-
-  fill(mark, column, data) {
-    const { gl } = this;
-    const { buffer, stride } = mark.buffers[column];
-    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
-    gl.bufferData(gl.ARRAY_BUFFER, data, gl.DYNAMIC_DRAW);
-    mark.count = data.byteLength / stride;
+    gl.bindBuffer(gl.ARRAY_BUFFER, mark.columns[place].buffer);
+    gl.bufferSubData(gl.ARRAY_BUFFER, stride * first, new Uint8Array(block, start, stride * (count - first)));
+    mark.count = count;
   }
 
   // Draw with a camera into a box of the canvas: left, bottom, width, height.
@@ -187,6 +165,7 @@ export class Scene {
     }
     gl.bindVertexArray(mark.vertices);
     if (span) gl.drawElements(mode, span[1], gl.UNSIGNED_INT, 4 * span[0]);
+    else if (mark.kind === "lines") gl.drawArraysInstanced(gl.TRIANGLE_FAN, 0, 4, count);
     else gl.drawArrays(mode, 0, count);
     this.calls += 1;
   }
@@ -253,23 +232,4 @@ export class Scene {
     gl.disable(gl.SCISSOR_TEST);
     gl.enable(gl.DEPTH_TEST);
   }
-}
-
-// Lines as the vertices of two triangles each.
-function corners(lines) {
-  const rows = new Uint32Array((CORNERS.length * lines.length * ROW) / LINE);
-  const floats = new Float32Array(rows.buffer);
-  let at = 0;
-  for (let from = 0; from < lines.length; from += LINE) {
-    for (const [end, side] of CORNERS) {
-      const ends = [from, from + 3];
-      rows.set(lines.subarray(ends[end], ends[end] + 3), at);
-      rows.set(lines.subarray(ends[1 - end], ends[1 - end] + 3), at + 3);
-      floats[at + 6] = side * (1 + end);
-      rows[at + 7] = lines[from + 6 + end];
-      rows.set(lines.subarray(from + 8, from + LINE), at + 8);
-      at += ROW;
-    }
-  }
-  return new Uint8Array(rows.buffer);
 }
