@@ -11,9 +11,8 @@ truth is known, the corners of a polygon around each scan: ``KIND_poly_n``, ``KI
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -37,19 +36,12 @@ FARTHEST = 1000.0
 """How far [m] lines are looked for."""
 
 
-@dataclass(frozen=True, eq=False)
-class ScanSet:
-    """Scans of one kind.
-
-    Args:
-        kind: What they are called in the file.
-        scans: The scans.
-        polygons: (k, 2) the true polygon around each scan; none where it is not known.
-    """
+class ScanSet(NamedTuple):
+    """Scans of one kind, and the true polygon (k, 2) around each, if it is known."""
 
     kind: str
     scans: list[LaserScan]
-    polygons: list[Float]
+    polygons: list[Float] | None
 
 
 def load_scan_sets(path: Path) -> list[ScanSet]:
@@ -80,43 +72,33 @@ def _scan_set(kind: str, columns: dict[str, Any]) -> ScanSet:
     ):
         valid = np.where((measured <= low) | (measured >= high), np.inf, measured)
         scans.append(LaserScan(as_pose(pose), angles, valid, range_max=float(high)))
-    polygons = []
-    if f"{kind}_poly_n" in columns:
-        corners = np.cumsum(columns[f"{kind}_poly_n"])[:-1]
-        polygons = np.split(columns[f"{kind}_poly_xy"], corners)
-    return ScanSet(kind, scans, polygons)
+    if f"{kind}_poly_n" not in columns:
+        return ScanSet(kind, scans, None)
+    corners = np.cumsum(columns[f"{kind}_poly_n"])[:-1]
+    return ScanSet(kind, scans, np.split(columns[f"{kind}_poly_xy"], corners))
 
 
-def score_vertices(
-    sets: Sequence[ScanSet],
-    vertices: Sequence[int],
-) -> list[Row]:
+def score_vertices(sets: Sequence[ScanSet], vertices: Sequence[int]) -> list[Row]:
     """Score the lines of single scans of each kind, at each number of vertices; means over scans.
 
     The error of the ranges is that of the beams that meet a line; ``explained`` is the share of the
     returns whose beams do; the area that is wrong is given by the true one, where that is known.
-
-    Args:
-        sets: The scans.
-        vertices: Numbers of vertices a scan.
     """
     rows: list[Row] = []
-    for each in sets:
+    for kind, scans, polygons in sets:
+        around: Sequence[Float | None] = polygons or [None] * len(scans)
         for most in vertices:
-            scores = []
-            for index, scan in enumerate(each.scans):
-                polygon = each.polygons[index] if each.polygons else None
-                scores.append(_score_scan(scan, most, polygon))
+            scores = [_score_scan(s, most, p) for s, p in zip(scans, around, strict=True)]
             used, errors, shares, areas = zip(*scores, strict=True)
             rows.append(
                 {
-                    "kind": each.kind,
+                    "kind": kind,
                     "scans": len(scores),
                     "vertices": most,
                     "most_used": max(used),
                     "ray_rmse_m": float(np.nanmean(errors)),
                     "explained": float(np.mean(shares)),
-                    "area_error": float(np.mean(areas)) if each.polygons else None,
+                    "area_error": None if polygons is None else float(np.mean(areas)),
                 }
             )
     return rows

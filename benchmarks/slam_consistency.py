@@ -7,7 +7,6 @@ of three numbers, whose mean over the seeds is 3 for a covariance that is right.
     python -m benchmarks.slam_consistency --seeds 50
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Any
@@ -18,6 +17,7 @@ from scipy.stats import chi2
 
 import lrf3d
 from lrf3d.cli.console import json_text
+from lrf3d.cores import core_count, process_pool
 from lrf3d.geometry import Float, wrap_angle
 from lrf3d.scenario import Scenario
 from lrf3d.slam.frames import between
@@ -166,22 +166,15 @@ def consistency(drives: list[Drive]) -> dict[str, float]:
     }
 
 
-def measure(seeds: int, run: Callable[..., list[Drive]]) -> dict[str, list[Drive]]:
-    """The drives through all worlds; ``run(function, seeds)`` maps a function over seeds."""
-    return {world: run(partial(simulated, world), range(seeds)) for world in WORLDS}
-
-
 def main(
     seeds: Annotated[int, typer.Option(min=2, help="Drives through each world.")] = 50,
-    scheduler: Annotated[str | None, typer.Option(help="Address of a Dask scheduler.")] = None,
 ) -> None:
     """Measure how consistent SLAM is, and print it as JSON."""
-    from lrf3d.sweeping.running import executor_of
-
-    with executor_of(None, scheduler) as executor:
-        assert executor is not None
-        worlds = measure(seeds, lambda work, runs: list(executor.map(work, runs)))
-    print(json_text({world: consistency(drives) for world, drives in worlds.items()}))
+    found = {}
+    with process_pool(core_count()) as pool:
+        for world in WORLDS:
+            found[world] = consistency(list(pool.map(partial(simulated, world), range(seeds))))
+    print(json_text(found))
 
 
 if __name__ == "__main__":

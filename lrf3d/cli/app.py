@@ -6,12 +6,11 @@ from typing import Annotated, Any
 import typer
 
 from lrf3d.cli import world
+from lrf3d.cli.accuracy import crosscheck, localise
 from lrf3d.cli.commands import Command, ungrouped
-from lrf3d.cli.crosscheck import crosscheck
 from lrf3d.cli.export import export
-from lrf3d.cli.localise import localise
+from lrf3d.cli.film import render
 from lrf3d.cli.logs import map_, slam
-from lrf3d.cli.render import render
 from lrf3d.cli.run import run
 from lrf3d.cli.sweep import sweep
 from lrf3d.cli.view import view

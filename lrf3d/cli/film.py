@@ -1,7 +1,7 @@
-"""The options of films and pictures, and how they are drawn."""
+"""``lrf3d render``, and the options of films and pictures that ``lrf3d run`` has, too."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 import typer
 
 from lrf3d.cli.console import Report
-from lrf3d.cli.options import Workers
+from lrf3d.cli.options import OutFile, RunArgument, Workers
 
 if TYPE_CHECKING:
     from lrf3d.run import Run
@@ -120,3 +120,64 @@ class Film:
         if min(size) < 64 or max(size) > 7680 or size[0] % 2 or size[1] % 2:
             raise InputError(f"--size {self.size}: expected even numbers from 64 to 7680")
         return size
+
+
+def render(
+    run: RunArgument,
+    film: Film,
+    report: Report,
+    out: OutFile = None,
+    at: float | None = None,
+    first: Annotated[float | None, typer.Option("--from")] = None,
+    last: Annotated[float | None, typer.Option("--to")] = None,
+    points_by: Literal["range", "intensity"] | None = None,
+) -> None:
+    """Draw the film of a run, or a picture of one moment.
+
+    The ending of --out selects the kind.
+
+    Options:
+        out: The film: .mp4, .webp or .gif; with --at a .png. In the run's folder if not given.
+        at: Draw one picture at this time [s] instead of a film.
+        first: Begin the film at this time of the run [s].
+        last: End the film at this time of the run [s].
+        points_by: What the colour of hit points shows; that of the run if not given.
+    """
+    film.check()
+    path = _output_path(run, out, at is not None)
+
+    from lrf3d.files import make_folder
+    from lrf3d.io import load_run
+
+    kept = load_run(run)
+    if points_by is not None:
+        kept = replace(kept, film=replace(kept.film, points_by=points_by))
+    make_folder(path.parent)
+    if at is not None:
+        film.draw(kept, path, at)
+        report.print({"picture": str(path)}, [("picture", str(path))])
+        return
+    drawn = film.write(kept, path, report, (first, last))
+    each = 1e3 * drawn["seconds"] / max(drawn["frames"], 1)
+    by = "OpenGL" if drawn["renderer"] == "gl" else "Embree"
+    report.print(
+        {"video": str(path), "drawn": drawn},
+        [
+            ("film", str(path)),
+            ("drawn", f"{drawn['frames']} frames of {'x'.join(map(str, drawn['size']))}"),
+            ("time", f"{drawn['seconds']:.1f} s, {each:.0f} ms each by {by}"),
+        ],
+    )
+
+
+def _output_path(run: Path, out: Path | None, picture: bool) -> Path:
+    """The file to write to; its ending must fit what is drawn."""
+    from lrf3d.errors import InputError
+
+    if out is None:
+        return (run if run.is_dir() else run.parent) / ("run.png" if picture else "run.mp4")
+    if picture and out.suffix.lower() != ".png":
+        raise InputError(f"--out {out}: expected a name that ends in .png, as --at draws a picture")
+    if out.suffix.lower() == ".png" and not picture:
+        raise InputError(f"--out {out}: a .png is one picture; give its time with --at TIME")
+    return out

@@ -5,6 +5,7 @@ are computed in the robot's frame, independently of the world's origin.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -68,9 +69,9 @@ class LocalLines(Value):
 class KnownLines(Value):
     """Line segments (n, 4) of a known map [m], each of an object (n,) from 0.
 
-    Each has its middle (n, 2) [m], its direction (n, 2), half of its length (n,) [m], and standard
-    deviations (n, 2) of the direction [rad] and of the offset in the middle [m]; all are visible
-    from both sides, or only from their left. They come of a world or of a built map.
+    Standard deviations (n, 2) are those of the direction [rad] and of the offset in the middle [m];
+    all lines are visible from both sides, or only from their left. They come of a world or of a
+    built map.
 
     Examples:
         >>> import lrf3d
@@ -81,21 +82,18 @@ class KnownLines(Value):
 
     segments: Float
     objects: Int
-    middles: Float
-    units: Float
-    halves: Float
     deviations: Float
     one_sided: bool
 
     def __post_init__(self) -> None:
-        self._hold("segments", "middles", "units", "halves", "deviations")
+        self._hold("segments", "deviations")
         self._hold("objects", dtype=np.int64)
 
     @classmethod
     def from_world(cls, world: World) -> "KnownLines":
         """The true walls of a world, visible from both sides."""
         expect(world, World, "world")
-        return cls._of(world.segments, world.objects, np.zeros((len(world.segments), 2)), False)
+        return cls(world.segments, world.objects, np.zeros((len(world.segments), 2)), False)
 
     @classmethod
     def from_map(cls, line_map: LineMap, *, deviation: float = 0.0) -> "KnownLines":
@@ -109,20 +107,23 @@ class KnownLines(Value):
         offset = deviation / np.sqrt(np.maximum(line_map.points[solid], 1))
         # Points spread evenly over the length L scatter by L/√12 about the middle.
         turn = offset * np.sqrt(12.0) / lengths(segments)
-        return cls._of(segments, line_map.objects[solid], np.column_stack([turn, offset]), True)
-
-    @classmethod
-    def _of(cls, segments: Float, objects: Int, deviations: Float, one_sided: bool) -> "KnownLines":
-        return cls(
-            segments=segments,
-            objects=objects,
-            # Adding half the difference to the first end keeps digits far from the origin.
-            middles=segments[:, :2] + 0.5 * (segments[:, 2:] - segments[:, :2]),
-            units=directions(segments),
-            halves=0.5 * lengths(segments),
-            deviations=deviations,
-            one_sided=one_sided,
-        )
+        return cls(segments, line_map.objects[solid], np.column_stack([turn, offset]), True)
 
     def __len__(self) -> int:
         return len(self.segments)
+
+    @cached_property
+    def middles(self) -> Float:
+        """The middle (n, 2) of each line [m]."""
+        # Adding half of the difference to the first end keeps digits far from the origin.
+        return self.segments[:, :2] + 0.5 * (self.segments[:, 2:] - self.segments[:, :2])
+
+    @cached_property
+    def units(self) -> Float:
+        """The direction (n, 2) of each line."""
+        return directions(self.segments)
+
+    @cached_property
+    def halves(self) -> Float:
+        """Half of the length (n,) of each line [m]."""
+        return 0.5 * lengths(self.segments)

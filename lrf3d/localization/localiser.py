@@ -18,7 +18,6 @@ from lrf3d.localization.lines import KnownLines, LocalLines
 from lrf3d.localization.pairing import (
     STRATEGIES,
     Pairs,
-    check_strategy,
     innovation,
     pair_lines,
 )
@@ -153,7 +152,8 @@ class Localiser:
         expect(start, PoseEstimate, "localiser: start")
         expect(self._range_noise, RangeNoise, "localiser: range_noise")
         expect(noise, OdometryNoise, "localiser: odometry_noise")
-        check_strategy(strategy)
+        if strategy not in STRATEGIES:
+            raise InputError(f"strategy {shown(strategy)}: expected one of {', '.join(STRATEGIES)}")
         self.known, self.estimate, self._strategy = known, start, strategy
         self.pairs: Pairs | None = None
         self.used = 0
@@ -212,18 +212,16 @@ def localise(localiser: Localiser, scans: Iterable[LaserScan], steps: ArrayLike)
         True
     """
     steps = as_poses(np.reshape(steps, (-1, 3)) if np.size(steps) == 0 else steps)
-    poses, covariances, lines, comparisons = [], [], [], []
+    rows = []
     for count, scan in enumerate(scans):
         if count > len(steps):
             raise InputError(f"{len(steps)} steps of odometry for more scans than that")
         # The robot moves between scans, so the first one has no increment before it.
         if count:
             localiser.move(steps[count - 1])
-        estimate = localiser.see(scan)
-        poses.append(estimate.pose)
-        covariances.append(estimate.covariance)
-        lines.append(localiser.used)
-        comparisons.append(0 if localiser.pairs is None else localiser.pairs.comparisons)
-    if len(poses) != len(steps) + 1:
-        raise InputError(f"{len(steps)} steps of odometry for {len(poses)} scans")
-    return Track(np.array(poses), np.array(covariances), np.array(lines), np.array(comparisons))
+        pose, covariance = localiser.see(scan).pose, localiser.estimate.covariance
+        comparisons = 0 if localiser.pairs is None else localiser.pairs.comparisons
+        rows.append((pose, covariance, localiser.used, comparisons))
+    if len(rows) != len(steps) + 1:
+        raise InputError(f"{len(steps)} steps of odometry for {len(rows)} scans")
+    return Track(*map(np.array, zip(*rows, strict=True)))

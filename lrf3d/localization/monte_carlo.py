@@ -14,7 +14,6 @@ import numpy as np
 
 from lrf3d.cores import core_count, process_pool
 from lrf3d.errors import InputError, shown
-from lrf3d.geometry import Float
 from lrf3d.interrupts import check, stoppable
 from lrf3d.laser import ProportionalNoise, RangeNoise
 from lrf3d.localization.estimate import PoseEstimate
@@ -26,7 +25,7 @@ from lrf3d.localization.localiser import (
     localise,
     odometry_increments,
 )
-from lrf3d.localization.pairing import STRATEGIES, check_strategy
+from lrf3d.localization.pairing import STRATEGIES
 from lrf3d.pose import Pose
 from lrf3d.progress import Progress, silent
 from lrf3d.run import Run
@@ -62,11 +61,12 @@ def score_localisation(
     Raises:
         InputError: There is no such map or strategy, or no seed.
     """
+    from scipy.stats import chi2
+
     if known not in ("walls", "map"):
         raise InputError(f"known {shown(known)}: expected one of walls, map")
     if seeds < 1:
         raise InputError(f"{seeds} seeds: expected at least 1")
-    check_strategy(strategy)
     lines = KnownLines.from_world(run.world)
     if known == "map":
         deviation = sigma * MAPPED_RANGE / run.lrf.range_max
@@ -83,15 +83,28 @@ def score_localisation(
     truth = run.trajectory.poses
     errors = np.array([track.errors(truth) for track in tracks])
     nees = np.array([track.nees(truth) for track in tracks])
-    found = {"known": known, "lines": len(lines), "strategy": strategy}
-    return (
-        found
-        | _figures(errors, nees)
-        | {
-            "lines_a_scan": float(np.mean([track.lines for track in tracks])),
-            "comparisons_a_scan": float(np.mean([track.comparisons for track in tracks])),
-        }
-    )
+    distance, averages = np.hypot(errors[..., 0], errors[..., 1]), nees.mean(axis=0)
+    # The interval of a consistent filter's NEES, averaged over the seeds.
+    tail = 0.5 * (1.0 - NEES_CONFIDENCE)
+    low, high = (chi2(FREEDOMS * seeds).ppf([tail, 1.0 - tail]) / seeds).tolist()
+    return {
+        "known": known,
+        "lines": len(lines),
+        "strategy": strategy,
+        "seeds": seeds,
+        "scans": len(truth),
+        "mean_position_error_m": float(distance.mean()),
+        "rms_position_error_m": float(np.sqrt((distance**2).mean())),
+        "largest_position_error_m": float(distance.max()),
+        "mean_heading_error_deg": float(np.degrees(np.abs(errors[..., 2]).mean())),
+        "nees": {
+            "mean": float(nees.mean()),
+            "bounds_of_average_over_seeds": [low, high],
+            "scans_within_bounds": float(((averages >= low) & (averages <= high)).mean()),
+        },
+        "lines_a_scan": float(np.mean([track.lines for track in tracks])),
+        "comparisons_a_scan": float(np.mean([track.comparisons for track in tracks])),
+    }
 
 
 def follow_drive(
@@ -124,28 +137,3 @@ def _in_order(follow: Callable[[int], Track], seeds: int, workers: int) -> Itera
             while not wait([future], 0.1).done:
                 check()
             yield future.result()
-
-
-def _figures(errors: Float, nees: Float) -> dict[str, Any]:
-    """The figures of errors (s, k, 3) and normalised squares (s, k) over seeds and scans."""
-    from scipy.stats import chi2
-
-    seeds, scans = nees.shape
-    distance = np.hypot(errors[..., 0], errors[..., 1])
-    averages = nees.mean(axis=0)
-    # The interval of a consistent filter's NEES, averaged over the seeds.
-    tail = 0.5 * (1.0 - NEES_CONFIDENCE)
-    low, high = (chi2(FREEDOMS * seeds).ppf([tail, 1.0 - tail]) / seeds).tolist()
-    return {
-        "seeds": seeds,
-        "scans": scans,
-        "mean_position_error_m": float(distance.mean()),
-        "rms_position_error_m": float(np.sqrt((distance**2).mean())),
-        "largest_position_error_m": float(distance.max()),
-        "mean_heading_error_deg": float(np.degrees(np.abs(errors[..., 2]).mean())),
-        "nees": {
-            "mean": float(nees.mean()),
-            "bounds_of_average_over_seeds": [low, high],
-            "scans_within_bounds": float(((averages >= low) & (averages <= high)).mean()),
-        },
-    }

@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.errors import InputError, shown
 from lrf3d.geometry import Bool, Float, Int, lengths, wrap_angle
 from lrf3d.localization.lines import KnownLines, LocalLines
 from lrf3d.pose import Pose
@@ -102,11 +101,7 @@ def pair_lines(
     The strategy ``all`` compares all lines with all; ``seen-objects-first`` compares first with the
     lines of the objects that were seen in the previous scan, and with the others only where that
     finds no pair.
-
-    Raises:
-        InputError: There is no such strategy.
     """
-    check_strategy(strategy)
     partner = np.full(len(local), -1)
     every = np.arange(len(known))
     first = np.zeros(len(known), np.bool_)
@@ -123,16 +118,6 @@ def pair_lines(
             partner[unpaired[fits]] = rows[best[fits]]
     paired = np.flatnonzero(partner >= 0)
     return Pairs(paired, partner[paired], comparisons, np.unique(known.objects[partner[paired]]))
-
-
-def check_strategy(strategy: object) -> None:
-    """Check which lines are to be compared.
-
-    Raises:
-        InputError: There is no such strategy.
-    """
-    if not isinstance(strategy, str) or strategy not in STRATEGIES:
-        raise InputError(f"strategy {shown(strategy)}: expected one of {', '.join(STRATEGIES)}")
 
 
 def scores(local: LocalLines, known: KnownLines, rows: Int, pose: Pose, covariance: Float) -> Float:

@@ -7,12 +7,7 @@ from lrf3d.scoring.log_score import LogScore, score_log
 from lrf3d.scoring.map_score import MapScore, adjusted_rand_index, score_map, score_run
 from lrf3d.scoring.matching import match_segments
 from lrf3d.scoring.trajectory_score import Relations, TrajectoryScore, score_trajectory
-from lrf3d.scoring.visibility import (
-    BuildingCount,
-    buildings_seen,
-    visible_parts,
-    visible_walls,
-)
+from lrf3d.scoring.visibility import BuildingCount, buildings_seen, visible_walls
 
 __all__ = [
     "BuildingCount",
@@ -27,6 +22,5 @@ __all__ = [
     "score_map",
     "score_run",
     "score_trajectory",
-    "visible_parts",
     "visible_walls",
 ]

@@ -103,19 +103,19 @@ def score_map(
     right, recalled = np.isfinite(offsets), np.isfinite(sample_offsets(visible, found, **near))
     precision, recall = _share(right.sum(), len(right)), _share(recalled.sum(), len(recalled))
     pairs = match_segments(found, visible)
-    segment_precision = _share(len(pairs), len(found))
-    segment_recall = _share(len(pairs), len(visible))
-    purity = adjusted_rand_index(line_map.objects[pairs[:, 0]], visible_objects[pairs[:, 1]])
+    matched, there = _share(len(pairs), len(found)), _share(len(pairs), len(visible))
     return MapScore(
-        length_precision=precision,
-        length_recall=recall,
-        length_f1=_harmonic_mean(precision, recall),
-        segment_precision=segment_precision,
-        segment_recall=segment_recall,
-        segment_f1=_harmonic_mean(segment_precision, segment_recall),
+        precision,
+        recall,
+        _harmonic_mean(precision, recall),
+        matched,
+        there,
+        _harmonic_mean(matched, there),
         segment_ratio=len(found) / len(visible) if len(visible) else np.inf if len(found) else 1.0,
         perpendicular_rms=float(np.sqrt(np.mean(offsets[right] ** 2))) if right.any() else np.nan,
-        object_purity=purity,
+        object_purity=adjusted_rand_index(
+            line_map.objects[pairs[:, 0]], visible_objects[pairs[:, 1]]
+        ),
         map_segments=len(found),
         visible_segments=len(visible),
         matched_segments=len(pairs),

@@ -24,24 +24,10 @@ def visible_walls(run: Run) -> tuple[Float, Int]:
     Returns:
         (v, 4) the parts longer than 0.5 m, and (v,) their walls, in ascending order.
     """
-    poses, angles = run.trajectory.poses, run.lrf.angles
-    return visible_parts(run.world.segments, poses, angles, run.truth, run.walls)
-
-
-def visible_parts(
-    segments: Float, poses: Float, angles: Float, truth: Float, walls: Int
-) -> tuple[Float, Int]:
-    """The part of each segment (n, 4) between the outermost noise-free returns of scans.
-
-    The scans were taken at poses (k, 3), with beams at angles (beams,) [rad]; the truth (k, beams)
-    are noise-free ranges [m], and walls (k, beams) the segments that were hit, −1 for none.
-
-    Returns:
-        (v, 4) the parts longer than 0.5 m, and (v,) their segments, in ascending order.
-    """
+    segments, angles = run.world.segments, run.lrf.angles
     along, size = directions(segments), lengths(segments)
     low, high = np.full(len(segments), np.inf), np.full(len(segments), -np.inf)
-    for pose, ranges, hit in zip(poses, truth, walls, strict=True):
+    for pose, ranges, hit in zip(run.trajectory.poses, run.truth, run.walls, strict=True):
         returned = (hit >= 0) & np.isfinite(ranges)
         wall = hit[returned]
         # Relative to the end of the wall, so that no digits are lost far from the origin.

@@ -150,7 +150,7 @@ def test_a_bad_world_gets_one_clear_line_and_leaves_nothing(room, tmp_path, old,
     assert not list((tmp_path / "out").glob("*")) if (tmp_path / "out").exists() else True
 
 
-def test_a_collision_can_be_waved_through(room, tmp_path):
+def test_a_collision_can_be_ignored(room, tmp_path):
     room.write_text(ROOM.replace("[8, 2]", "[8, -2]"))
     done = lrf3d("run", room, "--no-video", "--ignore-collisions", "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
@@ -165,7 +165,7 @@ def test_wrong_usage_ends_with_two(room):
     assert lrf3d("fly", room).returncode == 2
 
 
-def test_a_size_that_is_none_is_refused(room):
+def test_an_invalid_size_is_refused(room):
     assert "--size" in refused("run", room, "--size", "big")
     assert "--size" in refused("run", room, "--size", "641x361")
     assert "--size" in refused("run", room, "--size", "640x" + 5000 * "9")

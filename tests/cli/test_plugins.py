@@ -132,7 +132,7 @@ def test_a_long_drive_goes_there_and_back_until_it_is_long_enough(folder):
         ("mapper", "..:x", "there is no file '..', nor such a module"),
     ],
 )
-def test_what_cannot_be_used_is_told_in_one_line(folder, kind, name, said):
+def test_what_cannot_be_used_is_reported_in_one_line(folder, kind, name, said):
     with pytest.raises(InputError) as caught:
         load_plugin(kind, name)
     message = str(caught.value)
@@ -178,7 +178,7 @@ def test_a_controller_drives_exact_arcs_for_as_long_as_the_user_looks():
 
 
 @pytest.mark.parametrize("command", [3.0, (1.0,), (1.0, np.nan), "ab"])
-def test_a_command_that_is_none_is_refused_with_its_time(command):
+def test_an_invalid_command_is_refused_with_its_time(command):
     class Bad:
         def command(self, time, pose, scan):
             return command
@@ -214,7 +214,7 @@ def test_a_wall_is_met_between_two_scans_of_a_round_drive():
         list(Simulation(walls, Round(), LRF, radius=0.3, **settings))
 
 
-def test_scans_that_take_time_need_to_know_the_way():
+def test_scans_that_take_time_need_a_known_path():
     class Still:
         def command(self, time, pose, scan):
             return 0.0, 0.0

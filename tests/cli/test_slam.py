@@ -134,7 +134,7 @@ def test_a_table_is_printed_for_people(log, tmp_path):
     assert "wheels.turn_rad_per_m" in program("slam", log, "--out", tmp_path / "out", "-v").stdout
 
 
-def test_what_was_wrong_with_a_log_is_said(log_text, tmp_path):
+def test_what_was_wrong_with_a_log_is_reported(log_text, tmp_path):
     text, true = log_text
     lines = text.splitlines()
     # Cut in the middle of a scan, and all of it before the cut twice.

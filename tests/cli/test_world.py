@@ -74,7 +74,7 @@ def test_a_map_becomes_a_world_that_is_driven_inside_its_free_space(tmp_path):
         (["generate", "maze", "--out", "/proc/none/m.toml"], "cannot be written"),
     ],
 )
-def test_what_cannot_be_done_is_said_in_one_line(arguments, said):
+def test_what_cannot_be_done_is_one_line(arguments, said):
     done = lrf3d("world", *arguments)
     assert done.returncode == 1 and done.stderr.count("\n") == 1 and said in done.stderr
 
@@ -96,7 +96,7 @@ def test_a_drawing_on_paper_is_warned_of_and_enlarged(tmp_path):
     assert "10,000 m by 7,000 m" in huge.stderr and "--scale 0.001" in huge.stderr
 
 
-def test_the_side_of_the_walls_that_was_chosen_is_said(tmp_path):
+def test_the_chosen_side_of_the_walls_is_reported(tmp_path):
     plan = tmp_path / "plan.svg"
     plan.write_text(DRAWING)
     arguments = ["run", plan, "--scale", 100, "--no-video", "--scans", 2, "--out", tmp_path / "out"]

@@ -131,7 +131,7 @@ def test_an_action_that_is_no_number_is_refused_and_the_next_ones_drive_on():
             env.reset(seed=0, options={name: value})
 
 
-def test_episodes_are_cut_off_and_robots_set_down_anew_in_the_next_step():
+def test_episodes_are_cut_off_and_robots_placed_again_in_the_next_step():
     envs = DriveVectorEnv(4, CORRIDOR, max_steps=3)
     envs.reset(seed=1)
     still = np.zeros((4, 2))
@@ -193,7 +193,7 @@ def test_each_step_is_shown_in_a_window(monkeypatch):
     assert shown == ["lrf3d", *[((90, 160, 3), env.robots.dt)] * 2, "closed"]
 
 
-def test_without_gymnasium_the_line_to_run_is_told(monkeypatch):
+def test_without_gymnasium_the_error_names_the_command_to_install_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "gymnasium", None)
     monkeypatch.delitem(sys.modules, "lrf3d.gym")
     with pytest.raises(lrf3d.MissingLibraryError, match=r"pip install -e .*\[gym\]"):

@@ -16,13 +16,6 @@ def test_ends_that_all_but_meet_are_moved_to_where_the_lines_cross():
     assert np.array_equal(apart, ends)
 
 
-def test_an_end_meets_the_one_that_is_nearest_to_it():
-    ends = np.array([[0.0, 0, 3.95, 0], [4, 0.05, 4, 3], [4.2, -0.1, 4.2, -3]])
-    closed = close_corners(ends, np.zeros(3, np.int64))
-    assert closed[0, 2:] == pytest.approx([4, 0])
-    assert np.array_equal(closed[2], ends[2])
-
-
 def cross(one, other):
     return one[0] * other[1] - one[1] * other[0]
 

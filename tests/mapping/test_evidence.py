@@ -14,10 +14,6 @@ from lrf3d.mapping.robust.refitting import real_pieces
 LRF = LaserRangeFinder(range_max=30.0)
 CIRCLE = LaserRangeFinder(angle_min=-np.pi, angle_max=np.pi, beams=361, range_max=30.0)
 
-NOTHING = LaserScan((0, 0, 0), LRF.angles, np.full(len(LRF.angles), np.inf), range_max=30.0)
-NOISE = RangeNoise(0.1, 0.0)
-NONE = Beams(np.empty((0, 2)), np.empty(0), np.empty(0))
-
 
 def drive(mapper, worlds, poses, sigma=0.02, lrf=LRF):
     rng = np.random.default_rng(0)
@@ -232,13 +228,9 @@ def test_a_bent_wall_that_is_merged_and_cut_settles():
     poses = [(0.3 * k, 0.4 * k - 3.0, 0.0) for k in range(20)]
     mapper = LineMapper(sigma=0.1)
     drive(mapper, [bent] * 20, poses, sigma=0.1)
-    robust, maps = mapper._mapper, []
+    maps, nothing = [], LaserScan((0, 0, 0), LRF.angles, np.full(LRF.beams, -np.inf))
     for _ in range(12):
-        changed, gone = robust._merge_walls(robust._extract.walls(NOTHING, 0.0, NOISE), (0.0, 0.0))
-        fresh = robust._judge_beams(NONE, (0.0, 0.0), 0)
-        robust._link_walls(robust._refit_walls(changed, gone, fresh))
-        robust._map = None
+        mapper.update(nothing)
         maps.append(mapper.map.segments)
-    assert not len(robust._waiting)
     for other in maps[-4:]:
         assert other == pytest.approx(maps[-1], abs=0.05)

@@ -51,6 +51,11 @@ def test_a_very_large_noise_still_makes_a_map():
         {"min_points": "a"},
         {"min_points": 2.5},
         {"gap": None},
+        {"gap": 0.0},
+        {"split": -1.0},
+        {"sigma": -1.0},
+        {"merge_length": np.nan},
+        {"mode": "best"},
     ],
 )
 def test_settings_out_of_reason_are_refused_in_one_line(settings):

@@ -10,7 +10,6 @@ from lrf3d import (
     InputError,
     LaserRangeFinder,
     LaserScan,
-    LineMap,
     LineMapper,
     PlanarCaster,
     ProportionalNoise,
@@ -57,41 +56,12 @@ def test_paper_mode_finds_the_eight_walls_too():
 
 
 @pytest.mark.parametrize("mode", ["robust", "paper"])
-def test_the_map_does_not_depend_on_where_the_origin_is(mode):
-    near = build(LineMapper(mode, sigma=0.05), 0.05)
-    far = build(LineMapper(mode, sigma=0.05), 0.05, shift=(85000.0, 447500.0))
-    assert np.array_equal(near.objects, far.objects)
-    assert far.segments - np.tile([85000.0, 447500.0], 2) == pytest.approx(near.segments, abs=1e-6)
-
-
-def test_a_scan_seen_again_adds_no_segment():
-    mapper = LineMapper()
-    once = build(mapper)
-    again = build(mapper)
-    assert len(again) == len(once)
-    assert again.segments == pytest.approx(once.segments, abs=0.01)
-
-
-@pytest.mark.parametrize("mode", ["robust", "paper"])
-def test_the_map_before_the_first_scan_is_empty(mode):
-    assert len(LineMapper(mode).map) == 0
-
-
-@pytest.mark.parametrize("mode", ["robust", "paper"])
 def test_an_empty_scan_leaves_the_map_empty(mode):
     mapper = LineMapper(mode)
+    assert len(mapper.map) == 0
     scan = LaserScan((0, 0, 0), CIRCLE.angles, np.full(361, np.inf), range_max=30.0)
     mapper.update(scan)
     assert len(mapper.map) == 0 and mapper.map.object_count == 0
-
-
-@pytest.mark.parametrize(
-    "settings_",
-    [{"mode": "best"}, {"gap": 0.0}, {"split": -1.0}, {"sigma": -1.0}, {"merge_length": np.nan}],
-)
-def test_thresholds_that_make_no_sense_are_refused(settings_):
-    with pytest.raises(InputError, match="mapper"):
-        LineMapper(**settings_)
 
 
 def test_the_map_is_written_as_geojson_and_read_back(tmp_path):
@@ -105,11 +75,6 @@ def test_the_map_is_written_as_geojson_and_read_back(tmp_path):
     assert np.array_equal(back.segments, line_map.segments)
     assert np.array_equal(back.objects, line_map.objects)
     assert np.array_equal(back.points, line_map.points)
-
-
-def test_an_empty_map_is_written_and_read_back(tmp_path):
-    save_map(LineMap.empty(), tmp_path / "map.geojson")
-    assert len(load_map(tmp_path / "map.geojson")) == 0
 
 
 def test_what_is_no_map_is_refused_by_name(tmp_path):
@@ -164,17 +129,6 @@ def test_a_corner_is_divided_at_its_place():
     corner = int(np.searchsorted(angles, np.arctan2(2.0, 5.0)))
     assert len(walls) == 2
     assert walls[0, 1] in (corner - 1, corner) and walls[1, 0] in (corner, corner + 1)
-
-
-def test_a_cluster_of_more_points_than_are_weighed_is_divided_at_its_corners():
-    angles = np.linspace(-2.0, 2.0, 3000)
-    across = np.maximum(np.abs(np.sin(angles)), 1e-9)
-    ranges = np.minimum(5.0 / np.maximum(np.cos(angles), 1e-9), 2.0 / across)
-    ranges += np.random.default_rng(3).normal(0.0, 0.01, 3000)
-    walls = divide(angles, ranges, np.full(3000, 0.01))
-    corners = np.searchsorted(angles, [-np.arctan2(2.0, 5.0), np.arctan2(2.0, 5.0)])
-    assert len(walls) == 3
-    assert walls[1] == pytest.approx(corners, abs=8)
 
 
 def test_a_stray_point_is_on_no_wall():
@@ -247,30 +201,6 @@ def test_a_map_is_a_value_that_pickles():
     assert np.array_equal(copy.points, line_map.points)
     with pytest.raises(AttributeError, match="colour"):
         _ = line_map.colour
-
-
-def test_maps_from_before_an_interrupted_update_stay_as_they_were(monkeypatch):
-    from lrf3d.mapping.robust import mapper as robust
-
-    whole, broken = LineMapper(), LineMapper()
-    caster = PlanarCaster(WORLD)
-    scans = [caster.cast(CIRCLE, pose) for pose in AROUND[:3]]
-    for scan in scans[:2]:
-        whole.update(scan)
-        broken.update(scan)
-    before = broken.map
-
-    def interrupted(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(robust, "merge_walls", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        broken.update(scans[2])
-    monkeypatch.undo()
-    np.testing.assert_array_equal(before.segments, whole.map.segments)
-    broken.update(scans[2])
-    whole.update(scans[2])
-    assert len(broken.map) == len(whole.map)
 
 
 @pytest.mark.parametrize("mode", ["paper", "robust"])

@@ -132,13 +132,6 @@ def test_thresholds_of_equation_9_themselves_are_too_far():
     assert not eq9(segment, other, 1.0, 0.5) and eq9(segment, other, 1.0, 0.501)
 
 
-@pytest.mark.parametrize("turned", [False, True])
-def test_a_merged_segment_keeps_the_direction_of_the_first(turned):
-    first, second = [0.0, 0.0, 10.0, 0.0], [9.0, 0.0, 15.0, 0.0]
-    ends = merged(table_of([first[2:] + first[:2] if turned else first, second]))
-    assert ends == pytest.approx([15, 0, 0, 0] if turned else [0, 0, 15, 0], abs=1e-9)
-
-
 @pytest.mark.parametrize("heading", [0.3, 1.2, 2.5, -0.7, -2.0, -3.0])
 def test_a_merged_segment_keeps_its_direction_at_any_heading(heading):
     way = np.array([np.cos(heading), np.sin(heading)])
