@@ -33,8 +33,8 @@ from lrf3d.world.schema import read_settings
 from lrf3d.world.toml_file import WorldFile, read_world_file
 
 if TYPE_CHECKING:
-    from lrf3d.casting.timed import Caster
     from lrf3d.run import Run
+    from lrf3d.sensor import Caster
     from lrf3d.simulation import Mapper, Simulation
     from lrf3d.steering import Controller
 
