@@ -36,7 +36,7 @@ def crosscheck(
         result = compare(scenario.world, scenario.lrf, trajectory.poses, progress)
     figures = {"world": scenario.name, "scans": len(trajectory), **result.as_dict()}
     if figure is not None:
-        from lrf3d.render.crosscheck_figure import draw_crosscheck
+        from lrf3d.render.figures import draw_crosscheck
 
         draw_crosscheck(scenario.world, scenario.lrf, trajectory.poses, result, figure)
         figures["picture"] = str(figure)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrf3d.geometry import Bool, Float, Int, wrap_angle
+from lrf3d.geometry import Float, wrap_angle
 from lrf3d.slam.correlation import DEVIATIONS as WINDOW_DEVIATIONS
 from lrf3d.slam.correlation import same_place, search
 from lrf3d.slam.frames import between, compose, turned
@@ -250,20 +250,6 @@ class LoopCloser:
         kept = {id(closure) for closure in agreeing}
         self._pending = [other for other in self._pending if id(other) not in kept]
         return agreeing
-
-    def stretches(self) -> Int:
-        """For each accepted closure (c,) a number of the two stretches that it joins."""
-        found: list[int] = []
-        for number, closure in enumerate(self.accepted):
-            near = (k for k in range(number - 1, -1, -1) if self._beside(self.accepted[k], closure))
-            same = next(near, None)
-            found.append(number if same is None else found[same])
-        return np.array(found, dtype=np.int64)
-
-    def keep(self, kept: Bool) -> None:
-        """Keep some of the accepted closures, of a mask (c,), and reject the others after all."""
-        self._rejected += [c for c, keep in zip(self.accepted, kept, strict=True) if not keep]
-        self.accepted = [c for c, keep in zip(self.accepted, kept, strict=True) if keep]
 
     def _beside(self, first: Closure, second: Closure) -> bool:
         """Whether two closures join the same two stretches of the path."""

@@ -15,7 +15,7 @@ from lrf3d.geometry import Bool, Float, Int, wrap_angle
 from lrf3d.slam.correlation import same_place, search
 from lrf3d.slam.frames import between, compose, turned
 from lrf3d.slam.scan_matching import PRIOR_SCALE, Match, match_scan
-from lrf3d.slam.surface import SurfaceGrid, evenly_spaced, moved, wall_map
+from lrf3d.slam.surface import SurfaceGrid, moved, thinned, wall_map
 from lrf3d.slam.violation import BEHIND, Key, views_of
 from lrf3d.slam.wheels import Wheels
 
@@ -268,7 +268,7 @@ class FrontEnd:
         count = min(ENOUGH // max(len(self.surface), 1) + 1, len(self._recent))
         chosen = np.linspace(0, len(self._recent) - 1, count + 1).astype(np.int64)[1:]
         parts = [self._recent[k] for k in chosen.tolist()]
-        seen = [moved(evenly_spaced(part), between(self.pose, pose)) for pose, part in parts]
+        seen = [moved(thinned(part), between(self.pose, pose)) for pose, part in parts]
         return np.concatenate(seen)
 
     def add_key(self, key: Key) -> None:
