@@ -357,7 +357,7 @@ class Slam:
 
     def _close_loops(self) -> None:
         """Find the loops that the newest key scan closes, and optimise what they change."""
-        closures = self._closer.search(self._key_poses, self.wheels.scale_deviation)
+        closures = self._closer.search(self._key_poses)
         if not closures:
             return
         more = self._add_closures(closures)

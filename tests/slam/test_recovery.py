@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import shapely
 
 import lrf3d
 from lrf3d.slam.frames import between, compose
@@ -73,4 +74,29 @@ def test_wheels_that_slip_between_scans_far_apart_ruin_nothing(seed):
         turn = np.array([0.0, 0.0, np.radians(15) * rng.choice([-1, 1])])
         steps[slip] = compose(turn, steps[slip])
     solution = solve_log(scans, way_of(wheels[0], steps), np.arange(len(scans)))
+    assert errors(true, solution.scan_poses).max() < 0.15
+
+
+def test_loops_close_in_a_wood():
+    """Among trunks hardly half of a scan is explained at the right place."""
+    rng, route = np.random.default_rng(1), [(10, 10), (30, 10), (30, 30), (10, 30)]
+    path, trunks = shapely.LinearRing(route), []
+    for x, y, radius in rng.uniform([0, 0, 0.12], [40, 40, 0.3], (110, 3)):
+        trunk = shapely.Point(x, y).buffer(radius, quad_segs=2)
+        if trunk.distance(path) > 1.2:
+            corners = shapely.get_coordinates(trunk)
+            trunks.append(np.hstack([corners[:-1], corners[1:]]))
+    lrf = lrf3d.LaserRangeFinder(-np.pi, np.pi * 359 / 360, beams=360, range_max=30.0)
+    world = lrf3d.World(np.concatenate(trunks))
+    scans, wheels, true = drive(world, [*route, *route, route[0]], seed=1, lrf=lrf)
+    scans, wheels, true = scans[::6], wheels[::6], true[::6]
+    steps = between(wheels[:-1], wheels[1:])
+    for slip in rng.choice(np.arange(5, len(steps)), 6, replace=False):
+        turn = np.array([0.0, 0.0, np.radians(15) * rng.choice([-1, 1])])
+        steps[slip] = compose(turn, steps[slip])
+    solution = solve_log(scans, way_of(wheels[0], steps), np.arange(len(scans)))
+    keys, closures = true[solution.slam.key_scans], solution.slam.closures
+    found = [compose(keys[closure.old], closure.relative) for closure in closures]
+    assert len(found) > 40
+    assert errors(np.array(found), keys[[closure.new for closure in closures]]).max() < 0.5
     assert errors(true, solution.scan_poses).max() < 0.15
