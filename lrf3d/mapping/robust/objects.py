@@ -138,7 +138,10 @@ def link_walls(links: Links, walls: Walls, grid: Grid, cells: Cells, rows: Int) 
             put_row(lines, place, line)
             found = min(found + 1, MOST_LINKS)
             if found == MOST_LINKS:
-                farthest = int(np.argmax(lengths))
+                # A search of numpy's takes half a second to compile.
+                farthest = 0
+                for link in range(1, MOST_LINKS):
+                    farthest = link if lengths[link] > lengths[farthest] else farthest
                 reach = lengths[farthest]
         links.counts[wall] = found
         for place in range(found):
