@@ -35,7 +35,7 @@ from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
 from matplotlib.transforms import Affine2D
 
-from lrf3d.geometry import Bool, Float, Int, lengths
+from lrf3d.geometry import Float, Int, lengths
 from lrf3d.laser import LaserRangeFinder, LaserScan, reflection_points
 from lrf3d.mapping import LineMap
 from lrf3d.robot import EstimatedTrajectory, Trajectory
@@ -72,9 +72,6 @@ FEW_POSES, FEW_OBJECTS = 6, 9
 JUMP = 0.15
 """Poses that mostly lie farther apart than this part of the axes are places and no drive."""
 
-SMALL = 0.008
-"""Objects smaller than this part of the axes are circled: they would be dots."""
-
 FIGURE, PICTURE = 6.4, 4.8
 """Width of a new figure, and the longer side of a value's picture in a notebook [inches]."""
 
@@ -93,7 +90,6 @@ def world(world: World, ax: Axes | None = None, *, poses: Any = None, **style: A
     kinds = _wall_kinds(world)
     usual = {"color": INK, "linewidth": 1.2, "label": "true walls", "zorder": 2.0}
     _draw_walls(ax, world.segments, kinds, _styled(usual, style))
-    _circle_small(ax, world.segments, world.objects, _styled(usual, style)["color"])
     return _shown(ax)
 
 
@@ -115,7 +111,6 @@ def map(
     words = "map, a colour for each object"
     usual = {"color": colours, "linewidth": width, "label": words, "zorder": 4.0}
     _draw_walls(ax, line_map.segments, line_map.kinds, _styled(usual, style))
-    _circle_small(ax, line_map.segments, objects, colours)
     numbers = np.unique(objects)
     for number in numbers if len(numbers) <= FEW_OBJECTS else []:
         members = np.flatnonzero(objects == number)
@@ -300,21 +295,6 @@ def _wall_kinds(world: World) -> Any:
         for one in world.materials
     ]
     return np.array(kinds)[world.objects] if kinds else np.full(len(world.segments), "wall")
-
-
-def _circle_small(ax: Axes, segments: Float, objects: Int, colours: Any) -> None:
-    """Circle objects that are too small to be seen: in a town of 10 km a house is one pixel."""
-    _, first, number = np.unique(objects, return_index=True, return_inverse=True)
-    ends = segments.reshape(-1, 2, 2)
-    low, high = np.full((len(first), 2), np.inf), np.full((len(first), 2), -np.inf)
-    np.minimum.at(low, number, ends.min(axis=1))
-    np.maximum.at(high, number, ends.max(axis=1))
-    small: Bool = (high - low).max(axis=1) < SMALL * max(ax.dataLim.size)
-    if small.sum() > 0.5 * len(small):
-        tints = np.asarray(colours)
-        edge = tints[first[small]] if tints.ndim > 1 else colours
-        x, y = 0.5 * (low + high)[small].T
-        ax.scatter(x, y, s=60, facecolor="none", edgecolor=edge, linewidths=1.2, zorder=4.5)
 
 
 def _enclosed(world: World, poses: Float) -> Any:

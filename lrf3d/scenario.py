@@ -18,7 +18,7 @@ from lrf3d.files import own_name
 from lrf3d.geometry import Float, Value, whole_number
 from lrf3d.laser import LaserRangeFinder, Noise, ProportionalNoise, imperfect
 from lrf3d.laser.noise import SIGMA, as_noise, at_sigma, spread_of
-from lrf3d.planning.ground import Side
+from lrf3d.planning.free_space import Side
 from lrf3d.pose import Pose
 from lrf3d.progress import Progress, silent
 from lrf3d.robot import Trajectory, check_drive, find_collision, follow_route
@@ -33,8 +33,8 @@ from lrf3d.world.schema import read_settings
 from lrf3d.world.toml_file import WorldFile, read_world_file
 
 if TYPE_CHECKING:
-    from lrf3d.casting.timed import Caster
     from lrf3d.run import Run
+    from lrf3d.sensor import Caster
     from lrf3d.simulation import Mapper, Simulation
     from lrf3d.steering import Controller
 
@@ -173,7 +173,7 @@ class Scenario(Value):
             self,
             route=found.waypoints,
             start=start_of(found.waypoints) if self.start is None else self.start,
-            lookahead=lookahead,
+            lookahead=found.lookahead,
             planned=found.side,
             radius=found.radius,
             speed=found.speed,

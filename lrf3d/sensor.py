@@ -1,18 +1,33 @@
-"""Sensor: casts the true scan from a pose at a time, and adds noise."""
+"""Sensor: casts the true scan from a pose at a time, and adds noise.
+
+Casters know walls and poses, but no time. Here the robot moves on during a scan, among obstacles
+that move as well. By default all beams are sent at once, among walls alone.
+"""
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from dataclasses import replace
+from typing import Any, Protocol
 
 import numpy as np
 
 from lrf3d.casting import EmbreeCaster, PlanarCaster
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
-from lrf3d.casting.timed import Caster, timed
 from lrf3d.errors import InputError, expect
-from lrf3d.geometry import Float
+from lrf3d.geometry import Float, wrap_angle
 from lrf3d.laser import Chain, LaserRangeFinder, LaserScan, Noise
+from lrf3d.pose import as_pose
 from lrf3d.robot import Trajectory
 from lrf3d.world import World
+from lrf3d.world.materials import BUILT_IN
+
+
+class Caster(Protocol):
+    """Anything that casts the beams of a laser range finder into a world."""
+
+    def cast(self, lrf: LaserRangeFinder, pose: Float) -> LaserScan:
+        """Return the true scan from a pose."""
+        ...
+
 
 CASTERS: dict[str, Callable[[World], Caster]] = {"embree": EmbreeCaster, "planar": PlanarCaster}
 """Casters by name."""
@@ -21,7 +36,12 @@ CASTERS: dict[str, Callable[[World], Caster]] = {"embree": EmbreeCaster, "planar
 class Sensor:
     """A laser range finder among walls and dynamic obstacles, with its noise.
 
-    Without the path of the robot all beams of a scan are cast from one pose.
+    Without the path of the robot all beams of a scan are cast from one pose. The last scan of a
+    drive is taken where the robot arrives, so the interval before it may be shorter; the last beams
+    of the scan before it are then sent from there.
+
+    Raises:
+        InputError: A scan takes longer than the time to the next.
     """
 
     def __init__(
@@ -35,15 +55,25 @@ class Sensor:
         path: Trajectory | None = None,
     ) -> None:
         expect(lrf, LaserRangeFinder, "range finder")
-        self.lrf, self.caster, self.noise = lrf, caster_of(caster, world), noise
-        self._noisy = Chain([noise])
-        self.cast = timed(self.caster, lrf, path, obstacles)
+        self.world, self.lrf, self.noise = world, lrf, noise
+        self.caster, self.obstacles = caster_of(caster, world), tuple(obstacles)
+        self._noisy, self._path = Chain([noise]), path if lrf.time_increment else None
+        if self._path is None:
+            return
+        between = float(np.diff(self._path.times[:-1]).min(initial=np.inf))
+        # Times are sums, so intervals of 0.2 s are not exactly 0.2 s.
+        rounding = 4.0 * float(np.spacing(np.abs(self._path.times).max()))
+        if lrf.scan_duration > between + rounding:
+            raise InputError(
+                f"scan_duration {lrf.scan_duration:g} s: longer than the {between:g} s between two"
+                " scans; scan less often or faster"
+            )
 
     def measure(
         self, pose: Float, time: float, rng: np.random.Generator
     ) -> tuple[LaserScan, LaserScan]:
         """The true and the measured scan from a pose (3,) at a time [s]."""
-        true_scan = self.cast(self.lrf, pose, time)
+        true_scan = self.cast(pose, time)
         return true_scan, self.noisy(true_scan, rng)
 
     def noisy(self, true_scan: LaserScan, rng: np.random.Generator) -> LaserScan:
@@ -55,6 +85,60 @@ class Sensor:
                 f" {self.lrf.beams} beams"
             )
         return scan
+
+    def cast(self, pose: Float, time: float) -> LaserScan:
+        """The true scan that begins at a pose (3,) and a time [s].
+
+        Along a path each beam is cast from the pose at its own time. For a robot at rest this is
+        the scan of the caster, bit for bit.
+        """
+        path, lrf = self._path, self.lrf
+        if path is None:
+            return self._among(lrf, pose, time)
+        times: Float = time + lrf.time_increment * np.arange(lrf.beams, dtype=np.float64)
+        places = path.at(times)
+        poses = places + (np.asarray(pose) - places[0])
+        # The turn is added to the given heading, which may lie beyond a full turn.
+        poses[:, 2] = pose[2] + wrap_angle(places[:, 2] - places[0, 2])
+        beams = [
+            self._among(single, place, at)
+            for single, place, at in zip(lrf.single_beams, poses, times.tolist(), strict=True)
+        ]
+        names = "ranges walls intensities echoes echo_intensities".split()
+        parts = [[getattr(beam, name) for beam in beams] for name in names]
+        arrays: Any = [None if part[0] is None else np.concatenate(part) for part in parts]
+        return LaserScan.unchecked(lrf, as_pose(pose), *arrays).at_time(time)
+
+    def _among(self, lrf: LaserRangeFinder, pose: Float, time: float) -> LaserScan:
+        """The scan of one moment, in which each beam ends at the nearer of wall and obstacle.
+
+        Obstacles are cast as exactly as walls; their index is −1. In a world with materials they
+        are of dark cloth.
+        """
+        world, scan = self.world, self.caster.cast(lrf, pose).at_time(time)
+        # Mirrors show obstacles that no beam could meet by itself.
+        lit = scan.intensities is not None
+        met = [one for one in self.obstacles if lit or one.may_meet(lrf, pose, time)]
+        if not met:
+            return scan
+        sides = np.concatenate([one.walls(time) for one in met])
+        heights = np.repeat([one.height for one in met], [len(one.outline) for one in met])
+        if not lit:
+            moving = PlanarCaster(World(sides, heights=heights)).cast(lrf, pose).ranges
+            # If both are below range_min, −inf, neither is nearer; the wall is −1 in any case.
+            nearer = moving < scan.ranges
+            ranges = np.where(nearer, moving, scan.ranges)
+            walls = np.where(nearer, -1, scan.walls)
+            return LaserScan.unchecked(lrf, scan.pose, ranges, walls).at_time(time)
+        among = World(
+            np.concatenate([world.segments, sides]),
+            np.concatenate([world.objects, np.full(len(sides), world.object_count)]),
+            np.concatenate([world.heights, heights]),
+            materials=[*world.materials, BUILT_IN["dark cloth"]],
+        )
+        scan = PlanarCaster(among).cast(lrf, pose)
+        walls = np.where(scan.walls < len(world.segments), scan.walls, -1)
+        return replace(scan, walls=walls).at_time(time)
 
 
 def _shown(scan: Any) -> str:

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
-from lrf3d.casting.timed import Caster
 from lrf3d.errors import InputError, check_names, expect, shown
 from lrf3d.geometry import Float, generator, numbers, sealed, whole_number
 from lrf3d.interrupts import check, stoppable
@@ -25,7 +24,7 @@ from lrf3d.progress import Progress, silent
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.robot.following import SCAN_INTERVAL
 from lrf3d.run import Run, SnapshotSchedule, keep_light, light_shapes
-from lrf3d.sensor import Sensor
+from lrf3d.sensor import Caster, Sensor
 from lrf3d.steering import ControlledDrive, Controller
 from lrf3d.world import World
 from lrf3d.world.cameras import USUAL_FILM, FilmPlan

@@ -1,11 +1,10 @@
 """The whole chain at small size: world, drive, scans, map, film and summary, all read back."""
 
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pytest
+from program import lrf3d as program
 
 from lrf3d import load_map, load_run, load_world
 from lrf3d.scene.story import CLOSING, OPENING
@@ -40,9 +39,10 @@ sigma = 0.03
 @pytest.mark.gl
 def test_one_command_makes_film_map_and_summary(tmp_path):
     (tmp_path / "yard.toml").write_text(WORLD)
-    command = [sys.executable, "-m", "lrf3d", "run", "yard.toml", "--json", "--size", "320x180"]
-    command += ["--fps", "5", "--playback", "4", "--samples", "0", "--workers", "1", "--out", "out"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=180)
+    words = (
+        "run yard.toml --json --size 320x180 --fps 5 --playback 4 --samples 0 --workers 1 --out out"
+    )
+    done = program(*words.split(), cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     summary = json.loads(done.stdout)
     out = tmp_path / "out"

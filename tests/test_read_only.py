@@ -10,7 +10,7 @@ import pytest
 import lrf3d
 from lrf3d import KnownLines, LaserRangeFinder, LaserScan, LineMap, Trajectory, World
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
-from lrf3d.geometry import numbers, read_only
+from lrf3d.geometry import read_only
 from lrf3d.localization import Track
 from lrf3d.localization.estimate import PoseEstimate
 
@@ -130,13 +130,6 @@ def test_maps_of_wrong_shapes_are_refused():
         LineMap(np.zeros((2, 4)), np.zeros(3), np.zeros(2))
 
 
-def test_numbers_are_whatever_numpy_takes_for_numbers():
-    assert numbers([10**30, 1], "x").tolist() == [1e30, 1.0]
-    for bad in ("a", [[1], [1, 2]], [None, "b"], {"a": 1}, 1j, ["1"], np.array(["1"])):
-        with pytest.raises(lrf3d.InputError, match="x: expected numbers"):
-            numbers(bad, "x")
-
-
 @pytest.mark.parametrize(
     ("make", "said"),
     [
@@ -174,8 +167,3 @@ def test_what_is_no_number_is_one_clear_line(make, said):
     with pytest.raises(lrf3d.InputError) as caught:
         make()
     assert said in str(caught.value) and "\n" not in str(caught.value)
-
-
-def test_a_whole_number_may_be_written_as_a_float():
-    assert LaserRangeFinder(beams=181.0) == LaserRangeFinder()
-    assert isinstance(LaserRangeFinder(beams=181.0).beams, int)

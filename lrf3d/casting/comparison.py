@@ -7,7 +7,6 @@ one is unexplained.
 """
 
 from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,30 +33,19 @@ POSES_COMPARED = 256
 """Poses that are cast and compared at a time: with 181 beams trimesh's arrays take 20 MB."""
 
 
-class Cause(StrEnum):
-    """Why two casters differ for a beam."""
+UNEXPLAINED = "unexplained"
 
-    RANGE_LIMIT = "range limit"
-    LASER_AT_WALL = "laser at a wall"
-    HEIGHT = "height"
-    GRAZING = "grazing"
-    CORNER_TIE = "corner tie"
-    WALL_END = "wall end"
-    SEAM = "seam"
-    UNEXPLAINED = "unexplained"
-
-
-MEANING = {
-    Cause.RANGE_LIMIT: "the wall is just at the limit of the range",
-    Cause.LASER_AT_WALL: "the laser touches a wall, and float32 may put it on either side",
-    Cause.HEIGHT: "the beam runs along the top or the foot of a wall",
-    Cause.GRAZING: "the beam runs along a wall",
-    Cause.CORNER_TIE: "two walls are met at one place, and either may be named",
-    Cause.WALL_END: "the beam passes the end of a wall, and float32 may choose either side",
-    Cause.SEAM: "the beam slips between the two triangles of a wall",
-    Cause.UNEXPLAINED: "no cause is known",
+CAUSES = {
+    "range limit": "the wall is just at the limit of the range",
+    "laser at a wall": "the laser touches a wall, and float32 may put it on either side",
+    "height": "the beam runs along the top or the foot of a wall",
+    "grazing": "the beam runs along a wall",
+    "corner tie": "two walls are met at one place, and either may be named",
+    "wall end": "the beam passes the end of a wall, and float32 may choose either side",
+    "seam": "the beam slips between the two triangles of a wall",
+    UNEXPLAINED: "no cause is known",
 }
-"""A description of each cause."""
+"""Why the two differ for a beam, and what that means; of several the first counts."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -78,16 +66,16 @@ class CrossCheck:
     beam: Int
     ranges: Float
     walls: Int
-    causes: tuple[Cause, ...]
+    causes: tuple[str, ...]
 
     def __repr__(self) -> str:
         causes = ", ".join(f"{count} {cause}" for cause, count in self.counts.items())
         return f"CrossCheck({self.beams:,} beams, {causes or 'all agree'})"
 
     @property
-    def counts(self) -> dict[Cause, int]:
+    def counts(self) -> dict[str, int]:
         """Number of beams that differ, by cause."""
-        return {cause: self.causes.count(cause) for cause in Cause if cause in self.causes}
+        return {cause: self.causes.count(cause) for cause in CAUSES if cause in self.causes}
 
     @property
     def largest_error(self) -> float:
@@ -102,7 +90,7 @@ class CrossCheck:
         named = zip(self.scan.tolist(), self.beam.tolist(), answers, self.causes, strict=True)
         differences = [
             {"scan": scan, "beam": beam, "planar": _answer(planar), "embree": _answer(embree),
-             "cause": str(cause)}
+             "cause": cause}
             for scan, beam, (planar, embree), cause in named
         ]  # fmt: skip
         return {
@@ -112,9 +100,9 @@ class CrossCheck:
             "agreement_m": AGREEMENT,
             "largest_difference_m": self.largest_difference,
             "largest_error_m": self.largest_error,
-            "causes": {str(cause): count for cause, count in self.counts.items()},
+            "causes": self.counts,
             "differences": differences,
-            "unexplained": [one for one in differences if one["cause"] == Cause.UNEXPLAINED],
+            "unexplained": [one for one in differences if one["cause"] == UNEXPLAINED],
         }
 
 
@@ -207,7 +195,7 @@ def resolution(world: World, lrf: LaserRangeFinder) -> float:
 def _explain(
     world: World, lrf: LaserRangeFinder, poses: Float, beam: Int, ranges: Float, walls: Int,
     delta: float,
-) -> tuple[Cause, ...]:  # fmt: skip
+) -> tuple[str, ...]:  # fmt: skip
     """The causes of the differences of m beams from poses (m, 3)."""
     beams = np.array([lrf.directions(pose)[i] for pose, i in zip(poses, beam, strict=True)])
     beams = beams.reshape(-1, 1, 2)
@@ -233,20 +221,20 @@ def _explain(
             at_limit |= np.isposinf(a) & (np.abs(b - lrf.range_max) <= AGREEMENT)
             at_limit |= np.isneginf(a) & (np.abs(b - lrf.range_min) <= AGREEMENT)
         tests = {
-            Cause.RANGE_LIMIT: at_limit,
-            Cause.LASER_AT_WALL: (np.hypot(nearest[..., 0], nearest[..., 1]) <= delta).any(axis=1),
-            Cause.HEIGHT: (np.abs(heights - lrf.height) <= delta).any(axis=1)
+            "range limit": at_limit,
+            "laser at a wall": (np.hypot(nearest[..., 0], nearest[..., 1]) <= delta).any(axis=1),
+            "height": (np.abs(heights - lrf.height) <= delta).any(axis=1)
             | (met.any(axis=1) & (lrf.height <= delta)),
-            Cause.GRAZING: sine <= GRAZING,
+            "grazing": sine <= GRAZING,
             # Shifting a wall by δ across the beam moves the hit by δ / sine along it.
-            Cause.CORNER_TIE: met.all(axis=1)
+            "corner tie": met.all(axis=1)
             & (walls[:, 0] != walls[:, 1])
             & (np.abs(one - other) <= AGREEMENT + delta / sine),
-            Cause.WALL_END: (np.abs(cross(beams[:, None], ends)) <= delta).any(axis=(1, 2)),
-            Cause.SEAM: (np.abs(cross(beams, seam)) <= delta).any(axis=1),
+            "wall end": (np.abs(cross(beams[:, None], ends)) <= delta).any(axis=(1, 2)),
+            "seam": (np.abs(cross(beams, seam)) <= delta).any(axis=1),
         }
     first = np.select(list(tests.values()), list(range(len(tests))), default=len(tests))
-    return tuple([*tests, Cause.UNEXPLAINED][number] for number in first)
+    return tuple([*tests, UNEXPLAINED][number] for number in first)
 
 
 def _answer(found: list[float]) -> dict[str, object]:

@@ -30,17 +30,17 @@ def crosscheck(
     trajectory = scenario.trajectory(on_collision=drive.on_collision)
 
     from lrf3d.casting import crosscheck as compare
-    from lrf3d.casting.comparison import MEANING, Cause
+    from lrf3d.casting.comparison import CAUSES, UNEXPLAINED
 
     with report.progress("crosscheck") as progress:
         result = compare(scenario.world, scenario.lrf, trajectory.poses, progress)
     figures = {"world": scenario.name, "scans": len(trajectory), **result.as_dict()}
     if figure is not None:
-        from lrf3d.render.crosscheck_figure import draw_crosscheck
+        from lrf3d.render.figures import draw_crosscheck
 
         draw_crosscheck(scenario.world, scenario.lrf, trajectory.poses, result, figure)
         figures["picture"] = str(figure)
-    unexplained = result.counts.get(Cause.UNEXPLAINED, 0)
+    unexplained = result.counts.get(UNEXPLAINED, 0)
     agree, largest = result.beams - len(result.causes), result.largest_difference
     report.print(
         figures,
@@ -48,7 +48,7 @@ def crosscheck(
             ("beams", f"{result.beams:,} in {len(trajectory)} scans"),
             ("agree", f"{agree:,}, the largest difference {largest:.1e} m"),
             ("differ", f"{len(result.causes)}, {unexplained} of them unexplained"),
-            *((f"  {cause}", f"{n}: {MEANING[cause]}") for cause, n in result.counts.items()),
+            *((f"  {cause}", f"{n}: {CAUSES[cause]}") for cause, n in result.counts.items()),
             *([] if figure is None else [("picture", str(figure))]),
         ],
     )

@@ -8,7 +8,7 @@ import typer
 
 if TYPE_CHECKING:
     from lrf3d.cli.console import Report
-    from lrf3d.planning.ground import Side
+    from lrf3d.planning.free_space import Side
     from lrf3d.scenario import Scenario
 
 RUN = "A run.npz, or its folder."

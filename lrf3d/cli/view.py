@@ -39,8 +39,7 @@ def view(
     if not run:
         # An unknown name is reported before the server is imported.
         find_world(what)
-    from lrf3d.view.opening import run_view, world_view
-    from lrf3d.view.server import bound, serve
+    from lrf3d.view.server import bound, run_view, serve, world_view
 
     def say(address: str) -> None:
         text = f"{what} is shown at {address}; Ctrl-C ends it"

@@ -227,7 +227,7 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         places = zip(self.poses, self._times.tolist(), strict=True)
         # Intensities are of single scans, as are the places of dynamic obstacles.
         if scenario.obstacles or scenario.world.materials:
-            scans = [sensor.cast(self.lrf, pose, time) for pose, time in places]
+            scans = [sensor.cast(pose, time) for pose, time in places]
             truth = np.array([scan.ranges for scan in scans])
             walls = np.array([scan.walls for scan in scans])
         else:

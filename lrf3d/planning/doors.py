@@ -3,12 +3,8 @@
 import numpy as np
 
 from lrf3d.geometry import Float
-from lrf3d.planning.free_space import MARGIN, FreeSpace, find_free_space
-from lrf3d.planning.ground import connected
+from lrf3d.planning.free_space import MARGIN, THINNEST, FreeSpace, connected, find_free_space
 from lrf3d.planning.tour import path_to
-
-THINNEST = 0.07
-"""Radius [m] of the robot for which rooms are looked for."""
 
 AREA, GAP = 1.0, 0.7
 """Least area [m²] in which a robot's middle can be, and distance to walls [m] somewhere in it, of
@@ -17,15 +13,18 @@ a room; a nook behind a desk is none."""
 POSTS = 1.5
 """Distance [m] from a narrow place within which the posts of its door are looked for."""
 
-USUAL_RADII = (0.35, 0.28, 0.22, 0.18, 0.15, 0.12)
+USUAL_RADII = (0.35, 0.28, 0.22, 0.18, 0.15, THINNEST)
 """Radii of common robots [m], of which one is proposed."""
 
 MOST_NAMED = 3
 """Largest number of doors that are named."""
 
 
-def closed_doors(space: FreeSpace) -> list[str]:
-    """One line that names the doors behind which rooms are not reached, or none."""
+def narrow_doors(space: FreeSpace) -> list[str]:
+    """One line that names the doors behind which rooms are not reached, or none.
+
+    Only what is narrower than the robot needs is a reason; what is closed is no door.
+    """
     from scipy.ndimage import maximum
     from scipy.sparse.csgraph import dijkstra
 
@@ -43,7 +42,7 @@ def closed_doors(space: FreeSpace) -> list[str]:
     if not len(missed):
         return []
     steps = small.graph.tocoo()
-    # So steep a cost makes the widest way the cheapest.
+    # So steep a cost makes the widest path the cheapest.
     steps.data = np.minimum(small.gaps[steps.row], small.gaps[steps.col]) ** -8.0
     costs, before, _ = dijkstra(
         steps.tocsr(),
@@ -52,12 +51,18 @@ def closed_doors(space: FreeSpace) -> list[str]:
         return_predecessors=True,
     )
     doors: list[tuple[float, Float]] = []
+    rooms = 0
     for room in missed:
         inside = np.flatnonzero(parts[small.allowed] == room)
         path = path_to(before, int(inside[np.argmin(costs[inside])]))
         width, middle = _door(space, small.places[path[np.argmin(small.gaps[path])]])
-        if all(np.hypot(*(middle - other)) > POSTS for _, other in doors):
-            doors.append((width, middle))
+        # A cell lies between the robot and each of the posts.
+        if width < 2.0 * (radius + MARGIN + ground.size):
+            rooms += 1
+            if all(np.hypot(*(middle - other)) > POSTS for _, other in doors):
+                doors.append((width, middle))
+    if not doors:
+        return []
     doors.sort(key=lambda door: -door[0])
     named = [f"{width:.2f} m at ({x:.1f}, {y:.1f})" for width, (x, y) in doors[:MOST_NAMED]]
     more = f" and {len(doors) - MOST_NAMED} more" if len(doors) > MOST_NAMED else ""
@@ -65,11 +70,10 @@ def closed_doors(space: FreeSpace) -> list[str]:
         f"; --set robot.radius={usual:g}"
         for width in (doors[-1][0], doors[0][0])
         for usual in USUAL_RADII
-        # A cell lies between the robot and one of the posts.
         if usual < radius and 2.0 * (usual + MARGIN) + ground.size <= width
     ]
     what, verb = ("door", "is") if len(doors) == 1 else ("doors", "are")
-    rooms_missed = "1 room is" if len(missed) == 1 else f"{len(missed)} rooms are"
+    rooms_missed = "1 room is" if rooms == 1 else f"{rooms} rooms are"
     return [
         f"{what} of {', '.join(named)}{more} {verb} too narrow for a robot of"
         f" {2.0 * radius:.2f} m; {rooms_missed} not reached{''.join(fit[:1])}"
@@ -78,15 +82,10 @@ def closed_doors(space: FreeSpace) -> list[str]:
 
 def _door(space: FreeSpace, place: Float) -> tuple[float, Float]:
     """Width [m] and middle (2,) of a door at a place (2,) of the local frame."""
-    import shapely
-
-    world = space.ground.world
-    walls = shapely.linestrings((world.segments - np.tile(world.origin, 2)).reshape(-1, 2, 2))
-    around = shapely.clip_by_rect(walls, *(place - POSTS), *(place + POSTS))
-    posts = shapely.get_coordinates(shapely.segmentize(around, 0.02)) - place
+    ground = space.ground
+    posts = ground.pieces[ground.tree.query_ball_point(place, POSTS)] - place
     one = posts[np.argmin(np.hypot(*posts.T))]
     others = posts[posts @ one < 0.0]
-    if not len(others):
-        return 2.0 * float(np.hypot(*one)), place + world.origin
-    other = others[np.argmin(np.hypot(*(others - one).T))]
-    return float(np.hypot(*(other - one))), place + 0.5 * (one + other) + world.origin
+    # Alone, a post is as far from what is beyond reach as the robot is from it.
+    other = others[np.argmin(np.hypot(*(others - one).T))] if len(others) else -one
+    return float(np.hypot(*(other - one))), place + 0.5 * (one + other) + ground.world.origin

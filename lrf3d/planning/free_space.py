@@ -1,19 +1,48 @@
-"""Free space: the places where a robot can be between the walls, and the steps between them."""
+"""Free space: a grid over a world, the places where a robot can be, and the steps between them.
 
-import math
+Doors, windows and gaps connect inside and outside, so connectivity alone does not tell them apart.
+Outside is what a disc as wide as a wide door sweeps from the border; in a town it is all that is
+connected with that.
+"""
+
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Bool, Float, Int
-from lrf3d.planning.ground import Ground, Side
 from lrf3d.world import World
+from lrf3d.world.model import DEFAULT_HEIGHT
+
+Side = Literal["inside", "outside"]
+"""Side of the walls: inside, among them, or outside of them."""
+
+SURROUNDINGS = 6.0
+"""Width [m] of the land around the walls where a robot may drive."""
+
+WIDEST_WINDOW = 500.0
+"""Largest side [m] of the part of a world that is planned in, as much as a drive can show."""
+
+CELLS, SMALLEST_CELL = 250_000, 0.08
+"""Approximate number of cells, and their least side [m]: a doorway is some cells wide."""
+
+PIECE = 0.1
+"""Longest piece of wall [m] to which distances are measured: they are off by 3 mm at most."""
+
+WIDEST_DOOR = 2.5
+"""Width [m] of an opening above which what lies behind it is outside, like the land around."""
+
+SUBSTANTIAL = 0.7
+"""Least length of the walls along rooms, as a share of those along the outside, for the robot to
+drive inside."""
 
 MARGIN = 0.05
 """Distance [m] of the robot from walls that is needed, for what the follower is off the route."""
+
+THINNEST = 0.12
+"""Radius [m] of the smallest usual robot, for which sides of walls and rooms are looked for."""
 
 COMFORT, TIGHT = 0.3, 4.0
 """Distance [m] of the robot from walls that is kept where there is room, and the factor of the cost
@@ -21,6 +50,104 @@ of a metre where there is less."""
 
 CLEARANCE = 2.0
 """Distance to walls [m] above which a metre costs no less, if none is given."""
+
+
+class Ground:
+    """Square cells (columns, rows) of a size [m] over a world, or over a part that is very large.
+
+    A place (columns, rows, 2) [m] in each cell, in the world's local frame, has a gap to the walls
+    [m], 0 where a map does not know it to be free; nearest is the number of the nearest of the
+    pieces of walls (k, 2).
+
+    Raises:
+        InputError: There are no walls, or none around the start (2,) [m].
+    """
+
+    def __init__(self, world: World, start: Float | None = None) -> None:
+        import shapely
+        from scipy.spatial import cKDTree
+
+        segments = world.segments - np.tile(world.origin, 2)
+        low, high = _window(segments, None if start is None else start - world.origin)
+        lines = shapely.clip_by_rect(shapely.linestrings(segments.reshape(-1, 2, 2)), *low, *high)
+        pieces, walls = shapely.get_coordinates(shapely.segmentize(lines, PIECE), return_index=True)
+        if not len(pieces):
+            near = " near the start" if len(segments) else ""
+            raise InputError(f"{world.name or 'world'}: no walls{near}, so no route can be found")
+        self.world, self.pieces, self._walls = world, pieces, walls
+        self.size = max(float(np.sqrt(np.prod(high - low) / CELLS)), SMALLEST_CELL)
+        shape = tuple(np.ceil((high - low) / self.size).astype(int).tolist())
+        self.places = low + self.size * (np.moveaxis(np.indices(shape), 0, -1) + 0.5)
+        self.tree = cKDTree(pieces)
+        self.gaps, self.nearest = (np.asarray(each) for each in self.tree.query(self.places))
+        self._leave_walls()
+        self.swept = self._swept()
+        if world.free is not None:
+            known = world.free.contain(self.places.reshape(-1, 2) + world.origin)
+            self.gaps[~known.reshape(self.gaps.shape)] = 0.0
+
+    def _leave_walls(self) -> None:
+        """Move places near walls away from them within their cells: doors are passed mid-way."""
+        near = np.nonzero((self.gaps < WIDEST_DOOR / 2.0) & (self.gaps > 0.0))
+        places, gaps = self.places[near], self.gaps[near]
+        away = (places - self.pieces[self.nearest[near]]) / gaps[:, None]
+        for share in (0.25, 0.5):
+            moved = places + share * self.size * away
+            there, nearest = (np.asarray(each) for each in self.tree.query(moved))
+            better = there > self.gaps[near]
+            cells = tuple(each[better] for each in near)
+            self.places[cells], self.gaps[cells] = moved[better], there[better]
+            self.nearest[cells] = nearest[better]
+
+    def _swept(self) -> Bool:
+        """Which cells a disc as wide as a wide door sweeps from the border."""
+        from scipy.ndimage import distance_transform_edt
+
+        parts, _ = connected(self.gaps >= 0.5 * WIDEST_DOOR)
+        border = np.concatenate([parts[0], parts[-1], parts[:, 0], parts[:, -1]])
+        swept = np.isin(parts, border[border > 0])
+        reach = distance_transform_edt(~swept, sampling=self.size) <= 0.5 * WIDEST_DOOR
+        return np.asarray(reach & swept.any())
+
+    @cached_property
+    def _sides(self) -> tuple[Bool, bool]:
+        """Which cells are outside, and whether the robot drives there if no side is given.
+
+        The inside of a building is no room: a closed part with one object around it that is high,
+        or that encloses nothing else and is seen from outside next to others, unlike a plan whose
+        outer wall has a line on each side.
+        """
+        from scipy.ndimage import maximum, minimum
+
+        # Neighbouring places that are farther than this from walls have none between them.
+        world, free = self.world, self.gaps >= max(THINNEST, 1.25 * self.size)
+        parts, count = connected(free)
+        number, wall = np.arange(count + 1), self._walls[self.nearest]
+        is_open = np.bincount(parts[self.swept], minlength=count + 1) > 0
+        owner = minimum(world.objects[wall], parts, number).astype(int)
+        closed = (owner == maximum(world.objects[wall], parts, number)) & ~is_open
+        alone = np.bincount(owner[closed], minlength=world.object_count)[owner] == 1
+        several = len(np.unique(world.objects[wall[self.swept]])) > 1
+        high = maximum(world.heights[wall], parts, number) > DEFAULT_HEIGHT
+        building = closed & (high | alone & several)
+        rooms, outdoors = (
+            len(np.unique(self.nearest[free & cells]))
+            for cells in (~self.swept & ~building[parts], self.swept)
+        )
+        # Otherwise it is a town, or a few walls in the open, which enclose hardly anything.
+        substantial = rooms >= SUBSTANTIAL * outdoors
+        return (self.swept, False) if substantial else (is_open[parts], True)
+
+    def on_side(self, where: Side | None, start: tuple[int, int] | None) -> Bool:
+        """Which cells may be driven in: those on one side of the walls, or all of a map's."""
+        if where is None and self.world.free is not None:
+            return self.gaps > 0.0
+        outside, open_air = self._sides
+        if where is not None:
+            open_air = where == "outside"
+        elif start is not None:
+            open_air = bool(self.swept[start])
+        return np.asarray(outside == open_air)
 
 
 @dataclass(frozen=True)
@@ -34,13 +161,12 @@ class FreeSpace:
     radius: float
     clearance: float
     allowed: Bool
-    side: Side = "inside"
     start: tuple[int, int] | None = None
 
     @cached_property
     def places(self) -> Float:
-        """The middles (k, 2) [m] of the cells in the local frame."""
-        return self.ground.points(self.allowed)
+        """The places (k, 2) [m] in the cells, in the local frame."""
+        return np.asarray(self.ground.places[self.allowed])
 
     @cached_property
     def gaps(self) -> Float:
@@ -52,6 +178,13 @@ class FreeSpace:
         """The place of each of the cells (columns, rows); −1 in the others."""
         count = np.cumsum(self.allowed).reshape(self.allowed.shape)
         return np.where(self.allowed, count - 1, -1)
+
+    @property
+    def side(self) -> Side:
+        """The side of the walls. In a map what is unknown may look like the outside."""
+        outside = self.ground.swept[self.allowed]
+        known = self.ground.world.free is not None
+        return "outside" if (outside.mean() > 0.5 if known else outside.any()) else "inside"
 
     def cost(self, gaps: Float) -> Float:
         """The cost of a metre at distances to walls [m]: it rises steeply near them.
@@ -67,17 +200,19 @@ class FreeSpace:
         from scipy.sparse import coo_array
 
         count, padded = len(self.places), np.pad(self.number, (0, 1), constant_values=-1)
-        parts = []
+        pairs = []
         for step in ((1, 0), (0, 1), (1, 1), (1, -1)):
             other = np.roll(padded, (-step[0], -step[1]), (0, 1))[:-1, :-1]
             both = (self.number >= 0) & (other >= 0)
-            pairs = np.stack([self.number[both], other[both]])
-            length = self.ground.size * math.hypot(*step)
-            # Where walls are nearer than this, one may come too near to the line between the two.
-            clear = self.gaps[pairs].min(axis=0) >= math.hypot(self.radius, 0.5 * length)
-            parts.append((pairs[:, clear], length * self.cost(self.gaps)[pairs[:, clear]].mean(0)))
-        ends, costs = (np.concatenate(each, axis=-1) for each in zip(*parts, strict=True))
-        graph = coo_array((costs, tuple(ends)), shape=(count, count)).tocsr()
+            pairs.append(np.stack([self.number[both], other[both]]))
+        one, other = np.concatenate(pairs, axis=1)
+        length = np.hypot(*(self.places[one] - self.places[other]).T)
+        # Where walls are nearer than this, one may come too near to the line between the two.
+        clear = np.minimum(self.gaps[one], self.gaps[other]) >= np.hypot(self.radius, 0.5 * length)
+        one, other, length = one[clear], other[clear], length[clear]
+        price = self.cost(self.gaps)
+        costs = 0.5 * length * (price[one] + price[other])
+        graph = coo_array((costs, (one, other)), shape=(count, count)).tocsr()
         return graph + graph.T
 
 
@@ -87,22 +222,20 @@ def free_places(world: World, least: float) -> Float:
     Raises:
         InputError: There is none.
     """
-    return find_free_space(Ground.around(world), least - MARGIN).places + world.origin
+    return find_free_space(Ground(world), least - MARGIN).places + world.origin
 
 
 def find_free_space(
     ground: Ground,
     radius: float,
     *,
-    further: Float | float = 0.0,
     clearance: float = CLEARANCE,
     where: Side | None = None,
     start: Float | None = None,
 ) -> FreeSpace:
     """The free space of a robot: of parts with walls between them that along most of the walls.
 
-    Further is the additional distance to walls [m] of each cell (columns, rows). If a start x, y
-    [m] or a side of the walls is given, the space lies around or on it.
+    If a start x, y [m] or a side of the walls is given, the space lies around or on it.
 
     Raises:
         InputError: There is no room for the robot between the walls.
@@ -110,9 +243,19 @@ def find_free_space(
     from scipy.sparse.csgraph import connected_components
 
     name, least = ground.world.name or "world", radius + MARGIN
-    free = ground.gaps >= least + further
-    begin = None if start is None else _cell_near(ground, free, start, least)
-    allowed = ground.permitted(free, where, begin)
+    free, begin = ground.gaps >= least, None
+    if start is not None:
+        apart = np.hypot(*np.moveaxis(ground.places - (start - ground.world.origin), -1, 0))
+        apart[~free] = np.inf
+        cell = np.unravel_index(np.argmin(apart), apart.shape)
+        begin = int(cell[0]), int(cell[1])
+        # A wall may be between them.
+        if apart[begin] > ground.tree.query(start - ground.world.origin)[0]:
+            raise InputError(
+                f"{name}: no room around the start ({start[0]:g}, {start[1]:g}) for a robot that"
+                f" stays {least:g} m away from walls"
+            )
+    allowed = free & ground.on_side(where, begin)
     if not allowed.any():
         what = "free cell" if ground.world.free is not None else "place"
         on_side = "" if where is None else f" {where} the walls"
@@ -122,34 +265,45 @@ def find_free_space(
         )
     if begin is not None and not allowed[begin]:
         raise InputError(f"{name}: the start does not lie {where} the walls")
-    space = FreeSpace(ground, radius, clearance, allowed, start=begin)
+    space = FreeSpace(ground, radius, clearance, allowed, begin)
     count, part = connected_components(space.graph, directed=False)
     if begin is None:
         pieces = len(ground.pieces)
         along = np.unique(part * pieces + ground.nearest[allowed]) // pieces
-        chosen = int(np.argmax(np.bincount(along, minlength=count)))
+        # Around the walls of a map there may be a strip of free cells.
+        open_air = np.bincount(part, ground.swept[allowed]) > 0.5 * np.bincount(part)
+        worth = np.where(open_air, SUBSTANTIAL, 1.0)
+        chosen = int(np.argmax(worth * np.bincount(along, minlength=count)))
     else:
         chosen = part[space.number[begin]]
-    allowed[allowed] = part == chosen
-    outside = ground.outside[allowed]
-    # In a map what is unknown may look like the outside.
-    is_open = outside.mean() > 0.5 if ground.world.free is not None else outside.any()
-    return FreeSpace(ground, radius, clearance, allowed, "outside" if is_open else "inside", begin)
+    kept = allowed.copy()
+    kept[allowed] = part == chosen
+    return FreeSpace(ground, radius, clearance, kept, begin)
 
 
-def _cell_near(ground: Ground, free: Bool, start: Float, least: float) -> tuple[int, int]:
-    """The free cell nearest to a start, if no wall can be between them.
+def _window(segments: Float, around: Float | None) -> tuple[Float, Float]:
+    """Corners (2,) of the box around all walls, or where most walls end if that is too wide."""
+    ends = segments.reshape(-1, 2)
+    if around is not None:
+        ends = np.vstack([ends, around])
+    if not len(ends):
+        return np.zeros(2), np.ones(2)
+    low, high = ends.min(axis=0) - SURROUNDINGS, ends.max(axis=0) + SURROUNDINGS
+    if (high - low).max() <= WIDEST_WINDOW:
+        return low, high
+    if around is None:
+        tiles = np.floor(ends / (0.5 * WIDEST_WINDOW))
+        _, tile, counts = np.unique(tiles, axis=0, return_inverse=True, return_counts=True)
+        around = ends[tile.reshape(-1) == np.argmax(counts)].mean(axis=0)
+    return np.maximum(low, around - WIDEST_WINDOW / 2), np.minimum(high, around + WIDEST_WINDOW / 2)
 
-    Raises:
-        InputError: There is none.
+
+def connected(cells: Bool) -> tuple[Int, int]:
+    """The connected part (columns, rows) of each of some cells, from 1, and the number of parts.
+
+    Cells that touch at a corner are connected; 0 stands for the other cells.
     """
-    local = start - ground.world.origin
-    points = ground.points(free)
-    apart = np.hypot(*(points - local).T)
-    if apart.min(initial=np.inf) > np.hypot(*(ground.pieces - local).T).min():
-        raise InputError(
-            f"{ground.world.name or 'world'}: no room around the start ({start[0]:g}, {start[1]:g})"
-            f" for a robot that stays {least:g} m away from walls"
-        )
-    column, row = ground.cells(points[np.argmin(apart)])
-    return int(column), int(row)
+    from scipy.ndimage import label
+
+    parts, count = label(cells, np.ones((3, 3)))
+    return np.asarray(parts, dtype=np.int64), int(count)

@@ -12,10 +12,16 @@ from typing import Any
 import numpy as np
 
 from lrf3d.errors import InputError, shown
-from lrf3d.geometry import LARGEST_COORDINATE, Bool, Float, Int, is_finite, numbers
-from lrf3d.planning.doors import closed_doors
-from lrf3d.planning.free_space import COMFORT, MARGIN, FreeSpace, find_free_space
-from lrf3d.planning.ground import Ground, Side
+from lrf3d.geometry import LARGEST_COORDINATE, Float, Int, is_finite, numbers
+from lrf3d.planning.doors import narrow_doors
+from lrf3d.planning.free_space import (
+    COMFORT,
+    MARGIN,
+    FreeSpace,
+    Ground,
+    Side,
+    find_free_space,
+)
 from lrf3d.planning.tour import find_tour
 from lrf3d.robot import find_collision, follow_route
 from lrf3d.robot.collision import CollisionChecker
@@ -43,22 +49,23 @@ LONGEST_LEG = 30.0
 AGAIN = 30.0
 """Time [s] after which a second lap is driven like the first."""
 
-ATTEMPTS, RETREAT, AROUND = 12, 0.1, 0.8
-"""Number of times that a route is planned before the last one is returned, and the distance [m] by
-which walls are given more room, and around which places [m], where a drive touched one."""
+SHORTEST_LOOKAHEAD = 0.1
+"""Least look-ahead [m]: with it the robot keeps within centimetres of the route, and slowly."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlannedRoute:
-    """Way-points (m, 2) [m], the side of the walls, and the robot's radius [m] and speed [m/s].
+    """Way-points (m, 2) [m], the side of the walls, and how the robot drives along them.
 
-    The notes are what the user should know: doors that are too narrow.
+    Its radius and its look-ahead are in metres, its speed in m/s. The notes are what the user
+    should know: doors that are too narrow.
     """
 
     waypoints: Float
     side: Side
     radius: float
     speed: float
+    lookahead: float
     notes: tuple[str, ...] = ()
 
 
@@ -76,9 +83,8 @@ def plan_route(
 
     The same world gives the same route. In a world wider than 500 m the route is planned only in
     the part with the most walls. In a plan of rooms it stays inside, even if doors lead out; in a
-    town it runs between the buildings; in a map with free cells it keeps to these. If no route can
-    be followed without touching a wall, the last one tried is returned, and `check_drive` reports
-    where the robot would touch.
+    town it runs between the buildings; in a map with free cells it keeps to these. With a
+    long look-ahead a robot may cut corners of narrow passages, which `check_drive` reports.
 
     Args:
         world: The walls.
@@ -135,8 +141,6 @@ def find_route(
     Raises:
         InputError: As of `plan_route`.
     """
-    from scipy.ndimage import distance_transform_edt
-
     sizes = (radius or RADIUS, speed or SPEED, clearance, range_max, lookahead, dt)
     if not (is_finite(*sizes) and min(sizes) > 0.0):
         raise InputError(
@@ -147,7 +151,7 @@ def find_route(
         raise InputError(f"where {where!r}: expected 'inside', 'outside' or None")
     check_size(world)
     position = None if start is None else _checked_start(world, start, radius or RADIUS)
-    ground, checker = Ground.around(world, position), CollisionChecker(world)
+    ground = Ground(world, position)
     notes: list[str] = []
     if radius is None:
         radius = _fitting_radius(ground, where, position)
@@ -156,32 +160,28 @@ def find_route(
                 f"the robot's radius is {radius:g} m instead of {RADIUS:g} m: doors are too narrow"
                 " for a wider one"
             )
-    further = np.zeros(ground.gaps.shape)
-    for _ in range(ATTEMPTS):
-        space = find_free_space(
-            ground, radius, further=further, clearance=clearance, where=where, start=position
-        )
-        legs = find_tour(space, world, range_max)
-        waypoints = _straightened(space, legs) + world.origin
-        if position is not None and (waypoints[0] != position).any():
-            waypoints = np.vstack([position, waypoints])
-        pace = speed or (INDOOR_SPEED if space.side == "inside" else SPEED)
-        # A long run drives back the way it came, and sets out again from where it arrives.
-        lap = np.vstack([waypoints, waypoints[-2::-1]])
+    space = find_free_space(ground, radius, clearance=clearance, where=where, start=position)
+    legs = find_tour(space, world, range_max)
+    waypoints = _straightened(space, legs) + world.origin
+    if position is not None and (waypoints[0] != position).any():
+        waypoints = np.vstack([position, waypoints])
+    pace = speed or (INDOOR_SPEED if space.side == "inside" else SPEED)
+    # A long run drives back along the route, and sets out again from where it arrives.
+    lap = np.vstack([waypoints, waypoints[-2::-1]])
+    pose = start if start is not None and len(start) == 3 else None
+    checker = CollisionChecker(world)
+    while True:
         settings: dict[str, Any] = {"speed": pace, "lookahead": lookahead, "dt": dt}
-        pose = start if start is not None and len(start) == 3 else None
         first = follow_route(lap, start=pose, **settings).poses
         again = follow_route(lap, start=first[-1], most=int(AGAIN / dt), **settings).poses
         drive = np.vstack([first, again[1:]])[:, :2]
-        steps, _ = checker.hit(drive[:-1], drive[1:], radius)
-        if not len(steps):
+        touches = len(checker.hit(drive[:-1], drive[1:], radius)[0]) > 0
+        if not touches or lookahead <= SHORTEST_LOOKAHEAD:
             break
-        touched = np.ones(further.shape, dtype=np.bool_)
-        touched[ground.cells(drive[steps] - world.origin)] = False
-        further[distance_transform_edt(touched, sampling=ground.size) <= AROUND] += RETREAT
+        lookahead = max(0.5 * lookahead, SHORTEST_LOOKAHEAD)
     if space.side == "inside":
-        notes += closed_doors(space)
-    return PlannedRoute(waypoints, space.side, radius, pace, tuple(notes))
+        notes += narrow_doors(space)
+    return PlannedRoute(waypoints, space.side, radius, pace, lookahead, tuple(notes))
 
 
 def _checked_start(world: World, start: Sequence[float] | Float, radius: float) -> Float:
@@ -200,19 +200,17 @@ def _checked_start(world: World, start: Sequence[float] | Float, radius: float) 
 
 def _fitting_radius(ground: Ground, where: Side | None, start: Float | None) -> float:
     """The usual radius [m], or a smaller one where doors keep it from a third of the inside."""
-
-    def cells(radius: float) -> Bool:
-        return find_free_space(ground, radius, where=where, start=start).allowed
-
-    *wider, smallest = (RADIUS, *SMALLER_RADII)
-    small = find_free_space(ground, smallest, where=where, start=start)
-    for radius in wider if small.side == "inside" else ():
+    small = find_free_space(ground, SMALLER_RADII[-1], where=where, start=start)
+    if small.side == "outside":
+        return RADIUS
+    for radius in (RADIUS, *SMALLER_RADII[:-1]):
         # The cells that the robot could be in if all doors were wide.
-        roomy = small.allowed & (ground.gaps >= radius + MARGIN)
+        roomy = int((small.gaps >= radius + MARGIN).sum())
         with suppress(InputError):
-            if roomy.any() and cells(radius).sum() >= FAR_ENOUGH * roomy.sum():
+            reached = find_free_space(ground, radius, where=where, start=start).allowed.sum()
+            if roomy and reached >= FAR_ENOUGH * roomy:
                 return radius
-    return smallest if small.side == "inside" else RADIUS
+    return SMALLER_RADII[-1]
 
 
 def _straightened(space: FreeSpace, legs: list[Int]) -> Float:
@@ -244,15 +242,11 @@ def _straightened(space: FreeSpace, legs: list[Int]) -> Float:
 
 def _is_better(space: FreeSpace, ends: Float, cost: float, least: float) -> bool:
     """Whether the line between two places (2, 2) costs at most as much, as far from walls."""
-    from scipy.ndimage import map_coordinates
-
     length = float(np.hypot(*(ends[1] - ends[0])))
     if length > LONGEST_LEG:
         return False
-    ground = space.ground
-    shares = np.linspace(0.0, 1.0, int(2.0 * length / ground.size) + 2)[:, None]
-    cells = (ends[0] * (1.0 - shares) + ends[1] * shares - ground.low) / ground.size - 0.5
-    gaps = map_coordinates(ground.gaps, cells.T, order=1, mode="nearest")
+    shares = np.linspace(0.0, 1.0, int(2.0 * length / space.ground.size) + 2)[:, None]
+    gaps = np.asarray(space.ground.tree.query(ends[0] + shares * (ends[1] - ends[0]))[0])
     enough = gaps.min() >= min(least, space.radius + COMFORT) - 0.01
     prices = space.cost(gaps)
     mean = 0.5 * (prices[1:] + prices[:-1]).mean()

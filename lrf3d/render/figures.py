@@ -9,9 +9,11 @@ from string import ascii_lowercase
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from lrf3d import plot
+from lrf3d.casting.comparison import CrossCheck
 from lrf3d.geometry import Float
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapping import LineMap
@@ -33,6 +35,9 @@ AROUND = np.array([0.9, 1.6])
 
 HALF = np.array([-0.5, 0.5])
 """The ends of an axis, from its middle, in its length."""
+
+WRONG = "#7a3fb0"
+"""Colour of Embree's answer where it is not the exact one."""
 
 NARROWEST = 6.0
 """Least width of a figure, in which a headline is legible [inches]."""
@@ -160,6 +165,50 @@ def draw_noise_levels(
         plot.trajectory(poses, ax)
         _head(ax, f"({letter})  σ = {sigma:g} m", run.map.counts)
     return finished(figure, axes, path)
+
+
+def draw_crosscheck(
+    world: World,
+    lrf: LaserRangeFinder,
+    poses: Float,
+    result: CrossCheck,
+    path: str | Path | None = None,
+) -> Figure:
+    """Draw a world, the poses (k, 3), and the beams that the casters see differently.
+
+    Raises:
+        OutputError: The picture cannot be written.
+    """
+    places = [world.segments.reshape(-1, 2), poses[:, :2]]
+    found = "all agree on wall and range"
+    if result.causes:
+        causes = ", ".join(f"{count} {cause}" for cause, count in result.counts.items())
+        found = f"{len(result.causes)} seen differently: {causes}"
+    title = f"{world.name or 'world'}: the plane against bare Embree"
+    figure, (ax,) = metre_sheet(places, 1, title, f"{result.beams:,} beams  ·  {found}")
+    plot.world(world, ax, poses=poses)
+    plot.trajectory(poses, ax)
+    starts = poses[result.scan, :2]
+    beams = [
+        lrf.directions(poses[scan])[beam]
+        for scan, beam in zip(result.scan, result.beam, strict=True)
+    ]
+    # Many beams are drawn finer, or they would hide the world and each other.
+    fine = float(np.interp(len(starts), [20, 100], [1.0, 0.4]))
+    for answers, colour, label, width in (
+        (result.ranges[:, 1], WRONG, "Embree's answer", 1.2),
+        (result.ranges[:, 0], plot.BEAM, "exact answer", 2.0),
+    ):
+        if not len(answers):
+            continue
+        reach = np.clip(answers, 0.0, lrf.range_max)
+        ends = starts + reach[:, None] * np.array(beams)
+        lines = list(np.stack([starts, ends], axis=1))
+        ax.add_collection(
+            LineCollection(lines, colors=colour, linewidths=fine * width, label=label, zorder=4)
+        )
+        ax.plot(*ends.T, "o", markersize=4.0 * fine, color=colour, mew=0, zorder=5)
+    return finished(figure, [ax], path)
 
 
 def metre_sheet(

@@ -16,7 +16,7 @@ from lrf3d.errors import InputError, shown
 from lrf3d.geometry import whole_number
 from lrf3d.laser import Noise
 from lrf3d.mapping.mapper import MODES
-from lrf3d.planning.ground import Side
+from lrf3d.planning.free_space import Side
 from lrf3d.robot import Trajectory
 from lrf3d.scenario import read_scenario_file, scenario_of
 from lrf3d.simulation import line_mapper

@@ -63,7 +63,6 @@ def read_svg(path: Path) -> World:
     if _name(root) != "svg":
         raise WorldError(f"<{_name(root)[:40]}> where <svg> was expected: not an SVG drawing")
     width, height = _size(root)
-    _fit_symbols(root, width, height)
     _prepare(root)
     root.attrib.update(width=f"{width}", height=f"{height}", preserveAspectRatio="xMinYMax")
     drawing = SVG.parse(BytesIO(ElementTree.tostring(root)), ppi=DPI)
@@ -78,40 +77,18 @@ def read_svg(path: Path) -> World:
     return world_of_strokes(strokes, path)
 
 
-def _fit_symbols(root: Element, width: float, height: float) -> None:
-    """Fit symbols with a ``viewBox`` into the places of their uses, as the library does not."""
-    from svgelements import Length, Viewbox
-
-    boxes = {f"#{each.get('id')}": each for each in root.iter() if "viewBox" in each.attrib}
-    _, _, wide, high = _numbers(root.get("viewBox", f"0 0 {width} {height}"))
-    for use in root.iter():
-        hrefs = [href for key, href in use.items() if key.endswith("href") and href in boxes]
-        if _name(use) != "use" or not hrefs or _name(symbol := boxes[hrefs[0]]) != "symbol":
-            continue
-        place = [
-            Length(use.attrib.pop(key, usual)).value(ppi=DPI, relative_length=side)
-            for key, usual, side in (
-                ("x", "0", wide), ("y", "0", high), ("width", "100%", wide),
-                ("height", "100%", high),
-            )
-        ]  # fmt: skip
-        box, ratio = _numbers(symbol.attrib["viewBox"]), symbol.get("preserveAspectRatio")
-        fitted = Viewbox.viewbox_transform(*place, *box, ratio)
-        use.set("transform", f"{use.get('transform', '')} {fitted}")
-
-
-def _numbers(text: str) -> list[float]:
-    return [float(word) for word in text.replace(",", " ").split()]
-
-
 def _prepare(root: Element) -> None:
     """Take out what is not drawn, and make symbols and frames groups, which the library knows."""
+    symbols = [each for each in root.iter() if _name(each) == "symbol" and "viewBox" in each.attrib]
+    fitted = {f"#{each.get('id')}" for each in symbols}
     for element in list(root.iter()):
         for part in [part for part in element if _name(part) in UNDRAWN]:
             element.remove(part)
         for key, href in element.attrib.items():
             if _name(element) == "use" and key.endswith("href") and not href.startswith("#"):
                 raise WorldError(f"uses {shown(href)}, which is outside this file; put it in")
+            if _name(element) == "use" and key.endswith("href") and href in fitted:
+                raise WorldError(f"uses {shown(href)}, a symbol with a viewBox; draw it to size")
         if _name(element) == "svg" and element is not root and "viewBox" not in element.attrib:
             element.tag = f"{element.tag[: -len('svg')]}g"
             element.set("transform", f"translate({element.get('x', '0')},{element.get('y', '0')})")
@@ -139,7 +116,7 @@ def _size(root: Element) -> tuple[float, float]:
         sides.append(length if given else None)
     width, height = sides
     try:
-        _, _, wide, high = _numbers(root.get("viewBox", "0 0 1 1"))
+        _, _, wide, high = map(float, root.get("viewBox", "0 0 1 1").replace(",", " ").split())
     except ValueError:
         wide = high = math.nan
     if not (min(wide, high) > 1e-9 and max(wide, high) <= LARGEST_COORDINATE):

@@ -8,10 +8,10 @@ import lrf3d
 from lrf3d import LaserRangeFinder, PlanarCaster, Trajectory, World, load_world
 from lrf3d.casting import EmbreeCaster
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
-from lrf3d.casting.timed import timed
 from lrf3d.errors import InputError
 from lrf3d.fleet import simulate_fleet
 from lrf3d.robot.laps import Patrol
+from lrf3d.sensor import Sensor
 
 CITY = load_world("city")
 CASTERS = pytest.mark.parametrize("make", [PlanarCaster, EmbreeCaster])
@@ -20,9 +20,16 @@ DRIVE = Trajectory([0.0, 0.5, 1.0], [(50, 31, 0.1), (51.5, 31.2, 0.4), (53, 32.5
 SQUARE = [(-0.4, -0.3), (0.4, -0.3), (0.4, 0.3), (-0.4, 0.3)]
 
 
-def among(caster, *obstacles):
+def timed(caster, lrf, path, obstacles=()):
+    """The function of a pose and a time that casts the scans along a path, among obstacles."""
+    silent = lrf3d.ProportionalNoise(0.0)
+    sensor = Sensor(caster.world, lrf, caster=caster, noise=silent, obstacles=obstacles, path=path)
+    return sensor.cast
+
+
+def among(caster, lrf, *obstacles):
     """The caster for scans at one moment, among obstacles."""
-    return timed(caster, LaserRangeFinder(), None, obstacles)
+    return timed(caster, lrf, None, obstacles)
 
 
 class Mapless:
@@ -32,7 +39,7 @@ class Mapless:
 
 @CASTERS
 def test_each_beam_of_a_sweep_is_the_exact_one_from_where_the_robot_then_is(make):
-    swept = timed(make(CITY), TURNING, DRIVE)(TURNING, DRIVE.poses[1], 0.5)
+    swept = timed(make(CITY), TURNING, DRIVE)(DRIVE.poses[1], 0.5)
     times = 0.5 + TURNING.time_increment * np.arange(45)
     poses = DRIVE.at(times)
     assert (np.diff(poses[:, 0]) > 0.0).all()
@@ -51,7 +58,7 @@ def test_a_scan_may_take_as_long_as_the_interval_whatever_rounding_and_the_last_
     times = np.append(0.2 * np.arange(1000), 199.85)
     assert np.diff(times)[:-1].min() < 0.2
     path = Trajectory(times, np.tile([50.0, 31.0, 0.1], (len(times), 1)))
-    assert timed(PlanarCaster(CITY), TURNING, path)(TURNING, path.poses[0], 0.0).time == 0.0
+    assert timed(PlanarCaster(CITY), TURNING, path)(path.poses[0], 0.0).time == 0.0
     with pytest.raises(InputError, match="longer than"):
         timed(PlanarCaster(CITY), LaserRangeFinder(scan_duration=0.2001), path)
 
@@ -63,7 +70,7 @@ def test_obstacles_are_cast_as_exactly_as_walls(make):
         DynamicObstacle(round_outline(0.5), Trajectory([0.0], [(50, 36, 0)])),
     )
     lrf, pose = LaserRangeFinder(-np.pi, np.pi, 361), np.array([49.0, 32.0, 0.2])
-    scan = among(make(CITY), *obstacles)(lrf, pose, 0.75)
+    scan = among(make(CITY), lrf, *obstacles)(pose, 0.75)
     sides = np.concatenate([obstacle.walls(0.75) for obstacle in obstacles])
     together = PlanarCaster(World(np.concatenate([CITY.segments, sides]))).cast(lrf, pose)
     assert np.array_equal(scan.ranges, together.ranges)
@@ -76,11 +83,11 @@ def test_what_is_too_near_is_told_so_whoever_it_is():
     lrf = LaserRangeFinder(0.0, 0.0, 1, range_min=2.0, range_max=20.0)
     world = World([[10.0, -5, 10, 5], [-1.0, -5, -1, 5]])
     near = DynamicObstacle(SQUARE, Trajectory([0.0], [(1.0, 0, 0)]))
-    caster = among(PlanarCaster(world), near)
-    assert caster(lrf, np.array([0.0, 0, 0]), 0.0).ranges[0] == -np.inf
-    assert caster(lrf, np.array([0.0, 0, np.pi]), 0.0).ranges[0] == -np.inf
+    caster = among(PlanarCaster(world), lrf, near)
+    assert caster(np.array([0.0, 0, 0]), 0.0).ranges[0] == -np.inf
+    assert caster(np.array([0.0, 0, np.pi]), 0.0).ranges[0] == -np.inf
     far = DynamicObstacle(SQUARE, Trajectory([0.0], [(5.0, 0, 0)]))
-    scan = among(PlanarCaster(world), far)(lrf, np.array([0.0, 0, 0]), 0.0)
+    scan = among(PlanarCaster(world), lrf, far)(np.array([0.0, 0, 0]), 0.0)
     assert scan.ranges[0] == 4.6 and scan.walls[0] == -1
 
 
@@ -94,7 +101,7 @@ def test_obstacles_move_while_the_beams_of_a_sweep_turn():
     stand = Trajectory([0.0, 2.0], np.zeros((2, 3)))
     world = World([[20.0, -40, 20, 40]])
     caster = timed(PlanarCaster(world), lrf, stand, [DynamicObstacle(SQUARE, path)])
-    assert caster(lrf, stand.poses[0], 0.0).ranges == pytest.approx(np.full(21, 7.6))
+    assert caster(stand.poses[0], 0.0).ranges == pytest.approx(np.full(21, 7.6))
 
 
 def test_robots_see_each_other_and_not_themselves():
@@ -136,7 +143,7 @@ def test_no_obstacle_that_a_beam_meets_is_passed_over(seed):
             np.array([*rng.uniform(-2, 2, 2), rng.uniform(-9, 9)]),
         )
         met = PlanarCaster(World(obstacle.walls(0.0))).cast(lrf, pose).ranges
-        scan = among(alone, obstacle)(lrf, pose, 0.0)
+        scan = among(alone, lrf, obstacle)(pose, 0.0)
         assert np.array_equal(scan.ranges, met)
         seen += bool(np.isfinite(met).any())
         assert obstacle.may_meet(lrf, pose, 0.0) or not np.isfinite(met).any()
@@ -149,7 +156,7 @@ def test_mirrors_show_obstacles_and_intensities_are_those_of_them():
     rests = lrf3d.Trajectory([0.0], [(-2.0, 0.0, 0.0)])
     behind = lrf3d.DynamicObstacle([[-1, -1], [1, -1], [1, 1], [-1, 1]], rests, 2.0)
     cast = timed(lrf3d.PlanarCaster(mirror), lrf, None, [behind])
-    scan = cast(lrf, np.array([0.0, 0.0, 0.0]), 3.0)
+    scan = cast(np.array([0.0, 0.0, 0.0]), 3.0)
     # The mirror at 4 m shows the obstacle's side at x = -1, on the way to the wall at x = -9.
     assert scan.ranges.tolist() == [9.0] and scan.walls.tolist() == [-1] and scan.time == 3.0
     assert scan.intensities == pytest.approx([0.05 * 0.95**2 / 81], rel=1e-12)
@@ -160,7 +167,7 @@ def test_a_scan_of_beams_one_by_one_has_their_intensities_and_echoes():
     lrf = lrf3d.LaserRangeFinder(beams=31, scan_duration=0.1, echoes=2)
     caster = lrf3d.PlanarCaster(world)
     path = lrf3d.Trajectory([0.0, 1.0, 2.0], np.zeros((3, 3)))
-    swept = timed(caster, lrf, path)(lrf, np.zeros(3), 0.0)
+    swept = timed(caster, lrf, path)(np.zeros(3), 0.0)
     whole = caster.cast(lrf, (0, 0, 0))
     for name in ("ranges", "walls", "intensities", "echoes", "echo_intensities"):
         assert (getattr(swept, name) == getattr(whole, name)).all()

@@ -60,6 +60,10 @@ def as_bytes(array, version):
         ("map_sizes", np.array([10**9, -(10**9), 0]), "map_sizes"),
         ("map_sizes", np.array([0, 0, 10**9]), "map_sizes do not sum"),
         ("intensities", np.zeros((3, 6)), r"intensities \(3, 6\)"),
+        ("segments", np.zeros((1, 4)), ""),
+        ("lrf", np.array([1.0, 0.0, 61, 0, 20, 0.5]), "angle_min"),
+        ("ranges", np.zeros((3, 7), np.complex128), "numbers"),
+        ("walls", np.full((3, 7), "x"), ""),
     ],
 )
 def test_arrays_that_do_not_fit_each_other_are_named(run_file, name, array, words):

@@ -305,27 +305,6 @@ def test_what_cannot_be_replaced_is_known_before_the_drive(name, tmp_path):
         lrf3d.record(simulation(scans=5), tmp_path / "run.npz", progress=stopping(1))
 
 
-@pytest.mark.parametrize(
-    ("name", "array"),
-    [
-        ("segments", np.zeros((1, 4))),
-        ("lrf", np.array([1.0, 0.0, 61, 0, 20, 0.5])),
-        ("poses", np.zeros((5, 2))),
-        ("ranges", np.zeros((5, 61), dtype=np.complex128)),
-        ("walls", np.full((5, 61), "x")),
-    ],
-)
-def test_an_error_in_a_run_names_its_file(name, array, tmp_path):
-    path = tmp_path / "run.npz"
-    lrf3d.record(simulation(scans=5), path)
-    with np.load(path) as arrays:
-        changed = {**arrays, name: array}
-    np.savez(path, **changed)
-    with pytest.raises(InputError) as refused:
-        lrf3d.load_run(path)
-    assert str(refused.value).startswith(f"{path}: ")
-
-
 def test_what_lies_beside_a_finished_run_is_taken_away_when_it_is_resumed(tmp_path):
     path = tmp_path / "run.npz"
     lrf3d.record(simulation(scans=5), path)

@@ -17,7 +17,7 @@ from lrf3d.exporting import export_run
 from lrf3d.geometry import wrap_angle
 from lrf3d.io import load_log
 from lrf3d.io.bag_reader import ODOMETRY, POSE, SCAN, TRANSFORMS
-from lrf3d.laser import LaserRangeFinder, LaserScan, Stamp
+from lrf3d.laser import LaserRangeFinder, Stamp
 from lrf3d.mapping import LineMapper
 from lrf3d.pose import Pose
 
@@ -337,11 +337,6 @@ def test_a_run_before_time_0_is_refused(run, tmp_path):
 
     with pytest.raises(InputError, match="cannot hold times before 0"):
         write_run(early, tmp_path / "run.mcap")
-
-
-def test_a_scan_of_ros_is_a_scan():
-    assert isinstance(LaserScan.from_ros(scan(1.5)), LaserScan)
-    assert LaserScan.from_ros(scan(1.5)).time == 1.5
 
 
 def test_the_base_is_found_from_the_laser_by_the_child_frame_of_the_odometry(tmp_path):

@@ -1,5 +1,6 @@
 import functools
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.planning.planner import PlannedRoute, find_route, plan_route
 from lrf3d.robot import find_collision, follow_route
 from lrf3d.scenario import Scenario
-from lrf3d.world import World, load_world
+from lrf3d.world import World, load_world, save_world
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.generators import generate
 
@@ -176,6 +177,41 @@ def test_the_drive_keeps_its_radius_from_all_walls_there_and_back(name: str) -> 
     scenario = Scenario(world).with_route()
     drive = scenario.trajectory(scans=2000)
     assert find_collision(drive, world, scenario.radius) is None
+
+
+def corridor(width: float, turn: float, rooms: bool) -> World:
+    """A corridor of 30 m, which opens into a room behind a door of 1 m every 6 m, on one side."""
+    walls = [[0, width, 30, width], [0, 0, 0, width], [30, 0, 30, width]]
+    posts = [0.0, *(x + y for x in range(3, 30, 6) for y in (-0.5, 0.5)), 30.0]
+    walls += [[x, 0, y, 0] for x, y in zip(posts[::2], posts[1::2], strict=True)]
+    for x in range(3, 30, 6):
+        walls += [[x - 2, 0, x - 2, -4], [x + 2, 0, x + 2, -4], [x - 2, -4, x + 2, -4]]
+    segments = np.array(walls if rooms else box(0.0, 0.0, 30.0, width), dtype=np.float64)
+    cos, sin = np.cos(turn), np.sin(turn)
+    return World((segments.reshape(-1, 2) @ [[cos, sin], [-sin, cos]]).reshape(-1, 4))
+
+
+@pytest.mark.parametrize("mapped", [False, True])
+@pytest.mark.parametrize("rooms", [False, True])
+@pytest.mark.parametrize("turn", [0.0, 0.3])
+def test_a_corridor_with_centimetres_on_both_sides_is_driven_to_its_end(
+    turn: float, rooms: bool, mapped: bool, tmp_path: Path
+) -> None:
+    world = corridor(1.0, turn, rooms)
+    if mapped:
+        save_world(world, tmp_path / "map.yaml")
+        world = load_world(tmp_path / "map.yaml")
+    notes: list[str] = []
+    scenario = Scenario(world).with_route(say=notes.append)
+    assert (scenario.planned, scenario.radius, notes) == ("inside", 0.35, [])
+    drive = scenario.trajectory(scans=1000)
+    assert find_collision(drive, world, 0.35) is None
+    assert np.ptp(drive.poses[:, :2] @ [np.cos(turn), np.sin(turn)]) > 19.0
+
+
+def test_a_door_that_is_closed_or_wide_enough_is_no_narrow_door() -> None:
+    for door, entrance in ((0.0, 0.0), (0.2, 0.0), (0.98, 0.3)):
+        assert find_route(house(door, entrance), radius=0.35, lookahead=0.4).notes == ()
 
 
 def test_no_walls_and_no_room_are_clear_errors() -> None:

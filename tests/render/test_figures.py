@@ -113,12 +113,6 @@ def test_glass_and_mirrors_have_marks_and_names_of_their_own(room_run):
     assert len(styles) == len(set(styles)) == 3
 
 
-def test_houses_of_a_wide_country_are_circled():
-    wide = make_world(*(box(x, y, 12, 9) for x, y in [(0, 0), (9000, 40), (4000, 7000)]))
-    rings = draw_world(wide).axes[0].findobj(PathCollection)
-    assert [len(each.get_offsets()) for each in rings if len(each.get_sizes())] == [3]
-
-
 def test_the_headline_counts_what_is_drawn(run):
     points = sum(len(scan.points()) for scan in run.scans)
     assert f"8 segments in 2 objects  ·  12 scans  ·  {points:,} points" in texts(draw_map(run))

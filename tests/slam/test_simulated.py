@@ -37,7 +37,7 @@ def test_what_was_believed_is_kept_with_as_many_covariances_as_are_drawn(corrido
     assert again.estimate.covariances[1].tolist() == estimate.covariances[4].tolist()
 
 
-@pytest.mark.parametrize("kind", ["carmen", "mcap"])
+@pytest.mark.parametrize("kind", ["carmen", pytest.param("mcap", marks=pytest.mark.slow)])
 def test_a_simulated_recording_is_solved_from_what_its_wheels_measured(corridor, kind, tmp_path):
     run, _ = corridor
     path = tmp_path / {"carmen": "run.log.gz", "mcap": "run.mcap"}[kind]

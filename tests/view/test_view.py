@@ -19,8 +19,7 @@ from lrf3d.io import save_run
 from lrf3d.scenario import load_scenario
 from lrf3d.scene.timeline import Timeline
 from lrf3d.view.hand_drive import HandDrive
-from lrf3d.view.opening import run_view, world_view
-from lrf3d.view.server import bound, serve
+from lrf3d.view.server import bound, run_view, serve, world_view
 from lrf3d.world import World
 
 

@@ -12,14 +12,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lrf3d.errors import WorldError
-from lrf3d.geometry import lengths
 from lrf3d.world import World, load_world, save_world
 from lrf3d.world.drawing import CURVE_ERROR, without_repeats
 from lrf3d.world.geographic import EARTH_RADIUS
 from lrf3d.world.osm import is_building, tag_height
 
 
-def svg(folder: Path, body: str, head: str = 'width="1000mm" height="1000mm" viewBox="0 0 10 10"'):
+def svg(
+    folder: Path,
+    body: str,
+    head: str = 'width="1000mm" height="1000mm" viewBox="0 0 10 10"',
+):
     path = folder / "a.svg"
     path.write_text(f'<svg xmlns="http://www.w3.org/2000/svg" {head}>{body}</svg>')
     return load_world(path)
@@ -60,7 +63,9 @@ def test_the_unit_of_an_svg_drawing_is_honoured(length: str, metres: float, tmp_
     assert world.segments == pytest.approx(np.array([[0, 0.5, 1, 0.5]]) * metres, abs=1e-12)
 
 
-def test_transforms_uses_and_the_view_box_are_followed_and_y_points_up(tmp_path: Path) -> None:
+def test_transforms_uses_and_the_view_box_are_followed_and_y_points_up(
+    tmp_path: Path,
+) -> None:
     body = (
         '<defs><rect id="r" width="1" height="2"/></defs>'
         '<use href="#r" x="3"/><g transform="translate(5 5) rotate(90)"><path d="M0 0h2"/></g>'
@@ -102,13 +107,6 @@ def test_transforms_uses_and_the_view_box_are_followed_and_y_points_up(tmp_path:
             (1, 2),
             (5, 6),
         ),
-        # A symbol with a viewBox is fitted into the place of its use.
-        (
-            '<symbol id="s" viewBox="0 0 4 4"><path d="M0 0h4v4"/></symbol>'
-            '<use href="#s" x="1" width="8" height="8"/>',
-            (1, 0),
-            (9, 8),
-        ),
         # What clips, masks, fills and marks is no outline.
         (
             '<clipPath id="c"><path d="M0 0h9v9"/></clipPath><mask><path d="M0 0h9v9"/></mask>'
@@ -125,13 +123,22 @@ def test_an_svg_drawing_is_read_as_browsers_draw_it(body, low, high, tmp_path: P
     assert world.bounds == pytest.approx(drawn, abs=0.01)
 
 
+def test_a_symbol_that_would_have_to_be_fitted_is_refused(tmp_path: Path) -> None:
+    body = '<symbol id="s" viewBox="0 0 4 4"><path d="M0 0h4v4"/></symbol><use href="#s"/>'
+    with pytest.raises(WorldError, match="uses '#s', a symbol with a viewBox; draw it"):
+        svg(tmp_path, body)
+
+
 def test_a_sheet_without_a_height_keeps_its_proportions(tmp_path: Path) -> None:
     world = svg(tmp_path, '<rect width="10" height="20"/>', 'width="1in" viewBox="0 0 10 20"')
     assert world.bounds == pytest.approx(np.array([[0, 0], [0.0254, 0.0508]]))
 
 
 CURVES = {
-    "circle": ('<circle cx="5" cy="5" r="4"/>', shapely.Point(5, 5).buffer(4, 2000).exterior),
+    "circle": (
+        '<circle cx="5" cy="5" r="4"/>',
+        shapely.Point(5, 5).buffer(4, 2000).exterior,
+    ),
     "cubic": (
         '<path d="M0 0C5 20 8 -20 10 10"/>',
         [[(0, 0), (5, 20), (8, -20), (10, 10)]],
@@ -276,21 +283,6 @@ def test_a_ring_cut_into_ways_in_any_order_is_closed_again(
     assert len(osm(tmp_path_factory.mktemp("osm"), body).segments) == 4
 
 
-def test_buildings_on_both_sides_of_the_dateline_are_laid_flat(tmp_path: Path) -> None:
-    corners = [(179.9999, -17.0), (-179.9999, -17.0), (-179.9999, -16.9999), (179.9999, -16.9999)]
-    rows = "".join(f'<node id="{i}" lon="{x}" lat="{y}"/>' for i, (x, y) in enumerate(corners))
-    path = tmp_path / "fiji.osm"
-    path.write_text(f"<osm>{rows}{way(1, 0, 1, 2, 3, 0, building='yes')}</osm>")
-    world = load_world(path)
-    assert sorted(lengths(world.segments)) == pytest.approx([11.12, 11.12, 21.27, 21.27], abs=0.02)
-    assert abs(world.place[0]) == pytest.approx(180.0)
-
-
 def test_an_extract_without_a_building_says_so(tmp_path: Path) -> None:
     with pytest.raises(WorldError, match="no whole building"):
         osm(tmp_path, way(1, 0, 1, 2))
-
-
-def test_the_material_of_a_building_is_read(tmp_path: Path) -> None:
-    world = osm(tmp_path, way(1, 1, 2, 3, 4, 1, building="yes", **{"building:material": "glass"}))
-    assert [material.name for material in world.materials] == ["glass"]

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 import lrf3d
 from lrf3d.world.free_cells import FreeCells
-from lrf3d.world.gaps import OVERSHOOT, WIDEST, close_gaps, world_of_map
+from lrf3d.world.gaps import OVERSHOOT, WIDEST, close_gaps
 
 ROOM = np.array([[0, 0, 6, 0], [6, 0, 6, 4], [6, 4, 0, 4], [0, 4, 0, 0]], dtype=float)
 
@@ -82,8 +82,3 @@ def test_an_empty_map_is_no_world(tmp_path):
     lrf3d.save_map(lrf3d.LineMap.empty(), tmp_path / "map.geojson")
     with pytest.raises(lrf3d.WorldError, match="no wall"):
         lrf3d.load_world(tmp_path / "map.geojson")
-
-
-def test_heights_and_name_stay():
-    world = world_of_map(lrf3d.World([[0, 0, 3, 0], [3.2, 0, 6, 0]], heights=[3, 4], name="hall"))
-    assert world.heights.tolist() == [3, 4, 3] and world.name == "hall"

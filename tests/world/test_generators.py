@@ -1,14 +1,11 @@
 import numpy as np
 import pytest
 import shapely
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from lrf3d.errors import InputError
 from lrf3d.planning.free_space import free_places
-from lrf3d.world.floor_plan import DOOR, THICKNESS
-from lrf3d.world.generators import KINDS, generate, maze_passages
+from lrf3d.world.generators import KINDS, generate
 from lrf3d.world.pieces import pieces_of
 
 SMALL = {"city": 60.0, "maze": 14.0, "office": 24.0, "rooms": 20.0}
@@ -30,7 +27,8 @@ def test_every_object_is_made_of_rings_that_touch_no_other(kind: str, seed: int)
         rings = pieces_of(world.segments[world.objects == number])
         assert all(ring.closed for ring in rings)
         outer, *holes = sorted(
-            (shapely.Polygon(ring.points) for ring in rings), key=lambda ring: -ring.area
+            (shapely.Polygon(ring.points) for ring in rings),
+            key=lambda ring: -ring.area,
         )
         area = shapely.Polygon(outer.exterior, [hole.exterior for hole in holes])
         assert area.is_valid
@@ -51,32 +49,6 @@ def test_every_room_can_be_driven_to(kind: str, seed: int) -> None:
     free = shapely.get_coordinates(free[shapely.distance(walls, free) > 0.9])
     # A nook between a desk and a wall may be shut off; a room may not.
     assert (cKDTree(places).query(free)[0] > 0.3).mean() < 0.01
-
-
-@pytest.mark.parametrize("count", [3, 8])
-def test_the_passages_of_a_maze_are_a_spanning_tree(count: int) -> None:
-    east, north = maze_passages(count, np.random.default_rng(0))
-    assert not east[:, -1].any() and not north[-1].any()
-    cell = np.arange(count * count).reshape(count, count)
-    here = np.concatenate([cell[east], cell[north]])
-    there = np.concatenate([cell[east] + 1, cell[north] + count])
-    assert len(here) == count * count - 1
-    tree = coo_array((np.ones(len(here)), (here, there)), shape=(cell.size, cell.size))
-    assert connected_components(tree, directed=False)[0] == 1
-
-
-def test_a_wall_with_doors_leaves_them_open() -> None:
-    from lrf3d.world.floor_plan import FloorPlan
-
-    plan = FloorPlan("plan")
-    plan.wall(0.0, 0.0, 10.0, 0.0, 3.0, 7.0)
-    world = plan.world()
-    ends = np.sort(np.unique(world.segments[:, 0]))
-    half = 0.5 * THICKNESS
-    assert ends == pytest.approx(
-        [-half, 3 - DOOR / 2, 3 + DOOR / 2, 7 - DOOR / 2, 7 + DOOR / 2, 10 + half]
-    )
-    assert world.object_count == 3
 
 
 def test_what_cannot_be_generated_is_refused() -> None:

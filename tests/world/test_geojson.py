@@ -212,14 +212,6 @@ def test_the_stretched_metres_of_web_maps_are_laid_flat(crs: str, tmp_path: Path
     assert world.place == pytest.approx(flat.place)
 
 
-@pytest.mark.parametrize(
-    ("text", "metres"), [("40'", 12.192), ("12,5", 12.5), ("10 ft 6 in", 3.2004)]
-)
-def test_a_height_may_be_written_as_people_write_it(text, metres, tmp_path: Path) -> None:
-    world = read(tmp_path, polygon([[0, 0], [9, 0], [9, 9]], height=text))
-    assert world.heights == pytest.approx(metres)
-
-
 @pytest.mark.parametrize("crs", [None, "urn:ogc:def:crs:OGC:1.3:CRS84"])
 @pytest.mark.parametrize("cut", [False, True])
 def test_a_building_across_the_dateline_is_as_wide_as_it_is(crs, cut, tmp_path: Path) -> None:

@@ -142,9 +142,3 @@ def test_wall_i_is_the_triangles_2i_and_2i_plus_1() -> None:
         ends = segment.reshape(2, 2) - FAR_WALLS.origin
         expected = {(*end, z) for end in map(tuple, ends) for z in (0.0, height)}
         assert {tuple(corner) for corner in corners} == expected
-
-
-def test_a_wall_has_the_area_of_its_length_and_height() -> None:
-    length = np.hypot(*(FAR_WALLS.segments[:, 2:] - FAR_WALLS.segments[:, :2]).T)
-    area = extrude(FAR_WALLS).area_faces.reshape(-1, 2).sum(axis=1)
-    np.testing.assert_allclose(area, length * FAR_WALLS.heights, rtol=1e-12)

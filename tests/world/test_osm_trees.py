@@ -59,15 +59,6 @@ def test_a_tree_within_or_at_a_building_is_left_out_and_one_mapped_twice_counts_
     assert load_world(path, trees=True).object_count == 2
 
 
-@pytest.mark.parametrize("ending", ["toml", "geojson"])
-def test_files_keep_trees(tmp_path: Path, ending: str) -> None:
-    world = load_world(extract(tmp_path, tree(10, 40, 5)), trees=True)
-    save_world(world, tmp_path / f"town.{ending}")
-    read = load_world(tmp_path / f"town.{ending}")
-    assert np.array_equal(read.segments, world.segments) and read.materials == world.materials
-    assert np.array_equal(read.heights, world.heights)
-
-
 @pytest.mark.parametrize(
     ("tags", "height", "radius"),
     [

@@ -1,8 +1,5 @@
-import json
-
 import numpy as np
 import pytest
-from program import lrf3d as program
 
 from lrf3d import load_scenario
 from lrf3d.errors import InputError
@@ -122,26 +119,3 @@ def test_a_slip_in_the_file_is_named_with_its_line(room, old, new, said):
     ) as error:
         load_scenario(room)
     assert said in str(error.value)
-
-
-def test_a_run_goes_out_in_every_format_and_comes_back_as_the_same_map(room, tmp_path):
-    out = tmp_path / "out"
-    done = program("run", room, "--no-video", "--out", out, "--set", "laser.scan_duration=0.0")
-    assert (done.returncode, done.stderr) == (0, "")
-    maps = []
-    for kind in ("carmen", "mcap", "rosbag2"):
-        done = program("export", out, "--to", kind, "--json")
-        assert (done.returncode, done.stderr) == (0, "")
-        report = json.loads(done.stdout)
-        assert report["format"] == kind and report["bytes"] > 1000
-        maps.append(program("map", report["file"], "--all", "--json", "--out", tmp_path / kind))
-    maps.append(program("map", out, "--all", "--json", "--out", tmp_path / "npz"))
-    summaries = [json.loads(done.stdout) for done in maps]
-    assert all(each["map"] == summaries[0]["map"] for each in summaries)
-    assert all(each["score"]["scans"] == 0 for each in summaries)
-    assert [each["log"]["poses"] for each in summaries] == [
-        "as logged",
-        "/ground_truth",
-        "/ground_truth",
-        "the run",
-    ]

@@ -14,8 +14,3 @@ def test_objects_that_touch_count_as_one_by_their_lowest_number():
     segments = [[0, 0, 4, 0], [2, 0, 2, 3], [9, 9, 8, 9], [20, 0, 21, 0], [8, 9, 8, 5]]
     world = World(segments, objects=[3, 1, 2, 2, 4])
     assert joined_objects(world).tolist() == [1, 1, 2, 2, 2]
-
-
-def test_objects_that_stand_apart_keep_their_numbers():
-    world = World([[0, 0, 1, 0], [0, 1, 1, 1], [0, 2, 1, 2]], objects=[5, 0, 2])
-    assert joined_objects(world).tolist() == [5, 0, 2]
