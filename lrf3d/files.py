@@ -75,8 +75,6 @@ def opened(
     try:
         with open(path, "rb") as file:
             yield file
-    except FileNotFoundError:
-        raise error(f"{path}: no such file") from None
     except OSError as problem:
         raise error(f"{path}: cannot be read: {problem.strerror or problem}") from None
 

@@ -198,14 +198,9 @@ def fit_line(points: Float, weights: Float | None = None) -> tuple[Float, Float]
     weight = np.ones(len(points)) if weights is None else weights
     mean = weight @ points / weight.sum()
     centred = points - mean
-    scatter = (centred * weight[:, None]).T @ centred
-    return mean, principal_direction(scatter[0, 0], scatter[0, 1], scatter[1, 1])
-
-
-def principal_direction(xx: float, xy: float, yy: float) -> Float:
-    """Unit vector (2,) of the largest spread of the scatter [[xx, xy], [xy, yy]]."""
+    (xx, xy), (_, yy) = (centred * weight[:, None]).T @ centred
     angle = 0.5 * np.arctan2(2.0 * xy, xx - yy)
-    return np.array([np.cos(angle), np.sin(angle)])
+    return mean, np.array([np.cos(angle), np.sin(angle)])
 
 
 def quad_indices(quads: int) -> NDArray[np.uint32]:

@@ -220,7 +220,6 @@ class Scenario(Value):
         self,
         *,
         drive: "Trajectory | ArrayLike | Controller | None" = None,
-        controller: "Controller | None" = None,
         rng: np.random.Generator | int | None = None,
         sigma: float | None = None,
         noise: Any = None,
@@ -235,7 +234,6 @@ class Scenario(Value):
 
         Args:
             drive: A trajectory, poses (k, 3) a second apart or a controller instead of the route.
-            controller: The same as ``drive``.
             rng: A generator for the noise, or a seed: 5 gives the run of ``--seed 5``.
             sigma: Another standard deviation of the noise [m] at range_max.
             noise: A noise instead of the scenario's; if it does not report its ``spread``, the
@@ -257,7 +255,7 @@ class Scenario(Value):
         if isinstance(mapper, Mapping):
             mapper, changes = None, {**changes, "mapper": mapper}
         scenario = self.changed(**changes)
-        driven: Any = controller if drive is None else drive
+        driven: Any = drive
         arguments: dict[str, Any] = {}
         if callable(getattr(driven, "command", None)):
             start = (0.0, 0.0, 0.0) if scenario.poses is None else scenario.poses[0]

@@ -90,6 +90,8 @@ def run(
     if own.controller is None:
         # All noise levels have the same drive, which is computed and checked once.
         settings["drive"] = scenario.trajectory(scans=scans, on_collision=drive.on_collision)
+    else:
+        plugins["drive"] = plugins.pop("controller")
     output = results_folder(context, report, [world], scenario.name, out)
 
     from lrf3d.cli.results import KEPT, pictures_of, rows_of, simulated

@@ -5,6 +5,7 @@ import numpy as np
 from lrf3d.geometry import Float
 from lrf3d.planning.free_space import MARGIN, THINNEST, FreeSpace, connected, find_free_space
 from lrf3d.planning.tour import path_to
+from lrf3d.robot.unicycle import RADIUS
 
 AREA, GAP = 1.0, 0.7
 """Least area [m²] in which a robot's middle can be, and distance to walls [m] somewhere in it, of
@@ -13,8 +14,8 @@ a room; a nook behind a desk is none."""
 POSTS = 1.5
 """Distance [m] from a narrow place within which the posts of its door are looked for."""
 
-USUAL_RADII = (0.35, 0.28, 0.22, 0.18, 0.15, THINNEST)
-"""Radii of common robots [m], of which one is proposed."""
+USUAL_RADII = (RADIUS, 0.28, 0.22, 0.18, 0.15, THINNEST)
+"""Radii of common robots [m], of which one is tried or proposed."""
 
 MOST_NAMED = 3
 """Largest number of doors that are named."""
@@ -35,7 +36,9 @@ def narrow_doors(space: FreeSpace) -> list[str]:
     small = find_free_space(
         ground, THINNEST, where=where, start=space.places[0] + ground.world.origin
     )
-    parts, count = connected(small.allowed & (ground.gaps >= radius + MARGIN) & ~space.allowed)
+    # The land around the walls of a map is no room.
+    other = small.allowed & ~space.allowed & ~ground.swept
+    parts, count = connected(other & (ground.gaps >= radius + MARGIN))
     areas = np.bincount(parts.ravel()) * ground.size**2
     gaps = maximum(ground.gaps, parts, np.arange(count + 1))
     missed = np.flatnonzero((areas >= AREA) & (gaps >= GAP) & (np.arange(count + 1) > 0))

@@ -13,7 +13,7 @@ import numpy as np
 
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import LARGEST_COORDINATE, Float, Int, is_finite, numbers
-from lrf3d.planning.doors import narrow_doors
+from lrf3d.planning.doors import USUAL_RADII, narrow_doors
 from lrf3d.planning.free_space import (
     COMFORT,
     MARGIN,
@@ -34,11 +34,9 @@ from lrf3d.world.size import check_size
 INDOOR_SPEED = 1.0
 """Speed indoors [m/s] if none is given: a brisk walk."""
 
-SMALLER_RADII = (0.28, 0.22, 0.18)
-"""Radii of common robots [m] that are tried where the usual one does not get far."""
-
-FAR_ENOUGH = 2 / 3
-"""Least share of the inside that the usual robot must get to."""
+FAR_ENOUGH, SMALLEST = 2 / 3, 0.18
+"""Least share of the inside that the usual robot must get to, or a smaller one is tried, down to
+this radius [m]."""
 
 SAME = 1.1
 """Cost of a straight line, as a multiple of that of the path, up to which it is as good."""
@@ -200,17 +198,18 @@ def _checked_start(world: World, start: Sequence[float] | Float, radius: float) 
 
 def _fitting_radius(ground: Ground, where: Side | None, start: Float | None) -> float:
     """The usual radius [m], or a smaller one where doors keep it from a third of the inside."""
-    small = find_free_space(ground, SMALLER_RADII[-1], where=where, start=start)
+    *wider, smallest = (radius for radius in USUAL_RADII if radius >= SMALLEST)
+    small = find_free_space(ground, smallest, where=where, start=start)
     if small.side == "outside":
         return RADIUS
-    for radius in (RADIUS, *SMALLER_RADII[:-1]):
+    for radius in wider:
         # The cells that the robot could be in if all doors were wide.
         roomy = int((small.gaps >= radius + MARGIN).sum())
         with suppress(InputError):
             reached = find_free_space(ground, radius, where=where, start=start).allowed.sum()
             if roomy and reached >= FAR_ENOUGH * roomy:
                 return radius
-    return SMALLER_RADII[-1]
+    return smallest
 
 
 def _straightened(space: FreeSpace, legs: list[Int]) -> Float:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError, shown
-from lrf3d.geometry import Float, is_finite, numbers
+from lrf3d.geometry import Float, number, numbers
 from lrf3d.pose import as_pose
 from lrf3d.robot.trajectory import Trajectory
 from lrf3d.robot.unicycle import Unicycle, arcs
@@ -49,14 +49,13 @@ def drive(
         >>> len(path), path.poses[-1].tolist()
         (21, [2.0, 0.0, 0.0])
     """
-    if not (is_finite(dt, tolerance) and min(dt, tolerance) > 0.0):
-        raise InputError(f"dt {shown(dt)}, tolerance {shown(tolerance)}: expected positive numbers")
+    number(dt, "dt", "seconds", positive=True)
+    number(tolerance, "tolerance", positive=True)
     pose = np.array(as_pose(start))
     if not (callable(v) or callable(omega)):
         return _chain_arcs(pose, numbers(v, "v"), numbers(omega, "omega"), duration, dt)
-    if not (is_finite(duration) and duration > 0.0):  # type: ignore[operator]
-        raise InputError(f"duration {shown(duration)}: expected one positive number of seconds")
-    return _integrate(pose, _function(v), _function(omega), float(duration), dt, tolerance)  # type: ignore[arg-type]
+    seconds = number(duration, "duration", "seconds", positive=True)
+    return _integrate(pose, _function(v), _function(omega), seconds, dt, tolerance)
 
 
 def _function(value: Input) -> Callable[[float], float]:

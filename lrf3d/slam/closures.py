@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrf3d.geometry import Bool, Float, Int, wrap_angle
+from lrf3d.geometry import Float, wrap_angle
+from lrf3d.slam.correlation import CLEARLY, LEAST_FOUND, log_odds, same_place, search
 from lrf3d.slam.correlation import DEVIATIONS as WINDOW_DEVIATIONS
-from lrf3d.slam.correlation import same_place, search
 from lrf3d.slam.frames import between, compose, turned
 from lrf3d.slam.front_end import WEAK, weakest_direction
 from lrf3d.slam.graph_paths import GraphPaths
@@ -24,10 +24,7 @@ LEAST_DISTANCE = 6.0
 """Two key scans are worth closing a loop if the way between them over the graph is longer [m]."""
 
 LEAST_SHARE = 0.6
-"""Share of a scan that has to lie on the map of a place."""
-
-AMBIGUOUS = 0.92
-"""No place is accepted if another one explains this share of what it does."""
+"""Share of a scan that lies on the map of a place that no doubt is the one: none other is tried."""
 
 NEAR = 4.0
 """Key scans up to this far apart [m] may show the same walls."""
@@ -131,17 +128,13 @@ class LoopCloser:
 
     def link(self, edge: Edges, length: float, lost: int) -> None:
         """Note the way that leads to the next key scan."""
-        covariance = np.linalg.inv(edge.information[0])
-        # What the walls leave to the wheels, these measure with one scale all the way.
-        scale = covariance @ edge.prior[0] @ (edge.measured[0] * [1.0, 1.0, 0.0])
-        covariance = covariance + lost * LOST_SPREAD
-        first, second = int(edge.first[0]), int(edge.second[0])
-        self.paths.link(first, second, length, covariance, scale)
+        covariance = np.linalg.inv(edge.information[0]) + lost * LOST_SPREAD
+        self.paths.link(int(edge.first[0]), int(edge.second[0]), length, covariance)
 
-    def search(self, poses: Float, scale: float) -> list[Closure]:
+    def search(self, poses: Float) -> list[Closure]:
         """Closures that are accepted now: of the newest key scan, and older ones it confirms."""
         new = len(self.keys) - 1
-        closure = self._found(new, poses, scale)
+        closure = self._found(new, poses)
         # What lies farther back is next to no closure to come.
         oldest = self.driven[new] - STRETCH
         self._rejected += [c for c in self._pending if self.driven[c.new] <= oldest]
@@ -170,19 +163,19 @@ class LoopCloser:
             # Along a corridor it leaves the robot as uncertain as a long drive does.
             off = np.sqrt(np.linalg.eigvalsh(covariance[:2, :2])[1]) / DRIFT
             length = max(CLOSURE_LENGTH, float(off))
-            self.paths.link(closure.old, closure.new, length, covariance, np.zeros(3))
+            self.paths.link(closure.old, closure.new, length, covariance)
         self.accepted += closures
         self._recent += closures
         return closures
 
-    def _found(self, new: int, poses: Float, scale: float) -> Closure | None:
+    def _found(self, new: int, poses: Float) -> Closure | None:
         """The closure of a key scan with an old one, at the place that fits best of all."""
         if len(self.keys[new].surface) < LEAST_POINTS:
             return None
         fits = self.driven < self.driven[new] - LEAST_DISTANCE
         if not fits.any():
             return None
-        lengths, spreads = self.paths.spreads(new, poses, FARTHEST, scale)
+        lengths, spreads = self.paths.spreads(new, poses, FARTHEST)
         fits &= np.isfinite(lengths) & (lengths > LEAST_DISTANCE)
         away = poses[:, :2] - poses[new, :2]
         apart = np.hypot(away[:, 0], away[:, 1])
@@ -209,9 +202,10 @@ class LoopCloser:
             return None
         match, old, there = max(places, key=lambda place: place[0].explained)
         others = [
-            other.explained for other, _, at in places if not same_place(there, at, tolerance=2.0)
+            log_odds(other) for other, _, at in places if not same_place(there, at, tolerance=2.0)
         ]
-        if match.explained < LEAST_SHARE or max(others, default=0.0) > AMBIGUOUS * match.explained:
+        clearer = log_odds(match) - max(others, default=-np.inf)
+        if match.explained < LEAST_FOUND or clearer < CLEARLY:
             return None
         near = self._around(old, new)
         locals_ = between(self.keys[old].pose, np.array([self.keys[k].pose for k in near]))
@@ -250,20 +244,6 @@ class LoopCloser:
         kept = {id(closure) for closure in agreeing}
         self._pending = [other for other in self._pending if id(other) not in kept]
         return agreeing
-
-    def stretches(self) -> Int:
-        """For each accepted closure (c,) a number of the two stretches that it joins."""
-        found: list[int] = []
-        for number, closure in enumerate(self.accepted):
-            near = (k for k in range(number - 1, -1, -1) if self._beside(self.accepted[k], closure))
-            same = next(near, None)
-            found.append(number if same is None else found[same])
-        return np.array(found, dtype=np.int64)
-
-    def keep(self, kept: Bool) -> None:
-        """Keep some of the accepted closures, of a mask (c,), and reject the others after all."""
-        self._rejected += [c for c, keep in zip(self.accepted, kept, strict=True) if not keep]
-        self.accepted = [c for c, keep in zip(self.accepted, kept, strict=True) if keep]
 
     def _beside(self, first: Closure, second: Closure) -> bool:
         """Whether two closures join the same two stretches of the path."""

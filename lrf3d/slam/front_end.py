@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrf3d.geometry import Bool, Float, Int, wrap_angle
-from lrf3d.slam.correlation import same_place, search
+from lrf3d.slam.correlation import CLEARLY, LEAST_FOUND, log_odds, same_place, search
 from lrf3d.slam.frames import between, compose, turned
 from lrf3d.slam.scan_matching import PRIOR_SCALE, Match, match_scan
-from lrf3d.slam.surface import SurfaceGrid, evenly_spaced, moved, wall_map
+from lrf3d.slam.surface import SurfaceGrid, moved, thinned, wall_map
 from lrf3d.slam.violation import BEHIND, Key, views_of
 from lrf3d.slam.wheels import Wheels
 
@@ -40,12 +40,6 @@ that is searched. In a wider one other places look alike."""
 
 LONGEST_STILL = 5
 """Scans over which encoders that stand still widen the window."""
-
-LEAST_FOUND, CLEARLY = 0.3, 0.8
-"""A place that was searched is accepted if it explains the first share of the points, and if the
-log odds of a point to be explained are larger by the second than where odometry leads: around one
-half that is a fifth of the points. They are to be larger by as much than at any other place, too,
-where large slips are less probable, by Cauchy's distribution."""
 
 LEAST_POINTS = 20
 """With fewer points than this nothing is searched: a few points fit in many places."""
@@ -211,6 +205,9 @@ class FrontEnd:
     ) -> Match:
         """The place around the guess that is clearly better than all others; if none is, the match.
 
+        It is to be clearly better than the match, too; large slips are less probable, by Cauchy's
+        distribution.
+
         Wheels slip and spin, and robots are pushed: then they are not where odometry leads.
         """
         # Encoders that stand still may be dead, and the robot farther on with each scan.
@@ -223,14 +220,14 @@ class FrontEnd:
             return match
         off = [between(guess, place.pose) / spread for place in places]
         far = [0.0 if self._still else float(np.log1p(each @ each)) for each in off]
-        worth = [_odds(place) - less for place, less in zip(places, far, strict=True)]
+        worth = [log_odds(place) - less for place, less in zip(places, far, strict=True)]
         best = places[int(np.argmax(worth))]
         others = [
             value
             for place, value in zip(places, worth, strict=True)
             if not same_place(place.pose, best.pose, tolerance=2.0)
         ]
-        clearer = min(_odds(best) - _odds(match), max(worth) - max(others, default=-np.inf))
+        clearer = min(log_odds(best) - log_odds(match), max(worth) - max(others, default=-np.inf))
         return best if clearer > CLEARLY and best.explained > LEAST_FOUND else match
 
     def _moving(self, surface: Float, guess: Float, deviations: Float) -> Bool:
@@ -268,7 +265,7 @@ class FrontEnd:
         count = min(ENOUGH // max(len(self.surface), 1) + 1, len(self._recent))
         chosen = np.linspace(0, len(self._recent) - 1, count + 1).astype(np.int64)[1:]
         parts = [self._recent[k] for k in chosen.tolist()]
-        seen = [moved(evenly_spaced(part), between(self.pose, pose)) for pose, part in parts]
+        seen = [moved(thinned(part), between(self.pose, pose)) for pose, part in parts]
         return np.concatenate(seen)
 
     def add_key(self, key: Key) -> None:
@@ -286,12 +283,6 @@ def _square(found: Float, expected: Float, information: Float) -> float:
     """The squared difference of two increments, in units of its variance."""
     error = between(expected, found)
     return float(error @ information @ error)
-
-
-def _odds(match: Match) -> float:
-    """Log odds of a point to be explained."""
-    share = min(max(match.explained, 0.01), 0.99)
-    return float(np.log(share / (1.0 - share)))
 
 
 def on_surface(grid: SurfaceGrid, points: Float) -> Bool:

@@ -25,21 +25,19 @@ class GraphPaths:
         self._ends = np.empty((LEAST_ROOM, 2), np.int64)
         self._lengths = np.empty(LEAST_ROOM)
         self._covariances = np.empty((LEAST_ROOM, 3, 3))
-        self._scales = np.empty((LEAST_ROOM, 3))
 
-    def link(self, first: int, second: int, length: float, covariance: Float, scale: Float) -> None:
-        """Join two key scans by a link of a length [m], with the covariance (3, 3) of the second.
+    def link(self, first: int, second: int, length: float, covariance: Float) -> None:
+        """Join two key scans by a link of a length [m].
 
-        It is that of its pose as seen from the first, along its axes; ``scale`` (3,) is how that
-        pose moves if wheels measure every distance too long by a share of one.
+        The covariance (3, 3) is that of the second as seen from the first, along its axes.
         """
         if self._links == len(self._lengths):
-            for name in ("_ends", "_lengths", "_covariances", "_scales"):
+            for name in ("_ends", "_lengths", "_covariances"):
                 old = getattr(self, name)
                 setattr(self, name, np.concatenate([old, np.empty_like(old)]))
         row = self._links
         self._ends[row], self._lengths[row] = (first, second), length
-        self._covariances[row], self._scales[row] = covariance, scale
+        self._covariances[row] = covariance
         self._links += 1
         self.count = max(self.count, first + 1, second + 1)
 
@@ -51,11 +49,11 @@ class GraphPaths:
         count, links = max(self.count, source + 1), self._links
         return _shortest(source, limit, count, self._ends[:links], self._lengths[:links])
 
-    def spreads(self, source: int, poses: Float, limit: float, scale: float) -> tuple[Float, Float]:
+    def spreads(self, source: int, poses: Float, limit: float) -> tuple[Float, Float]:
         """Lengths (k,) of paths [m], and covariances (k, 3, 3) of a pose with each other one held.
 
         The poses (k, 3) are those of all key scans; lengths are +inf beyond the limit [m], and
-        covariances along the axes of the map. The scale is that of the wheels, its deviation.
+        covariances along the axes of the map.
         """
         lengths, last, order = self._shortest(source, limit)
         links = last[order[1:]]
@@ -67,16 +65,10 @@ class GraphPaths:
         twist[:, 1, 0], twist[:, 1, 1], twist[:, 1, 2] = sin, cos, -poses[ends[:, 1], 0]
         twist[:, 2, 2] = 1.0
         own = twist @ self._covariances[links] @ twist.transpose(0, 2, 1)
-        moves = (twist @ self._scales[links, :, None])[:, :, 0]
-        # Over a link against its sense the scale counts against its sense, too.
-        backwards = ends[:, 0] == order[1:]
-        before = np.where(backwards, ends[:, 1], ends[:, 0])
-        moves[~backwards] *= -1.0
-        sums, moved = np.zeros((len(lengths), 3, 3)), np.zeros((len(lengths), 3))
-        _add_along(order[1:], before, own, moves, sums, moved)
+        before = np.where(ends[:, 0] == order[1:], ends[:, 1], ends[:, 0])
+        sums = _sums_along(order[1:], before, own, len(lengths))
         lever = np.array([[1.0, 0.0, -poses[source, 1]], [0.0, 1.0, poses[source, 0]], [0, 0, 1.0]])
-        together = sums + scale**2 * moved[:, :, None] * moved[:, None, :]
-        return lengths, np.asarray(lever @ together @ lever.T)
+        return lengths, np.asarray(lever @ sums @ lever.T)
 
 
 @compiled
@@ -113,11 +105,11 @@ def _shortest(
 
 
 @compiled
-def _add_along(order: Int, before: Int, own: Float, moves: Float, sums: Float, moved: Float) -> int:
-    """Add up what the links of each path bring, from the nearest key scan to the farthest."""
+def _sums_along(order: Int, before: Int, own: Float, count: int) -> Float:
+    """The sums (k, 3, 3) of what the links of each path bring, from the nearest to the farthest."""
+    sums = np.zeros((count, 3, 3))
     for row, k in enumerate(order):
         for a in range(3):
-            moved[k, a] = moved[before[row], a] + moves[row, a]
             for b in range(3):
                 sums[k, a, b] = sums[before[row], a, b] + own[row, a, b]
-    return len(order)
+    return sums

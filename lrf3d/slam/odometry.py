@@ -17,7 +17,7 @@ from lrf3d.geometry import Bool, Float, Int, wrap_angle
 from lrf3d.laser import LaserScan
 from lrf3d.slam.correlation import search
 from lrf3d.slam.frames import between, compose
-from lrf3d.slam.surface import evenly_spaced, grid_of
+from lrf3d.slam.surface import grid_of, thinned
 from lrf3d.text import counted
 
 FASTEST, FASTEST_TURN = 3.0, 3.0
@@ -118,20 +118,25 @@ class Recording:
 
 def in_order(scans: Sequence[LaserScan], wheels: Float, times: Float, places: Int) -> Recording:
     """A recording, given as to `solve_log`, in order; refused where its odometry jumps often."""
-    lines, rows = _each_once(wheels, times)
+    # Without stamps of their own lines that are alike are no copies.
+    stamped = len(np.unique(times)) >= STAMPED * len(times)
+    table = np.column_stack([times, wheels]) if stamped else np.arange(len(wheels))[:, None]
+    _, first, group = np.unique(table, axis=0, return_index=True, return_inverse=True)
+    lines = np.sort(first)
     by_stamp = lines[np.argsort(times[lines], kind="stable")]
-    backwards = np.diff(times[lines]) < 0.0
     shorter = _length(wheels[by_stamp]) < _length(wheels[lines]) - SHORTER
-    sort = bool(shorter or 2 * backwards.sum() > max(len(backwards), 1))
+    sort = bool(shorter or 2 * (np.diff(times[lines]) < 0.0).sum() > max(len(lines) - 1, 1))
     if sort:
-        rank = np.empty(len(wheels), np.int64)
-        rank[by_stamp] = np.arange(len(lines))
-        rows, lines = rank[lines[rows]], by_stamp
-    chosen, stamps = _scans_once(scans), np.array([scan.time for scan in scans])
-    found = rows[places[chosen]]
+        lines = by_stamp
+    rank = np.empty(len(wheels), np.int64)
+    rank[lines] = np.arange(len(lines))
+    rows = rank[first[group.reshape(-1)]]
+    # Of scans with the same stamp and ranges the first one counts.
+    whole = {(scan.time, scan.ranges.tobytes()): -k for k, scan in enumerate(reversed(scans), 1)}
+    chosen = len(scans) + np.sort(np.array(list(whole.values())))
     if sort:
-        order = np.lexsort([stamps[chosen], found])
-        chosen, found = chosen[order], found[order]
+        stamps = np.array([scan.time for scan in scans])
+        chosen = chosen[np.lexsort([stamps[chosen], rows[places[chosen]]])]
     straightened, jumps = without_jumps(wheels[lines], times[lines])
     if len(jumps) > max(MOST_JUMPS * len(lines), 2):
         raise InputError(
@@ -140,26 +145,8 @@ def in_order(scans: Sequence[LaserScan], wheels: Float, times: Float, places: In
         )
     copies = len(scans) - len(chosen), len(wheels) - len(lines)
     repairs = Repairs(sort, *copies, len(jumps))
-    return Recording([scans[k] for k in chosen.tolist()], straightened, found, rows, repairs)
-
-
-def _each_once(wheels: Float, times: Float) -> tuple[Int, Int]:
-    """The lines (n,) that are not copies of earlier ones, and for each line its row of them."""
-    every = np.arange(len(wheels))
-    if len(np.unique(times)) < STAMPED * len(times):
-        return every, every
-    table = np.column_stack([times, wheels])
-    _, first, group = np.unique(table, axis=0, return_index=True, return_inverse=True)
-    lines = np.sort(first)
-    return lines, np.asarray(np.searchsorted(lines, first[group.reshape(-1)]))
-
-
-def _scans_once(scans: Sequence[LaserScan]) -> Int:
-    """The numbers of the scans that are not copies of earlier ones: same stamp, same ranges."""
-    first: dict[tuple[float, bytes], int] = {}
-    for number, scan in enumerate(scans):
-        first.setdefault((scan.time, scan.ranges.tobytes()), number)
-    return np.array(list(first.values()), dtype=np.int64)
+    kept = [scans[k] for k in chosen.tolist()]
+    return Recording(kept, straightened, rows[places[chosen]], rows, repairs)
 
 
 def _length(wheels: Float) -> float:
@@ -224,7 +211,7 @@ def turns_between(surface: Callable[[int], Float], path: WheelPath, places: Int)
         if not len(before):
             continue
         guess = np.array([*steps[number, :2], 0.0])
-        places_found = search(surface(number + 1), grid_of(evenly_spaced(before)), guess, PAIR)
+        places_found = search(surface(number + 1), grid_of(thinned(before)), guess, PAIR)
         if places_found and places_found[0].explained > LEAST_EXPLAINED:
             turns[number] = places_found[0].pose[2]
     return turns

@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.geometry import Bool, Float, Int
+from lrf3d.geometry import Float
 from lrf3d.slam.frames import between
-from lrf3d.slam.pose_graph import Edges, optimised
 from lrf3d.slam.violation import MOST_THROUGH, Key, seen_through_both
 
 NEAR = 3.0
@@ -28,10 +27,6 @@ COMPARED = 4
 
 PART = 20
 """Key scans that a part of a drive has."""
-
-MOST_TAKEN_BACK, AGREE_BETTER = 8, 0.8
-"""Pairs of stretches whose closures are tried to be taken back, those that are off most; they are,
-if without them beams pass through at most this share of the points."""
 
 MOST_THROUGH_PART = 0.2
 """Share of points that beams may pass through in such a part. A closed door, or a lorry that has
@@ -118,30 +113,3 @@ def self_check(keys: Sequence[Key], poses: Float, driven: Float) -> SelfCheck:
         (scans[worst], scans[worst + part - 1]),
         len(counts),
     )
-
-
-def without_contradictions(
-    keys: Sequence[Key], poses: Float, driven: Float, edges: Edges, stretches: Int
-) -> tuple[Float, Bool]:
-    """The poses (k, 3) that fit edges, and which of these (e,) are kept.
-
-    As long as scans contradict each other, the closures of two stretches, of their numbers (c,),
-    without which they clearly agree better are taken back.
-    """
-    kept, closures = np.ones(len(edges), np.bool_), np.flatnonzero(edges.robust)
-    check = self_check(keys, poses, driven)
-    while not check.passed:
-        squares = edges.squares(poses)[closures]
-        left = np.unique(stretches[kept[closures]]).tolist()
-        left.sort(key=lambda stretch: -float(squares[stretches == stretch].mean()))
-        for stretch in left[:MOST_TAKEN_BACK]:
-            fewer = kept.copy()
-            fewer[closures[stretches == stretch]] = False
-            found = optimised(poses, edges.part(fewer))
-            other = self_check(keys, found, driven)
-            if other.violation < AGREE_BETTER * check.violation:
-                kept, poses, check = fewer, found, other
-                break
-        else:
-            break
-    return poses, kept

@@ -28,7 +28,7 @@ from lrf3d.slam.pose_graph import (
     variance_factor,
 )
 from lrf3d.slam.scan_matching import SIGMA
-from lrf3d.slam.self_check import SelfCheck, self_check, without_contradictions
+from lrf3d.slam.self_check import SelfCheck, self_check
 from lrf3d.slam.surface import LEAST_NOISE, range_noise, surface_of_scan
 from lrf3d.slam.violation import Key
 from lrf3d.slam.wheels import Wheels
@@ -284,16 +284,6 @@ class Slam:
         self._add_closures(self._closer.settle())
         if len(edges := self._gathered_edges()):
             self._move_keys(optimised(self._key_poses, edges, FINAL_ITERATIONS), edges)
-            poses, kept = without_contradictions(
-                self._closer.keys,
-                self._key_poses,
-                self._closer.driven,
-                edges,
-                self._closer.stretches(),
-            )
-            self._closer.keep(kept[edges.robust])
-            self._edges = edges.part(kept)
-            self._move_keys(poses, self._edges)
             self._map.redraw(self._key_poses)
 
     def refined(self, scans: Sequence[LaserScan]) -> Float:
@@ -367,7 +357,7 @@ class Slam:
 
     def _close_loops(self) -> None:
         """Find the loops that the newest key scan closes, and optimise what they change."""
-        closures = self._closer.search(self._key_poses, self.wheels.scale_deviation)
+        closures = self._closer.search(self._key_poses)
         if not closures:
             return
         more = self._add_closures(closures)

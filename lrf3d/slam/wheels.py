@@ -52,11 +52,6 @@ class Wheels:
         by_turn, by_way = (self._turn_errors / (1.0 + self._turn_errors[0])).tolist()
         return -np.array([by_turn, by_way, self._way_error / (1.0 + self._way_error)])
 
-    @property
-    def scale_deviation(self) -> float:
-        """Standard deviation of c: how well the scale of distances is known."""
-        return float(self._way_information**-0.5)
-
     def corrected(self, increment: Float) -> Float:
         """An increment (3,) without the systematic errors that are known by now."""
         ahead, left, turn = increment

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from lrf3d.io.bag_reader import ODOMETRY, POSE, SCAN, TRANSFORMS
+from lrf3d.io.bag_writer import made
 from lrf3d.laser import Stamp
 
 rosbag2 = pytest.importorskip("rosbags.rosbag2", reason="needs pip install 'lrf3d[ros]'")
@@ -12,38 +13,44 @@ from rosbags.typesys import Stores, get_typestore  # noqa: E402
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 
 
-def make(kind, *values):
-    return STORE.types[kind](*values)
-
-
 def header(time, frame):
     stamp = Stamp.of(time)
-    return make(
-        "std_msgs/msg/Header", make("builtin_interfaces/msg/Time", stamp.sec, stamp.nanosec), frame
-    )
+    return {"stamp": {"sec": stamp.sec, "nanosec": stamp.nanosec}, "frame_id": frame}
+
+
+def named(names, values):
+    return dict(zip(names, map(float, values), strict=True))
 
 
 def transform(time, parent, child, place=(0, 0, 0), turn=(0, 0, 0, 1)):
-    moved = make(
-        "geometry_msgs/msg/Transform",
-        make("geometry_msgs/msg/Vector3", *map(float, place)),
-        make("geometry_msgs/msg/Quaternion", *map(float, turn)),
-    )
-    stamped = make("geometry_msgs/msg/TransformStamped", header(time, parent), child, moved)
-    return make(TRANSFORMS, [stamped])
+    moved = {"translation": named("xyz", place), "rotation": named("xyzw", turn)}
+    stamped = {"header": header(time, parent), "child_frame_id": child, "transform": moved}
+    return made(STORE, TRANSFORMS, {"transforms": [stamped]})
+
+
+def planar(x, y, theta):
+    turn = (0.0, 0.0, np.sin(theta / 2), np.cos(theta / 2))
+    return {"position": named("xyz", (x, y, 0.0)), "orientation": named("xyzw", turn)}
 
 
 def pose(time, frame, x, y, theta):
-    place = make("geometry_msgs/msg/Point", float(x), float(y), 0.0)
-    turn = make("geometry_msgs/msg/Quaternion", 0.0, 0.0, np.sin(theta / 2), np.cos(theta / 2))
-    return make(POSE, header(time, frame), make("geometry_msgs/msg/Pose", place, turn))
+    return made(STORE, POSE, {"header": header(time, frame), "pose": planar(x, y, theta)})
 
 
 def scan(time, frame="laser", ranges=(1.0, 2.0, 3.0)):
-    values = np.array(ranges, dtype=np.float32)
-    return make(
-        SCAN, header(time, frame), -1.0, 1.0, 1.0, 0.0, 0.1, 0.1, 10.0, values, np.float32([])
-    )
+    fan = {"angle_min": -1.0, "angle_max": 1.0, "angle_increment": 1.0, "range_max": 10.0}
+    fields = {"scan_time": 0.1, "range_min": 0.1, "ranges": np.array(ranges, dtype=np.float32)}
+    return made(STORE, SCAN, {"header": header(time, frame), **fan, **fields})
+
+
+def odometry(time, where, child="base_link"):
+    fields = {"child_frame_id": child, "pose": {"pose": planar(*where)}}
+    return made(STORE, ODOMETRY, {"header": header(time, "odom"), **fields})
+
+
+def of_scan(scan):
+    """A scan of lrf3d as a message."""
+    return made(STORE, SCAN, scan.as_ros("laser"))
 
 
 def write(path, *messages):
@@ -60,25 +67,3 @@ def write(path, *messages):
 def mounted(place=(0, 0, 0), turn=(0, 0, 0, 1)):
     static = transform(0.0, "base_link", "laser", place, turn)
     return "/tf_static", 0.0, TRANSFORMS, static
-
-
-def odometry(time, where, child="base_link"):
-    told = pose(time, "odom", *where)
-    speed = make("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
-    return make(
-        ODOMETRY,
-        told.header,
-        child,
-        make("geometry_msgs/msg/PoseWithCovariance", told.pose, np.zeros(36)),
-        make(
-            "geometry_msgs/msg/TwistWithCovariance",
-            make("geometry_msgs/msg/Twist", speed, speed),
-            np.zeros(36),
-        ),
-    )
-
-
-def of_scan(scan):
-    """A scan of lrf3d as a message."""
-    _, *fields = scan.as_ros("laser").values()
-    return make(SCAN, header(scan.time, "laser"), *fields)

@@ -209,9 +209,11 @@ def test_a_corridor_with_centimetres_on_both_sides_is_driven_to_its_end(
     assert np.ptp(drive.poses[:, :2] @ [np.cos(turn), np.sin(turn)]) > 19.0
 
 
-def test_a_door_that_is_closed_or_wide_enough_is_no_narrow_door() -> None:
+def test_what_is_closed_or_wide_enough_or_leads_outside_is_no_narrow_door(tmp_path: Path) -> None:
     for door, entrance in ((0.0, 0.0), (0.2, 0.0), (0.98, 0.3)):
         assert find_route(house(door, entrance), radius=0.35, lookahead=0.4).notes == ()
+    save_world(house(1.2, 1.2), tmp_path / "map.yaml")
+    assert find_route(load_world(tmp_path / "map.yaml"), lookahead=0.4).notes == ()
 
 
 def test_no_walls_and_no_room_are_clear_errors() -> None:

@@ -96,9 +96,9 @@ def test_a_scan_hangs_on_a_known_place_only_if_it_shows_what_is_known_there(roun
 def test_key_scans_without_walls_close_no_loop(rounds):
     slam = rounds[0]
     closer, poses = slam._closer, slam._key_poses
-    found = [k for k in range(len(closer.keys)) if closer._found(k, poses, 0.01)]
+    found = [k for k in range(len(closer.keys)) if closer._found(k, poses)]
     assert found
-    assert not any(without_walls(closer)._found(k, poses, 0.01) for k in found)
+    assert not any(without_walls(closer)._found(k, poses) for k in found)
 
 
 def test_the_map_of_a_known_place_has_each_wall_once(rounds):

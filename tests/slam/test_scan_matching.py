@@ -7,14 +7,7 @@ from lrf3d.casting import PlanarCaster
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.slam.frames import between, compose
 from lrf3d.slam.scan_matching import match_scan
-from lrf3d.slam.surface import (
-    evenly_spaced,
-    grid_of,
-    moved,
-    range_noise,
-    surface_of,
-    surface_of_scan,
-)
+from lrf3d.slam.surface import grid_of, moved, range_noise, surface_of, surface_of_scan, thinned
 from lrf3d.world import World
 
 ROOM = World([[0, 0, 6, 0], [6, 0, 6, 4], [6, 4, 2.5, 4], [2.5, 4, 0, 3], [0, 3, 0, 0]])
@@ -39,21 +32,13 @@ def test_normals_face_the_laser_and_points_lie_on_walls():
     assert there[on_floor, 3] == pytest.approx(1.0)
 
 
-def test_the_walls_of_a_map_have_points_at_even_distances():
-    normal = np.array([0.0, 1.0])
+def test_near_walls_are_thinned_but_both_faces_of_a_wall_stay():
     x = np.array([0.0, 0.01, 0.02, 0.06, 1.06, 5.0])
-    surface = np.column_stack([x, np.zeros(6), np.tile(normal, (6, 1))])
-    spaced = evenly_spaced(surface)
-    gaps = np.diff(spaced[:, 0])
-    assert spaced[0, 0] == 0.0 and spaced[-1, 0] == 5.0
-    assert gaps.min() >= 0.05 and np.sort(gaps)[-2] < 0.3 and gaps.max() == pytest.approx(3.94)
-    # Between the two faces of a thin wall there is nothing.
-    faces = surface[3:5].copy()
-    faces[1, 3] = -1.0
-    assert len(evenly_spaced(faces)) == 2 < len(evenly_spaced(surface[3:5]))
-    # What is around a corner is no part of the wall between.
-    surface[4, 2:] = 1.0, 0.0
-    assert len(evenly_spaced(surface)) < len(spaced)
+    surface = np.column_stack([x, np.zeros(6), np.tile([0.0, 1.0], (6, 1))])
+    assert thinned(surface)[:, 0].tolist() == [0.0, 0.06, 1.06, 5.0]
+    surface[1, 3] = -1.0
+    assert thinned(surface)[:2, 0].tolist() == [0.0, 0.01]
+    assert len(thinned(surface[:0])) == 0
 
 
 def test_a_point_without_a_straight_neighbourhood_is_left_out():

@@ -78,7 +78,8 @@ def prove(
 def near_a_wall(tree: Tree, trust: Trust, x: float, y: float) -> bool:
     """Whether Embree is not to be trusted here: by a wall, or too far out; never too rarely."""
     boxes, links, walls, _ = tree
-    stack, top = np.zeros(STACK, np.int64), 1
+    stack, top = np.empty(STACK, np.int64), 1
+    stack[0] = 0
     while top > 0:
         top -= 1
         node = stack[top]
