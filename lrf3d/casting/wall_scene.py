@@ -56,7 +56,7 @@ class WallScene:
         self._x, self._y = centre.tolist()
         trust = Trust(self._x, self._y, radius, 1.5 * delta, beyond, FLAT, STEEP)
         parts = [clear_parts(walls, along, (7.0 + 5.0 / sine) * delta) for sine in (FLAT, STEEP)]
-        self._tree, self._clear, self._trust = tree[:], np.hstack(parts), trust[:]
+        self._tree, self._clear, self._trust = tree[:], np.hstack(parts), np.array(trust)
         vertices = triangles(walls, along, delta)
         faces = np.arange(len(vertices)).reshape(-1, 3)
         self.mesh = trimesh.Trimesh(vertices, faces, process=False, validate=False)

@@ -146,9 +146,10 @@ class LaserScan(Value, Pictured):
             range_max=lrf.range_max,
             time_increment=lrf.time_increment,
         )
-        for (name, *_), values in zip(LIGHT, light, strict=False):
-            if values is not None:
-                scan.__dict__[name] = sealed(values)
+        if light:
+            for (name, *_), values in zip(LIGHT, light, strict=False):
+                if values is not None:
+                    scan.__dict__[name] = sealed(values)
         return scan
 
     def at_time(self, time: float) -> "LaserScan":

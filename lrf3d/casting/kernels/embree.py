@@ -17,7 +17,7 @@ UNSURE = -2
 
 
 class Trust(NamedTuple):
-    """How far Embree is trusted [m]."""
+    """How far Embree is trusted [m]; passed as an array, which takes less time than numbers."""
 
     x: float  # The middle of the walls.
     y: float
@@ -26,10 +26,6 @@ class Trust(NamedTuple):
     beyond: float  # What seems this much beyond the range is out of it.
     flat: float  # Least sine of the angle between a beam and a wall whose first clear part counts,
     steep: float  # and for its second one.
-
-
-PlainTrust = tuple[float, float, float, float, float, float, float]
-"""It as Python passes it; see `lrf3d.casting.kernels.scans.PlainLaser`."""
 
 
 @inner

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.casting.kernels.buffer import ROOM, Fan, per_step_of
-from lrf3d.casting.kernels.embree import UNSURE, PlainTrust, Trust, near_a_wall, prove
+from lrf3d.casting.kernels.embree import UNSURE, Trust, near_a_wall, prove
 from lrf3d.casting.kernels.fan import trace
 from lrf3d.casting.kernels.predicates import (
     LANES,
@@ -55,21 +55,24 @@ def laser_of(lrf: LaserRangeFinder, *, range_min: float | None = None) -> PlainL
     return lrf.fan, *lrf.spread, float(near), float(lrf.range_max)
 
 
-NOT_ASKED = np.empty((0, 4)), Trust(*[0.0] * 7)[:], np.empty(0, np.int32)
+NOT_ASKED = np.empty((0, 4)), np.empty(len(Trust._fields)), np.empty(0, np.int32)
 """In place of what Embree found, where it was not asked."""
 
 
 @compiled
 def cast_scans(
-    plain_tree: PlainTree, plain_laser: PlainLaser, clear: Float, plain_trust: PlainTrust,
+    plain_tree: PlainTree, plain_laser: PlainLaser, clear: Float, numbers: Float,
     found: NDArray[np.int32], poses: Float, ranges: Float, hits: Int,
 ) -> None:  # fmt: skip
     """Cast a scan at each of the poses (k, 3); fill ranges (k, beams), and hits unless empty.
 
     Where Embree was asked, `found` (k beams,) are the faces that it met, `clear` (n, 4) the parts
-    of the walls where it is right.
+    of the walls where it is right, and the numbers those of a `Trust`.
     """
-    tree, laser, trust = Tree(*plain_tree), Laser(*plain_laser), Trust(*plain_trust)
+    tree, laser = Tree(*plain_tree), Laser(*plain_laser)
+    trust = Trust(
+        numbers[0], numbers[1], numbers[2], numbers[3], numbers[4], numbers[5], numbers[6]
+    )
     beams = laser.fan.shape[1]
     own = np.empty(0 if len(hits) > 0 else beams, np.int64)
     dx, dy = np.empty(beams + PADDING), np.empty(beams + PADDING)
