@@ -6,6 +6,7 @@ within all that the drive may have drifted, and enough closures of the same stre
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -77,7 +78,7 @@ FLOOR = np.diag([0.01, 0.01, 1.0])
 """Information that a closure has in any direction: 10 m and 1 rad, for it lay in the window."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Closure:
     """An old key scan and a new one, by their numbers, that show the same place.
 
@@ -88,6 +89,11 @@ class Closure:
     new: int
     relative: Float
     information: Float
+
+    @cached_property
+    def covariance(self) -> Float:
+        """Covariance (3, 3) of the pose, which each later closure around is compared with."""
+        return np.asarray(np.linalg.inv(self.information), dtype=np.float64)
 
 
 class LoopCloser:
@@ -159,11 +165,10 @@ class LoopCloser:
     def _accept(self, closures: list[Closure]) -> list[Closure]:
         """Accept closures, which are paths over the graph from now on."""
         for closure in closures:
-            covariance = np.asarray(np.linalg.inv(closure.information), dtype=np.float64)
             # Along a corridor it leaves the robot as uncertain as a long drive does.
-            off = np.sqrt(np.linalg.eigvalsh(covariance[:2, :2])[1]) / DRIFT
+            off = np.sqrt(np.linalg.eigvalsh(closure.covariance[:2, :2])[1]) / DRIFT
             length = max(CLOSURE_LENGTH, float(off))
-            self.paths.link(closure.old, closure.new, length, covariance)
+            self.paths.link(closure.old, closure.new, length, closure.covariance)
         self.accepted += closures
         self._recent += closures
         return closures
@@ -266,8 +271,7 @@ class LoopCloser:
         lever = np.hypot(old[0], old[1]) * 0.015
         covariance = np.diag(spread**2 + np.array([lever, lever, 0.0]) ** 2)
         for closure in (first, second):
-            own = np.asarray(np.linalg.inv(closure.information), dtype=np.float64)
-            covariance = covariance + turned(own, -float(second.relative[2]))
+            covariance = covariance + turned(closure.covariance, -float(second.relative[2]))
         square = float(error @ np.linalg.solve(covariance, error))
         return square < DEVIATIONS**2
 

@@ -125,7 +125,7 @@ class Cells(NamedTuple):
             # What is zero takes no memory until it is written.
             used = self.used[0 if place == 2 else 1 if place < 6 else 2]
             grown[place][: used if place < 15 else None] = column[: used if place < 15 else None]
-        move_squares(self, grown)
+        move_squares(self.keys, self.squares, grown.keys, grown.squares)
         return grown
 
 
@@ -157,14 +157,14 @@ def _slot_of(keys: Int, x: int, y: int) -> int:
 
 
 @compiled
-def move_squares(cells: Cells, grown: Cells) -> None:
-    """Put the squares into a larger hash table."""
-    for old in range(len(cells.keys)):
-        key = cells.keys[old]
+def move_squares(keys: Int, squares: Int, larger: Int, moved: Int) -> None:
+    """Put squares (slots,) with keys (slots,) into a larger hash table."""
+    for old in range(len(keys)):
+        key = keys[old]
         if key != EMPTY:
             y = ((key + (1 << 30)) & ((1 << 31) - 1)) - (1 << 30)
-            slot = _slot_of(grown.keys, (key - y) >> 31, y)
-            grown.keys[slot], grown.squares[slot] = key, cells.squares[old]
+            slot = _slot_of(larger, (key - y) >> 31, y)
+            larger[slot], moved[slot] = key, squares[old]
 
 
 @borrower

@@ -86,7 +86,8 @@ class RobustMapper:
     def _refit_walls(self, changed: Int, gone: Int, fresh: NewEvidence) -> Int:
         """Put the real parts of changed walls in their places; returns which to link again."""
         near = self._rule.distance
-        rows = choose_walls(self._walls, self._grid, self._cells, fresh, changed, near)
+        chosen = choose_walls(self._walls, self._grid, self._cells, fresh, changed, near)
+        rows = np.flatnonzero(chosen & (self._walls.points > 0))
         parts = refit_walls(rows, self._walls.ends, self._cells, fresh, near, self._least)
         self._make_room(len(parts[0]))
         self._waiting, linked = replace_walls(

@@ -120,16 +120,15 @@ def link_walls(links: Links, walls: Walls, grid: Grid, cells: Cells, rows: Int) 
         links.own[rows[k]] += 1
     for k in range(len(rows)):
         wall, reach, found, farthest = rows[k], LONGEST_LINK, 0, 0
-        for i in range(near(grid, walls.ends[wall], LONGEST_LINK)):
+        own = walls.ends[wall]
+        for i in range(near(grid, own, LONGEST_LINK)):
             other = grid.found[i]
             # A link of two of them is added once, by the later one.
             if places[other] >= k or not walls.real[other]:
                 continue
-            if _parted(walls.ends[wall], walls.ends[other], reach):
+            line, its = lines[MOST_LINKS], walls.ends[other]
+            if _parted(own, its, reach) or not measure_link(own, its, line):
                 continue
-            if not measure_link(walls.ends[wall], walls.ends[other], lines[MOST_LINKS]):
-                continue
-            line = lines[MOST_LINKS]
             length = np.hypot(line[2] - line[0], line[3] - line[1])
             if length > reach:
                 continue
@@ -138,16 +137,17 @@ def link_walls(links: Links, walls: Walls, grid: Grid, cells: Cells, rows: Int) 
             put_row(lines, place, line)
             found = min(found + 1, MOST_LINKS)
             if found == MOST_LINKS:
-                farthest = int(np.argmax(lengths))
+                # A search of numpy's takes half a second to compile.
+                farthest = 0
+                for link in range(1, MOST_LINKS):
+                    farthest = link if lengths[link] > lengths[farthest] else farthest
                 reach = lengths[farthest]
         links.counts[wall] = found
         for place in range(found):
             other = links.others[wall, place]
             links.versions[wall, place] = links.own[other]
             links.lengths[wall, place] = lengths[place]
-            links.kinds[wall, place] = _kind(
-                lines[place], walls.ends[wall], walls.ends[other], cells
-            )
+            links.kinds[wall, place] = _kind(lines[place], own, walls.ends[other], cells)
     asked = 0
     for _ in range(walls.used[0]):
         wall = links.turn[0] = (links.turn[0] + 1) % walls.used[0]

@@ -41,8 +41,8 @@ violations outweigh its hits by this. Less takes time to find weak walls again a
 @compiled
 def choose_walls(
     walls: Walls, grid: Grid, cells: Cells, fresh: NewEvidence, dirty: Int, near_by: float
-) -> Int:
-    """The rows (n,) of the walls that are to be refit, rising.
+) -> Bool:
+    """Which of the walls (rows,) are to be refit.
 
     They are those that are new or merged (m,), those with much new evidence, and one more: what a
     wall lost to its neighbours, it has not noticed, so all walls have their turn.
@@ -60,7 +60,7 @@ def choose_walls(
         if walls.points[walls.used[2]] > 0:
             chosen[walls.used[2]] = True
             break
-    return np.flatnonzero(chosen & (walls.points > 0))
+    return chosen
 
 
 @inner
