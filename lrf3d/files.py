@@ -1,8 +1,8 @@
 """Files: only regular ones of limited size are read; writing is complete or not at all.
 
 All files that users name are opened here, so that a pipe, a device or a folder gives a clear error
-instead of a program that hangs or fills the memory. The built-in worlds and the assets are next to
-the package in a checkout, and inside it in a wheel.
+instead of a program that never ends or fills the memory. The built-in worlds and the assets are
+next to the package in a checkout, and inside it in a wheel.
 """
 
 import os

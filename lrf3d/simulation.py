@@ -35,7 +35,7 @@ class Mapper(Protocol):
 
     The map after a scan is the mapper's attribute ``map``, a LineMap or anything else. A mapper
     without it returns the map from `update`. A mapper that estimates the poses may have the
-    attribute ``estimate``, an EstimatedTrajectory, which pictures and films show beside the truth.
+    attribute ``estimate``, an EstimatedTrajectory, which pictures and films show next to the truth.
     """
 
     def update(self, scan: LaserScan) -> Any:

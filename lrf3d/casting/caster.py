@@ -87,7 +87,7 @@ class PlanarCaster:
         return self._batch(lrf, as_poses(poses), keep_walls=True)
 
     def chains(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> Int:
-        """The walls (beams, k) on the way of each beam of a scan: mirrors, glass, and the last.
+        """The walls (beams, k) on the path of each beam of a scan: mirrors, glass, and the last.
 
         −1 stands after the last; without a range all are −1. k is the longest way.
 

@@ -29,7 +29,7 @@ class LayerLight(NamedTuple):
     """Layers of beams with their light: ranges [m], walls and intensities (layers, beams).
 
     The strongest echoes (layers, beams, k) come the nearest first; k is 0 where the laser reports
-    one. Chains (layers, beams, 16) are the walls on the way of each beam, then −1.
+    one. Chains (layers, beams, 16) are the walls on the path of each beam, then −1.
     """
 
     ranges: Float

@@ -1,7 +1,7 @@
 """Light of scans in worlds with materials, for both casters.
 
 Ranges among the walls come in; what leaves are the ranges, walls and intensities of the echoes that
-the laser reports, and on request the walls on the way.
+the laser reports, and on request the walls on the path.
 """
 
 import math
@@ -36,7 +36,7 @@ class Lighting:
         self._optics = Optics(world.segments, world.heights, kinds, table, dull)
 
     def empty(self, lrf: LaserRangeFinder, count: int, *, chains: bool = False) -> Lit:
-        """Arrays for the light of ``count`` scans, and for the walls on the way if wanted."""
+        """Arrays for the light of ``count`` scans, and for the walls on the path if wanted."""
         beams, slots = lrf.beams, lrf.echoes if lrf.echoes > 1 else 0
         return Lit(
             np.empty((count, beams)),

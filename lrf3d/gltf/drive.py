@@ -41,7 +41,7 @@ _FIELD = float(np.radians(50.0))
 """Its angle of view from the bottom to the top [rad]."""
 
 _PIECE_ERROR, _SHORTEST = 0.03, 1e-3
-"""How far a straight piece of the trail may be off [m], in place and along the way; shorter ones
+"""How far a straight piece of the trail may be off [m], in place and along the path; shorter ones
 are left out: a robot that turns on the spot."""
 
 _RIM, _LEAST = 0.08, 1e-3
@@ -50,7 +50,7 @@ a node without a size has no axes."""
 
 
 def run_glb(run: Run, *, every: int = 1) -> bytes:
-    """A run as a GLB file with one animation; each scan of so many is kept.
+    """A run as a GLB file with one animation; one scan of a number is kept.
 
     Raises:
         InputError: ``every`` is less than 1.

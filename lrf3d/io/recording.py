@@ -222,7 +222,7 @@ class Journal:
 
 
 def _is_of(path: Path, fingerprint: str) -> bool:
-    """Whether a file is a journal of a run; false if it is none, an error if of another run."""
+    """Whether a file is a journal of a run; false if it is not, an error if of another run."""
     try:
         with path.open("rb") as file:
             other = dict(json.loads(file.readline(1 << 16)))

@@ -26,7 +26,7 @@ LARGEST_CELL = 0.5
 around the most central one are used."""
 
 MARGIN = 0.1
-"""Distance [m] before a return, beside half of a cell, that is not marked free: the noise."""
+"""Distance [m] before a return, besides half of a cell, that is not marked free: the noise."""
 
 DRIVEN = 0.2
 """Radius [m] around each pose that is free, because the robot was there."""

@@ -48,7 +48,7 @@ def shares(
 def brightness(
     cos: float, sin: float, diffuse: float, retro: float, mirrored: float, lobe: float
 ) -> float:
-    """How bright a surface is for the laser that lights it, beside a white wall at a right angle.
+    """How bright a lit surface is for the laser, compared with a white wall at a right angle.
 
     The lobe [rad] about the mirrored direction is Gaussian, with the mirrored share of the light.
     Seen from the laser its middle lies twice the angle of incidence away.

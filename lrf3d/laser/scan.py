@@ -257,7 +257,7 @@ FARTHEST = 300.0
 
 
 def doubtful_ranges(scans: Sequence[LaserScan]) -> str | None:
-    """What tells that the ranges of a drive are not in metres, as a sentence; None if nothing."""
+    """A sentence that says why the ranges of a drive are not in metres; None if they may be."""
     ranges = np.concatenate([scan.ranges[scan.hits & (scan.ranges > 0.0)] for scan in scans])
     beams = sum(len(scan.ranges) for scan in scans)
     if len(ranges) < LEAST_RETURNED * beams:

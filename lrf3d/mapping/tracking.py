@@ -1,8 +1,8 @@
 """Tracking: which object of a map is which object of the map a while before.
 
-A mapper numbers the objects of each map anew. Who follows a growing map, by eye or by name, needs
-numbers that stay: an object keeps its number while it grows, of objects that become one the larger
-gives its number, and of the parts of one that falls apart the larger keeps it.
+A mapper numbers the objects of each map from the start. Who follows a growing map, by eye or by
+name, needs numbers that stay: an object keeps its number while it grows, of objects that become one
+the larger gives its number, and of the parts of one that falls apart the larger keeps it.
 """
 
 import numpy as np

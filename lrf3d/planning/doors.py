@@ -9,7 +9,7 @@ from lrf3d.robot.unicycle import RADIUS
 
 AREA, GAP = 1.0, 0.7
 """Least area [m²] in which a robot's middle can be, and distance to walls [m] somewhere in it, of
-a room; a nook behind a desk is none."""
+a room; a nook behind a desk is not."""
 
 POSTS = 1.5
 """Distance [m] from a narrow place within which the posts of its door are looked for."""

@@ -45,7 +45,7 @@ SHORTEST_ROUTE, LONGEST_ROUTE = 20.0, 800.0
 drives to the ends of the free space; and the longest one, some minutes."""
 
 TURN = 1.0
-"""Length [m] of the way back at an end of the route."""
+"""Length [m] of the path back at an end of the route."""
 
 
 def find_tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:

@@ -34,7 +34,7 @@ class Surfaces(NamedTuple):
 
 @inner
 def level_of(texels: float, levels: NDArray[np.int64]) -> int:
-    """The level of a texture whose texels are as large as a pixel, which is so many texels."""
+    """The level of a texture whose texels are as large as a pixel, given in texels."""
     return min(max(int(math.log2(max(texels, 1.0)) + 0.5), 0), len(levels) - 1)
 
 

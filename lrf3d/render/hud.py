@@ -17,7 +17,8 @@ _PAD, _GAP = 12, 16
 """Border in panels, and free border round them [pixels of 720 lines]."""
 
 _LEAST_SCALE, _LEAST_LETTER = 0.47, 6.5
-"""Text is at least so many times its size at 720 lines; letters below so many pixels are left out.
+"""Text is at least this number of times its size at 720 lines; smaller letters [pixels] are left
+out.
 """
 
 _MOST_COVERED = 0.5

@@ -17,7 +17,7 @@ _LONGEST = 60.0
 
 
 class Chosen(NamedTuple):
-    """What to draw: indices of vertices, of which the first so many have a texture."""
+    """What to draw: indices of vertices, and how many of the first ones have a texture."""
 
     indices: NDArray[np.uint32]
     textured: int

@@ -49,7 +49,7 @@ class DrawnBeams:
         sides: (hits, 2) where the face of the wall looks that each point lies on; 0 where no wall
             is known.
         beam_angle: Angle from one beam to the next [rad].
-        legs: (l, 4) the ways of beams after mirrors turned them [m].
+        legs: (l, 4) the paths of beams after mirrors turned them [m].
         leg_beams: (l,) the beam of each of these.
     """
 
@@ -156,7 +156,7 @@ class DrawnBeams:
         return Points(single(places), single(colours), single(self.sides), POINT_SIZE, POINT_PIXELS)
 
     def _at(self, wanted: Float, ranges: Float) -> Float:
-        """Points at wanted ranges (beams,) on the way from the apex to the ends."""
+        """Points at wanted ranges (beams,) on the lines from the apex to the ends."""
         return self.apex + (self.ends - self.apex) * (wanted / np.maximum(ranges, 1e-9))[:, None]
 
 

@@ -207,7 +207,7 @@ class Track(NamedTuple):
 
 
 _ASIDE, _CLEARANCE = 0.12, 0.3
-"""How far beside the way to the eye walls count, as a share of the way, and before it [m]."""
+"""How far from the line to the eye walls count, as a share of its length, and before it [m]."""
 
 _MARGIN, _STEEPEST = float(np.radians(9.0)), float(np.radians(80.0))
 """How far under the robot roofs are seen, so that they are no large part of the picture, and how

@@ -18,7 +18,7 @@ from lrf3d.scene.timeline import DriveKeys, Timeline
 from lrf3d.scene.trail_and_map import trail_lines
 
 MOST_KEPT = 40
-"""Most ellipses that stay along the way: more would be one band."""
+"""Most ellipses that stay along the path: more would be one band."""
 
 CORNERS = 48
 """Corners of an ellipse, as it is drawn."""
@@ -45,7 +45,7 @@ class DrawnEstimate:
     shapes: Float
     """(m, 2, 2) the matrix that makes it of the unit circle [m]."""
     kept: Int
-    """(n,) numbers of the ellipses that stay along the way, faded."""
+    """(n,) numbers of the ellipses that stay along the path, faded."""
 
     @classmethod
     def from_timeline(cls, timeline: Timeline) -> "DrawnEstimate | None":
@@ -112,7 +112,7 @@ def ring_quads(rings: Float, width: float) -> Float:
 
 
 def kept_ellipses(estimate: EstimatedTrajectory) -> Int:
-    """Which ellipses (n,) stay along the way: at most so many, and none that lie on each other."""
+    """Which ellipses (n,) stay along the path: at most this number, and none that overlap."""
     known, shapes = estimate.known_scans, estimate.ellipses
     steps = np.diff(estimate.poses[:, :2], axis=0)
     ways = np.concatenate([[0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))])

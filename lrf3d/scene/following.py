@@ -22,7 +22,7 @@ def track_of(
 class Chase:
     """Follows the robot from behind, smoothly, and looks ahead with it.
 
-    Among houses the eye is higher where a wall is in its way; in rooms walls are cut off there.
+    Among houses the eye is higher where a wall hides the robot; in rooms walls are cut off there.
     """
 
     AWAY, AWAY_INDOOR = 4.1, 3.5
@@ -103,7 +103,7 @@ class First:
 
     FIELD = float(np.radians(62.0))
     UP = 0.09
-    """How much it looks up, as the slope of its way."""
+    """How much it looks up, as the slope of its sight."""
     OVER = 0.36
     """How far over the laser the eye is [m]: above the bands of the map."""
 

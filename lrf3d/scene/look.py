@@ -162,7 +162,7 @@ MAP_LINE_WIDTH, HIDDEN_WIDTH, HIDDEN_STRENGTH = 4.0, 2.6, 0.25
 and the opacity of that."""
 
 LEAST_SCALE = 0.62
-"""Lines and points are at least so many times their size at 720 lines."""
+"""Lines and points are at least this number of times their size at 720 lines."""
 
 PLAN_BACK, PLAN_LINE_WIDTH, DART_SHARE = (24, 28, 36), 2.6, 0.034
 """Colour of the inset where nothing is known, 0…255, the width of the map in it [pixels of 720

@@ -19,7 +19,7 @@ _LOWEST = 0.02
 """Height above the ground [m] that bands keep."""
 
 _WIDEST = 3.0
-"""Bands that are far away are drawn higher, and at most so many times as thick."""
+"""Bands that are far away are drawn higher, and at most this number of times as thick."""
 
 _CORNERS = np.array(
     [
@@ -86,7 +86,7 @@ def bands(drawn: "DrawnMap", walls: Float, eye: Float, *, least: float, raised: 
     corners[..., 2] = np.where(up == 1, high[:, None], low[:, None])
     normals = np.zeros_like(corners)
     if raised > 0.0:
-        # Standing walls are lit, so that their sides can be told apart; bands shine by themselves.
+        # Standing walls are lit, so that their sides differ; bands shine by themselves.
         normals[..., :2] = _NORMALS[:, :1] * along[:, None] + _NORMALS[:, 1:2] * left[:, None]
         normals[..., 2] = _NORMALS[:, 2]
     colours = np.repeat(drawn.colours[:, None], len(_CORNERS), axis=1)

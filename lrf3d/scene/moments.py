@@ -39,7 +39,8 @@ _ROBOT_SIZE, _LEAST_ROBOT, _MARKER = 0.75, 26.0, 10.0
 is the third [pixels at 720 lines]."""
 
 _MARKER_NEARER = 0.3
-"""Share of the way from the eye to the robot at which that arrow is drawn: nothing hides it."""
+"""Share of the distance from the eye to the robot at which that arrow is drawn: nothing hides
+it."""
 
 _WALL_NEARER, _ON_TOP = 0.12, 1e6
 """How much nearer to the eye marks are than walls [m]; from straight above, tops of walls would

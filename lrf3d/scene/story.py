@@ -1,4 +1,4 @@
-"""The film that tells a run as a story, in shots of some seconds.
+"""The film that shows a run as a story, in shots of some seconds.
 
 It opens from above, when nothing is known yet; then come the chase, a rising shot in which the map
 draws itself, a look from near and one from high up, again and again in long runs; at the end houses
@@ -33,18 +33,18 @@ _UNKNOWN = 0.2
 """Time after the start in which hardly anything is known yet [s of the film]."""
 
 _RISEN = 0.85
-"""Share of the way to the whole that a rising shot goes."""
+"""Share of the distance to the view of the whole that a rising shot covers."""
 
 _CLOSE, _CLOSE_STEEP, _CLOSE_SIDES = 4.6, float(np.radians(24.0)), 6
 """How far off the robot a shot from near is [m], how steeply it looks down at the least [rad], and
 from how many sides it may begin."""
 
 _HIGH, _HIGH_SHARE, _HIGH_STEEP = 50.0, 0.55, float(np.radians(60.0))
-"""How far off the robot a shot from high up is at the most [m], and as a share of the way to where
-the whole is seen from; and how steeply it looks down at the least [rad]."""
+"""How far off the robot a shot from high up is at the most [m], and as a share of the distance to
+where the whole is seen from; and how steeply it looks down at the least [rad]."""
 
 _LEAVES, _CALM = 0.1, 0.3
-"""Share of a way from the robot after which it leads over all walls, and the time [s of the film]
+"""Share of a path from the robot after which it leads over all walls, and the time [s of the film]
 over which it does so."""
 
 
@@ -134,7 +134,7 @@ class Story:
 
 
 def between(near: Track, far: Track, share: Float) -> Track:
-    """Looks on the way from the robot to far away, at shares (k,) 0…1 of it."""
+    """Looks along the path from the robot to far away, at shares (k,) 0…1 of it."""
     # The way is as long to the eye in each second; steps in and down come last.
     aways = np.exp(np.log(near.aways) + share * np.log(far.aways / near.aways))
     moved = (aways - near.aways) / np.where(far.aways == near.aways, 1.0, far.aways - near.aways)

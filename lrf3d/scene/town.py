@@ -30,7 +30,7 @@ _TURN, _INNER_TURN = 2.0, 0.8
 """Radius of the corners of blocks [m], and of those that look into a block."""
 
 _WAY, _WAY_STEP = 2.6, 0.3
-"""Half the width of the street that a robot always has, and how far its way may be simplified [m].
+"""Half the width of the street that a robot always has, and how far its path may be simplified [m].
 """
 
 _FOOT = 0.8

@@ -57,7 +57,7 @@ def driven(keys: DriveKeys) -> Bool:
 def thinned(keys: DriveKeys, error: float = 0.005) -> DriveKeys:
     """The keys without those that the robot passes while it drives evenly, to within an error [m].
 
-    Lines are simplified (Douglas and Peucker, 1973) that run as the robot does, and as its way
+    Lines are simplified (Douglas and Peucker, 1973) that run as the robot does, and as its path
     grows with time.
     """
     times, places = keys.times, keys.poses[:, :2]

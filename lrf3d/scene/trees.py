@@ -22,7 +22,8 @@ _FOOT, _CLEAR, _WIDTH = 0.30, 2.2, 0.27
 its radius, in these heights."""
 
 _FINE = 400
-"""Crowns of so many trees have 80 triangles, of more 20: nobody sees them all from near by."""
+"""Crowns of this number of trees have 80 triangles, of more 20: nobody sees them all from near
+by."""
 
 _LUMPS, _PATCHES = 0.16, 0.10
 """How far its corners lie off an ellipsoid, in its radius, and by how much its triangles differ in

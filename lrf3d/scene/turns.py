@@ -1,7 +1,7 @@
-"""Turns: the ways of beams by mirrors, as they are drawn.
+"""Turns: the paths of beams by mirrors, as they are drawn.
 
-The straight ways of beams enter, as long as their ranges; what leaves are their legs from mirror to
-mirror, which the straight way unfolds.
+The straight paths of beams enter, as long as their ranges; what leaves are their legs from mirror
+to mirror, which the straight way unfolds.
 """
 
 from typing import NamedTuple
@@ -15,7 +15,7 @@ MOST_LEGS = 9
 """Legs of a beam: casters turn it up to eight times."""
 
 LEAST_LEG = 1e-9
-"""Shortest leg, as a share of the rest of the way: a beam does not meet again what it leaves."""
+"""Shortest leg, as a share of the rest of the path: a beam does not meet again what it leaves."""
 
 
 def turning_walls(world: World) -> Bool:
@@ -27,7 +27,7 @@ def turning_walls(world: World) -> Bool:
 
 
 class Turns(NamedTuple):
-    """The ways of beams."""
+    """The paths of beams."""
 
     first: Float
     """(beams, 2) where the first leg of each ends [m]."""
@@ -68,7 +68,7 @@ class Turns(NamedTuple):
 def _first_crossing(starts: Float, ends: Float, mirrors: Float) -> tuple[Float, Int]:
     """Which share (n,) of the ways from starts to ends (n, 2) leads to which mirror.
 
-    The share is 1 and the mirror −1 where a way meets none.
+    The share is 1 and the mirror −1 where a path meets none.
     """
     way = ends - starts
     offset = mirrors[None, :, :2] - starts[:, None]

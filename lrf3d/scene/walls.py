@@ -45,7 +45,7 @@ class Sides(NamedTuple):
     walls: Int
     """(n,) the wall of each."""
     segments: Float
-    """(n, 4) x1 y1 x2 y2 [m]; it looks to the right of its way."""
+    """(n, 4) x1 y1 x2 y2 [m]; it looks to the right of its direction."""
     free: Bool
     """(n,) whether it is of a free wall."""
 

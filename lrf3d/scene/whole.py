@@ -86,7 +86,7 @@ class Top:
     FIELD = float(np.radians(3.0))
     """Nearly parallel rays: walls then do not lean over the map."""
     LONG = 1.2
-    """A world so many times as long as wide is turned where that fits the picture better."""
+    """A world this number of times as long as wide is turned where that fits the picture better."""
 
     def __init__(self, timeline: Timeline, structures: Structures) -> None:
         self._corners = corners_of(timeline, structures) * [1.0, 1.0, 0.0]

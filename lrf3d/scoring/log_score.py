@@ -103,5 +103,5 @@ def _map_ranges(caster: PlanarCaster, scan: LaserScan, pose: Pose) -> Float:
     farthest = scan.range_max if np.isfinite(scan.range_max) else CAST_RANGE
     lrf = LaserRangeFinder(angles.min(), angles.max(), len(angles), 0.0, farthest)
     ranges: Float = caster.cast(lrf, pose).ranges
-    # A laser that hangs upside down turns clockwise.
+    # A laser that is mounted upside down turns clockwise.
     return ranges if angles[0] <= angles[-1] else ranges[::-1]

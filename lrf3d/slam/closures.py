@@ -22,7 +22,7 @@ from lrf3d.slam.surface import wall_map
 from lrf3d.slam.violation import Key, contradicted
 
 LEAST_DISTANCE = 6.0
-"""Two key scans are worth closing a loop if the way between them over the graph is longer [m]."""
+"""Two key scans are worth closing a loop if the path between them along the graph is longer [m]."""
 
 LEAST_SHARE = 0.6
 """Share of a scan that lies on the map of a place that no doubt is the one: none other is tried."""
@@ -58,7 +58,7 @@ LEAST_POINTS = 10
 """Points that a surface must have."""
 
 CLOSURE_LENGTH = 0.5
-"""What a closure counts as in the way over the graph [m]: the drift that it leaves."""
+"""What a closure counts as in path lengths along the graph [m]: the drift that it leaves."""
 
 AGREEING, AGREEING_IN_THE_END = 3, 2
 """Closures that have to agree with each other before any of them is accepted, while the robot
@@ -120,7 +120,7 @@ class LoopCloser:
 
     def drive(self, step: Float, lost: int) -> float:
         """Note how the robot has moved; returns the distance [m] over which it drifts as far."""
-        # A turn in place lets the robot drift like a way of the length of its lever.
+        # A turn in place lets the robot drift like a path of the length of its lever.
         length = float(np.hypot(step[0], step[1]) + abs(step[2])) + LOST * lost
         self.distance += length
         return length
@@ -133,7 +133,7 @@ class LoopCloser:
         self.keys.append(key)
 
     def link(self, edge: Edges, length: float, lost: int) -> None:
-        """Note the way that leads to the next key scan."""
+        """Note the path to the next key scan."""
         covariance = np.linalg.inv(edge.information[0]) + lost * LOST_SPREAD
         self.paths.link(int(edge.first[0]), int(edge.second[0]), length, covariance)
 
@@ -301,7 +301,7 @@ def _bounded(spread: Float) -> Float:
 def _fixed(information: Float) -> Float:
     """Information (3, 3) of a match without that on a direction which its walls do not fix.
 
-    What it says of the way along a corridor comes from the noise of normals.
+    What it says of the distance along a corridor comes from the noise of normals.
     """
     direction, weakest = weakest_direction(information)
     if weakest >= WEAK:

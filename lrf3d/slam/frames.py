@@ -40,7 +40,7 @@ def turned(matrix: Float, angle: float) -> Float:
 def bent(way: Float, known: Int, poses: Float, at: Float | None = None) -> Float:
     """A way (n, 3) that is right from step to step, bent to meet poses (m, 3) of known numbers.
 
-    These rise; ``at`` (n,) is how far along each pose of the way is, its number if not given.
+    These rise; ``at`` (n,) is how far along the path each pose is, its number if not given.
     """
     count = np.arange(len(way))
     along = count.astype(np.float64) if at is None else at

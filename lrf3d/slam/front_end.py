@@ -306,7 +306,7 @@ def refined(
     key_poses: Float,
     anchored: Int,
 ) -> Float:
-    """Poses (n, 3) of all scans, matched once more with all key scans (k,) around them.
+    """Poses (n, 3) of all scans, matched again with all key scans (k,) around them.
 
     While the robot drove, a scan was matched with what lay just behind it; now its surroundings are
     known from all drives past it. Scans moved by motions (n, 3) of the wheels; each is matched with

@@ -1,9 +1,9 @@
 """Known places: where older key scans show what a scan shows, no new key scan is needed.
 
 A scan, the anchor before it and the key scans enter. If the robot is certainly where it has been
-before, an anchor leaves: the scan hangs on the nearest key scan, by its pose as seen from there,
-and the pose graph does not grow. So the graph grows with the space, not with time: the idea of the
-reduced pose graph (Johannsson et al. 2013), here for scans.
+before, an anchor leaves: the scan is attached to the nearest key scan, by its pose as seen from
+there, and the pose graph does not grow. So the graph grows with the space, not with time: the idea
+of the reduced pose graph (Johannsson et al. 2013), here for scans.
 """
 
 from dataclasses import dataclass
@@ -38,8 +38,8 @@ AROUND = 2.0
 """How far from the scan these key scans stand [m], at most."""
 
 CERTAIN = 10.0
-"""A robot is certain of its pose relative to key scans that are at most this way [m] over the graph
-from its last anchor: it drifts less than it may be off."""
+"""A robot is certain of its pose relative to key scans that are at most this far [m] along the
+graph from its last anchor: it drifts less than it may be off."""
 
 OFF, OFF_TURN = 0.3, 0.06
 """How far [m], [rad] a scan there may be from where it is expected."""
@@ -72,7 +72,8 @@ def in_known_place(
 ) -> Anchor | None:
     """The anchor of a scan that stands in a known place; None if it is to be a key scan.
 
-    The robot has driven a way [m] since the last anchor; poses (k, 3) are those of the key scans.
+    The robot has driven a distance [m] since the last anchor; poses (k, 3) are those of the key
+    scans.
     """
     keys = closer.keys
     guess = compose(compose(poses[last.key], last.relative), between(last.front, scan.pose))

@@ -37,10 +37,10 @@ CALIBRATED = 400
 loop of 460 m, driven with wheels 15 % off, closes with a tenth of the error."""
 
 LEARNED, LEARNED_TURN = 0.012, 0.15
-"""Where the scale of the way or of turns moves by more than this share from its first estimate, the
-beginning is misplaced: the drive is solved once more. Around blocks of 400 to 640 m of corridor
-that takes half to three quarters of the error away. Scans show turns, but hardly the way along a
-corridor, so that only large errors of turns matter."""
+"""Where the scale of distances or of turns moves by more than this share from its first estimate,
+the beginning is misplaced: the drive is solved again. Around blocks of 400 to 640 m of corridor
+that takes half to three quarters of the error away. Scans show turns, but hardly the distance along
+a corridor, so that only large errors of turns matter."""
 
 MOST_PASSES = 3
 """Times that a drive is solved, at most."""
@@ -272,7 +272,7 @@ def range_finder_of(scans: Sequence[LaserScan]) -> tuple[LaserRangeFinder, Float
     first, ranges = scans[0], np.array([scan.ranges for scan in scans])
     angles, farthest = first.angles, first.range_max
     if angles[0] > angles[-1]:
-        # A laser that hangs upside down turns clockwise; the range finder of a run does not.
+        # A laser that is mounted upside down turns clockwise; the range finder of a run does not.
         angles, ranges = angles[::-1], ranges[:, ::-1]
     if not np.isfinite(farthest):
         # Some drivers give no limit: it is the usual one, or what was measured beyond it.

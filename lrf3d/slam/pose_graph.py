@@ -164,7 +164,7 @@ def optimised_around(poses: Float, edges: Edges, paths: Callable[[float], Float]
 
     The step is taken around the change alone, with all else held. Where poses half-way to the
     border still move, it reaches twice as far: until the change has died out. ``paths(limit)`` is
-    the way (k,) [m] over the graph from the change to each pose, +inf beyond a limit.
+    the distance (k,) [m] along the graph from the change to each pose, +inf beyond a limit.
     """
     reach = LEAST_REACH
     while True:

@@ -20,7 +20,8 @@ NEAR = 3.0
 """Key scans up to this far apart [m] are compared: most of what they see is the same."""
 
 LATER = 20.0
-"""Least way [m] between two key scans that are compared: adjacent ones agree in any case."""
+"""Least path length [m] between two key scans that are compared: adjacent ones agree in any
+case."""
 
 COMPARED = 4
 """Earlier key scans that each one is compared with at most, the nearest."""

@@ -1,4 +1,4 @@
-"""Slam in the simulator: a mapper that is not told where the robot is.
+"""Slam in the simulator: a mapper that does not know where the robot is.
 
 Scans of a simulation enter; their poses are the true ones, from which wheels with errors make the
 odometry. Only that and the ranges go on to `Slam`, and its map leaves.
@@ -33,9 +33,9 @@ class WheelErrors:
     """What wheels measure wrong: ``errors(increment, rng)`` is what they say of an increment.
 
     Args:
-        turn_per_metre: Turn that is measured for each metre and is none [rad/m]: wheels of unequal
+        turn_per_metre: Turn that is measured but not made for each metre [rad/m]: wheels of unequal
             size.
-        slip: Standard deviation of the way as a share of it, and of the turn as a share of it.
+        slip: Standard deviation of the distance as a share of it, and of the turn as a share of it.
         position: Standard deviation of each increment [m].
         heading: Standard deviation of its turn [rad].
 
@@ -99,7 +99,7 @@ class SlamMapper:
         self._interval = COVARIANCE_INTERVAL
 
     def update(self, scan: LaserScan) -> None:
-        """Take in a scan; of its pose only what the wheels make of the way to it is used."""
+        """Take in a scan; of its pose only the increment that the wheels measure is used."""
         true = np.array(scan.pose)
         if not self._true:
             # Where the world's origin is no scan can tell, so that the first pose is given.

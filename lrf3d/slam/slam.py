@@ -105,7 +105,7 @@ class Slam:
         self._edges = Edges.none()
         # Those since the last optimisation: joining them each time would cost more and more.
         self._new_edges: list[Edges] = []
-        # That of what wheels say of the way since the last anchor.
+        # That of the wheels' motion since the last anchor.
         self._wheel_covariance = np.zeros((3, 3))
         # The variance factor at the last optimisation, and how many closures there were then.
         self._variance, self._closures_used = 0.0, 0
@@ -166,7 +166,7 @@ class Slam:
 
     def _key_of(self, scan: LaserScan) -> Key:
         """The newest scan as a key scan."""
-        # A laser that hangs upside down turns clockwise.
+        # A laser that is mounted upside down turns clockwise.
         order = -1 if scan.angles[0] > scan.angles[-1] else 1
         beams, surface = (scan.angles[::order], scan.ranges[::order]), self._front.surface
         number, pose = len(self._tracked) - 1, self._tracked[-1].pose

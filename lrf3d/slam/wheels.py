@@ -22,8 +22,8 @@ STILL_POSITION, STILL_HEADING = 0.005, 0.003
 """Standard deviations [m], [rad] of any increment, even where the wheels stood still."""
 
 SLIP, SLIP_TURN = 0.05, 0.05
-"""Standard deviation of an increment's place as a share of its way, and of its turn as a share of
-its turn: what wheels on carpets and sills do."""
+"""Standard deviation of an increment's place as a share of its length, and of its turn as a share
+of its turn: what wheels on carpets and sills do."""
 
 SWERVE, SKID = 0.02, 0.05
 """Standard deviation of the turn for each metre [rad/m], and of the place for each turn [m/rad]."""
@@ -65,7 +65,7 @@ class Wheels:
         place = STILL_POSITION + SLIP * way + SKID * turn
         heading = STILL_HEADING + SWERVE * way + SLIP_TURN * turn
         place, heading = place**2 * self._excess[0], heading**2 * self._excess[1]
-        # Wheels may slip anywhere on the way: turned by them, the rest of it leads elsewhere.
+        # Wheels may slip anywhere on the path: the rest of it is turned by the slip.
         lever = way / 2.0
         aside = place + heading * way**2 / 3.0
         return np.array(
@@ -104,7 +104,7 @@ class Wheels:
         """
         way, turn = float(matched[0]), float(matched[2])
         row = np.array([turn, way])
-        # The larger way counts, so that wheels that measure twice the way are corrected, too.
+        # The larger distance counts, so that wheels that measure twice as much are corrected, too.
         farthest = max(abs(way), abs(float(measured[0])))
         spread = STILL_HEADING + SWERVE * farthest
         spread += SLIP_TURN * max(abs(turn), abs(float(measured[2])))

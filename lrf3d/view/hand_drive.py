@@ -43,7 +43,7 @@ _KEPT = 500
 """Scans that are kept: those of the last seconds are still seen."""
 
 _OPEN = 60
-"""Scans after which the way between them is thinned once and for all."""
+"""Scans after which the path between them is thinned for good."""
 
 _CALM, _ALIGNED = 3.0, 1e-3
 """How fast a camera follows the robot's turns [1/s], and the angle [rad] that it leaves."""

@@ -55,7 +55,7 @@ _PLAN_SIDE = 0.3
 """Side of the plan in the corner, as a share of the shorter side of the picture."""
 
 _COARSE = 0.5
-"""Bands of the map are made anew when the eye has moved by this share of its height, or by four
+"""Bands of the map are made again when the eye has moved by this share of its height, or by four
 metres: few are sent."""
 
 

@@ -12,7 +12,7 @@ from lrf3d.compiling import borrower
 from lrf3d.geometry import Float, Int
 
 MOST_WALLS = 16
-"""Number of walls on the way of a beam, those that it passes through included."""
+"""Number of walls on the path of a beam, those that it passes through included."""
 
 FIRST, LAST, STRONGEST = 0, 1, 2
 """Which echo is the range of a beam."""
@@ -32,7 +32,7 @@ class Lit(NamedTuple):
 
     Ranges [m], walls and intensities (beams,) are those of the chosen echoes; ranges and walls come
     in as those among the walls. The strongest echoes (beams, k) come the nearest first; k is 0
-    where one is reported. Chains (beams, MOST_WALLS) are the walls on the way, then −1; or (0, 0).
+    where one is reported. Chains (beams, MOST_WALLS) are the walls on the path, then −1; or (0, 0).
     """
 
     ranges: Float

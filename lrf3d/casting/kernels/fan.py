@@ -40,7 +40,7 @@ from lrf3d.geometry import Float, Int
 
 
 class Waiting(NamedTuple):
-    """The boxes that wait on the way through the tree, the nearest on top."""
+    """The boxes that wait on the path through the tree, the nearest on top."""
 
     entries: Int  # (STACK, 3) the node, and the first and the end of the beams that may meet it.
     nears: Float  # (STACK,) a bound on 1 / distance [1/m].

@@ -30,7 +30,7 @@ FREE_LEVELS = 40
 walls whose scales span many powers of ten could else make a tree as deep as they are many."""
 
 STACK = 256
-"""Boxes that may wait on the way through a tree: three for each of at most 40 + 31 levels."""
+"""Boxes that may wait on the path through a tree: three for each of at most 40 + 31 levels."""
 
 
 class Tree(NamedTuple):

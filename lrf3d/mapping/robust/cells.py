@@ -26,12 +26,12 @@ SQUARE_BITS = SIDE_BITS + 3
 are compared is farther than half of its 15 m from one of them."""
 
 PASS_DIRECTIONS = 16
-"""[directions] By how many directions the beams through a cell are told apart: those that run
+"""[directions] By how many directions the beams through a cell are distinguished: those that run
 along a wall do not violate it. Eight serve as well but for narrow lanes."""
 
 HIT_DIRECTIONS = 8
-"""[directions] By how many directions returns are told apart: thin walls are seen from both sides,
-and at a corner two walls share a cell."""
+"""[directions] By how many directions returns are distinguished: thin walls are seen from both
+sides, and at a corner two walls share a cell."""
 
 MOST_PASSES, SOLID = 127, np.uint8(128)
 """[beams] When more have gone through a cell one way, all that is kept of the cell is halved: what
@@ -79,7 +79,7 @@ class Cells(NamedTuple):
             owner has another stamp by now.
         apart: (clusters,) how far each lies off its owner [m].
         pieces: (clusters,) the piece of its owner, while that is refit.
-        misses: (clusters,) beams that went on the way that its beams came, since the last hit.
+        misses: (clusters,) beams in the direction of its beams that went on, since the last hit.
         used: (5,) squares, blocks and clusters that were taken, the first cluster that was given
             back, and scans.
         widest: (1,) greatest deviation [m] of a return.

@@ -16,7 +16,7 @@ from lrf3d.mapping.robust.cells import (
 
 COSINES = np.cos(2.0 * np.pi * np.arange(PASS_DIRECTIONS) / PASS_DIRECTIONS)
 SINES = np.sin(2.0 * np.pi * np.arange(PASS_DIRECTIONS) / PASS_DIRECTIONS)
-"""The directions by which the beams through a cell are told apart."""
+"""The directions by which the beams through a cell are distinguished."""
 
 WALL_SINE = 0.5
 """[sine] Angle from which on a beam through a cell of a wall crosses it: at less it may run before

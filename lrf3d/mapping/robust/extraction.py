@@ -20,7 +20,7 @@ from lrf3d.mapping.robust.beams import MOST_RANGE, in_order, longest_loss, plain
 from lrf3d.mapping.robust.segmentation import LEAST_POINTS, fit_wall, segment_cluster
 
 GRAZING_ANGLE = np.radians(8.0)
-"""[rad] Walls met at a smaller angle than this cannot be told from a gap any more."""
+"""[rad] Walls met at a smaller angle than this cannot be distinguished from a gap."""
 
 CLUSTER_DEVIATIONS = 4.0
 """[deviations] How much farther apart than the beams' spacing allows two returns of a cluster may

@@ -60,7 +60,7 @@ def _unpacked(cell: int) -> tuple[int, int]:
 def _enter(
     x: float, y: float, dx: float, dy: float, scale: float
 ) -> tuple[int, int, int, int, int, int, int]:
-    """Where a ray from a place (x, y) [m] in a direction (dx, dy) begins its way through cells.
+    """Where a ray from a place (x, y) [m] in a direction (dx, dy) begins its path through cells.
 
     Its first cell, packed; what a step to the next column, and row, adds to it; how far it is from
     column to column, and row to row; and how far to the next column, and row. Distances are whole

@@ -101,7 +101,7 @@ class RobustMapper:
         link_walls(self._links, self._walls, self._grid, self._cells, rows)
 
     def _make_room(self, count: int) -> None:
-        """Have room for so many more walls, and all walls in the grid."""
+        """Have room for a number of new walls, and all walls in the grid."""
         self._walls = self._walls.with_room(count)
         if self._grid.is_full or len(self._grid.found) < len(self._walls.points):
             entries = len(self._grid.rows) * (2 if self._grid.is_full else 1)

@@ -18,7 +18,7 @@ NOISE_RANGES = np.geomspace(0.1, 200.0, 13)
 little: noise is fitted to all of them."""
 
 NOISE_UNIT = 1e-5
-"""[m] The smallest noise that is told from none."""
+"""[m] The smallest noise that is distinguished from none."""
 
 NOISE_WIDEST = np.radians(6.0)
 """[rad] Farthest apart of two beams that follow each other on a wall: several lost beams of common
@@ -40,7 +40,7 @@ NOISE_PRIOR = 50.0
 scans only."""
 
 NOISE_STEPS = 1.2
-"""By which factor more must be known before noise is fitted anew. It changes speed, and the error
+"""By which factor more must be known before noise is fitted again. It changes speed, and the error
 of the noise by a few per cent."""
 
 

@@ -79,7 +79,7 @@ class Links(NamedTuple):
     """The links of each wall, a row of them for each.
 
     The wall at the other end of each (rows, MOST_LINKS) and its version when they were linked: of
-    another version, the link is none any more; what each is, and its length [m]; how many links
+    another version, the link is void; what each is, and its length [m]; how many links
     each wall (rows,) has, and its own version; and the wall whose links are asked about next.
     """
 

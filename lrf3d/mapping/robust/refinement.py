@@ -23,7 +23,7 @@ from lrf3d.mapping.robust.refitting import VIOLATION_WEIGHT, Parts
 from lrf3d.mapping.robust.walls import UNLINKED, Walls, give_back, put_row, take_row
 
 FRESH_SHARE = 0.1
-"""[share] A wall is refined again when this part of what it was refit by has come anew. Less
+"""[share] A wall is refined again when this part of what it was refit by is new. Less
 takes time, more leaves walls behind what is known of them."""
 
 UNCHANGED = 0.15
@@ -34,7 +34,7 @@ NEW_POINTS = 1.3
 """[share] … but it is linked again when its points are this many times as many as when it was."""
 
 FORSAKEN = 4.0
-"""[share] A wall without a real part is given up, and found anew if it comes back, where its
+"""[share] A wall without a real part is given up, and found again if it comes back, where its
 violations outweigh its hits by this. Less takes time to find weak walls again and again."""
 
 

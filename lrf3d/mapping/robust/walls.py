@@ -95,7 +95,7 @@ class Walls(NamedTuple):
         )  # fmt: skip
 
     def with_room(self, count: int) -> "Walls":
-        """The walls with room for so many more."""
+        """The walls with room for a number of new ones."""
         rows = len(self.points)
         while self.used[0] - self.used[1] + count > rows:
             rows *= 2

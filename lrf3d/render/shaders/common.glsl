@@ -9,7 +9,7 @@ layout(std140) uniform Camera {
     float nearer;       // how much nearer to the eye the depth of marks is [m]
 };
 
-// A colour seen over a way from the eye, which is in units of the haze.
+// A colour seen at a distance from the eye, which is in units of the haze.
 vec3 hazed(vec3 colour, vec3 way) {
     // Grows with the square of the distance and needs neither a root nor an exponential.
     float far = dot(way, way);
