@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, asdict, dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import LARGEST_COORDINATE, Bool, Float, Int, Value, is_finite, read_only, sealed
@@ -74,6 +75,25 @@ class LaserScan(Value, Pictured):
     intensities: Float | None = None
     echoes: Float | None = None
     echo_intensities: Float | None = None
+
+    if TYPE_CHECKING:
+        # Lists are taken, too; what is kept are a pose and arrays.
+        def __init__(
+            self,
+            pose: Sequence[float] | Float,
+            angles: ArrayLike,
+            ranges: ArrayLike,
+            walls: ArrayLike | None = None,
+            *,
+            range_min: float = 0.0,
+            range_max: float = np.inf,
+            time: float = 0.0,
+            time_increment: float = 0.0,
+            pose_covariance: ArrayLike | None = None,
+            intensities: ArrayLike | None = None,
+            echoes: ArrayLike | None = None,
+            echo_intensities: ArrayLike | None = None,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         near, far = self.range_min, self.range_max

@@ -30,4 +30,6 @@ def test_glass_of_the_city_is_found_from_few_random_poses_and_no_image_is_mapped
     assert sum(row["seen"] * row["found_share"] for row in rows) > 0.25 * sum(
         row["seen"] for row in rows
     )
-    assert all(row["right_share"] > 0.9 and row["images"] == 0 for row in rows)
+    # Where nothing is marked there is no share of it.
+    assert all(row["right_share"] > 0.9 or not row["marked"] for row in rows)
+    assert all(row["images"] == 0 for row in rows)

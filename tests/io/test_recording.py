@@ -67,7 +67,7 @@ def stopping(at):
 
 @pytest.mark.parametrize("mode", ["robust", pytest.param("paper", marks=pytest.mark.slow)])
 def test_a_run_stopped_anywhere_and_resumed_is_the_undisturbed_one(mode, tmp_path):
-    scans = SCANS if mode == "robust" else 250
+    scans = SCANS if mode == "robust" else 300
     lrf3d.record(simulation(mode, scans=scans), tmp_path / "whole.npz")
     whole = (tmp_path / "whole.npz").read_bytes()
     path = tmp_path / "run.npz"
