@@ -61,7 +61,7 @@ much higher they may be for each metre that the eye is farther off than a distan
 CUT_BEFORE = 0.4
 """How far before the robot's rear walls begin to be cut [m]: they bend where their pieces end."""
 
-CUT_ASIDE = 1.0
+CUT_ASIDE = 3.0
 """How far beside the line of sight walls may be higher [m], a metre for each metre farther off."""
 
 DASH = 0.8

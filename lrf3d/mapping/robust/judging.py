@@ -200,8 +200,7 @@ def _contradict(
             before = cluster
         cluster = after
     if before == 0:
-        for other in range(PASS_DIRECTIONS):
-            cells.passes[block, other, cell] &= MOST_PASSES
+        _unmark_solid(cells, block, cell)
 
 
 @borrower
@@ -225,8 +224,14 @@ def forget_hits(
                     before = cluster
                 cluster = after
             if before == 0:
-                for way in range(PASS_DIRECTIONS):
-                    cells.passes[block, way, cell] &= MOST_PASSES
+                _unmark_solid(cells, block, cell)
+
+
+@borrower
+def _unmark_solid(cells: Cells, block: int, cell: int) -> None:
+    """Where nothing is hit any more no direction is solid; the beams that passed stay counted."""
+    for direction in range(PASS_DIRECTIONS):
+        cells.passes[block, direction, cell] &= MOST_PASSES
 
 
 @borrower
