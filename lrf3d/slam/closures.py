@@ -33,7 +33,7 @@ NEAR = 4.0
 DRIFT, DRIFT_TURN = 0.01, 0.0015
 """How much farther [m], [rad] a robot may be off after each metre: twice what is usual."""
 
-LEAST_SPREAD, MOST_SPREAD = np.array([0.1, 0.1, 0.02]), np.array([5.0, 5.0, 0.15])
+LEAST_SPREAD, MOST_SPREAD = np.array([0.1, 0.1, 0.02]), np.array([10.0, 10.0, 0.3])
 """Bounds of the standard deviations [m], [rad] of the window that is searched."""
 
 FARTHEST = 2000.0

@@ -41,8 +41,9 @@ that is searched. In a wider one other places look alike."""
 LONGEST_STILL = 5
 """Scans over which encoders that stand still widen the window."""
 
-LEAST_POINTS = 20
-"""With fewer points than this nothing is searched: a few points fit in many places."""
+LEAST_POINTS = 8
+"""With fewer points than this nothing is searched: a few points fit in many places. Between trees
+and cars a scan has a dozen."""
 
 ENOUGH, RECENT = 150, 32
 """Points of a surface that show walls as they are; where a scan has fewer, a key scan takes in
@@ -228,7 +229,17 @@ class FrontEnd:
             if not same_place(place.pose, best.pose, tolerance=2.0)
         ]
         clearer = min(log_odds(best) - log_odds(match), max(worth) - max(others, default=-np.inf))
-        return best if clearer > CLEARLY and best.explained > LEAST_FOUND else match
+        if clearer <= CLEARLY or best.explained <= LEAST_FOUND:
+            return match
+        # Where a robot comes into what nobody has seen, little is explained at the right place, and
+        # more where the last scan was; but only at a wrong one do beams pass through its points.
+        return best if self._through(surface, best) <= self._through(surface, match) else match
+
+    def _through(self, surface: Float, match: Match) -> int:
+        """How many points of a surface (m, 4) beams of the local map pass through at a place."""
+        near = list(self._keys)[-LOCAL_KEYS:]
+        watching = between(np.array([key.pose for key in near]), match.pose)
+        return int((views_of(surface, watching, near) == 2).any(axis=0).sum())
 
     def _moving(self, surface: Float, guess: Float, deviations: Float) -> Bool:
         """Which points (m,) of a surface were not there when the robot came by, or follow it."""
