@@ -8,7 +8,7 @@ import pytest
 from synthetic_run import around, make_run, make_world, ring
 from typer.testing import CliRunner
 
-from benchmarks import drive, light, line_pairs, maps, ranges, robots, slam
+from benchmarks import drive, light, line_pairs, maps, ranges, slam
 from benchmarks.__main__ import PARTS, program
 from benchmarks.glass import found_glass, images, samples
 from benchmarks.report import Report, duration, written
