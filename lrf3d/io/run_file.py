@@ -174,7 +174,7 @@ def run_path(path: str | Path) -> Path:
 
 
 _OTHERS = {
-    "sweep.parquet": "a sweep",
+    "sweep.jsonl": "a sweep",
     "metadata.yaml": "a ROS 2 bag",
     "map.geojson": "a map that was made from a log",
 }
