@@ -14,7 +14,7 @@ from lrf3d.mapping import LineMapper
 from lrf3d.pose import Pose
 from lrf3d.progress import Progress, silent
 from lrf3d.robot import EstimatedTrajectory, Trajectory
-from lrf3d.run import Run, SnapshotSchedule
+from lrf3d.run import Run, is_snapshot
 from lrf3d.slam.frames import bent, between, compose
 from lrf3d.slam.front_end import KEY_DISTANCE
 from lrf3d.slam.odometry import (
@@ -240,10 +240,10 @@ def run_of(solution: LogSolution, name: str) -> Run:
     poses = compose(solution.scan_poses, mounted)
     poses[:, 2] = np.unwrap(poses[:, 2])
     mapper, keys = LineMapper(), solution.slam.key_scans.tolist()
-    schedule, maps = SnapshotSchedule(len(keys)), {}
+    maps = {}
     for index, number in enumerate(keys):
         mapper.update(replace(scans[number], pose=Pose(*poses[number].tolist())))
-        if schedule.holds(index):
+        if is_snapshot(index, len(keys)):
             maps[number] = mapper.map
     # The last map is that of all scans: those after the last key scan show nothing new.
     maps[len(scans) - 1] = line_map = maps.pop(keys[-1])
