@@ -24,7 +24,7 @@ from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.pose import Pose
 from lrf3d.progress import Progress, silent
 from lrf3d.robot import Trajectory
-from lrf3d.run import Run, SnapshotSchedule
+from lrf3d.run import Run, is_snapshot
 from lrf3d.slam import Slam
 from lrf3d.slam.frames import bent, between, compose
 from lrf3d.slam.front_end import KEY_DISTANCE
@@ -326,10 +326,10 @@ def line_poses(path: WheelPath, places: Int, lag: float, scan_poses: Float) -> F
 
 def _snapshots(scans: Sequence[LaserScan], poses: Float, keys: list[int]) -> dict[int, LineMap]:
     """The map as it grows with key scans, by the numbers of the scans after which it is kept."""
-    mapper, schedule, maps = LineMapper(), SnapshotSchedule(len(keys)), dict[int, LineMap]()
+    mapper, maps = LineMapper(), dict[int, LineMap]()
     for index, number in enumerate(keys):
         mapper.update(replace(scans[number], pose=Pose(*poses[number].tolist())))
-        if schedule.holds(index):
+        if is_snapshot(index, len(keys)):
             maps[number] = mapper.map
     # The last map is that of all scans: those after the last key scan show nothing new.
     maps[len(scans) - 1] = maps.pop(keys[-1])
