@@ -55,8 +55,8 @@ class WheelErrors:
         longer, ahead, left, tighter, turn = rng.normal(size=5)
         measured: Float = increment * (1.0 + self.slip * np.array([longer, 0.0, tighter]))
         measured[2] += self.turn_per_metre * increment[0]
-        noise = np.array([self.position * ahead, self.position * left, self.heading * turn])
-        return measured + noise
+        measured += [self.position * ahead, self.position * left, self.heading * turn]
+        return measured
 
 
 class SlamMapper:

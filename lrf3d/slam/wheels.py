@@ -107,7 +107,8 @@ class Wheels:
 
     def _regress(self, row: Float, error: float, spread: float) -> None:
         """Add what a stretch shows of the errors: a row (3,) of factors, and their sum."""
-        off = abs(error - row @ np.linalg.solve(self._information, self._sums)) / spread
+        expected = float(row @ np.linalg.solve(self._information, self._sums))
+        off = abs(error - expected) / spread
         # Beyond ten deviations it was driven backwards, with encoders that measure no sign; beyond
         # three it contains a slip, which is no systematic error.
         if off <= 10.0:
