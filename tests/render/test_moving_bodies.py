@@ -57,7 +57,9 @@ def test_simulations_and_recordings_keep_what_moves(tmp_path):
     run = lrf3d.simulate(settings.pop("world"), settings.pop("drive"), **settings)
     assert same(run.obstacles, ALL)
     film = FilmPlan("first", 2.0)
-    kept = lrf3d.record(lrf3d.Simulation(**made()), tmp_path / "run.npz", film=film)
+    simulation = lrf3d.Simulation(**made())
+    simulation.film = film
+    kept = lrf3d.record(simulation, tmp_path / "run.npz")
     assert same(kept.obstacles, ALL) and kept.film == film
 
 
