@@ -19,8 +19,9 @@ from lrf3d.scene.facades import (
     WINDOWED,
 )
 from lrf3d.scene.look import spread
-from lrf3d.scene.panels import LIT, Panels, joined, level_panels
+from lrf3d.scene.panels import LIT, joined, level_panels
 from lrf3d.scene.shadows import shade_walls
+from lrf3d.scene.shapes import Painted, single
 from lrf3d.scene.structures import Structures
 
 CORNICE, NARROW = 0.45, 1.7
@@ -60,7 +61,7 @@ def wall_sides(structures: Structures) -> Sides:
     return Sides(walls, segments, np.arange(len(walls)) >= len(solid))
 
 
-def lay_walls(structures: Structures) -> Panels:
+def lay_walls(structures: Structures) -> Painted:
     """All walls and the tops of free ones: ground floors, upper floors and cornices of houses."""
     sides, indoor = wall_sides(structures), structures.indoor
     number, segments = sides.walls, sides.segments
@@ -87,12 +88,12 @@ def lay_walls(structures: Structures) -> Panels:
         low, high = strips.low[strip], strips.high[strip]
         wall, shape = number[side], texture.shape
         found.append(
-            Panels(
-                np.concatenate([level, up[..., None]], axis=2),
-                np.broadcast_to(normals[side, None], shape),
-                texture,
-                np.broadcast_to((bright * structures.colours[wall])[:, None], shape),
-                np.column_stack([low, high, high, low]) - up,
+            Painted(
+                single(np.concatenate([level, up[..., None]], axis=2)),
+                single(np.broadcast_to(normals[side, None], shape)),
+                single(texture),
+                single(np.broadcast_to((bright * structures.colours[wall])[:, None], shape)),
+                single(np.column_stack([low, high, high, low]) - up),
                 structures.objects[wall],
             )
         )
@@ -128,7 +129,7 @@ def _rows(
     yield ~facade, np.where(skirted, foot, 0.0), heights, BLANK, 0.0, 0.0, 1.0, 1.0
 
 
-def _caps(structures: Structures, bright: float) -> Panels:
+def _caps(structures: Structures, bright: float) -> Painted:
     """Strips on top of free walls, so much brighter than these."""
     free = ~structures.closed
     segments = structures.segments[free]
