@@ -11,7 +11,7 @@ from lrf3d.scene.light import open_light, screen, sunlight
 from lrf3d.scene.look import SUN
 from lrf3d.scene.shadows import swept
 from lrf3d.scene.shapes import GroundPicture
-from lrf3d.scene.structures import Structures
+from lrf3d.scene.structures import Structures, filled_between
 from lrf3d.scene.town import KERB, PAVEMENT, STREET, plan_town
 from lrf3d.scene.trees import crowns_of, shadows
 
@@ -206,11 +206,8 @@ def _as_light(cells: Float, canvas: Canvas) -> Image.Image:
 
 def floor_of(structures: Structures) -> Any:
     """The floor of a house, as a shapely geometry: its rooms, and under the path outside them."""
-    edge = _HOLE - _RIM
-    walls = shapely.buffer(shapely.linestrings(structures.segments.reshape(-1, 2, 2)), _HOLE)
-    wide = shapely.get_parts(shapely.union_all(walls))
-    filled = shapely.polygons(shapely.get_exterior_ring(wide[shapely.get_type_id(wide) == 3]))
-    rooms = shapely.union_all(shapely.buffer(filled, -edge, join_style="mitre"))
+    filled = filled_between(structures.segments, _HOLE)
+    rooms = shapely.union_all(shapely.buffer(filled, _RIM - _HOLE, join_style="mitre"))
     shapely.prepare(rooms)
     path = structures.path[:: max(1, len(structures.path) // 2000)]
     outside = path[~shapely.contains_xy(rooms, path[:, 0], path[:, 1])]
