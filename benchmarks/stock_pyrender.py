@@ -34,26 +34,12 @@ class Mesh(pyrender.Mesh):  # type: ignore[misc]
 
 
 class StockFilm:
-    """Draws pictures of a run with pyrender's own renderer; 4 samples a pixel, as it always has.
+    """Draws pictures of a run with pyrender's own renderer; 4 samples a pixel, as it always has."""
 
-    Args:
-        run: The run.
-        size: Width and height of the pictures [pixels].
-        view: Name of the camera.
-        playback: Seconds of the run in a second of the film.
-    """
-
-    def __init__(
-        self,
-        run: Run,
-        *,
-        size: tuple[int, int],
-        view: str = "chase",
-        playback: float = 1.0,
-    ) -> None:
+    def __init__(self, run: Run, *, size: tuple[int, int], playback: float) -> None:
         self.timeline = Timeline(run, playback=playback)
         structures = Structures.from_run(run)
-        self._camera = make_camera(view, self.timeline, structures)
+        self._camera = make_camera("chase", self.timeline, structures)
         self._size = size
         self._scene = pyrender.Scene(bg_color=(0.6, 0.75, 0.95), ambient_light=(0.45, 0.45, 0.5))
         for mesh in _buildings(structures):
@@ -123,10 +109,5 @@ def _robot(laser_height: float) -> Mesh:
     rows, indices = robot_mesh(laser_height)
     corners = indices.reshape(-1, 3)
     colour = np.column_stack([rows[:, 6:9], np.ones(len(rows))])
-    return Mesh(
-        [
-            pyrender.Primitive(
-                positions=rows[:, :3], normals=rows[:, 3:6], color_0=colour, indices=corners
-            )
-        ]
-    )
+    places, ups = rows[:, :3], rows[:, 3:6]
+    return Mesh([pyrender.Primitive(places, ups, color_0=colour, indices=corners)])
