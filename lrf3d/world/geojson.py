@@ -35,8 +35,8 @@ from lrf3d.world.geographic import (
 )
 from lrf3d.world.materials import material_value
 from lrf3d.world.model import World
-from lrf3d.world.pieces import WallRun, description, runs_of
-from lrf3d.world.schema import at, made_of
+from lrf3d.world.pieces import Run, runs_of
+from lrf3d.world.schema import at, made
 
 
 def read_geojson(path: Path) -> World:
@@ -75,11 +75,9 @@ def read_geojson(path: Path) -> World:
         world = world_of_features(features, name, place=place)
         if not isinstance(members, list):
             raise WorldError(f"cameras: expected a list, found {shown(members)}")
-        cameras = tuple(
-            made_of(FixedCamera, each, f"cameras[{index}]") for index, each in enumerate(members)
-        )
-        with at("free"):
-            free = FreeCells.from_dict(data["free"]) if "free" in data else None
+        camera = made(FixedCamera)
+        cameras = tuple(camera(each, f"cameras[{index}]") for index, each in enumerate(members))
+        free = FreeCells.from_dict(data["free"]) if "free" in data else None
     return (
         world_of_map(world, free) if _is_map(data) else replace(world, cameras=cameras, free=free)
     )
@@ -161,7 +159,7 @@ def write_geojson(world: World, path: Path) -> None:
 
 def geojson_text(world: World) -> str:
     """The GeoJSON text of a world: one feature for each run of walls of one object."""
-    features = ",\n".join(json.dumps(_feature(part, world)) for part in runs_of(world))
+    features = ",\n".join(json.dumps(_feature(run)) for run in runs_of(world))
     # Other readers ignore these members, as the standard allows.
     members = json.dumps([asdict(camera) for camera in world.cameras])
     cameras = f' "cameras": {members},' if world.cameras else ""
@@ -173,17 +171,17 @@ def geojson_text(world: World) -> str:
     )
 
 
-def _feature(part: WallRun, world: World) -> dict[str, Any]:
-    properties = {"object": part.number, **description(world, part.number)}
+def _feature(run: Run) -> dict[str, Any]:
+    properties = {"object": run.number, **run.looks}
     if "material" in properties:
         properties["material"] = material_value(properties["material"])
-    if not part.pieces:
+    if not run.lines:
         return {"type": "Feature", "properties": properties, "geometry": None}
-    properties["height"] = part.height_value
-    lines = [piece.outline.tolist() for piece in part.pieces]
-    geometry = (
-        {"type": "LineString", "coordinates": lines[0]}
-        if len(lines) == 1
-        else {"type": "MultiLineString", "coordinates": lines}
+    kind, lines = (
+        ("LineString", run.lines[0]) if len(run.lines) == 1 else ("MultiLineString", run.lines)
     )
-    return {"type": "Feature", "properties": properties, "geometry": geometry}
+    return {
+        "type": "Feature",
+        "properties": {**properties, "height": run.height},
+        "geometry": {"type": kind, "coordinates": lines},
+    }

@@ -15,7 +15,7 @@ from typing import Any
 
 from lrf3d.errors import WorldError, shown
 from lrf3d.geometry import is_finite
-from lrf3d.world.schema import known_key, made_of
+from lrf3d.world.schema import known_key, made
 
 SMOOTH_DEG = 1.0
 """Widest lobe [°] of a surface that a beam leaves as a beam; in a wider one its light scatters."""
@@ -166,7 +166,7 @@ def material_of(value: object) -> Material | None:
     """
     if isinstance(value, str):
         return BUILT_IN.get(value) or osm_material(value)
-    return made_of(Material, {"name": "", **value}, "material") if isinstance(value, dict) else None
+    return made(Material)({"name": "", **value}, "material") if isinstance(value, dict) else None
 
 
 def material_value(material: Material) -> str | dict[str, Any]:
