@@ -37,7 +37,7 @@ STIFFNESS = 0.001
 """Weight of the place of a joint beside those of the lines that meet there, which may be
 parallel."""
 
-SQUARE = np.ones((2, 2))
+SQUARE = np.ones((2, 2), dtype=np.bool_)
 """Cells of which a wall two cells thick consists."""
 
 AROUND = [(0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)]
@@ -54,7 +54,9 @@ def walls_of_grid(occupied: Bool) -> Float:
     from scipy.ndimage import binary_opening, maximum_filter
 
     double = binary_opening(occupied, SQUARE)
-    double &= ~maximum_filter(binary_opening(occupied, np.ones((3, 3))), NEAR, mode="constant")
+    double &= ~maximum_filter(
+        binary_opening(occupied, np.ones((3, 3), dtype=np.bool_)), NEAR, mode="constant"
+    )
     grid = _thinned(occupied, double)
     thick = binary_opening(grid, SQUARE)
     thin = np.argwhere(grid & ~thick)
