@@ -12,7 +12,6 @@ shows: its walls meet at the corners, and walls that touch are one object.
 import json
 from collections.abc import Iterator
 from dataclasses import asdict, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,10 +26,9 @@ from lrf3d.world.gaps import world_of_map
 from lrf3d.world.geographic import (
     DEGREES,
     WEB_MERCATOR,
-    centre_of,
     code_of,
     from_web_mercator,
-    lay_flat,
+    laid_flat,
     looks_geographic,
 )
 from lrf3d.world.materials import material_value
@@ -49,26 +47,20 @@ def read_geojson(path: Path) -> World:
         WorldError: The file has no walls or invalid ones; the message names the feature, counted
             from 0.
     """
-    import shapely
-
     data = _parse(path)
     features = list(_features(data))
-    shapes = [shape for feature in features for shape in feature.shapes]
-    if not shapes:
+    if not any(feature.shapes for feature in features):
         raise WorldError("holds no Polygon and no LineString, so there is no wall")
-    place = _place(data)
-    code, metric = code_of(data.get("crs")), data.get("units") == "m" or _is_map(data)
-    points, boxes = shapely.get_coordinates(shapes), shapely.bounds(shapes)
-    if code in WEB_MERCATOR and not metric:
-        features = [feature.moved(from_web_mercator) for feature in features]
-        points = from_web_mercator(points)
-    known = code in DEGREES | WEB_MERCATOR
-    if not metric and (
-        known or (data.get("crs") is None and looks_geographic(points, boxes[:, 2:] - boxes[:, :2]))
-    ):
-        centre, _ = centre_of(points)
-        place = float(centre[0]), float(centre[1])
-        features = [feature.moved(partial(lay_flat, centre=centre)) for feature in features]
+    given, code = data.get("place"), code_of(data.get("crs"))
+    known = isinstance(given, list) and len(given) == 2 and is_finite(*given)
+    place = (float(given[0]), float(given[1])) if known else None
+    if data.get("units") != "m" and not _is_map(data):
+        if code in WEB_MERCATOR:
+            features = [feature.moved(from_web_mercator) for feature in features]
+        plain = data.get("crs") is None
+        if code in DEGREES | WEB_MERCATOR or (plain and looks_geographic(features)):
+            features, centre, _ = laid_flat(features)
+            place = (float(centre[0]), float(centre[1]))
     name = data["name"] if isinstance(data.get("name"), str) else own_name(path)
     members = data.get("cameras", [])
     with at(str(path)):
@@ -138,14 +130,6 @@ _FOREIGN = {
     "Topology": "TopoJSON, which is not read; make GeoJSON of it, as by `topo2geo`",
 }
 """Messages for other kinds of JSON with coordinates, by type."""
-
-
-def _place(data: dict[str, Any]) -> tuple[float, float] | None:
-    """Longitude and latitude of (0, 0) from the member ``place``, as lrf3d writes it."""
-    place = data.get("place")
-    if isinstance(place, list) and len(place) == 2 and is_finite(*place):
-        return float(place[0]), float(place[1])
-    return None
 
 
 def write_geojson(world: World, path: Path) -> None:
