@@ -51,7 +51,8 @@ def read_geojson(path: Path) -> World:
     features = list(_features(data))
     if not any(feature.shapes for feature in features):
         raise WorldError("holds no Polygon and no LineString, so there is no wall")
-    given, code = data.get("place"), code_of(data.get("crs"))
+    given: Any = data.get("place")
+    code = code_of(data.get("crs"))
     known = isinstance(given, list) and len(given) == 2 and is_finite(*given)
     place = (float(given[0]), float(given[1])) if known else None
     if data.get("units") != "m" and not _is_map(data):
