@@ -142,11 +142,13 @@ def test_a_run_with_a_noise_and_a_film_plan_of_its_own_is_resumed(tmp_path):
     path, film = tmp_path / "run.npz", FilmPlan("overview", 3.0)
 
     def made():
-        return lrf3d.Simulation(ROOM, POSES, LRF, noise=farther, rng=0)
+        simulation = lrf3d.Simulation(ROOM, POSES, LRF, noise=farther, rng=0)
+        simulation.film = film
+        return simulation
 
     with pytest.raises(KeyboardInterrupt):
-        lrf3d.record(made(), path, film=film, progress=stop_after(2))
-    run = lrf3d.record(made(), path, film=film, resume=True)
+        lrf3d.record(made(), path, progress=stop_after(2))
+    run = lrf3d.record(made(), path, resume=True)
     assert run.film == film and len(run) == len(POSES)
     with pytest.raises(InputError, match="no poses from odom in it; a run has only true poses"):
         lrf3d.load_log(path, poses="odom")
