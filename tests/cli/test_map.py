@@ -8,8 +8,8 @@ from synthetic_run import around, box, make_run, make_world
 
 from lrf3d.io import load_log
 from lrf3d.laser import LaserRangeFinder
+from lrf3d.mapped_log import map_log
 from lrf3d.mapping import load_map
-from lrf3d.recorded import map_log
 
 BEAMS = 180
 
