@@ -66,23 +66,18 @@ class FloorPlan:
 
     name: str
     height: float = 2.5
-    lines: list[tuple[float, float, float, float]] = field(default_factory=list)
+    lines: list[Float] = field(default_factory=list)
     boxes: list[tuple[str, Float, float, tuple[float, float, float]]] = field(default_factory=list)
 
     def wall(self, x1: float, y1: float, x2: float, y2: float, *doors: float) -> None:
         """Add a wall along an axis, with doors at these distances from its first end [m]."""
-        length = abs(x2 - x1) + abs(y2 - y1)
-        dx, dy = (x2 - x1) / length, (y2 - y1) / length
-        gap = 0.5 * (DOOR + THICKNESS)
-        start = 0.0
-        for door in sorted(doors):
-            self._line(x1, y1, dx, dy, start, door - gap)
-            start = door + gap
-        self._line(x1, y1, dx, dy, start, length)
-
-    def _line(self, x: float, y: float, dx: float, dy: float, start: float, end: float) -> None:
-        if end > start:
-            self.lines.append((x + start * dx, y + start * dy, x + end * dx, y + end * dy))
+        begin, span = np.array([x1, y1]), np.array([x2 - x1, y2 - y1])
+        length, gap = float(np.abs(span).sum()), 0.5 * (DOOR + THICKNESS)
+        posts = [post for door in sorted(doors) for post in (door - gap, door + gap)]
+        for start, end in np.reshape([0.0, *posts, length], (-1, 2)):
+            if end > start:
+                ends = begin + np.outer([start, end], span / length)
+                self.lines.append(ends.ravel())
 
     def outer_walls(self, wide: float, high: float) -> None:
         """Add the outer walls of a plan, without doors, so that a drive stays inside."""
