@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from lrf3d.errors import WorldError
 from lrf3d.world import Material, World, load_world, save_world
-from lrf3d.world.mesh import extrude, glb_bytes
+from lrf3d.world.mesh import extrude
 
 FAR = np.array([85_000.0, 447_500.0])
 
@@ -60,7 +60,7 @@ def test_a_world_comes_back_from_a_glb_as_float32_has_it(
     @settings(max_examples=25, deadline=None)
     @given(towns())
     def check(world: World) -> None:
-        path.write_bytes(glb_bytes(world))
+        save_world(world, path)
         back = load_world(path)
         assert ordered(back.segments) == pytest.approx(ordered(world.segments), abs=1.1e-3)
         for number in range(world.object_count):
