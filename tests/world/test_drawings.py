@@ -1,4 +1,4 @@
-"""Worlds from DXF and SVG drawings and from OpenStreetMap extracts."""
+"""Worlds from DXF and SVG drawings."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -8,14 +8,10 @@ import numpy as np
 import pytest
 import shapely
 from ezdxf import units
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from lrf3d.errors import WorldError
-from lrf3d.world import World, load_world, save_world
+from lrf3d.world import World, load_world
 from lrf3d.world.drawing import CURVE_ERROR, without_repeats
-from lrf3d.world.geographic import EARTH_RADIUS
-from lrf3d.world.osm import is_building, tag_height
 
 
 def svg(
@@ -193,96 +189,3 @@ def test_the_lines_of_a_multiline_are_walls(tmp_path: Path) -> None:
 def test_lines_drawn_twice_count_once() -> None:
     segments = np.array([[0, 0, 1, 1], [1, 1, 0, 0], [0, 0, 1, 1], [0, 0, 0, 1]], dtype=float)
     assert without_repeats(segments).tolist() == [[0, 0, 1, 1], [0, 0, 0, 1]]
-
-
-def osm(folder: Path, body: str) -> World:
-    nodes = [(0, 0), (30, 0), (30, 20), (0, 20), (10, 5), (20, 5), (20, 15), (10, 15)]
-    degree = np.degrees(1.0 / EARTH_RADIUS)
-    rows = "".join(
-        f'<node id="{i}" lon="{4 + x * degree / np.cos(np.radians(52))}" lat="{52 + y * degree}"/>'
-        for i, (x, y) in enumerate(nodes)
-    )
-    path = folder / "a.osm"
-    path.write_text(f"<osm>{rows}{body}</osm>")
-    return load_world(path)
-
-
-def way(number: int, *nodes: int, **tags: str) -> str:
-    told = "".join(f'<tag k="{key}" v="{value}"/>' for key, value in tags.items())
-    points = "".join(f'<nd ref="{node}"/>' for node in nodes)
-    return f'<way id="{number}">{points}{told}</way>'
-
-
-def test_a_building_is_laid_flat_about_its_middle(tmp_path: Path) -> None:
-    body = way(1, 0, 1, 2, 3, 0, building="yes", height="7.5 m", name="hall")
-    world = osm(tmp_path, body + way(2, 4, 5, 6, highway="path"))
-    assert world.bounds == pytest.approx(np.array([[-15, -10], [15, 10]]), abs=1e-3)
-    assert world.heights.tolist() == [7.5] * 4 and world.object_names == ("hall",)
-    assert world.place == pytest.approx((4.000219, 52.00009), abs=1e-6)
-    save_world(world, tmp_path / "a.toml")
-    assert load_world(tmp_path / "a.toml").place == world.place
-
-
-def test_a_multipolygon_keeps_its_courtyard(tmp_path: Path) -> None:
-    ways = way(1, 0, 1, 2) + way(2, 0, 3, 2) + way(3, 4, 5, 6, 7, 4)
-    members = "".join(
-        f'<member type="way" ref="{ref}" role="{role}"/>'
-        for ref, role in ((1, "outer"), (2, "outer"), (3, "inner"), (99, "outer"))
-    )
-    tags = '<tag k="type" v="multipolygon"/><tag k="building" v="yes"/>'
-    world = osm(tmp_path, f'{ways}<relation id="1">{members}{tags}</relation>')
-    assert len(world.segments) == 8 and world.object_count == 1
-
-
-@pytest.mark.parametrize(
-    ("tags", "height"),
-    [
-        ({"height": "12"}, 12.0),
-        ({"height": "12,5 m"}, 12.5),
-        ({"height": "10'6\""}, 3.2004),
-        ({"height": "tall", "building:levels": "4"}, 12.0),
-        ({"building:levels": "2", "roof:levels": "1"}, 9.0),
-        ({"height": "-3"}, None),
-        ({}, None),
-    ],
-)
-def test_the_height_of_a_building_is_told_by_its_tags(tags: dict, height: float | None) -> None:
-    assert tag_height(tags) == (None if height is None else pytest.approx(height))
-
-
-@pytest.mark.parametrize(
-    ("tags", "stands"),
-    [
-        ({"building": "yes"}, True),
-        ({"building": "no"}, False),
-        ({"building": "roof"}, False),
-        ({"building": "yes", "min_height": "4"}, False),
-        ({"building": "yes", "min_height": "0.3"}, True),
-        ({"building": "yes", "building:min_level": "2"}, False),
-        ({"building": "yes", "location": "underground"}, False),
-        ({"highway": "path"}, False),
-    ],
-)
-def test_what_stands_over_the_robot_is_no_building(tags: dict, stands: bool) -> None:
-    assert is_building(tags) == stands
-
-
-@settings(max_examples=25, deadline=None)
-@given(cuts=st.sets(st.integers(1, 3)), rng=st.randoms())
-def test_a_ring_cut_into_ways_in_any_order_is_closed_again(
-    cuts, rng, tmp_path_factory: pytest.TempPathFactory
-) -> None:
-    ring = [0, 1, 2, 3, 0]
-    parts = [ring[a : b + 1] for a, b in pairwise([0, *sorted(cuts), 4])]
-    parts = [part[::-1] if rng.random() < 0.5 else part for part in parts]
-    rng.shuffle(parts)
-    ways = "".join(way(number, *part) for number, part in enumerate(parts))
-    members = "".join(f'<member type="way" ref="{n}" role="outer"/>' for n in range(len(parts)))
-    tags = '<tag k="type" v="multipolygon"/><tag k="building" v="yes"/>'
-    body = f'{ways}<relation id="1">{members}{tags}</relation>'
-    assert len(osm(tmp_path_factory.mktemp("osm"), body).segments) == 4
-
-
-def test_an_extract_without_a_building_says_so(tmp_path: Path) -> None:
-    with pytest.raises(WorldError, match="no whole building"):
-        osm(tmp_path, way(1, 0, 1, 2))
