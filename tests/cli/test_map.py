@@ -114,18 +114,3 @@ def test_settings_that_make_no_sense_are_refused(log, tmp_path):
     assert "largest range" in refused("map", log, "--largest-range", "0")
     assert lrf3d("map", log, "--mode", "best").returncode == 2
     assert not list(tmp_path.glob("out/*"))
-
-
-@pytest.mark.parametrize("factor", [100, 1000])
-def test_ranges_that_are_not_in_metres_are_doubted_in_one_line(text, tmp_path, factor):
-    lines = []
-    for line in text.splitlines():
-        words = line.split()
-        if words[0] == "FLASER":
-            words[2 : 2 + BEAMS] = [f"{factor * float(r):.2f}" for r in words[2 : 2 + BEAMS]]
-        lines.append(" ".join(words))
-    path = tmp_path / "room.log"
-    path.write_text("\n".join(lines))
-    done = lrf3d("map", path, "--out", tmp_path / "map")
-    assert done.returncode == 1
-    assert "are the ranges in metres" in done.stderr and done.stderr.count("\n") == 1
