@@ -12,7 +12,7 @@ from lrf3d.geometry import Float
 from lrf3d.render.bindings import GL, pyrender
 from lrf3d.render.buffers import make_current
 from lrf3d.run import Run
-from lrf3d.scene.bodies import robot_mesh, world_from_robot
+from lrf3d.scene.bodies import robot_body, world_from_robot
 from lrf3d.scene.cameras import make_camera
 from lrf3d.scene.look import SUN
 from lrf3d.scene.shapes import Pixels
@@ -120,13 +120,6 @@ def _ground(structures: Structures) -> Mesh:
 
 
 def _robot(laser_height: float) -> Mesh:
-    rows, indices = robot_mesh(laser_height)
-    corners = indices.reshape(-1, 3)
-    colour = np.column_stack([rows[:, 6:9], np.ones(len(rows))])
-    return Mesh(
-        [
-            pyrender.Primitive(
-                positions=rows[:, :3], normals=rows[:, 3:6], color_0=colour, indices=corners
-            )
-        ]
-    )
+    places, ups, colours = (each.reshape(-1, 3) for each in robot_body(laser_height))
+    colour = np.column_stack([colours, np.ones(len(colours))])
+    return Mesh([pyrender.Primitive(positions=places, normals=ups, color_0=colour)])

@@ -10,7 +10,7 @@ import lrf3d
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.io import load_run, save_run
 from lrf3d.robot import Trajectory
-from lrf3d.scene.obstacles import Obstacles
+from lrf3d.scene.bodies import Obstacles
 from lrf3d.world.cameras import FilmPlan
 
 WALK = Trajectory([0.0, 4.0], [(-26.0, 1.0, 0.0), (-20.0, -1.0, 1.5)])
