@@ -30,16 +30,14 @@ class MappedLog:
         map: The map.
         mapped: The scans that it was built from.
         score: How well it predicts the others.
-        settings: The mode of the mapper, and the noise that it was given.
-        milliseconds: Time of each update [ms].
+        figures: The settings of the mapper and the times of its updates, for the summary.
     """
 
     log: LaserLog
     map: LineMap
     mapped: list[LaserScan]
     score: LogScore
-    settings: dict[str, Any]
-    milliseconds: list[float]
+    figures: dict[str, Any]
 
     def __repr__(self) -> str:
         return f"MappedLog({self.log.name}, {len(self.mapped)} scans, {self.map.counts})"
@@ -50,12 +48,10 @@ class MappedLog:
         bad = [{line.kind: line.number, "reason": line.reason} for line in log.bad_lines]
         return {
             "name": log.name,
-            **self.settings,
             "log": {**log.counts, "poses": log.source, "first_bad_lines": bad},
             "map": {"segments": len(self.map), "objects": self.map.object_count},
             "score": self.score.as_dict(),
-            "milliseconds_a_scan": float(np.mean(self.milliseconds)),
-            "median_milliseconds_a_scan": float(np.median(self.milliseconds)),
+            **self.figures,
         }
 
 
@@ -110,5 +106,10 @@ def map_log(
         )
     if doubt:
         warnings.warn(f"map: {log.name}: {doubt}", Lrf3dWarning, stacklevel=2)
-    score, settings = score_log(line_map, odd), {"mode": mode, "sigma_m": sigma}
-    return MappedLog(log, line_map, even, score, settings, milliseconds)
+    figures = {
+        "mode": mode,
+        "sigma_m": sigma,
+        "milliseconds_a_scan": float(np.mean(milliseconds)),
+        "median_milliseconds_a_scan": float(np.median(milliseconds)),
+    }
+    return MappedLog(log, line_map, even, score_log(line_map, odd), figures)

@@ -205,7 +205,7 @@ class SolvedLog:
                 "scans_by_odometry_alone": sum(not scan.matched for scan in tracked),
                 "scans_with_a_weak_direction": sum(scan.weak for scan in tracked),
             },
-            "self_check": self.check.as_dict(),
+            "self_check": {"passed": self.check.passed, **self.check._asdict()},
             "milliseconds_a_scan": self.milliseconds,
         }
 
