@@ -26,10 +26,11 @@ def test_what_a_mirror_shows_is_an_image():
 @pytest.mark.slow
 def test_glass_of_the_city_is_found_from_few_random_poses_and_no_image_is_mapped():
     lrf = LaserRangeFinder(-np.pi, np.pi, 361)
-    rows = [found_glass(load_world("city"), seed, lrf, 40, 0.1) for seed in (0, 1)]
-    assert sum(row["seen"] * row["found_share"] for row in rows) > 0.25 * sum(
+    rows = [found_glass(load_world("city"), seed, lrf, 40, 0.1) for seed in range(6)]
+    assert sum(row["seen"] * row["found_share"] for row in rows) > 0.3 * sum(
         row["seen"] for row in rows
     )
+    assert sum(row["marked"] > 0.0 for row in rows) >= 4
     # Where nothing is marked there is no share of it.
     assert all(row["right_share"] > 0.9 or not row["marked"] for row in rows)
-    assert all(row["images"] == 0 for row in rows)
+    assert all(row["images"] == 0 and row["segments"] > 50 for row in rows)

@@ -115,9 +115,8 @@ class LitScans:
         station, cosines = (off * along).sum(axis=2), np.abs(cross(along, units))
         on = (np.abs(cross(along, off)) < ON_WALL) & (cosines > WEAKEST_COSINE)
         on &= (station > -ON_WALL) & (station < lengths(walls) + ON_WALL)
-        ray, wall = np.nonzero(on)
-        ray, first = np.unique(ray, return_index=True)
-        lit, wall, cosine = lit[ray], wall[first], cosines[ray, wall[first]]
+        there, wall = on.any(axis=1), on.argmax(axis=1)
+        lit, wall, cosine = lit[there], wall[there], cosines[there, wall[there]]
         rays[lit, REFLECTANCE] = light[lit] / cosine
         # Neighbours differ by too little.
         apart = int(APART * len(rays)) + 1
