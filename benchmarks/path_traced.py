@@ -56,20 +56,11 @@ def traced(run: Run, seen: Look, haze: tuple[float, ...], sky: Float, samples: i
         seen.eye.tolist(), seen.target.tolist(), list(seen.up)
     )
     scene["sensor"] = {
-        "type": "perspective",
-        "fov_axis": "y",
-        "fov": float(np.degrees(seen.field)),
-        "near_clip": seen.near,
-        "far_clip": 2.0 * _LAND,
-        "to_world": transform,
-        "film": {
-            "type": "hdrfilm",
-            "width": PICTURE[0],
-            "height": PICTURE[1],
-            "pixel_format": "rgba",
-            "rfilter": {"type": "box"},
-        },
-    }
+        "type": "perspective", "fov_axis": "y", "fov": float(np.degrees(seen.field)),
+        "near_clip": seen.near, "far_clip": 2.0 * _LAND, "to_world": transform,
+        "film": {"type": "hdrfilm", "width": PICTURE[0], "height": PICTURE[1],
+                 "pixel_format": "rgba", "rfilter": {"type": "box"}},
+    }  # fmt: skip
     scene["integrator"] = {
         "type": "aov",
         "aovs": "place:position",

@@ -6,7 +6,6 @@ import pytest
 
 from lrf3d.errors import CollisionError, WorldError
 from lrf3d.geometry import lengths
-from lrf3d.robot import find_collision, follow_route
 from lrf3d.scenario import Scenario, load_scenario, start_of
 from lrf3d.scoring import buildings_seen, visible_walls
 from lrf3d.world import World
@@ -96,14 +95,6 @@ def test_what_does_not_go_together_is_refused_with_its_line(
 ) -> None:
     with pytest.raises(WorldError, match=message):
         read(text, tmp_path)
-
-
-@pytest.mark.parametrize("name", ["city", "corridor"])
-def test_the_routes_of_the_built_in_worlds_keep_off_the_walls(name: str) -> None:
-    scenario = load_scenario(name)
-    assert scenario.route is not None
-    drive = follow_route(scenario.route, start=scenario.start, speed=scenario.speed, lookahead=1.0)
-    assert find_collision(drive, scenario.world, scenario.radius + 0.1) is None
 
 
 @pytest.mark.parametrize("interval", [0.05, 2.3, 10.0])

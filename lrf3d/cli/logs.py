@@ -11,7 +11,10 @@ from lrf3d.text import counted
 
 if TYPE_CHECKING:
     from lrf3d.io import LaserLog
-    from lrf3d.recorded import LogMap, MappedLog, SolvedLog
+    from lrf3d.mapped_log import MappedLog
+    from lrf3d.robot import EstimatedTrajectory
+    from lrf3d.scoring import TrajectoryScore
+    from lrf3d.solved_log import SolvedLog
 
 LogArgument = Annotated[Path, typer.Argument(metavar="LOG")]
 
@@ -49,13 +52,14 @@ def map_(
     # A log that cannot be read is reported before the mapper is imported.
     drive = load_log(log, largest_range=largest_range, poses=poses, scan_topic=scan_topic)
 
-    from lrf3d.recorded import map_log
+    from lrf3d.mapped_log import map_log
 
     with report.progress("scans") as progress:
         mapped = map_log(
             drive, mode=mode or "robust", sigma=sigma, all_scans=all_scans, progress=progress
         )
-    _finish(context, report, log, out, mapped, _map_rows(mapped), "run {}/map.geojson")
+    rows = _map_rows(mapped)
+    _finish(context, report, log, out, mapped, None, mapped.summary(), rows, "run {}/map.geojson")
 
 
 def slam(
@@ -89,18 +93,23 @@ def slam(
     from lrf3d.cli.console import warn
     from lrf3d.io import save_run
     from lrf3d.io.trajectory_files import load_relations, save_tum
-    from lrf3d.recorded import solved_log
+    from lrf3d.scoring import score_trajectory
+    from lrf3d.solved_log import solve_log
 
     known = None if relations is None else load_relations(relations)
     chosen = {} if key_distance is None else {"key_distance": key_distance}
     with report.progress("scans") as progress:
-        solved = solved_log(drive, relations=known, progress=progress, **chosen)
-    for sentence in solved.solution.sentences():
+        solved = solve_log(drive, progress=progress, **chosen)
+    score = None if known is None else score_trajectory(solved.line_poses, known)
+    for sentence in solved.warnings:
         warn(sentence)
+    times = drive.odometry.times
     _finish(
-        context, report, log, out, solved, _slam_rows(solved), "view {}",
+        context, report, log, out, solved, solved.run.estimate,
+        {**solved.summary(), "score": None if score is None else score.as_dict()},
+        _slam_rows(solved, score), "view {}",
         run=("run.npz", lambda path: save_run(solved.run, path)),
-        trajectory=("trajectory.tum", lambda path: save_tum(*solved.trajectory(), path)),
+        trajectory=("trajectory.tum", lambda path: save_tum(times, solved.line_poses, path)),
     )  # fmt: skip
 
 
@@ -109,23 +118,41 @@ def _finish(
     report: Report,
     path: Path,
     out: Path | None,
-    done: "LogMap",
+    done: "MappedLog | SolvedLog",
+    estimate: "EstimatedTrajectory | None",
+    summary: dict[str, Any],
     rows: list[tuple[str, str]],
     following: str,
     **files: tuple[str, Any],
 ) -> None:
     """Write the map and the other results of a log, and print them."""
+    import numpy as np
+
     from lrf3d.cli.folder import results_folder
+    from lrf3d.laser.free_space import distinct_poses, free_cells
     from lrf3d.mapping import save_map
 
+    line_map, scans = done.map, done.mapped
+    poses = np.array([scan.pose for scan in scans])
+
+    def draw(picture: Path) -> None:
+        from lrf3d.render.figures import draw_map
+
+        draw_map(
+            line_map, picture, points=np.vstack([scan.points() for scan in scans]),
+            poses=poses if estimate is None else estimate.poses, estimate=estimate,
+            title=done.log.name,
+        )  # fmt: skip
+
     output = results_folder(context, report, [path], done.log.name, out)
-    save_map(done.map, output.path / "map.geojson", free=done.free_cells())
+    free = free_cells([scans[number] for number in distinct_poses(poses)])
+    save_map(line_map, output.path / "map.geojson", free=free)
     for name, save in files.values():
         save(output.path / name)
     output.finish(
-        done.summary(),
+        summary,
         {"map": "map.geojson", **{kind: name for kind, (name, _) in files.items()}},
-        {"map picture": ("map.png", done.draw)},
+        {"map picture": ("map.png", draw)},
         rows=rows,
         following=f"lrf3d {following.format(output.path)}",
         kept=f"{output.path / 'map.geojson'} holds the map",
@@ -156,19 +183,19 @@ def _map_rows(mapped: "MappedLog") -> list[tuple[str, str]]:
     return [*rows, ("time", f"{mapped.summary()['milliseconds_a_scan']:.2f} ms a scan")]
 
 
-def _slam_rows(solved: "SolvedLog") -> list[tuple[str, str]]:
+def _slam_rows(solved: "SolvedLog", score: "TrajectoryScore | None") -> list[tuple[str, str]]:
     """What most users ask of a solved log, as a table."""
-    summary, solution = solved.summary(), solved.solution
+    summary = solved.summary()
     poses = counted(summary["log"]["odometry_lines"], "pose")
     rows = _log_rows(solved.log, f", {poses} by odometry")
-    rows += [("", sentence) for sentence in solution.repairs.sentences()]
+    rows += [("", sentence) for sentence in solved.repairs.sentences()]
     closed = counted(summary["slam"]["loop_closures"], "loop closure")
     rows.append(("drive", f"{summary['slam']['length_m']:.0f} m, {closed}"))
     if lost := summary["slam"]["scans_by_odometry_alone"]:
         rows.append(("", f"{counted(lost, 'scan')} matched nothing: placed by odometry"))
     rows.append(("map", solved.map.counts))
-    rows += [("check", sentence) for sentence in solution.check.sentences()]
-    if (score := solved.score) is not None:
+    rows += [("check", sentence) for sentence in solved.check.sentences()]
+    if score is not None:
         text = f"{score.translation_mean:.4f} ± {score.translation_std:.4f} m,"
         text += f" {score.rotation_mean:.2f} ± {score.rotation_std:.2f}° over {score.relations}"
         rows.append(("relations", text))

@@ -1,22 +1,13 @@
-"""Cameras that go with the robot: behind it, round it, and on top of it."""
+"""Cameras that go with the robot: behind it, round it, on top of it, and fixed ones that turn."""
+
+from dataclasses import replace
 
 import numpy as np
 
-from lrf3d.geometry import Float
 from lrf3d.scene.camera import Look, SmoothPath, Track
-from lrf3d.scene.look import FAN_SHARE_AHEAD
 from lrf3d.scene.structures import Structures
-from lrf3d.scene.timeline import Timeline
-
-
-def track_of(
-    path: SmoothPath, turns: Float, *, away: float, steep: float, field: float, shift: float = 0.0
-) -> Track:
-    """Looks at the robot along its path from sides [rad], that far off [m] and that steep [rad]."""
-    count = len(path.times)
-    middles = np.column_stack([path.places, np.full(count, Orbit.AIM)])
-    others = (np.full(count, value) for value in (steep, away, field, shift, 0.0))
-    return Track(path.times, middles, turns, *others)
+from lrf3d.scene.timeline import Timeline, interpolated
+from lrf3d.world.cameras import FixedCamera
 
 
 class Chase:
@@ -33,19 +24,17 @@ class Chase:
     """Angle of view [rad]; the robot is in the lower half of the picture."""
 
     def __init__(self, timeline: Timeline, structures: Structures) -> None:
-        path = SmoothPath(timeline)
-        track = self.behind(path, structures)
-        self.track = track.over_walls(structures, path.places, path.SMOOTH / path.STEP)
+        path = SmoothPath.of(timeline)
+        self.track = self.behind(path, structures).over_walls(structures, path.places)
 
     @classmethod
     def behind(cls, path: SmoothPath, structures: Structures) -> Track:
         """Looks from behind a path."""
-        indoor = structures.indoor
-        return track_of(
+        return Track.along(
             path,
             path.headings + np.pi,
-            away=cls.AWAY_INDOOR if indoor else cls.AWAY,
-            steep=cls.LEAST_INDOOR if indoor else cls.LEAST,
+            away=cls.AWAY_INDOOR if structures.indoor else cls.AWAY,
+            steep=cls.LEAST_INDOOR if structures.indoor else cls.LEAST,
             field=cls.FIELD,
             shift=cls.SHIFT,
         )
@@ -58,10 +47,8 @@ class Chase:
 class Orbit:
     """Goes slowly round the robot, and higher where a house is in between.
 
-    Args:
-        away: How far off the robot it is [m]; as far as is usual if not given.
-        least: How steeply it looks down at the least [rad].
-        phase: Where it stands round the robot at first [rad].
+    It begins at a phase [rad], and keeps as far off [m] and looks down as steeply at the least
+    [rad] as is given, or as is usual.
     """
 
     FIELD = float(np.radians(42.0))
@@ -69,10 +56,8 @@ class Orbit:
     """How far off the robot it is [m]."""
     LEAST, LEAST_INDOOR = float(np.radians(32.0)), float(np.radians(38.0))
     """How steeply it looks down at the least [rad]."""
-    TURN = np.radians(9.0)
-    """Angle per second of the film [rad/s]."""
-    AIM = 0.35
-    """Height of the robot's middle [m]."""
+    TURN, PHASE = np.radians(9.0), -2.2
+    """Angle per second of the film [rad/s], and where it stands round the robot at first [rad]."""
 
     def __init__(
         self,
@@ -80,18 +65,17 @@ class Orbit:
         structures: Structures,
         away: float | None = None,
         least: float | None = None,
-        phase: float = -2.2,
+        phase: float = PHASE,
     ) -> None:
-        path, indoor = SmoothPath(timeline), structures.indoor
+        path, indoor = SmoothPath.of(timeline), structures.indoor
         passed = (path.times - timeline.start) / timeline.playback
-        track = track_of(
+        self.track = Track.along(
             path,
             self.TURN * passed + phase,
             away=away or (self.AWAY_INDOOR if indoor else self.AWAY),
             steep=least or (self.LEAST_INDOOR if indoor else self.LEAST),
             field=self.FIELD,
-        )
-        self.track = track.over_walls(structures, path.places, path.SMOOTH / path.STEP)
+        ).over_walls(structures, path.places)
 
     def look(self, time: float, aspect: float) -> Look:
         """The look at a time [s] of the run."""
@@ -106,6 +90,8 @@ class First:
     """How much it looks up, as the slope of its sight."""
     OVER = 0.36
     """How far over the laser the eye is [m]: above the bands of the map."""
+    GLOW = 0.12
+    """How much of the glow of the beams is left, which it looks through."""
 
     def __init__(self, timeline: Timeline, structures: Structures) -> None:
         self._timeline = timeline
@@ -116,4 +102,36 @@ class First:
         x, y, theta = self._timeline.poses(np.array([time]))[0] - [*self._timeline.origin, 0.0]
         eye = np.array([x, y, self._height])
         ahead = np.array([np.cos(theta), np.sin(theta), self.UP])
-        return Look(eye, eye + ahead, self.FIELD, fan=FAN_SHARE_AHEAD, shot="chase")
+        return Look(eye, eye + ahead, self.FIELD, fan=self.GLOW, shot="chase")
+
+
+class Fixed:
+    """Stands where the world says, and looks where it says, or turns with the robot.
+
+    The farther off the robot is, the narrower is then its field: the robot stays in sight.
+    """
+
+    CALM = 12.5
+    """Distance [m] from which on its field narrows."""
+    NARROWEST = 0.15
+    """What is left of its field at the least."""
+
+    def __init__(self, camera: FixedCamera, timeline: Timeline) -> None:
+        place = np.array([*timeline.origin, 0.0])
+        eye, target = np.array(camera.position) - place, np.array(camera.target) - place
+        ahead = target - eye
+        # Straight down or up there is no side that is up but the north.
+        level = np.hypot(ahead[0], ahead[1]) > 1e-6 * abs(ahead[2])
+        up = (0.0, 0.0, 1.0) if level else (0.0, 1.0, 0.0)
+        field = float(np.radians(camera.field_deg))
+        self._look = Look(eye, target, field, up=up, shot=camera.name)
+        self._path = SmoothPath.of(timeline) if camera.track else None
+
+    def look(self, time: float, aspect: float) -> Look:
+        """The look at a time [s] of the run."""
+        if self._path is None:
+            return self._look
+        place = interpolated(np.array([time]), self._path.times, self._path.places)
+        eye, target = self._look.eye, np.append(place, 0.4)
+        narrow = np.clip(self.CALM / np.linalg.norm(target - eye), self.NARROWEST, 1.0)
+        return replace(self._look, target=target, field=self._look.field * float(narrow))

@@ -197,3 +197,18 @@ class Seen(NamedTuple):
 def single(values: Any) -> Single:
     """Values as a contiguous array of float32."""
     return np.ascontiguousarray(values, np.float32)
+
+
+def level_lines(
+    height: float, starts: Float, ends: Float, colours: Float, opacities: Float, width: float
+) -> Lines:
+    """Lines from (n, 2) to (n, 2) at a height [m]."""
+    level = np.full((len(starts), 1), height)
+    return Lines(
+        single(np.hstack([starts, level])),
+        single(np.hstack([ends, level])),
+        single(colours),
+        single(opacities),
+        np.zeros((len(starts), 2), np.float32),
+        width,
+    )

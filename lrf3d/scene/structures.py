@@ -95,6 +95,9 @@ nor the map from an eye behind it."""
 _PROBE = 0.005
 """How far beside a wall [m] its inside is felt for: less than any wall is thick."""
 
+_NEAR = 0.2
+"""A wall farther than this from a segment of a map [m] is another one."""
+
 
 @dataclass(frozen=True, eq=False)
 class Structures:
@@ -185,6 +188,15 @@ class Structures:
             origin=origin,
             path=path,
         )
+
+    def tops(self, segments: Float) -> Float:
+        """Heights (m,) of the walls that segments (m, 4) lie on [m]; infinite where none is."""
+        tops = np.full(len(segments), np.inf)
+        if len(segments) and len(self.heights):
+            middles = shapely.points(0.5 * (segments[:, :2] + segments[:, 2:]))
+            found, wall = self.tree.query_nearest(middles, max_distance=_NEAR, all_matches=False)
+            tops[found] = self.heights[wall]
+        return tops
 
     @property
     def places(self) -> Float:

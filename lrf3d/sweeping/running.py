@@ -46,7 +46,6 @@ def sweep(
     mappers: Mapping[str, Any] | Sequence[str] | None = None,
     axes: Mapping[str, Sequence[SettingValue]] | None = None,
     seeds: int = SEEDS,
-    every: int = 1,
     folder: str | Path | None = None,
     resume: bool = False,
     workers: int | None = None,
@@ -63,7 +62,6 @@ def sweep(
         axes: Values of settings of world files, as ``{"noise.sigma": (0.02, 0.05)}``; the usual
             noise levels if not given.
         seeds: Number of seeds.
-        every: Use every n-th scan of a drive.
         folder: Where rows are appended as they come; they are only returned if not given.
         resume: Continue with the rows in the folder.
         workers: Number of processes on this machine, one for each core if not given. With 1 all
@@ -88,7 +86,7 @@ def sweep(
     if not isinstance(mappers, Mapping):
         mappers = USUAL if mappers is None else {label: label for label in mappers}
     names = (worlds,) if isinstance(worlds, str) else tuple(worlds)
-    plan = make_plan(names, axes, mappers=mappers, seeds=seeds, every=every)
+    plan = make_plan(names, axes, mappers=mappers, seeds=seeds)
     with ExitStack() as stack:
         place = stack.enter_context(scratch_folder()) if folder is None else Path(folder)
         used = stack.enter_context(executor_of(workers)) if executor is None else executor

@@ -102,9 +102,11 @@ def save_world(world: World, path: str | Path, *, resolution: float | None = Non
             resolution is given for a format that has none.
 
     Examples:
+        >>> import tempfile
         >>> import lrf3d
-        >>> lrf3d.save_world(lrf3d.World([[0, 0, 4, 0]]), "wall.toml")
-        >>> lrf3d.load_world("wall.toml").segments.tolist()
+        >>> path = f"{tempfile.mkdtemp()}/wall.toml"
+        >>> lrf3d.save_world(lrf3d.World([[0, 0, 4, 0]]), path)
+        >>> lrf3d.load_world(path).segments.tolist()
         [[0.0, 0.0, 4.0, 0.0]]
     """
     path = Path(path)

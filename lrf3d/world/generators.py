@@ -18,7 +18,7 @@ THICKNESS = 0.2
 """Thickness of walls [m]."""
 
 DOOR = 2.2
-"""Clear width of a door [m]: the planner keeps up to 0.95 m from walls, on a lattice."""
+"""Clear width of a door [m]: three robots of usual size."""
 
 WALL_COLOUR = (0.80, 0.77, 0.71)
 """Warm white of plaster."""

@@ -1,7 +1,6 @@
 """Polylines, walls and objects: from the outlines of objects to a world, and back for files."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -65,72 +64,54 @@ def from_corner(chain: Float) -> Float:
     return np.vstack([ring[start:], ring[: start + 1]])
 
 
-class Piece(NamedTuple):
-    """A polyline through points (k, 2) [m]; a closed one ends at its first point."""
+class Run(NamedTuple):
+    """Consecutive walls of one object, as files have them.
 
-    points: Float
-    closed: bool
-
-    @property
-    def outline(self) -> Float:
-        """The points (k or k + 1, 2), with the first one repeated at the end of a closed piece."""
-        return np.vstack([self.points, self.points[:1]]) if self.closed else self.points
-
-
-@dataclass(frozen=True, slots=True)
-class WallRun:
-    """Consecutive walls of one object: their polylines, and the height [m] of each wall."""
+    The looks are the name, the colour and the material of the object, as far as it has them. Lines
+    are lists of points [x, y]; there is one height [m], or one for each wall.
+    """
 
     number: int
-    pieces: tuple[Piece, ...]
-    heights: Float
-
-    @property
-    def height_value(self) -> float | list[float]:
-        """The heights for a file: one number if all walls have the same height, else a list."""
-        heights: list[float] = self.heights.tolist()
-        return heights[0] if len(set(heights)) == 1 else heights
+    looks: dict[str, Any]
+    lines: list[list[list[float]]]
+    height: float | list[float]
 
 
-def pieces_of(segments: Float) -> tuple[Piece, ...]:
-    """The polylines that reproduce the segments (n, 4), bit for bit and in their order."""
+def lines_of(segments: Float) -> list[Float]:
+    """Lines (k, 2) that reproduce the segments (n, 4), bit for bit and in their order.
+
+    A ring, of three walls or more, is a line that ends at its first point.
+    """
     bits = np.ascontiguousarray(segments).view(np.int64)
-    pieces = []
-    first = 0
+    lines, first = [], 0
     for last in range(len(segments)):
-        # A ring ends at its start; two walls there and back are not a ring.
         ring = last - first >= 2 and (bits[last, 2:] == bits[first, :2]).all()
         joined = last + 1 < len(segments) and (bits[last, 2:] == bits[last + 1, :2]).all()
-        if ring:
-            pieces.append(Piece(segments[first : last + 1, :2], closed=True))
-        elif not joined:
-            points = np.vstack([segments[first : last + 1, :2], segments[last : last + 1, 2:]])
-            pieces.append(Piece(points, closed=False))
-        else:
-            continue
-        first = last + 1
-    return tuple(pieces)
+        if ring or not joined:
+            lines.append(np.vstack([segments[first : last + 1, :2], segments[last : last + 1, 2:]]))
+            first = last + 1
+    return lines
 
 
-def runs_of(world: World) -> Iterator[WallRun]:
+def runs_of(world: World) -> Iterator[Run]:
     """The objects without walls that have a name, …, and all walls in runs of one object each."""
     for number in sorted(set(range(world.object_count)) - set(world.objects.tolist())):
-        if description(world, number):
-            yield WallRun(number, (), np.empty(0))
+        if looks := _looks(world, number):
+            yield Run(number, looks, [], [])
     cuts = np.flatnonzero(np.diff(world.objects)) + 1
     for first, end in pairwise([0, *cuts.tolist(), len(world.objects)]):
         if end > first:
-            pieces = pieces_of(world.segments[first:end])
-            yield WallRun(int(world.objects[first]), pieces, world.heights[first:end])
+            number, heights = int(world.objects[first]), world.heights[first:end].tolist()
+            lines = [line.tolist() for line in lines_of(world.segments[first:end])]
+            height = heights[0] if len(set(heights)) == 1 else heights
+            yield Run(number, _looks(world, number), lines, height)
 
 
-def description(world: World, number: int) -> dict[str, Any]:
-    """The name, the colour and the material of an object, as far as it has them."""
-    name = world.object_names[number] if world.object_names else ""
-    colour, material = world.colours[number], world.materials[number] if world.materials else None
-    values = {
-        "name": name,
+def _looks(world: World, number: int) -> dict[str, Any]:
+    colour = world.colours[number]
+    looks = {
+        "name": world.object_names[number] if world.object_names else "",
         "colour": colour_value(colour) if np.isfinite(colour).all() else None,
-        "material": material,
+        "material": world.materials[number] if world.materials else None,
     }
-    return {key: value for key, value in values.items() if value}
+    return {key: value for key, value in looks.items() if value}

@@ -8,8 +8,8 @@ from synthetic_run import around, box, make_run, make_world
 
 from lrf3d.io import load_log
 from lrf3d.laser import LaserRangeFinder
+from lrf3d.mapped_log import map_log
 from lrf3d.mapping import load_map
-from lrf3d.recorded import map_log
 
 BEAMS = 180
 
@@ -78,15 +78,6 @@ def test_the_map_is_built_from_the_even_scans_alone(text, log, tmp_path):
     assert mixed.score.explained == 0.0
 
 
-def test_bad_lines_are_named_and_do_not_stop_the_map(text, tmp_path):
-    path = tmp_path / "room.log"
-    path.write_text(text.replace("\n", "\nFLASER 3 1 x 2 0 0 0 0 0 0 1 host 1\n", 1))
-    done = lrf3d("map", path, "--out", tmp_path / "out")
-    assert done.returncode == 0, done.stderr
-    assert "1 bad line" in done.stdout
-    assert "line 2: reading 'x" in done.stdout
-
-
 def test_modes_and_noise_reach_the_mapper(log):
     drive = load_log(log)
     assert map_log(drive, mode="paper", sigma=0.02).summary()["mode"] == "paper"
@@ -99,14 +90,6 @@ def test_a_log_of_one_scan_gives_a_map_and_no_score(text, tmp_path):
     done = lrf3d("map", path, "--json", "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["score"]["explained"] is None
-
-
-def test_what_cannot_be_read_is_refused_in_one_line(tmp_path):
-    assert "no.log" in refused("map", tmp_path / "no.log")
-    (tmp_path / "junk.log").write_bytes(bytes(range(256)) * 10)
-    assert "junk.log: no laser scan" in refused("map", tmp_path / "junk.log")
-    (tmp_path / "world.toml").write_text("")
-    assert ".log.gz" in refused("map", tmp_path / "world.toml")
 
 
 def test_settings_that_make_no_sense_are_refused(log, tmp_path):

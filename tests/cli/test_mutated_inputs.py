@@ -141,7 +141,7 @@ class Inputs:
 
     def __init__(self, folder):
         # What is imported here, no child has to import again.
-        for module in ("cli", "cli.results", "sweeping.plan", "render.figures"):
+        for module in ("cli", "cli.run", "sweeping.plan", "render.figures"):
             import_module(f"lrf3d.{module}")
         self.worlds = {kind: dict(files) for kind, files in damaged_worlds.valid().items()}
         self.worlds["room"] = {"box.toml": ROOM}

@@ -10,7 +10,7 @@ import lrf3d
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.io import load_run, save_run
 from lrf3d.robot import Trajectory
-from lrf3d.scene.obstacles import Obstacles
+from lrf3d.scene.bodies import Obstacles
 from lrf3d.world.cameras import FilmPlan
 
 WALK = Trajectory([0.0, 4.0], [(-26.0, 1.0, 0.0), (-20.0, -1.0, 1.5)])
@@ -57,7 +57,9 @@ def test_simulations_and_recordings_keep_what_moves(tmp_path):
     run = lrf3d.simulate(settings.pop("world"), settings.pop("drive"), **settings)
     assert same(run.obstacles, ALL)
     film = FilmPlan("first", 2.0)
-    kept = lrf3d.record(lrf3d.Simulation(**made()), tmp_path / "run.npz", film=film)
+    simulation = lrf3d.Simulation(**made())
+    simulation.film = film
+    kept = lrf3d.record(simulation, tmp_path / "run.npz")
     assert same(kept.obstacles, ALL) and kept.film == film
 
 

@@ -15,8 +15,8 @@ from lrf3d.robot import Trajectory
 from lrf3d.run import Run
 from lrf3d.scene import stage
 from lrf3d.scene.beams import DrawnBeams
+from lrf3d.scene.estimate import trail_lines
 from lrf3d.scene.timeline import Timeline, drive_keys
-from lrf3d.scene.trail_and_map import thinned, trail_lines
 from lrf3d.world import World
 from lrf3d.world.cameras import FilmPlan
 
@@ -282,7 +282,7 @@ def test_a_robot_that_was_set_down_behind_a_wall_does_not_drive_through_it():
     assert not ((x > 0.0) & (x < 4.0)).any()
     assert ((x > 4.0) & (x < 6.0)).any()
     # Nor does its trail go through it.
-    trail = trail_lines(thinned(drive_keys(timeline)), 8.0, 1e9)
+    trail = trail_lines(drive_keys(timeline).thinned(), 8.0, 1e9)
     ends = np.column_stack([trail.starts[:, 0], trail.ends[:, 0]]) + timeline.origin[0]
     assert len(ends) and ((ends < 2.0).all(axis=1) | (ends > 2.0).all(axis=1)).all()
 

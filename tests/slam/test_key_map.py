@@ -16,12 +16,14 @@ def scans():
     return [caster.cast(LASER, pose) for pose in TRUE]
 
 
-def key_map(scans, taken):
+def placing(scans, taken):
+    """Places key scans, and notes which were."""
+
     def placed(number, pose):
         taken.append(number)
         return lrf3d.LaserScan(Pose(*pose), scans[number].angles, scans[number].ranges)
 
-    return KeyMap(placed)
+    return placed
 
 
 def bent(true):
@@ -39,38 +41,29 @@ def farthest_off(line_map):
     return np.min([np.abs(x), np.abs(40 - x), np.abs(y), np.abs(3 - y)], axis=0).max()
 
 
-def test_after_a_loop_the_map_is_drawn_again_behind_the_scenes(scans):
-    taken = []
-    drawn = key_map(scans, taken)
-    wrong = bent(TRUE)
+def test_after_a_loop_the_map_is_drawn_again_but_not_too_often(scans):
+    taken, drawn = [], KeyMap()
+    placed = placing(scans, taken)
     for count in range(1, len(scans) + 1):
-        drawn.update(wrong[:count])
-    assert farthest_off(drawn.map()) > 0.5
+        drawn.update(bent(TRUE)[:count])
+    assert taken == []
+    assert farthest_off(drawn.map(placed)) > 0.5
+    drawn.update(TRUE)
+    assert farthest_off(drawn.map(placed)) < 0.05
     taken.clear()
     for _ in range(len(scans) // EACH_SCAN - 1):
-        drawn.update(TRUE)
-        # Until all is drawn the last complete drawing is shown.
-        assert farthest_off(drawn.map()) > 0.5 and taken == []
-    drawn.update(TRUE)
-    assert farthest_off(drawn.map()) < 0.05
+        drawn.update(bent(TRUE))
+        assert farthest_off(drawn.map(placed)) < 0.05 and taken == []
+    drawn.update(bent(TRUE))
+    assert farthest_off(drawn.map(placed)) > 0.5
     assert taken == list(range(len(scans)))
 
 
 def test_the_map_does_not_depend_on_when_it_is_read(scans):
-    often, seldom = key_map(scans, []), key_map(scans, [])
-    wrong = bent(TRUE)
+    often, seldom, placed = KeyMap(), KeyMap(), placing(scans, [])
     for drawn in (often, seldom):
-        for poses in [wrong[:count] for count in range(1, len(scans))] + [TRUE] * 50:
+        for poses in [bent(TRUE)[:count] for count in range(1, len(scans))] + [TRUE] * 50:
             drawn.update(poses)
             if drawn is often:
-                drawn.map()
-    assert often.map().segments.tolist() == seldom.map().segments.tolist()
-
-
-def test_nothing_is_mapped_before_the_map_is_read(scans):
-    taken = []
-    drawn = key_map(scans, taken)
-    drawn.update(TRUE[:5])
-    drawn.redraw(TRUE[:5])
-    assert taken == []
-    assert len(drawn.map()) > 0 and taken == [0, 1, 2, 3, 4]
+                drawn.map(placed)
+    assert often.map(placed).segments.tolist() == seldom.map(placed).segments.tolist()

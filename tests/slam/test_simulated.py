@@ -3,8 +3,8 @@ import pytest
 
 import lrf3d
 from lrf3d.errors import InputError
-from lrf3d.slam import SlamMapper, WheelErrors, simulated
-from lrf3d.slam.simulated import COVARIANCE_INTERVAL
+from lrf3d.slam import SlamMapper, WheelErrors
+from lrf3d.slam.simulated import COVARIANCE_INTERVAL, COVARIANCE_SHARE
 
 
 @pytest.fixture(scope="module")
@@ -21,20 +21,17 @@ def test_a_drive_is_mapped_without_true_poses(corridor):
     assert lrf3d.score_run(run).length_precision > 0.95
 
 
-def test_what_was_believed_is_kept_with_as_many_covariances_as_are_drawn(corridor, monkeypatch):
+def test_what_was_believed_is_kept_with_covariances_of_some_scans(corridor):
     run, mapper = corridor
     estimate = run.estimate
     assert len(estimate) == len(run) and run.knows_truth
     assert estimate.errors(run.trajectory.poses).max() < 0.2
     assert len(estimate.closures) == len(mapper.slam.closures) > 0
     assert (estimate.closures[:, 0] < estimate.closures[:, 1]).all()
-    assert len(estimate.known_scans) == -(-len(run) // COVARIANCE_INTERVAL)
-    monkeypatch.setattr(simulated, "MOST_COVARIANCES", 10)
-    again = SlamMapper(rng=3)
-    lrf3d.load_scenario("corridor").run(rng=1, mapper=again, snapshots=1, scans=100)
-    # Beyond the most, every other one is dropped, and later ones come half as often.
-    assert again.estimate.known_scans.tolist() == list(range(0, 100, 16))
-    assert again.estimate.covariances[1].tolist() == estimate.covariances[4].tolist()
+    # On a long drive covariances come more seldom.
+    gaps = np.diff(estimate.known_scans)
+    assert gaps[0] == COVARIANCE_INTERVAL and (np.diff(gaps) >= 0).all()
+    assert gaps[-1] == estimate.known_scans[-2] // COVARIANCE_SHARE > COVARIANCE_INTERVAL
 
 
 @pytest.mark.parametrize("kind", ["carmen", pytest.param("mcap", marks=pytest.mark.slow)])

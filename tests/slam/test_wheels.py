@@ -1,13 +1,11 @@
 import numpy as np
 import pytest
+from drives import drive, errors, path_of, rooms, solved
 
 import lrf3d
 from lrf3d.slam.frames import between
-from lrf3d.slam.log import solve_log
 from lrf3d.slam.odometry import WheelPath, fitted_lag
 from lrf3d.slam.wheels import Wheels
-from tests.slam.test_recovery import way_of
-from tests.slam.test_slam import drive, errors, rooms
 
 
 def measured(found, a=0.2, b=0.1, c=0.25):
@@ -52,10 +50,10 @@ def test_a_drive_is_right_from_its_beginning_whatever_its_wheels_measure():
     scans, wheels, true = drive(world, [(1.0, 1.2), (28.0, 1.2)])
     steps = between(wheels[:-1], wheels[1:])
     steps[:, 0] *= 1.2
-    wheels = way_of(wheels[0], steps)
-    solution = solve_log(scans, wheels, np.arange(len(scans)))
+    wheels = path_of(wheels[0], steps)
+    solution = solved(scans, wheels)
     assert errors(true, wheels).max() > 4.0
-    assert errors(true, solution.scan_poses).max() < 0.6
+    assert errors(true, solution.poses).max() < 0.6
 
 
 def test_the_first_scans_do_not_follow_wheels_that_turn_as_they_drive(monkeypatch):

@@ -115,8 +115,9 @@ class LitScans:
         station, cosines = (off * along).sum(axis=2), np.abs(cross(along, units))
         on = (np.abs(cross(along, off)) < ON_WALL) & (cosines > WEAKEST_COSINE)
         on &= (station > -ON_WALL) & (station < lengths(walls) + ON_WALL)
-        there, wall = on.any(axis=1), on.argmax(axis=1)
-        lit, wall, cosine = lit[there], wall[there], cosines[there, wall[there]]
+        lit, on, cosines = (rows[on.any(axis=1)] for rows in (lit, on, cosines))
+        wall = on.argmax(axis=1) if len(lit) else lit
+        cosine = cosines[np.arange(len(lit)), wall]
         rays[lit, REFLECTANCE] = light[lit] / cosine
         # Neighbours differ by too little.
         apart = int(APART * len(rays)) + 1
