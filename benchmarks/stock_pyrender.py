@@ -34,26 +34,12 @@ class Mesh(pyrender.Mesh):  # type: ignore[misc]
 
 
 class StockFilm:
-    """Draws pictures of a run with pyrender's own renderer; 4 samples a pixel, as it always has.
+    """Draws pictures of a run with pyrender's own renderer; 4 samples a pixel, as it always has."""
 
-    Args:
-        run: The run.
-        size: Width and height of the pictures [pixels].
-        view: Name of the camera.
-        playback: Seconds of the run in a second of the film.
-    """
-
-    def __init__(
-        self,
-        run: Run,
-        *,
-        size: tuple[int, int],
-        view: str = "chase",
-        playback: float = 1.0,
-    ) -> None:
+    def __init__(self, run: Run, *, size: tuple[int, int], playback: float) -> None:
         self.timeline = Timeline(run, playback=playback)
         structures = Structures.from_run(run)
-        self._camera = make_camera(view, self.timeline, structures)
+        self._camera = make_camera("chase", self.timeline, structures)
         self._size = size
         self._scene = pyrender.Scene(bg_color=(0.6, 0.75, 0.95), ambient_light=(0.45, 0.45, 0.5))
         for mesh in _buildings(structures):

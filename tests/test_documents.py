@@ -80,6 +80,7 @@ def test_the_example_of_every_command_runs(name, command, workshop):
     workshop.shell(example)
 
 
+@pytest.mark.slow  # test_scenario_run runs its lines with fewer scans.
 def test_the_readme_does_what_it_says(workshop):
     code = next(item.code for item in snippets(README) if item.language == "python")
     assert len(code.strip().splitlines()) <= 11

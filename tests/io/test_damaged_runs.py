@@ -3,7 +3,6 @@
 import io
 import os
 import zipfile
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -157,10 +156,3 @@ def test_a_run_with_a_noise_and_a_film_plan_of_its_own_is_resumed(tmp_path):
 def test_a_name_with_a_nul_character_is_refused():
     with pytest.raises(InputError, match="NUL"):
         lrf3d.load_log("drive\0.log")
-
-
-def test_the_settings_of_the_film_are_kept(run_file):
-    bright = FilmPlan("top", 3.0, "intensity")
-    run = replace(lrf3d.load_run(run_file), film=bright)
-    lrf3d.save_run(run, run_file)
-    assert lrf3d.load_run(run_file).film == bright

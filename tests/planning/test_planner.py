@@ -5,8 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
 
 from lrf3d.casting import PlanarCaster
 from lrf3d.errors import InputError
@@ -43,6 +41,8 @@ def room(width: float, depth: float) -> World:
 
 STREET_BOXES = [box(16.0 * i, 14.0 * j, 10.0, 8.0) for i in range(3) for j in range(3)]
 STREETS = town(STREET_BOXES)
+PAIR_BOXES = [box(0.0, 0.0, 10.0, 8.0), box(15.0, 2.0, 6.0, 9.0)]
+PAIR = town(PAIR_BOXES)
 
 
 @functools.cache
@@ -50,9 +50,7 @@ def found_in_the_streets() -> PlannedRoute:
     return find_route(STREETS)
 
 
-@settings(max_examples=2, deadline=None)
-@given(st.integers(0, 10_000), st.floats(0.2, 0.5), st.sampled_from([0.0, 85_000.0]))
-@example(148, 0.25, 0.0)
+@pytest.mark.parametrize(("seed", "radius", "east"), [(148, 0.25, 0.0), (3, 0.45, 85_000.0)])
 def test_a_route_is_followed_without_coming_near_a_wall(
     seed: int, radius: float, east: float
 ) -> None:
@@ -82,11 +80,10 @@ def test_most_walls_of_a_town_are_seen_from_a_route_of_sensible_length() -> None
 
 
 def test_the_same_world_gives_the_same_route_wherever_it_lies() -> None:
-    world = town([box(0.0, 0.0, 10.0, 8.0), box(15.0, 2.0, 6.0, 9.0)])
-    route = plan_route(world)
-    assert (plan_route(world) == route).all()
+    route = plan_route(PAIR)
+    assert (plan_route(PAIR) == route).all()
     shift = np.array([85_000.0, 447_500.0])
-    moved = World(world.segments + np.tile(shift, 2), world.objects, world.heights)
+    moved = World(PAIR.segments + np.tile(shift, 2), PAIR.objects, PAIR.heights)
     np.testing.assert_allclose(plan_route(moved), route + shift, atol=1e-6)
 
 
@@ -171,7 +168,13 @@ def test_doors_that_are_too_narrow_are_named_and_a_smaller_robot_is_tried() -> N
     assert find_route(house(1.0, 0.0), lookahead=0.4).notes == ()
 
 
-@pytest.mark.parametrize("name", ["rooms", "maze", "office", "city", "corridor", "paper_room"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("rooms", "maze", "corridor", "paper_room"),
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("office", "city")),
+    ],
+)
 def test_the_drive_keeps_its_radius_from_all_walls_there_and_back(name: str) -> None:
     world = generate(name, size=SMALL[name], seed=3) if name in SMALL else load_world(name)
     scenario = Scenario(world).with_route()
@@ -191,9 +194,10 @@ def corridor(width: float, turn: float, rooms: bool) -> World:
     return World((segments.reshape(-1, 2) @ [[cos, sin], [-sin, cos]]).reshape(-1, 4))
 
 
-@pytest.mark.parametrize("mapped", [False, True])
-@pytest.mark.parametrize("rooms", [False, True])
-@pytest.mark.parametrize("turn", [0.0, 0.3])
+@pytest.mark.parametrize(
+    ("turn", "rooms", "mapped"),
+    [(0.0, False, True), (0.0, True, False), (0.3, False, False), (0.3, True, True)],
+)
 def test_a_corridor_with_centimetres_on_both_sides_is_driven_to_its_end(
     turn: float, rooms: bool, mapped: bool, tmp_path: Path
 ) -> None:
@@ -242,9 +246,9 @@ def test_the_side_of_the_walls_is_chosen_or_asked_for_and_indoors_the_robot_is_s
     assert not inside_the_house(plan_route(HOUSE, lookahead=0.4, where="outside")).any()
     streets = found_in_the_streets()
     assert (streets.side, streets.speed) == ("outside", 3.0)
-    within = find_route(STREETS, where="inside")
+    within = find_route(PAIR, where="inside")
     assert within.side == "inside"
-    houses = shapely.MultiPolygon([shapely.Polygon(row[:, :2]) for row in STREET_BOXES])
+    houses = shapely.MultiPolygon([shapely.Polygon(row[:, :2]) for row in PAIR_BOXES])
     assert shapely.contains_xy(houses, *within.waypoints.T).all()
     with pytest.raises(InputError, match="where 'within': expected"):
         plan_route(HOUSE, where="within")  # type: ignore[arg-type]
@@ -257,8 +261,7 @@ def test_the_route_begins_at_the_start_and_stays_on_its_side() -> None:
     route = plan_route(HOUSE, lookahead=0.4, start=(-3.0, 2.0))
     assert tuple(route[0]) == (-3.0, 2.0)
     assert not inside_the_house(route).any()
-    route = plan_route(STREETS, start=(13.0, 11.0, 0.0))
-    assert tuple(route[0]) == (13.0, 11.0)
+    assert tuple(plan_route(PAIR, start=(12.0, 11.0, 0.0))[0]) == (12.0, 11.0)
 
 
 def test_a_start_where_no_robot_can_be_is_a_clear_error() -> None:
@@ -281,11 +284,11 @@ def test_only_cells_that_a_map_knows_to_be_free_are_driven_through() -> None:
 @pytest.mark.parametrize("far", [pytest.param(2e6, marks=pytest.mark.slow), 1e9])
 def test_walls_that_reach_far_away_cost_nothing_and_the_town_is_driven_to(far: float) -> None:
     corner = [[150.0, 0.0, far, 3.0], [far, 3.0, 150.0, 8.0], [150.0, 8.0, 150.0, 0.0]]
-    objects = np.append(STREETS.objects, [STREETS.object_count] * 3)
-    world = World(np.vstack([STREETS.segments, corner]), objects, np.full(len(objects), 8.0))
+    objects = np.append(PAIR.objects, [PAIR.object_count] * 3)
+    world = World(np.vstack([PAIR.segments, corner]), objects, np.full(len(objects), 8.0))
     route = plan_route(world)
     assert (np.abs(route) < 600.0).all()
-    assert (np.abs(route - [37.0, 18.0]) < 60.0).all(axis=1).any()
+    assert (np.abs(route - [12.0, 5.0]) < 60.0).all(axis=1).any()
 
 
 def test_a_laser_that_sees_no_wall_from_anywhere_still_has_a_route() -> None:
