@@ -16,13 +16,9 @@ from typing import Any
 import numpy as np
 
 from lrf3d.errors import WorldError
-from lrf3d.files import check_ordinary
 from lrf3d.geometry import LARGEST_COORDINATE, Float
 from lrf3d.world.drawing import CURVE_ERROR, world_of_strokes
 from lrf3d.world.model import World
-
-LARGEST_DXF = 1 << 26
-"""Largest drawing [bytes]."""
 
 CURVE_SHARE = 1.0 / 2000.0
 """Largest distance of chords from a curve, relative to its extent."""
@@ -43,7 +39,6 @@ def read_dxf(path: Path) -> World:
         from ezdxf.enums import InsertUnits
         from ezdxf.filemanagement import readfile
 
-    check_ordinary(path, what="a world file", largest=LARGEST_DXF, error=WorldError)
     drawing = readfile(path)
     code = drawing.header.get("$INSUNITS", 0)
     if code not in range(25):
