@@ -17,11 +17,9 @@ import numpy as np
 from lrf3d.errors import WorldError, shown
 from lrf3d.files import own_name, replacing
 from lrf3d.geometry import LARGEST_COORDINATE, Float, Int
-from lrf3d.world.drawing import without_repeats
 from lrf3d.world.materials import Material, material_of, material_value
 from lrf3d.world.model import World
-from lrf3d.world.pieces import from_corner, walls
-from lrf3d.world.touching import connected
+from lrf3d.world.pieces import connected, from_corner, walls, without_repeats
 
 if TYPE_CHECKING:
     import trimesh

@@ -23,8 +23,8 @@ from lrf3d.geometry import Bool, Float, Int, Single
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.grid_walls import walls_of_grid
 from lrf3d.world.model import World
+from lrf3d.world.pieces import connected
 from lrf3d.world.schema import Converter, at, integer, number, row, text
-from lrf3d.world.touching import connected
 
 LARGEST_PICTURE = 1 << 28
 """Largest picture [bytes]."""

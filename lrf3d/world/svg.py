@@ -19,8 +19,8 @@ import numpy as np
 
 from lrf3d.errors import WorldError, shown
 from lrf3d.geometry import LARGEST_COORDINATE, Float
-from lrf3d.world.drawing import CURVE_ERROR, world_of_strokes
 from lrf3d.world.model import World
+from lrf3d.world.pieces import CURVE_ERROR, world_of_strokes
 
 SHEET_SHARE = 2e-4
 """Chords lie no farther from their curves than this share of the sheet: a drawing on paper is a
