@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from pathlib import Path
 
 import damaged_worlds
 import pytest
@@ -13,13 +12,13 @@ from lrf3d.world import load_world
 DAMAGED = dict(damaged_worlds.damaged())
 
 
-def write(folder: Path, files: dict[str, bytes]) -> Path:
+def write(folder, files):
     for name, data in files.items():
         (folder / name).write_bytes(data)
     return folder / next(iter(files))
 
 
-def refusal(path: Path) -> str:
+def refusal(path):
     with pytest.raises(WorldError) as caught:
         load_world(path)
     message = str(caught.value)

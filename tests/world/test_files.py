@@ -1,5 +1,4 @@
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.free_cells import FreeCells
 
 
-def same_bits(one: np.ndarray, other: np.ndarray) -> bool:
+def same_bits(one, other):
     return one.shape == other.shape and one.tobytes() == other.tobytes()
 
 
@@ -40,7 +39,7 @@ cameras = st.lists(
 
 
 @st.composite
-def chains(draw: st.DrawFn) -> np.ndarray:
+def chains(draw):
     """Walls of which many join end to end, rings and lines and lone ones."""
     points = draw(arrays(np.float64, (draw(st.integers(2, 6)), 2), elements=coordinates))
     ends = np.vstack([points, points[:1]]) if draw(st.booleans()) else points
@@ -49,13 +48,13 @@ def chains(draw: st.DrawFn) -> np.ndarray:
 
 
 @st.composite
-def free_cells(draw: st.DrawFn) -> FreeCells:
+def free_cells(draw):
     shape = draw(st.tuples(st.integers(1, 5), st.integers(1, 9)))
     origin = draw(st.tuples(coordinates, coordinates, st.floats(-3.0, 3.0)))
     return FreeCells(draw(arrays(np.bool_, shape)), draw(st.floats(0.01, 2.0)), origin)
 
 
-def materials(count: int) -> st.SearchStrategy[list[str | Material | None]]:
+def materials(count):
     """Built-in materials, own ones of unique names, and none, for so many objects."""
     own = [
         Material("frosted", diffuse=0.1, transmission=1 / 3),
@@ -67,7 +66,7 @@ def materials(count: int) -> st.SearchStrategy[list[str | Material | None]]:
 
 
 @st.composite
-def worlds(draw: st.DrawFn) -> World:
+def worlds(draw):
     segments = np.concatenate(draw(st.lists(chains(), min_size=1, max_size=5)))
     keep = np.hypot(*(segments[:, 2:] - segments[:, :2]).T) > 0.0
     segments = segments[keep] if keep.any() else np.array([[0.0, 0.0, 1.0, 0.0]])
@@ -106,14 +105,12 @@ def worlds(draw: st.DrawFn) -> World:
 
 
 @pytest.mark.parametrize("ending", [".toml", ".geojson"])
-def test_a_world_comes_back_from_a_file_as_it_was(
-    ending: str, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_a_world_comes_back_from_a_file_as_it_was(ending, tmp_path_factory):
     path = tmp_path_factory.mktemp("worlds") / f"world{ending}"
 
     @settings(max_examples=80, deadline=None)
     @given(worlds())
-    def check(world: World) -> None:
+    def check(world):
         save_world(world, path)
         back = load_world(path)
         assert same_bits(back.segments, world.segments)
@@ -150,7 +147,7 @@ GRID = {"resolution": 0.5, "origin": [0.0, 0.0, 0.0], "rows": [[0, 2, 1], [1, 2]
         {"colour": "red"},
     ],
 )
-def test_free_cells_that_cannot_be_are_one_clear_error(ending, changes, tmp_path: Path) -> None:
+def test_free_cells_that_cannot_be_are_one_clear_error(ending, changes, tmp_path):
     grid = {**GRID, **changes}
     save_world(World([[0, 0, 1, 0]]), tmp_path / f"world{ending}")
     text = (tmp_path / f"world{ending}").read_text()
@@ -164,26 +161,26 @@ def test_free_cells_that_cannot_be_are_one_clear_error(ending, changes, tmp_path
     assert "\n" not in str(caught.value)
 
 
-def test_a_ring_is_written_as_one_closed_list_of_points(tmp_path: Path) -> None:
+def test_a_ring_is_written_as_one_closed_list_of_points(tmp_path):
     square = [[0, 0, 1, 0], [1, 0, 1, 1], [1, 1, 0, 1], [0, 1, 0, 0]]
     save_world(World(square), tmp_path / "square.toml")
     text = (tmp_path / "square.toml").read_text()
     assert "points = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]\nclosed = true" in text
 
 
-def test_every_built_in_world_can_be_read_by_its_name() -> None:
+def test_every_built_in_world_can_be_read_by_its_name():
     assert {"city", "corridor", "paper_room"} <= set(world_names())
     for name in world_names():
         assert len(load_world(name).segments) > 0
         assert load_world(name).name == name
 
 
-def test_an_unknown_world_is_told_the_worlds_there_are() -> None:
+def test_an_unknown_world_is_told_the_worlds_there_are():
     with pytest.raises(WorldError, match=r"citty.*did you mean 'city'.*corridor.*paper_room"):
         load_world("citty")
 
 
-def test_an_unknown_ending_is_told_the_endings_there_are(tmp_path: Path) -> None:
+def test_an_unknown_ending_is_told_the_endings_there_are(tmp_path):
     (tmp_path / "plan.xyz").touch()
     with pytest.raises(WorldError, match=r"plan\.xyz: unknown ending.*\.toml.*\.geojson"):
         load_world(tmp_path / "plan.xyz")
@@ -192,18 +189,18 @@ def test_an_unknown_ending_is_told_the_endings_there_are(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("name", ["none.toml", "none.geojson"])
-def test_a_file_that_is_not_there_is_named(name: str, tmp_path: Path) -> None:
+def test_a_file_that_is_not_there_is_named(name, tmp_path):
     with pytest.raises(WorldError, match=rf"{name}: no such file"):
         load_world(tmp_path / name)
 
 
-def test_a_file_that_is_no_text_is_named_with_the_line(tmp_path: Path) -> None:
+def test_a_file_that_is_no_text_is_named_with_the_line(tmp_path):
     (tmp_path / "bad.toml").write_bytes(b'name = "a"\nx = "\xff"\n')
     with pytest.raises(WorldError, match=r"^[^ ]*bad\.toml:2: not a text file"):
         load_world(tmp_path / "bad.toml")
 
 
-def test_reading_a_world_leaves_heavy_libraries_alone() -> None:
+def test_reading_a_world_leaves_heavy_libraries_alone():
     import subprocess
     import sys
 
@@ -243,7 +240,7 @@ def test_reading_a_world_leaves_heavy_libraries_alone() -> None:
         ({"segments": "walls"}, "segments: expected numbers"),
     ],
 )
-def test_a_world_refuses_what_does_not_fit(arguments: dict, message: str) -> None:
+def test_a_world_refuses_what_does_not_fit(arguments, message):
     with pytest.raises(WorldError, match=message) as caught:
         World(**{"segments": [[0, 0, 1, 0]], **arguments})
     assert "\n" not in str(caught.value)
@@ -271,11 +268,11 @@ GRID_OF = {"cells": np.ones((2, 2)), "resolution": 0.1}
         (lambda: World([[0, 0, 1, 0]]).scaled(1e300), "scale 1e"),
     ],
 )
-def test_what_no_file_could_hold_is_refused(make, message: str) -> None:
+def test_what_no_file_could_hold_is_refused(make, message):
     with pytest.raises(InputError, match=message):
         make()
 
 
-def test_a_world_with_the_name_of_any_file_can_be_saved(tmp_path: Path) -> None:
+def test_a_world_with_the_name_of_any_file_can_be_saved(tmp_path):
     save_world(World([[0, 0, 1, 0]], name="a\udcff"), tmp_path / "w.toml")
     assert load_world(tmp_path / "w.toml").name == "a?"

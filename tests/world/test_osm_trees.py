@@ -1,7 +1,5 @@
 """Trees of OpenStreetMap extracts: which become trunks, and how thick and high these are."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -13,14 +11,14 @@ from lrf3d.world.osm import DEFAULT_TREE, tree_height, trunk_radius
 HOUSE = [(0, 0), (30, 0), (30, 20), (0, 20)]
 
 
-def node(number: int, place: tuple[float, float], **tags: str) -> str:
+def node(number, place, **tags):
     degree = np.degrees(1.0 / EARTH_RADIUS)
     lon, lat = 4 + place[0] * degree / np.cos(np.radians(52)), 52 + place[1] * degree
     told = "".join(f'<tag k="{key}" v="{value}"/>' for key, value in tags.items())
     return f'<node id="{number}" lon="{lon}" lat="{lat}">{told}</node>'
 
 
-def extract(folder: Path, *trees: str) -> Path:
+def extract(folder, *trees):
     nodes = "".join(node(number, place) for number, place in enumerate(HOUSE))
     refs = "".join(f'<nd ref="{number}"/>' for number in (0, 1, 2, 3, 0))
     house = f'<way id="1">{refs}<tag k="building" v="yes"/></way>'
@@ -29,11 +27,11 @@ def extract(folder: Path, *trees: str) -> Path:
     return path
 
 
-def tree(number: int, x: float, y: float, **tags: str) -> str:
+def tree(number, x, y, **tags):
     return node(number, (x, y), natural="tree", **tags)
 
 
-def test_trees_are_read_where_they_are_asked_for(tmp_path: Path) -> None:
+def test_trees_are_read_where_they_are_asked_for(tmp_path):
     path = extract(
         tmp_path,
         tree(10, 40, 5, height="12", circumference="1.5", species="Tilia"),
@@ -51,8 +49,8 @@ def test_trees_are_read_where_they_are_asked_for(tmp_path: Path) -> None:
 
 
 def test_a_tree_within_or_at_a_building_is_left_out_and_one_mapped_twice_counts_once(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     path = extract(
         tmp_path, tree(10, 15, 10), tree(11, 30.2, 5), tree(12, 34, 5), tree(13, 34.1, 5)
     )
@@ -69,11 +67,11 @@ def test_a_tree_within_or_at_a_building_is_left_out_and_one_mapped_twice_counts_
         ({"height": "4000"}, DEFAULT_TREE, DEFAULT_TREE / 45),
     ],
 )
-def test_a_tree_is_as_its_tags_say_or_as_most(tags: dict, height: float, radius: float) -> None:
+def test_a_tree_is_as_its_tags_say_or_as_most(tags, height, radius):
     assert (tree_height(tags), trunk_radius(tags)) == pytest.approx((height, radius))
 
 
-def test_other_files_have_no_trees(tmp_path: Path) -> None:
+def test_other_files_have_no_trees(tmp_path):
     save_world(World([[0, 0, 4, 0]]), tmp_path / "wall.toml")
     with pytest.raises(WorldError, match=r"trees are read from OpenStreetMap"):
         load_world(tmp_path / "wall.toml", trees=True)
