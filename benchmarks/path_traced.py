@@ -21,7 +21,7 @@ from lrf3d.scene.camera import Look
 from lrf3d.scene.facades import BAYS, ROWS, layers
 from lrf3d.scene.ground import bare_ground
 from lrf3d.scene.light import sky_light
-from lrf3d.scene.stage import paint_faces
+from lrf3d.scene.stage import paint_stage
 from lrf3d.scene.structures import Structures
 
 PICTURE = (640, 360)
@@ -111,7 +111,7 @@ def _bitmap(mi: Any, picture: Float, kind: str = "nearest") -> dict[str, Any]:
 
 def _walls(mi: Any, structures: Structures) -> dict[str, Any]:
     """Walls and roofs: what is painted over them, mixed with their own colour by its opacity."""
-    rows = paint_faces(structures)[0].rows()[:, [0, 1, 2, 0, 2, 3], :9].reshape(-1, 3, 9)
+    rows = paint_stage(structures).faces.rows()[:, [0, 1, 2, 0, 2, 3], :9].reshape(-1, 3, 9)
     rows = rows[(rows[:, 1, :3] != rows[:, 2, :3]).any(axis=1)].astype(np.float64)
     painted = layers(structures.indoor)[0].astype(np.float64) / 255.0
     found = {}

@@ -146,6 +146,19 @@ class SmoothPath(NamedTuple):
         )
 
 
+class Rig(NamedTuple):
+    """How a camera looks at the robot."""
+
+    away: float
+    """How far off it the eye is [m]."""
+    steep: float
+    """How steeply it looks down at the least [degrees]."""
+    field: float
+    """Angle of view [degrees]."""
+    shift: float = 0.0
+    """How far the picture is moved up, in halves of its height."""
+
+
 class Track(NamedTuple):
     """Looks from a side and a distance at a middle, at times (k,) between which they are mixed."""
 
@@ -165,21 +178,15 @@ class Track(NamedTuple):
     """(k,) the reach of the air [m]."""
 
     @classmethod
-    def along(
-        cls,
-        path: SmoothPath,
-        turns: Float,
-        *,
-        away: float,
-        steep: float,
-        field: float,
-        shift: float = 0.0,
-    ) -> "Track":
-        """Looks at the robot from sides (k,) [rad], that far off [m] and that steeply [rad]."""
+    def along(cls, path: SmoothPath, turns: Float, rig: Rig) -> "Track":
+        """Looks at the robot from sides (k,) [rad]."""
         count = len(path.times)
         middles = np.column_stack([path.places, np.full(count, _AIM)])
-        others = (np.full(count, value) for value in (steep, away, field, shift, 0.0))
-        return cls(path.times, middles, turns, *others)
+        away, steep, field, shift = (
+            np.full(count, value)
+            for value in (rig.away, np.radians(rig.steep), np.radians(rig.field), rig.shift)
+        )
+        return cls(path.times, middles, turns, steep, away, field, shift, np.zeros(count))
 
     def at(self, times: Float) -> "Track":
         """The looks at other times."""

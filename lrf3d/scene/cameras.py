@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from lrf3d.scene.camera import Camera
-from lrf3d.scene.following import Chase, First, Fixed, Orbit
+from lrf3d.scene.following import First, Fixed, chase, orbit
 from lrf3d.scene.story import CLOSING, OPENING, Story
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline
@@ -11,9 +11,9 @@ from lrf3d.scene.whole import Overview, Top
 from lrf3d.world.cameras import check_view
 
 CAMERAS: dict[str, Callable[[Timeline, Structures], Camera]] = {
-    "chase": Chase,
+    "chase": chase,
     "first": First,
-    "orbit": Orbit,
+    "orbit": orbit,
     "overview": Overview,
     "story": Story,
     "top": Top,

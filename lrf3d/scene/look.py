@@ -98,18 +98,13 @@ INSET_WHOLE, INSET_FOLLOWED = 140.0, 110.0
 DART = np.array([[1.1, 0.0], [-0.8, 0.75], [-0.4, 0.0], [-0.8, -0.75]])
 """Outline (4, 2) of the robot as seen from above, heading along x."""
 
-_HUE_STEP = 0.6180339887
-"""The golden ratio's fraction: neighbours in number lie far apart."""
-
 _TINT_START, _TINT_STEP = 0.85, 0.5698402910
 """Hue of the first object of a map and the step to the next [turns]: a step of Roberts' sequence,
 which with five tones and this start leaves the nearest two of sixty objects furthest apart; with
 the golden step every 21st looks the same."""
 
-
 _TRAIL_HUE, _FREE_HUES = np.radians(255.0), np.radians(20.0)
 """Hue of the trail in Oklch, and how far off it those of all objects are [rad]."""
-
 
 _TONES, _CHROMA = np.array([0.44, 0.628, 0.503, 0.69, 0.565]), 0.17
 """Lightness and colourfulness in Oklch of the objects of maps: legible on white, none shouts."""
@@ -129,12 +124,8 @@ _RGB_FROM_LMS = np.array(
     ]
 )
 
-
-MIRROR_COLOUR, GLASS_COLOUR, RETRO_COLOUR = (
-    (0.80, 0.85, 0.90),
-    (0.62, 0.82, 0.86),
-    (0.93, 0.80, 0.22),
-)
+MIRROR_COLOUR, GLASS_COLOUR = (0.80, 0.85, 0.90), (0.62, 0.82, 0.86)
+RETRO_COLOUR = (0.93, 0.80, 0.22)
 """Colours of mirrors, glass and retro-reflectors that have none of their own."""
 
 BARK_COLOUR = (0.52, 0.44, 0.36)
@@ -160,7 +151,7 @@ def object_colours(world: World, *, indoor: bool) -> Float:
     numbers = np.arange(world.object_count)
     chosen = PAINT[numbers % len(PAINT)] if indoor else np.tile(CLAY, (len(numbers), 1))
     # A slow drift in brightness keeps two houses of one colour from looking the same.
-    chosen *= (0.94 + 0.10 * np.modf(numbers * _HUE_STEP)[0])[:, None]
+    chosen *= (0.94 + 0.10 * spread(numbers, 0.0))[:, None]
     given = np.full((world.object_count, 3), np.nan)
     rows = min(len(world.colours), world.object_count)
     given[:rows] = world.colours[:rows]
@@ -179,7 +170,12 @@ def object_tints(objects: Int) -> Float:
     turn = np.mod(_TINT_START - number * _TINT_STEP, 1.0)
     hue = _TRAIL_HUE + _FREE_HUES + turn * 2.0 * (np.pi - _FREE_HUES)
     lightness = _TONES[number.astype(np.int64) % len(_TONES)]
-    return _oklch_to_rgb(lightness, np.full(len(number), _CHROMA), hue)
+    # In Oklch (Ottosson, 2020) all hues look equally bright.
+    lab = np.column_stack([lightness, _CHROMA * np.cos(hue), _CHROMA * np.sin(hue)])
+    linear = np.clip((lab @ _LMS_FROM_LAB.T) ** 3 @ _RGB_FROM_LMS.T, 0.0, 1.0)
+    curved = 1.055 * linear ** (1.0 / 2.4) - 0.055
+    colours: Float = np.where(linear <= 0.0031308, 12.92 * linear, curved)
+    return colours
 
 
 def spread(numbers: Int, start: float) -> Float:
@@ -188,12 +184,3 @@ def spread(numbers: Int, start: float) -> Float:
     They are multiples of the plastic number's inverse, from a start on: each use has its own.
     """
     return np.asarray(np.modf(numbers * 0.7548776662 + start)[0])
-
-
-def _oklch_to_rgb(lightness: Float, chroma: Float, hue: Float) -> Float:
-    """Screen colours (n, 3) of Oklch (Ottosson, 2020), where all hues look equally bright."""
-    lab = np.column_stack([lightness, chroma * np.cos(hue), chroma * np.sin(hue)])
-    linear = np.clip((lab @ _LMS_FROM_LAB.T) ** 3 @ _RGB_FROM_LMS.T, 0.0, 1.0)
-    curved = 1.055 * linear ** (1.0 / 2.4) - 0.055
-    colours: Float = np.where(linear <= 0.0031308, 12.92 * linear, curved)
-    return colours

@@ -10,8 +10,8 @@ from functools import cache
 import numpy as np
 
 from lrf3d.geometry import Float
-from lrf3d.scene.camera import STEP, Look, SmoothPath, Track
-from lrf3d.scene.following import Chase, Orbit
+from lrf3d.scene.camera import STEP, Look, Rig, SmoothPath, Track
+from lrf3d.scene.following import PHASE, chase, orbit
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline, interpolated
 from lrf3d.scene.whole import CARD, Overview
@@ -34,13 +34,12 @@ _UNKNOWN = 0.2
 _RISEN = 0.85
 """Share of the distance to the view of the whole that a rising shot covers."""
 
-_CLOSE, _CLOSE_STEEP, _CLOSE_SIDES = 4.6, float(np.radians(24.0)), 6
-"""How far off the robot a shot from near is [m], how steeply it looks down at the least [rad], and
-from how many sides it may begin."""
+_CLOSE, _CLOSE_SIDES = Rig(4.6, 24.0, 42.0), 6
+"""How a shot from near looks at the robot, and from how many sides it may begin."""
 
-_HIGH, _HIGH_SHARE, _HIGH_STEEP = 50.0, 0.55, float(np.radians(60.0))
-"""How far off the robot a shot from high up is at the most [m], and as a share of the distance to
-where the whole is seen from; and how steeply it looks down at the least [rad]."""
+_HIGH, _HIGH_SHARE = Rig(50.0, 60.0, 34.0), 0.55
+"""How a shot from high up does, and how far off it is at the most, as a share of the distance to
+where the whole is seen from."""
 
 _LEAVES, _CALM = 0.1, 0.3
 """Share of a path from the robot after which it leads over all walls, and the time [s of the film]
@@ -55,11 +54,9 @@ class Story:
         self._path = SmoothPath.of(timeline)
         self._opening = Overview(timeline, structures)
         self._whole = Overview(timeline, structures, CARD)
-        self._chase = Chase(timeline, structures).track
-        turns = Orbit.PHASE + np.linspace(0.0, 2.0 * np.pi, _CLOSE_SIDES, endpoint=False)
-        self._close = [
-            Orbit(timeline, structures, _CLOSE, _CLOSE_STEEP, turn).track for turn in turns
-        ]
+        self._chase = chase(timeline, structures).track
+        turns = PHASE + np.linspace(0.0, 2.0 * np.pi, _CLOSE_SIDES, endpoint=False)
+        self._close = [orbit(timeline, structures, _CLOSE, turn).track for turn in turns]
         self._length = (timeline.end - timeline.start) / timeline.playback
         down = min(_DOWN, 0.4 * self._length)
         count = max(1, round((self._length - down) / _SHOT))
@@ -90,27 +87,27 @@ class Story:
         begin, end = self._cuts[number : number + 2]
         passed = np.arange(begin, end + STEP, STEP)
         times = self._timeline.start + self._timeline.playback * passed
-        chase, whole = self._chase.at(times), self._whole.track(aspect).at(times)
+        near, whole = self._chase.at(times), self._whole.track(aspect).at(times)
         shot = self._shots[number]
         if shot == "opening":
             opening = self._opening.track(aspect).at(times)
-            return self._between(chase, opening, _eased(1.0 - passed / end))
+            return self._between(near, opening, _eased(1.0 - passed / end))
         if shot == "end":
             last = self._track(number - 1, aspect).at(times)
             return self._between(last, whole, _eased((passed - begin) / (CLOSING - HELD)))
         if shot == "rise":
-            return self._between(chase, whole, _RISEN * _eased((passed - begin) / (end - begin)))
+            return self._between(near, whole, _RISEN * _eased((passed - begin) / (end - begin)))
         if shot == "close":
             # The side from which it looks down the least: from above, little is seen of it.
-            sides = [chase, *(track.at(times) for track in self._close)]
+            sides = [near, *(track.at(times) for track in self._close)]
             return min(sides, key=lambda track: float(track.steeps.max()))
         if shot == "high":
-            away, field = min(_HIGH, _HIGH_SHARE * whole.aways[0]), whole.fields[0]
             turns = np.full(len(times), whole.turns[0])
             path = SmoothPath(times, self._places(times), turns)
-            high = Track.along(path, turns, away=away, steep=_HIGH_STEEP, field=field)
+            rig = _HIGH._replace(away=min(_HIGH.away, _HIGH_SHARE * whole.aways[0]))
+            high = Track.along(path, turns, rig)
             return high._replace(airs=whole.airs).over_walls(self._structures, path.places)
-        return chase
+        return near
 
     def _places(self, times: Float) -> Float:
         """Where the robot is (k, 2) at times (k,) [s]."""

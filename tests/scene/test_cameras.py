@@ -9,8 +9,8 @@ import shapely
 from test_render import city_run, room_run
 
 from lrf3d.scene.camera import Look
-from lrf3d.scene.cameras import Fixed, margins
-from lrf3d.scene.following import Chase, Orbit
+from lrf3d.scene.cameras import margins
+from lrf3d.scene.following import Fixed, chase, orbit
 from lrf3d.scene.story import CLOSING, HELD, OPENING, Story
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline
@@ -83,7 +83,7 @@ def test_among_houses_no_wall_hides_the_robot_from_the_eye():
     timeline = Timeline(city_run(seconds=80.0), playback=4.0)
     structures = Structures.from_run(timeline.run)
     walls = shapely.linestrings(structures.segments.reshape(-1, 2, 2))
-    for camera in (Story, Orbit, Chase):
+    for camera in (Story, orbit, chase):
         moving = camera(timeline, structures)
         for time in np.arange(timeline.start + 8.0, timeline.end, 0.5).tolist():
             eye = moving.look(time, 16 / 9).eye
@@ -137,7 +137,7 @@ def test_in_a_fast_film_the_robot_stays_as_near_to_the_middle(playback):
     timeline = Timeline(city_run(), playback=playback)
     structures = Structures.from_run(timeline.run)
     camera = FixedCamera("gate", (-60.0, -3.0, 9.0), (0.0, 0.0, 0.0), track=True)
-    for look in (Fixed(camera, timeline).look, Orbit(timeline, structures).look):
+    for look in (Fixed(camera, timeline).look, orbit(timeline, structures).look):
         for time in np.linspace(timeline.start, timeline.end, 9).tolist():
             robot = timeline.poses(np.array([time]))[0, :2] - timeline.origin
             place = seen(look(time, 1.0), np.array([[*robot, 0.4]]), 1.0)
@@ -146,7 +146,7 @@ def test_in_a_fast_film_the_robot_stays_as_near_to_the_middle(playback):
 
 def test_in_rooms_the_chase_looks_ahead_and_not_down_on_the_robot():
     timeline = Timeline(room_run(), playback=1.0)
-    look = Chase(timeline, Structures.from_run(timeline.run)).look(1.0, 16 / 9)
+    look = chase(timeline, Structures.from_run(timeline.run)).look(1.0, 16 / 9)
     ahead = look.target - look.eye
     assert look.cuts and -ahead[2] < np.hypot(*ahead[:2])
 

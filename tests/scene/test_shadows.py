@@ -58,7 +58,7 @@ def judged(structures, points):
 
 def shaded(structures):
     """The sides of walls (n, 4), and the strips in which the edge of their shadow is straight."""
-    segments = wall_sides(structures).segments
+    _, segments = wall_sides(structures)
     return segments, shade_walls(structures, segments)
 
 
@@ -68,7 +68,7 @@ def test_walls_are_shaded_where_a_ray_to_the_sun_is_stopped(seed):
     segments, strips = shaded(structures)
     along = directions(segments)[strips.face]
     sunny = along[:, 1] * SUN[0] - along[:, 0] * SUN[1] > 0.05
-    heights = structures.heights[wall_sides(structures).walls][strips.face]
+    heights = structures.heights[wall_sides(structures)[0]][strips.face]
     # Points on all faces, with the shadow's edge between those at the ends of its strip.
     rng = np.random.default_rng(seed)
     for share in rng.uniform(0.01, 0.99, 8):
