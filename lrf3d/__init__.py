@@ -32,10 +32,10 @@ if TYPE_CHECKING:
         localise,
         odometry_increments,
     )
-    from lrf3d.mapped_log import map_log
     from lrf3d.mapping import LineMap, LineMapper, load_map, save_map
     from lrf3d.planning.planner import plan_route
     from lrf3d.pose import Pose
+    from lrf3d.recorded import map_log
     from lrf3d.render.video import render_video
     from lrf3d.robot import (
         EstimatedTrajectory,
@@ -68,9 +68,9 @@ else:
             "laser": "LaserRangeFinder LaserScan ProportionalNoise",
             "localization": "KnownLines Localiser OdometryNoise PoseEstimate localise"
             " odometry_increments",
-            "mapped_log": "map_log",
             "mapping": "LineMap LineMapper load_map save_map",
             "pose": "Pose",
+            "recorded": "map_log",
             "render.video": "render_video",
             "robot": "EstimatedTrajectory Trajectory Unicycle check_drive drive follow_route",
             "planning.planner": "plan_route",

@@ -5,7 +5,6 @@ beginning, which shows the errors of the wheels; the poses of both and the drive
 """
 
 import warnings
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -15,15 +14,15 @@ from typing import Any
 import numpy as np
 
 from lrf3d.errors import InputError, Lrf3dWarning
-from lrf3d.geometry import Float, Int, lengths
+from lrf3d.geometry import Float, Int
 from lrf3d.interrupts import check, stoppable
 from lrf3d.io import LaserLog, load_log
 from lrf3d.io.reading import CARMEN_ENDINGS
-from lrf3d.laser import LaserRangeFinder, LaserScan, doubtful_ranges
+from lrf3d.laser import LaserScan, doubtful_ranges
 from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.pose import Pose
 from lrf3d.progress import Progress, silent
-from lrf3d.robot import Trajectory
+from lrf3d.recorded import of_one_laser, run_of
 from lrf3d.run import Run, is_snapshot
 from lrf3d.slam import Slam
 from lrf3d.slam.frames import bent, between, compose
@@ -35,11 +34,9 @@ from lrf3d.slam.odometry import (
     fitted_lag,
     in_order,
     is_mirrored,
-    rising,
     turns_between,
 )
 from lrf3d.slam.violation import SelfCheck
-from lrf3d.world import World
 
 CALIBRATED = 400
 """Scans at the beginning of a log that give the first estimate of its wheels' errors. With it a
@@ -60,14 +57,8 @@ STILL = 1e-3
 LEAST_BEAMS = 3
 """Beams that a scan must have to show a wall."""
 
-JITTER = 1e-4
-"""Angles of the beams may differ by this from scan to scan [rad]: some drivers round them."""
-
 MOST_COVARIANCES = 128
 """Key scans whose covariances are kept, at most: each takes a step over the whole pose graph."""
-
-LATEST = 1e12
-"""Largest stamp [s]: larger ones are nanoseconds, of which a float cannot tell two apart."""
 
 
 def slam_log(log: LaserLog | str | Path, *, key_distance: float = KEY_DISTANCE) -> Run:
@@ -139,47 +130,24 @@ class SolvedLog:
 
     @cached_property
     def run(self) -> Run:
-        """The drive as a run: its world is the map of its key scans, its ranges the measured."""
+        """The drive as a run, in the walls that its key scans show."""
+        slam, keys = self.slam, self.slam.key_scans
         poses = compose(self.poses, np.array([self.log.odometry.laser_offset, 0.0, 0.0]))
         poses[:, 2] = np.unwrap(poses[:, 2])
-        maps = _snapshots(self.scans, poses, self.slam.key_scans.tolist())
-        line_map = maps[len(poses) - 1]
-        solid = lengths(line_map.segments) > 0.0
-        if not solid.any():
-            raise InputError(
-                f"{self.log.name}: {len(poses)} scans show no wall, so that there is no map"
-            )
-        lrf, ranges = range_finder_of(self.scans)
-        # Stamps count from 1970; the clock of a run begins with it.
-        times = rising(np.array([scan.time for scan in self.scans]))
-        keys = len(self.slam.key_scans)
-        chosen = np.unique(np.linspace(0, keys - 1, MOST_COVARIANCES).astype(np.int64))
-        covariances = self.slam.covariances(chosen)
-        return Run(
-            World(line_map.segments[solid], line_map.objects[solid], name=self.log.name),
-            lrf,
-            Trajectory(times - times[0], poses),
-            ranges,
-            ranges,
-            np.full(ranges.shape, -1),
-            tuple(maps),
-            tuple(maps.values()),
-            estimate=self.slam.estimate(poses, self.slam.key_scans[chosen], covariances),
-        )
-
-    @property
-    def map(self) -> LineMap:
-        """The map of the key scans."""
-        return self.run.map
-
-    @property
-    def mapped(self) -> list[LaserScan]:
-        """The key scans."""
-        return [self.run.scan(number) for number in self.slam.key_scans.tolist()]
+        mapper, maps = LineMapper(), dict[int, LineMap]()
+        for index, number in enumerate(keys.tolist()):
+            mapper.update(replace(self.scans[number], pose=Pose(*poses[number].tolist())))
+            if is_snapshot(index, len(keys)):
+                maps[number] = mapper.map
+        # The last map is that of all scans: those after the last key scan show nothing new.
+        maps[len(poses) - 1] = maps.pop(int(keys[-1]))
+        chosen = np.unique(np.linspace(0, len(keys) - 1, MOST_COVARIANCES).astype(np.int64))
+        estimate = slam.estimate(poses, keys[chosen], slam.covariances(chosen))
+        return run_of(self.log.name, self.scans, poses, maps, estimate)
 
     def summary(self) -> dict[str, Any]:
         """The figures, in JSON's types."""
-        log, slam, line_map, tracked = self.log, self.slam, self.map, self.slam.tracked[1:]
+        log, slam, line_map, tracked = self.log, self.slam, self.run.map, self.slam.tracked[1:]
         biases = slam.wheels.biases.tolist()
         return {
             "name": log.name,
@@ -205,7 +173,7 @@ class SolvedLog:
                 "scans_by_odometry_alone": sum(not scan.matched for scan in tracked),
                 "scans_with_a_weak_direction": sum(scan.weak for scan in tracked),
             },
-            "self_check": self.check.as_dict(),
+            "self_check": {"passed": self.check.passed, **self.check._asdict()},
             "milliseconds_a_scan": self.milliseconds,
         }
 
@@ -224,6 +192,7 @@ def solve_log(
     if not isinstance(log, LaserLog):
         carmen = str(log).lower().endswith(CARMEN_ENDINGS)
         log = load_log(log, poses="auto" if carmen else "odom")
+    log = of_one_laser(log)
     offset = log.odometry.laser_offset
     try:
         recording = _checked(log)
@@ -265,7 +234,7 @@ def solve_log(
 
 
 def _checked(log: LaserLog) -> Recording:
-    """A log in order that can be solved: its scans are all at the angles of the first."""
+    """A log in order, which is refused where no SLAM can solve it."""
     scans, wheels, times = log.scans, log.odometry.poses, log.odometry.times
     if len(scans) < 2 or not len(wheels):
         raise InputError(
@@ -278,12 +247,6 @@ def _checked(log: LaserLog) -> Recording:
     if np.abs(first).max() > 2.0 * np.pi:
         angle = first[np.abs(first).argmax()]
         raise InputError(f"a beam at {angle:g} rad; expected angles of at most a turn")
-    for number, scan in enumerate(scans):
-        if scan.angles.shape != first.shape or np.abs(scan.angles - first).max() > JITTER:
-            raise InputError(
-                f"scan {number} has {len(scan.ranges)} beams at other angles than the first;"
-                " expected scans of one laser range finder"
-            )
     finite = np.isfinite(wheels).all(axis=1) & np.isfinite(times)
     if not finite.all():
         line = int(np.flatnonzero(~finite)[0])
@@ -291,13 +254,9 @@ def _checked(log: LaserLog) -> Recording:
             f"odometry line {line} at {times[line]} s has the pose {wheels[line].tolist()};"
             " expected finite numbers"
         )
-    stamps = np.concatenate([times, log.times])
-    if np.abs(stamps).max() > LATEST:
-        raise InputError(f"a stamp of {stamps[np.abs(stamps).argmax()]:g} s; expected seconds")
     if doubt := doubtful_ranges(scans):
         raise InputError(doubt)
-    even = [scan if scan.angles is first else replace(scan, angles=first) for scan in scans]
-    return in_order(even, wheels, times, np.maximum(log.odometry.places, 0))
+    return in_order(scans, wheels, times, np.maximum(log.odometry.places, 0))
 
 
 def _right_handed(recording: Recording, path: WheelPath, offset: float) -> tuple[Recording, Float]:
@@ -322,30 +281,3 @@ def line_poses(path: WheelPath, places: Int, lag: float, scan_poses: Float) -> F
     # What is left between odometry and scans is spread by how far the robot moved and turned.
     steps = np.abs(between(wheels[:-1], wheels[1:])).sum(axis=1) + STILL
     return bent(wheels, known, scan_poses[::-1][last], np.concatenate([[0.0], np.cumsum(steps)]))
-
-
-def _snapshots(scans: Sequence[LaserScan], poses: Float, keys: list[int]) -> dict[int, LineMap]:
-    """The map as it grows with key scans, by the numbers of the scans after which it is kept."""
-    mapper, maps = LineMapper(), dict[int, LineMap]()
-    for index, number in enumerate(keys):
-        mapper.update(replace(scans[number], pose=Pose(*poses[number].tolist())))
-        if is_snapshot(index, len(keys)):
-            maps[number] = mapper.map
-    # The last map is that of all scans: those after the last key scan show nothing new.
-    maps[len(scans) - 1] = maps.pop(keys[-1])
-    return maps
-
-
-def range_finder_of(scans: Sequence[LaserScan]) -> tuple[LaserRangeFinder, Float]:
-    """The range finder that took scans (k,), and their ranges (k, beams) [m] in its order."""
-    first, ranges = scans[0], np.array([scan.ranges for scan in scans])
-    angles, farthest = first.angles, first.range_max
-    if angles[0] > angles[-1]:
-        # A laser that is mounted upside down turns clockwise; the range finder of a run does not.
-        angles, ranges = angles[::-1], ranges[:, ::-1]
-    if not np.isfinite(farthest):
-        # Some drivers give no limit: it is the usual one, or what was measured beyond it.
-        usual = LaserRangeFinder().range_max
-        farthest = float(ranges.max(initial=usual, where=np.isfinite(ranges)))
-    begin, end = float(angles[0]), float(angles[-1])
-    return LaserRangeFinder(begin, end, len(angles), first.range_min, farthest), ranges

@@ -8,8 +8,9 @@ from drives import SCANNER, drive, errors, followed, recorded, rooms, solved, th
 
 import lrf3d
 from lrf3d.errors import InputError
+from lrf3d.recorded import rising
 from lrf3d.slam.frames import between
-from lrf3d.slam.odometry import WheelPath, rising
+from lrf3d.slam.odometry import WheelPath
 from lrf3d.slam.violation import Key, views_of
 from lrf3d.slam.wheels import Wheels
 from lrf3d.solved_log import line_poses
