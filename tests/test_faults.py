@@ -144,7 +144,8 @@ def test_a_recorder_whose_disk_is_full_goes_on_where_it_says(tmp_path, monkeypat
             lrf3d.record(simulation(), path)
         assert "\n" not in str(caught.value) and set(contents(path.parent)) <= {"run.journal"}
         again = []
-        lrf3d.record(simulation(), path, resume=True, progress=lambda n, _: again.append(n))
+        note = functools.partial(lambda kept, done, _: kept.append(done), again)
+        lrf3d.record(simulation(), path, resume=True, progress=note)
         assert contents(path.parent) == whole
         # Scans of which the message says that they are kept are not made again.
         for text in getattr(caught.value, "__notes__", []):
