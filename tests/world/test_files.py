@@ -147,6 +147,13 @@ def test_reading_a_world_leaves_heavy_libraries_alone():
     assert out.stdout.strip() == "[]"
 
 
+TWINS = {
+    "segments": [[0, 0, 4, 0], [4, 0, 4, 3]],
+    "objects": [0, 1],
+    "materials": [Material("own", diffuse=0.1), Material("own", diffuse=0.2)],
+}
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -169,6 +176,9 @@ def test_reading_a_world_leaves_heavy_libraries_alone():
         ({"cameras": 2 * [FixedCamera("c", (0, 0, 1), (1, 1, 1))]}, "two of the name 'c'"),
         ({"materials": 5}, "materials: expected a list"),
         ({"materials": [5]}, "materials: expected str"),
+        ({"materials": ["glass", "brick"]}, "2 materials for 1 objects"),
+        ({"materials": ["glas"]}, r"there is no 'glas'; did you mean 'glass'\?"),
+        (TWINS, "two different materials of the name 'own'"),
         ({"name": 5}, "name: expected str"),
         ({"segments": [[0, 0, 1.1e9, 0]]}, "wall 0: ends .*at most 1e"),
         ({"segments": [[0, 0, 0, 0]]}, "wall 0: ends .* two different points"),

@@ -163,31 +163,6 @@ def test_an_outline_that_crosses_itself_is_mended(tmp_path):
     assert len(world.segments) == 6
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("", "not JSON: .*line 1"),
-        ('{"type": "Feature",\n oops}', "not JSON: .*line 2 column 2"),
-        ("[1, 2]", "expected a GeoJSON object, found a JSON list"),
-        ('{"type": "CityJSON"}', "cjio"),
-        ('{"type": "FeatureCollection"}', "without a list of features"),
-        ('{"type": "FeatureCollection", "features": []}', "holds no Polygon and no LineString"),
-        ('{"type": "FeatureCollection", "features": [3]}', "feature 0: expected a Feature"),
-        ('{"type": "LineString", "coordinates": [[1, 2], [1, 2]]}', "feature 0: LineString of no"),
-        ('{"type": "LineString", "coordinates": [[1, 2], ["a", 2]]}', "feature 0: LineString"),
-        ('{"type": "LineString", "coordinates": [[1, 2], [1e999, 2]]}', "feature 0: .*at most 1e"),
-        ('{"type": "MultiPolygon", "coordinates": [[]]}', "holds no Polygon"),
-        ('{"type": "Polygon", "coordinates": [[[1, 2], [3, 4], [1, 2]]]}', "feature 0: Polygon"),
-    ],
-)
-def test_a_broken_file_gets_one_line(text, message, tmp_path):
-    (tmp_path / "t.geojson").write_text(text)
-    with pytest.raises(WorldError, match=message) as caught:
-        load_world(tmp_path / "t.geojson")
-    assert "\n" not in str(caught.value)
-    assert "t.geojson" in str(caught.value)
-
-
 @pytest.mark.parametrize("height", ["tall", -3, [1, "x"], True, [], 10**400])
 def test_a_height_that_is_none_is_refused_with_its_feature(height, tmp_path):
     good = polygon(rectangle(0, 0, 5, 5))

@@ -33,24 +33,6 @@ def test_an_invalid_material_is_refused(values, message):
         Material("own", **values)
 
 
-@pytest.mark.parametrize(
-    ("materials", "message"),
-    [
-        (["glass", "brick"], "2 materials for 1 objects"),
-        (["glas"], "there is no 'glas'; did you mean 'glass'?"),
-    ],
-)
-def test_materials_that_do_not_fit_the_world_are_refused(materials, message):
-    with pytest.raises(WorldError, match=message.replace("?", r"\?")):
-        World(WALLS, materials=materials)
-
-
-def test_two_materials_of_one_name_are_refused():
-    two = [Material("own", diffuse=0.1), Material("own", diffuse=0.2)]
-    with pytest.raises(WorldError, match="two different materials of the name 'own'"):
-        World(WALLS, objects=[0, 1], materials=two)
-
-
 def test_objects_without_materials_are_a_world_without_materials():
     assert World(WALLS, materials=[None]).materials == ()
 

@@ -6,7 +6,6 @@ from hypothesis import strategies as st
 
 from lrf3d.errors import WorldError
 from lrf3d.world import Material, World, load_world, save_world
-from lrf3d.world.mesh import extrude, glb_bytes
 
 FAR = np.array([85_000.0, 447_500.0])
 
@@ -58,7 +57,7 @@ def test_a_world_comes_back_from_a_glb_as_float32_has_it(
     @settings(max_examples=25, deadline=None)
     @given(towns())
     def check(world):
-        path.write_bytes(glb_bytes(world))
+        save_world(world, path)
         back = load_world(path)
         assert ordered(back.segments) == pytest.approx(ordered(world.segments), abs=1.1e-3)
         for number in range(world.object_count):
@@ -118,25 +117,3 @@ def test_pieces_of_one_wall_are_merged_and_parallel_ones_stay_apart(tmp_path):
     back = load_world(tmp_path / "pieces.glb")
     whole = [[0, 0, 2, 0], [3, 0, 4, 0], [0, 0.1, 4, 0.1], [4, 0.1, 4, 3]]
     assert ordered(back.segments) == pytest.approx(ordered(np.array(whole)), abs=1e-6)
-
-
-FAR_WALLS = World(
-    [
-        [85000, 447500, 85010, 447500],
-        [85010, 447500, 85010, 447508],
-        [85003, 447520, 85001, 447522],
-    ],
-    heights=[4.0, 9.0, 2.5],
-)
-
-
-def test_wall_i_is_the_triangles_2i_and_2i_plus_1():
-    mesh = extrude(FAR_WALLS)
-    assert len(mesh.faces) == 2 * len(FAR_WALLS.segments)
-    for wall, (segment, height) in enumerate(
-        zip(FAR_WALLS.segments, FAR_WALLS.heights, strict=True)
-    ):
-        corners = mesh.triangles[2 * wall : 2 * wall + 2].reshape(-1, 3)
-        ends = segment.reshape(2, 2) - FAR_WALLS.origin
-        expected = {(*end, z) for end in map(tuple, ends) for z in (0.0, height)}
-        assert {tuple(corner) for corner in corners} == expected

@@ -11,6 +11,12 @@ points = [[0, 0], [4, 0], [4, 3]]
 closed = true
 """
 
+ROUND_AND_SQUARE = """\
+[[obstacle]]
+route = [[5, 4], [9, 4]]
+radius = 0.3
+points = [[0, 0], [1, 0], [1, 1]]
+"""
 
 GATE = """\
 [[camera]]
@@ -73,6 +79,14 @@ def test_an_object_may_be_made_of_several_lines(tmp_path):
         ("[noise]\nsigma = [0.1, -1]\n", "noise.sigma[1]: expected a finite"),
         ("[noise]\nsigma = []\n", "noise.sigma: expected a list of at least 1 sigmas"),
         ("[mapper]\nmode = 'x'\n", "mapper.mode: expected one of paper, robust"),
+        (
+            "[noise]\ndrop_outs = 1.5\n",
+            "noise.drop_outs: expected a finite number of at least 0 and",
+        ),
+        ("[obstacle]\nradius = 1\n", "obstacle: expected tables [[obstacle]]"),
+        ("[[obstacle]]\nradius = 1\n", "obstacle[0]: expected a route"),
+        ("[[obstacle]]\nroute = [[5, 4]]\n", "obstacle[0].route: expected a list of at least 2"),
+        (ROUND_AND_SQUARE, "obstacle[0]: expected a radius or points, found both"),
         ("[camera]\nview = 'x'\n", "camera: expected tables [[camera]]"),
         ("[[camera]]\nname = 'x'\n", "camera[0]: expected a position"),
         (GATE.replace("2, 3]", "2]"), "camera[0]: camera 'gate': position is [1, 2], expected x"),
