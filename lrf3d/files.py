@@ -8,7 +8,6 @@ next to the package in a checkout, and inside it in a wheel.
 import os
 import shutil
 import stat
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -167,13 +166,6 @@ def unfinished_folder(path: str | Path) -> Iterator[Path]:
         yield folder
     finally:
         shutil.rmtree(folder, ignore_errors=True)
-
-
-@contextmanager
-def scratch_folder() -> Iterator[Path]:
-    """Make a folder among the system's temporary files; it is removed afterwards."""
-    with tempfile.TemporaryDirectory(prefix="lrf3d-", ignore_cleanup_errors=True) as folder:
-        yield Path(folder)
 
 
 def write_text(path: str | Path, text: str) -> None:

@@ -127,17 +127,12 @@ def _chain_arcs(
     if not (np.isfinite(v).all() and np.isfinite(omega).all()):
         raise InputError("drive: v and omega must be finite numbers")
     starts = np.concatenate([[0.0], np.cumsum(durations)])
-    knots = _knots(start, v, omega, durations)
-    times = _sample_times(float(starts[-1]), dt)
-    piece = np.clip(np.searchsorted(starts, times, side="right") - 1, 0, len(v) - 1)
-    poses = arcs(knots[piece], v[piece], omega[piece], times - starts[piece])
-    return Trajectory(times, poses)
-
-
-def _knots(start: Float, v: Float, omega: Float, durations: Float) -> Float:
-    """Poses (k + 1, 3) between the pieces: sums of the turns, then of the chords."""
     headings = start[2] + np.concatenate([[0.0], np.cumsum(omega * durations)])
     turned = np.column_stack([np.zeros((len(v), 2)), headings[:-1]])
     steps = arcs(turned, v, omega, durations)[:, :2]
     positions = start[:2] + np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
-    return np.column_stack([positions, headings])
+    # The poses between the pieces.
+    knots = np.column_stack([positions, headings])
+    times = _sample_times(float(starts[-1]), dt)
+    piece = np.clip(np.searchsorted(starts, times, side="right") - 1, 0, len(v) - 1)
+    return Trajectory(times, arcs(knots[piece], v[piece], omega[piece], times - starts[piece]))
