@@ -120,10 +120,7 @@ _BLOCK = f"0\nBLOCK\n8\n0\n2\nA\n70\n0\n10\n0\n20\n0\n3\nA\n{_INSERT}0\nENDBLK\n
 REFUSED: dict[str, tuple[str | bytes, str]] = {
     "deep.toml": ("x = " + "[" * 100_000, "not TOML|nested too deeply"),
     "digits.toml": (f"x = [{'9' * 5000}]", "not TOML: .*4300 digits"),
-    "nan.toml": (TOML.replace("4, 0", "nan, 0"), "finite number"),
     "deep.geojson": ('{"a":' * 100_000, "nested too deeply"),
-    "nan.geojson": (json.dumps(GEOJSON).replace("9, 0", "NaN, 0"), "feature 0: .*invalid"),
-    "far.geojson": (json.dumps(GEOJSON).replace("9, 0", "1e300, 0"), "feature 0: .*at most"),
     "cameras.geojson": (json.dumps({**GEOJSON, "cameras": None}), "cameras: expected a list"),
     "esri.geojson": ('{"rings": [[[0, 0], [9, 0], [9, 9]]]}', "feature 0: unknown geometry"),
     "nothing.geojson": ("", "not JSON: .*line 1"),

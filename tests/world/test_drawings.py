@@ -1,7 +1,6 @@
 """Worlds from DXF and SVG drawings, and the objects that their walls are."""
 
 from itertools import pairwise
-from pathlib import Path
 
 import ezdxf
 import numpy as np
@@ -14,17 +13,13 @@ from lrf3d.world import World, load_world
 from lrf3d.world.pieces import CURVE_ERROR, connected, joined_objects, without_repeats
 
 
-def svg(
-    folder: Path,
-    body: str,
-    head: str = 'width="1000mm" height="1000mm" viewBox="0 0 10 10"',
-):
+def svg(folder, body, head='width="1000mm" height="1000mm" viewBox="0 0 10 10"'):
     path = folder / "a.svg"
     path.write_text(f'<svg xmlns="http://www.w3.org/2000/svg" {head}>{body}</svg>')
     return load_world(path)
 
 
-def dxf(folder: Path, draw, unit: int = units.M) -> World:
+def dxf(folder, draw, unit=units.M):
     drawing = ezdxf.new()
     drawing.header["$INSUNITS"] = unit
     draw(drawing.modelspace())
@@ -36,23 +31,17 @@ def dxf(folder: Path, draw, unit: int = units.M) -> World:
     ("unit", "metres"),
     [(0, 1.0), (1, 0.0254), (2, 0.3048), (4, 0.001), (5, 0.01), (6, 1.0), (7, 1000.0)],
 )
-def test_the_unit_of_a_dxf_drawing_is_honoured(unit: int, metres: float, tmp_path: Path) -> None:
+def test_the_unit_of_a_dxf_drawing_is_honoured(unit, metres, tmp_path):
     world = dxf(tmp_path, lambda space: space.add_line((0, 0), (10, 20)), unit)
     assert world.segments == pytest.approx(np.array([[0, 0, 10, 20]]) * metres)
 
 
 @pytest.mark.parametrize(
     ("length", "metres"),
-    [
-        ("300mm", 0.3),
-        ("30cm", 0.3),
-        ("10in", 0.254),
-        ("96px", 0.0254),
-        ("96", 0.0254),
-        ("72pt", 0.0254),
-    ],
-)
-def test_the_unit_of_an_svg_drawing_is_honoured(length: str, metres: float, tmp_path: Path) -> None:
+    [("300mm", 0.3), ("30cm", 0.3), ("10in", 0.254), ("96px", 0.0254), ("96", 0.0254),
+     ("72pt", 0.0254)],
+)  # fmt: skip
+def test_the_unit_of_an_svg_drawing_is_honoured(length, metres, tmp_path):
     line = '<line x1="0" y1="50" x2="100" y2="50"/>'
     head = f'width="{length}" height="{length}" viewBox="0 0 100 100"'
     world = svg(tmp_path, line, head)
@@ -60,8 +49,8 @@ def test_the_unit_of_an_svg_drawing_is_honoured(length: str, metres: float, tmp_
 
 
 def test_transforms_uses_and_the_view_box_are_followed_and_y_points_up(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     body = (
         '<defs><rect id="r" width="1" height="2"/></defs>'
         '<use href="#r" x="3"/><g transform="translate(5 5) rotate(90)"><path d="M0 0h2"/></g>'
@@ -78,77 +67,53 @@ def test_transforms_uses_and_the_view_box_are_followed_and_y_points_up(
     [
         # Shapes that are turned, alone, in a group or by a use.
         ('<rect transform="rotate(90)" width="2" height="1"/>', (-1, 0), (0, 2)),
-        (
-            '<g transform="translate(5 5) rotate(180)"><rect width="2" height="1"/></g>',
-            (3, 4),
-            (5, 5),
-        ),
+        ('<g transform="translate(5 5) rotate(180)"><rect width="2" height="1"/></g>',
+         (3, 4), (5, 5)),
         ('<ellipse transform="rotate(90)" rx="2" ry="1"/>', (-1, -2), (1, 2)),
-        (
-            '<defs><rect id="r" width="2" height="1"/></defs>'
-            '<use href="#r" transform="rotate(90)"/>',
-            (-1, 0),
-            (0, 2),
-        ),
+        ('<defs><rect id="r" width="2" height="1"/></defs><use href="#r" transform="rotate(90)"/>',
+         (-1, 0), (0, 2)),
         # Viewports within the drawing have a frame of their own.
-        (
-            '<svg x="1" y="1" width="5" height="2" viewBox="10 0 10 4">'
-            '<path d="M10 0h10v4"/></svg>',
-            (1, 1),
-            (6, 3),
-        ),
+        ('<svg x="1" y="1" width="5" height="2" viewBox="10 0 10 4"><path d="M10 0h10v4"/></svg>',
+         (1, 1), (6, 3)),
         ('<svg x="1" y="2"><path d="M0 0h3v4"/></svg>', (1, 2), (4, 6)),
-        (
-            '<symbol id="s"><path d="M0 0h4v4"/></symbol><use href="#s" x="1" y="2"/>',
-            (1, 2),
-            (5, 6),
-        ),
+        ('<symbol id="s"><path d="M0 0h4v4"/></symbol><use href="#s" x="1" y="2"/>',
+         (1, 2), (5, 6)),
         # What clips, masks, fills and marks is no outline.
-        (
-            '<clipPath id="c"><path d="M0 0h9v9"/></clipPath><mask><path d="M0 0h9v9"/></mask>'
-            '<pattern><path d="M0 0h9v9"/></pattern><marker><path d="M0 0h9v9"/></marker>'
-            '<rect clip-path="url(#c)" width="3" height="2"/>',
-            (0, 0),
-            (3, 2),
-        ),
+        ('<clipPath id="c"><path d="M0 0h9v9"/></clipPath><mask><path d="M0 0h9v9"/></mask>'
+         '<pattern><path d="M0 0h9v9"/></pattern><marker><path d="M0 0h9v9"/></marker>'
+         '<rect clip-path="url(#c)" width="3" height="2"/>', (0, 0), (3, 2)),
     ],
-)
-def test_an_svg_drawing_is_read_as_browsers_draw_it(body, low, high, tmp_path: Path) -> None:
+)  # fmt: skip
+def test_an_svg_drawing_is_read_as_browsers_draw_it(body, low, high, tmp_path):
     world = svg(tmp_path, body, 'width="10m" height="10m" viewBox="0 0 10 10"')
     drawn = np.array([[low[0], 10 - high[1]], [high[0], 10 - low[1]]])
     assert world.bounds == pytest.approx(drawn, abs=0.01)
 
 
-def test_a_symbol_that_would_have_to_be_fitted_is_refused(tmp_path: Path) -> None:
+def test_a_symbol_that_would_have_to_be_fitted_is_refused(tmp_path):
     body = '<symbol id="s" viewBox="0 0 4 4"><path d="M0 0h4v4"/></symbol><use href="#s"/>'
     with pytest.raises(WorldError, match="uses '#s', a symbol with a viewBox; draw it"):
         svg(tmp_path, body)
 
 
-def test_a_sheet_without_a_height_keeps_its_proportions(tmp_path: Path) -> None:
+def test_a_sheet_without_a_height_keeps_its_proportions(tmp_path):
     world = svg(tmp_path, '<rect width="10" height="20"/>', 'width="1in" viewBox="0 0 10 20"')
     assert world.bounds == pytest.approx(np.array([[0, 0], [0.0254, 0.0508]]))
 
 
 CURVES = {
-    "circle": (
-        '<circle cx="5" cy="5" r="4"/>',
-        shapely.Point(5, 5).buffer(4, 2000).exterior,
-    ),
-    "cubic": (
-        '<path d="M0 0C5 20 8 -20 10 10"/>',
-        [[(0, 0), (5, 20), (8, -20), (10, 10)]],
-    ),
-    "quadratic": ('<path d="M0 0Q5 20 10 0"/>', [[(0, 0), (5, 20), (10, 0)]]),
+    "circle": ('<circle cx="5" cy="5" r="4"/>', shapely.Point(5, 5).buffer(4, 2000).exterior),
+    "cubic": ('<path d="M0 0C5 20 8 -20 10 10"/>', [(0, 0), (5, 20), (8, -20), (10, 10)]),
+    "quadratic": ('<path d="M0 0Q5 20 10 0"/>', [(0, 0), (5, 20), (10, 0)]),
 }
 
 
 @pytest.mark.parametrize("name", CURVES)
-def test_curves_of_an_svg_drawing_are_chords_within_the_stated_error(name, tmp_path: Path) -> None:
+def test_curves_of_an_svg_drawing_are_chords_within_the_stated_error(name, tmp_path):
     body, curve = CURVES[name]
     if isinstance(curve, list):
         share = np.linspace(0.0, 1.0, 5001)[:, None]
-        points = [np.broadcast_to(point, (5001, 2)) for point in np.array(curve[0], dtype=float)]
+        points = [np.array([point], dtype=float) for point in curve]
         while len(points) > 1:
             points = [a + share * (b - a) for a, b in pairwise(points)]
         curve = shapely.LineString(points[0])
@@ -161,7 +126,7 @@ def test_curves_of_an_svg_drawing_are_chords_within_the_stated_error(name, tmp_p
     assert len(world.segments) < 4000
 
 
-def test_curves_blocks_and_layers_of_a_dxf_drawing(tmp_path: Path) -> None:
+def test_curves_blocks_and_layers_of_a_dxf_drawing(tmp_path):
     def draw(space):
         space.add_circle((0, 0), 3)
         space.add_arc((20, 0), 3, 0, 90)
@@ -180,13 +145,13 @@ def test_curves_blocks_and_layers_of_a_dxf_drawing(tmp_path: Path) -> None:
     assert 3.0 - radii[radii < 4].min() <= CURVE_ERROR
 
 
-def test_the_lines_of_a_multiline_are_walls(tmp_path: Path) -> None:
+def test_the_lines_of_a_multiline_are_walls(tmp_path):
     world = dxf(tmp_path, lambda space: space.add_mline([(0, 0), (10, 0), (10, 5)]))
     assert len(world.segments) == 4
     assert world.bounds == pytest.approx(np.array([[0, -1], [11, 5]]))
 
 
-def test_lines_drawn_twice_count_once() -> None:
+def test_lines_drawn_twice_count_once():
     segments = np.array([[0, 0, 1, 1], [1, 1, 0, 0], [0, 0, 1, 1], [0, 0, 0, 1]], dtype=float)
     assert without_repeats(segments).tolist() == [[0, 0, 1, 1], [0, 0, 0, 1]]
 
