@@ -9,13 +9,14 @@ import typer
 
 from lrf3d.cli import options
 from lrf3d.cli.console import Report
+from lrf3d.progress import Progress
 from lrf3d.text import counted
 
 if TYPE_CHECKING:
     from lrf3d.io import LaserLog
+    from lrf3d.recorded import SolvedLog
     from lrf3d.run import Run
-    from lrf3d.scoring import TrajectoryScore
-    from lrf3d.solved_log import SolvedLog
+
 
 LogArgument = Annotated[Path, typer.Argument(metavar="LOG")]
 
@@ -56,35 +57,27 @@ def map_(
     from lrf3d.recorded import map_log
     from lrf3d.scoring import score_log
 
-    stamps: list[float] = []
+    settings: dict[str, Any] = {"mode": mode or "robust", "sigma": sigma}
     with report.progress("scans") as progress:
-
-        def stamped(done: int, count: int) -> None:
-            stamps.append(perf_counter())
-            progress(done, count)
-
-        run = map_log(
-            drive, mode=mode or "robust", sigma=sigma, all_scans=all_scans, progress=stamped
-        )
-    # The first scan, at which the mapper is compiled, is not counted.
-    milliseconds = 1e3 * (stamps[-1] - stamps[0]) / max(len(stamps) - 1, 1)
+        progress, milliseconds = _timed(progress)
+        run = map_log(drive, **settings, all_scans=all_scans, progress=progress)
     score = score_log(run.map, [] if all_scans else drive.scans[1::2])
     bad = [{line.kind: line.number, "reason": line.reason} for line in drive.bad_lines]
     summary = {
         "name": drive.name,
-        "mode": mode or "robust",
+        "mode": settings["mode"],
         "sigma_m": sigma,
         "log": {**drive.counts, "poses": drive.source, "first_bad_lines": bad},
         "map": {"segments": len(run.map), "objects": run.map.object_count},
         "score": score.as_dict(),
-        "milliseconds_a_scan": milliseconds,
+        "milliseconds_a_scan": milliseconds(),
     }
     rows = [*_log_rows(drive), ("poses", drive.source)]
     rows.append(("map", f"{run.map.counts}, {score.length:.0f} m long"))
     if score.returns:
         share = f"{100.0 * score.explained:.1f} % of the {score.returns:,} returns of the odd scans"
         rows.append(("explains", f"{share}, which it was not built from"))
-    rows.append(("time", f"{milliseconds:.2f} ms a scan"))
+    rows.append(("time", f"{milliseconds():.2f} ms a scan"))
     _finish(
         context, report, log, out, run, range(len(run)), summary, rows, "run {}/map.geojson", {}
     )
@@ -121,26 +114,38 @@ def slam(
     from lrf3d.cli.console import warn
     from lrf3d.io import save_run
     from lrf3d.io.trajectory_files import load_relations, save_tum
+    from lrf3d.recorded import solve_log
     from lrf3d.scoring import score_trajectory
-    from lrf3d.solved_log import solve_log
 
     known = None if relations is None else load_relations(relations)
     chosen = {} if key_distance is None else {"key_distance": key_distance}
     with report.progress("scans") as progress:
+        progress, milliseconds = _timed(progress)
         solved = solve_log(drive, progress=progress, **chosen)
-    score = None if known is None else score_trajectory(solved.line_poses, known)
+    score = None if known is None else score_trajectory(solved.line_poses, known).as_dict()
     for sentence in solved.warnings:
         warn(sentence)
     run, times = solved.run, drive.odometry.times
+    summary = {**solved.summary(), "score": score, "milliseconds_a_scan": milliseconds()}
     _finish(
         context, report, log, out, run, solved.slam.key_scans.tolist(),
-        {**solved.summary(), "score": None if score is None else score.as_dict()},
-        _slam_rows(solved, score), "view {}",
+        summary, _slam_rows(solved, summary), "view {}",
         {
             "run.npz": lambda path: save_run(run, path),
             "trajectory.tum": lambda path: save_tum(times, solved.line_poses, path),
         },
     )  # fmt: skip
+
+
+def _timed(progress: "Progress") -> "tuple[Progress, Callable[[], float]]":
+    """Progress that is timed, and the mean time of a scan [ms] after the first, which compiles."""
+    stamps: list[float] = []
+
+    def note(done: int, count: int) -> None:
+        stamps.append(perf_counter())
+        progress(done, count)
+
+    return note, lambda: 1e3 * (stamps[-1] - stamps[0]) / max(len(stamps) - 1, 1)
 
 
 def _finish(
@@ -200,9 +205,8 @@ def _log_rows(log: "LaserLog", poses: str = "") -> list[tuple[str, str]]:
     return rows
 
 
-def _slam_rows(solved: "SolvedLog", score: "TrajectoryScore | None") -> list[tuple[str, str]]:
+def _slam_rows(solved: "SolvedLog", summary: dict[str, Any]) -> list[tuple[str, str]]:
     """What most users ask of a solved log, as a table."""
-    summary = solved.summary()
     poses = counted(summary["log"]["odometry_lines"], "pose")
     rows = _log_rows(solved.log, f", {poses} by odometry")
     rows += [("", sentence) for sentence in solved.repairs.sentences()]
@@ -212,8 +216,8 @@ def _slam_rows(solved: "SolvedLog", score: "TrajectoryScore | None") -> list[tup
         rows.append(("", f"{counted(lost, 'scan')} matched nothing: placed by odometry"))
     rows.append(("map", solved.run.map.counts))
     rows += [("check", sentence) for sentence in solved.check.sentences()]
-    if score is not None:
-        text = f"{score.translation_mean:.4f} ± {score.translation_std:.4f} m,"
-        text += f" {score.rotation_mean:.2f} ± {score.rotation_std:.2f}° over {score.relations}"
-        rows.append(("relations", text))
+    if score := summary["score"]:
+        text = "{translation_mean:.4f} ± {translation_std:.4f} m, {rotation_mean:.2f} ±"
+        text += " {rotation_std:.2f}° over {relations}"
+        rows.append(("relations", text.format(**score)))
     return [*rows, ("time", f"{summary['milliseconds_a_scan']:.2f} ms a scan")]
