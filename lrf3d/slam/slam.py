@@ -197,7 +197,8 @@ class Slam:
         """The edge from the key scan of the last anchor to the last scan."""
         last, tracked = self._anchors[-1], self._tracked[-1]
         relative = self._since_key()
-        covariance = sum((scan.covariance for scan in self._since_anchor()), last.covariance)
+        since = (scan.covariance for scan in self._tracked[last.scan + 1 :])
+        covariance = sum(since, last.covariance)
         # The information is along the axes of the new pose; the edge's is along the old one's.
         turn = float(relative[2])
         wheels = turned(np.diag(1.0 / covariance.diagonal()), turn)
@@ -206,13 +207,9 @@ class Slam:
         never = np.array([False])
         return Edges(first, second, relative[None], information[None], never, wheels[None])
 
-    def _since_anchor(self) -> list[Tracked]:
-        """The scans after the last anchor."""
-        return self._tracked[self._anchors[-1].scan + 1 :]
-
     def _lost(self) -> int:
-        """How many of these match nothing."""
-        return sum(not scan.matched for scan in self._since_anchor())
+        """How many scans after the last anchor match nothing."""
+        return sum(not scan.matched for scan in self._tracked[self._anchors[-1].scan + 1 :])
 
     def _since_key(self) -> Float:
         """Pose (3,) of the last scan as seen from the key scan of the last anchor."""
@@ -222,13 +219,13 @@ class Slam:
     @property
     def _robot(self) -> Float:
         """Pose (3,) of the robot since the start, at the last scan."""
+        if not self._anchors:
+            return np.zeros(3)
         return compose(self._key_poses[self._anchors[-1].key], self._since_key())
 
     @property
     def pose(self) -> Pose:
         """Estimated pose of the robot at the last scan; the start before the first."""
-        if not self._tracked:
-            return Pose(*self._start.tolist())
         return Pose(*compose(self._start, self._robot).tolist())
 
     def covariance(self) -> Float:

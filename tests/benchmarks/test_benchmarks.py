@@ -113,12 +113,12 @@ def test_what_a_mirror_shows_is_an_image():
 
 @pytest.mark.slow
 def test_glass_of_the_city_is_found_from_few_random_poses_and_no_image_is_mapped():
-    rows = [found_glass(load_world("city"), seed, ROUND, 40, 0.1) for seed in (0, 1)]
-    seen = sum(row["seen"] for row in rows)
-    assert sum(row["seen"] * row["found_share"] for row in rows) > 0.25 * seen
-    # Where nothing is marked there is no share of it.
-    assert all(row["right_share"] > 0.9 or not row["marked"] for row in rows)
-    assert all(row["images"] == 0 for row in rows)
+    rows = [found_glass(load_world("city"), seed, ROUND, 40, 0.1) for seed in range(6)]
+    assert sum(row["seen"] * row["found_share"] for row in rows) > 0.4 * sum(
+        row["seen"] for row in rows
+    )
+    assert all(row["found_share"] > 0.25 and row["right_share"] > 0.9 for row in rows)
+    assert all(row["images"] == 0 and row["segments"] > 50 for row in rows)
 
 
 def drives_of(scale, false=0):

@@ -202,14 +202,8 @@ def test_a_command_that_is_stopped_leaves_nothing(tmp_path, name, number):
     out.mkdir()
     temporary.mkdir()
     command = [sys.executable, "-m", "lrf3d", "render", str(run), "--out", str(out / name)]
-    command += [
-        "--size",
-        "64x64",
-        "--fps",
-        "50" if name == "a.gif" else "500",
-        "--playback",
-        "0.01",
-    ]
+    fps = "50" if name == "a.gif" else "500"
+    command += ["--size", "64x64", "--fps", fps, "--playback", "0.01"]
     environment = {**os.environ, "TMPDIR": str(temporary)}
     with subprocess.Popen(
         command, stderr=subprocess.PIPE, env=environment, start_new_session=True
@@ -251,6 +245,9 @@ def named(command_line, folder):
         (1.0, {"playback": "slow"}),
         (1.0, {"goal": (1.0, 2.0)}),
         (1.0, {"view": ["chase"]}),
+        (1.0, {"view": "behind"}),
+        (1.0, {"samples": 3}),
+        (1.0, {"size": (0, 100)}),
         ("now", {}),
         (math.nan, {}),
     ],

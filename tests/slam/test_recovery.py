@@ -41,7 +41,7 @@ def test_glass_in_a_corridor_is_not_taken_for_a_robot_that_drives_backwards():
 
 def test_around_a_block_of_corridors_the_wheels_are_learned_on_the_way(monkeypatch):
     """The first corridors show nothing along them, and a loop closes at any scale."""
-    monkeypatch.setattr("lrf3d.solved_log.CALIBRATED", 100)
+    monkeypatch.setattr("lrf3d.recorded.CALIBRATED", 100)
     rng = np.random.default_rng(4)
     bare = [[0, 0, 30, 0], [30, 0, 30, 20], [30, 20, 0, 20], [0, 20, 0, 0]]
     block = [[2.4, 2.4, 27.6, 2.4], [27.6, 2.4, 27.6, 17.6], [27.6, 17.6, 2.4, 17.6]]
