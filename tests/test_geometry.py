@@ -117,7 +117,7 @@ def test_finite_numbers_are_finite():
 def test_numbers_are_those_within_their_limits():
     assert number(0, "height") == 0.0 and number(5.0, "height", most=5.0) == 5.0
     for wrong in (-0.5, 0.0, 5.5, np.nan, np.inf, "3", None):
-        with pytest.raises(InputError, match="height .* of metres, above 0 and at most 5"):
+        with pytest.raises(InputError, match=r"height .* of metres, above 0 and at most 5"):
             number(wrong, "height", "metres", positive=True, most=5.0)
 
 
