@@ -28,7 +28,7 @@ from lrf3d.scoring import buildings_seen, score_run
 from lrf3d.scoring.visibility import visible_walls
 from lrf3d.sweeping.plan import SEEDS, USUAL, Plan, PlannedRun, Row, SettingValue, make_plan
 from lrf3d.sweeping.table import SweepTable
-from lrf3d.world.touching import joined_objects
+from lrf3d.world.pieces import joined_objects
 
 ROWS = "sweep{}.jsonl"
 """Name of a file of rows, with the number of the job that writes it."""

@@ -13,8 +13,7 @@ from lrf3d.errors import WorldError
 from lrf3d.geometry import Float, Int
 from lrf3d.world.features import Feature
 from lrf3d.world.model import DEFAULT_HEIGHT, World
-from lrf3d.world.pieces import Part, from_corner, walls, world_of_parts
-from lrf3d.world.touching import groups
+from lrf3d.world.pieces import Part, from_corner, groups, walls, world_of_parts
 
 DEFAULT_BUILDING_HEIGHT = 8.0
 """Default height of a building [m]: two storeys and a roof."""

@@ -99,7 +99,7 @@ def _is_map(data: dict[str, Any]) -> bool:
 
 
 def _parse(path: Path) -> dict[str, Any]:
-    text = read_text(path, what="a world file", error=WorldError)
+    text = read_text(path)
     try:
         data = json.loads(text, object_pairs_hook=_unique)
     except RecursionError:

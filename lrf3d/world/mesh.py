@@ -15,22 +15,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from lrf3d.errors import WorldError, shown
-from lrf3d.files import check_ordinary, own_name, replacing
+from lrf3d.files import own_name, replacing
 from lrf3d.geometry import LARGEST_COORDINATE, Float, Int
-from lrf3d.world.drawing import without_repeats
 from lrf3d.world.materials import Material, material_of, material_value
 from lrf3d.world.model import World
-from lrf3d.world.pieces import from_corner, walls
-from lrf3d.world.touching import connected
+from lrf3d.world.pieces import connected, from_corner, walls, without_repeats
 
 if TYPE_CHECKING:
     import trimesh
 
 CUT = 0.5
 """Height [m] at which a mesh is cut: the default height of the laser."""
-
-LARGEST_MESH = 1 << 27
-"""Largest size of a mesh [bytes]."""
 
 FLAT = 1e-6
 """Tolerance for collinear cuts, relative to the extent: the resolution of float32."""
@@ -92,7 +87,6 @@ def _parts(path: Path) -> list[_Part]:
     """The parts of a scene."""
     import trimesh
 
-    check_ordinary(path, what="a world file", largest=LARGEST_MESH, error=WorldError)
     # Of other options only materials of .obj files would read more files than this one.
     options: dict[str, Any] = {"skip_materials": True} if path.suffix.lower() == ".obj" else {}
     scene = trimesh.load_scene(path, process=False, **options)

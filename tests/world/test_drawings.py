@@ -1,4 +1,4 @@
-"""Worlds from DXF and SVG drawings."""
+"""Worlds from DXF and SVG drawings, and the objects that their walls are."""
 
 from itertools import pairwise
 
@@ -9,8 +9,8 @@ import shapely
 from ezdxf import units
 
 from lrf3d.errors import WorldError
-from lrf3d.world import load_world
-from lrf3d.world.drawing import CURVE_ERROR, without_repeats
+from lrf3d.world import World, load_world
+from lrf3d.world.pieces import CURVE_ERROR, connected, joined_objects, without_repeats
 
 
 def svg(folder, body, head='width="1000mm" height="1000mm" viewBox="0 0 10 10"'):
@@ -154,3 +154,15 @@ def test_the_lines_of_a_multiline_are_walls(tmp_path):
 def test_lines_drawn_twice_count_once():
     segments = np.array([[0, 0, 1, 1], [1, 1, 0, 0], [0, 0, 1, 1], [0, 0, 0, 1]], dtype=float)
     assert without_repeats(segments).tolist() == [[0, 0, 1, 1], [0, 0, 0, 1]]
+
+
+def test_walls_that_touch_are_one_object_also_far_from_the_origin():
+    segments = np.array([[0, 0, 4, 0], [2, 0, 2, 3], [2, 3.1, 2, 5], [9, 9, 8, 9]]) + 1e6
+    assert connected(segments).tolist() == [0, 0, 1, 2]
+
+
+def test_objects_that_touch_count_as_one_by_their_lowest_number():
+    # 3 and 1 touch; 2 lies apart, in two pieces of which one touches nothing; 4 touches 2.
+    segments = [[0, 0, 4, 0], [2, 0, 2, 3], [9, 9, 8, 9], [20, 0, 21, 0], [8, 9, 8, 5]]
+    world = World(segments, objects=[3, 1, 2, 2, 4])
+    assert joined_objects(world).tolist() == [1, 1, 2, 2, 2]
