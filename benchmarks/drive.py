@@ -19,7 +19,7 @@ import typer
 from benchmarks.report import Figure, Report, scatter
 from benchmarks.timing import timed
 from lrf3d.geometry import Float
-from lrf3d.robot.driving import drive
+from lrf3d.robot.unicycle import drive
 
 HOUR = 3600.0
 """How long is driven [s]."""

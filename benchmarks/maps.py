@@ -25,6 +25,7 @@ from lrf3d.scenario import Scenario, load_scenario
 from lrf3d.scoring import score_run
 from lrf3d.scoring.matching import sample_offsets
 from lrf3d.simulation import collect
+from lrf3d.world import Material
 
 CITY = load_scenario("city")
 
@@ -226,10 +227,11 @@ def shown(
 
 def savings(report: Report, scans: int) -> None:
     """Pieces of work that mapping skips, each timed with it skipped and with it done."""
-    caster, rng = PlanarCaster(CITY.world), np.random.default_rng(0)
-    noise = ProportionalNoise(SIGMA)
-    seen = [noise(caster.cast(CITY.lrf, p), rng) for p in CITY.trajectory().poses[:scans]]
-    lit = [replace(scan, intensities=np.where(np.isfinite(scan.ranges), 0.5, 0.0)) for scan in seen]
+    # Walls of brick, so that intensities fall with range and incidence as mappers expect.
+    world = replace(CITY.world, materials=(Material.of("brick"),) * CITY.world.object_count)
+    caster, noise, rng = PlanarCaster(world), ProportionalNoise(SIGMA), np.random.default_rng(0)
+    lit = [noise(caster.cast(CITY.lrf, p), rng) for p in CITY.trajectory().poses[:scans]]
+    seen = [replace(scan, intensities=None) for scan in lit]
 
     def update(given: Any, act: Callable[[LineMapper], object] = lambda mapper: None) -> float:
         mapper, spent = LineMapper(), []

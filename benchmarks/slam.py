@@ -15,9 +15,9 @@ import lrf3d
 from benchmarks.report import Figure, Report, Row, scatter
 from lrf3d.geometry import Float
 from lrf3d.localization import odometry_increments
+from lrf3d.recorded import solve_log
 from lrf3d.scoring.trajectory_score import Relations, score_trajectory
 from lrf3d.slam import Slam, WheelErrors
-from lrf3d.solved_log import solve_log
 
 WORLD = "corridor"
 """The world of the simulated drive: there and back, and there again."""

@@ -32,10 +32,10 @@ if TYPE_CHECKING:
         localise,
         odometry_increments,
     )
-    from lrf3d.mapped_log import map_log
     from lrf3d.mapping import LineMap, LineMapper, load_map, save_map
     from lrf3d.planning.planner import plan_route
     from lrf3d.pose import Pose
+    from lrf3d.recorded import map_log, slam_log
     from lrf3d.render.video import render_video
     from lrf3d.robot import (
         EstimatedTrajectory,
@@ -50,7 +50,6 @@ if TYPE_CHECKING:
     from lrf3d.scoring import score_map, score_run
     from lrf3d.simulation import Simulation, Step, simulate
     from lrf3d.slam import Slam
-    from lrf3d.solved_log import slam_log
     from lrf3d.sweeping import SweepTable, sweep
     from lrf3d.version import __version__ as __version__
     from lrf3d.world import World, load_world, save_world, world_names
@@ -68,9 +67,9 @@ else:
             "laser": "LaserRangeFinder LaserScan ProportionalNoise",
             "localization": "KnownLines Localiser OdometryNoise PoseEstimate localise"
             " odometry_increments",
-            "mapped_log": "map_log",
             "mapping": "LineMap LineMapper load_map save_map",
             "pose": "Pose",
+            "recorded": "map_log slam_log",
             "render.video": "render_video",
             "robot": "EstimatedTrajectory Trajectory Unicycle check_drive drive follow_route",
             "planning.planner": "plan_route",
@@ -79,7 +78,6 @@ else:
             "scoring": "score_map score_run",
             "simulation": "Simulation Step simulate",
             "slam": "Slam",
-            "solved_log": "slam_log",
             "sweeping": "SweepTable sweep",
             "version": "__version__",
             "world": "World load_world save_world world_names",

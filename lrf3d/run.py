@@ -22,7 +22,7 @@ from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.world import World
 from lrf3d.world.cameras import USUAL_FILM, FilmPlan
 from lrf3d.world.free_cells import FreeCells
-from lrf3d.world.touching import joined_objects
+from lrf3d.world.pieces import joined_objects
 
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle

@@ -32,10 +32,7 @@ ENOUGH = 2
 town are a fifth larger, and covariances too small; in recorded offices nothing changes."""
 
 MOST_WITH = 8
-"""Key scans that a scan in a known place is matched with, at most."""
-
-AROUND = 2.0
-"""How far from the scan these key scans stand [m], at most."""
+"""Key scans that a scan in a known place is matched with, at most: the nearest."""
 
 CERTAIN = 10.0
 """A robot is certain of its pose relative to key scans that are at most this far [m] along the
@@ -76,15 +73,12 @@ def in_known_place(closer: LoopCloser, scan: Key, last: Anchor, poses: Float) ->
     guess = compose(compose(poses[last.key], last.relative), between(last.front, scan.pose))
     apart = np.hypot(poses[:, 0] - guess[0], poses[:, 1] - guess[1])
     old = closer.driven < closer.distance - LEAST_DISTANCE
+    drifted = last.drifted + closer.distance - last.driven
+    old &= closer.paths.lengths(last.key, CERTAIN) + drifted < CERTAIN
     here = old & (apart < PLACE) & (np.abs(wrap_angle(poses[:, 2] - guess[2])) < PLACE_TURN)
     if here.sum() < ENOUGH or len(scan.surface) < LEAST_POINTS:
         return None
-    drifted = last.drifted + closer.distance - last.driven
-    old &= closer.paths.lengths(last.key, CERTAIN) + drifted < CERTAIN
-    if (here & old).sum() < ENOUGH:
-        return None
-    near = np.flatnonzero(old & (apart < AROUND))
-    near = near[np.argsort(apart[near], kind="stable")][:MOST_WITH]
+    near = np.argsort(np.where(old, apart, np.inf), kind="stable")[: min(MOST_WITH, old.sum())]
     around = [keys[k] for k in near.tolist()]
     grid = wall_map((key.walls, pose) for key, pose in zip(around, poses[near], strict=True))
     if grid is None:
@@ -99,7 +93,7 @@ def in_known_place(closer: LoopCloser, scan: Key, last: Anchor, poses: Float) ->
         return None
     # Along a corridor the walls do not fix how far the robot has come: there it goes on drifting.
     fixed = weakest_direction(match.information)[1] >= WEAK
-    nearest = int(np.where(here & old, apart, np.inf).argmin())
+    nearest = int(np.where(here, apart, np.inf).argmin())
     return Anchor(
         scan.scan,
         nearest,

@@ -126,6 +126,7 @@ class Slam:
         if self._front.key_due():
             key = self._key_of(scan)
             self._front.add_key(key)
+            self._drive_to(key)
             if place := self._known_place(key):
                 self._anchors.append(place)
             else:
@@ -164,11 +165,15 @@ class Slam:
         number, pose = len(self._tracked) - 1, self._tracked[-1].pose
         return Key(number, pose, surface, self._front.walls(), *beams, self._laser, self._noise)
 
+    def _drive_to(self, key: Key) -> None:
+        """Count how far the robot has driven since the last anchor."""
+        if self._anchors:
+            self._closer.drive(between(self._anchors[-1].front, key.pose), self._lost())
+
     def _known_place(self, key: Key) -> Anchor | None:
         """The anchor of the newest scan where the robot was before; None elsewhere."""
         if not self._anchors:
             return None
-        self._closer.drive(between(self._anchors[-1].front, key.pose), self._lost())
         return in_known_place(self._closer, key, self._anchors[-1], self._key_poses)
 
     def _add_key(self, key: Key, scan: LaserScan) -> None:
@@ -197,7 +202,8 @@ class Slam:
         """The edge from the key scan of the last anchor to the last scan."""
         last, tracked = self._anchors[-1], self._tracked[-1]
         relative = self._since_key()
-        covariance = sum((scan.covariance for scan in self._since_anchor()), last.covariance)
+        since = (scan.covariance for scan in self._tracked[last.scan + 1 :])
+        covariance = sum(since, last.covariance)
         # The information is along the axes of the new pose; the edge's is along the old one's.
         turn = float(relative[2])
         wheels = turned(np.diag(1.0 / covariance.diagonal()), turn)
@@ -206,13 +212,9 @@ class Slam:
         never = np.array([False])
         return Edges(first, second, relative[None], information[None], never, wheels[None])
 
-    def _since_anchor(self) -> list[Tracked]:
-        """The scans after the last anchor."""
-        return self._tracked[self._anchors[-1].scan + 1 :]
-
     def _lost(self) -> int:
-        """How many of these match nothing."""
-        return sum(not scan.matched for scan in self._since_anchor())
+        """How many scans after the last anchor match nothing."""
+        return sum(not scan.matched for scan in self._tracked[self._anchors[-1].scan + 1 :])
 
     def _since_key(self) -> Float:
         """Pose (3,) of the last scan as seen from the key scan of the last anchor."""
@@ -222,13 +224,13 @@ class Slam:
     @property
     def _robot(self) -> Float:
         """Pose (3,) of the robot since the start, at the last scan."""
+        if not self._anchors:
+            return np.zeros(3)
         return compose(self._key_poses[self._anchors[-1].key], self._since_key())
 
     @property
     def pose(self) -> Pose:
         """Estimated pose of the robot at the last scan; the start before the first."""
-        if not self._tracked:
-            return Pose(*self._start.tolist())
         return Pose(*compose(self._start, self._robot).tolist())
 
     def covariance(self) -> Float:

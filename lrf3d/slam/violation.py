@@ -7,8 +7,8 @@ So a solved drive is checked where the robot came by again, as a whole and in it
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -124,8 +124,7 @@ def contradicted(olds: Sequence[Key], new: Key, poses: Float) -> bool:
     return through > MOST_THROUGH * max(seen, 1)
 
 
-@dataclass(frozen=True, slots=True)
-class SelfCheck:
+class SelfCheck(NamedTuple):
     """How well the scans of a solved drive agree with each other.
 
     Args:
@@ -152,21 +151,16 @@ class SelfCheck:
         """Whether nothing contradicts the poses."""
         return self.violation <= MOST_THROUGH and self.worst_violation <= MOST_THROUGH_PART
 
-    def as_dict(self) -> dict[str, Any]:
-        """The figures, in JSON's types."""
-        return {"passed": self.passed, **asdict(self)}
-
     def sentences(self) -> list[str]:
         """What is wrong, in a sentence; an empty list where nothing is."""
         if self.violation > MOST_THROUGH:
             share = f"{100.0 * self.violation:.0f} % of what scans saw"
             return [f"the map contradicts itself: beams pass through {share}; poses are wrong"]
-        if not self.passed:
-            first, last = self.worst_scans
-            share = f"{100.0 * self.worst_violation:.0f} % of what others saw"
-            where = f"beams of scans {first} to {last} pass through {share}"
-            return [f"{where}: poses are wrong there, or the world has changed"]
-        return []
+        if self.passed:
+            return []
+        where = f"beams of scans {self.worst_scans[0]} to {self.worst_scans[1]}"
+        share = f"{100.0 * self.worst_violation:.0f} % of what others saw"
+        return [f"{where} pass through {share}: poses are wrong there, or the world has changed"]
 
 
 def self_check(keys: Sequence[Key], poses: Float, driven: Float) -> SelfCheck:

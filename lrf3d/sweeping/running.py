@@ -14,12 +14,13 @@ from contextlib import ExitStack, contextmanager
 from copy import deepcopy
 from functools import lru_cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from lrf3d.casting import PlanarCaster
 from lrf3d.cores import core_count, process_pool
 from lrf3d.errors import InputError, Lrf3dError, OutputError, missing_extra
-from lrf3d.files import locked, make_folder, scratch_folder
+from lrf3d.files import locked, make_folder
 from lrf3d.interrupts import check, noting, stoppable
 from lrf3d.progress import Progress, silent
 from lrf3d.run import Run
@@ -27,7 +28,7 @@ from lrf3d.scoring import buildings_seen, score_run
 from lrf3d.scoring.visibility import visible_walls
 from lrf3d.sweeping.plan import SEEDS, USUAL, Plan, PlannedRun, Row, SettingValue, make_plan
 from lrf3d.sweeping.table import SweepTable
-from lrf3d.world.touching import joined_objects
+from lrf3d.world.pieces import joined_objects
 
 ROWS = "sweep{}.jsonl"
 """Name of a file of rows, with the number of the job that writes it."""
@@ -88,9 +89,9 @@ def sweep(
     names = (worlds,) if isinstance(worlds, str) else tuple(worlds)
     plan = make_plan(names, axes, mappers=mappers, seeds=seeds)
     with ExitStack() as stack:
-        place = stack.enter_context(scratch_folder()) if folder is None else Path(folder)
+        place = folder or stack.enter_context(TemporaryDirectory(ignore_cleanup_errors=True))
         used = stack.enter_context(executor_of(workers)) if executor is None else executor
-        return run_plan(plan, place, used, resume=resume, progress=progress)
+        return run_plan(plan, Path(place), used, resume=resume, progress=progress)
 
 
 def run_plan(

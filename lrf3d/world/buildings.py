@@ -13,8 +13,7 @@ from lrf3d.errors import WorldError
 from lrf3d.geometry import Float, Int
 from lrf3d.world.features import Feature
 from lrf3d.world.model import DEFAULT_HEIGHT, World
-from lrf3d.world.pieces import Part, from_corner, walls, world_of_parts
-from lrf3d.world.touching import groups
+from lrf3d.world.pieces import Part, from_corner, groups, walls, world_of_parts
 
 DEFAULT_BUILDING_HEIGHT = 8.0
 """Default height of a building [m]: two storeys and a roof."""
@@ -62,8 +61,9 @@ def world_of_features(
             if numbered and feature.number is not None:
                 number = feature.number
             segments = np.concatenate([np.empty((0, 4)), *lines])
-            heights = feature.wall_heights(len(segments), DEFAULT_HEIGHT)
-            parts.append(Part(number, segments, heights, *feature.looks))
+            each = isinstance(feature.height, tuple) and len(feature.height) == len(segments)
+            heights = feature.height if each else feature.height_or(DEFAULT_HEIGHT)
+            parts.append(Part(number, segments, np.array(heights), *feature.looks))
     if not any(len(part.segments) for part in parts):
         raise WorldError("the footprints are too small to leave a wall")
     return world_of_parts(parts, name, place=place)

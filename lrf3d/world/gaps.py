@@ -12,7 +12,7 @@ import numpy as np
 from lrf3d.geometry import Bool, Float, Int, cross, directions, lengths
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.model import World
-from lrf3d.world.touching import connected
+from lrf3d.world.pieces import connected
 
 WIDEST = 0.4
 """Widest gap [m] that is closed: half of a door."""

@@ -99,7 +99,7 @@ def _is_map(data: dict[str, Any]) -> bool:
 
 
 def _parse(path: Path) -> dict[str, Any]:
-    text = read_text(path, what="a world file", error=WorldError)
+    text = read_text(path)
     try:
         data = json.loads(text, object_pairs_hook=_unique)
     except RecursionError:
@@ -134,26 +134,21 @@ _FOREIGN = {
 
 
 def write_geojson(world: World, path: Path) -> None:
-    """Write a world as GeoJSON.
+    """Write a world as GeoJSON: one feature for each run of walls of one object.
 
     Raises:
         OutputError: The file cannot be written.
     """
-    write_text(path, geojson_text(world))
-
-
-def geojson_text(world: World) -> str:
-    """The GeoJSON text of a world: one feature for each run of walls of one object."""
-    features = ",\n".join(json.dumps(_feature(run)) for run in runs_of(world))
     # Other readers ignore these members, as the standard allows.
-    members = json.dumps([asdict(camera) for camera in world.cameras])
-    cameras = f' "cameras": {members},' if world.cameras else ""
-    place = "" if world.place is None else f' "place": {json.dumps(world.place)},'
-    free = "" if world.free is None else f' "free": {json.dumps(world.free.as_dict())},'
-    return (
-        f'{{"type": "FeatureCollection", "name": {json.dumps(world.name)}, "units": "m",'
-        f'{place}{cameras}{free} "features": [\n{features}\n]}}\n'
-    )
+    members: dict[str, Any] = {"type": "FeatureCollection", "name": world.name, "units": "m"}
+    if world.place is not None:
+        members["place"] = world.place
+    if world.cameras:
+        members["cameras"] = [asdict(camera) for camera in world.cameras]
+    if world.free is not None:
+        members["free"] = world.free.as_dict()
+    features = ",\n".join(json.dumps(_feature(run)) for run in runs_of(world))
+    write_text(path, f'{json.dumps(members)[:-1]}, "features": [\n{features}\n]}}\n')
 
 
 def _feature(run: Run) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from lrf3d.errors import WorldError
-from lrf3d.files import opened, own_name
+from lrf3d.files import own_name
 from lrf3d.geometry import Float
 from lrf3d.world.buildings import world_of_features
 from lrf3d.world.features import LEVEL_HEIGHT, Feature, metres_of
@@ -27,9 +27,6 @@ from lrf3d.world.geographic import laid_flat, lay_flat
 from lrf3d.world.materials import BUILT_IN, material_of
 from lrf3d.world.model import World
 from lrf3d.world.schema import parse_colour
-
-LARGEST_OSM = 1 << 28
-"""Largest extract [bytes]: a town of half a million inhabitants, read in half a minute."""
 
 WIDEST_EXTRACT = 2.0
 """Largest extent [°] of the buildings: beyond it the projection is too inaccurate."""
@@ -102,22 +99,21 @@ class _Extract(NamedTuple):
 def _read(path: Path) -> _Extract:
     """The elements of a file; each is forgotten when it is read."""
     extract, root = _Extract({}, [], {}, []), None
-    with opened(path, what="a world file", largest=LARGEST_OSM, error=WorldError) as file:
-        try:
-            for event, element in ElementTree.iterparse(file, events=("start", "end")):
-                if root is None:
-                    root = element
-                    if root.tag != "osm":
-                        raise WorldError(f"<{root.tag[:40]}> where <osm> was expected")
-                if event == "end" and element.tag in ("node", "way", "relation"):
-                    if element.get("visible") != "false" and element.get("action") != "delete":
-                        _add(element, extract)
-                    root.clear()
-        except WorldError:
-            raise
-        # Encodings that the parser does not know are a LookupError or a ValueError.
-        except (ElementTree.ParseError, LookupError, ValueError) as error:
-            raise WorldError(f"not XML: {error}; export the extract again") from None
+    try:
+        for event, element in ElementTree.iterparse(path, events=("start", "end")):
+            if root is None:
+                root = element
+                if root.tag != "osm":
+                    raise WorldError(f"<{root.tag[:40]}> where <osm> was expected")
+            if event == "end" and element.tag in ("node", "way", "relation"):
+                if element.get("visible") != "false" and element.get("action") != "delete":
+                    _add(element, extract)
+                root.clear()
+    except WorldError:
+        raise
+    # Encodings that the parser does not know are a LookupError or a ValueError.
+    except (ElementTree.ParseError, LookupError, ValueError) as error:
+        raise WorldError(f"not XML: {error}; export the extract again") from None
     return extract
 
 

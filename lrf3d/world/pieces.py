@@ -1,15 +1,30 @@
-"""Polylines, walls and objects: from the outlines of objects to a world, and back for files."""
+"""Lines, walls and objects: from outlines and drawings to a world, and back for files."""
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from lrf3d.geometry import Float
+from lrf3d.errors import WorldError
+from lrf3d.files import own_name
+from lrf3d.geometry import LARGEST_COORDINATE, Float, Int, lengths
 from lrf3d.world.materials import Material
 from lrf3d.world.model import World
 from lrf3d.world.schema import colour_value
+
+TOUCHING = 0.001
+"""Largest gap [m] between walls that touch: no beam can separate them, so they are one object."""
+
+CURVE_ERROR = 0.005
+"""Largest distance [m] of chords from their curve: about the width of a laser beam."""
+
+FINEST_GAP = 1e-4
+"""Largest gap relative to the size of the drawing, for drawings in their size on paper."""
+
+SHORTEST = 1e-9
+"""Length [m] up to which a stroke is a point."""
 
 
 class Part(NamedTuple):
@@ -115,3 +130,72 @@ def _looks(world: World, number: int) -> dict[str, Any]:
         "material": world.materials[number] if world.materials else None,
     }
     return {key: value for key, value in looks.items() if value}
+
+
+def world_of_strokes(strokes: Sequence[Float], path: Path) -> World:
+    """The world of strokes (k, 2) [m]; repeated ones count once.
+
+    Raises:
+        WorldError: There are no walls, or they are not finite.
+    """
+    pieces = [walls(stroke, closed=False) for stroke in strokes if len(stroke) > 1]
+    segments = np.concatenate(pieces) if pieces else np.empty((0, 4))
+    if not (np.abs(segments) <= LARGEST_COORDINATE).all():
+        raise WorldError(f"holds a line that is not finite, or over {LARGEST_COORDINATE:g} m away")
+    segments = without_repeats(segments[lengths(segments) > SHORTEST])
+    if not len(segments):
+        raise WorldError("holds no line and no outline, so there is no wall")
+    extent = float(np.ptp(segments.reshape(-1, 2), axis=0).max())
+    gap = min(TOUCHING, FINEST_GAP * extent)
+    return World(segments, connected(segments, gap), name=own_name(path))
+
+
+def without_repeats(segments: Float) -> Float:
+    """The segments (n, 4) without repeated ones, in either direction."""
+    turned = (segments[:, 0] > segments[:, 2]) | (
+        (segments[:, 0] == segments[:, 2]) & (segments[:, 1] > segments[:, 3])
+    )
+    either = np.where(turned[:, None], segments[:, [2, 3, 0, 1]], segments)
+    _, kept = np.unique(either, axis=0, return_index=True)
+    return np.asarray(segments[np.sort(kept)], dtype=np.float64)
+
+
+def connected(segments: Float, gap: float = TOUCHING) -> Int:
+    """The object (n,) of each of the segments (n, 4): those that touch are one object.
+
+    Args:
+        segments: The walls.
+        gap: Largest gap between walls that touch [m].
+    """
+    import shapely
+
+    middle = segments.reshape(-1, 2).mean(axis=0)
+    lines = shapely.linestrings(segments.reshape(-1, 2, 2) - middle)
+    one, other = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=gap)
+    return groups(one, other, len(segments))
+
+
+def groups(one: Int, other: Int, count: int) -> Int:
+    """The group (count,) of each of some things, of which pairs (k,), (k,) belong together."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    links = coo_array((np.ones(len(one)), (one, other)), shape=(count, count))
+    _, label = connected_components(links, directed=False)
+    return np.asarray(label, dtype=np.int64)
+
+
+def joined_objects(world: World) -> Int:
+    """The object (n,) of each wall where objects that touch count as one, by their lowest number.
+
+    Maps are scored and labelled by these: no beam can separate the rooms of a house.
+    """
+    if not len(world.segments):
+        return world.objects
+    # Objects and groups of touching walls are the nodes of a graph; each wall is an edge.
+    group = connected(world.segments) + world.object_count
+    nodes = int(group.max()) + 1
+    label = groups(world.objects, group, nodes)
+    lowest = np.full(nodes, nodes)
+    np.minimum.at(lowest, label[world.objects], world.objects)
+    return np.asarray(lowest[label[world.objects]], dtype=np.int64)

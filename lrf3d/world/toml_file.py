@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.errors import InputError, WorldError
+from lrf3d.errors import InputError
 from lrf3d.files import own_name, read_text, write_text
 from lrf3d.geometry import Float
 from lrf3d.world.cameras import FixedCamera
@@ -101,7 +101,7 @@ def read_world_file(path: Path) -> WorldFile:
         WorldError: The file cannot be read, does not parse, or is not a valid world; the message
             names the file and the key.
     """
-    content = read_text(path, what="a world file", error=WorldError)
+    content = read_text(path)
     with at(str(path)):
         try:
             data = tomllib.loads(content)

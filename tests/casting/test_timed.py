@@ -54,7 +54,7 @@ def test_each_beam_of_a_sweep_is_the_exact_one_from_where_the_robot_then_is(make
     assert not np.allclose(swept.ranges, plain.ranges)
 
 
-def test_a_scan_may_take_as_long_as_the_interval_whatever_rounding_and_the_last_gap() -> None:
+def test_a_scan_may_take_as_long_as_the_interval_whatever_rounding_and_the_last_gap():
     times = np.append(0.2 * np.arange(1000), 199.85)
     assert np.diff(times)[:-1].min() < 0.2
     path = Trajectory(times, np.tile([50.0, 31.0, 0.1], (len(times), 1)))

@@ -8,8 +8,9 @@ from synthetic_run import around, box, make_run, make_world
 
 from lrf3d.io import load_log
 from lrf3d.laser import LaserRangeFinder
-from lrf3d.mapped_log import map_log
 from lrf3d.mapping import load_map
+from lrf3d.recorded import map_log
+from lrf3d.scoring import score_log
 
 BEAMS = 180
 
@@ -58,7 +59,7 @@ def test_map_writes_its_files_and_json_is_the_only_output(log, tmp_path, monkeyp
 
 
 def test_a_clean_drive_is_explained_and_nothing_violated(log):
-    score = map_log(load_log(log)).score
+    score = score_log(map_log(log).map, load_log(log).scans[1::2])
     assert score.scans == 20
     assert score.explained > 0.99 and score.violation < 0.01 and score.median_range_error < 0.02
     assert score.length == pytest.approx(2 * (10 + 8) + 4, abs=1.0)
@@ -75,13 +76,14 @@ def test_the_map_is_built_from_the_even_scans_alone(text, log, tmp_path):
     path.write_text("\n".join([heading, *away]))
     mixed, clean = map_log(load_log(path)), map_log(load_log(log))
     assert np.array_equal(mixed.map.segments, clean.map.segments)
-    assert mixed.score.explained == 0.0
+    assert score_log(mixed.map, load_log(path).scans[1::2]).explained == 0.0
 
 
 def test_modes_and_noise_reach_the_mapper(log):
     drive = load_log(log)
-    assert map_log(drive, mode="paper", sigma=0.02).summary()["mode"] == "paper"
-    assert not np.array_equal(map_log(drive, sigma=5.0).map.segments, map_log(drive).map.segments)
+    for settings in ({"mode": "paper", "sigma": 0.02}, {"sigma": 5.0}):
+        changed = map_log(drive, **settings).map
+        assert not np.array_equal(changed.segments, map_log(drive).map.segments)
 
 
 def test_a_log_of_one_scan_gives_a_map_and_no_score(text, tmp_path):
@@ -97,18 +99,3 @@ def test_settings_that_make_no_sense_are_refused(log, tmp_path):
     assert "largest range" in refused("map", log, "--largest-range", "0")
     assert lrf3d("map", log, "--mode", "best").returncode == 2
     assert not list(tmp_path.glob("out/*"))
-
-
-@pytest.mark.parametrize("factor", [100, 1000])
-def test_ranges_that_are_not_in_metres_are_doubted_in_one_line(text, tmp_path, factor):
-    lines = []
-    for line in text.splitlines():
-        words = line.split()
-        if words[0] == "FLASER":
-            words[2 : 2 + BEAMS] = [f"{factor * float(r):.2f}" for r in words[2 : 2 + BEAMS]]
-        lines.append(" ".join(words))
-    path = tmp_path / "room.log"
-    path.write_text("\n".join(lines))
-    done = lrf3d("map", path, "--out", tmp_path / "map")
-    assert done.returncode == 1
-    assert "are the ranges in metres" in done.stderr and done.stderr.count("\n") == 1

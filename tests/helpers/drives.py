@@ -7,8 +7,8 @@ import numpy as np
 import lrf3d
 from lrf3d.io import LaserLog
 from lrf3d.io.laser_log import WheelRecord
+from lrf3d.recorded import solve_log
 from lrf3d.slam.frames import between, compose
-from lrf3d.solved_log import solve_log
 
 SCANNER = lrf3d.LaserRangeFinder(beams=181, range_max=15.0)
 

@@ -153,7 +153,7 @@ def test_merging_end_points_fits_all_four():
     assert lengths(ends[None])[0] == pytest.approx(15.0, abs=0.01)
 
 
-def united(*scans: SegmentTable) -> SegmentTable:
+def united(*scans):
     mapper = PaperMapper(SplitMergeExtractor(2.5, 0.1), 0.1, 0.1, 1)
     for local in scans:
         mapper.add(local)

@@ -8,11 +8,11 @@ from drives import SCANNER, drive, errors, followed, recorded, rooms, solved, th
 
 import lrf3d
 from lrf3d.errors import InputError
+from lrf3d.recorded import rising
 from lrf3d.slam.frames import between
-from lrf3d.slam.odometry import WheelPath, rising
+from lrf3d.slam.odometry import WheelPath
 from lrf3d.slam.violation import Key, views_of
 from lrf3d.slam.wheels import Wheels
-from lrf3d.solved_log import line_poses
 
 
 @pytest.fixture(scope="module")
@@ -176,16 +176,6 @@ def test_the_lag_of_the_laser_is_found():
     shifted = WheelPath(lines).at(np.arange(len(lines)) + 0.6)
     solution = solved(scans, shifted, places)
     assert solution.lag == pytest.approx(0.6, abs=0.1)
-
-
-def test_lines_between_scans_follow_the_odometry():
-    wheels = np.column_stack([np.arange(9.0), np.zeros(9), np.zeros(9)])
-    places = np.array([0, 4, 8])
-    known = np.array([[0.0, 1.0, 0.0], [4.0, 1.0, 0.0], [8.4, 1.0, 0.0]])
-    poses = line_poses(WheelPath(wheels), places, 0.0, known)
-    assert poses[places] == pytest.approx(known)
-    assert poses[2] == pytest.approx([2.0, 1.0, 0.0])
-    assert poses[6] == pytest.approx([6.2, 1.0, 0.0])
 
 
 def test_stamps_that_run_backwards_become_times_that_rise():

@@ -1,15 +1,15 @@
-"""Recorded logs whose poses are found: `slam_log`, which ``lrf3d slam`` runs.
+"""Recorded drives as runs: `map_log` believes the poses of a log, `slam_log` finds them.
 
-A log, or the path of one, enters. `Slam` runs over its scans and its odometry, first over the
-beginning, which shows the errors of the wheels; the poses of both and the drive as a `Run` leave.
+A log, or the path of one, enters; a `Run` leaves, whose world is the map of the drive. To find the
+poses, `Slam` runs over the scans and the odometry, first over the beginning, which shows the errors
+of the wheels.
 """
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,7 @@ from lrf3d.laser import LaserRangeFinder, LaserScan, doubtful_ranges
 from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.pose import Pose
 from lrf3d.progress import Progress, silent
-from lrf3d.robot import Trajectory
+from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.run import Run, is_snapshot
 from lrf3d.slam import Slam
 from lrf3d.slam.frames import bent, between, compose
@@ -35,7 +35,6 @@ from lrf3d.slam.odometry import (
     fitted_lag,
     in_order,
     is_mirrored,
-    rising,
     turns_between,
 )
 from lrf3d.slam.violation import SelfCheck
@@ -60,14 +59,66 @@ STILL = 1e-3
 LEAST_BEAMS = 3
 """Beams that a scan must have to show a wall."""
 
-JITTER = 1e-4
-"""Angles of the beams may differ by this from scan to scan [rad]: some drivers round them."""
-
 MOST_COVARIANCES = 128
 """Key scans whose covariances are kept, at most: each takes a step over the whole pose graph."""
 
+JITTER = 1e-4
+"""Angles of the beams may differ by this from scan to scan [rad]: some drivers round them."""
+
 LATEST = 1e12
 """Largest stamp [s]: larger ones are nanoseconds, of which a float cannot tell two apart."""
+
+
+@stoppable()
+def map_log(
+    log: LaserLog | str | Path,
+    *,
+    mode: str = "robust",
+    sigma: float | None = None,
+    all_scans: bool = False,
+    progress: Progress = silent,
+) -> Run:
+    """Build a map from the even scans of a log, counted from 0: the odd ones are left to test it.
+
+    Args:
+        log: The log, or its path; its poses are taken as they are.
+        mode: Mode of the mapper.
+        sigma: Noise [m] at the largest range; learnt from the scans if not given.
+        all_scans: Build it from all scans instead.
+        progress: Called with the number of finished scans, and of all.
+
+    Returns:
+        The mapped scans as a run, in the walls that they show.
+
+    Raises:
+        InputError: There is no such mode, the noise is invalid, the scans are of several lasers, or
+            they show no wall.
+
+    Warns:
+        Lrf3dWarning: The ranges are hardly in metres.
+
+    Examples:
+        >>> import lrf3d
+        >>> from lrf3d.scoring import score_log
+        >>> room = lrf3d.load_world("paper_room")
+        >>> run = lrf3d.simulate(room, [(1 + 0.1 * k, 1, 0) for k in range(10)], rng=0)
+        >>> lrf3d.export_run(run, "carmen", "drive.log")
+        >>> mapped = lrf3d.map_log("drive.log")
+        >>> odd = lrf3d.load_log("drive.log").scans[1::2]
+        >>> len(mapped), score_log(mapped.map, odd).explained > 0.9
+        (5, True)
+    """
+    log = of_one_laser(log if isinstance(log, LaserLog) else load_log(log))
+    every, mapper = slice(None, None, 1 if all_scans else 2), LineMapper(mode, sigma=sigma)
+    scans = log.scans[every]
+    for done, scan in enumerate(scans, 1):
+        mapper.update(scan)
+        progress(done, len(scans))
+        check()
+    run = run_of(log.name, scans, log.poses[every], {len(scans) - 1: mapper.map})
+    if doubt := doubtful_ranges(log.scans):
+        warnings.warn(f"map: {log.name}: {doubt}", Lrf3dWarning, stacklevel=2)
+    return run
 
 
 def slam_log(log: LaserLog | str | Path, *, key_distance: float = KEY_DISTANCE) -> Run:
@@ -114,7 +165,6 @@ class SolvedLog:
         repairs: What was wrong with the log.
         check: How well the scans agree with each other.
         passes: How often the drive was solved: again where its wheels' errors turned out to differ.
-        milliseconds: Mean time of an update [ms].
     """
 
     log: LaserLog
@@ -126,7 +176,6 @@ class SolvedLog:
     repairs: Repairs
     check: SelfCheck
     passes: int
-    milliseconds: float
 
     def __repr__(self) -> str:
         return f"SolvedLog({self.log.name}, {self.slam}, {len(self.line_poses)} odometry lines)"
@@ -139,48 +188,25 @@ class SolvedLog:
 
     @cached_property
     def run(self) -> Run:
-        """The drive as a run: its world is the map of its key scans, its ranges the measured."""
+        """The drive as a run, in the walls that its key scans show."""
+        slam, keys = self.slam, self.slam.key_scans
         poses = compose(self.poses, np.array([self.log.odometry.laser_offset, 0.0, 0.0]))
         poses[:, 2] = np.unwrap(poses[:, 2])
-        maps = _snapshots(self.scans, poses, self.slam.key_scans.tolist())
-        line_map = maps[len(poses) - 1]
-        solid = lengths(line_map.segments) > 0.0
-        if not solid.any():
-            raise InputError(
-                f"{self.log.name}: {len(poses)} scans show no wall, so that there is no map"
-            )
-        lrf, ranges = range_finder_of(self.scans)
-        # Stamps count from 1970; the clock of a run begins with it.
-        times = rising(np.array([scan.time for scan in self.scans]))
-        keys = len(self.slam.key_scans)
-        chosen = np.unique(np.linspace(0, keys - 1, MOST_COVARIANCES).astype(np.int64))
-        covariances = self.slam.covariances(chosen)
-        return Run(
-            World(line_map.segments[solid], line_map.objects[solid], name=self.log.name),
-            lrf,
-            Trajectory(times - times[0], poses),
-            ranges,
-            ranges,
-            np.full(ranges.shape, -1),
-            tuple(maps),
-            tuple(maps.values()),
-            estimate=self.slam.estimate(poses, self.slam.key_scans[chosen], covariances),
-        )
-
-    @property
-    def map(self) -> LineMap:
-        """The map of the key scans."""
-        return self.run.map
-
-    @property
-    def mapped(self) -> list[LaserScan]:
-        """The key scans."""
-        return [self.run.scan(number) for number in self.slam.key_scans.tolist()]
+        mapper, maps = LineMapper(), dict[int, LineMap]()
+        for index, number in enumerate(keys.tolist()):
+            mapper.update(replace(self.scans[number], pose=Pose(*poses[number].tolist())))
+            if is_snapshot(index, len(keys)):
+                maps[number] = mapper.map
+        # The last map is that of all scans: those after the last key scan show nothing new.
+        maps[len(poses) - 1] = maps.pop(int(keys[-1]))
+        chosen = np.unique(np.linspace(0, len(keys) - 1, MOST_COVARIANCES).astype(np.int64))
+        estimate = slam.estimate(poses, keys[chosen], slam.covariances(chosen))
+        return run_of(self.log.name, self.scans, poses, maps, estimate)
 
     def summary(self) -> dict[str, Any]:
         """The figures, in JSON's types."""
-        log, slam, line_map, tracked = self.log, self.slam, self.map, self.slam.tracked[1:]
-        biases = slam.wheels.biases.tolist()
+        log, slam, line_map, tracked = self.log, self.slam, self.run.map, self.slam.tracked[1:]
+        errors = "turn_share", "turn_rad_per_m", "distance_share"
         return {
             "name": log.name,
             "log": {
@@ -192,9 +218,7 @@ class SolvedLog:
             "map": {"segments": len(line_map), "objects": line_map.object_count},
             "wheels": {
                 "lag_lines": self.lag,
-                "turn_share": biases[0],
-                "turn_rad_per_m": biases[1],
-                "distance_share": biases[2],
+                **dict(zip(errors, slam.wheels.biases.tolist(), strict=True)),
                 "solved_times": self.passes,
             },
             "slam": {
@@ -205,8 +229,7 @@ class SolvedLog:
                 "scans_by_odometry_alone": sum(not scan.matched for scan in tracked),
                 "scans_with_a_weak_direction": sum(scan.weak for scan in tracked),
             },
-            "self_check": self.check.as_dict(),
-            "milliseconds_a_scan": self.milliseconds,
+            "self_check": {"passed": self.check.passed, **self.check._asdict()},
         }
 
 
@@ -224,6 +247,7 @@ def solve_log(
     if not isinstance(log, LaserLog):
         carmen = str(log).lower().endswith(CARMEN_ENDINGS)
         log = load_log(log, poses="auto" if carmen else "odom")
+    log = of_one_laser(log)
     offset = log.odometry.laser_offset
     try:
         recording = _checked(log)
@@ -241,13 +265,12 @@ def solve_log(
     passes, learned = 0, True
     while learned and passes < MOST_PASSES:
         passes += 1
-        known, begin = slam.wheels, perf_counter()
+        known = slam.wheels
         slam = Slam(start=start, laser_offset=offset, key_distance=key_distance, wheels=known)
         for number, (scan, increment) in enumerate(zip(scans, increments, strict=True), 1):
             slam.update(scan, increment)
             progress(number, len(scans))
             check()
-        milliseconds = 1e3 * (perf_counter() - begin) / len(scans)
         change = np.abs((1.0 + slam.wheels.biases) / (1.0 + known.biases) - 1.0)
         learned = change[2] > LEARNED or change[0] > LEARNED_TURN
     slam.finish()
@@ -258,46 +281,46 @@ def solve_log(
     # Where the poses of the scans are the odometry, these are those of the laser.
     lines = compose(lines, np.array(log.mount.inverse()))
     lines[:, 2] = np.unwrap(lines[:, 2])
-    agreement = slam.self_check()
-    return SolvedLog(
-        log, slam, scans, poses, lines, lag, recording.repairs, agreement, passes, milliseconds
-    )
+    found = recording.repairs, slam.self_check()
+    return SolvedLog(log, slam, scans, poses, lines, lag, *found, passes)
+
+
+def of_one_laser(log: LaserLog) -> LaserLog:
+    """A log with its scans at the angles of the first, refused if they are of several lasers."""
+    first = log.scans[0].angles
+    for number, scan in enumerate(log.scans):
+        if scan.angles.shape != first.shape or np.abs(scan.angles - first).max() > JITTER:
+            raise InputError(
+                f"{log.name}: scan {number} has {len(scan.ranges)} beams at other angles than the"
+                " first; expected scans of one laser range finder"
+            )
+    stamps = np.concatenate([log.odometry.times, log.times])
+    if (latest := np.abs(stamps).max()) > LATEST:
+        raise InputError(f"{log.name}: a stamp of {latest:g} s; expected seconds")
+    even = [scan if scan.angles is first else replace(scan, angles=first) for scan in log.scans]
+    return replace(log, scans=even)
 
 
 def _checked(log: LaserLog) -> Recording:
-    """A log in order that can be solved: its scans are all at the angles of the first."""
+    """A log in order, which is refused where no SLAM can solve it."""
     scans, wheels, times = log.scans, log.odometry.poses, log.odometry.times
     if len(scans) < 2 or not len(wheels):
-        raise InputError(
-            f"{len(scans)} scans and {len(wheels)} odometry lines; expected at least two scans and"
-            " one line"
-        )
+        count = f"{len(scans)} scans and {len(wheels)} odometry lines"
+        raise InputError(f"{count}; expected at least two scans and one line")
     first = scans[0].angles
     if len(first) < LEAST_BEAMS:
         raise InputError(f"scans of {len(first)} beams; expected at least {LEAST_BEAMS}")
     if np.abs(first).max() > 2.0 * np.pi:
         angle = first[np.abs(first).argmax()]
         raise InputError(f"a beam at {angle:g} rad; expected angles of at most a turn")
-    for number, scan in enumerate(scans):
-        if scan.angles.shape != first.shape or np.abs(scan.angles - first).max() > JITTER:
-            raise InputError(
-                f"scan {number} has {len(scan.ranges)} beams at other angles than the first;"
-                " expected scans of one laser range finder"
-            )
     finite = np.isfinite(wheels).all(axis=1) & np.isfinite(times)
     if not finite.all():
         line = int(np.flatnonzero(~finite)[0])
-        raise InputError(
-            f"odometry line {line} at {times[line]} s has the pose {wheels[line].tolist()};"
-            " expected finite numbers"
-        )
-    stamps = np.concatenate([times, log.times])
-    if np.abs(stamps).max() > LATEST:
-        raise InputError(f"a stamp of {stamps[np.abs(stamps).argmax()]:g} s; expected seconds")
+        pose = f"odometry line {line} at {times[line]} s has the pose {wheels[line].tolist()}"
+        raise InputError(f"{pose}; expected finite numbers")
     if doubt := doubtful_ranges(scans):
         raise InputError(doubt)
-    even = [scan if scan.angles is first else replace(scan, angles=first) for scan in scans]
-    return in_order(even, wheels, times, np.maximum(log.odometry.places, 0))
+    return in_order(scans, wheels, times, np.maximum(log.odometry.places, 0))
 
 
 def _right_handed(recording: Recording, path: WheelPath, offset: float) -> tuple[Recording, Float]:
@@ -324,28 +347,54 @@ def line_poses(path: WheelPath, places: Int, lag: float, scan_poses: Float) -> F
     return bent(wheels, known, scan_poses[::-1][last], np.concatenate([[0.0], np.cumsum(steps)]))
 
 
-def _snapshots(scans: Sequence[LaserScan], poses: Float, keys: list[int]) -> dict[int, LineMap]:
-    """The map as it grows with key scans, by the numbers of the scans after which it is kept."""
-    mapper, maps = LineMapper(), dict[int, LineMap]()
-    for index, number in enumerate(keys):
-        mapper.update(replace(scans[number], pose=Pose(*poses[number].tolist())))
-        if is_snapshot(index, len(keys)):
-            maps[number] = mapper.map
-    # The last map is that of all scans: those after the last key scan show nothing new.
-    maps[len(scans) - 1] = maps.pop(keys[-1])
-    return maps
+def run_of(
+    name: str,
+    scans: Sequence[LaserScan],
+    poses: Float,
+    maps: Mapping[int, LineMap],
+    estimate: EstimatedTrajectory | None = None,
+) -> Run:
+    """A recorded drive as a run: its world is its last map, its ranges are the measured ones.
+
+    The scans (k,) are of one laser, at poses (k, 3); maps are named by the scans that they follow.
+    """
+    line_map = maps[len(scans) - 1]
+    solid = lengths(line_map.segments) > 0.0
+    if not solid.any():
+        reason = doubtful_ranges(scans) or "expected walls within the laser's range"
+        raise InputError(
+            f"{name}: {len(scans)} scans show no wall, so that there is no map; {reason}"
+        )
+    first, usual = scans[0], LaserRangeFinder().range_max
+    # A laser that is mounted upside down turns clockwise; the range finder of a run does not.
+    order = -1 if first.angles[0] > first.angles[-1] else 1
+    begin, end = first.angles[::order][[0, -1]].tolist()
+    ranges = np.array([scan.ranges[::order] for scan in scans])
+    # Some drivers give no limit: it is the usual one, or what was measured beyond it.
+    beyond = float(ranges.max(initial=usual, where=np.isfinite(ranges)))
+    farthest = first.range_max if np.isfinite(first.range_max) else beyond
+    # Stamps count from 1970; the clock of a run begins with it.
+    times = rising(np.array([scan.time for scan in scans]))
+    return Run(
+        World(line_map.segments[solid], line_map.objects[solid], name=name),
+        LaserRangeFinder(begin, end, len(first.angles), first.range_min, farthest),
+        Trajectory(times - times[0], poses),
+        ranges,
+        ranges,
+        np.full(ranges.shape, -1),
+        tuple(maps),
+        tuple(maps.values()),
+        estimate=estimate,
+    )
 
 
-def range_finder_of(scans: Sequence[LaserScan]) -> tuple[LaserRangeFinder, Float]:
-    """The range finder that took scans (k,), and their ranges (k, beams) [m] in its order."""
-    first, ranges = scans[0], np.array([scan.ranges for scan in scans])
-    angles, farthest = first.angles, first.range_max
-    if angles[0] > angles[-1]:
-        # A laser that is mounted upside down turns clockwise; the range finder of a run does not.
-        angles, ranges = angles[::-1], ranges[:, ::-1]
-    if not np.isfinite(farthest):
-        # Some drivers give no limit: it is the usual one, or what was measured beyond it.
-        usual = LaserRangeFinder().range_max
-        farthest = float(ranges.max(initial=usual, where=np.isfinite(ranges)))
-    begin, end = float(angles[0]), float(angles[-1])
-    return LaserRangeFinder(begin, end, len(angles), first.range_min, farthest), ranges
+def rising(stamps: Float) -> Float:
+    """Stamps (k,) [s] as times that rise: one that does not lies evenly between those around it."""
+    latest = np.maximum.accumulate(stamps)
+    knots = np.flatnonzero(np.concatenate([[True], np.diff(latest) > 0.0]))
+    steps = np.diff(stamps)
+    usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
+    number = np.arange(len(stamps), dtype=np.float64)
+    times = np.interp(number, knots, latest[knots])
+    times[knots[-1] :] = latest[knots[-1]] + usual * (number[knots[-1] :] - knots[-1])
+    return np.asarray(times)
