@@ -143,17 +143,13 @@ def test_a_wall_ends_and_opens_where_beams_passed_and_none_ended():
     assert real_pieces(pieces((met, 20), (passed, 3), (met, 20))).all()
 
 
-def test_two_objects_of_several_walls_are_not_one_by_a_single_long_link():
-    rows = [[0, y, 0, top] for y, top in ((0, 2), (2, 4.5), (5.5, 6))]
-    rows += [[8, top, 8, y] for _, y, _, top in rows]
-    walls = np.array(rows, dtype=np.float64)
+def test_walls_far_apart_are_one_object_unless_a_line_of_sight_between_them_is_open():
+    walls = [[0, 0, 0, 6.0], [8, 6, 8, 0.0]]
     nothing = seen_from([[50.0, 50.0, 51.0, 51.0]], [(-60.0, 0.0, 0.0)])
     assert len(set(objects_of(walls, nothing))) == 1
-    # The beams between the rows end short of their last walls, which alone stay linked.
-    around = [[0, 0, 0, 6], [8, 6, 8, 0], [0, 5.4, 8, 5.4]]
-    between = seen_from(np.array(around), [(4.0, -3.0, 0.0)])
-    assert len(set(objects_of(walls, between))) == 2
-    assert len(set(objects_of(walls[[2, 5]], between))) == 1
+    # No beam crosses the shortest link, at one end; they do between the middles of the walls.
+    across = seen_from([*walls, [0, 5.4, 8, 5.4]], [(4.0, -3.0, 0.0)])
+    assert len(set(objects_of(walls, across))) == 2
 
 
 def corridor_of(length=12.0):
