@@ -12,7 +12,7 @@ from lrf3d.scene.following import Fixed, chase, orbit
 from lrf3d.scene.story import CLOSING, HELD, OPENING, Story
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline
-from lrf3d.scene.whole import Overview, Top
+from lrf3d.scene.whole import overview, top
 from lrf3d.world.cameras import FixedCamera
 
 
@@ -32,7 +32,7 @@ def level(places):
 
 
 @pytest.mark.parametrize("aspect", [16 / 9, 1.0, 9 / 16])
-@pytest.mark.parametrize("camera", [Overview, Top])
+@pytest.mark.parametrize("camera", [overview, top])
 @pytest.mark.parametrize("make", [city_run, room_run])
 def test_the_whole_world_is_shown_below_the_panel(make, camera, aspect):
     timeline, structures = filmed(make())

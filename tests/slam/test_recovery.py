@@ -39,7 +39,7 @@ def test_glass_in_a_corridor_is_not_taken_for_a_robot_that_drives_backwards():
     assert wrong.max() < 0.15
 
 
-def test_around_a_block_of_corridors_the_wheels_are_learned_on_the_way(monkeypatch):
+def test_around_a_block_of_corridors_the_wheels_are_learned_while_driving(monkeypatch):
     """The first corridors show nothing along them, and a loop closes at any scale."""
     monkeypatch.setattr("lrf3d.recorded.CALIBRATED", 100)
     rng = np.random.default_rng(4)
