@@ -126,6 +126,7 @@ class Slam:
         if self._front.key_due():
             key = self._key_of(scan)
             self._front.add_key(key)
+            self._drive_to(key)
             if place := self._known_place(key):
                 self._anchors.append(place)
             else:
@@ -164,11 +165,15 @@ class Slam:
         number, pose = len(self._tracked) - 1, self._tracked[-1].pose
         return Key(number, pose, surface, self._front.walls(), *beams, self._laser, self._noise)
 
+    def _drive_to(self, key: Key) -> None:
+        """Count how far the robot has driven since the last anchor."""
+        if self._anchors:
+            self._closer.drive(between(self._anchors[-1].front, key.pose), self._lost())
+
     def _known_place(self, key: Key) -> Anchor | None:
         """The anchor of the newest scan where the robot was before; None elsewhere."""
         if not self._anchors:
             return None
-        self._closer.drive(between(self._anchors[-1].front, key.pose), self._lost())
         return in_known_place(self._closer, key, self._anchors[-1], self._key_poses)
 
     def _add_key(self, key: Key, scan: LaserScan) -> None:

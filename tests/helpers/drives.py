@@ -66,7 +66,7 @@ def errors(true, found):
 
 
 def rooms(count):
-    """A corridor of identical rooms."""
+    """A corridor of identical rooms of 5 m, each with a door in the middle."""
     return identical_rooms(count)[0]
 
 

@@ -42,7 +42,7 @@ def test_the_turn_that_wheels_of_unequal_size_add_is_found(identical_rooms):
     assert solution.slam.wheels.biases[1] == pytest.approx(-0.03, abs=0.006)
 
 
-def test_in_a_corridor_the_way_along_it_is_left_to_the_odometry_and_reported():
+def test_in_a_corridor_the_distance_along_it_is_left_to_the_odometry_and_reported():
     world = lrf3d.World([[-100, 0, 200, 0], [-100, 2, 200, 2]])
     scans, wheels, true = drive(world, [(0, 1), (30, 1)], bias=0.0)
     solution = solved(scans, wheels)
