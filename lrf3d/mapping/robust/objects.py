@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from lrf3d.compiling import borrower, compiled, inner
 from lrf3d.geometry import Float, Int
-from lrf3d.mapping.grid import Grid, near, order_of
+from lrf3d.mapping.grid import Grid, near
 from lrf3d.mapping.robust.cells import FREE_DEPTH, Cells
 from lrf3d.mapping.robust.crossing import LINK_SINE, is_crossed
 from lrf3d.mapping.robust.walls import Walls, copy_columns, put_row
@@ -277,11 +277,15 @@ def find_objects(links: Links, walls: Walls, rows: Int) -> Int:
     return labels
 
 
-@compiled
 def close_corners(ends: Float, objects: Int) -> Float:
     """The walls (m, 4), each of an object (m,), with closed corners."""
+    return _close(ends, objects, np.argsort(ends.reshape(-1, 2)[:, 0], kind="stable"))
+
+
+@compiled
+def _close(ends: Float, objects: Int, order: Int) -> Float:
+    """Walls with closed corners; the order is that of their ends (2 m,) by rising x."""
     closed, places = ends.copy(), ends.copy().reshape(-1, 2)
-    order = order_of(places[:, 0])
     count, partners, corner = len(places), np.full(len(places), -1), np.empty(2)
     # Ends that are farther apart meet nowhere near to both.
     farthest = 2.01 * CORNER_REACH
