@@ -23,7 +23,6 @@ from lrf3d.slam.known_places import PLACE_COVARIANCE, Anchor, in_known_place
 from lrf3d.slam.pose_graph import (
     Edges,
     optimised,
-    optimised_around,
     pose_covariances,
     variance_factor,
 )
@@ -363,11 +362,7 @@ class Slam:
         more = self._add_closures(closures)
         if (more.squares(self._key_poses) > NEWS**2 * self._variance).any():
             edges = self._gathered_edges()
-            newest = len(self._closer.keys) - 1
-            poses = optimised_around(
-                self._key_poses, edges, lambda limit: self._closer.paths.lengths(newest, limit)
-            )
-            self._move_keys(poses, edges)
+            self._move_keys(optimised(self._key_poses, edges, 1), edges)
 
     def _add_closures(self, closures: list[Closure]) -> Edges:
         """Add closures to the pose graph; returns their edges."""
