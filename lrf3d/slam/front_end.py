@@ -140,7 +140,7 @@ class FrontEnd:
         expected, covariance = self.wheels.corrected(increment), self.wheels.covariance(increment)
         guess = compose(self.pose, expected)
         uncertain = covariance + np.diag([0.0, 0.0, self.wheels.unlearned(increment)])
-        own = np.linalg.inv(uncertain)
+        own: Float = np.asarray(np.linalg.inv(uncertain), dtype=np.float64)
         surface = surface[~self._moving(surface, guess, np.sqrt(uncertain.diagonal()))]
         match, slip = Match(guess, np.zeros((3, 3)), 0.0, np.inf), 0.0
         if self._grid is not None and len(surface):
@@ -187,10 +187,14 @@ class FrontEnd:
         places = search(surface, grid, guess, np.diag(spread**2))
         poses = [place.pose for place in places]
         off = [between(guess, pose) / spread for pose in poses]
-        worth = [p.log_odds - np.log1p(each @ each) for p, each in zip(places, off, strict=True)]
+        worth = [
+            place.log_odds - float(np.log1p(each @ each))
+            for place, each in zip(places, off, strict=True)
+        ]
         best = clearest(places, poses, worth)
-        clear = best is not None and places[best].log_odds > match.log_odds + CLEARLY
-        return places[best] if clear else match
+        if best is None or places[best].log_odds < match.log_odds + CLEARLY:
+            return match
+        return places[best]
 
     def _moving(self, surface: Float, guess: Float, deviations: Float) -> Bool:
         """Which points (m,) of a surface were not there when the robot came by."""
@@ -203,7 +207,7 @@ class FrontEnd:
         through = (views_of(surface, watching, self._keys) == 2).sum(axis=0)
         gone = known & (through >= THROUGH)
         # Where most is new the robot is elsewhere than it thinks.
-        return gone & (2 * gone.sum() < len(gone))
+        return np.asarray(gone & (2 * gone.sum() < len(gone)))
 
     def key_due(self) -> bool:
         """Whether the robot has moved far enough since the last key scan."""

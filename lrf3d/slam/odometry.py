@@ -240,28 +240,18 @@ def fitted_lag(turns: Float, path: WheelPath, places: Int) -> float:
     known = np.isfinite(turns) & (np.diff(places) > 0)
     distances = np.hypot(*np.diff(path.at(places.astype(np.float64))[:, :2], axis=0).T)[known]
 
-    def left(lag: float, by_turn: float, by_way: float) -> Float:
+    def left(free: Float) -> Float:
+        lag, by_turn, by_way = free
         turned = np.diff(path.at(places - lag)[:, 2])[known]
         return np.asarray(turns[known] - (1.0 + by_turn) * turned - by_way * distances)
 
-    bent = np.abs(left(LAGS[1], 0.0, 0.0) - left(LAGS[0], 0.0, 0.0))
+    bent = np.abs(left(np.array([LAGS[1], 0.0, 0.0])) - left(np.array([LAGS[0], 0.0, 0.0])))
     if (bent > LEAST_TURN * (LAGS[1] - LAGS[0])).sum() < LEAST_PAIRS:
         return 0.0
     # What is left once the systematic errors of the wheels are out, with the lag and without it.
-    robust = {"loss": "huber", "f_scale": HUBER}
-    with_lag = least_squares(lambda free: left(*free), np.zeros(3), **robust)
-    without = least_squares(lambda free: left(0.0, *free), np.zeros(2), **robust)
+    with_lag = least_squares(left, np.zeros(3), loss="huber", f_scale=HUBER)
+    without = least_squares(
+        lambda biases: left(np.append(0.0, biases)), np.zeros(2), loss="huber", f_scale=HUBER
+    )
     lag = float(np.clip(with_lag.x[0], *LAGS))
     return lag if without.cost > SURE * with_lag.cost else 0.0
-
-
-def rising(stamps: Float) -> Float:
-    """Stamps (k,) [s] as times that rise: one that does not lies evenly between those around it."""
-    latest = np.maximum.accumulate(stamps)
-    knots = np.flatnonzero(np.concatenate([[True], np.diff(latest) > 0.0]))
-    steps = np.diff(stamps)
-    usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
-    number = np.arange(len(stamps), dtype=np.float64)
-    times = np.interp(number, knots, latest[knots])
-    times[knots[-1] :] = latest[knots[-1]] + usual * (number[knots[-1] :] - knots[-1])
-    return np.asarray(times)

@@ -204,9 +204,10 @@ class GraphPaths:
         """Lengths (k,) of the shortest paths from a key scan, and the vertices (k,) before last."""
         count = max(source, int(self._ends.max(initial=0))) + 1
         graph = coo_array((self._lengths, tuple(self._ends.T)), shape=(count, count))
-        lengths, before = dijkstra(graph.tocsr(), directed=False, indices=source, limit=limit,
-                                   return_predecessors=True)  # fmt: skip
-        return lengths, before.astype(np.int64)
+        found: tuple[Float, Int] = dijkstra(  # type: ignore[call-overload]
+            graph.tocsr(), directed=False, indices=source, limit=limit, return_predecessors=True
+        )
+        return found[0], found[1].astype(np.int64)
 
     def spreads(self, source: int, poses: Float) -> tuple[Float, Float]:
         """Lengths (k,) of paths [m], and covariances (k, 3, 3) of a pose with each other one held.

@@ -174,7 +174,7 @@ def _reach(points: Float, i: int, way: int, away: float, step: float, noise: flo
 def moved(surface: Float, pose: Float) -> Float:
     """A surface (m, 4) as it lies after it was moved by a pose (3,)."""
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    there = (surface.reshape(-1, 2) @ np.array([[cos, sin], [-sin, cos]])).reshape(-1, 4)
+    there: Float = (surface.reshape(-1, 2) @ np.array([[cos, sin], [-sin, cos]])).reshape(-1, 4)
     there[:, :2] += pose[:2]
     return there
 
