@@ -250,8 +250,10 @@ def fitted_lag(turns: Float, path: WheelPath, places: Int) -> float:
         return 0.0
     # What is left once the systematic errors of the wheels are out, with the lag and without it.
     with_lag = least_squares(left, np.zeros(3), loss="huber", f_scale=HUBER)
-    without = least_squares(
-        lambda biases: left(np.append(0.0, biases)), np.zeros(2), loss="huber", f_scale=HUBER
-    )
+
+    def left_at_once(biases: Float) -> Float:
+        return left(np.append(0.0, biases))
+
+    without = least_squares(left_at_once, np.zeros(2), loss="huber", f_scale=HUBER)
     lag = float(np.clip(with_lag.x[0], *LAGS))
     return lag if without.cost > SURE * with_lag.cost else 0.0
