@@ -1,4 +1,4 @@
-"""Film: the pictures of a run, one for each time asked for, and the options that all films share."""
+"""Film: the pictures of a run, one for each time asked for, and the options of all films."""
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace

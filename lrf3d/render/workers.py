@@ -113,7 +113,7 @@ def _process(
 
 
 def main(job_file: str, number: str, count: str, pipe: str) -> None:
-    """Draw every ``count``-th picture of a job from a number on into a pipe, or send what failed."""
+    """Draw every ``count``-th picture of a job from a number on, or say why not."""
     end = Connection(int(pipe), readable=False)
     try:
         job: Job = pickle.loads(Path(job_file).read_bytes())
