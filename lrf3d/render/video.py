@@ -4,7 +4,6 @@ import math
 from collections.abc import Iterable, Iterator
 from contextlib import closing
 from dataclasses import asdict
-from functools import lru_cache
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -139,10 +138,17 @@ def frame(run: Run, time: float, **options: Any) -> NDArray[np.uint8]:
     return np.array(_film(run, chosen).draw(time)[:, :, :3])
 
 
-@lru_cache(maxsize=1)
+_latest: list[tuple[Run, FilmOptions, Film]] = []
+
+
 def _film(run: Run, options: FilmOptions) -> Film:
     """The film of the pictures asked for last: setting one up costs as much as forty pictures."""
-    return Film(run, **asdict(options))
+    if not _latest or _latest[0][0] is not run or _latest[0][1] != options:
+        # The driver's memory is not freed by itself: environments draw a new run in each step.
+        while _latest:
+            _latest.pop()[2].close()
+        _latest.append((run, options, Film(run, **asdict(options))))
+    return _latest[0][2]
 
 
 def save_png(picture: Pixels, path: Path) -> None:
