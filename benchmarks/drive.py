@@ -7,12 +7,11 @@ them in Python; they are here to be measured, and drive nothing.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
 from itertools import accumulate
 from math import cos, fsum, sin, tau
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import typer
@@ -20,7 +19,7 @@ import typer
 from benchmarks.report import Figure, Report, scatter
 from benchmarks.timing import timed
 from lrf3d.geometry import Float
-from lrf3d.robot.driving import drive
+from lrf3d.robot.unicycle import drive
 
 HOUR = 3600.0
 """How long is driven [s]."""
@@ -36,21 +35,16 @@ DRIFT = 0.02
 """Mean turn rate [rad/s] of the smooth inputs."""
 
 
-@dataclass(frozen=True, slots=True)
-class Inputs:
-    """Inputs of an hour, and where they lead from the origin.
+class Inputs(NamedTuple):
+    """Speeds [m/s] and turn rates [rad/s] at times [s], numbers or arrays.
 
-    Args:
-        name: What kind of inputs.
-        v: Speed [m/s] at times [s], a number or an array.
-        omega: Turn rate [rad/s], likewise.
-        end: Pose (3,) after the hour; theta [rad] counts full turns.
-        pieces: Speeds and turn rates (k,) that are held for a second each; None where they vary.
+    They lead from the origin to an end (3,), whose theta [rad] counts full turns. Pieces (k,) are
+    held for a second each; None where the inputs vary.
     """
 
     name: str
-    v: Callable[[Float], Float]
-    omega: Callable[[Float], Float]
+    v: Callable[[Any], Any]
+    omega: Callable[[Any], Any]
     end: Float
     pieces: tuple[Float, Float] | None = None
 
@@ -65,15 +59,13 @@ def held_inputs(*, seconds: int = int(HOUR), seed: int = 0) -> Inputs:
     chords = v * np.sinc(0.5 * omega / np.pi)
     end = [fsum(chords * np.cos(middles)), fsum(chords * np.sin(middles)), headings[-1]]
 
-    def at(values: Float) -> Callable[[Float], Float]:
-        last = len(values) - 1
-        plain = values.tolist()
+    def at(values: Float) -> Callable[[Any], Any]:
+        last, plain = len(values) - 1, values.tolist()
 
-        def value(t: Float) -> Float:
+        def value(t: Any) -> Any:
             if isinstance(t, np.ndarray):
-                return np.asarray(values[np.minimum(t.astype(np.int64), last)])
-            found: Float = plain[min(int(t), last)]
-            return found
+                return values[np.minimum(t.astype(np.int64), last)]
+            return plain[min(int(t), last)]
 
         return value
 
@@ -82,19 +74,17 @@ def held_inputs(*, seconds: int = int(HOUR), seed: int = 0) -> Inputs:
 
 def smooth_inputs(*, seconds: float = HOUR) -> Inputs:
     """Speeds and turn rates that change all the time."""
-    mean, swing, period = SPEED
+    (mean, swing, period), ((a, one), (b, other)) = SPEED, WAVES
 
-    def v(t: Float) -> Float:
+    def v(t: Any) -> Any:
         return mean + swing * np.sin(tau / period * t)
 
-    def omega(t: Float) -> Float:
-        (a, one), (b, other) = WAVES
-        return np.asarray(DRIFT + a * np.sin(tau / one * t) + b * np.cos(tau / other * t))
+    def omega(t: Any) -> Any:
+        return DRIFT + a * np.sin(tau / one * t) + b * np.cos(tau / other * t)
 
-    def heading(t: Float) -> Float:
-        (a, one), (b, other) = WAVES
+    def heading(t: Any) -> Any:
         swings = a * one / tau * (1.0 - np.cos(tau / one * t))
-        return np.asarray(DRIFT * t + swings + b * other / tau * np.sin(tau / other * t))
+        return DRIFT * t + swings + b * other / tau * np.sin(tau / other * t)
 
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
     count = int(np.ceil(seconds))
@@ -174,9 +164,7 @@ def bench(
 
 
 def _euler(inputs: Inputs, seconds: float, step: float) -> Float:
-    x, y, theta = START
-    v: Any = inputs.v
-    omega: Any = inputs.omega
+    (x, y, theta), v, omega = START, inputs.v, inputs.omega
     for number in range(round(seconds / step)):
         t = number * step
         ahead = float(v(t)) * step
@@ -187,9 +175,7 @@ def _euler(inputs: Inputs, seconds: float, step: float) -> Float:
 
 
 def _rk4(inputs: Inputs, seconds: float, step: float) -> Float:
-    x, y, theta = START
-    v: Any = inputs.v
-    omega: Any = inputs.omega
+    (x, y, theta), v, omega = START, inputs.v, inputs.omega
     for number in range(round(seconds / step)):
         t = number * step
         v1, v2, v4 = float(v(t)), float(v(t + 0.5 * step)), float(v(t + step))
@@ -202,9 +188,7 @@ def _rk4(inputs: Inputs, seconds: float, step: float) -> Float:
 
 
 def _rk45(inputs: Inputs, seconds: float, tolerance: float, dt: float) -> Float:
-    v: Any = inputs.v
-    omega: Any = inputs.omega
-    return _end(v, omega, duration=seconds, dt=dt, tolerance=tolerance)
+    return _end(inputs.v, inputs.omega, duration=seconds, dt=dt, tolerance=tolerance)
 
 
 def _arcs(inputs: Inputs, seconds: float, step: float) -> Float:

@@ -98,10 +98,8 @@ def cost(report: Report, world: World, share: float, poses: int) -> None:
         return lambda _: caster.cast_batch(lrf, places)
 
     for kind in PlanarCaster, EmbreeCaster:
-        timed = take_turns(
-            {"plain": casting(kind(plain)), "glass": casting(kind(lit))},
-            seconds=4.0,
-        )
+        calls = {"plain": casting(kind(plain)), "glass": casting(kind(lit))}
+        timed = take_turns(calls, seconds=4.0)
         beams = poses * lrf.beams
         report.add(
             "cost of glass",

@@ -7,7 +7,6 @@ scan; the corridor is driven with dynamic obstacles.
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
@@ -26,13 +25,16 @@ from lrf3d.scenario import Scenario, load_scenario
 from lrf3d.scoring import score_run
 from lrf3d.scoring.matching import sample_offsets
 from lrf3d.simulation import collect
+from lrf3d.world import Material
 
-SETTINGS: Mapping[str, tuple[dict[str, Any], ...]] = {
-    "beams": tuple({"beams": beams} for beams in (46, 91, 181, 361)),
-    "noise σ": tuple({"sigma": sigma} for sigma in (0.0, 0.01, 0.04, 0.2, 0.6)),
-    "gap": tuple({"gap": gap} for gap in (0.5, 1.0, 2.5, 5.0)),
+CITY = load_scenario("city")
+
+SETTINGS: Mapping[str, Mapping[str, dict[str, Any]]] = {
+    "beams": {str(n): {"lrf": replace(CITY.lrf, beams=n)} for n in (46, 91, 181, 361)},
+    "noise σ": {str(sigma): {"sigma": sigma} for sigma in (0.0, 0.01, 0.04, 0.2, 0.6)},
+    "gap": {str(gap): {"mapper": {**CITY.mapper, "gap": gap}} for gap in (0.5, 1.0, 2.5, 5.0)},
 }
-"""What is varied, one at a time."""
+"""What is varied, one at a time: values, and the arguments of a simulation."""
 
 OFF_ROUTE = 0.05
 """By how much a later round is off the first one [m], so that no scan comes twice."""
@@ -84,22 +86,21 @@ def bench(
 
 def settings(report: Report, seeds: int, every: int) -> None:
     """Error and time of the map of the city, one setting varied at a time, in both modes."""
-    city = load_scenario("city")
-    drive = city.trajectory().every(every)
+    drive = CITY.trajectory().every(every)
     for varied, choices in SETTINGS.items():
-        for choice in choices:
+        for value, arguments in choices.items():
             for mode in ("robust", "paper"):
                 scores, spent = [], list[float]()
                 for seed in range(seeds):
-                    simulation = city.simulation(drive=drive, rng=seed, caster="planar",
-                                                 **arguments(city, mode, choice))  # fmt: skip
+                    simulation = CITY.simulation(drive=drive, rng=seed, caster="planar", mode=mode,
+                                                 **arguments)  # fmt: skip
                     times = time_updates(simulation.mapper)
                     scores.append(score_run(collect(simulation, snapshots=1)))
                     spent += times
                 report.add(
                     "settings",
                     varied=varied,
-                    value=str(*choice.values()),
+                    value=value,
                     mapper=mode,
                     length_f1=mean(score.length_f1 for score in scores),
                     missed=1.0 - mean(score.segment_f1 for score in scores),
@@ -107,17 +108,6 @@ def settings(report: Report, seeds: int, every: int) -> None:
                     rms_m=mean(score.perpendicular_rms for score in scores),
                     update_s=float(np.median(spent)),
                 )
-
-
-def arguments(city: Scenario, mode: str, choice: Mapping[str, Any]) -> dict[str, Any]:
-    """The arguments of a simulation with a setting."""
-    chosen = dict(choice)
-    given: dict[str, Any] = {"mode": mode}
-    if "beams" in chosen:
-        given["lrf"] = replace(city.lrf, beams=chosen.pop("beams"))
-    if "sigma" in chosen:
-        given["sigma"] = chosen.pop("sigma")
-    return {**given, "mapper": {**city.mapper, **chosen}} if chosen else given
 
 
 def mean(values: Any) -> float:
@@ -128,18 +118,15 @@ def mean(values: Any) -> float:
 
 def rounds(report: Report, beams: int, scans: int) -> None:
     """What a scan costs until its map is there, on a drive round and round the city."""
-    city = load_scenario("city")
-    poses, lrf = city.trajectory().poses, replace(city.lrf, beams=beams)
-    caster, noise = PlanarCaster(city.world), ProportionalNoise(SIGMA)
+    poses, lrf = CITY.trajectory().poses, replace(CITY.lrf, beams=beams)
+    caster, noise = PlanarCaster(CITY.world), ProportionalNoise(SIGMA)
     rng, mapper = np.random.default_rng(0), LineMapper()
     spent: list[float] = []
-    before = None
     for number in range(scans):
         pose = poses[number % len(poses)].copy()
         pose[:2] += rng.normal(0.0, OFF_ROUTE, 2) if number >= len(poses) else 0.0
         scan = noise(caster.cast(lrf, pose), rng)
         spent.append(timed(mapper.update, scan) + timed(lambda: mapper.map.segments))
-        before = resident() if number == scans // 4 else before
     quarter = scans // 4
     report.add(
         "rounds of the city",
@@ -149,18 +136,8 @@ def rounds(report: Report, beams: int, scans: int) -> None:
         slowest_s=float(np.quantile(spent, 0.99)),
         second_quarter_s=float(np.median(spent[quarter : 2 * quarter])),
         last_quarter_s=float(np.median(spent[-quarter:])),
-        grown_bytes=None if before is None else float(max((resident() or before) - before, 0)),
         segments=len(mapper.map),
     )
-
-
-def resident() -> int | None:
-    """Memory of this process [bytes]; None where the system does not report it."""
-    try:
-        lines = Path("/proc/self/status").read_text().splitlines()
-    except OSError:
-        return None
-    return 1024 * int(next(line for line in lines if line.startswith("VmRSS")).split()[1])
 
 
 def obstacles(report: Report, seeds: int, every: int) -> None:
@@ -250,11 +227,11 @@ def shown(
 
 def savings(report: Report, scans: int) -> None:
     """Pieces of work that mapping skips, each timed with it skipped and with it done."""
-    city = load_scenario("city")
-    caster, rng = PlanarCaster(city.world), np.random.default_rng(0)
-    noise = ProportionalNoise(SIGMA)
-    seen = [noise(caster.cast(city.lrf, p), rng) for p in city.trajectory().poses[:scans]]
-    lit = [replace(scan, intensities=np.where(np.isfinite(scan.ranges), 0.5, 0.0)) for scan in seen]
+    # Walls of brick, so that intensities fall with range and incidence as mappers expect.
+    world = replace(CITY.world, materials=(Material.of("brick"),) * CITY.world.object_count)
+    caster, noise, rng = PlanarCaster(world), ProportionalNoise(SIGMA), np.random.default_rng(0)
+    lit = [noise(caster.cast(CITY.lrf, p), rng) for p in CITY.trajectory().poses[:scans]]
+    seen = [replace(scan, intensities=None) for scan in lit]
 
     def update(given: Any, act: Callable[[LineMapper], object] = lambda mapper: None) -> float:
         mapper, spent = LineMapper(), []

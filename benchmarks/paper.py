@@ -85,10 +85,8 @@ def findings(scans: int | None, seeds: int) -> Iterator[Finding]:
 def drive_through(world: str, mode: str, scans: int | None = None) -> Drive:
     """Drive through a built-in world, and map it in one mode."""
     scenario = load_scenario(world)
-    drive = scenario.trajectory()
-    simulation = scenario.simulation(
-        drive=drive.poses[:scans], mode=mode, caster="planar", rng=0
-    )  # fmt: skip
+    poses = scenario.trajectory().poses[:scans]
+    simulation = scenario.simulation(drive=poses, mode=mode, caster="planar", rng=0)
     mapper: Any = simulation.mapper
     spent = time_updates(mapper)
     run = collect(simulation)
@@ -116,29 +114,23 @@ def exact_ranges(scans: int | None) -> Finding:
 def room_maps(seeds: int) -> Iterator[Finding]:
     """Section 4, Fig. 5 b to d: three unions at three noises; robust at a lot of noise."""
     sigmas = load_scenario(ROOM).sigmas
-    table = sweep(ROOM, axes={"noise.sigma": sigmas}, seeds=seeds, workers=1)
-    found: dict[tuple[str, float], list[int]] = {
-        (row["mapper"], row["sigma_m"]): [] for row in table.rows
-    }
-    f1: dict[str, list[float]] = {mode: [] for mode in MODES}
-    for row in table.rows:
-        found[row["mapper"], row["sigma_m"]].append(row["map_objects"])
-        if row["sigma_m"] == max(sigmas):
-            f1[row["mapper"]].append(row["length_f1"])
-    words = "; ".join(
-        f"{mode}: " + ", ".join(f"{np.mean(found[mode, sigma]):.1f}" for sigma in sigmas)
-        for mode in MODES
-    )
+    rows = sweep(ROOM, axes={"noise.sigma": sigmas}, seeds=seeds, workers=1).rows
+
+    def mean(figure: str, mode: str, sigma: float) -> float:
+        mine = [row for row in rows if (row["mapper"], row["sigma_m"]) == (mode, sigma)]
+        return float(np.mean([row[figure] for row in mine]))
+
+    found = {mode: [mean("map_objects", mode, sigma) for sigma in sigmas] for mode in MODES}
+    f1 = {mode: mean("length_f1", mode, max(sigmas)) for mode in MODES}
     yield Finding(
         f"4, Fig. 5 b–d: {OBJECTS} unions at σ = {', '.join(map(str, sigmas))} m",
-        words,
-        {mode: all(abs(np.mean(found[mode, sigma]) - OBJECTS) <= 0.5 for sigma in sigmas)
-         for mode in MODES},
-    )  # fmt: skip
+        "; ".join(f"{m}: " + ", ".join(f"{n:.1f}" for n in each) for m, each in found.items()),
+        {m: all(abs(number - OBJECTS) <= 0.5 for number in each) for m, each in found.items()},
+    )
     yield Finding(
         "4: robust at a lot of noise (length F1 ≥ 0.8)",
-        f"σ = {max(sigmas)} m: " + ", ".join(f"{mode} {np.mean(f1[mode]):.2f}" for mode in MODES),
-        {mode: float(np.mean(f1[mode])) >= 0.8 for mode in MODES},
+        f"σ = {max(sigmas)} m: " + ", ".join(f"{mode} {each:.2f}" for mode, each in f1.items()),
+        {mode: each >= 0.8 for mode, each in f1.items()},
     )
 
 

@@ -21,7 +21,7 @@ from lrf3d.scene.camera import Look
 from lrf3d.scene.facades import BAYS, ROWS, layers
 from lrf3d.scene.ground import bare_ground
 from lrf3d.scene.light import sky_light
-from lrf3d.scene.stage import paint_faces
+from lrf3d.scene.stage import paint_stage
 from lrf3d.scene.structures import Structures
 
 PICTURE = (640, 360)
@@ -56,20 +56,11 @@ def traced(run: Run, seen: Look, haze: tuple[float, ...], sky: Float, samples: i
         seen.eye.tolist(), seen.target.tolist(), list(seen.up)
     )
     scene["sensor"] = {
-        "type": "perspective",
-        "fov_axis": "y",
-        "fov": float(np.degrees(seen.field)),
-        "near_clip": seen.near,
-        "far_clip": 2.0 * _LAND,
-        "to_world": transform,
-        "film": {
-            "type": "hdrfilm",
-            "width": PICTURE[0],
-            "height": PICTURE[1],
-            "pixel_format": "rgba",
-            "rfilter": {"type": "box"},
-        },
-    }
+        "type": "perspective", "fov_axis": "y", "fov": float(np.degrees(seen.field)),
+        "near_clip": seen.near, "far_clip": 2.0 * _LAND, "to_world": transform,
+        "film": {"type": "hdrfilm", "width": PICTURE[0], "height": PICTURE[1],
+                 "pixel_format": "rgba", "rfilter": {"type": "box"}},
+    }  # fmt: skip
     scene["integrator"] = {
         "type": "aov",
         "aovs": "place:position",
@@ -120,7 +111,7 @@ def _bitmap(mi: Any, picture: Float, kind: str = "nearest") -> dict[str, Any]:
 
 def _walls(mi: Any, structures: Structures) -> dict[str, Any]:
     """Walls and roofs: what is painted over them, mixed with their own colour by its opacity."""
-    rows = paint_faces(structures)[0].rows()[:, [0, 1, 2, 0, 2, 3], :9].reshape(-1, 3, 9)
+    rows = paint_stage(structures).faces.rows()[:, [0, 1, 2, 0, 2, 3], :9].reshape(-1, 3, 9)
     rows = rows[(rows[:, 1, :3] != rows[:, 2, :3]).any(axis=1)].astype(np.float64)
     painted = layers(structures.indoor)[0].astype(np.float64) / 255.0
     found = {}

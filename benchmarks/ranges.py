@@ -6,10 +6,10 @@ of plain scans hardly ever come near what is hard, so as many again are aimed at
 """
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import import_module
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import numpy as np
 import trimesh
@@ -34,24 +34,19 @@ DRIVE, BATCH = 64, 4000
 CORNERS = 20_000
 """Beams aimed within 1e-9 to 1e-5 rad of corners."""
 
+NUMPY = "NumPy determinants"
+
 GROSS = 0.01
 """A range is grossly wrong when it is off by more than this [m]: lasers err by as much."""
 
-MOST_PAIRS = 200_000_000
-"""Pairs of beams and walls up to which NumPy is asked: more take too long."""
+MOST_WALLS = 10_000
+"""Walls up to which NumPy is asked: among more it takes too long."""
 
 Cast = Callable[[LaserRangeFinder, Float], Float]
+"""What casts scans from poses (k, 3)."""
 
-
-class Method(NamedTuple):
-    """A way to cast: its name, what casts scans from poses (k, 3), and what casts one from a pose.
-
-    What goes into a single scan is made ready beforehand, as users of a library would do it.
-    """
-
-    name: str
-    ranges: Cast
-    ready: Callable[[Float], Callable[[], object]]
+Ready = Callable[[Float], Callable[[], object]]
+"""What makes ready for a scan from a pose (3,), as users of a library would do it beforehand."""
 
 
 AISLE = 1.5
@@ -71,25 +66,23 @@ def city_crossings(walls: int, count: int, *, seed: int = 0, spread: int | None 
     return np.column_stack([positions, rng.uniform(-np.pi, np.pi, count)])
 
 
-def methods(world: World) -> Iterator[Callable[[], Method]]:
+def methods(world: World) -> dict[str, Callable[[], tuple[Cast, Ready]]]:
     """What builds each method for a world; it raises ImportError where a library is missing."""
 
-    def own(kind: Any) -> Method:
+    def own(kind: type[PlanarCaster | EmbreeCaster]) -> tuple[Cast, Ready]:
         caster = kind(world)
-        return Method(
-            kind.__name__,
-            caster.cast_batch,
-            lambda pose: partial(caster.cast, LRF, tuple(pose.tolist())),
-        )
+        return caster.cast_batch, lambda pose: partial(caster.cast, LRF, tuple(pose.tolist()))
 
-    def plain(name: str, cast: Cast) -> Method:
-        return Method(name, cast, lambda pose: partial(cast, LRF, pose[None]))
+    def plain(cast: Cast) -> tuple[Cast, Ready]:
+        return cast, lambda pose: partial(cast, LRF, pose[None])
 
-    yield partial(own, PlanarCaster)
-    yield partial(own, EmbreeCaster)
-    yield lambda: bare_embree(world)
-    yield lambda: plain("NumPy determinants", partial(determinants, world.segments))
-    yield lambda: plain("Open3D", open3d_ranges(world))
+    return {
+        "PlanarCaster": lambda: own(PlanarCaster),
+        "EmbreeCaster": lambda: own(EmbreeCaster),
+        "bare Embree": lambda: bare_embree(world),
+        NUMPY: lambda: plain(partial(determinants, world.segments)),
+        "Open3D": lambda: plain(open3d_ranges(world)),
+    }
 
 
 def bench(
@@ -125,41 +118,39 @@ def measure(report: Report, count: int, seconds: float) -> None:
     poses = city_crossings(count, DRIVE, spread=3)
     many = city_crossings(count, BATCH, seed=2)
     corners = corner_poses(exact, world, city_crossings(count, CORNERS, seed=1))
-    built: list[tuple[Method, float]] = []
-    for make in methods(world):
+    built: dict[str, tuple[Cast, Ready, float]] = {}
+    for name, make in methods(world).items():
         begin = time.perf_counter()
         try:
-            method = make()
-            method.ready(poses[0])()
+            cast, ready = make()
+            ready(poses[0])()
         except ImportError as error:
             report.notes.append(f"left out: {error}")
             continue
-        built.append((method, time.perf_counter() - begin))
-    if DRIVE * LRF.beams * count > MOST_PAIRS:
-        built = [each for each in built if each[0].name != "NumPy determinants"]
+        if name != NUMPY or count <= MOST_WALLS:
+            built[name] = cast, ready, time.perf_counter() - begin
     singles = take_turns(
-        {each.name: partial(_scan, list(map(each.ready, poses))) for each, _ in built},
+        {name: partial(_scan, list(map(ready, poses))) for name, (_, ready, _) in built.items()},
         seconds=seconds / 2,
     )
-    quick = [each for each, _ in built if each.name != "NumPy determinants"]
     batches = take_turns(
-        {each.name: partial(_batch, each, many) for each in quick}, seconds=seconds / 2
+        {name: partial(_batch, cast, many) for name, (cast, *_) in built.items() if name != NUMPY},
+        seconds=seconds / 2,
     )
-    for method, took in built:
+    for name, (cast, _, took) in built.items():
         plain, at_corners = (
-            errors(method.ranges(lrf, where), exact.cast_batch(lrf, where), lrf)
+            errors(cast(lrf, where), exact.cast_batch(lrf, where), lrf)
             for lrf, where in ((LRF, poses), (BEAM, corners))
         )
-        batch = batches.get(method.name)
         report.add(
             "ranges",
-            method=method.name,
+            method=name,
             walls=len(world.segments),
             build_s=took,
-            scan_s=singles[method.name].median,
+            scan_s=singles[name].median,
             error_m=max(plain.max(), at_corners.max()),
             over_1_cm_share=float((at_corners > GROSS).mean()),
-            batch_s=batch and batch.median / (BATCH * LRF.beams),
+            batch_s=batches[name].median / (BATCH * LRF.beams) if name in batches else None,
         )
 
 
@@ -167,8 +158,8 @@ def _scan(calls: Sequence[Callable[[], object]], turn: int) -> object:
     return calls[turn % len(calls)]()
 
 
-def _batch(method: Method, poses: Float, turn: int) -> object:
-    return method.ranges(LRF, poses)
+def _batch(cast: Cast, poses: Float, turn: int) -> object:
+    return cast(LRF, poses)
 
 
 def corner_poses(caster: PlanarCaster, world: World, poses: Float, *, seed: int = 0) -> Float:
@@ -176,9 +167,8 @@ def corner_poses(caster: PlanarCaster, world: World, poses: Float, *, seed: int 
     rng = np.random.default_rng(seed)
     seen = caster.scan_batch(BEAM, poses)[1][:, 0]
     poses, seen = poses[seen >= 0].copy(), seen[seen >= 0]
-    ends = world.segments[seen].reshape(-1, 2, 2)[
-        np.arange(len(seen)), rng.integers(0, 2, len(seen))
-    ]
+    either = rng.integers(0, 2, len(seen))
+    ends = world.segments[seen].reshape(-1, 2, 2)[np.arange(len(seen)), either]
     aside = rng.choice([-1.0, 1.0], len(seen)) * 10.0 ** rng.uniform(-9.0, -5.0, len(seen))
     to_end = ends - poses[:, :2]
     poses[:, 2] = np.arctan2(to_end[:, 1], to_end[:, 0]) + aside
@@ -235,7 +225,7 @@ def rays(world: World, lrf: LaserRangeFinder, poses: Float) -> tuple[Any, Any]:
     )
 
 
-def bare_embree(world: World) -> Method:
+def bare_embree(world: World) -> tuple[Cast, Ready]:
     """``EmbreeScene.run`` of embreex: the bare float32 library."""
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
@@ -249,9 +239,7 @@ def bare_embree(world: World) -> Method:
         distances = np.where(found["primID"] >= 0, found["tfar"].astype(np.float64), np.inf)
         return limited(distances.reshape(len(poses), lrf.beams), lrf)
 
-    return Method(
-        "bare Embree", cast, lambda pose: partial(scene.run, *rays(world, LRF, pose[None]))
-    )
+    return cast, lambda pose: partial(scene.run, *rays(world, LRF, pose[None]))
 
 
 def open3d_ranges(world: World) -> Cast:

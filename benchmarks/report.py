@@ -1,15 +1,14 @@
 """Reports: what a benchmark measured, as rows of named figures, in tables for eyes and as JSON.
 
 A row is a dict. The ending of a name is the unit of its figure: ``_s`` [s], ``_m`` [m], ``_share``
-of 1, ``_bytes``. Tables on the terminal and JSON are made of the same rows.
+of 1. Tables on the terminal and JSON are made of the same rows.
 """
 
 import inspect
 import math
 import os
 import platform
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -28,25 +27,21 @@ BUSY = 0.5
 """Processes of others, on average, above which figures of all cores are too low to be trusted."""
 
 
-@dataclass
 class Report:
-    """What one benchmark measured.
+    """What one benchmark that asks a question measured: tables of rows, and notes, a line each."""
 
-    Args:
-        question: What it asks.
-        tables: The rows of each table, in the order in which they are printed.
-        notes: What else a reader needs to know, a line each.
-        load: Processes of others before the start, on average.
-    """
-
-    question: str
-    tables: dict[str, list[Row]] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
-    load: float = field(default_factory=lambda: getattr(os, "getloadavg", lambda: [0.0])()[0])
+    def __init__(self, question: str) -> None:
+        self.question = question
+        self.tables: dict[str, list[Row]] = {}
+        self.notes: list[str] = []
+        # Processes of others before the start, on average.
+        self.load: float = getattr(os, "getloadavg", lambda: [0.0])()[0]
 
     def add(self, name: str, **figures: Any) -> None:
-        """Add a row to a table."""
-        self.tables.setdefault(name, []).append(figures)
+        """Add a row to a table; what is NaN or infinite is missing."""
+        plain = {key: v.item() if isinstance(v, np.generic) else v for key, v in figures.items()}
+        row = {key: None if v in (math.inf, -math.inf) or v != v else v for key, v in plain.items()}
+        self.tables.setdefault(name, []).append(row)
 
     def save(self, work: str, without: float, done: float) -> None:
         """Add what skipping a piece of work saves: the time without it and with it [s]."""
@@ -56,8 +51,9 @@ class Report:
         """The report in JSON's types."""
         machine = {"system": platform.platform(), "cores": core_count(), "load": self.load,
                    "python": platform.python_version(), "numpy": np.__version__}  # fmt: skip
-        plain: Row = as_json({"question": self.question, "machine": machine, **self.tables})
-        return {**plain, "notes": self.notes}
+        return {
+            "question": self.question, "machine": machine, **self.tables, "notes": self.notes,
+        }  # fmt: skip
 
     def text(self) -> str:
         """The report for people."""
@@ -80,7 +76,7 @@ def rows_text(rows: Sequence[Row]) -> str:
 def head(name: str) -> str:
     """The heading of a column: its name without the unit."""
     stem, _, unit = name.rpartition("_")
-    return (stem if unit in ("s", "m", "share", "bytes") else name).replace("_", " ")
+    return (stem if unit in ("s", "m", "share") else name).replace("_", " ")
 
 
 def written(name: str, value: Any) -> str:
@@ -96,7 +92,7 @@ def written(name: str, value: Any) -> str:
         return "exact" if value == 0.0 else f"{value:.2g} m"
     if unit == "share":
         return f"{100.0 * value:.4g} %"
-    return f"{value / 1e6:.1f} MB" if unit == "bytes" else f"{value:,.3f}".rstrip("0").rstrip(".")
+    return f"{value:,.3f}".rstrip("0").rstrip(".")
 
 
 def duration(seconds: float, digits: int = 3) -> str:
@@ -106,16 +102,6 @@ def duration(seconds: float, digits: int = 3) -> str:
     # Rounded by hand: %g would write 480 with two digits as 4.8e+02.
     value = round(value, digits - 1 - math.floor(math.log10(value))) if value > 0.0 else value
     return f"{value:g} {name}"
-
-
-def as_json(value: Any) -> Any:
-    """A value in JSON's types; None where NaN or infinity stands."""
-    if isinstance(value, Mapping):
-        return {name: as_json(each) for name, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [as_json(each) for each in value]
-    value = value.item() if isinstance(value, np.generic) else value
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 Figure = Annotated[Path | None, typer.Option(help="Draw the result to this .png.")]

@@ -63,7 +63,8 @@ def bench(
         from benchmarks.single_scans import load_scan_sets, score_vertices
 
         counts = numbers("--vertices", vertices, least=2)
-        report.tables["lines"] = score_vertices(load_scan_sets(Path(source)), counts)
+        for row in score_vertices(load_scan_sets(Path(source)), counts):
+            report.add("lines", **row)
     elif ending in LOG_ENDINGS:
         score_recorded(report, source, makers)
     else:

@@ -10,7 +10,7 @@ scans: ``KIND_pose`` (s, 3), ``KIND_n`` (s,) beams of each scan, ``KIND_azimuth`
 truth is known, the corners of a polygon around each scan: ``KIND_poly_n``, ``KIND_poly_xy``.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -78,30 +78,26 @@ def _scan_set(kind: str, columns: dict[str, Any]) -> ScanSet:
     return ScanSet(kind, scans, np.split(columns[f"{kind}_poly_xy"], corners))
 
 
-def score_vertices(sets: Sequence[ScanSet], vertices: Sequence[int]) -> list[Row]:
+def score_vertices(sets: Sequence[ScanSet], vertices: Sequence[int]) -> Iterator[Row]:
     """Score the lines of single scans of each kind, at each number of vertices; means over scans.
 
     The error of the ranges is that of the beams that meet a line; ``explained`` is the share of the
     returns whose beams do; the area that is wrong is given by the true one, where that is known.
     """
-    rows: list[Row] = []
     for kind, scans, polygons in sets:
         around: Sequence[Float | None] = polygons or [None] * len(scans)
         for most in vertices:
             scores = [_score_scan(s, most, p) for s, p in zip(scans, around, strict=True)]
             used, errors, shares, areas = zip(*scores, strict=True)
-            rows.append(
-                {
-                    "kind": kind,
-                    "scans": len(scores),
-                    "vertices": most,
-                    "most_used": max(used),
-                    "ray_rmse_m": float(np.nanmean(errors)),
-                    "explained": float(np.mean(shares)),
-                    "area_error": None if polygons is None else float(np.mean(areas)),
-                }
-            )
-    return rows
+            yield {
+                "kind": kind,
+                "scans": len(scores),
+                "vertices": most,
+                "most_used": max(used),
+                "ray_rmse_m": float(np.nanmean(errors)),
+                "explained": float(np.mean(shares)),
+                "area_error": None if polygons is None else float(np.mean(areas)),
+            }
 
 
 def _score_scan(

@@ -14,10 +14,9 @@ import typer
 import lrf3d
 from benchmarks.report import Figure, Report, Row, scatter
 from lrf3d.geometry import Float
-from lrf3d.io import load_log
 from lrf3d.localization import odometry_increments
-from lrf3d.recorded import solved_log
-from lrf3d.scoring.trajectory_score import Relations, TrajectoryScore, score_trajectory
+from lrf3d.recorded import solve_log
+from lrf3d.scoring.trajectory_score import Relations, score_trajectory
 from lrf3d.slam import Slam, WheelErrors
 
 WORLD = "corridor"
@@ -66,10 +65,10 @@ def recorded(report: Report, log: Path, relations: Path) -> None:
     from lrf3d.io.trajectory_files import load_relations
 
     begin = time.process_time()
-    solved = solved_log(load_log(log), relations=load_relations(relations)).score
+    poses = solve_log(log).line_poses
     spent = time.process_time() - begin
-    assert solved is not None
-    report.add("slam", drive=log.name, step="finished", solve_s=spent, **row_of(solved))
+    figures = score(poses, load_relations(relations))
+    report.add("slam", drive=log.name, step="finished", solve_s=spent, **figures)
 
 
 def simulated(report: Report, spacing: float, scans: int) -> None:
@@ -100,10 +99,6 @@ def simulated(report: Report, spacing: float, scans: int) -> None:
 
 def score(poses: Float, relations: Relations) -> Row:
     """Errors of poses against relations."""
-    return row_of(score_trajectory(poses, relations))
-
-
-def row_of(found: TrajectoryScore) -> Row:
-    """A score as figures of a row."""
+    found = score_trajectory(poses, relations)
     return {"error_m": found.translation_mean, "std_m": found.translation_std,
             "rotation_deg": found.rotation_mean}  # fmt: skip

@@ -7,9 +7,8 @@ of three numbers, whose mean over the seeds is 3 for a covariance that is right.
     python -m benchmarks.slam_consistency --seeds 50
 """
 
-from dataclasses import dataclass
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import typer
@@ -39,7 +38,6 @@ MARKS = 12
 FALSE_PLACE, FALSE_TURN = 0.5, 0.2
 """A closure that is off by more than this [m], [rad] is false."""
 
-
 LEAST_INFORMATION = 1.0
 """Information [1/m²] of a direction that a closure fixes: a deviation of a metre at most."""
 
@@ -51,16 +49,11 @@ class _NoMap:
         """Nothing."""
 
 
-@dataclass(frozen=True, slots=True)
-class Drive:
-    """What came of one drive.
+class Drive(NamedTuple):
+    """Errors (m, 3) of the poses of a drive at the marks and their covariances (m, 3, 3).
 
-    Args:
-        errors: (m, 3) errors of the poses at the marks.
-        covariances: (m, 3, 3) their covariances.
-        weak: Share of the marks at which a direction is reported that the walls do not fix.
-        closures: Number of closures.
-        false: Number of those that are false.
+    Weak is the share of the marks at which a direction is reported that the walls do not fix;
+    closures are counted, and those of them that are false.
     """
 
     errors: Float

@@ -11,7 +11,7 @@ import trimesh
 from lrf3d.geometry import Float
 from lrf3d.render.buffers import GL, make_current, pyrender
 from lrf3d.run import Run
-from lrf3d.scene.bodies import robot_mesh, world_from_robot
+from lrf3d.scene.bodies import robot_body, world_from_robot
 from lrf3d.scene.cameras import make_camera
 from lrf3d.scene.look import SUN
 from lrf3d.scene.shapes import Pixels
@@ -33,26 +33,12 @@ class Mesh(pyrender.Mesh):  # type: ignore[misc]
 
 
 class StockFilm:
-    """Draws pictures of a run with pyrender's own renderer; 4 samples a pixel, as it always has.
+    """Draws pictures of a run with pyrender's own renderer; 4 samples a pixel, as it always has."""
 
-    Args:
-        run: The run.
-        size: Width and height of the pictures [pixels].
-        view: Name of the camera.
-        playback: Seconds of the run in a second of the film.
-    """
-
-    def __init__(
-        self,
-        run: Run,
-        *,
-        size: tuple[int, int],
-        view: str = "chase",
-        playback: float = 1.0,
-    ) -> None:
+    def __init__(self, run: Run, *, size: tuple[int, int], playback: float) -> None:
         self.timeline = Timeline(run, playback=playback)
         structures = Structures.from_run(run)
-        self._camera = make_camera(view, self.timeline, structures)
+        self._camera = make_camera("chase", self.timeline, structures)
         self._size = size
         self._scene = pyrender.Scene(bg_color=(0.6, 0.75, 0.95), ambient_light=(0.45, 0.45, 0.5))
         for mesh in _buildings(structures):
@@ -119,13 +105,6 @@ def _ground(structures: Structures) -> Mesh:
 
 
 def _robot(laser_height: float) -> Mesh:
-    rows, indices = robot_mesh(laser_height)
-    corners = indices.reshape(-1, 3)
-    colour = np.column_stack([rows[:, 6:9], np.ones(len(rows))])
-    return Mesh(
-        [
-            pyrender.Primitive(
-                positions=rows[:, :3], normals=rows[:, 3:6], color_0=colour, indices=corners
-            )
-        ]
-    )
+    places, ups, colours = (each.reshape(-1, 3) for each in robot_body(laser_height))
+    colour = np.column_stack([colours, np.ones(len(colours))])
+    return Mesh([pyrender.Primitive(positions=places, normals=ups, color_0=colour)])

@@ -7,8 +7,7 @@ the method before it has filled with its own, which is not how programs use any 
 import gc
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,63 +21,39 @@ BURST, BURST_SECONDS = 8, 2e-3
 """Calls in a turn at most, and how long a turn of several calls may take [s]."""
 
 
-@dataclass(frozen=True, slots=True)
-class Timing:
-    """How long calls took [s]: their median and quartiles, and how many there were."""
+class Timing(NamedTuple):
+    """How long calls took [s]: their median and their lower quartile."""
 
     median: float
     low: float
-    high: float
-    calls: int
-
-    @classmethod
-    def of(cls, spent: list[float]) -> "Timing":
-        """The timing of calls by the time that each took [s]."""
-        low, median, high = np.percentile(spent, [25.0, 50.0, 75.0]).tolist()
-        return cls(median, low, high, len(spent))
 
 
 def take_turns(
-    methods: Mapping[str, Callable[[int], object]],
-    *,
-    seconds: float,
-    burst_seconds: float = BURST_SECONDS,
-    seed: int = 0,
+    methods: Mapping[str, Callable[[int], object]], *, seconds: float
 ) -> dict[str, Timing]:
-    """Time methods that take turns, each time in another order.
+    """Time methods, called with the number of the call, that take turns in a random order.
 
-    Each may use its share of the time; a slow method so has fewer turns, and at least three.
-
-    Args:
-        methods: What to call for each name, with the number of the call.
-        seconds: Time for all together [s].
-        burst_seconds: How long a turn of several calls may take [s].
-        seed: Seed of the order.
+    Each may use its share of the time [s]; a slow method so has fewer turns, and at least three.
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     spent: dict[str, list[float]] = {name: [] for name in methods}
-    left = dict.fromkeys(methods, seconds / max(1, len(methods)))
     bursts = {}
     for name, call in methods.items():
         call(0)
-        bursts[name] = int(np.clip(burst_seconds / timed(call, 0), 1, BURST))
-    collecting = gc.isenabled()
+        bursts[name] = int(np.clip(BURST_SECONDS / timed(call, 0), 1, BURST))
+    share, collecting = seconds / max(1, len(methods)), gc.isenabled()
     gc.disable()
     try:
         for turn in range(MOST_TURNS):
-            playing = [name for name in methods if left[name] > 0.0 or turn < LEAST_TURNS]
-            if not playing:
-                break
-            for k in rng.permutation(len(playing)):
-                name = playing[k]
+            playing = [n for n in methods if sum(spent[n]) < share or turn < LEAST_TURNS]
+            for name in rng.permutation(playing).tolist():
                 # The numbers of a turn are the same for all, so that all cast the same scans.
-                took = [timed(methods[name], BURST * turn + n) for n in range(bursts[name])]
-                spent[name] += took
-                left[name] -= sum(took)
+                numbers = range(BURST * turn, BURST * turn + bursts[name])
+                spent[name] += [timed(methods[name], number) for number in numbers]
     finally:
         if collecting:
             gc.enable()
-    return {name: Timing.of(times) for name, times in spent.items()}
+    return {n: Timing(*np.percentile(times, [50.0, 25.0]).tolist()) for n, times in spent.items()}
 
 
 def timed(call: Callable[..., object], *arguments: object) -> float:

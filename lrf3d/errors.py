@@ -11,7 +11,6 @@ The tree::
     └── MissingLibraryError          a library that this task needs and this machine lacks
 """
 
-import os
 import sys
 from pathlib import Path
 
@@ -119,17 +118,10 @@ def install_command(extra: str) -> str:
 
     Package indexes may not have what a checkout is; the checkout itself always installs.
     """
-    checkout, pip = Path(__file__).parents[1], Path(sys.executable).with_name("pip")
+    checkout = Path(__file__).parents[1]
     if not (checkout / "pyproject.toml").exists():
         return f"pip install 'lrf3d[{extra}]'"
-    program = _from_here(pip) if pip.exists() else f"{_from_here(Path(sys.executable))} -m pip"
-    return f"{program} install -e '{_from_here(checkout)}[{extra}]'"
-
-
-def _from_here(path: Path) -> str:
-    """A path as short as it can be typed in the current folder."""
-    here = Path.cwd()
-    return os.path.relpath(path, here) if path.is_relative_to(here) else str(path)
+    return f"{sys.executable} -m pip install -e '{checkout}[{extra}]'"
 
 
 def expect(value: object, kind: type, name: str) -> None:

@@ -8,7 +8,6 @@ next to the package in a checkout, and inside it in a wheel.
 import os
 import shutil
 import stat
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -64,36 +63,26 @@ def check_ordinary(
 
 @contextmanager
 def opened(
-    path: str | Path,
-    *,
-    what: str = "a file",
-    largest: int | None = None,
-    error: type[InputError] = InputError,
+    path: str | Path, *, what: str = "a file", largest: int | None = None
 ) -> Iterator[BinaryIO]:
     """Open a regular file for reading; the arguments are those of :func:`check_ordinary`."""
-    check_ordinary(path, what=what, largest=largest, error=error)
+    check_ordinary(path, what=what, largest=largest)
     try:
         with open(path, "rb") as file:
             yield file
     except OSError as problem:
-        raise error(f"{path}: cannot be read: {problem.strerror or problem}") from None
+        raise InputError(f"{path}: cannot be read: {problem.strerror or problem}") from None
 
 
-def read_text(
-    path: str | Path,
-    *,
-    what: str = "a text file",
-    largest: int = LARGEST_TEXT,
-    error: type[InputError] = InputError,
-) -> str:
+def read_text(path: str | Path, *, what: str = "a text file", largest: int = LARGEST_TEXT) -> str:
     """The text of a regular file, UTF-8 with or without a byte order mark."""
-    with opened(path, what=what, largest=largest, error=error) as file:
+    with opened(path, what=what, largest=largest) as file:
         data = file.read()
     try:
         return data.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as problem:
         line = data[: problem.start].count(b"\n") + 1
-        raise error(f"{path}:{line}: not a text file in UTF-8") from None
+        raise InputError(f"{path}:{line}: not a text file in UTF-8") from None
 
 
 def own_name(path: str | Path, given: object = None, *, stem: str | None = None) -> str:
@@ -167,13 +156,6 @@ def unfinished_folder(path: str | Path) -> Iterator[Path]:
         yield folder
     finally:
         shutil.rmtree(folder, ignore_errors=True)
-
-
-@contextmanager
-def scratch_folder() -> Iterator[Path]:
-    """Make a folder among the system's temporary files; it is removed afterwards."""
-    with tempfile.TemporaryDirectory(prefix="lrf3d-", ignore_cleanup_errors=True) as folder:
-        yield Path(folder)
 
 
 def write_text(path: str | Path, text: str) -> None:

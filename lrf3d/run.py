@@ -1,6 +1,6 @@
 """Run: the input and the results of a simulation."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import import_module
@@ -22,7 +22,7 @@ from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.world import World
 from lrf3d.world.cameras import USUAL_FILM, FilmPlan
 from lrf3d.world.free_cells import FreeCells
-from lrf3d.world.touching import joined_objects
+from lrf3d.world.pieces import joined_objects
 
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
@@ -258,34 +258,7 @@ def _ascends(indices: NDArray[Any], count: int) -> bool:
     return whole and bool((np.diff(indices, prepend=-1, append=count) > 0).all())
 
 
-@dataclass(frozen=True, slots=True)
-class SnapshotSchedule:
-    """The scans of a run after which the map is kept.
-
-    ``scans`` is the largest number that the run will have, ``snapshots`` that of map snapshots.
-    """
-
-    scans: int
-    snapshots: int | None = None
-
-    def holds(self, index: int) -> bool:
-        """Whether the map is kept after a scan: always after the last, and evenly before it."""
-        most = MAP_SNAPSHOTS if self.snapshots is None else self.snapshots
-        return (index + 1) * most // self.scans > index * most // self.scans
-
-
-def light_shapes(world: World, lrf: LaserRangeFinder) -> dict[str, tuple[int, ...]]:
-    """What a run keeps of the light: shapes for one scan, by the names of the Run's attributes."""
-    if not world.materials:
-        return {}
-    shapes: dict[str, tuple[int, ...]] = {"intensities": (lrf.beams,)}
-    if lrf.echoes > 1:
-        shapes |= dict.fromkeys(("echoes", "echo_intensities"), (lrf.beams, lrf.echoes))
-    return shapes
-
-
-def keep_light(rows: Mapping[str, Float], row: int, scan: LaserScan) -> None:
-    """Write the light of a scan into a row; scans of users' own parts may have none."""
-    for name, values in rows.items():
-        light = getattr(scan, name)
-        values[row] = np.nan if light is None else light
+def is_snapshot(scan: int, scans: int, snapshots: int | None = None) -> bool:
+    """Whether the map after a scan is kept: after the last of so many, and evenly before it."""
+    most = MAP_SNAPSHOTS if snapshots is None else snapshots
+    return (scan + 1) * most // scans > scan * most // scans

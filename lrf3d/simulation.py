@@ -3,7 +3,7 @@
 The input is a world and a drive; steps are yielded one by one, and only the mapper keeps anything.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from inspect import signature
 from time import perf_counter
@@ -23,7 +23,7 @@ from lrf3d.pose import Pose
 from lrf3d.progress import Progress, silent
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.robot.following import SCAN_INTERVAL
-from lrf3d.run import Run, SnapshotSchedule, keep_light, light_shapes
+from lrf3d.run import LIGHT, Run, is_snapshot
 from lrf3d.sensor import Caster, Sensor
 from lrf3d.steering import ControlledDrive, Controller
 from lrf3d.world import World
@@ -68,7 +68,6 @@ class Step:
     scan: LaserScan
     true_scan: LaserScan
     _simulation: "Simulation" = field(repr=False)
-    _returned: Any = field(repr=False)
 
     @property
     def map(self) -> Any:
@@ -77,8 +76,6 @@ class Step:
         Raises:
             InputError: The simulation has continued, and the mapper keeps no earlier maps.
         """
-        if self._returned is not None:
-            return self._returned
         if self._simulation.done != self.index + 1:
             raise InputError(
                 f"map of step {self.index}: the simulation has gone on to scan"
@@ -163,7 +160,10 @@ class Simulation:
             if scans is not None:
                 end = scans * scan_interval
         else:
-            self.drive = path = drive if isinstance(drive, Trajectory) else _a_second_apart(drive)
+            if not isinstance(drive, Trajectory):
+                poses = numbers(drive, "poses")
+                drive = Trajectory(np.arange(len(np.atleast_1d(poses))), poses)
+            self.drive = path = drive
             end = float(path.times[-1])
             scans = len(path) if scans is None else min(scans, len(path))
         # A run stores the paths of its obstacles as poses, up to its end; an endless drive is not
@@ -179,8 +179,7 @@ class Simulation:
         self.film: FilmPlan = USUAL_FILM
         """The default settings of the film."""
         self.updates, self._seconds = 0, 0.0
-        self.scans = scans
-        self.done = 0
+        self.scans, self.done = scans, 0
         self._returned: Any = None
 
     @property
@@ -207,7 +206,7 @@ class Simulation:
                 return
             true_scan, scan = self.sensor.measure(pose, time, self.rng)
             self.take(scan)
-            yield Step(index, time, true_scan.pose, scan, true_scan, self, self._returned)
+            yield Step(index, time, true_scan.pose, scan, true_scan, self)
 
     def take(self, scan: LaserScan) -> None:
         """Take the next measured scan: map it and drive on.
@@ -312,44 +311,84 @@ def collect(
     snapshots: int | None = None,
 ) -> Run:
     """Run a simulation to its end and keep it in memory; `record` writes it to a file."""
-    total = simulation.total
-    snapshots = None if snapshots is None else whole_number(snapshots, "snapshots")
-    schedule, shape = SnapshotSchedule(total, snapshots), (total, simulation.lrf.beams)
-    times, poses = np.empty(total), np.empty((total, 3))
-    ranges, truth, walls = np.empty(shape), np.empty(shape), np.empty(shape, dtype=np.int64)
-    light = {
-        name: np.empty((total, *part))
-        for name, part in light_shapes(simulation.world, simulation.lrf).items()
+    total, row = simulation.total, row_type(simulation)
+    rows: dict[str, Any] = {
+        name: np.empty((total, *row[name].shape), row[name].base) for name in row.names or ()
     }
-    kept: dict[int, Any] = {}
-    done = 0
-    for step in simulation:
-        times[step.index], poses[step.index] = step.time, step.pose
-        ranges[step.index], truth[step.index] = step.scan.ranges, step.true_scan.ranges
-        walls[step.index] = step.true_scan.walls
-        keep_light(light, step.index, step.scan)
-        if schedule.holds(step.index):
-            kept[step.index] = step.map
-        done = step.index + 1
-        progress(done, total)
-        check()
-    if done - 1 not in kept:
-        kept[done - 1] = simulation.map
-    maps = {scan: line_map for scan, line_map in kept.items() if isinstance(line_map, LineMap)}
+    maps = run_to_end(
+        simulation, lambda step: fill_row(rows, step.index, step), progress, snapshots=snapshots
+    )
+    rows = {name: sealed(values)[: simulation.done] for name, values in rows.items()}
     return Run(
         simulation.world,
         simulation.lrf,
-        Trajectory(times[:done], poses[:done]),
-        sealed(ranges)[:done],
-        sealed(truth)[:done],
-        sealed(walls)[:done],
-        tuple(maps),
-        tuple(maps.values()),
-        simulation.obstacles,
-        simulation.film,
-        simulation.estimate,
-        **{name: sealed(rows)[:done] for name, rows in light.items()},
+        Trajectory(rows.pop("times"), rows.pop("poses")),
+        snapshot_scans=tuple(maps),
+        maps=tuple(maps.values()),
+        obstacles=simulation.obstacles,
+        film=simulation.film,
+        estimate=simulation.estimate,
+        **rows,
     )
+
+
+def run_to_end(
+    simulation: Simulation,
+    keep: Callable[[Step], None],
+    progress: Progress,
+    *,
+    snapshots: int | None = None,
+    recorded: Iterable[LaserScan] = (),
+) -> dict[int, LineMap]:
+    """Call ``keep`` with each step up to the last, and return the map snapshots by their scans.
+
+    The recorded scans of an interrupted simulation are taken first.
+    """
+    total, maps = simulation.total, dict[int, LineMap]()
+    snapshots = None if snapshots is None else whole_number(snapshots, "snapshots")
+
+    def keep_map(always: bool = False) -> None:
+        last = simulation.done - 1
+        if (always or is_snapshot(last, total, snapshots)) and last not in maps:
+            if isinstance(line_map := simulation.map, LineMap):
+                maps[last] = line_map
+        check()
+
+    for scan in recorded:
+        simulation.take(scan)
+        keep_map()
+    for step in simulation:
+        keep(step)
+        progress(simulation.done, total)
+        keep_map()
+    # A controller may end before all scans are done.
+    keep_map(always=True)
+    return maps
+
+
+def row_type(simulation: Simulation) -> np.dtype[Any]:
+    """What a run keeps of each scan: a field for each of the Run's attributes."""
+    lrf, beams = simulation.lrf, (simulation.lrf.beams,)
+    fields: list[Any] = [("times", np.float64), ("poses", np.float64, 3)]
+    fields += [("ranges", np.float64, beams), ("truth", np.float64, beams)]
+    fields.append(("walls", np.int64, beams))
+    if simulation.world.materials:
+        fields.append(("intensities", np.float64, beams))
+        if lrf.echoes > 1:
+            echoes = (*beams, lrf.echoes)
+            fields += [("echoes", np.float64, echoes), ("echo_intensities", np.float64, echoes)]
+    return np.dtype(fields)
+
+
+def fill_row(rows: Mapping[str, Any], index: int, step: Step) -> None:
+    """Write a step into a row of arrays with the fields of `row_type`."""
+    rows["times"][index], rows["poses"][index] = step.time, step.pose
+    rows["ranges"][index], rows["truth"][index] = step.scan.ranges, step.true_scan.ranges
+    rows["walls"][index] = step.true_scan.walls
+    for name in rows.keys() & set(LIGHT):
+        # Scans of users' own parts may have no intensities.
+        light = getattr(step.scan, name)
+        rows[name][index] = np.nan if light is None else light
 
 
 def line_mapper(noise: object, **settings: Any) -> LineMapper:
@@ -359,9 +398,3 @@ def line_mapper(noise: object, **settings: Any) -> LineMapper:
     if constant:
         usual["floor"] = float(np.hypot(FLOOR, constant))
     return LineMapper(**{**usual, **settings})
-
-
-def _a_second_apart(drive: Any) -> Trajectory:
-    """The trajectory through poses (k, 3), one a second."""
-    poses = numbers(drive, "poses")
-    return Trajectory(np.arange(len(poses) if poses.ndim else 0), poses)

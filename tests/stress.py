@@ -8,9 +8,9 @@ right within a nanometre, but for beams that pass an end of a wall by less than 
 
 import math
 from collections.abc import Callable
-from concurrent.futures import Future
 from dataclasses import dataclass, field
 from fractions import Fraction
+from itertools import count
 from time import perf_counter
 from typing import Annotated, Any, NamedTuple
 
@@ -326,23 +326,19 @@ def stress(
     beams: int, *, seconds: float = math.inf, seed: int = 0, progress: Progress = silent
 ) -> dict[str, Findings]:
     """Try at least a number of beams, over all cores, unless the time [s] is over before."""
-    found = {name: Findings() for name in KINDS}
-    begin, number, waiting = perf_counter(), 0, list[tuple[str, Future[Findings]]]()
+    found, least = {name: Findings() for name in KINDS}, beams / len(KINDS)
+    begin, number = perf_counter(), count()
     with process_pool(core_count()) as pool:
-        while True:
-            enough = perf_counter() - begin > seconds or (
-                min(one.beams + one.left_out for one in found.values()) >= beams / len(KINDS)
-            )
-            while not enough and len(waiting) < 2 * core_count():
-                name = min(KINDS, key=lambda kind: found[kind].beams)
-                name = list(KINDS)[number % len(KINDS)] if number < 4 * len(KINDS) else name
-                waiting.append((name, pool.submit(try_kind, name, ROUND, (seed, number))))
-                number += 1
-            if not waiting:
-                return found
-            name, done = waiting.pop(0)
-            found[name].add(done.result())
+        while perf_counter() - begin <= seconds:
+            lacking = [n for n, one in found.items() if one.beams + one.left_out < least]
+            if not lacking:
+                break
+            jobs = [(name, pool.submit(try_kind, name, ROUND, (seed, next(number))))
+                    for name in lacking for _ in range(core_count())]  # fmt: skip
+            for name, job in jobs:
+                found[name].add(job.result())
             progress(min(beams, sum(one.beams for one in found.values())), beams)
+    return found
 
 
 app = typer.Typer(rich_markup_mode=None, pretty_exceptions_enable=False, add_completion=False)

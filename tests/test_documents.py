@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 import zlib
+from dataclasses import fields
 
 import pytest
 import typer
@@ -12,11 +13,14 @@ from snippets import PAGES, PROGRAMS, ROOT, Workshop, snippets
 
 import lrf3d
 from lrf3d.cli.app import app
+from lrf3d.world import Material
+from lrf3d.world.cameras import FixedCamera
+from lrf3d.world.schema import OBJECT, OBSTACLE, TABLES
 
 README = PAGES[0]
 LONG = {
-    *("casting.md", "crosscheck.md", "film.md", "long-runs.md", "notebooks.md", "range-finder.md"),
-    *("sweeps.md", "tour.md", "worlds.md"),
+    *("casting.md", "crosscheck.md", "film.md", "localisation.md", "long-runs.md", "notebooks.md"),
+    *("range-finder.md", "slam.md", "sweeps.md", "tour.md", "worlds.md"),
 }
 """Pages whose snippets take more than some seconds."""
 
@@ -80,6 +84,7 @@ def test_the_example_of_every_command_runs(name, command, workshop):
     workshop.shell(example)
 
 
+@pytest.mark.slow  # test_scenario_run runs its lines with fewer scans.
 def test_the_readme_does_what_it_says(workshop):
     code = next(item.code for item in snippets(README) if item.language == "python")
     assert len(code.strip().splitlines()) <= 11
@@ -88,20 +93,12 @@ def test_the_readme_does_what_it_says(workshop):
     assert len(lrf3d.load_map("map.geojson")) > 200
 
 
-@pytest.mark.parametrize(
-    "picture", re.findall(r"\(((?:assets|docs/pictures)/[^)]*)\)", README.read_text())
-)
-def test_every_picture_of_the_readme_is_there(picture):
-    assert (ROOT / picture).is_file()
+def test_every_picture_of_the_readme_is_there():
+    pictures = re.findall(r"\(((?:assets|docs/pictures)/[^)]*)\)", README.read_text())
+    assert pictures and all((ROOT / picture).is_file() for picture in pictures)
 
 
 def test_every_key_of_a_world_file_is_documented():
-    from dataclasses import fields
-
-    from lrf3d.world import Material
-    from lrf3d.world.cameras import FixedCamera
-    from lrf3d.world.schema import OBJECT, OBSTACLE, TABLES
-
     text = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
     keys = {key for table in (*TABLES.values(), OBJECT, OBSTACLE) for key in table}
     keys |= {field.name for kind in (FixedCamera, Material) for field in fields(kind)}

@@ -39,23 +39,24 @@ def run_to(kind, name):
     return lambda folder, which: export_run(run(which), kind, folder / name)
 
 
+def poses_to(folder, which):
+    drive = run(which).trajectory
+    save_tum(drive.times, drive.poses, folder / "poses.tum")
+
+
 WRITERS = {
     "text": lambda folder, which: write_text(folder / "a.txt", "new" if which else "old"),
     "toml": world_to("world.toml"),
     "geojson": world_to("world.geojson"),
     "ros map": world_to("map.yaml"),
     "map": lambda folder, which: lrf3d.save_map(run(which).map, folder / "map.geojson"),
-    "poses": lambda folder, which: save_tum(*poses(run(which)), folder / "poses.tum"),
+    "poses": poses_to,
     "run": lambda folder, which: save_run(run(which), folder / "run.npz"),
     "carmen": run_to("carmen", "run.log.gz"),
     "mcap": run_to("mcap", "run.mcap"),
     "bag": run_to("rosbag2", "bag"),
 }
 """What writes: each to a folder, an older or a newer result."""
-
-
-def poses(one):
-    return one.trajectory.times, one.trajectory.poses
 
 
 @contextmanager
@@ -129,10 +130,6 @@ def simulation():
     return lrf3d.Simulation(WORLDS[1], POSES, LRF, noise=noise, caster="planar", rng=3)
 
 
-def _note(made, done, total):
-    made.append(done)
-
-
 def test_a_recorder_whose_disk_is_full_goes_on_where_it_says(tmp_path, monkeypatch):
     # Each scan is flushed.
     monkeypatch.setattr(recording, "FLUSHED_EVERY", 0.0)
@@ -146,10 +143,10 @@ def test_a_recorder_whose_disk_is_full_goes_on_where_it_says(tmp_path, monkeypat
         with pytest.raises(lrf3d.OutputError, match=r"run\.") as caught, room_for(size):
             lrf3d.record(simulation(), path)
         assert "\n" not in str(caught.value) and set(contents(path.parent)) <= {"run.journal"}
-        made_again = []
-        note = functools.partial(_note, made_again)
+        again = []
+        note = functools.partial(lambda kept, done, _: kept.append(done), again)
         lrf3d.record(simulation(), path, resume=True, progress=note)
         assert contents(path.parent) == whole
         # Scans of which the message says that they are kept are not made again.
         for text in getattr(caught.value, "__notes__", []):
-            assert made_again == list(range(int(text.split()[0]) + 1, 6)), text
+            assert again == list(range(int(text.split()[0]) + 1, 6)), text

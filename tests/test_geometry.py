@@ -9,6 +9,7 @@ from lrf3d.geometry import (
     is_finite,
     lengths,
     normal_lines,
+    number,
     numbers,
     quad_indices,
     read_only,
@@ -29,8 +30,9 @@ def test_wrapped_angles_lie_in_the_half_open_circle_and_point_the_same_way(angle
 
 def test_an_angle_inside_keeps_its_bits_and_minus_pi_becomes_pi():
     assert wrap_angle(0.1) == 0.1
-    assert wrap_angle(np.pi) == np.pi
-    assert wrap_angle(-np.pi) == np.pi
+    # The remainder of the last rounds to a full turn, which would give −π.
+    for angle in (np.pi, -np.pi, np.nextafter(np.pi, 4.0)):
+        assert wrap_angle(angle) == np.pi
 
 
 @given(metres, metres, metres, metres)
@@ -45,10 +47,11 @@ def test_both_ends_of_a_segment_lie_on_its_normal_line(x1, y1, x2, y2):
         assert abs(x * np.cos(alpha) + y * np.sin(alpha) - p) <= reach
 
 
-def test_a_normal_along_minus_x_has_the_angle_pi():
-    assert normal_lines(np.array([[-2.0, 0.0, -2.0, 5.0]]))[0] == pytest.approx([np.pi, 2.0])
-    assert normal_lines(np.array([[-2.0, 5.0, -2.0, 0.0]]))[0] == pytest.approx([np.pi, 2.0])
-    assert normal_lines(np.array([[0.0, -1.0, -1e-38, 0.0]]))[0] == pytest.approx([np.pi, 0.0])
+def test_a_normal_along_minus_x_has_the_angle_pi_and_one_at_the_origin_is_the_left_one():
+    walls = [[-2, 0, -2, 5], [-2, 5, -2, 0], [0, -1, -1e-38, 0], [1, 1, 2, 2], [2, 2, 1, 1]]
+    lines = normal_lines(np.array(walls, dtype=float))
+    assert lines[:, 0] == pytest.approx([np.pi, np.pi, np.pi, 0.75 * np.pi, -0.25 * np.pi])
+    assert lines[:, 1] == pytest.approx([2.0, 2.0, 0.0, 0.0, 0.0])
 
 
 @given(st.floats(0, 2 * np.pi), metres, metres)
@@ -58,17 +61,6 @@ def test_points_on_a_line_are_fitted_far_from_the_origin_too(heading, x, y):
     mean, found = fit_line(points)
     assert abs(found @ unit) == pytest.approx(1.0, abs=1e-9)
     assert np.allclose(mean, points.mean(axis=0))
-
-
-def test_an_angle_just_above_pi_is_pi():
-    # Its remainder rounds to a full turn, which would give −π.
-    assert wrap_angle(np.nextafter(np.pi, 4.0)) == np.pi
-
-
-def test_a_line_through_the_origin_has_the_left_normal_of_its_segment():
-    lines = normal_lines(np.array([[1.0, 1.0, 2.0, 2.0], [2.0, 2.0, 1.0, 1.0]]))
-    assert lines[:, 0] == pytest.approx([0.75 * np.pi, -0.25 * np.pi])
-    assert lines[:, 1] == pytest.approx([0.0, 0.0])
 
 
 @given(st.lists(st.tuples(metres, metres, st.integers(1, 5)), min_size=2, max_size=8))
@@ -100,7 +92,6 @@ def test_arrays_from_outside_are_copied_unless_nobody_can_write_to_them():
     for other in (kept.T, kept.astype(np.float32), kept.tolist()):
         made = read_only(other, "name")
         assert made is not other and made.dtype == np.float64 and not made.flags.writeable
-        assert made.flags.c_contiguous or made.shape == (3, 2)
     # A read-only view of an array that can be written to may still change.
     view = given_array[:]
     view.setflags(write=False)
@@ -123,12 +114,18 @@ def test_finite_numbers_are_finite():
         assert not is_finite(wrong) and not is_finite(0.0, wrong)
 
 
+def test_numbers_are_those_within_their_limits():
+    assert number(0, "height") == 0.0 and number(5.0, "height", most=5.0) == 5.0
+    for wrong in (-0.5, 0.0, 5.5, np.nan, np.inf, "3", None):
+        with pytest.raises(InputError, match=r"height .* of metres, above 0 and at most 5"):
+            number(wrong, "height", "metres", positive=True, most=5.0)
+
+
 def test_whole_numbers_are_those_within_their_limits():
     for value in (1, 5, 5.0, np.int64(3)):
         assert whole_number(value, "beams", most=5) == value
         assert type(whole_number(value, "beams", most=5)) is int
     assert whole_number(1, "beams") == 1 and whole_number(10**9, "beams") == 10**9
-    assert whole_number(0, "beams", least=0) == 0
     assert whole_number(0, "key scan", least=0, most=0) == 0
     with pytest.raises(InputError, match="from 0 to 0"):
         whole_number(1, "key scan", least=0, most=0)

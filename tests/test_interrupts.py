@@ -86,19 +86,6 @@ def test_a_handler_of_the_user_and_other_threads_are_left_alone(room):
     assert len(runs[0]) == len(POSES)
 
 
-def test_a_recording_says_what_it_keeps_and_is_resumed(room, tmp_path):
-    def simulation():
-        return lrf3d.Simulation(room, POSES, noise=lrf3d.ProportionalNoise(0.1), rng=3)
-
-    lrf3d.record(simulation(), tmp_path / "whole.npz")
-    _, report = stopping_after(7)
-    with pytest.raises(KeyboardInterrupt) as stopped:
-        lrf3d.record(simulation(), tmp_path / "run.npz", progress=report)
-    assert stopped.value.__notes__ == ["7 of 20 scans kept; go on with --resume"]
-    lrf3d.record(simulation(), tmp_path / "run.npz", resume=True)
-    assert (tmp_path / "run.npz").read_bytes() == (tmp_path / "whole.npz").read_bytes()
-
-
 HANGING = """
 import sys, time
 class Mapper:

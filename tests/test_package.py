@@ -1,6 +1,8 @@
 import subprocess
 import sys
 
+import numpy as np
+
 import lrf3d
 
 
@@ -43,7 +45,14 @@ def test_an_unknown_name_is_an_attribute_error():
 def test_what_is_large_is_shown_in_one_line():
     scenario = lrf3d.load_scenario("paper_room")
     run = lrf3d.simulate(scenario.world, [(1, 1, 0), (2, 1, 0)], scenario.lrf)
-    for value in (scenario, scenario.world, run, run.map, run.trajectory, run.scan(0)):
+    known = lrf3d.KnownLines.from_world(scenario.world)
+    start = lrf3d.PoseEstimate((1, 1, 0), np.eye(3))
+    for value in (
+        *(scenario, scenario.world, run, run.map, run.trajectory, run.scan(0), known, start),
+        *(lrf3d.Localiser(known, start), lrf3d.PlanarCaster(scenario.world)),
+        lrf3d.DynamicObstacle([[0, 0], [1, 0], [0, 1]], run.trajectory),
+        lrf3d.crosscheck(scenario.world, scenario.lrf, run.trajectory.poses),
+    ):
         text = repr(value)
         assert "\n" not in text and len(text) < 200
         assert text.startswith(type(value).__name__ + "(")

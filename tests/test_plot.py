@@ -1,7 +1,5 @@
 """Plots on matplotlib axes, and what a notebook shows of a value."""
 
-import subprocess
-import sys
 from dataclasses import replace
 from io import BytesIO
 
@@ -116,25 +114,6 @@ def test_empty_values_and_runs_without_a_map_have_pictures(run):
     for value in (lrf3d.World(np.empty((0, 4))), lrf3d.LineMap.empty(), bare):
         assert picture(value).size
     assert picture(lrf3d.World([[0, 0, 4, 0]], name="$x^")).size
-
-
-def test_a_value_loads_matplotlib_only_for_its_picture():
-    code = (
-        "import sys, lrf3d; world = lrf3d.World([[1, -1, 1, 1]]); repr(world);"
-        "before = 'matplotlib' in sys.modules; world._repr_png_();"
-        "print(before, 'matplotlib' in sys.modules)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["False", "True"]
-
-
-@pytest.mark.slow
-def test_a_frame_is_one_picture_of_the_film(run):
-    early, late = (run.frame(t, size=(64, 36), samples=0, renderer="embree") for t in (0.0, 2.0))
-    assert early.shape == (36, 64, 3) and early.dtype == np.uint8
-    assert (early != late).any()
-    with pytest.raises(lrf3d.InputError, match="time 10000 s"):
-        run.frame(1e4, size=(64, 36), renderer="embree")
 
 
 @pytest.mark.slow

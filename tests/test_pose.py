@@ -9,7 +9,7 @@ from lrf3d.pose import Pose, as_pose, as_poses
 poses = st.builds(Pose, st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), st.floats(-np.pi, np.pi))
 
 
-def same(one: Pose, other: Pose) -> bool:
+def same(one, other):
     turn = np.exp(1j * (one.theta - other.theta))
     return np.allclose(one[:2], other[:2], atol=1e-9) and abs(turn - 1.0) < 1e-9
 

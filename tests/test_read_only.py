@@ -2,7 +2,6 @@
 
 import copy
 import pickle
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +9,6 @@ import pytest
 import lrf3d
 from lrf3d import KnownLines, LaserRangeFinder, LaserScan, LineMap, Trajectory, World
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
-from lrf3d.geometry import read_only
 from lrf3d.localization import Track
 from lrf3d.localization.estimate import PoseEstimate
 
@@ -24,15 +22,10 @@ def make_run():
     return lrf3d.simulate(World(WALLS), np.array(POSES), LRF, noise=noise, rng=0)
 
 
-def known_lines():
-    return KnownLines.from_world(World(WALLS))
-
-
 VALUES = {
     "world": (lambda: World(WALLS), ("lines", "bounds", "origin")),
     "range finder": (lambda: LaserRangeFinder(beams=31), ("angles", "fan", "single_beams")),
     "scan": (lambda: LaserScan((1, 2, 3), np.zeros(3), np.ones(3)), ("hits",)),
-    "cast scan": (lambda: lrf3d.PlanarCaster(World(WALLS)).cast(LRF, POSES[0]), ("hits",)),
     "embree scan": (lambda: lrf3d.EmbreeCaster(World(WALLS)).cast(LRF, POSES[0]), ("hits",)),
     "trajectory": (lambda: Trajectory([0, 1, 2], POSES), ("speeds",)),
     "map": (lambda: LineMap(np.array(WALLS), np.zeros(4), np.full(4, 9)), ("lines",)),
@@ -45,7 +38,7 @@ VALUES = {
     ),
     "estimate": (lambda: PoseEstimate((0, 0, 0), np.eye(3)), ()),
     "track": (lambda: Track(POSES, np.zeros((3, 3, 3)), [1, 2, 3], [4, 5, 6]), ()),
-    "known lines": (known_lines, ()),
+    "known lines": (lambda: KnownLines.from_world(World(WALLS)), ()),
     "scenario": (lambda: lrf3d.load_scenario("city"), ()),
 }
 
@@ -69,19 +62,16 @@ def arrays_in(value, seen=None):
 def test_arrays_of_values_and_of_their_copies_are_read_only(name):
     make, cached = VALUES[name]
     value = make()
-    if name == "scenario":
-        # What may not be changed in a scenario is a mapping that cannot be pickled.
-        copies = [copy.copy, copy.deepcopy]
-    else:
-        copies = [copy.copy, copy.deepcopy, lambda v: pickle.loads(pickle.dumps(v))]
-        copies += [lambda v: pickle.loads(pickle.dumps(v, protocol=2))]
-    for made in [lambda v: v, *copies, *copies]:
+    copies = [lambda v: v, copy.copy, copy.deepcopy]
+    # What may not be changed in a scenario is a mapping that cannot be pickled.
+    for protocol in () if name == "scenario" else (2, 5):
+        copies.append(lambda v, protocol=protocol: pickle.loads(pickle.dumps(v, protocol)))
+    for made in [*copies, *copies]:
         other = made(value)
         for attribute in cached:
             getattr(other, attribute)
         found = list(arrays_in(other))
-        assert found or not made
-        assert not any(array.flags.writeable for array in found)
+        assert found and not any(array.flags.writeable for array in found)
 
 
 def test_steps_hand_out_read_only_scans():
@@ -104,13 +94,6 @@ def test_what_a_caller_writes_later_changes_no_value():
     assert trajectory.times.tolist() == [0, 1, 2] and trajectory.poses.tolist() == POSES
 
 
-def test_what_nobody_can_write_to_is_not_copied():
-    scan = LaserScan((0, 0, 0), np.zeros(3), np.ones(3))
-    assert replace(scan, time=2.0).ranges is scan.ranges
-    part = scan.ranges[1:]
-    assert read_only(part, "part") is part
-
-
 def test_a_noise_and_a_mapper_that_write_in_place_cannot_change_the_truth():
     def shifted(scan, rng):
         scan.ranges[:] += 0.5
@@ -125,45 +108,21 @@ def test_a_noise_and_a_mapper_that_write_in_place_cannot_change_the_truth():
             next(iter(lrf3d.Simulation(World(WALLS), np.array(POSES), LRF, **settings)))
 
 
-def test_maps_of_wrong_shapes_are_refused():
-    with pytest.raises(lrf3d.InputError, match=r"\(m, 4\)"):
-        LineMap(np.zeros((2, 4)), np.zeros(3), np.zeros(2))
-
-
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda: LaserRangeFinder(beams="a"), "beams 'a': expected a whole number"),
-        (lambda: LaserRangeFinder(beams=1.5), "beams 1.5: expected a whole number"),
         (lambda: LaserRangeFinder(beams=10**12), "from 1 to 1,000,000"),
-        (lambda: LaserRangeFinder(0.0, 1e16), "expected −63 ≤ angle_min ≤ angle_max ≤ 63"),
-        (lambda: LaserRangeFinder(range_max="a"), "expected finite numbers"),
         (lambda: LaserRangeFinder(scan_duration=None), "scan_duration None"),
-        (lambda: lrf3d.ProportionalNoise("a"), "sigma 'a'"),
-        (lambda: lrf3d.ProportionalNoise(None), "sigma None"),
-        (lambda: lrf3d.LineMapper(sigma="a"), "sigma is 'a'"),
-        (lambda: lrf3d.LineMapper(gap="a"), "gap is 'a'"),
         (lambda: World([[1, 2, 3], [4]]), "segments: expected numbers in rows"),
         (lambda: World(WALLS, ["a"] * 4), "objects: expected numbers in rows"),
         (lambda: World(WALLS, [10**9] * 4), "object 1000000000.0, expected whole numbers"),
+        (lambda: LineMap(np.zeros((2, 4)), np.zeros(3), np.zeros(2)), "(m, 4)"),
         (lambda: Trajectory([0, 1], [[0, 0, 0], [1, 2]]), "poses: expected numbers in rows"),
-        (lambda: Trajectory(["a"], [[0, 0, 0]]), "times: expected numbers"),
         (lambda: lrf3d.EmbreeCaster(World(WALLS)).cast_batch(LRF, [[0], [1, 2]]), "poses: exp"),
-        (
-            lambda: DynamicObstacle([[0, 0], [1, np.nan], [1, 1]], Trajectory([0], POSES[:1])),
-            "corner 1",
-        ),
-        (
-            lambda: DynamicObstacle([[0, 0], [1], [1, 1]], Trajectory([0], POSES[:1])),
-            "outline: expected",
-        ),
-        (lambda: lrf3d.follow_route([[0, 0], [1]]), "route: expected"),
-        (lambda: lrf3d.follow_route([[0, 0], [9, 0]], speed="a"), "speed 'a'"),
-        (lambda: lrf3d.Simulation(World(WALLS), POSES, scans="a"), "scans 'a'"),
         (lambda: lrf3d.Simulation(World(WALLS), [[0, 0, 0], [1]]), "poses: expected numbers"),
     ],
 )
-def test_what_is_no_number_is_one_clear_line(make, said):
+def test_what_is_no_number_or_does_not_fit_is_one_clear_line(make, said):
     with pytest.raises(lrf3d.InputError) as caught:
         make()
     assert said in str(caught.value) and "\n" not in str(caught.value)

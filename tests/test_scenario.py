@@ -1,12 +1,10 @@
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from lrf3d.errors import CollisionError, WorldError
 from lrf3d.geometry import lengths
-from lrf3d.robot import find_collision, follow_route
 from lrf3d.scenario import Scenario, load_scenario, start_of
 from lrf3d.scoring import buildings_seen, visible_walls
 from lrf3d.world import World
@@ -14,12 +12,12 @@ from lrf3d.world import World
 WALL = "[[object]]\npoints = [[0, 0], [4, 0]]\n"
 
 
-def read(text: str, folder: Path) -> Scenario:
+def read(text, folder):
     (folder / "w.toml").write_text(WALL + text)
     return load_scenario(folder / "w.toml")
 
 
-def test_a_file_of_walls_alone_gets_defaults(tmp_path: Path) -> None:
+def test_a_file_of_walls_alone_gets_defaults(tmp_path):
     scenario = read("", tmp_path)
     assert scenario.name == "w"
     assert scenario.lrf.range_max == 80.0 and scenario.lrf.beams == 181
@@ -29,7 +27,7 @@ def test_a_file_of_walls_alone_gets_defaults(tmp_path: Path) -> None:
     assert dict(scenario.mapper) == {}
 
 
-def test_every_table_reaches_the_scenario_with_angles_in_radians(tmp_path: Path) -> None:
+def test_every_table_reaches_the_scenario_with_angles_in_radians(tmp_path):
     scenario = read(
         """
         [robot]
@@ -69,7 +67,7 @@ def test_every_table_reaches_the_scenario_with_angles_in_radians(tmp_path: Path)
     assert (scenario.view, scenario.playback) == ("top", 2.0)
 
 
-def test_a_route_without_a_start_begins_at_its_first_way_point(tmp_path: Path) -> None:
+def test_a_route_without_a_start_begins_at_its_first_way_point(tmp_path):
     scenario = read("[robot]\nroute = [[0, 1], [0, 5]]\n", tmp_path)
     assert scenario.start == (0.0, 1.0, np.pi / 2)
     assert scenario.route is not None
@@ -91,23 +89,13 @@ def test_a_route_without_a_start_begins_at_its_first_way_point(tmp_path: Path) -
         ),
     ],
 )
-def test_what_does_not_go_together_is_refused_with_its_line(
-    text: str, message: str, tmp_path: Path
-) -> None:
+def test_what_does_not_go_together_is_refused_with_its_line(text, message, tmp_path):
     with pytest.raises(WorldError, match=message):
         read(text, tmp_path)
 
 
-@pytest.mark.parametrize("name", ["city", "corridor"])
-def test_the_routes_of_the_built_in_worlds_keep_off_the_walls(name: str) -> None:
-    scenario = load_scenario(name)
-    assert scenario.route is not None
-    drive = follow_route(scenario.route, start=scenario.start, speed=scenario.speed, lookahead=1.0)
-    assert find_collision(drive, scenario.world, scenario.radius + 0.1) is None
-
-
 @pytest.mark.parametrize("interval", [0.05, 2.3, 10.0])
-def test_how_seldom_is_scanned_does_not_change_the_way(interval: float) -> None:
+def test_how_seldom_is_scanned_does_not_change_the_way(interval):
     corridor = load_scenario("corridor")
     seldom = replace(corridor, scan_interval=interval).trajectory()
     step = interval / max(1, round(interval / 0.05))
@@ -119,7 +107,7 @@ def test_how_seldom_is_scanned_does_not_change_the_way(interval: float) -> None:
     )
 
 
-def test_a_wall_between_two_scans_is_met() -> None:
+def test_a_wall_between_two_scans_is_met():
     wall = World(np.array([[5.0, -1.0, 5.0, 1.0]]))
     around = np.array([[0.0, 0.0], [5.0, 6.0], [10.0, 0.0]])
     scenario = Scenario(wall, start=start_of(around), route=around, speed=1.0, scan_interval=60.0)
@@ -128,7 +116,7 @@ def test_a_wall_between_two_scans_is_met() -> None:
         replace(scenario, route=np.array([[0.0, 0.0], [5.0, 0.5], [10.0, 0.0]])).trajectory()
 
 
-def test_the_city_is_that_of_the_paper_and_its_buildings_are_seen_from_all_sides() -> None:
+def test_the_city_is_that_of_the_paper_and_its_buildings_are_seen_from_all_sides():
     city = load_scenario("city")
     assert city.lrf.range_max == 80.0 and city.sigmas == (0.04,)
     assert city.world.object_count >= 40
@@ -140,7 +128,7 @@ def test_the_city_is_that_of_the_paper_and_its_buildings_are_seen_from_all_sides
     assert buildings_seen(run).seen_on_all_sides >= 40
 
 
-def test_the_paper_room_shows_six_walls_of_g3_from_three_poses() -> None:
+def test_the_paper_room_shows_six_walls_of_g3_from_three_poses():
     room = load_scenario("paper_room")
     assert room.world.object_names == ("G1", "G2", "G3")
     assert np.bincount(room.world.objects)[2] == 6

@@ -22,49 +22,21 @@ ROOM = World(
 POSES = np.array([[2.0, 2.0, 0.1], [4.0, 3.0, 0.8], [5.0, 5.0, 2.0]])
 
 
-def run_of(sigma=0.1, **settings):
-    noise = ProportionalNoise(sigma)
-    return simulate(ROOM, POSES, LaserRangeFinder(range_max=20.0), noise=noise, rng=3, **settings)
+def run_of(sigma=0.1, scan_duration=0.0, **settings):
+    lrf = LaserRangeFinder(range_max=20.0, scan_duration=scan_duration)
+    return simulate(ROOM, POSES, lrf, noise=ProportionalNoise(sigma), rng=3, **settings)
 
 
 def test_a_run_holds_truth_measurement_and_map():
     run = run_of()
     assert len(run) == 3 and run.ranges.shape == run.truth.shape == (3, 181)
-    error = run.ranges - run.truth
-    assert 0.01 < error.std() < 0.1
+    assert 0.01 < (run.ranges - run.truth).std() < 0.1
+    silent = run_of(sigma=0.0)
+    assert np.array_equal(silent.ranges, silent.truth)
     assert [scan.time for scan in run.scans] == [0.0, 1.0, 2.0]
     assert run.true_scan(1).ranges == pytest.approx(run.truth[1])
     assert run.map is run.maps[-1] and run.snapshot_scans == (0, 1, 2)
     assert len(run.map_after(-1)) == 0 and run.map_after(1) is run.maps[1]
-
-
-def test_the_same_seed_gives_the_same_run():
-    one, other = run_of(), run_of()
-    assert np.array_equal(one.ranges, other.ranges)
-    assert np.array_equal(one.map.segments, other.map.segments)
-
-
-def test_without_noise_the_ranges_are_true():
-    run = run_of(sigma=0.0)
-    assert np.array_equal(run.ranges, run.truth)
-
-
-def test_any_object_with_update_serves_as_a_mapper():
-    class Counter:
-        seen = 0
-
-        def update(self, scan):
-            self.seen += 1
-            return lrf3d.LineMap.empty()
-
-    counter = Counter()
-    assert len(run_of(mapper=counter).map) == 0 and counter.seen == 3
-
-
-def test_progress_counts_every_scan():
-    seen = []
-    run_of(progress=lambda done, total: seen.append((done, total)))
-    assert seen == [(1, 3), (2, 3), (3, 3)]
 
 
 def test_the_stages_of_a_long_run_are_few_and_end_with_the_last(monkeypatch):
@@ -72,12 +44,9 @@ def test_the_stages_of_a_long_run_are_few_and_end_with_the_last(monkeypatch):
     poses = np.repeat(POSES[:1], 50, axis=0)
     run = simulate(ROOM, poses, LaserRangeFinder(beams=31, range_max=20.0))
     assert len(run.snapshot_scans) == 7 and run.snapshot_scans[-1] == 49
-
-
-def test_a_run_keeps_as_many_maps_as_asked_for():
-    run, one = run_of(), run_of(snapshots=1)
+    one = run_of(snapshots=1)
     assert one.snapshot_scans == (2,) and len(one.maps) == 1
-    assert np.array_equal(one.map.segments, run.map.segments)
+    assert np.array_equal(one.map.segments, run_of().map.segments)
 
 
 def test_the_map_of_a_step_is_read_before_the_next_step():
@@ -92,7 +61,7 @@ def test_the_map_of_a_step_is_read_before_the_next_step():
 
 
 def test_a_run_is_written_and_read_back_to_the_last_bit(tmp_path):
-    run = run_of()
+    run = run_of(scan_duration=0.25)
     save_run(run, tmp_path / "run.npz")
     for path in (tmp_path / "run.npz", tmp_path):
         back = load_run(path)
@@ -102,42 +71,16 @@ def test_a_run_is_written_and_read_back_to_the_last_bit(tmp_path):
         assert np.array_equal(back.world.segments, run.world.segments)
         assert back.world.name == "room" and back.world.object_names == ("walls",)
         assert back.lrf == run.lrf and back.snapshot_scans == run.snapshot_scans
+        assert back.scan(1).time_increment == 0.25 / 180
         assert all(
             np.array_equal(a.segments, b.segments) and np.array_equal(a.objects, b.objects)
             for a, b in zip(back.maps, run.maps, strict=True)
         )
 
 
-def test_the_duration_of_a_scan_is_kept(tmp_path):
-    lrf = LaserRangeFinder(range_max=20.0, scan_duration=0.25)
-    save_run(simulate(ROOM, POSES, lrf, rng=3), tmp_path / "run.npz")
-    assert load_run(tmp_path).lrf == lrf
-    assert load_run(tmp_path).scan(1).time_increment == 0.25 / 180
-
-
-def test_files_that_are_no_runs_are_refused_by_name(tmp_path):
-    with pytest.raises(InputError, match="no such file"):
-        load_run(tmp_path / "run.npz")
-    (tmp_path / "run.npz").write_bytes(b"PK\x03\x04 broken")
-    with pytest.raises(InputError, match=r"run\.npz"):
-        load_run(tmp_path / "run.npz")
-    np.savez(tmp_path / "other.npz", a=np.zeros(3))
-    with pytest.raises(InputError, match="version"):
-        load_run(tmp_path / "other.npz")
-    np.savez(tmp_path / "pickled.npz", version=np.array([object()], dtype=object))
-    with pytest.raises(InputError, match=r"pickled\.npz"):
-        load_run(tmp_path / "pickled.npz")
-
-
-def test_a_name_is_no_world_to_simulate_in():
-    with pytest.raises(InputError, match="simulate: 'corridor': expected a World or a Scenario"):
-        lrf3d.simulate("corridor")
-
-
 @pytest.fixture(scope="module")
 def run():
-    room = lrf3d.load_world("paper_room")
-    return lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0), (2, 2, 0)], rng=0)
+    return run_of()
 
 
 @pytest.mark.parametrize("name", ["ranges", "truth", "walls"])
@@ -170,14 +113,16 @@ def test_the_numbers_of_objects_cannot_be_changed(run):
             numbers[0] = 7
 
 
-def test_a_long_estimate_is_shown_in_one_short_line():
-    poses = np.zeros((5000, 3))
-    estimate = lrf3d.EstimatedTrajectory(poses, [4], [np.eye(3)], [(0, 4)])
-    assert repr(estimate) == "EstimatedTrajectory(5000 poses, 1 covariances, 1 loop closures)"
-
-
-def test_a_seed_is_called_rng_in_python():
+def test_a_seed_is_called_rng_and_a_name_is_no_world():
     with pytest.raises(InputError, match="there is no seed; did you mean rng"):
         lrf3d.load_scenario("paper_room").run(seed=1)
     with pytest.raises(InputError, match="there is no seed; did you mean rng"):
-        lrf3d.simulate(lrf3d.load_world("paper_room"), [(1, 1, 0)], seed=1)
+        simulate(ROOM, POSES, seed=1)
+    with pytest.raises(InputError, match="simulate: 'corridor': expected a World or a Scenario"):
+        simulate("corridor")
+
+
+def test_a_file_with_objects_of_python_is_refused(tmp_path):
+    np.savez(tmp_path / "pickled.npz", version=np.array([object()], dtype=object))
+    with pytest.raises(InputError, match=r"pickled\.npz"):
+        load_run(tmp_path / "pickled.npz")

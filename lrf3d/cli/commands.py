@@ -25,7 +25,7 @@ class Command(TyperCommand):
         """Parse the words of a command line; ``--sigma 0.1 0.2`` is ``--sigma 0.1,0.2``."""
         joined: list[str] = []
         for word in args:
-            if joined[-2:-1] and joined[-2] in LISTS and _is_number(word):
+            if joined[-2:-1] and joined[-2] in LISTS and re.fullmatch(r"[\d.eE+-]+", word):
                 joined[-1] += f",{word}"
             else:
                 joined.append(word)
@@ -43,14 +43,6 @@ class Command(TyperCommand):
         for title, records in groups.items():
             with formatter.section(title):
                 formatter.write_dl(records)
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
 
 
 def ungrouped(command: Callable[..., None]) -> Callable[..., None]:

@@ -45,9 +45,8 @@ class Film:
     renderer: Literal["gl", "embree"] | None = None
     panel: Literal["short", "full"] = "short"
 
-    def check(self) -> None:
-        """Check the size, before any work."""
-        self._size()
+    def __post_init__(self) -> None:
+        self._size()  # An invalid one is found before any work.
 
     def write(
         self,
@@ -60,7 +59,7 @@ class Film:
         from lrf3d.render.video import render_video
         from lrf3d.scene.stage import stage_of
 
-        ending, options = path.suffix.lower(), self._options()
+        ending, options = path.suffix.lower(), self.options()
         if self.size is None and ending in (".gif", ".webp"):
             options["size"] = _SMALL
         rate = self.fps or (_GIF_RATE if ending == ".gif" else _RATE)
@@ -81,16 +80,7 @@ class Film:
         figures = {"frames": count, "size": list(options["size"]), "renderer": options["renderer"]}
         return {**figures, "seconds": perf_counter() - began}
 
-    def draw(self, run: "Run", path: Path, time: float) -> None:
-        """Write the picture of a run at a time [s]."""
-        from lrf3d.files import replacing
-        from lrf3d.render.video import frame, save_png
-
-        picture = frame(run, time, **self._options())
-        with replacing(path) as unfinished:
-            save_png(picture, unfinished)
-
-    def _options(self) -> dict[str, Any]:
+    def options(self) -> dict[str, Any]:
         """Keyword arguments to draw any picture: with OpenGL, or else with Embree."""
         from lrf3d.cli.console import warn
         from lrf3d.errors import MissingLibraryError
@@ -143,7 +133,6 @@ def render(
         last: End the film at this time of the run [s].
         points_by: What the colour of hit points shows; that of the run if not given.
     """
-    film.check()
     path = _output_path(run, out, at is not None)
 
     from lrf3d.files import make_folder
@@ -154,7 +143,12 @@ def render(
         kept = replace(kept, film=replace(kept.film, points_by=points_by))
     make_folder(path.parent)
     if at is not None:
-        film.draw(kept, path, at)
+        from lrf3d.files import replacing
+        from lrf3d.render.video import frame, save_png
+
+        picture = frame(kept, at, **film.options())
+        with replacing(path) as unfinished:
+            save_png(picture, unfinished)
         report.print({"picture": str(path)}, [("picture", str(path))])
         return
     drawn = film.write(kept, path, report, (first, last))

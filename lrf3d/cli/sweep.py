@@ -18,7 +18,6 @@ def sweep(
     mapper: Annotated[str, typer.Option(metavar="M,M,…")] = "robust,paper",
     vary: Annotated[list[str] | None, typer.Option(metavar="TABLE.KEY=V,V,…")] = None,
     seeds: options.Count = 20,
-    every: options.Count = 1,
     scheduler: Annotated[str | None, typer.Option(metavar="tcp://HOST:PORT")] = None,
     workers: options.Workers = None,
     shard: Annotated[str | None, typer.Option(metavar="I/N")] = None,
@@ -31,8 +30,8 @@ def sweep(
     """Compare mappers over worlds, noises, settings and seeds.
 
     Each result is saved as it comes; --resume continues a sweep that was stopped, with the same
-    results. Writes sweep.parquet, summary.json, means.csv, means.tex and a figure for each world
-    and setting.
+    results. Writes runs.csv, summary.json, means.csv, means.tex and a figure for each world and
+    setting.
 
     Example: lrf3d sweep corridor --mapper robust,paper,mine.py:Mine --sigma 0.02,0.05
 
@@ -43,14 +42,11 @@ def sweep(
         mapper: robust, paper, or your own as FILE.py:NAME.
         vary: Values for any key of world files; repeatable.
         seeds: Number of seeds for each setting.
-        every: Use every n-th scan of a drive.
         scheduler: A Dask scheduler instead of this machine.
         shard: Make only the runs of job I of N, such as 2/8.
         merge: Make no runs; collect those of all jobs in the folder.
         resume: Keep the runs in the folder and do the missing ones.
     """
-    from importlib.util import find_spec
-
     from lrf3d.cli.console import print_text, warn
     from lrf3d.errors import InputError
     from lrf3d.world.files import find_world
@@ -65,10 +61,8 @@ def sweep(
     from lrf3d.sweeping import plan as plans
     from lrf3d.sweeping.drawing import figures_of
     from lrf3d.sweeping.running import executor_of, known_rows, run_plan
-    from lrf3d.sweeping.table import SweepTable, missing_parquet
+    from lrf3d.sweeping.table import SweepTable
 
-    if find_spec("pyarrow") is None:
-        raise missing_parquet()
     axes: dict[str, Any] = {plans.SIGMA: plans.SIGMAS}
     for key, flag, text in ((plans.SIGMA, "sigma", sigma), (plans.BEAMS, "beams", beams)):
         axes |= {} if text is None else {key: _values(text, f"--{flag}")}
@@ -86,7 +80,6 @@ def sweep(
         # A mode of the LineMapper, or the class or object that a user names.
         mappers={name: load_plugin("mapper", name) if ":" in name else name for name in labels},
         seeds=seeds,
-        every=every,
         collision=warn if ignore_collisions else None,
         where=options.side_of(inside),
         say=report.note,
@@ -108,8 +101,8 @@ def sweep(
         # Other jobs write to the folder, too: what they all made is written by --merge.
         report.print(result.summary(), done)
         return
-    files = {"table": "sweep.parquet", "means": "means.csv", "means in LaTeX": "means.tex"}
-    result.to_parquet(output.path / files["table"])
+    files = {"runs": "runs.csv", "means": "means.csv", "means in LaTeX": "means.tex"}
+    result.runs_to_csv(output.path / files["runs"])
     result.to_csv(output.path / files["means"])
     result.to_latex(output.path / files["means in LaTeX"])
     if not (report.json or report.quiet):

@@ -22,7 +22,6 @@ from lrf3d.scene.estimate import DrawnEstimate, outlines, ring_quads
 from lrf3d.scene.moments import Scene
 from lrf3d.scene.shapes import Lines, Points, Soft
 from lrf3d.scene.timeline import DriveKeys, Timeline, drive_keys, obstacle_keys, scan_times
-from lrf3d.scene.trail_and_map import driven, thinned
 
 _ABOVE = Look(np.array([0.0, 0.0, 1.0]), np.zeros(3), field=1e-6, up=(0.0, 1.0, 0.0))
 """A look that nothing is made larger for, to be seen from far away."""
@@ -160,8 +159,8 @@ def _add_trail(
     part = document.part(document.material(name), strip, np.tile(colour, (6, 1)))
     mesh = document.mesh(name, part)
     group = document.node(name, document.root)
-    pieces = thinned(keys, _PIECE_ERROR)
-    for number in np.flatnonzero(driven(pieces)):
+    pieces = keys.thinned(_PIECE_ERROR)
+    for number in np.flatnonzero(pieces.driven):
         (begin, end), (start, stop) = (column[number : number + 2] for column in pieces)
         along = (stop - start)[:2]
         if np.hypot(*along) < _SHORTEST:
@@ -183,15 +182,14 @@ def _add_estimate(document: Document, timeline: Timeline) -> None:
     drawn = DrawnEstimate.from_timeline(timeline)
     if drawn is None:
         return
-    poses = np.column_stack([drawn.places, np.zeros(len(drawn.places))])
-    keys = DriveKeys(drawn.times, poses)
+    keys, known = drawn.keys, drawn.keys.times[drawn.known]
     height = look.TRAIL_HEIGHT + look.ESTIMATE_LIFT
     _add_trail(document, keys, "estimate", look.ESTIMATE_COLOUR, look.ESTIMATE_WIDTH, height)
-    if not len(drawn.ellipse_times):
+    if not len(known):
         return
     material = document.material("ellipses", translucent=True)
     group = document.node("ellipses", document.root)
-    for outline, begin in zip(drawn.outlines(), drawn.ellipse_times[drawn.kept], strict=True):
+    for outline, begin in zip(drawn.outlines(), known[drawn.kept], strict=True):
         ring = _ring(document, outline, look.ESTIMATE_WIDTH, look.ESTIMATE_FADED, material)
         document.show(document.node(f"ellipse from {begin:.1f} s", group, ring), float(begin))
     ring = _ring(document, outlines(np.zeros((1, 2)), np.eye(2)[None])[0], _RIM, 1.0, material)
@@ -199,10 +197,11 @@ def _add_estimate(document: Document, timeline: Timeline) -> None:
     # The longer axis is that of x; half a turn makes the same ellipse.
     angles = np.unwrap(np.arctan2(axes[:, 1, 1], axes[:, 0, 1]), period=np.pi)
     scales = np.maximum(np.column_stack([sizes[:, ::-1], np.ones(len(sizes))]), _LEAST)
+    places = keys.poses * [1.0, 1.0, 0.0]
     node = document.node("ellipse of now", document.root, ring)
-    document.animate(node, "translation", drawn.times, poses)
-    document.animate(node, "rotation", drawn.ellipse_times, turned(angles))
-    document.animate(node, "scale", drawn.ellipse_times, scales)
+    document.animate(node, "translation", keys.times, places)
+    document.animate(node, "rotation", known, turned(angles))
+    document.animate(node, "scale", known, scales)
 
 
 def _ring(

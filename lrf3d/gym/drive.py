@@ -107,14 +107,9 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         self._checker = CollisionChecker(scenario.world)
         self._cells = free_places(scenario.world, scenario.radius + GOAL_MARGIN)
         self._farthest = float(np.hypot(*np.ptp(self._cells, axis=0))) + GOAL_FAR
-        low, high = [0.0, -1.0, -1.0], [self._farthest, 1.0, 1.0]
-        top = np.float32(self.lrf.range_max)
-        self.single_observation_space = spaces.Dict(
-            {
-                "goal": spaces.Box(np.array(low, np.float32), np.array(high, np.float32)),
-                "ranges": spaces.Box(np.float32(0.0), top, (self.lrf.beams,), np.float32),
-            }
-        )
+        low, high = np.array([[0.0, -1.0, -1.0], [self._farthest, 1.0, 1.0]], np.float32)
+        seen = spaces.Box(np.float32(0.0), np.float32(self.lrf.range_max), (self.lrf.beams,))
+        self.single_observation_space = spaces.Dict({"goal": spaces.Box(low, high), "ranges": seen})
         self.single_action_space = spaces.Box(np.float32(-1.0), np.float32(1.0), (2,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -150,8 +145,20 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
 
     def step(self, actions: Array) -> tuple[Observation, Array, Array, Array, dict[str, Any]]:
         """Drive with actions (num_envs, 2) for the time between two scans."""
+        given = numbers(actions, "actions")
+        if given.shape != (self.num_envs, 2):
+            raise InputError(f"actions {given.shape}: expected {(self.num_envs, 2)}")
         again = self._ended
-        rewards, reached, collided = self._drive(*self._commands(actions, again).T)
+        given = np.where(again[:, None], 0.0, given)
+        if not (finite := np.isfinite(given).all(axis=1)).all():
+            robot = int(np.argmin(finite))
+            raise InputError(
+                f"action of robot {robot}: {given[robot].tolist()}; expected finite numbers from -1"
+                " to 1"
+            )
+        # Actions are shares of the scenario's speed and of the fastest turn, left positive.
+        v, omega = (np.clip(given, -1.0, 1.0) * (self.scenario.speed, ACTION_TURN_RATE)).T
+        rewards, reached, collided = self._drive(v, omega)
         self._steps += 1
         reached, collided = reached & ~again, collided & ~again
         ended = reached | collided
@@ -183,23 +190,6 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         headings = rng.uniform(-np.pi, np.pi, len(robots))
         self.poses[robots] = np.column_stack([starts, headings])
         self._times[robots] = 0.0
-
-    def _commands(self, actions: Array, idle: Bool) -> Float:
-        """Speed [m/s] and turn rate [rad/s] (k, 2) of actions; idle robots get none.
-
-        Actions are shares of the scenario's speed and of the fastest turn, left positive.
-        """
-        given = numbers(actions, "actions")
-        if given.shape != (self.num_envs, 2):
-            raise InputError(f"actions {given.shape}: expected {(self.num_envs, 2)}")
-        given = np.where(idle[:, None], 0.0, given)
-        if not (finite := np.isfinite(given).all(axis=1)).all():
-            robot = int(np.argmin(finite))
-            raise InputError(
-                f"action of robot {robot}: {given[robot].tolist()}; expected finite numbers from -1"
-                " to 1"
-            )
-        return np.array(np.clip(given, -1.0, 1.0) * (self.scenario.speed, ACTION_TURN_RATE))
 
     def _drive(self, v: Float, omega: Float) -> tuple[Float, Bool, Bool]:
         """Drive to the next scan; the rewards, who is at the goal, and who hit something.
@@ -248,14 +238,12 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         """
         self.scan = self._scan()
         """Measured and true ranges, and walls, of the last step."""
-        away = self.goals - self.poses[:, :2]
+        away, distances = self.goals - self.poses[:, :2], self.distances()
         bearings = np.arctan2(away[:, 1], away[:, 0]) - self.poses[:, 2]
-        distances = np.minimum(self.distances(), self._farthest)
-        goal = np.column_stack([distances, np.cos(bearings), np.sin(bearings)])
-        return {
-            "goal": goal.astype(np.float32),
-            "ranges": np.clip(self.scan[0], 0.0, self.lrf.range_max).astype(np.float32),
-        }
+        near = np.minimum(distances, self._farthest)
+        goal = np.column_stack([near, np.cos(bearings), np.sin(bearings)])
+        ranges = np.clip(self.scan[0], 0.0, self.lrf.range_max)
+        return {"goal": goal.astype(np.float32), "ranges": ranges.astype(np.float32)}
 
 
 class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):

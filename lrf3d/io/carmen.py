@@ -17,7 +17,7 @@ a new message, only the kind that comes first is read.
 
 import gzip
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from math import inf, isfinite, pi
 from pathlib import Path
@@ -102,13 +102,12 @@ def load_carmen(
         without_no_returns(reading.scans) if largest_range is None else reading.scans,
         bad_count,
         tuple(bad),
-        tracks=reading.tracks(),
         wheels=wheels,
         # Without ODOM lines the poses of the scans are the odometry, and those are the laser's.
         mount=Pose(0.0 if wheels else reading.offset, 0.0, 0.0),
         not_numbers=reading.not_numbers,
     )
-    return log if poses == "auto" else _placed_by(log, poses, path)
+    return log if poses == "auto" else _placed_by(log, reading.tracks(), poses, path)
 
 
 def _lines(path: Path) -> Iterator[tuple[int, bytes, str]]:
@@ -126,12 +125,12 @@ def _lines(path: Path) -> Iterator[tuple[int, bytes, str]]:
             yield number + 1, b"", f"the packed data are damaged from here on ({error})"
 
 
-def _placed_by(log: LaserLog, name: str, path: Path) -> LaserLog:
-    """The log with the poses of one of its tracks; what lies before or after it is left out."""
-    if name not in log.tracks:
-        there = ", ".join(["auto", *log.tracks])
+def _placed_by(log: LaserLog, tracks: Mapping[str, Trajectory], name: str, path: Path) -> LaserLog:
+    """The log with the poses of one of the tracks; what lies before or after it is left out."""
+    if name not in tracks:
+        there = ", ".join(["auto", *tracks])
         raise InputError(f"{path}: no poses from {name} in it; there are {there}")
-    track = log.tracks[name]
+    track = tracks[name]
     inside = (log.times >= track.times[0]) & (log.times <= track.times[-1])
     if not inside.any():
         raise InputError(f"{path}: no scan within the time of the poses from {name}")

@@ -1,7 +1,6 @@
 """LaserLog: the scans of a recorded drive, from any format."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -11,7 +10,6 @@ from lrf3d.files import own_name
 from lrf3d.geometry import Float, Int, Value, sealed
 from lrf3d.laser import LaserScan
 from lrf3d.pose import Pose
-from lrf3d.robot import Trajectory
 
 LARGEST_RANGE = 50.0
 """Least reading [m] that means no return: range finders of CARMEN's time then report about 81.9 m
@@ -60,12 +58,6 @@ class WheelRecord(Value):
         self._hold("times", "poses")
         self._hold("places", dtype=np.int64)
 
-    def __len__(self) -> int:
-        return len(self.times)
-
-    def __repr__(self) -> str:
-        return f"WheelRecord({len(self)} lines, {len(self.places)} scans)"
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LaserLog(Value):
@@ -77,7 +69,6 @@ class LaserLog(Value):
         bad_count: Number of lines that could not be read.
         bad_lines: The first few of them.
         source: Where the poses come from, in words.
-        tracks: Other trajectories in the log: ``odom`` from wheels, ``truth``.
         wheels: The raw odometry; None where the log has none.
         mount: Pose of the laser on the robot's base, where the poses of the scans are the laser's.
         not_numbers: Number of readings that are no number, such as NaN: taken for no return.
@@ -88,7 +79,6 @@ class LaserLog(Value):
     bad_count: int = 0
     bad_lines: tuple[BadLine, ...] = ()
     source: str = "as logged"
-    tracks: Mapping[str, Trajectory] = field(default_factory=dict)
     wheels: WheelRecord | None = None
     mount: Pose = Pose(0.0, 0.0, 0.0)  # noqa: RUF009  It is a value that nothing changes.
     not_numbers: int = 0
@@ -97,11 +87,22 @@ class LaserLog(Value):
         return len(self.scans)
 
     def __repr__(self) -> str:
-        lines = 0 if self.wheels is None else len(self.wheels)
-        return (
-            f"LaserLog({self.name!r}, {len(self)} scans, {lines} odometry lines,"
-            f" {self.bad_count} bad lines)"
-        )
+        return f"LaserLog({self.name!r}, {len(self)} scans, {self.bad_count} bad lines)"
+
+    @property
+    def odometry(self) -> WheelRecord:
+        """The raw odometry; the poses of the scans where the log has none."""
+        return self.wheels or WheelRecord(self.times, self.poses, np.arange(len(self)))
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """What was read and what was not, for summaries."""
+        return {
+            "scans": len(self),
+            "beams": len(self.scans[0].ranges),
+            "bad_lines": self.bad_count,
+            "readings_not_numbers": self.not_numbers,
+        }
 
     @cached_property
     def times(self) -> Float:

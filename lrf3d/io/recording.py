@@ -9,6 +9,7 @@ byte for byte, as without the interruption. Rows are mapped from the file, not h
 """
 
 import json
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from time import monotonic
@@ -20,17 +21,15 @@ from numpy.typing import NDArray
 from lrf3d.digest import digest, name_of
 from lrf3d.errors import InputError, OutputError
 from lrf3d.files import check_ordinary, locked
-from lrf3d.interrupts import check, noting, stoppable
+from lrf3d.interrupts import noting, stoppable
 from lrf3d.io.npz import DAMAGES, read_arrays, write_npz
 from lrf3d.io.run_file import load_run, run_arrays
 from lrf3d.laser import LaserScan
-from lrf3d.mapping import LineMap
 from lrf3d.pose import Pose
 from lrf3d.progress import Progress, silent
 from lrf3d.robot import Trajectory
-from lrf3d.run import LIGHT, Run, SnapshotSchedule, keep_light, light_shapes
-from lrf3d.simulation import Simulation, Step
-from lrf3d.world.cameras import FilmPlan
+from lrf3d.run import LIGHT, Run
+from lrf3d.simulation import Simulation, Step, fill_row, row_type, run_to_end
 
 JOURNAL = ".journal"
 """Ending of the auxiliary file that stands next to a run until it is complete."""
@@ -51,7 +50,6 @@ def record(
     path: str | Path,
     *,
     resume: bool = False,
-    film: FilmPlan | None = None,
     progress: Progress = silent,
 ) -> Run:
     """Run a simulation into a file, in constant memory and safe from crashes.
@@ -61,8 +59,6 @@ def record(
         path: The file; its ending is ``.npz``.
         resume: Continue an interrupted run of the same simulation into this file, if there is one;
             otherwise it is discarded.
-        film: How the run is filmed if nothing else is given, instead of the simulation's
-            plan; it is kept beside the run.
         progress: Called with the number of scans that are done, and of all.
 
     Returns:
@@ -86,8 +82,6 @@ def record(
         raise InputError(f"{path}: expected a name that ends in .npz")
     total, journal_path = simulation.total, path.with_suffix(JOURNAL)
     fingerprint = fingerprint_of(simulation)
-    if film is not None:
-        simulation.film = film
     journal: Journal | None = None
 
     def kept() -> str:
@@ -105,8 +99,11 @@ def record(
             try:
                 journal = Journal(journal_path, fingerprint, simulation, keep=resume)
                 try:
-                    maps = _run(simulation, journal, progress)
-                    _write(simulation, journal, maps, path, fingerprint)
+                    recorded = journal.recorded(simulation)
+                    maps = run_to_end(simulation, journal.add, progress, recorded=recorded)
+                    # Columns are copied from the rows some megabytes at a time.
+                    arrays = run_arrays(simulation, journal.rows(), maps)
+                    write_npz(path, arrays | {"origin": np.array(fingerprint)})
                 finally:
                     # An error of closing would replace the one that ended the run.
                     with suppress(OSError):
@@ -154,19 +151,10 @@ class Journal:
     """A journal, open for appending; the rows of one of the same run may be kept."""
 
     def __init__(self, path: Path, fingerprint: str, simulation: Simulation, *, keep: bool) -> None:
-        beams, light = simulation.lrf.beams, light_shapes(simulation.world, simulation.lrf)
-        self.path = path
+        fields = row_type(simulation)
+        self.path, self._rng = path, simulation.rng
         self.dtype: np.dtype[Any] = np.dtype(
-            [
-                ("number", np.int64),
-                ("times", np.float64),
-                ("poses", np.float64, (3,)),
-                ("ranges", np.float64, (beams,)),
-                ("truth", np.float64, (beams,)),
-                ("walls", np.int64, (beams,)),
-                *((name, np.float64, shape) for name, shape in light.items()),
-                ("rng", f"S{RNG_BYTES}"),
-            ]
+            [("number", np.int64), *fields.descr, ("rng", f"S{RNG_BYTES}")]
         )
         header = fingerprint.encode() + b"\n"
         self._begin = len(header)
@@ -177,31 +165,50 @@ class Journal:
         self._file.truncate(self._begin + self.scans * self.dtype.itemsize)
         self._file.seek(0, 2)
         self._row = np.zeros(1, self.dtype)
-        self._light = {name: self._row[name] for name in light}
+        self._fields = {name: self._row[name] for name in fields.names or ()}
         self._flushed = monotonic()
 
-    def add(self, step: Step, rng: np.random.Generator) -> None:
+    def add(self, step: Step) -> None:
         """Append a scan, and the state of the random numbers after it."""
-        row = self._row
-        row["number"], row["times"], row["poses"] = self.scans + 1, step.time, step.pose
-        row["ranges"], row["truth"] = step.scan.ranges, step.true_scan.ranges
-        row["walls"], row["rng"] = step.true_scan.walls, _rng_state(rng)
-        keep_light(self._light, 0, step.scan)
-        self._file.write(row.tobytes())
+        fill_row(self._fields, 0, step)
+        self._row["number"], self._row["rng"] = self.scans + 1, _rng_state(self._rng)
+        self._file.write(self._row.tobytes())
         self.scans += 1
         if monotonic() - self._flushed > FLUSHED_EVERY:
             self._file.flush()
             self._flushed = monotonic()
 
-    def rows(self) -> NDArray[Any]:
-        """All rows, mapped from the file."""
+    def rows(self) -> dict[str, NDArray[Any]]:
+        """What the run keeps of all scans, mapped from the file."""
         self._file.flush()
         rows = self._valid_rows()
         if len(rows) != self.scans:
             raise OutputError(
                 f"{self.path}: another program has changed it; run again, into another folder"
             )
-        return rows
+        return {name: rows[name] for name in self._fields}
+
+    def recorded(self, simulation: Simulation) -> Iterator[LaserScan]:
+        """The scans of an interrupted run; the random numbers go on after the last of them."""
+        rows = self._valid_rows()
+        if not len(rows):
+            return
+        try:
+            self._rng.bit_generator.state = json.loads(rows["rng"][-1])
+        except (ValueError, TypeError, KeyError, OverflowError):
+            raise InputError(
+                f"{self.path}: the state of the random numbers after scan {len(rows)} is"
+                " damaged; leave out --resume to begin again"
+            ) from None
+        for row in rows:
+            ranges = row["ranges"].copy()
+            # The journal holds the walls of the true scan; a beam without return has none.
+            walls = np.where(np.isfinite(ranges), row["walls"], -1)
+            light = [row[name].copy() for name in LIGHT if name in self._fields]
+            scan = LaserScan.unchecked(
+                simulation.lrf, Pose(*row["poses"].tolist()), ranges, walls, *light
+            )
+            yield scan.at_time(float(row["times"]))
 
     def kept(self) -> int:
         """The number of scans in the file."""
@@ -249,66 +256,6 @@ def _rng_state(rng: np.random.Generator) -> bytes:
             " numpy.random.default_rng"
         )
     return state
-
-
-def _run(simulation: Simulation, journal: Journal, progress: Progress) -> dict[int, LineMap]:
-    """Run a simulation to its end, from the end of its journal; returns the map snapshots."""
-    schedule, maps = SnapshotSchedule(simulation.total), dict[int, LineMap]()
-
-    def keep_map(index: int) -> None:
-        if schedule.holds(index) and isinstance(line_map := simulation.map, LineMap):
-            maps[index] = line_map
-
-    rng, lrf, rows = simulation.rng, simulation.lrf, journal.rows()
-    if len(rows):
-        try:
-            rng.bit_generator.state = json.loads(rows["rng"][-1])
-        except (ValueError, TypeError, KeyError, OverflowError):
-            raise InputError(
-                f"{journal.path}: the state of the random numbers after scan {len(rows)} is"
-                " damaged; leave out --resume to begin again"
-            ) from None
-    for row in rows:
-        ranges = row["ranges"].copy()
-        # The journal holds the walls of the true scan; a beam without return has none.
-        walls = np.where(np.isfinite(ranges), row["walls"], -1)
-        light = [row[name].copy() for name in LIGHT if name in (rows.dtype.names or ())]
-        scan = LaserScan.unchecked(lrf, Pose(*row["poses"].tolist()), ranges, walls, *light)
-        simulation.take(scan.at_time(float(row["times"])))
-        keep_map(simulation.done - 1)
-        check()
-    for step in simulation:
-        journal.add(step, rng)
-        keep_map(step.index)
-        progress(step.index + 1, simulation.total)
-        check()
-    # A controller may end before all scans are done.
-    last = journal.scans - 1
-    if last not in maps and isinstance(line_map := simulation.map, LineMap):
-        maps[last] = line_map
-    return maps
-
-
-def _write(
-    simulation: Simulation,
-    journal: Journal,
-    maps: dict[int, LineMap],
-    path: Path,
-    fingerprint: str,
-) -> None:
-    """Write the finished run; its columns are copied from the rows some megabytes at a time."""
-    rows = journal.rows()
-    names = [name for name in rows.dtype.names or () if name not in ("number", "rng")]
-    arrays = run_arrays(
-        simulation.world,
-        simulation.lrf,
-        simulation.film,
-        simulation.obstacles,
-        {name: rows[name] for name in names},
-        maps,
-        simulation.estimate,
-    )
-    write_npz(path, arrays | {"origin": np.array(fingerprint)})
 
 
 def _finished(path: Path, fingerprint: str) -> bool:

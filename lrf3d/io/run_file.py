@@ -8,7 +8,7 @@ stopped, a journal lies in its place: see `recording`.
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,6 +29,7 @@ from lrf3d.world.materials import material_of, material_value
 
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
+    from lrf3d.simulation import Simulation
 
 VERSION = 1
 
@@ -50,20 +51,14 @@ def save_run(run: Run, path: str | Path) -> None:
     rows: dict[str, Array] = {"times": run.trajectory.times, "poses": run.trajectory.poses}
     rows |= {"ranges": run.ranges, "truth": run.truth, "walls": run.walls, **run.light}
     maps = dict(zip(run.snapshot_scans, run.maps, strict=True))
-    arrays = run_arrays(run.world, run.lrf, run.film, run.obstacles, rows, maps, run.estimate)
-    write_npz(path, arrays)
+    write_npz(path, run_arrays(run, rows, maps))
 
 
 def run_arrays(
-    world: World,
-    lrf: LaserRangeFinder,
-    film: FilmPlan,
-    obstacles: "Sequence[DynamicObstacle]",
-    rows: Mapping[str, Array],
-    maps: Mapping[int, LineMap],
-    estimate: EstimatedTrajectory | None,
+    run: "Run | Simulation", rows: Mapping[str, Array], maps: Mapping[int, LineMap]
 ) -> dict[str, Array]:
     """The arrays of a run's file, from what it keeps of each scan and the maps after some scans."""
+    world, lrf, film, obstacles = run.world, run.lrf, run.film, run.obstacles
     arrays: dict[str, Any] = {
         "version": np.array(VERSION),
         "world_name": np.array(world.name),
@@ -109,8 +104,8 @@ def run_arrays(
     arrays["map_points"] = np.concatenate([part.points for part in parts])
     if (codes := np.concatenate([part.codes for part in parts])).any():
         arrays["map_kinds"] = codes
-    if estimate is not None:
-        arrays |= {name: getattr(estimate, field) for name, field in _ESTIMATE.items()}
+    if run.estimate is not None:
+        arrays |= {name: getattr(run.estimate, field) for name, field in _ESTIMATE.items()}
     return arrays
 
 
@@ -179,7 +174,7 @@ def run_path(path: str | Path) -> Path:
 
 
 _OTHERS = {
-    "sweep.parquet": "a sweep",
+    "sweep.jsonl": "a sweep",
     "metadata.yaml": "a ROS 2 bag",
     "map.geojson": "a map that was made from a log",
 }

@@ -49,7 +49,7 @@ COMFORT, TIGHT = 0.3, 4.0
 of a metre where there is less."""
 
 CLEARANCE = 2.0
-"""Distance to walls [m] above which a metre costs no less, if none is given."""
+"""Distance to walls [m] above which a metre costs no less."""
 
 
 class Ground:
@@ -159,7 +159,6 @@ class FreeSpace:
 
     ground: Ground
     radius: float
-    clearance: float
     allowed: Bool
     start: tuple[int, int] | None = None
 
@@ -191,7 +190,7 @@ class FreeSpace:
 
         So doors and narrow places are passed only to get behind them, and in their middle.
         """
-        near = np.maximum(self.clearance / np.maximum(gaps, 1e-3), 1.0) ** 3
+        near = np.maximum(CLEARANCE / np.maximum(gaps, 1e-3), 1.0) ** 3
         return np.where(gaps < self.radius + COMFORT, TIGHT * near, near)
 
     @cached_property
@@ -229,7 +228,6 @@ def find_free_space(
     ground: Ground,
     radius: float,
     *,
-    clearance: float = CLEARANCE,
     where: Side | None = None,
     start: Float | None = None,
 ) -> FreeSpace:
@@ -265,7 +263,7 @@ def find_free_space(
         )
     if begin is not None and not allowed[begin]:
         raise InputError(f"{name}: the start does not lie {where} the walls")
-    space = FreeSpace(ground, radius, clearance, allowed, begin)
+    space = FreeSpace(ground, radius, allowed, begin)
     count, part = connected_components(space.graph, directed=False)
     if begin is None:
         pieces = len(ground.pieces)
@@ -278,7 +276,7 @@ def find_free_space(
         chosen = part[space.number[begin]]
     kept = allowed.copy()
     kept[allowed] = part == chosen
-    return FreeSpace(ground, radius, clearance, kept, begin)
+    return FreeSpace(ground, radius, kept, begin)
 
 
 def _window(segments: Float, around: Float | None) -> tuple[Float, Float]:

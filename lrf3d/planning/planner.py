@@ -41,9 +41,6 @@ this radius [m]."""
 SAME = 1.1
 """Cost of a straight line, as a multiple of that of the path, up to which it is as good."""
 
-LONGEST_LEG = 30.0
-"""Longest straight piece of a route [m]."""
-
 AGAIN = 30.0
 """Time [s] after which a second lap is driven like the first."""
 
@@ -71,7 +68,6 @@ def plan_route(
     world: World,
     *,
     radius: float = RADIUS,
-    clearance: float = 2.0,
     range_max: float = 80.0,
     lookahead: float = LOOKAHEAD,
     where: Side | None = None,
@@ -87,7 +83,6 @@ def plan_route(
     Args:
         world: The walls.
         radius: Radius of the robot [m].
-        clearance: Distance to walls [m] that is kept where there is room.
         range_max: Largest range of the laser [m].
         lookahead: Look-ahead [m] of `follow_route` on the route; a shorter one fits through
             narrower doors.
@@ -110,7 +105,6 @@ def plan_route(
     return find_route(
         world,
         radius=radius,
-        clearance=clearance,
         range_max=range_max,
         lookahead=lookahead,
         where=where,
@@ -123,7 +117,6 @@ def find_route(
     *,
     radius: float | None = None,
     speed: float | None = None,
-    clearance: float = 2.0,
     range_max: float = 80.0,
     lookahead: float = LOOKAHEAD,
     dt: float = CONTROL_STEP,
@@ -139,11 +132,11 @@ def find_route(
     Raises:
         InputError: As of `plan_route`.
     """
-    sizes = (radius or RADIUS, speed or SPEED, clearance, range_max, lookahead, dt)
+    sizes = (radius or RADIUS, speed or SPEED, range_max, lookahead, dt)
     if not (is_finite(*sizes) and min(sizes) > 0.0):
         raise InputError(
-            f"radius {radius}, speed {speed}, clearance {clearance}, range_max {range_max},"
-            f" lookahead {lookahead}: expected positive numbers"
+            f"radius {radius}, speed {speed}, range_max {range_max}, lookahead {lookahead}:"
+            " expected positive numbers"
         )
     if where not in (None, "inside", "outside"):
         raise InputError(f"where {where!r}: expected 'inside', 'outside' or None")
@@ -158,7 +151,7 @@ def find_route(
                 f"the robot's radius is {radius:g} m instead of {RADIUS:g} m: doors are too narrow"
                 " for a wider one"
             )
-    space = find_free_space(ground, radius, clearance=clearance, where=where, start=position)
+    space = find_free_space(ground, radius, where=where, start=position)
     legs = find_tour(space, world, range_max)
     waypoints = _straightened(space, legs) + world.origin
     if position is not None and (waypoints[0] != position).any():
@@ -242,8 +235,6 @@ def _straightened(space: FreeSpace, legs: list[Int]) -> Float:
 def _is_better(space: FreeSpace, ends: Float, cost: float, least: float) -> bool:
     """Whether the line between two places (2, 2) costs at most as much, as far from walls."""
     length = float(np.hypot(*(ends[1] - ends[0])))
-    if length > LONGEST_LEG:
-        return False
     shares = np.linspace(0.0, 1.0, int(2.0 * length / space.ground.size) + 2)[:, None]
     gaps = np.asarray(space.ground.tree.query(ends[0] + shares * (ends[1] - ends[0]))[0])
     enough = gaps.min() >= min(least, space.radius + COMFORT) - 0.01

@@ -1,6 +1,6 @@
 """Tours: drives past lookouts, from which most of the walls are seen."""
 
-from itertools import combinations, pairwise
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -200,17 +200,15 @@ def _look(positions: Float, world: World, range_max: float) -> tuple[Bool, Float
 
 def _two_opt(order: list[int], metres: Float, kept: int) -> list[int]:
     """Reverse pieces of an open tour, after the kept places, as long as that is shorter."""
-    # The last row and column stand for nowhere, before the first place and behind the last.
-    metres = np.pad(metres, (0, 1))
-    tour = [-1, *range(len(order)), -1]
-    better = True
-    while better:
-        better = False
-        for first, last in combinations(range(1 + kept, len(tour) - 1), 2):
-            before, one, other, after = (tour[at] for at in (first - 1, first, last, last + 1))
-            gain = metres[before, one] + metres[other, after]
-            # Rounding alone must not reverse a piece back and forth forever.
-            if gain - metres[before, other] - metres[one, after] > 1e-9:
-                tour[first : last + 1] = tour[first : last + 1][::-1]
-                better = True
-    return [order[at] for at in tour[1:-1]]
+    # The first and the last place stand for nowhere.
+    metres, tour = np.pad(metres, 1), np.arange(len(order) + 2)
+    while True:
+        away = metres[np.ix_(tour, tour)]
+        steps = np.diagonal(away, 1)
+        gain = np.triu(steps[:-1, None] + steps[1:] - away[:-2, 1:-1] - away[1:-1, 2:], 1)
+        first, last = np.unravel_index(np.argmax(gain[kept:]), gain[kept:].shape)
+        # Rounding alone must not reverse a piece back and forth forever.
+        if gain[kept + first, last] <= 1e-9:
+            return [order[at - 1] for at in tour[1:-1]]
+        piece = slice(kept + first + 1, last + 2)
+        tour[piece] = tour[piece][::-1]

@@ -1,11 +1,10 @@
 """The robot: how it moves and where it drives (section 2.1 of Teslić et al.)."""
 
 from lrf3d.robot.collision import check_drive, find_collision
-from lrf3d.robot.driving import drive
 from lrf3d.robot.estimated_trajectory import EstimatedTrajectory
 from lrf3d.robot.following import follow_route
 from lrf3d.robot.trajectory import Trajectory
-from lrf3d.robot.unicycle import Unicycle
+from lrf3d.robot.unicycle import Unicycle, drive
 
 __all__ = [
     "EstimatedTrajectory",

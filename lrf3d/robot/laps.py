@@ -102,29 +102,20 @@ class Patrol(Value):
         self._hold("route")
 
     def until(self, time: float) -> Trajectory:
-        """The path up to a time [s], to the end of the leg that is driven then."""
-        points = self.route
-        points = points[np.append(True, (np.diff(points, axis=0) != 0.0).any(axis=1))]
-        legs = np.diff(np.vstack([points, points[-2::-1]]), axis=0)
-        headings = np.arctan2(legs[:, 1], legs[:, 0])
+        """The path up to a time [s], to the end of the lap there and back that is driven then."""
+        points = self.route[np.append(True, (np.diff(self.route, axis=0) != 0.0).any(axis=1))]
+        corners = np.vstack([points, points[-2::-1]])
+        legs = np.diff(corners, axis=0)
         durations = np.hypot(legs[:, 0], legs[:, 1]) / self.speed
-        begin, place = 0.0, points[0]
-        times: list[float] = []
-        poses: list[Float] = []
-        leg = 0
+        begins = np.append(0.0, np.cumsum(durations + LAP_TURN))
+        laps = int(time / begins[-1]) + 1
         # One pose where a leg begins and one where it ends; between legs it turns.
-        while begin <= time or not times:
-            times += [begin, begin + durations[leg]]
-            poses += [np.append(place, headings[leg]), np.append(place + legs[leg], headings[leg])]
-            begin, place = begin + durations[leg] + LAP_TURN, place + legs[leg]
-            leg = (leg + 1) % len(legs)
-        return Trajectory(times, poses)
+        times = np.column_stack([begins[:-1], begins[:-1] + durations]).ravel()
+        headings = np.repeat(np.arctan2(legs[:, 1], legs[:, 0]), 2)
+        poses = np.column_stack([np.repeat(corners, 2, axis=0)[1:-1], headings])
+        starts = np.repeat(begins[-1] * np.arange(laps), len(times))
+        return Trajectory(starts + np.tile(times, laps), np.tile(poses, (laps, 1)))
 
     def at(self, times: ArrayLike) -> Float:
         """Poses (m, 3) at times (m,) [s]; at rest before time 0."""
-        last = float(np.max(times, initial=0.0))
-        known: Trajectory | None = self.__dict__.get("_known")
-        if known is None or known.times[-1] <= last:
-            # Computed to twice the time, so that rising times seldom need another path.
-            known = self.__dict__["_known"] = self.until(2.0 * last + 60.0)
-        return known.at(times)
+        return self.until(float(np.max(times, initial=0.0))).at(times)

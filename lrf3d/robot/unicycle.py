@@ -1,16 +1,27 @@
-"""Unicycle: the kinematic model of the robot (Eq. 2 of Teslić et al.) and its exact arcs."""
+"""Unicycle: the kinematic model of the robot (Eq. 2 of Teslić et al.), its exact arcs, and drives.
 
-from collections.abc import Sequence
+The inputs v and ω over time enter; a trajectory leaves.
+"""
+
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError, shown
-from lrf3d.geometry import Float, is_finite, number
+from lrf3d.geometry import Float, is_finite, number, numbers
 from lrf3d.pose import Pose, as_pose
+from lrf3d.robot.trajectory import Trajectory
 
 RADIUS = 0.35
 """Radius of the robot's round body [m] if none is given."""
+
+MOST_POSES = 10_000_000
+"""Largest number of poses of a drive."""
+
+Input = float | ArrayLike | Callable[[float], float]
+"""A speed over time: a number, one number for each time interval, or a function of time [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,3 +80,123 @@ def arcs(poses: Float, v: Float, omega: Float, durations: Float) -> Float:
     middle = poses[:, 2] + half_turn
     step = np.column_stack([chord * np.cos(middle), chord * np.sin(middle), 2.0 * half_turn])
     return poses + step
+
+
+def drive(
+    start: Sequence[float] | Float,
+    v: Input,
+    omega: Input,
+    *,
+    duration: float | ArrayLike,
+    dt: float = 0.1,
+    tolerance: float = 1e-9,
+) -> Trajectory:
+    """Drive a unicycle from a start pose with the inputs v and ω.
+
+    Inputs that are functions of time are integrated by SciPy's RK45, the paper's ode45; numbers
+    and pieces of constant input give exact arcs.
+
+    Args:
+        start: Pose x, y [m], theta [rad] at time 0.
+        v: Speed [m/s]: a number, a sequence with one number a piece, or a function of time.
+        omega: Turn rate [rad/s], given likewise.
+        duration: How long to drive [s]; for pieces, the duration of each, or one for all.
+        dt: Time between the poses of the trajectory [s].
+        tolerance: Relative and absolute tolerance of RK45.
+
+    Raises:
+        InputError: A duration or dt is not positive, or the pieces do not fit together.
+
+    Examples:
+        >>> import lrf3d
+        >>> path = lrf3d.drive((0, 0, 0), 1.0, 0.0, duration=2.0)
+        >>> len(path), path.poses[-1].tolist()
+        (21, [2.0, 0.0, 0.0])
+    """
+    number(dt, "dt", "seconds", positive=True)
+    number(tolerance, "tolerance", positive=True)
+    pose = np.array(as_pose(start))
+    if not (callable(v) or callable(omega)):
+        return _chain_arcs(pose, numbers(v, "v"), numbers(omega, "omega"), duration, dt)
+    seconds = number(duration, "duration", "seconds", positive=True)
+    return _integrate(pose, _function(v), _function(omega), seconds, dt, tolerance)
+
+
+def _function(value: Input) -> Callable[[float], float]:
+    if callable(value):
+        return value
+    constant = numbers(value, "v and omega")
+    if constant.ndim:
+        raise InputError("v and omega: pieces and a function of time do not mix; give two of one")
+    return lambda _: float(constant)
+
+
+def _sample_times(duration: float, dt: float) -> Float:
+    """Times 0, dt, 2·dt, … and the duration itself [s]."""
+    if duration / dt > MOST_POSES:
+        raise InputError(
+            f"duration {duration:g} s in steps of {dt:g} s: more than {MOST_POSES:,} poses; give a"
+            " larger dt"
+        )
+    # Rounding must neither lose the last sample nor add one just before the end.
+    count = int(np.floor(duration / dt * (1.0 + 1e-12)))
+    times = np.asarray(np.arange(count + 1) * dt, dtype=np.float64)
+    if duration - times[-1] > 1e-9 * dt:
+        return np.append(times, duration)
+    times[-1] = duration
+    return times
+
+
+def _integrate(
+    start: Float,
+    v: Callable[[float], float],
+    omega: Callable[[float], float],
+    duration: float,
+    dt: float,
+    tolerance: float,
+) -> Trajectory:
+    from scipy.integrate import solve_ivp
+
+    robot = Unicycle()
+    times = _sample_times(duration, dt)
+    # Steps no longer than dt keep RK45 from skipping short pulses of the input.
+    solution = solve_ivp(
+        lambda t, state: robot.derivative(state, v(t), omega(t)),
+        (0.0, duration),
+        start,
+        method="RK45",
+        t_eval=times,
+        rtol=max(tolerance, 1e-13),  # SciPy warns about less, as float64 cannot reach it.
+        atol=tolerance,
+        max_step=dt,
+    )
+    if not solution.success or not np.isfinite(solution.y).all():
+        raise InputError(f"drive: the inputs cannot be integrated ({solution.message})")
+    return Trajectory(times, solution.y.T)
+
+
+def _chain_arcs(
+    start: Float, v: Float, omega: Float, duration: float | ArrayLike, dt: float
+) -> Trajectory:
+    try:
+        v, omega, durations = np.broadcast_arrays(
+            np.atleast_1d(v), np.atleast_1d(omega), np.atleast_1d(numbers(duration, "duration"))
+        )
+    except ValueError:
+        raise InputError(
+            "drive: v, omega and duration have different numbers of pieces; give one of each"
+        ) from None
+    if not (np.isfinite(durations).all() and (durations > 0.0).all() and len(durations)):
+        raise InputError(f"duration {shown(duration)}: expected positive numbers of seconds")
+    if not (np.isfinite(v).all() and np.isfinite(omega).all()):
+        raise InputError("drive: v and omega must be finite numbers")
+    starts = np.concatenate([[0.0], np.cumsum(durations)])
+    headings = start[2] + np.concatenate([[0.0], np.cumsum(omega * durations)])
+    turned = np.column_stack([np.zeros((len(v), 2)), headings[:-1]])
+    steps = arcs(turned, v, omega, durations)[:, :2]
+    positions = start[:2] + np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+    # The poses between the pieces.
+    knots = np.column_stack([positions, headings])
+    times = _sample_times(float(starts[-1]), dt)
+    piece = np.clip(np.searchsorted(starts, times, side="right") - 1, 0, len(v) - 1)
+    return Trajectory(times, arcs(knots[piece], v[piece], omega[piece], times - starts[piece]))

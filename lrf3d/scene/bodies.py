@@ -1,51 +1,75 @@
-"""The robot, from ``assets/robot.glb``, and dynamic obstacles, as triangles in their own frames."""
+"""Bodies as they are drawn: the robot, from ``assets/robot.glb``, a goal, and dynamic obstacles.
+
+All have a pose: they are triangles in their own frames, and shadows and darts where they stand.
+"""
 
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
 import trimesh
-from numpy.typing import NDArray
 
 from lrf3d.files import assets_folder
-from lrf3d.geometry import Float, Single, directions
-from lrf3d.scene.look import (
-    DART,
-    GOAL,
-    GOAL_OPACITY,
-    OBSTACLE_COLOURS,
-    ROBOT,
-    ROBOT_RIM,
-    SHADOW_COLOUR,
-    SUN,
-)
+from lrf3d.geometry import Float, directions
+from lrf3d.scene.look import DART, ROBOT, SUN
 from lrf3d.scene.panels import triangles
-from lrf3d.scene.shapes import Faces, Soft, single
+from lrf3d.scene.shapes import Body, Faces, Soft, single
 
-_LASER_HEIGHT = 0.495
-"""Height [m] of the laser's ring in the file."""
+if TYPE_CHECKING:
+    from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 
-_DECK = 0.31
-"""Height [m] of what carries the laser's column; above, the column is stretched."""
+_LASER_HEIGHT, _DECK = 0.495, 0.31
+"""Heights [m] of the laser's ring in the file, and of what carries the laser's column; above, the
+column is stretched."""
+
+_RIM = (0.12, 0.14, 0.18)
+"""Colour of the rim of the robot as a dart."""
+
+_GOAL, _GOAL_OPACITIES, _GOAL_RING, _GOAL_HEIGHT = (0.10, 0.70, 0.36), (0.28, 0.9), 0.86, 0.04
+"""Colour of a goal, opacities of what is within and of its ring, the ring's inner radius in outer
+ones, and its height over the ground [m]."""
+
+_SHADOW_COLOUR = (0.02, 0.03, 0.05)
+"""What bodies darken the ground with."""
+
+_SHADOW_RADIUS, _SHADOW_RIM, _SHADOW_DARKNESS, _SHADOW_SHIFT = 0.24, 0.28, 0.55, 0.16
+"""Radius of the robot's shadow and width of its soft rim [m], its darkness, and how far it lies
+from the robot where the sun shines, as a part of the level way to the sun."""
+
+_OBSTACLE_SHADOW, _OBSTACLE_SHADOW_INDOOR, _LIFT = (0.08, 0.42), (0.35, 0.30), 0.01
+"""Width of the soft edge of an obstacle's shadow [m], in the sun narrow, in a lit room wide, its
+darkness, and its height above the ground [m]."""
+
+_OBSTACLE_COLOURS = np.array(
+    [[0.13, 0.48, 0.55], [0.46, 0.36, 0.62], [0.60, 0.58, 0.20], [0.66, 0.28, 0.36]]
+)
+"""Colours of dynamic obstacles: strong, and none is the robot's orange."""
+
+_FOOT = 0.10
+"""Height of the dark foot of an obstacle [m]."""
+
+_LEAST = 2.5
+"""Least half size of an obstacle in the inset [pixels], so that it can be seen."""
+
+_DART = DART[[0, 1, 2, 0, 2, 3]]
+"""Corners (6, 2) of the triangles of the robot as seen from above."""
 
 
-def robot_mesh(laser_height: float) -> tuple[Single, NDArray[np.uint32]]:
-    """Vertices (v, 9) of the robot: position, normal, colour; and indices (3 · t,) of triangles.
-
-    Its laser is at a height [m], which the column is stretched to.
-    """
+def robot_body(laser_height: float) -> Faces:
+    """The robot, with its laser at a height [m], which the column is stretched to."""
     mesh = trimesh.load_mesh(assets_folder() / "robot.glb", process=False)
     visual: Any = mesh.visual
     # glTF has y up, films have z up.
-    vertices = np.asarray(mesh.vertices)[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
-    normals = np.asarray(mesh.vertex_normals)[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
-    colours = np.asarray(visual.vertex_colors)[:, :3] / 255.0
-    column = vertices[:, 2] > _DECK
+    vertices, normals = (
+        np.asarray(each)[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
+        for each in (mesh.vertices, mesh.vertex_normals)
+    )
+    above = vertices[:, 2] - _DECK
     stretch = max(0.3, (laser_height - _DECK) / (_LASER_HEIGHT - _DECK))
-    vertices[column, 2] = _DECK + (vertices[column, 2] - _DECK) * stretch
-    rows = np.column_stack([vertices, normals, colours]).astype(np.float32)
-    return rows, np.asarray(mesh.faces).astype(np.uint32).ravel()
+    vertices[:, 2] += np.maximum(above, 0.0) * (stretch - 1.0)
+    colours = np.asarray(visual.vertex_colors)[:, :3] / 255.0
+    return Faces(*(single(each[mesh.faces]) for each in (vertices, normals, colours)))
 
 
 def world_from_robot(pose: Float) -> Float:
@@ -57,132 +81,160 @@ def world_from_robot(pose: Float) -> Float:
     return matrix
 
 
-def faces_of(rows: Single) -> Faces:
-    """Faces of the rows (3 t, 9) of a body: position, normal, colour."""
-    parts = rows.reshape(-1, 3, 9)
-    return Faces(*(single(parts[..., first : first + 3]) for first in (0, 3, 6)))
-
-
-def robot_body(laser_height: float) -> Faces:
-    """The robot, with its laser at a height [m]."""
-    rows, indices = robot_mesh(laser_height)
-    return faces_of(rows[indices])
-
-
 def flat_dart(pose: Float, size: float, height: float) -> Soft:
     """The robot as a dart with a dark rim, of a size at a pose, seen from above."""
-    head = DART[[0, 1, 2, 0, 2, 3]]
-    outline = placed(size * np.concatenate([1.4 * head, head]), pose)
-    corners = np.column_stack([outline, np.full(12, height)]).reshape(-1, 3, 3)
-    colours = np.repeat([(*ROBOT_RIM, 1.0), (*ROBOT, 1.0)], 6, axis=0).reshape(-1, 3, 4)
-    return Soft(single(corners), single(colours))
-
-
-_RING, _RING_CORNERS, _GOAL_HEIGHT = 0.86, 48, 0.04
-"""Inner radius of a goal's ring, in outer ones; its number of corners; height over the ground [m].
-"""
+    outline = _placed(size * np.concatenate([1.4 * _DART, _DART]), pose)
+    return _flat(outline, height, np.repeat([(*_RIM, 1.0), (*ROBOT, 1.0)], 6, axis=0))
 
 
 def goal_disc(goal: Float) -> Soft:
-    """A goal (3,), x, y and radius [m], on the ground: a ring and a pale disc."""
-    turns = np.linspace(0.0, 2.0 * np.pi, _RING_CORNERS + 1)
-    rim = np.column_stack([np.cos(turns), np.sin(turns)])
-    outer, inner, middle = rim, _RING * rim, np.zeros((_RING_CORNERS, 2))
-    ring = [outer[:-1], outer[1:], inner[1:], outer[:-1], inner[1:], inner[:-1]]
-    corners, colours = [], []
-    for shape, opacity in zip((ring, [middle, inner[:-1], inner[1:]]), GOAL_OPACITY, strict=True):
-        places = goal[:2] + goal[2] * np.stack(shape, axis=1).reshape(-1, 2)
-        corners.append(np.column_stack([places, np.full(len(places), _GOAL_HEIGHT)]))
-        colours.append(np.tile((*GOAL, opacity), (len(places), 1)))
-    return Soft(
-        single(np.concatenate(corners).reshape(-1, 3, 3)),
-        single(np.concatenate(colours).reshape(-1, 3, 4)),
-    )
-
-
-_BLOB, _BLOB_FRINGE, _BLOB_DARKNESS, _BLOB_SHIFT = 0.24, 0.28, 0.55, 0.16
-"""Radius of the robot's shadow and of its soft rim [m], its darkness, and how far it lies from the
-robot where the sun shines, as a part of the level way to the sun."""
+    """A goal (3,), x, y and radius [m], on the ground: a pale disc and a ring round it."""
+    inside, ring = _GOAL_OPACITIES
+    outlines = goal[:2] + goal[2] * _circle(48) * np.array([0.0, _GOAL_RING, 1.0])[:, None, None]
+    return _rings(outlines, [[inside, inside], [ring, ring]], _GOAL, _GOAL_HEIGHT)
 
 
 def robot_shadow(pose: Float, *, indoor: bool) -> Soft:
     """The shadow of the robot at a pose."""
     shadow = _round_shadow()
-    middle = pose[:2] - (0.0 if indoor else _BLOB_SHIFT) * SUN[:2]
+    middle = pose[:2] - (0.0 if indoor else _SHADOW_SHIFT) * SUN[:2]
     return shadow._replace(corners=single(shadow.corners + np.append(middle, 0.0)))
 
 
 @cache
 def _round_shadow() -> Soft:
-    turns = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
-    rim = _BLOB * np.column_stack([np.cos(turns), np.sin(turns)])
-    return soft_shadow(rim, _BLOB_FRINGE, _BLOB_DARKNESS, 0.0)
+    return _soft_shadow(_SHADOW_RADIUS * _circle(24), _SHADOW_RIM, _SHADOW_DARKNESS, 0.0)
 
 
-_FOOT = 0.10
-"""Height of the dark foot of a body [m]."""
+class Obstacles:
+    """The dynamic obstacles of a run, in a frame with an origin (2,) in the world [m].
+
+    Indoors no sun shines on them.
+    """
+
+    def __init__(
+        self, obstacles: "tuple[DynamicObstacle, ...]", origin: Float, *, indoor: bool
+    ) -> None:
+        self._obstacles, self._indoor = obstacles, indoor
+        self._origin = np.array([*origin, 0.0])
+        self._colours = _OBSTACLE_COLOURS[np.arange(len(obstacles)) % len(_OBSTACLE_COLOURS)]
+        self._tops = [
+            triangles(np.array([shapely.make_valid(shapely.Polygon(each.outline))]))[0]
+            for each in obstacles
+        ]
+        self._bodies = [
+            _prism(each.outline, top, each.height, colour)
+            for each, top, colour in zip(obstacles, self._tops, self._colours, strict=True)
+        ]
+
+    def _poses(self, time: float) -> list[Float]:
+        """Poses (3,) of all bodies at a time [s] in the film's frame."""
+        return [each.path.at(np.array([time]))[0] - self._origin for each in self._obstacles]
+
+    def bodies(self, time: float) -> list[tuple[str, Body]]:
+        """The bodies at a time [s]."""
+        return [
+            (f"obstacle {number}", Body(faces, world_from_robot(pose)))
+            for number, (faces, pose) in enumerate(
+                zip(self._bodies, self._poses(time), strict=True)
+            )
+        ]
+
+    def shadows(self, time: float) -> Soft | None:
+        """The shadows of all bodies at a time [s]."""
+        edge, dark = _OBSTACLE_SHADOW_INDOOR if self._indoor else _OBSTACLE_SHADOW
+        shadows = []
+        for pose, obstacle in zip(self._poses(time), self._obstacles, strict=True):
+            corners = _placed(obstacle.outline, pose)
+            if not self._indoor:
+                slide = -SUN[:2] / SUN[2] * obstacle.height
+                corners = np.concatenate([corners, corners + slide])
+            shadows.append(_soft_shadow(corners, edge, dark, _LIFT))
+        return _joined(shadows)
+
+    def plans(self, time: float, pixel: float) -> Soft | None:
+        """The bodies from straight above, in a picture whose pixels have a size [m]."""
+        plans = []
+        for top, colour, obstacle, pose in zip(
+            self._tops, self._colours, self._obstacles, self._poses(time), strict=True
+        ):
+            size = max(1.0, _LEAST * pixel / obstacle.reach)
+            level = _placed(size * top.reshape(-1, 2), pose)
+            plans.append(_flat(level, 0.0, np.tile([*colour, 1.0], (len(level), 1))))
+        return _joined(plans)
 
 
-def obstacle_colours(count: int) -> Float:
-    """Colours (count, 3) of dynamic obstacles, 0…1."""
-    return np.asarray(OBSTACLE_COLOURS[np.arange(count) % len(OBSTACLE_COLOURS)])
+def _joined(parts: list[Soft]) -> Soft | None:
+    """All in one; None for nothing."""
+    return Soft(*map(np.concatenate, zip(*parts, strict=True))) if parts else None
 
 
-def obstacle_body(outline: Float, height: float, colour: Float) -> Faces:
-    """A counter-clockwise outline (n, 2) of a height [m], on a dark foot, with a pale top."""
+def _prism(outline: Float, top: Float, height: float, colour: Float) -> Faces:
+    """An outline (n, 2) of a height [m] with a top of triangles (t, 3, 2), on a dark foot.
+
+    The top is pale; a dart on it says which way is ahead.
+    """
+    if not shapely.is_ccw(shapely.linearrings(outline)):
+        outline = outline[::-1]
     after = np.roll(outline, -1, axis=0)
-    normals = directions(np.hstack([outline, after])) @ np.array([[0.0, -1.0], [1.0, 0.0]])
-    foot = min(_FOOT, 0.2 * height)
-    rows = []
-    for low, high, paint in ((0.0, foot, 0.35 * colour), (foot, height, colour)):
-        side = np.zeros((len(outline), 4, 9))
-        side[:, [0, 3], :2], side[:, 1:3, :2] = outline[:, None], after[:, None]
-        side[:, :2, 2], side[:, 2:, 2] = low, high
-        side[:, :, 3:5], side[:, :, 6:] = normals[:, None], paint
-        rows.append(side[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 9))
-    # A dart on the top says which way is ahead.
-    dart = 0.5 * float(np.abs(outline).max(axis=0).min()) * DART[[0, 1, 2, 0, 2, 3]]
-    top = outline_triangles(outline).reshape(-1, 2)
-    for corners, level, paint in (
-        (top, height, 0.55 + 0.45 * colour),
-        (dart, height + 0.005, 0.35 * colour),
+    outward = directions(np.hstack([outline, after])) @ np.array([[0.0, -1.0], [1.0, 0.0]])
+    foot, up = min(_FOOT, 0.2 * height), np.array([0.0, 0.0, 1.0])
+    sides = np.stack([outline, after, after, outline, after, outline], axis=1).reshape(-1, 2)
+    outward = np.column_stack([np.repeat(outward, 6, axis=0), np.zeros(len(sides))])
+    dart = 0.5 * float(np.abs(outline).max(axis=0).min()) * _DART
+    parts = []
+    for corners, levels, normals, paint in (
+        (sides, np.array([0.0, 0.0, foot, 0.0, foot, foot]), outward, 0.35 * colour),
+        (sides, np.array([foot, foot, height, foot, height, height]), outward, colour),
+        (top.reshape(-1, 2), np.full(3, height), up, 0.55 + 0.45 * colour),
+        (dart, np.full(6, height + 0.005), up, 0.35 * colour),
     ):
-        count = len(corners)
-        up = np.tile([level, 0.0, 0.0, 1.0, *paint], (count, 1))
-        rows.append(np.hstack([corners, up]))
-    return faces_of(single(np.concatenate(rows)))
+        high = np.resize(levels, len(corners))
+        rows = np.empty((3, len(corners), 3))
+        rows[0], rows[1], rows[2] = np.column_stack([corners, high]), normals, paint
+        parts.append(rows.reshape(3, -1, 3, 3))
+    return Faces(*map(single, np.concatenate(parts, axis=1)))
 
 
-def placed(points: Float, pose: Float) -> Float:
+def _placed(points: Float, pose: Float) -> Float:
     """Points (n, 2) of a body's frame at its pose."""
     matrix = world_from_robot(pose)
     return np.asarray(points @ matrix[:2, :2].T + matrix[:2, 3])
 
 
-def counter_clockwise(outline: Float) -> Float:
-    """An outline (n, 2), turned round where it runs clockwise."""
-    return outline if shapely.is_ccw(shapely.linearrings(outline)) else outline[::-1]
+def _circle(corners: int) -> Float:
+    """Corners (n, 2) of a circle of radius 1."""
+    turns = np.linspace(0.0, 2.0 * np.pi, corners, endpoint=False)
+    return np.column_stack([np.cos(turns), np.sin(turns)])
 
 
-def outline_triangles(outline: Float) -> Float:
-    """Corners (t, 3, 2) of counter-clockwise triangles of an outline's inside."""
-    return triangles(np.array([shapely.make_valid(shapely.Polygon(outline))]))[0]
+def _flat(corners: Float, height: float, colours: Float) -> Soft:
+    """Triangles with corners (3 t, 2), which have colours (3 t, 4), at a height [m]."""
+    places = np.column_stack([corners, np.full(len(corners), height)])
+    return Soft(single(places.reshape(-1, 3, 3)), single(colours.reshape(-1, 3, 4)))
 
 
-def soft_shadow(corners: Float, fringe: float, dark: float, height: float) -> Soft:
-    """The hull of corners (n, 2) at a height [m]: dark inside, fading out over a fringe [m]."""
+def _soft_shadow(corners: Float, edge: float, dark: float, height: float) -> Soft:
+    """The hull of corners (n, 2) at a height [m]: dark inside, fading out over an edge [m]."""
     hull = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(corners)))[:-1]
-    middle = hull.mean(axis=0)
+    middle = np.broadcast_to(hull.mean(axis=0), hull.shape)
     away = hull - middle
-    outer = hull + fringe * away / np.maximum(np.hypot(*away.T), 1e-9)[:, None]
-    following, outer_following = np.roll(hull, -1, axis=0), np.roll(outer, -1, axis=0)
-    middles = np.broadcast_to(middle, hull.shape)
-    places = np.stack(
-        [middles, hull, following, hull, outer, outer_following, hull, outer_following, following],
-        axis=1,
-    ).reshape(-1, 3, 2)
-    levels = np.full((len(places), 3, 1), height)
-    colours = np.empty((len(hull), 9, 4))
-    colours[..., :3] = SHADOW_COLOUR
-    colours[..., 3] = dark * np.array([1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0])
-    return Soft(single(np.concatenate([places, levels], axis=2)), single(colours.reshape(-1, 3, 4)))
+    outer = hull + edge * away / np.maximum(np.hypot(*away.T), 1e-9)[:, None]
+    return _rings(
+        np.stack([middle, hull, outer]), [[dark, dark], [dark, 0.0]], _SHADOW_COLOUR, height
+    )
+
+
+def _rings(
+    outlines: Float, opacities: list[list[float]], colour: tuple[float, ...], height: float
+) -> Soft:
+    """What lies between outlines (k, n, 2), the inmost first.
+
+    The opacities at both sides of each ring are given.
+    """
+    inner, outer = outlines[:-1], outlines[1:]
+    quads = [inner, outer, np.roll(outer, -1, axis=1), np.roll(inner, -1, axis=1)]
+    corners = np.stack(quads, axis=2)[:, :, [0, 1, 2, 0, 2, 3]].reshape(-1, 2)
+    alpha = np.array(opacities)[:, None, [0, 1, 1, 0, 1, 0]]
+    alpha = np.broadcast_to(alpha, (*inner.shape[:2], 6)).reshape(-1, 1)
+    return _flat(corners, height, np.hstack([np.tile(colour, (len(alpha), 1)), alpha]))

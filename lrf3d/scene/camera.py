@@ -1,9 +1,10 @@
-"""Looks at a scene, and the smoothed path that cameras follow.
+"""Looks at a scene, and tracks of looks that go with the robot.
 
 A camera is a function of the film's time alone and does not remember frames: every process that
 draws a part of a film sees the same.
 """
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
@@ -13,49 +14,66 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from lrf3d.geometry import Float
 from lrf3d.scene.structures import Structures
-from lrf3d.scene.timeline import Timeline
+from lrf3d.scene.timeline import Timeline, interpolated
 
 _LAND = 2500.0
 """How far the ground reaches at the least [m]."""
 
+STEP = 0.04
+"""Time of the film between the points of a smoothed path [s]."""
+
+_SMOOTH, _FOLLOW = 0.7, 0.15
+"""Times of the film [s] over which turns and places are smoothed, however fast the run is played;
+with more for places, the robot would leave the middle of fast films."""
+
+_AIM = 0.35
+"""Height of the robot's middle [m]."""
+
+_ASIDE, _CLEARANCE = 0.12, 0.3
+"""How far from the line to the eye walls count, as a share of its length, and before it [m]."""
+
+_MARGIN, _STEEPEST = float(np.radians(9.0)), float(np.radians(80.0))
+"""How far under the robot roofs are seen, so that they are no large part of the picture, and how
+steeply eyes look down at the most [rad]."""
+
+_ROBOT = 0.5
+"""Height of a robot [m]: lower walls do not hide it."""
+
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """A look at the scene, in the film's frame.
-
-    Args:
-        eye: (3,) where the eye is [m].
-        target: (3,) what stands in the middle of the picture [m].
-        field: Angle of view from the bottom to the top [rad].
-        up: (3,) what is up in the picture.
-        shift: How far the picture is moved up, in halves of its height.
-        near: Distance [m] from which on things are drawn.
-        clear: Whether the air is without haze, as for bird's-eye cameras.
-        air: Distance [m] at which half of what is seen is haze, at the least.
-        fan: How strong the glow of the beams is drawn; less where it would cover the picture.
-        shows_map: Whether the map is laid over the scene.
-        plan: Whether the map is also shown in a corner.
-        cuts: Whether walls of rooms are cut off where they hide the robot.
-        ghost: How far houses have faded to pale ghosts, 0…1.
-        raised: How far the walls of the map stand up, 0…1.
-        shot: What is shown, which a caption says: a key of :mod:`lrf3d.scene.panel`.
-    """
+    """A look at the scene, in the film's frame."""
 
     eye: Float
+    """(3,) where the eye is [m]."""
     target: Float
+    """(3,) what stands in the middle of the picture [m]."""
     field: float
+    """Angle of view from the bottom to the top of the picture [rad]."""
     up: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    """What is up in the picture."""
     shift: float = 0.0
+    """How far the picture is moved up, in halves of its height."""
     near: float = 0.2
+    """Distance [m] from which on things are drawn."""
     clear: bool = False
+    """Whether the air is without haze, as for bird's-eye cameras."""
     air: float = 0.0
+    """Distance [m] at which half of what is seen is haze, at the least."""
     fan: float = 1.0
+    """How strong the glow of the beams is drawn; less where it would cover the picture."""
     shows_map: bool = False
+    """Whether the map is laid over the scene."""
     plan: bool = True
+    """Whether the map is also shown in a corner."""
     cuts: bool = False
+    """Whether walls of rooms are cut off where they hide the robot."""
     ghost: float = 0.0
+    """How far houses have faded to pale ghosts, 0…1."""
     raised: float = 0.0
+    """How far the walls of the map stand up, 0…1."""
     shot: str = ""
+    """What is shown, which a caption says: a key of :mod:`lrf3d.scene.panel`."""
 
     @property
     def key(self) -> tuple[object, ...]:
@@ -64,30 +82,13 @@ class Look:
         return *place, self.ghost, self.raised, self.shot
 
     @property
-    def sky_below(self) -> float:
-        """Row of the picture, −1…1 from the top, down to which there may be sky; −1 for none."""
-        ahead = self.target - self.eye
-        level = float(np.hypot(ahead[0], ahead[1]))
-        if level < 1e-6 * abs(float(ahead[2])):
-            return -1.0
-        # The ground ends before the horizon: by so much the sky is seen below it.
-        dip = np.arctan2(abs(float(self.eye[2])), _LAND)
-        angle = np.arctan2(-float(ahead[2]), level) - dip
-        if angle >= 0.5 * np.pi:
-            return -1.0
-        horizon = np.tan(angle) / np.tan(0.5 * self.field) - 0.01 + self.shift
-        return float(np.clip(-horizon, -1.0, 1.0))
-
-    @property
     def pose(self) -> Float:
         """The matrix (4, 4) that takes the camera's frame, which looks along −z, to the film's."""
         back = self.eye - self.target
-        back = back / np.linalg.norm(back)
         right = np.cross(np.array(self.up), back)
-        right = right / np.linalg.norm(right)
+        back, right = back / np.linalg.norm(back), right / np.linalg.norm(right)
         matrix = np.eye(4)
-        matrix[:3, 0], matrix[:3, 1], matrix[:3, 2] = right, np.cross(back, right), back
-        matrix[:3, 3] = self.eye
+        matrix[:3] = np.column_stack([right, np.cross(back, right), back, self.eye])
         return matrix
 
     def matrix(self, aspect: float, far: float) -> Float:
@@ -100,10 +101,17 @@ class Look:
         matrix[0, 0], matrix[1, 1], matrix[1, 2] = tall / aspect, -tall, self.shift
         matrix[2, 2], matrix[2, 3] = (far + near) / (near - far), 2.0 * far * near / (near - far)
         matrix[3, 2] = -1.0
-        view = np.eye(4)
-        view[:3, :3] = self.pose[:3, :3].T
-        view[:3, 3] = -view[:3, :3] @ self.eye
-        return np.asarray(matrix @ view)
+        return np.asarray(matrix @ np.linalg.inv(self.pose))
+
+    def sky_below(self, matrix: Float) -> float:
+        """Row of a picture with this matrix, −1…1, down to which there may be sky; −1 for none."""
+        ahead = (self.target - self.eye)[:2]
+        level = np.hypot(*ahead)
+        if level < 1e-6 * abs(self.target[2] - self.eye[2]):
+            return -1.0
+        # The ground ends before the horizon: by so much the sky is seen below it.
+        _, row, _, depth = matrix @ [*(self.eye[:2] + _LAND / level * ahead), 0.0, 1.0]
+        return float(np.clip(row / depth + 0.01, -1.0, 1.0)) if depth > 0.0 else -1.0
 
 
 class Camera(Protocol):
@@ -114,29 +122,44 @@ class Camera(Protocol):
         ...
 
 
-class SmoothPath:
+class SmoothPath(NamedTuple):
     """The robot's path at even times, smoothed over time, for cameras that follow it."""
 
-    STEP = 0.04
-    """Time of the film between the points [s] that the path is computed at."""
-    SMOOTH = 0.7
-    """Time of the film [s] over which turns are smoothed, however fast the run is played."""
-    FOLLOW = 0.15
-    """The same for places: otherwise the robot would leave the middle of fast films."""
+    times: Float
+    """(k,) times of the run [s]."""
+    places: Float
+    """(k, 2) where the robot is then [m]."""
+    headings: Float
+    """(k,) where it goes [rad]; they go on past half a turn."""
 
-    def __init__(self, timeline: Timeline) -> None:
-        step = self.STEP * timeline.playback
+    @classmethod
+    def of(cls, timeline: Timeline) -> "SmoothPath":
+        """The smoothed path of a run's robot."""
+        step = STEP * timeline.playback
         count = int(np.ceil((timeline.end - timeline.start) / step)) + 2
-        self.times: Float = timeline.start + step * np.arange(count, dtype=np.float64)
-        poses = timeline.poses(self.times)
-        width, follow = self.SMOOTH / self.STEP, self.FOLLOW / self.STEP
-        self.headings = gaussian_filter1d(np.unwrap(poses[:, 2]), width, mode="nearest")
-        places = poses[:, :2] - timeline.origin
-        self.places = gaussian_filter1d(places, follow, axis=0, mode="nearest")
+        times = timeline.start + step * np.arange(count, dtype=np.float64)
+        poses = timeline.poses(times)
+        places, headings = poses[:, :2] - timeline.origin, np.unwrap(poses[:, 2])
+        return cls(
+            times,
+            gaussian_filter1d(places, _FOLLOW / STEP, axis=0, mode="nearest"),
+            gaussian_filter1d(headings, _SMOOTH / STEP, mode="nearest"),
+        )
 
-    def place(self, time: float) -> Float:
-        """The smoothed place (2,) at a time [s]."""
-        return np.array([np.interp(time, self.times, axis) for axis in self.places.T])
+
+class Rig(NamedTuple):
+    """How a camera looks at the robot."""
+
+    away: float
+    """How far off it the eye is [m]."""
+    steep: float
+    """How steeply it looks down at the least [degrees]."""
+    field: float
+    """Angle of view [degrees]."""
+    shift: float = 0.0
+    """How far the picture is moved up, in halves of its height."""
+    near: float = 0.2
+    """The distance from which on things are drawn [m]."""
 
 
 class Track(NamedTuple):
@@ -156,34 +179,50 @@ class Track(NamedTuple):
     """(k,) how far the picture is moved up, in halves of its height."""
     airs: Float
     """(k,) the reach of the air [m]."""
+    nears: Float
+    """(k,) the distance from which on things are drawn [m]."""
+
+    @classmethod
+    def along(cls, path: SmoothPath, turns: Float, rig: Rig) -> "Track":
+        """Looks at the robot from sides (k,) [rad]."""
+        count = len(path.times)
+        middles = np.column_stack([path.places, np.full(count, _AIM)])
+        away, steep, field, shift = (
+            np.full(count, value)
+            for value in (rig.away, np.radians(rig.steep), np.radians(rig.field), rig.shift)
+        )
+        air, near = np.zeros(count), np.full(count, rig.near)
+        return cls(path.times, middles, turns, steep, away, field, shift, air, near)
 
     def at(self, times: Float) -> "Track":
         """The looks at other times."""
-        x, y, z = self.middles.T
-        x, y, z, *others = (np.interp(times, self.times, each) for each in (x, y, z, *self[2:]))
-        return Track(times, np.column_stack([x, y, z]), *others)
+        now = interpolated(times, self.times, np.column_stack(self[1:]))
+        return Track(times, now[:, :3], *now[:, 3:].T)
 
     def eyes(self) -> Float:
         """Where the eye is, (k, 3) [m]."""
-        level = self.aways * np.cos(self.steeps)
-        way = [level * np.cos(self.turns), level * np.sin(self.turns)]
-        return self.middles + np.column_stack([*way, self.aways * np.sin(self.steeps)])
+        level = np.cos(self.steeps)
+        ways = [level * np.cos(self.turns), level * np.sin(self.turns), np.sin(self.steeps)]
+        return np.asarray(self.middles + self.aways[:, None] * np.column_stack(ways))
 
     def look(self, time: float, **others: Any) -> Look:
         """The look at a time [s], with what else is to be said of it."""
         now = self.at(np.array([time]))
-        field, shift, air = (float(each[0]) for each in now[5:])
-        return Look(now.eyes()[0], now.middles[0], field, shift=shift, air=air, **others)
+        turn, steep, _, field, shift, air, near = (float(each[0]) for each in now[2:])
+        # What is up in the picture, also when it is seen from straight above.
+        up = -np.cos(turn) * np.sin(steep), -np.sin(turn) * np.sin(steep), np.cos(steep)
+        return Look(now.eyes()[0], now.middles[0], field, up, shift, near, air=air, **others)
 
-    def over_walls(self, structures: Structures, robots: Float, smooth: float) -> "Track":
+    def over_walls(
+        self, structures: Structures, robots: Float, smooth: float = _SMOOTH / STEP
+    ) -> "Track":
         """Looks that are as steep as it takes to see robots (k, 2) over walls, smoothed [samples].
 
         In rooms walls are cut instead.
         """
         if structures.indoor:
             return self
-        eyes = self.eyes()
-        way = eyes[:, :2] - robots
+        way = self.eyes()[:, :2] - robots
         reach = np.maximum(np.hypot(way[:, 0], way[:, 1]), 1e-6)
         # Walls beyond this are below the line of sight.
         rise = np.maximum(np.tan(self.steeps), 0.1)
@@ -206,12 +245,14 @@ class Track(NamedTuple):
         return self._replace(steeps=np.maximum(self.steeps, steeps))
 
 
-_ASIDE, _CLEARANCE = 0.12, 0.3
-"""How far from the line to the eye walls count, as a share of its length, and before it [m]."""
+@dataclass(frozen=True)
+class Tracked:
+    """A camera whose track depends on the aspect of the picture alone."""
 
-_MARGIN, _STEEPEST = float(np.radians(9.0)), float(np.radians(80.0))
-"""How far under the robot roofs are seen, so that they are no large part of the picture, and how
-steeply eyes look down at the most [rad]."""
+    track: Callable[[float], Track]
+    shown: Mapping[str, Any]
+    """What else is to be said of its looks."""
 
-_ROBOT = 0.5
-"""Height of a robot [m]: lower walls do not hide it."""
+    def look(self, time: float, aspect: float) -> Look:
+        """The look at a time [s] of the run."""
+        return self.track(aspect).look(time, **self.shown)

@@ -1,7 +1,7 @@
-"""What is to be seen of a robot's estimate: its trail, its ellipses, and what the panel says.
+"""The robot's trails on the ground: where it drove, and where it believed that it was.
 
-The timeline of a run enters; the estimated trail and the 95 % ellipses leave, in the film's frame.
-Some ellipses stay along the trail. All pictures draw these.
+The keys of a drive and the estimate of a run enter; leave lines in the film's frame: trails, and
+the 95 % ellipses of the estimate, some of which stay along its trail.
 """
 
 from dataclasses import dataclass
@@ -11,11 +11,15 @@ import numpy as np
 from lrf3d.geometry import Float, Int
 from lrf3d.robot import EstimatedTrajectory
 from lrf3d.run import Run
-from lrf3d.scene.beams import lines_at
-from lrf3d.scene.look import ESTIMATE_COLOUR, ESTIMATE_FADED, TRAIL_HEIGHT
-from lrf3d.scene.shapes import Lines
-from lrf3d.scene.timeline import DriveKeys, Timeline
-from lrf3d.scene.trail_and_map import trail_lines
+from lrf3d.scene.look import ESTIMATE_COLOUR, ESTIMATE_FADED, TRAIL_COLOUR, TRAIL_HEIGHT
+from lrf3d.scene.shapes import Lines, level_lines
+from lrf3d.scene.timeline import DriveKeys, Timeline, interpolated
+
+_WIDTH, _RING_WIDTH = 3.4, 1.6
+"""Widths of trails and of the outlines of ellipses [pixels of 720 lines]."""
+
+_FRESH, _OLD = 0.95, 0.35
+"""Opacity of the trail where the robot is, and long after."""
 
 MOST_KEPT = 40
 """Most ellipses that stay along the path: more would be one band."""
@@ -23,72 +27,71 @@ MOST_KEPT = 40
 CORNERS = 48
 """Corners of an ellipse, as it is drawn."""
 
-_RING_WIDTH = 1.6
-"""Width of the outline of an ellipse [pixels of 720 lines]."""
-
 TRUTH, BELIEVED = "truth", "estimate, 95 %"
 """What legends call the two trails."""
+
+
+def trail_lines(
+    keys: DriveKeys, now: float, fade: float, colour: tuple[float, float, float] = TRAIL_COLOUR
+) -> Lines:
+    """The trail up to a time [s]; what is older is paler, after a time of fading [s]."""
+    begun = min(len(keys.times) - 1, int(np.searchsorted(keys.times, now)))
+    places, times = keys.poses[: begun + 1, :2].copy(), keys.times[: begun + 1]
+    if begun and times[-1] > now:
+        share = (now - times[-2]) / max(times[-1] - times[-2], 1e-12)
+        places[-1] = places[-2] + share * (places[-1] - places[-2])
+    old = np.clip((now - times) / fade, 0.0, 1.0)
+    left = _FRESH + (_OLD - _FRESH) * old * (2.0 - old)
+    legs = np.flatnonzero(keys.driven[:begun])
+    opacities = np.column_stack([left[legs], left[legs + 1]])
+    colours = np.tile(colour, (len(legs), 1))
+    return level_lines(TRAIL_HEIGHT, places[legs], places[legs + 1], colours, opacities, _WIDTH)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DrawnEstimate:
     """The estimate of a run as it is drawn."""
 
-    times: Float
-    """(k,) times of the scans, from the start of the run on [s]."""
-    places: Float
-    """(k, 2) estimated position when each scan was in [m]."""
-    ellipse_times: Float
-    """(m,) times when an ellipse is known [s]."""
-    middles: Float
-    """(m, 2) its middle [m]."""
+    keys: DriveKeys
+    """Where the robot believed that it was at each of its scans."""
+    known: Int
+    """(m,) the scans with which an ellipse is known."""
     shapes: Float
-    """(m, 2, 2) the matrix that makes it of the unit circle [m]."""
+    """(m, 2, 2) the matrices that make the ellipses of the unit circle [m]."""
     kept: Int
     """(n,) numbers of the ellipses that stay along the path, faded."""
 
     @classmethod
     def from_timeline(cls, timeline: Timeline) -> "DrawnEstimate | None":
         """Take the estimate of a timeline's run; None if it has none."""
-        run, estimate = timeline.run, timeline.run.estimate
+        estimate = timeline.run.estimate
         if estimate is None:
             return None
-        times = run.trajectory.times - timeline.start
-        places = estimate.poses[:, :2] - timeline.origin
-        known, shapes = estimate.known_scans, estimate.ellipses
-        return cls(times, places, times[known], places[known], shapes, kept_ellipses(estimate))
-
-    def place(self, time: float) -> Float:
-        """The estimated position (2,) at a time from the start of the run on [s]."""
-        return np.array([np.interp(time, self.times, axis) for axis in self.places.T])
-
-    def shape(self, time: float) -> Float:
-        """The ellipse's matrix (2, 2) at a time, between the two that are known around it."""
-        flat = self.shapes.reshape(-1, 4)
-        if not len(flat):
-            return np.zeros((2, 2))
-        return np.reshape([np.interp(time, self.ellipse_times, part) for part in flat.T], (2, 2))
+        times = timeline.run.trajectory.times - timeline.start
+        keys = DriveKeys(times, estimate.poses - [*timeline.origin, 0.0])
+        return cls(keys, estimate.known_scans, estimate.ellipses, kept_ellipses(estimate))
 
     def trail(self, time: float) -> Lines:
         """The estimated trail up to a time from the start of the run on [s]."""
-        poses = np.column_stack([self.places, np.zeros(len(self.places))])
-        return trail_lines(DriveKeys(self.times, poses), time, np.inf, ESTIMATE_COLOUR)
+        return trail_lines(self.keys, time, np.inf, ESTIMATE_COLOUR)
 
     def rings(self, time: float) -> Lines:
         """The ellipses that stay by a time, faded, and the one that is known now."""
-        kept = int(np.searchsorted(self.ellipse_times[self.kept], time, side="right"))
-        now = outlines(self.place(time)[None], self.shape(time)[None])
-        rings = np.concatenate([self.outlines()[:kept], now])
-        alpha = np.full(len(rings) * CORNERS, ESTIMATE_FADED)
-        alpha[-CORNERS:] = 1.0
-        following = np.roll(rings, -1, axis=1)
+        times, now = self.keys.times[self.known], np.array([time])
+        rings = self.outlines()[times[self.kept] <= time]
+        alpha = np.full((len(rings) * CORNERS, 2), ESTIMATE_FADED)
+        if len(times):
+            place = interpolated(now, self.keys.times, self.keys.poses[:, :2])
+            shape = interpolated(now, times, self.shapes.reshape(-1, 4)).reshape(1, 2, 2)
+            rings = np.concatenate([rings, outlines(place, shape)])
+            alpha = np.concatenate([alpha, np.ones((CORNERS, 2))])
+        starts, ends = rings.reshape(-1, 2), np.roll(rings, -1, axis=1).reshape(-1, 2)
         colours = np.tile(ESTIMATE_COLOUR, (len(alpha), 1))
-        ends = rings.reshape(-1, 2), following.reshape(-1, 2)
-        return lines_at(TRAIL_HEIGHT, *ends, colours, alpha[:, None] * [1.0, 1.0], _RING_WIDTH)
+        return level_lines(TRAIL_HEIGHT, starts, ends, colours, alpha, _RING_WIDTH)
 
     def outlines(self) -> Float:
         """Outlines (n, CORNERS, 2) of the ellipses that stay [m]."""
-        return outlines(self.middles[self.kept], self.shapes[self.kept])
+        return outlines(self.keys.poses[self.known[self.kept], :2], self.shapes[self.kept])
 
 
 def outlines(middles: Float, shapes: Float) -> Float:
@@ -104,8 +107,7 @@ def ring_quads(rings: Float, width: float) -> Float:
     Both sides lie on the rays from the middle, on which an outline's corners lie.
     """
     away = rings - rings.mean(axis=1, keepdims=True)
-    far = np.maximum(np.hypot(away[..., 0], away[..., 1]), 1e-9)[..., None]
-    side = 0.5 * width * away / far
+    side = 0.5 * width * away / np.maximum(np.linalg.norm(away, axis=2, keepdims=True), 1e-9)
     inner, outer = rings - side, rings + side
     corners = [inner, outer, np.roll(outer, -1, axis=1), np.roll(inner, -1, axis=1)]
     return np.stack(corners, axis=2).reshape(-1, 4, 2)
@@ -113,17 +115,14 @@ def ring_quads(rings: Float, width: float) -> Float:
 
 def kept_ellipses(estimate: EstimatedTrajectory) -> Int:
     """Which ellipses (n,) stay along the path: at most this number, and none that overlap."""
-    known, shapes = estimate.known_scans, estimate.ellipses
     steps = np.diff(estimate.poses[:, :2], axis=0)
-    ways = np.concatenate([[0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))])
-    sizes = np.sqrt(np.einsum("nij,nij->n", shapes, shapes))
+    driven = np.append(0.0, np.cumsum(np.hypot(steps[:, 0], steps[:, 1])))
+    places = driven[estimate.known_scans]
     kept: list[int] = []
-    for number, (scan, size) in enumerate(zip(known.tolist(), sizes.tolist(), strict=True)):
-        if size <= 0.0:
-            # The start is certain: a point, and no ellipse.
-            continue
-        gap = max(float(ways[-1]) / MOST_KEPT, size)
-        if not kept or ways[scan] - ways[known[kept[-1]]] >= gap:
+    for number, size in enumerate(np.linalg.norm(estimate.ellipses, axis=(1, 2)).tolist()):
+        gap = max(driven[-1] / MOST_KEPT, size)
+        # The start is certain: a point, and no ellipse.
+        if size > 0.0 and (not kept or places[number] - places[kept[-1]] >= gap):
             kept.append(number)
     return np.array(kept, dtype=np.int64)
 

@@ -1,119 +1,94 @@
-"""Cameras that go with the robot: behind it, round it, and on top of it."""
+"""Cameras that go with the robot: behind it, round it, on top of it, and fixed ones that turn."""
+
+from dataclasses import replace
 
 import numpy as np
 
-from lrf3d.geometry import Float
-from lrf3d.scene.camera import Look, SmoothPath, Track
-from lrf3d.scene.look import FAN_SHARE_AHEAD
+from lrf3d.scene.camera import Look, Rig, SmoothPath, Track, Tracked
 from lrf3d.scene.structures import Structures
-from lrf3d.scene.timeline import Timeline
+from lrf3d.scene.timeline import Timeline, interpolated
+from lrf3d.world.cameras import FixedCamera
+
+_CHASE, _CHASE_INDOOR = Rig(4.1, 24.0, 50.0, -0.45), Rig(3.5, 31.0, 50.0, -0.45)
+"""How the chase goes behind the robot, which is in the lower half of its picture."""
+
+_ORBIT, _ORBIT_INDOOR = Rig(11.5, 32.0, 42.0), Rig(7.0, 38.0, 42.0)
+"""How an orbit goes round it."""
+
+_TURN, PHASE = np.radians(9.0), -2.2
+"""Angle of an orbit per second of the film [rad/s], and where it stands at first [rad]."""
+
+_FIRST_FIELD, _FIRST_UP, _FIRST_OVER, _FIRST_GLOW = float(np.radians(62.0)), 0.09, 0.36, 0.12
+"""Angle of view from the top of the robot [rad], how much it looks up, as a slope, how far over the
+laser the eye is [m], above the bands of the map, and how much of the glow of the beams is left,
+which it looks through."""
+
+_CALM, _NARROWEST = 12.5, 0.15
+"""Distance [m] from which on the field of a fixed camera that turns narrows, and what is left of it
+at the least: the farther off the robot is, it stays in sight."""
 
 
-def track_of(
-    path: SmoothPath, turns: Float, *, away: float, steep: float, field: float, shift: float = 0.0
-) -> Track:
-    """Looks at the robot along its path from sides [rad], that far off [m] and that steep [rad]."""
-    count = len(path.times)
-    middles = np.column_stack([path.places, np.full(count, Orbit.AIM)])
-    others = (np.full(count, value) for value in (steep, away, field, shift, 0.0))
-    return Track(path.times, middles, turns, *others)
-
-
-class Chase:
+def chase(timeline: Timeline, structures: Structures) -> Tracked:
     """Follows the robot from behind, smoothly, and looks ahead with it.
 
     Among houses the eye is higher where a wall hides the robot; in rooms walls are cut off there.
     """
-
-    AWAY, AWAY_INDOOR = 4.1, 3.5
-    """How far off the robot the eye is [m]."""
-    LEAST, LEAST_INDOOR = float(np.radians(24.0)), float(np.radians(31.0))
-    """How steeply it looks down at the least [rad]."""
-    FIELD, SHIFT = float(np.radians(50.0)), -0.45
-    """Angle of view [rad]; the robot is in the lower half of the picture."""
-
-    def __init__(self, timeline: Timeline, structures: Structures) -> None:
-        path = SmoothPath(timeline)
-        track = self.behind(path, structures)
-        self.track = track.over_walls(structures, path.places, path.SMOOTH / path.STEP)
-
-    @classmethod
-    def behind(cls, path: SmoothPath, structures: Structures) -> Track:
-        """Looks from behind a path."""
-        indoor = structures.indoor
-        return track_of(
-            path,
-            path.headings + np.pi,
-            away=cls.AWAY_INDOOR if indoor else cls.AWAY,
-            steep=cls.LEAST_INDOOR if indoor else cls.LEAST,
-            field=cls.FIELD,
-            shift=cls.SHIFT,
-        )
-
-    def look(self, time: float, aspect: float) -> Look:
-        """The look at a time [s] of the run."""
-        return self.track.look(time, cuts=True, shot="chase")
+    path = SmoothPath.of(timeline)
+    track = behind(path, structures).over_walls(structures, path.places)
+    return Tracked(lambda aspect: track, {"cuts": True, "shot": "chase"})
 
 
-class Orbit:
-    """Goes slowly round the robot, and higher where a house is in between.
+def behind(path: SmoothPath, structures: Structures) -> Track:
+    """Looks from behind a path."""
+    rig = _CHASE_INDOOR if structures.indoor else _CHASE
+    return Track.along(path, path.headings + np.pi, rig)
 
-    Args:
-        away: How far off the robot it is [m]; as far as is usual if not given.
-        least: How steeply it looks down at the least [rad].
-        phase: Where it stands round the robot at first [rad].
-    """
 
-    FIELD = float(np.radians(42.0))
-    AWAY, AWAY_INDOOR = 11.5, 7.0
-    """How far off the robot it is [m]."""
-    LEAST, LEAST_INDOOR = float(np.radians(32.0)), float(np.radians(38.0))
-    """How steeply it looks down at the least [rad]."""
-    TURN = np.radians(9.0)
-    """Angle per second of the film [rad/s]."""
-    AIM = 0.35
-    """Height of the robot's middle [m]."""
-
-    def __init__(
-        self,
-        timeline: Timeline,
-        structures: Structures,
-        away: float | None = None,
-        least: float | None = None,
-        phase: float = -2.2,
-    ) -> None:
-        path, indoor = SmoothPath(timeline), structures.indoor
-        passed = (path.times - timeline.start) / timeline.playback
-        track = track_of(
-            path,
-            self.TURN * passed + phase,
-            away=away or (self.AWAY_INDOOR if indoor else self.AWAY),
-            steep=least or (self.LEAST_INDOOR if indoor else self.LEAST),
-            field=self.FIELD,
-        )
-        self.track = track.over_walls(structures, path.places, path.SMOOTH / path.STEP)
-
-    def look(self, time: float, aspect: float) -> Look:
-        """The look at a time [s] of the run."""
-        return self.track.look(time, cuts=True, shot="close")
+def orbit(
+    timeline: Timeline, structures: Structures, rig: Rig | None = None, phase: float = PHASE
+) -> Tracked:
+    """Goes slowly round the robot from a phase [rad] on, and higher where a house is in between."""
+    path = SmoothPath.of(timeline)
+    turns = _TURN * (path.times - timeline.start) / timeline.playback + phase
+    usual = _ORBIT_INDOOR if structures.indoor else _ORBIT
+    track = Track.along(path, turns, rig or usual).over_walls(structures, path.places)
+    return Tracked(lambda aspect: track, {"cuts": True, "shot": "close"})
 
 
 class First:
     """Looks ahead from the top of the robot, and a little up: that is where houses are."""
 
-    FIELD = float(np.radians(62.0))
-    UP = 0.09
-    """How much it looks up, as the slope of its sight."""
-    OVER = 0.36
-    """How far over the laser the eye is [m]: above the bands of the map."""
-
     def __init__(self, timeline: Timeline, structures: Structures) -> None:
         self._timeline = timeline
-        self._height = timeline.run.lrf.height + self.OVER
+        self._height = timeline.run.lrf.height + _FIRST_OVER
 
     def look(self, time: float, aspect: float) -> Look:
         """The look at a time [s] of the run."""
         x, y, theta = self._timeline.poses(np.array([time]))[0] - [*self._timeline.origin, 0.0]
         eye = np.array([x, y, self._height])
-        ahead = np.array([np.cos(theta), np.sin(theta), self.UP])
-        return Look(eye, eye + ahead, self.FIELD, fan=FAN_SHARE_AHEAD, shot="chase")
+        ahead = np.array([np.cos(theta), np.sin(theta), _FIRST_UP])
+        return Look(eye, eye + ahead, _FIRST_FIELD, fan=_FIRST_GLOW, shot="chase")
+
+
+class Fixed:
+    """Stands where the world says, and looks where it says, or turns with the robot."""
+
+    def __init__(self, camera: FixedCamera, timeline: Timeline) -> None:
+        place = np.array([*timeline.origin, 0.0])
+        eye, target = np.array(camera.position) - place, np.array(camera.target) - place
+        ahead = target - eye
+        # Straight down or up there is no side that is up but the north.
+        level = np.hypot(ahead[0], ahead[1]) > 1e-6 * abs(ahead[2])
+        up = (0.0, 0.0, 1.0) if level else (0.0, 1.0, 0.0)
+        field = float(np.radians(camera.field_deg))
+        self._look = Look(eye, target, field, up=up, shot=camera.name)
+        self._path = SmoothPath.of(timeline) if camera.track else None
+
+    def look(self, time: float, aspect: float) -> Look:
+        """The look at a time [s] of the run."""
+        if self._path is None:
+            return self._look
+        place = interpolated(np.array([time]), self._path.times, self._path.places)
+        eye, target = self._look.eye, np.append(place, 0.4)
+        narrow = np.clip(_CALM / np.linalg.norm(target - eye), _NARROWEST, 1.0)
+        return replace(self._look, target=target, field=self._look.field * float(narrow))

@@ -5,14 +5,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 from PIL import Image, ImageChops, ImageDraw, ImageFilter
-from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from lrf3d.geometry import Float
-from lrf3d.scene.light import Light, open_light, screen
-from lrf3d.scene.look import SUN, SUNSHINE
+from lrf3d.scene.light import open_light, screen, sunlight
+from lrf3d.scene.look import SUN
 from lrf3d.scene.shadows import swept
 from lrf3d.scene.shapes import GroundPicture
-from lrf3d.scene.structures import Structures
+from lrf3d.scene.structures import Structures, filled_between
 from lrf3d.scene.town import KERB, PAVEMENT, STREET, plan_town
 from lrf3d.scene.trees import crowns_of, shadows
 
@@ -33,9 +32,6 @@ _FINER, _BLUR = 2, 0.6
 """Pixels to a side that shapes are painted with in place of one, and how far they are smoothed
 [pixels]: steps in their edges would show."""
 
-_CLOSEST = 4.0
-"""Joints lie at least this many pixels apart: closer, they would be one grey."""
-
 _ASPHALT, _KERB, _PAVEMENT, _LAWN = (
     (0.47, 0.47, 0.475),
     (0.74, 0.73, 0.70),
@@ -52,12 +48,6 @@ _AROUND_HOUSE, _EDGE, _JOINT, _TILE = (
 
 _TILES, _JOINT_WIDTH = 1.0, 0.015
 """Side of a floor's tiles and width of the joints between them [m]."""
-
-_LIGHT_CELL, _LIGHT_CELL_INDOOR, _LIGHT_CELLS = 0.8, 0.25, 150
-"""Least size of the cells that light is known in [m], and the most of them to a side."""
-
-_LIGHT_BLUR = 0.8
-"""How far that light is smoothed [cells]: rays are few, and it changes slowly."""
 
 _LEAVES = 0.86
 """How much of the sun leaves hide: some of it comes through."""
@@ -107,22 +97,34 @@ class Canvas(NamedTuple):
         return fine.reduce(_FINER).filter(ImageFilter.BoxBlur(_BLUR))
 
 
-def paint_ground(structures: Structures, light: Light) -> GroundPicture:
-    """Paint the ground of a world in its light, coarser the larger it is."""
-    canvas, cover = _cover(structures)
-    indoor, open_sky = structures.indoor, open_light(indoor=structures.indoor)
-    dark = _baked(light, canvas, indoor=indoor)
-    shining = _as_light(dark, canvas)
+def canvas_of(structures: Structures) -> Canvas:
+    """Where the picture of the ground of a world lies, coarser the larger it is."""
+    indoor = structures.indoor
+    ends = structures.places if len(structures.places) else np.zeros((1, 2))
+    if indoor:
+        ends = np.concatenate([ends, structures.path])
+    # The longest shadow reaches so far along x or y.
+    reach = float(structures.heights.max(initial=0.0) * np.abs(SUN[:2]).max() / SUN[2])
+    margin = _MARGIN_INDOOR if indoor else max(_MARGIN, 2.0 + reach)
+    low, high = ends.min(axis=0) - margin, ends.max(axis=0) + margin
+    pixel = max(float((high - low).max()) / _PIXELS, _FINEST_INDOOR if indoor else _FINEST)
+    width, height = np.ceil((high - low) / pixel).astype(int).tolist()
+    return Canvas(low, pixel, (width, height))
+
+
+def paint_ground(structures: Structures, canvas: Canvas, light: Float) -> GroundPicture:
+    """Paint the ground of a world in the light (rows, columns, 3) that is not the sun's."""
+    indoor = structures.indoor
+    open_sky, sun = open_light(indoor=indoor), sunlight(np.array([0.0, 0.0, 1.0]), indoor=indoor)
+    shining = _as_light(light, canvas)
     if not indoor:
-        sun = SUN[2] * SUNSHINE
-        open_sky = open_sky + sun
-        leaves = canvas.mask(shadows(crowns_of(structures))).point(lambda cover: _LEAVES * cover)
         # The walls of a solid sweep what it hides, but for the ground under it.
         shadow = canvas.mask(shapely.polygons(swept(structures.segments, structures.heights)))
+        leaves = canvas.mask(shadows(crowns_of(structures))).point(lambda cover: _LEAVES * cover)
         shadow = ImageChops.lighter(shadow, leaves)
-        shining = Image.composite(shining, _as_light(dark + sun, canvas), shadow)
-    far = np.clip(_land(indoor=indoor) * screen(open_sky), 0.0, 1.0)
-    seen = ImageChops.multiply(cover, shining)
+        shining = Image.composite(shining, _as_light(light + sun, canvas), shadow)
+    far = np.clip(_land(indoor=indoor) * screen(open_sky + sun), 0.0, 1.0)
+    seen = ImageChops.multiply(_cover(structures, canvas), shining)
     around = Image.new("RGB", seen.size, tuple(np.round(255.0 * far).astype(int).tolist()))
     picture = Image.composite(seen, around, _fading(*canvas.size))
     return GroundPicture(np.asarray(picture), canvas.corner, canvas.extent, far)
@@ -130,29 +132,18 @@ def paint_ground(structures: Structures, light: Light) -> GroundPicture:
 
 def bare_ground(structures: Structures) -> tuple[Canvas, Float, Float]:
     """Where the ground's picture lies, what covers it (h, w, 3) in no light, and the land (3,)."""
-    canvas, cover = _cover(structures)
+    canvas = canvas_of(structures)
+    cover = _cover(structures, canvas)
     return canvas, np.asarray(cover) / 255.0 / _BRIGHTEST, _land(indoor=structures.indoor)
 
 
-def _cover(structures: Structures) -> tuple[Canvas, Image.Image]:
-    """Where the picture of the ground of a world lies, and what covers it."""
-    indoor = structures.indoor
-    ends = structures.places if len(structures.places) else np.zeros((1, 2))
-    # The longest shadow reaches so far along x or y.
-    reach = float(structures.heights.max(initial=0.0) * np.abs(SUN[:2]).max() / SUN[2])
-    margin = _MARGIN_INDOOR if indoor else max(_MARGIN, 2.0 + reach)
-    low, high = ends.min(axis=0) - margin, ends.max(axis=0) + margin
-    if indoor and len(structures.path):
-        low = np.minimum(low, structures.path.min(axis=0) - margin)
-        high = np.maximum(high, structures.path.max(axis=0) + margin)
-    pixel = max(float((high - low).max()) / _PIXELS, _FINEST_INDOOR if indoor else _FINEST)
-    width, height = np.ceil((high - low) / pixel).astype(int).tolist()
-    canvas = Canvas(low, pixel, (width, height))
+def _cover(structures: Structures, canvas: Canvas) -> Image.Image:
+    """What covers the ground of a world, in no light."""
     cover = Image.new("RGB", canvas.size)
-    for mask, paint in (_floor if indoor else _town)(structures, canvas):
+    for mask, paint in (_floor if structures.indoor else _town)(structures, canvas):
         bright = np.round(255.0 * np.minimum(_BRIGHTEST * np.array(paint), 1.0)).astype(int)
         cover.paste(tuple(bright.tolist()), (0, 0, *canvas.size), mask)
-    return canvas, cover
+    return cover
 
 
 Paints = list[tuple[Image.Image | None, tuple[float, ...]]]
@@ -179,17 +170,17 @@ def _floor(structures: Structures, canvas: Canvas) -> Paints:
     """What covers the ground of a house: its floor, with an edge, tiles and joints."""
     rooms = floor_of(structures)
     tiles = canvas.mask(shapely.buffer(rooms, -0.06))
-    found: Paints = [(None, _AROUND_HOUSE), (canvas.mask(rooms), _EDGE), (tiles, _TILE)]
-    if _TILES >= _CLOSEST * canvas.pixel:
-        low, high = canvas.corner, canvas.corner + canvas.extent
-        half = 0.5 * max(_JOINT_WIDTH, canvas.pixel)
-        x, y = (_TILES * np.arange(np.ceil(low[k] / _TILES), high[k] / _TILES) for k in (0, 1))
-        joints = [
-            *shapely.box(x - half, low[1], x + half, high[1]),
-            *shapely.box(low[0], y - half, high[0], y + half),
-        ]
-        found.append((ImageChops.multiply(tiles, canvas.mask(joints)), _JOINT))
-    return found
+    low, high = canvas.corner, canvas.corner + canvas.extent
+    half = 0.5 * max(_JOINT_WIDTH, canvas.pixel)
+    x, y = (_TILES * np.arange(np.ceil(low[k] / _TILES), high[k] / _TILES) for k in (0, 1))
+    joints = [
+        *shapely.box(x - half, low[1], x + half, high[1]),
+        *shapely.box(low[0], y - half, high[0], y + half),
+    ]
+    between = ImageChops.multiply(tiles, canvas.mask(joints))
+    return [
+        (None, _AROUND_HOUSE), (canvas.mask(rooms), _EDGE), (tiles, _TILE), (between, _JOINT)
+    ]  # fmt: skip
 
 
 def _land(*, indoor: bool) -> Float:
@@ -205,24 +196,6 @@ def _fading(width: int, height: int) -> Image.Image:
     return Image.fromarray(np.round(255.0 * np.outer(up, along)).astype(np.uint8))
 
 
-def _baked(light: Light, canvas: Canvas, *, indoor: bool) -> Float:
-    """The light (rows, columns, 3) on the ground without the sun, linear, in coarse cells."""
-    size = canvas.extent
-    cell = max(_LIGHT_CELL_INDOOR if indoor else _LIGHT_CELL, float(size.max()) / _LIGHT_CELLS)
-    columns, rows = np.ceil(size / cell).astype(int)
-    x, y = np.meshgrid(
-        (np.arange(columns) + 0.5) * size[0] / columns, (np.arange(rows) + 0.5) * size[1] / rows
-    )
-    found, open_air = light.ground(canvas.corner + np.column_stack([x.ravel(), y.ravel()]))
-    found = found.reshape(rows, columns, 3)
-    if open_air.any():
-        # Under houses it is dark; what is next to them must not be for that.
-        inside = ~open_air.reshape(rows, columns)
-        near = distance_transform_edt(inside, return_distances=False, return_indices=True)
-        found = gaussian_filter(found[tuple(near)], (_LIGHT_BLUR, _LIGHT_BLUR, 0.0))
-    return found
-
-
 def _as_light(cells: Float, canvas: Canvas) -> Image.Image:
     """Light in cells (rows, columns, 3) as a picture of what it makes of white."""
     values = np.clip(255.0 * screen(cells) / _BRIGHTEST, 0.0, 255.0)
@@ -233,11 +206,8 @@ def _as_light(cells: Float, canvas: Canvas) -> Image.Image:
 
 def floor_of(structures: Structures) -> Any:
     """The floor of a house, as a shapely geometry: its rooms, and under the path outside them."""
-    edge = _HOLE - _RIM
-    walls = shapely.buffer(shapely.linestrings(structures.segments.reshape(-1, 2, 2)), _HOLE)
-    wide = shapely.get_parts(shapely.union_all(walls))
-    filled = shapely.polygons(shapely.get_exterior_ring(wide[shapely.get_type_id(wide) == 3]))
-    rooms = shapely.union_all(shapely.buffer(filled, -edge, join_style="mitre"))
+    filled = filled_between(structures.segments, _HOLE)
+    rooms = shapely.union_all(shapely.buffer(filled, _RIM - _HOLE, join_style="mitre"))
     shapely.prepare(rooms)
     path = structures.path[:: max(1, len(structures.path) // 2000)]
     outside = path[~shapely.contains_xy(rooms, path[:, 0], path[:, 1])]

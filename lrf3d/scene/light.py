@@ -7,11 +7,14 @@ bounces as matter (Goral et al., 1984, with rays in place of form factors). The 
 itself is added where it is drawn, as its shadows have sharp edges.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from lrf3d.casting.triangle_rays import TriangleRays, embreex_installed
-from lrf3d.geometry import Bool, Float, Int, Single
+from lrf3d.geometry import Float, Int, Single
 from lrf3d.progress import Progress, silent
 from lrf3d.scene.facades import layers
 from lrf3d.scene.look import (
@@ -23,18 +26,16 @@ from lrf3d.scene.look import (
     SUN,
     SUNSHINE,
 )
-from lrf3d.scene.panels import Panels
-from lrf3d.scene.shapes import single
-from lrf3d.scene.structures import Structures
+from lrf3d.scene.shapes import Painted, single
 
-_RAYS, _GROUND_RAYS = 128, 96
+_RAYS = 128
 """Rays from a corner of a face, and from a place of the ground."""
 
 _BOUNCES = 3
 """How often light goes on from face to face: a fourth time adds less than a hundredth."""
 
-_AT_ONCE = 400_000
-"""Rays that are cast at a time."""
+_AT_ONCE = 3000
+"""Points that rays are cast from at a time."""
 
 _OFF, _INWARD = 0.02, 0.10
 """How far off its face a ray starts, and from the edges of its face [m]: beyond them is a wall."""
@@ -45,11 +46,24 @@ _INSIDE = 0.2
 _DARK = 0.02
 """Share of the open sky's light below which a face is never seen from a room or a street."""
 
-_CELL, _CELLS = 1.0, 110
-"""Least side of a cell of the ground that light goes on from [m], and the most cells to a side."""
+_CELL, _CELL_INDOOR, _CELLS, _BLUR = 0.8, 0.25, 130, 0.8
+"""Least size of the cells of the ground that light is known in [m], the most of them to a side, and
+how far it is smoothed [cells]: rays are few, and it changes slowly."""
+
+_LAND = 1e4
+"""How far the land around them reaches [m]."""
 
 _MOST_FACES = 400_000
 """Worlds of more faces have the light of an open field: it would take a minute."""
+
+
+class Light(NamedTuple):
+    """The light of a world without that of the sun, linear."""
+
+    faces: Float
+    """(n, 4, 3) at the corners of faces."""
+    ground: Float
+    """(rows, columns, 3) on the cells of the ground, from the smallest x and y on."""
 
 
 def sky_light(directions: Float, *, indoor: bool) -> Float:
@@ -59,6 +73,12 @@ def sky_light(directions: Float, *, indoor: bool) -> Float:
     # A large lamp on the sun's side of an even ceiling gives rooms a bright and a dark side.
     toward = np.maximum(directions @ SUN, 0.0)[:, None]
     return np.asarray(SKYSHINE_INDOOR * (0.72 + 0.75 * toward**3))
+
+
+def sunlight(normals: Float | Single, *, indoor: bool) -> Float:
+    """The light (n, 3) of the sun on faces by their normals (n, 3), where nothing hides it."""
+    shine = np.maximum(normals @ SUN, 0.0)[..., None] * SUNSHINE
+    return np.asarray(shine * (not indoor))
 
 
 def screen(light: Float) -> Float:
@@ -71,131 +91,108 @@ def open_light(*, indoor: bool) -> Float:
     return np.asarray(sky_light(_sphere(512), indoor=indoor).mean(axis=0))
 
 
-class Light:
-    """The light of a world, at the corners of its faces (n, 4, 3)."""
-
-    def __init__(self, structures: Structures, faces: Panels, progress: Progress = silent) -> None:
-        self._indoor, self._count = structures.indoor, len(faces.places)
-        self._open = open_light(indoor=self._indoor)
-        self.faces: Float = np.broadcast_to(self._open, faces.places.shape)
-        self._rays: TriangleRays | None = None
-        # Without Embree the rays of all faces would take minutes: they get the light of the open.
-        if not 0 < self._count <= _MOST_FACES or not embreex_installed():
-            return
-        self._turns = np.random.default_rng(7).uniform(0.0, 2.0 * np.pi, 4096)
-        halves = faces.places[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 3)
-        self._rays = TriangleRays(single(halves))
-        self._facing = faces.normals[:, :3].mean(axis=1)
-        cells = self._cells(structures.places)
-        places, normals, owner = _corners(faces)
-        seen, sky = self._gather(places, normals, _RAYS, progress)
-        seen_below, sky_below = self._gather(cells, _up(cells), _GROUND_RAYS)
-        sun, albedo = self._sunlit(faces, cells), self._albedo(faces, cells)
-        # What patches send on: faces, cells of the ground, the land around; insides of houses
-        # and the sky, whose light is known, nothing.
-        self._sent = np.zeros((self._count + len(cells) + 3, 3), np.float32)
-        land = GROUND_ALBEDO_INDOOR if self._indoor else GROUND_ALBEDO
-        self._sent[-3] = land * (self._open + self._shone(_up(np.zeros((1, 3))))[0])
-        for bounce in range(_BOUNCES + 1):
-            self.faces = (sky + _mean_of(self._sent, seen))[owner].reshape(-1, 4, 3)
-            if bounce < _BOUNCES:
-                below = sky_below + _mean_of(self._sent, seen_below)
-                self._sent[:-3] = albedo * (np.concatenate([self.faces.mean(axis=1), below]) + sun)
-        # No light gets between the two lines of a wall, which is seen where it is cut off.
-        self.faces[self.faces.max(axis=-1) < _DARK * self._open.max()] = 0.5 * self._open
-
-    def ground(self, places: Float) -> tuple[Float, Bool]:
-        """The light (n, 3) on the ground at places (n, 2), and which are not inside of a house."""
-        if self._rays is None:
-            return np.broadcast_to(self._open, (len(places), 3)), np.ones(len(places), dtype=bool)
-        places = np.column_stack([places, np.full(len(places), _OFF)])
-        seen, sky = self._gather(places, _up(places), _GROUND_RAYS)
-        return sky + _mean_of(self._sent, seen), (seen == self._land + 1).mean(axis=1) < _INSIDE
-
-    def _cells(self, ends: Float) -> Float:
-        """Middles (n, 3) of the cells of the ground that light goes on from, around ends (m, 2)."""
-        low, high = ends.min(axis=0) - 4.0, ends.max(axis=0) + 4.0
-        cell = max(_CELL * (0.5 if self._indoor else 1.0), float((high - low).max()) / _CELLS)
-        self._low, self._cell = low, cell
-        self._shape = np.ceil((high - low) / cell).astype(int)
-        self._land = self._count + int(np.prod(self._shape))
-        x, y = np.meshgrid(*(np.arange(side) + 0.5 for side in self._shape), indexing="ij")
-        places = low + cell * np.column_stack([x.ravel(), y.ravel()])
-        return np.column_stack([places, np.full(len(places), _OFF)])
-
-    def _gather(
-        self, places: Float, normals: Float, rays: int, progress: Progress = silent
-    ) -> tuple[NDArray[np.int32], Float]:
-        """Which patches (n, rays) the rays of points meet, and the mean light (n, 3) of the sky."""
-        seen = np.empty((len(places), rays), np.int32)
-        sky = np.empty((len(places), 3))
-        for first in range(0, len(places), _AT_ONCE // rays):
-            part = slice(first, min(first + _AT_ONCE // rays, len(places)))
-            turn = self._turns[np.arange(part.start, part.stop) % len(self._turns)]
-            ways = _around(normals[part], turn, _sphere(rays))
-            patches = self._met(np.repeat(places[part], rays, axis=0), ways.reshape(-1, 3))
-            seen[part] = patches.reshape(-1, rays)
-            light = sky_light(ways.reshape(-1, 3), indoor=self._indoor).reshape(ways.shape)
-            free = (patches == self._land + 2).reshape(-1, rays, 1)
-            sky[part] = np.where(free, light, 0.0).mean(axis=1)
-            progress(part.stop, len(places))
-        return seen, sky
-
-    def _met(self, origins: Float, ways: Float) -> Int:
-        """The patch that each ray meets: faces, cells, the land around, insides, the sky."""
-        assert self._rays is not None
-        hits = self._rays.first(single(origins), single(ways))
-        patches = np.full(len(ways), self._land + 2)
-        down = (hits < 0) & (ways[:, 2] < 0.0)
-        reach = origins[down, 2] / -ways[down, 2]
-        place = origins[down, :2] + reach[:, None] * ways[down, :2]
-        cell = np.floor((place - self._low) / self._cell).astype(int)
-        inside = ((cell >= 0) & (cell < self._shape)).all(axis=1)
-        number = cell[:, 0] * self._shape[1] + cell[:, 1]
-        patches[down] = np.where(inside, self._count + number, self._land)
-        met = np.flatnonzero(hits >= 0)
-        owner = hits[met] // 2
-        front = np.einsum("ij,ij->i", self._facing[owner], ways[met]) < 0.0
-        patches[met] = np.where(front, owner, self._land + 1)
-        return patches
-
-    def _shone(self, normals: Float) -> Float:
-        """The light (n, 3) of the sun on faces by their normals (n, 3), where nothing hides it."""
-        if self._indoor:
-            return np.zeros((len(normals), 3))
-        return np.asarray(np.maximum(normals @ SUN, 0.0)[:, None] * SUNSHINE)
-
-    def _sunlit(self, faces: Panels, cells: Float) -> Float:
-        """The light (n, 3) of the sun on all patches, by a ray from the middle of each."""
-        shine = self._shone(np.concatenate([self._facing, _up(cells)]))
-        if self._indoor:
-            return shine
-        assert self._rays is not None
-        middles = faces.places[:, :3].mean(axis=1)
-        origins = np.concatenate([middles + _OFF * self._facing, cells])
-        ways = np.broadcast_to(SUN, origins.shape)
-        free = self._rays.first(single(origins), single(ways)) < 0
-        return shine * free[:, None]
-
-    def _albedo(self, faces: Panels, cells: Float) -> Float:
-        """What share (n, 3) of light all patches send on."""
-        # The coarsest copy of the texture is its mean.
-        means = layers(self._indoor)[-1][:, 0, 0].astype(np.float64) / 255.0
-        layer = faces.texture[:, 0, 2].astype(int)
-        colours = faces.colours[:, 0] * means[layer, 3:] + means[layer, :3]
-        ground = GROUND_ALBEDO_INDOOR if self._indoor else GROUND_ALBEDO
-        below = np.broadcast_to(ground, cells.shape)
-        return np.concatenate([np.clip(colours, 0.0, 1.0) ** GAMMA, below])
+def bake_light(
+    faces: Painted, low: Float, high: Float, *, indoor: bool, progress: Progress = silent
+) -> Light:
+    """The light of faces, and of the ground in a box from low to high (2,) [m]."""
+    count, size, open_sky = len(faces.places), high - low, open_light(indoor=indoor)
+    cell = max(_CELL_INDOOR if indoor else _CELL, float(size.max()) / _CELLS)
+    columns, rows = np.ceil(size / cell).astype(int)
+    # Without Embree the rays of all faces would take minutes: they get the light of the open.
+    if not 0 < count <= _MOST_FACES or not embreex_installed():
+        wanted = (count, 4, 3), (rows, columns, 3)
+        return Light(*(np.broadcast_to(open_sky, shape) for shape in wanted))
+    # All that sends light on: faces, the cells of the ground, and the land around, which lies just
+    # below them; insides of houses, and the sky, whose light is known, send none.
+    cells = _cells(low, high, columns, rows)
+    facing = np.concatenate([faces.normals[:, :3].mean(axis=1), np.tile(_UP, (len(cells) + 1, 1))])
+    land = np.array([[[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]]) * _LAND - _OFF * _UP
+    quads = np.concatenate([faces.places, cells, land])
+    rays = TriangleRays(single(quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 3)))
+    middles = np.concatenate([faces.places[:, :3].mean(axis=1), cells.mean(axis=1)])
+    middles += _OFF * facing[:-1]
+    places, normals, owner = _corners(faces)
+    corners = len(places)
+    places = np.concatenate([places, middles[count:]])
+    normals = np.concatenate([normals, facing[count:-1]])
+    seen, sky = _gather(rays, facing, places, normals, indoor, progress)
+    sun = sunlight(facing[:-1], indoor=indoor)
+    sun[rays.first(single(middles), single(np.broadcast_to(SUN, middles.shape))) >= 0] = 0.0
+    albedo = np.concatenate([_albedo(faces, indoor), np.tile(_ground(indoor), (len(cells), 1))])
+    sent = np.zeros((len(facing) + 2, 3), np.float32)
+    sent[-3] = _ground(indoor) * (open_sky + sunlight(_UP, indoor=indoor))
+    for bounce in range(_BOUNCES + 1):
+        light = sky + _mean_of(sent, seen)
+        at_corners = light[owner].reshape(-1, 4, 3)
+        if bounce < _BOUNCES:
+            sent[:-3] = albedo * (np.concatenate([at_corners.mean(axis=1), light[corners:]]) + sun)
+    # No light gets between the two lines of a wall, which is seen where it is cut off.
+    at_corners[at_corners.max(axis=-1) < _DARK * open_sky.max()] = 0.5 * open_sky
+    inside = (seen[corners:] == len(facing)).mean(axis=1).reshape(rows, columns) >= _INSIDE
+    on_ground = light[corners:].reshape(rows, columns, 3)
+    if not inside.all():
+        # Under houses it is dark; what is next to them must not be for that.
+        near = distance_transform_edt(inside, return_distances=False, return_indices=True)
+        on_ground = gaussian_filter(on_ground[tuple(near)], (_BLUR, _BLUR, 0.0))
+    return Light(at_corners, on_ground)
 
 
-def _up(places: Float) -> Float:
-    """Normals (n, 3) of the ground at places (n, 3)."""
-    return np.broadcast_to([0.0, 0.0, 1.0], places.shape)
+_UP = np.array([0.0, 0.0, 1.0])
 
 
-def _corners(faces: Panels) -> tuple[Float, Float, Int]:
+def _cells(low: Float, high: Float, columns: int, rows: int) -> Float:
+    """Quads (rows · columns, 4, 3) of the ground in a box from low to high (2,) [m]."""
+    x, y = np.linspace(low[0], high[0], columns + 1), np.linspace(low[1], high[1], rows + 1)
+    grid = np.stack(np.meshgrid(x, y), axis=-1)
+    quads = np.stack([grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]], axis=2)
+    return np.concatenate([quads, np.zeros((rows, columns, 4, 1))], axis=3).reshape(-1, 4, 3)
+
+
+def _gather(
+    rays: TriangleRays,
+    facing: Float,
+    places: Float,
+    normals: Float,
+    indoor: bool,
+    progress: Progress,
+) -> tuple[NDArray[np.int32], Float]:
+    """Which quads (n, rays) the rays of points meet, and the mean light (n, 3) of the sky there.
+
+    After the last quad come insides of houses and the sky.
+    """
+    seen, sky = np.empty((len(places), _RAYS), np.int32), np.empty((len(places), 3))
+    turns = np.random.default_rng(7).uniform(0.0, 2.0 * np.pi, len(places))
+    inside = len(facing)
+    for first in range(0, len(places), _AT_ONCE):
+        part = slice(first, min(first + _AT_ONCE, len(places)))
+        ways = _around(normals[part], turns[part], _sphere(_RAYS)).reshape(-1, 3)
+        quad = rays.first(single(np.repeat(places[part], _RAYS, axis=0)), single(ways)) // 2
+        behind = np.einsum("ij,ij->i", facing[quad], ways) >= 0.0
+        quad = np.where(quad < 0, inside + 1, np.where(behind, inside, quad))
+        seen[part] = quad.reshape(-1, _RAYS)
+        light = sky_light(ways, indoor=indoor) * (quad > inside)[:, None]
+        sky[part] = light.reshape(-1, _RAYS, 3).mean(axis=1)
+        progress(part.stop, len(places))
+    return seen, sky
+
+
+def _ground(indoor: bool) -> Float:
+    """What share (3,) of light the ground sends on."""
+    return GROUND_ALBEDO_INDOOR if indoor else GROUND_ALBEDO
+
+
+def _albedo(faces: Painted, indoor: bool) -> Float:
+    """What share (n, 3) of light faces send on."""
+    # The coarsest copy of the texture is its mean.
+    means = layers(indoor)[-1][:, 0, 0].astype(np.float64) / 255.0
+    layer = faces.texture[:, 0, 2].astype(int)
+    colours = faces.colours[:, 0] * means[layer, 3:] + means[layer, :3]
+    return np.asarray(np.clip(colours, 0.0, 1.0) ** GAMMA)
+
+
+def _corners(faces: Painted) -> tuple[Float, Float, Int]:
     """Places and normals (n, 3) of the different corners of faces, and which of them each is."""
-    places, normals = faces.places.reshape(-1, 3), faces.normals.reshape(-1, 3)
+    places, normals = (each.reshape(-1, 3).astype(float) for each in (faces.places, faces.normals))
     middles = np.repeat(faces.places.mean(axis=1), 4, axis=0)
     keys = np.round(np.concatenate([100.0 * places, 50.0 * normals], axis=1)).astype(np.int64)
     _, first, owner = np.unique(keys, axis=0, return_index=True, return_inverse=True)
@@ -227,18 +224,13 @@ def _around(normals: Float, turns: Float, local: Float) -> Float:
     first /= np.linalg.norm(first, axis=1)[:, None]
     second = np.cross(normals, first)
     cos, sin = np.cos(turns)[:, None], np.sin(turns)[:, None]
-    x = cos * local[:, 0] - sin * local[:, 1]
-    y = sin * local[:, 0] + cos * local[:, 1]
-    return np.asarray(
-        x[..., None] * first[:, None]
-        + y[..., None] * second[:, None]
-        + local[:, 2, None] * normals[:, None]
-    )
+    axes = np.stack([cos * first + sin * second, cos * second - sin * first, normals], axis=1)
+    return np.asarray(local @ axes)
 
 
 def _mean_of(sent: Single, seen: NDArray[np.int32]) -> Float:
-    """The mean (n, 3) of what patches send, over those seen (n, k)."""
+    """The mean (n, 3) of what quads send, over those seen (n, k)."""
     light = np.empty((len(seen), 3))
-    for first in range(0, len(seen), 4096):
-        light[first : first + 4096] = sent[seen[first : first + 4096]].mean(axis=1)
+    for first in range(0, len(seen), _AT_ONCE):
+        light[first : first + _AT_ONCE] = sent[seen[first : first + _AT_ONCE]].mean(axis=1)
     return light

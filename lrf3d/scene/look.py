@@ -41,8 +41,7 @@ PAINT = np.array(
 """Walls and things in rooms: pale paint."""
 
 HAZE, HAZE_INDOOR = (0.83, 0.88, 0.935), (0.80, 0.825, 0.85)
-HALF_HAZE, HALF_HAZE_INDOOR = 190.0, 120.0
-"""Colour of what is far away, and the distance [m] at which half of what is seen is haze."""
+"""Colour of what is far away."""
 
 ZENITH, ZENITH_INDOOR = (0.33, 0.53, 0.85), (0.60, 0.66, 0.74)
 GLOW = (1.0, 0.93, 0.80)
@@ -54,9 +53,9 @@ BODY_LIGHT = (0.56, 0.36, 0.06)
 GHOST, GHOST_STRENGTH = (0.95, 0.96, 0.98), 0.80
 """Colour of houses that have faded to ghosts, and what of their opacity they have lost."""
 
-LEFT_STANDING, LEFT_FROM_AFAR = (0.04, 1.2), (8.0, 0.1)
-"""Least and largest height [m] of what is left of walls in rooms that would hide the robot; and how
-much higher they may be for each metre that the eye is farther off than a distance [m, m/m]."""
+LEFT_STANDING = (0.04, 1.2)
+"""Least and largest height [m] of what is left of walls in rooms that would hide the robot, seen
+from near by."""
 
 CUT_BEFORE = 0.4
 """How far before the robot's rear walls begin to be cut [m]: they bend where their pieces end."""
@@ -73,130 +72,39 @@ SHADOW_RIM = 0.04
 GROUND_SHARPNESS = 0.6
 """By how much finer copies of the ground's picture are taken: streets are seen at a slant."""
 
-SHADOW_COLOUR = (0.02, 0.03, 0.05)
-"""What the robot and dynamic obstacles darken the ground with."""
-
-BEAMS_DRAWN = 30
-"""About how many single beams are drawn: more would run into one red."""
-
-BEAM_COLOUR, BEAM_STRENGTH, BEAM_WIDTH = (1.0, 0.36, 0.26), 0.55, 1.1
-"""Colour of a single beam, its opacity at the robot, and its width [pixels of 720 lines]."""
-
-TURNED_SHARE = 0.7
-"""Opacity of beams that a mirror has turned, beside that of others."""
-
-FAN_COLOUR = (1.00, 0.30, 0.20)
-FAN_STRENGTH, FAN_STRENGTH_INDOOR = 0.20, 0.17
-"""Colour of the fan of beams, and its opacity at the robot."""
-
-FAN_REACH = 4.0
-"""Range [m] at which the glow of the beams has faded: beyond, the hits say what the robot sees."""
-
-FAN_SHARE_AT_ROBOT = 0.45
-"""What is left of its opacity over the robot."""
-
-FAN_SHARE_AHEAD = 0.12
-"""How much of that opacity is left where the robot's eyes look through the fan."""
-
-FAN_ENDS, FAN_END_SHARE = 0.25, 0.14
-"""The share of the fan at both its ends that beams fade in, and what is left of their opacity at
-the very ends: a fan of half a turn would end in a hard line across the picture."""
-
-BEAM_REACH, BEAM_REACH_INDOOR, BEAM_SHARE_INDOOR = 42.0, 14.0, 0.9
-"""Range [m] at which beams have faded to nothing: farther, they would only tint the street; in
-rooms, and there at most so much of what goes across the world: a small room would be red."""
-
-RANGE_COLOURS = np.array(
-    [
-        [1.00, 0.93, 0.50],
-        [1.00, 0.70, 0.20],
-        [1.00, 0.42, 0.14],
-        [0.90, 0.20, 0.30],
-        [0.68, 0.20, 0.62],
-    ]
-)
-"""Colours of hit points from near to far."""
-
-INTENSITY_COLOURS = (1e-4, 1.0)
-"""Intensities from which hit points have the last and the first colour; steps are of factors."""
-
-FARTHEST_COLOUR = 30.0
-"""Range [m] from which hit points have their last colour."""
-
-POINT_SIZE, POINT_PIXELS = 0.08, (2.6, 8.0)
-"""Diameter of a hit point [m], and the smallest and largest in a picture of 720 lines [pixels]."""
-
-HITS_FADE, HITS_STRENGTH, HIT_SIZE, HIT_PIXELS = 2.5, 0.8, 0.05, (2.0, 4.0)
-"""Time of the film [s] in which hits fade, their opacity at first, and their size like that of
-hit points."""
-
 POINT_HALO, POINT_HALO_STRENGTH = 2.6, 0.34
 """Size of the bloom round a hit point, in its diameters, and its opacity at the point."""
 
 TRAIL_COLOUR, TRAIL_WIDTH, TRAIL_HEIGHT = (0.16, 0.56, 1.00), 0.045, 0.015
 """Colour of the robot's trail, and its width and height over the ground [m]."""
 
-TRAIL_WIDTH_PIXELS = 3.4
-"""Its width where it is drawn as a line [pixels of 720 lines]."""
-
-TRAIL_FADE, TRAIL_OLD = 15.0, 0.35
-"""Time of the film [s] in which the trail fades to what is left of its opacity."""
-
 ESTIMATE_COLOUR, ESTIMATE_FADED = (0.93, 0.09, 0.60), 0.45
 ESTIMATE_WIDTH, ESTIMATE_LIFT = 0.05, 0.005
 """Colour of the estimated trail, opacity of the ellipses that it leaves behind, and
 where they are ribbons, their width and how far they lie above the trail of the truth [m]."""
 
-MAP_BAND, MAP_WIDTH = (0.62, 0.74), 0.07
-"""Heights between which the map is a band along the walls, above the beams, and its width [m]: it
-stands out of its line to both sides, so that no wall hides it."""
-
-BAND_PIXELS = 5.0
-"""Least height of that band in a picture of 720 lines [pixels]: it shows from far away, too."""
-
-MAP_STANDING = 2.5
-"""Height [m] of a mapped wall that stands up where the world has none there."""
-
-MAP_LINE_WIDTH, HIDDEN_WIDTH, HIDDEN_STRENGTH = 4.0, 2.6, 0.25
-"""Width of the map as lines from above, and of what of its bands is hidden [pixels of 720 lines],
-and the opacity of that."""
-
 LEAST_SCALE = 0.62
 """Lines and points are at least this number of times their size at 720 lines."""
 
-PLAN_BACK, PLAN_LINE_WIDTH, DART_SHARE = (24, 28, 36), 2.6, 0.034
-"""Colour of the inset where nothing is known, 0…255, the width of the map in it [pixels of 720
-lines], and the size of the robot's dart as a share of what is shown."""
+PLAN_BACK = (24, 28, 36)
+"""Colour of the inset where nothing is known, 0…255."""
 
-ROBOT, ROBOT_RIM = (0.98, 0.46, 0.06), (0.12, 0.14, 0.18)
-"""Colours of the robot as a dart, and of its rim."""
+ROBOT = (0.98, 0.46, 0.06)
+"""Colour of the robot as a dart."""
 
 INSET_WHOLE, INSET_FOLLOWED = 140.0, 110.0
 """The largest world [m] that the inset shows whole, and what it shows of a larger one."""
 
-GOAL, GOAL_OPACITY = (0.10, 0.70, 0.36), (0.9, 0.28)
-"""Colour of a goal, and opacity of its ring and of what is within."""
-
 DART = np.array([[1.1, 0.0], [-0.8, 0.75], [-0.4, 0.0], [-0.8, -0.75]])
 """Outline (4, 2) of the robot as seen from above, heading along x."""
-
-OBSTACLE_COLOURS = np.array(
-    [[0.13, 0.48, 0.55], [0.46, 0.36, 0.62], [0.60, 0.58, 0.20], [0.66, 0.28, 0.36]]
-)
-"""What moves beside the robot: strong, and none is the robot's orange."""
-
-_HUE_STEP = 0.6180339887
-"""The golden ratio's fraction: neighbours in number lie far apart."""
 
 _TINT_START, _TINT_STEP = 0.85, 0.5698402910
 """Hue of the first object of a map and the step to the next [turns]: a step of Roberts' sequence,
 which with five tones and this start leaves the nearest two of sixty objects furthest apart; with
 the golden step every 21st looks the same."""
 
-
 _TRAIL_HUE, _FREE_HUES = np.radians(255.0), np.radians(20.0)
 """Hue of the trail in Oklch, and how far off it those of all objects are [rad]."""
-
 
 _TONES, _CHROMA = np.array([0.44, 0.628, 0.503, 0.69, 0.565]), 0.17
 """Lightness and colourfulness in Oklch of the objects of maps: legible on white, none shouts."""
@@ -216,12 +124,8 @@ _RGB_FROM_LMS = np.array(
     ]
 )
 
-
-MIRROR_COLOUR, GLASS_COLOUR, RETRO_COLOUR = (
-    (0.80, 0.85, 0.90),
-    (0.62, 0.82, 0.86),
-    (0.93, 0.80, 0.22),
-)
+MIRROR_COLOUR, GLASS_COLOUR = (0.80, 0.85, 0.90), (0.62, 0.82, 0.86)
+RETRO_COLOUR = (0.93, 0.80, 0.22)
 """Colours of mirrors, glass and retro-reflectors that have none of their own."""
 
 BARK_COLOUR = (0.52, 0.44, 0.36)
@@ -247,7 +151,7 @@ def object_colours(world: World, *, indoor: bool) -> Float:
     numbers = np.arange(world.object_count)
     chosen = PAINT[numbers % len(PAINT)] if indoor else np.tile(CLAY, (len(numbers), 1))
     # A slow drift in brightness keeps two houses of one colour from looking the same.
-    chosen *= (0.94 + 0.10 * np.modf(numbers * _HUE_STEP)[0])[:, None]
+    chosen *= (0.94 + 0.10 * spread(numbers, 0.0))[:, None]
     given = np.full((world.object_count, 3), np.nan)
     rows = min(len(world.colours), world.object_count)
     given[:rows] = world.colours[:rows]
@@ -266,7 +170,12 @@ def object_tints(objects: Int) -> Float:
     turn = np.mod(_TINT_START - number * _TINT_STEP, 1.0)
     hue = _TRAIL_HUE + _FREE_HUES + turn * 2.0 * (np.pi - _FREE_HUES)
     lightness = _TONES[number.astype(np.int64) % len(_TONES)]
-    return _oklch_to_rgb(lightness, np.full(len(number), _CHROMA), hue)
+    # In Oklch (Ottosson, 2020) all hues look equally bright.
+    lab = np.column_stack([lightness, _CHROMA * np.cos(hue), _CHROMA * np.sin(hue)])
+    linear = np.clip((lab @ _LMS_FROM_LAB.T) ** 3 @ _RGB_FROM_LMS.T, 0.0, 1.0)
+    curved = 1.055 * linear ** (1.0 / 2.4) - 0.055
+    colours: Float = np.where(linear <= 0.0031308, 12.92 * linear, curved)
+    return colours
 
 
 def spread(numbers: Int, start: float) -> Float:
@@ -275,12 +184,3 @@ def spread(numbers: Int, start: float) -> Float:
     They are multiples of the plastic number's inverse, from a start on: each use has its own.
     """
     return np.asarray(np.modf(numbers * 0.7548776662 + start)[0])
-
-
-def _oklch_to_rgb(lightness: Float, chroma: Float, hue: Float) -> Float:
-    """Screen colours (n, 3) of Oklch (Ottosson, 2020), where all hues look equally bright."""
-    lab = np.column_stack([lightness, chroma * np.cos(hue), chroma * np.sin(hue)])
-    linear = np.clip((lab @ _LMS_FROM_LAB.T) ** 3 @ _RGB_FROM_LMS.T, 0.0, 1.0)
-    curved = 1.055 * linear ** (1.0 / 2.4) - 0.055
-    colours: Float = np.where(linear <= 0.0031308, 12.92 * linear, curved)
-    return colours

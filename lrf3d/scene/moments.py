@@ -4,26 +4,30 @@ A moment of the run and a look enter; what is to be seen leaves. What has not ch
 moment before is the same object again, so that nothing is made or sent twice.
 """
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import replace
-from typing import Any, TypeVar
+from functools import lru_cache
 
 import numpy as np
 
-from lrf3d.geometry import Float
+from lrf3d.geometry import Float, Single
 from lrf3d.scene import look
-from lrf3d.scene.beams import DrawnBeams, beam_reach
-from lrf3d.scene.bodies import flat_dart, goal_disc, robot_body, robot_shadow, world_from_robot
+from lrf3d.scene.beams import DrawnBeams, beam_reach, turning_walls
+from lrf3d.scene.bodies import (
+    Obstacles,
+    flat_dart,
+    goal_disc,
+    robot_body,
+    robot_shadow,
+    world_from_robot,
+)
 from lrf3d.scene.camera import Look
-from lrf3d.scene.estimate import DrawnEstimate
-from lrf3d.scene.map_bands import WallTops, bands
-from lrf3d.scene.obstacles import Obstacles
+from lrf3d.scene.drawn_map import BAND, DrawnMap
+from lrf3d.scene.estimate import DrawnEstimate, trail_lines
 from lrf3d.scene.shapes import Body, Cut, Lens, Lines, Mark, Plan, Points, Seen, Soft
 from lrf3d.scene.stage import Stage, stage_of
 from lrf3d.scene.structures import SIGHT_DISTANCE
 from lrf3d.scene.timeline import Moment, Timeline, drive_keys
-from lrf3d.scene.trail_and_map import DrawnMap, thinned, trail_lines
-from lrf3d.scene.turns import turning_walls
 
 LAYERS = (
     "shadow", "goal", "trail", "estimate", "fan", "beams", "map", "points", "marker", "inset",
@@ -33,6 +37,9 @@ LAYERS = (
 
 Goal = tuple[float, float, float]
 """Where a robot is to arrive: x, y and radius [m]."""
+
+_HALF_HAZE, _HALF_HAZE_INDOOR = 190.0, 120.0
+"""Distance [m] at which half of what is seen is haze."""
 
 _ROBOT_SIZE, _LEAST_ROBOT, _MARKER = 0.75, 26.0, 10.0
 """Width of the robot [m]; a robot of fewer pixels than the second has an arrow over it, whose unit
@@ -53,11 +60,23 @@ but not for an eye that looks from far on purpose."""
 _PAST_GROUND = 3.0
 """How far an eye far above the ground sees, in its heights: past all of it, at a slant too."""
 
-_LEAST_PLAN = 4.0
-"""Least size [m] that the plan shows: there may be no wall, and a robot that stands."""
+_BAND_PIXELS = 5.0
+"""Least height of the map's bands in a picture of 720 lines [pixels]: they show from far away."""
 
-_OLD_SCANS = 8
-"""Earlier scans whose hits are still shown, at the most."""
+_MAP_WIDTH, _HIDDEN_WIDTH, _HIDDEN_STRENGTH = 4.0, 2.6, 0.25
+"""Width of the map as lines from above, and of what of its bands is hidden [pixels of 720 lines],
+and the opacity of that."""
+
+_PLAN_WIDTH, _DART_SHARE, _PALER, _LEAST_PLAN = 2.6, 0.034, 0.35, 4.0
+"""Width of the map in the plan [pixels of 720 lines], the robot's size as a share of what it shows,
+how much paler colours are on its dark ground, and its least size [m]: there may be no wall."""
+
+_TRAIL_FADE = 15.0
+"""Time of the film [s] in which the trail fades."""
+
+_HITS_FADE, _HITS_STRENGTH, _HIT_SIZE, _HIT_PIXELS, _OLD_SCANS = 2.5, 0.8, 0.05, (2.0, 4.0), 8
+"""Time of the film [s] in which hits fade, their opacity at first, their size [m], the smallest and
+largest in a picture of 720 lines [pixels], and the most scans that they are of."""
 
 _REAR = 0.3
 """How far from its middle the robot ends [m], where it stands on the ground: so much of it is to be
@@ -66,8 +85,9 @@ seen over walls that are cut."""
 _BELOW_SIGHT = 0.8
 """Share of the line of sight from there to the eye that cut walls reach up to."""
 
-
-Made = TypeVar("Made")
+_LEFT_FROM_AFAR = (8.0, 0.1)
+"""How much higher cut walls may be for each metre that the eye is farther off than a distance [m,
+m/m]."""
 
 
 class Scene:
@@ -85,18 +105,18 @@ class Scene:
         structures = self.structures = self.stage.structures
         self.origin = structures.origin
         self.obstacles = Obstacles(run.obstacles, self.origin, indoor=structures.indoor)
-        self.tops = WallTops(structures.segments, structures.heights)
         self.robot = Body(robot_body(run.lrf.height), np.eye(4))
+        self.keys = drive_keys(timeline).thinned()
         self._goal = None if goal is None else goal_disc(np.array(goal) - [*self.origin, 0.0])
         self._turning = turning_walls(run.world)
         self._walls = run.world.segments - np.tile(self.origin, 2)
-        self.keys = thinned(drive_keys(timeline))
-        self._estimate = DrawnEstimate.from_timeline(timeline)
         self._reach = beam_reach(run.lrf.range_max, structures)
-        self._fade = look.TRAIL_FADE * timeline.playback
-        self._recent = look.HITS_FADE * timeline.playback
-        self._kept: dict[str, tuple[Any, Any]] = {}
-        self._hits: dict[int, Points] = {}
+        self._map = lru_cache(1)(self._drawn_map)
+        self._beams = lru_cache(1)(self._drawn_beams)
+        self._trails = lru_cache(1)(self._drawn_trails)
+        self._hits = lru_cache(2 * _OLD_SCANS)(lambda number: self._drawn_beams(number)[2])
+        self._recent = lru_cache(1)(self._hits_together)
+        self._estimate = DrawnEstimate.from_timeline(timeline)
 
     def seen(
         self, moment: Moment, view: Look, size: tuple[int, int], layers: Collection[str] = LAYERS
@@ -107,31 +127,21 @@ class Scene:
         bodies = [("robot", self.robot._replace(pose=world_from_robot(pose)))]
         bodies += self.obstacles.bodies(moment.time)
         if "map" in layers and not view.shows_map:
-            drawn = self.drawn_map(moment.scan)
-            least = 0.5 * look.BAND_PIXELS * min(size) / 720.0 / lens.focus
-            stage = self.run.snapshot_after(moment.scan)
-            tops = self._same("tops", stage, self.tops.of, drawn.segments)
-            standing = bands(drawn, tops, lens.eye, least=least, raised=view.raised)
-            bodies.append(("map", Body(standing, np.eye(4))))
+            least = 0.5 * _BAND_PIXELS * min(size) / 720.0 / lens.focus
+            drawn, *_ = self._map(self.run.snapshot_after(moment.scan))
+            bands = drawn.bands(lens.eye, least=least, raised=view.raised)
+            bodies.append(("map", Body(bands, np.eye(4))))
         marks = tuple(
             (name, mark)
             for layer, name, mark in self._marks(moment, pose, view, lens, size)
             if layer in layers and mark is not None
         )
-        cut = None
-        if view.cuts and self.structures.indoor:
-            away = lens.eye[:2] - pose[:2]
-            level = max(float(np.hypot(*away)), 2.0 * _REAR)
-            toward = away / level
-            slope = _BELOW_SIGHT * float(lens.eye[2]) / (level - _REAR)
-            start, gain = look.LEFT_FROM_AFAR
-            top = look.LEFT_STANDING[1] + gain * max(level - start, 0.0)
-            cut = Cut(pose[:2] + _REAR * toward, toward, slope, top)
-        return Seen(lens, tuple(bodies), marks, view.sky_below, view.ghost, cut)
+        cut = _cut(view, pose) if view.cuts and self.structures.indoor else None
+        return Seen(lens, tuple(bodies), marks, view.sky_below(lens.matrix), view.ghost, cut)
 
     def _lens(self, view: Look, size: tuple[int, int]) -> Lens:
         far = max(SIGHT_DISTANCE, _PAST_GROUND * float(view.eye[2]))
-        half = look.HALF_HAZE_INDOOR if self.structures.indoor else look.HALF_HAZE
+        half = _HALF_HAZE_INDOOR if self.structures.indoor else _HALF_HAZE
         return Lens(
             matrix=view.matrix(size[0] / size[1], far),
             eye=view.eye,
@@ -145,76 +155,55 @@ class Scene:
         self, moment: Moment, pose: Float, view: Look, lens: Lens, size: tuple[int, int]
     ) -> Iterator[tuple[str, str, Mark | None]]:
         """Layer, name and mark, in the order in which they are drawn."""
-        height = self.run.lrf.height
         yield "shadow", "shadow", robot_shadow(pose, indoor=self.structures.indoor)
         yield "shadow", "shadows", self.obstacles.shadows(moment.time)
         yield "goal", "goal", self._goal
-        yield "trail", "trail", self._trail(moment)
-        for name, line in self._estimated(moment):
-            yield "estimate", name, line
-        beams = self._beams(moment)
+        yield from self._trails(moment.time)
+        beams = self._beams(moment.scan, *moment.pose) if moment.scanning else None
         if beams is not None:
+            glow, single, _ = beams
             fainter = np.array([1.0, 1.0, 1.0, view.fan], np.float32)
-            yield "fan", "fan", beams[0]._replace(colours=beams[0].colours * fainter)
-            yield "beams", "beams", beams[1]
-        stage = self.run.snapshot_after(moment.scan)
+            yield "fan", "fan", glow._replace(colours=glow.colours * fainter)
+            yield "beams", "beams", single
+        _, above, hidden, _ = self._map(self.run.snapshot_after(moment.scan))
         if view.shows_map:
-            lines = self._same("map", stage, self._map_lines, moment.scan, height)
-            yield "map", "map lines", lines
+            yield "map", "map lines", above
         elif view.raised == 0.0:
-            yield "map", "hidden", self._same("hidden", stage, self._hidden_lines, moment.scan)
+            yield "map", "hidden", hidden
         yield "points", "recent", self._recent_hits(moment)
         if beams is not None:
             yield "points", "points", beams[2]
-        yield "marker", "marker", self._marker(pose, view, lens, size, height)
+        yield "marker", "marker", self._marker(pose, view, lens, size)
 
-    def _same(self, name: str, key: object, make: Callable[..., Made], *arguments: object) -> Made:
-        """What was made for this key the last time, or made now."""
-        kept = self._kept.get(name)
-        if kept is None or kept[0] != key:
-            kept = self._kept[name] = key, make(*arguments)
-        made: Made = kept[1]
-        return made
+    def _drawn_map(self, stage: int) -> tuple[DrawnMap, Lines, Lines, Lines]:
+        """A map snapshot, and its lines from above, where they are hidden, and in the plan."""
+        drawn = DrawnMap.from_snapshot(self.run, stage, self.structures)
+        above = drawn.lines(self.run.lrf.height, _MAP_WIDTH)
+        hidden = drawn.lines(float(np.mean(BAND)), _HIDDEN_WIDTH, _HIDDEN_STRENGTH)
+        plan = drawn.lines(0.0, _PLAN_WIDTH)
+        pale = plan.colours + np.float32(_PALER) * (1.0 - plan.colours)
+        return drawn, above, hidden._replace(hidden=True), plan._replace(colours=pale)
 
-    def drawn_map(self, scan: int) -> DrawnMap:
-        """The map after a scan."""
-        stage = self.run.snapshot_after(scan)
-        return self._same("drawn", stage, DrawnMap.from_snapshot, self.run, stage, self.origin)
-
-    def _map_lines(self, scan: int, height: float) -> Lines:
-        return self.drawn_map(scan).lines(height, look.MAP_LINE_WIDTH, 1.0)
-
-    def _hidden_lines(self, scan: int) -> Lines:
-        height = float(np.mean(look.MAP_BAND))
-        drawn = self.drawn_map(scan)
-        return drawn.lines(height, look.HIDDEN_WIDTH, look.HIDDEN_STRENGTH, hidden=True)
-
-    def _trail(self, moment: Moment) -> Lines | None:
+    def _drawn_trails(self, time: float) -> tuple[tuple[str, str, Lines], ...]:
+        """Layer, name and lines of the trails up to a time [s]."""
+        now, found = time - self.timeline.start, []
         # Of a recorded drive only the estimate is known, which is drawn as such.
-        if not self.run.knows_truth:
-            return None
-        now = moment.time - self.timeline.start
-        return self._same("trail", now, trail_lines, self.keys, now, self._fade)
-
-    def _estimated(self, moment: Moment) -> Iterator[tuple[str, Lines]]:
+        if self.run.knows_truth:
+            fade = _TRAIL_FADE * self.timeline.playback
+            found.append(("trail", "trail", trail_lines(self.keys, now, fade)))
         if self._estimate is not None:
-            now = moment.time - self.timeline.start
-            yield "estimate", self._same("estimate", now, self._estimate.trail, now)
-            yield "ellipses", self._same("ellipses", now, self._estimate.rings, now)
+            found.append(("estimate", "estimate", self._estimate.trail(now)))
+            found.append(("estimate", "ellipses", self._estimate.rings(now)))
+        return tuple(found)
 
-    def _beams(self, moment: Moment) -> tuple[Soft, Lines, Points] | None:
-        """The glow, single beams and hits of the newest scan, from where the robot is now."""
-        if not moment.scanning:
-            return None
-        key = moment.scan, *moment.pose.tolist()
-        return self._same("beams", key, self._drawn_beams, moment.scan, moment.pose)
-
-    def _drawn_beams(self, number: int, pose: Float | None = None) -> tuple[Soft, Lines, Points]:
+    def _drawn_beams(self, number: int, *pose: float) -> tuple[Soft, Lines, Points]:
+        """The glow, single beams and hits of a scan, from where the robot is now, if given."""
         scan, origin, lrf = self.run.scan(number), np.array([*self.origin, 0.0]), self.run.lrf
         place = np.array(scan.pose) - origin
-        apex = place if pose is None else pose - origin
-        local = replace(scan, pose=place)
-        drawn = DrawnBeams.from_scan(local, self._walls, apex[:2], self._turning)
+        apex = np.array(pose) - origin if pose else place
+        drawn = DrawnBeams.from_scan(
+            replace(scan, pose=place), self._walls, apex[:2], self._turning
+        )
         return (
             drawn.glow(lrf.height, indoor=self.structures.indoor),
             drawn.single(lrf.height, self._reach),
@@ -223,43 +212,37 @@ class Scene:
 
     def _recent_hits(self, moment: Moment) -> Points:
         """The hits of the last seconds, which fade."""
-        times = self.run.trajectory.times
-        first = int(np.searchsorted(times, moment.time - self._recent))
+        times, lasting = self.run.trajectory.times, _HITS_FADE * self.timeline.playback
+        first = int(np.searchsorted(times, moment.time - lasting))
         last = moment.scan if moment.scanning else moment.scan + 1
         step = 1 + (last - first) // _OLD_SCANS
-        chosen = [number for number in range(first, last) if number % step == 0]
-        recent = self._same("recent", chosen, self._old_hits, chosen)
-        left = np.clip(1.0 - (moment.time - times[chosen]) / self._recent, 0.0, 1.0)
-        counts = [len(hits.places) for hits in self._hits.values()]
-        colours = recent.colours.copy()
-        colours[:, 3] = np.repeat(look.HITS_STRENGTH * left, counts)
-        return recent._replace(colours=colours)
+        chosen = tuple(number for number in range(first, last) if number % step == 0)
+        hits, counts = self._recent(chosen)
+        left = np.clip(1.0 - (moment.time - times[list(chosen)]) / lasting, 0.0, 1.0)
+        colours = hits.colours.copy()
+        colours[:, 3] = np.repeat(_HITS_STRENGTH * left, counts)
+        return hits._replace(colours=colours)
 
-    def _old_hits(self, chosen: list[int]) -> Points:
-        self._hits = {
-            number: self._hits[number] if number in self._hits else self._drawn_beams(number)[2]
-            for number in chosen
-        }
-        none = tuple(np.zeros((0, columns), np.float32) for columns in (3, 4, 2))
-        each = [none, *(hits[:3] for hits in self._hits.values())]
-        places, colours, sides = (np.concatenate(column) for column in zip(*each, strict=True))
-        return Points(places, colours, sides, look.HIT_SIZE, look.HIT_PIXELS, glows=False)
+    def _hits_together(self, chosen: tuple[int, ...]) -> tuple[Points, list[int]]:
+        """The hits of chosen scans, and the number of each."""
+        each = [self._hits(number)[:3] for number in chosen]
+        none: tuple[Single, ...] = tuple(np.zeros((0, k), np.float32) for k in (3, 4, 2))
+        places, colours, sides = (np.concatenate(part) for part in zip(none, *each, strict=True))
+        points = Points(places, colours, sides, _HIT_SIZE, _HIT_PIXELS, glows=False)
+        return points, [len(part[0]) for part in each]
 
-    def _marker(
-        self, pose: Float, view: Look, lens: Lens, size: tuple[int, int], height: float
-    ) -> Soft | None:
+    def _marker(self, pose: Float, view: Look, lens: Lens, size: tuple[int, int]) -> Soft | None:
         """An arrow over a robot that is too small to be seen."""
-        place = np.array([*pose[:2], height])
+        place = np.array([*pose[:2], self.run.lrf.height])
         away = float(np.linalg.norm(place - lens.eye))
         pixel = min(size) / 720.0 * away / lens.focus
         if _ROBOT_SIZE > _LEAST_ROBOT * pixel:
             return None
-        dart = flat_dart(pose, _MARKER * pixel, height)
+        dart = flat_dart(pose, _MARKER * pixel, place[2])
         # Seen from the eye, what is drawn smaller and nearer is the same.
         share = max(_MARKER_NEARER, 1.5 * view.near / away)
-        return dart._replace(
-            corners=(lens.eye + share * (dart.corners - lens.eye)).astype(np.float32)
-        )
+        corners = lens.eye + share * (dart.corners - lens.eye)
+        return dart._replace(corners=corners.astype(np.float32))
 
     def plan(
         self, moment: Moment, box: tuple[int, int, int], middle: Float | None, window: float
@@ -275,18 +258,15 @@ class Scene:
         matrix = np.diag([zoom, -zoom, 0.0, 1.0])
         matrix[:2, 3] = -zoom * x, zoom * y
         lens = Lens(matrix, np.array([x, y, _ON_TOP]), 1.0, 0.0, 0.0, _ON_TOP)
-        stage = self.run.snapshot_after(moment.scan)
-        lines = self._same("plan", stage, self._plan_lines, moment.scan)
-        beams = self._beams(moment)
-        marks: list[tuple[str, Mark | None]] = [("plan map", lines)]
-        if beams is not None:
-            marks.append(("plan points", beams[2]._replace(glows=False)))
-        marks.append(("plan trail", self._trail(moment)))
-        marks += [(f"plan {name}", line) for name, line in self._estimated(moment)]
-        marks.append(("plan obstacles", self.obstacles.plans(moment.time, window / box[2])))
-        marks.append(("plan robot", flat_dart(pose, look.DART_SHARE * window, 0.0)))
-        shown = tuple((name, mark) for name, mark in marks if mark is not None)
-        return Plan(box, lens, shown)
+        *_, lines = self._map(self.run.snapshot_after(moment.scan))
+        marks: list[tuple[str, Mark | None]] = [("map", lines)]
+        if moment.scanning:
+            _, _, hits = self._beams(moment.scan, *moment.pose)
+            marks.append(("points", hits._replace(glows=False)))
+        marks += [(name, line) for _, name, line in self._trails(moment.time)]
+        marks.append(("obstacles", self.obstacles.plans(moment.time, window / box[2])))
+        marks.append(("robot", flat_dart(pose, _DART_SHARE * window, 0.0)))
+        return Plan(box, lens, tuple((f"plan {name}", mark) for name, mark in marks if mark))
 
     def plan_window(self) -> tuple[Float | None, float]:
         """The middle (2,) of what the plan shows and its size [m]; no middle where it follows."""
@@ -299,8 +279,13 @@ class Scene:
         # A room needs less of a rim than a city.
         return 0.5 * (low + high), max(1.04 * size + 2.0 * min(1.0, size / 40.0), _LEAST_PLAN)
 
-    def _plan_lines(self, scan: int) -> Lines:
-        drawn = self.drawn_map(scan)
-        # On a dark ground, paler colours are seen more easily.
-        pale = drawn.colours + 0.35 * (1.0 - drawn.colours)
-        return replace(drawn, colours=pale).lines(0.0, look.PLAN_LINE_WIDTH, 1.0)
+
+def _cut(view: Look, pose: Float) -> Cut:
+    """How walls of rooms are cut so that an eye sees a robot at a pose."""
+    away = view.eye[:2] - pose[:2]
+    level = max(float(np.hypot(*away)), 2.0 * _REAR)
+    toward = away / level
+    slope = _BELOW_SIGHT * float(view.eye[2]) / (level - _REAR)
+    start, gain = _LEFT_FROM_AFAR
+    top = look.LEFT_STANDING[1] + gain * max(level - start, 0.0)
+    return Cut(pose[:2] + _REAR * toward, toward, slope, top)

@@ -11,16 +11,17 @@ import shapely
 
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.scene.look import spread
-from lrf3d.scene.panels import LIT, Panels, joined, level_panels, panels, triangles
+from lrf3d.scene.panels import LIT, joined, level_panels, panels, triangles
 from lrf3d.scene.shadows import shade_roofs
+from lrf3d.scene.shapes import Painted
 from lrf3d.scene.structures import Structures
 
 _GREY, _SHARE_OF_GREY = np.array([0.52, 0.52, 0.53]), 0.75
 """Colour of flat roofs, and its share in a roof: the rest is the wall's."""
 
-_CELL, _MOST_CELLS = 0.8, 100_000
-"""Side of the pieces that level faces of rooms are cut into [m], as walls are; there are none in
-places of more cells."""
+_STEP, _MOST_STEPS = 0.8, 50_000
+"""Distance of corners along the edges of level faces in rooms [m], as walls are cut, and about how
+many there may be."""
 
 _SLIVER = 1e-3
 """Pieces of roofs below this area [m²] are left out."""
@@ -47,15 +48,16 @@ _TILES = np.array([[0.70, 0.60, 0.55], [0.64, 0.58, 0.55], [0.60, 0.61, 0.62], [
 """Colours of tiles: pale clay and slate."""
 
 
-def build_roofs(structures: Structures) -> Panels:
+def build_roofs(structures: Structures) -> Painted:
     """Triangles (t,) of the roofs of all solids; flat ones also in the shadow of others."""
     hipped = hipped_houses(structures)
     polygons, solids, under = shade_roofs(structures)
     flat = ~hipped[solids] & (shapely.area(polygons) > _SLIVER)
     polygons, solids, under = polygons[flat], solids[flat], under[flat]
     if structures.indoor:
-        polygons, piece = _cut_small(polygons)
-        solids, under = solids[piece], under[piece]
+        # What hides the robot in a room sinks, and bends where corners are.
+        step = max(_STEP, float(shapely.length(polygons).sum()) / _MOST_STEPS)
+        polygons = shapely.segmentize(polygons, step)
     corners, piece = triangles(polygons)
     owner = solids[piece]
     walls = structures.solid_colours[owner]
@@ -68,26 +70,6 @@ def build_roofs(structures: Structures) -> Panels:
         structures.solid_objects[owner],
     )
     return joined(level, _hips(structures, np.flatnonzero(hipped)))
-
-
-def _cut_small(polygons: Any) -> tuple[Any, Int]:
-    """Pieces (m,) of polygons (p,) in the cells of a grid, and which of these each is of.
-
-    What hides the robot in a room sinks, and bends where corners are.
-    """
-    if not len(polygons):
-        return polygons, np.zeros(0, np.int64)
-    low, high = np.floor(shapely.total_bounds(polygons).reshape(2, 2) / _CELL)
-    if np.prod(high - low + 1.0) > _MOST_CELLS:
-        return polygons, np.arange(len(polygons))
-    x, y = np.meshgrid(np.arange(low[0], high[0] + 1.0), np.arange(low[1], high[1] + 1.0))
-    cells = shapely.box(_CELL * x, _CELL * y, _CELL * (x + 1.0), _CELL * (y + 1.0)).ravel()
-    cell, polygon = shapely.STRtree(polygons).query(cells, predicate="intersects")
-    parts, owner = shapely.get_parts(
-        shapely.intersection(cells[cell], polygons[polygon]), return_index=True
-    )
-    whole = shapely.get_type_id(parts) == 3
-    return parts[whole], polygon[owner[whole]]
 
 
 def hipped_houses(structures: Structures) -> Bool:
@@ -103,22 +85,21 @@ def hipped_houses(structures: Structures) -> Bool:
 
 
 def _sides(solids: Any) -> tuple[Float, Float]:
-    """Corners (k, 4, 2) of the rectangles round solids and the lengths (k, 2) of their sides.
+    """Corners (k, 4, 2) of the rectangles round solids, counter-clockwise, and their sides (k, 2).
 
     The first side is a longer one; they are 0 where there is no rectangle.
     """
-    boxes = shapely.minimum_rotated_rectangle(solids)
+    boxes = shapely.orient_polygons(shapely.minimum_rotated_rectangle(solids))
     whole = shapely.get_type_id(boxes) == 3
     corners = np.zeros((len(solids), 4, 2))
-    rings = shapely.get_coordinates(boxes[whole]).reshape(-1, 5, 2)[:, :4]
-    corners[whole] = rings if len(rings) else 0.0
+    corners[whole] = shapely.get_coordinates(boxes[whole]).reshape(-1, 5, 2)[:, :4]
     sides = np.linalg.norm(corners[:, 1:3] - corners[:, 0:2], axis=2)
     across = sides[:, 1] > sides[:, 0]
     corners[across] = np.roll(corners[across], -1, axis=1)
     return corners, np.where(across[:, None], sides[:, ::-1], sides)
 
 
-def _hips(structures: Structures, solids: Int) -> Panels:
+def _hips(structures: Structures, solids: Int) -> Painted:
     """Triangles of the hipped roofs of solids (n,): two long sides and both ends of each."""
     corners, sides = _sides(structures.solids[solids])
     eaves = structures.solid_heights[solids]
@@ -131,9 +112,6 @@ def _hips(structures: Structures, solids: Int) -> Panels:
     faces = points[:, [[0, 1, 5], [0, 5, 4], [1, 2, 5], [2, 3, 4], [2, 4, 5], [3, 0, 4]]]
     faces = faces.reshape(-1, 3, 3)
     normals = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
-    down = normals[:, 2] < 0.0
-    faces[down] = faces[down][:, ::-1]
-    normals *= np.where(down, -1.0, 1.0)[:, None]
     area, owner = np.linalg.norm(normals, axis=1), np.repeat(structures.solid_objects[solids], 6)
     # A square house has no ridge.
     good = area > _SLIVER

@@ -52,17 +52,20 @@ class Strips(NamedTuple):
 
 def shade_walls(structures: Structures, segments: Float) -> Strips:
     """Cut the faces of walls (n, 4), which look to the right, where the edge of a shadow bends."""
-    count = len(segments)
-    lit, length = np.full(count, LIT), lengths(segments)
-    whole = Strips(np.arange(count), np.zeros(count), length, lit, lit)
-    if structures.indoor or not 0 < len(structures.segments) <= _MOST_WALLS:
+    length = lengths(segments)
+    lit = np.full(len(segments), LIT)
+    whole = Strips(np.arange(len(segments)), np.zeros(len(segments)), length, lit, lit)
+    if not _sunny(structures):
         return whole
     cast = _cast(structures, segments)
     if not len(cast.face):
         return whole
-    strips = _profiles(cast, length)
-    bright = np.setdiff1d(whole.face, strips.face)
-    return Strips(*(np.concatenate([a[bright], b]) for a, b in zip(whole, strips, strict=True)))
+    faces, starts = np.unique(cast.face, return_index=True)
+    bright = np.setdiff1d(whole.face, faces)
+    found = [tuple(column[bright] for column in whole)]
+    for face, *pieces in zip(faces, *(np.split(c, starts[1:]) for c in cast[1:]), strict=True):
+        found.append(_envelope(face, length[face], *(each[:_MOST_PIECES] for each in pieces)))
+    return Strips(*(np.concatenate(column) for column in zip(*found, strict=True)))
 
 
 def shade_roofs(structures: Structures) -> tuple[Any, Int, Float]:
@@ -71,36 +74,25 @@ def shade_roofs(structures: Structures) -> tuple[Any, Int, Float]:
     Returns:
         Polygons (m,), the solid (m,) that each is of, and how far under the shadow it lies [m].
     """
-    solids, every = structures.solids, np.arange(len(structures.solids))
-    lit = np.full(len(solids), LIT)
-    if structures.indoor or not len(solids) or len(structures.segments) > _MOST_WALLS:
-        return solids, every, lit
-    wall, solid = shapely.STRtree(solids).query(
-        shapely.polygons(swept(structures.segments, structures.heights)), predicate="intersects"
-    )
-    above = structures.heights[wall] - structures.solid_heights[solid]
-    higher = (above > _LOWEST) & (structures.objects[wall] != structures.solid_objects[solid])
-    order = np.argsort(solid[higher], kind="stable")
-    wall, solid, above = wall[higher][order], solid[higher][order], above[higher][order]
-    if not len(solid):
-        return solids, every, lit
-    shades = shapely.polygons(swept(structures.segments[wall], above))
-    dark, starts = np.unique(solid, return_index=True)
-    hidden = np.array(
-        [shapely.union_all(part) for part in np.split(shades, starts[1:])], dtype=object
-    )
-    pieces = [np.delete(solids, dark)], [np.delete(every, dark)], [np.delete(lit, dark)]
-    for shape, under in (
-        (shapely.difference(solids[dark], hidden), LIT),
-        (shapely.intersection(solids[dark], hidden), -LIT),
-    ):
-        parts, owner = shapely.get_parts(shape, return_index=True)
-        # Lines where shadows only touch a roof, and slivers, do not count.
-        good = shapely.area(parts) > 1e-4
-        pieces[0].append(parts[good])
-        pieces[1].append(dark[owner[good]])
-        pieces[2].append(np.full(int(good.sum()), under))
-    return tuple(np.concatenate(part) for part in pieces)  # type: ignore[return-value]
+    solids = structures.solids
+    hidden = np.full(len(solids), shapely.Polygon(), dtype=object)
+    if _sunny(structures):
+        wall, solid = shapely.STRtree(solids).query(
+            shapely.polygons(swept(structures.segments, structures.heights)), predicate="intersects"
+        )
+        above = structures.heights[wall] - structures.solid_heights[solid]
+        higher = (above > _LOWEST) & (structures.objects[wall] != structures.solid_objects[solid])
+        chosen = np.flatnonzero(higher)[np.argsort(solid[higher], kind="stable")]
+        shades = shapely.polygons(swept(structures.segments[wall[chosen]], above[chosen]))
+        shapely.geometrycollections(shades, indices=solid[chosen], out=hidden)
+        hidden = shapely.union_all(hidden[:, None], axis=1)
+    pieces = [shapely.difference(solids, hidden), shapely.intersection(solids, hidden)]
+    parts, owner = shapely.get_parts(np.concatenate(pieces), return_index=True)
+    # Lines where shadows only touch a roof, and slivers, do not count.
+    good = shapely.area(parts) > 1e-4
+    parts, owner = parts[good], owner[good]
+    dark = owner >= len(solids)
+    return parts, owner - len(solids) * dark, np.where(dark, -LIT, LIT)
 
 
 def swept(segments: Float, heights: Float) -> Float:
@@ -110,55 +102,42 @@ def swept(segments: Float, heights: Float) -> Float:
     return np.stack([start, end, end + slide, start + slide], axis=1)
 
 
+def _sunny(structures: Structures) -> bool:
+    """Whether the sun casts shadows that are drawn."""
+    return not structures.indoor and 0 < len(structures.segments) <= _MOST_WALLS
+
+
 def _cast(structures: Structures, segments: Float) -> Strips:
-    """What walls hide from the faces that look at the sun, as straight pieces."""
-    along = directions(segments)
-    faces = np.flatnonzero(along[:, 1] * _TOWARD[0] - along[:, 0] * _TOWARD[1] > _GRAZED)
-    walls, tops = structures.segments, structures.heights
-    tree = shapely.STRtree(shapely.linestrings(walls.reshape(-1, 2, 2)))
+    """What walls hide from the faces that look at the sun, as straight pieces, highest first."""
+    along, length, tops = directions(segments), lengths(segments), structures.heights
+    faces = np.flatnonzero(cross(_TOWARD, along) > _GRAZED)
     toward = swept(segments[faces], np.full(len(faces), -tops.max(initial=0.0)))
-    face, wall = tree.query(shapely.polygons(toward), predicate="intersects")
-    face = faces[face]
-    first, along, length = segments[face, :2], along[face], lengths(segments[face])
-    sun = np.broadcast_to(_TOWARD, along.shape)
-    # Where the ends of a wall lie, along the face and toward the sun from it.
-    ways = walls[wall, :2] - first, walls[wall, 2:] - first
-    turn = cross(along, sun)
-    place = np.array([cross(way, sun) / turn for way in ways])
-    away = np.array([cross(along, way) / turn for way in ways])
+    number, wall = structures.tree.query(shapely.polygons(toward), predicate="intersects")
+    face = faces[number]
+    # Where the ends of a wall lie: as a share of the face along it, and toward the sun from it [m].
+    ends = structures.segments[wall].reshape(-1, 2, 2) - segments[face, None, :2]
+    along, turn = along[face, None], cross(along[face, None], _TOWARD)
+    place, away = cross(ends, _TOWARD) / turn / length[face, None], cross(along, ends) / turn
     # Only what lies toward the sun, and the part of it before the face, hides anything.
-    share = np.array([np.zeros(len(face)), np.ones(len(face))])
-    for values, least, most in ((away, _TOUCH, np.inf), (place, 0.0, length)):
-        change = values[1] - values[0]
-        change = np.where(np.abs(change) < 1e-12, 1e-12, change)
-        bounds = (least - values[0]) / change, (most - values[0]) / change
-        share = np.array(
-            [np.maximum(share[0], np.minimum(*bounds)), np.minimum(share[1], np.maximum(*bounds))]
-        )
-    ends = place[0] + (place[1] - place[0]) * share
-    heights = tops[wall] - _SLOPE * (away[0] + (away[1] - away[0]) * share)
-    swap = ends[1] < ends[0]
-    ends[:, swap], heights[:, swap] = ends[::-1, swap], heights[::-1, swap]
-    good = (share[1] > share[0]) & (ends[1] - ends[0] > 1e-6) & (heights.max(axis=0) > _LOWEST)
-    chosen = np.flatnonzero(good)
-    chosen = chosen[np.lexsort([-heights[:, chosen].max(axis=0), face[chosen]])]
-    return Strips(face[chosen], ends[0, chosen], ends[1, chosen], *heights[:, chosen])
-
-
-def _profiles(cast: Strips, lengths: Float) -> Strips:
-    """The highest of the pieces over each place of their faces, and the lit strips between them."""
-    faces, starts = np.unique(cast.face, return_index=True)
-    found = []
-    for face, *pieces in zip(faces, *(np.split(c, starts[1:]) for c in cast[1:]), strict=True):
-        columns = _envelope(float(lengths[face]), *(each[:_MOST_PIECES] for each in pieces))
-        found.append((np.full(len(columns[0]), face), *columns))
-    return Strips(*(np.concatenate(column) for column in zip(*found, strict=True)))
+    pieces = shapely.linestrings(np.stack([place, away], axis=2))
+    pieces = shapely.clip_by_rect(pieces, 0.0, _TOUCH, 1.0, np.abs(away).max(initial=1.0))
+    there = shapely.length(pieces) > 0.0
+    face, tops = face[there], tops[wall[there]]
+    places, away = np.moveaxis(shapely.get_coordinates(pieces[there]).reshape(-1, 2, 2), 2, 0)
+    places, heights = places * length[face, None], tops[:, None] - _SLOPE * away
+    order = np.argsort(places, axis=1)
+    start, end = np.take_along_axis(places, order, axis=1).T
+    low, high = np.take_along_axis(heights, order, axis=1).T
+    highest = heights.max(axis=1)
+    chosen = np.flatnonzero((end - start > 1e-6) & (highest > _LOWEST))
+    chosen = chosen[np.lexsort([-highest[chosen], face[chosen]])]
+    return Strips(face[chosen], *(each[chosen] for each in (start, end, low, high)))
 
 
 def _envelope(
-    length: float, start: Float, end: Float, low: Float, high: Float
-) -> tuple[Float, ...]:
-    """The upper envelope of pieces (m,) over a face: start, end, and heights there, of strips."""
+    face: int, length: float, start: Float, end: Float, low: Float, high: Float
+) -> Strips:
+    """The upper envelope of pieces (m,) over a face, and the lit strips between them."""
     slope = (high - low) / np.maximum(end - start, 1e-9)
     level = low - slope * start
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -174,4 +153,4 @@ def _envelope(
     top, begin, finish = top[new], knots[new], np.append(knots[new[1:]], length)
     # What lies in the sun is of no piece.
     edges = (np.where(top < 0, LIT, level[top] + slope[top] * place) for place in (begin, finish))
-    return begin, finish, *edges
+    return Strips(np.full(len(top), face), begin, finish, *edges)

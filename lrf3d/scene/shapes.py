@@ -30,14 +30,14 @@ class Painted(NamedTuple):
     """(n, 4, 3) bays along and storeys up the texture of :mod:`lrf3d.scene.facades`; its layer."""
     colours: Single
     """(n, 4, 3) colour of the wall itself."""
-    lit: Single
-    """(n, 4, 3) factor of a screen's colours in the sun."""
-    shaded: Single
-    """(n, 4, 3) the same where the sun is hidden."""
     under: Single
     """(n, 4) how far under the edge of its shadow a corner lies [m]; negative in the sun."""
     objects: NDArray[np.int64]
     """(n,) the object of each."""
+    lit: Single = np.zeros((0, 4, 3), np.float32)
+    """(n, 4, 3) factor of a screen's colours in the sun, once its light is known."""
+    shaded: Single = np.zeros((0, 4, 3), np.float32)
+    """(n, 4, 3) the same where the sun is hidden."""
 
     def rows(self) -> Single:
         """Corners (n, 4, 16): place, texture, colour, light in the sun, in its shadow, under it."""
@@ -197,3 +197,18 @@ class Seen(NamedTuple):
 def single(values: Any) -> Single:
     """Values as a contiguous array of float32."""
     return np.ascontiguousarray(values, np.float32)
+
+
+def level_lines(
+    height: float, starts: Float, ends: Float, colours: Float, opacities: Float, width: float
+) -> Lines:
+    """Lines from (n, 2) to (n, 2) at a height [m]."""
+    level = np.full((len(starts), 1), height)
+    return Lines(
+        single(np.hstack([starts, level])),
+        single(np.hstack([ends, level])),
+        single(colours),
+        single(opacities),
+        np.zeros((len(starts), 2), np.float32),
+        width,
+    )

@@ -7,13 +7,10 @@ to other processes.
 from functools import lru_cache
 from typing import NamedTuple
 
-import numpy as np
-
 from lrf3d.progress import Progress, silent
 from lrf3d.run import Run
-from lrf3d.scene.ground import paint_ground
-from lrf3d.scene.light import Light, screen
-from lrf3d.scene.look import SUN, SUNSHINE
+from lrf3d.scene.ground import canvas_of, paint_ground
+from lrf3d.scene.light import bake_light, screen, sunlight
 from lrf3d.scene.panels import cut_small, joined
 from lrf3d.scene.roofs import build_roofs
 from lrf3d.scene.shapes import GroundPicture, Painted, single
@@ -57,21 +54,16 @@ def _in_memory(run: Run) -> list[Stage]:
 
 
 def paint_stage(structures: Structures, progress: Progress = silent) -> Stage:
-    """Paint walls, roofs and ground."""
-    faces, light = paint_faces(structures, lambda done, whole: progress(done, whole + 1))
-    ground = paint_ground(structures, light)
+    """Paint walls, roofs, leaves and the ground, in the sun and where it is hidden."""
+    indoor, canvas = structures.indoor, canvas_of(structures)
+    walls = cut_small(lay_walls(structures), _STEP_INDOOR if indoor else _STEP, _MOST_PIECES)
+    faces = joined(walls, build_roofs(structures), crowns_of(structures))
+    box = canvas.corner, canvas.corner + canvas.extent
+    light = bake_light(
+        faces, *box, indoor=indoor, progress=lambda done, count: progress(done, count + 1)
+    )
+    lit = light.faces + sunlight(faces.normals, indoor=indoor)
+    faces = faces._replace(lit=single(screen(lit)), shaded=single(screen(light.faces)))
+    ground = paint_ground(structures, canvas, light.ground)
     progress(1, 1)
     return Stage(structures, faces, ground)
-
-
-def paint_faces(structures: Structures, progress: Progress = silent) -> tuple[Painted, Light]:
-    """Walls, roofs and leaves in their light, in the sun and where it is hidden, and that light."""
-    step = _STEP_INDOOR if structures.indoor else _STEP
-    walls = cut_small(lay_walls(structures), step, _MOST_PIECES)
-    faces = joined(walls, build_roofs(structures), crowns_of(structures))
-    light = Light(structures, faces, progress)
-    sun = np.maximum(faces.normals @ SUN, 0.0)[..., None] * SUNSHINE * (not structures.indoor)
-    places, normals, texture, colours = (single(each) for each in faces[:4])
-    lit, shaded = (single(screen(each)) for each in (light.faces + sun, light.faces))
-    painted = places, normals, texture, colours, lit, shaded, single(faces.under), faces.objects
-    return Painted(*painted), light

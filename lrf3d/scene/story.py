@@ -5,23 +5,22 @@ draws itself, a look from near and one from high up, again and again in long run
 fade to ghosts and the walls of the map stand up.
 """
 
+from functools import cache
+
 import numpy as np
 
 from lrf3d.geometry import Float
-from lrf3d.scene.camera import Look, SmoothPath, Track
-from lrf3d.scene.following import Chase, Orbit, track_of
+from lrf3d.scene.camera import STEP, Look, Rig, SmoothPath, Track
+from lrf3d.scene.following import PHASE, chase, orbit
 from lrf3d.scene.structures import Structures
-from lrf3d.scene.timeline import Timeline
-from lrf3d.scene.whole import CARD, Overview
+from lrf3d.scene.timeline import Timeline, interpolated
+from lrf3d.scene.whole import CARD, overview
 
 OPENING, CLOSING = 3.0, 6.0
 """How long a story shows the whole before the run starts and after it has ended [s of the film]."""
 
-SHOT = 4.8
-"""About how long a shot is [s of the film]."""
-
-SHOTS = ("chase", "rise", "close", "high")
-"""Shots of the run, in their order."""
+SHOTS, _SHOT = ("chase", "rise", "close", "high"), 4.8
+"""Shots of the run, in their order, and about how long each is [s of the film]."""
 
 HELD = 3.2
 """How long the finished map and its card are held at the end [s of the film]."""
@@ -35,13 +34,12 @@ _UNKNOWN = 0.2
 _RISEN = 0.85
 """Share of the distance to the view of the whole that a rising shot covers."""
 
-_CLOSE, _CLOSE_STEEP, _CLOSE_SIDES = 4.6, float(np.radians(24.0)), 6
-"""How far off the robot a shot from near is [m], how steeply it looks down at the least [rad], and
-from how many sides it may begin."""
+_CLOSE, _CLOSE_SIDES = Rig(4.6, 24.0, 42.0), 6
+"""How a shot from near looks at the robot, and from how many sides it may begin."""
 
-_HIGH, _HIGH_SHARE, _HIGH_STEEP = 50.0, 0.55, float(np.radians(60.0))
-"""How far off the robot a shot from high up is at the most [m], and as a share of the distance to
-where the whole is seen from; and how steeply it looks down at the least [rad]."""
+_HIGH, _HIGH_SHARE = Rig(50.0, 60.0, 34.0, near=0.5), 0.55
+"""How a shot from high up does, and how far off it is at the most, as a share of the distance to
+where the whole is seen from."""
 
 _LEAVES, _CALM = 0.1, 0.3
 """Share of a path from the robot after which it leads over all walls, and the time [s of the film]
@@ -53,97 +51,87 @@ class Story:
 
     def __init__(self, timeline: Timeline, structures: Structures) -> None:
         self._timeline, self._structures = timeline, structures
-        self._path = SmoothPath(timeline)
-        self._opening = Overview(timeline, structures)
-        self._whole = Overview(timeline, structures, CARD)
-        self._chase = Chase(timeline, structures)
-        turns = -2.2 + np.linspace(0.0, 2.0 * np.pi, _CLOSE_SIDES, endpoint=False)
-        self._orbits = [
-            Orbit(timeline, structures, _CLOSE, _CLOSE_STEEP, float(turn)).track for turn in turns
-        ]
+        self._path = SmoothPath.of(timeline)
+        self._opening = overview(timeline, structures)
+        self._whole = overview(timeline, structures, CARD)
+        self._chase = chase(timeline, structures).track(1.0)
+        turns = PHASE + np.linspace(0.0, 2.0 * np.pi, _CLOSE_SIDES, endpoint=False)
+        self._close = [orbit(timeline, structures, _CLOSE, turn).track(1.0) for turn in turns]
         self._length = (timeline.end - timeline.start) / timeline.playback
-        self._down = min(_DOWN, 0.4 * self._length)
-        self._count = max(1, round((self._length - self._down) / SHOT))
-        self._tracks: dict[tuple[int, float], Track] = {}
+        down = min(_DOWN, 0.4 * self._length)
+        count = max(1, round((self._length - down) / _SHOT))
+        self._shots = ["opening", *(SHOTS[shot % len(SHOTS)] for shot in range(count)), "end"]
+        cuts = np.linspace(down, self._length, count + 1)
+        self._cuts = np.array([-OPENING, *cuts, self._length + CLOSING])
+        self._track = cache(self._made)
 
     def look(self, time: float, aspect: float) -> Look:
         """The look at a time [s] of the run, also before its start and after its end."""
         passed = (time - self._timeline.start) / self._timeline.playback
-        place = (passed - self._down) / max(self._length - self._down, 1e-9) * self._count
-        number = int(np.clip(np.floor(place), -1, self._count - 1))
-        number = self._count if passed > self._length else number
-        if (number, aspect) not in self._tracks:
-            self._tracks[number, aspect] = self._track(number, aspect)
-        track = self._tracks[number, aspect]
-        if number < 0:
-            shot = "unknown" if passed <= _UNKNOWN else "chase"
-            return track.look(time, plan=False, cuts=True, shot=shot)
-        if number == self._count:
-            faded = _eased((passed - self._length) / (CLOSING - HELD))
-            fading = {"ghost": float(faded), "raised": float(faded), "shot": "end"}
-            return track.look(time, plan=False, cuts=True, **fading)
-        shot = SHOTS[number % len(SHOTS)]
-        near = 0.5 if shot == "high" else 0.2
-        return track.look(time, plan=shot in ("chase", "close"), cuts=True, near=near, shot=shot)
+        # The end begins when the run has ended.
+        last = len(self._shots) - 1 - (passed <= self._length)
+        number = int(np.clip(np.searchsorted(self._cuts, passed, "right") - 1, 0, last))
+        shot, track = self._shots[number], self._track(number, aspect)
+        if shot == "opening":
+            return track.look(
+                time, plan=False, cuts=True, shot="unknown" if passed <= _UNKNOWN else "chase"
+            )
+        if shot == "end":
+            faded = float(_eased((passed - self._length) / (CLOSING - HELD)))
+            return track.look(time, plan=False, cuts=True, ghost=faded, raised=faded, shot=shot)
+        return track.look(time, plan=shot in ("chase", "close"), cuts=True, shot=shot)
 
-    def _track(self, number: int, aspect: float) -> Track:
-        """The looks of a shot by its number; that of the opening is −1."""
-        begin, end = (
-            self._down + place * (self._length - self._down) / self._count
-            for place in (number, number + 1)
-        )
-        if number < 0:
-            begin, end = -OPENING, self._down
-        if number == self._count:
-            begin, end = self._length, self._length + CLOSING
-        passed = np.arange(begin, end + SmoothPath.STEP, SmoothPath.STEP)
+    def _made(self, number: int, aspect: float) -> Track:
+        """The looks of a shot by its number."""
+        begin, end = self._cuts[number : number + 2]
+        passed = np.arange(begin, end + STEP, STEP)
         times = self._timeline.start + self._timeline.playback * passed
-        chase, whole = self._chase.track.at(times), self._whole.track(aspect).at(times)
-        if number < 0:
-            share = _eased(1.0 - passed / self._down)
-            return self._over(between(chase, self._opening.track(aspect).at(times), share), share)
-        if number == self._count:
-            share = _eased((passed - begin) / (CLOSING - HELD))
+        near, whole = self._chase.at(times), self._whole.track(aspect).at(times)
+        shot = self._shots[number]
+        if shot == "opening":
+            opening = self._opening.track(aspect).at(times)
+            return self._between(near, opening, _eased(1.0 - passed / end))
+        if shot == "end":
             last = self._track(number - 1, aspect).at(times)
-            return self._over(between(last, whole, share), share)
-        shot = SHOTS[number % len(SHOTS)]
+            return self._between(last, whole, _eased((passed - begin) / (CLOSING - HELD)))
         if shot == "rise":
-            share = _RISEN * _eased((passed - begin) / (end - begin))
-            return self._over(between(chase, whole, share), share)
+            return self._between(near, whole, _RISEN * _eased((passed - begin) / (end - begin)))
         if shot == "close":
             # The side from which it looks down the least: from above, little is seen of it.
-            sides = [chase, *(track.at(times) for track in self._orbits)]
+            sides = [near, *(track.at(times) for track in self._close)]
             return min(sides, key=lambda track: float(track.steeps.max()))
         if shot == "high":
-            away = min(_HIGH, _HIGH_SHARE * float(whole.aways[0]))
-            turns = np.full(len(self._path.times), whole.turns[0])
-            high = track_of(
-                self._path, turns, away=away, steep=_HIGH_STEEP, field=float(whole.fields[0])
-            )
-            high = high.at(times)._replace(airs=whole.airs)
-            places = high.middles[:, :2]
-            return high.over_walls(self._structures, places, SmoothPath.SMOOTH / SmoothPath.STEP)
-        return chase
+            turns = np.full(len(times), whole.turns[0])
+            path = SmoothPath(times, self._places(times), turns)
+            rig = _HIGH._replace(away=min(_HIGH.away, _HIGH_SHARE * whole.aways[0]))
+            high = Track.along(path, turns, rig)
+            return high._replace(airs=whole.airs).over_walls(self._structures, path.places)
+        return near
 
-    def _over(self, way: Track, share: Float) -> Track:
-        """A way from the robot, at shares (k,) of it, that leads over walls."""
-        places = np.array([self._path.place(time) for time in way.times])
-        over = way.over_walls(self._structures, places, _CALM / SmoothPath.STEP)
+    def _places(self, times: Float) -> Float:
+        """Where the robot is (k, 2) at times (k,) [s]."""
+        return interpolated(times, self._path.times, self._path.places)
+
+    def _between(self, near: Track, far: Track, share: Float) -> Track:
+        """Looks along the path from the robot to far away, at shares (k,) 0…1 of it, over walls."""
+        # The distance grows by the same factor in each second; steps in and down come last.
+        aways = np.exp(np.log(near.aways) + share * np.log(far.aways / near.aways))
+        moved = (aways - near.aways) / np.where(
+            far.aways == near.aways, 1.0, far.aways - near.aways
+        )
+        turned = (far.turns - near.turns + np.pi) % (2.0 * np.pi) - np.pi
+        others = (a + share * (b - a) for a, b in zip(near[5:], far[5:], strict=True))
+        path = Track(
+            near.times,
+            near.middles + moved[:, None] * (far.middles - near.middles),
+            near.turns + share * turned,
+            near.steeps + np.sqrt(share) * (far.steeps - near.steeps),
+            aways,
+            *others,
+        )
+        over = path.over_walls(self._structures, self._places(path.times), _CALM / STEP)
         leads = np.clip(share / _LEAVES, 0.0, 1.0)
-        return way._replace(steeps=way.steeps + leads * (over.steeps - way.steeps))
-
-
-def between(near: Track, far: Track, share: Float) -> Track:
-    """Looks along the path from the robot to far away, at shares (k,) 0…1 of it."""
-    # The way is as long to the eye in each second; steps in and down come last.
-    aways = np.exp(np.log(near.aways) + share * np.log(far.aways / near.aways))
-    moved = (aways - near.aways) / np.where(far.aways == near.aways, 1.0, far.aways - near.aways)
-    middles = near.middles + moved[:, None] * (far.middles - near.middles)
-    half = (far.turns - near.turns + np.pi) % (2.0 * np.pi) - np.pi
-    turns = near.turns + share * half
-    steeps = near.steeps + np.sqrt(share) * (far.steeps - near.steeps)
-    fields, shifts, airs = (a + share * (b - a) for a, b in zip(near[5:], far[5:], strict=True))
-    return Track(near.times, middles, turns, steeps, aways, fields, shifts, airs)
+        return path._replace(steeps=path.steeps + leads * (over.steeps - path.steeps))
 
 
 def _eased(shares: Float | float) -> Float:

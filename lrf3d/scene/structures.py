@@ -9,7 +9,7 @@ their origin knows no centimetres.
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -24,8 +24,7 @@ SIGHT_DISTANCE = 4000.0
 """Distance [m] up to which things are drawn: haze hides what is far beyond a tenth of it."""
 
 
-@dataclass(frozen=True, eq=False)
-class Sight:
+class Sight(NamedTuple):
     """The part of a world that can be seen."""
 
     world: World
@@ -37,16 +36,14 @@ class Sight:
     @classmethod
     def of(cls, world: World, path: Float | None = None) -> "Sight":
         """What can be seen of a world from a path (k, 2) and from its cameras; all without one."""
-        places = np.zeros((0, 2)) if path is None else path
-        if not len(places):
+        if path is None or not len(path):
             return cls(world, world.origin)
         stands = [np.reshape([c.position[:2], c.target[:2]], (2, 2)) for c in world.cameras]
-        places = np.concatenate([places, *stands])
+        places = np.concatenate([path, *stands])
         low, high = places.min(axis=0), places.max(axis=0)
         world = _near(world, low - SIGHT_DISTANCE, high + SIGHT_DISTANCE)
-        if not len(world.segments):
-            return cls(world, np.round(0.5 * (low + high)))
-        return cls(world, world.origin)
+        there = len(world.segments) > 0
+        return cls(world, world.origin if there else np.round(0.5 * (low + high)))
 
     @classmethod
     def of_run(cls, run: Run) -> "Sight":
@@ -59,8 +56,7 @@ def _near(world: World, low: Float, high: Float) -> World:
     ends = world.segments.reshape(-1, 2)
     if ((ends >= low) & (ends <= high)).all() and world.heights.max(initial=0.0) <= SIGHT_DISTANCE:
         return world
-    lines = shapely.linestrings(world.segments.reshape(-1, 2, 2))
-    pieces = shapely.clip_by_rect(lines, *low, *high)
+    pieces = shapely.clip_by_rect(shapely.linestrings(ends.reshape(-1, 2, 2)), *low, *high)
     kept = np.flatnonzero(shapely.length(pieces) > 0.0)
     objects = world.objects[kept]
     count = int(objects.max(initial=-1)) + 1
@@ -94,6 +90,9 @@ nor the map from an eye behind it."""
 
 _PROBE = 0.005
 """How far beside a wall [m] its inside is felt for: less than any wall is thick."""
+
+_NEAR = 0.2
+"""A wall farther than this from a segment of a map [m] is another one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +155,7 @@ class Structures:
         segments = world.segments - np.tile(origin, 2)
         path = np.zeros((0, 2)) if path is None else path - origin
         areas = _areas(segments, world.objects, world.object_count)
-        areas[_entered(areas, path) | _holds_others(areas, segments, world.objects)] = None
+        areas[_rooms(areas, segments, world.objects, path)] = None
         left, right = (_inside(areas[world.objects], segments, aside) for aside in (1.0, -1.0))
         closed, turned, facing = left != right, right & ~left, segments.copy()
         facing[turned] = segments[turned][:, [2, 3, 0, 1]]
@@ -186,6 +185,15 @@ class Structures:
             path=path,
         )
 
+    def tops(self, segments: Float) -> Float:
+        """Heights (m,) of the walls that segments (m, 4) lie on [m]; infinite where none is."""
+        tops = np.full(len(segments), np.inf)
+        if len(segments) and len(self.heights):
+            middles = shapely.points(0.5 * (segments[:, :2] + segments[:, 2:]))
+            found, wall = self.tree.query_nearest(middles, max_distance=_NEAR, all_matches=False)
+            tops[found] = self.heights[wall]
+        return tops
+
     @property
     def places(self) -> Float:
         """Ends (m, 2) of all walls [m]."""
@@ -212,9 +220,7 @@ def _enclosed(segments: Float, heights: Float, closed: Bool, path: Float) -> boo
         return False
     if float(np.median(heights[free])) < _AS_HIGH * float(heights.max()):
         return False
-    walls = shapely.buffer(shapely.linestrings(segments[free].reshape(-1, 2, 2)), _DOOR)
-    parts = shapely.get_parts(shapely.union_all(walls))
-    filled = shapely.polygons(shapely.get_exterior_ring(parts))
+    filled = filled_between(segments[free], _DOOR)
     hall = shapely.simplify(filled[int(np.argmax(shapely.area(filled)))], 0.1)
     shapely.prepare(hall)
     middles = 0.5 * (segments[:, :2] + segments[:, 2:])
@@ -223,11 +229,17 @@ def _enclosed(segments: Float, heights: Float, closed: Bool, path: Float) -> boo
     return bool(inside.all() and within.sum() >= _ENCLOSED * lengths(segments).sum())
 
 
+def filled_between(segments: Float, reach: float) -> NDArray[Any]:
+    """Polygons (k,) of what walls (n, 4) and a reach round them [m] close round, without holes."""
+    walls = shapely.buffer(shapely.linestrings(segments.reshape(-1, 2, 2)), reach)
+    parts = shapely.get_parts(shapely.union_all(walls))
+    parts = parts[shapely.get_type_id(parts) == 3]
+    return np.asarray(shapely.polygons(shapely.get_exterior_ring(parts)))
+
+
 def _areas(segments: Float, objects: NDArray[Any], count: int) -> NDArray[Any]:
     """The polygon (count,) that each object's walls close round, or None where they do not."""
     areas = np.full(count, None, dtype=object)
-    if not len(segments):
-        return areas
     # Ends a millimetre apart are one corner: files round their coordinates.
     lines = shapely.linestrings(np.round(segments, 3).reshape(-1, 2, 2))
     order = np.argsort(objects, kind="stable")
@@ -240,30 +252,17 @@ def _areas(segments: Float, objects: NDArray[Any], count: int) -> NDArray[Any]:
     return areas
 
 
-def _entered(areas: NDArray[Any], path: Float) -> Bool:
-    """Which areas (k,) the robot was inside of."""
+def _rooms(areas: NDArray[Any], segments: Float, objects: Int, path: Float) -> Bool:
+    """Which areas (k,) are no solids: the robot was inside, or all walls of another object are."""
     tree = shapely.STRtree(areas)
-    _, hit = tree.query(shapely.points(path), predicate="within")
-    entered = np.zeros(len(areas), dtype=bool)
-    entered[hit] = True
-    return entered
-
-
-def _holds_others(areas: NDArray[Any], segments: Float, objects: NDArray[Any]) -> Bool:
-    """Which areas (k,) have all of another object inside: rooms and yards, not houses."""
-    holds = np.zeros(len(areas), dtype=bool)
-    if not len(segments):
-        return holds
+    rooms = np.isin(np.arange(len(areas)), tree.query(shapely.points(path), "within")[1])
     middles = shapely.points(0.5 * (segments[:, :2] + segments[:, 2:]))
-    point, area = shapely.STRtree(areas).query(middles, predicate="within")
-    other = objects[point] != area
-    pairs, counts = np.unique(
-        np.column_stack([objects[point[other]], area[other]]), axis=0, return_counts=True
-    )
-    walls = np.bincount(objects, minlength=len(areas))
-    whole = counts == walls[pairs[:, 0]] if len(pairs) else np.zeros(0, dtype=bool)
-    holds[pairs[whole, 1]] = True
-    return holds
+    wall, area = tree.query(middles, predicate="within")
+    pairs = np.column_stack([objects[wall], area])[objects[wall] != area]
+    pairs, counts = np.unique(pairs, axis=0, return_counts=True)
+    whole = counts == np.bincount(objects, minlength=len(areas))[pairs[:, 0]]
+    rooms[pairs[whole, 1]] = True
+    return rooms
 
 
 def _inside(areas: NDArray[Any], walls: Float, aside: float) -> Bool:

@@ -13,15 +13,20 @@ from lrf3d.scene.structures import Sight
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 
-
-DWELL_GAP = 1.0
+_STOP_GAP = 1.0
 """Scans farther apart in time than this [s] are stops and not a drive."""
 
-DWELL_SHARE = 0.75
+_STANDING = 0.75
 """Share of the time between two stops that the robot stands and scans."""
+
+_GLIDE_KEYS = 24
+"""Keys between two stops: enough for a soft start and end."""
 
 _SET_DOWN = 5e-4
 """Half the time [s] in which a robot is set down behind a wall."""
+
+_FASTEST = 1000.0
+"""A robot that went faster than this [m/s] did not drive but was set down elsewhere."""
 
 _SPEED_STEP = 0.05
 """Half the time [s] over which the speed is measured: shorter shows the joints of the path."""
@@ -29,21 +34,18 @@ _SPEED_STEP = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """What is to be seen at one time of a run.
-
-    Args:
-        time: Time of the run [s].
-        pose: (3,) pose of the robot x, y [m], theta [rad] in the world.
-        scan: Index of the newest scan.
-        speed: Speed of the robot [m/s].
-        scanning: Whether the beams are on.
-    """
+    """What is to be seen at one time of a run."""
 
     time: float
+    """Time of the run [s]."""
     pose: Float
+    """(3,) pose of the robot x, y [m], theta [rad] in the world."""
     scan: int
+    """Index of the newest scan."""
     speed: float
+    """Speed of the robot [m/s]."""
     scanning: bool
+    """Whether the beams are on."""
 
 
 class Timeline:
@@ -67,13 +69,15 @@ class Timeline:
         self.origin = Sight.of_run(run).origin
         times = run.trajectory.times
         gaps = np.diff(times)
-        self.dwells = len(gaps) == 0 or float(np.median(gaps)) > DWELL_GAP
-        self.set_down = self._legs_through_walls() if self.dwells else np.zeros(len(gaps), np.bool_)
-        self.start = float(times[0])
-        self.end = float(times[-1])
+        gap = float(np.median(gaps)) if len(gaps) else np.inf
+        self.dwells = gap > _STOP_GAP
+        self.start, self.end = float(times[0]), float(times[-1])
+        # Times of the film, and those of the drive that are shown then.
+        self.keys, self._shown = times, times
         if self.dwells:
             # The last stop is looked at as long as the others.
-            self.end += DWELL_SHARE * (float(np.median(gaps)) if len(gaps) else DWELL_GAP)
+            self.end += _STANDING * (gap if len(gaps) else _STOP_GAP)
+            self.keys, self._shown = _stops(times, _through_walls(run))
 
     def frame_times(self, fps: float, margins: tuple[float, float] = (0.0, 0.0)) -> Float:
         """Times (frames,) of the run [s] that a film shows, first to last, at least one.
@@ -91,86 +95,99 @@ class Timeline:
 
     def poses(self, times: Float) -> Float:
         """Poses (m, 3) of the robot at times (m,) [s]."""
-        return self.run.trajectory.at(self._driven(np.asarray(times, dtype=np.float64)))
+        return self.run.trajectory.at(np.interp(times, self.keys, self._shown))
 
     def moment(self, time: float) -> Moment:
         """What is to be seen at a time [s]; before the start it is the start, and so at the end."""
         times = self.run.trajectory.times
         time = min(max(time, self.start), self.end)
-        scan = int(
-            np.clip(np.searchsorted(times, time + 1e-9, side="right") - 1, 0, len(times) - 1)
-        )
-        around = self.poses(np.array([time - _SPEED_STEP, time, time + _SPEED_STEP]))
-        step = 0.0 if self.dwells else float(np.hypot(*(around[2, :2] - around[0, :2])))
-        speed = step / (2.0 * _SPEED_STEP)
-        scanning = True
-        if self.dwells and scan + 1 < len(times):
-            gap = times[scan + 1] - times[scan]
-            scanning = bool(time - times[scan] <= DWELL_SHARE * gap)
-        return Moment(float(time), around[1], scan, speed, scanning)
-
-    def _driven(self, times: Float) -> Float:
-        """The times of the trajectory that are shown at the times of the film."""
-        knots = self.run.trajectory.times
-        if not self.dwells or len(knots) < 2:
-            return times
-        stop = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(knots) - 2)
-        gap = knots[stop + 1] - knots[stop]
-        share = np.clip((times - knots[stop]) / gap, 0.0, 1.0)
-        glide = np.clip((share - DWELL_SHARE) / (1.0 - DWELL_SHARE), 0.0, 1.0)
-        # The glide starts and ends at rest, as a robot does.
-        eased = np.where(self.set_down[stop], glide > 0.5, glide * glide * (3.0 - 2.0 * glide))
-        return np.asarray(knots[stop] + gap * eased)
-
-    def _legs_through_walls(self) -> Bool:
-        """Which legs (k − 1,) between stops cross a wall."""
-        places = self.run.trajectory.poses[:, :2]
-        legs = shapely.linestrings(np.stack([places[:-1], places[1:]], axis=1))
-        walls = shapely.STRtree(shapely.linestrings(self.run.world.segments.reshape(-1, 2, 2)))
-        crosses = np.zeros(len(legs), np.bool_)
-        crosses[walls.query(legs, predicate="intersects")[0]] = True
-        return crosses
+        scan = max(int(np.searchsorted(times, time + 1e-9, side="right")) - 1, 0)
+        before, pose, after = self.poses(time + _SPEED_STEP * np.array([-1.0, 0.0, 1.0]))
+        step = 0.0 if self.dwells else float(np.hypot(*(after - before)[:2]))
+        since, until = time - times[scan], times[scan + 1 : scan + 2] - times[scan]
+        scanning = not (self.dwells and bool((since > _STANDING * until).any()))
+        return Moment(float(time), pose, scan, step / (2.0 * _SPEED_STEP), scanning)
 
 
-_GLIDE_KEYS = 12
-"""Keys between two stops of a robot that stands and scans: enough for a soft start and end."""
+def _stops(times: Float, through_walls: Bool) -> tuple[Float, Float]:
+    """Keys (k,) of a film of stops at times (n,), and the times of the drive that are shown then.
+
+    Where a leg (n − 1,) goes through a wall, the robot is set down at once behind it.
+    """
+    gaps = np.diff(times)[:, None]
+    middle = 0.5 + np.array([-1.0, 1.0]) * _SET_DOWN / ((1.0 - _STANDING) * gaps)
+    even = np.tile(np.linspace(0.0, 1.0, _GLIDE_KEYS + 1), (len(gaps), 1))
+    share = np.sort(np.hstack([even, middle]), axis=1)
+    # The glide starts and ends at rest, as a robot does.
+    gone = np.where(through_walls[:, None], share > 0.5, share * share * (3.0 - 2.0 * share))
+    keys = times[:-1, None] + gaps * (_STANDING + (1.0 - _STANDING) * share)
+    shown = times[:-1, None] + gaps * gone
+    keys, first = np.unique(np.append(times, keys), return_index=True)
+    return keys, np.append(times, shown)[first]
+
+
+def _through_walls(run: Run) -> Bool:
+    """Which legs (k − 1,) between stops cross a wall."""
+    places = run.trajectory.poses[:, :2]
+    legs = shapely.linestrings(np.stack([places[:-1], places[1:]], axis=1))
+    walls = shapely.STRtree(shapely.linestrings(run.world.segments.reshape(-1, 2, 2)))
+    return np.isin(np.arange(len(legs)), walls.query(legs, predicate="intersects")[0])
+
+
+def interpolated(times: Float, knots: Float, values: Float) -> Float:
+    """Values (k, c) at knots (k,), which rise, as rows (m, c) at times (m,) between them."""
+    return np.column_stack([np.interp(times, knots, column) for column in values.T])
 
 
 class DriveKeys(NamedTuple):
-    """The robot's way in key poses, between which it goes straight and evenly."""
+    """The robot's path in key poses, between which it goes straight and evenly."""
 
     times: Float
     """(k,) when it is there, from the start of the run on [s], rising."""
     poses: Float
     """(k, 3) its poses in the film's frame; headings go on past half a turn."""
 
+    @property
+    def driven(self) -> Bool:
+        """Which legs (k − 1,) between keys the robot drove."""
+        step = np.hypot(*np.diff(self.poses[:, :2], axis=0).T)
+        return np.asarray(step <= _FASTEST * np.diff(self.times))
+
+    def thinned(self, error: float = 0.005) -> "DriveKeys":
+        """The keys without those that the robot passes while it drives evenly, within an error [m].
+
+        Lines are simplified (Douglas and Peucker, 1973) that run as the robot does, and as its path
+        grows with time.
+        """
+        times, places = self.times, self.poses[:, :2]
+        if len(times) < 3:
+            return self
+        path = np.append(0.0, np.cumsum(np.hypot(*np.diff(places, axis=0).T)))
+        pace = path[-1] / (times[-1] - times[0])
+        lines = np.column_stack([places, times]), np.column_stack([path, pace * times, times])
+        simple = shapely.simplify(shapely.linestrings(lines), error, preserve_topology=False)
+        kept = np.isin(times, shapely.get_coordinates(simple, include_z=True)[:, 2])
+        return DriveKeys(times[kept], self.poses[kept])
+
 
 def drive_keys(timeline: Timeline) -> DriveKeys:
     """The key poses of a run's robot, as it is seen to move."""
-    times = timeline.run.trajectory.times
-    if timeline.dwells and len(times) > 1:
-        glide = DWELL_SHARE + (1.0 - DWELL_SHARE) * np.linspace(0.0, 1.0, _GLIDE_KEYS + 1)
-        keys = times[:-1, None] + np.diff(times)[:, None] * glide
-        turns = times[:-1] + 0.5 * (1.0 + DWELL_SHARE) * np.diff(times)
-        turns = turns[timeline.set_down]
-        times = np.concatenate([times, keys.ravel(), turns - _SET_DOWN, turns + _SET_DOWN])
-    times = np.unique(np.append(times, timeline.end))
-    poses = timeline.poses(times) - [*timeline.origin, 0.0]
+    times = np.unique(np.append(timeline.keys, timeline.end))
+    return _keys(timeline, times, timeline.poses(times))
+
+
+def obstacle_keys(obstacle: "DynamicObstacle", timeline: Timeline) -> DriveKeys:
+    """The key poses of a dynamic obstacle while a run lasts."""
+    times = np.clip(obstacle.poses.times, timeline.start, timeline.end)
+    times = np.unique([timeline.start, *times, timeline.end])
+    return _keys(timeline, times, obstacle.path.at(times))
+
+
+def _keys(timeline: Timeline, times: Float, poses: Float) -> DriveKeys:
+    """Keys at times (k,) of the run with poses (k, 3) in the world."""
+    poses = poses - [*timeline.origin, 0.0]
     poses[:, 2] = np.unwrap(poses[:, 2])
     return DriveKeys(times - timeline.start, poses)
-
-
-def obstacle_keys(obstacle: "DynamicObstacle", timeline: Timeline) -> tuple[Float, Float]:
-    """Times (k,) between which an obstacle goes straight, and its poses (k, 3) in the film's frame.
-
-    Times count from the start of the run [s].
-    """
-    times = obstacle.poses.times
-    within = times[(times > timeline.start) & (times < timeline.end)]
-    keys = np.unique([timeline.start, *within, timeline.end])
-    poses = obstacle.path.at(keys) - [*timeline.origin, 0.0]
-    poses[:, 2] = np.unwrap(poses[:, 2])
-    return keys - timeline.start, poses
 
 
 def scan_times(timeline: Timeline, every: int = 1) -> tuple[Float, Float]:
@@ -183,6 +200,6 @@ def scan_times(timeline: Timeline, every: int = 1) -> tuple[Float, Float]:
     if not timeline.dwells:
         middles = 0.5 * (times[:-1] + times[1:])
         return np.append(timeline.start, middles), np.append(middles, timeline.end)
-    ends = times + DWELL_SHARE * np.diff(times, append=timeline.end)
+    ends = times + _STANDING * np.diff(times, append=timeline.end)
     ends[-1] = timeline.end
     return times, ends

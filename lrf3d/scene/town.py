@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import shapely
 
-from lrf3d.geometry import Float
 from lrf3d.scene.structures import Structures
 
 PAVEMENT, KERB = 1.7, 0.16
@@ -48,7 +47,9 @@ class TownPlan(NamedTuple):
 
 def plan_town(structures: Structures) -> TownPlan:
     """Plan the streets round the houses of a town."""
-    solids, way = structures.houses, _way(structures.path)
+    solids, path = structures.houses, structures.path
+    drive = shapely.linestrings(path) if len(path) > 1 else shapely.multipoints(path)
+    way = shapely.simplify(drive, _WAY_STEP)
     blocks = shapely.union_all(
         shapely.buffer(solids, 0.5 * _BLOCK, join_style="mitre", mitre_limit=1.5)
     )
@@ -59,7 +60,8 @@ def plan_town(structures: Structures) -> TownPlan:
     open_ground = shapely.difference(shapely.buffer(far, -SQUARE, quad_segs=4), blocks)
     parts = shapely.get_parts(open_ground)
     # What blocks close round, and no robot enters, is a yard.
-    filled = shapely.union_all(shapely.polygons(shapely.get_exterior_ring(_polygons(blocks))))
+    outer = shapely.get_exterior_ring(shapely.get_parts(blocks))
+    filled = shapely.union_all(shapely.polygons(outer[~shapely.is_empty(outer)]))
     shapely.prepare(filled)
     parts = parts[shapely.intersects(parts, way) | ~shapely.contains(filled, parts)]
     driven = shapely.difference(shapely.buffer(way, _WAY, quad_segs=4), feet)
@@ -73,16 +75,3 @@ def _rounded(shape: Any, outer: float, inner: float) -> Any:
     for reach in (inner, -inner - outer, outer):
         shape = shapely.buffer(shape, reach, quad_segs=4)
     return shape
-
-
-def _polygons(shape: Any) -> Any:
-    """The polygons that a shape is made of."""
-    parts = shapely.get_parts(shape)
-    return parts[(shapely.get_type_id(parts) == 3) & ~shapely.is_empty(parts)]
-
-
-def _way(path: Float) -> Any:
-    """Where a robot drives (k, 2), as a shapely geometry."""
-    if len(path) < 2:
-        return shapely.multipoints(path)
-    return shapely.simplify(shapely.linestrings(path), _WAY_STEP)

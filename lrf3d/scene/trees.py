@@ -11,7 +11,8 @@ import shapely
 import trimesh
 
 from lrf3d.scene.look import LEAF_COLOURS, SUN, spread
-from lrf3d.scene.panels import LIT, Panels, panels
+from lrf3d.scene.panels import LIT, panels
+from lrf3d.scene.shapes import Painted
 from lrf3d.scene.structures import Structures
 
 _LOWEST = 3.0
@@ -30,7 +31,7 @@ _LUMPS, _PATCHES = 0.16, 0.10
 brightness."""
 
 
-def crowns_of(structures: Structures) -> Panels:
+def crowns_of(structures: Structures) -> Painted:
     """The leaves of all trees that are high enough: as many triangles for each."""
     trees = structures.trees[structures.solid_heights[structures.trees] >= _LOWEST]
     places = shapely.get_coordinates(shapely.centroid(structures.solids[trees]))
@@ -51,7 +52,7 @@ def crowns_of(structures: Structures) -> Panels:
     return panels(corners, normals, colours[:, None], np.array(LIT), objects)
 
 
-def shadows(crowns: Panels) -> Any:
+def shadows(crowns: Painted) -> Any:
     """What each crown hides from the sun on the ground, as shapely geometries."""
     count = len(np.unique(crowns.objects))
     slide = crowns.places[..., 2:] * (SUN[:2] / SUN[2])

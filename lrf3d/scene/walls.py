@@ -1,11 +1,11 @@
 """Walls as panels: cut where shadows and storeys end, and laid on the texture of façades."""
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from lrf3d.geometry import Bool, Float, Int, directions, lengths
+from lrf3d.geometry import Float, Int, directions, lengths
 from lrf3d.scene.facades import (
     BAY,
     BAYS,
@@ -19,8 +19,9 @@ from lrf3d.scene.facades import (
     WINDOWED,
 )
 from lrf3d.scene.look import spread
-from lrf3d.scene.panels import LIT, Panels, joined, level_panels
+from lrf3d.scene.panels import LIT, joined, level_panels
 from lrf3d.scene.shadows import shade_walls
+from lrf3d.scene.shapes import Painted, single
 from lrf3d.scene.structures import Structures
 
 CORNICE, NARROW = 0.45, 1.7
@@ -39,36 +40,28 @@ _APART = 0.004
 """Half the gap between both faces of a free wall [m]: a ray meets the one that looks at it."""
 
 
-class Sides(NamedTuple):
-    """Sides of walls that can be seen: one of those of solids, both of free ones."""
+def wall_sides(structures: Structures) -> tuple[Int, Float]:
+    """The walls (n,) whose sides can be seen: those of solids once, free ones from both sides.
 
-    walls: Int
-    """(n,) the wall of each."""
-    segments: Float
-    """(n, 4) x1 y1 x2 y2 [m]; it looks to the right of its direction."""
-    free: Bool
-    """(n,) whether it is of a free wall."""
-
-
-def wall_sides(structures: Structures) -> Sides:
-    """The sides of all walls."""
+    Returns also the sides (n, 4) [m], which look to the right of their directions.
+    """
     solid, free = np.flatnonzero(structures.closed), np.flatnonzero(~structures.closed)
-    walls = np.concatenate([solid, free, free])
+    walls, back = np.concatenate([solid, free, free]), slice(len(solid) + len(free), None)
     segments = structures.segments[walls]
-    turned = slice(len(solid) + len(free), None)
-    segments[turned] = segments[turned][:, [2, 3, 0, 1]]
-    return Sides(walls, segments, np.arange(len(walls)) >= len(solid))
+    segments[back] = segments[back][:, [2, 3, 0, 1]]
+    return walls, segments
 
 
-def lay_walls(structures: Structures) -> Panels:
+def lay_walls(structures: Structures) -> Painted:
     """All walls and the tops of free ones: ground floors, upper floors and cornices of houses."""
-    sides, indoor = wall_sides(structures), structures.indoor
-    number, segments = sides.walls, sides.segments
+    number, segments = wall_sides(structures)
     strips = shade_walls(structures, segments)
     length, along = lengths(segments), directions(segments)
     bays = np.maximum(1.0, np.floor(length / BAY))
     normals = np.column_stack([along[:, 1], -along[:, 0], np.zeros(len(along))])
-    starts = segments[:, :2] + np.where(sides.free, _APART, 0.0)[:, None] * normals[:, :2]
+    starts = (
+        segments[:, :2] + np.where(structures.closed[number], 0.0, _APART)[:, None] * normals[:, :2]
+    )
     way = segments[:, 2:] - segments[:, :2]
     found = []
     for chosen, *columns in _rows(structures, number, length, bays):
@@ -87,16 +80,16 @@ def lay_walls(structures: Structures) -> Panels:
         low, high = strips.low[strip], strips.high[strip]
         wall, shape = number[side], texture.shape
         found.append(
-            Panels(
-                np.concatenate([level, up[..., None]], axis=2),
-                np.broadcast_to(normals[side, None], shape),
-                texture,
-                np.broadcast_to((bright * structures.colours[wall])[:, None], shape),
-                np.column_stack([low, high, high, low]) - up,
+            Painted(
+                single(np.concatenate([level, up[..., None]], axis=2)),
+                single(np.broadcast_to(normals[side, None], shape)),
+                single(texture),
+                single(np.broadcast_to((bright * structures.colours[wall])[:, None], shape)),
+                single(np.column_stack([low, high, high, low]) - up),
                 structures.objects[wall],
             )
         )
-    return joined(*found, _caps(structures, 0.55 if indoor else 0.85))
+    return joined(*found, _caps(structures, 0.55 if structures.indoor else 0.85))
 
 
 def _rows(
@@ -128,7 +121,7 @@ def _rows(
     yield ~facade, np.where(skirted, foot, 0.0), heights, BLANK, 0.0, 0.0, 1.0, 1.0
 
 
-def _caps(structures: Structures, bright: float) -> Panels:
+def _caps(structures: Structures, bright: float) -> Painted:
     """Strips on top of free walls, so much brighter than these."""
     free = ~structures.closed
     segments = structures.segments[free]

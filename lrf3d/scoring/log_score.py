@@ -68,7 +68,7 @@ def score_log(line_map: LineMap, scans: Iterable[LaserScan]) -> LogScore:
     solid = solid - np.tile(origin, 2)
     tree = shapely.STRtree(shapely.linestrings(solid.reshape(-1, 2, 2)))
     caster = PlanarCaster(World(solid))
-    scan_count = return_count = explained = violations = 0
+    counts: list[tuple[int, int, int]] = []
     errors: list[Float] = [np.empty(0)]
     for scan in scans:
         judged = (scan.ranges > NEAREST_RETURN) & (scan.ranges < FARTHEST_RETURN)
@@ -76,22 +76,21 @@ def score_log(line_map: LineMap, scans: Iterable[LaserScan]) -> LogScore:
         pose = Pose(scan.pose.x - origin[0], scan.pose.y - origin[1], scan.pose.theta)
         places = shapely.points(reflection_points(pose, scan.angles[judged], ranges))
         near, _ = tree.query(places, predicate="dwithin", distance=EXPLAINED_WITHIN)
-        expected = _map_ranges(caster, scan, pose)[judged]
-        hit = np.isfinite(expected)
-        scan_count += 1
-        return_count += len(ranges)
-        explained += len(np.unique(near))
-        violations += int((ranges[hit] - expected[hit] > VIOLATED_BEYOND).sum())
-        errors.append(np.abs(expected[hit] - ranges[hit]))
+        beyond = ranges - _map_ranges(caster, scan, pose)[judged]
+        beyond = beyond[np.isfinite(beyond)]
+        violations = int((beyond > VIOLATED_BEYOND).sum())
+        counts.append((len(ranges), len(np.unique(near)), violations))
+        errors.append(np.abs(beyond))
+    returns, explained, violated = np.array(counts).reshape(-1, 3).sum(axis=0).tolist()
     all_errors = np.concatenate(errors)
     return LogScore(
-        explained=explained / return_count if return_count else np.nan,
-        violation=violations / return_count if return_count else np.nan,
+        explained=explained / returns if returns else np.nan,
+        violation=violated / returns if returns else np.nan,
         median_range_error=float(np.median(all_errors)) if len(all_errors) else np.nan,
         segments=len(line_map),
         length=float(lengths(line_map.segments).sum()),
-        scans=scan_count,
-        returns=return_count,
+        scans=len(counts),
+        returns=int(returns),
     )
 
 

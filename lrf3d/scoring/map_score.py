@@ -11,7 +11,7 @@ from lrf3d.run import Run
 from lrf3d.scoring.matching import match_segments, sample_offsets
 from lrf3d.scoring.report import Report
 from lrf3d.scoring.visibility import visible_walls
-from lrf3d.world.touching import joined_objects
+from lrf3d.world.pieces import joined_objects
 
 SAMPLE_TOLERANCE = 0.1
 """Largest distance of a right sample from a wall [m]."""

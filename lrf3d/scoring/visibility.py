@@ -9,7 +9,7 @@ from lrf3d.laser import beam_directions
 from lrf3d.run import Run
 from lrf3d.scoring.matching import match_segments
 from lrf3d.scoring.report import Report
-from lrf3d.world.touching import joined_objects
+from lrf3d.world.pieces import joined_objects
 
 DIRECT = 1e-3
 """Farthest off its wall [m] that the place of a direct return may be."""

@@ -6,7 +6,7 @@ there, and the pose graph does not grow. So the graph grows with the space, not 
 of the reduced pose graph (Johannsson et al. 2013), here for scans.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -32,10 +32,7 @@ ENOUGH = 2
 town are a fifth larger, and covariances too small; in recorded offices nothing changes."""
 
 MOST_WITH = 8
-"""Key scans that a scan in a known place is matched with, at most."""
-
-AROUND = 2.0
-"""How far from the scan these key scans stand [m], at most."""
+"""Key scans that a scan in a known place is matched with, at most: the nearest."""
 
 CERTAIN = 10.0
 """A robot is certain of its pose relative to key scans that are at most this far [m] along the
@@ -47,63 +44,62 @@ OFF, OFF_TURN = 0.3, 0.06
 PLACE_COVARIANCE = np.diag([OFF**2, OFF**2, OFF_TURN**2])
 """Covariance of the pose of a scan there before it is matched."""
 
-PLACE_INFORMATION = np.diag(1.0 / PLACE_COVARIANCE.diagonal())
-"""The inverse of that covariance."""
-
 
 @dataclass(frozen=True, slots=True)
 class Anchor:
-    """Where the front end's way meets the graph: a key scan, or a scan in a known place.
+    """Where the front end's path meets the graph: a key scan, or a scan in a known place.
 
     The scan is attached to a key scan (its own, if it is one), at a pose relative to it, and has a
-    pose in the front end's drifting frame; ``way`` [m] is how far a robot drifts until its pose is
-    as uncertain as the relative one.
+    pose in the front end's drifting frame; the robot had driven some distance [m] until then. The
+    relative pose of a scan in a known place is as uncertain as its covariance (3, 3) says, and as a
+    robot is that has drifted over a distance [m].
     """
 
     scan: int
     key: int
     relative: Float
     front: Float
-    way: float = 0.0
+    driven: float
+    drifted: float = 0.0
+    covariance: Float = field(default_factory=lambda: np.zeros((3, 3)))
 
 
-def in_known_place(
-    closer: LoopCloser, scan: Key, last: Anchor, way: float, poses: Float
-) -> Anchor | None:
+def in_known_place(closer: LoopCloser, scan: Key, last: Anchor, poses: Float) -> Anchor | None:
     """The anchor of a scan that stands in a known place; None if it is to be a key scan.
 
-    The robot has driven a distance [m] since the last anchor; poses (k, 3) are those of the key
-    scans.
+    The last anchor is the one before it; poses (k, 3) are those of the key scans.
     """
     keys = closer.keys
     guess = compose(compose(poses[last.key], last.relative), between(last.front, scan.pose))
     apart = np.hypot(poses[:, 0] - guess[0], poses[:, 1] - guess[1])
     old = closer.driven < closer.distance - LEAST_DISTANCE
+    drifted = last.drifted + closer.distance - last.driven
+    old &= closer.paths.lengths(last.key, CERTAIN) + drifted < CERTAIN
     here = old & (apart < PLACE) & (np.abs(wrap_angle(poses[:, 2] - guess[2])) < PLACE_TURN)
     if here.sum() < ENOUGH or len(scan.surface) < LEAST_POINTS:
         return None
-    uncertain = last.way + way
-    apart_by_path = closer.paths.lengths(last.key, CERTAIN) + uncertain
-    here &= apart_by_path < CERTAIN
-    if here.sum() < ENOUGH:
-        return None
-    near = np.flatnonzero(old & (apart < AROUND) & (apart_by_path < CERTAIN))
-    near = near[np.argsort(apart[near], kind="stable")][:MOST_WITH]
+    near = np.argsort(np.where(old, apart, np.inf), kind="stable")[: min(MOST_WITH, old.sum())]
     around = [keys[k] for k in near.tolist()]
     grid = wall_map((key.walls, pose) for key, pose in zip(around, poses[near], strict=True))
     if grid is None:
         return None
-    match = match_scan(scan.surface, grid, guess, PLACE_INFORMATION)
+    match = match_scan(scan.surface, grid, guess, np.linalg.inv(PLACE_COVARIANCE))
     off = np.abs(between(guess, match.pose))
     if (
         match.explained < LEAST_SHARE
-        or not max(off[0], off[1]) < OFF
-        or not off[2] < OFF_TURN
+        or not (off < [OFF, OFF, OFF_TURN]).all()
         or contradicted(around, scan, between(poses[near], match.pose))
     ):
         return None
     # Along a corridor the walls do not fix how far the robot has come: there it goes on drifting.
-    weakest = weakest_direction(match.information)[1]
-    drift = CLOSURE_LENGTH if weakest >= WEAK else uncertain
+    fixed = weakest_direction(match.information)[1] >= WEAK
     nearest = int(np.where(here, apart, np.inf).argmin())
-    return Anchor(scan.scan, nearest, between(poses[nearest], match.pose), scan.pose, drift)
+    return Anchor(
+        scan.scan,
+        nearest,
+        between(poses[nearest], match.pose),
+        scan.pose,
+        closer.distance,
+        CLOSURE_LENGTH if fixed else drifted,
+        PLACE_COVARIANCE,
+    )

@@ -260,15 +260,3 @@ def _cost(matched: Float, turned: Float, distances: Float) -> float:
         left = np.abs(matched - turned - columns @ bias)
         weights = 1.0 / np.maximum(left / HUBER, 1.0)
     return float(np.where(left < HUBER, 0.5 * left**2, HUBER * (left - 0.5 * HUBER)).sum())
-
-
-def rising(stamps: Float) -> Float:
-    """Stamps (k,) [s] as times that rise: one that does not lies evenly between those around it."""
-    latest = np.maximum.accumulate(stamps)
-    knots = np.flatnonzero(np.concatenate([[True], np.diff(latest) > 0.0]))
-    steps = np.diff(stamps)
-    usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
-    number = np.arange(len(stamps), dtype=np.float64)
-    times = np.interp(number, knots, latest[knots])
-    times[knots[-1] :] = latest[knots[-1]] + usual * (number[knots[-1] :] - knots[-1])
-    return np.asarray(times)

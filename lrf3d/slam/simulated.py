@@ -11,21 +11,18 @@ from typing import Any
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Int, generator, is_finite
+from lrf3d.geometry import Float, generator, is_finite
 from lrf3d.laser import LaserScan
 from lrf3d.mapping import LineMap
 from lrf3d.robot import EstimatedTrajectory
 from lrf3d.run import Run
-from lrf3d.slam.closures import Closure
 from lrf3d.slam.frames import between, compose
 from lrf3d.slam.slam import Slam
 
-MOST_COVARIANCES = 128
-"""Covariances of poses that are kept of a drive. Each takes a step over the whole pose graph: of
-longer drives they are kept more seldom, so that a scan does not take longer in the end."""
-
-COVARIANCE_INTERVAL = 4
-"""Scans from one of them to the next at first."""
+COVARIANCE_INTERVAL, COVARIANCE_SHARE = 4, 32
+"""Scans from one covariance that is kept to the next: the first number, or this part of the drive
+so far. Each takes a step over the whole pose graph: on a long drive they come more seldom, so that
+a scan does not take longer in the end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,17 +52,11 @@ class WheelErrors:
 
     def __call__(self, increment: Float, rng: np.random.Generator) -> Float:
         """What the wheels measure of an increment (3,): ahead, to the left [m], turn [rad]."""
-        ahead, left, turn = increment
-        draws = rng.normal(size=5)
-        return np.array(
-            [
-                ahead * (1.0 + self.slip * draws[0]) + self.position * draws[1],
-                left + self.position * draws[2],
-                turn * (1.0 + self.slip * draws[3])
-                + self.turn_per_metre * ahead
-                + self.heading * draws[4],
-            ]
-        )
+        longer, ahead, left, tighter, turn = rng.normal(size=5)
+        measured: Float = increment * (1.0 + self.slip * np.array([longer, 0.0, tighter]))
+        measured[2] += self.turn_per_metre * increment[0]
+        measured += [self.position * ahead, self.position * left, self.heading * turn]
+        return measured
 
 
 class SlamMapper:
@@ -92,26 +83,27 @@ class SlamMapper:
         self.slam = Slam()
         self._wheels = WheelErrors() if wheels is None else wheels
         self._rng = generator(rng)
+        # Poses at all scans: true ones, by the wheels, and as believed when the scan was in.
         self._true: list[Float] = []
         self._by_wheels: list[Float] = []
         self._believed: list[Float] = []
         self._covariances: dict[int, Float] = {}
-        self._interval = COVARIANCE_INTERVAL
 
     def update(self, scan: LaserScan) -> None:
         """Take in a scan; of its pose only the increment that the wheels measure is used."""
-        true = np.array(scan.pose)
-        if not self._true:
+        number, true, increment = len(self._true), np.array(scan.pose), np.zeros(3)
+        if number:
+            increment = self._wheels(between(self._true[-1], true), self._rng)
+        else:
             # Where the world's origin is no scan can tell, so that the first pose is given.
             self.slam = Slam(start=true)
-            self._by_wheels.append(true)
-            self.slam.update(scan, np.zeros(3))
-        else:
-            increment = self._wheels(between(self._true[-1], true), self._rng)
-            self._by_wheels.append(compose(self._by_wheels[-1], increment))
-            self.slam.update(scan, increment)
+        self.slam.update(scan, increment)
+        self._by_wheels.append(compose(self._by_wheels[-1], increment) if number else true)
         self._true.append(true)
-        self._note_estimate()
+        self._believed.append(np.array(self.slam.pose))
+        last = max(self._covariances, default=-COVARIANCE_INTERVAL)
+        if number >= last + max(COVARIANCE_INTERVAL, last // COVARIANCE_SHARE):
+            self._covariances[number] = self.slam.covariance()
 
     @property
     def map(self) -> LineMap:
@@ -121,13 +113,10 @@ class SlamMapper:
     @property
     def estimate(self) -> EstimatedTrajectory:
         """Where the robot was believed to be when each scan was in, with its covariances."""
-        slam = self.slam
-        return EstimatedTrajectory(
+        return self.slam.estimate(
             np.array(self._believed).reshape(-1, 3),
             np.array(list(self._covariances), dtype=np.int64),
             np.array(list(self._covariances.values())).reshape(-1, 3, 3),
-            scans_of(slam.closures, slam.key_scans),
-            scans_of(slam.unconfirmed_closures, slam.key_scans),
             np.array(self._by_wheels).reshape(-1, 3),
         )
 
@@ -145,27 +134,6 @@ class SlamMapper:
             "loop_closures": len(self.slam.closures),
         }
 
-    def _note_estimate(self) -> None:
-        """Keep what is believed now, the covariance only at times."""
-        scan = len(self._believed)
-        self._believed.append(np.array(self.slam.pose))
-        if scan % self._interval:
-            return
-        self._covariances[scan] = self.slam.covariance()
-        if len(self._covariances) > MOST_COVARIANCES:
-            self._interval *= 2
-            self._covariances = {
-                kept: covariance
-                for kept, covariance in self._covariances.items()
-                if kept % self._interval == 0
-            }
-
     def _apart(self, poses: Float) -> Float:
-        apart = poses[:, :2] - np.array(self._true)[:, :2]
+        apart = poses - np.array(self._true)
         return np.hypot(apart[:, 0], apart[:, 1])
-
-
-def scans_of(closures: list[Closure], key_scans: Int) -> Int:
-    """The pairs of scans (c, 2), an older and a newer one, that closures join."""
-    pairs = [(closure.old, closure.new) for closure in closures]
-    return np.asarray(key_scans[np.array(pairs, dtype=np.int64).reshape(-1, 2)])

@@ -15,11 +15,13 @@ from lrf3d.geometry import Float, Int, is_finite, sealed, whole_number
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapping import LineMap
 from lrf3d.pose import Pose, as_pose
-from lrf3d.slam.closures import LEAST_DISTANCE, Closure, LoopCloser, closure_edges
+from lrf3d.robot import EstimatedTrajectory
+from lrf3d.robot.estimated_trajectory import NO_POSES
+from lrf3d.slam.closures import Closure, LoopCloser, closure_edges
 from lrf3d.slam.frames import bent, between, compose, turned
-from lrf3d.slam.front_end import KEY_DISTANCE, KEY_TURN, FrontEnd, Tracked, refined
+from lrf3d.slam.front_end import KEY_DISTANCE, FrontEnd, Tracked, refined
 from lrf3d.slam.key_map import KeyMap
-from lrf3d.slam.known_places import PLACE_COVARIANCE, Anchor, in_known_place
+from lrf3d.slam.known_places import Anchor, in_known_place
 from lrf3d.slam.pose_graph import (
     Edges,
     optimised,
@@ -28,18 +30,13 @@ from lrf3d.slam.pose_graph import (
     variance_factor,
 )
 from lrf3d.slam.scan_matching import SIGMA
-from lrf3d.slam.self_check import SelfCheck, self_check
 from lrf3d.slam.surface import LEAST_NOISE, range_noise, surface_of_scan
-from lrf3d.slam.violation import Key
+from lrf3d.slam.violation import Key, SelfCheck, self_check
 from lrf3d.slam.wheels import Wheels
 
 EDGE_SHARE = 0.3
 """Share of the matching's information that the edge between two key scans has: adjacent ones are
 matched with the same local map, and share its errors."""
-
-NEWS = 4.0
-"""A closure that is off by less than this many deviations, scaled by the variance factor, waits for
-the next optimisation: unscaled ones would be ten times too large where scans are good."""
 
 FINAL_ITERATIONS = 20
 """Most Gauss-Newton steps over the pose graph in the end."""
@@ -59,7 +56,6 @@ class Slam:
         start: Pose of the robot at its first scan.
         laser_offset: How far the laser stands ahead of the robot's centre [m].
         key_distance: Distance from one key scan to the next [m].
-        key_turn: Turn from one key scan to the next [rad].
         wheels: The wheels' errors as found in an earlier drive, of which a copy is kept.
 
     Raises:
@@ -84,35 +80,28 @@ class Slam:
         start: Sequence[float] | Float = (0.0, 0.0, 0.0),
         laser_offset: float = 0.0,
         key_distance: float = KEY_DISTANCE,
-        key_turn: float = KEY_TURN,
         wheels: Wheels | None = None,
     ) -> None:
-        values = (laser_offset, key_distance, key_turn)
-        if not (is_finite(*values) and key_distance > 0.0 and key_turn > 0.0):
+        values = (laser_offset, key_distance)
+        if not (is_finite(*values) and key_distance > 0.0):
             raise InputError(
-                f"slam: laser_offset, key_distance and key_turn are {shown(values)}; expected"
-                " finite numbers, the last two positive"
+                f"slam: laser_offset and key_distance are {shown(values)}; expected finite numbers,"
+                " the second one positive"
             )
         self._lrf = lrf
         self._start = np.array(as_pose(start))
         self._laser = sealed(np.array([laser_offset, 0.0]))
-        self._front = FrontEnd(key_distance=key_distance, key_turn=key_turn, wheels=wheels)
+        self._front = FrontEnd(key_distance=key_distance, wheels=wheels)
         self._closer = LoopCloser()
         self._tracked: list[Tracked] = []
+        self._anchors: list[Anchor] = []
         self._noise = 0.0
-        # Poses (k, 3) of the key scans since the start, as they are estimated now.
+        # The pose graph: poses (k, 3) of the key scans since the start, as estimated now, and the
+        # relative poses that were measured between them.
         self._key_poses = np.empty((0, 3))
         self._edges = Edges.none()
-        # Those since the last optimisation: joining them each time would cost more and more.
-        self._new_edges: list[Edges] = []
-        # That of the wheels' motion since the last anchor.
-        self._wheel_covariance = np.zeros((3, 3))
-        # The variance factor at the last optimisation, and how many closures there were then.
-        self._variance, self._closures_used = 0.0, 0
-        self._anchors: list[Anchor] = []
-        self._scans: list[LaserScan] = []
-        # A bound method, unlike a function made here, follows copies of this object.
-        self._map = KeyMap(self._placed)
+        self._key_scans: list[LaserScan] = []
+        self._map = KeyMap()
 
     def __repr__(self) -> str:
         return (
@@ -134,11 +123,15 @@ class Slam:
         """
         increment = self._checked(scan, odometry)
         self._tracked.append(self._front.track(self.surface_of(scan), increment))
-        self._wheel_covariance += self._tracked[-1].covariance
         if self._front.key_due():
             key = self._key_of(scan)
             self._front.add_key(key)
-            self._anchor(key, scan)
+            self._drive_to(key)
+            if place := self._known_place(key):
+                self._anchors.append(place)
+            else:
+                self._add_key(key, scan)
+                self._close_loops()
         self._map.update(self._key_poses)
 
     def _checked(self, scan: object, odometry: Sequence[float] | Float) -> Float:
@@ -172,31 +165,82 @@ class Slam:
         number, pose = len(self._tracked) - 1, self._tracked[-1].pose
         return Key(number, pose, surface, self._front.walls(), *beams, self._laser, self._noise)
 
-    @property
-    def pose(self) -> Pose:
-        """Estimated pose of the robot at the last scan; the start before the first."""
-        if not self._tracked:
-            return Pose(*self._start.tolist())
-        return Pose(*compose(self._start, self._robot).tolist())
+    def _drive_to(self, key: Key) -> None:
+        """Count how far the robot has driven since the last anchor."""
+        if self._anchors:
+            self._closer.drive(between(self._anchors[-1].front, key.pose), self._lost())
 
-    @property
-    def _robot(self) -> Float:
-        """Pose (3,) of the robot since the start, at the last scan."""
-        return compose(self._key_poses[self._anchors[-1].key], self._since_key())
+    def _known_place(self, key: Key) -> Anchor | None:
+        """The anchor of the newest scan where the robot was before; None elsewhere."""
+        if not self._anchors:
+            return None
+        return in_known_place(self._closer, key, self._anchors[-1], self._key_poses)
+
+    def _add_key(self, key: Key, scan: LaserScan) -> None:
+        """Add a vertex to the pose graph, and an edge to it."""
+        closer, number, pose, hung = self._closer, len(self._key_scans), np.zeros(3), False
+        if self._anchors:
+            last, edge = self._anchors[-1], self._edge_to_last()
+            pose, hung = self._robot, last.scan != closer.keys[last.key].scan
+            self._edges = Edges.joined([self._edges, edge])
+            closer.link(edge, last.drifted + closer.distance - last.driven, self._lost())
+        self._key_poses = np.vstack([self._key_poses, pose])
+        self._key_scans.append(scan)
+        closer.add_key(key, hung=hung)
+        self._anchors.append(Anchor(key.scan, number, np.zeros(3), key.pose, closer.distance))
+
+    def _close_loops(self) -> None:
+        """Find the loops that the newest key scan closes, and optimise what they change."""
+        if closures := self._closer.search(self._key_poses):
+            self._edges = Edges.joined([self._edges, closure_edges(closures)])
+            newest, paths = len(self._key_scans) - 1, self._closer.paths
+            self._key_poses = optimised_around(
+                self._key_poses, self._edges, lambda limit: paths.lengths(newest, limit)
+            )
+
+    def _edge_to_last(self) -> Edges:
+        """The edge from the key scan of the last anchor to the last scan."""
+        last, tracked = self._anchors[-1], self._tracked[-1]
+        relative = self._since_key()
+        since = (scan.covariance for scan in self._tracked[last.scan + 1 :])
+        covariance = sum(since, last.covariance)
+        # The information is along the axes of the new pose; the edge's is along the old one's.
+        turn = float(relative[2])
+        wheels = turned(np.diag(1.0 / covariance.diagonal()), turn)
+        information = turned(EDGE_SHARE * tracked.information, turn) + wheels
+        first, second = np.array([last.key]), np.array([len(self._key_scans)])
+        never = np.array([False])
+        return Edges(first, second, relative[None], information[None], never, wheels[None])
+
+    def _lost(self) -> int:
+        """How many scans after the last anchor match nothing."""
+        return sum(not scan.matched for scan in self._tracked[self._anchors[-1].scan + 1 :])
 
     def _since_key(self) -> Float:
         """Pose (3,) of the last scan as seen from the key scan of the last anchor."""
         last = self._anchors[-1]
         return compose(last.relative, between(last.front, self._tracked[-1].pose))
 
+    @property
+    def _robot(self) -> Float:
+        """Pose (3,) of the robot since the start, at the last scan."""
+        if not self._anchors:
+            return np.zeros(3)
+        return compose(self._key_poses[self._anchors[-1].key], self._since_key())
+
+    @property
+    def pose(self) -> Pose:
+        """Estimated pose of the robot at the last scan; the start before the first."""
+        return Pose(*compose(self._start, self._robot).tolist())
+
     def covariance(self) -> Float:
         """Covariance (3, 3) of the last scan's pose since the start; steps over the whole graph."""
-        poses, edges = self._key_poses, self._used_edges()
+        poses, edges = self._key_poses, self._edges
         if self._tracked and self._closer.keys[-1].scan < len(self._tracked) - 1:
             poses = np.vstack([poses, self._robot])
-            edges = Edges.joined([edges, self._edge_to_last().scaled(self._variance_now())])
-        newest = np.array([max(len(poses) - 1, 0)])
-        return turned(pose_covariances(poses, edges, newest)[0], float(self._start[2]))
+            edges = Edges.joined([edges, self._edge_to_last()])
+        newest: Float = self._covariances(poses, edges, np.array([max(len(poses) - 1, 0)]))[0]
+        return newest
 
     def covariances(self, numbers: Sequence[int] | Int) -> Float:
         """Covariances (m, 3, 3) of the poses of some key scans (m,), x, y [m], theta [rad].
@@ -204,50 +248,44 @@ class Slam:
         Raises:
             InputError: There is no such key scan.
         """
-        most = len(self._closer.keys) - 1
+        most = len(self._key_scans) - 1
         checked = [whole_number(number, "key scan", least=0, most=most) for number in numbers]
-        chosen = np.array(checked, dtype=np.int64)
-        found = pose_covariances(self._key_poses, self._used_edges(), chosen)
-        return turned(found, float(self._start[2]))
+        return self._covariances(self._key_poses, self._edges, np.array(checked, dtype=np.int64))
 
-    def _used_edges(self) -> Edges:
-        """The edges that the poses fit, all but later closures, as exact as they are."""
-        edges = self._gathered_edges()
-        used = edges.part(~edges.robust | (np.cumsum(edges.robust) <= self._closures_used))
-        return used.scaled(self._variance_now())
-
-    def _variance_now(self) -> float:
-        """The variance factor: before there was any optimisation, that of the matched points."""
-        return self._variance or variance_factor(self._key_poses, Edges.none(), self._deviation())
-
-    def _deviation(self) -> float:
-        """RMS distance of matched points to their walls, over what one counts with."""
+    def _covariances(self, poses: Float, edges: Edges, numbers: Int) -> Float:
+        """Covariances (m, 3, 3) of some poses by number (m,), as large as the closures' errors."""
         deviations = [scan.deviation for scan in self._tracked if scan.matched]
-        return float(np.median(deviations)) / SIGMA if deviations else 1.0
+        deviation = float(np.median(deviations)) / SIGMA if deviations else 1.0
+        variance = min(variance_factor(poses, edges, deviation), 1.0)
+        found = pose_covariances(poses, edges.scaled(variance), numbers)
+        return turned(found, float(self._start[2]))
 
     @property
     def map(self) -> LineMap:
         """The map of the key scans, computed when it is read: see `lrf3d.slam.key_map`."""
-        return self._map.map()
+        return self._map.map(self._placed)
 
     def _placed(self, number: int, pose: Float) -> LaserScan:
         """A key scan with the pose of its laser, where the robot is at a pose (3,) since start."""
-        robot = compose(self._start, pose)
-        laser = compose(robot, np.array([*self._laser, 0.0]))
-        return replace(self._scans[number], pose=Pose(*laser.tolist()))
+        laser = compose(compose(self._start, pose), np.array([*self._laser, 0.0]))
+        return replace(self._key_scans[number], pose=Pose(*laser.tolist()))
 
     def trajectory(self) -> Float:
         """Poses (k, 3) of the robot at all scans, by the current estimate; theta is continuous."""
-        poses = compose(self._start, self.scan_poses(self._key_poses))
+        return self._in_world(self._scan_poses())
+
+    def _in_world(self, poses: Float) -> Float:
+        """Poses (k, 3) since the start in the frame of the start; theta is continuous."""
+        poses = compose(self._start, poses)
         poses[:, 2] = np.unwrap(poses[:, 2])
         return poses
 
-    def scan_poses(self, key_poses: Float) -> Float:
-        """Poses (k, 3) of all scans since the start: the front end's way, bent to the key scans."""
+    def _scan_poses(self) -> Float:
+        """Poses (k, 3) of all scans since the start: the front end's path, bent to the anchors."""
         front = np.array([scan.pose for scan in self._tracked]).reshape(-1, 3)
         keys = [anchor.key for anchor in self._anchors]
         relative = np.array([anchor.relative for anchor in self._anchors]).reshape(-1, 3)
-        return bent(front, self._anchored, compose(key_poses[keys], relative))
+        return bent(front, self._anchored, compose(self._key_poses[keys], relative))
 
     @property
     def _anchored(self) -> Int:
@@ -269,6 +307,16 @@ class Slam:
         """Loop closures that were rejected, by the numbers of key scans."""
         return self._closer.unconfirmed
 
+    def estimate(
+        self, poses: Float, known: Int, covariances: Float, odometry: Float = NO_POSES
+    ) -> EstimatedTrajectory:
+        """Poses (k, 3) of all scans, with covariances (m, 3, 3) of known ones (m,) and closures."""
+        found = [(closure.old, closure.new) for closure in self.closures]
+        dropped = [(closure.old, closure.new) for closure in self.unconfirmed_closures]
+        pairs = self.key_scans[np.array([*found, *dropped], dtype=np.int64).reshape(-1, 2)]
+        closed, others = pairs[: len(found)], pairs[len(found) :]
+        return EstimatedTrajectory(poses, known, covariances, closed, others, odometry)
+
     @property
     def wheels(self) -> Wheels:
         """The wheels' errors as found so far; ``wheels.biases`` are the systematic ones."""
@@ -281,9 +329,10 @@ class Slam:
 
     def finish(self) -> None:
         """Adjust all poses, once the last scan is in and no more closures can come."""
-        self._add_closures(self._closer.settle())
-        if len(edges := self._gathered_edges()):
-            self._move_keys(optimised(self._key_poses, edges, FINAL_ITERATIONS), edges)
+        if closures := self._closer.settle():
+            self._edges = Edges.joined([self._edges, closure_edges(closures)])
+        if len(self._edges):
+            self._key_poses = optimised(self._key_poses, self._edges, FINAL_ITERATIONS)
             self._map.redraw(self._key_poses)
 
     def refined(self, scans: Sequence[LaserScan]) -> Float:
@@ -299,84 +348,10 @@ class Slam:
         noise = max(self._noise, LEAST_NOISE)
         surfaces = [surface_of_scan(scan, self._laser, noise) for scan in scans]
         motions = np.array([scan.motion for scan in self._tracked]).reshape(-1, 3)
-        poses, keys = self.scan_poses(self._key_poses), self._closer.keys
+        poses, keys = self._scan_poses(), self._closer.keys
         found = refined(surfaces, poses, motions, keys, self._key_poses, self._anchored)
-        poses = compose(self._start, found)
-        poses[:, 2] = np.unwrap(poses[:, 2])
-        return poses
+        return self._in_world(found)
 
     def self_check(self) -> SelfCheck:
         """Compare the key scans, at their current poses, where the robot came by again."""
         return self_check(self._closer.keys, self._key_poses, self._closer.driven)
-
-    def _gathered_edges(self) -> Edges:
-        """All edges of the pose graph."""
-        self._edges = Edges.joined([self._edges, *self._new_edges])
-        self._new_edges = []
-        return self._edges
-
-    def _edge_to_last(self) -> Edges:
-        """The edge from the last key scan to the last scan."""
-        tracked, relative = self._tracked[-1], self._since_key()
-        first, second = np.array([self._anchors[-1].key]), np.array([len(self._closer.keys)])
-        # The information is along the axes of the new pose; the edge's is along the old one's.
-        turn = float(relative[2])
-        wheels = turned(np.diag(1.0 / self._wheel_covariance.diagonal()), turn)
-        information = turned(EDGE_SHARE * tracked.information, turn) + wheels
-        never = np.array([False])
-        return Edges(first, second, relative[None], information[None], never, wheels[None])
-
-    def _anchor(self, key: Key, scan: LaserScan) -> None:
-        """Hang the newest scan on a key scan if it stands in a known place, or make it one."""
-        if not self._anchors:
-            self._add_key(key, scan, np.zeros(3))
-            return
-        last, closer = self._anchors[-1], self._closer
-        lost = sum(not scan.matched for scan in self._tracked[last.scan + 1 :])
-        length = closer.drive(between(last.front, key.pose), lost)
-        if closer.driven[-1] > LEAST_DISTANCE:
-            place = in_known_place(closer, key, last, length, self._key_poses)
-            if place is not None:
-                self._anchors.append(place)
-                self._wheel_covariance = PLACE_COVARIANCE.copy()
-                return
-        edge = self._edge_to_last()
-        self._new_edges.append(edge)
-        closer.link(edge, last.way + length, lost)
-        self._add_key(key, scan, self._robot, hung=last.scan != closer.keys[last.key].scan)
-        self._close_loops()
-
-    def _add_key(self, key: Key, scan: LaserScan, pose: Float, *, hung: bool = False) -> None:
-        """Add a vertex to the pose graph."""
-        number = len(self._closer.keys)
-        self._key_poses = np.vstack([self._key_poses, pose])
-        self._anchors.append(Anchor(key.scan, number, np.zeros(3), key.pose))
-        self._scans.append(scan)
-        self._wheel_covariance = np.zeros((3, 3))
-        self._closer.add_key(key, hung=hung)
-
-    def _close_loops(self) -> None:
-        """Find the loops that the newest key scan closes, and optimise what they change."""
-        closures = self._closer.search(self._key_poses)
-        if not closures:
-            return
-        more = self._add_closures(closures)
-        if (more.squares(self._key_poses) > NEWS**2 * self._variance).any():
-            edges = self._gathered_edges()
-            newest = len(self._closer.keys) - 1
-            poses = optimised_around(
-                self._key_poses, edges, lambda limit: self._closer.paths.lengths(newest, limit)
-            )
-            self._move_keys(poses, edges)
-
-    def _add_closures(self, closures: list[Closure]) -> Edges:
-        """Add closures to the pose graph; returns their edges."""
-        more = closure_edges(closures) if closures else Edges.none()
-        self._new_edges.append(more)
-        return more
-
-    def _move_keys(self, poses: Float, edges: Edges) -> None:
-        """Take over the poses (k, 3) that fit edges, and how well they do."""
-        self._key_poses = poses
-        self._variance = min(variance_factor(poses, edges, self._deviation()), 1.0)
-        self._closures_used = len(self._closer.accepted)

@@ -2,13 +2,16 @@
 
 Key scans and their relative poses enter. Of the points that one scan saw, the number that lies in
 view of the other leaves, and the number of these that the other's beams pass through. With right
-poses hardly any are.
+poses hardly any are: poses that are wrong by more than a door's width put rooms onto each other.
+So a solved drive is checked where the robot came by again, as a whole and in its worst part.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from lrf3d.compiling import compiled
@@ -20,6 +23,22 @@ BEHIND = 0.3
 
 MOST_THROUGH = 0.04
 """Share of points that beams may pass through: doors open and people walk."""
+
+NEAR = 3.0
+"""Key scans up to this far apart [m] are compared: most of what they see is the same."""
+
+LATER = 20.0
+"""Least path length [m] between key scans that are compared: adjacent ones agree in any case."""
+
+COMPARED = 4
+"""Earlier key scans that each one is compared with at most, the nearest."""
+
+PART = 20
+"""Key scans that a part of a drive has."""
+
+MOST_THROUGH_PART = 0.2
+"""Share of points that beams may pass through in such a part. A closed door, or a lorry that has
+left, is seen by a few scans; and lasers of ten beams see corners where there are none."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,3 +122,71 @@ def contradicted(olds: Sequence[Key], new: Key, poses: Float) -> bool:
     """Whether beams pass through too many points; arguments are those of `seen_through_both`."""
     through, seen = seen_through_both(olds, new, poses)
     return through > MOST_THROUGH * max(seen, 1)
+
+
+class SelfCheck(NamedTuple):
+    """How well the scans of a solved drive agree with each other.
+
+    Args:
+        violation: Share of the points seen by one scan that beams of another pass through.
+        worst_violation: The same in the worst part of the drive; 0 if fewer key scans than a part
+            has could be compared.
+        worst_scans: Numbers of the first and the last scan of that part.
+        key_scans_compared: How many key scans could be compared with earlier ones.
+
+    Examples:
+        >>> from lrf3d.slam.violation import SelfCheck
+        >>> check = SelfCheck(violation=0.06, key_scans_compared=500)
+        >>> check.passed, check.sentences()[0].split(':')[0]
+        (False, 'the map contradicts itself')
+    """
+
+    violation: float = 0.0
+    worst_violation: float = 0.0
+    worst_scans: tuple[int, int] = (0, 0)
+    key_scans_compared: int = 0
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing contradicts the poses."""
+        return self.violation <= MOST_THROUGH and self.worst_violation <= MOST_THROUGH_PART
+
+    def sentences(self) -> list[str]:
+        """What is wrong, in a sentence; an empty list where nothing is."""
+        if self.violation > MOST_THROUGH:
+            share = f"{100.0 * self.violation:.0f} % of what scans saw"
+            return [f"the map contradicts itself: beams pass through {share}; poses are wrong"]
+        if self.passed:
+            return []
+        where = f"beams of scans {self.worst_scans[0]} to {self.worst_scans[1]}"
+        share = f"{100.0 * self.worst_violation:.0f} % of what others saw"
+        return [f"{where} pass through {share}: poses are wrong there, or the world has changed"]
+
+
+def self_check(keys: Sequence[Key], poses: Float, driven: Float) -> SelfCheck:
+    """Compare the key scans (k,) of a solved drive, at poses (k, 3), where the robot came by again.
+
+    Driven (k,) is how far the robot had driven at each of them [m].
+    """
+    scans, counts = [], []
+    for number, key in enumerate(keys):
+        apart = np.hypot(*(poses[:number, :2] - poses[number, :2]).T)
+        near = np.flatnonzero((apart < NEAR) & (driven[:number] < driven[number] - LATER))
+        near = near[np.argsort(apart[near], kind="stable")][:COMPARED]
+        if len(near):
+            olds = [keys[k] for k in near.tolist()]
+            counts.append(seen_through_both(olds, key, between(poses[near], poses[number])))
+            scans.append(key.scan)
+    if not counts:
+        return SelfCheck()
+    part = min(PART, len(counts))
+    through, seen = sliding_window_view(np.array(counts), part, axis=0).sum(axis=2).T
+    shares = through / np.maximum(seen, 1)
+    worst = int(shares.argmax())
+    all_through, all_seen = np.sum(counts, axis=0).tolist()
+    return SelfCheck(
+        all_through / max(all_seen, 1),
+        float(shares[worst]) if part == PART else 0.0,
+        (scans[worst], scans[worst + part - 1]),
+        len(counts),
+    )

@@ -36,38 +36,34 @@ class Wheels:
     """Corrects odometry increments by the errors of the wheels that scan matching has shown."""
 
     def __init__(self) -> None:
-        self._turn_information = np.diag(EXPECTED[:2] ** -2.0)
-        self._turn_sum = np.zeros(2)
-        self._way_information = EXPECTED[2] ** -2.0
-        self._way_sum = 0.0
+        # The regression of what wheels measure too much, as shares of the true turn and distance
+        # (of turns), and distance (of distances).
+        self._information = np.diag(EXPECTED**-2.0)
+        self._sums = np.zeros(3)
         # Squared differences between wheels and scans in units of their variance.
         self._excess = np.ones(2)
-        # What the wheels measure too much, as shares of the true turn, way, and way.
-        self._turn_errors: Float = np.zeros(2)
-        self._way_error = 0.0
 
     @property
     def biases(self) -> Float:
         """The errors (3,): a, b [rad/m] and c."""
-        by_turn, by_way = (self._turn_errors / (1.0 + self._turn_errors[0])).tolist()
-        return -np.array([by_turn, by_way, self._way_error / (1.0 + self._way_error)])
+        a, b, c = np.linalg.solve(self._information, self._sums).tolist()
+        return -np.array([a / (1.0 + a), b / (1.0 + a), c / (1.0 + c)])
 
     def corrected(self, increment: Float) -> Float:
         """An increment (3,) without the systematic errors that are known by now."""
-        ahead, left, turn = increment
-        a, b, c = self.biases
-        way = ahead + c * ahead
-        return np.array([way, left + c * left, turn + a * turn + b * way])
+        a, b, c = self.biases.tolist()
+        ahead, left, turn = increment * (1.0 + np.array([c, c, a]))
+        return np.array([ahead, left, turn + b * ahead])
 
     def covariance(self, increment: Float) -> Float:
         """Covariance (3, 3) of an increment's random errors."""
-        way, turn = float(np.hypot(increment[0], increment[1])), abs(float(increment[2]))
-        place = STILL_POSITION + SLIP * way + SKID * turn
-        heading = STILL_HEADING + SWERVE * way + SLIP_TURN * turn
+        length, turn = float(np.hypot(increment[0], increment[1])), abs(float(increment[2]))
+        place = STILL_POSITION + SLIP * length + SKID * turn
+        heading = STILL_HEADING + SWERVE * length + SLIP_TURN * turn
         place, heading = place**2 * self._excess[0], heading**2 * self._excess[1]
         # Wheels may slip anywhere on the path: the rest of it is turned by the slip.
-        lever = way / 2.0
-        aside = place + heading * way**2 / 3.0
+        lever = length / 2.0
+        aside = place + heading * length**2 / 3.0
         return np.array(
             [[place, 0.0, 0.0], [0.0, aside, lever * heading], [0.0, lever * heading, heading]]
         )
@@ -78,10 +74,8 @@ class Wheels:
         In the beginning it is several times that of the random errors: a prior without it would
         turn the first few scans, and with them the whole drive, by some milliradians.
         """
-        turn, way = float(increment[2]), float(increment[0])
-        (by_turn, both), (_, by_way) = self._turn_information.tolist()
-        squares = by_way * turn**2 - 2.0 * both * turn * way + by_turn * way**2
-        return float(squares / (by_turn * by_way - both**2))
+        row = np.array([increment[2], increment[0], 0.0])
+        return float(row @ np.linalg.solve(self._information, row))
 
     def compare(self, measured: Float, matched: Float, covariance: Float) -> None:
         """Update the size of random errors by a corrected increment and the one of matching.
@@ -99,35 +93,25 @@ class Wheels:
     def learn(self, measured: Float, matched: Float, ahead_known: bool) -> None:
         """Add a stretch of some scans to the regression of the systematic errors.
 
-        Sums (3,) of raw increments enter, and those that matching found, whose way ahead may not
-        have been fixed by the walls in view.
+        Sums (3,) of raw increments enter, and those that matching found, whose distance ahead may
+        not have been fixed by the walls in view.
         """
-        way, turn = float(matched[0]), float(matched[2])
-        row = np.array([turn, way])
+        ahead, _, turn = matched
         # The larger distance counts, so that wheels that measure twice as much are corrected, too.
-        farthest = max(abs(way), abs(float(measured[0])))
-        spread = STILL_HEADING + SWERVE * farthest
-        spread += SLIP_TURN * max(abs(turn), abs(float(measured[2])))
-        error = float(measured[2]) - turn
-        weight = _weight(error - float(row @ self._turn_errors), spread)
-        self._turn_information += weight * np.outer(row, row)
-        self._turn_sum += weight * error * row
-        errors = np.linalg.solve(self._turn_information, self._turn_sum)
-        self._turn_errors = np.asarray(errors, dtype=np.float64)
-        if ahead_known and abs(way) > 0.0:
+        farthest, _, widest = np.maximum(np.abs(matched), np.abs(measured))
+        spread = STILL_HEADING + SWERVE * farthest + SLIP_TURN * widest
+        self._regress(np.array([turn, ahead, 0.0]), measured[2] - turn, spread)
+        if ahead_known:
             spread = STILL_POSITION + SLIP * farthest
-            error = float(measured[0]) - way
-            weight = _weight(error - self._way_error * way, spread)
-            self._way_information += weight * way**2
-            self._way_sum += weight * way * error
-            self._way_error = self._way_sum / self._way_information
+            self._regress(np.array([0.0, 0.0, ahead]), measured[0] - ahead, spread)
 
-
-def _weight(residual: float, spread: float) -> float:
-    """The weight of a stretch in the regression, by its residual.
-
-    Beyond three deviations it contains a slip, which is no systematic error. Beyond ten it was
-    driven backwards, with encoders that measure no sign.
-    """
-    off = abs(residual) / spread
-    return 0.0 if off > 10.0 else 1.0 / (spread * spread * max(1.0, off / 3.0))
+    def _regress(self, row: Float, error: float, spread: float) -> None:
+        """Add what a stretch shows of the errors: a row (3,) of factors, and their sum."""
+        expected = float(row @ np.linalg.solve(self._information, self._sums))
+        off = abs(error - expected) / spread
+        # Beyond ten deviations it was driven backwards, with encoders that measure no sign; beyond
+        # three it contains a slip, which is no systematic error.
+        if off <= 10.0:
+            weight = 1.0 / (spread**2 * max(1.0, off / 3.0))
+            self._information += weight * np.outer(row, row)
+            self._sums += weight * error * row

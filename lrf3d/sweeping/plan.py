@@ -36,8 +36,8 @@ USUAL = {"robust": "robust", "paper": "paper"}
 """Default mappers: both modes of the LineMapper."""
 
 MOST_RUNS = 1_000_000
-"""Largest number of seeds, of ``every``, and of runs: the plan of all runs is held in memory, and
-even the fastest take hours on one core."""
+"""Largest number of seeds and of runs: the plan of all runs is held in memory, and even the
+fastest take hours on one core."""
 
 COLUMNS = {SIGMA: "sigma_m", BEAMS: "beams"}
 """Columns of the table for the settings that every sweep lists; others keep their names."""
@@ -78,7 +78,6 @@ class Plan:
     runs: tuple[PlannedRun, ...]
     varied: dict[str, tuple[SettingValue, ...]]
     seeds: int
-    every: int
 
     @property
     def worlds(self) -> list[str]:
@@ -97,7 +96,6 @@ def make_plan(
     *,
     mappers: Mapping[str, Any] = USUAL,
     seeds: int = SEEDS,
-    every: int = 1,
     collision: Say | None = None,
     where: Side | None = None,
     say: Say = lambda message: None,
@@ -112,37 +110,36 @@ def make_plan(
     axes = {SIGMA: SIGMAS} if axes is None else axes
     values = {name: tuple(_checked(name, each) for each in axes[name]) for name in axes}
     seeds = whole_number(seeds, "sweep: seeds", most=MOST_RUNS)
-    every = whole_number(every, "sweep: every", most=MOST_RUNS)
     _check(worlds, mappers, values, seeds)
     runs: list[PlannedRun] = []
     names: set[str] = set()
     for name in worlds:
         file = read_scenario_file(name)
-        if file.world.name in names:
-            raise InputError(f"{name}: another world of the sweep is called {file.world.name}, too")
-        names.add(file.world.name)
-        if warning := size_warning(file.world):
-            warn(f"{name}: {warning}")
         world = file.world
+        if world.name in names:
+            raise InputError(f"{name}: another world of the sweep is called {world.name}, too")
+        names.add(world.name)
+        if warning := size_warning(world):
+            warn(f"{name}: {warning}")
         walls = digest((world.segments, world.objects, world.heights, *world.materials))
-        drives: dict[str, Trajectory] = {}
+        drives: dict[Any, Trajectory] = {}
         places: dict[str, bytes] = {}
         for row in product(*values.values()):
             settings = dict(zip(values, row, strict=True))
-            scenario = scenario_of(file, [_setting(*each) for each in settings.items()])
-            robot = digest(
-                (scenario.start, scenario.route, scenario.poses, scenario.speed, scenario.radius,
-                 scenario.scan_interval, scenario.lookahead, scenario.lrf.range_max)
-            )  # fmt: skip
-            if robot not in drives:
+            tables = {table: dict(each) for table, each in file.tables.items()}
+            for setting, value in settings.items():
+                table, _, key = setting.partition(".")
+                tables.setdefault(table, {})[key] = value
+            scenario = scenario_of(replace(file, tables=tables))
+            # A route depends on how far the laser sees where it is planned.
+            robot = [settings.get(key) for key in settings if key.startswith("robot.")]
+            driven = (*robot, scenario.lrf.range_max)
+            if driven not in drives:
                 routed = scenario.with_route(where=where, say=warn)
                 if routed.planned is not None:
                     say(f"{name}: the route is planned {routed.planned} the walls")
-                whole, used = routed.trajectory(on_collision=collision), slice(None, None, every)
-                drives[robot] = Trajectory(whole.times[used], whole.poses[used])
-                if len(drives[robot]) == 1 < len(whole):
-                    warn(f"{name}: one scan in {every} leaves one of {len(whole)} to score")
-            drive = drives[robot]
+                drives[driven] = routed.trajectory(on_collision=collision)
+            drive = drives[driven]
             place = digest(
                 (walls, scenario.lrf, scenario.obstacles, scenario.radius, drive.times, drive.poses)
             )
@@ -170,7 +167,7 @@ def make_plan(
                     }
                     runs.append(PlannedRun(columns, places[place], noise, mapper))
     varied = {COLUMNS.get(name, name): each for name, each in values.items()}
-    return Plan(tuple(runs), {"mapper": tuple(mappers), **varied}, seeds, every)
+    return Plan(tuple(runs), {"mapper": tuple(mappers), **varied}, seeds)
 
 
 def _check(
@@ -199,22 +196,17 @@ def _check(
         raise InputError(f"sweep: {runs:,} runs with {seeds:,} seeds; at most {MOST_RUNS:,}")
 
 
-def _setting(name: str, value: SettingValue) -> str:
-    """A setting in the form of ``lrf3d run --set``."""
-    try:
-        return f"{name}={json.dumps(value, ensure_ascii=False)}"
-    except ValueError:
-        raise InputError(f"sweep: {name}: {shown(value)} cannot be a value") from None
-
-
 def _checked(name: str, value: object) -> SettingValue:
     """A value in the type of its setting."""
-    if isinstance(value, SettingValue):
-        [table] = read_settings([_setting(name, value)]).values()
-        [value] = table.values()
-    if not isinstance(value, SettingValue):
+    try:
+        setting = f"{name}={json.dumps(value, ensure_ascii=False)}"
+    except (TypeError, ValueError):
+        raise InputError(f"sweep: {name}: {shown(value)} cannot be a value") from None
+    [table] = read_settings([setting]).values()
+    [found] = table.values()
+    if not isinstance(found, SettingValue):
         raise InputError(f"sweep: {name}: only single values can be varied, not {shown(value)}")
-    return value
+    return found
 
 
 def _identity(label: str, mapper: Any) -> Any:

@@ -14,12 +14,13 @@ from contextlib import ExitStack, contextmanager
 from copy import deepcopy
 from functools import lru_cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from lrf3d.casting import PlanarCaster
 from lrf3d.cores import core_count, process_pool
 from lrf3d.errors import InputError, Lrf3dError, OutputError, missing_extra
-from lrf3d.files import locked, make_folder, scratch_folder
+from lrf3d.files import locked, make_folder
 from lrf3d.interrupts import check, noting, stoppable
 from lrf3d.progress import Progress, silent
 from lrf3d.run import Run
@@ -27,7 +28,7 @@ from lrf3d.scoring import buildings_seen, score_run
 from lrf3d.scoring.visibility import visible_walls
 from lrf3d.sweeping.plan import SEEDS, USUAL, Plan, PlannedRun, Row, SettingValue, make_plan
 from lrf3d.sweeping.table import SweepTable
-from lrf3d.world.touching import joined_objects
+from lrf3d.world.pieces import joined_objects
 
 ROWS = "sweep{}.jsonl"
 """Name of a file of rows, with the number of the job that writes it."""
@@ -46,7 +47,6 @@ def sweep(
     mappers: Mapping[str, Any] | Sequence[str] | None = None,
     axes: Mapping[str, Sequence[SettingValue]] | None = None,
     seeds: int = SEEDS,
-    every: int = 1,
     folder: str | Path | None = None,
     resume: bool = False,
     workers: int | None = None,
@@ -63,7 +63,6 @@ def sweep(
         axes: Values of settings of world files, as ``{"noise.sigma": (0.02, 0.05)}``; the usual
             noise levels if not given.
         seeds: Number of seeds.
-        every: Use every n-th scan of a drive.
         folder: Where rows are appended as they come; they are only returned if not given.
         resume: Continue with the rows in the folder.
         workers: Number of processes on this machine, one for each core if not given. With 1 all
@@ -88,11 +87,11 @@ def sweep(
     if not isinstance(mappers, Mapping):
         mappers = USUAL if mappers is None else {label: label for label in mappers}
     names = (worlds,) if isinstance(worlds, str) else tuple(worlds)
-    plan = make_plan(names, axes, mappers=mappers, seeds=seeds, every=every)
+    plan = make_plan(names, axes, mappers=mappers, seeds=seeds)
     with ExitStack() as stack:
-        place = stack.enter_context(scratch_folder()) if folder is None else Path(folder)
+        place = folder or stack.enter_context(TemporaryDirectory(ignore_cleanup_errors=True))
         used = stack.enter_context(executor_of(workers)) if executor is None else executor
-        return run_plan(plan, place, used, resume=resume, progress=progress)
+        return run_plan(plan, Path(place), used, resume=resume, progress=progress)
 
 
 def run_plan(

@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lrf3d.errors import MissingLibraryError, missing_extra
-from lrf3d.files import replacing, write_text
+from lrf3d.files import write_text
 from lrf3d.sweeping.plan import Plan, Row
 from lrf3d.text import table
 
@@ -116,7 +115,7 @@ class SweepTable:
         plan = self.plan
         varied = {name: list(values) for name, values in plan.varied.items()}
         return {
-            "sweep": {"worlds": plan.worlds, **varied, "seeds": plan.seeds, "every": plan.every},
+            "sweep": {"worlds": plan.worlds, **varied, "seeds": plan.seeds},
             "runs": len(self.rows),
             "confidence": INTERVAL_CONFIDENCE,
             "combinations": [
@@ -138,11 +137,15 @@ class SweepTable:
                 bounds = mean.as_dict()
                 line |= {name: bounds["mean"], f"{name}_low": bounds["low"]}
                 line |= {f"{name}_high": bounds["high"]}
-        text = StringIO()
-        writer = csv.DictWriter(text, lines[0], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(lines)
-        write_text(path, text.getvalue())
+        _write_csv(lines, path)
+
+    def runs_to_csv(self, path: str | Path) -> None:
+        """Write a row for each run as CSV, in the order of the plan.
+
+        Raises:
+            OutputError: The file cannot be written.
+        """
+        _write_csv(self.rows, path)
 
     def to_latex(self, path: str | Path) -> None:
         """Write the means as a LaTeX table, each with half of the width of its interval.
@@ -162,21 +165,6 @@ class SweepTable:
         body = [rf"\begin{{tabular}}{{{columns}}}", r"\hline", *text, r"\hline", r"\end{tabular}"]
         write_text(path, "\n".join([*body, ""]))
 
-    def to_parquet(self, path: str | Path) -> None:
-        """Write a row for each run as Parquet.
-
-        Raises:
-            MissingLibraryError: PyArrow is not installed.
-            OutputError: The file cannot be written.
-        """
-        try:
-            import pyarrow
-            from pyarrow import parquet
-        except ImportError as error:
-            raise missing_parquet() from error
-        with replacing(path) as unfinished:
-            parquet.write_table(pyarrow.Table.from_pylist(self.rows), unfinished)
-
     def _cells(self, sign: str) -> tuple[list[str], list[list[str]]]:
         """The heading and the lines of the table of means, as text."""
         varied = [name for name, values in self.plan.varied.items() if len(values) > 1]
@@ -193,6 +181,9 @@ class SweepTable:
         return head + [heading for heading, *_ in MEASURES.values()], lines
 
 
-def missing_parquet() -> MissingLibraryError:
-    """The error that explains how to install PyArrow."""
-    return missing_extra("sweeps need PyArrow", "sweep")
+def _write_csv(lines: Sequence[Row], path: str | Path) -> None:
+    text = StringIO()
+    writer = csv.DictWriter(text, lines[0], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(lines)
+    write_text(path, text.getvalue())

@@ -18,7 +18,6 @@ from lrf3d.scenario import Scenario
 from lrf3d.scene.moments import Scene
 from lrf3d.scene.stage import Stage
 from lrf3d.scene.timeline import DriveKeys, Moment, Timeline
-from lrf3d.scene.trail_and_map import thinned
 from lrf3d.sensor import Sensor
 from lrf3d.simulation import line_mapper
 from lrf3d.world.cameras import USUAL_FILM
@@ -136,9 +135,9 @@ class HandDrive:
         """The way so far in few keys; what is older is settled, so that a page has it already."""
         times = np.array([*self._times[self._settled :], self.time])
         poses = np.array([*self._poses[self._settled :], self.pose]) - [*self.scene.origin, 0.0]
-        old, new = self._old, thinned(DriveKeys(times, poses))
+        old, new = self._old, DriveKeys(times, poses).thinned()
         if len(times) > _OPEN:
-            settled = thinned(DriveKeys(times[:-1], poses[:-1]))
+            settled = DriveKeys(times[:-1], poses[:-1]).thinned()
             self._old = DriveKeys(
                 *(np.concatenate([a, b[:-1]]) for a, b in zip(old, settled, strict=True))
             )

@@ -19,13 +19,13 @@ from lrf3d.scene import look
 from lrf3d.scene.camera import Camera, Look, SmoothPath
 from lrf3d.scene.cameras import margins
 from lrf3d.scene.estimate import TRUTH, estimate_words
-from lrf3d.scene.following import Chase, First
+from lrf3d.scene.following import First, behind, chase
 from lrf3d.scene.moments import Scene
 from lrf3d.scene.shapes import Faces, Lens, Mark
 from lrf3d.scene.stage import Stage
 from lrf3d.scene.story import Story
 from lrf3d.scene.timeline import Moment, Timeline
-from lrf3d.scene.whole import Overview, Top
+from lrf3d.scene.whole import overview, top
 from lrf3d.view.hand_drive import HandDrive
 from lrf3d.view.message import Sender
 
@@ -107,8 +107,8 @@ class _Page:
         self._sender = Sender()
         timeline, structures = scene.timeline, scene.structures
         self._cameras: dict[str, Camera] = {
-            "orbit": Overview(timeline, structures),
-            "top": Top(timeline, structures),
+            "orbit": overview(timeline, structures),
+            "top": top(timeline, structures),
             "first": First(timeline, structures),
             **cameras,
         }
@@ -233,7 +233,7 @@ class Played:
         structures = stage.structures
         cameras: dict[str, Camera] = {
             "story": Story(timeline, structures),
-            "follow": Chase(timeline, structures),
+            "follow": chase(timeline, structures),
         }
         self._page, self._run = _Page(Scene(timeline, stage=stage), cameras), run
         self._last: Wanted | None = None
@@ -285,7 +285,7 @@ class _Behind:
         drive, structures = self._drive, self._drive.scene.structures
         places = np.array([drive.pose[:2]]) - drive.scene.origin
         now = SimpleNamespace(times=np.zeros(1), places=places, headings=np.array([drive.facing]))
-        track = Chase.behind(cast(SmoothPath, now), structures)
+        track = behind(cast(SmoothPath, now), structures)
         return track.over_walls(structures, places, 1.0).look(0.0, cuts=True)
 
 

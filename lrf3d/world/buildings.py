@@ -13,8 +13,7 @@ from lrf3d.errors import WorldError
 from lrf3d.geometry import Float, Int
 from lrf3d.world.features import Feature
 from lrf3d.world.model import DEFAULT_HEIGHT, World
-from lrf3d.world.pieces import Part, from_corner, walls, world_of_parts
-from lrf3d.world.touching import groups
+from lrf3d.world.pieces import Part, from_corner, groups, walls, world_of_parts
 
 DEFAULT_BUILDING_HEIGHT = 8.0
 """Default height of a building [m]: two storeys and a roof."""
@@ -62,8 +61,9 @@ def world_of_features(
             if numbered and feature.number is not None:
                 number = feature.number
             segments = np.concatenate([np.empty((0, 4)), *lines])
-            heights = feature.wall_heights(len(segments), DEFAULT_HEIGHT)
-            parts.append(Part(number, segments, heights, *feature.looks))
+            each = isinstance(feature.height, tuple) and len(feature.height) == len(segments)
+            heights = feature.height if each else feature.height_or(DEFAULT_HEIGHT)
+            parts.append(Part(number, segments, np.array(heights), *feature.looks))
     if not any(len(part.segments) for part in parts):
         raise WorldError("the footprints are too small to leave a wall")
     return world_of_parts(parts, name, place=place)
@@ -93,17 +93,19 @@ def _blocks(polygons: list[Any], heights: Float) -> list[tuple[Int, list[tuple[F
     for members in blocks_of:
         rings = []
         for part in _joined(local[members]):
-            for index, ring in enumerate((part.exterior, *part.interiors)):
-                points = _straightened(np.array(ring.coords)[:-1])
+            for index, outline in enumerate((part.exterior, *part.interiors)):
+                points = _straightened(np.array(outline.coords)[:-1])
                 gaps, nearest = source.query(points)
                 exact = np.where(
                     (np.asarray(gaps) <= SNAP)[:, None], corners[nearest], points + origin
                 )
                 twice = (exact == np.roll(exact, 1, axis=0)).all(axis=1)
                 exact, points = exact[~twice], points[~twice]
-                area = _area(points)
-                if abs(area) > (SMALLEST_COURTYARD if index else 0.0):
-                    turn = 1 if (area > 0.0) == (index == 0) else -1
+                if len(points) < 3:
+                    continue
+                ring = shapely.linearrings(points)
+                if shapely.area(shapely.polygons(ring)) > (SMALLEST_COURTYARD if index else 0.0):
+                    turn = 1 if shapely.is_ccw(ring) == (index == 0) else -1
                     tops = _heights(points[::turn], local[members], heights[members])
                     rings.append((exact[::turn], tops))
         if rings:
@@ -145,12 +147,6 @@ def _straightened(ring: Float) -> Float:
     line = shapely.linestrings(from_corner(np.vstack([ring, ring[:1]])))
     kept = shapely.get_coordinates(shapely.simplify(line, STRAIGHT))
     return ring[np.isin(ring @ [1.0, 1.0j], kept @ [1.0, 1.0j])]
-
-
-def _area(ring: Float) -> float:
-    """Signed area [m²] of a ring (k, 2), positive when counter-clockwise."""
-    following = np.roll(ring, -1, axis=0)
-    return 0.5 * float((ring[:, 0] * following[:, 1] - ring[:, 1] * following[:, 0]).sum())
 
 
 def _heights(ring: Float, polygons: Any, heights: Float) -> Float:

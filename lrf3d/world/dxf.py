@@ -2,7 +2,7 @@
 
 ``$INSUNITS`` gives the unit; a drawing without one is in metres. Blocks are inserted, multilines
 become their lines. Curves become chords no farther from them than
-:data:`~lrf3d.world.drawing.CURVE_ERROR`, or a two-thousandth of their size where that is less.
+:data:`~lrf3d.world.pieces.CURVE_ERROR`, or a two-thousandth of their size where that is less.
 Walls that touch are one object. Layers that are off or frozen, paper space, hatches, texts and
 dimensions are ignored, and so are heights (z).
 """
@@ -16,13 +16,9 @@ from typing import Any
 import numpy as np
 
 from lrf3d.errors import WorldError
-from lrf3d.files import check_ordinary
 from lrf3d.geometry import LARGEST_COORDINATE, Float
-from lrf3d.world.drawing import CURVE_ERROR, world_of_strokes
 from lrf3d.world.model import World
-
-LARGEST_DXF = 1 << 26
-"""Largest drawing [bytes]."""
+from lrf3d.world.pieces import CURVE_ERROR, world_of_strokes
 
 CURVE_SHARE = 1.0 / 2000.0
 """Largest distance of chords from a curve, relative to its extent."""
@@ -43,7 +39,6 @@ def read_dxf(path: Path) -> World:
         from ezdxf.enums import InsertUnits
         from ezdxf.filemanagement import readfile
 
-    check_ordinary(path, what="a world file", largest=LARGEST_DXF, error=WorldError)
     drawing = readfile(path)
     code = drawing.header.get("$INSUNITS", 0)
     if code not in range(25):

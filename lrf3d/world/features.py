@@ -63,12 +63,6 @@ class Feature:
         height = max(self.height) if isinstance(self.height, tuple) else self.height
         return default if height is None else height
 
-    def wall_heights(self, count: int, default: float) -> Float:
-        """The heights (count,) [m] of the walls along the lines."""
-        if isinstance(self.height, tuple) and len(self.height) == count:
-            return np.array(self.height)
-        return np.full(count, self.height_or(default))
-
 
 def feature_of(item: object) -> Feature:
     """The feature of a GeoJSON Feature, or of a bare geometry.

@@ -6,17 +6,19 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from lrf3d.errors import OutputError, WorldError
+from lrf3d.errors import InputError, OutputError, WorldError
 from lrf3d.files import check_ordinary, worlds_folder
 from lrf3d.world.model import World
 
 PICTURES = dict.fromkeys((".png", ".pgm"), "ros_map:read_picture")
 """Bare pictures of floor plans, which need a resolution."""
 
+MESHES = dict.fromkeys((".glb", ".gltf", ".obj", ".off", ".ply", ".stl"), "mesh:read_mesh")
+
 BY_LIBRARY = {
     ".dxf": "dxf:read_dxf",
     ".svg": "svg:read_svg",
-    **dict.fromkeys((".glb", ".gltf", ".obj", ".off", ".ply", ".stl"), "mesh:read_mesh"),
+    **MESHES,
 }
 """Formats that a library parses, which raises anything where a file is damaged."""
 
@@ -31,6 +33,16 @@ READERS = {
     **BY_LIBRARY,
 }
 """The module and the function that read a world, by the ending of the file."""
+
+LARGEST = {
+    **dict.fromkeys(READERS, 1 << 28),
+    **dict.fromkeys((".yaml", ".yml"), 1 << 16),
+    ".svg": 1 << 25,
+    ".dxf": 1 << 26,
+    **dict.fromkeys(MESHES, 1 << 27),
+}
+"""Largest file [bytes], by its ending: a town of half a million inhabitants as OpenStreetMap has
+it, two million walls as TOML, the plan of a factory as SVG."""
 
 WRITERS = {
     ".toml": "toml_file:write_toml",
@@ -71,11 +83,13 @@ def load_world(
     options = {key: value for key, value in given.items() if value is not None}
     try:
         world: World = _function(READERS[ending])(path, **options)
-    except WorldError as error:
+    except InputError as error:
         # Readers name the place in the file.
         named = str(error).startswith(str(path))
         raise WorldError(str(error) if named else f"{path}: {error}") from None
     except Exception as error:
+        if isinstance(error, OSError) and error.errno is not None:
+            raise WorldError(f"{path}: cannot be read: {error.strerror}") from None
         if ending not in BY_LIBRARY:
             raise
         # What a library raises depends on the damage.
@@ -102,9 +116,11 @@ def save_world(world: World, path: str | Path, *, resolution: float | None = Non
             resolution is given for a format that has none.
 
     Examples:
+        >>> import tempfile
         >>> import lrf3d
-        >>> lrf3d.save_world(lrf3d.World([[0, 0, 4, 0]]), "wall.toml")
-        >>> lrf3d.load_world("wall.toml").segments.tolist()
+        >>> path = f"{tempfile.mkdtemp()}/wall.toml"
+        >>> lrf3d.save_world(lrf3d.World([[0, 0, 4, 0]]), path)
+        >>> lrf3d.load_world(path).segments.tolist()
         [[0.0, 0.0, 4.0, 0.0]]
     """
     path = Path(path)
@@ -150,9 +166,11 @@ def find_world(name_or_path: str | Path) -> Path:
         return worlds_folder() / f"{name_or_path}.toml"
     path = Path(name_or_path)
     known = ", ".join(READERS)
-    if path.suffix.lower() in READERS:
+    if (largest := LARGEST.get(path.suffix.lower())) is not None:
         missing = f"no such file{_suggestion(path.stem, names)}"
-        check_ordinary(path, what="a world file", missing=missing, error=WorldError)
+        check_ordinary(
+            path, what="a world file", largest=largest, missing=missing, error=WorldError
+        )
         return path
     if path.is_dir() or path.suffix.lower() == ".npz":
         run = not path.is_dir() or (path / "run.npz").exists()

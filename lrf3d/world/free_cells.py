@@ -81,8 +81,8 @@ class FreeCells:
         }
 
     @classmethod
-    def from_dict(cls, values: Any) -> "FreeCells":
-        """The grid that :meth:`as_dict` wrote.
+    def from_dict(cls, values: Any, key: str = "free") -> "FreeCells":
+        """The grid that :meth:`as_dict` wrote, at a key of a file.
 
         Raises:
             InputError: The values are not such a grid.
@@ -100,6 +100,6 @@ class FreeCells:
             return cls(np.array(cells), values["resolution"], values["origin"])
         except (KeyError, TypeError, ValueError, OverflowError):
             raise InputError(
-                "expected resolution, origin and rows, each row a list of run lengths, of equal"
-                f" sums, of at most {MOST_CELLS:,} cells"
+                f"{key}: expected resolution, origin and rows, each row a list of run lengths, of"
+                f" equal sums, of at most {MOST_CELLS:,} cells"
             ) from None

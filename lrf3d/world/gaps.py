@@ -5,14 +5,14 @@ corners, or a world of them. A mapped wall ends at its outermost hit, short of t
 beams and robots would slip through. Doors stay open: they are wider, and beams went through them.
 """
 
-from typing import NamedTuple
+from collections.abc import Iterator
 
 import numpy as np
 
-from lrf3d.geometry import Bool, Float, Int, cross, lengths
+from lrf3d.geometry import Bool, Float, Int, cross, directions, lengths
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.model import World
-from lrf3d.world.touching import connected
+from lrf3d.world.pieces import connected
 
 WIDEST = 0.4
 """Widest gap [m] that is closed: half of a door."""
@@ -46,19 +46,6 @@ def world_of_map(mapped: World, free: FreeCells | None = None) -> World:
     )
 
 
-class _Closing(NamedTuple):
-    """A possible closing of a gap; the least ones are taken first.
-
-    An end of a segment has twice the number of its row, and one more if it is the second. It meets
-    another end at a corner (2,) or straight on (no corner), or a wall within (no other end).
-    """
-
-    within: bool
-    cost: float
-    ends: tuple[int, ...]
-    corner: Float | None
-
-
 def close_gaps(segments: Float, free: FreeCells | None = None) -> tuple[Float, Int]:
     """Make the walls (n, 4) [m] of a map meet at their corners; no wall grows into free cells.
 
@@ -67,91 +54,81 @@ def close_gaps(segments: Float, free: FreeCells | None = None) -> tuple[Float, I
         of the walls that they continue.
     """
     origin = np.round(segments.reshape(-1, 2).mean(axis=0)) if len(segments) else np.zeros(2)
-    ends = (segments.reshape(-1, 2, 2) - origin).reshape(-1, 2)
-    outward = _outward(ends)
+    ends = (segments - np.tile(origin, 2)).reshape(-1, 2)
     moved, bridges, rows = ends.copy(), [], []
     taken = np.zeros(len(ends), dtype=np.bool_)
-    # Corners of two ends come first: if one end met the side of the other wall, that wall's own end
-    # would stay behind as a stub.
-    for closing in sorted([*_corners(ends, outward), *_joints(ends, outward)], key=lambda c: c[:3]):
-        both, corner = list(closing.ends), closing.corner
-        target = ends[both[-1]] if corner is None else corner
-        if taken[both].any() or (free is not None and _is_free(free, ends[both], target, origin)):
+    for closing, corner in _closings(ends):
+        is_straight = np.isnan(corner).any()
+        target = ends[closing[1]] if is_straight else corner
+        if taken[closing].any() or (
+            free is not None and _is_free(free, ends[closing], target, origin)
+        ):
             continue
-        taken[both] = True
-        if corner is None:
-            bridges.append(np.concatenate([ends[both[0]], target]))
-            rows.append(both[0] // 2)
+        taken[closing] = True
+        if is_straight:
+            bridges.append(ends[closing].reshape(-1))
+            rows.append(closing[0] // 2)
         else:
-            moved[both] = corner
+            moved[closing] = corner
     grown = moved.reshape(-1, 4)
     grown = np.where((lengths(grown) > STEP)[:, None], grown, ends.reshape(-1, 4))
     walls = np.vstack([grown, *bridges]) + np.tile(origin, 2)
     return walls, np.concatenate([np.arange(len(segments)), np.array(rows, np.int64)])
 
 
-def _outward(ends: Float) -> Float:
-    """Unit vectors (2n, 2) along the segments, each out of its end."""
-    pairs = ends.reshape(-1, 2, 2)
-    along = pairs[:, 1] - pairs[:, 0]
-    unit = along / np.linalg.norm(along, axis=1, keepdims=True)
-    return np.stack([-unit, unit], axis=1).reshape(-1, 2)
+def _closings(ends: Float) -> Iterator[tuple[Int, Float]]:
+    """Two ends that may meet, and their corner (2,), NaN if they meet straight on; best first.
 
-
-def _corners(ends: Float, outward: Float) -> list[_Closing]:
-    """Ends that meet other ends: at the corner of their lines, or straight on."""
+    An end has twice the number of its wall, and one more if it is the second. A wall that meets
+    another one between its ends has one end, which is given twice.
+    """
+    import shapely
     from scipy.spatial import cKDTree
 
     if not len(ends):
-        return []
-    pairs = cKDTree(ends).query_pairs(WIDEST + OVERSHOOT, output_type="ndarray")
-    pairs = pairs[pairs[:, 0] // 2 != pairs[:, 1] // 2]
-    one, other = pairs.T
+        return
+    along = np.repeat(directions(ends.reshape(-1, 4)), 2, axis=0)
+    outward = along * np.tile([[-1.0], [1.0]], (len(ends) // 2, 1))
+    one, other = cKDTree(ends).query_pairs(WIDEST + OVERSHOOT, output_type="ndarray").T
+    apart = one // 2 != other // 2
+    one, other = one[apart], other[apart]
+    first, second, corner = _crossing(ends[one], outward[one], ends[other], outward[other])
+    meets = _may_grow(first) & _may_grow(second)
     between = ends[other] - ends[one]
-    sine = cross(outward[one], outward[other])
-    distance = np.linalg.norm(between, axis=1)
-    aside = np.abs(cross(outward[one], between))
-    ahead = np.einsum("ij,ij->i", outward[one], between)
-    facing = np.einsum("ij,ij->i", outward[one], outward[other]) < 0.0
-    bends = np.abs(sine) > np.sin(LEAST_ANGLE)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        first = cross(between, outward[other]) / sine
-        second = cross(between, outward[one]) / sine
-        corners = ends[one] + first[:, None] * outward[one]
-    meets = bends & _may_grow(first) & _may_grow(second)
-    straight = ~bends & facing & (ahead > 0.0) & (distance <= WIDEST) & (aside <= ASIDE)
-    both = list(zip(one.tolist(), other.tolist(), strict=True))
-    cost = np.maximum(np.abs(first), np.abs(second))
-    return [
-        *(_Closing(False, float(cost[k]), both[k], corners[k]) for k in np.flatnonzero(meets)),
-        *(_Closing(False, float(distance[k]), both[k], None) for k in np.flatnonzero(straight)),
-    ]
-
-
-def _joints(ends: Float, outward: Float) -> list[_Closing]:
-    """Ends that meet another wall between its ends."""
-    import shapely
-
-    if not len(ends):
-        return []
+    distance = np.hypot(*between.T)
+    straight = np.isnan(first) & (np.einsum("ij,ij->i", outward[one], outward[other]) < 0.0)
+    straight &= (np.einsum("ij,ij->i", outward[one], between) > 0.0) & (distance <= WIDEST)
+    straight &= np.abs(cross(outward[one], between)) <= ASIDE
     tree = shapely.STRtree(shapely.linestrings(ends.reshape(-1, 2, 2)))
     end, wall = tree.query(shapely.points(ends), predicate="dwithin", distance=WIDEST)
-    apart = end // 2 != wall
-    end, wall = end[apart], wall[apart]
-    along = outward[2 * wall + 1]
-    from_start = ends[2 * wall] - ends[end]
-    sine = cross(outward[end], along)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        growth = cross(from_start, along) / sine
-        station = cross(from_start, outward[end]) / sine
-        corners = ends[end] + growth[:, None] * outward[end]
-    length = np.linalg.norm(ends[2 * wall + 1] - ends[2 * wall], axis=1)
-    fits = (np.abs(sine) > np.sin(LEAST_ANGLE)) & _may_grow(growth)
-    fits &= (station > 0.0) & (station < length)
-    return [
-        _Closing(True, abs(float(growth[k])), (int(end[k]),), corners[k])
-        for k in np.flatnonzero(fits)
-    ]
+    begin, length = ends[2 * wall], np.hypot(*(ends[2 * wall + 1] - ends[2 * wall]).T)
+    growth, station, joint = _crossing(ends[end], outward[end], begin, along[2 * wall])
+    within = (end // 2 != wall) & _may_grow(growth) & (station > 0.0) & (station < length)
+    pairs = np.concatenate(
+        [
+            np.column_stack([one, other])[meets | straight],
+            np.column_stack([end, end])[within],
+        ]
+    )
+    corners = np.concatenate([corner[meets | straight], joint[within]])
+    cost = np.where(straight, distance, np.maximum(np.abs(first), np.abs(second)))
+    cost = np.append(cost[meets | straight], np.abs(growth[within]))
+    # Corners of two ends come first: if one end met the side of the other wall, that wall's own end
+    # would stay behind as a stub.
+    for best in np.lexsort([pairs[:, 1], pairs[:, 0], cost, pairs[:, 0] == pairs[:, 1]]):
+        yield pairs[best], corners[best]
+
+
+def _crossing(begins: Float, along: Float, others: Float, beside: Float) -> tuple[Float, ...]:
+    """Distances (k,) from begins and others to where their lines cross, and the crossings (k, 2).
+
+    They are NaN where the lines are parallel, or nearly so.
+    """
+    sine = cross(along, beside)
+    sine[np.abs(sine) <= np.sin(LEAST_ANGLE)] = np.nan
+    first = cross(others - begins, beside) / sine
+    second = cross(others - begins, along) / sine
+    return first, second, begins + first[:, None] * along
 
 
 def _may_grow(growth: Float) -> Bool:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Bool, Float
+from lrf3d.geometry import Float
 from lrf3d.world.model import World
 from lrf3d.world.pieces import Part, walls, world_of_parts
 
@@ -18,7 +18,7 @@ THICKNESS = 0.2
 """Thickness of walls [m]."""
 
 DOOR = 2.2
-"""Clear width of a door [m]: the planner keeps up to 0.95 m from walls, on a lattice."""
+"""Clear width of a door [m]: three robots of usual size."""
 
 WALL_COLOUR = (0.80, 0.77, 0.71)
 """Warm white of plaster."""
@@ -66,23 +66,18 @@ class FloorPlan:
 
     name: str
     height: float = 2.5
-    lines: list[tuple[float, float, float, float]] = field(default_factory=list)
+    lines: list[Float] = field(default_factory=list)
     boxes: list[tuple[str, Float, float, tuple[float, float, float]]] = field(default_factory=list)
 
     def wall(self, x1: float, y1: float, x2: float, y2: float, *doors: float) -> None:
         """Add a wall along an axis, with doors at these distances from its first end [m]."""
-        length = abs(x2 - x1) + abs(y2 - y1)
-        dx, dy = (x2 - x1) / length, (y2 - y1) / length
-        gap = 0.5 * (DOOR + THICKNESS)
-        start = 0.0
-        for door in sorted(doors):
-            self._line(x1, y1, dx, dy, start, door - gap)
-            start = door + gap
-        self._line(x1, y1, dx, dy, start, length)
-
-    def _line(self, x: float, y: float, dx: float, dy: float, start: float, end: float) -> None:
-        if end > start:
-            self.lines.append((x + start * dx, y + start * dy, x + end * dx, y + end * dy))
+        begin, span = np.array([x1, y1]), np.array([x2 - x1, y2 - y1])
+        length, gap = float(np.abs(span).sum()), 0.5 * (DOOR + THICKNESS)
+        posts = [post for door in sorted(doors) for post in (door - gap, door + gap)]
+        for start, end in np.reshape([0.0, *posts, length], (-1, 2)):
+            if end > start:
+                ends = begin + np.outer([start, end], span / length)
+                self.lines.append(ends.ravel())
 
     def outer_walls(self, wide: float, high: float) -> None:
         """Add the outer walls of a plan, without doors, so that a drive stays inside."""
@@ -299,41 +294,28 @@ def city_blocks(walls: int) -> tuple[int, int]:
 
 
 def maze(size: float, seed: int) -> World:
-    """A maze, a random spanning tree of its cells: there is one path between any two places."""
-    count = max(3, int(size / PASSAGE))
-    plan = FloorPlan(f"maze {seed}")
-    open_east, open_north = maze_passages(count, np.random.default_rng(seed))
-    span = count * PASSAGE
-    plan.outer_walls(span, span)
-    for row in range(count):
-        for column in range(count):
-            x, y = (column + 1) * PASSAGE, (row + 1) * PASSAGE
-            if column + 1 < count and not open_east[row, column]:
-                plan.wall(x, y - PASSAGE, x, y)
-            if row + 1 < count and not open_north[row, column]:
-                plan.wall(x - PASSAGE, y, x, y)
-    return plan.world()
+    """A maze, a random spanning tree of its cells: there is one path between any two places.
 
-
-def maze_passages(count: int, rng: np.random.Generator) -> tuple[Bool, Bool]:
-    """Which cells (count, count) of a maze are open to the east and to the north of them.
-
-    The passages are the smallest spanning tree of the grid under random weights (Kruskal 1956).
+    It is the smallest spanning tree of the grid under random weights (Kruskal 1956).
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import minimum_spanning_tree
 
+    count = max(3, int(size / PASSAGE))
     cell = np.arange(count * count).reshape(count, count)
     start = np.concatenate([cell[:, :-1].reshape(-1), cell[:-1].reshape(-1)])
     end = np.concatenate([cell[:, 1:].reshape(-1), cell[1:].reshape(-1)])
-    weights = rng.uniform(1.0, 2.0, len(start))
+    weights = np.random.default_rng(seed).uniform(1.0, 2.0, len(start))
     tree = minimum_spanning_tree(coo_array((weights, (start, end)), shape=(cell.size, cell.size)))
-    here, there = tree.tocoo().coords
-    east, north = np.zeros((2, count, count), dtype=bool)
-    step = there - here
-    east.reshape(-1)[here[step == 1]] = True
-    north.reshape(-1)[here[step == count]] = True
-    return east, north
+    passages = set(zip(*(ends.tolist() for ends in tree.tocoo().coords), strict=True))
+    plan = FloorPlan(f"maze {seed}")
+    plan.outer_walls(count * PASSAGE, count * PASSAGE)
+    for one, other in sorted(zip(start.tolist(), end.tolist(), strict=True)):
+        if (one, other) not in passages:
+            x, y = PASSAGE * (one % count + 1), PASSAGE * (one // count + 1)
+            beside = other == one + 1
+            plan.wall(*((x, y - PASSAGE) if beside else (x - PASSAGE, y)), x, y)
+    return plan.world()
 
 
 KINDS: dict[str, tuple[Callable[[float, int], World], float]] = {

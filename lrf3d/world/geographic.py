@@ -2,10 +2,13 @@
 
 import json
 import re
+from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
 from lrf3d.geometry import Float
+from lrf3d.world.features import Feature
 
 EARTH_RADIUS = 6_371_008.8
 """Mean radius of the Earth [m]."""
@@ -43,23 +46,30 @@ def from_web_mercator(points: Float) -> Float:
     return np.asarray(np.degrees(np.column_stack([longitude, latitude])), dtype=np.float64)
 
 
-def looks_geographic(points: Float, sizes: Float) -> bool:
-    """Whether points (k, 2) of outlines of sizes (n, 2) are in degrees and not in metres."""
+def looks_geographic(features: Sequence[Feature]) -> bool:
+    """Whether the coordinates of features are in degrees and not in metres."""
+    import shapely
+
+    shapes = [shape for feature in features for shape in feature.shapes]
+    points, boxes = shapely.get_coordinates(shapes), shapely.bounds(shapes)
     if (np.abs(points) > [180.0, 90.0]).any():
         return False
+    sizes = np.abs(_from(boxes[:, 2:], boxes[:, :2])).max(axis=1)
     widest = np.ptp(_from(points, points[0]), axis=0).max()
-    return bool(
-        widest <= WIDEST_DEGREES
-        and np.median(np.abs(_from(sizes, np.zeros(2))).max(axis=1)) < LARGEST_BUILDING
-    )
+    return bool(widest <= WIDEST_DEGREES and np.median(sizes) < LARGEST_BUILDING)
 
 
-def centre_of(points: Float) -> tuple[Float, float]:
-    """The middle (2,) [°] of the box around points (k, 2) [°], and the largest side of the box."""
+def laid_flat(features: Sequence[Feature]) -> tuple[list[Feature], Float, float]:
+    """Features in degrees laid flat around their middle (2,) [°], and their largest extent [°]."""
+    import shapely
+
+    points = shapely.get_coordinates([shape for feature in features for shape in feature.shapes])
     local = _from(points, points[0])
     low, high = local.min(axis=0), local.max(axis=0)
     longitude, latitude = points[0] + 0.5 * (low + high)
-    return np.array([(longitude + 180.0) % 360.0 - 180.0, latitude]), float((high - low).max())
+    centre = np.array([(longitude + 180.0) % 360.0 - 180.0, latitude])
+    flat = [feature.moved(partial(lay_flat, centre=centre)) for feature in features]
+    return flat, centre, float((high - low).max())
 
 
 def lay_flat(points: Float, centre: Float) -> Float:

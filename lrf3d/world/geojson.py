@@ -12,7 +12,6 @@ shows: its walls meet at the corners, and walls that touch are one object.
 import json
 from collections.abc import Iterator
 from dataclasses import asdict, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,16 +26,15 @@ from lrf3d.world.gaps import world_of_map
 from lrf3d.world.geographic import (
     DEGREES,
     WEB_MERCATOR,
-    centre_of,
     code_of,
     from_web_mercator,
-    lay_flat,
+    laid_flat,
     looks_geographic,
 )
 from lrf3d.world.materials import material_value
 from lrf3d.world.model import World
-from lrf3d.world.pieces import WallRun, description, runs_of
-from lrf3d.world.schema import at, made_of
+from lrf3d.world.pieces import Run, runs_of
+from lrf3d.world.schema import at, made
 
 
 def read_geojson(path: Path) -> World:
@@ -49,37 +47,30 @@ def read_geojson(path: Path) -> World:
         WorldError: The file has no walls or invalid ones; the message names the feature, counted
             from 0.
     """
-    import shapely
-
     data = _parse(path)
     features = list(_features(data))
-    shapes = [shape for feature in features for shape in feature.shapes]
-    if not shapes:
+    if not any(feature.shapes for feature in features):
         raise WorldError("holds no Polygon and no LineString, so there is no wall")
-    place = _place(data)
-    code, metric = code_of(data.get("crs")), data.get("units") == "m" or _is_map(data)
-    points, boxes = shapely.get_coordinates(shapes), shapely.bounds(shapes)
-    if code in WEB_MERCATOR and not metric:
-        features = [feature.moved(from_web_mercator) for feature in features]
-        points = from_web_mercator(points)
-    known = code in DEGREES | WEB_MERCATOR
-    if not metric and (
-        known or (data.get("crs") is None and looks_geographic(points, boxes[:, 2:] - boxes[:, :2]))
-    ):
-        centre, _ = centre_of(points)
-        place = float(centre[0]), float(centre[1])
-        features = [feature.moved(partial(lay_flat, centre=centre)) for feature in features]
+    given: Any = data.get("place")
+    code = code_of(data.get("crs"))
+    known = isinstance(given, list) and len(given) == 2 and is_finite(*given)
+    place = (float(given[0]), float(given[1])) if known else None
+    if data.get("units") != "m" and not _is_map(data):
+        if code in WEB_MERCATOR:
+            features = [feature.moved(from_web_mercator) for feature in features]
+        plain = data.get("crs") is None
+        if code in DEGREES | WEB_MERCATOR or (plain and looks_geographic(features)):
+            features, centre, _ = laid_flat(features)
+            place = (float(centre[0]), float(centre[1]))
     name = data["name"] if isinstance(data.get("name"), str) else own_name(path)
     members = data.get("cameras", [])
     with at(str(path)):
         world = world_of_features(features, name, place=place)
         if not isinstance(members, list):
             raise WorldError(f"cameras: expected a list, found {shown(members)}")
-        cameras = tuple(
-            made_of(FixedCamera, each, f"cameras[{index}]") for index, each in enumerate(members)
-        )
-        with at("free"):
-            free = FreeCells.from_dict(data["free"]) if "free" in data else None
+        camera = made(FixedCamera)
+        cameras = tuple(camera(each, f"cameras[{index}]") for index, each in enumerate(members))
+        free = FreeCells.from_dict(data["free"]) if "free" in data else None
     return (
         world_of_map(world, free) if _is_map(data) else replace(world, cameras=cameras, free=free)
     )
@@ -108,7 +99,7 @@ def _is_map(data: dict[str, Any]) -> bool:
 
 
 def _parse(path: Path) -> dict[str, Any]:
-    text = read_text(path, what="a world file", error=WorldError)
+    text = read_text(path)
     try:
         data = json.loads(text, object_pairs_hook=_unique)
     except RecursionError:
@@ -142,48 +133,35 @@ _FOREIGN = {
 """Messages for other kinds of JSON with coordinates, by type."""
 
 
-def _place(data: dict[str, Any]) -> tuple[float, float] | None:
-    """Longitude and latitude of (0, 0) from the member ``place``, as lrf3d writes it."""
-    place = data.get("place")
-    if isinstance(place, list) and len(place) == 2 and is_finite(*place):
-        return float(place[0]), float(place[1])
-    return None
-
-
 def write_geojson(world: World, path: Path) -> None:
-    """Write a world as GeoJSON.
+    """Write a world as GeoJSON: one feature for each run of walls of one object.
 
     Raises:
         OutputError: The file cannot be written.
     """
-    write_text(path, geojson_text(world))
-
-
-def geojson_text(world: World) -> str:
-    """The GeoJSON text of a world: one feature for each run of walls of one object."""
-    features = ",\n".join(json.dumps(_feature(part, world)) for part in runs_of(world))
     # Other readers ignore these members, as the standard allows.
-    members = json.dumps([asdict(camera) for camera in world.cameras])
-    cameras = f' "cameras": {members},' if world.cameras else ""
-    place = "" if world.place is None else f' "place": {json.dumps(world.place)},'
-    free = "" if world.free is None else f' "free": {json.dumps(world.free.as_dict())},'
-    return (
-        f'{{"type": "FeatureCollection", "name": {json.dumps(world.name)}, "units": "m",'
-        f'{place}{cameras}{free} "features": [\n{features}\n]}}\n'
-    )
+    members: dict[str, Any] = {"type": "FeatureCollection", "name": world.name, "units": "m"}
+    if world.place is not None:
+        members["place"] = world.place
+    if world.cameras:
+        members["cameras"] = [asdict(camera) for camera in world.cameras]
+    if world.free is not None:
+        members["free"] = world.free.as_dict()
+    features = ",\n".join(json.dumps(_feature(run)) for run in runs_of(world))
+    write_text(path, f'{json.dumps(members)[:-1]}, "features": [\n{features}\n]}}\n')
 
 
-def _feature(part: WallRun, world: World) -> dict[str, Any]:
-    properties = {"object": part.number, **description(world, part.number)}
+def _feature(run: Run) -> dict[str, Any]:
+    properties = {"object": run.number, **run.looks}
     if "material" in properties:
         properties["material"] = material_value(properties["material"])
-    if not part.pieces:
+    if not run.lines:
         return {"type": "Feature", "properties": properties, "geometry": None}
-    properties["height"] = part.height_value
-    lines = [piece.outline.tolist() for piece in part.pieces]
-    geometry = (
-        {"type": "LineString", "coordinates": lines[0]}
-        if len(lines) == 1
-        else {"type": "MultiLineString", "coordinates": lines}
+    kind, lines = (
+        ("LineString", run.lines[0]) if len(run.lines) == 1 else ("MultiLineString", run.lines)
     )
-    return {"type": "Feature", "properties": properties, "geometry": geometry}
+    return {
+        "type": "Feature",
+        "properties": {**properties, "height": run.height},
+        "geometry": {"type": kind, "coordinates": lines},
+    }

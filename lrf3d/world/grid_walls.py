@@ -37,6 +37,9 @@ STIFFNESS = 0.001
 """Weight of the place of a joint beside those of the lines that meet there, which may be
 parallel."""
 
+SQUARE = np.ones((2, 2), dtype=np.bool_)
+"""Cells of which a wall two cells thick consists."""
+
 AROUND = [(0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)]
 """Rows and columns to the neighbours of a cell, counter-clockwise from the east."""
 
@@ -48,10 +51,14 @@ def walls_of_grid(occupied: Bool) -> Float:
         occupied: (rows, columns) whether each cell is occupied; the first row is at the bottom.
             Beyond the grid the cells at its border continue: no outline runs along the border.
     """
-    double = _opened(occupied, 2)
-    double &= ~_squares(np.pad(_opened(occupied, 3), NEAR // 2), NEAR, np.logical_or)
+    from scipy.ndimage import binary_opening, maximum_filter
+
+    double = binary_opening(occupied, SQUARE)
+    double &= ~maximum_filter(
+        binary_opening(occupied, np.ones((3, 3), dtype=np.bool_)), NEAR, mode="constant"
+    )
     grid = _thinned(occupied, double)
-    thick = _opened(grid, 2)
+    thick = binary_opening(grid, SQUARE)
     thin = np.argwhere(grid & ~thick)
     cells = np.asarray((thin + 0.5) @ [1.0j, 1.0], dtype=np.complex128)
     pairs = np.concatenate([*_outline(thick), *_thin_links(grid, thick, thin, cells)])
@@ -64,29 +71,10 @@ def walls_of_grid(occupied: Bool) -> Float:
     return np.concatenate([_straightened(chains, occupied, double), diagonals])
 
 
-def _squares(grid: Bool, side: int, combine: Any) -> Bool:
-    """The cells of each square of a side [cells] within the grid, combined by and, or by or."""
-    for _ in range(2):
-        width = 1
-        while width < side:
-            step = min(width, side - width)
-            grid, width = combine(grid[: len(grid) - step], grid[step:]), width + step
-        grid = grid.T
-    return grid
-
-
-def _opened(grid: Bool, side: int) -> Bool:
-    """Which cells are part of an occupied square of a side [cells]."""
-    if min(grid.shape) < side:
-        return np.zeros_like(grid)
-    return _squares(np.pad(_squares(grid, side, np.logical_and), side - 1), side, np.logical_or)
-
-
-def _neighbour(grid: Bool, cells: Int, row: int, column: int) -> Bool:
-    """Whether the neighbours of cells (k, 2), some rows and columns on, are in the grid."""
-    rows, columns = (cells + np.array([row, column])).T
-    within = (rows >= 0) & (rows < grid.shape[0]) & (columns >= 0) & (columns < grid.shape[1])
-    return np.asarray(within & grid[rows * within, columns * within])
+def _around(grid: Bool, cells: Int) -> Bool:
+    """Whether each of the eight neighbours (8, k) of cells (k, 2) is in the grid."""
+    padded = np.pad(grid, 1)
+    return np.array([padded[tuple((cells + step).T)] for step in 1 + np.array(AROUND)])
 
 
 def _thinned(grid: Bool, double: Bool) -> Bool:
@@ -95,39 +83,35 @@ def _thinned(grid: Bool, double: Bool) -> Bool:
     Cells are removed side by side where they connect their neighbours in no other way (Rosenfeld
     1975), so that what was connected stays connected and no gap is closed.
     """
+    from scipy.ndimage import binary_opening
+
     grid = grid.copy()
     for side in (2, 4, 6, 0):
-        cells = np.argwhere(_opened(grid, 2) & double)
-        near = [_neighbour(grid, cells, *step) for step in AROUND]
-        parts = [~near[k] & (near[k + 1] | near[(k + 2) % 8]) for k in (0, 2, 4, 6)]
-        gone = cells[~near[side] & (np.sum(parts, axis=0) == 1)]
-        grid[tuple(gone.T)] = False
+        cells = np.argwhere(binary_opening(grid, SQUARE) & double)
+        near = _around(grid, cells)
+        parts = ~near[::2] & (near[1::2] | np.roll(near[::2], -1, axis=0))
+        grid[tuple(cells[~near[side] & (parts.sum(axis=0) == 1)].T)] = False
     return grid
 
 
 def _outline(thick: Bool) -> Iterator[Complex]:
     """Pairs (k, 2) of middles of edges around cells, past each corner of the lattice."""
-    four = (thick[:-1, :-1], thick[:-1, 1:], thick[1:, :-1], thick[1:, 1:])
-    corners = np.argwhere(np.logical_or.reduce(four) & ~np.logical_and.reduce(four))
-    sw, se, nw, ne = (each[tuple(corners.T)] for each in four)
-    south, north, west, east = (
-        (sw != se, -0.5j),
-        (nw != ne, 0.5j),
-        (sw != nw, -0.5),
-        (se != ne, 0.5),
-    )
-    saddle = south[0] & north[0] & west[0] & east[0]
-    for (edge, middle), (following, next_middle), around in (
-        (south, north, saddle),
-        (west, east, saddle),
-        # At a saddle the outline turns around each empty cell.
-        (south, west, saddle & sw),
-        (south, east, saddle & se),
-        (north, west, saddle & nw),
-        (north, east, saddle & ne),
+    four = np.array([thick[:-1, :-1], thick[:-1, 1:], thick[1:, :-1], thick[1:, 1:]])
+    corners = np.argwhere(four.any(axis=0) & ~four.all(axis=0))
+    sw, se, nw, ne = four[:, *corners.T]
+    south, north, west, east = edges = [sw != se, nw != ne, sw != nw, se != ne]
+    saddle = np.logical_and.reduce(edges)
+    # At a saddle the outline turns around each empty cell.
+    for one, other, first, second, around in (
+        (south, north, -0.5j, 0.5j, saddle),
+        (west, east, -0.5, 0.5, saddle),
+        (south, west, -0.5j, -0.5, saddle & sw),
+        (south, east, -0.5j, 0.5, saddle & se),
+        (north, west, 0.5j, -0.5, saddle & nw),
+        (north, east, 0.5j, 0.5, saddle & ne),
     ):
-        corner = (corners[edge & following & ~around] + 1.0) @ [1.0j, 1.0]
-        yield np.column_stack([corner + middle, corner + next_middle])
+        corner = (corners[one & other & ~around] + 1.0) @ [1.0j, 1.0]
+        yield np.column_stack([corner + first, corner + second])
 
 
 def _thin_links(grid: Bool, thick: Bool, thin: Int, cells: Complex) -> Iterator[Complex]:
@@ -135,16 +119,15 @@ def _thin_links(grid: Bool, thick: Bool, thin: Int, cells: Complex) -> Iterator[
 
     The thin cells (k, 2) are rows and columns; their middles (k,) are the cells.
     """
+    linked, solid = _around(grid, thin), _around(thick, thin)
+    # Cells that touch at a corner are linked past their common neighbours, if there is one.
+    linked[1::2] &= ~(linked[::2] | np.roll(linked[::2], -1, axis=0))
     for place, (up, right) in enumerate(AROUND):
-        occupied, solid = (_neighbour(each, thin, up, right) for each in (grid, thick))
-        if up and right:
-            aside = _neighbour(grid, thin, up, 0) | _neighbour(grid, thin, 0, right)
-            occupied, solid = occupied & ~aside, solid & ~aside
         if place < 4:
-            cell = cells[occupied & ~solid]
+            cell = cells[linked[place] & ~solid[place]]
             yield np.column_stack([cell, cell + right + 1.0j * up])
         # The outline of a thick part passes through the middles of its edges.
-        cell = cells[solid]
+        cell = cells[linked[place] & solid[place]]
         yield np.column_stack([cell, cell + (right if up else 0.5 * right) + 0.5j * up])
 
 
@@ -190,12 +173,11 @@ def _bridges(chains: list[Complex], lone: Complex) -> Complex:
     return np.array(bridges, np.complex128).reshape(-1, 2)
 
 
-def _middles(occupied: Bool, double: Bool, row: Int, column: Int) -> Complex:
-    """How far the middle of a wall two cells thick is from the middles of its cells (k,)."""
-    padded, steps = np.pad(occupied, 1), [(0, 0), *AROUND]
-    near = np.array([padded[row + 1 + up, column + 1 + right] for up, right in steps])
-    towards = np.array([right + 1.0j * up for up, right in steps])
-    return np.asarray(double[row, column] * (towards @ near) / np.maximum(near.sum(axis=0), 1))
+def _middles(occupied: Bool, double: Bool, cells: Int) -> Complex:
+    """How far the middle of a wall two cells thick is from the middles of its cells (k, 2)."""
+    near, steps = _around(occupied, cells), np.array(AROUND) @ [1.0j, 1.0]
+    # All of these cells are occupied themselves.
+    return np.asarray(double[tuple(cells.T)] * (steps @ near) / (near.sum(axis=0) + 1))
 
 
 def _straightened(chains: list[Complex], occupied: Bool, double: Bool) -> Float:
@@ -207,10 +189,10 @@ def _straightened(chains: list[Complex], occupied: Bool, double: Bool) -> Float:
     count = np.array([len(chain) for chain in chains])
     number, first = np.repeat(np.arange(len(chains)), count), np.cumsum(count) - count
     points = np.concatenate(chains)
-    row, column = points.imag.astype(np.int64), points.real.astype(np.int64)
+    cells = np.column_stack([points.imag, points.real]).astype(np.int64)
     inside = (points.real % 1.0 == 0.5) & (points.imag % 1.0 == 0.5)
     moved = points.copy()
-    moved[inside] += _middles(occupied, double, row[inside], column[inside])
+    moved[inside] += _middles(occupied, double, cells[inside])
     # Both points of a post of two by two cells would become one.
     post = (count == 2) & (moved[first] == moved[first + 1])
     points = np.where(post[number], points, moved)

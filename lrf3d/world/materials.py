@@ -15,7 +15,7 @@ from typing import Any
 
 from lrf3d.errors import WorldError, shown
 from lrf3d.geometry import is_finite
-from lrf3d.world.schema import known_key, made_of
+from lrf3d.world.schema import known_key, made
 
 SMOOTH_DEG = 1.0
 """Widest lobe [°] of a surface that a beam leaves as a beam; in a wider one its light scatters."""
@@ -135,11 +135,11 @@ BUILT_IN = {
 PLAIN = BUILT_IN["plaster"]
 """The material of walls without one."""
 
-_OSM = {name: name for name in ("plaster", "brick", "glass", "mirror", "metal")} | {
+ALIASES = {
     **dict.fromkeys(("cement_block", "concrete"), "plaster"),
     **dict.fromkeys(("metal_plates", "steel"), "metal"),
 }
-"""Built-in materials for the values of OpenStreetMap's key ``building:material``."""
+"""Built-in materials for other values of OpenStreetMap's key ``building:material``."""
 
 
 def named(value: object, own: Iterable[Material] = (), place: str = "material") -> Material:
@@ -152,21 +152,19 @@ def named(value: object, own: Iterable[Material] = (), place: str = "material") 
     return known[known_key(str(value), known, place)]
 
 
-def osm_material(value: object) -> Material | None:
-    """The material of a building in OpenStreetMap; None where it says nothing of use."""
-    name = _OSM.get(value.strip().lower()) if isinstance(value, str) else None
-    return None if name is None else BUILT_IN[name]
-
-
 def material_of(value: object) -> Material | None:
-    """A material from the properties of a file: a built-in name, or a table of its values.
+    """A material from the properties of a file: a name, or a table of its values.
+
+    Names that are unknown, of which maps have many, count as not given.
 
     Raises:
         WorldError: The table holds an unknown key or an invalid value.
     """
-    if isinstance(value, str):
-        return BUILT_IN.get(value) or osm_material(value)
-    return made_of(Material, {"name": "", **value}, "material") if isinstance(value, dict) else None
+    if isinstance(value, dict):
+        own: Material = made(Material)({"name": "", **value}, "material")
+        return own
+    name = str(value).strip().lower()
+    return BUILT_IN.get(ALIASES.get(name, name))
 
 
 def material_value(material: Material) -> str | dict[str, Any]:

@@ -15,22 +15,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from lrf3d.errors import WorldError, shown
-from lrf3d.files import check_ordinary, own_name, replacing
+from lrf3d.files import own_name, replacing
 from lrf3d.geometry import LARGEST_COORDINATE, Float, Int
-from lrf3d.world.drawing import without_repeats
 from lrf3d.world.materials import Material, material_of, material_value
 from lrf3d.world.model import World
-from lrf3d.world.pieces import from_corner, walls
-from lrf3d.world.touching import connected
+from lrf3d.world.pieces import connected, from_corner, walls, without_repeats
 
 if TYPE_CHECKING:
     import trimesh
 
 CUT = 0.5
 """Height [m] at which a mesh is cut: the default height of the laser."""
-
-LARGEST_MESH = 1 << 27
-"""Largest size of a mesh [bytes]."""
 
 FLAT = 1e-6
 """Tolerance for collinear cuts, relative to the extent: the resolution of float32."""
@@ -92,7 +87,6 @@ def _parts(path: Path) -> list[_Part]:
     """The parts of a scene."""
     import trimesh
 
-    check_ordinary(path, what="a world file", largest=LARGEST_MESH, error=WorldError)
     # Of other options only materials of .obj files would read more files than this one.
     options: dict[str, Any] = {"skip_materials": True} if path.suffix.lower() == ".obj" else {}
     scene = trimesh.load_scene(path, process=False, **options)
@@ -198,44 +192,34 @@ def write_glb(world: World, path: Path) -> None:
     Raises:
         OutputError: The file cannot be written.
     """
-    with replacing(path) as unfinished:
-        unfinished.write_bytes(glb_bytes(world))
-
-
-def glb_bytes(world: World) -> bytes:
-    """The bytes of a binary glTF file of a world."""
     import trimesh
 
     visual: Any = trimesh.visual
+    scene: Any = trimesh.Scene()
     whole = extrude(world)
-    turned = np.asarray(whole.vertices) @ UPRIGHT.T
+    turned = (np.asarray(whole.vertices) @ UPRIGHT.T).reshape(-1, 4, 3)
     to_source = np.eye(4)
     to_source[:3, 3] = UPRIGHT @ [*world.origin, 0.0]
-    scene: Any = trimesh.Scene()
     for number in np.unique(world.objects).tolist():
-        own = np.flatnonzero(world.objects == number)
-        corners = (4 * own[:, None] + np.arange(4)).reshape(-1)
-        faces = (
-            np.asarray(whole.faces)[:2].reshape(1, 2, 3) + 4 * np.arange(len(own))[:, None, None]
-        )
+        own = world.objects == number
         colour = world.colours[number]
         shade = np.append(colour if np.isfinite(colour).all() else np.full(3, PLAIN), 1.0)
-        material = visual.material.PBRMaterial(
+        look = visual.material.PBRMaterial(
             baseColorFactor=shade, metallicFactor=0.0, roughnessFactor=0.9, doubleSided=True
         )
         mesh = trimesh.Trimesh(
-            turned[corners],
-            faces.reshape(-1, 3),
+            turned[own].reshape(-1, 3),
+            whole.faces[: 2 * own.sum()],
             process=False,
-            visual=visual.TextureVisuals(material=material),
+            visual=visual.TextureVisuals(material=look),
         )
-        made_of = world.materials[number] if world.materials else None
-        if made_of is not None:
-            material.name = made_of.name
-            mesh.metadata["material"] = material_value(made_of)
-        given = world.object_names[number] if world.object_names else ""
-        name = (
-            given if given and given not in scene.graph.nodes else f"{given or 'object'} {number}"
-        )
+        material = world.materials[number] if world.materials else None
+        if material is not None:
+            look.name = material.name
+            mesh.metadata["material"] = material_value(material)
+        name = world.object_names[number] if world.object_names else ""
+        if not name or name in scene.graph.nodes:
+            name = f"{name or 'object'} {number}"
         scene.add_geometry(mesh, node_name=name, geom_name=name, transform=to_source)
-    return bytes(scene.export(file_type="glb"))
+    with replacing(path) as unfinished:
+        unfinished.write_bytes(bytes(scene.export(file_type="glb")))

@@ -11,7 +11,6 @@ and Key:diameter_crown.
 """
 
 from collections.abc import Iterator
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
@@ -20,17 +19,14 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from lrf3d.errors import WorldError
-from lrf3d.files import opened, own_name
+from lrf3d.files import own_name
 from lrf3d.geometry import Float
 from lrf3d.world.buildings import world_of_features
 from lrf3d.world.features import LEVEL_HEIGHT, Feature, metres_of
-from lrf3d.world.geographic import centre_of, lay_flat
-from lrf3d.world.materials import BUILT_IN, osm_material
+from lrf3d.world.geographic import laid_flat, lay_flat
+from lrf3d.world.materials import BUILT_IN, material_of
 from lrf3d.world.model import World
 from lrf3d.world.schema import parse_colour
-
-LARGEST_OSM = 1 << 28
-"""Largest extract [bytes]: a town of half a million inhabitants, read in half a minute."""
 
 WIDEST_EXTRACT = 2.0
 """Largest extent [°] of the buildings: beyond it the projection is too inaccurate."""
@@ -75,19 +71,15 @@ def read_osm(path: Path, *, trees: bool = False) -> World:
     Raises:
         WorldError: The file holds no building or an invalid number; the message names the element.
     """
-    import shapely
-
     extract = _read(path)
     features = [feature for feature in _buildings(extract) if feature.shapes]
     if not features:
         raise WorldError("holds no whole building, so there is no wall")
-    buildings = [shape for feature in features for shape in feature.shapes]
-    centre, extent = centre_of(shapely.get_coordinates(buildings))
+    features, centre, extent = laid_flat(features)
     if extent > WIDEST_EXTRACT:
         raise WorldError(
             f"buildings {extent:.1f}° apart, expected at most {WIDEST_EXTRACT:g}°; cut out a part"
         )
-    features = [feature.moved(partial(lay_flat, centre=centre)) for feature in features]
     if trees and extract.trees:
         places = lay_flat(np.array([place for place, _ in extract.trees]), centre)
         buildings = [polygon for feature in features for polygon in feature.shapes]
@@ -107,22 +99,21 @@ class _Extract(NamedTuple):
 def _read(path: Path) -> _Extract:
     """The elements of a file; each is forgotten when it is read."""
     extract, root = _Extract({}, [], {}, []), None
-    with opened(path, what="a world file", largest=LARGEST_OSM, error=WorldError) as file:
-        try:
-            for event, element in ElementTree.iterparse(file, events=("start", "end")):
-                if root is None:
-                    root = element
-                    if root.tag != "osm":
-                        raise WorldError(f"<{root.tag[:40]}> where <osm> was expected")
-                if event == "end" and element.tag in ("node", "way", "relation"):
-                    if element.get("visible") != "false" and element.get("action") != "delete":
-                        _add(element, extract)
-                    root.clear()
-        except WorldError:
-            raise
-        # Encodings that the parser does not know are a LookupError or a ValueError.
-        except (ElementTree.ParseError, LookupError, ValueError) as error:
-            raise WorldError(f"not XML: {error}; export the extract again") from None
+    try:
+        for event, element in ElementTree.iterparse(path, events=("start", "end")):
+            if root is None:
+                root = element
+                if root.tag != "osm":
+                    raise WorldError(f"<{root.tag[:40]}> where <osm> was expected")
+            if event == "end" and element.tag in ("node", "way", "relation"):
+                if element.get("visible") != "false" and element.get("action") != "delete":
+                    _add(element, extract)
+                root.clear()
+    except WorldError:
+        raise
+    # Encodings that the parser does not know are a LookupError or a ValueError.
+    except (ElementTree.ParseError, LookupError, ValueError) as error:
+        raise WorldError(f"not XML: {error}; export the extract again") from None
     return extract
 
 
@@ -135,7 +126,7 @@ def _add(element: Element, extract: _Extract) -> None:
             if not (abs(place[0]) <= 180.0 and abs(place[1]) <= 90.0):
                 raise ValueError(f"longitude and latitude {place}, expected degrees")
             extract.nodes[number] = place
-            if is_tree(tags):
+            if tags.get("natural") == "tree" and tags.get("location") != "underground":
                 extract.trees.append((place, tags))
         elif element.tag == "way":
             nodes = [int(each.get("ref", "")) for each in element.iter("nd")]
@@ -183,9 +174,14 @@ def _feature(tags: Tags, area: Any) -> Feature:
 
     parts = shapely.get_parts([area]).tolist()
     shapes = tuple(part for part in parts if shapely.make_valid(part).area > 0.0)
-    material = osm_material(tags.get("building:material"))
-    colour = parse_colour(tags.get("building:colour"))
-    return Feature(shapes, tag_height(tags), name_of(tags), colour, None, material)
+    address = f"{tags.get('addr:street', '')} {tags.get('addr:housenumber', '')}".strip()
+    return Feature(
+        shapes,
+        tag_height(tags),
+        tags.get("name") or address,
+        parse_colour(tags.get("building:colour")),
+        material=material_of(tags.get("building:material")),
+    )
 
 
 def is_building(tags: Tags) -> bool:
@@ -205,17 +201,6 @@ def tag_height(tags: Tags) -> float | None:
         levels = metres_of(tags.get("building:levels", "")) or 0.0
         height = LEVEL_HEIGHT * (levels + (metres_of(tags.get("roof:levels", "")) or 0.0))
     return height if 0.0 < height <= HIGHEST else None
-
-
-def name_of(tags: Tags) -> str:
-    """The name of a building, or its street and number."""
-    address = f"{tags.get('addr:street', '')} {tags.get('addr:housenumber', '')}".strip()
-    return tags.get("name") or address
-
-
-def is_tree(tags: Tags) -> bool:
-    """Whether the tags of a node describe a tree."""
-    return tags.get("natural") == "tree" and tags.get("location") != "underground"
 
 
 def tree_height(tags: Tags) -> float:

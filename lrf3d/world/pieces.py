@@ -1,16 +1,30 @@
-"""Polylines, walls and objects: from the outlines of objects to a world, and back for files."""
+"""Lines, walls and objects: from outlines and drawings to a world, and back for files."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from lrf3d.geometry import Float
+from lrf3d.errors import WorldError
+from lrf3d.files import own_name
+from lrf3d.geometry import LARGEST_COORDINATE, Float, Int, lengths
 from lrf3d.world.materials import Material
 from lrf3d.world.model import World
 from lrf3d.world.schema import colour_value
+
+TOUCHING = 0.001
+"""Largest gap [m] between walls that touch: no beam can separate them, so they are one object."""
+
+CURVE_ERROR = 0.005
+"""Largest distance [m] of chords from their curve: about the width of a laser beam."""
+
+FINEST_GAP = 1e-4
+"""Largest gap relative to the size of the drawing, for drawings in their size on paper."""
+
+SHORTEST = 1e-9
+"""Length [m] up to which a stroke is a point."""
 
 
 class Part(NamedTuple):
@@ -65,72 +79,123 @@ def from_corner(chain: Float) -> Float:
     return np.vstack([ring[start:], ring[: start + 1]])
 
 
-class Piece(NamedTuple):
-    """A polyline through points (k, 2) [m]; a closed one ends at its first point."""
+class Run(NamedTuple):
+    """Consecutive walls of one object, as files have them.
 
-    points: Float
-    closed: bool
-
-    @property
-    def outline(self) -> Float:
-        """The points (k or k + 1, 2), with the first one repeated at the end of a closed piece."""
-        return np.vstack([self.points, self.points[:1]]) if self.closed else self.points
-
-
-@dataclass(frozen=True, slots=True)
-class WallRun:
-    """Consecutive walls of one object: their polylines, and the height [m] of each wall."""
+    The looks are the name, the colour and the material of the object, as far as it has them. Lines
+    are lists of points [x, y]; there is one height [m], or one for each wall.
+    """
 
     number: int
-    pieces: tuple[Piece, ...]
-    heights: Float
-
-    @property
-    def height_value(self) -> float | list[float]:
-        """The heights for a file: one number if all walls have the same height, else a list."""
-        heights: list[float] = self.heights.tolist()
-        return heights[0] if len(set(heights)) == 1 else heights
+    looks: dict[str, Any]
+    lines: list[list[list[float]]]
+    height: float | list[float]
 
 
-def pieces_of(segments: Float) -> tuple[Piece, ...]:
-    """The polylines that reproduce the segments (n, 4), bit for bit and in their order."""
+def lines_of(segments: Float) -> list[Float]:
+    """Lines (k, 2) that reproduce the segments (n, 4), bit for bit and in their order.
+
+    A ring, of three walls or more, is a line that ends at its first point.
+    """
     bits = np.ascontiguousarray(segments).view(np.int64)
-    pieces = []
-    first = 0
+    lines, first = [], 0
     for last in range(len(segments)):
-        # A ring ends at its start; two walls there and back are not a ring.
         ring = last - first >= 2 and (bits[last, 2:] == bits[first, :2]).all()
         joined = last + 1 < len(segments) and (bits[last, 2:] == bits[last + 1, :2]).all()
-        if ring:
-            pieces.append(Piece(segments[first : last + 1, :2], closed=True))
-        elif not joined:
-            points = np.vstack([segments[first : last + 1, :2], segments[last : last + 1, 2:]])
-            pieces.append(Piece(points, closed=False))
-        else:
-            continue
-        first = last + 1
-    return tuple(pieces)
+        if ring or not joined:
+            lines.append(np.vstack([segments[first : last + 1, :2], segments[last : last + 1, 2:]]))
+            first = last + 1
+    return lines
 
 
-def runs_of(world: World) -> Iterator[WallRun]:
+def runs_of(world: World) -> Iterator[Run]:
     """The objects without walls that have a name, …, and all walls in runs of one object each."""
     for number in sorted(set(range(world.object_count)) - set(world.objects.tolist())):
-        if description(world, number):
-            yield WallRun(number, (), np.empty(0))
+        if looks := _looks(world, number):
+            yield Run(number, looks, [], [])
     cuts = np.flatnonzero(np.diff(world.objects)) + 1
     for first, end in pairwise([0, *cuts.tolist(), len(world.objects)]):
         if end > first:
-            pieces = pieces_of(world.segments[first:end])
-            yield WallRun(int(world.objects[first]), pieces, world.heights[first:end])
+            number, heights = int(world.objects[first]), world.heights[first:end].tolist()
+            lines = [line.tolist() for line in lines_of(world.segments[first:end])]
+            height = heights[0] if len(set(heights)) == 1 else heights
+            yield Run(number, _looks(world, number), lines, height)
 
 
-def description(world: World, number: int) -> dict[str, Any]:
-    """The name, the colour and the material of an object, as far as it has them."""
-    name = world.object_names[number] if world.object_names else ""
-    colour, material = world.colours[number], world.materials[number] if world.materials else None
-    values = {
-        "name": name,
+def _looks(world: World, number: int) -> dict[str, Any]:
+    colour = world.colours[number]
+    looks = {
+        "name": world.object_names[number] if world.object_names else "",
         "colour": colour_value(colour) if np.isfinite(colour).all() else None,
-        "material": material,
+        "material": world.materials[number] if world.materials else None,
     }
-    return {key: value for key, value in values.items() if value}
+    return {key: value for key, value in looks.items() if value}
+
+
+def world_of_strokes(strokes: Sequence[Float], path: Path) -> World:
+    """The world of strokes (k, 2) [m]; repeated ones count once.
+
+    Raises:
+        WorldError: There are no walls, or they are not finite.
+    """
+    pieces = [walls(stroke, closed=False) for stroke in strokes if len(stroke) > 1]
+    segments = np.concatenate(pieces) if pieces else np.empty((0, 4))
+    if not (np.abs(segments) <= LARGEST_COORDINATE).all():
+        raise WorldError(f"holds a line that is not finite, or over {LARGEST_COORDINATE:g} m away")
+    segments = without_repeats(segments[lengths(segments) > SHORTEST])
+    if not len(segments):
+        raise WorldError("holds no line and no outline, so there is no wall")
+    extent = float(np.ptp(segments.reshape(-1, 2), axis=0).max())
+    gap = min(TOUCHING, FINEST_GAP * extent)
+    return World(segments, connected(segments, gap), name=own_name(path))
+
+
+def without_repeats(segments: Float) -> Float:
+    """The segments (n, 4) without repeated ones, in either direction."""
+    turned = (segments[:, 0] > segments[:, 2]) | (
+        (segments[:, 0] == segments[:, 2]) & (segments[:, 1] > segments[:, 3])
+    )
+    either = np.where(turned[:, None], segments[:, [2, 3, 0, 1]], segments)
+    _, kept = np.unique(either, axis=0, return_index=True)
+    return np.asarray(segments[np.sort(kept)], dtype=np.float64)
+
+
+def connected(segments: Float, gap: float = TOUCHING) -> Int:
+    """The object (n,) of each of the segments (n, 4): those that touch are one object.
+
+    Args:
+        segments: The walls.
+        gap: Largest gap between walls that touch [m].
+    """
+    import shapely
+
+    middle = segments.reshape(-1, 2).mean(axis=0)
+    lines = shapely.linestrings(segments.reshape(-1, 2, 2) - middle)
+    one, other = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=gap)
+    return groups(one, other, len(segments))
+
+
+def groups(one: Int, other: Int, count: int) -> Int:
+    """The group (count,) of each of some things, of which pairs (k,), (k,) belong together."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    links = coo_array((np.ones(len(one)), (one, other)), shape=(count, count))
+    _, label = connected_components(links, directed=False)
+    return np.asarray(label, dtype=np.int64)
+
+
+def joined_objects(world: World) -> Int:
+    """The object (n,) of each wall where objects that touch count as one, by their lowest number.
+
+    Maps are scored and labelled by these: no beam can separate the rooms of a house.
+    """
+    if not len(world.segments):
+        return world.objects
+    # Objects and groups of touching walls are the nodes of a graph; each wall is an edge.
+    group = connected(world.segments) + world.object_count
+    nodes = int(group.max()) + 1
+    label = groups(world.objects, group, nodes)
+    lowest = np.full(nodes, nodes)
+    np.minimum.at(lowest, label[world.objects], world.objects)
+    return np.asarray(lowest[label[world.objects]], dtype=np.int64)

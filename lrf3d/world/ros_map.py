@@ -23,11 +23,11 @@ from lrf3d.geometry import Bool, Float, Int, Single
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.grid_walls import walls_of_grid
 from lrf3d.world.model import World
+from lrf3d.world.pieces import connected
 from lrf3d.world.schema import Converter, at, integer, number, row, text
-from lrf3d.world.touching import connected
 
-LARGEST_YAML, LARGEST_PICTURE = 1 << 16, 1 << 28
-"""Largest description and largest picture [bytes]."""
+LARGEST_PICTURE = 1 << 28
+"""Largest picture [bytes]."""
 
 MOST_CELLS = 1 << 26
 """Largest number of cells of a map: 400 m by 400 m at 5 cm."""
@@ -79,7 +79,7 @@ def read_ros_map(path: Path) -> World:
     """
     import yaml
 
-    content = read_text(path, what="a world file", largest=LARGEST_YAML, error=WorldError)
+    content = read_text(path)
     try:
         node = yaml.compose(content, Loader=yaml.SafeLoader)
         data = yaml.safe_load(content)
@@ -166,7 +166,7 @@ def _light(picture: Path) -> tuple[Single, Bool]:
     """How light the pixels of a picture are on white paper, from 0 to 1, and which are opaque."""
     from PIL import Image
 
-    with opened(picture, what="a world file", largest=LARGEST_PICTURE, error=WorldError) as file:
+    with opened(picture, what="a picture", largest=LARGEST_PICTURE) as file:
         try:
             with Image.open(file, formats=["PNG", "PPM", "BMP"]) as image:
                 if image.width * image.height > MOST_CELLS:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import MISSING, fields
 from difflib import get_close_matches
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -20,12 +20,24 @@ from lrf3d.errors import InputError, WorldError, shown
 from lrf3d.geometry import LARGEST_COORDINATE, Float
 
 Converter = Callable[[Any, str], Any]
-Made = TypeVar("Made")
 
 MOST_OBJECTS = 1_000_000
 """Largest number of an object: a name and a colour are stored for every number up to it."""
 
 _HEX = re.compile(r"#(?:[0-9a-fA-F]{3}|[0-9a-fA-F]{6})")
+
+
+def accepting(
+    expected: str, accepts: Callable[[Any], Any], make: Callable[[Any], Any]
+) -> Converter:
+    """The converter of values that are accepted; messages say what is expected."""
+
+    def convert(found: Any, key: str) -> Any:
+        if not accepts(found):
+            raise InputError(f"{key}: expected {expected}, found {shown(found)}")
+        return make(found)
+
+    return convert
 
 
 def number(
@@ -35,46 +47,23 @@ def number(
     limit = f" above {above:g}" if above > -math.inf else ""
     limit += f" of at least {least:g}" if least > -math.inf else ""
     limit += f" and at most {most:g}" if most < LARGEST_COORDINATE else ""
-
-    def convert(value: Any, key: str) -> float:
-        known = isinstance(value, int | float) and not isinstance(value, bool)
-        if not (known and abs(value) <= most and least <= value and value > above):
-            raise InputError(f"{key}: expected a finite number{limit}, found {shown(value)}")
-        return float(value)
-
-    return convert
+    return accepting(
+        f"a finite number{limit}",
+        lambda x: type(x) in (int, float) and abs(x) <= most and least <= x and x > above,
+        float,
+    )
 
 
 def integer(*, least: int, most: int = MOST_OBJECTS) -> Converter:
     """A whole number within limits."""
-
-    def convert(value: Any, key: str) -> int:
-        if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
-            raise InputError(
-                f"{key}: expected a whole number from {least} to {most}, found {shown(value)}"
-            )
-        return value
-
-    return convert
+    expected = f"a whole number from {least} to {most}"
+    return accepting(expected, lambda x: type(x) is int and least <= x <= most, int)
 
 
 def text(*choices: str) -> Converter:
     """A text, one of the choices where there are any."""
     expected = f"one of {', '.join(choices)}" if choices else "a text in quotes"
-
-    def convert(value: Any, key: str) -> str:
-        if not isinstance(value, str) or (choices and value not in choices):
-            raise InputError(f"{key}: expected {expected}, found {shown(value)}")
-        return value
-
-    return convert
-
-
-def flag(value: Any, key: str) -> bool:
-    """True or false."""
-    if not isinstance(value, bool):
-        raise InputError(f"{key}: expected true or false, found {shown(value)}")
-    return value
+    return accepting(expected, lambda x: isinstance(x, str) and (not choices or x in choices), str)
 
 
 def parse_colour(value: Any) -> tuple[float, float, float] | None:
@@ -97,14 +86,6 @@ def colour_value(colour: Float) -> str | list[float]:
     return [float(part) for part in colour]
 
 
-def colour(value: Any, key: str) -> tuple[float, float, float]:
-    """A colour."""
-    parsed = parse_colour(value)
-    if parsed is None:
-        raise InputError(f'{key}: expected a colour such as "#c8b49a", found {shown(value)}')
-    return parsed
-
-
 def several(convert: Converter, what: str, *, least: int = 1, alone: bool = False) -> Converter:
     """A list of values; or, where ``alone``, one of them, which is not wrapped in a list."""
 
@@ -121,20 +102,58 @@ def several(convert: Converter, what: str, *, least: int = 1, alone: bool = Fals
 
 def row(*names: str) -> Converter:
     """A row of finite numbers, called by these names, as an array."""
+    fits = accepting(
+        f"[{', '.join(names)}]", lambda x: type(x) is list and len(x) == len(names), list
+    )
     convert_all = several(number(), "numbers")
-
-    def convert(value: Any, key: str) -> Float:
-        if not isinstance(value, list) or len(value) != len(names):
-            raise InputError(f"{key}: expected [{', '.join(names)}], found {shown(value)}")
-        return np.array(convert_all(value, key))
-
-    return convert
+    return lambda found, key: np.array(convert_all(fits(found, key), key))
 
 
 def rows(*names: str, least: int = 1) -> Converter:
     """A list of rows of finite numbers, as an array (k, names)."""
     convert_all = several(row(*names), f"[{', '.join(names)}]", least=least)
-    return lambda value, key: np.array(convert_all(value, key))
+    return lambda found, key: np.array(convert_all(found, key))
+
+
+def table(keys: Mapping[str, Converter], needs: Iterable[str] = ()) -> Converter:
+    """A table, which may have these keys, of which it needs some."""
+
+    def convert(found: Any, key: str) -> dict[str, Any]:
+        if not isinstance(found, dict):
+            raise InputError(f"{key}: expected a table [{key}], found {shown(found)}")
+        for name in found:
+            known_key(name, keys, key)
+        for name in needs:
+            if name not in found:
+                raise InputError(f"{key}: expected a {name}")
+        return {name: keys[name](each, f"{key}.{name}") for name, each in found.items()}
+
+    return convert
+
+
+def made(kind: type) -> Converter:
+    """A table of the values of a dataclass, which checks them itself."""
+    known = fields(kind)
+    needs = [field.name for field in known if field.default is MISSING]
+    as_table = table({field.name: lambda found, key: found for field in known}, needs)
+
+    def convert(found: Any, key: str) -> Any:
+        values = as_table(found, key)
+        with at(key):
+            return kind(**values)
+
+    return convert
+
+
+def tables(convert: Converter) -> Converter:
+    """Tables ``[[key]]``."""
+
+    def convert_all(found: Any, key: str) -> list[Any]:
+        if not isinstance(found, list):
+            raise InputError(f"{key}: expected tables [[{key}]]")
+        return [convert(each, f"{key}[{place}]") for place, each in enumerate(found)]
+
+    return convert_all
 
 
 _ANGLE = number(least=-3600.0, most=3600.0)
@@ -145,9 +164,9 @@ OBJECT: Mapping[str, Converter] = {
     "name": text(),
     "points": rows("x", "y", least=2),
     "lines": several(rows("x", "y", least=2), "lines, each a list of [x, y]", least=0),
-    "closed": flag,
+    "closed": accepting("true or false", lambda x: isinstance(x, bool), bool),
     "height": several(_LENGTH, "heights", alone=True),
-    "colour": colour,
+    "colour": accepting('a colour such as "#c8b49a"', parse_colour, parse_colour),
     "number": integer(least=0),
     "material": text(),
 }
@@ -252,30 +271,6 @@ def known_key(word: str, known: Iterable[str], place: str) -> str:
         hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
         raise WorldError(f"{place}: there is no {shown(word)}; {hint}")
     return word
-
-
-def converted(table: Any, keys: Mapping[str, Converter], path: str) -> dict[str, Any]:
-    """The values of a table, which may have these keys."""
-    if not isinstance(table, dict):
-        raise InputError(f"{path}: expected a table [{path}]")
-    return {
-        key: keys[known_key(key, keys, path)](value, f"{path}.{key}")
-        for key, value in table.items()
-    }
-
-
-def made_of(kind: type[Made], table: Any, path: str) -> Made:
-    """A dataclass of the values of a table, which checks them itself."""
-    if not isinstance(table, dict):
-        raise InputError(f"{path}: expected a table [{path}], found {shown(table)}")
-    known: Any = fields(kind)  # type: ignore[arg-type]
-    for key in table:
-        known_key(key, [field.name for field in known], path)
-    for field in known:
-        if field.default is MISSING and field.name not in table:
-            raise InputError(f"{path}: expected a {field.name}")
-    with at(path):
-        return kind(**table)
 
 
 @contextmanager

@@ -18,10 +18,9 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from lrf3d.errors import WorldError, shown
-from lrf3d.files import opened
 from lrf3d.geometry import LARGEST_COORDINATE, Float
-from lrf3d.world.drawing import CURVE_ERROR, world_of_strokes
 from lrf3d.world.model import World
+from lrf3d.world.pieces import CURVE_ERROR, world_of_strokes
 
 SHEET_SHARE = 2e-4
 """Chords lie no farther from their curves than this share of the sheet: a drawing on paper is a
@@ -39,9 +38,6 @@ UNITS |= {"in": 0.0254, "pt": 0.0254 / 72.0, "pc": 0.0254 / 6.0}
 
 _LENGTH = re.compile(rf"([+\d.eE-]*[\d.])\s*({'|'.join(UNITS)})", re.IGNORECASE)
 
-LARGEST_SVG = 1 << 25
-"""Largest drawing [bytes]: the plan of a factory is smaller."""
-
 UNDRAWN = {"clipPath", "mask", "pattern", "marker"}
 """Elements whose parts are not drawn."""
 
@@ -55,11 +51,10 @@ def read_svg(path: Path) -> World:
     from svgelements import SVG, Shape
     from svgelements import Path as Outline
 
-    with opened(path, what="a world file", largest=LARGEST_SVG, error=WorldError) as file:
-        try:
-            root = ElementTree.parse(file).getroot()
-        except ElementTree.ParseError as error:
-            raise WorldError(f"not XML: {error}") from None
+    try:
+        root = ElementTree.parse(path).getroot()
+    except ElementTree.ParseError as error:
+        raise WorldError(f"not XML: {error}") from None
     if _name(root) != "svg":
         raise WorldError(f"<{_name(root)[:40]}> where <svg> was expected: not an SVG drawing")
     width, height = _size(root)

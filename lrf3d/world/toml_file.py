@@ -7,7 +7,7 @@ written as text that is read again to the last bit.
 
 import json
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -15,28 +15,39 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.errors import InputError, WorldError
+from lrf3d.errors import InputError
 from lrf3d.files import own_name, read_text, write_text
 from lrf3d.geometry import Float
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.materials import BUILT_IN, Material, named
 from lrf3d.world.model import DEFAULT_HEIGHT, World
-from lrf3d.world.pieces import Part, WallRun, description, runs_of, walls, world_of_parts
+from lrf3d.world.pieces import Part, runs_of, walls, world_of_parts
 from lrf3d.world.schema import (
     OBJECT,
     OBSTACLE,
     TABLES,
+    Converter,
     at,
-    converted,
     known_key,
-    made_of,
+    made,
     row,
+    table,
+    tables,
     text,
 )
 
-KEYS = ["name", "object", *TABLES, "obstacle", "camera", "material", "place", "free"]
-"""The tables and keys of a world file."""
+KEYS: Mapping[str, Converter] = {
+    "name": text(),
+    "place": row("longitude", "latitude"),
+    "object": tables(table(OBJECT)),
+    **{name: table(keys) for name, keys in TABLES.items()},
+    "obstacle": tables(table(OBSTACLE, needs=["route"])),
+    "camera": tables(made(FixedCamera)),
+    "material": tables(made(Material)),
+    "free": lambda found, key: FreeCells.from_dict(found, key),
+}
+"""The keys and the tables of a world file, in the order in which they are checked."""
 
 
 @dataclass(frozen=True)
@@ -79,11 +90,7 @@ class WorldFile:
 
 
 def read_toml(path: Path) -> World:
-    """The walls of a world file; :func:`read_world_file` reads its tables, too.
-
-    Raises:
-        WorldError: As for :func:`read_world_file`.
-    """
+    """The walls of a world file."""
     return read_world_file(path).world
 
 
@@ -94,7 +101,7 @@ def read_world_file(path: Path) -> WorldFile:
         WorldError: The file cannot be read, does not parse, or is not a valid world; the message
             names the file and the key.
     """
-    content = read_text(path, what="a world file", error=WorldError)
+    content = read_text(path)
     with at(str(path)):
         try:
             data = tomllib.loads(content)
@@ -104,62 +111,43 @@ def read_world_file(path: Path) -> WorldFile:
             raise InputError(f"not TOML: {error}") from None
         for key in data:
             known_key(key, KEYS, key)
-        tables = {
-            key: converted(data[key], keys, key) for key, keys in TABLES.items() if key in data
-        }
-        obstacles = []
-        for key, table in _tables(data, "obstacle"):
-            obstacles.append(converted(table, OBSTACLE, key))
-            if "route" not in table:
-                raise InputError(f"{key}: expected a route")
-            if "radius" in table and "points" in table:
-                raise InputError(f"{key}: expected a radius or points, found both")
-        return WorldFile(_world(data, path), tables, tuple(obstacles), path)
+        values = {key: KEYS[key](data[key], key) for key in KEYS if key in data}
+        obstacles = values.get("obstacle", [])
+        for place, obstacle in enumerate(obstacles):
+            if "radius" in obstacle and "points" in obstacle:
+                raise InputError(f"obstacle[{place}]: expected a radius or points, found both")
+        settings = {key: values[key] for key in TABLES if key in values}
+        return WorldFile(_world(values, path), settings, tuple(obstacles), path)
 
 
-def _tables(data: Mapping[str, Any], key: str) -> Iterator[tuple[str, Any]]:
-    """The tables [[key]], each with its own path."""
-    tables = data.get(key, [])
-    if not isinstance(tables, list):
-        raise InputError(f"{key}: expected tables [[{key}]]")
-    for index, table in enumerate(tables):
-        yield f"{key}[{index}]", table
-
-
-def _world(data: Mapping[str, Any], path: Path) -> World:
-    cameras = [made_of(FixedCamera, table, key) for key, table in _tables(data, "camera")]
-    own = [made_of(Material, table, key) for key, table in _tables(data, "material")]
+def _world(values: Mapping[str, Any], path: Path) -> World:
+    own = values.get("material", [])
     if len({material.name for material in own}) < len(own):
         raise InputError("material: two tables of one name; rename one")
     parts = list[Part]()
-    for key, table in _tables(data, "object"):
-        values = converted(table, OBJECT, key)
-        number = values.get("number", parts[-1].number + 1 if parts else 0)
-        for each in ("name", "colour", "material"):
-            if each in values and any(part.number == number for part in parts):
-                raise InputError(f"{key}.{each}: stands with another object of the same number")
-        segments = _segments(values, key)
-        height = values.get("height", DEFAULT_HEIGHT)
+    for place, each in enumerate(values.get("object", [])):
+        key, number = f"object[{place}]", each.get("number", parts[-1].number + 1 if parts else 0)
+        looks = {name: each[name] for name in ("name", "colour", "material") if name in each}
+        if looks and any(part.number == number for part in parts):
+            word = next(iter(looks))
+            raise InputError(f"{key}.{word}: stands with another object of the same number")
+        segments, height = _segments(each, key), each.get("height", DEFAULT_HEIGHT)
         if isinstance(height, tuple) and len(height) != len(segments):
             raise InputError(
                 f"{key}.height: {len(height)} heights for {len(segments)} walls, expected one for"
                 " each"
             )
-        made = values.get("material")
-        material = None if made is None else named(made, own, f"{key}.material")
-        looks = values.get("name", ""), values.get("colour"), material
-        parts.append(Part(number, segments, np.array(height), *looks))
+        if "material" in looks:
+            looks["material"] = named(looks["material"], own, f"{key}.material")
+        parts.append(Part(number, segments, np.array(height), **looks))
     if not any(len(part.segments) for part in parts):
         raise InputError("object: expected at least one table [[object]] with points")
-    with at("free"):
-        free = FreeCells.from_dict(data["free"]) if "free" in data else None
-    place = row("longitude", "latitude")(data["place"], "place") if "place" in data else None
     return world_of_parts(
         parts,
-        text()(data["name"], "name") if "name" in data else own_name(path),
-        cameras=cameras,
-        place=None if place is None else tuple(place.tolist()),
-        free=free,
+        values.get("name", own_name(path)),
+        cameras=values.get("camera", ()),
+        place=tuple(values["place"].tolist()) if "place" in values else None,
+        free=values.get("free"),
     )
 
 
@@ -195,11 +183,19 @@ def write_toml(world: World, path: Path) -> None:
     blocks = [_table("", {"name": world.name, **place})]
     described: set[int] = set()
     for run in runs_of(world):
-        values = {} if run.number in described else description(world, run.number)
-        if "material" in values:
-            values["material"] = values["material"].name
+        looks = {} if run.number in described else dict(run.looks)
         described.add(run.number)
-        blocks.append(_table("[[object]]", {"number": run.number, **values, **_outline(run)}))
+        if "material" in looks:
+            looks["material"] = looks["material"].name
+        outline: dict[str, Any] = {"lines": []}
+        if run.lines:
+            # A ring needs no point twice.
+            closed = all(len(line) > 3 and str(line[0]) == str(line[-1]) for line in run.lines)
+            lines = [line[:-1] for line in run.lines] if closed else run.lines
+            outline = {"points": lines[0]} if len(lines) == 1 else {"lines": lines}
+            outline |= {"closed": True} if closed else {}
+            outline["height"] = run.height
+        blocks.append(_table("[[object]]", {"number": run.number, **looks, **outline}))
     used = dict.fromkeys(material for material in world.materials if material is not None)
     own = [material for material in used if BUILT_IN.get(material.name) != material]
     blocks += [_table("[[material]]", material.as_dict()) for material in own]
@@ -207,17 +203,6 @@ def write_toml(world: World, path: Path) -> None:
     if world.free is not None:
         blocks.append(_table("[free]", world.free.as_dict()))
     write_text(path, "\n".join(blocks))
-
-
-def _outline(run: WallRun) -> dict[str, Any]:
-    """The points and the heights of walls."""
-    closed = bool(run.pieces) and all(piece.closed for piece in run.pieces)
-    lines = [(piece.points if closed else piece.outline).tolist() for piece in run.pieces]
-    return {
-        **({"points": lines[0]} if len(lines) == 1 else {"lines": lines}),
-        **({"closed": True} if closed else {}),
-        **({"height": run.height_value} if len(run.heights) else {}),
-    }
 
 
 def _table(head: str, values: Mapping[str, Any]) -> str:

@@ -1,31 +1,35 @@
-"""Each benchmark at a tiny size: its rows have finite figures, and its command prints one value."""
+"""Each benchmark at a tiny size: its figures are right, and its command prints one value."""
 
 import json
 import math
 
+import numpy as np
 import pytest
+from synthetic_run import around, make_run, make_world, ring
 from typer.testing import CliRunner
 
-from benchmarks import drive, light, line_pairs, maps, ranges, robots, slam
+from benchmarks import drive, light, line_pairs, maps, ranges, slam
 from benchmarks.__main__ import PARTS, program
+from benchmarks.glass import found_glass, images, samples
 from benchmarks.report import Report, duration, written
 from benchmarks.score import bench as score
+from benchmarks.slam_consistency import Drive, consistency, simulated
+from benchmarks.storage import held_polylines, storage
+from lrf3d import LaserRangeFinder, LineMap, World, load_world, simulate
 from lrf3d.errors import InputError
 
-
-def finite(rows):
-    return all(
-        math.isfinite(value) for row in rows for value in row.values() if isinstance(value, float)
-    )
+ROUND = LaserRangeFinder(-np.pi, np.pi, 361)
 
 
 def test_casters_are_exact_and_bare_embree_is_not():
     report = Report("")
     ranges.measure(report, 40, 0.2)
-    errors = {row["method"]: row["error_m"] for row in report.tables["ranges"]}
+    rows = report.tables["ranges"]
+    errors = {row["method"]: row["error_m"] for row in rows}
     assert errors["PlanarCaster"] == errors["EmbreeCaster"] == 0.0
     assert errors["bare Embree"] > 1e-9 and errors["NumPy determinants"] < 1e-6
-    assert finite(report.tables["ranges"])
+    figures = [value for row in rows for value in row.values() if isinstance(value, float)]
+    assert all(map(math.isfinite, figures))
 
 
 def test_exact_arcs_end_where_the_reference_does():
@@ -39,12 +43,6 @@ def test_data_sheets_are_compared_by_reflectance():
     rows = light.bench("paper_room", poses=3).tables
     assert all(0.5 < row["ratio"] < 2.0 for row in rows["data sheets"])
     assert len(rows["cost of glass"]) == 2 and rows["glass"][0]["images"] == 0
-
-
-def test_robots_cast_their_beams():
-    [row] = robots.bench("corridor", robots=16, seconds=0.1).tables["robots"]
-    assert row["beams"] == 361
-    assert row["beams_a_second"] == pytest.approx(361 * row["scans_a_second"])
 
 
 def test_both_strategies_find_the_same_pairs():
@@ -71,10 +69,7 @@ def test_a_simulated_drive_is_solved():
 
 def test_own_mappers_and_ours_see_the_same_scans(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "scored.py").write_text(
-        "import lrf3d\nclass Mine(lrf3d.LineMapper):\n    pass\n"
-        "def robust():\n    return lrf3d.LineMapper(sigma=0.04)\n"
-    )
+    (tmp_path / "scored.py").write_text("import lrf3d\nclass Mine(lrf3d.LineMapper):\n    pass\n")
     rows = score("city", "robust,scored.py:Mine", seeds=1, poses=3, beams="61").tables["maps"]
     assert [row["mapper"] for row in rows] == ["robust", "scored.py:Mine"]
     with pytest.raises(InputError, match="--mapper rubust: expected"):
@@ -82,9 +77,10 @@ def test_own_mappers_and_ours_see_the_same_scans(tmp_path, monkeypatch):
 
 
 def test_every_part_is_a_command_with_an_example():
-    run = CliRunner().invoke(program(PARTS), ["robots", "corridor", "--robots", "4", "--seconds",
-                                              "0.1", "--json"])  # fmt: skip
-    assert json.loads(run.stdout)["robots"][0]["robots"] == 4
+    words = ["robots", "corridor", "--robots", "4", "--seconds", "0.1", "--json"]
+    [row] = json.loads(CliRunner().invoke(program(PARTS), words).stdout)["robots"]
+    assert row["robots"] == 4 and row["beams"] == 361
+    assert row["beams_a_second"] == pytest.approx(361 * row["scans_a_second"])
     for part, example in PARTS.items():
         assert example.startswith(f"scripts/bench {part}")
 
@@ -97,3 +93,96 @@ def test_figures_are_written_in_the_unit_of_their_name():
     report.save("work", 1.0, 3.0)
     assert report.tables["skipped work"][0]["saves"] == 3.0
     assert "3 s" in report.text() and report.as_dict()["question"] == "What?"
+
+
+def test_samples_are_by_others_where_these_are_near_and_parallel():
+    own = np.array([[0.0, 0, 4, 0], [0, 1, 0, 3]])
+    size, shares = samples(own, np.array([[1.0, 0.05, 3, 0.05], [-1, 2, 1, 2]]))
+    assert size.tolist() == [4.0, 2.0]
+    assert shares == pytest.approx([0.5 + 0.17 / 4, 0.0], abs=0.03)
+    assert samples(own, np.empty((0, 4)))[1].tolist() == [0.0, 0.0]
+
+
+@pytest.mark.slow
+def test_what_a_mirror_shows_is_an_image():
+    walls = ring([(0, 0), (8, 0), (8, 6), (0, 6)])
+    world = World(walls, range(4), materials=["plaster", "mirror", "plaster", "brick"])
+    # One pose is too few to tell a mirror from a room.
+    assert images(simulate(world, [(2.0, 3.0, 0.0)] * 2, ROUND, rng=0)) > 0
+
+
+@pytest.mark.slow
+def test_glass_of_the_city_is_found_from_few_random_poses_and_no_image_is_mapped():
+    rows = [found_glass(load_world("city"), seed, ROUND, 40, 0.1) for seed in range(6)]
+    assert sum(row["seen"] * row["found_share"] for row in rows) > 0.4 * sum(
+        row["seen"] for row in rows
+    )
+    assert all(row["found_share"] > 0.25 and row["right_share"] > 0.9 for row in rows)
+    assert all(row["images"] == 0 and row["segments"] > 50 for row in rows)
+
+
+def drives_of(scale, false=0):
+    """Drives with errors as large as their covariances, times a scale."""
+    rng = np.random.default_rng(1)
+    covariance = np.array([[4e-4, 1e-4, 0.0], [1e-4, 1e-4, 0.0], [0.0, 0.0, 1e-6]])
+    errors = scale * rng.normal(size=(50, 40, 3)) @ np.linalg.cholesky(covariance).T
+    return [Drive(each, np.tile(covariance, (40, 1, 1)), 1.0, 2, false) for each in errors]
+
+
+def test_errors_as_large_as_their_covariances_are_within_the_bounds():
+    figures = consistency(drives_of(1.0))
+    assert figures["nees_over_3"] == pytest.approx(1.0, abs=0.1)
+    assert figures["scans_within_bounds"] > 0.85
+    assert figures["places_within_95_percent_ellipse"] == pytest.approx(0.95, abs=0.02)
+    larger = consistency(drives_of(1.5, false=1))
+    assert larger["scans_too_confident"] > 0.9 and larger["false_closures"] == 50
+
+
+@pytest.mark.slow
+def test_no_loop_is_closed_between_any_two_of_twenty_identical_rooms():
+    drive = simulated("identical rooms", 3)
+    assert drive.closures > 100 and drive.false == 0
+    assert np.hypot(*drive.errors[:, :2].T).max() < 0.5
+
+
+@pytest.mark.slow
+def test_in_a_corridor_without_end_the_error_stays_within_its_ellipse():
+    figures = consistency([simulated("endless corridor", seed) for seed in range(3)])
+    assert figures["closures"] == 0 and figures["scans_too_confident"] == 0.0
+    assert figures["weak_direction_reported"] == 1.0
+    assert figures["places_within_95_percent_ellipse"] > 0.9
+    assert figures["largest_error_m"] > 0.05
+
+
+FULL = np.array([(0.0, 0), (10, 0), (10, 6), (0, 6)])
+
+
+def local_map(corners):
+    """The local map of a scan that shows a chain of walls."""
+    ends = np.array(corners, dtype=float)
+    lines = np.hstack([ends[:-1], ends[1:]])
+    return LineMap(lines, np.zeros(len(lines)), np.full(len(lines), 9))
+
+
+def test_an_object_of_six_walls_takes_fewer_numbers_than_its_views_as_polylines_or_a_grid():
+    walls = ring([(0, 0), (6, 0), (6, 3), (3, 3), (3, 6), (0, 6)])
+    run = make_run(make_world(walls), around(3, 3, 8, 8), ROUND)
+    views = [[(0, 6), (0, 0), (6, 0)], [(0, 0), (6, 0), (6, 3), (3, 3)],
+             [(6, 0), (6, 3), (3, 3), (3, 6), (0, 6)], [(3, 6), (0, 6), (0, 0)]]  # fmt: skip
+    count = storage(run, [*map(local_map, views)])
+    # The view from below left is shown by the others; corner walls are stored twice.
+    assert (count.union_numbers, count.polyline_numbers) == (30, 24)
+    assert count.grid_cells > 50 * count.polyline_numbers
+    assert storage(run, []).polyline_numbers == 0
+
+
+@pytest.mark.parametrize(
+    ("views", "held"),
+    [
+        ([[FULL[:3]], [FULL[:3] * 0.95 + [0.4, 0.05]]], 1),  # nothing new
+        ([[FULL[:3]], [FULL[1:]]], 2),  # around the corner
+        ([[FULL[:2], FULL[1:3]], [FULL]], 1),  # all that others show
+    ],
+)
+def test_a_view_is_held_that_shows_what_the_others_do_not(views, held):
+    assert len(held_polylines(views, 0.1)) == held

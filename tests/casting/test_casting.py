@@ -13,27 +13,15 @@ ROOM = World(np.array([[0, 0, 10, 0], [10, 0, 10, 8], [10, 8, 0, 8], [0, 8, 0, 0
 CASTERS = [PlanarCaster, EmbreeCaster]
 
 
-def random_world(seed, count=30, offset=0.0):
-    rng = np.random.default_rng(seed)
-    start = rng.uniform(-20, 20, (count, 2))
-    return World(np.hstack([start, start + rng.uniform(-6, 6, (count, 2))]) + offset)
-
-
 @pytest.mark.parametrize("caster", CASTERS)
-def test_ranges_in_a_room_are_the_distances_to_its_walls(caster):
-    lrf = LaserRangeFinder(beams=3)
-    scan = caster(ROOM).cast(lrf, (2.0, 3.0, 0.0))
+def test_ranges_are_distances_to_walls_far_is_a_miss_and_near_is_minus_infinity(caster):
+    scan = caster(ROOM).cast(LaserRangeFinder(beams=3), (2.0, 3.0, 0.0))
     assert scan.ranges == pytest.approx([3.0, 8.0, 5.0], abs=1e-12)
     assert scan.walls.tolist() == [0, 1, 2]
-    assert scan.range_max == 80.0
-
-
-@pytest.mark.parametrize("caster", CASTERS)
-def test_far_is_a_miss_and_near_is_minus_infinity(caster):
     lrf = LaserRangeFinder(beams=3, range_min=4.0, range_max=6.0)
     scan = caster(ROOM).cast(lrf, (2.0, 3.0, 0.0))
     assert scan.ranges[:2].tolist() == [-np.inf, np.inf]
-    assert scan.walls.tolist() == [-1, -1, 2]
+    assert scan.walls.tolist() == [-1, -1, 2] and scan.range_max == 6.0
 
 
 @pytest.mark.parametrize("caster", CASTERS)
@@ -47,14 +35,11 @@ def pillars(seed, count=12, far=None):
     """Square pillars of 3 m at any angle, and if asked for a triangle very far away; a mesh."""
     import trimesh
 
-    rng = np.random.default_rng(seed)
-    parts = []
+    rng, parts = np.random.default_rng(seed), []
     for _ in range(count):
-        pillar = trimesh.creation.box((*rng.uniform(0.2, 1.0, 2), 3.0))
-        turn = trimesh.transformations.rotation_matrix(rng.uniform(0, 3), (0, 0, 1))
-        pillar.apply_transform(turn)
-        pillar.apply_translation((*rng.uniform(-20, 20, 2), 1.5))
-        parts.append(pillar)
+        place = trimesh.transformations.rotation_matrix(rng.uniform(0, 3), (0, 0, 1))
+        place[:3, 3] = (*rng.uniform(-20, 20, 2), 1.5)
+        parts.append(trimesh.creation.box((*rng.uniform(0.2, 1.0, 2), 3.0), place))
     if far is not None:
         corners = [[far, 0, 0], [far, 1, 0], [far, 0, 3]]
         parts.append(trimesh.Trimesh(corners, [[0, 1, 2]], process=False))
@@ -65,10 +50,8 @@ def beside_corners(mesh, seed, count, least):
     """Poses (count, 3) that look past an upright edge of a pillar, `least` to 1e-7 rad beside."""
     rng = np.random.default_rng(seed)
     places = rng.uniform(-22, 22, (count, 2))
-    away = (
-        np.asarray(mesh.vertices)[rng.integers(len(mesh.vertices) // 8 * 8, size=count), :2]
-        - places
-    )
+    edges = rng.integers(len(mesh.vertices) // 8 * 8, size=count)
+    away = np.asarray(mesh.vertices)[edges, :2] - places
     beside = rng.choice([-1, 1], count) * 10.0 ** rng.uniform(np.log10(least), -7, count)
     return np.column_stack([places, np.arctan2(away[:, 1], away[:, 0]) + beside])
 
@@ -133,20 +116,15 @@ def test_inclined_beams_beside_edges_of_meshes_meet_the_right_triangle(far):
 
 
 def test_a_layer_without_elevation_is_the_scan_also_between_others():
-    world = random_world(5, count=60)
+    rng = np.random.default_rng(5)
+    start = rng.uniform(-20, 20, (60, 2))
+    world = World(np.hstack([start, start + rng.uniform(-6, 6, (60, 2))]))
     caster, lrf = EmbreeCaster(world), LaserRangeFinder()
-    rng = np.random.default_rng(6)
-    for _ in range(20):
-        place = rng.uniform(-20, 20, 2)
-        aim = world.segments[rng.integers(60), :2] - place
-        pose = (*place, np.arctan2(aim[1], aim[0]))
+    for pose in rng.uniform(-20, 20, (20, 3)):
         scan = caster.cast(lrf, pose)
         ranges, walls = caster.cast_layers(lrf, pose, [0.1, 0.0, -0.1])
         assert np.array_equal(ranges[1], scan.ranges) and np.array_equal(walls[1], scan.walls)
         assert not np.array_equal(ranges[0], ranges[1])
-        near, _ = caster.cast_layers(lrf, pose, [1e-13])
-        met = np.isfinite(near[0]) & np.isfinite(scan.ranges)
-        assert (np.abs(near[0][met] - scan.ranges[met]) < 1e-6).mean() > 0.99
 
 
 def test_a_plane_cuts_triangles_where_they_meet_it():

@@ -24,7 +24,7 @@ AHEAD = LaserRangeFinder(0.0, 0.0, beams=1)
 @both
 def test_intensities_are_those_of_the_laser_equation(caster):
     rng = np.random.default_rng(0)
-    for _ in range(1000):
+    for _ in range(200):
         distance, angle = rng.uniform(0.5, 60.0), rng.uniform(-1.4, 1.4)
         diffuse, near = rng.uniform(0.01, 1.0), rng.uniform(0.1, 5.0)
         normal, along = np.array([math.cos(angle), math.sin(angle)]), rng.uniform(1.0, 9.0)
@@ -38,20 +38,6 @@ def test_intensities_are_those_of_the_laser_equation(caster):
         want = diffuse * math.cos(angle) / distance**2 * catches
         assert scan.intensities[0] == pytest.approx(want, rel=1e-12)
         assert scan.ranges[0] == pytest.approx(distance, rel=1e-12)
-
-
-def test_a_lobe_and_a_retro_reflector_add_their_light():
-    metal = Material("metal", diffuse=0.2, specular=0.5, lobe_deg=10.0)
-    straight = PlanarCaster(world_of((2, -1, 2, 1, metal))).cast(AHEAD, (0, 0, 0))
-    lobe = math.radians(10.0)
-    assert straight.intensities[0] == pytest.approx((0.2 + 0.5 / (2 * lobe**2)) / 4, rel=1e-12)
-    aside = PlanarCaster(world_of((0, -2, 4, 2, metal))).cast(AHEAD, (0, 0, 0))
-    lost = math.exp(-0.5 * (math.pi / 2 / lobe) ** 2)
-    want = (0.2 * math.sqrt(0.5) + 0.5 / (2 * lobe**2) * lost) / 4
-    assert aside.intensities[0] == pytest.approx(want, rel=1e-12)
-    foil = Material("foil", diffuse=0.25, retro=99.75)
-    shining = PlanarCaster(world_of((2, -1, 2, 1, foil))).cast(AHEAD, (0, 0, 0))
-    assert shining.intensities[0] == pytest.approx(25.0, rel=1e-12)
 
 
 @both
@@ -82,22 +68,18 @@ def test_without_mirrors_and_glass_ranges_are_what_they_are_without_materials(ca
 @both
 def test_parallel_mirrors_turn_a_beam_up_to_eight_times(caster):
     # Each crossing of the gap takes the beam 1 m on; the last wall stands behind the mirrors.
+    pose, mirrors = (-0.5, 1.5, math.atan2(3, 1)), [(-1, y, 50, y, PERFECT) for y in (0, 3)]
     for turns in range(MOST_TURNS + 2):
-        mirrors = [(-1, 0, 50, 0, PERFECT), (-1, 3, 50, 3, PERFECT)]
         end = turns - 0.25
-        world = world_of(*mirrors, (end, -1, end, 4, WHITE))
-        start = LaserRangeFinder(math.atan2(3, 1), math.atan2(3, 1), beams=1)
-        scan = caster(world).cast(start, (-0.5, 1.5, 0))
+        there = caster(world_of(*mirrors, (end, -1, end, 4, WHITE)))
+        scan, chain = there.cast(AHEAD, pose), there.chains(AHEAD, pose)[0].tolist()
         if turns > MOST_TURNS:
             assert np.isinf(scan.ranges[0])
             continue
-        assert scan.walls[0] == 2
+        assert chain == [*[1, 0, 1, 0, 1, 0, 1, 0][:turns], 2] and scan.walls[0] == 2
         assert scan.ranges[0] == pytest.approx((end + 0.5) * math.sqrt(10.0), rel=1e-14)
-        assert scan.intensities[0] == pytest.approx(
-            1 / math.sqrt(10) / scan.ranges[0] ** 2, rel=1e-12
-        )
-        chain = caster(world).chains(start, (-0.5, 1.5, 0))[0]
-        assert chain.tolist() == [*[1, 0, 1, 0, 1, 0, 1, 0][:turns], 2]
+        want = 1 / math.sqrt(10) / scan.ranges[0] ** 2
+        assert scan.intensities[0] == pytest.approx(want, rel=1e-12)
 
 
 @both
@@ -110,8 +92,7 @@ def test_a_beam_into_the_very_corner_is_turned_by_both_mirrors(caster):
 @both
 def test_glass_returns_an_echo_and_lets_the_beam_through(caster):
     world = world_of((2, -1, 2, 1, "glass"), (5, -9, 5, 9, WHITE))
-    several = replace(AHEAD, echoes=3)
-    scan = caster(world).cast(several, (0, 0, 0))
+    scan = caster(world).cast(replace(AHEAD, echoes=3), (0, 0, 0))
     assert scan.echoes.tolist() == [[2.0, 5.0, np.inf]]
     glass = Material.of("glass")
     mirrored, passed = shares(1.0, glass.diffuse, 0.0, 0.0, glass.index)

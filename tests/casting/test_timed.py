@@ -54,7 +54,7 @@ def test_each_beam_of_a_sweep_is_the_exact_one_from_where_the_robot_then_is(make
     assert not np.allclose(swept.ranges, plain.ranges)
 
 
-def test_a_scan_may_take_as_long_as_the_interval_whatever_rounding_and_the_last_gap() -> None:
+def test_a_scan_may_take_as_long_as_the_interval_whatever_rounding_and_the_last_gap():
     times = np.append(0.2 * np.arange(1000), 199.85)
     assert np.diff(times)[:-1].min() < 0.2
     path = Trajectory(times, np.tile([50.0, 31.0, 0.1], (len(times), 1)))
@@ -128,6 +128,10 @@ def test_a_patrol_goes_there_and_back_at_its_speed():
     assert set(np.round(steps, 9)) == {0.0, 2.0}
     with pytest.raises(InputError, match="two different"):
         Patrol([(1, 1), (1, 1)], speed=1.0)
+    body = DynamicObstacle(SQUARE, Patrol([(0.0, 0.0), (4.0, 0.0)], 1.0))
+    with pytest.raises(InputError, match=r"patrol without an end; call its until\(time\)"):
+        body.poses  # noqa: B018
+    assert body.until(2.0).poses.times[-1] >= 2.0
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -171,3 +175,26 @@ def test_a_scan_of_beams_one_by_one_has_their_intensities_and_echoes():
     whole = caster.cast(lrf, (0, 0, 0))
     for name in ("ranges", "walls", "intensities", "echoes", "echo_intensities"):
         assert (getattr(swept, name) == getattr(whole, name)).all()
+
+
+@pytest.mark.parametrize(
+    ("outline", "height", "message"),
+    [
+        (SQUARE[:2], 1.0, "expected at least 3 x, y"),
+        ([*SQUARE[:3], (np.nan, 0.0)], 1.0, r"corner 3 is \[nan, 0.0\], expected finite"),
+        (SQUARE, 0.0, "height 0.0: expected .* metres, above 0"),
+        (SQUARE, np.inf, "height inf"),
+    ],
+)
+def test_outlines_and_heights_that_are_no_body_are_refused(outline, height, message):
+    with pytest.raises(InputError, match=message):
+        DynamicObstacle(np.array(outline), DRIVE, height)
+    with pytest.raises(InputError, match=r"radius .*: expected a finite number of metres, above 0"):
+        round_outline(-height if np.isfinite(height) else height)
+
+
+def test_distances_are_those_from_where_the_body_is_at_the_time():
+    walk = Trajectory([0, 2], [(0, 0, 0), (4, 0, 0)])
+    points, times = np.array([[4.0, 0.0], [4.0, 3.0], [4.0, 0.2]]), np.array([0.0, 1.0, 2.0])
+    far = DynamicObstacle(SQUARE, walk).distances(points, times)
+    assert far == pytest.approx([3.6, np.hypot(1.6, 2.7), 0.0])

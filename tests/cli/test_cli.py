@@ -4,7 +4,6 @@ import re
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
 from program import lrf3d, refused
@@ -74,20 +73,6 @@ def test_a_robot_that_only_stands_drives_nowhere(tmp_path):
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["drive"]["length_m"] == 0.0
 
 
-def test_a_run_is_rendered_as_its_world_file_says(room, tmp_path):
-    from lrf3d.io import load_run
-    from lrf3d.world.cameras import FilmPlan
-
-    room.write_text(ROOM + '[film]\nview = "top"\nplayback = 7.0\n')
-    done = lrf3d("run", room, "--no-video", "--scans", 3, "--out", tmp_path / "out")
-    assert done.returncode == 0, done.stderr
-    assert load_run(tmp_path / "out").film == FilmPlan("top", 7.0)
-    done = lrf3d("render", tmp_path / "out", "--size", "64x64", "--fps", 7, "--samples", 0)
-    assert done.returncode == 0, done.stderr
-    # Three scans, half a second apart, seven times as fast.
-    assert "2 frames of 64x64" in done.stdout
-
-
 def test_several_noises_stand_side_by_side(room, tmp_path):
     sigmas = ("--sigma", 0.02, 0.2, "--sigma=0.3,0.4")
     done = lrf3d("run", room, "--no-video", "--json", "--scans", 3, *sigmas, cwd=tmp_path)
@@ -123,12 +108,6 @@ def test_an_unknown_name_is_reported_before_anything_heavy_is_imported(command):
 def test_an_unknown_world_is_answered_with_those_there_are():
     message = refused("run", "citty")
     assert "city" in message and "corridor" in message and "paper_room" in message
-
-
-def test_a_key_misspelt_is_answered_with_the_nearest(room, tmp_path):
-    room.write_text(ROOM.replace("speed", "spede"))
-    message = refused("run", room, "--out", tmp_path / "out")
-    assert "box.toml: robot" in message and "speed" in message
 
 
 @pytest.mark.parametrize(
@@ -169,24 +148,6 @@ def test_an_invalid_size_is_refused(room):
     assert "--size" in refused("run", room, "--size", "big")
     assert "--size" in refused("run", room, "--size", "641x361")
     assert "--size" in refused("run", room, "--size", "640x" + 5000 * "9")
-
-
-def test_an_interrupt_ends_cleanly(room, tmp_path):
-    room.write_text(ROOM.replace("scan_interval = 0.5", "scan_interval = 0.0005"))
-    command = [sys.executable, "-m", "lrf3d", "run", room, "--no-video", "--out", tmp_path / "out"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    # The folder appears when the imports are over and the drive begins.
-    while not (tmp_path / "out").exists() and process.poll() is None:
-        time.sleep(0.01)
-    os.kill(process.pid, signal.SIGINT)
-    out, err = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert out == ""
-    assert re.fullmatch(
-        r"lrf3d: stopped(; (\d+ of \d+|all) scans kept; go on with --resume)?\n", err
-    )
-    # What was scanned is kept to be resumed, and whose it is.
-    assert {path.name for path in (tmp_path / "out").iterdir()} <= {"run.journal", "summary.json"}
 
 
 DIGITS = "9" * 5000

@@ -25,7 +25,7 @@ from lrf3d.exporting import export_run
 resource = pytest.importorskip("resource", reason="Windows has no limits of a process")
 
 COUNT = int(os.environ.get("LRF3D_MUTATED", "100"))
-FEW = 6
+FEW = 4
 """Those that are tried also where slow tests are left out."""
 
 SECONDS = 20
@@ -141,7 +141,7 @@ class Inputs:
 
     def __init__(self, folder):
         # What is imported here, no child has to import again.
-        for module in ("cli", "cli.results", "sweeping.plan", "render.figures"):
+        for module in ("cli", "cli.run", "sweeping.plan", "render.figures"):
             import_module(f"lrf3d.{module}")
         self.worlds = {kind: dict(files) for kind, files in damaged_worlds.valid().items()}
         self.worlds["room"] = {"box.toml": ROOM}

@@ -3,31 +3,29 @@ import json
 import bags
 import numpy as np
 import pytest
+from drives import path_of
 from program import lrf3d as program
 
 import lrf3d
 from lrf3d.io import load_run
 from lrf3d.mapping import load_map
-from lrf3d.recorded import solved_log
+from lrf3d.recorded import solve_log
 from lrf3d.slam.frames import compose
+
+ROOM = lrf3d.World([[0, 0, 8, 0], [8, 0, 8, 6], [8, 6, 3, 6], [3, 6, 0, 4], [0, 4, 0, 0]])
 
 
 @pytest.fixture(scope="module")
 def log_text():
     """A log of a drive around in a room, whose wheels drift, and the true poses of its lines."""
-    room = lrf3d.World([[0, 0, 8, 0], [8, 0, 8, 6], [8, 6, 3, 6], [3, 6, 0, 4], [0, 4, 0, 0]])
-    way = lrf3d.follow_route(np.array([(1, 1), (7, 1), (7, 5), (4, 4), (2, 1.5)]), dt=0.25)
+    path = lrf3d.follow_route(np.array([(1, 1), (7, 1), (7, 5), (4, 4), (2, 1.5)]), dt=0.25)
     lrf = lrf3d.LaserRangeFinder(-np.pi / 2, np.pi / 2 - np.pi / 180, 180, range_max=20.0)
-    run = lrf3d.simulate(room, way, lrf, noise=lrf3d.ProportionalNoise(0.02), rng=1)
+    run = lrf3d.simulate(ROOM, path, lrf, noise=lrf3d.ProportionalNoise(0.02), rng=1)
     true = run.trajectory.poses
     steps = lrf3d.odometry_increments(true)
     steps[:, 2] += 0.05 * steps[:, 0] + 0.003 * np.random.default_rng(1).normal(size=len(steps))
-    wheels = [true[0]]
-    for step in steps:
-        wheels.append(compose(wheels[-1], step))
     lines = []
-    for scan, pose in zip(run.scans, wheels, strict=True):
-        x, y, theta = pose
+    for scan, (x, y, theta) in zip(run.scans, path_of(true[0], steps), strict=True):
         end = f"{scan.time} host {scan.time}"
         lines.append(f"ODOM {x} {y} {theta} 0 0 0 {end}")
         readings = " ".join(f"{value:.3f}" for value in np.minimum(scan.ranges, 81.9))
@@ -64,48 +62,56 @@ def test_slam_writes_run_map_trajectory_and_summary(log, log_text, tmp_path):
     assert table.shape == (len(true), 8)
     assert np.hypot(*(table[:, 1:3] - true[:, :2]).T).max() < 0.05
     run = load_run(folder)
-    assert len(run) == len(true)
+    assert len(run) == len(true) and run.trajectory.length > 10.0
+    # The map grows in it, up to the last scan.
+    sizes = [len(line_map) for line_map in run.maps]
+    assert len(sizes) > 10 and sizes[0] < sizes[-1]
+    assert run.snapshot_scans[-1] == len(run) - 1 and len(run.snapshot_scans) == len(sizes)
     line_map = load_map(folder / "map.geojson")
     assert len(line_map) == summary["map"]["segments"] == len(run.world.segments)
 
 
+ROUTE = np.array([(2, 1.5), (6, 1.5), (6, 4), (4, 4)])
+
+
 @pytest.mark.parametrize("turn", ["forward", "to the left"])
 def test_the_trajectory_of_a_bag_is_that_of_the_base(tmp_path, turn):
-    room = lrf3d.World([[0, 0, 8, 0], [8, 0, 8, 6], [8, 6, 3, 6], [3, 6, 0, 4], [0, 4, 0, 0]])
-    way = lrf3d.follow_route(np.array([(2, 1.5), (6, 1.5), (6, 4), (4, 4)]), dt=0.25)
+    path = lrf3d.follow_route(ROUTE, dt=0.25)
     mount = lrf3d.Pose(0.3, -0.1, 0.5 * np.pi if turn == "to the left" else 0.0)
-    lasers = compose(way.poses, np.array(mount))
+    lasers = compose(path.poses, np.array(mount))
     lrf = lrf3d.LaserRangeFinder(-2.0, 2.0, 181, range_max=20.0)
-    run = lrf3d.simulate(room, lrf3d.Trajectory(way.times, lasers), lrf, rng=1)
+    run = lrf3d.simulate(ROOM, lrf3d.Trajectory(path.times, lasers), lrf, rng=1)
     quaternion = (0.0, 0.0, np.sin(0.5 * mount.theta), np.cos(0.5 * mount.theta))
     messages = [bags.mounted((mount.x, mount.y, 0.4), quaternion)]
-    for scan, pose in zip(run.scans, way.poses, strict=True):
+    for scan, pose in zip(run.scans, path.poses, strict=True):
         messages += [
             ("/odom", scan.time, bags.ODOMETRY, bags.odometry(scan.time, pose)),
             ("/scan", scan.time, bags.SCAN, bags.of_scan(scan)),
         ]
-    bag = bags.write(tmp_path / "drive", *messages)
-    folder = tmp_path / "out"
-    done = program("slam", bag, "--out", folder, "--json")
-    assert (done.returncode, done.stderr) == (0, "")
-    table = np.loadtxt(folder / "trajectory.tum")
+    table = solved(bags.write(tmp_path / "drive", *messages), tmp_path)
     # One line a scan, of the robot's base, where the laser's is a hand's breadth away.
-    assert table[:, 0] == pytest.approx(way.times, abs=1e-6)
-    assert table[:, 1:3] == pytest.approx(way.poses[:, :2], abs=0.04)
+    assert table[:, 0] == pytest.approx(path.times, abs=1e-6)
+    assert table[:, 1:3] == pytest.approx(path.poses[:, :2], abs=0.04)
     turns = 2.0 * np.arctan2(table[:, 6], table[:, 7])
-    assert np.cos(turns - way.poses[:, 2]).min() > 0.999
-    run = load_run(folder)
+    assert np.cos(turns - path.poses[:, 2]).min() > 0.999
+    run = load_run(tmp_path / "out")
     assert np.hypot(*(run.trajectory.poses - lasers)[:, :2].T).max() < 0.04
 
 
+def solved(log, tmp_path):
+    """The rows of trajectory.tum that ``lrf3d slam`` writes."""
+    done = program("slam", log, "--out", tmp_path / "out", "--json")
+    assert (done.returncode, done.stderr) == (0, "")
+    return np.loadtxt(tmp_path / "out" / "trajectory.tum")
+
+
 def test_the_trajectory_of_a_carmen_log_is_that_of_the_base(tmp_path):
-    room = lrf3d.World([[0, 0, 8, 0], [8, 0, 8, 6], [8, 6, 3, 6], [3, 6, 0, 4], [0, 4, 0, 0]])
-    way = lrf3d.follow_route(np.array([(2, 1.5), (6, 1.5), (6, 4), (4, 4)]), dt=0.125)
-    lasers = compose(way.poses, np.array([0.3, 0.0, 0.0]))
+    path = lrf3d.follow_route(ROUTE, dt=0.125)
+    lasers = compose(path.poses, np.array([0.3, 0.0, 0.0]))
     lrf = lrf3d.LaserRangeFinder(-np.pi / 2, np.pi / 2, 181, range_max=20.0)
-    run = lrf3d.simulate(room, lrf3d.Trajectory(way.times, lasers), lrf, rng=1)
+    run = lrf3d.simulate(ROOM, lrf3d.Trajectory(path.times, lasers), lrf, rng=1)
     lines = ["PARAM robot_frontlaser_offset 0.3 0 host 0"]
-    for number, (scan, (x, y, theta)) in enumerate(zip(run.scans, way.poses, strict=True)):
+    for number, (scan, (x, y, theta)) in enumerate(zip(run.scans, path.poses, strict=True)):
         end = f"{scan.time} host {scan.time}"
         lines.append(f"ODOM {x} {y} {theta} 0 0 0 {end}")
         if number % 2 == 0:
@@ -114,24 +120,12 @@ def test_the_trajectory_of_a_carmen_log_is_that_of_the_base(tmp_path):
             lines.append(f"FLASER 181 {readings} {place} {end}")
     log = tmp_path / "drive.log"
     log.write_text("\n".join(lines) + "\n")
-    done = program("slam", log, "--out", tmp_path / "out", "--json")
-    assert (done.returncode, done.stderr) == (0, "")
-    table = np.loadtxt(tmp_path / "out" / "trajectory.tum")
-    assert len(table) == len(way) and table[:, 0] == pytest.approx(way.times, abs=1e-6)
-    assert table[:, 1:3] == pytest.approx(way.poses[:, :2], abs=0.04)
+    table = solved(log, tmp_path)
+    assert len(table) == len(path) and table[:, 0] == pytest.approx(path.times, abs=1e-6)
+    assert table[:, 1:3] == pytest.approx(path.poses[:, :2], abs=0.04)
     # Without ODOM lines the poses of the scans are the odometry, and there is a line for each.
     log.write_text("\n".join(line for line in lines if not line.startswith("ODOM")) + "\n")
-    done = program("slam", log, "--out", tmp_path / "out", "--json")
-    assert done.returncode == 0
-    table = np.loadtxt(tmp_path / "out" / "trajectory.tum")
-    assert table[:, 1:3] == pytest.approx(way.poses[::2, :2], abs=0.04)
-
-
-def test_a_table_is_printed_for_people(log, tmp_path):
-    done = program("slam", log, "--out", tmp_path / "out")
-    assert done.returncode == 0
-    assert "loop closure" in done.stdout and "turn_rad_per_m" not in done.stdout
-    assert "wheels.turn_rad_per_m" in program("slam", log, "--out", tmp_path / "out", "-v").stdout
+    assert solved(log, tmp_path)[:, 1:3] == pytest.approx(path.poses[::2, :2], abs=0.04)
 
 
 def test_what_was_wrong_with_a_log_is_reported(log_text, tmp_path):
@@ -146,7 +140,7 @@ def test_what_was_wrong_with_a_log_is_reported(log_text, tmp_path):
     done = program("slam", log, "--out", folder)
     assert done.returncode == 0
     twice = f"{scans} scans and {scans + 1} odometry lines in the log more than once: read once"
-    assert twice in done.stdout
+    assert twice in done.stdout and "loop closure" in done.stdout
     assert f"1 bad line left out, the first line {4 * scans + 3}: " in done.stdout
     found = json.loads((folder / "summary.json").read_text())["log"]
     assert (found["scans"], found["doubled_scans"], found["bad_lines"]) == (2 * scans, scans, 1)
@@ -171,8 +165,7 @@ def test_known_errors_are_one_line(log, tmp_path):
 
 def test_reprs_fit_a_line(log):
     run, drive = lrf3d.slam_log(log), lrf3d.load_log(log)
-    mapped, solved = lrf3d.map_log(log), solved_log(log)
-    for value in (run, run.estimate, drive, drive.wheels, mapped, solved, solved.solution):
+    for value in (run, run.estimate, drive, drive.wheels, solve_log(log)):
         assert len(repr(value)) < 120 and "\n" not in repr(value)
 
 
@@ -207,15 +200,6 @@ def test_a_map_of_nothing_is_a_failure(log, tmp_path, factor):
         assert (done.returncode, done.stdout) == (1, "")
         assert done.stderr.count("\n") == 1 and "room: " in done.stderr
         assert not (tmp_path / "out").exists()
-
-
-def test_a_log_becomes_a_run(log):
-    run = lrf3d.slam_log(lrf3d.load_log(log))
-    assert isinstance(run, lrf3d.Run) and run.trajectory.length > 10.0
-    # The map grows in it, up to the last scan.
-    sizes = [len(line_map) for line_map in run.maps]
-    assert len(sizes) > 10 and sizes[0] < sizes[-1]
-    assert run.snapshot_scans[-1] == len(run) - 1 and len(run.snapshot_scans) == len(sizes)
 
 
 def test_a_run_with_slam_reports_its_errors(tmp_path):

@@ -2,20 +2,19 @@
 
 import contextlib
 import io
-import signal
 import sys
 from subprocess import CompletedProcess
 from unittest import mock
 
 from lrf3d.cli import main
 
-ENDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-
 
 def lrf3d(*arguments, cwd="."):
-    """Run a command; modules of the working folder can be named, as when it is started there."""
+    """Run a command; modules of the working folder can be named, as when it is started there.
+
+    Its handlers of signals stay until the end of the test.
+    """
     out, err = io.StringIO(), io.StringIO()
-    before = {number: signal.getsignal(number) for number in ENDS}
     try:
         with (
             contextlib.chdir(cwd),
@@ -27,9 +26,6 @@ def lrf3d(*arguments, cwd="."):
             main()
     except SystemExit as end:
         return CompletedProcess(arguments, end.code or 0, out.getvalue(), err.getvalue())
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def refused(*arguments, cwd="."):

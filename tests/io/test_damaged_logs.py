@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from program import lrf3d, refused
 from synthetic_run import around, box, make_run, make_world
 
 from lrf3d.errors import InputError
@@ -73,13 +72,6 @@ def loaded(path):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_whole_log_is_read(whole, kind, tmp_path):
-    put(whole[kind], tmp_path)
-    log = load_log(tmp_path / kind)
-    assert len(log) == 24 and log.bad_count == 0
-
-
-@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_log_cut_short_is_refused_or_says_what_is_missing(whole, kind, seed, tmp_path):
     rng = np.random.default_rng(seed)
@@ -96,17 +88,3 @@ def test_a_log_cut_short_is_refused_or_says_what_is_missing(whole, kind, seed, t
         assert isinstance(result, str)
     else:
         assert isinstance(result, LaserLog | str)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_program_ends_with_one_line(whole, kind, tmp_path):
-    files = {name: data[: len(data) // 3] for name, data in whole[kind].items()}
-    if kind == "run.log":
-        files = {name: data[:300] for name, data in files.items()}
-    put(files, tmp_path)
-    if kind == "run.log.gz":
-        # What could be unpacked may hold whole scans.
-        assert lrf3d("map", kind, cwd=tmp_path).returncode in (0, 1)
-        return
-    assert kind in refused("map", kind, cwd=tmp_path)
-    assert not (tmp_path / "out").exists()

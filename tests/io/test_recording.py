@@ -18,6 +18,8 @@ from lrf3d import (
     World,
 )
 from lrf3d.io import recording
+from lrf3d.slam import SlamMapper
+from lrf3d.slam.simulated import COVARIANCE_INTERVAL
 
 ROOM = World(
     np.array(
@@ -311,3 +313,27 @@ def test_what_lies_beside_a_finished_run_is_taken_away_when_it_is_resumed(tmp_pa
     path.with_suffix(".journal").write_bytes(b"left")
     lrf3d.record(simulation(scans=5), path, resume=True)
     assert [file.name for file in tmp_path.iterdir()] == ["run.npz"]
+
+
+def test_what_a_robot_believed_is_kept_and_resumed_to_the_last_bit(tmp_path):
+    def made(scans=90):
+        return simulation(scans=scans, mapper=SlamMapper(rng=1))
+
+    whole = lrf3d.record(made(), tmp_path / "whole.npz")
+    assert len(whole.estimate) == len(whole.estimate.odometry) == 90
+    assert whole.estimate.known_scans.tolist() == list(range(0, 90, COVARIANCE_INTERVAL))
+    path = tmp_path / "run.npz"
+    with pytest.raises(Stop):
+        lrf3d.record(made(), path, progress=stopping(60))
+    lrf3d.record(made(), path, resume=True)
+    assert path.read_bytes() == (tmp_path / "whole.npz").read_bytes()
+    lrf3d.save_run(whole, path)
+    kept = lrf3d.load_run(path).estimate
+    for name in ("poses", "known_scans", "covariances", "closures", "dropped_closures", "odometry"):
+        assert getattr(kept, name).tolist() == getattr(whole.estimate, name).tolist()
+    with np.load(path) as arrays:
+        changed = {**arrays, "estimate_poses": np.zeros((4, 3))}
+    np.savez(path, **changed)
+    with pytest.raises(InputError, match=r"run\.npz: .*4"):
+        lrf3d.load_run(path)
+    assert lrf3d.record(simulation(scans=5), tmp_path / "bare.npz").estimate is None

@@ -1,5 +1,6 @@
 import json
 import math
+import sys
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -12,14 +13,15 @@ from bags import STORE, mounted, odometry, pose, rosbag2, scan, transform, write
 from estimates import estimated
 from synthetic_run import around, box, make_run, make_world
 
-from lrf3d.errors import InputError, OutputError
+import lrf3d
+from lrf3d.errors import InputError, MissingLibraryError, OutputError
 from lrf3d.exporting import export_run
 from lrf3d.geometry import wrap_angle
 from lrf3d.io import load_log
 from lrf3d.io.bag_reader import ODOMETRY, POSE, SCAN, TRANSFORMS
 from lrf3d.laser import LaserRangeFinder, Stamp
-from lrf3d.mapping import LineMapper
 from lrf3d.pose import Pose
+from lrf3d.world import Material
 
 TURNS = {"upright": (0, 0, 0, 1), "upside down": (1, 0, 0, 0), "left": (0, 0, 0.5**0.5, 0.5**0.5)}
 
@@ -63,15 +65,6 @@ def test_a_bag_that_is_read_back_has_the_same_float32_bits(run, mcap, poses):
         assert after.angles == pytest.approx(before.angles, abs=1e-6)
         assert after.range_max == pytest.approx(5.3, rel=1e-7)
     assert any(np.isposinf(each.ranges).any() for each in log.scans)
-
-
-def test_the_map_of_the_bag_is_the_map_of_the_run(run, mcap):
-    ours, theirs = LineMapper(), LineMapper()
-    for one, other in zip(run.scans, load_log(mcap).scans, strict=True):
-        ours.update(one), theirs.update(other)
-    assert len(ours.map) == len(theirs.map) > 3
-    assert theirs.map.segments == pytest.approx(ours.map.segments, abs=1e-5)
-    assert np.array_equal(theirs.map.objects, ours.map.objects)
 
 
 @pytest.mark.parametrize("kind", ["mcap", "rosbag2"])
@@ -364,3 +357,20 @@ def test_without_a_topic_of_odometry_it_is_the_transforms_up_to_its_frame(tmp_pa
     log = load_log(bag, poses="odom")
     assert log.source == "/tf, laser in odom" and log.mount == pytest.approx((0.2, 0, 0))
     assert log.scans[0].pose == pytest.approx((0.7, 0, 0))
+
+
+def test_intensities_come_back_and_without_rosbags_the_error_says_what_to_install(
+    run, tmp_path, monkeypatch
+):
+    world = replace(run.world, materials=(Material.of("brick"), Material.of("glass")))
+    lit = lrf3d.simulate(world, run.trajectory.poses[:3], run.lrf, rng=0)
+    bag = tmp_path / "run.mcap"
+    export_run(lit, "mcap", bag)
+    for before, after in zip(lit.scans, load_log(bag).scans, strict=True):
+        assert np.array_equal(after.intensities, before.intensities.astype(np.float32))
+        assert after.echoes is None
+    monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
+    for call in (lambda: load_log(bag), lambda: export_run(lit, "mcap", tmp_path / "again.mcap")):
+        with pytest.raises(MissingLibraryError, match=r"pip install -e .*\[ros\]"):
+            call()
+    assert list(tmp_path.iterdir()) == [bag]

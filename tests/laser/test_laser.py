@@ -48,28 +48,12 @@ def test_points_follow_equation_8_and_leave_out_what_did_not_return():
     assert isinstance(scan.pose, Pose)
 
 
-def test_a_scan_whose_parts_do_not_fit_is_refused():
-    with pytest.raises(InputError, match="one of each"):
-        LaserScan((0, 0, 0), np.zeros(3), np.zeros(2))
-    with pytest.raises(InputError, match=r"intensities \(2,\): expected a row for each of 3 beams"):
-        LaserScan((0, 0, 0), np.zeros(3), np.zeros(3), intensities=np.zeros(2))
-
-
 def test_a_scan_has_the_covariance_of_its_pose_as_a_copy_that_stays():
     covariance = np.diag([0.01, 0.02, 0.001])
     scan = LaserScan((0, 0, 0), [0.0], [1.0], pose_covariance=covariance)
     covariance[0, 0] = 9.0
     assert scan.pose_covariance[0, 0] == 0.01 and not scan.pose_covariance.flags.writeable
     assert LaserScan((0, 0, 0), [0.0], [1.0]).pose_covariance is None
-
-
-@pytest.mark.parametrize(
-    "covariance",
-    [np.eye(2), np.diag([1.0, 1.0, -1.0]), np.diag([1.0, np.nan, 1.0]), np.triu(np.ones((3, 3)))],
-)
-def test_what_is_no_covariance_of_a_pose_is_refused(covariance):
-    with pytest.raises(InputError, match="pose_covariance"):
-        LaserScan((0, 0, 0), [0.0], [1.0], pose_covariance=covariance)
 
 
 MISSES = [np.nan, np.inf, 20.0, 20.5, 3.4e38]
@@ -102,6 +86,12 @@ def test_a_range_max_beyond_all_coordinates_is_unknown(largest):
         ({"range_max": "far"}, "range_max 'far'"),
         ({"range_min": 3.0, "range_max": 2.0}, "range_min 3.0"),
         ({"pose": (1e300, 0.0, 0.0)}, "pose"),
+        ({"ranges": [1.0]}, "one of each"),
+        ({"intensities": [1.0]}, r"intensities \(1,\): expected a row for each of 2 beams"),
+        ({"pose_covariance": np.eye(2)}, "pose_covariance"),
+        ({"pose_covariance": np.diag([1.0, 1.0, -1.0])}, "pose_covariance"),
+        ({"pose_covariance": np.diag([1.0, np.nan, 1.0])}, "pose_covariance"),
+        ({"pose_covariance": np.triu(np.ones((3, 3)))}, "pose_covariance"),
     ],
 )
 def test_a_scan_that_makes_no_sense_is_refused_in_one_line(settings, named):

@@ -8,8 +8,6 @@ from hypothesis import strategies as st
 from program import lrf3d
 from synthetic_run import box, make_run, make_world
 
-from lrf3d.casting import PlanarCaster, crosscheck
-from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.errors import InputError
 from lrf3d.laser import LaserRangeFinder, RangeNoise
 from lrf3d.localization import (
@@ -121,13 +119,16 @@ def test_exact_lines_bring_the_pose_home(truth, off):
     assert np.cos(estimate.pose.theta - truth.theta) == pytest.approx(1.0)
 
 
-@given(st.lists(st.floats(-3, 3), min_size=1, max_size=12), st.floats(1e-6, 1.0))
+@given(st.lists(st.floats(-3, 3), max_size=12), st.floats(1e-6, 1.0))
 def test_a_covariance_stays_symmetric_positive_and_never_grows(normals, deviation):
     before = PoseEstimate(Pose(0, 0, 0), ODOMETRY.covariance)
     after, _ = before.corrected(lines_at(np.array(normals), deviation=deviation))
     assert np.array_equal(after.covariance, after.covariance.T)
     assert (np.linalg.eigvalsh(after.covariance) >= -1e-18).all()
     assert (np.linalg.eigvalsh(before.covariance - after.covariance) >= -1e-12).all()
+    if not normals:
+        assert after.pose == before.pose
+        assert after.covariance == pytest.approx(before.covariance)
 
 
 def test_a_line_that_contradicts_the_others_is_left_out():
@@ -146,13 +147,6 @@ def test_many_lines_that_agree_outvote_a_prediction_that_was_far_off():
     before = PoseEstimate(Pose(0.4, 0, 0), ODOMETRY.covariance)
     after, used = before.corrected(lines_at(normals, 0.0, offsets, deviation=0.002))
     assert used.all() and abs(after.pose.x) < 0.01
-
-
-def test_no_pair_changes_nothing():
-    before = PoseEstimate(Pose(1, 2, 3), ODOMETRY.covariance)
-    after, used = before.corrected(lines_at(np.empty(0)))
-    assert after.pose == before.pose and len(used) == 0
-    assert after.covariance == pytest.approx(before.covariance)
 
 
 def test_the_robot_finds_itself_within_centimetres(run):
@@ -236,24 +230,6 @@ def test_what_makes_no_sense_is_refused_in_one_line(said):
     with pytest.raises(InputError, match=said) as raised:
         WRONG[said]()
     assert "\n" not in str(raised.value)
-
-
-def test_what_is_printed_fits_a_line(run):
-    world = run.world
-    track = localise(Localiser(ROOM, START), list(run.scans)[:1], np.zeros((0, 3)))
-    compared = crosscheck(world, LaserRangeFinder(), run.trajectory.poses[:3])
-    person = DynamicObstacle(box(0, 0, 1, 1)[:, :2], run.trajectory)
-    for value in (
-        ROOM,
-        START,
-        track,
-        Localiser(ROOM, START),
-        PlanarCaster(world),
-        compared,
-        person,
-    ):
-        assert len(repr(value)) < 200 and "\n" not in repr(value)
-    assert "poses=(1, 3)" in repr(track)
 
 
 def test_a_drive_needs_a_step_between_any_two_scans_and_a_score_a_seed_and_a_map(run):

@@ -22,6 +22,11 @@ LRF = LaserRangeFinder(range_max=30.0)
 CORRIDOR = World(np.array([[-2, -1.5, 20, -1.5], [20, -1.5, 20, 1.5], [20, 1.5, -2, 1.5]]))
 
 
+def mapped(world, drive, *obstacles):
+    noise, mapper = ProportionalNoise(0.02), LineMapper()
+    return simulate(world, drive, LRF, noise=noise, mapper=mapper, rng=0, obstacles=obstacles)
+
+
 def walked_by(speed, start):
     """The map of a drive along the corridor in which a person walks along beside the robot."""
     times = 0.25 * np.arange(60)
@@ -29,10 +34,7 @@ def walked_by(speed, start):
     end = start + speed * times[-1]
     path = Trajectory([0.0, times[-1]], [(start, 0.8, 0.0), (end, 0.8, 0.0)])
     person = DynamicObstacle(round_outline(0.25), path)
-    run = simulate(
-        CORRIDOR, drive, LRF, noise=ProportionalNoise(0.02), mapper=LineMapper(), rng=0,
-        obstacles=[person],
-    )  # fmt: skip
+    run = mapped(CORRIDOR, drive, person)
     return run.map.segments
 
 
@@ -56,10 +58,7 @@ def test_who_is_slow_and_never_seen_again_leaves_few_walls():
         )
         for x, y in ((6.0, 0.1), (10.0, -0.1), (14.0, 0.1))
     ]
-    run = simulate(
-        CORRIDOR, drive, LRF, noise=ProportionalNoise(0.02), mapper=LineMapper(), rng=0,
-        obstacles=people,
-    )  # fmt: skip
+    run = mapped(CORRIDOR, drive, *people)
     # They left 22.
     assert len(run.map) - 3 <= 10
 
@@ -72,10 +71,7 @@ def test_a_door_that_closes_after_half_of_a_drive_is_in_the_map():
     leaf = np.array([[-0.6, -0.02], [0.6, -0.02], [0.6, 0.02], [-0.6, 0.02]])
     away, shut = (500.0, 0.0, 0.0), (5.2, 1.52, 0.0)
     door = DynamicObstacle(leaf, Trajectory([0.0, 49.4, 49.5], [away, away, shut]))
-    run = simulate(
-        corridor, drive, LRF, noise=ProportionalNoise(0.02), mapper=LineMapper(), rng=0,
-        obstacles=[door],
-    )  # fmt: skip
+    run = mapped(corridor, drive, door)
     closed = np.array([[4.7, 1.5, 5.7, 1.5]])
     on_map = sample_offsets(closed, run.map.segments, reach=0.1, angle=np.radians(5.0))
     assert np.isfinite(on_map).all()

@@ -57,6 +57,19 @@ def test_intensities_that_are_no_light_are_left_out_without_a_word(scans, value)
     assert np.array_equal(found.segments, mapped(scans).segments)
 
 
+def test_scans_of_lit_points_that_are_no_walls_are_kept(scans):
+    angles = np.array([0.0, 1.0, 2.0])
+    lone = [
+        replace(
+            one, angles=angles, ranges=np.array([1.0, 3.0, 9.0]), intensities=np.ones(3),
+            walls=np.full(3, -1), echoes=None, echo_intensities=None,
+        )
+        for one in scans[:9]
+    ]  # fmt: skip
+    assert len(mapped(lone)) == 0
+    assert len(mapped([*lone, *scans])) > 0
+
+
 def test_light_that_falls_with_the_range_alone_marks_nothing(scans):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", Lrf3dWarning)

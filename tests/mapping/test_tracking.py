@@ -77,10 +77,12 @@ def test_a_run_without_a_map_has_none(run):
 
 
 def test_all_pictures_give_an_object_one_colour_in_all_maps(run):
-    from lrf3d.scene.trail_and_map import DrawnMap
+    from lrf3d.scene.drawn_map import DrawnMap
+    from lrf3d.scene.structures import Structures
 
     numbers = np.concatenate(run.lasting_objects)
-    drawn = [DrawnMap.from_snapshot(run, stage, np.zeros(2)) for stage in range(3)]
+    structures = Structures.from_run(run)
+    drawn = [DrawnMap.from_snapshot(run, stage, structures) for stage in range(3)]
     rows = np.concatenate([each.colours for each in drawn])
     np.testing.assert_allclose(rows, object_tints(numbers), atol=1e-6)
     assert run_glb(run)[:4] == b"glTF"

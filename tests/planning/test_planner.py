@@ -1,17 +1,14 @@
 import functools
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
 
 from lrf3d.casting import PlanarCaster
 from lrf3d.errors import InputError
 from lrf3d.laser import LaserRangeFinder
-from lrf3d.planning.planner import PlannedRoute, find_route, plan_route
+from lrf3d.planning.planner import find_route, plan_route
 from lrf3d.robot import find_collision, follow_route
 from lrf3d.scenario import Scenario
 from lrf3d.world import World, load_world, save_world
@@ -21,41 +18,39 @@ from lrf3d.world.generators import generate
 SMALL = {"city": 60.0, "maze": 16.0, "office": 25.0, "rooms": 18.0}
 
 
-def box(x: float, y: float, width: float, depth: float) -> np.ndarray:
+def box(x, y, width, depth):
     corners = np.array([[x, y], [x + width, y], [x + width, y + depth], [x, y + depth]])
     return np.hstack([corners, np.roll(corners, -1, axis=0)])
 
 
-def town(boxes: list[np.ndarray]) -> World:
+def town(boxes):
     objects = np.repeat(np.arange(len(boxes)), 4)
     return World(np.concatenate(boxes), objects, np.full(len(objects), 8.0))
 
 
-def distance_to_walls(world: World, places: np.ndarray) -> float:
+def distance_to_walls(world, places):
     origin = world.origin
     walls = shapely.MultiLineString(list((world.segments - np.tile(origin, 2)).reshape(-1, 2, 2)))
     return float(shapely.distance(walls, shapely.LineString(places - origin)))
 
 
-def room(width: float, depth: float) -> World:
+def room(width, depth):
     return World(np.concatenate([box(0, 0, width, depth), box(2, 2, 1, 1)]), [0] * 4 + [1] * 4)
 
 
 STREET_BOXES = [box(16.0 * i, 14.0 * j, 10.0, 8.0) for i in range(3) for j in range(3)]
 STREETS = town(STREET_BOXES)
+PAIR_BOXES = [box(0.0, 0.0, 10.0, 8.0), box(15.0, 2.0, 6.0, 9.0)]
+PAIR = town(PAIR_BOXES)
 
 
 @functools.cache
-def found_in_the_streets() -> PlannedRoute:
+def found_in_the_streets():
     return find_route(STREETS)
 
 
-@settings(max_examples=2, deadline=None)
-@given(st.integers(0, 10_000), st.floats(0.2, 0.5), st.sampled_from([0.0, 85_000.0]))
-@example(148, 0.25, 0.0)
-def test_a_route_is_followed_without_coming_near_a_wall(
-    seed: int, radius: float, east: float
-) -> None:
+@pytest.mark.parametrize(("seed", "radius", "east"), [(148, 0.25, 0.0), (3, 0.45, 85_000.0)])
+def test_a_route_is_followed_without_coming_near_a_wall(seed, radius, east):
     rng = np.random.default_rng(seed)
     spots = rng.permutation(9)[:5]
     boxes = [box(east + 13.0 * (s // 3), 12.0 * (s % 3), *rng.uniform(4.0, 10.0, 2)) for s in spots]
@@ -71,7 +66,7 @@ def test_a_route_is_followed_without_coming_near_a_wall(
         assert not shapely.contains_xy(inside, route[:, 0], route[:, 1]).any()
 
 
-def test_most_walls_of_a_town_are_seen_from_a_route_of_sensible_length() -> None:
+def test_most_walls_of_a_town_are_seen_from_a_route_of_sensible_length():
     route = found_in_the_streets().waypoints
     drive = follow_route(route, speed=3.0, lookahead=1.0, dt=0.5)
     assert drive.length < 500.0
@@ -81,16 +76,15 @@ def test_most_walls_of_a_town_are_seen_from_a_route_of_sensible_length() -> None
     assert (counts > 10).mean() > 0.8
 
 
-def test_the_same_world_gives_the_same_route_wherever_it_lies() -> None:
-    world = town([box(0.0, 0.0, 10.0, 8.0), box(15.0, 2.0, 6.0, 9.0)])
-    route = plan_route(world)
-    assert (plan_route(world) == route).all()
+def test_the_same_world_gives_the_same_route_wherever_it_lies():
+    route = plan_route(PAIR)
+    assert (plan_route(PAIR) == route).all()
     shift = np.array([85_000.0, 447_500.0])
-    moved = World(world.segments + np.tile(shift, 2), world.objects, world.heights)
+    moved = World(PAIR.segments + np.tile(shift, 2), PAIR.objects, PAIR.heights)
     np.testing.assert_allclose(plan_route(moved), route + shift, atol=1e-6)
 
 
-def test_in_a_closed_room_the_route_stays_inside() -> None:
+def test_in_a_closed_room_the_route_stays_inside():
     for world in (room(9.0, 7.0), World(box(0.0, 0.0, 6.0, 5.0))):
         route = plan_route(world, radius=0.3)
         low, high = world.bounds
@@ -98,30 +92,30 @@ def test_in_a_closed_room_the_route_stays_inside() -> None:
         assert np.hypot(*(route[-1] - route[0])) + len(route) > 2.0
 
 
-def test_a_lone_house_is_seen_from_outside() -> None:
+def test_a_lone_house_is_seen_from_outside():
     world = town([box(0.0, 0.0, 12.0, 9.0)])
     route = plan_route(world)
     house = shapely.box(0.0, 0.0, 12.0, 9.0)
     assert not shapely.contains_xy(house, route[:, 0], route[:, 1]).any()
 
 
-def test_a_plan_with_a_line_on_each_side_of_its_outer_wall_is_driven_inside() -> None:
+def test_a_plan_with_a_line_on_each_side_of_its_outer_wall_is_driven_inside():
     walls = [*box(0.0, 0.0, 12.0, 9.0), *box(0.2, 0.2, 11.6, 8.6), [6.0, 0.2, 6.0, 4.0]]
     route = plan_route(World(np.array(walls), objects=[0] * 4 + [1] * 5))
     assert shapely.contains_xy(shapely.box(0.2, 0.2, 11.8, 8.8), route[:, 0], route[:, 1]).all()
 
 
-def test_a_very_large_world_is_planned_in_its_densest_part() -> None:
+def test_a_very_large_world_is_planned_in_its_densest_part():
     crowd = [box(3000.0 + 15.0 * i, 14.0 * j, 9.0, 8.0) for i in range(4) for j in range(3)]
     world = town([*crowd, box(0.0, 0.0, 10.0, 10.0), box(0.0, 5000.0, 10.0, 10.0)])
     route = plan_route(world)
     assert (np.abs(route - [3030.0, 20.0]) < 260.0).all()
 
 
-def house(door: float, entrance: float) -> World:
+def house(door, entrance):
     """A house of four rooms, with doors between them, and one to the outside in the first."""
 
-    def wall(start: tuple[float, float], end: tuple[float, float], gap: float) -> list[np.ndarray]:
+    def wall(start, end, gap):
         a, b = np.array(start), np.array(end)
         step = (b - a) * 0.5 * (1.0 - gap / np.hypot(*(b - a)))
         return [np.hstack([a, a + step]), np.hstack([b - step, b])]
@@ -137,16 +131,14 @@ def house(door: float, entrance: float) -> World:
     return World(np.array(walls))
 
 
-def rooms_of(positions: np.ndarray) -> set[tuple[int, int]]:
+def rooms_of(positions):
     """The rooms of a house in which some of the positions lie."""
     rooms = set(map(tuple, np.floor(positions[:, :2] / [6.0, 4.5]).astype(int)))
     return rooms & {(0, 0), (1, 0), (0, 1), (1, 1)}
 
 
 @pytest.mark.parametrize(("door", "entrance"), [(1.7, 1.7), (1.0, 1.0), (1.0, 1.2), (0.9, 0.0)])
-def test_a_robot_drives_through_the_doors_that_it_fits_through_and_stays_inside(
-    door: float, entrance: float
-) -> None:
+def test_a_robot_drives_through_the_doors_that_it_fits_through_and_stays_inside(door, entrance):
     world = house(door, entrance)
     found = find_route(world, radius=0.35, lookahead=0.4)
     assert found.side == "inside" and inside_the_house(found.waypoints).all()
@@ -155,7 +147,7 @@ def test_a_robot_drives_through_the_doors_that_it_fits_through_and_stays_inside(
     assert len(rooms_of(drive.poses)) >= 3
 
 
-def test_doors_that_are_too_narrow_are_named_and_a_smaller_robot_is_tried() -> None:
+def test_doors_that_are_too_narrow_are_named_and_a_smaller_robot_is_tried():
     found = find_route(house(0.84, 0.0), radius=0.4, lookahead=0.4)
     assert distance_to_walls(house(0.0, 0.0), found.waypoints) >= 0.4
     (note,) = found.notes
@@ -171,15 +163,21 @@ def test_doors_that_are_too_narrow_are_named_and_a_smaller_robot_is_tried() -> N
     assert find_route(house(1.0, 0.0), lookahead=0.4).notes == ()
 
 
-@pytest.mark.parametrize("name", ["rooms", "maze", "office", "city", "corridor", "paper_room"])
-def test_the_drive_keeps_its_radius_from_all_walls_there_and_back(name: str) -> None:
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("rooms", "maze", "corridor", "paper_room"),
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("office", "city")),
+    ],
+)
+def test_the_drive_keeps_its_radius_from_all_walls_there_and_back(name):
     world = generate(name, size=SMALL[name], seed=3) if name in SMALL else load_world(name)
     scenario = Scenario(world).with_route()
     drive = scenario.trajectory(scans=2000)
     assert find_collision(drive, world, scenario.radius) is None
 
 
-def corridor(width: float, turn: float, rooms: bool) -> World:
+def corridor(width, turn, rooms):
     """A corridor of 30 m, which opens into a room behind a door of 1 m every 6 m, on one side."""
     walls = [[0, width, 30, width], [0, 0, 0, width], [30, 0, 30, width]]
     posts = [0.0, *(x + y for x in range(3, 30, 6) for y in (-0.5, 0.5)), 30.0]
@@ -191,12 +189,13 @@ def corridor(width: float, turn: float, rooms: bool) -> World:
     return World((segments.reshape(-1, 2) @ [[cos, sin], [-sin, cos]]).reshape(-1, 4))
 
 
-@pytest.mark.parametrize("mapped", [False, True])
-@pytest.mark.parametrize("rooms", [False, True])
-@pytest.mark.parametrize("turn", [0.0, 0.3])
+@pytest.mark.parametrize(
+    ("turn", "rooms", "mapped"),
+    [(0.0, False, True), (0.0, True, False), (0.3, False, False), (0.3, True, True)],
+)
 def test_a_corridor_with_centimetres_on_both_sides_is_driven_to_its_end(
-    turn: float, rooms: bool, mapped: bool, tmp_path: Path
-) -> None:
+    turn, rooms, mapped, tmp_path
+):
     world = corridor(1.0, turn, rooms)
     if mapped:
         save_world(world, tmp_path / "map.yaml")
@@ -209,14 +208,14 @@ def test_a_corridor_with_centimetres_on_both_sides_is_driven_to_its_end(
     assert np.ptp(drive.poses[:, :2] @ [np.cos(turn), np.sin(turn)]) > 19.0
 
 
-def test_what_is_closed_or_wide_enough_or_leads_outside_is_no_narrow_door(tmp_path: Path) -> None:
+def test_what_is_closed_or_wide_enough_or_leads_outside_is_no_narrow_door(tmp_path):
     for door, entrance in ((0.0, 0.0), (0.2, 0.0), (0.98, 0.3)):
         assert find_route(house(door, entrance), radius=0.35, lookahead=0.4).notes == ()
     save_world(house(1.2, 1.2), tmp_path / "map.yaml")
     assert find_route(load_world(tmp_path / "map.yaml"), lookahead=0.4).notes == ()
 
 
-def test_no_walls_and_no_room_are_clear_errors() -> None:
+def test_no_walls_and_no_room_are_clear_errors():
     with pytest.raises(InputError, match="no walls"):
         plan_route(World(np.empty((0, 4)), name="void"))
     with pytest.raises(InputError, match="radius nan"):
@@ -225,43 +224,42 @@ def test_no_walls_and_no_room_are_clear_errors() -> None:
         plan_route(room(9.0, 7.0), radius=60.0)
 
 
-def test_a_robot_thinner_than_those_that_doors_are_looked_for_with_has_a_route() -> None:
+def test_a_robot_thinner_than_those_that_doors_are_looked_for_with_has_a_route():
     assert find_route(room(9.0, 7.0), radius=1e-3).notes == ()
 
 
 HOUSE = house(1.0, 2.0)
 
 
-def inside_the_house(route: np.ndarray) -> np.ndarray:
+def inside_the_house(route):
     return ((route > [0.0, 0.0]) & (route < [12.0, 9.0])).all(axis=1)
 
 
-def test_the_side_of_the_walls_is_chosen_or_asked_for_and_indoors_the_robot_is_slow() -> None:
+def test_the_side_of_the_walls_is_chosen_or_asked_for_and_indoors_the_robot_is_slow():
     assert find_route(HOUSE, lookahead=0.4).speed == 1.0
     assert find_route(HOUSE, lookahead=0.4, speed=2.0).speed == 2.0
     assert not inside_the_house(plan_route(HOUSE, lookahead=0.4, where="outside")).any()
     streets = found_in_the_streets()
     assert (streets.side, streets.speed) == ("outside", 3.0)
-    within = find_route(STREETS, where="inside")
+    within = find_route(PAIR, where="inside")
     assert within.side == "inside"
-    houses = shapely.MultiPolygon([shapely.Polygon(row[:, :2]) for row in STREET_BOXES])
+    houses = shapely.MultiPolygon([shapely.Polygon(row[:, :2]) for row in PAIR_BOXES])
     assert shapely.contains_xy(houses, *within.waypoints.T).all()
     with pytest.raises(InputError, match="where 'within': expected"):
         plan_route(HOUSE, where="within")  # type: ignore[arg-type]
 
 
-def test_the_route_begins_at_the_start_and_stays_on_its_side() -> None:
+def test_the_route_begins_at_the_start_and_stays_on_its_side():
     route = plan_route(HOUSE, lookahead=0.4, start=(9.0, 7.0, 1.0))
     assert tuple(route[0]) == (9.0, 7.0)
     assert inside_the_house(route).all()
     route = plan_route(HOUSE, lookahead=0.4, start=(-3.0, 2.0))
     assert tuple(route[0]) == (-3.0, 2.0)
     assert not inside_the_house(route).any()
-    route = plan_route(STREETS, start=(13.0, 11.0, 0.0))
-    assert tuple(route[0]) == (13.0, 11.0)
+    assert tuple(plan_route(PAIR, start=(12.0, 11.0, 0.0))[0]) == (12.0, 11.0)
 
 
-def test_a_start_where_no_robot_can_be_is_a_clear_error() -> None:
+def test_a_start_where_no_robot_can_be_is_a_clear_error():
     with pytest.raises(InputError, match=r"start \(0\.1, 2\): nearer to a wall"):
         plan_route(HOUSE, start=(0.1, 2.0, 0.0))
     with pytest.raises(InputError, match="the start does not lie outside the walls"):
@@ -270,7 +268,7 @@ def test_a_start_where_no_robot_can_be_is_a_clear_error() -> None:
         plan_route(HOUSE, start=(np.nan, 2.0))
 
 
-def test_only_cells_that_a_map_knows_to_be_free_are_driven_through() -> None:
+def test_only_cells_that_a_map_knows_to_be_free_are_driven_through():
     cells = np.zeros((90, 120), dtype=bool)
     cells[:, :60] = True
     world = World(house(1.0, 0.9).segments, free=FreeCells(cells, 0.1))
@@ -279,16 +277,16 @@ def test_only_cells_that_a_map_knows_to_be_free_are_driven_through() -> None:
 
 
 @pytest.mark.parametrize("far", [pytest.param(2e6, marks=pytest.mark.slow), 1e9])
-def test_walls_that_reach_far_away_cost_nothing_and_the_town_is_driven_to(far: float) -> None:
+def test_walls_that_reach_far_away_cost_nothing_and_the_town_is_driven_to(far):
     corner = [[150.0, 0.0, far, 3.0], [far, 3.0, 150.0, 8.0], [150.0, 8.0, 150.0, 0.0]]
-    objects = np.append(STREETS.objects, [STREETS.object_count] * 3)
-    world = World(np.vstack([STREETS.segments, corner]), objects, np.full(len(objects), 8.0))
+    objects = np.append(PAIR.objects, [PAIR.object_count] * 3)
+    world = World(np.vstack([PAIR.segments, corner]), objects, np.full(len(objects), 8.0))
     route = plan_route(world)
     assert (np.abs(route) < 600.0).all()
-    assert (np.abs(route - [37.0, 18.0]) < 60.0).all(axis=1).any()
+    assert (np.abs(route - [12.0, 5.0]) < 60.0).all(axis=1).any()
 
 
-def test_a_laser_that_sees_no_wall_from_anywhere_still_has_a_route() -> None:
+def test_a_laser_that_sees_no_wall_from_anywhere_still_has_a_route():
     assert len(plan_route(room(9.0, 7.0), range_max=0.5)) >= 2
 
 

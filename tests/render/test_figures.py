@@ -3,7 +3,6 @@
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,48 +14,46 @@ from synthetic_run import around, box, make_run, make_world, ring
 
 import lrf3d
 from lrf3d.errors import OutputError
-from lrf3d.geometry import Float
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.mapping import LineMap
 from lrf3d.plot import INSIDE, MOST_POINTS
 from lrf3d.render.figures import draw_map, draw_noise_levels, draw_world
-from lrf3d.run import Run
 from lrf3d.scene.look import object_tints
 from lrf3d.world import World
 
 AWAY = (85000.0, 447500.0)
 
 
-def street(x: float = 0.0, y: float = 0.0) -> World:
+def street(x=0.0, y=0.0):
     return make_world(box(x, y, 10, 6), box(x + 14, y, 8, 6), name="street")
 
 
 @pytest.fixture(scope="module")
-def run() -> Run:
+def run():
     poses = around(11, 3, 20, 12)
     return make_run(street(), poses, LaserRangeFinder(beams=91), sigma=0.3)
 
 
 @pytest.fixture(scope="module")
-def room_run() -> Run:
+def room_run():
     room = make_world(ring([(0, 0), (12, 0), (12, 8), (0, 8)]), box(5, 3, 2, 2), name="room")
     poses = np.array([[2.0, 2.0, 0.5], [10.0, 6.0, -2.5]])
     return make_run(room, poses, LaserRangeFinder(beams=91, range_max=14.0), sigma=0.1)
 
 
-def pixels(figure: Figure) -> Float:
+def pixels(figure):
     """What the figure looks like: (height, width, 3) in 0…1."""
     figure.canvas.draw()
     return np.asarray(figure.canvas.buffer_rgba())[:, :, :3] / 255.0  # type: ignore[attr-defined]
 
 
-def shows(figure: Figure, colour: object, *, at_least: int) -> bool:
+def shows(figure, colour, *, at_least):
     """Whether so many pixels have just about this colour."""
     near = np.abs(pixels(figure) - to_rgb(colour)).max(axis=-1) < 0.02  # type: ignore[arg-type]
     return int(near.sum()) >= at_least
 
 
-def texts(figure: Figure) -> list[str]:
+def texts(figure):
     found = [text.get_text() for text in figure.findobj(Text)]
     return [line for text in found for line in text.split("\n") if line]
 
@@ -144,7 +141,7 @@ def test_a_world_without_walls_or_with_a_gap_in_its_numbers_is_drawn():
     assert [len(each.get_paths()) for each in filled(draw_world(gap))] == [2]
 
 
-def filled(figure: Figure) -> list[PathCollection]:
+def filled(figure):
     found = figure.axes[0].findobj(PathCollection)
     return [each for each in found if to_hex(each.get_facecolor()[0]) == INSIDE]
 
@@ -194,7 +191,7 @@ def test_a_metre_is_as_long_both_ways_and_ticks_stay_short(away, room_run):
     assert axes.get_xlabel() == "x [m]"
 
 
-def tower_run() -> Run:
+def tower_run():
     tower = make_world(ring([(0, 0), (3, 0), (3, 60), (0, 60)]), box(1, 30, 1, 1), name="tower")
     poses = np.column_stack([np.full(20, 0.6), np.linspace(2, 50, 20), np.full(20, 1.5)])
     return make_run(tower, poses, LaserRangeFinder(beams=31), sigma=0.1)
@@ -235,7 +232,7 @@ def test_very_many_points_are_thinned():
     assert MOST_POINTS // 2 < len(shown) <= MOST_POINTS
 
 
-def test_pictures_are_written_whole_and_alike(tmp_path: Path, run):
+def test_pictures_are_written_whole_and_alike(tmp_path, run):
     first, second = tmp_path / "map.png", tmp_path / "again.png"
     draw_map(run, first)
     draw_map(run, second)
@@ -244,7 +241,7 @@ def test_pictures_are_written_whole_and_alike(tmp_path: Path, run):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["again.png", "map.png"]
 
 
-def test_what_cannot_be_written_is_named(tmp_path: Path, run):
+def test_what_cannot_be_written_is_named(tmp_path, run):
     with pytest.raises(OutputError, match="missing"):
         draw_map(run, tmp_path / "missing" / "map.png")
     with pytest.raises(OutputError, match=r"map\.bmx.*\.png"):

@@ -9,8 +9,10 @@ from test_render import SIZE, city_run, needs_gl, room_run
 import lrf3d
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.io import load_run, save_run
+from lrf3d.render.film import Film
+from lrf3d.render.video import frame
 from lrf3d.robot import Trajectory
-from lrf3d.scene.obstacles import Obstacles
+from lrf3d.scene.bodies import Obstacles
 from lrf3d.world.cameras import FilmPlan
 
 WALK = Trajectory([0.0, 4.0], [(-26.0, 1.0, 0.0), (-20.0, -1.0, 1.5)])
@@ -25,10 +27,8 @@ ALL = (*OBSTACLES, DynamicObstacle(L_SHAPE, Trajectory([0.0], [(-12, 0, 2.0)]), 
 RENDERERS = pytest.mark.parametrize("renderer", [pytest.param("gl", marks=needs_gl), "embree"])
 
 
-def drawn(run, time, **settings):
-    from lrf3d.render.video import frame
-
-    return frame(run, time, **{"size": SIZE, "samples": 0, **settings}).astype(int)
+def framed(run, time, **settings):
+    return frame(run, time, size=SIZE, samples=0, **settings).astype(int)
 
 
 def same(first, second):
@@ -49,31 +49,26 @@ def test_a_run_keeps_what_moves_and_how_it_is_filmed(tmp_path):
 
 
 def test_simulations_and_recordings_keep_what_moves(tmp_path):
-    def made():
-        world, poses = room_run().world, room_run().trajectory.poses[:3]
-        return {"world": world, "drive": poses, "obstacles": ALL}
-
-    settings = made()
-    run = lrf3d.simulate(settings.pop("world"), settings.pop("drive"), **settings)
-    assert same(run.obstacles, ALL)
+    world, poses = room_run().world, room_run().trajectory.poses[:3]
+    assert same(lrf3d.simulate(world, poses, obstacles=ALL).obstacles, ALL)
     film = FilmPlan("first", 2.0)
-    kept = lrf3d.record(lrf3d.Simulation(**made()), tmp_path / "run.npz", film=film)
+    simulation = lrf3d.Simulation(world, poses, obstacles=ALL)
+    simulation.film = film
+    kept = lrf3d.record(simulation, tmp_path / "run.npz")
     assert same(kept.obstacles, ALL) and kept.film == film
 
 
 @RENDERERS
 def test_a_film_is_seen_as_its_run_says(renderer):
     run = replace(room_run(), film=FilmPlan("top", 3.0))
-    own = drawn(run, 1.0, renderer=renderer)
-    asked = drawn(run, 1.0, renderer=renderer, view="top", playback=3.0)
+    own = framed(run, 1.0, renderer=renderer)
+    asked = framed(run, 1.0, renderer=renderer, view="top", playback=3.0)
     assert np.array_equal(own, asked)
-    assert np.abs(own - drawn(run, 1.0, renderer=renderer, view="chase")).mean() > 5.0
+    assert np.abs(own - framed(run, 1.0, renderer=renderer, view="chase")).mean() > 5.0
 
 
 @RENDERERS
 def test_bodies_are_drawn_where_they_are_and_nowhere_else(renderer):
-    from lrf3d.render.film import Film
-
     run = city_run()
     films = [
         Film(each, size=SIZE, view="orbit", samples=0, renderer=renderer, layers=("shadow",))
@@ -112,7 +107,7 @@ def test_bodies_move_while_the_robot_stands(renderer):
     run = city_run()
     stand = Trajectory(run.trajectory.times, np.tile(run.trajectory.poses[0], (len(run), 1)))
     run = replace(run, trajectory=stand, obstacles=OBSTACLES)
-    first, second = (drawn(run, time, renderer=renderer, view="chase") for time in (1.0, 1.05))
+    first, second = (framed(run, time, renderer=renderer, view="chase") for time in (1.0, 1.05))
     assert (np.abs(first - second).max(axis=2) > 20).sum() > 3
 
 

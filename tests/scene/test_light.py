@@ -4,79 +4,71 @@ import numpy as np
 import pytest
 from test_render import box
 
-from lrf3d.scene.light import open_light
+from lrf3d.scene.light import bake_light, open_light
 from lrf3d.scene.look import GAMMA, SKYSHINE
-from lrf3d.scene.stage import paint_faces
+from lrf3d.scene.panels import cut_small
+from lrf3d.scene.stage import paint_stage
 from lrf3d.scene.structures import Structures
+from lrf3d.scene.walls import lay_walls
 from lrf3d.world import World
 
 
 def painted(walls, height, colours=None):
-    count = len(walls) // 4
-    objects, heights = np.repeat(np.arange(count), 4), np.full(len(walls), float(height))
-    structures = Structures.from_world(World(walls, objects, heights, colours=colours))
-    return structures, paint_faces(structures)
+    """The faces of houses, the light (n, 3) where the sun is hidden on each, and their world."""
+    objects = np.repeat(np.arange(len(walls) // 4), 4)
+    world = World(walls, objects, np.full(len(walls), float(height)), colours=colours)
+    structures = Structures.from_world(world)
+    faces = paint_stage(structures).faces
+    return faces, (faces.shaded.astype(float) ** GAMMA).mean(axis=1), structures
 
 
-def middles(walls):
-    return walls.places.mean(axis=1)
+def on_ground(structures, places, reach):
+    """The light (n, 3) on the ground at places (n, 2) of a world, which lie within a reach [m]."""
+    faces = cut_small(lay_walls(structures), 1.0, 10_000)
+    low, high = -reach * np.ones(2), reach * np.ones(2)
+    light = bake_light(faces, low, high, indoor=structures.indoor).ground
+    share = (places - structures.origin - low) / (high - low)
+    column, row = (share * light.shape[1::-1]).astype(int).T
+    return light[row, column]
 
 
-def light_of(walls):
-    """The light (n, 4, 3) where the sun is hidden at the corners of faces, linear."""
-    return walls.shaded.astype(float) ** GAMMA
+def test_open_ground_has_the_whole_light_of_the_sky_and_less_of_it_next_to_a_house():
+    structures = Structures.from_world(World(box(-5.0, -5.0, 10.0, 10.0), None, [12.0] * 4))
+    x = np.array([5.9, 9.0, 15.0, 30.0, 58.0])
+    light = on_ground(structures, np.column_stack([x, np.zeros(5)]), 60.0)
+    assert (np.diff(light[:, 2]) > -0.01).all()
+    assert light[-1] == pytest.approx(SKYSHINE, rel=0.02)
+    assert light[0].max() < 0.88 * SKYSHINE.max()
 
 
-def test_open_ground_has_the_whole_light_of_the_sky_and_less_of_it_beside_a_house():
-    _, walls = painted(np.array(box(-5.0, -5.0, 10.0, 10.0)), 12.0)
-    x = np.array([5.3, 8.0, 14.0, 40.0, 120.0])
-    light, open_air = walls[1].ground(np.column_stack([x, np.zeros(5)]))
-    assert open_air.all() and (np.diff(light[:, 2]) > -0.01).all()
-    assert light[0, 2] < 0.88 * SKYSHINE[2] and light[-1] == pytest.approx(SKYSHINE, rel=0.03)
-
-
-def test_under_a_house_it_is_dark_and_known_to_be():
-    _, walls = painted(np.array(box(-5.0, -5.0, 10.0, 10.0)), 12.0)
-    light, open_air = walls[1].ground(np.array([[0.0, 0.0], [2.0, -3.0]]))
-    assert not open_air.any() and (light < 0.05).all()
-
-
-def test_a_wall_facing_open_land_sees_half_the_sky_and_land_in_the_sun():
-    _, walls = painted(np.array(box(-5.0, -5.0, 10.0, 10.0)), 12.0)
-    upright = walls[0].normals[:, 0, 2] < 0.5
-    outer = upright & (np.abs(middles(walls[0])[:, :2]).max(axis=1) > 4.99)
-    light = light_of(walls[0])[outer].mean(axis=1)
-    assert (light > 0.45 * SKYSHINE).all() and (light < 1.1 * SKYSHINE).all()
+def test_a_house_in_the_open_has_the_light_of_half_a_sky_and_of_the_ground():
+    faces, light, _ = painted(np.array(box(-5.0, -5.0, 10.0, 10.0)), 12.0)
+    upright = faces.normals[:, 0, 2] < 0.5
+    assert (light[upright] > 0.45 * SKYSHINE).all() and (light[upright] < 1.1 * SKYSHINE).all()
 
 
 def test_light_takes_on_the_colour_of_what_it_comes_from():
-    walls = np.array([*box(0.0, 0.0, 8.0, 8.0), *box(11.0, 0.0, 8.0, 8.0)])
-    ratios = []
+    walls, ratios = np.array([*box(0.0, 0.0, 8.0, 8.0), *box(11.0, 0.0, 8.0, 8.0)]), []
     for colour in ([0.9, 0.1, 0.1], [0.1, 0.1, 0.9]):
-        colours = np.array([[0.5, 0.5, 0.5], colour])
-        structures, found = painted(walls, 10.0, colours)
-        quads = middles(found[0]) + np.append(structures.origin, 0.0)
+        faces, light, structures = painted(walls, 10.0, np.array([[0.5, 0.5, 0.5], colour]))
+        x = faces.places[..., 0].mean(axis=1) + structures.origin[0]
         # The grey wall that looks at the coloured one.
-        facing = (np.abs(quads[:, 0] - 8.0) < 0.01) & (found[0].normals[:, 0, 0] > 0.5)
-        light = light_of(found[0])[facing].mean(axis=(0, 1))
-        ratios.append(light[0] / light[2])
+        facing = light[(np.abs(x - 8.0) < 0.01) & (faces.normals[:, 0, 0] > 0.5)].mean(axis=0)
+        ratios.append(facing[0] / facing[2])
     assert ratios[0] > 1.1 * ratios[1]
 
 
 def test_the_inner_corner_of_a_room_is_darker_than_the_middle_of_its_floor():
     walls = [[0, 0, 6, 0], [6, 0, 6, 5], [6, 5, 0, 5], [0, 5, 0, 0]]
     structures = Structures.from_world(World(walls), np.array([[3.0, 2.0]]))
-    places = np.array([[3.0, 2.5], [0.15, 0.15]]) - structures.origin
-    walls = paint_faces(structures)
-    light, open_air = walls[1].ground(places)
-    assert open_air.all() and light[1].mean() < 0.85 * light[0].mean()
+    light = on_ground(structures, np.array([[3.0, 2.5], [0.15, 0.15]]), 8.0)
+    assert light[1].mean() < 0.85 * light[0].mean()
 
 
 def test_light_is_the_same_each_time_and_that_of_an_open_field_without_a_wall():
     walls = np.array(box(0.0, 0.0, 6.0, 4.0))
-    one, other = (painted(walls, 7.0)[1][0].shaded for _ in range(2))
+    one, other = (painted(walls, 7.0)[1] for _ in range(2))
     assert np.array_equal(one, other)
     bare = Structures.from_world(World(np.zeros((0, 4))))
-    empty = paint_faces(bare)[1]
-    light, open_air = empty.ground(np.zeros((2, 2)))
-    assert open_air.all() and light[0] == pytest.approx(open_light(indoor=True), rel=1e-6)
+    light = on_ground(bare, np.zeros((2, 2)), 5.0)
+    assert light[0] == pytest.approx(open_light(indoor=True), rel=1e-6)

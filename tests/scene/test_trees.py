@@ -12,13 +12,13 @@ from lrf3d.scene.trees import crowns_of, shadows
 from lrf3d.world import World
 
 
-def trunk(x: float, y: float, radius: float = 0.2) -> np.ndarray:
+def trunk(x, y, radius=0.2):
     turn = np.arange(7) % 6 * np.pi / 3
     ring = np.column_stack([x + radius * np.cos(turn), y + radius * np.sin(turn)])
     return np.hstack([ring[:-1], ring[1:]])
 
 
-def town(*places: tuple[float, float], height: float = 8.0, material: str = "bark") -> Structures:
+def town(*places, height=8.0, material="bark"):
     """A house of 10 m by 8 m, and trees."""
     walls = [np.array(box(0, 0, 10, 8), dtype=float), *(trunk(*place) for place in places)]
     objects = np.repeat(np.arange(len(walls)), [len(each) for each in walls])

@@ -10,11 +10,9 @@ from hypothesis import strategies as st
 from synthetic_run import around, as_map, box, make_run, make_world
 
 import lrf3d
-from lrf3d.geometry import Float
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.mapping import LineMap
 from lrf3d.pose import Pose
-from lrf3d.run import Run
 from lrf3d.scoring import (
     adjusted_rand_index,
     buildings_seen,
@@ -29,14 +27,14 @@ ROUND = LaserRangeFinder(-np.pi, np.pi, 721)
 
 
 @pytest.fixture(scope="module")
-def blocks() -> Run:
+def blocks():
     """A drive around three buildings."""
     world = make_world(box(0, 0, 10, 6), box(14, 0, 8, 6), box(3, 10, 5, 5))
     return make_run(world, around(10, 6, 15, 24), ROUND, sigma=0.04)
 
 
 @pytest.fixture(scope="module")
-def truth(blocks: Run) -> tuple[Float, Float]:
+def truth(blocks):
     """Visible parts and their objects."""
     segments, walls = visible_walls(blocks)
     return segments, blocks.world.objects[walls]
@@ -150,7 +148,7 @@ def test_scores_do_not_depend_on_where_the_world_lies(blocks, truth, angle, shif
     segments, objects = truth
     pose = Pose(*shift, angle)
 
-    def moved(lines: Float) -> Float:
+    def moved(lines):
         ends = pose.apply(lines.reshape(-1, 2)).reshape(-1, 4)
         return ends[:, [2, 3, 0, 1]] if flip else ends
 

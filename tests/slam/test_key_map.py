@@ -1,76 +1,52 @@
 import numpy as np
 import pytest
 
-import lrf3d
-from lrf3d.pose import Pose
+from lrf3d.slam import key_map
 from lrf3d.slam.key_map import EACH_SCAN, KeyMap
 
-LASER = lrf3d.LaserRangeFinder(beams=91, range_max=8.0)
-WALLS = [[0, 0, 40, 0], [40, 0, 40, 3], [40, 3, 0, 3], [0, 3, 0, 0]]
-TRUE = np.array([[0.5 + 0.5 * k, 1.5 + 0.3 * (-1) ** k, 0.3 * (-1) ** k] for k in range(76)])
+POSES = np.column_stack([np.arange(20.0), np.zeros(20), np.zeros(20)])
+MOVED = np.add(POSES, [0.0, 0.5, 0.0])
 
 
-@pytest.fixture(scope="module")
-def scans():
-    caster = lrf3d.EmbreeCaster(lrf3d.World(WALLS))
-    return [caster.cast(LASER, pose) for pose in TRUE]
+class Drawn:
+    """A mapper whose map is the list of what it took in."""
+
+    def __init__(self):
+        self.map = []
+
+    def update(self, scan):
+        self.map.append(scan)
 
 
-def key_map(scans, taken):
-    def placed(number, pose):
-        taken.append(number)
-        return lrf3d.LaserScan(Pose(*pose), scans[number].angles, scans[number].ranges)
-
-    return KeyMap(placed)
+@pytest.fixture(autouse=True)
+def drawn(monkeypatch):
+    monkeypatch.setattr(key_map, "LineMapper", Drawn)
 
 
-def bent(true):
-    """The same poses, bent to the side more and more."""
-    drifted = true.copy()
-    drifted[:, 1] += 0.02 * true[:, 0]
-    return drifted
+def drawing(key_map):
+    """The key scans in a map, by number and y."""
+    return key_map.map(lambda number, pose: (number, pose[1]))
 
 
-def farthest_off(line_map):
-    """How far segments are off all walls at most [m]."""
-    share = np.linspace(0.0, 1.0, 50)[:, None, None]
-    ends = line_map.segments.reshape(-1, 2, 2)
-    x, y = ((1.0 - share) * ends[:, 0] + share * ends[:, 1]).reshape(-1, 2).T
-    return np.min([np.abs(x), np.abs(40 - x), np.abs(y), np.abs(3 - y)], axis=0).max()
+def test_after_a_loop_the_map_is_drawn_again_but_not_too_often():
+    keys = KeyMap()
+    for count in range(1, len(POSES) + 1):
+        keys.update(POSES[:count])
+    assert drawing(keys) == [(number, 0.0) for number in range(20)]
+    keys.update(MOVED)
+    assert drawing(keys) == [(number, 0.5) for number in range(20)]
+    for _ in range(len(POSES) // EACH_SCAN - 1):
+        keys.update(POSES)
+        assert drawing(keys)[0] == (0, 0.5)
+    keys.update(POSES)
+    assert drawing(keys) == [(number, 0.0) for number in range(20)]
 
 
-def test_after_a_loop_the_map_is_drawn_again_behind_the_scenes(scans):
-    taken = []
-    drawn = key_map(scans, taken)
-    wrong = bent(TRUE)
-    for count in range(1, len(scans) + 1):
-        drawn.update(wrong[:count])
-    assert farthest_off(drawn.map()) > 0.5
-    taken.clear()
-    for _ in range(len(scans) // EACH_SCAN - 1):
-        drawn.update(TRUE)
-        # Until all is drawn the last complete drawing is shown.
-        assert farthest_off(drawn.map()) > 0.5 and taken == []
-    drawn.update(TRUE)
-    assert farthest_off(drawn.map()) < 0.05
-    assert taken == list(range(len(scans)))
-
-
-def test_the_map_does_not_depend_on_when_it_is_read(scans):
-    often, seldom = key_map(scans, []), key_map(scans, [])
-    wrong = bent(TRUE)
-    for drawn in (often, seldom):
-        for poses in [wrong[:count] for count in range(1, len(scans))] + [TRUE] * 50:
-            drawn.update(poses)
-            if drawn is often:
-                drawn.map()
-    assert often.map().segments.tolist() == seldom.map().segments.tolist()
-
-
-def test_nothing_is_mapped_before_the_map_is_read(scans):
-    taken = []
-    drawn = key_map(scans, taken)
-    drawn.update(TRUE[:5])
-    drawn.redraw(TRUE[:5])
-    assert taken == []
-    assert len(drawn.map()) > 0 and taken == [0, 1, 2, 3, 4]
+def test_the_map_does_not_depend_on_when_it_is_read():
+    often, seldom = KeyMap(), KeyMap()
+    for keys in (often, seldom):
+        for poses in [POSES[:count] for count in range(1, 20)] + [MOVED] * 20:
+            keys.update(poses)
+            if keys is often:
+                drawing(keys)
+    assert drawing(often) == drawing(seldom)

@@ -5,18 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
+from drives import drive, errors, path_of, rooms, solved, through
 
 import lrf3d
 from lrf3d.slam.frames import between, compose
-from lrf3d.slam.log import solve_log
-from tests.slam.test_slam import drive, errors, rooms, through
-
-
-def way_of(start, steps):
-    way = [start]
-    for step in steps:
-        way.append(compose(way[-1], step))
-    return np.array(way)
 
 
 @pytest.mark.parametrize("first, last", [(50, 80), (0, None)])
@@ -24,11 +16,11 @@ def test_the_robot_is_followed_where_its_encoders_stand_still(first, last):
     scans, wheels, true = drive(rooms(2), through(2))
     steps = between(wheels[:-1], wheels[1:])
     steps[first:last] = 0.0
-    wheels = way_of(wheels[0], steps)
+    wheels = path_of(wheels[0], steps)
     assert errors(true, wheels).max() > 3.0
-    solution = solve_log(scans, wheels, np.arange(len(scans)))
+    solution = solved(scans, wheels)
     # Where the drive begins nothing but encoders can tell how far the robot is along the corridor.
-    assert errors(true, solution.scan_poses)[10:].max() < 0.1
+    assert errors(true, solution.poses)[10:].max() < 0.1
 
 
 def test_glass_in_a_corridor_is_not_taken_for_a_robot_that_drives_backwards():
@@ -41,15 +33,15 @@ def test_glass_in_a_corridor_is_not_taken_for_a_robot_that_drives_backwards():
     for scan in scans:
         lost = (scan.walls >= 0) & glass[scan.walls] & (rng.random(len(scan.ranges)) < 0.85)
         seen.append(replace(scan, ranges=np.where(lost, np.inf, scan.ranges)))
-    solution = solve_log(seen, wheels, np.arange(len(seen)))
+    solution = solved(seen, wheels)
     poses = np.array([scan.pose for scan in solution.slam.tracked])
     wrong = np.abs(between(poses[:-1], poses[1:]) - between(true[:-1], true[1:]))
     assert wrong.max() < 0.15
 
 
-def test_around_a_block_of_corridors_the_wheels_are_learned_on_the_way(monkeypatch):
+def test_around_a_block_of_corridors_the_wheels_are_learned_while_driving(monkeypatch):
     """The first corridors show nothing along them, and a loop closes at any scale."""
-    monkeypatch.setattr("lrf3d.slam.log.CALIBRATED", 100)
+    monkeypatch.setattr("lrf3d.recorded.CALIBRATED", 100)
     rng = np.random.default_rng(4)
     bare = [[0, 0, 30, 0], [30, 0, 30, 20], [30, 20, 0, 20], [0, 20, 0, 0]]
     block = [[2.4, 2.4, 27.6, 2.4], [27.6, 2.4, 27.6, 17.6], [27.6, 17.6, 2.4, 17.6]]
@@ -58,9 +50,18 @@ def test_around_a_block_of_corridors_the_wheels_are_learned_on_the_way(monkeypat
     route = [(1.2, 0.8), (28.8, 0.8), (28.8, 18.8), (1.2, 18.8), (1.2, 1.8), (10.0, 1.8)]
     scans, wheels, true = drive(world, route, bias=0.0, lrf=lrf3d.LaserRangeFinder(range_max=10.0))
     steps = between(wheels[:-1], wheels[1:]) * [1.06, 1.06, 1.0]
-    solution = solve_log(scans, way_of(wheels[0], steps), np.arange(len(scans)))
+    solution = solved(scans, path_of(wheels[0], steps))
     assert solution.passes == 2
-    assert errors(true, solution.scan_poses).max() < 0.5
+    assert errors(true, solution.poses).max() < 0.5
+
+
+def slipping(wheels, count, rng):
+    """The odometry where the wheels slip a number of times, and turn the robot by 15° unnoticed."""
+    steps = between(wheels[:-1], wheels[1:])
+    for slip in rng.choice(np.arange(5, len(steps)), count, replace=False):
+        turn = np.array([0.0, 0.0, np.radians(15) * rng.choice([-1, 1])])
+        steps[slip] = compose(turn, steps[slip])
+    return path_of(wheels[0], steps)
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -68,13 +69,8 @@ def test_wheels_that_slip_between_scans_far_apart_ruin_nothing(seed):
     """The slip turns what is left of the step; along the corridor only its turn shows that."""
     scans, wheels, true = drive(rooms(4), [*through(4), *through(4)[1:]])
     scans, wheels, true = scans[::6], wheels[::6], true[::6]
-    rng = np.random.default_rng(seed)
-    steps = between(wheels[:-1], wheels[1:])
-    for slip in rng.choice(np.arange(5, len(steps)), 8, replace=False):
-        turn = np.array([0.0, 0.0, np.radians(15) * rng.choice([-1, 1])])
-        steps[slip] = compose(turn, steps[slip])
-    solution = solve_log(scans, way_of(wheels[0], steps), np.arange(len(scans)))
-    assert errors(true, solution.scan_poses).max() < 0.15
+    solution = solved(scans, slipping(wheels, 8, np.random.default_rng(seed)))
+    assert errors(true, solution.poses).max() < 0.15
 
 
 def test_loops_close_in_a_wood():
@@ -90,13 +86,9 @@ def test_loops_close_in_a_wood():
     world = lrf3d.World(np.concatenate(trunks))
     scans, wheels, true = drive(world, [*route, *route, route[0]], seed=1, lrf=lrf)
     scans, wheels, true = scans[::6], wheels[::6], true[::6]
-    steps = between(wheels[:-1], wheels[1:])
-    for slip in rng.choice(np.arange(5, len(steps)), 6, replace=False):
-        turn = np.array([0.0, 0.0, np.radians(15) * rng.choice([-1, 1])])
-        steps[slip] = compose(turn, steps[slip])
-    solution = solve_log(scans, way_of(wheels[0], steps), np.arange(len(scans)))
+    solution = solved(scans, slipping(wheels, 6, rng))
     keys, closures = true[solution.slam.key_scans], solution.slam.closures
     found = [compose(keys[closure.old], closure.relative) for closure in closures]
     assert len(found) > 40
     assert errors(np.array(found), keys[[closure.new for closure in closures]]).max() < 0.5
-    assert errors(true, solution.scan_poses).max() < 0.15
+    assert errors(true, solution.poses).max() < 0.15

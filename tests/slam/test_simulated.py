@@ -3,8 +3,8 @@ import pytest
 
 import lrf3d
 from lrf3d.errors import InputError
-from lrf3d.slam import SlamMapper, WheelErrors, simulated
-from lrf3d.slam.simulated import COVARIANCE_INTERVAL
+from lrf3d.slam import SlamMapper, WheelErrors
+from lrf3d.slam.simulated import COVARIANCE_INTERVAL, COVARIANCE_SHARE
 
 
 @pytest.fixture(scope="module")
@@ -21,20 +21,17 @@ def test_a_drive_is_mapped_without_true_poses(corridor):
     assert lrf3d.score_run(run).length_precision > 0.95
 
 
-def test_what_was_believed_is_kept_with_as_many_covariances_as_are_drawn(corridor, monkeypatch):
+def test_what_was_believed_is_kept_with_covariances_of_some_scans(corridor):
     run, mapper = corridor
     estimate = run.estimate
     assert len(estimate) == len(run) and run.knows_truth
     assert estimate.errors(run.trajectory.poses).max() < 0.2
     assert len(estimate.closures) == len(mapper.slam.closures) > 0
     assert (estimate.closures[:, 0] < estimate.closures[:, 1]).all()
-    assert len(estimate.known_scans) == -(-len(run) // COVARIANCE_INTERVAL)
-    monkeypatch.setattr(simulated, "MOST_COVARIANCES", 10)
-    again = SlamMapper(rng=3)
-    lrf3d.load_scenario("corridor").run(rng=1, mapper=again, snapshots=1, scans=100)
-    # Beyond the most, every other one is dropped, and later ones come half as often.
-    assert again.estimate.known_scans.tolist() == list(range(0, 100, 16))
-    assert again.estimate.covariances[1].tolist() == estimate.covariances[4].tolist()
+    # On a long drive covariances come more seldom.
+    gaps = np.diff(estimate.known_scans)
+    assert gaps[0] == COVARIANCE_INTERVAL and (np.diff(gaps) >= 0).all()
+    assert gaps[-1] == estimate.known_scans[-2] // COVARIANCE_SHARE > COVARIANCE_INTERVAL
 
 
 @pytest.mark.parametrize("kind", ["carmen", pytest.param("mcap", marks=pytest.mark.slow)])
@@ -52,31 +49,9 @@ def test_a_simulated_recording_is_solved_from_what_its_wheels_measured(corridor,
     assert sizes[0] == 0.0 and 0.0 < sizes[1:].min() and sizes.max() < 2.0
 
 
-def test_the_same_seed_gives_the_same_map(corridor):
-    run, _ = corridor
-    again = lrf3d.load_scenario("corridor").run(rng=1, mapper=SlamMapper(rng=3), snapshots=3)
-    assert np.array_equal(again.map.segments, run.map.segments)
-
-
 def test_wheels_without_errors_measure_the_truth():
     wheels = WheelErrors(0.0, 0.0, 0.0, 0.0)
     increment = np.array([1.0, 0.2, 0.3])
     assert wheels(increment, np.random.default_rng(0)).tolist() == increment.tolist()
     with pytest.raises(InputError, match="at least 0"):
         WheelErrors(slip=-1.0)
-
-
-def test_a_laser_that_turns_clockwise_maps_the_same():
-    room = lrf3d.World([[0, 0, 6, 0], [6, 0, 6, 4], [6, 4, 2.5, 4], [2.5, 4, 0, 3], [0, 3, 0, 0]])
-    drive = lrf3d.follow_route(np.array([(1, 1), (5, 1), (5, 3), (1, 1), (5, 1)]), dt=0.25)
-    scans = list(lrf3d.simulate(room, drive, rng=0).scans)
-    steps = [np.zeros(3), *lrf3d.odometry_increments(drive.poses)]
-    ends = []
-    for way in (slice(None), slice(None, None, -1)):
-        slam = lrf3d.Slam(start=drive.poses[0])
-        for scan, step in zip(scans, steps, strict=True):
-            turned = lrf3d.LaserScan(scan.pose, scan.angles[way], scan.ranges[way])
-            slam.update(turned, step)
-        ends.append(slam)
-    assert np.array(ends[1].pose) == pytest.approx(np.array(ends[0].pose), abs=1e-3)
-    assert len(ends[1].closures) == len(ends[0].closures) > 0

@@ -1,79 +1,30 @@
-import copy
 import pickle
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import shapely
+from drives import SCANNER, drive, errors, followed, recorded, rooms, solved, through
 
 import lrf3d
 from lrf3d.errors import InputError
-from lrf3d.io import LaserLog
-from lrf3d.slam.frames import between, compose
-from lrf3d.slam.log import line_poses, solve_log
-from lrf3d.slam.odometry import WheelPath, rising
+from lrf3d.recorded import rising
+from lrf3d.slam.frames import between
+from lrf3d.slam.odometry import WheelPath
 from lrf3d.slam.violation import Key, views_of
 from lrf3d.slam.wheels import Wheels
-
-SCANNER = lrf3d.LaserRangeFinder(beams=181, range_max=15.0)
-
-
-class NoMap:
-    def update(self, scan):
-        """Nothing."""
-
-
-def drive(world, route, *, seed=0, position=0.01, heading=0.004, bias=0.03, lrf=SCANNER):
-    """A drive, its scans, and what wheels with noise and a bias [rad/m] say of it."""
-    way = lrf3d.follow_route(np.array(route, dtype=float), speed=0.8, dt=0.25)
-    noise = lrf3d.ProportionalNoise(0.02)
-    run = lrf3d.simulate(world, way, lrf, noise=noise, rng=seed, mapper=NoMap())
-    true = lrf3d.odometry_increments(run.trajectory.poses)
-    steps = lrf3d.OdometryNoise(position, heading)(true, np.random.default_rng(seed))
-    steps[:, 2] += bias * true[:, 0]
-    wheels = [run.trajectory.poses[0]]
-    for step in steps:
-        wheels.append(compose(wheels[-1], step))
-    return list(run.scans), np.array(wheels), run.trajectory.poses
-
-
-def recorded(scans, wheels, name="drive"):
-    """A log of scans whose poses are those of the odometry."""
-    placed = [replace(scan, pose=tuple(pose)) for scan, pose in zip(scans, wheels, strict=True)]
-    return LaserLog(name, placed)
-
-
-def errors(true, found):
-    apart = between(true, found)
-    return np.hypot(apart[:, 0], apart[:, 1])
-
-
-def rooms(count):
-    """A corridor of identical rooms of 5 m, each with a door in the middle."""
-    walls = [[0, 0, 5 * count, 0], [0, 0, 0, 2.4], [5 * count, 0, 5 * count, 6]]
-    for x in range(0, 5 * count, 5):
-        walls += [[x, 2.4, x + 2, 2.4], [x + 3, 2.4, x + 5, 2.4], [x, 2.4, x, 6], [x, 6, x + 5, 6]]
-        walls += [[x + 1, 5, x + 2, 5], [x + 1, 5, x + 1, 6], [x + 2, 5, x + 2, 6]]
-    return lrf3d.World(walls)
-
-
-def through(count):
-    route = [(1.0, 1.2)]
-    for x in range(0, 5 * count, 5):
-        route += [(x + 2.5, 1.2), (x + 2.5, 4.2), (x + 3.5, 4.4), (x + 2.5, 3.8), (x + 2.5, 1.2)]
-    return [*route, (5 * count - 1.5, 1.2), (1.0, 1.0)]
 
 
 @pytest.fixture(scope="module")
 def identical_rooms():
     scans, wheels, true = drive(rooms(4), through(4))
-    return solve_log(scans, wheels, np.arange(len(scans))), wheels, true
+    return solved(scans, wheels), wheels, true
 
 
 def test_a_drive_through_identical_rooms_is_followed_to_centimetres(identical_rooms):
     solution, wheels, true = identical_rooms
     assert errors(true, wheels).max() > 1.0
-    assert errors(true, solution.scan_poses).max() < 0.1
+    assert errors(true, solution.poses).max() < 0.1
 
 
 def test_no_closure_takes_one_room_for_another(identical_rooms):
@@ -91,14 +42,14 @@ def test_the_turn_that_wheels_of_unequal_size_add_is_found(identical_rooms):
     assert solution.slam.wheels.biases[1] == pytest.approx(-0.03, abs=0.006)
 
 
-def test_in_a_corridor_the_way_along_it_is_left_to_the_odometry_and_reported():
+def test_in_a_corridor_the_distance_along_it_is_left_to_the_odometry_and_reported():
     world = lrf3d.World([[-100, 0, 200, 0], [-100, 2, 200, 2]])
     scans, wheels, true = drive(world, [(0, 1), (30, 1)], bias=0.0)
-    solution = solve_log(scans, wheels, np.arange(len(scans)))
+    solution = solved(scans, wheels)
     last = solution.slam.tracked[-1]
     assert last.weak and abs(last.weakest[0][0]) > 0.99
-    assert np.abs(solution.scan_poses[:, 1] - true[:, 1]).max() < 0.02
-    assert errors(true, solution.scan_poses).max() < 1.0
+    assert np.abs(solution.poses[:, 1] - true[:, 1]).max() < 0.02
+    assert errors(true, solution.poses).max() < 1.0
 
 
 def test_pose_and_map_are_current_after_every_scan():
@@ -106,9 +57,8 @@ def test_pose_and_map_are_current_after_every_scan():
     scans, wheels, true = drive(world, [(1, 1), (5, 1), (5, 3)])
     slam = lrf3d.Slam(SCANNER, start=true[0])
     assert slam.pose == tuple(true[0]) and len(slam.map) == 0
-    steps = [np.zeros(3), *lrf3d.odometry_increments(wheels)]
-    for number, (scan, step) in enumerate(zip(scans, steps, strict=True)):
-        slam.update(scan, step)
+    assert repr(slam) == "Slam(0 scans, 0 key scans, 0 closures)"
+    for number, _ in enumerate(followed(slam, scans, wheels)):
         assert np.hypot(*(np.array(slam.pose) - true[number])[:2]) < 0.05
     assert len(slam.trajectory()) == len(scans)
     assert slam.trajectory()[-1] == pytest.approx(np.array(slam.pose), abs=1e-6)
@@ -122,10 +72,7 @@ def test_the_covariance_is_that_of_the_errors():
     squares = []
     for seed in range(6):
         scans, wheels, true = drive(rooms(2), through(2), seed=seed)
-        slam = lrf3d.Slam(start=true[0])
-        steps = [np.zeros(3), *lrf3d.odometry_increments(wheels)]
-        for number, (scan, step) in enumerate(zip(scans, steps, strict=True)):
-            slam.update(scan, step)
+        for number, slam in enumerate(followed(lrf3d.Slam(start=true[0]), scans, wheels)):
             if number % 50 == 49:
                 error = np.array(slam.pose) - true[number]
                 error[2] = np.angle(np.exp(1j * error[2]))
@@ -134,48 +81,41 @@ def test_the_covariance_is_that_of_the_errors():
     assert 0.2 < np.mean(squares) < 3.0
 
 
-@pytest.mark.parametrize("copied", [copy.deepcopy, lambda slam: pickle.loads(pickle.dumps(slam))])
-def test_a_copy_goes_on_by_itself(copied):
+def test_a_copy_goes_on_by_itself():
     scans, wheels, _ = drive(rooms(1), [(1, 1), (4, 1)])
     steps, half = [np.zeros(3), *lrf3d.odometry_increments(wheels)], len(scans) // 2
-    slam = lrf3d.Slam()
-    for scan, step in zip(scans[:half], steps[:half], strict=True):
-        slam.update(scan, step)
-    other = copied(slam)
-    for scan, step in zip(scans[half:], steps[half:], strict=True):
-        other.update(scan, step)
-    shown = other.map.segments.tolist()
-    assert len(slam.trajectory()) == half
-    for scan, step in zip(scans[half:], steps[half:], strict=True):
-        slam.update(scan, step)
+    [*_, slam] = followed(lrf3d.Slam(), scans[:half], wheels[:half])
+    other = pickle.loads(pickle.dumps(slam))
+    shown = []
+    for each in (other, slam):
+        assert len(slam.trajectory()) == half
+        for scan, step in zip(scans[half:], steps[half:], strict=True):
+            each.update(scan, step)
+        shown.append(each.map.segments.tolist())
     assert other.trajectory().tolist() == slam.trajectory().tolist()
-    assert shown == slam.map.segments.tolist()
+    assert shown[0] == shown[1]
 
 
 def test_all_scans_are_refined_or_none():
-    slam, scans = lrf3d.Slam(), drive(rooms(1), [(1, 1), (2, 1)])[0][:3]
-    assert slam.refined([]).shape == (0, 3)
-    for scan in scans:
-        slam.update(scan, (0.1, 0, 0))
+    scans, wheels, _ = drive(rooms(1), [(1, 1), (2, 1)])
+    assert lrf3d.Slam().refined([]).shape == (0, 3)
+    [*_, slam] = followed(lrf3d.Slam(), scans[:3], wheels[:3])
     with pytest.raises(InputError, match="2 scans to refine; expected all 3"):
         slam.refined(scans[:2])
 
 
 def test_robots_that_start_with_the_same_wheels_learn_their_own():
     scans, wheels, _ = drive(rooms(1), [(1, 1), (4, 1)], bias=0.1)
-    known, steps = Wheels(), [np.zeros(3), *lrf3d.odometry_increments(wheels)]
-    found = []
+    known, found = Wheels(), []
     for _ in range(2):
-        slam = lrf3d.Slam(wheels=known)
-        for scan, step in zip(scans, steps, strict=True):
-            slam.update(scan, step)
+        [*_, slam] = followed(lrf3d.Slam(wheels=known), scans, wheels)
         found.append(slam.trajectory().tolist())
     assert found[0] == found[1]
     assert not known.biases.any()
     assert slam.wheels.biases.any()
 
 
-@pytest.mark.parametrize("wrong", [[-1], [1], [0.5], [[0]], [np.nan]])
+@pytest.mark.parametrize("wrong", [[-1], [1], [0.5], [np.nan]])
 def test_covariances_of_key_scans_that_are_not_there_are_refused(wrong):
     slam = lrf3d.Slam()
     assert slam.covariances([]).shape == (0, 3, 3)
@@ -187,21 +127,32 @@ def test_covariances_of_key_scans_that_are_not_there_are_refused(wrong):
         slam.covariances(wrong)
 
 
-def test_a_scan_without_beams_is_refused():
-    slam = lrf3d.Slam()
-    with pytest.raises(InputError, match="scan of 0 beams"):
-        slam.update(lrf3d.LaserScan((0, 0, 0), [], []), (0, 0, 0))
+TWO_BEAMS = lrf3d.LaserScan((0, 0, 0), [0.0, 0.1], [1.0, 1.0])
+REFUSED_UPDATES = {
+    "no scan": (None, (0, 0, 0), "expected a LaserScan"),
+    "no beams": (lrf3d.LaserScan((0, 0, 0), [], []), (0, 0, 0), "scan of 0 beams"),
+    "another laser": (TWO_BEAMS, (0, 0, 0), "2 beams"),
+    "NaN": (TWO_BEAMS, (0, np.nan, 0), "finite"),
+    "far": (TWO_BEAMS, (1e5, 0.0, 0.0), "at most 1000 m"),
+    "texts": (TWO_BEAMS, (0.0, 0.0, "a"), "three numbers"),
+    "two numbers": (TWO_BEAMS, (1.0, 2.0), "three numbers"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED_UPDATES)
+def test_updates_refuse_what_is_no_scan_of_this_laser_and_no_odometry(case):
+    scan, step, reason = REFUSED_UPDATES[case]
+    slam = lrf3d.Slam(SCANNER if case == "another laser" else None)
+    with pytest.raises(InputError, match=reason):
+        slam.update(scan, step)
     assert slam.trajectory().shape == (0, 3)
 
 
-def test_updates_refuse_what_is_no_scan_of_this_laser_and_no_odometry():
-    scan = lrf3d.LaserScan((0, 0, 0), [0.0, 0.1], [1.0, 1.0])
-    with pytest.raises(InputError, match="2 beams"):
-        lrf3d.Slam(SCANNER).update(scan, (0, 0, 0))
-    with pytest.raises(InputError, match="finite"):
-        lrf3d.Slam().update(scan, (0, np.nan, 0))
+def test_settings_that_make_no_sense_are_refused():
     with pytest.raises(InputError, match="positive"):
         lrf3d.Slam(key_distance=0.0)
+    with pytest.raises(InputError, match="expected finite numbers"):
+        lrf3d.Slam(laser_offset="a")
 
 
 def test_a_scan_without_any_return_leaves_the_robot_to_the_odometry():
@@ -223,39 +174,8 @@ def test_the_lag_of_the_laser_is_found():
     lines = WheelPath(wheels).at(np.arange(0.0, len(wheels) - 0.5, 0.5))
     places = np.arange(0, len(lines), 2)
     shifted = WheelPath(lines).at(np.arange(len(lines)) + 0.6)
-    solution = solve_log(scans, shifted, places)
+    solution = solved(scans, shifted, places)
     assert solution.lag == pytest.approx(0.6, abs=0.1)
-
-
-def test_two_halves_of_the_scans_give_the_same_poses():
-    scans, wheels, true = drive(rooms(2), through(2) * 2)
-    first, second = (
-        solve_log(scans[half::2], wheels, np.arange(half, len(scans), 2)).line_poses
-        for half in (0, 1)
-    )
-    assert errors(true, first).mean() < 0.013
-    # The second half begins a scan later, so that only its shape can be compared.
-    spans = [np.hypot(*(half[40:, :2] - half[:-40, :2]).T) for half in (first, second)]
-    assert np.abs(spans[0] - spans[1]).mean() < 0.013
-
-
-def test_encoders_that_know_no_sign_are_no_systematic_error():
-    wheels = Wheels()
-    for _ in range(20):
-        wheels.learn(np.array([0.5, 0.0, 0.0]), np.array([0.51, 0.0, 0.0]), True)
-    for _ in range(10):
-        wheels.learn(np.array([0.5, 0.0, 0.0]), np.array([-0.5, 0.0, 0.0]), True)
-    assert wheels.biases[2] == pytest.approx(0.02, abs=0.005)
-
-
-def test_lines_between_scans_follow_the_odometry():
-    wheels = np.column_stack([np.arange(9.0), np.zeros(9), np.zeros(9)])
-    places = np.array([0, 4, 8])
-    known = np.array([[0.0, 1.0, 0.0], [4.0, 1.0, 0.0], [8.4, 1.0, 0.0]])
-    poses = line_poses(WheelPath(wheels), places, 0.0, known)
-    assert poses[places] == pytest.approx(known)
-    assert poses[2] == pytest.approx([2.0, 1.0, 0.0])
-    assert poses[6] == pytest.approx([6.2, 1.0, 0.0])
 
 
 def test_stamps_that_run_backwards_become_times_that_rise():
@@ -299,9 +219,8 @@ def test_angles_that_jitter_by_rounding_are_those_of_one_laser(short):
     scans, wheels = short
     rng = np.random.default_rng(0)
     jittered = [replace(s, angles=s.angles + 1e-6 * rng.normal(size=len(s.angles))) for s in scans]
-    places = np.arange(len(scans))
-    found = solve_log(jittered, wheels, places).scan_poses
-    assert found == pytest.approx(solve_log(scans, wheels, places).scan_poses, abs=1e-3)
+    found = solved(jittered, wheels).poses
+    assert found == pytest.approx(solved(scans, wheels).poses, abs=1e-3)
 
 
 REFUSED = {
@@ -336,15 +255,5 @@ def test_a_log_that_no_slam_can_solve_is_refused_in_one_line_that_names_it(short
     change, reason = REFUSED[case]
     scans, wheels = change(*short)
     with pytest.raises(InputError, match=f"hall: .*{reason}") as refused:
-        solve_log(scans, wheels, np.arange(len(scans)), name="hall")
+        solved(scans, wheels, name="hall")
     assert "\n" not in str(refused.value)
-
-
-@pytest.mark.parametrize("step", [(1e300, 0.0, 0.0), (0.0, 0.0, "a"), None, (1.0, 2.0)])
-def test_a_step_that_no_robot_takes_is_refused(short, step):
-    with pytest.raises(InputError):
-        lrf3d.Slam().update(short[0][0], step)
-    with pytest.raises(InputError, match="expected a LaserScan"):
-        lrf3d.Slam().update(None, (0.0, 0.0, 0.0))
-    with pytest.raises(InputError, match="expected finite numbers"):
-        lrf3d.Slam(laser_offset="a")

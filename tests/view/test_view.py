@@ -227,7 +227,7 @@ def test_keys_and_pads_drive_the_robot_through_a_world(driven, chromium):
         until(lambda: (number(page, "x"), number(page, "y")) == (2.0, 3.0))
 
 
-@pytest.mark.parametrize("size", [(360, 740), (740, 360)])
+@pytest.mark.parametrize("size", [(360, 740), pytest.param((740, 360), marks=pytest.mark.slow)])
 @needs_browser
 def test_the_page_fits_a_telephone(driven, chromium, size):
     wide, tall = size

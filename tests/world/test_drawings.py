@@ -1,34 +1,25 @@
-"""Worlds from DXF and SVG drawings and from OpenStreetMap extracts."""
+"""Worlds from DXF and SVG drawings, and the objects that their walls are."""
 
 from itertools import pairwise
-from pathlib import Path
 
 import ezdxf
 import numpy as np
 import pytest
 import shapely
 from ezdxf import units
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from lrf3d.errors import WorldError
-from lrf3d.world import World, load_world, save_world
-from lrf3d.world.drawing import CURVE_ERROR, without_repeats
-from lrf3d.world.geographic import EARTH_RADIUS
-from lrf3d.world.osm import is_building, tag_height
+from lrf3d.world import World, load_world
+from lrf3d.world.pieces import CURVE_ERROR, connected, joined_objects, without_repeats
 
 
-def svg(
-    folder: Path,
-    body: str,
-    head: str = 'width="1000mm" height="1000mm" viewBox="0 0 10 10"',
-):
+def svg(folder, body, head='width="1000mm" height="1000mm" viewBox="0 0 10 10"'):
     path = folder / "a.svg"
     path.write_text(f'<svg xmlns="http://www.w3.org/2000/svg" {head}>{body}</svg>')
     return load_world(path)
 
 
-def dxf(folder: Path, draw, unit: int = units.M) -> World:
+def dxf(folder, draw, unit=units.M):
     drawing = ezdxf.new()
     drawing.header["$INSUNITS"] = unit
     draw(drawing.modelspace())
@@ -40,23 +31,17 @@ def dxf(folder: Path, draw, unit: int = units.M) -> World:
     ("unit", "metres"),
     [(0, 1.0), (1, 0.0254), (2, 0.3048), (4, 0.001), (5, 0.01), (6, 1.0), (7, 1000.0)],
 )
-def test_the_unit_of_a_dxf_drawing_is_honoured(unit: int, metres: float, tmp_path: Path) -> None:
+def test_the_unit_of_a_dxf_drawing_is_honoured(unit, metres, tmp_path):
     world = dxf(tmp_path, lambda space: space.add_line((0, 0), (10, 20)), unit)
     assert world.segments == pytest.approx(np.array([[0, 0, 10, 20]]) * metres)
 
 
 @pytest.mark.parametrize(
     ("length", "metres"),
-    [
-        ("300mm", 0.3),
-        ("30cm", 0.3),
-        ("10in", 0.254),
-        ("96px", 0.0254),
-        ("96", 0.0254),
-        ("72pt", 0.0254),
-    ],
-)
-def test_the_unit_of_an_svg_drawing_is_honoured(length: str, metres: float, tmp_path: Path) -> None:
+    [("300mm", 0.3), ("30cm", 0.3), ("10in", 0.254), ("96px", 0.0254), ("96", 0.0254),
+     ("72pt", 0.0254)],
+)  # fmt: skip
+def test_the_unit_of_an_svg_drawing_is_honoured(length, metres, tmp_path):
     line = '<line x1="0" y1="50" x2="100" y2="50"/>'
     head = f'width="{length}" height="{length}" viewBox="0 0 100 100"'
     world = svg(tmp_path, line, head)
@@ -64,8 +49,8 @@ def test_the_unit_of_an_svg_drawing_is_honoured(length: str, metres: float, tmp_
 
 
 def test_transforms_uses_and_the_view_box_are_followed_and_y_points_up(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     body = (
         '<defs><rect id="r" width="1" height="2"/></defs>'
         '<use href="#r" x="3"/><g transform="translate(5 5) rotate(90)"><path d="M0 0h2"/></g>'
@@ -82,77 +67,53 @@ def test_transforms_uses_and_the_view_box_are_followed_and_y_points_up(
     [
         # Shapes that are turned, alone, in a group or by a use.
         ('<rect transform="rotate(90)" width="2" height="1"/>', (-1, 0), (0, 2)),
-        (
-            '<g transform="translate(5 5) rotate(180)"><rect width="2" height="1"/></g>',
-            (3, 4),
-            (5, 5),
-        ),
+        ('<g transform="translate(5 5) rotate(180)"><rect width="2" height="1"/></g>',
+         (3, 4), (5, 5)),
         ('<ellipse transform="rotate(90)" rx="2" ry="1"/>', (-1, -2), (1, 2)),
-        (
-            '<defs><rect id="r" width="2" height="1"/></defs>'
-            '<use href="#r" transform="rotate(90)"/>',
-            (-1, 0),
-            (0, 2),
-        ),
+        ('<defs><rect id="r" width="2" height="1"/></defs><use href="#r" transform="rotate(90)"/>',
+         (-1, 0), (0, 2)),
         # Viewports within the drawing have a frame of their own.
-        (
-            '<svg x="1" y="1" width="5" height="2" viewBox="10 0 10 4">'
-            '<path d="M10 0h10v4"/></svg>',
-            (1, 1),
-            (6, 3),
-        ),
+        ('<svg x="1" y="1" width="5" height="2" viewBox="10 0 10 4"><path d="M10 0h10v4"/></svg>',
+         (1, 1), (6, 3)),
         ('<svg x="1" y="2"><path d="M0 0h3v4"/></svg>', (1, 2), (4, 6)),
-        (
-            '<symbol id="s"><path d="M0 0h4v4"/></symbol><use href="#s" x="1" y="2"/>',
-            (1, 2),
-            (5, 6),
-        ),
+        ('<symbol id="s"><path d="M0 0h4v4"/></symbol><use href="#s" x="1" y="2"/>',
+         (1, 2), (5, 6)),
         # What clips, masks, fills and marks is no outline.
-        (
-            '<clipPath id="c"><path d="M0 0h9v9"/></clipPath><mask><path d="M0 0h9v9"/></mask>'
-            '<pattern><path d="M0 0h9v9"/></pattern><marker><path d="M0 0h9v9"/></marker>'
-            '<rect clip-path="url(#c)" width="3" height="2"/>',
-            (0, 0),
-            (3, 2),
-        ),
+        ('<clipPath id="c"><path d="M0 0h9v9"/></clipPath><mask><path d="M0 0h9v9"/></mask>'
+         '<pattern><path d="M0 0h9v9"/></pattern><marker><path d="M0 0h9v9"/></marker>'
+         '<rect clip-path="url(#c)" width="3" height="2"/>', (0, 0), (3, 2)),
     ],
-)
-def test_an_svg_drawing_is_read_as_browsers_draw_it(body, low, high, tmp_path: Path) -> None:
+)  # fmt: skip
+def test_an_svg_drawing_is_read_as_browsers_draw_it(body, low, high, tmp_path):
     world = svg(tmp_path, body, 'width="10m" height="10m" viewBox="0 0 10 10"')
     drawn = np.array([[low[0], 10 - high[1]], [high[0], 10 - low[1]]])
     assert world.bounds == pytest.approx(drawn, abs=0.01)
 
 
-def test_a_symbol_that_would_have_to_be_fitted_is_refused(tmp_path: Path) -> None:
+def test_a_symbol_that_would_have_to_be_fitted_is_refused(tmp_path):
     body = '<symbol id="s" viewBox="0 0 4 4"><path d="M0 0h4v4"/></symbol><use href="#s"/>'
     with pytest.raises(WorldError, match="uses '#s', a symbol with a viewBox; draw it"):
         svg(tmp_path, body)
 
 
-def test_a_sheet_without_a_height_keeps_its_proportions(tmp_path: Path) -> None:
+def test_a_sheet_without_a_height_keeps_its_proportions(tmp_path):
     world = svg(tmp_path, '<rect width="10" height="20"/>', 'width="1in" viewBox="0 0 10 20"')
     assert world.bounds == pytest.approx(np.array([[0, 0], [0.0254, 0.0508]]))
 
 
 CURVES = {
-    "circle": (
-        '<circle cx="5" cy="5" r="4"/>',
-        shapely.Point(5, 5).buffer(4, 2000).exterior,
-    ),
-    "cubic": (
-        '<path d="M0 0C5 20 8 -20 10 10"/>',
-        [[(0, 0), (5, 20), (8, -20), (10, 10)]],
-    ),
-    "quadratic": ('<path d="M0 0Q5 20 10 0"/>', [[(0, 0), (5, 20), (10, 0)]]),
+    "circle": ('<circle cx="5" cy="5" r="4"/>', shapely.Point(5, 5).buffer(4, 2000).exterior),
+    "cubic": ('<path d="M0 0C5 20 8 -20 10 10"/>', [(0, 0), (5, 20), (8, -20), (10, 10)]),
+    "quadratic": ('<path d="M0 0Q5 20 10 0"/>', [(0, 0), (5, 20), (10, 0)]),
 }
 
 
 @pytest.mark.parametrize("name", CURVES)
-def test_curves_of_an_svg_drawing_are_chords_within_the_stated_error(name, tmp_path: Path) -> None:
+def test_curves_of_an_svg_drawing_are_chords_within_the_stated_error(name, tmp_path):
     body, curve = CURVES[name]
     if isinstance(curve, list):
         share = np.linspace(0.0, 1.0, 5001)[:, None]
-        points = [np.broadcast_to(point, (5001, 2)) for point in np.array(curve[0], dtype=float)]
+        points = [np.array([point], dtype=float) for point in curve]
         while len(points) > 1:
             points = [a + share * (b - a) for a, b in pairwise(points)]
         curve = shapely.LineString(points[0])
@@ -165,7 +126,7 @@ def test_curves_of_an_svg_drawing_are_chords_within_the_stated_error(name, tmp_p
     assert len(world.segments) < 4000
 
 
-def test_curves_blocks_and_layers_of_a_dxf_drawing(tmp_path: Path) -> None:
+def test_curves_blocks_and_layers_of_a_dxf_drawing(tmp_path):
     def draw(space):
         space.add_circle((0, 0), 3)
         space.add_arc((20, 0), 3, 0, 90)
@@ -184,105 +145,24 @@ def test_curves_blocks_and_layers_of_a_dxf_drawing(tmp_path: Path) -> None:
     assert 3.0 - radii[radii < 4].min() <= CURVE_ERROR
 
 
-def test_the_lines_of_a_multiline_are_walls(tmp_path: Path) -> None:
+def test_the_lines_of_a_multiline_are_walls(tmp_path):
     world = dxf(tmp_path, lambda space: space.add_mline([(0, 0), (10, 0), (10, 5)]))
     assert len(world.segments) == 4
     assert world.bounds == pytest.approx(np.array([[0, -1], [11, 5]]))
 
 
-def test_lines_drawn_twice_count_once() -> None:
+def test_lines_drawn_twice_count_once():
     segments = np.array([[0, 0, 1, 1], [1, 1, 0, 0], [0, 0, 1, 1], [0, 0, 0, 1]], dtype=float)
     assert without_repeats(segments).tolist() == [[0, 0, 1, 1], [0, 0, 0, 1]]
 
 
-def osm(folder: Path, body: str) -> World:
-    nodes = [(0, 0), (30, 0), (30, 20), (0, 20), (10, 5), (20, 5), (20, 15), (10, 15)]
-    degree = np.degrees(1.0 / EARTH_RADIUS)
-    rows = "".join(
-        f'<node id="{i}" lon="{4 + x * degree / np.cos(np.radians(52))}" lat="{52 + y * degree}"/>'
-        for i, (x, y) in enumerate(nodes)
-    )
-    path = folder / "a.osm"
-    path.write_text(f"<osm>{rows}{body}</osm>")
-    return load_world(path)
+def test_walls_that_touch_are_one_object_also_far_from_the_origin():
+    segments = np.array([[0, 0, 4, 0], [2, 0, 2, 3], [2, 3.1, 2, 5], [9, 9, 8, 9]]) + 1e6
+    assert connected(segments).tolist() == [0, 0, 1, 2]
 
 
-def way(number: int, *nodes: int, **tags: str) -> str:
-    told = "".join(f'<tag k="{key}" v="{value}"/>' for key, value in tags.items())
-    points = "".join(f'<nd ref="{node}"/>' for node in nodes)
-    return f'<way id="{number}">{points}{told}</way>'
-
-
-def test_a_building_is_laid_flat_about_its_middle(tmp_path: Path) -> None:
-    body = way(1, 0, 1, 2, 3, 0, building="yes", height="7.5 m", name="hall")
-    world = osm(tmp_path, body + way(2, 4, 5, 6, highway="path"))
-    assert world.bounds == pytest.approx(np.array([[-15, -10], [15, 10]]), abs=1e-3)
-    assert world.heights.tolist() == [7.5] * 4 and world.object_names == ("hall",)
-    assert world.place == pytest.approx((4.000219, 52.00009), abs=1e-6)
-    save_world(world, tmp_path / "a.toml")
-    assert load_world(tmp_path / "a.toml").place == world.place
-
-
-def test_a_multipolygon_keeps_its_courtyard(tmp_path: Path) -> None:
-    ways = way(1, 0, 1, 2) + way(2, 0, 3, 2) + way(3, 4, 5, 6, 7, 4)
-    members = "".join(
-        f'<member type="way" ref="{ref}" role="{role}"/>'
-        for ref, role in ((1, "outer"), (2, "outer"), (3, "inner"), (99, "outer"))
-    )
-    tags = '<tag k="type" v="multipolygon"/><tag k="building" v="yes"/>'
-    world = osm(tmp_path, f'{ways}<relation id="1">{members}{tags}</relation>')
-    assert len(world.segments) == 8 and world.object_count == 1
-
-
-@pytest.mark.parametrize(
-    ("tags", "height"),
-    [
-        ({"height": "12"}, 12.0),
-        ({"height": "12,5 m"}, 12.5),
-        ({"height": "10'6\""}, 3.2004),
-        ({"height": "tall", "building:levels": "4"}, 12.0),
-        ({"building:levels": "2", "roof:levels": "1"}, 9.0),
-        ({"height": "-3"}, None),
-        ({}, None),
-    ],
-)
-def test_the_height_of_a_building_is_told_by_its_tags(tags: dict, height: float | None) -> None:
-    assert tag_height(tags) == (None if height is None else pytest.approx(height))
-
-
-@pytest.mark.parametrize(
-    ("tags", "stands"),
-    [
-        ({"building": "yes"}, True),
-        ({"building": "no"}, False),
-        ({"building": "roof"}, False),
-        ({"building": "yes", "min_height": "4"}, False),
-        ({"building": "yes", "min_height": "0.3"}, True),
-        ({"building": "yes", "building:min_level": "2"}, False),
-        ({"building": "yes", "location": "underground"}, False),
-        ({"highway": "path"}, False),
-    ],
-)
-def test_what_stands_over_the_robot_is_no_building(tags: dict, stands: bool) -> None:
-    assert is_building(tags) == stands
-
-
-@settings(max_examples=25, deadline=None)
-@given(cuts=st.sets(st.integers(1, 3)), rng=st.randoms())
-def test_a_ring_cut_into_ways_in_any_order_is_closed_again(
-    cuts, rng, tmp_path_factory: pytest.TempPathFactory
-) -> None:
-    ring = [0, 1, 2, 3, 0]
-    parts = [ring[a : b + 1] for a, b in pairwise([0, *sorted(cuts), 4])]
-    parts = [part[::-1] if rng.random() < 0.5 else part for part in parts]
-    rng.shuffle(parts)
-    ways = "".join(way(number, *part) for number, part in enumerate(parts))
-    members = "".join(f'<member type="way" ref="{n}" role="outer"/>' for n in range(len(parts)))
-    tags = '<tag k="type" v="multipolygon"/><tag k="building" v="yes"/>'
-    body = f'{ways}<relation id="1">{members}{tags}</relation>'
-    assert len(osm(tmp_path_factory.mktemp("osm"), body).segments) == 4
-
-
-def test_an_extract_without_a_building_says_so(tmp_path: Path) -> None:
-    with pytest.raises(WorldError, match="no whole building"):
-        osm(tmp_path, way(1, 0, 1, 2))
+def test_objects_that_touch_count_as_one_by_their_lowest_number():
+    # 3 and 1 touch; 2 lies apart, in two pieces of which one touches nothing; 4 touches 2.
+    segments = [[0, 0, 4, 0], [2, 0, 2, 3], [9, 9, 8, 9], [20, 0, 21, 0], [8, 9, 8, 5]]
+    world = World(segments, objects=[3, 1, 2, 2, 4])
+    assert joined_objects(world).tolist() == [1, 1, 2, 2, 2]

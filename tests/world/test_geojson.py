@@ -1,5 +1,4 @@
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -7,37 +6,37 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lrf3d.errors import WorldError
-from lrf3d.world import World, load_world
+from lrf3d.world import load_world
 from lrf3d.world.buildings import DEFAULT_BUILDING_HEIGHT
 
 FAR = np.array([85000.0, 447500.0])
 
 
-def rectangle(x: float, y: float, width: float, depth: float) -> list[list[float]]:
+def rectangle(x, y, width, depth):
     ring = [[x, y], [x + width, y], [x + width, y + depth], [x, y + depth], [x, y]]
     return (np.array(ring) + FAR).tolist()
 
 
-def feature(geometry: object, **properties: object) -> dict:
+def feature(geometry, **properties):
     return {"type": "Feature", "properties": properties, "geometry": geometry}
 
 
-def polygon(*rings: object, **properties: object) -> dict:
+def polygon(*rings, **properties):
     return feature({"type": "Polygon", "coordinates": list(rings)}, **properties)
 
 
-def read(folder: Path, *features: dict, **members: object) -> World:
+def read(folder, *features, **members):
     path = folder / "town.geojson"
     collection = {"type": "FeatureCollection", "features": list(features), **members}
     path.write_text(json.dumps(collection))
     return load_world(path)
 
 
-def lengths(world: World) -> np.ndarray:
+def lengths(world):
     return np.hypot(*(world.segments[:, 2:] - world.segments[:, :2]).T)
 
 
-def test_a_footprint_keeps_its_coordinates_and_turns_counter_clockwise(tmp_path: Path) -> None:
+def test_a_footprint_keeps_its_coordinates_and_turns_counter_clockwise(tmp_path):
     ring = rectangle(0.123456789, 0.3, 10.1, 8.7)
     world = read(tmp_path, polygon(ring[::-1], height=12))
     assert sorted(map(tuple, world.segments[:, :2])) == sorted(map(tuple, ring[:-1]))
@@ -48,7 +47,7 @@ def test_a_footprint_keeps_its_coordinates_and_turns_counter_clockwise(tmp_path:
     assert world.name == "town"
 
 
-def test_touching_footprints_become_one_block_with_straight_facades(tmp_path: Path) -> None:
+def test_touching_footprints_become_one_block_with_straight_facades(tmp_path):
     houses = [polygon(rectangle(6.0 * i, 0.0, 6.0, 9.0)) for i in range(5)]
     world = read(tmp_path, *houses, polygon(rectangle(30.06, 0.0, 5.0, 5.0)))
     assert world.object_count == 2
@@ -64,8 +63,8 @@ def test_touching_footprints_become_one_block_with_straight_facades(tmp_path: Pa
     depth=st.floats(4.0, 30.0),
 )
 def test_a_hair_between_footprints_is_closed_and_corners_stay(
-    gap: float, angle: float, width: float, depth: float, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+    gap, angle, width, depth, tmp_path_factory
+):
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     first = np.array([[0, 0], [width, 0], [width, depth], [0, depth]]) @ turn.T + FAR
     second = first + turn @ [width + gap, 0.0]
@@ -80,14 +79,14 @@ def test_a_hair_between_footprints_is_closed_and_corners_stay(
     assert {tuple(corner) for corner in world.segments[:, :2]} == outer
 
 
-def test_a_sharp_corner_survives_the_closing(tmp_path: Path) -> None:
+def test_a_sharp_corner_survives_the_closing(tmp_path):
     wedge = (np.array([[0, 0], [20, 0], [0, 4]]) + FAR).tolist()
     world = read(tmp_path, polygon(wedge), polygon(rectangle(-8.0, 0.0, 8.0, 4.0)))
     assert (world.segments[:, :2] == wedge[1]).all(axis=1).any()
     assert len(world.segments) == 4
 
 
-def test_walls_take_the_height_of_their_footprint(tmp_path: Path) -> None:
+def test_walls_take_the_height_of_their_footprint(tmp_path):
     world = read(
         tmp_path,
         polygon(rectangle(0, 0, 10, 10), height="12.5 m"),
@@ -99,14 +98,14 @@ def test_walls_take_the_height_of_their_footprint(tmp_path: Path) -> None:
     assert (world.heights[by_x > 10.0] == 6.0).all()
 
 
-def test_a_courtyard_stays_and_turns_clockwise(tmp_path: Path) -> None:
+def test_a_courtyard_stays_and_turns_clockwise(tmp_path):
     world = read(tmp_path, polygon(rectangle(0, 0, 30, 30), rectangle(10, 10, 8, 8)))
     assert world.object_count == 1
     ends = (world.segments - np.tile(FAR, 2))[4:]
     assert (ends[:, 0] * ends[:, 3] - ends[:, 2] * ends[:, 1]).sum() / 2 == pytest.approx(-64.0)
 
 
-def test_lines_are_walls_as_they_are_and_points_are_none(tmp_path: Path) -> None:
+def test_lines_are_walls_as_they_are_and_points_are_none(tmp_path):
     world = read(
         tmp_path,
         feature({"type": "Point", "coordinates": [1, 2]}),
@@ -131,7 +130,7 @@ def test_lines_are_walls_as_they_are_and_points_are_none(tmp_path: Path) -> None
     assert world.colours[0].tolist() == [1.0, 1.0, 1.0]
 
 
-def test_degrees_are_laid_flat_to_metres(tmp_path: Path) -> None:
+def test_degrees_are_laid_flat_to_metres(tmp_path):
     # A house of 20 m by 10 m at 52° north, and another one 100 m farther north.
     east, north = 20.0 / (111195.08 * np.cos(np.radians(52.0))), 10.0 / 111195.08
     house = np.array([[0, 0], [east, 0], [east, north], [0, north]]) + np.array([4.36, 52.0])
@@ -141,14 +140,14 @@ def test_degrees_are_laid_flat_to_metres(tmp_path: Path) -> None:
     assert np.abs(world.bounds.mean(axis=0)).max() < 1.0
 
 
-def test_metres_near_the_origin_are_no_degrees(tmp_path: Path) -> None:
+def test_metres_near_the_origin_are_no_degrees(tmp_path):
     ring = [[0, 0], [0.4, 0], [0.4, 0.3], [0, 0.3]]
     assert lengths(read(tmp_path, polygon(ring))).max() == 0.4
     crs = {"type": "name", "properties": {"name": "urn:ogc:def:crs:OGC:1.3:CRS84"}}
     assert lengths(read(tmp_path, polygon(ring), crs=crs)).max() > 40_000.0
 
 
-def test_blocks_come_in_the_order_of_the_file_and_each_time_the_same(tmp_path: Path) -> None:
+def test_blocks_come_in_the_order_of_the_file_and_each_time_the_same(tmp_path):
     rng = np.random.default_rng(5)
     spots = rng.permutation(25)
     houses = [polygon(rectangle(9.0 * (s // 5), 9.0 * (s % 5), 6, 6), name=str(s)) for s in spots]
@@ -158,39 +157,14 @@ def test_blocks_come_in_the_order_of_the_file_and_each_time_the_same(tmp_path: P
     assert world.segments.tobytes() == again.segments.tobytes()
 
 
-def test_an_outline_that_crosses_itself_is_mended(tmp_path: Path) -> None:
+def test_an_outline_that_crosses_itself_is_mended(tmp_path):
     bow = [[0, 0], [10, 10], [10, 0], [0, 10]]
     world = read(tmp_path, polygon((np.array(bow) + FAR).tolist()))
     assert len(world.segments) == 6
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("", "not JSON: .*line 1"),
-        ('{"type": "Feature",\n oops}', "not JSON: .*line 2 column 2"),
-        ("[1, 2]", "expected a GeoJSON object, found a JSON list"),
-        ('{"type": "CityJSON"}', "cjio"),
-        ('{"type": "FeatureCollection"}', "without a list of features"),
-        ('{"type": "FeatureCollection", "features": []}', "holds no Polygon and no LineString"),
-        ('{"type": "FeatureCollection", "features": [3]}', "feature 0: expected a Feature"),
-        ('{"type": "LineString", "coordinates": [[1, 2], [1, 2]]}', "feature 0: LineString of no"),
-        ('{"type": "LineString", "coordinates": [[1, 2], ["a", 2]]}', "feature 0: LineString"),
-        ('{"type": "LineString", "coordinates": [[1, 2], [1e999, 2]]}', "feature 0: .*at most 1e"),
-        ('{"type": "MultiPolygon", "coordinates": [[]]}', "holds no Polygon"),
-        ('{"type": "Polygon", "coordinates": [[[1, 2], [3, 4], [1, 2]]]}', "feature 0: Polygon"),
-    ],
-)
-def test_a_broken_file_gets_one_line(text: str, message: str, tmp_path: Path) -> None:
-    (tmp_path / "t.geojson").write_text(text)
-    with pytest.raises(WorldError, match=message) as caught:
-        load_world(tmp_path / "t.geojson")
-    assert "\n" not in str(caught.value)
-    assert "t.geojson" in str(caught.value)
-
-
 @pytest.mark.parametrize("height", ["tall", -3, [1, "x"], True, [], 10**400])
-def test_a_height_that_is_none_is_refused_with_its_feature(height: object, tmp_path: Path) -> None:
+def test_a_height_that_is_none_is_refused_with_its_feature(height, tmp_path):
     good = polygon(rectangle(0, 0, 5, 5))
     with pytest.raises(WorldError, match=r"feature 1: height is .*expected metres"):
         read(tmp_path, good, polygon(rectangle(9, 0, 5, 5), height=height))
@@ -199,7 +173,7 @@ def test_a_height_that_is_none_is_refused_with_its_feature(height: object, tmp_p
 @pytest.mark.parametrize(
     "crs", ["urn:ogc:def:crs:EPSG::3857", "EPSG:3857", "http://www.opengis.net/def/crs/EPSG/0/3857"]
 )
-def test_the_stretched_metres_of_web_maps_are_laid_flat(crs: str, tmp_path: Path) -> None:
+def test_the_stretched_metres_of_web_maps_are_laid_flat(crs, tmp_path):
     degrees = np.array([[4.35, 52.0], [4.351, 52.0], [4.351, 52.0005], [4.35, 52.0005]])
     flat = read(tmp_path, polygon(degrees.tolist()))
     radius = 6_378_137.0
@@ -214,8 +188,8 @@ def test_the_stretched_metres_of_web_maps_are_laid_flat(crs: str, tmp_path: Path
 
 @pytest.mark.parametrize("crs", [None, "urn:ogc:def:crs:OGC:1.3:CRS84"])
 @pytest.mark.parametrize("cut", [False, True])
-def test_a_building_across_the_dateline_is_as_wide_as_it_is(crs, cut, tmp_path: Path) -> None:
-    def ring(west: float, east: float) -> list[list[float]]:
+def test_a_building_across_the_dateline_is_as_wide_as_it_is(crs, cut, tmp_path):
+    def ring(west, east):
         return [[west, -17.0], [east, -17.0], [east, -16.9999], [west, -16.9999], [west, -17.0]]
 
     rings = [ring(179.9999, -179.9999)]
@@ -229,7 +203,7 @@ def test_a_building_across_the_dateline_is_as_wide_as_it_is(crs, cut, tmp_path: 
 
 
 @pytest.mark.parametrize("where", ["member", "property"])
-def test_a_key_that_stands_twice_is_named(where: str, tmp_path: Path) -> None:
+def test_a_key_that_stands_twice_is_named(where, tmp_path):
     ring = json.dumps(rectangle(0, 0, 5, 5))
     twice = '"height": 3, "height": 30' if where == "property" else ""
     extra = '"name": "a", "name": "b",' if where == "member" else ""

@@ -1,5 +1,4 @@
 import pickle
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ from lrf3d.world.grid_walls import walls_of_grid
 from lrf3d.world.ros_map import write_ros_map
 
 
-def save_map(folder: Path, pixels: np.ndarray, name: str = "map.png", **values: object) -> Path:
+def save_map(folder, pixels, name="map.png", **values):
     Image.fromarray(pixels.astype(np.uint8)).save(folder / name)
     told = {"image": name, "resolution": 0.1, "origin": [0.0, 0.0, 0.0], "negate": 0, **values}
     path = folder / "map.yaml"
@@ -23,7 +22,7 @@ def save_map(folder: Path, pixels: np.ndarray, name: str = "map.png", **values: 
     return path
 
 
-def room() -> np.ndarray:
+def room():
     """A room of 40 by 30 cells, drawn from the top, with walls one cell thick."""
     pixels = np.full((50, 60), 254)
     pixels[[10, 39], 10:50] = 0
@@ -33,9 +32,7 @@ def room() -> np.ndarray:
 
 @settings(max_examples=100, deadline=None)
 @given(st.floats(-1.0, 1.0), st.floats(0.0, 1.0), st.integers(3, 300), st.booleans())
-def test_a_straight_wall_drawn_cell_by_cell_is_one_segment(
-    slope: float, shift: float, length: int, upright: bool
-) -> None:
+def test_a_straight_wall_drawn_cell_by_cell_is_one_segment(slope, shift, length, upright):
     column = np.arange(length)
     row = np.floor(slope * (column + 0.5) + shift).astype(int)
     cells = np.zeros((np.ptp(row) + 7, length + 6), dtype=bool)
@@ -45,9 +42,7 @@ def test_a_straight_wall_drawn_cell_by_cell_is_one_segment(
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(1, 2), st.integers(5, 60), st.booleans())
-def test_walls_of_one_or_two_cells_are_lines_along_their_middle(
-    thick: int, length: int, upright: bool
-) -> None:
+def test_walls_of_one_or_two_cells_are_lines_along_their_middle(thick, length, upright):
     cells = np.zeros((12, length + 8), dtype=bool)
     cells[5 : 5 + thick, 4 : 4 + length] = True
     walls = walls_of_grid(cells.T if upright else cells)
@@ -59,7 +54,7 @@ def test_walls_of_one_or_two_cells_are_lines_along_their_middle(
 
 @settings(max_examples=60, deadline=None)
 @given(arrays(np.bool_, st.tuples(st.integers(2, 14), st.integers(2, 14))))
-def test_every_occupied_cell_at_an_edge_is_near_a_wall(cells: np.ndarray) -> None:
+def test_every_occupied_cell_at_an_edge_is_near_a_wall(cells):
     edge = cells[1:-1, 1:-1] & ~(
         cells[2:, 1:-1] & cells[:-2, 1:-1] & cells[1:-1, 2:] & cells[1:-1, :-2]
     )
@@ -72,7 +67,7 @@ def test_every_occupied_cell_at_an_edge_is_near_a_wall(cells: np.ndarray) -> Non
 
 
 @pytest.mark.parametrize("thick", [1, 2, 3, 4])
-def test_a_wall_that_ends_at_a_thick_part_or_at_another_wall_meets_it(thick: int) -> None:
+def test_a_wall_that_ends_at_a_thick_part_or_at_another_wall_meets_it(thick):
     cells = np.zeros((40, 50), dtype=bool)
     cells[10:14, 5:45] = cells[14:30, 20 : 20 + thick] = True
     walls = walls_of_grid(cells)
@@ -82,7 +77,7 @@ def test_a_wall_that_ends_at_a_thick_part_or_at_another_wall_meets_it(thick: int
     assert (ends[owner == 1][:, 1] > 25).all()
 
 
-def test_walls_meet_where_they_join_and_holes_of_three_cells_are_closed() -> None:
+def test_walls_meet_where_they_join_and_holes_of_three_cells_are_closed():
     cells = np.zeros((40, 50), dtype=bool)
     cells[10, 5:45] = cells[10:35, 20] = True
     cells[10, 30:33] = False
@@ -91,7 +86,7 @@ def test_walls_meet_where_they_join_and_holes_of_three_cells_are_closed() -> Non
     assert sorted(map(tuple, walls.reshape(-1, 2).tolist())).count((20.5, 10.5)) == 3
 
 
-def test_a_room_is_four_walls_with_closed_corners(tmp_path: Path) -> None:
+def test_a_room_is_four_walls_with_closed_corners(tmp_path):
     world = load_world(save_map(tmp_path, room()))
     assert len(world.segments) == 4 and world.object_count == 1
     # Along the middles of the cells; the picture begins at the top, the map at the bottom.
@@ -100,7 +95,7 @@ def test_a_room_is_four_walls_with_closed_corners(tmp_path: Path) -> None:
     assert len(np.unique(np.round(ends, 9), axis=0)) == 4
 
 
-def test_a_thick_block_is_its_outline(tmp_path: Path) -> None:
+def test_a_thick_block_is_its_outline(tmp_path):
     pixels = np.full((20, 30), 254)
     pixels[5:15, 5:25] = 0
     world = load_world(save_map(tmp_path, pixels))
@@ -108,7 +103,7 @@ def test_a_thick_block_is_its_outline(tmp_path: Path) -> None:
     assert world.bounds == pytest.approx(np.array([[0.5, 0.5], [2.5, 1.5]]))
 
 
-def test_origin_and_yaw_place_the_map(tmp_path: Path) -> None:
+def test_origin_and_yaw_place_the_map(tmp_path):
     plain = load_world(save_map(tmp_path, room()))
     turned = load_world(save_map(tmp_path, room(), origin=[3.0, -1.0, np.pi / 2]))
     x1, y1, x2, y2 = plain.segments.T
@@ -116,7 +111,7 @@ def test_origin_and_yaw_place_the_map(tmp_path: Path) -> None:
     assert turned.segments == pytest.approx(expected)
 
 
-def test_thresholds_and_negate_tell_what_is_occupied(tmp_path: Path) -> None:
+def test_thresholds_and_negate_tell_what_is_occupied(tmp_path):
     grey = np.where(room() == 0, 100, 254)  # occupied to (255 − 100) / 255 = 0.61
     assert len(load_world(save_map(tmp_path, grey, occupied_thresh=0.6)).segments) == 4
     with pytest.raises(ValueError, match="no wall: all cells are alike"):
@@ -126,7 +121,7 @@ def test_thresholds_and_negate_tell_what_is_occupied(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["map.pgm", "map.png", "map.bmp"])
 @pytest.mark.parametrize("kind", ["L", "RGB", "RGBA", "P", "I;16"])
-def test_colours_and_formats_make_no_difference(name: str, kind: str, tmp_path: Path) -> None:
+def test_colours_and_formats_make_no_difference(name, kind, tmp_path):
     path = save_map(tmp_path, room(), name)
     expected = load_world(path).segments
     if kind == "I;16" and not name.endswith("bmp"):
@@ -136,14 +131,14 @@ def test_colours_and_formats_make_no_difference(name: str, kind: str, tmp_path: 
     assert np.array_equal(load_world(path).segments, expected)
 
 
-def test_what_is_transparent_is_paper(tmp_path: Path) -> None:
+def test_what_is_transparent_is_paper(tmp_path):
     path = save_map(tmp_path, room())
     alpha = np.where(room() == 0, 255, 0).astype(np.uint8)
     Image.merge("LA", [Image.new("L", (60, 50)), Image.fromarray(alpha)]).save(tmp_path / "map.png")
     assert len(load_world(path).segments) == 4
 
 
-def test_a_bare_picture_is_read_with_a_resolution(tmp_path: Path) -> None:
+def test_a_bare_picture_is_read_with_a_resolution(tmp_path):
     described = load_world(save_map(tmp_path, room(), "plan.png"))
     world = load_world(tmp_path / "plan.png", resolution=0.1)
     assert np.array_equal(world.segments, described.segments)
@@ -164,9 +159,7 @@ def test_a_bare_picture_is_read_with_a_resolution(tmp_path: Path) -> None:
         lambda ends: np.hypot(*(ends[2:] - ends[:2])) > 0.5
     )
 )
-def test_a_wall_written_to_a_map_comes_back_as_one_within_a_cell(
-    tmp_path_factory: pytest.TempPathFactory, ends: np.ndarray
-) -> None:
+def test_a_wall_written_to_a_map_comes_back_as_one_within_a_cell(tmp_path_factory, ends):
     path = tmp_path_factory.mktemp("map") / "map.yaml"
     save_world(World([ends]), path)
     back = load_world(path).segments
@@ -179,7 +172,7 @@ def test_a_wall_written_to_a_map_comes_back_as_one_within_a_cell(
     assert shapely.hausdorff_distance(there, here) <= 0.075
 
 
-def test_a_map_is_written_in_the_resolution_that_is_asked_for(tmp_path: Path) -> None:
+def test_a_map_is_written_in_the_resolution_that_is_asked_for(tmp_path):
     path = tmp_path / "map.yaml"
     write_ros_map(World([[0.0, 0.0, 4.0, 0.0]]), path, resolution=0.2)
     assert "resolution: 0.2\n" in path.read_text()
@@ -187,7 +180,7 @@ def test_a_map_is_written_in_the_resolution_that_is_asked_for(tmp_path: Path) ->
         assert image.size == (30, 10)
 
 
-def test_a_world_of_a_country_becomes_a_coarse_map_and_not_a_huge_one(tmp_path: Path) -> None:
+def test_a_world_of_a_country_becomes_a_coarse_map_and_not_a_huge_one(tmp_path):
     path = tmp_path / "map.yaml"
     save_world(World([[0.0, 0.0, 50_000.0, 30_000.0]]), path)
     assert (tmp_path / "map.pgm").stat().st_size < 40e6
@@ -196,7 +189,7 @@ def test_a_world_of_a_country_becomes_a_coarse_map_and_not_a_huge_one(tmp_path: 
 
 
 @pytest.mark.parametrize("free_thresh", [0.196, 0.25])
-def test_what_a_map_knows_to_be_free_is_kept(free_thresh: float, tmp_path: Path) -> None:
+def test_what_a_map_knows_to_be_free_is_kept(free_thresh, tmp_path):
     pixels = np.where(room() == 0, 0, 205)
     pixels[12:20, 12:20] = 254
     world = load_world(save_map(tmp_path, pixels, free_thresh=free_thresh, origin=[5.0, 1.0, 0.5]))
@@ -208,7 +201,7 @@ def test_what_a_map_knows_to_be_free_is_kept(free_thresh: float, tmp_path: Path)
     assert again.free is not None and again.free.contain(2.0 * places).tolist()[:2] == [True, False]
 
 
-def test_a_map_that_is_written_keeps_what_is_free(tmp_path: Path) -> None:
+def test_a_map_that_is_written_keeps_what_is_free(tmp_path):
     pixels = room()
     pixels[:, 50:] = 205
     world = load_world(save_map(tmp_path, pixels))
@@ -220,7 +213,7 @@ def test_a_map_that_is_written_keeps_what_is_free(tmp_path: Path) -> None:
     assert (again.free.contain(places) == world.free.contain(places)).all()
 
 
-def test_a_key_that_stands_twice_is_named(tmp_path: Path) -> None:
+def test_a_key_that_stands_twice_is_named(tmp_path):
     path = save_map(tmp_path, room())
     path.write_text(path.read_text() + "resolution: 0.5\n")
     with pytest.raises(WorldError, match=r"map\.yaml: line 5: .*'resolution' stands in line 2"):
@@ -228,7 +221,7 @@ def test_a_key_that_stands_twice_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("size", ["59 50", "60 49", "61 50"])
-def test_a_picture_of_another_size_than_its_header_is_refused(size: str, tmp_path: Path) -> None:
+def test_a_picture_of_another_size_than_its_header_is_refused(size, tmp_path):
     path = save_map(tmp_path, room(), "map.pgm")
     data = (tmp_path / "map.pgm").read_bytes()
     (tmp_path / "map.pgm").write_bytes(data.replace(b"60 50", size.encode()))

@@ -98,24 +98,3 @@ def test_a_text_needs_no_quotes_and_a_number_no_leading_nought():
         "robot": {"speed": 2.0},
     }
     assert read_settings(["film.view=front door"])["film"]["view"] == "front door"
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        ("scan_duration = 0.1", "scan_durtion = 0.1", "did you mean 'scan_duration'"),
-        ("drop_outs = 0.1", "drop_outs = 1.5", "at most 1"),
-        ("radius = 0.3", "raduis = 0.3", "did you mean 'radius'"),
-        ("route = [[5, 4], [9, 4]]", "", "expected a route"),
-        ("route = [[5, 4], [9, 4]]", "route = [[5, 4]]", "at least 2"),
-        ("[[obstacle]]", "[obstacle]", "expected tables"),
-        ("radius = 0.3", "radius = 0.3\npoints = [[0,0],[1,0],[1,1]]", "a radius or points"),
-    ],
-)
-def test_a_slip_in_the_file_is_named_with_its_line(room, old, new, said):
-    room.write_text(ROOM.replace(old, new))
-    with pytest.raises(
-        InputError, match=r"room\.toml: (object|robot|laser|noise|obstacle)"
-    ) as error:
-        load_scenario(room)
-    assert said in str(error.value)

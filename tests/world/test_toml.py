@@ -1,5 +1,3 @@
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -13,6 +11,12 @@ points = [[0, 0], [4, 0], [4, 3]]
 closed = true
 """
 
+ROUND_AND_SQUARE = """\
+[[obstacle]]
+route = [[5, 4], [9, 4]]
+radius = 0.3
+points = [[0, 0], [1, 0], [1, 1]]
+"""
 
 GATE = """\
 [[camera]]
@@ -22,13 +26,13 @@ target = [9, 9, 1]
 """
 
 
-def read(text: str, folder: Path):
+def read(text, folder):
     path = folder / "w.toml"
     path.write_text(text, encoding="utf-8")
     return load_world(path)
 
 
-def error_of(text: str, folder: Path) -> str:
+def error_of(text, folder):
     with pytest.raises(WorldError) as caught:
         read(text, folder)
     message = str(caught.value)
@@ -36,7 +40,7 @@ def error_of(text: str, folder: Path) -> str:
     return message.removeprefix(f"{folder}/")
 
 
-def test_objects_are_read_with_their_walls_heights_names_and_colours(tmp_path: Path) -> None:
+def test_objects_are_read_with_their_walls_heights_names_and_colours(tmp_path):
     world = read(
         HOUSE + 'height = 7\ncolour = "#ff0080"\n[[object]]\npoints = [[9, 9], [9, 12]]\n', tmp_path
     )
@@ -49,7 +53,7 @@ def test_objects_are_read_with_their_walls_heights_names_and_colours(tmp_path: P
     assert np.isnan(world.colours[1]).all()
 
 
-def test_an_object_may_be_made_of_several_lines(tmp_path: Path) -> None:
+def test_an_object_may_be_made_of_several_lines(tmp_path):
     text = "[[object]]\nlines = [[[0, 0], [1, 0]], [[5, 5], [6, 5], [6, 6]]]\nheight = [1, 2, 3]\n"
     world = read(text, tmp_path)
     assert world.segments.tolist() == [[0, 0, 1, 0], [5, 5, 6, 5], [6, 5, 6, 6]]
@@ -75,6 +79,14 @@ def test_an_object_may_be_made_of_several_lines(tmp_path: Path) -> None:
         ("[noise]\nsigma = [0.1, -1]\n", "noise.sigma[1]: expected a finite"),
         ("[noise]\nsigma = []\n", "noise.sigma: expected a list of at least 1 sigmas"),
         ("[mapper]\nmode = 'x'\n", "mapper.mode: expected one of paper, robust"),
+        (
+            "[noise]\ndrop_outs = 1.5\n",
+            "noise.drop_outs: expected a finite number of at least 0 and",
+        ),
+        ("[obstacle]\nradius = 1\n", "obstacle: expected tables [[obstacle]]"),
+        ("[[obstacle]]\nradius = 1\n", "obstacle[0]: expected a route"),
+        ("[[obstacle]]\nroute = [[5, 4]]\n", "obstacle[0].route: expected a list of at least 2"),
+        (ROUND_AND_SQUARE, "obstacle[0]: expected a radius or points, found both"),
         ("[camera]\nview = 'x'\n", "camera: expected tables [[camera]]"),
         ("[[camera]]\nname = 'x'\n", "camera[0]: expected a position"),
         (GATE.replace("2, 3]", "2]"), "camera[0]: camera 'gate': position is [1, 2], expected x"),
@@ -106,7 +118,7 @@ def test_an_object_may_be_made_of_several_lines(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_a_mistake_gets_one_line_with_its_place(text: str, message: str, tmp_path: Path) -> None:
+def test_a_mistake_gets_one_line_with_its_place(text, message, tmp_path):
     assert error_of(HOUSE + text, tmp_path).startswith(f"w.toml: {message}")
 
 
@@ -120,5 +132,5 @@ def test_a_mistake_gets_one_line_with_its_place(text: str, message: str, tmp_pat
         ("", "object: expected at least one table [[object]]"),
     ],
 )
-def test_a_mistake_at_the_top_gets_its_place(text: str, message: str, tmp_path: Path) -> None:
+def test_a_mistake_at_the_top_gets_its_place(text, message, tmp_path):
     assert error_of(text, tmp_path).startswith(f"w.toml: {message}")

@@ -14,11 +14,8 @@ from lrf3d.mapping.robust.cells import SIDE, SIDE_BITS, Cells, NewEvidence, bloc
 from lrf3d.mapping.robust.judging import forget_hits
 from lrf3d.mapping.robust.light import DIRECT, FIRST, RANGE, REFLECTANCE, UX, UY
 
-PATCH = 2.0 * CELL
-"""[m] Side of a patch. Each return counts in the four patches around it: within 0.1 m at least."""
-
 PATCHES = SIDE * SIDE // 4
-"""Patches of a block."""
+"""Patches of a block, two cells wide. A return counts in the four around it: within 0.1 m."""
 
 LARGEST_SPREAD = 0.1
 """[share] Where the reflectance differs by more, nothing is compared with it: metal."""

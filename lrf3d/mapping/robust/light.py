@@ -109,15 +109,16 @@ class LitScans:
 
     def _read_reflectances(self, rays: Float, light: Float, walls: Float) -> None:
         """Fill in how reflective the walls (w, 4) are that rays (n, 9) end on, and count pairs."""
+        if not len(walls):
+            return
         lit = np.flatnonzero(light)
         along, units = directions(walls), rays[lit, None, : UY + 1]
         off = units * rays[lit, None, RANGE : RANGE + 1] - walls[:, :2]
         station, cosines = (off * along).sum(axis=2), np.abs(cross(along, units))
         on = (np.abs(cross(along, off)) < ON_WALL) & (cosines > WEAKEST_COSINE)
         on &= (station > -ON_WALL) & (station < lengths(walls) + ON_WALL)
-        ray, wall = np.nonzero(on)
-        ray, first = np.unique(ray, return_index=True)
-        lit, wall, cosine = lit[ray], wall[first], cosines[ray, wall[first]]
+        there, wall = on.any(axis=1), on.argmax(axis=1)
+        lit, wall, cosine = lit[there], wall[there], cosines[there, wall[there]]
         rays[lit, REFLECTANCE] = light[lit] / cosine
         # Neighbours differ by too little.
         apart = int(APART * len(rays)) + 1

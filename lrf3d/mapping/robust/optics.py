@@ -1,8 +1,12 @@
 """Optics: glass and mirrors in a map, from the light of scans with intensities.
 
-Scans enter with their intensities; what leaves are scans without what mirrors show, and a map in
-which glass and mirrors stand in place of what beams, most of which pass or are turned, left of
+Scans enter with their intensities; what leaves are scans without what mirrors show, and the glass
+and mirrors that stand in a map in place of what beams, most of which pass or are turned, left of
 them. Scans without intensities, or whose intensities are no light, change nothing here.
+
+A flash, which is a return of a line across its beam, and a wall of a scan with a segment of the map
+that a line mirrors into it speak for a line. Most of these lines are nothing, since walls of rooms
+mirror each other: `surfaces` decides by what the beams of the kept scans did at them.
 """
 
 from dataclasses import replace
@@ -13,9 +17,44 @@ from lrf3d.geometry import Bool, Float, cross, directions, lengths
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.mapping.line_map import GLASS, MIRROR, LineMap
 from lrf3d.mapping.robust.cells import Cells, NewEvidence
-from lrf3d.mapping.robust.ground import PATCHES, find_turned, turn_rays
-from lrf3d.mapping.robust.light import LitScans
-from lrf3d.mapping.robust.surface_lines import SurfaceLines
+from lrf3d.mapping.robust.ground import DEPTH, PATCHES, find_turned, turn_rays
+from lrf3d.mapping.robust.light import BRIGHT, RANGE, UY, LitScans
+from lrf3d.mapping.robust.surfaces import (
+    COUNTS,
+    FLASH,
+    IS_MIRROR,
+    PIECE,
+    PIECES,
+    count_beams,
+    find_pieces,
+    runs,
+)
+
+MOST_LINES = 256
+"""[lines] Those that no scan has spoken for the longest are forgotten."""
+
+LINES_A_SCAN, MOST_A_SCAN = 8, 64
+"""[lines] How many lines of images of a scan count, those first that most of its walls agree on;
+and how many images are compared for this, those first that share most with a wall."""
+
+FLASH_VOTES, LEAST_VOTES, MOST_VOTES, LOOK_AGAIN = 2.0, 2.0, 50.0, 1.0 / 16.0
+"""[votes] What a flash counts, and an image one: only glass, mirrors and metal flash. Lines with
+the least are looked at: of those that have just flashed, and of all, the one with most new votes.
+By so many former ones a line is averaged, and with each scan the last is added to those of lines
+with glass or mirrors, of which no images are left that could speak for them."""
+
+SHORTEST = 0.6
+"""[m] Length of a pane or a mirror from which on it is found."""
+
+PARALLEL_SINE = 0.2
+"""[sine] Twice the sine of half the angle between two walls of which one may be the other's image:
+walls at right angles to the mirror go on in theirs, and do not say where it is."""
+
+IMAGE_DISTANCE = 0.15
+"""[m] How far off a wall an image may lie when it is mirrored back."""
+
+SAME_COSINE, SAME_DISTANCE = np.cos(np.radians(2.0)), 0.1
+"""[cosine, m] Two lines nearer than this are one: the faces of a thin wall are two."""
 
 ABSORBED, ABSORBED_DISTANCE, ABSORBED_SINE = 0.5, 0.12, 0.15
 """[share, m, sine] A segment of the map is a part of a pane or a mirror where so much of its length
@@ -24,18 +63,22 @@ lies by it, no farther off and no more askew."""
 JOINS = 0.4
 """[m] A pane or a mirror is of the object of a wall whose end it reaches so nearly."""
 
+ALL, NEW, LAST = range(3)
+"""Columns of votes: in all, since the line was looked at, and the number of the last one."""
+
 
 class Optics:
     """What the scans so far have shown of glass and mirrors."""
 
     def __init__(self) -> None:
-        self._scans, self._lines = LitScans(), SurfaceLines()
-        self._ground = np.zeros((0, 4))
-
-    @property
-    def surfaces(self) -> Float:
+        self._scans, self._ground = LitScans(), np.zeros((0, 4))
+        # Of each line: its unit normal, distance and middle, see `count_beams`; its votes; which
+        # of its pieces are glass, or a mirror; and what they are.
+        self._lines, self._votes = np.zeros((MOST_LINES, 4)), np.zeros((MOST_LINES, 3))
+        self._pieces = np.zeros((MOST_LINES, PIECES), np.bool_)
+        self._kinds, self._vote_count = np.zeros(MOST_LINES, np.int64), 0
+        self.surfaces = np.zeros((0, 5))
         """Glass and mirrors (s, 5) [m] in the map's frame, and whether each is a mirror."""
-        return self._lines.surfaces
 
     def without_images(
         self, scan: LaserScan, place: tuple[float, float], heading: float
@@ -68,10 +111,123 @@ class Optics:
             self._ground = np.pad(self._ground, ((0, missing), (0, 0)))
         places, rays = self._scans.rows(newest=True)
         turn_rays(places, rays, self.surfaces, cells, self._ground, fresh)
-        self._lines.add(places[0], rays[0], walls + np.tile(places[0], 2), segments)
+        place, bright = places[0], rays[0, :, BRIGHT]
+        images = image_lines(place, walls + np.tile(place, 2), segments)
+        peaks = (bright > FLASH) & (bright > np.roll(bright, 1)) & (bright >= np.roll(bright, -1))
+        normals = -rays[0, peaks, : UY + 1]
+        flashes = np.column_stack([normals, normals @ place - rays[0, peaks, RANGE]])
+        self._vote(place, images, 1.0)
+        flashed = self._vote(place, flashes, FLASH_VOTES)
         places, rays = self._scans.rows(newest=False)
-        if self._lines.look(places, rays, cells, self._ground):
+        self._votes[self._kinds > 0, NEW] += LOOK_AGAIN
+        changed = self._look(flashed, places, rays, cells)
+        if self._look(list(range(MOST_LINES)), places, rays, cells) or changed:
             turn_rays(places, rays, self.surfaces, cells, self._ground, fresh)
+
+    def _vote(self, place: Float, lines: Float, votes: float) -> list[int]:
+        """Let a scan from a place (2,) speak for lines (n, 3), each for that row which is the same.
+
+        Returns these rows.
+        """
+        rows: list[int] = []
+        distances = line_distances(place, self._lines, lines)
+        for line, row, apart in zip(
+            lines, distances.argmin(axis=1), distances.min(axis=1), strict=True
+        ):
+            if apart >= SAME_DISTANCE:
+                # A free row, or that of the line last spoken for the longest ago.
+                row = np.where(self._kinds, np.inf, self._votes[:, LAST]).argmin()
+                self._votes[row] = 0.0
+                self._lines[row] = *line, line[1] * place[0] - line[0] * place[1]
+            elif self._kinds[row] != IS_MIRROR:
+                known, own = min(self._votes[row, ALL], MOST_VOTES), self._lines[row, :3]
+                own *= known
+                own += np.sign(own[:2] @ line[:2]) * line
+                own /= np.hypot(own[0], own[1])
+            self._vote_count += 1
+            self._votes[row] += votes, votes, 0.0
+            self._votes[row, LAST] = self._vote_count
+            rows.append(int(row))
+        return rows
+
+    def _look(self, rows: list[int], places: Float, rays: Float, cells: Cells) -> bool:
+        """Decide which pieces of that of some lines with most new votes are glass, or a mirror.
+
+        Returns whether that has changed anything.
+        """
+        due = np.where(self._votes[rows, ALL] >= LEAST_VOTES, self._votes[rows, NEW], 0.0)
+        if due.max(initial=0.0) < 1.0:
+            return False
+        row = rows[int(due.argmax())]
+        self._votes[row, NEW] = 0.0
+        counts, former = np.zeros((PIECES, len(COUNTS))), self._pieces[row].copy()
+        count_beams(self._lines[row], places, rays, cells, self._ground, counts)
+        self._pieces[row], self._kinds[row] = find_pieces(counts, former, self._kinds[row])
+        if np.array_equal(former, self._pieces[row]):
+            return False
+        found = [self._stretches(row) for row in np.flatnonzero(self._kinds).tolist()]
+        self.surfaces = np.concatenate([np.zeros((0, 5)), *found])
+        return True
+
+    def _stretches(self, row: int) -> Float:
+        """The stretches (s, 5) [m] of a line by its pieces, and whether each is a mirror."""
+        nx, ny, distance, middle = self._lines[row]
+        mirror = self._kinds[row] == IS_MIRROR
+        # A pane ends anywhere in the last piece that showed it; at that of a mirror most beams did.
+        inside = 0.0 if mirror else 0.5
+        places = runs(self._pieces[row]) + np.array([inside, -inside])
+        ends = middle + PIECE * (places - PIECES // 2)
+        ends = ends[ends[:, 1] - ends[:, 0] > SHORTEST, :, None]
+        points = distance * np.array([nx, ny]) + ends * [ny, -nx]
+        return np.insert(points.reshape(-1, 4), 4, mirror, axis=1)
+
+
+def image_lines(place: Float, walls: Float, segments: Float) -> Float:
+    """The lines (k, 3) that mirror segments (m, 4) of a map into most walls (w, 4) of a scan.
+
+    They are unit normals towards the laser's place (2,) and distances from the origin [m].
+    """
+    along, units = directions(walls), directions(segments)
+    # The normals of the two walls, (−y, x): a mirror turns both directions and sides.
+    turn = along[:, None] - units
+    wall, real = np.nonzero((turn * turn).sum(axis=2) >= PARALLEL_SINE**2)
+    normals = turn[wall, real, ::-1] * [1.0, -1.0]
+    normals /= np.hypot(*normals.T)[:, None]
+    apart = cross(along, walls[:, :2])[wall] - cross(units, segments[:, :2])[real]
+    distances = apart / (2.0 * cross(along[wall], normals))
+    ahead = normals @ place - distances
+    normals, distances = np.sign(ahead)[:, None] * normals, np.sign(ahead) * distances
+    ends = walls[wall].reshape(-1, 2, 2)
+    behind = (ends * normals[:, None]).sum(axis=2) - distances[:, None]
+    rows = np.flatnonzero((np.abs(ahead) >= DEPTH) & (behind <= DEPTH).all(axis=1))
+    wall, real, normals, distances = wall[rows], real[rows], normals[rows], distances[rows]
+    images = ends[rows] - 2.0 * behind[rows, :, None] * normals[:, None]
+    off, unit = images - segments[real, None, :2], units[real, None]
+    stations = (off * unit).sum(axis=2)
+    high = np.minimum(stations.max(axis=1), lengths(segments)[real])
+    shared = high - stations.min(axis=1).clip(0.0)
+    good = (np.abs(cross(unit, off)) <= IMAGE_DISTANCE).all(axis=1)
+    good &= shared > 0.5 * lengths(walls)[wall]
+    rows = np.flatnonzero(good)[np.argsort(-shared[good], kind="stable")]
+    lines = np.column_stack([normals, distances])[rows[:MOST_A_SCAN]]
+    same = line_distances(place, lines, lines) < SAME_DISTANCE
+    weights = same @ shared[rows[:MOST_A_SCAN]]
+    found: list[Float] = []
+    while weights.any() and len(found) < LINES_A_SCAN:
+        best = int(weights.argmax())
+        found.append(lines[best])
+        weights[same[best]] = 0.0
+    return np.reshape(found, (-1, 3))
+
+
+def line_distances(place: Float, lines: Float, others: Float) -> Float:
+    """How far [m] lines (n, 3) lie from others (k, 3) where these are nearest to a place (2,).
+
+    Infinite where two are askew: (k, n).
+    """
+    feet = place - (others[:, :2] @ place - others[:, 2])[:, None] * others[:, :2]
+    apart = np.abs(feet @ lines[:, :2].T - lines[:, 2])
+    return np.where(np.abs(others[:, :2] @ lines[:, :2].T) > SAME_COSINE, apart, np.inf)
 
 
 def with_surfaces(line_map: LineMap, surfaces: Float, mirrors: Bool) -> LineMap:

@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from lrf3d.compiling import compiled
-from lrf3d.geometry import Bool, Float
+from lrf3d.geometry import Bool, Float, Int
 from lrf3d.mapping.robust.cells import Cells
 from lrf3d.mapping.robust.ground import DEPTH, GRAZING, reflectance_at
 from lrf3d.mapping.robust.light import (
@@ -24,6 +24,9 @@ from lrf3d.mapping.robust.light import (
     UX,
     UY,
 )
+
+IS_GLASS, IS_MIRROR = 1, 2
+"""What the pieces of a line may be, or else 0."""
 
 PIECE, PIECES = 0.25, 256
 """[m, pieces] Length of a piece of a line, in which beams are counted, and their number: 64 m."""
@@ -166,16 +169,21 @@ def mirror_pieces(pieces: Float) -> Bool:
     return np.asarray(good)
 
 
-def belied_pieces(pieces: Float, mirror: bool) -> Bool:
-    """Which pieces (PIECES,) of a line are no mirror any more, or else no glass."""
+def find_pieces(pieces: Float, former: Bool, kind: int) -> tuple[Bool, int]:
+    """Which pieces (PIECES,) of a line are glass, or a mirror, and which of the two they are.
+
+    Former ones, of a kind or of none, stay unless they are belied.
+    """
     shown, _, passed, _, opaque, images, wrong, known, alike = pieces.T
-    belied = opaque > shown + passed + SEEN
-    if mirror:
+    found, belied = glass_pieces(pieces), opaque > shown + passed + SEEN
+    # What is seen through glass is darker as well.
+    if kind == IS_MIRROR or not (found.any() or kind):
+        found, kind = mirror_pieces(pieces), IS_MIRROR
         belied = (opaque + wrong > images + SEEN) | (known > 2.0 * alike + SEEN)
-    return np.asarray(belied)
+    found |= former & ~belied
+    return found, max(kind, IS_GLASS) if found.any() else 0
 
 
-def runs(chosen: Bool) -> list[tuple[int, int]]:
-    """The first place of each run of chosen ones (n,), and the place behind its last."""
-    edges = np.flatnonzero(np.diff(chosen, prepend=False, append=False)).tolist()
-    return list(zip(edges[::2], edges[1::2], strict=True))
+def runs(chosen: Bool) -> Int:
+    """The first place of each run (r, 2) of chosen ones (n,), and the place behind its last."""
+    return np.flatnonzero(np.diff(chosen, prepend=False, append=False)).reshape(-1, 2)

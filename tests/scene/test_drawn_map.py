@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from lrf3d.scene.look import MAP_BAND, MAP_STANDING
-from lrf3d.scene.map_bands import WallTops, bands
-from lrf3d.scene.trail_and_map import DrawnMap
+from lrf3d.scene.drawn_map import BAND, STANDING, DrawnMap
+from lrf3d.scene.structures import Structures
+from lrf3d.world import World
 
 WALLS = np.array([[0.0, 0.0, 6.0, 0.0], [0.0, 4.0, 6.0, 4.0]])
 COLOURS = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
@@ -14,19 +14,13 @@ EYE = np.array([3.0, -2.0, 1.5])
 
 def levels(heights, *, eye=EYE, least=0.0, raised=0.0):
     """The lowest and highest corner (2, 2) of the band of each of two walls."""
-    faces = bands(
-        DrawnMap(WALLS, COLOURS),
-        WallTops(WALLS, np.array(heights)).of(WALLS),
-        eye,
-        least=least,
-        raised=raised,
-    )
+    faces = DrawnMap(WALLS, COLOURS, np.array(heights)).bands(eye, least=least, raised=raised)
     up = faces.corners[..., 2].reshape(2, -1)
     return np.column_stack([up.min(axis=1), up.max(axis=1)])
 
 
 def test_a_band_is_no_higher_than_its_wall():
-    due = [[0.66 - MAP_BAND[1] + MAP_BAND[0], 0.66], list(MAP_BAND)]
+    due = [[0.66 - BAND[1] + BAND[0], 0.66], list(BAND)]
     assert levels([0.66, 2.5]) == pytest.approx(np.array(due), abs=1e-6)
 
 
@@ -39,14 +33,19 @@ def test_a_band_far_away_is_higher_but_stays_between_the_ground_and_the_top_of_i
 def test_raised_bands_stand_up_to_the_tops_of_their_walls():
     standing = levels([1.5, 8.0], raised=1.0)
     assert standing[:, 1] == pytest.approx([1.5, 8.0]) and (standing[:, 0] < 0.05).all()
-    alone = DrawnMap(WALLS + 50.0, COLOURS)
-    faces = bands(alone, WallTops(WALLS, np.ones(2)).of(WALLS + 50.0), EYE, least=0.0, raised=1.0)
-    assert faces.corners[..., 2].max() == pytest.approx(MAP_STANDING)
+    assert levels([1.5, np.inf], raised=1.0)[:, 1] == pytest.approx([1.5, STANDING])
+
+
+def test_a_segment_of_the_map_has_the_height_of_the_wall_that_it_lies_on():
+    structures = Structures.from_world(World(WALLS, heights=[1.5, 8.0]))
+    here = WALLS - np.tile(structures.origin, 2)
+    assert structures.tops(here + 0.1).tolist() == [1.5, 8.0]
+    assert np.isinf(structures.tops(here + 50.0)).all()
 
 
 def test_faces_of_bands_look_outward():
-    drawn = DrawnMap(WALLS[:1], COLOURS[:1])
-    faces = bands(drawn, np.full(1, 2.5), EYE, least=0.0, raised=1.0)
+    drawn = DrawnMap(WALLS[:1], COLOURS[:1], np.full(1, 2.5))
+    faces = drawn.bands(EYE, least=0.0, raised=1.0)
     a, b, c = np.moveaxis(faces.corners.astype(float), 1, 0)
     out = faces.corners.mean(axis=1) - [3.0, 0.0, 1.25]
     assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), out) > 0.0).all()

@@ -2,19 +2,13 @@
 
 import numpy as np
 import pytest
+import shapely
 
 import lrf3d
 from lrf3d.geometry import lengths
 from lrf3d.laser import LaserRangeFinder
-from lrf3d.scene.beams import DrawnBeams
-from lrf3d.scene.look import (
-    GLASS_COLOUR,
-    MIRROR_COLOUR,
-    RANGE_COLOURS,
-    RETRO_COLOUR,
-    object_colours,
-)
-from lrf3d.scene.turns import turning_walls
+from lrf3d.scene.beams import RANGE_COLOURS, DrawnBeams, turning_walls
+from lrf3d.scene.look import GLASS_COLOUR, MIRROR_COLOUR, RETRO_COLOUR, object_colours
 
 WALLS = [[0, 0, 12, 0], [12, 0, 12, 8], [12, 8, 0, 8], [0, 8, 0, 0], [4, 1, 5, 2.5]]
 
@@ -32,24 +26,19 @@ def drawn(world, pose=(7.0, 4.0, 0.3)):
 
 def off_walls(points):
     """How far (n,) points (n, 2) lie off the nearest wall."""
-    found = np.full(len(points), np.inf)
-    for x1, y1, x2, y2 in WALLS:
-        along = np.array([x2 - x1, y2 - y1])
-        share = np.clip((points - (x1, y1)) @ along / (along @ along), 0.0, 1.0)
-        apart = points - (x1, y1) - share[:, None] * along
-        found = np.minimum(found, np.hypot(apart[:, 0], apart[:, 1]))
-    return found
+    walls = shapely.multilinestrings(np.reshape(WALLS, (-1, 2, 2)))
+    return shapely.distance(shapely.points(points), walls)
 
 
 def test_points_lie_on_the_walls_that_mirrors_show():
     scan, beams = drawn(hall("plaster", "mirror", "plaster", "mirror", "brick"))
     assert np.count_nonzero(scan.hits) == len(beams.points) > 150
     assert off_walls(beams.points).max() < 1e-9
-    assert off_walls(beams.ends[scan.hits]).max() < 1e-9
-    whole = np.hypot(*(beams.ends - beams.apex).T)
-    np.add.at(whole, beams.leg_beams, lengths(beams.legs))
+    assert off_walls(beams.legs[scan.hits[beams.beams], 2:]).max() < 1e-9
+    whole = np.bincount(beams.beams, lengths(beams.legs))
     assert whole[scan.hits] == pytest.approx(scan.ranges[scan.hits], abs=1e-9)
-    assert np.bincount(beams.leg_beams).max() >= 3
+    assert np.bincount(beams.beams).max() >= 4
+    assert (beams.gone + lengths(beams.legs)).max() == pytest.approx(whole.max())
     straight = drawn(hall("plaster", "plaster", "plaster", "plaster", "brick"))[1]
     assert len(beams.single(0.5, 80.0).starts) > len(straight.single(0.5, 80.0).starts)
     assert len(beams.glow(0.5, indoor=True).corners)

@@ -1,11 +1,11 @@
-"""The trail and the map as all pictures show them."""
+"""The robot's path as all pictures show it."""
 
 import numpy as np
 import pytest
 from test_render import room_run
 
+from lrf3d.scene.estimate import trail_lines
 from lrf3d.scene.timeline import DriveKeys, Timeline, drive_keys
-from lrf3d.scene.trail_and_map import thinned, trail_lines
 
 
 def test_the_robot_is_where_the_film_has_it_at_each_key():
@@ -31,10 +31,10 @@ def test_keys_go_only_where_the_robot_drives_evenly():
     # Ahead for four seconds, then faster, then to the left, then to the right.
     poses[:, 0] = [0, 1, 2, 3, 4, 6, 8, 8, 8, 8, 9, 10, 11]
     poses[7:, 1] = [1, 2, 3, 3, 3, 3]
-    keys = thinned(DriveKeys(times, poses), 0.002)
+    keys = DriveKeys(times, poses).thinned(0.002)
     assert keys.times.tolist() == [0, 4, 6, 9, 12]
     for axis in (0, 1):
         even = np.interp(times, keys.times, keys.poses[:, axis])
         assert even == pytest.approx(poses[:, axis], abs=0.01)
     circle = np.column_stack([np.cos(times), np.sin(times), times])
-    assert len(thinned(DriveKeys(times, circle), 0.002).times) == 13
+    assert len(DriveKeys(times, circle).thinned(0.002).times) == 13

@@ -1,0 +1,145 @@
+"""OpenStreetMap extracts: which buildings and trees are walls, where they stand, and how high."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from lrf3d.errors import WorldError
+from lrf3d.world import World, load_world, save_world
+from lrf3d.world.geographic import EARTH_RADIUS
+from lrf3d.world.osm import DEFAULT_TREE, is_building, tag_height, tree_height, trunk_radius
+
+NODES = [(0, 0), (30, 0), (30, 20), (0, 20), (10, 5), (20, 5), (20, 15), (10, 15)]
+
+
+def of_tags(tags):
+    return "".join(f'<tag k="{key}" v="{value}"/>' for key, value in tags.items())
+
+
+def node(number, place, **tags):
+    degree = np.degrees(1.0 / EARTH_RADIUS)
+    lon, lat = 4 + place[0] * degree / np.cos(np.radians(52)), 52 + place[1] * degree
+    return f'<node id="{number}" lon="{lon}" lat="{lat}">{of_tags(tags)}</node>'
+
+
+def way(number, *nodes, **tags):
+    points = "".join(f'<nd ref="{node}"/>' for node in nodes)
+    return f'<way id="{number}">{points}{of_tags(tags)}</way>'
+
+
+def multipolygon(*members):
+    rows = "".join(f'<member type="way" ref="{n}" role="{role}"/>' for n, role in members)
+    return (
+        f'<relation id="1">{rows}{of_tags({"type": "multipolygon", "building": "yes"})}</relation>'
+    )
+
+
+def osm(folder, body, **how):
+    nodes = "".join(node(number, place) for number, place in enumerate(NODES))
+    path = folder / "a.osm"
+    path.write_text(f"<osm>{nodes}{body}</osm>")
+    return load_world(path, **how)
+
+
+HOUSE = way(1, 0, 1, 2, 3, 0, building="yes")
+
+
+def tree(number, x, y, **tags):
+    return node(number, (x, y), natural="tree", **tags)
+
+
+def test_a_building_is_laid_flat_about_its_middle(tmp_path):
+    body = way(1, 0, 1, 2, 3, 0, building="yes", height="7.5 m", name="hall")
+    world = osm(tmp_path, body + way(2, 4, 5, 6, highway="path"))
+    assert world.bounds == pytest.approx(np.array([[-15, -10], [15, 10]]), abs=1e-3)
+    assert world.heights.tolist() == [7.5] * 4 and world.object_names == ("hall",)
+    assert world.place == pytest.approx((4.000219, 52.00009), abs=1e-6)
+    save_world(world, tmp_path / "a.toml")
+    assert load_world(tmp_path / "a.toml").place == world.place
+
+
+def test_a_multipolygon_keeps_its_courtyard(tmp_path):
+    ways = way(1, 0, 1, 2) + way(2, 0, 3, 2) + way(3, 4, 5, 6, 7, 4)
+    whole = multipolygon((1, "outer"), (2, "outer"), (3, "inner"), (99, "outer"))
+    world = osm(tmp_path, ways + whole)
+    assert len(world.segments) == 8 and world.object_count == 1
+
+
+def test_a_ring_cut_into_ways_in_any_order_is_closed_again(tmp_path):
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        cuts = sorted({0, 4, *rng.integers(1, 4, 2).tolist()})
+        parts = [[0, 1, 2, 3, 0][a : b + 1][:: rng.choice([-1, 1])] for a, b in pairwise(cuts)]
+        order = rng.permutation(len(parts)).tolist()
+        ways = "".join(way(n, *parts[k]) for n, k in enumerate(order))
+        world = osm(tmp_path, ways + multipolygon(*((n, "outer") for n in order)))
+        assert len(world.segments) == 4
+
+
+def test_the_height_of_a_building_is_told_by_its_tags():
+    assert tag_height({"height": "12"}) == 12.0
+    assert tag_height({"height": "12,5 m"}) == 12.5
+    assert tag_height({"height": "10'6\""}) == pytest.approx(3.2004)
+    assert tag_height({"height": "tall", "building:levels": "4"}) == 12.0
+    assert tag_height({"building:levels": "2", "roof:levels": "1"}) == 9.0
+    assert tag_height({"height": "-3"}) is None and tag_height({}) is None
+
+
+def test_what_stands_over_the_robot_is_no_building():
+    assert is_building({"building": "yes"})
+    assert is_building({"building": "yes", "min_height": "0.3"})
+    for building in ("no", "roof"):
+        assert not is_building({"building": building})
+    for key, value in {
+        "min_height": "4",
+        "building:min_level": "2",
+        "location": "underground",
+    }.items():
+        assert not is_building({"building": "yes", key: value})
+    assert not is_building({"highway": "path"})
+
+
+def test_an_extract_without_a_building_says_so(tmp_path):
+    with pytest.raises(WorldError, match="no whole building"):
+        osm(tmp_path, way(1, 0, 1, 2))
+
+
+def test_trees_are_read_where_they_are_asked_for(tmp_path):
+    oak = tree(10, 40, 5, height="12", circumference="1.5", species="Tilia")
+    body = oak + node(11, (45, 5), highway="street_lamp") + HOUSE
+    plain, world = osm(tmp_path, body), osm(tmp_path, body, trees=True)
+    assert plain.object_count == 1 and not plain.materials
+    assert world.object_count == 2 and world.object_names[1] == "Tilia"
+    assert np.array_equal(world.segments[:4], plain.segments)
+    trunk = world.segments[world.objects == 1].reshape(-1, 2)
+    assert trunk.mean(axis=0) == pytest.approx([25, -5], abs=1e-2)
+    assert np.hypot(*(trunk - trunk.mean(axis=0)).T) == pytest.approx(1.5 / (2 * np.pi))
+    assert world.heights[4:].tolist() == [12.0] * 6
+    assert [None, "bark"] == [made and made.name for made in world.materials]
+
+
+def test_a_tree_within_or_at_a_building_is_left_out_and_one_mapped_twice_counts_once(tmp_path):
+    places = ((15, 10), (30.2, 5), (31, 15), (34, 5), (34.1, 5))
+    trees = "".join(tree(10 + n, *place) for n, place in enumerate(places))
+    assert osm(tmp_path, trees + HOUSE, trees=True).object_count == 3
+
+
+@pytest.mark.parametrize(
+    ("tags", "height", "radius"),
+    [
+        ({}, DEFAULT_TREE, DEFAULT_TREE / 45),
+        ({"height": "9 m", "circumference": "0.628318"}, 9.0, 0.1),
+        ({"diameter_crown": "6"}, 10.0, 10 / 45),
+        ({"height": "tall", "circumference": "90"}, DEFAULT_TREE, 1.2),
+        ({"height": "4000"}, DEFAULT_TREE, DEFAULT_TREE / 45),
+    ],
+)
+def test_a_tree_is_as_its_tags_say_or_as_most(tags, height, radius):
+    assert (tree_height(tags), trunk_radius(tags)) == pytest.approx((height, radius))
+
+
+def test_other_files_have_no_trees(tmp_path):
+    save_world(World([[0, 0, 4, 0]]), tmp_path / "wall.toml")
+    with pytest.raises(WorldError, match=r"trees are read from OpenStreetMap"):
+        load_world(tmp_path / "wall.toml", trees=True)
