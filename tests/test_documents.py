@@ -19,8 +19,8 @@ from lrf3d.world.schema import OBJECT, OBSTACLE, TABLES
 
 README = PAGES[0]
 LONG = {
-    *("casting.md", "crosscheck.md", "film.md", "long-runs.md", "notebooks.md", "range-finder.md"),
-    *("sweeps.md", "tour.md", "worlds.md"),
+    *("casting.md", "crosscheck.md", "film.md", "localisation.md", "long-runs.md", "notebooks.md"),
+    *("range-finder.md", "slam.md", "sweeps.md", "tour.md", "worlds.md"),
 }
 """Pages whose snippets take more than some seconds."""
 

@@ -9,6 +9,7 @@ from lrf3d.geometry import (
     is_finite,
     lengths,
     normal_lines,
+    number,
     numbers,
     quad_indices,
     read_only,
@@ -111,6 +112,13 @@ def test_finite_numbers_are_finite():
     assert is_finite() and is_finite(1, 2.5, True, np.float32(3.0))
     for wrong in (np.nan, np.inf, "1", None, [1.0], 10**400):
         assert not is_finite(wrong) and not is_finite(0.0, wrong)
+
+
+def test_numbers_are_those_within_their_limits():
+    assert number(0, "height") == 0.0 and number(5.0, "height", most=5.0) == 5.0
+    for wrong in (-0.5, 0.0, 5.5, np.nan, np.inf, "3", None):
+        with pytest.raises(InputError, match=r"height .* of metres, above 0 and at most 5"):
+            number(wrong, "height", "metres", positive=True, most=5.0)
 
 
 def test_whole_numbers_are_those_within_their_limits():

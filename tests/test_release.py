@@ -110,27 +110,23 @@ def test_the_conda_recipe_needs_what_the_package_needs():
     assert recipe["requirements"]["run"][0] == f"python {PROJECT['requires-python']}"
 
 
-@pytest.mark.parametrize(
-    ("changes", "said"),
-    [
-        ("## [Unreleased]\n\n## [1.2.0] - 2026-11-22\n\n- A.\n", None),
-        ("## [1.2.0] - 2026-11-22\n\n- A.\n", None),
-        ("## [Unreleased]\n\n### Added\n\n- B.\n\n## [1.2.0] - 2026-11-22\n", "move what stands"),
-        ("## [Unreleased]\n\n## [1.1.0] - 2026-11-22\n", "has no section"),
-    ],
-)
-def test_a_tag_needs_a_dated_list_of_all_changes(changes, said, tmp_path, monkeypatch):
+def test_a_tag_needs_a_dated_list_of_all_changes(tmp_path, monkeypatch):
     loader = SourceFileLoader("package_script", str(ROOT / "scripts" / "package"))
     script = module_from_spec(spec_from_loader(loader.name, loader))
     loader.exec_module(script)
     monkeypatch.setattr(script, "ROOT", tmp_path)
     (tmp_path / "pyproject.toml").write_text('[project]\nversion = "1.2.0"\n')
-    (tmp_path / "CHANGELOG.md").write_text(changes)
-    if said is None:
+    changes, dated = tmp_path / "CHANGELOG.md", "## [1.2.0] - 2026-11-22\n\n- A.\n"
+    for ready in (dated, f"## [Unreleased]\n\n{dated}"):
+        changes.write_text(ready)
         script.check_tag("v1.2.0")
-        with pytest.raises(SystemExit, match=r"the tag is v1\.3\.0, the version"):
-            script.check_tag("v1.3.0")
-    else:
+    with pytest.raises(SystemExit, match=r"the tag is v1\.3\.0, the version"):
+        script.check_tag("v1.3.0")
+    for early, said in (
+        (f"## [Unreleased]\n\n### Added\n\n- B.\n\n{dated}", "move what stands"),
+        ("## [Unreleased]\n\n## [1.1.0] - 2026-11-22\n", "has no section"),
+    ):
+        changes.write_text(early)
         with pytest.raises(SystemExit, match=said):
             script.check_tag("v1.2.0")
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.compiling import borrower, compiled, inner
+from lrf3d.compiling import borrower, compiled
 from lrf3d.geometry import Float, Int
 
 GRID_CELL = 4.0
@@ -165,28 +165,3 @@ def near(grid: Grid, segment: Float, reach: float) -> int:
                         count += 1
                     entry = grid.following[entry]
     return count
-
-
-@inner
-def order_of(values: Float | Int) -> Int:
-    """The rows of values (n,) by rising value, equal ones in their order: a merge sort.
-
-    Numba's own takes longer to compile than most mappers run.
-    """
-    count = len(values)
-    order, merged = np.arange(count), np.empty(count, np.int64)
-    width = 1
-    while width < count:
-        for start in range(0, count, 2 * width):
-            middle, stop = min(start + width, count), min(start + 2 * width, count)
-            left, right = start, middle
-            for k in range(start, stop):
-                if right == stop or (left < middle and values[order[left]] <= values[order[right]]):
-                    merged[k] = order[left]
-                    left += 1
-                else:
-                    merged[k] = order[right]
-                    right += 1
-        order, merged = merged, order
-        width *= 2
-    return order

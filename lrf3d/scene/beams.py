@@ -192,8 +192,9 @@ def _folded(origin: Float, ends: Float, mirrors: Float) -> tuple[Float, Int, Flo
     Returns also the beam (l,) of each, and how far it has gone where the leg begins (l,) [m].
     """
     going, start, end = np.arange(len(ends)), np.tile(origin, (len(ends), 1)), ends
-    gone, found = np.zeros(len(ends)), []
-    for _ in range(_MOST_LEGS):
+    gone = np.zeros(len(ends))
+    found: list[tuple[Float, Int, Float]] = []
+    while len(going) and len(found) < _MOST_LEGS:
         share, mirror = _first_crossing(start, end, mirrors)
         path = end - start
         place = start + share[:, None] * path

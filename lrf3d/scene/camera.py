@@ -4,6 +4,7 @@ A camera is a function of the film's time alone and does not remember frames: ev
 draws a part of a film sees the same.
 """
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
@@ -157,6 +158,8 @@ class Rig(NamedTuple):
     """Angle of view [degrees]."""
     shift: float = 0.0
     """How far the picture is moved up, in halves of its height."""
+    near: float = 0.2
+    """The distance from which on things are drawn [m]."""
 
 
 class Track(NamedTuple):
@@ -176,6 +179,8 @@ class Track(NamedTuple):
     """(k,) how far the picture is moved up, in halves of its height."""
     airs: Float
     """(k,) the reach of the air [m]."""
+    nears: Float
+    """(k,) the distance from which on things are drawn [m]."""
 
     @classmethod
     def along(cls, path: SmoothPath, turns: Float, rig: Rig) -> "Track":
@@ -186,7 +191,8 @@ class Track(NamedTuple):
             np.full(count, value)
             for value in (rig.away, np.radians(rig.steep), np.radians(rig.field), rig.shift)
         )
-        return cls(path.times, middles, turns, steep, away, field, shift, np.zeros(count))
+        air, near = np.zeros(count), np.full(count, rig.near)
+        return cls(path.times, middles, turns, steep, away, field, shift, air, near)
 
     def at(self, times: Float) -> "Track":
         """The looks at other times."""
@@ -202,10 +208,10 @@ class Track(NamedTuple):
     def look(self, time: float, **others: Any) -> Look:
         """The look at a time [s], with what else is to be said of it."""
         now = self.at(np.array([time]))
-        turn, steep, _, field, shift, air = (float(each[0]) for each in now[2:])
+        turn, steep, _, field, shift, air, near = (float(each[0]) for each in now[2:])
         # What is up in the picture, also when it is seen from straight above.
         up = -np.cos(turn) * np.sin(steep), -np.sin(turn) * np.sin(steep), np.cos(steep)
-        return Look(now.eyes()[0], now.middles[0], field, up, shift, air=air, **others)
+        return Look(now.eyes()[0], now.middles[0], field, up, shift, near, air=air, **others)
 
     def over_walls(
         self, structures: Structures, robots: Float, smooth: float = _SMOOTH / STEP
@@ -237,3 +243,16 @@ class Track(NamedTuple):
         most = maximum_filter1d(np.minimum(needed, _STEEPEST), 2 * int(2.0 * smooth) + 1)
         steeps = gaussian_filter1d(most, smooth, mode="nearest", truncate=2.0)
         return self._replace(steeps=np.maximum(self.steeps, steeps))
+
+
+@dataclass(frozen=True)
+class Tracked:
+    """A camera whose track depends on the aspect of the picture alone."""
+
+    track: Callable[[float], Track]
+    shown: Mapping[str, Any]
+    """What else is to be said of its looks."""
+
+    def look(self, time: float, aspect: float) -> Look:
+        """The look at a time [s] of the run."""
+        return self.track(aspect).look(time, **self.shown)

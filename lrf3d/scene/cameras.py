@@ -7,16 +7,16 @@ from lrf3d.scene.following import First, Fixed, chase, orbit
 from lrf3d.scene.story import CLOSING, OPENING, Story
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline
-from lrf3d.scene.whole import Overview, Top
+from lrf3d.scene.whole import overview, top
 from lrf3d.world.cameras import check_view
 
 CAMERAS: dict[str, Callable[[Timeline, Structures], Camera]] = {
     "chase": chase,
     "first": First,
     "orbit": orbit,
-    "overview": Overview,
+    "overview": overview,
     "story": Story,
-    "top": Top,
+    "top": top,
 }
 
 

@@ -24,7 +24,9 @@ world has none [m]."""
 
 _BOX = trimesh.creation.box()
 _SEEN = _BOX.face_normals[:, 2] > -0.5
-"""A box of unit sides round the origin, and which of its faces are seen: all but its bottom."""
+_PLACES, _NORMALS = _BOX.triangles[_SEEN].reshape(-1, 3), _BOX.face_normals[_SEEN].repeat(3, axis=0)
+"""Corners (3 t, 3) of the triangles of a unit box round the origin, without its bottom, and
+their normals."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -69,20 +71,18 @@ class DrawnMap:
         standing = np.where(np.isfinite(self.tops), self.tops, STANDING)
         low, high = low + raised * (_LOWEST - low), high + raised * (standing - high)
         thick = _WIDTH * np.minimum(size, _WIDEST) * (1.0 + raised)
-        place, normal = _BOX.triangles[_SEEN], _BOX.face_normals[_SEEN]
-        along = (end - start) / np.maximum(lengths(self.segments), 1e-9)[:, None]
-        left = along @ np.array([[0.0, 1.0], [-1.0, 0.0]])
-        corners = np.empty((len(along), *place.shape), np.float32)
-        middles, sides = 0.5 * (start + end), np.stack([end - start, thick[:, None] * left], axis=1)
-        corners[..., :2] = middles[:, None, None] + np.einsum(
-            "tcj,njk->ntck", place[..., :2], sides
-        )
-        corners[..., 2] = np.where(place[..., 2] > 0.0, high[:, None, None], low[:, None, None])
+        # Each band is the unit box in a frame of its own: along, across and up.
+        frames = np.zeros((len(size), 3, 3))
+        frames[:, 0, :2] = along = end - start
+        side = thick / np.maximum(lengths(self.segments), 1e-9)
+        frames[:, 1, :2] = side[:, None] * np.column_stack([-along[:, 1], along[:, 0]])
+        frames[:, 2, 2] = high - low
+        middles = np.column_stack([0.5 * (start + end), 0.5 * (low + high)])
+        corners = single(middles[:, None] + _PLACES @ frames)
         normals = np.zeros_like(corners)
         if raised > 0.0:
             # Standing walls are lit, so that their sides differ; bands shine by themselves.
-            level = np.einsum("tj,njk->ntk", normal[:, :2], np.stack([along, left], axis=1))
-            normals[..., :2], normals[..., 2] = level[:, :, None], normal[:, None, 2]
-        colours = np.broadcast_to(self.colours[:, None, None], corners.shape)
-        shape = (-1, 3, 3)
-        return Faces(corners.reshape(shape), normals.reshape(shape), single(colours.reshape(shape)))
+            sizes = np.linalg.norm(frames, axis=2, keepdims=True)
+            normals[:] = _NORMALS @ (frames / np.maximum(sizes, 1e-9))
+        colours = np.broadcast_to(self.colours[:, None], corners.shape)
+        return Faces(*(single(each).reshape(-1, 3, 3) for each in (corners, normals, colours)))

@@ -1,10 +1,10 @@
 """Cameras that go with the robot: behind it, round it, on top of it, and fixed ones that turn."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from lrf3d.scene.camera import Look, Rig, SmoothPath, Track
+from lrf3d.scene.camera import Look, Rig, SmoothPath, Track, Tracked
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline, interpolated
 from lrf3d.world.cameras import FixedCamera
@@ -28,26 +28,14 @@ _CALM, _NARROWEST = 12.5, 0.15
 at the least: the farther off the robot is, it stays in sight."""
 
 
-@dataclass(frozen=True)
-class Following:
-    """A camera that goes with the robot."""
-
-    track: Track
-    shot: str
-
-    def look(self, time: float, aspect: float) -> Look:
-        """The look at a time [s] of the run."""
-        return self.track.look(time, cuts=True, shot=self.shot)
-
-
-def chase(timeline: Timeline, structures: Structures) -> Following:
+def chase(timeline: Timeline, structures: Structures) -> Tracked:
     """Follows the robot from behind, smoothly, and looks ahead with it.
 
     Among houses the eye is higher where a wall hides the robot; in rooms walls are cut off there.
     """
     path = SmoothPath.of(timeline)
     track = behind(path, structures).over_walls(structures, path.places)
-    return Following(track, "chase")
+    return Tracked(lambda aspect: track, {"cuts": True, "shot": "chase"})
 
 
 def behind(path: SmoothPath, structures: Structures) -> Track:
@@ -58,13 +46,13 @@ def behind(path: SmoothPath, structures: Structures) -> Track:
 
 def orbit(
     timeline: Timeline, structures: Structures, rig: Rig | None = None, phase: float = PHASE
-) -> Following:
+) -> Tracked:
     """Goes slowly round the robot from a phase [rad] on, and higher where a house is in between."""
     path = SmoothPath.of(timeline)
     turns = _TURN * (path.times - timeline.start) / timeline.playback + phase
     usual = _ORBIT_INDOOR if structures.indoor else _ORBIT
     track = Track.along(path, turns, rig or usual).over_walls(structures, path.places)
-    return Following(track, "close")
+    return Tracked(lambda aspect: track, {"cuts": True, "shot": "close"})
 
 
 class First:

@@ -114,7 +114,7 @@ class Scene:
         self._map = lru_cache(1)(self._drawn_map)
         self._beams = lru_cache(1)(self._drawn_beams)
         self._trails = lru_cache(1)(self._drawn_trails)
-        self._hits = lru_cache(2 * _OLD_SCANS)(self._hits_of)
+        self._hits = lru_cache(2 * _OLD_SCANS)(lambda number: self._drawn_beams(number)[2])
         self._recent = lru_cache(1)(self._hits_together)
         self._estimate = DrawnEstimate.from_timeline(timeline)
 
@@ -209,9 +209,6 @@ class Scene:
             drawn.single(lrf.height, self._reach),
             drawn.hit_points(lrf.height, lrf.range_max, by=self.run.film.points_by),
         )
-
-    def _hits_of(self, number: int) -> Points:
-        return self._drawn_beams(number)[2]
 
     def _recent_hits(self, moment: Moment) -> Points:
         """The hits of the last seconds, which fade."""

@@ -85,15 +85,14 @@ def hipped_houses(structures: Structures) -> Bool:
 
 
 def _sides(solids: Any) -> tuple[Float, Float]:
-    """Corners (k, 4, 2) of the rectangles round solids and the lengths (k, 2) of their sides.
+    """Corners (k, 4, 2) of the rectangles round solids, counter-clockwise, and their sides (k, 2).
 
     The first side is a longer one; they are 0 where there is no rectangle.
     """
-    boxes = shapely.minimum_rotated_rectangle(solids)
+    boxes = shapely.orient_polygons(shapely.minimum_rotated_rectangle(solids))
     whole = shapely.get_type_id(boxes) == 3
     corners = np.zeros((len(solids), 4, 2))
-    rings = shapely.get_coordinates(boxes[whole]).reshape(-1, 5, 2)[:, :4]
-    corners[whole] = rings if len(rings) else 0.0
+    corners[whole] = shapely.get_coordinates(boxes[whole]).reshape(-1, 5, 2)[:, :4]
     sides = np.linalg.norm(corners[:, 1:3] - corners[:, 0:2], axis=2)
     across = sides[:, 1] > sides[:, 0]
     corners[across] = np.roll(corners[across], -1, axis=1)
@@ -113,9 +112,6 @@ def _hips(structures: Structures, solids: Int) -> Painted:
     faces = points[:, [[0, 1, 5], [0, 5, 4], [1, 2, 5], [2, 3, 4], [2, 4, 5], [3, 0, 4]]]
     faces = faces.reshape(-1, 3, 3)
     normals = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
-    down = normals[:, 2] < 0.0
-    faces[down] = faces[down][:, ::-1]
-    normals *= np.where(down, -1.0, 1.0)[:, None]
     area, owner = np.linalg.norm(normals, axis=1), np.repeat(structures.solid_objects[solids], 6)
     # A square house has no ridge.
     good = area > _SLIVER

@@ -14,7 +14,7 @@ from lrf3d.scene.camera import STEP, Look, Rig, SmoothPath, Track
 from lrf3d.scene.following import PHASE, chase, orbit
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline, interpolated
-from lrf3d.scene.whole import CARD, Overview
+from lrf3d.scene.whole import CARD, overview
 
 OPENING, CLOSING = 3.0, 6.0
 """How long a story shows the whole before the run starts and after it has ended [s of the film]."""
@@ -37,7 +37,7 @@ _RISEN = 0.85
 _CLOSE, _CLOSE_SIDES = Rig(4.6, 24.0, 42.0), 6
 """How a shot from near looks at the robot, and from how many sides it may begin."""
 
-_HIGH, _HIGH_SHARE = Rig(50.0, 60.0, 34.0), 0.55
+_HIGH, _HIGH_SHARE = Rig(50.0, 60.0, 34.0, near=0.5), 0.55
 """How a shot from high up does, and how far off it is at the most, as a share of the distance to
 where the whole is seen from."""
 
@@ -52,11 +52,11 @@ class Story:
     def __init__(self, timeline: Timeline, structures: Structures) -> None:
         self._timeline, self._structures = timeline, structures
         self._path = SmoothPath.of(timeline)
-        self._opening = Overview(timeline, structures)
-        self._whole = Overview(timeline, structures, CARD)
-        self._chase = chase(timeline, structures).track
+        self._opening = overview(timeline, structures)
+        self._whole = overview(timeline, structures, CARD)
+        self._chase = chase(timeline, structures).track(1.0)
         turns = PHASE + np.linspace(0.0, 2.0 * np.pi, _CLOSE_SIDES, endpoint=False)
-        self._close = [orbit(timeline, structures, _CLOSE, turn).track for turn in turns]
+        self._close = [orbit(timeline, structures, _CLOSE, turn).track(1.0) for turn in turns]
         self._length = (timeline.end - timeline.start) / timeline.playback
         down = min(_DOWN, 0.4 * self._length)
         count = max(1, round((self._length - down) / _SHOT))
@@ -79,8 +79,7 @@ class Story:
         if shot == "end":
             faded = float(_eased((passed - self._length) / (CLOSING - HELD)))
             return track.look(time, plan=False, cuts=True, ghost=faded, raised=faded, shot=shot)
-        near = 0.5 if shot == "high" else 0.2
-        return track.look(time, plan=shot in ("chase", "close"), cuts=True, near=near, shot=shot)
+        return track.look(time, plan=shot in ("chase", "close"), cuts=True, shot=shot)
 
     def _made(self, number: int, aspect: float) -> Track:
         """The looks of a shot by its number."""

@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 
 from lrf3d.geometry import Float
-from lrf3d.scene.camera import Look, Track
+from lrf3d.scene.camera import Track, Tracked
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline
 from lrf3d.scene.town import STREET
@@ -14,6 +14,9 @@ from lrf3d.scene.town import STREET
 _FREE_ABOVE, _FREE_BELOW, CARD = 0.19, 0.03, 0.15
 """Shares of the picture's height that the panel above has to itself, and what is below, which is
 more where there is a card."""
+
+_NEAR = 0.5
+"""Distance [m] from which on things are drawn."""
 
 _FILL = 0.94
 """Share of what is left that the world fills."""
@@ -26,71 +29,60 @@ _TALLEST = 14.0
 """Height [m] up to which buildings are in the picture for certain."""
 
 
-class Overview:
+_FIELD, _AIR = float(np.radians(34.0)), 2.6
+"""Angle of view of an overview [rad], and the reach of the air's haze, in distances to the middle:
+the whole is seen through clear air."""
+
+_STEEP, _STEEP_INDOOR = float(np.radians(42.0)), float(np.radians(56.0))
+"""How steeply it looks down [rad]: more into rooms, so that near walls hide less."""
+
+_SIDES = np.radians([-112.0, -22.0, -67.0])
+"""Where it may stand [rad]: from each, two sides of houses are seen on which the sun shines."""
+
+_DRIFT, _LONGEST = np.radians(1.2), 20.0
+"""Angle per second of the film [rad/s] by which it goes round, and for how many seconds before and
+after its middle: long films do not end at the back."""
+
+_TOP_FIELD, _LONG = float(np.radians(3.0)), 1.2
+"""Angle of view from straight above [rad]: rays are nearly parallel, so that no wall leans over
+the map; and how many times as long as wide a world is that is turned to fit the picture better."""
+
+
+def overview(
+    timeline: Timeline, structures: Structures, free_below: float = _FREE_BELOW
+) -> Tracked:
     """Looks at the whole world from one side, and drifts slowly round it."""
+    corners = corners_of(timeline, structures)
+    passed = np.linspace(-_LONGEST, _LONGEST, 9)
+    times = 0.5 * (timeline.start + timeline.end) + passed * timeline.playback
+    steep = _STEEP_INDOOR if structures.indoor else _STEEP
 
-    FIELD = float(np.radians(34.0))
-    STEEP, STEEP_INDOOR = float(np.radians(42.0)), float(np.radians(56.0))
-    """How steeply it looks down [rad]: more into rooms, so that near walls hide less."""
-    SIDES = np.radians([-112.0, -22.0, -67.0])
-    """Where it may stand [rad]: from each, two sides of houses are seen on which the sun shines."""
-    DRIFT, LONGEST = np.radians(1.2), 20.0
-    """Angle per second of the film [rad/s], and for how many seconds before and after its middle:
-    long films do not end at the back."""
-    AIR = 2.6
-    """Reach of the air's haze, in distances to the middle: the whole is seen through clear air."""
-
-    def __init__(
-        self, timeline: Timeline, structures: Structures, free_below: float = _FREE_BELOW
-    ) -> None:
-        self._timeline, self._below = timeline, free_below
-        self._steep = self.STEEP_INDOOR if structures.indoor else self.STEEP
-        self._corners = corners_of(timeline, structures)
-        self.track = cache(self._track)
-
-    def look(self, time: float, aspect: float) -> Look:
-        """The look at a time [s] of the run."""
-        return self.track(aspect).look(time, near=0.5, plan=False, shot="whole")
-
-    def _track(self, aspect: float) -> Track:
-        """All looks, for pictures of an aspect."""
-        middle = 0.5 * (self._timeline.start + self._timeline.end)
-        passed = np.linspace(-self.LONGEST, self.LONGEST, 9)
-        times = middle + passed * self._timeline.playback
-        shape = self._steep, self.FIELD, aspect, self._below
+    @cache
+    def track(aspect: float) -> Track:
+        shape = steep, _FIELD, aspect, free_below
         # From the side from which the whole is as large as from any.
-        sides = [_fit(self._corners, times[:1], np.array([side]), *shape) for side in self.SIDES]
+        sides = [_fit(corners, times[:1], np.array([side]), *shape) for side in _SIDES]
         side = min(sides, key=lambda track: float(track.aways[0])).turns[0]
-        track = _fit(self._corners, times, side + self.DRIFT * passed, *shape)
-        return track._replace(airs=self.AIR * track.aways)
+        found = _fit(corners, times, side + _DRIFT * passed, *shape)
+        return found._replace(airs=_AIR * found.aways)
+
+    return Tracked(track, {"plan": False, "shot": "whole"})
 
 
-class Top:
+def top(timeline: Timeline, structures: Structures) -> Tracked:
     """Looks down on the whole world."""
+    corners = corners_of(timeline, structures) * [1.0, 1.0, 0.0]
+    wide, tall, _ = np.ptp(corners, axis=0)
 
-    FIELD = float(np.radians(3.0))
-    """Nearly parallel rays: walls then do not lean over the map."""
-    LONG = 1.2
-    """A world this number of times as long as wide is turned where that fits the picture better."""
-
-    def __init__(self, timeline: Timeline, structures: Structures) -> None:
-        self._corners = corners_of(timeline, structures) * [1.0, 1.0, 0.0]
-        self._tallest = float(structures.heights.max(initial=0.0))
-        self._track = cache(self._fit)
-
-    def look(self, time: float, aspect: float) -> Look:
-        """The look at a time [s] of the run."""
-        track = self._track(aspect)
-        near = 0.5 * float(track.aways[0] - self._tallest)
-        return track.look(time, near=near, clear=True, shows_map=True, plan=False, shot="whole")
-
-    def _fit(self, aspect: float) -> Track:
-        """The only look, for pictures of an aspect."""
-        wide, tall, _ = np.ptp(self._corners, axis=0)
-        turned = (wide > tall) != (aspect > 1.0) and max(wide, tall) > self.LONG * min(wide, tall)
+    @cache
+    def track(aspect: float) -> Track:
+        turned = (wide > tall) != (aspect > 1.0) and max(wide, tall) > _LONG * min(wide, tall)
         turn = np.array([np.pi if turned else -0.5 * np.pi])
-        track = _fit(self._corners, np.zeros(1), turn, 0.5 * np.pi, self.FIELD, aspect, _FREE_BELOW)
-        return track._replace(aways=track.aways + self._tallest)
+        found = _fit(corners, np.zeros(1), turn, 0.5 * np.pi, _TOP_FIELD, aspect, _FREE_BELOW)
+        tallest = float(structures.heights.max(initial=0.0))
+        return found._replace(aways=found.aways + tallest, nears=0.5 * found.aways)
+
+    return Tracked(track, {"clear": True, "shows_map": True, "plan": False, "shot": "whole"})
 
 
 def corners_of(timeline: Timeline, structures: Structures) -> Float:
@@ -138,15 +130,5 @@ def _fit(
             middle = middle + axes @ (0.5 * away * (seen.max(axis=0) + seen.min(axis=0)))
         found.append((*middle, away))
     *place, aways = np.array(found).T
-    ones = np.ones(len(turns))
-    shift = free_below - _FREE_ABOVE
-    return Track(
-        times,
-        np.column_stack(place),
-        turns,
-        steep * ones,
-        aways,
-        field * ones,
-        shift * ones,
-        0.0 * ones,
-    )
+    shape = (np.full(len(turns), each) for each in (field, free_below - _FREE_ABOVE, 0.0, _NEAR))
+    return Track(times, np.column_stack(place), turns, np.full(len(turns), steep), aways, *shape)

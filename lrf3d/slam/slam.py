@@ -25,7 +25,6 @@ from lrf3d.slam.known_places import Anchor, in_known_place
 from lrf3d.slam.pose_graph import (
     Edges,
     optimised,
-    optimised_around,
     pose_covariances,
     variance_factor,
 )
@@ -126,6 +125,7 @@ class Slam:
         if self._front.key_due():
             key = self._key_of(scan)
             self._front.add_key(key)
+            self._drive_to(key)
             if place := self._known_place(key):
                 self._anchors.append(place)
             else:
@@ -164,11 +164,15 @@ class Slam:
         number, pose = len(self._tracked) - 1, self._tracked[-1].pose
         return Key(number, pose, surface, self._front.walls(), *beams, self._laser, self._noise)
 
+    def _drive_to(self, key: Key) -> None:
+        """Count how far the robot has driven since the last anchor."""
+        if self._anchors:
+            self._closer.drive(between(self._anchors[-1].front, key.pose), self._lost())
+
     def _known_place(self, key: Key) -> Anchor | None:
         """The anchor of the newest scan where the robot was before; None elsewhere."""
         if not self._anchors:
             return None
-        self._closer.drive(between(self._anchors[-1].front, key.pose), self._lost())
         return in_known_place(self._closer, key, self._anchors[-1], self._key_poses)
 
     def _add_key(self, key: Key, scan: LaserScan) -> None:
@@ -188,10 +192,7 @@ class Slam:
         """Find the loops that the newest key scan closes, and optimise what they change."""
         if closures := self._closer.search(self._key_poses):
             self._edges = Edges.joined([self._edges, closure_edges(closures)])
-            newest, paths = len(self._key_scans) - 1, self._closer.paths
-            self._key_poses = optimised_around(
-                self._key_poses, self._edges, lambda limit: paths.lengths(newest, limit)
-            )
+            self._key_poses = optimised(self._key_poses, self._edges, 1)
 
     def _edge_to_last(self) -> Edges:
         """The edge from the key scan of the last anchor to the last scan."""

@@ -25,7 +25,7 @@ from lrf3d.scene.shapes import Faces, Lens, Mark
 from lrf3d.scene.stage import Stage
 from lrf3d.scene.story import Story
 from lrf3d.scene.timeline import Moment, Timeline
-from lrf3d.scene.whole import Overview, Top
+from lrf3d.scene.whole import overview, top
 from lrf3d.view.hand_drive import HandDrive
 from lrf3d.view.message import Sender
 
@@ -107,8 +107,8 @@ class _Page:
         self._sender = Sender()
         timeline, structures = scene.timeline, scene.structures
         self._cameras: dict[str, Camera] = {
-            "orbit": Overview(timeline, structures),
-            "top": Top(timeline, structures),
+            "orbit": overview(timeline, structures),
+            "top": top(timeline, structures),
             "first": First(timeline, structures),
             **cameras,
         }

@@ -99,3 +99,15 @@ def test_settings_that_make_no_sense_are_refused(log, tmp_path):
     assert "largest range" in refused("map", log, "--largest-range", "0")
     assert lrf3d("map", log, "--mode", "best").returncode == 2
     assert not list(tmp_path.glob("out/*"))
+
+
+def test_a_log_of_two_lasers_or_stamped_in_nanoseconds_is_refused_in_one_line(text, tmp_path):
+    lines = text.splitlines()[:5]
+    words = lines[3].split()
+    fewer = " ".join(["FLASER", "90", *words[2:92], *words[182:]])
+    late = " ".join([*words[:-3], "1e18", *words[-2:]])
+    for name, line, reason in (("two", fewer, "scan 2 has 90 beams"), ("late", late, "seconds")):
+        log = tmp_path / f"{name}.log"
+        log.write_text("\n".join([*lines[:3], line, lines[4]]))
+        said = refused("map", log, "--out", tmp_path / "out")
+        assert f"{name}: " in said and reason in said

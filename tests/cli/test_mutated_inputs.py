@@ -25,7 +25,7 @@ from lrf3d.exporting import export_run
 resource = pytest.importorskip("resource", reason="Windows has no limits of a process")
 
 COUNT = int(os.environ.get("LRF3D_MUTATED", "100"))
-FEW = 6
+FEW = 4
 """Those that are tried also where slow tests are left out."""
 
 SECONDS = 20

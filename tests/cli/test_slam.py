@@ -62,7 +62,11 @@ def test_slam_writes_run_map_trajectory_and_summary(log, log_text, tmp_path):
     assert table.shape == (len(true), 8)
     assert np.hypot(*(table[:, 1:3] - true[:, :2]).T).max() < 0.05
     run = load_run(folder)
-    assert len(run) == len(true)
+    assert len(run) == len(true) and run.trajectory.length > 10.0
+    # The map grows in it, up to the last scan.
+    sizes = [len(line_map) for line_map in run.maps]
+    assert len(sizes) > 10 and sizes[0] < sizes[-1]
+    assert run.snapshot_scans[-1] == len(run) - 1 and len(run.snapshot_scans) == len(sizes)
     line_map = load_map(folder / "map.geojson")
     assert len(line_map) == summary["map"]["segments"] == len(run.world.segments)
 
@@ -196,15 +200,6 @@ def test_a_map_of_nothing_is_a_failure(log, tmp_path, factor):
         assert (done.returncode, done.stdout) == (1, "")
         assert done.stderr.count("\n") == 1 and "room: " in done.stderr
         assert not (tmp_path / "out").exists()
-
-
-def test_a_log_becomes_a_run(log):
-    run = lrf3d.slam_log(lrf3d.load_log(log))
-    assert isinstance(run, lrf3d.Run) and run.trajectory.length > 10.0
-    # The map grows in it, up to the last scan.
-    sizes = [len(line_map) for line_map in run.maps]
-    assert len(sizes) > 10 and sizes[0] < sizes[-1]
-    assert run.snapshot_scans[-1] == len(run) - 1 and len(run.snapshot_scans) == len(sizes)
 
 
 def test_a_run_with_slam_reports_its_errors(tmp_path):

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 import lrf3d
+from benchmarks.slam_consistency import identical_rooms
 from lrf3d.io import LaserLog
 from lrf3d.io.laser_log import WheelRecord
 from lrf3d.recorded import solve_log
@@ -66,16 +67,9 @@ def errors(true, found):
 
 def rooms(count):
     """A corridor of identical rooms of 5 m, each with a door in the middle."""
-    walls = [[0, 0, 5 * count, 0], [0, 0, 0, 2.4], [5 * count, 0, 5 * count, 6]]
-    for x in range(0, 5 * count, 5):
-        walls += [[x, 2.4, x + 2, 2.4], [x + 3, 2.4, x + 5, 2.4], [x, 2.4, x, 6], [x, 6, x + 5, 6]]
-        walls += [[x + 1, 5, x + 2, 5], [x + 1, 5, x + 1, 6], [x + 2, 5, x + 2, 6]]
-    return lrf3d.World(walls)
+    return identical_rooms(count)[0]
 
 
 def through(count):
     """A route through as many rooms, and back."""
-    route = [(1.0, 1.2)]
-    for x in range(0, 5 * count, 5):
-        route += [(x + 2.5, 1.2), (x + 2.5, 4.2), (x + 3.5, 4.4), (x + 2.5, 3.8), (x + 2.5, 1.2)]
-    return [*route, (5 * count - 1.5, 1.2), (1.0, 1.0)]
+    return identical_rooms(count)[1].tolist()

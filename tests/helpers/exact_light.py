@@ -13,8 +13,10 @@ Shares and intensities are computed in float64; they decide only which beams go 
 """
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Mapping
 from fractions import Fraction
+from types import MappingProxyType
+from typing import NamedTuple
 
 from rational import integers, meet
 
@@ -27,8 +29,7 @@ from lrf3d.world.materials import PLAIN, Material
 Vector = tuple[int, int]
 
 
-@dataclass(frozen=True, slots=True)
-class Echo:
+class Echo(NamedTuple):
     """Light that returns: the way in lengths of the direction, its intensity, and the walls."""
 
     way: Fraction
@@ -36,9 +37,11 @@ class Echo:
     chain: tuple[int, ...]
 
 
-@dataclass(frozen=True)
-class _Ray:
-    """A ray: its origin place / scale, in units of the grid, and its direction turn / length."""
+class _Ray(NamedTuple):
+    """A ray: its origin place / scale, in units of the grid, and its direction turn / length.
+
+    It arrived at its place along another direction, and passed through walls there so many times.
+    """
 
     place: Vector
     scale: int
@@ -49,7 +52,7 @@ class _Ray:
     turns: int = 0
     chain: tuple[int, ...] = ()
     arrived: Vector = (0, 0)
-    here: dict[int, int] = field(default_factory=dict)
+    here: Mapping[int, int] = MappingProxyType({})
 
 
 class ExactLight:
@@ -100,7 +103,8 @@ class ExactLight:
                 waiting.append(self._mirrored(there, wall, left))
             left = ray.gain * passed * passed
             if left >= LEAST_SHARE:
-                waiting.append(_with(there, gain=left, here=_once_more(there.here, wall)))
+                passed_through = {**there.here, wall: there.here[wall] + 1}
+                waiting.append(there._replace(gain=left, here=passed_through))
         return sorted(found, key=lambda echo: -echo.intensity)
 
     def _next(self, ray: _Ray) -> tuple[int, tuple[int, int]] | None:
@@ -141,17 +145,13 @@ class ExactLight:
         common = math.gcd(x, y, scale)
         step = Fraction(above * ray.length, below * self._unit * ray.scale)
         still = above == 0 and bool(ray.chain)
-        return _Ray(
-            (x // common, y // common),
-            scale // common,
-            ray.turn,
-            ray.length,
-            ray.way + step,
-            ray.gain,
-            ray.turns,
-            (*ray.chain, wall),
-            ray.arrived if still else ray.turn,
-            {**(ray.here if still else {}), wall: (ray.here.get(wall, 0) if still else 0)},
+        return ray._replace(
+            place=(x // common, y // common),
+            scale=scale // common,
+            way=ray.way + step,
+            chain=(*ray.chain, wall),
+            arrived=ray.arrived if still else ray.turn,
+            here={wall: 0, **ray.here} if still else {wall: 0},
         )
 
     def _mirrored(self, ray: _Ray, wall: int, gain: float) -> _Ray:
@@ -162,7 +162,7 @@ class ExactLight:
         u, v, length = u * square - 2 * slope * ey, v * square + 2 * slope * ex, ray.length * square
         common = math.gcd(u, v, length)
         turn = u // common, v // common
-        return _with(ray, turn=turn, length=length // common, gain=gain, turns=ray.turns + 1)
+        return ray._replace(turn=turn, length=length // common, gain=gain, turns=ray.turns + 1)
 
     def _incidence(self, ray: _Ray, wall: int) -> tuple[float, float]:
         """Cosine and sine of the angle of incidence."""
@@ -171,12 +171,3 @@ class ExactLight:
         size = (u * u + v * v) * (ex * ex + ey * ey)
         across, along = u * ey - v * ex, u * ex + v * ey
         return math.sqrt(Fraction(across**2, size)), math.sqrt(Fraction(along**2, size))
-
-
-def _with(ray: _Ray, **changes: object) -> _Ray:
-    return _Ray(**{**ray.__dict__, **changes})
-
-
-def _once_more(here: dict[int, int], wall: int) -> dict[int, int]:
-    """The walls at a point and how often each was passed through, with one passed once more."""
-    return {**here, wall: here.get(wall, 0) + 1}

@@ -32,7 +32,7 @@ def cast(world: World, lrf: LaserRangeFinder, pose: Float) -> tuple[Float, Int]:
     start = world.segments[:, :2] - pose[:2]
     delta = world.segments[:, 2:] - world.segments[:, :2]
     beam = beam_directions(pose[2], lrf.angles)[:, None, :]
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         across = beam[..., 0] * delta[:, 1] - beam[..., 1] * delta[:, 0]
         range_ = (start[:, 0] * delta[:, 1] - start[:, 1] * delta[:, 0]) / across
         place = (start[:, 0] * beam[..., 1] - start[:, 1] * beam[..., 0]) / across

@@ -7,9 +7,6 @@ from map_objects import cells_of, objects_of
 
 from lrf3d import LaserRangeFinder, LaserScan, LineMapper, PlanarCaster, ProportionalNoise, World
 from lrf3d.geometry import lengths
-from lrf3d.laser import RangeNoise
-from lrf3d.mapping.robust.beams import Beams
-from lrf3d.mapping.robust.refitting import real_pieces
 
 LRF = LaserRangeFinder(range_max=30.0)
 CIRCLE = LaserRangeFinder(angle_min=-np.pi, angle_max=np.pi, beams=361, range_max=30.0)
@@ -86,21 +83,6 @@ def test_what_is_kept_does_not_grow_where_all_was_seen():
     assert sizes[1] <= 1.01 * sizes[0]
 
 
-def test_beams_that_return_nothing_are_free_as_far_as_they_reach():
-    scan = PlanarCaster(World(np.array([[5, -1, 5, 1.0]]))).cast(LRF, (0, 0, 0))
-    ranges = Beams.of(scan, 0.0, RangeNoise(1e-4, 0.0)).ranges
-    assert set(ranges[ranges < 0]) == {-30.0} and (ranges[ranges > 0] < 5.2).all()
-
-
-def test_a_beam_lost_between_two_that_returned_says_nothing():
-    scan = PlanarCaster(World(np.array([[5, -9, 5, 9.0]]))).cast(LRF, (0, 0, 0))
-    ranges = scan.ranges.copy()
-    ranges[85:95:2] = np.inf
-    free = Beams.of(replace(scan, ranges=ranges), 0.0, RangeNoise(1e-4, 0.0)).ranges
-    assert (free[85:95:2] == 0.0).all()
-    assert np.array_equal(free == -30.0, np.isinf(scan.ranges))
-
-
 def test_stretches_of_one_wall_are_bridged_where_no_beam_passed():
     # A post hides part of the wall; beside an open gap of the same width there is none.
     post = [[3, -0.35, 3, 0.35]]
@@ -126,34 +108,13 @@ def test_single_beams_make_a_wall_longer():
     assert ends[0] < 0.0 and ends[-1] > 1.3
 
 
-def test_a_wall_ends_and_opens_where_beams_passed_and_none_ended():
-    def pieces(*runs):
-        return np.array([row for row, times in runs for _ in range(times)])
-
-    # Rows: beams that ended on a piece, passed it, and ended nearer to another wall; the scans that
-    # the first are from, and how many of the second came between these, and before the first; the
-    # scans from the first to the last.
-    met, passed, unseen = [2, 0, 0, 2, 0, 0, 2], [0, 2, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0, 0]
-    ends = real_pieces(pieces((passed, 8), (met, 20), (unseen, 9)))
-    assert np.flatnonzero(ends).tolist() == list(range(8, 28))
-    lane = real_pieces(pieces((met, 20), (passed, 12), (met, 20)))
-    assert np.flatnonzero(lane == 0).tolist() == list(range(20, 32))
-    # What nobody looked at stays closed, and so does what a few beams slipped through.
-    assert real_pieces(pieces((met, 20), (unseen, 12), (met, 20))).all()
-    assert real_pieces(pieces((met, 20), (passed, 3), (met, 20))).all()
-
-
-def test_two_objects_of_several_walls_are_not_one_by_a_single_long_link():
-    rows = [[0, y, 0, top] for y, top in ((0, 2), (2, 4.5), (5.5, 6))]
-    rows += [[8, top, 8, y] for _, y, _, top in rows]
-    walls = np.array(rows, dtype=np.float64)
+def test_walls_far_apart_are_one_object_unless_a_line_of_sight_between_them_is_open():
+    walls = [[0, 0, 0, 6.0], [8, 6, 8, 0.0]]
     nothing = seen_from([[50.0, 50.0, 51.0, 51.0]], [(-60.0, 0.0, 0.0)])
     assert len(set(objects_of(walls, nothing))) == 1
-    # The beams between the rows end short of their last walls, which alone stay linked.
-    around = [[0, 0, 0, 6], [8, 6, 8, 0], [0, 5.4, 8, 5.4]]
-    between = seen_from(np.array(around), [(4.0, -3.0, 0.0)])
-    assert len(set(objects_of(walls, between))) == 2
-    assert len(set(objects_of(walls[[2, 5]], between))) == 1
+    # No beam crosses the shortest link, at one end; they do between the middles of the walls.
+    across = seen_from([*walls, [0, 5.4, 8, 5.4]], [(4.0, -3.0, 0.0)])
+    assert len(set(objects_of(walls, across))) == 2
 
 
 def corridor_of(length=12.0):

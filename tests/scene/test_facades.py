@@ -64,18 +64,14 @@ def test_a_house_has_one_door_in_a_face_of_some_bays():
     assert (np.abs(end - start - bays) < 1e-4).all()
 
 
-def test_narrow_faces_have_no_window():
-    world = World(box(0.0, 0.0, 20.0, 0.9 * NARROW), np.zeros(4, int), np.full(4, 9.0))
+@pytest.mark.parametrize(
+    ("depth", "material", "windows"),
+    [(8.0, "plaster", True), (8.0, "metal", False), (0.9 * NARROW, "plaster", True)],
+)
+def test_there_are_no_windows_in_metal_and_in_narrow_faces(depth, material, windows):
+    world = World(box(0.0, 0.0, 20.0, depth), [0] * 4, [9.0] * 4, materials=(material,))
     painted = lay_walls(Structures.from_world(world))
     width = np.linalg.norm(painted.places[:, 1] - painted.places[:, 0], axis=1)
     layer = painted.texture[:, 0, 2]
-    assert set(layer[width < NARROW]) == {BLANK}
-    assert (layer[width > 10.0] >= WINDOWED).any()
-
-
-@pytest.mark.parametrize(("material", "windows"), [("plaster", True), ("metal", False)])
-def test_there_are_no_windows_in_metal(material, windows):
-    heights = np.full(4, 9.0)
-    world = World(box(0.0, 0.0, 20.0, 8.0), np.zeros(4, int), heights, materials=(material,))
-    layer = lay_walls(Structures.from_world(world)).texture[:, 0, 2]
-    assert (layer >= WINDOWED).any() == windows
+    assert (layer[width > 10.0] >= WINDOWED).any() == windows
+    assert set(layer[width < NARROW]) <= {BLANK}

@@ -45,7 +45,3 @@ def test_a_hipped_roof_starts_at_the_eaves_and_all_of_it_sees_the_sun(town):
         normal = np.cross(b - a, c - a)
         normal /= np.linalg.norm(normal, axis=1)[:, None]
         assert np.abs(normal - normals).max() < 5e-3
-
-
-def test_rooms_have_no_hips():
-    assert not hipped_houses(Structures.from_world(load_world("paper_room"))).any()

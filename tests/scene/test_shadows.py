@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 import shapely
-from test_render import box, room_run
+from test_render import box
 
 from lrf3d.geometry import directions, lengths
 from lrf3d.scene.look import SUN
-from lrf3d.scene.panels import LIT
 from lrf3d.scene.shadows import shade_roofs, shade_walls
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.walls import wall_sides
@@ -17,24 +16,21 @@ from lrf3d.world import World
 def crowded_world(seed, count=40):
     """Houses of all sorts, close to each other, some turned, some shaped like an L, and fences."""
     rng = np.random.default_rng(seed)
-    segments, objects, heights = [], [], []
+    shapes = (
+        [[0, 0], [1, 0], [1, 1], [0.4, 1], [0.4, 0.5], [0, 0.5]],
+        np.array(box(0, 0, 1, 1))[:, :2],
+    )
+    walls = []
     for number in range(count):
-        x, y = 13.0 * (number % 7), 12.0 * (number // 7)
-        width, depth, turn = rng.uniform(5, 11), rng.uniform(5, 10), rng.uniform(-0.3, 0.3)
-        corners = np.array([[0, 0], [1, 0], [1, 1], [0.4, 1], [0.4, 0.5], [0, 0.5]])
-        if number % 3:
-            corners = (
-                corners[[0, 1, 2]] * [1, 1] if number % 5 == 0 else np.array(box(0, 0, 1, 1))[:, :2]
-            )
-        corners = corners * [width, depth]
-        cos, sin = np.cos(turn), np.sin(turn)
-        corners = corners @ np.array([[cos, sin], [-sin, cos]]) + [x, y]
-        walls = np.hstack([corners, np.roll(corners, -1, axis=0)])
-        walls = walls[:-1] if number % 5 == 0 else walls
-        segments.append(walls)
-        objects += [number] * len(walls)
-        heights += [rng.uniform(1.0, 18.0)] * len(walls)
-    return World(np.concatenate(segments), np.array(objects), np.array(heights))
+        corners = shapes[number % 3 > 0] * rng.uniform([5.0, 5.0], [11.0, 10.0])
+        turn = rng.uniform(-0.3, 0.3)
+        corners = corners @ [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
+        corners += [13.0 * (number % 7), 12.0 * (number // 7)]
+        fence = number % 5 == 0
+        walls.append(np.hstack([corners, np.roll(corners, -1, axis=0)])[: len(corners) - fence])
+    sizes = [len(each) for each in walls]
+    objects, heights = np.repeat(np.arange(count), sizes), rng.uniform(1.0, 18.0, count)
+    return World(np.concatenate(walls), objects, heights[objects])
 
 
 def hidden(structures, points, margin):
@@ -114,8 +110,3 @@ def test_roofs_are_shaded_where_a_ray_to_the_sun_is_stopped(seed):
         assert not (dark if shade < 0.0 else bright).any()
         seen[int(shade > 0.0)] += len(points)
     assert min(seen) > 20
-
-
-def test_indoors_there_is_no_sun():
-    _, strips = shaded(Structures.from_run(room_run()))
-    assert (strips.low == LIT).all() and (strips.high == LIT).all()

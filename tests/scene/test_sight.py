@@ -66,10 +66,11 @@ def driven(world):
 @needs_gl
 @pytest.mark.parametrize("world", WORLDS.values(), ids=WORLDS)
 def test_every_world_is_drawn_from_every_camera_and_written_for_viewers(world):
-    from lrf3d.render.video import VIEWS, frame
+    from lrf3d.render.video import frame
+    from lrf3d.world.cameras import MOVING_VIEWS
 
     run = driven(world)
-    for view in VIEWS:
+    for view in MOVING_VIEWS:
         for renderer in ("gl", "embree"):
             picture = frame(run, 2.1, size=(64, 48), view=view, samples=0, renderer=renderer)
             assert picture.shape == (48, 64, 3)
@@ -81,18 +82,10 @@ def ground_of(structures):
     return paint_stage(structures).ground
 
 
-def test_ground_without_a_house_near_is_painted():
-    assert ground_of(Structures.from_world(WORLDS["no wall"])).picture.size
-
-
 @pytest.mark.parametrize("heights", [2.5, 8.0])
 def test_a_large_hall_has_one_floor_and_neither_street_nor_lawn(heights):
-    corners = np.array([[0.0, 0.0], [60.0, 0.0], [60.0, 25.0], [0.0, 25.0]])
-    walls = np.column_stack([corners, np.roll(corners, -1, axis=0)])
     # A rack in it is no house.
-    rack = np.array([[10.0, 10.0], [40.0, 10.0], [40.0, 11.0], [10.0, 11.0]])
-    walls = np.concatenate([walls, np.column_stack([rack, np.roll(rack, -1, axis=0)])])
-    world = World(walls, np.repeat([0, 1], 4), np.full(8, heights))
+    world = tall([*box(0, 0, 60, 25), *box(10, 10, 30, 1)], TWO, heights)
     structures = Structures.from_world(world, np.array([[5.0, 5.0], [55.0, 5.0]]))
     assert structures.indoor
     ground = ground_of(structures)

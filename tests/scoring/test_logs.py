@@ -13,10 +13,11 @@ from lrf3d.pose import Pose
 from lrf3d.scoring import score_log
 
 ROUND = LaserRangeFinder(-np.pi, np.pi, 721)
+ROOM = ring([(0, 0), (12, 0), (12, 8), (0, 8)])
 
 
 def test_a_perfect_map_explains_all_and_is_never_violated():
-    world = make_world(ring([(0, 0), (12, 0), (12, 8), (0, 8)]))
+    world = make_world(ROOM)
     poses = np.array([[3.0, 3.0, 0.2], [8.0, 5.0, 2.0]])
     run = make_run(world, poses, ROUND)
     score = score_log(as_map(world.segments), run.scans)
@@ -27,7 +28,7 @@ def test_a_perfect_map_explains_all_and_is_never_violated():
 
 
 def test_a_wall_in_mid_room_violates_the_beams_that_pass_it():
-    world = make_world(ring([(0, 0), (12, 0), (12, 8), (0, 8)]))
+    world = make_world(ROOM)
     lrf = LaserRangeFinder(-np.pi / 2, np.pi / 2, 181)
     run = make_run(world, np.array([[6.0, 4.0, 0.0]]), lrf)
     phantom = np.vstack([world.segments, [[8.0, 2.0, 8.0, 6.0]]])
@@ -47,26 +48,18 @@ def test_returns_that_are_too_near_or_too_far_are_not_judged():
     assert score.median_range_error == pytest.approx(0.5 * (0.05 + 19.89))
 
 
-def test_a_log_scores_the_same_far_from_the_origin():
-    world = make_world(ring([(0, 0), (12, 0), (12, 8), (0, 8)]), box(4, 3, 2, 2))
-    run = make_run(world, np.array([[2.0, 2.0, 0.2], [9.0, 5.0, 2.0]]), ROUND, sigma=0.5)
-    here = score_log(as_map(world.segments), run.scans).as_dict()
-    away = np.array([85000.0, 447500.0])
-    moved = [
-        replace(s, pose=Pose(s.pose.x + away[0], s.pose.y + away[1], s.pose.theta))
-        for s in run.scans
-    ]
+def test_a_log_scores_the_same_far_from_the_origin_and_by_a_laser_that_turns_clockwise():
+    world = make_world(ROOM, box(4, 3, 2, 2))
+    poses = np.array([[2.0, 2.0, 0.2], [9.0, 5.0, 2.0]])
+    scans = list(make_run(world, poses, LaserRangeFinder(-1.0, 2.0, 91), sigma=0.5).scans)
+    here = score_log(as_map(world.segments), scans).as_dict()
+    x, y = away = np.array([85000.0, 447500.0])
+    moved = [replace(s, pose=Pose(s.pose.x + x, s.pose.y + y, s.pose.theta)) for s in scans]
     there = score_log(as_map(world.segments + np.tile(away, 2)), moved).as_dict()
     assert there == pytest.approx(here, abs=1e-9)
-
-
-def test_a_laser_that_turns_clockwise_scores_the_same():
-    world = make_world(ring([(0, 0), (12, 0), (12, 8), (0, 8)]), box(4, 3, 2, 2))
-    lrf = LaserRangeFinder(-1.0, 2.0, 91)
-    run = make_run(world, np.array([[2.0, 2.0, 0.2], [9.0, 5.0, 2.0]]), lrf, sigma=0.5)
-    turned = [replace(s, angles=s.angles[::-1], ranges=s.ranges[::-1]) for s in run.scans]
-    scores = [score_log(as_map(world.segments), each).as_dict() for each in (run.scans, turned)]
-    assert scores[1] == pytest.approx(scores[0], abs=1e-12)
+    turned = [replace(s, angles=s.angles[::-1], ranges=s.ranges[::-1]) for s in scans]
+    other = score_log(as_map(world.segments), turned).as_dict()
+    assert other == pytest.approx(here, abs=1e-12)
 
 
 def test_a_log_without_map_or_returns_has_no_figures():

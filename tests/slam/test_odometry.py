@@ -136,7 +136,7 @@ def test_stamps_that_fall_now_and_then_do_not_change_the_order(recorded):
 
 
 @pytest.mark.parametrize("turn", [1.0, 2.0])
-def test_odometry_that_measures_twice_the_way_is_found_out(recorded, turn):
+def test_odometry_that_measures_twice_the_distance_is_found_out(recorded, turn):
     log, true = recorded
     steps = between(log.wheels.poses[:-1], log.wheels.poses[1:]) * [2.0, 2.0, turn]
     doubled = path_of(log.wheels.poses[0], steps)

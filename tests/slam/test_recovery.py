@@ -39,7 +39,7 @@ def test_glass_in_a_corridor_is_not_taken_for_a_robot_that_drives_backwards():
     assert wrong.max() < 0.15
 
 
-def test_around_a_block_of_corridors_the_wheels_are_learned_on_the_way(monkeypatch):
+def test_around_a_block_of_corridors_the_wheels_are_learned_while_driving(monkeypatch):
     """The first corridors show nothing along them, and a loop closes at any scale."""
     monkeypatch.setattr("lrf3d.recorded.CALIBRATED", 100)
     rng = np.random.default_rng(4)
@@ -55,17 +55,21 @@ def test_around_a_block_of_corridors_the_wheels_are_learned_on_the_way(monkeypat
     assert errors(true, solution.poses).max() < 0.5
 
 
+def slipping(wheels, count, rng):
+    """The odometry where the wheels slip a number of times, and turn the robot by 15° unnoticed."""
+    steps = between(wheels[:-1], wheels[1:])
+    for slip in rng.choice(np.arange(5, len(steps)), count, replace=False):
+        turn = np.array([0.0, 0.0, np.radians(15) * rng.choice([-1, 1])])
+        steps[slip] = compose(turn, steps[slip])
+    return path_of(wheels[0], steps)
+
+
 @pytest.mark.parametrize("seed", [1, 2])
 def test_wheels_that_slip_between_scans_far_apart_ruin_nothing(seed):
     """The slip turns what is left of the step; along the corridor only its turn shows that."""
     scans, wheels, true = drive(rooms(4), [*through(4), *through(4)[1:]])
     scans, wheels, true = scans[::6], wheels[::6], true[::6]
-    rng = np.random.default_rng(seed)
-    steps = between(wheels[:-1], wheels[1:])
-    for slip in rng.choice(np.arange(5, len(steps)), 8, replace=False):
-        turn = np.array([0.0, 0.0, np.radians(15) * rng.choice([-1, 1])])
-        steps[slip] = compose(turn, steps[slip])
-    solution = solved(scans, path_of(wheels[0], steps))
+    solution = solved(scans, slipping(wheels, 8, np.random.default_rng(seed)))
     assert errors(true, solution.poses).max() < 0.15
 
 
@@ -82,11 +86,7 @@ def test_loops_close_in_a_wood():
     world = lrf3d.World(np.concatenate(trunks))
     scans, wheels, true = drive(world, [*route, *route, route[0]], seed=1, lrf=lrf)
     scans, wheels, true = scans[::6], wheels[::6], true[::6]
-    steps = between(wheels[:-1], wheels[1:])
-    for slip in rng.choice(np.arange(5, len(steps)), 6, replace=False):
-        turn = np.array([0.0, 0.0, np.radians(15) * rng.choice([-1, 1])])
-        steps[slip] = compose(turn, steps[slip])
-    solution = solved(scans, path_of(wheels[0], steps))
+    solution = solved(scans, slipping(wheels, 6, rng))
     keys, closures = true[solution.slam.key_scans], solution.slam.closures
     found = [compose(keys[closure.old], closure.relative) for closure in closures]
     assert len(found) > 40

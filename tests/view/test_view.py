@@ -227,7 +227,7 @@ def test_keys_and_pads_drive_the_robot_through_a_world(driven, chromium):
         until(lambda: (number(page, "x"), number(page, "y")) == (2.0, 3.0))
 
 
-@pytest.mark.parametrize("size", [(360, 740), (740, 360)])
+@pytest.mark.parametrize("size", [(360, 740), pytest.param((740, 360), marks=pytest.mark.slow)])
 @needs_browser
 def test_the_page_fits_a_telephone(driven, chromium, size):
     wide, tall = size
@@ -305,7 +305,7 @@ def test_what_is_wrong_is_named(yard):
 
 
 def test_without_the_server_the_extra_is_named(yard, monkeypatch):
-    monkeypatch.setitem(sys.modules, "uvicorn", None)
+    monkeypatch.setitem(sys.modules, "websockets.asyncio.server", None)
     site = world_view(load_scenario(yard), seed=0)
     with bound("127.0.0.1", None) as door:
         with pytest.raises(MissingLibraryError, match=r"pip install -e .*\[view\]"):

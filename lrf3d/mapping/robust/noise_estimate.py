@@ -2,7 +2,7 @@
 
 On a flat wall the inverse of the range is a sine of the angle, so that the ranges before and behind
 a beam give its own; by how much it differs is noise. What differs at corners and in clutter differs
-by much more, and a robust scale leaves it out (Huber and Ronchetti 2009, section 5.2). Scans enter;
+by much more, and the median leaves it out (Huber and Ronchetti 2009, section 5.1). Scans enter;
 a :class:`~lrf3d.laser.RangeNoise` leaves.
 """
 
@@ -44,12 +44,10 @@ NOISE_STEPS = 1.2
 of the noise by a few per cent."""
 
 
-RANGE_BINS = len(NOISE_RANGES) - 1
-RESIDUAL_BINS = 100
-PER_DECADE = 12
+RANGE_BINS, RESIDUAL_BINS, PER_DECADE = len(NOISE_RANGES) - 1, 200, 24
 
-# The scale of a normal distribution is its own deviation, and half of the residuals may be wrong.
-TUNING, CONSISTENT = 1.5476, 0.5
+MEDIAN_SIZE = 0.6745
+"""[deviations] The median of the sizes of normal deviates."""
 
 
 class NoiseEstimate:
@@ -80,8 +78,9 @@ class NoiseEstimate:
         ranges = np.sqrt(NOISE_RANGES[:-1] * NOISE_RANGES[1:])
         before = np.log(np.maximum(assumed.variance(ranges), self._floor**2))
         seen = number > 0.0
-        found = before.copy()
-        found[seen] = [2.0 * np.log(scale_of(row)) for row in self._counts[seen]]
+        median = (2 * self._counts.cumsum(axis=1) >= number[:, None]).argmax(axis=1)
+        scale = NOISE_UNIT * 10.0 ** ((median + 0.5) / PER_DECADE) / MEDIAN_SIZE
+        found = np.where(seen, 2.0 * np.log(scale), before)
         # What was assumed counts the less the more is known, and nothing at ranges that were not
         # seen where others were.
         prior = NOISE_PRIOR**2 / (NOISE_PRIOR + number.sum())
@@ -147,28 +146,3 @@ def count_residuals(
             counts[row, min(int(decades * PER_DECADE), counts.shape[1] - 1)] += 1
             counted += 1
     return counted
-
-
-@compiled
-def scale_of(counts: Int) -> float:
-    """The standard deviation [m] of differences that are counted by size; half may be wrong."""
-    total = 0
-    for k in range(len(counts)):
-        total += counts[k]
-    # The median, to begin with.
-    middle, reached = 0, counts[0]
-    while 2 * reached < total:
-        middle += 1
-        reached += counts[middle]
-    scale = NOISE_UNIT * 10.0 ** ((middle + 0.5) / PER_DECADE) / 0.6745
-    for _ in range(50):
-        mean = 0.0
-        for k in range(len(counts)):
-            if counts[k]:
-                size = NOISE_UNIT * 10.0 ** ((k + 0.5) / PER_DECADE) / (TUNING * scale)
-                mean += counts[k] * (1.0 - (1.0 - size * size) ** 3 if size < 1.0 else 1.0)
-        mean /= total * CONSISTENT
-        scale = max(scale * np.sqrt(mean), NOISE_UNIT)
-        if abs(mean - 1.0) < 1e-3:
-            break
-    return float(scale)

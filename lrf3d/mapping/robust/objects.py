@@ -3,8 +3,8 @@
 Walls are of one object where a link, the shortest line from one to the other, exists that no beam
 has crossed. What lies behind the faces of both walls is taken for solid until a beam crosses it. A
 link that runs before one of them, to a corner that was not seen, must be short. A long link counts
-only where every line of sight from wall to wall is blocked, and two objects of several walls are
-joined only by two such links: a single one may be a lane that no beam happened to find.
+only where every line of sight from wall to wall behind both is blocked: a single one may be a lane
+that no beam happened to find.
 
 Ends of walls of one object that all but meet are moved to where their lines cross.
 
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from lrf3d.compiling import borrower, compiled, inner
 from lrf3d.geometry import Float, Int
-from lrf3d.mapping.grid import Grid, near, order_of
+from lrf3d.mapping.grid import Grid, near
 from lrf3d.mapping.robust.cells import FREE_DEPTH, Cells
 from lrf3d.mapping.robust.crossing import LINK_SINE, is_crossed
 from lrf3d.mapping.robust.walls import Walls, copy_columns, put_row
@@ -52,13 +52,7 @@ NICHE_DEPTH = 0.5
 SIGHT_PLACES = (0.1, 0.5, 0.9)
 """[share] Where along two walls the lines of sight between them begin and end."""
 
-SEVERAL_WALLS = 3
-"""[walls] From this number of walls on, an object is joined to another such by two long links."""
-
-SECOND_LINK = 1.0
-"""[m] How much longer the second of the two may be: a much longer one leads past more walls."""
-
-LINKS_A_TURN = 8
+LINKS_A_TURN = 16
 """[links] How many an update asks the beams about again: so objects come apart that are two."""
 
 CORNER_REACH = 0.3
@@ -70,23 +64,17 @@ CORNER_TRIM = 0.1
 CORNER_SINE = 0.25
 """[sine] Turn below which two walls have no corner: their lines cross at an arbitrary place."""
 
-CROSSED, JOINS, BLOCKED, OPEN = 1, 2, 3, 4
-"""What a link is: beams have crossed it; it joins two walls; it is long, and either no line of
-sight is open behind both of its walls, or one is."""
-
 
 class Links(NamedTuple):
     """The links of each wall, a row of them for each.
 
     The wall at the other end of each (rows, MOST_LINKS) and its version when they were linked: of
-    another version, the link is void; what each is, and its length [m]; how many links
-    each wall (rows,) has, and its own version; and the wall whose links are asked about next.
+    another version, the link is void; how many links each wall (rows,) has, and its own version;
+    and the wall whose links are asked about next.
     """
 
     others: NDArray[np.int32]
     versions: NDArray[np.int32]
-    kinds: NDArray[np.int8]
-    lengths: Float
     counts: Int
     own: NDArray[np.int32]
     turn: Int
@@ -96,9 +84,8 @@ class Links(NamedTuple):
         """No links."""
         shape = (rows, MOST_LINKS)
         return cls(
-            np.zeros(shape, np.int32), np.zeros(shape, np.int32), np.zeros(shape, np.int8),
-            np.zeros(shape), np.zeros(rows, np.int64), np.zeros(rows, np.int32),
-            np.zeros(1, np.int64),
+            np.zeros(shape, np.int32), np.zeros(shape, np.int32), np.zeros(rows, np.int64),
+            np.zeros(rows, np.int32), np.zeros(1, np.int64),
         )  # fmt: skip
 
     def with_rows(self, rows: int) -> "Links":
@@ -114,6 +101,7 @@ class Links(NamedTuple):
 def link_walls(links: Links, walls: Walls, grid: Grid, cells: Cells, rows: Int) -> None:
     """Link some walls (n,) with those around them, and ask again about a few links of others."""
     lines, lengths = np.empty((MOST_LINKS + 1, 5)), np.empty(MOST_LINKS)
+    others = np.empty(MOST_LINKS, np.int64)
     places = np.full(len(walls.points), -1)
     for k in range(len(rows)):
         places[rows[k]] = k
@@ -133,7 +121,7 @@ def link_walls(links: Links, walls: Walls, grid: Grid, cells: Cells, rows: Int) 
             if length > reach:
                 continue
             place = found if found < MOST_LINKS else farthest
-            links.others[wall, place], lengths[place] = other, length
+            others[place], lengths[place] = other, length
             put_row(lines, place, line)
             found = min(found + 1, MOST_LINKS)
             if found == MOST_LINKS:
@@ -142,36 +130,32 @@ def link_walls(links: Links, walls: Walls, grid: Grid, cells: Cells, rows: Int) 
                 for link in range(1, MOST_LINKS):
                     farthest = link if lengths[link] > lengths[farthest] else farthest
                 reach = lengths[farthest]
-        links.counts[wall] = found
+        count = 0
         for place in range(found):
-            other = links.others[wall, place]
-            links.versions[wall, place] = links.own[other]
-            links.lengths[wall, place] = lengths[place]
-            links.kinds[wall, place] = _kind(lines[place], own, walls.ends[other], cells)
+            other = others[place]
+            if _joins(lines[place], own, walls.ends[other], cells):
+                links.others[wall, count], links.versions[wall, count] = other, links.own[other]
+                count += 1
+        links.counts[wall] = count
     asked = 0
     for _ in range(walls.used[0]):
         wall = links.turn[0] = (links.turn[0] + 1) % walls.used[0]
         for place in range(links.counts[wall]):
-            if is_link(links, walls, wall, place) and links.lengths[wall, place] > TOUCH:
-                other = links.others[wall, place]
+            if is_link(links, walls, wall, place):
+                one, other = walls.ends[wall], walls.ends[links.others[wall, place]]
                 asked += 1
-                if measure_link(walls.ends[wall], walls.ends[other], lines[0]):
-                    links.kinds[wall, place] = _kind(
-                        lines[0], walls.ends[wall], walls.ends[other], cells
-                    )
+                if measure_link(one, other, lines[0]) and not _joins(lines[0], one, other, cells):
+                    links.versions[wall, place] = -1
         if asked >= LINKS_A_TURN:
             break
 
 
 @borrower
 def is_link(links: Links, walls: Walls, wall: int, place: int) -> bool:
-    """Whether a link still stands, and no beam has crossed it."""
+    """Whether a link still stands."""
     other = links.others[wall, place]
     return bool(
-        links.kinds[wall, place] != CROSSED
-        and walls.real[wall]
-        and walls.real[other]
-        and links.versions[wall, place] == links.own[other]
+        walls.real[wall] and walls.real[other] and links.versions[wall, place] == links.own[other]
     )
 
 
@@ -238,23 +222,20 @@ def _reach_before(wall: Float, link: Float) -> float:
 
 
 @inner
-def _kind(link: Float, one: Float, other: Float, cells: Cells) -> int:
-    """What a link (5,) of two walls (4,) is."""
+def _joins(link: Float, one: Float, other: Float, cells: Cells) -> bool:
+    """Whether no beam has crossed a link (5,) of two walls (4,), so that it joins them."""
     length, before = np.hypot(link[2] - link[0], link[3] - link[1]), link[4] > 0.0
     line = link[:4]
     if length <= TOUCH:
-        return JOINS
+        return True
     if length > SHORT_LINK:
-        if is_crossed(line, cells, FREE_DEPTH, 0, LINK_SINE):
-            return CROSSED
-        return BLOCKED if _is_blocked(one, other, cells) else OPEN
+        crossed = is_crossed(line, cells, FREE_DEPTH, 0, LINK_SINE)
+        return not crossed and _is_blocked(one, other, cells)
     # A short one may be crossed by many beams, but not by any that go deeper than a corner.
     depth = max(FREE_DEPTH, NICHE_DEPTH * length) if before else FREE_DEPTH
     if is_crossed(line, cells, depth, STRAY_BEAMS, LINK_SINE):
-        return CROSSED
-    if before and is_crossed(line, cells, FREE_DEPTH, CORNER_BEAMS, LINK_SINE):
-        return CROSSED
-    return JOINS
+        return False
+    return not (before and is_crossed(line, cells, FREE_DEPTH, CORNER_BEAMS, LINK_SINE))
 
 
 @inner
@@ -284,69 +265,27 @@ def _root(parents: Int, wall: int) -> int:
 @compiled
 def find_objects(links: Links, walls: Walls, rows: Int) -> Int:
     """The object (n,) of each of the real walls (n,), named by one of them."""
-    parents, most = np.arange(len(walls.points)), links.counts[rows].sum()
-    sizes = np.ones(len(parents), np.int64)
-    pairs, lengths = np.empty((most, 2), np.int64), np.empty(most)
-    blocked, count = np.empty(most, np.bool_), 0
+    parents, labels = np.arange(len(walls.points)), np.empty(len(rows), np.int64)
     for k in range(len(rows)):
         wall = rows[k]
         for place in range(links.counts[wall]):
-            if links.kinds[wall, place] == JOINS and is_link(links, walls, wall, place):
-                _unite(parents, sizes, wall, links.others[wall, place])
-    for k in range(len(rows)):
-        wall = rows[k]
-        for place in range(links.counts[wall]):
-            other = links.others[wall, place]
-            long = links.kinds[wall, place] != JOINS and is_link(links, walls, wall, place)
-            if not long or _root(parents, wall) == _root(parents, other):
-                continue
-            pairs[count, 0], pairs[count, 1] = wall, other
-            lengths[count] = links.lengths[wall, place]
-            blocked[count] = links.kinds[wall, place] == BLOCKED
-            count += 1
-    # Long links, the shortest first; most join what is one object by then.
-    order, waiting = order_of(lengths[:count]), np.empty(count, np.int64)
-    number = 0
-    for turn in range(count):
-        link = order[turn]
-        one, other = _root(parents, pairs[link, 0]), _root(parents, pairs[link, 1])
-        if one == other:
-            continue
-        enough = blocked[link] and min(sizes[one], sizes[other]) < SEVERAL_WALLS
-        place = number - 1
-        # All sight is blocked at one of the two; the other is about as long.
-        while not enough and place >= 0 and lengths[waiting[place]] >= lengths[link] - SECOND_LINK:
-            second = waiting[place]
-            if blocked[link] or blocked[second]:
-                first, last = _root(parents, pairs[second, 0]), _root(parents, pairs[second, 1])
-                enough = (first == one and last == other) or (first == other and last == one)
-            place -= 1
-        if enough:
-            _unite(parents, sizes, one, other)
-        else:
-            waiting[number] = link
-            number += 1
-    labels = np.empty(len(rows), np.int64)
+            if is_link(links, walls, wall, place):
+                one, other = _root(parents, wall), _root(parents, links.others[wall, place])
+                parents[max(one, other)] = min(one, other)
     for k in range(len(rows)):
         labels[k] = _root(parents, rows[k])
     return labels
 
 
-@borrower
-def _unite(parents: Int, sizes: Int, one: int, other: int) -> None:
-    """Make one of two objects, named by walls."""
-    one, other = _root(parents, one), _root(parents, other)
-    if one != other:
-        kept, gone = min(one, other), max(one, other)
-        parents[gone] = kept
-        sizes[kept] += sizes[gone]
+def close_corners(ends: Float, objects: Int) -> Float:
+    """The walls (m, 4), each of an object (m,), with closed corners."""
+    return _close(ends, objects, np.argsort(ends.reshape(-1, 2)[:, 0], kind="stable"))
 
 
 @compiled
-def close_corners(ends: Float, objects: Int) -> Float:
-    """The walls (m, 4), each of an object (m,), with closed corners."""
+def _close(ends: Float, objects: Int, order: Int) -> Float:
+    """Walls with closed corners; the order is that of their ends (2 m,) by rising x."""
     closed, places = ends.copy(), ends.copy().reshape(-1, 2)
-    order = order_of(places[:, 0])
     count, partners, corner = len(places), np.full(len(places), -1), np.empty(2)
     # Ends that are farther apart meet nowhere near to both.
     farthest = 2.01 * CORNER_REACH
