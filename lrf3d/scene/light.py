@@ -46,7 +46,7 @@ _INSIDE = 0.2
 _DARK = 0.02
 """Share of the open sky's light below which a face is never seen from a room or a street."""
 
-_CELL, _CELL_INDOOR, _CELLS, _BLUR = 0.8, 0.25, 150, 0.8
+_CELL, _CELL_INDOOR, _CELLS, _BLUR = 0.8, 0.25, 130, 0.8
 """Least size of the cells of the ground that light is known in [m], the most of them to a side, and
 how far it is smoothed [cells]: rays are few, and it changes slowly."""
 
