@@ -9,8 +9,7 @@ import shapely
 import trimesh
 
 from lrf3d.geometry import Float
-from lrf3d.render.bindings import GL, pyrender
-from lrf3d.render.buffers import make_current
+from lrf3d.render.buffers import GL, make_current, pyrender
 from lrf3d.run import Run
 from lrf3d.scene.bodies import robot_body, world_from_robot
 from lrf3d.scene.cameras import make_camera

@@ -29,16 +29,16 @@ _ALIGNMENT = 4
 
 
 class Document:
-    """Collects nodes, meshes and one animation, in a frame with z up, in metres.
+    """Collects nodes, meshes and one animation of a length [s], in a frame with z up, in metres.
 
     All materials keep their colours in any light. The root node has the name of the document, and
     extras for programs.
     """
 
-    def __init__(self, name: str, extras: Mapping[str, Any]) -> None:
+    def __init__(self, name: str, extras: Mapping[str, Any], length: float) -> None:
         self._parts: dict[str, list[dict[str, Any]]] = {}
         self._blob = bytearray()
-        self._name = name
+        self._name, self._length = name, length
         self._samplers: list[dict[str, Any]] = []
         self._channels: list[dict[str, Any]] = []
         # A quarter turn about x: glTF has y up.
@@ -119,7 +119,7 @@ class Document:
         if colours is not None:
             rows = np.ones((len(columns["POSITION"]), 4))
             rows[:, : colours.shape[-1]] = colours.reshape(len(rows), -1)
-            rows[:, :3] = linear(rows[:, :3])
+            rows[:, :3] = linear(np.clip(rows[:, :3], 0.0, 1.0))
             columns["COLOR_0"] = np.round(np.iinfo(kind).max * rows).astype(kind)
         if texture is not None:
             columns["TEXCOORD_0"] = texture.reshape(-1, 2).astype(np.float32)
@@ -140,8 +140,12 @@ class Document:
         """Add a mesh and give its number."""
         return self.add("meshes", name=name, primitives=parts)
 
-    def node(self, name: str, parent: int | None = None, **properties: Any) -> int:
-        """Add a node and give its number."""
+    def node(
+        self, name: str, parent: int | None = None, *parts: Mapping[str, Any], **properties: Any
+    ) -> int:
+        """Add a node, with a mesh of parts if there are any, and give its number."""
+        if parts:
+            properties["mesh"] = self.mesh(name, *parts)
         number = self.add("nodes", name=name, **properties)
         if parent is not None:
             self._parts["nodes"][parent].setdefault("children", []).append(number)
@@ -169,12 +173,10 @@ class Document:
         self.animate(node, "translation", times, poses * [1.0, 1.0, 0.0])
         self.animate(node, "rotation", times, turned(poses[:, 2]))
 
-    def show(self, node: int, begin: float, end: float, whole: float) -> None:
-        """Give a node its size only from one time to another [s] of a whole animation."""
-        times, sizes = [0.0], [1.0]
-        if begin > 0.0:
-            times, sizes = [0.0, begin], [0.0, 1.0]
-        if end < whole:
+    def show(self, node: int, begin: float, end: float | None = None) -> None:
+        """Give a node its size only from one time to another [s], or to the end."""
+        times, sizes = ([0.0, begin], [0.0, 1.0]) if begin > 0.0 else ([0.0], [1.0])
+        if end is not None and end < self._length:
             times, sizes = [*times, end], [*sizes, 0.0]
         if len(times) > 1:
             self.animate(node, "scale", np.array(times), np.tile(sizes, (3, 1)).T, step=True)

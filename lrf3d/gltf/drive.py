@@ -6,17 +6,19 @@ otherwise, and each straight piece of the trail is one that grows while it is dr
 """
 
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float
 from lrf3d.gltf.document import LINES, Document, turned
-from lrf3d.gltf.stage import add_body, add_stage, lit
+from lrf3d.gltf.stage import add_body, add_stage
+from lrf3d.render.packing import lit
 from lrf3d.run import Run
 from lrf3d.scene import look
 from lrf3d.scene.camera import Look
-from lrf3d.scene.estimate import CORNERS, DrawnEstimate, ring_quads
+from lrf3d.scene.estimate import DrawnEstimate, outlines, ring_quads
 from lrf3d.scene.moments import Scene
 from lrf3d.scene.shapes import Lines, Points, Soft
 from lrf3d.scene.timeline import DriveKeys, Timeline, drive_keys, obstacle_keys, scan_times
@@ -58,13 +60,13 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
         raise InputError(f"every {every}: expected a whole number from 1")
     # A scene plays as fast as the robot drove.
     scene = Scene(Timeline(run, playback=1.0))
-    moment = scene.timeline.moment(scene.timeline.start)
-    bodies = scene.seen(moment, _ABOVE, _SIZE, ()).bodies
-    origin = scene.origin.tolist()
-    document = Document(run.world.name or "world", {"origin": origin, "world": run.world.name})
+    timeline = scene.timeline
+    bodies = scene.seen(timeline.moment(timeline.start), _ABOVE, _SIZE, ()).bodies
+    about = {"origin": scene.origin.tolist(), "world": run.world.name}
+    document = Document(run.world.name or "world", about, timeline.end - timeline.start)
     add_stage(document, scene.stage)
-    keys = drive_keys(scene.timeline)
-    paths = [keys, *(obstacle_keys(each, scene.timeline) for each in run.obstacles)]
+    keys = drive_keys(timeline)
+    paths = [keys, *(obstacle_keys(each, timeline) for each in run.obstacles)]
     for (name, body), path in zip(bodies, paths, strict=True):
         node = add_body(document, name, body.faces)
         document.drive(node, *path)
@@ -74,7 +76,7 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
     _add_maps(document, scene)
     if run.knows_truth:
         _add_trail(document, keys, "trail", look.TRAIL_COLOUR, look.TRAIL_WIDTH, look.TRAIL_HEIGHT)
-    _add_estimate(document, scene.timeline)
+    _add_estimate(document, timeline)
     return document.glb()
 
 
@@ -92,7 +94,6 @@ def _add_camera(document: Document, robot: int, scene: Scene) -> None:
 def _add_scans(document: Document, scene: Scene, every: int) -> None:
     """The beams of each scan, seen while it is the nearest in time."""
     timeline, times = scene.timeline, scene.run.trajectory.times
-    whole = timeline.end - timeline.start
     shown = np.column_stack(scan_times(timeline, every)) - timeline.start
     material = document.material("beams", translucent=True)
     group = document.node("beams", document.root)
@@ -112,8 +113,7 @@ def _add_scans(document: Document, scene: Scene, every: int) -> None:
         parts = [document.part(material, ends, faded, mode=LINES)]
         if len(corners):
             parts.append(document.part(material, corners, colours))
-        mesh = document.mesh(f"scan {scan}", *parts)
-        document.show(document.node(f"scan {scan}", group, mesh=mesh), begin, end, whole)
+        document.show(document.node(f"scan {scan}", group, *parts), begin, end)
 
 
 def _triangles(hits: Points, place: Float) -> Float:
@@ -140,10 +140,9 @@ def _add_maps(document: Document, scene: Scene) -> None:
             continue
         seen = scene.seen(timeline.moment(begin), _ABOVE, _SIZE, ("map",))
         bands = dict(seen.bodies)["map"].faces
-        mesh = document.mesh("map", document.part(material, bands.corners, lit(bands)))
-        node = document.node(f"map of {len(stage)} segments", group, mesh=mesh)
-        start = timeline.start
-        document.show(node, begin - start, end - start, timeline.end - start)
+        part = document.part(material, bands.corners, lit(bands))
+        node = document.node(f"map of {len(stage)} segments", group, part)
+        document.show(node, begin - timeline.start, end - timeline.start)
 
 
 def _add_trail(
@@ -188,31 +187,28 @@ def _add_estimate(document: Document, timeline: Timeline) -> None:
     _add_trail(document, keys, "estimate", look.ESTIMATE_COLOUR, look.ESTIMATE_WIDTH, height)
     if not len(known):
         return
-    whole = timeline.end - timeline.start
     material = document.material("ellipses", translucent=True)
     group = document.node("ellipses", document.root)
     for outline, begin in zip(drawn.outlines(), known[drawn.kept], strict=True):
-        mesh = _ring(document, outline, look.ESTIMATE_WIDTH, look.ESTIMATE_FADED, material)
-        node = document.node(f"ellipse from {begin:.1f} s", group, mesh=mesh)
-        document.show(node, float(begin), whole, whole)
-    angle = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
-    circle = np.column_stack([np.cos(angle), np.sin(angle)])
-    mesh = _ring(document, circle, _RIM, 1.0, material)
+        ring = _ring(document, outline, look.ESTIMATE_WIDTH, look.ESTIMATE_FADED, material)
+        document.show(document.node(f"ellipse from {begin:.1f} s", group, ring), float(begin))
+    ring = _ring(document, outlines(np.zeros((1, 2)), np.eye(2)[None])[0], _RIM, 1.0, material)
     sizes, axes = np.linalg.eigh(drawn.shapes)
     # The longer axis is that of x; half a turn makes the same ellipse.
     angles = np.unwrap(np.arctan2(axes[:, 1, 1], axes[:, 0, 1]), period=np.pi)
     scales = np.maximum(np.column_stack([sizes[:, ::-1], np.ones(len(sizes))]), _LEAST)
     places = keys.poses * [1.0, 1.0, 0.0]
-    node = document.node("ellipse of now", document.root, mesh=mesh)
+    node = document.node("ellipse of now", document.root, ring)
     document.animate(node, "translation", keys.times, places)
     document.animate(node, "rotation", known, turned(angles))
     document.animate(node, "scale", known, scales)
 
 
-def _ring(document: Document, outline: Float, width: float, opacity: float, material: int) -> int:
-    """The mesh of a ribbon along an outline (c, 2) on the ground, in the estimate's colour."""
+def _ring(
+    document: Document, outline: Float, width: float, opacity: float, material: int
+) -> dict[str, Any]:
+    """A ribbon along an outline (c, 2) on the ground, in the estimate's colour."""
     quads = ring_quads(outline[None], width)[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 2)
     height = np.full(len(quads), look.TRAIL_HEIGHT + 2.0 * look.ESTIMATE_LIFT)
     colours = np.tile([*look.ESTIMATE_COLOUR, opacity], (len(quads), 1))
-    part = document.part(material, np.column_stack([quads, height]), colours)
-    return document.mesh("ellipse", part)
+    return document.part(material, np.column_stack([quads, height]), colours)

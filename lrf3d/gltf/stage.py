@@ -10,8 +10,9 @@ from PIL import Image
 
 from lrf3d.geometry import Single
 from lrf3d.gltf.document import Document
+from lrf3d.render.packing import land_of, lit, rectangle
 from lrf3d.scene.facades import BAYS, BLANK, ROWS, layers
-from lrf3d.scene.look import BODY_LIGHT, CLAY, SUN
+from lrf3d.scene.look import CLAY
 from lrf3d.scene.shapes import Faces, GroundPicture
 from lrf3d.scene.stage import Stage
 
@@ -44,30 +45,14 @@ def _add_ground(document: Document, ground: GroundPicture) -> None:
     picture = Image.fromarray(ground.picture)
     picture.thumbnail((_LARGEST, _LARGEST), Image.Resampling.LANCZOS)
     texture = document.texture("ground", picture, "JPEG")
-    low, high = ground.corner, ground.corner + ground.size
-    (x0, y0), (x1, y1) = low - _HORIZON, high + _HORIZON
-    around = np.concatenate(
-        [
-            _rectangle(x0, y0, x1, low[1]),
-            _rectangle(x0, high[1], x1, y1),
-            _rectangle(x0, low[1], low[0], high[1]),
-            _rectangle(high[0], low[1], x1, high[1]),
-        ]
-    )
     # The first row of a picture lies at v = 0, here at the smallest y.
-    places = _rectangle(0.0, 0.0, 1.0, 1.0)[:, :2]
-    painted = document.material("ground", texture=texture)
+    places, land = rectangle((0.0, 0.0), (1.0, 1.0)), land_of(ground, _HORIZON)
+    corners = np.column_stack([ground.corner + places * ground.size, np.zeros(len(places))])
     parts = [
-        document.part(painted, _rectangle(*low, *high), texture=places),
-        document.part(document.material("land"), around, np.tile(ground.land, (len(around), 1))),
+        document.part(document.material("ground", texture=texture), corners, texture=places),
+        document.part(document.material("land"), land.corners, land.colours),
     ]
-    document.node("ground", document.root, mesh=document.mesh("ground", *parts))
-
-
-def _rectangle(x0: float, y0: float, x1: float, y1: float) -> Single:
-    """Corners (6, 3) of two triangles on the ground."""
-    corners = np.array([[x0, y0, 0], [x1, y0, 0], [x1, y1, 0], [x0, y1, 0]], np.float32)
-    return corners[[0, 1, 2, 0, 2, 3]]
+    document.node("ground", document.root, *parts)
 
 
 def _cut_at_shadows(rows: Single) -> Single:
@@ -104,7 +89,7 @@ def _add_walls(document: Document, rows: Single, picture: NDArray[np.uint8]) -> 
         material = document.material(f"walls {layer}", texture=texture)
         corners = rows[chosen][..., :3]
         parts.append(document.part(material, corners, shares, kind=np.uint16, texture=places))
-    document.node("walls", document.root, mesh=document.mesh("walls", *parts))
+    document.node("walls", document.root, *parts)
 
 
 def _layer(document: Document, layer: int, picture: NDArray[np.uint8]) -> int:
@@ -120,13 +105,4 @@ def _layer(document: Document, layer: int, picture: NDArray[np.uint8]) -> int:
 def add_body(document: Document, name: str, faces: Faces) -> int:
     """Add a body at the origin, lit by its normals; gives its node."""
     part = document.part(document.material(name), faces.corners, lit(faces), kind=np.uint16)
-    return document.node(name, document.root, mesh=document.mesh(name, part))
-
-
-def lit(faces: Faces) -> Single:
-    """The colours (t, 3, 3) of faces in their light, as they stand; 0…1."""
-    everywhere, sunny, upward = BODY_LIGHT
-    up = faces.normals
-    light = everywhere + sunny * np.maximum(up @ SUN, 0.0) + upward * up[..., 2]
-    light = np.where((up == 0.0).all(axis=2), 1.0, light)
-    return np.clip(faces.colours * light[..., None], 0.0, 1.0).astype(np.float32)
+    return document.node(name, document.root, part)

@@ -1,4 +1,4 @@
-"""The context, buffers and textures of OpenGL.
+"""The context, buffers and textures of OpenGL, and the module ``GL`` for all that draws with it.
 
 The context and the buffers are pyrender's. Its private members are used here and nowhere else: the
 ``_platform`` of its ``OffscreenRenderer``, to make the one context of a process current, and the
@@ -16,8 +16,11 @@ from numpy.typing import NDArray
 
 from lrf3d.errors import MissingLibraryError
 from lrf3d.geometry import quad_indices
-from lrf3d.render.bindings import GL, pyrender, rewrite
-from lrf3d.render.gl import INSTALL_LINE
+from lrf3d.render.gl import INSTALL_LINE, import_libraries
+
+GL: Any
+pyrender: Any
+GL, pyrender = import_libraries()
 
 _FLOAT = 4
 """Bytes of a float32, and of an index."""
@@ -44,6 +47,16 @@ def _context() -> Any:
 def make_current() -> None:
     """Let this thread draw."""
     _context()._platform.make_current()
+
+
+def rewrite(kind: int, values: NDArray[Any]) -> None:
+    """Write a contiguous array to the beginning of the buffer that is bound.
+
+    PyOpenGL's own wrapper of this takes several times as long as the writing.
+    """
+    from OpenGL.raw.GL.VERSION.GL_1_5 import glBufferSubData
+
+    glBufferSubData(kind, 0, values.nbytes, ctypes.c_void_p(values.ctypes.data))
 
 
 class Texture:

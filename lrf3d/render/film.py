@@ -1,35 +1,105 @@
-"""Film: the pictures of a run, one for each time asked for."""
+"""Film: the pictures of a run, one for each time asked for, and the options of all films."""
 
 from collections.abc import Collection
-from typing import Protocol
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lrf3d.render.gl import import_libraries
+from lrf3d.errors import InputError, shown
+from lrf3d.geometry import is_finite, read_only
+from lrf3d.render.gl import gl_available, import_libraries, require_gl
 from lrf3d.render.hud import gap_of, lay_frame, lay_labels
 from lrf3d.run import Run
 from lrf3d.scene import panel
-from lrf3d.scene.camera import Look
 from lrf3d.scene.cameras import make_camera
 from lrf3d.scene.moments import LAYERS, Goal, Scene
-from lrf3d.scene.shapes import Label, Pixels, Seen
+from lrf3d.scene.shapes import Pixels
 from lrf3d.scene.stage import Stage
-from lrf3d.scene.timeline import Moment, Timeline
+from lrf3d.scene.timeline import Timeline
+from lrf3d.world.cameras import check_view
+
+if TYPE_CHECKING:
+    from lrf3d.render.plain import PlainRenderer
+    from lrf3d.render.renderer import Renderer
+
+RENDERERS = ("embree", "gl")
+"""Names of the renderers: Embree's, which needs nothing but wheels, and OpenGL's, the fast one."""
+
+_SMALLEST, _LARGEST = 16, 8192
+"""Sides of pictures [pixels] that can be drawn."""
 
 _SIDE, _LEAST_SIDE = 0.30, 40
 """Side of the inset, as a share of the shorter side of the picture, and the least [pixels]."""
 
 
-class Renderer(Protocol):
-    """Draws what is to be seen."""
+@dataclass(frozen=True, slots=True)
+class FilmOptions:
+    """How pictures of a run are drawn: see :func:`lrf3d.render_video`."""
 
-    def draw(self, seen: Seen) -> Pixels:
-        """The picture (h, w, 4) uint8; the next one writes over it."""
-        ...
+    size: tuple[int, int] = (1280, 720)
+    view: str | None = None
+    playback: float | None = None
+    samples: int = 4
+    renderer: str | None = None
+    panel: str = "short"
+    layers: Collection[str] = LAYERS
+    """What is drawn over the scene."""
+    goal: Goal | None = None
+    """A goal to be marked on the ground."""
 
-    def close(self) -> None:
-        """Free what is held."""
-        ...
+    def of(self, run: Run) -> "FilmOptions":
+        """These options, where the run and the machine choose what is not given.
+
+        Raises:
+            InputError: An option is invalid.
+            MissingLibraryError: OpenGL is asked for and is not there.
+        """
+        view = run.film.view if self.view is None else self.view
+        playback = run.film.playback if self.playback is None else self.playback
+        sides = self.size if isinstance(self.size, tuple | list) else ()
+        if len(sides) != 2 or not all(
+            is_finite(side) and side == int(side) and _SMALLEST <= side <= _LARGEST
+            for side in sides
+        ):
+            raise InputError(
+                f"size {shown(self.size)}: expected width and height,"
+                f" {_SMALLEST} to {_LARGEST} pixels each"
+            )
+        if not isinstance(view, str):
+            raise InputError(f"view {shown(view)}: expected the name of a camera")
+        check_view(view, run.world.cameras)
+        if not (is_finite(self.samples) and self.samples in (0, 4)):
+            raise InputError(f"samples {shown(self.samples)}: expected 0 or 4")
+        if not (is_finite(playback) and playback > 0.0):
+            raise InputError(f"playback {shown(playback)}: expected a number of more than 0")
+        if self.panel not in panel.PANELS:
+            raise InputError(
+                f"panel {shown(self.panel)}: expected one of {', '.join(panel.PANELS)}"
+            )
+        goal = None if self.goal is None else read_only(self.goal, "goal")
+        if goal is not None and (goal.shape != (3,) or not is_finite(*goal)):
+            raise InputError(f"goal {shown(self.goal)}: expected x, y and radius [m]")
+        return replace(
+            self,
+            size=(int(sides[0]), int(sides[1])),
+            view=view,
+            playback=float(playback),
+            renderer=choose_renderer(self.renderer),
+            layers=frozenset(self.layers),
+            goal=None if goal is None else tuple(goal.tolist()),
+        )
+
+
+def choose_renderer(wanted: str | None) -> str:
+    """The renderer of a name; where none is named, OpenGL's where it is there, else Embree's."""
+    if wanted is None:
+        return "gl" if gl_available() else "embree"
+    if wanted not in RENDERERS:
+        raise InputError(f"renderer {wanted!r}: expected one of {', '.join(RENDERERS)}")
+    if wanted == "gl":
+        require_gl()
+    return wanted
 
 
 class Film:
@@ -37,43 +107,24 @@ class Film:
 
     Args:
         run: The run.
-        size: Width and height of the pictures [pixels].
-        view: Name of the camera.
-        samples: Samples a pixel against jagged edges: 4, or 0 for none.
-        playback: Seconds of the run in a second of the film, the run's own if not given; cameras
-            move by the film's time.
-        layers: What is drawn over the scene, of :data:`~lrf3d.scene.moments.LAYERS`.
-        renderer: What draws: ``gl``, or ``embree`` where there is no OpenGL.
-        goal: A goal to be marked on the ground.
         stage: What stands in the run's world, if it has been painted already.
-        panel: What the panel says: ``short``, three facts, or ``full``, all numbers.
+        options: Those of :class:`FilmOptions`.
     """
 
-    def __init__(
-        self,
-        run: Run,
-        *,
-        size: tuple[int, int],
-        view: str,
-        samples: int,
-        playback: float | None = None,
-        layers: Collection[str] = LAYERS,
-        renderer: str = "gl",
-        goal: Goal | None = None,
-        stage: Stage | None = None,
-        panel: str = "short",
-    ) -> None:
-        self.timeline = Timeline(run, playback=playback)
-        if renderer == "gl":
+    def __init__(self, run: Run, *, stage: Stage | None = None, **options: Any) -> None:
+        chosen = FilmOptions(**options).of(run)
+        if chosen.renderer == "gl":
             # Before anything is painted, which takes seconds.
             import_libraries()
-        self.scene = Scene(self.timeline, goal, stage)
-        self.renderer = _renderer(renderer, self.scene.stage, size, samples)
-        self.camera = make_camera(view, self.timeline, self.scene.structures)
-        self._size, self._layers = size, frozenset(layers)
-        self._facts = _facts(self.scene, panel)
-        self._side = round(_SIDE * min(size))
-        self._middle, self._window = self.scene.plan_window()
+        self.timeline = Timeline(run, playback=chosen.playback)
+        self.scene = Scene(self.timeline, chosen.goal, stage)
+        self.renderer = _renderer(chosen, self.scene.stage)
+        structures = self.scene.structures
+        self.camera = make_camera(str(chosen.view), self.timeline, structures)
+        self._size, self._layers = chosen.size, chosen.layers
+        self._facts = panel.Facts(run, structures, self.timeline.playback, chosen.panel)
+        self._side = round(_SIDE * min(chosen.size))
+        self._window = self.scene.plan_window()
         self._key: object = None
         self._picture: Pixels = np.zeros((0, 0, 4), np.uint8)
 
@@ -86,18 +137,18 @@ class Film:
             return self._picture
         self._key = (moment.time, view.key)
         seen = self.scene.seen(moment, view, self._size, self._layers)
-        inset = view.plan and "inset" in self._layers and self._side >= _LEAST_SIDE
         gap = gap_of(self._size)
-        left = self._size[0] - gap - self._side
+        box = self._size[0] - gap - self._side, gap, self._side
+        inset = view.plan and "inset" in self._layers and self._side >= _LEAST_SIDE
         if inset:
-            box = (left, gap, self._side)
-            plan = self.scene.plan(moment, box, self._middle, self._window)
-            seen = seen._replace(plan=plan)
+            seen = seen._replace(plan=self.scene.plan(moment, box, *self._window))
         if "hud" in self._layers:
-            seen = seen._replace(labels=self._labels(moment, view))
+            said = panel.panel(self._facts, moment, view.shot)
+            card = (panel.card(self._facts),) if view.raised >= 1.0 else ()
+            seen = seen._replace(labels=(said, *card))
         self._picture = self.renderer.draw(seen)
         if inset:
-            lay_frame(self._picture, (left, gap, self._side), self._window)
+            lay_frame(self._picture, box, self._window[1])
         lay_labels(self._picture, seen.labels, self._side if inset else 0)
         return self._picture
 
@@ -109,21 +160,13 @@ class Film:
         """Free what the driver holds."""
         self.renderer.close()
 
-    def _labels(self, moment: Moment, view: Look) -> tuple[Label, ...]:
-        said = panel.panel(self._facts, moment, view.shot)
-        return (said, panel.card(self._facts)) if view.raised >= 1.0 else (said,)
 
-
-def _facts(scene: Scene, wanted: str) -> panel.Facts:
-    return panel.Facts(scene.run, scene.structures, scene.timeline.playback, wanted)
-
-
-def _renderer(name: str, stage: Stage, size: tuple[int, int], samples: int) -> Renderer:
-    """The renderer of a name; only what it needs is imported."""
-    if name == "embree":
+def _renderer(options: FilmOptions, stage: Stage) -> "Renderer | PlainRenderer":
+    """The renderer that draws; only what it needs is imported."""
+    if options.renderer == "embree":
         from lrf3d.render.plain import PlainRenderer
 
-        return PlainRenderer(stage, size)
+        return PlainRenderer(stage, options.size)
     from lrf3d.render.renderer import Renderer
 
-    return Renderer(stage, size, samples)
+    return Renderer(stage, options.size, options.samples)

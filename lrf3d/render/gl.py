@@ -1,7 +1,6 @@
 """OpenGL and pyrender, imported so that they work without a screen and with NumPy 2.
 
-Nothing here is imported by the rest of lrf3d; the modules that draw take both libraries from
-:mod:`lrf3d.render.bindings`.
+The modules that draw take both libraries from :mod:`lrf3d.render.buffers`.
 """
 
 import ctypes

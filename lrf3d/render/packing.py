@@ -1,4 +1,4 @@
-"""The vertices, as the shaders take them, of what a scene is made of.
+"""The vertices, as the shaders take them, of what a scene is made of, and the light of bodies.
 
 The arrays of a mark are its vertex attributes, in the order of the shader's locations.
 """
@@ -9,10 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.geometry import Single
-from lrf3d.scene.shapes import Faces, GroundPicture, Mark, Painted
+from lrf3d.scene.look import BODY_LIGHT, SUN
+from lrf3d.scene.shapes import Faces, GroundPicture, Mark, Painted, single
 
 _LAND_REACH = 3000.0
 """How far the ground goes [m]: to the horizon."""
+
+_UNTURNED = np.eye(3)
 
 
 def columns_of(mark: Mark | Faces) -> dict[str, NDArray[Any]]:
@@ -26,20 +29,26 @@ def walls_of(faces: Painted) -> tuple[Single, ...]:
     return *columns, faces.under[..., None]
 
 
-def land_of(ground: GroundPicture) -> Faces:
-    """The land around the ground's picture: four sides, whose corners leave no seam."""
+def land_of(ground: GroundPicture, reach: float = _LAND_REACH) -> Faces:
+    """The land so far [m] around the ground's picture: four sides, whose corners leave no seam."""
     low, high = ground.corner, ground.corner + ground.size
-    middle = 0.5 * (low + high)
-    reach = max(_LAND_REACH, float(ground.size.max()))
     outer, inner = (
         np.array([a, [b[0], a[1]], b, [a[0], b[1]]])
-        for a, b in ((middle - reach, middle + reach), (low, high))
+        for a, b in ((low - reach, high + reach), (low, high))
     )
     quads = np.stack([outer, np.roll(outer, -1, axis=0), np.roll(inner, -1, axis=0), inner], axis=1)
     corners = np.zeros((8, 3, 3), np.float32)
     corners[..., :2] = quads[:, [0, 1, 2, 0, 2, 3]].reshape(8, 3, 2)
     colours = np.broadcast_to(ground.land.astype(np.float32), corners.shape)
     return Faces(corners, np.zeros_like(corners), colours)
+
+
+def lit(faces: Faces, turn: Any = _UNTURNED) -> Single:
+    """The colours (t, 3, 3) of faces in their light, turned by a matrix (3, 3)."""
+    everywhere, sunny, upward = BODY_LIGHT
+    up = faces.normals @ turn.T
+    light = everywhere + sunny * np.maximum(up @ SUN, 0.0) + upward * up[..., 2]
+    return single(faces.colours * np.where((up == 0.0).all(axis=2), 1.0, light)[..., None])
 
 
 def rectangle(low: Any, high: Any) -> Single:

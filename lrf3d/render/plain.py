@@ -14,6 +14,7 @@ from lrf3d.casting.triangle_rays import TriangleRays
 from lrf3d.geometry import Float, Single
 from lrf3d.render.fill import Surfaces, fill_discs, fill_triangles, shade
 from lrf3d.render.glsl import air
+from lrf3d.render.packing import lit
 from lrf3d.scene import look
 from lrf3d.scene.facades import layers
 from lrf3d.scene.shapes import Body, Cut, Lens, Lines, Mark, Pixels, Points, Seen, Soft, single
@@ -92,11 +93,7 @@ class PlainRenderer:
 
     def _draw_body(self, canvas: _Canvas, lens: Lens, body: Body) -> None:
         faces, turn = body.faces, body.pose[:3, :3]
-        normals = faces.normals @ turn.T
-        everywhere, sunny, upward = look.BODY_LIGHT
-        lit = everywhere + sunny * np.maximum(normals @ look.SUN, 0.0) + upward * normals[..., 2]
-        lit = np.where((normals == 0.0).all(axis=2), 1.0, lit)[..., None]
-        colours = np.concatenate([faces.colours * lit, np.ones_like(lit)], axis=2)
+        colours = np.insert(lit(faces, turn), 3, 1.0, axis=2)
         self._fill(canvas, lens, faces.corners @ turn.T + body.pose[:3, 3], colours, 0.0, True)
 
     def _draw_mark(self, canvas: _Canvas, lens: Lens, mark: Mark) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.geometry import Single
-from lrf3d.render.bindings import GL, rewrite
+from lrf3d.render.buffers import GL, rewrite
 from lrf3d.render.glsl import shader_source
 from lrf3d.scene.shapes import Lens
 

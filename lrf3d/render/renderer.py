@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.geometry import Single
-from lrf3d.render.bindings import GL
-from lrf3d.render.buffers import Buffer, Texture, make_current
+from lrf3d.render.buffers import GL, Buffer, Texture, make_current
 from lrf3d.render.glsl import air
 from lrf3d.render.packing import columns_of, land_of, mesh, rectangle, walls_of
 from lrf3d.render.parts import Parts
@@ -105,6 +104,7 @@ class Renderer:
         """Clear and set up."""
         make_current()
         GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._sampled or self._frame)
+        GL.glDisable(GL.GL_SCISSOR_TEST)
         GL.glViewport(0, 0, *self._size)
         GL.glDepthMask(GL.GL_TRUE)
         # The sky covers what nothing else does, so that only the depth needs clearing.
@@ -116,15 +116,13 @@ class Renderer:
         # The picture is drawn turned over, which turns the sense of its triangles too.
         GL.glFrontFace(GL.GL_CW)
 
-    def _filled(self, name: str, *columns: Single) -> Buffer:
-        buffer = self._buffer(name, GL.GL_TRIANGLES)
-        buffer.fill(columns)
+    def _filled(
+        self, name: str, *columns: Single, mode: int = GL.GL_TRIANGLES, corners: int = 1
+    ) -> Buffer:
+        """The buffer of a name, with these vertex attributes."""
+        buffer = self._buffers.get(name) or self._buffers.setdefault(name, Buffer(mode))
+        buffer.fill(columns, corners=corners)
         return buffer
-
-    def _buffer(self, name: str, mode: int) -> Buffer:
-        if name not in self._buffers:
-            self._buffers[name] = Buffer(mode)
-        return self._buffers[name]
 
     def _paint(
         self,
@@ -141,8 +139,8 @@ class Renderer:
         first, count = span or (0, buffer.count)
         if not count:
             return
-        _switch(GL.GL_BLEND, blend)
-        _switch(GL.GL_CULL_FACE, cull)
+        for what, on in ((GL.GL_BLEND, blend), (GL.GL_CULL_FACE, cull)):
+            (GL.glEnable if on else GL.glDisable)(what)
         GL.glDepthMask(solid)
         if program not in self._programs:
             self._programs[program] = ShaderProgram(program, self._constants)
@@ -177,8 +175,8 @@ class Renderer:
 
     def _draw_mark(self, name: str, mark: Mark, focus: float) -> None:
         mode = GL.GL_POINTS if isinstance(mark, Points) else GL.GL_TRIANGLES
-        buffer = self._buffer(name, mode)
-        buffer.fill(list(columns_of(mark).values()), corners=4 if isinstance(mark, Lines) else 1)
+        corners = 4 if isinstance(mark, Lines) else 1
+        buffer = self._filled(name, *columns_of(mark).values(), mode=mode, corners=corners)
         if isinstance(mark, Points):
             sizes = (mark.size * focus, *(self._scale * size for size in mark.pixels))
             program = "points:GLOW_ROUND" if mark.glows else "points"
@@ -195,7 +193,10 @@ class Renderer:
     def _draw_plan(self, plan: Plan) -> None:
         """The map in its corner, on a dark ground."""
         left, top, side = plan.box
-        self._overlay((left, top, side, side))
+        GL.glDisable(GL.GL_DEPTH_TEST)
+        GL.glEnable(GL.GL_SCISSOR_TEST)
+        for place in (GL.glScissor, GL.glViewport):
+            place(left, top, side, side)
         GL.glClearColor(*(part / 255.0 for part in look.PLAN_BACK), 1.0)
         GL.glClear(GL.GL_COLOR_BUFFER_BIT)
         self._camera.fill(plan.lens, side, side)
@@ -221,19 +222,7 @@ class Renderer:
         self._paint("resolve", self._resolving, colours=0, depths=1)
         GL.glDepthFunc(GL.GL_LEQUAL)
 
-    def _overlay(self, box: tuple[int, int, int, int] | None) -> None:
-        """Go on without depth, in a box left, top, width, height [pixels] or in the whole."""
-        GL.glDisable(GL.GL_DEPTH_TEST)
-        if box is None:
-            GL.glDisable(GL.GL_SCISSOR_TEST)
-            GL.glViewport(0, 0, *self._size)
-        else:
-            GL.glEnable(GL.GL_SCISSOR_TEST)
-            GL.glScissor(*box)
-            GL.glViewport(*box)
-
     def _finish(self) -> Pixels:
-        self._overlay(None)
         GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._frame)
         GL.glPixelStorei(GL.GL_PACK_ALIGNMENT, 1)
         place = ctypes.c_void_p(self._picture.ctypes.data)
@@ -265,10 +254,3 @@ def _framebuffer(size: tuple[int, int], samples: int) -> tuple[int, list[int]]:
             GL.glRenderbufferStorage(GL.GL_RENDERBUFFER, kind, *size)
             GL.glFramebufferRenderbuffer(GL.GL_FRAMEBUFFER, place, GL.GL_RENDERBUFFER, each)
     return frame, made
-
-
-def _switch(what: int, on: bool) -> None:
-    if on:
-        GL.glEnable(what)
-    else:
-        GL.glDisable(what)

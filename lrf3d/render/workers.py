@@ -1,22 +1,23 @@
 """The pictures of a film in their order, drawn by processes of this machine at the same time.
 
-Each process draws every n-th picture: ``python -m lrf3d.render.workers JOB NUMBER COUNT``. It
-writes them to its standard output, and waits while nobody reads it, so that a film of any length
-takes no more memory than a short one.
+Each process draws every n-th picture: ``python -m lrf3d.render.workers JOB NUMBER COUNT PIPE``. It
+waits while nobody reads its pipe, so that a film of any length takes no more memory than a short
+one. No pool of Python's is used: its processes would run the script again that asks for the film.
 """
 
 import math
 import os
 import pickle
-import select
 import shutil
 import subprocess
 import sys
-from collections.abc import Generator
-from contextlib import ExitStack
-from dataclasses import dataclass
+from collections.abc import Callable, Generator, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import IO, Any
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from lrf3d.cores import core_count
 from lrf3d.errors import Lrf3dError
 from lrf3d.geometry import Float
 from lrf3d.interrupts import check
+from lrf3d.render.film import Film, FilmOptions
 from lrf3d.run import Run
 from lrf3d.scene.shapes import Pixels
 from lrf3d.scene.stage import Stage
@@ -31,141 +33,99 @@ from lrf3d.scene.stage import Stage
 _FRAMES_A_WORKER = 20
 """A process that draws fewer frames than this takes longer to start than it saves."""
 
-_PIPE = 1 << 20
-"""Bytes that a process can be ahead of its reader, besides the picture that it draws."""
-
 _WAIT = 0.1
 """How often it is checked whether the film is to be stopped [s]."""
 
 
-@dataclass(frozen=True, slots=True)
-class Job:
-    """Pictures to draw."""
+class Job(NamedTuple):
+    """Pictures to draw, at times (frames,) of a run [s]; its light is baked once for all."""
 
     run: Run
     times: Float
-    """(frames,) Times of the run [s]."""
-    film: dict[str, Any]
-    """What :class:`lrf3d.render.film.Film` is made with."""
+    options: FilmOptions
     stage: Stage
-    """What stands in the run's world: its light is baked once for all processes."""
-    workers: int | None
-    """How many processes draw; as many as are worth it if not given."""
 
 
-def draw(job: Job, scratch: Path) -> Generator[Pixels, None, None]:
-    """The pictures (h, w, 3) of a job, the first first, each until the next is asked for.
+def draw(job: Job, scratch: Path, workers: int | None) -> Generator[Pixels, None, None]:
+    """The pictures (h, w, 3) of a job, drawn by that number of processes, or as many as pay.
 
     What ends a process is raised here.
     """
-    cores = core_count()
-    total = len(job.times)
-    count = min(job.workers or min(cores, math.ceil(total / _FRAMES_A_WORKER)), total)
+    cores, total = core_count(), len(job.times)
+    count = min(workers or min(cores, math.ceil(total / _FRAMES_A_WORKER)), total)
     (scratch / "job").write_bytes(pickle.dumps(job, pickle.HIGHEST_PROTOCOL))
-    width, height = job.film["size"]
-    read = bytearray(3 * width * height + 1)
     with ExitStack() as ended:
-        drawers = [
-            ended.enter_context(_Drawer(scratch, number, count, threads=max(1, cores // count)))
+        processes = [
+            ended.enter_context(_process(scratch, number, count, threads=max(1, cores // count)))
             for number in range(count)
         ]
         for number in range(total):
-            drawers[number % count].read_into(memoryview(read))
-            yield np.frombuffer(read, np.uint8)[1:].reshape(height, width, 3)
+            yield processes[number % count]()
 
 
-class _Drawer:
-    """A process that draws, until it is left."""
+@contextmanager
+def _process(
+    scratch: Path, number: int, count: int, *, threads: int
+) -> Iterator[Callable[[], Pixels]]:
+    """A process, which ends with the block, and what waits for its next picture."""
+    environment = {
+        **os.environ,
+        # Read by Mesa's software OpenGL: more threads than cores only wait for each other.
+        "LP_NUM_THREADS": str(threads),
+        "OMP_NUM_THREADS": "1",
+        "OPENBLAS_NUM_THREADS": "1",
+        "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
+    }
+    pipe, end = Pipe(duplex=False)
+    log = scratch / f"{number}.log"
+    with end, log.open("wb") as said:
+        arguments = [scratch / "job", number, count, end.fileno()]
+        process = subprocess.Popen(
+            [sys.executable, "-m", "lrf3d.render.workers", *map(str, arguments)],
+            stdin=subprocess.DEVNULL,
+            stdout=said,
+            stderr=said,
+            env=environment,
+            pass_fds=[end.fileno()],
+            # An interrupt is for the caller, who then ends this.
+            start_new_session=True,
+        )
 
-    def __init__(self, scratch: Path, number: int, count: int, *, threads: int) -> None:
-        environment = {
-            **os.environ,
-            # Read by Mesa's software OpenGL: more threads than cores only wait for each other.
-            "LP_NUM_THREADS": str(threads),
-            "OMP_NUM_THREADS": "1",
-            "OPENBLAS_NUM_THREADS": "1",
-            "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
-        }
-        arguments = [str(scratch / "job"), str(number), str(count)]
-        self._log = scratch / f"{number}.log"
-        with self._log.open("wb") as log:
-            self._process = subprocess.Popen(
-                [sys.executable, "-m", "lrf3d.render.workers", *arguments],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=log,
-                env=environment,
-                bufsize=0,
-                pipesize=_PIPE,
-                # An interrupt is for the caller, who then ends this.
-                start_new_session=True,
-            )
-
-    def read_into(self, buffer: memoryview) -> None:
-        """Wait for a picture and fill a buffer with it; raise what has ended the process."""
-        pipe: IO[bytes] = self._process.stdout  # type: ignore[assignment]
-        while buffer:
+    def picture() -> Pixels:
+        while not pipe.poll(_WAIT):
             check()
-            # A signal does not end this wait, so it ends now and then by itself.
-            if select.select([pipe], [], [], _WAIT)[0]:
-                read = os.readv(pipe.fileno(), [buffer])
-                if not read:
-                    raise self._failure()
-                buffer = buffer[read:]
+        try:
+            sent = pipe.recv()
+        except EOFError:
+            words = f"drawing the film failed with status {process.wait()}"
+            printed = log.read_text(errors="replace").strip()
+            raise RuntimeError(f"{words}:\n{printed[-3000:]}") from None
+        if isinstance(sent, Lrf3dError):
+            raise sent
+        return np.asarray(sent)
 
-    def _failure(self) -> Exception:
-        """What ended the process: the error that it left, or the end of what it printed."""
-        status = self._process.wait()
-        left = self._log.with_suffix(".error")
-        if left.exists():
-            error = pickle.loads(left.read_bytes())
-            assert isinstance(error, Exception)
-            return error
-        log = self._log.read_text(errors="replace").strip()
-        return RuntimeError(f"drawing the film failed with status {status}:\n{log[-3000:]}")
-
-    def __enter__(self) -> "_Drawer":
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._process.kill()
-        self._process.wait()
-        assert self._process.stdout is not None
-        self._process.stdout.close()
-
-
-def _draw_share(job: Job, first: int, step: int, out: IO[bytes]) -> None:
-    """Draw every ``step``-th picture from the first on, and write it with a byte ahead of it."""
-    from lrf3d.render.film import Film
-
-    film = Film(job.run, stage=job.stage, **job.film)
-    for number in range(first, len(job.times), step):
-        picture = film.draw(float(job.times[number]))
-        out.write(b".")
-        out.write(np.ascontiguousarray(picture[:, :, :3]).data)
-        out.flush()
-
-
-def main(arguments: list[str]) -> int:
-    """Draw the share that the arguments name: the job's file, the process's number, how many.
-
-    A failure is left as a pickle next to the job for the caller to raise.
-    """
-    job_file, number, count = Path(arguments[0]), int(arguments[1]), int(arguments[2])
-    # What libraries print must not be taken for pictures.
-    out = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)
     try:
-        _draw_share(pickle.loads(job_file.read_bytes()), number, count, out)
+        yield picture
+    finally:
+        process.kill()
+        process.wait()
+        pipe.close()
+
+
+def main(job_file: str, number: str, count: str, pipe: str) -> None:
+    """Draw every ``count``-th picture of a job from a number on, or say why not."""
+    end = Connection(int(pipe), readable=False)
+    try:
+        job: Job = pickle.loads(Path(job_file).read_bytes())
+        film = Film(job.run, stage=job.stage, **asdict(job.options))
+        for time in job.times[int(number) :: int(count)].tolist():
+            end.send(np.ascontiguousarray(film.draw(time)[:, :, :3]))
     except BrokenPipeError:
         # Nobody else is left to tidy up.
-        shutil.rmtree(job_file.parent, ignore_errors=True)
-        return 1
+        shutil.rmtree(Path(job_file).parent, ignore_errors=True)
     except Lrf3dError as error:
-        job_file.with_name(f"{number}.error").write_bytes(pickle.dumps(error))
-        return 1
-    return 0
+        end.send(error)
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    main(*sys.argv[1:])

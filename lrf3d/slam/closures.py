@@ -11,13 +11,11 @@ from functools import cached_property
 import numpy as np
 
 from lrf3d.geometry import Float, wrap_angle
-from lrf3d.slam.correlation import CLEARLY, LEAST_FOUND, log_odds, same_place, search
-from lrf3d.slam.correlation import DEVIATIONS as WINDOW_DEVIATIONS
 from lrf3d.slam.frames import between, compose, turned
 from lrf3d.slam.front_end import WEAK, weakest_direction
-from lrf3d.slam.graph_paths import GraphPaths
-from lrf3d.slam.pose_graph import Edges
-from lrf3d.slam.scan_matching import Match
+from lrf3d.slam.pose_graph import Edges, GraphPaths
+from lrf3d.slam.scan_matching import DEVIATIONS as WINDOW_DEVIATIONS
+from lrf3d.slam.scan_matching import Match, clearest, search
 from lrf3d.slam.surface import wall_map
 from lrf3d.slam.violation import Key, contradicted
 
@@ -35,9 +33,6 @@ DRIFT, DRIFT_TURN = 0.01, 0.0015
 
 LEAST_SPREAD, MOST_SPREAD = np.array([0.1, 0.1, 0.02]), np.array([10.0, 10.0, 0.3])
 """Bounds of the standard deviations [m], [rad] of the window that is searched."""
-
-FARTHEST = 2000.0
-"""Paths over the graph are found up to this length [m]."""
 
 LOST = 10.0
 """Distance [m] over which a robot drifts as far as in one scan that matches nothing: 0.1 m."""
@@ -102,21 +97,14 @@ class LoopCloser:
     def __init__(self) -> None:
         self.keys: list[Key] = []
         self.accepted: list[Closure] = []
-        self._rejected: list[Closure] = []
-        # Those of the last stretch: not accepted yet, and accepted.
-        self._pending: list[Closure] = []
-        self._recent: list[Closure] = []
+        # Those that were found, but too few others agree with them.
+        self.unconfirmed: list[Closure] = []
         self.paths = GraphPaths()
         # How far the robot had driven at each key scan [m], and by now.
         self.driven = np.empty(0)
         self.distance = 0.0
         # Key scans that follow each other without a known place between them are of one stretch.
         self._stretches = np.empty(0, np.int64)
-
-    @property
-    def unconfirmed(self) -> list[Closure]:
-        """Closures that were found and are rejected: too few others agree with them."""
-        return self._rejected + self._pending
 
     def drive(self, step: Float, lost: int) -> float:
         """Note how the robot has moved; returns the distance [m] over which it drifts as far."""
@@ -139,39 +127,39 @@ class LoopCloser:
 
     def search(self, poses: Float) -> list[Closure]:
         """Closures that are accepted now: of the newest key scan, and older ones it confirms."""
-        new = len(self.keys) - 1
-        closure = self._found(new, poses)
-        # What lies farther back is next to no closure to come.
-        oldest = self.driven[new] - STRETCH
-        self._rejected += [c for c in self._pending if self.driven[c.new] <= oldest]
-        self._pending = [c for c in self._pending if self.driven[c.new] > oldest]
-        self._recent = [c for c in self._recent if self.driven[c.new] > oldest]
+        closure = self._found(len(self.keys) - 1, poses)
         if closure is None:
             return []
-        self._pending.append(closure)
-        return self._accept(self._confirmed(closure, AGREEING))
+        self.unconfirmed.append(closure)
+        return self._accept(closure, AGREEING)
 
     def settle(self) -> list[Closure]:
         """Closures that are accepted when the drive is over: fewer have to agree."""
-        waiting, self._rejected, self._pending = self.unconfirmed, [], []
-        self._recent = list(self.accepted)
         accepted: list[Closure] = []
-        self._pending = waiting
-        for closure in waiting:
-            if any(closure is other for other in self._pending):
-                accepted += self._accept(self._confirmed(closure, AGREEING_IN_THE_END, strict=True))
+        for closure in list(self.unconfirmed):
+            if closure in self.unconfirmed:
+                accepted += self._accept(closure, AGREEING_IN_THE_END, strict=True)
         return accepted
 
-    def _accept(self, closures: list[Closure]) -> list[Closure]:
-        """Accept closures, which are paths over the graph from now on."""
-        for closure in closures:
-            # Along a corridor it leaves the robot as uncertain as a long drive does.
+    def _accept(self, newest: Closure, enough: int, *, strict: bool = False) -> list[Closure]:
+        """Accept a closure and those that agree with it, if these are enough."""
+        waiting = [other for other in self.unconfirmed if self._beside(other, newest)]
+        known = [other for other in self.accepted if self._beside(other, newest)]
+        agreeing = [other for other in waiting if self._agree(other, newest)]
+        together = len(agreeing) + sum(self._agree(other, newest) for other in known)
+        # Of sets that contradict each other the larger one is accepted.
+        against = len(waiting) + len(known) - together
+        if together < enough or together <= against or (strict and against):
+            return []
+        self.unconfirmed = [other for other in self.unconfirmed if other not in agreeing]
+        self.accepted += agreeing
+        for closure in agreeing:
+            # A path over the graph from now on. Along a corridor it leaves the robot as uncertain
+            # as a long drive does.
             off = np.sqrt(np.linalg.eigvalsh(closure.covariance[:2, :2])[1]) / DRIFT
             length = max(CLOSURE_LENGTH, float(off))
             self.paths.link(closure.old, closure.new, length, closure.covariance)
-        self.accepted += closures
-        self._recent += closures
-        return closures
+        return agreeing
 
     def _found(self, new: int, poses: Float) -> Closure | None:
         """The closure of a key scan with an old one, at the place that fits best of all."""
@@ -180,7 +168,7 @@ class LoopCloser:
         fits = self.driven < self.driven[new] - LEAST_DISTANCE
         if not fits.any():
             return None
-        lengths, spreads = self.paths.spreads(new, poses, FARTHEST)
+        lengths, spreads = self.paths.spreads(new, poses)
         fits &= np.isfinite(lengths) & (lengths > LEAST_DISTANCE)
         away = poses[:, :2] - poses[new, :2]
         apart = np.hypot(away[:, 0], away[:, 1])
@@ -188,67 +176,54 @@ class LoopCloser:
         sideways = np.sqrt(np.einsum("ki,kij,kj->k", along, spreads[:, :2, :2], along))
         deviation = np.clip(sideways, LEAST_SPREAD[0], MOST_SPREAD[0])
         fits &= apart < NEAR + WINDOW_DEVIATIONS * deviation
-        places: list[tuple[Match, int, Float]] = []
+        matches: list[Match] = []
+        olds: list[int] = []
         for _ in range(MOST_TRIES):
-            candidates = np.flatnonzero(fits)
-            if not len(candidates):
+            if not fits.any():
                 break
-            old = int(candidates[apart[candidates].argmin()])
+            old = int(np.where(fits, apart, np.inf).argmin())
             spread = _bounded(spreads[old])
-            for match in self._matches(old, new, poses, spread):
-                places.append((match, old, compose(poses[old], match.pose)))
+            found = self._matches(old, new, poses, spread)
+            matches += found
+            olds += [old] * len(found)
             # The next try is at another place than this one; where the window is small, one that
             # shows the place is enough.
             fits &= np.abs(self.driven - self.driven[old]) > OTHER_PLACE
             small = WINDOW_DEVIATIONS * np.sqrt(spread[:2, :2].trace()) < OTHER_PLACE
-            if small and any(match.explained > LEAST_SHARE for match, _, _ in places):
+            if small and any(match.explained > LEAST_SHARE for match in matches):
                 break
-        if not places:
+        there = [compose(poses[old], match.pose) for old, match in zip(olds, matches, strict=True)]
+        best = clearest(matches, there, [match.log_odds for match in matches])
+        if best is None:
             return None
-        match, old, there = max(places, key=lambda place: place[0].explained)
-        others = [
-            log_odds(other) for other, _, at in places if not same_place(there, at, tolerance=2.0)
-        ]
-        clearer = log_odds(match) - max(others, default=-np.inf)
-        if match.explained < LEAST_FOUND or clearer < CLEARLY:
-            return None
-        near = self._around(old, new)
-        locals_ = between(self.keys[old].pose, np.array([self.keys[k].pose for k in near]))
-        if contradicted([self.keys[k] for k in near], self.keys[new], between(locals_, match.pose)):
+        old, match = olds[best], matches[best]
+        around, locals_ = self._around(old, new)
+        if contradicted(around, self.keys[new], between(locals_, match.pose)):
             return None
         relative = np.array([*match.pose[:2], wrap_angle(match.pose[2])])
         return Closure(old, new, relative, CLOSURE_SHARE * _fixed(match.information) + FLOOR)
 
-    def _around(self, old: int, new: int) -> list[int]:
-        """The key scans of the map that a new one is matched with where it meets an old one."""
-        around = range(max(old - SUBMAP, 0), min(old + SUBMAP + 1, new))
-        return [k for k in around if self._stretches[k] == self._stretches[old]]
+    def _around(self, old: int, new: int) -> tuple[list[Key], Float]:
+        """The key scans of the map that a new one is matched with where it meets an old one.
+
+        Their poses (k, 3) are as seen from the old one, and by the front end: over a stretch so
+        short these are better than those of the graph.
+        """
+        around = [
+            self.keys[k]
+            for k in range(max(old - SUBMAP, 0), min(old + SUBMAP + 1, new))
+            if self._stretches[k] == self._stretches[old]
+        ]
+        return around, between(self.keys[old].pose, np.array([key.pose for key in around]))
 
     def _matches(self, old: int, new: int, poses: Float, spread: Float) -> list[Match]:
         """The places in a window, best first, as seen from an old key scan."""
-        near, origin = self._around(old, new), self.keys[old].pose
-        # Over a stretch so short the front end's poses are better than those of the graph.
-        locals_ = between(origin, np.array([self.keys[k].pose for k in near]))
-        grid = wall_map((self.keys[k].walls, pose) for k, pose in zip(near, locals_, strict=True))
+        around, locals_ = self._around(old, new)
+        grid = wall_map((key.walls, pose) for key, pose in zip(around, locals_, strict=True))
         if grid is None or len(grid.surface) < LEAST_POINTS:
             return []
         guess, window = between(poses[old], poses[new]), turned(spread, -float(poses[old, 2]))
         return search(self.keys[new].surface, grid, guess, window, NEAR)
-
-    def _confirmed(self, newest: Closure, enough: int, *, strict: bool = False) -> list[Closure]:
-        """The pending closures that are accepted, now that another one has come."""
-        around = [other for other in self._pending if self._beside(other, newest)]
-        agreeing = [other for other in around if self._agree(other, newest)]
-        known = [other for other in self._recent if self._beside(other, newest)]
-        backed = sum(self._agree(other, newest) for other in known)
-        together = len(agreeing) + backed
-        # Of sets that contradict each other the larger one is accepted.
-        against = len(around) - len(agreeing) + len(known) - backed
-        if together < enough or together <= against or (strict and against):
-            return []
-        kept = {id(closure) for closure in agreeing}
-        self._pending = [other for other in self._pending if id(other) not in kept]
-        return agreeing
 
     def _beside(self, first: Closure, second: Closure) -> bool:
         """Whether two closures join the same two stretches of the path."""

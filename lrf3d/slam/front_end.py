@@ -12,9 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrf3d.geometry import Bool, Float, Int, wrap_angle
-from lrf3d.slam.correlation import CLEARLY, LEAST_FOUND, log_odds, same_place, search
 from lrf3d.slam.frames import between, compose, turned
-from lrf3d.slam.scan_matching import PRIOR_SCALE, Match, match_scan
+from lrf3d.slam.scan_matching import (
+    CLEARLY,
+    PRIOR_SCALE,
+    Match,
+    clearest,
+    match_scan,
+    search,
+)
 from lrf3d.slam.surface import SurfaceGrid, moved, thinned, wall_map
 from lrf3d.slam.violation import BEHIND, Key, views_of
 from lrf3d.slam.wheels import Wheels
@@ -38,9 +44,6 @@ SLIP, SLIP_SHARE, SLIP_TURN, SLIP_TURN_SHARE = 0.4, 0.3, 0.4, 0.3
 """How far [m], [rad] wheels may slip between two scans, and as a share of their step: the window
 that is searched. In a wider one other places look alike."""
 
-LONGEST_STILL = 5
-"""Scans over which encoders that stand still widen the window."""
-
 LEAST_POINTS = 8
 """With fewer points than this nothing is searched: a few points fit in many places. Between trees
 and cars a scan has a dozen."""
@@ -53,20 +56,9 @@ WATCHED, THROUGH = 12, 2
 """A point that the beams of the second number of the last key scans, of the first, passed through,
 has come since: it is a person, and no place to hold on to."""
 
-FOLLOWED = 0.3
-"""What is this near [m] to where persons were last, and not on a wall, belongs to them: nobody has
-seen what is behind a person that walks ahead of the robot."""
-
-MOVED = 0.03
-"""A robot that is found farther on than this [m], [rad] has moved, whatever its encoders say."""
-
-UNGUIDED = np.diag([0.1**2, 0.1**2, 0.05**2])
-"""Covariance of the motion of a robot whose encoders are dead."""
-
 WEAK = 2500.0
 """A direction is left to the odometry where scans fix it with less information than this [1/m²]: no
 better than 0.02 m."""
-
 
 REFINED_PRIOR = np.diag([2500.0, 2500.0, 10000.0])
 """Information of where a scan stood before: 0.02 m and 0.01 rad."""
@@ -92,34 +84,28 @@ class Tracked:
 
     The information (3, 3) is that of matching, along the axes of the pose (3,); a scan that was not
     matched stands where odometry has it. Its motion (3,) is that of the wheels, without their known
-    errors, with the covariance (3, 3) of the others. Explained is a share of its points, and their
-    RMS distance [m] to the walls the deviation.
+    errors, with the covariance (3, 3) of the others. The deviation is the RMS distance [m] of its
+    points to the walls.
     """
 
     pose: Float
     information: Float
-    explained: float
     matched: bool
     deviation: float
     motion: Float
     covariance: Float
 
     @property
-    def weakest(self) -> tuple[Float, float]:
-        """The direction (2,) that matching fixes worst, in the robot's axes, and its information.
-
-        The information [1/m²] is that of the place, whatever the heading is.
-        """
-        return weakest_direction(self.information)
-
-    @property
     def weak(self) -> bool:
         """Whether matching leaves a direction to the odometry, as along a corridor."""
-        return self.weakest[1] < WEAK
+        return weakest_direction(self.information)[1] < WEAK
 
 
 def weakest_direction(information: Float) -> tuple[Float, float]:
-    """The direction (2,) that information (3, 3) fixes worst, and how well [1/m²]."""
+    """The direction (2,) that information (3, 3) fixes worst, and how well [1/m²].
+
+    That is how well the place is fixed, whatever the heading is.
+    """
     turn = max(float(information[2, 2]), 1e-9)
     coupling = information[:2, 2]
     place = information[:2, :2] - np.outer(coupling, coupling) / turn
@@ -146,94 +132,73 @@ class FrontEnd:
         self._recent: deque[tuple[Float, Float]] = deque(maxlen=RECENT)
         self._keys: deque[Key] = deque(maxlen=WATCHED)
         self._grid: SurfaceGrid | None = None
-        # Where persons were last (p, 2), in the frame of the front end.
-        self._persons = np.empty((0, 2))
         # The way since the last key scan by the wheels and by scans, and what scans fixed of it.
         self._raw, self._found = np.zeros(3), np.zeros(3)
         self._turn_known = self._ahead_known = True
-        # How the robot moved to the last scan, for how many its encoders have stood still, and
-        # whether they are dead.
-        self._last, self._still, self._dead = np.zeros(3), 0, False
 
     def track(self, surface: Float, increment: Float) -> Tracked:
         """Place the next scan."""
-        # Encoders that have stood still while scans showed motion are dead until they count again:
-        # the robot goes on as it did.
-        self._still = 0 if increment.any() else self._still + 1
-        self._dead &= self._still > 0
-        expected = self._last if self._dead else self.wheels.corrected(increment)
-        covariance = UNGUIDED if self._dead else self.wheels.covariance(increment)
+        expected, covariance = self.wheels.corrected(increment), self.wheels.covariance(increment)
         guess = compose(self.pose, expected)
         uncertain = covariance + np.diag([0.0, 0.0, self.wheels.unlearned(increment)])
+        own: Float = np.asarray(np.linalg.inv(uncertain), dtype=np.float64)
         surface = surface[~self._moving(surface, guess, np.sqrt(uncertain.diagonal()))]
         match, slip = Match(guess, np.zeros((3, 3)), 0.0, np.inf), 0.0
         if self._grid is not None and len(surface):
-            own = np.linalg.inv(uncertain)
             match = match_scan(surface, self._grid, guess, turned(own, float(self.pose[2])))
-            slip = _square(between(self.pose, match.pose), expected, own)
+            slip = self._slip(match, expected, own)
             doubtful = match.explained < DOUBTFUL or slip > SLIPPED**2
             if doubtful and len(surface) >= LEAST_POINTS:
                 match = self._searched(surface, self._grid, match, guess, expected)
-                slip = _square(between(self.pose, match.pose), expected, own)
+                slip = self._slip(match, expected, own)
         accepted = match.explained >= LEAST_EXPLAINED and bool(np.isfinite(match.pose).all())
         pose = match.pose if accepted else guess
         pose[2] = wrap_angle(pose[2])
         information = turned(match.information, -float(pose[2])) if accepted else np.zeros((3, 3))
         found = between(self.pose, pose)
         if accepted:
-            if not self._dead:
-                self.wheels.compare(expected, found, covariance)
+            self.wheels.compare(expected, found, covariance)
             # Where wheels have slipped, the directions that scans do not fix are uncertain, too.
             covariance = covariance * (1.0 + slip / PRIOR_SCALE**2)
-        self._last = found
-        if accepted and self._still and not self._dead and np.abs(found).max() > MOVED:
-            # What scans show at last is the motion since the encoders stopped.
-            self._last, self._dead = found / self._still, True
-            self._recent.clear()
-        self._turn_known &= accepted and not self._dead
+        self._turn_known &= accepted
         self._ahead_known &= accepted and information[0, 0] > WEAK
         self._raw += increment
         self._found += found
         self.pose, self.surface = pose, surface
         if accepted or not self._recent:
             self._recent.append((pose, surface))
-        return Tracked(
-            pose, information, match.explained, accepted, match.deviation, expected, covariance
-        )
+        return Tracked(pose, information, accepted, match.deviation, expected, covariance)
+
+    def _slip(self, match: Match, expected: Float, information: Float) -> float:
+        """How far a match is off the odometry: its square in units of the variance."""
+        error = between(expected, between(self.pose, match.pose))
+        return float(error @ information @ error)
 
     def _searched(
         self, surface: Float, grid: SurfaceGrid, match: Match, guess: Float, expected: Float
     ) -> Match:
-        """The place around the guess that is clearly better than all others; if none is, the match.
+        """The place around the guess that is clearly better than the match and all other places.
 
-        It is to be clearly better than the match, too; large slips are less probable, by Cauchy's
-        distribution.
-
-        Wheels slip and spin, and robots are pushed: then they are not where odometry leads.
+        Wheels slip and spin, and robots are pushed: then they are not where odometry leads. Large
+        slips are less probable, by Cauchy's distribution.
         """
-        # Encoders that stand still may be dead, and the robot farther on with each scan.
-        aside = SLIP * min(max(self._still, 1), LONGEST_STILL)
-        aside += SLIP_SHARE * float(np.hypot(expected[0], expected[1]))
+        aside = SLIP + SLIP_SHARE * float(np.hypot(expected[0], expected[1]))
         turn = SLIP_TURN + SLIP_TURN_SHARE * abs(float(expected[2]))
         spread = np.array([aside, aside, turn]) / 3.0
         places = search(surface, grid, guess, np.diag(spread**2))
-        if not places:
-            return match
-        off = [between(guess, place.pose) / spread for place in places]
-        far = [0.0 if self._still else float(np.log1p(each @ each)) for each in off]
-        worth = [log_odds(place) - less for place, less in zip(places, far, strict=True)]
-        best = places[int(np.argmax(worth))]
-        others = [
-            value
-            for place, value in zip(places, worth, strict=True)
-            if not same_place(place.pose, best.pose, tolerance=2.0)
+        poses = [place.pose for place in places]
+        off = [between(guess, pose) / spread for pose in poses]
+        worth = [
+            place.log_odds - float(np.log1p(each @ each))
+            for place, each in zip(places, off, strict=True)
         ]
-        clearer = min(log_odds(best) - log_odds(match), max(worth) - max(others, default=-np.inf))
-        if clearer <= CLEARLY or best.explained <= LEAST_FOUND:
+        best = clearest(places, poses, worth)
+        if best is None or places[best].log_odds < match.log_odds + CLEARLY:
             return match
         # Where a robot comes into what nobody has seen, little is explained at the right place, and
         # more where the last scan was; but only at a wrong one do beams pass through its points.
-        return best if self._through(surface, best) <= self._through(surface, match) else match
+        fits = self._through(surface, places[best]) <= self._through(surface, match)
+        return places[best] if fits else match
 
     def _through(self, surface: Float, match: Match) -> int:
         """How many points of a surface (m, 4) beams of the local map pass through at a place."""
@@ -242,24 +207,17 @@ class FrontEnd:
         return int((views_of(surface, watching, near) == 2).any(axis=0).sum())
 
     def _moving(self, surface: Float, guess: Float, deviations: Float) -> Bool:
-        """Which points (m,) of a surface were not there when the robot came by, or follow it."""
-        nothing = np.zeros(len(surface), np.bool_)
-        if len(self._keys) < THROUGH or not len(surface):
-            return nothing
+        """Which points (m,) of a surface were not there when the robot came by."""
+        if len(self._keys) < THROUGH:
+            return np.zeros(len(surface), np.bool_)
         # Where a guess may be off by more than beams pass behind a point, nothing is known.
         far = np.hypot(surface[:, 0], surface[:, 1])
         known = 3.0 * (max(deviations[0], deviations[1]) + deviations[2] * far) < BEHIND
         watching = between(np.array([key.pose for key in self._keys]), guess)
         through = (views_of(surface, watching, self._keys) == 2).sum(axis=0)
         gone = known & (through >= THROUGH)
-        there = moved(surface, guess)
-        if len(self._persons) and self._grid is not None:
-            apart = np.abs(there[:, None, :2] - self._persons[None]).max(axis=2).min(axis=1)
-            gone |= known & (apart < FOLLOWED) & ~on_surface(self._grid, there)
         # Where most is new the robot is elsewhere than it thinks.
-        gone = gone if 2 * gone.sum() < len(gone) else nothing
-        self._persons = there[gone, :2]
-        return gone
+        return np.asarray(gone & (2 * gone.sum() < len(gone)))
 
     def key_due(self) -> bool:
         """Whether the robot has moved far enough since the last key scan."""
@@ -288,25 +246,6 @@ class FrontEnd:
         self._recent.clear()
         self._keys.append(key)
         self._grid = wall_map((near.walls, near.pose) for near in list(self._keys)[-LOCAL_KEYS:])
-
-
-def _square(found: Float, expected: Float, information: Float) -> float:
-    """The squared difference of two increments, in units of its variance."""
-    error = between(expected, found)
-    return float(error @ information @ error)
-
-
-def on_surface(grid: SurfaceGrid, points: Float) -> Bool:
-    """Which points (m, …) have one of a map's within a cell of its grid."""
-    columns, rows, cell = int(grid.size[0]), int(grid.size[1]), grid.size[2]
-    filled = np.zeros((rows + 2, columns + 2), np.bool_)
-    counts = np.diff(grid.first).reshape(rows, columns)
-    for down in range(3):
-        for aside in range(3):
-            filled[down : down + rows, aside : aside + columns] |= counts > 0
-    column = np.clip(((points[:, 0] - grid.corner[0]) // cell).astype(np.int64) + 1, 0, columns + 1)
-    row = np.clip(((points[:, 1] - grid.corner[1]) // cell).astype(np.int64) + 1, 0, rows + 1)
-    return np.asarray(filled[row, column])
 
 
 def refined(

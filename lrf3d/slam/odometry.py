@@ -11,12 +11,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Bool, Float, Int, wrap_angle
 from lrf3d.laser import LaserScan
-from lrf3d.slam.correlation import search
 from lrf3d.slam.frames import between, compose
+from lrf3d.slam.scan_matching import search
 from lrf3d.slam.surface import grid_of, thinned
 from lrf3d.text import counted
 
@@ -50,8 +51,8 @@ PAIR = np.diag([0.1**2, 0.1**2, 0.2**2])
 LEAST_EXPLAINED = 0.5
 """Share of a scan that the other one of its pair must explain."""
 
-LAGS = np.arange(-50, 101) / 50.0
-"""Lags that are compared, in lines."""
+LAGS = -1.0, 2.0
+"""The least and the largest lag that are believed, in lines."""
 
 SURE = 1.3
 """A lag is believed if without it the cost is higher by this factor. In logs it is by 1.7 and more;
@@ -237,26 +238,22 @@ def fitted_lag(turns: Float, path: WheelPath, places: Int) -> float:
     """The lag [lines] at which odometry fits the turns (k − 1,) of scans; 0 if it is not known."""
     # Of scans without a line between them odometry says nothing, whatever the lag is.
     known = np.isfinite(turns) & (np.diff(places) > 0)
-    at = path.at(places.astype(np.float64))
-    distances = np.hypot(*np.diff(at[:, :2], axis=0).T)[known]
-    first, last = (np.diff(path.at(places - lag)[:, 2])[known] for lag in (LAGS[0], LAGS[-1]))
-    if (np.abs(last - first) > LEAST_TURN * (LAGS[-1] - LAGS[0])).sum() < LEAST_PAIRS:
+    distances = np.hypot(*np.diff(path.at(places.astype(np.float64))[:, :2], axis=0).T)[known]
+
+    def left(free: Float) -> Float:
+        lag, by_turn, by_way = free
+        turned = np.diff(path.at(places - lag)[:, 2])[known]
+        return np.asarray(turns[known] - (1.0 + by_turn) * turned - by_way * distances)
+
+    bent = np.abs(left(np.array([LAGS[1], 0.0, 0.0])) - left(np.array([LAGS[0], 0.0, 0.0])))
+    if (bent > LEAST_TURN * (LAGS[1] - LAGS[0])).sum() < LEAST_PAIRS:
         return 0.0
-    costs = [
-        _cost(turns[known], np.diff(path.at(places - lag)[:, 2])[known], distances) for lag in LAGS
-    ]
-    without = costs[int(np.abs(LAGS).argmin())]
-    return float(LAGS[int(np.argmin(costs))]) if without > SURE * min(costs) else 0.0
+    # What is left once the systematic errors of the wheels are out, with the lag and without it.
+    with_lag = least_squares(left, np.zeros(3), loss="huber", f_scale=HUBER)
 
+    def left_at_once(biases: Float) -> Float:
+        return left(np.append(0.0, biases))
 
-def _cost(matched: Float, turned: Float, distances: Float) -> float:
-    """The robust sum of squares that is left of the turns once their systematic errors are out."""
-    columns = np.column_stack([turned, distances])
-    weights = np.ones(len(matched))
-    left = matched - turned
-    for _ in range(5):
-        root = np.sqrt(weights)
-        bias = np.linalg.lstsq(columns * root[:, None], (matched - turned) * root, rcond=None)[0]
-        left = np.abs(matched - turned - columns @ bias)
-        weights = 1.0 / np.maximum(left / HUBER, 1.0)
-    return float(np.where(left < HUBER, 0.5 * left**2, HUBER * (left - 0.5 * HUBER)).sum())
+    without = least_squares(left_at_once, np.zeros(2), loss="huber", f_scale=HUBER)
+    lag = float(np.clip(with_lag.x[0], *LAGS))
+    return lag if without.cost > SURE * with_lag.cost else 0.0

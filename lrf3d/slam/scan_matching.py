@@ -1,21 +1,26 @@
-"""Scan matching: the pose at which a scan's surface lies on a map's, point to line.
+"""Scan matching: the pose at which a scan's surface lies on a map's, from near or from far.
 
 A surface in the frame of the robot, the grid of a map's surface, and a guess of the pose with its
-information matrix enter. The pose leaves that minimises
+information matrix enter. From near the pose leaves that minimises
 
     ρ₀((T − T₀)ᵀ Ω₀ (T − T₀)) + Σ ρ(n·(T p − q)) / σ²
 
 over x, y, θ, by Gauss-Newton, with the information matrix of both parts. Where the walls in view do
 not fix a direction, as along a corridor, the second part says nothing of it, and the guess, which
 comes from odometry, stands.
+
+From far, a coarse field marks which cells lie on or next to the map's surface, and for every pose
+of a window the points in marked cells are counted. The best few, matched, are places; one is
+believed where it is clearly better than the next.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from lrf3d.compiling import compiled, inner
-from lrf3d.geometry import Float
+from lrf3d.geometry import Float, Int, wrap_angle
 from lrf3d.slam.surface import ALONG, SurfaceGrid
 
 ALIGNED = 0.85
@@ -43,11 +48,40 @@ FEWER, COARSELY = 120, 4
 """The first number of points is enough for as many first steps as the second says: they only lead
 near to where the last ones end."""
 
-ITERATIONS = 12
+ITERATIONS = 20
 """Most Gauss-Newton steps of a match; six are usual."""
 
 STEP = 1e-4
 """An iteration that moves the pose by less [m, rad] is the last."""
+
+COARSE_CELL = 0.15
+"""Cell of the coarse field [m]: matching finds home from one and a half of them."""
+
+ANGLE_STEPS = 0.01, 0.03
+"""Bounds of the step of the heading [rad]; it moves the points far off by a cell."""
+
+COARSE_POINTS = 80
+"""Points of a surface that the window is searched with."""
+
+DEVIATIONS = 3.0
+"""A window reaches as many standard deviations to each side."""
+
+PEAKS = 6
+"""Poses of the window that are refined."""
+
+APART, TURNED_APART = 0.3, 0.1
+"""Two poses that differ by more [m], [rad] are different places."""
+
+CLOSE = 0.7
+"""Peaks that score less than this share of what the best one does are no places."""
+
+LEAST_FOUND, CLEARLY = 0.3, 0.8
+"""A place is believed if it explains the first share of the points, and if the log odds of a point
+to be explained are larger by the second than at any other place: around one half that is a fifth of
+the points. In woods hardly half of a scan is explained at the right place, too."""
+
+LOOSE = np.diag([4.0, 4.0, 25.0])
+"""Information of the guess when a peak is refined: 0.5 m and 0.2 rad, which leaves it free."""
 
 
 class Match(NamedTuple):
@@ -62,13 +96,15 @@ class Match(NamedTuple):
     explained: float
     deviation: float
 
+    @property
+    def log_odds(self) -> float:
+        """Log odds of a point to be explained."""
+        share = min(max(self.explained, 0.01), 0.99)
+        return float(np.log(share / (1.0 - share)))
+
 
 def match_scan(
-    surface: Float,
-    grid: SurfaceGrid,
-    guess: Float,
-    prior: Float,
-    iterations: int = ITERATIONS,
+    surface: Float, grid: SurfaceGrid, guess: Float, prior: Float, iterations: int = ITERATIONS
 ) -> Match:
     """Match a surface (m, 4), in the frame of the robot, with a map from a guess (3,) on.
 
@@ -89,17 +125,12 @@ def _matched(
 ) -> tuple[Float, Float, float, float]:
     """The fields of a match. A plain tuple: numba makes a NamedTuple by calling Python code."""
     pose = guess.copy()
-    scan_part = np.zeros((3, 3))
-    gradient = np.zeros(3)
+    scan_part, gradient = np.zeros((3, 3)), np.zeros(3)
     explained = deviation = 0.0
-    line = np.empty(4)
     for iteration in range(iterations):
         scale = FIRST_SCALE * (LAST_SCALE / FIRST_SCALE) ** (min(iteration, COARSELY) / COARSELY)
         stride = 1 + len(surface) // FEWER if iteration < min(COARSELY, iterations - 1) else 1
-        for a in range(3):
-            gradient[a] = 0.0
-            for b in range(3):
-                scan_part[a, b] = 0.0
+        scan_part[:], gradient[:] = 0.0, 0.0
         explained = squares = 0.0
         cos, sin = np.cos(pose[2]), np.sin(pose[2])
         for i in range(0, len(surface), stride):
@@ -108,150 +139,203 @@ def _matched(
             v = sin * surface[i, 0] + cos * surface[i, 1]
             nx = cos * surface[i, 2] - sin * surface[i, 3]
             ny = sin * surface[i, 2] + cos * surface[i, 3]
-            post = nx == 0.0 and ny == 0.0
-            if post:
-                near = _post_near(grid, pose[0] + u, pose[1] + v, reach, line)
-            else:
-                near = _line_near(grid, pose[0] + u, pose[1] + v, nx, ny, reach, line)
-            if not near:
+            near, x, y, distance = _near(grid, pose[0] + u, pose[1] + v, nx, ny, reach)
+            if near == 0.0:
                 continue
-            bounded = 1.0 + (line[2] / scale) ** 2
-            weight = line[3] / (bounded * bounded)
-            strength = stride * weight / (sigma * sigma) * (POST if post else 1.0)
-            # A post is met like two walls across each other.
-            for side in range(2 if post else 1):
-                mx, my, distance = line[0], line[1], line[2]
-                if post:
-                    mx, my, distance = 1.0 - side, 1.0 * side, line[side]
-                turn = my * u - mx * v
-                gradient[0] += strength * mx * distance
-                gradient[1] += strength * my * distance
-                gradient[2] += strength * turn * distance
-                scan_part[0, 0] += strength * mx * mx
-                scan_part[0, 1] += strength * mx * my
-                scan_part[0, 2] += strength * mx * turn
-                scan_part[1, 1] += strength * my * my
-                scan_part[1, 2] += strength * my * turn
-                scan_part[2, 2] += strength * turn * turn
+            bounded = 1.0 + (distance / scale) ** 2
+            weight = near / (bounded * bounded)
+            strength = stride * weight / (sigma * sigma)
+            if nx == 0.0 and ny == 0.0:
+                # A post is met like two walls across each other.
+                _add(scan_part, gradient, POST * strength, (1.0, 0.0, -v), x)
+                _add(scan_part, gradient, POST * strength, (0.0, 1.0, u), y)
+            else:
+                _add(scan_part, gradient, strength, (x, y, y * u - x * v), distance)
             explained += weight
-            squares += weight * line[2] * line[2]
-        for a in range(3):
-            for b in range(a):
-                scan_part[a, b] = scan_part[b, a]
+            squares += weight * distance * distance
         deviation = np.sqrt(squares / explained) if explained > 0.0 else np.inf
         explained /= max(len(surface), 1)
         # Wheels slip, and bump into things: a guess that scans contradict loses its say.
-        square = 0.0
-        for a in range(3):
-            for b in range(3):
-                square += (pose[a] - guess[a]) * prior[a, b] * (pose[b] - guess[b])
-        trust = 1.0 / (1.0 + square / (PRIOR_SCALE * PRIOR_SCALE))
-        total = scan_part + trust * prior
-        for a in range(3):
-            for b in range(3):
-                gradient[a] += trust * prior[a, b] * (pose[b] - guess[b])
-        step = solve3(total, gradient)
-        farthest = 0.0
-        for a in range(3):
-            pose[a] -= step[a]
-            farthest = max(farthest, abs(step[a]))
-        if iteration >= COARSELY and farthest < STEP:
+        off = pose - guess
+        trust = 1.0 / (1.0 + off @ prior @ off / (PRIOR_SCALE * PRIOR_SCALE))
+        step = np.linalg.solve(scan_part + trust * prior, gradient + trust * (prior @ off))
+        pose -= step
+        if iteration >= COARSELY and np.abs(step).max() < STEP:
             break
     return pose, scan_part, explained, deviation
 
 
 @inner
-def _line_near(
-    grid: SurfaceGrid, x: float, y: float, nx: float, ny: float, reach: float, line: Float
-) -> bool:
-    """Whether a map has a wall near a point, and which: normal, distance and weight into a line.
+def _add(
+    information: Float,
+    gradient: Float,
+    strength: float,
+    row: tuple[float, float, float],
+    distance: float,
+) -> None:
+    """Add a point to the normal equations, by the derivatives (3,) of its distance [m]."""
+    for a in range(3):
+        gradient[a] += strength * row[a] * distance
+        for b in range(3):
+            information[a, b] += strength * row[a] * row[b]
+
+
+@inner
+def _near(
+    grid: SurfaceGrid, x: float, y: float, nx: float, ny: float, reach: float
+) -> tuple[float, float, float, float]:
+    """How well a map knows a wall near a point, its normal, and the distance; 0 if it knows none.
 
     All map points around count, not just the nearest: the mean of several views of a wall is better
-    than any one of them, and the nearest is always one whose error points to where we are.
+    than any one of them, and the nearest is always one whose error points to where we are. A point
+    without a normal is compared with posts; of these the distances along x and y leave.
     """
     columns, rows, cell = int(grid.size[0]), int(grid.size[1]), grid.size[2]
     column = int(np.floor((x - grid.corner[0]) / cell))
     row = int(np.floor((y - grid.corner[1]) / cell))
-    if column < 0 or row < 0 or column >= columns or row >= rows:
-        return False
-    farthest = ALONG * ALONG
     total = sum_x = sum_y = sum_off = 0.0
+    if column < 0 or row < 0 or column >= columns or row >= rows:
+        return 0.0, 0.0, 0.0, 0.0
+    post = nx == 0.0 and ny == 0.0
     for other_row in range(max(row - 1, 0), min(row + 2, rows)):
         begin = grid.first[other_row * columns + max(column - 1, 0)]
         end = grid.first[other_row * columns + min(column + 1, columns - 1) + 1]
         for k in range(begin, end):
             dx, dy = x - grid.surface[k, 0], y - grid.surface[k, 1]
             square = dx * dx + dy * dy
-            if square > reach * reach + farthest:
+            if square > reach * reach + ALONG * ALONG:
                 continue
             mx, my = grid.surface[k, 2], grid.surface[k, 3]
-            if mx * nx + my * ny < ALIGNED:
+            if post:
+                if mx != 0.0 or my != 0.0:
+                    continue
+            elif mx * nx + my * ny < ALIGNED:
                 continue
             off = mx * dx + my * dy
-            # Both are bumps that end at 0, which cost a few products where a Gaussian has a power.
-            # Map points farther off along the wall do not count, and nearer ones the more.
-            along = 1.0 - (square - off * off) / farthest
-            if along <= 0.0 or off * off > reach * reach:
-                continue
-            # Of two walls that lie one behind the other the nearer one is meant.
+            # Map points farther off along the wall do not count, and nearer ones the more; of two
+            # walls that lie one behind the other the nearer one is meant. Both are bumps that end
+            # at 0, which cost a few products where a Gaussian has a power.
+            along = 1.0 - (square - off * off) / (ALONG * ALONG)
             across = 1.0 - off * off / (reach * reach)
+            if along <= 0.0 or across < 0.0:
+                continue
             weight = along * along * across * across
             total += weight
-            sum_x += weight * mx
-            sum_y += weight * my
+            sum_x += weight * (dx if post else mx)
+            sum_y += weight * (dy if post else my)
             sum_off += weight * off
     if total < 1e-3:
-        return False
-    length = np.sqrt(sum_x * sum_x + sum_y * sum_y)
-    line[0], line[1] = sum_x / length, sum_y / length
-    line[2] = sum_off / total
+        return 0.0, 0.0, 0.0, 0.0
     # A point that only far-off map points speak for counts less.
-    line[3] = min(1.0, total)
-    return True
+    near, length = min(1.0, total), np.hypot(sum_x, sum_y)
+    if post:
+        return near, sum_x / total, sum_y / total, length / total
+    return near, sum_x / length, sum_y / length, sum_off / total
 
 
-@inner
-def _post_near(grid: SurfaceGrid, x: float, y: float, reach: float, line: Float) -> bool:
-    """Whether a map has a post near a place, and how far off it is: x, y, distance and weight."""
-    columns, rows, cell = int(grid.size[0]), int(grid.size[1]), grid.size[2]
-    column = int(np.floor((x - grid.corner[0]) / cell))
-    row = int(np.floor((y - grid.corner[1]) / cell))
-    if column < 0 or row < 0 or column >= columns or row >= rows:
-        return False
-    total = sum_x = sum_y = 0.0
-    for other_row in range(max(row - 1, 0), min(row + 2, rows)):
-        begin = grid.first[other_row * columns + max(column - 1, 0)]
-        end = grid.first[other_row * columns + min(column + 1, columns - 1) + 1]
-        for k in range(begin, end):
-            if grid.surface[k, 2] != 0.0 or grid.surface[k, 3] != 0.0:
-                continue
-            dx, dy = x - grid.surface[k, 0], y - grid.surface[k, 1]
-            near = 1.0 - (dx * dx + dy * dy) / (reach * reach)
-            if near > 0.0:
-                total += near * near
-                sum_x += near * near * dx
-                sum_y += near * near * dy
-    if total < 1e-3:
-        return False
-    line[0], line[1] = sum_x / total, sum_y / total
-    line[2] = np.sqrt(line[0] * line[0] + line[1] * line[1])
-    line[3] = min(1.0, total)
-    return True
+def search(
+    surface: Float, grid: SurfaceGrid, guess: Float, spread: Float, near: float = np.inf
+) -> list[Match]:
+    """The places in a window where a surface lies on a map's, best first.
+
+    The window has a covariance (3, 3), its spread, around a guess (3,); places farther than a
+    distance [m] from the map's origin are left out.
+    """
+    shifts = shifts_within(guess, spread[:2, :2], near)
+    if not len(surface) or not len(shifts):
+        return []
+    far = float(np.quantile(np.hypot(surface[:, 0], surface[:, 1]), 0.8))
+    step = float(np.clip(COARSE_CELL / max(far, 1e-3), *ANGLE_STEPS))
+    turns = max(1, int(np.ceil(DEVIATIONS * np.sqrt(spread[2, 2]) / step)))
+    angles: Float = step * np.arange(-turns, turns + 1, dtype=np.float64)
+    sample = np.ascontiguousarray(surface[:: 1 + len(surface) // COARSE_POINTS])
+    scores = window_scores(sample, grid, guess, shifts, angles)
+    matches: list[Match] = []
+    least = CLOSE * float(scores.max())
+    for _ in range(PEAKS):
+        a, s = np.unravel_index(int(scores.argmax()), scores.shape)
+        if scores[a, s] <= least:
+            break
+        start = guess + np.array([*(COARSE_CELL * shifts[s]), angles[a]])
+        match = match_scan(sample, grid, start, LOOSE)
+        # One that slid away, as along a corridor, is another place, and may be out of the window.
+        stayed = bool(np.isfinite(match.pose).all()) and same_place(match.pose, start)
+        if stayed and not any(same_place(match.pose, other.pose) for other in matches):
+            matches.append(match)
+        # The peak's surroundings lead to the same place.
+        around = np.flatnonzero((np.abs(shifts - shifts[s]) <= 2).all(axis=1))
+        scores[max(a - 2, 0) : a + 3, around] = 0.0
+    places = [match_scan(surface, grid, match.pose, LOOSE) for match in matches]
+    return sorted(places, key=lambda match: -match.explained)
 
 
-@inner
-def solve3(matrix: Float, right: Float) -> Float:
-    """Solve a symmetric positive definite system (3, 3) by Cholesky's factors."""
-    l00 = np.sqrt(matrix[0, 0])
-    l10 = matrix[1, 0] / l00
-    l20 = matrix[2, 0] / l00
-    l11 = np.sqrt(matrix[1, 1] - l10 * l10)
-    l21 = (matrix[2, 1] - l20 * l10) / l11
-    l22 = np.sqrt(matrix[2, 2] - l20 * l20 - l21 * l21)
-    a = right[0] / l00
-    b = (right[1] - l10 * a) / l11
-    c = (right[2] - l20 * a - l21 * b) / l22
-    z = c / l22
-    y = (b - l21 * z) / l11
-    x = (a - l10 * y - l20 * z) / l00
-    return np.array([x, y, z])
+def shifts_within(guess: Float, spread: Float, near: float) -> Int:
+    """Shifts (s, 2) of a window in cells: of its ellipse, as far as they are near the origin."""
+    # A cell more, so that the least window has neighbours to each side.
+    wide = spread + np.diag(np.full(2, (COARSE_CELL / DEVIATIONS) ** 2))
+    x, y = (
+        np.arange(-most, most + 1)
+        for most in np.ceil(DEVIATIONS * np.sqrt(wide.diagonal()) / COARSE_CELL).astype(np.int64)
+    )
+    shifts = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    metres = COARSE_CELL * shifts
+    inside = np.hypot(*(guess[:2] + metres).T) < near
+    square = np.einsum("si,ij,sj->s", metres, np.linalg.inv(wide), metres)
+    chosen: Int = shifts[inside & (square <= DEVIATIONS**2)]
+    return chosen
+
+
+@compiled
+def window_scores(
+    points: Float, grid: SurfaceGrid, centre: Float, shifts: Int, angles: Float
+) -> Float:
+    """How many points (m, …) fall on marked cells (a, s), for each heading and shift [cells]."""
+    # The field is as large as the map and its margin, in coarse cells.
+    wide = int(grid.size[0] * grid.size[2] / COARSE_CELL) + 3
+    high = int(grid.size[1] * grid.size[2] / COARSE_CELL) + 3
+    field = np.zeros((high, wide), np.uint8)
+    for i in range(len(grid.surface)):
+        column = int((grid.surface[i, 0] - grid.corner[0]) / COARSE_CELL) + 1
+        row = int((grid.surface[i, 1] - grid.corner[1]) / COARSE_CELL) + 1
+        for r in range(row - 1, row + 2):
+            for c in range(column - 1, column + 2):
+                field[r, c] = max(field[r, c], 2 if r == row and c == column else 1)
+    scores = np.zeros((len(angles), len(shifts)))
+    for a in range(len(angles)):
+        cos, sin = np.cos(centre[2] + angles[a]), np.sin(centre[2] + angles[a])
+        for i in range(len(points)):
+            x = centre[0] + cos * points[i, 0] - sin * points[i, 1]
+            y = centre[1] + sin * points[i, 0] + cos * points[i, 1]
+            column = int(np.floor((x - grid.corner[0]) / COARSE_CELL)) + 1
+            row = int(np.floor((y - grid.corner[1]) / COARSE_CELL)) + 1
+            for s in range(len(shifts)):
+                c, r = column + shifts[s, 0], row + shifts[s, 1]
+                if c >= 0 and c < wide and r >= 0 and r < high:
+                    scores[a, s] += field[r, c]
+    return scores
+
+
+def clearest(
+    matches: Sequence[Match], places: Sequence[Float], worth: Sequence[float]
+) -> int | None:
+    """Which match's place (3,) is clearly worth more than all others elsewhere, if any is.
+
+    Worth is in log odds.
+    """
+    if not matches:
+        return None
+    best = int(np.argmax(worth))
+    others = [
+        value
+        for place, value in zip(places, worth, strict=True)
+        if not same_place(place, places[best], tolerance=2.0)
+    ]
+    clear = worth[best] - max(others, default=-np.inf) > CLEARLY
+    return best if clear and matches[best].explained > LEAST_FOUND else None
+
+
+def same_place(first: Float, second: Float, tolerance: float = 1.0) -> bool:
+    """Whether two poses (3,) are the same place."""
+    apart = np.hypot(first[0] - second[0], first[1] - second[1])
+    turned = abs(wrap_angle(first[2] - second[2]))
+    return bool(apart < tolerance * APART and turned < tolerance * TURNED_APART)

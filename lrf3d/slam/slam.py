@@ -25,7 +25,6 @@ from lrf3d.slam.known_places import Anchor, in_known_place
 from lrf3d.slam.pose_graph import (
     Edges,
     optimised,
-    optimised_around,
     pose_covariances,
     variance_factor,
 )
@@ -193,10 +192,7 @@ class Slam:
         """Find the loops that the newest key scan closes, and optimise what they change."""
         if closures := self._closer.search(self._key_poses):
             self._edges = Edges.joined([self._edges, closure_edges(closures)])
-            newest, paths = len(self._key_scans) - 1, self._closer.paths
-            self._key_poses = optimised_around(
-                self._key_poses, self._edges, lambda limit: paths.lengths(newest, limit)
-            )
+            self._key_poses = optimised(self._key_poses, self._edges, 1)
 
     def _edge_to_last(self) -> Edges:
         """The edge from the key scan of the last anchor to the last scan."""

@@ -74,106 +74,78 @@ def range_noise(scan: LaserScan) -> float:
 def surface_of_scan(scan: LaserScan, laser: Float, noise: float = LEAST_NOISE) -> Float:
     """The surface (m, 4) that a scan shows, in the frame of a robot with its laser at (2,) [m]."""
     hits = scan.hits
-    points = scan.ranges[hits, None] * beam_directions(0.0, scan.angles[hits]) + laser
+    angles, ranges = scan.angles[hits], scan.ranges[hits]
+    points = ranges[:, None] * beam_directions(0.0, angles)
     step = abs(float(scan.angles[-1] - scan.angles[0])) / max(len(scan.angles) - 1, 1)
-    return surface_of(points, laser, step, noise)
+    found = np.vstack([_posts(points, ranges, angles, step, noise), _walls(points, step, noise)])
+    found[:, :2] += laser
+    return found
+
+
+def _posts(points: Float, ranges: Float, angles: Float, step: float, noise: float) -> Float:
+    """The posts (p, 4) among points (n, 2), as seen from the laser.
+
+    They stand before what their neighbours on both sides hit: an edge of what is partly hidden is
+    elsewhere as soon as the robot moves.
+    """
+    gaps = np.hypot(*np.diff(points, axis=0).T)
+    apart = gaps > np.maximum(
+        CONNECTED + 0.5 * CONNECTED_GROWTH * ranges[:-1], CONNECTED_NOISE * noise
+    )
+    if apart.sum() < 2:
+        return np.empty((0, 4))
+    # Between two gaps lie the points of one thing; beyond them, its neighbours.
+    left, right = np.flatnonzero(apart)[:-1], np.flatnonzero(apart)[1:] + 1
+    first, last = left + 1, right - 1
+    missed = np.abs(np.diff(angles)) > 1.5 * step
+    before = missed[left] | (ranges[left] > ranges[first])
+    behind = missed[last] | (ranges[right] > ranges[last])
+    wide = np.hypot(*(points[last] - points[first]).T)
+    narrow = before & behind & (wide < WIDEST_POST) & (last - left >= LEAST_HITS)
+    sums = np.vstack([np.zeros(2), np.cumsum(points, axis=0)])
+    middles = (sums[right] - sums[first]) / (last - left)[:, None]
+    return np.pad(middles[narrow], ((0, 0), (0, 2)))
 
 
 @compiled
-def surface_of(points: Float, laser: Float, step: float, noise: float) -> Float:
-    """Surface (m, 4) of points (n, 2) [m] seen in this order from the laser at (2,) [m].
-
-    The step [rad] is that between beams, the noise [m] that of ranges.
-    """
-    count = len(points)
-    found = np.empty((2 * count, 4))
-    kept = _posts(points, laser, step, noise, found)
-    for i in range(count):
-        beam_x, beam_y = points[i, 0] - laser[0], points[i, 1] - laser[1]
-        away = np.sqrt(beam_x * beam_x + beam_y * beam_y)
-        if away == 0.0:
-            continue
+def _walls(points: Float, step: float, noise: float) -> Float:
+    """Those of points (n, 2) that lie on straight walls (m, 4), seen in this order from (0, 0)."""
+    found = np.empty((len(points), 4))
+    kept = 0
+    for i in range(len(points)):
+        x, y = points[i, 0], points[i, 1]
+        away = np.hypot(x, y)
         first = _reach(points, i, -1, away, step, noise)
         last = _reach(points, i, 1, away, step, noise)
         number = last - first + 1
-        mean_x = mean_y = 0.0
-        for k in range(first, last + 1):
-            mean_x += points[k, 0] / number
-            mean_y += points[k, 1] / number
+        mean_x, mean_y = points[first : last + 1, 0].mean(), points[first : last + 1, 1].mean()
         xx = xy = yy = 0.0
         for k in range(first, last + 1):
             dx, dy = points[k, 0] - mean_x, points[k, 1] - mean_y
             xx += dx * dx
             xy += dx * dy
             yy += dy * dy
-        half = 0.5 * (xx - yy)
-        root = np.sqrt(half * half + xy * xy)
-        across = max(0.5 * (xx + yy) - root, 0.0)
-        along = 0.5 * (xx + yy) + root
-        farther = max(away - FAR_OFF, 0.0)
-        straight = max(STRAIGHT + STRAIGHT_GROWTH * farther, STRAIGHT_NOISE * noise)
+        root = np.hypot(0.5 * (xx - yy), xy)
+        across, along = 0.5 * (xx + yy) - root, 0.5 * (xx + yy) + root
+        straight = STRAIGHT + STRAIGHT_GROWTH * max(away - FAR_OFF, 0.0)
+        straight = max(straight, STRAIGHT_NOISE * noise)
         angle = 0.5 * np.arctan2(2.0 * xy, xx - yy)
         nx, ny = -np.sin(angle), np.cos(angle)
-        facing = -(nx * beam_x + ny * beam_y)
+        facing = -(nx * x + ny * y)
         if (
             number < 3
             or across > number * straight * straight
             or across > 0.1 * along
-            or abs(facing) < FLATTEST * away
+            or abs(facing) <= FLATTEST * away
         ):
             continue
         if facing < 0.0:
             nx, ny = -nx, -ny
         # The point moves onto its line but stays where it was along it.
-        off = nx * (points[i, 0] - mean_x) + ny * (points[i, 1] - mean_y)
-        found[kept, 0] = points[i, 0] - off * nx
-        found[kept, 1] = points[i, 1] - off * ny
-        found[kept, 2] = nx
-        found[kept, 3] = ny
+        off = nx * (x - mean_x) + ny * (y - mean_y)
+        found[kept] = np.array([x - off * nx, y - off * ny, nx, ny])
         kept += 1
     return found[:kept]
-
-
-@inner
-def _posts(points: Float, laser: Float, step: float, noise: float, found: Float) -> int:
-    """Write the posts among points (n, 2) to the first rows of a surface; returns how many.
-
-    They stand before what their neighbours on both sides hit: an edge of what is partly hidden is
-    elsewhere as soon as the robot moves.
-    """
-    kept = first = 0
-    away = np.sqrt((points[:, 0] - laser[0]) ** 2 + (points[:, 1] - laser[1]) ** 2)
-    for i in range(len(points)):
-        if i + 1 < len(points) and _gap_between(points, i, i + 1, away, noise) <= 0.0:
-            continue
-        wide = np.sqrt(np.sum((points[i] - points[first]) ** 2))
-        inside = first > 0 and i + 1 < len(points) and i + 1 - first >= LEAST_HITS
-        if inside and wide < WIDEST_POST:
-            before = _hidden(points, first, first - 1, laser, away, step)
-            if before and _hidden(points, i, i + 1, laser, away, step):
-                number = i + 1 - first
-                found[kept, 0] = np.sum(points[first : i + 1, 0]) / number
-                found[kept, 1] = np.sum(points[first : i + 1, 1]) / number
-                found[kept, 2] = found[kept, 3] = 0.0
-                kept += 1
-        first = i + 1
-    return kept
-
-
-@inner
-def _gap_between(points: Float, i: int, k: int, away: Float, noise: float) -> float:
-    """How much farther [m] two points are apart than those of one post may be."""
-    apart = np.sqrt(np.sum((points[i] - points[k]) ** 2))
-    return float(apart - max(CONNECTED + 0.5 * CONNECTED_GROWTH * away[i], CONNECTED_NOISE * noise))
-
-
-@inner
-def _hidden(points: Float, i: int, k: int, laser: Float, away: Float, step: float) -> bool:
-    """Whether the neighbour of a point lies behind it, or beams between them met nothing."""
-    ux, uy = points[i, 0] - laser[0], points[i, 1] - laser[1]
-    vx, vy = points[k, 0] - laser[0], points[k, 1] - laser[1]
-    angle = np.abs(np.arctan2(ux * vy - uy * vx, ux * vx + uy * vy))
-    return bool(away[k] > away[i] or angle > 1.5 * step)
 
 
 @inner
@@ -199,32 +171,25 @@ def _reach(points: Float, i: int, way: int, away: float, step: float, noise: flo
     return end
 
 
-@compiled
 def moved(surface: Float, pose: Float) -> Float:
     """A surface (m, 4) as it lies after it was moved by a pose (3,)."""
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    there = np.empty(surface.shape)
-    for i in range(len(surface)):
-        x, y, nx, ny = surface[i, 0], surface[i, 1], surface[i, 2], surface[i, 3]
-        there[i, 0] = pose[0] + cos * x - sin * y
-        there[i, 1] = pose[1] + sin * x + cos * y
-        there[i, 2] = cos * nx - sin * ny
-        there[i, 3] = sin * nx + cos * ny
+    there: Float = (surface.reshape(-1, 2) @ np.array([[cos, sin], [-sin, cos]])).reshape(-1, 4)
+    there[:, :2] += pose[:2]
     return there
 
 
 @compiled
 def thinned(surface: Float) -> Float:
     """A surface (m, 4) as a map needs it: near walls are seen at points a centimetre apart."""
-    chosen = np.empty(len(surface), np.int64)
-    count = last = 0
-    for i in range(len(surface)):
+    kept = np.ones(len(surface), np.bool_)
+    last = 0
+    for i in range(1, len(surface)):
         dx, dy = surface[i, 0] - surface[last, 0], surface[i, 1] - surface[last, 1]
         facing = surface[i, 2] * surface[last, 2] + surface[i, 3] * surface[last, 3]
-        if i == 0 or dx * dx + dy * dy >= THINNED * THINNED or facing <= 0.98:
-            last = chosen[count] = i
-            count += 1
-    return surface[chosen[:count]]
+        kept[i] = dx * dx + dy * dy >= THINNED * THINNED or facing <= 0.98
+        last = i if kept[i] else last
+    return surface[kept]
 
 
 class SurfaceGrid(NamedTuple):
@@ -244,41 +209,27 @@ def grid_of(surface: Float) -> SurfaceGrid:
     return SurfaceGrid(*_sorted(surface))
 
 
+@compiled
+def _sorted(surface: Float) -> tuple[Float, Int, Float, Float]:
+    """The fields of the grid of a surface (m, 4)."""
+    left, low = surface[:, 0].min(), surface[:, 1].min()
+    width, height = surface[:, 0].max() - left, surface[:, 1].max() - low
+    cell = max(CELL, np.sqrt(width * height / MOST_CELLS))
+    # One empty cell all around spares lookups from asking whether a neighbour exists.
+    columns, rows = int(width / cell) + 3, int(height / cell) + 3
+    first = np.zeros(columns * rows + 1, np.int64)
+    places = np.empty(len(surface), np.int64)
+    for i in range(len(surface)):
+        column, row = int((surface[i, 0] - left) / cell), int((surface[i, 1] - low) / cell)
+        places[i] = (row + 1) * columns + column + 1
+        first[places[i] + 1] += 1
+    ordered = surface[np.argsort(places, kind="mergesort")]
+    corner = np.array([left - cell, low - cell])
+    return ordered, np.cumsum(first), corner, np.array([columns, rows, cell])
+
+
 def wall_map(parts: Iterable[tuple[Float, Float]]) -> SurfaceGrid | None:
     """The map of surfaces (m, 4) at poses (3,); None if there is no point in it."""
     clouds = [moved(surface, pose) for surface, pose in parts]
     cloud = np.concatenate(clouds) if clouds else np.empty((0, 4))
     return grid_of(cloud) if len(cloud) else None
-
-
-@compiled
-def _sorted(surface: Float) -> tuple[Float, Int, Float, Float]:
-    """The fields of the grid of a surface (m, 4)."""
-    left = right = surface[0, 0]
-    low = high = surface[0, 1]
-    for i in range(len(surface)):
-        left, right = min(left, surface[i, 0]), max(right, surface[i, 0])
-        low, high = min(low, surface[i, 1]), max(high, surface[i, 1])
-    cell = max(CELL, np.sqrt((right - left) * (high - low) / MOST_CELLS))
-    # One empty cell all around spares lookups from asking whether a neighbour exists.
-    columns = int((right - left) / cell) + 3
-    rows = int((high - low) / cell) + 3
-    corner = np.array([left - cell, low - cell])
-    size = np.array([float(columns), float(rows), cell])
-    first = np.zeros(columns * rows + 1, np.int64)
-    places = np.empty(len(surface), np.int64)
-    for i in range(len(surface)):
-        column = int((surface[i, 0] - corner[0]) / cell)
-        row = int((surface[i, 1] - corner[1]) / cell)
-        places[i] = row * columns + column
-        first[places[i] + 1] += 1
-    for k in range(columns * rows):
-        first[k + 1] += first[k]
-    filled = first[:-1].copy()
-    ordered = np.empty(surface.shape)
-    for i in range(len(surface)):
-        target = filled[places[i]]
-        filled[places[i]] += 1
-        for k in range(4):
-            ordered[target, k] = surface[i, k]
-    return ordered, first, corner, size

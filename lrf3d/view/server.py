@@ -1,6 +1,7 @@
-"""The page and its server, Starlette and uvicorn, and what a page is opened for.
+"""The page and its server, and what a page is opened for.
 
-Everything is served from this machine; the page loads nothing from elsewhere.
+Everything is served from this machine, by the library of the page's socket; the page loads nothing
+from elsewhere.
 """
 
 import asyncio
@@ -10,6 +11,8 @@ import gzip
 import html
 import io
 import json
+import logging
+import re
 import socket
 import webbrowser
 from collections.abc import Callable
@@ -39,6 +42,9 @@ MESSAGE_SIZE = 10_000
 
 _STEP = 1.0 / 30.0
 """Time between two steps of a drive [s]."""
+
+_PATIENCE = 60.0
+"""How long a page may take to load a file [s]."""
 
 _PAGE = Path(__file__).parent / "page"
 
@@ -106,52 +112,51 @@ def serve(
         MissingLibraryError: The libraries of the extra ``view`` are not installed.
     """
     try:
-        import uvicorn
+        from websockets.asyncio.server import serve as listen
 
-        app = application(site, host)
+        answer = _answers(site, own_names(host))
     except ImportError as error:
         raise missing_extra(f"the view needs a server ({error})", "view") from None
     port = door.getsockname()[1]
     address = f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
-    server = uvicorn.Server(
-        uvicorn.Config(
-            app,
-            log_level="critical",
-            ws_max_size=MESSAGE_SIZE,
-            # A short message could unpack to gigabytes.
-            ws_per_message_deflate=False,
-            proxy_headers=False,
-            timeout_graceful_shutdown=1,
-        )
-    )
 
     async def run() -> None:
-        serving = asyncio.create_task(server.serve([door]))
-        while not (server.started or serving.done() or asked()):
-            await asyncio.sleep(0.01)
-        if server.started:
-            started(address)
-            if browser:
-                webbrowser.open(address)
-        while not (asked() or serving.done()):
+        server = await listen(
+            lambda page: _show(site, page),
+            sock=door,
+            process_request=answer,
+            max_size=MESSAGE_SIZE,
+            # A short message could unpack to gigabytes.
+            compression=None,
+            open_timeout=_PATIENCE,
+            close_timeout=_PATIENCE,
+            # Of pages that leave in the middle nobody needs to know.
+            logger=logging.Logger("view", logging.CRITICAL),
+        )
+        started(address)
+        if browser:
+            webbrowser.open(address)
+        # Signals set the flag of lrf3d.interrupts, which is looked at here.
+        while not asked():
             await asyncio.sleep(0.05)
-        server.should_exit = True
-        await serving
+        server.close()
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(server.wait_closed(), 1.0)
 
-    # Signals set the flag of lrf3d.interrupts, which is looked at here.
-    server.capture_signals = contextlib.nullcontext  # type: ignore[method-assign, assignment]
     with door:
         asyncio.run(run())
     check()
 
 
-def application(site: Site, host: str) -> Any:
-    """The application that answers a site's pages, and nobody else."""
-    from starlette.applications import Starlette
-    from starlette.middleware import Middleware
-    from starlette.middleware.trustedhost import TrustedHostMiddleware
-    from starlette.responses import FileResponse, HTMLResponse, Response
-    from starlette.routing import Route, WebSocketRoute
+def _answers(site: Site, names: list[str]) -> Callable[[Any, Any], Any]:
+    """What answers requests for a site's page, its files and its socket, and nobody else's.
+
+    A web page anywhere can have its visitor's browser send requests to this machine. It could read
+    the scene and drive the robot; its origin gives it away, or, where a name of its own points here
+    (DNS rebinding), that name.
+    """
+    from websockets.datastructures import Headers
+    from websockets.http11 import Response
 
     words = {
         "{title}": html.escape(site.setup["title"]),
@@ -164,64 +169,42 @@ def application(site: Site, host: str) -> Any:
     # Row 0 of the ground's picture is at the smallest y, as textures have it.
     ground = io.BytesIO()
     Image.fromarray(site.stage.ground.picture).save(ground, "JPEG", quality=90)
-    world = gzip.compress(stage_message(site.stage), 1)
-    answers = {
-        "/": HTMLResponse(page),
-        "/lrf3d/world": Response(world, headers={"Content-Encoding": "gzip"}),
-        "/lrf3d/ground.jpg": Response(ground.getvalue(), media_type="image/jpeg"),
-        **{
-            f"/lrf3d/{name}": FileResponse(_PAGE / name)
-            for name in ("page.css", "page.js", "scene.js")
-        },
+    files = {
+        "/": ("text/html; charset=utf-8", page.encode()),
+        "/lrf3d/world": ("application/octet-stream", gzip.compress(stage_message(site.stage), 1)),
+        "/lrf3d/ground.jpg": ("image/jpeg", ground.getvalue()),
     }
-    names = own_names(host)
-    return Starlette(
-        routes=[
-            *(
-                Route(path, lambda request, answer=answer: answer)
-                for path, answer in answers.items()
-            ),
-            WebSocketRoute("/lrf3d/moments", lambda socket: _show(site, socket)),
-        ],
-        middleware=[
-            Middleware(TrustedHostMiddleware, allowed_hosts=names, www_redirect=False),
-            Middleware(_OwnPages),
-        ],
-    )
+    for name in ("page.css", "page.js", "scene.js"):
+        kind = "text/css" if name.endswith("css") else "text/javascript"
+        files[f"/lrf3d/{name}"] = kind, (_PAGE / name).read_bytes()
+
+    def answer(connection: Any, request: Any) -> Any:
+        host, origin = (request.headers.get_all(name) for name in ("Host", "Origin"))
+        if len(host) != 1 or re.sub(r":\d+$", "", host[0]).lower() not in names:
+            return connection.respond(400, "this page has another name\n")
+        if origin not in ([], [f"http://{host[0]}"]):
+            return connection.respond(403, "pages of other sites may not use this one\n")
+        path = request.path.partition("?")[0]
+        if path == "/lrf3d/moments":
+            return None
+        if path not in files:
+            return connection.respond(404, "there is no such page\n")
+        kind, body = files[path]
+        headers = Headers({"Content-Type": kind, "Content-Length": str(len(body))})
+        if path == "/lrf3d/world":
+            headers["Content-Encoding"] = "gzip"
+        return Response(200, "OK", headers, body)
+
+    return answer
 
 
-class _OwnPages:
-    """Refuses requests from foreign pages.
-
-    A web page anywhere can have its visitor's browser send requests to this machine. It could read
-    the scene and drive the robot. Under a name that it makes point here (DNS rebinding) it is
-    refused by Starlette's own TrustedHostMiddleware.
-    """
-
-    def __init__(self, app: Any) -> None:
-        self._app = app
-
-    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
-        from starlette.datastructures import Headers
-        from starlette.responses import PlainTextResponse
-
-        answer = self._app
-        if scope["type"] in ("http", "websocket"):
-            headers = Headers(scope=scope)
-            own = f"http://{headers.get('host')}"
-            if headers.get("origin", own) != own:
-                answer = PlainTextResponse("pages of other sites may not use this one\n", 403)
-        await answer(scope, receive, send)
-
-
-async def _show(site: Site, socket: Any) -> None:
+async def _show(site: Site, page: Any) -> None:
     """Answer what a page wants, until it leaves.
 
     A run is shown as the page asks; a drive goes on by itself.
     """
-    from starlette.websockets import WebSocketDisconnect
+    from websockets.exceptions import ConnectionClosed
 
-    await socket.accept()
     loop = asyncio.get_running_loop()
     # In threads, so that one page's work holds up no other.
     shown = await loop.run_in_executor(None, site.make)
@@ -230,7 +213,7 @@ async def _show(site: Site, socket: Any) -> None:
     async def listen() -> None:
         nonlocal wanted, shown
         while True:
-            text = await socket.receive_text()
+            text = await page.recv()
             if text == "again":
                 shown = await loop.run_in_executor(None, site.make)
             wanted = wanted.changed(text)
@@ -248,17 +231,16 @@ async def _show(site: Site, socket: Any) -> None:
             message = await loop.run_in_executor(None, shown.answer, wanted, now - last)
             last = now
             if message is not None or site.plays:
-                await socket.send_bytes(message or b"")
+                await page.send(message or b"")
 
     # Either ends by an error where the page has left.
     tasks = [asyncio.create_task(each) for each in (listen(), answer())]
-    try:
-        await asyncio.gather(*tasks)
-    except (WebSocketDisconnect, RuntimeError):
-        pass
-    finally:
-        for task in tasks:
-            task.cancel()
+    with contextlib.suppress(ConnectionClosed):
+        try:
+            await asyncio.gather(*tasks)
+        finally:
+            for task in tasks:
+                task.cancel()
 
 
 def own_names(host: str) -> list[str]:

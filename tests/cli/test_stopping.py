@@ -118,7 +118,7 @@ def working_in(folder):
 @pytest.mark.parametrize("name", COMMANDS)
 def test_ctrl_c_at_any_moment_ends_with_one_line(name, place, tmp_path):
     kind = name.split()[0]
-    pytest.importorskip({"view": "uvicorn"}.get(kind, "lrf3d"))
+    pytest.importorskip({"view": "websockets"}.get(kind, "lrf3d"))
 
     def command(out):
         out.mkdir()

@@ -12,7 +12,7 @@ from gymnasium.utils.env_checker import check_env
 
 import lrf3d.gym
 from lrf3d.gym import DriveEnv, DriveVectorEnv
-from lrf3d.render import video
+from lrf3d.render import film
 from lrf3d.render.gl import gl_available
 from lrf3d.scenario import load_scenario
 
@@ -159,7 +159,7 @@ def test_robots_start_clear_of_walls_and_their_goals_lie_within_reach():
 def test_pictures_show_the_goal(renderer, monkeypatch):
     if renderer == "gl" and not gl_available():
         pytest.skip("no OpenGL on this machine")
-    monkeypatch.setattr(video, "choose_renderer", lambda wanted: renderer)
+    monkeypatch.setattr(film, "choose_renderer", lambda wanted: renderer)
     env = DriveEnv(CORRIDOR, render_mode="rgb_array", size=(320, 180), view="chase")
     pose = np.array(env.robots.scenario.trajectory().poses[0])
     ahead = pose[:2] + 1.5 * np.array([np.cos(pose[2]), np.sin(pose[2])])

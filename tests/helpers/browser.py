@@ -33,7 +33,7 @@ def missing():
     """Why there is no browser here; empty where there is one."""
     if CHROMIUM is None:
         return "Chromium is not installed: apt-get install chromium"
-    for name in ("playwright", "uvicorn"):
+    for name in ("playwright", "websockets"):
         if importlib.util.find_spec(name) is None:
             return f"{name} is not installed: pip install 'lrf3d[dev]'"
     return ""

@@ -11,7 +11,7 @@ from lrf3d.errors import InputError
 from lrf3d.io import load_run, save_run
 from lrf3d.render.film import Film
 from lrf3d.render.video import frame
-from lrf3d.world.cameras import FixedCamera
+from lrf3d.world.cameras import FilmPlan, FixedCamera
 from lrf3d.world.generators import BLOCK_SIDE, generate_city
 
 BLOCKS = 8
@@ -124,3 +124,12 @@ def test_cameras_of_a_world_are_kept_with_its_run(tmp_path):
     run = replace(run, world=replace(run.world, cameras=cameras))
     save_run(run, tmp_path / "run.npz")
     assert load_run(tmp_path / "run.npz").world.cameras == cameras
+
+
+def test_the_picture_of_another_run_frees_the_film_of_the_last(monkeypatch):
+    closed = []
+    monkeypatch.setattr(Film, "close", closed.append)
+    runs = [replace(room_run(), film=FilmPlan("top", speed)) for speed in (1.0, 2.0)]
+    for run in (*runs, runs[1]):
+        frame(run, 0.5, size=(64, 36), renderer="embree")
+    assert [film.timeline.run for film in closed][-1:] == runs[:1]

@@ -7,7 +7,6 @@ from lrf3d.slam.pose_graph import (
     ROBUST_SCALE,
     Edges,
     optimised,
-    optimised_around,
     pose_covariances,
 )
 
@@ -80,36 +79,3 @@ def test_one_false_closure_among_true_ones_is_outvoted(rng):
     found = optimised(true, Edges.joined([driven, closed, false]), 30)
     # It is off by 10 m; half of its say would move the poses by metres.
     assert np.abs(between(true, found)[:, :2]).max() < 0.1
-
-
-def ways_on_a_line(count, start, step=0.5):
-    """Paths over the graph of poses in a row [m], as `optimised_around` asks for them."""
-
-    def paths(limit):
-        way = step * np.abs(np.arange(count) - start)
-        return np.where(way <= limit, way, np.inf)
-
-    return paths
-
-
-def test_a_change_that_dies_out_is_optimised_where_it_is(rng):
-    true = np.column_stack([0.5 * np.arange(400.0), np.zeros(400), np.zeros(400)])
-    driven = edges_of(true, [(k, k + 1) for k in range(399)], rng)
-    closed = edges_of(true, [(k, k + 4) for k in range(0, 395, 2)], rng, robust=True)
-    new = edges_of(true, [(380, 390)], rng, robust=True)
-    new.measured[0, 1] += 0.02
-    edges = Edges.joined([driven, closed, new])
-    found = optimised_around(true, edges, ways_on_a_line(400, 390))
-    everything = optimised(true, edges, 1)
-    assert np.abs(everything - true).max() > 2e-3
-    assert found[:300].tolist() == true[:300].tolist()
-    assert np.abs(found - everything).max() < 1e-3
-
-
-def test_a_change_of_everything_is_optimised_as_a_whole(rng):
-    true = ring(120)
-    drifted = true + np.column_stack([np.zeros((120, 2)), 1e-3 * np.arange(120)])
-    edges = edges_of(true, [*((k, k + 1) for k in range(119)), (119, 0)], rng)
-    found = optimised_around(drifted, edges, ways_on_a_line(120, 119))
-    assert found == pytest.approx(optimised(drifted, edges, 1), abs=1e-9)
-    assert found[0].tolist() == drifted[0].tolist()

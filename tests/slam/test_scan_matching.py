@@ -7,7 +7,7 @@ from lrf3d.casting import PlanarCaster
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.slam.frames import between, compose
 from lrf3d.slam.scan_matching import match_scan
-from lrf3d.slam.surface import grid_of, moved, range_noise, surface_of, surface_of_scan, thinned
+from lrf3d.slam.surface import grid_of, moved, range_noise, surface_of_scan, thinned
 from lrf3d.world import World
 
 ROOM = World([[0, 0, 6, 0], [6, 0, 6, 4], [6, 4, 2.5, 4], [2.5, 4, 0, 3], [0, 3, 0, 0]])
@@ -44,8 +44,8 @@ def test_near_walls_are_thinned_but_both_faces_of_a_wall_stay():
 
 
 def test_a_point_without_a_straight_neighbourhood_is_left_out():
-    points = np.array([[5.0, 0.0], [1.0, 0.4], [5.0, 0.8], [1.0, 1.2], [5.0, 1.6]])
-    assert len(surface_of(points, LASER, 0.02, 0.01)) == 0
+    scan = LaserScan((0, 0, 0), 0.2 * np.arange(5), [5.0, 1.0, 5.0, 1.0, 5.0])
+    assert len(surface_of_scan(scan, LASER)) == 0
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.05, 0.3])

@@ -8,10 +8,10 @@ from urllib.parse import urlsplit
 import pytest
 from browser import PATIENCE, served
 
-pytest.importorskip("uvicorn")
+pytest.importorskip("websockets")
 
-from wsproto import ConnectionType, WSConnection
-from wsproto.events import AcceptConnection, RejectConnection, Request, TextMessage
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
 
 from lrf3d.errors import InputError
 from lrf3d.view.server import bound, own_names
@@ -36,51 +36,12 @@ def get(address, path="/", **headers):
     return status, content
 
 
-class Page:
+def page(address, *, origin=None, host=None):
     """A websocket as a page opens it, which can send what no page sends."""
-
-    def __init__(self, address, *, origin=None, host=None):
-        netloc = urlsplit(address).netloc
-        name, _, port = netloc.rpartition(":")
-        self._socket = socket.create_connection((name, int(port)), timeout=PATIENCE)
-        self._protocol = WSConnection(ConnectionType.CLIENT)
-        self._events = iter(())
-        extra = [(b"origin", (origin or address).encode())]
-        target = SOCKET
-        request = Request(host=host or netloc, target=target, extra_headers=extra)
-        self._socket.sendall(self._protocol.send(request))
-        self.answer = self.next()
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self._socket.close()
-
-    def next(self):
-        """The next event; None where the server has hung up."""
-        while (event := next(self._events, None)) is None:
-            try:
-                data = self._socket.recv(1 << 16)
-            except ConnectionError:
-                data = b""
-            if not data:
-                return None
-            self._protocol.receive_data(data)
-            self._events = self._protocol.events()
-        return event
-
-    def send(self, text):
-        self._socket.sendall(self._protocol.send(TextMessage(text)))
-
-    def messages(self):
-        """The headers of the messages that come."""
-        data = b""
-        while (event := self.next()) is not None:
-            data += event.data
-            if event.message_finished:
-                yield json.loads(data[4 : 4 + int.from_bytes(data[:4], "little")])
-                data = b""
+    netloc = urlsplit(address).netloc
+    name, _, port = netloc.rpartition(":")
+    door = socket.create_connection((name, int(port)), timeout=PATIENCE)
+    return connect(f"ws://{host or netloc}{SOCKET}", sock=door, origin=origin or address)
 
 
 def test_a_foreign_page_or_name_gets_nothing(address):
@@ -97,15 +58,16 @@ def test_a_foreign_page_or_name_gets_nothing(address):
 
 def test_a_foreign_page_opens_no_websocket(address):
     port = urlsplit(address).port
-    with Page(address) as page:
-        assert isinstance(page.answer, AcceptConnection)
+    with page(address):
+        pass
     for headers in (
         {"origin": "http://evil.com"},
         {"origin": f"http://localhost:{port}"},
         {"origin": f"http://evil.com:{port}", "host": f"evil.com:{port}"},
     ):
-        with Page(address, **headers) as page:
-            assert isinstance(page.answer, RejectConnection) and page.answer.status_code >= 400
+        with pytest.raises(InvalidStatus) as refused:
+            page(address, **headers)
+        assert refused.value.response.status_code in (400, 403)
 
 
 def test_where_others_are_let_in_the_machine_s_own_names_are_theirs(monkeypatch):
@@ -123,18 +85,20 @@ def test_files_beside_those_of_the_page_stay_here(address):
 
 
 def test_malformed_messages_do_not_stop_a_drive(address):
-    with Page(address) as page:
+    with page(address) as opened:
         for text in ("[]", "[8, 9]", "drive", '{"forward": 1e300, "turn": 0}', '{"forward": NaN}'):
-            page.send(text)
-        page.send('{"forward": 0.5, "turn": 0}')
-        speeds = (each["words"]["v"] for each in page.messages() if "words" in each)
+            opened.send(text)
+        opened.send('{"forward": 0.5, "turn": 0}')
+        headers = (json.loads(data[4 : 4 + int.from_bytes(data[:4], "little")]) for data in opened)
+        speeds = (each["words"]["v"] for each in headers if "words" in each)
         assert next(speed for speed in speeds if float(speed) > 0.0)
 
 
 def test_too_long_a_message_ends_its_page_alone(address):
-    with Page(address) as page:
-        page.send("1" * 20_000)
-        assert not any(isinstance(event, TextMessage) for event in iter(page.next, None))
+    with page(address) as opened, pytest.raises(ConnectionClosed):
+        opened.send("1" * 20_000)
+        while True:
+            opened.recv(PATIENCE)
     assert get(address)[0] == 200
 
 

@@ -305,7 +305,7 @@ def test_what_is_wrong_is_named(yard):
 
 
 def test_without_the_server_the_extra_is_named(yard, monkeypatch):
-    monkeypatch.setitem(sys.modules, "uvicorn", None)
+    monkeypatch.setitem(sys.modules, "websockets.asyncio.server", None)
     site = world_view(load_scenario(yard), seed=0)
     with bound("127.0.0.1", None) as door:
         with pytest.raises(MissingLibraryError, match=r"pip install -e .*\[view\]"):
