@@ -1,7 +1,6 @@
 """The laser range finder, its scans and its noise (section 2.3 of Teslić et al.)."""
 
-from lrf3d.laser.imperfections import AngleNoise, DropOuts, imperfect
-from lrf3d.laser.mixed_pixels import MixedPixels
+from lrf3d.laser.imperfections import AngleNoise, DropOuts, MixedPixels, imperfect
 from lrf3d.laser.noise import (
     Chain,
     ConstantNoise,

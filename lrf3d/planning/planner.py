@@ -7,7 +7,6 @@ paths are straightened, and the drive along them is checked.
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -23,11 +22,11 @@ from lrf3d.planning.free_space import (
     find_free_space,
 )
 from lrf3d.planning.tour import find_tour
-from lrf3d.robot import find_collision, follow_route
+from lrf3d.pose import as_pose
 from lrf3d.robot.collision import CollisionChecker
 from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, SPEED
-from lrf3d.robot.trajectory import Trajectory
-from lrf3d.robot.unicycle import RADIUS
+from lrf3d.robot.laps import drive_laps
+from lrf3d.robot.unicycle import MOST_POSES, RADIUS
 from lrf3d.world import World
 from lrf3d.world.size import check_size
 
@@ -41,10 +40,7 @@ this radius [m]."""
 SAME = 1.1
 """Cost of a straight line, as a multiple of that of the path, up to which it is as good."""
 
-AGAIN = 30.0
-"""Time [s] after which a second lap is driven like the first."""
-
-SHORTEST_LOOKAHEAD = 0.1
+LEAST_LOOKAHEAD = 0.1
 """Least look-ahead [m]: with it the robot keeps within centimetres of the route, and slowly."""
 
 
@@ -141,7 +137,8 @@ def find_route(
     if where not in (None, "inside", "outside"):
         raise InputError(f"where {where!r}: expected 'inside', 'outside' or None")
     check_size(world)
-    position = None if start is None else _checked_start(world, start, radius or RADIUS)
+    checker = CollisionChecker(world)
+    position = None if start is None else _checked_start(checker, start, radius or RADIUS)
     ground = Ground(world, position)
     notes: list[str] = []
     if radius is None:
@@ -157,31 +154,30 @@ def find_route(
     if position is not None and (waypoints[0] != position).any():
         waypoints = np.vstack([position, waypoints])
     pace = speed or (INDOOR_SPEED if space.side == "inside" else SPEED)
-    # A long run drives back along the route, and sets out again from where it arrives.
-    lap = np.vstack([waypoints, waypoints[-2::-1]])
-    pose = start if start is not None and len(start) == 3 else None
-    checker = CollisionChecker(world)
+    pose = None if start is None or len(start) < 3 else as_pose(start)
     while True:
-        settings: dict[str, Any] = {"speed": pace, "lookahead": lookahead, "dt": dt}
-        first = follow_route(lap, start=pose, **settings).poses
-        again = follow_route(lap, start=first[-1], most=int(AGAIN / dt), **settings).poses
-        drive = np.vstack([first, again[1:]])[:, :2]
-        touches = len(checker.hit(drive[:-1], drive[1:], radius)[0]) > 0
-        if not touches or lookahead <= SHORTEST_LOOKAHEAD:
+        # A long run drives back along the route, and sets out again from where it arrives.
+        laps = drive_laps(
+            waypoints, start=pose, speed=pace, lookahead=lookahead, dt=dt, most=MOST_POSES
+        )
+        drive = np.vstack([lap.poses[:, :2] for lap in laps])
+        if not len(checker.hit(drive[:-1], drive[1:], radius)[0]) or lookahead <= LEAST_LOOKAHEAD:
             break
-        lookahead = max(0.5 * lookahead, SHORTEST_LOOKAHEAD)
+        lookahead = max(0.5 * lookahead, LEAST_LOOKAHEAD)
     if space.side == "inside":
         notes += narrow_doors(space)
     return PlannedRoute(waypoints, space.side, radius, pace, lookahead, tuple(notes))
 
 
-def _checked_start(world: World, start: Sequence[float] | Float, radius: float) -> Float:
+def _checked_start(
+    checker: CollisionChecker, start: Sequence[float] | Float, radius: float
+) -> Float:
     """The position (2,) of a start [m], which must not be in a wall."""
     position = np.asarray(numbers(start, "start"), dtype=np.float64)
     if position.shape not in ((2,), (3,)) or not (np.abs(position) <= LARGEST_COORDINATE).all():
         raise InputError(f"start {shown(start)}: expected finite numbers x, y or x, y, theta")
     x, y = position = position[:2]
-    if find_collision(Trajectory([0.0], [[x, y, 0.0]]), world, radius) is not None:
+    if len(checker.hit(position[None], position[None], radius)[0]):
         raise InputError(
             f"start ({x:g}, {y:g}): nearer to a wall than the robot's radius of {radius:g} m; move"
             " it"
