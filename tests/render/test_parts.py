@@ -128,7 +128,7 @@ def test_cameras_of_a_world_are_kept_with_its_run(tmp_path):
 
 def test_the_picture_of_another_run_frees_the_film_of_the_last(monkeypatch):
     closed = []
-    monkeypatch.setattr(Film, "close", closed.append)
+    monkeypatch.setattr(Film, "close", lambda film: closed.append(film))
     runs = [replace(room_run(), film=FilmPlan("top", speed)) for speed in (1.0, 2.0)]
     for run in (*runs, runs[1]):
         frame(run, 0.5, size=(64, 36), renderer="embree")
