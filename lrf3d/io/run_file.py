@@ -9,7 +9,6 @@ stopped, a journal lies in its place: see `recording`.
 import json
 import os
 from collections.abc import Mapping
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -181,14 +180,6 @@ _OTHERS = {
 """What a folder is that holds such a file and no run."""
 
 
-def _cameras(arrays: dict[str, Any]) -> tuple[FixedCamera, ...]:
-    names, rows = arrays["camera_names"], arrays["cameras"]
-    return tuple(
-        FixedCamera(str(name), (x, y, z), (u, v, w), field, bool(track))
-        for name, (x, y, z, u, v, w, field, track) in zip(names, rows.tolist(), strict=True)
-    )
-
-
 def _obstacles(arrays: dict[str, Any]) -> "tuple[DynamicObstacle, ...]":
     if "obstacle_heights" not in arrays:
         return ()
@@ -206,50 +197,45 @@ def _obstacles(arrays: dict[str, Any]) -> "tuple[DynamicObstacle, ...]":
     )
 
 
-def _receiver(arrays: dict[str, Any]) -> tuple[float, float, str, int]:
-    if "receiver" not in arrays:
-        return LaserRangeFinder().light
-    threshold, near_field, echo, echoes = arrays["receiver"].tolist()
-    return threshold, near_field, ECHO_CHOICES[int(echo)], int(echoes)
-
-
 def _run(arrays: dict[str, Any]) -> Run:
     walls, sizes = arrays["walls"], arrays["map_sizes"]
     if walls.size and not -1 <= walls.min() <= walls.max() < len(arrays["segments"]):
         raise ValueError(f"walls from {walls.min()} to {walls.max()}, which the world has not")
     if (sizes < 0).any() or int(sizes.sum()) != len(arrays["map_segments"]):
         raise ValueError(f"map_sizes do not sum to {len(arrays['map_segments'])} segments")
+    views = zip(arrays["camera_names"], arrays["cameras"].tolist(), strict=True)
     world = World(
         arrays["segments"],
         arrays["objects"],
         arrays["heights"],
         str(arrays["world_name"]),
-        object_names=tuple(str(name) for name in arrays["object_names"]),
+        object_names=tuple(map(str, arrays["object_names"])),
         colours=arrays["colours"],
-        cameras=_cameras(arrays),
+        cameras=tuple(
+            FixedCamera(str(name), tuple(row[:3]), tuple(row[3:6]), row[6], bool(row[7]))
+            for name, row in views
+        ),
         materials=[material_of(json.loads(str(one))) for one in arrays.get("materials", ())],
     )
     angle_min, angle_max, beams, range_min, range_max, height = arrays["lrf"].tolist()
-    lrf = LaserRangeFinder(
-        angle_min,
-        angle_max,
-        int(beams),
-        range_min,
-        range_max,
-        height,
-        float(arrays["scan_duration"]),
-        *_receiver(arrays),
-    )
+    light = LaserRangeFinder().light
+    if "receiver" in arrays:
+        threshold, near_field, echo, echoes = arrays["receiver"].tolist()
+        light = threshold, near_field, ECHO_CHOICES[int(echo)], int(echoes)
+    sight = range_min, range_max, height, float(arrays["scan_duration"])
+    lrf = LaserRangeFinder(angle_min, angle_max, int(beams), *sight, *light)
     codes = arrays.get("map_kinds", np.zeros(len(arrays["map_objects"]), np.int64))
-    bounds = np.concatenate([[0], np.cumsum(sizes)])
-    maps = tuple(
-        LineMap.of_codes(
-            arrays["map_segments"][first:last],
-            arrays["map_objects"][first:last],
-            arrays["map_points"][first:last],
-            codes[first:last],
-        )
-        for first, last in pairwise(bounds)
+    columns = arrays["map_segments"], arrays["map_objects"], arrays["map_points"], codes
+    # np.split gives a part more than there are ends.
+    parts = [np.split(column, np.cumsum(sizes))[: len(sizes)] for column in columns]
+    estimate = None
+    if "estimate_poses" in arrays:
+        held = {field: arrays[name] for name, field in _ESTIMATE.items()}
+        estimate = EstimatedTrajectory(**held)
+    film = FilmPlan(
+        str(arrays["film_view"]),
+        float(arrays["film_playback"]),
+        str(arrays.get("film_points_by", USUAL_FILM.points_by)),
     )
     return Run(
         world,
@@ -259,15 +245,9 @@ def _run(arrays: dict[str, Any]) -> Run:
         arrays["truth"],
         walls,
         tuple(arrays["snapshot_scans"].tolist()),
-        maps,
+        tuple(LineMap.of_codes(*part) for part in zip(*parts, strict=True)),
         _obstacles(arrays),
-        FilmPlan(
-            str(arrays["film_view"]),
-            float(arrays["film_playback"]),
-            str(arrays.get("film_points_by", USUAL_FILM.points_by)),
-        ),
-        EstimatedTrajectory(**{field: arrays[name] for name, field in _ESTIMATE.items()})
-        if "estimate_poses" in arrays
-        else None,
+        film,
+        estimate,
         **{name: arrays[name] for name in LIGHT if name in arrays},
     )

@@ -37,6 +37,9 @@ EDGE_SHARE = 0.3
 """Share of the matching's information that the edge between two key scans has: adjacent ones are
 matched with the same local map, and share its errors."""
 
+NEWS, NEWS_TURN = 0.02, 0.005
+"""Closures that are off by less than this [m], [rad] wait for the next optimisation."""
+
 FINAL_ITERATIONS = 20
 """Most Gauss-Newton steps over the pose graph in the end."""
 
@@ -189,10 +192,13 @@ class Slam:
         self._anchors.append(Anchor(key.scan, number, np.zeros(3), key.pose, closer.distance))
 
     def _close_loops(self) -> None:
-        """Find the loops that the newest key scan closes, and optimise what they change."""
+        """Find the loops that the newest key scan closes, and optimise where they bring news."""
         if closures := self._closer.search(self._key_poses):
-            self._edges = Edges.joined([self._edges, closure_edges(closures)])
-            self._key_poses = optimised(self._key_poses, self._edges, 1)
+            edges, poses = closure_edges(closures), self._key_poses
+            self._edges = Edges.joined([self._edges, edges])
+            ahead, left, turn = np.abs(edges.errors(poses)).max(axis=0)
+            if max(ahead, left) > NEWS or turn > NEWS_TURN:
+                self._key_poses = optimised(poses, self._edges, 1)
 
     def _edge_to_last(self) -> Edges:
         """The edge from the key scan of the last anchor to the last scan."""
