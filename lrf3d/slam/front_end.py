@@ -116,14 +116,8 @@ def weakest_direction(information: Float) -> tuple[Float, float]:
 class FrontEnd:
     """Follows the robot by matching scans with a local map."""
 
-    def __init__(
-        self,
-        *,
-        key_distance: float = KEY_DISTANCE,
-        key_turn: float = KEY_TURN,
-        wheels: Wheels | None = None,
-    ) -> None:
-        self.key_distance, self.key_turn = key_distance, key_turn
+    def __init__(self, *, key_distance: float = KEY_DISTANCE, wheels: Wheels | None = None) -> None:
+        self.key_distance = key_distance
         self.pose = np.zeros(3)
         self.wheels = Wheels() if wheels is None else deepcopy(wheels)
         # What the last scan saw that stands still, in the frame of the robot.
@@ -132,7 +126,7 @@ class FrontEnd:
         self._recent: deque[tuple[Float, Float]] = deque(maxlen=RECENT)
         self._keys: deque[Key] = deque(maxlen=WATCHED)
         self._grid: SurfaceGrid | None = None
-        # The way since the last key scan by the wheels and by scans, and what scans fixed of it.
+        # The motion since the last key scan by the wheels and by scans, and what scans fixed of it.
         self._raw, self._found = np.zeros(3), np.zeros(3)
         self._turn_known = self._ahead_known = True
 
@@ -224,7 +218,7 @@ class FrontEnd:
         if not self._keys:
             return True
         x, y, turn = between(self._keys[-1].pose, self.pose)
-        return bool(np.hypot(x, y) >= self.key_distance or abs(turn) >= self.key_turn)
+        return bool(np.hypot(x, y) >= self.key_distance or abs(turn) >= KEY_TURN)
 
     def walls(self) -> Float:
         """Points (w, 4) of the walls that the last scan saw, in its frame, and some scans before.
