@@ -240,9 +240,10 @@ class LoopCloser:
         old = between(self.keys[first.old].pose, self.keys[second.old].pose)
         new = between(self.keys[first.new].pose, self.keys[second.new].pose)
         error = between(compose(first.relative, new), compose(old, second.relative))
-        way = abs(self.driven[first.old] - self.driven[second.old])
-        way += abs(self.driven[first.new] - self.driven[second.new])
-        spread = np.array([0.05 + DRIFT * way, 0.05 + DRIFT * way, 0.015 + DRIFT_TURN * way])
+        length = abs(self.driven[first.old] - self.driven[second.old])
+        length += abs(self.driven[first.new] - self.driven[second.new])
+        place, turn = 0.05 + DRIFT * length, 0.015 + DRIFT_TURN * length
+        spread = np.array([place, place, turn])
         lever = np.hypot(old[0], old[1]) * 0.015
         covariance = np.diag(spread**2 + np.array([lever, lever, 0.0]) ** 2)
         for closure in (first, second):

@@ -37,17 +37,17 @@ def turned(matrix: Float, angle: float) -> Float:
     return np.asarray(rotation @ matrix @ rotation.T)
 
 
-def bent(way: Float, known: Int, poses: Float, at: Float | None = None) -> Float:
-    """A way (n, 3) that is right from step to step, bent to meet poses (m, 3) of known numbers.
+def bent(path: Float, known: Int, poses: Float, at: Float | None = None) -> Float:
+    """A path (n, 3) that is right from step to step, bent to meet poses (m, 3) of known numbers.
 
     These rise; ``at`` (n,) is how far along the path each pose is, its number if not given.
     """
-    count = np.arange(len(way))
+    count = np.arange(len(path))
     along = count.astype(np.float64) if at is None else at
     before = np.clip(np.searchsorted(known, count, side="right") - 1, 0, len(known) - 1)
     after = np.minimum(before + 1, len(known) - 1)
-    from_before = compose(poses[before], between(way[known[before]], way))
-    from_after = compose(poses[after], between(way[known[after]], way))
+    from_before = compose(poses[before], between(path[known[before]], path))
+    from_after = compose(poses[after], between(path[known[after]], path))
     length = along[known[after]] - along[known[before]]
     share = np.where(length > 0.0, (along - along[known[before]]) / np.where(length, length, 1), 0)
     share = np.clip(share, 0.0, 1.0)

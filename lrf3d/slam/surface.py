@@ -149,7 +149,7 @@ def _walls(points: Float, step: float, noise: float) -> Float:
 
 
 @inner
-def _reach(points: Float, i: int, way: int, away: float, step: float, noise: float) -> int:
+def _reach(points: Float, i: int, side: int, away: float, step: float, noise: float) -> int:
     """The last point on one side of a point that its normal takes in."""
     baseline = BASELINE + BASELINE_GROWTH * max(away - FAR_OFF, 0.0)
     baseline = max(baseline, BASELINE_NOISE * noise)
@@ -158,7 +158,7 @@ def _reach(points: Float, i: int, way: int, away: float, step: float, noise: flo
     most = int(MOST_TO_SIDE * max(1.0, BASELINE_NOISE * noise / BASELINE))
     end = i
     for number in range(most):
-        k = end + way
+        k = end + side
         if k < 0 or k >= len(points):
             break
         dx, dy = points[k, 0] - points[end, 0], points[k, 1] - points[end, 1]

@@ -127,7 +127,7 @@ def contradicted(olds: Sequence[Key], new: Key, poses: Float) -> bool:
 class SelfCheck(NamedTuple):
     """How well the scans of a solved drive agree with each other.
 
-    Args:
+    Attributes:
         violation: Share of the points seen by one scan that beams of another pass through.
         worst_violation: The same in the worst part of the drive; 0 if fewer key scans than a part
             has could be compared.
