@@ -19,7 +19,7 @@ from lrf3d.frames import compose
 from lrf3d.geometry import Float, lengths
 from lrf3d.interrupts import check, stoppable
 from lrf3d.io import LaserLog, load_log
-from lrf3d.io.reading import CARMEN_ENDINGS
+from lrf3d.io.reading import odometry_of
 from lrf3d.laser import LaserRangeFinder, LaserScan, doubtful_ranges
 from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.pose import Pose
@@ -243,8 +243,7 @@ def solve_log(
     Progress is called with the number of finished scans, and of all.
     """
     if not isinstance(log, LaserLog):
-        carmen = str(log).lower().endswith(CARMEN_ENDINGS)
-        log = load_log(log, poses="auto" if carmen else "odom")
+        log = load_log(log, poses=odometry_of(log))
     log = of_one_laser(log)
     offset = log.odometry.laser_offset
     try:

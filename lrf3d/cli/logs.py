@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from lrf3d.recorded import SolvedLog
     from lrf3d.run import Run
 
-
 LogArgument = Annotated[Path, typer.Argument(metavar="LOG")]
 
 
@@ -105,10 +104,10 @@ def slam(
         relations: Score by known relative poses: lines a b dx dy dtheta of ODOM lines.
         key_distance: Distance [m] from one key scan to the next; 0.5 if not given.
     """
-    from lrf3d.io.reading import CARMEN_ENDINGS, load_log
+    from lrf3d.io.reading import load_log, odometry_of
 
-    poses = "auto" if log.name.lower().endswith(CARMEN_ENDINGS) else "odom"
     # A log that cannot be read is reported before the rest is imported.
+    poses = odometry_of(log)
     drive = load_log(log, largest_range=largest_range, poses=poses, scan_topic=scan_topic)
 
     from lrf3d.cli.console import warn
@@ -137,7 +136,7 @@ def slam(
     )  # fmt: skip
 
 
-def _timed(progress: "Progress") -> "tuple[Progress, Callable[[], float]]":
+def _timed(progress: Progress) -> tuple[Progress, Callable[[], float]]:
     """Progress that is timed, and the mean time of a scan [ms] after the first, which compiles."""
     stamps: list[float] = []
 

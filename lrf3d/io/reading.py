@@ -27,6 +27,11 @@ def is_run(name: str) -> bool:
     return Path(name).is_dir() or Path(name).suffix.lower() == ".npz"
 
 
+def odometry_of(path: str | Path) -> str:
+    """The source of poses for SLAM: a bag may know the truth, CARMEN keeps the odometry apart."""
+    return "auto" if str(path).lower().endswith(CARMEN_ENDINGS) else "odom"
+
+
 def load_log(
     path: str | Path,
     *,

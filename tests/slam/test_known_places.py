@@ -52,22 +52,22 @@ def test_a_robot_in_a_known_place_is_no_more_certain_than_what_it_sees(rounds):
     assert np.trace(slam.covariance()[:2, :2]) > 0.5 * np.trace(known[:2, :2])
 
 
-def test_a_scan_hangs_on_a_known_place_only_if_it_shows_what_is_known_there(rounds):
+def test_a_scan_is_attached_to_a_known_place_only_if_it_shows_what_is_known_there(rounds):
     slam = rounds[0]
     closer, poses = slam._closer, slam._key_poses
-    hung = 0
+    attached = 0
     for number, key in enumerate(closer.keys[:10]):
         last = Anchor(key.scan, number, np.zeros(3), key.pose, closer.distance)
         if in_known_place(closer, key, last, poses) is None:
             continue
-        hung += 1
+        attached += 1
         # It has driven too far to be certain of the place.
         far = replace(last, drifted=CERTAIN)
         assert in_known_place(closer, key, far, poses) is None
         surface = key.surface.copy()
         surface[:, :2] *= 0.8
         assert in_known_place(closer, replace(key, surface=surface), last, poses) is None
-    assert hung > 3
+    assert attached > 3
 
 
 def test_the_map_of_a_known_place_has_each_wall_once(rounds):

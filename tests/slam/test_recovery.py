@@ -39,6 +39,16 @@ def test_glass_in_a_corridor_is_not_taken_for_a_robot_that_drives_backwards():
     assert wrong.max() < 0.15
 
 
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_robot_that_drives_backwards_is_not_held_where_it_was(seed):
+    """It sees walls for the first time: the place of the last scan explains more of them."""
+    lrf = lrf3d.LaserRangeFinder(beams=181, range_max=5.0)
+    scans, wheels, true = drive(rooms(4), through(4), seed=seed, bias=0.0, lrf=lrf)
+    scans, wheels, true = scans[::-4], wheels[::-4], true[::-4]
+    wheels = path_of(true[0], between(wheels[:-1], wheels[1:]))
+    assert errors(true, solved(scans, wheels).poses).max() < 0.2
+
+
 def test_around_a_block_of_corridors_the_wheels_are_learned_while_driving(monkeypatch):
     """The first corridors show nothing along them, and a loop closes at any scale."""
     monkeypatch.setattr("lrf3d.recorded.CALIBRATED", 100)
