@@ -259,6 +259,6 @@ def _ascends(indices: NDArray[Any], count: int) -> bool:
 
 
 def is_snapshot(scan: int, scans: int, snapshots: int | None = None) -> bool:
-    """Whether the map after a scan is kept: after the last of so many, and evenly before it."""
+    """Whether the map after a scan is kept: after the last, and evenly before it."""
     most = MAP_SNAPSHOTS if snapshots is None else snapshots
     return (scan + 1) * most // scans > scan * most // scans

@@ -74,7 +74,7 @@ class Step:
         """The map after this scan, of whatever kind; read it before the next step.
 
         Raises:
-            InputError: The simulation has continued, and the mapper keeps no earlier maps.
+            InputError: The simulation has continued.
         """
         if self._simulation.done != self.index + 1:
             raise InputError(

@@ -17,6 +17,9 @@ from typer.core import TyperCommand
 LISTS = ("--sigma", "--beams")
 """Options that several numbers may follow, as in ``--sigma 0.1 0.2``."""
 
+NUMBER = r"[-+]?\.?[0-9][0-9.eE+-]*"
+"""A word that is a number, or meant to be one, but not ``--``, after which the arguments stand."""
+
 
 class Command(TyperCommand):
     """A command whose help shows options by their groups, in plain text, which is fast."""
@@ -25,7 +28,7 @@ class Command(TyperCommand):
         """Parse the words of a command line; ``--sigma 0.1 0.2`` is ``--sigma 0.1,0.2``."""
         joined: list[str] = []
         for word in args:
-            if joined[-2:-1] and joined[-2] in LISTS and re.fullmatch(r"[\d.eE+-]+", word):
+            if joined[-2:-1] and joined[-2] in LISTS and re.fullmatch(NUMBER, word):
                 joined[-1] += f",{word}"
             else:
                 joined.append(word)

@@ -108,7 +108,7 @@ def make_plan(
     ``collision`` is called with the message of a collision, after which the drive continues.
     """
     axes = {SIGMA: SIGMAS} if axes is None else axes
-    values = {name: tuple(_checked(name, each) for each in axes[name]) for name in axes}
+    values = {name.strip(): tuple(_checked(name, each) for each in axes[name]) for name in axes}
     seeds = whole_number(seeds, "sweep: seeds", most=MOST_RUNS)
     _check(worlds, mappers, values, seeds)
     runs: list[PlannedRun] = []
@@ -132,7 +132,7 @@ def make_plan(
                 tables.setdefault(table, {})[key] = value
             scenario = scenario_of(replace(file, tables=tables))
             # A route depends on how far the laser sees where it is planned.
-            robot = [settings.get(key) for key in settings if key.startswith("robot.")]
+            robot = [value for key, value in settings.items() if key.startswith("robot.")]
             driven = (*robot, scenario.lrf.range_max)
             if driven not in drives:
                 routed = scenario.with_route(where=where, say=warn)
@@ -154,13 +154,13 @@ def make_plan(
                     mapper = {**scenario.mapper, **mapper}
                     line_mapper(noise, **mapper)  # An invalid threshold is found here.
                 # The repr of a noise contains its class as well as its numbers.
-                identity = digest((repr(noise), _identity(label, mapper)))
+                identity = digest((repr(noise), _identity(mapper)))
+                named: Row = {"world": scenario.name, "mapper": label, **known}
                 for seed in range(seeds):
+                    # Runs under other names are other runs, so that the columns of all rows agree.
                     columns: Row = {
-                        "key": digest((FORMAT, scenario.name, place, identity, seed))[:KEY_DIGITS],
-                        "world": scenario.name,
-                        "mapper": label,
-                        **known,
+                        "key": digest((FORMAT, named, place, identity, seed))[:KEY_DIGITS],
+                        **named,
                         "seed": seed,
                         # All mappers and noises have the same seeds, to be compared run by run.
                         "noise_seed": seed_of((place, seed)),
@@ -209,7 +209,7 @@ def _checked(name: str, value: object) -> SettingValue:
     return found
 
 
-def _identity(label: str, mapper: Any) -> Any:
+def _identity(mapper: Any) -> Any:
     """What a mapper holds: its settings, or the name and the source of a user's own."""
     if isinstance(mapper, dict):
         return mapper
@@ -217,4 +217,4 @@ def _identity(label: str, mapper: Any) -> Any:
     with suppress(OSError, TypeError):
         kind = mapper if inspect.isroutine(mapper) or inspect.isclass(mapper) else type(mapper)
         source = Path(inspect.getsourcefile(kind) or "").read_bytes()
-    return label, name_of(mapper), source.hex()
+    return name_of(mapper), source.hex()

@@ -74,8 +74,8 @@ def test_a_robot_that_only_stands_drives_nowhere(tmp_path):
 
 
 def test_several_noises_stand_side_by_side(room, tmp_path):
-    sigmas = ("--sigma", 0.02, 0.2, "--sigma=0.3,0.4")
-    done = lrf3d("run", room, "--no-video", "--json", "--scans", 3, *sigmas, cwd=tmp_path)
+    sigmas = ("--sigma=0.02,0.2", "--sigma", 0.3, 0.4, "--")
+    done = lrf3d("run", "--no-video", "--json", "--scans", 3, *sigmas, room, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     levels = json.loads(done.stdout)["noise_levels"]
     assert [level["sigma_m"] for level in levels] == [0.02, 0.2, 0.3, 0.4]

@@ -71,6 +71,14 @@ def loaded(path):
         return str(error)
 
 
+def test_what_is_no_log_is_refused_with_the_reason(tmp_path):
+    (tmp_path / "junk.log").write_bytes(bytes(range(256)) * 10)
+    (tmp_path / "world.toml").write_text("")
+    reasons = {"no.log": "no such file", "junk.log": "no laser scan", "world.toml": ".log.gz"}
+    for name, reason in reasons.items():
+        assert reason in loaded(tmp_path / name)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_log_cut_short_is_refused_or_says_what_is_missing(whole, kind, seed, tmp_path):

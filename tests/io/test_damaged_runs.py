@@ -138,7 +138,7 @@ def farther(scan, rng):
 
 
 def test_a_run_with_a_noise_and_a_film_plan_of_its_own_is_resumed(tmp_path):
-    path, film = tmp_path / "run.npz", FilmPlan("overview", 3.0)
+    path, film = tmp_path / "run.npz", FilmPlan("overview", 3.0, "intensity")
 
     def made():
         simulation = lrf3d.Simulation(ROOM, POSES, LRF, noise=farther, rng=0)

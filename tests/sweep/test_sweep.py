@@ -149,8 +149,9 @@ def test_more_seeds_add_to_what_is_there_and_fewer_throw_nothing_away(room, tmp_
     run_plan(few, tmp_path / "out", None)
     result = run_plan(more, tmp_path / "out", None, resume=True)
     assert result.made == 8 and result.rows == run_plan(more, tmp_path / "whole", None).rows
-    with pytest.raises(InputError, match="8 runs that this sweep does not ask for"):
-        run_plan(few, tmp_path / "out", None, resume=True)
+    for other in (few, tiny(room, seeds=2, mappers={"ours": "robust", "paper": "paper"})):
+        with pytest.raises(InputError, match="8 runs that this sweep does not ask for"):
+            run_plan(other, tmp_path / "out", None, resume=True)
 
 
 def test_a_damaged_file_of_rows_is_refused_with_the_line(room, tmp_path):
