@@ -8,6 +8,7 @@ between. Points are complex numbers x + iy [cells].
 """
 
 from collections.abc import Iterator
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -73,7 +74,7 @@ def _opened(grid: Bool, side: int) -> Bool:
     for combine in (np.logical_and, np.logical_or):
         for _ in range(2):
             count = len(grid) - side + 1
-            grid = combine.reduce([grid[k : k + count] for k in range(side)]).T
+            grid = reduce(combine, [grid[k : k + count] for k in range(side)]).T
     return grid
 
 
