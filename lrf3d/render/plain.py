@@ -125,7 +125,9 @@ class PlainRenderer:
         low, high = (self._scale * size for size in points.pixels)
         size = np.clip(points.size * lens.focus / np.maximum(clip[:, 2], _NEAR), low, high)
         rows = np.column_stack([clip[:, :2], near, size, points.colours])
-        shown = (clip[:, 2] > _NEAR) & _faces(points.places, points.sides, lens)
+        # What lies on a thin wall is seen from the side that it faces, or from far above.
+        faces = ((lens.eye - points.places)[:, :2] * points.sides).sum(axis=1) >= 0.0
+        shown = (clip[:, 2] > _NEAR) & (faces | (lens.nearer > 1e3))
         fill_discs(rows[shown], canvas.colours, canvas.near)
 
     def _draw_lines(self, canvas: _Canvas, lens: Lens, lines: Lines) -> None:
@@ -151,8 +153,7 @@ class PlainRenderer:
             for side in (1.0, -1.0)
         ]
         triangles = np.stack([corners[k] for k in (0, 1, 3, 0, 3, 2)], axis=1).reshape(-1, 3, 7)
-        shown = (depths.max(axis=0) > _NEAR) & _faces(lines.starts, lines.sides, lens)
-        shown = np.repeat(shown, 2)
+        shown = np.repeat(depths.max(axis=0) > _NEAR, 2)
         fill_triangles(triangles[shown], lines.hidden, False, canvas.colours, canvas.near)
 
 
@@ -165,12 +166,6 @@ def _sunk(corners: Single, cut: Cut) -> Single:
     sunk = corners.copy()
     sunk[..., 2] = np.where(toward > -look.CUT_BEFORE, np.minimum(sunk[..., 2], high), sunk[..., 2])
     return sunk
-
-
-def _faces(places: Any, sides: Any, lens: Lens) -> NDArray[np.bool_]:
-    """Whether what lies on thin walls is seen (n,): from their sides, or from far above."""
-    seen = ((lens.eye - places)[:, :2] * sides).sum(axis=1) >= 0.0
-    return np.asarray(seen | (lens.nearer > 1e3))
 
 
 def _ways(lens: Lens, size: tuple[int, int]) -> Single:

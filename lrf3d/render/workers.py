@@ -96,7 +96,8 @@ def _process(
             check()
         try:
             sent = pipe.recv()
-        except EOFError:
+        except (EOFError, OSError):
+            # Between two pictures, or in the middle of one, as when the system runs out of memory.
             words = f"drawing the film failed with status {process.wait()}"
             printed = log.read_text(errors="replace").strip()
             raise RuntimeError(f"{words}:\n{printed[-3000:]}") from None

@@ -97,8 +97,6 @@ class Lines(NamedTuple):
     """(n, 3) colours."""
     opacities: Single
     """(n, 2) opacities at both ends."""
-    sides: Single
-    """(n, 2) where the wall looks that each lies on: from behind it is not seen; 0 for none."""
     width: float
     """Width [pixels of 720 lines]."""
     hidden: bool = False
@@ -113,7 +111,7 @@ class Points(NamedTuple):
     colours: Single
     """(n, 4) colours and opacities."""
     sides: Single
-    """(n, 2) where the wall looks that each lies on; 0 for none."""
+    """(n, 2) where the wall looks that each lies on: from behind it is not seen; 0 for none."""
     size: float
     """Diameter [m]."""
     pixels: tuple[float, float]
@@ -209,6 +207,5 @@ def level_lines(
         single(np.hstack([ends, level])),
         single(colours),
         single(opacities),
-        np.zeros((len(starts), 2), np.float32),
         width,
     )

@@ -7,8 +7,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
-from typing import Any, Protocol, cast
+from typing import Any, Protocol
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -284,9 +283,9 @@ class _Behind:
         """The look of now."""
         drive, structures = self._drive, self._drive.scene.structures
         places = np.array([drive.pose[:2]]) - drive.scene.origin
-        now = SimpleNamespace(times=np.zeros(1), places=places, headings=np.array([drive.facing]))
-        track = behind(cast(SmoothPath, now), structures)
-        return track.over_walls(structures, places, 1.0).look(0.0, cuts=True)
+        now = SmoothPath(np.zeros(1), places, np.array([drive.facing]))
+        track = behind(now, structures).over_walls(structures, places, 1.0)
+        return track.look(0.0, cuts=True)
 
 
 def setup_of(scene: Scene, views: tuple[str, ...], *, end: float) -> dict[str, Any]:

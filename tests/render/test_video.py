@@ -60,6 +60,18 @@ def test_a_failing_worker_leaves_no_file(tmp_path, monkeypatch):
     assert os.listdir(tmp_path) == ["run.mp4"]
 
 
+def test_a_worker_that_is_killed_in_the_middle_of_a_picture_is_reported(tmp_path, monkeypatch):
+    worker = tmp_path / "worker"
+    # Of a message of 1000 bytes it sends three.
+    worker.write_text("#!/usr/bin/env bash\nprintf '\\0\\0\\3\\350abc' >&$6; kill -9 $$\n")
+    worker.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(worker))
+    film = {"size": (64, 36), "fps": 4, "renderer": "embree", "workers": 1}
+    with pytest.raises(RuntimeError, match="drawing the film failed with status -9"):
+        video.render_video(room_run(), tmp_path / "run.webp", **film)
+    assert os.listdir(tmp_path) == ["worker"]
+
+
 @needs_gl
 def test_workers_end_when_their_caller_is_killed(tmp_path):
     script = (

@@ -56,6 +56,33 @@ def test_a_foreign_page_or_name_gets_nothing(address):
             assert status == 403 and text.count("\n") == 1
 
 
+@pytest.mark.parametrize(
+    ("names", "status"),
+    [
+        (["localhost"], 200),
+        (["LocalHost:80"], 200),
+        (["[::1]"], 200),
+        (["[::1]:8080"], 200),
+        ([], 400),
+        ([""], 400),
+        (["[::2]:8080"], 400),
+        (["::1"], 400),
+        (["localhost:"], 400),
+        (["localhost:80:80"], 400),
+        (["localhost:x"], 400),
+        (["localhost", "evil.com"], 400),
+    ],
+)
+def test_a_name_counts_without_its_port_and_in_any_case(address, names, status):
+    connection = http.client.HTTPConnection(urlsplit(address).netloc, timeout=PATIENCE)
+    connection.putrequest("GET", "/", skip_host=True)
+    for name in names:
+        connection.putheader("Host", name)
+    connection.endheaders()
+    assert connection.getresponse().status == status
+    connection.close()
+
+
 def test_a_foreign_page_opens_no_websocket(address):
     port = urlsplit(address).port
     with page(address):

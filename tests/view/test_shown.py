@@ -41,8 +41,8 @@ def read(message):
 
 def lines(width=2.0):
     ends = np.arange(6, dtype=np.float32).reshape(2, 3)
-    sides, opacities = np.zeros((2, 2), np.float32), np.array([[1, 0], [0.5, 2]], np.float32)
-    return Lines(ends, ends + 1, ends / 5, opacities, sides, width)
+    opacities = np.array([[1, 0], [0.5, 2]], np.float32)
+    return Lines(ends, ends + 1, ends / 5, opacities, width)
 
 
 def test_arrays_are_sent_once_and_colours_are_bytes():

@@ -5,7 +5,6 @@ layout(location = 0) in vec3 start;
 layout(location = 1) in vec3 end;
 layout(location = 2) in vec3 tint;
 layout(location = 3) in vec2 opacities; // at both ends
-layout(location = 4) in vec2 side;      // where the wall's face looks, or 0
 out vec4 paint;
 out float along;                // way from the start [m]
 out vec2 off;                   // from the middle of the line [pixels] times the depth, and the depth
@@ -31,7 +30,6 @@ void main() {
     off = vec2(turn * half_width * (ends ? -1.0 : 1.0), 1.0) * a.w;
     along = ends ? length(there - here) : 0.0;
     paint = vec4(tint, ends ? opacities.y : opacities.x);
-    if (!shown(here, side)) a.z = 2.0 * a.w;
     gl_Position = a;
 }
 #else
