@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from lrf3d.errors import InputError, Lrf3dWarning
-from lrf3d.geometry import Float, Int, lengths
+from lrf3d.frames import compose
+from lrf3d.geometry import Float, lengths
 from lrf3d.interrupts import check, stoppable
 from lrf3d.io import LaserLog, load_log
 from lrf3d.io.reading import CARMEN_ENDINGS
@@ -26,7 +27,6 @@ from lrf3d.progress import Progress, silent
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.run import Run, is_snapshot
 from lrf3d.slam import Slam
-from lrf3d.slam.frames import bent, between, compose
 from lrf3d.slam.front_end import KEY_DISTANCE
 from lrf3d.slam.odometry import (
     Recording,
@@ -35,6 +35,7 @@ from lrf3d.slam.odometry import (
     fitted_lag,
     in_order,
     is_mirrored,
+    line_poses,
     turns_between,
 )
 from lrf3d.slam.violation import SelfCheck
@@ -52,9 +53,6 @@ a corridor, so that only large errors of turns matter."""
 
 MOST_PASSES = 3
 """Times that a drive is solved, at most."""
-
-STILL = 1e-3
-"""Length [m] that is added to the motion at each line, so that no line has none."""
 
 LEAST_BEAMS = 3
 """Beams that a scan must have to show a wall."""
@@ -287,6 +285,8 @@ def solve_log(
 
 def of_one_laser(log: LaserLog) -> LaserLog:
     """A log with its scans at the angles of the first, refused if they are of several lasers."""
+    if not log.scans:
+        raise InputError(f"{log.name}: a log without scans; expected at least one")
     first = log.scans[0].angles
     for number, scan in enumerate(log.scans):
         if scan.angles.shape != first.shape or np.abs(scan.angles - first).max() > JITTER:
@@ -332,19 +332,6 @@ def _right_handed(recording: Recording, path: WheelPath, offset: float) -> tuple
     scans = [replace(scan, ranges=scan.ranges[::-1]) for scan in scans]
     repairs = replace(recording.repairs, mirrored=True)
     return replace(recording, scans=scans, repairs=repairs), -turns
-
-
-def line_poses(path: WheelPath, places: Int, lag: float, scan_poses: Float) -> Float:
-    """Poses (n, 3) at all odometry lines, which follow the odometry between scans.
-
-    The pose of a line that a scan follows is that of the scan: the poses are by the clock of the
-    laser, for it is the laser's measurements that they are compared with.
-    """
-    wheels = path.at(np.arange(float(len(path))) - lag)
-    known, last = np.unique(places[::-1], return_index=True)
-    # What is left between odometry and scans is spread by how far the robot moved and turned.
-    steps = np.abs(between(wheels[:-1], wheels[1:])).sum(axis=1) + STILL
-    return bent(wheels, known, scan_poses[::-1][last], np.concatenate([[0.0], np.cumsum(steps)]))
 
 
 def run_of(

@@ -58,14 +58,13 @@ class PoseEstimate(Value):
             Pose(x + dx, y + dy, float(wrap_angle(theta + turn))), _symmetric(covariance)
         )
 
-    def corrected(self, pairs: Innovation, *, gate: float = GATE) -> "tuple[PoseEstimate, Bool]":
+    def corrected(self, pairs: Innovation) -> "tuple[PoseEstimate, Bool]":
         """The estimate after pairs of lines (k,), and which of them (k,) it uses.
 
-        The worst pair is left out as long as it lies beyond the gate, a squared Mahalanobis
-        distance with two degrees of freedom, of the estimate from the prediction and all other
-        pairs. So a wrong pair within the wide gate of the prediction does not make right ones look
-        wrong, and many consistent lines outweigh a poor prediction. The innovations are those at
-        this estimate's pose, in which they are linear.
+        The worst pair is left out as long as it lies beyond the gate of pairing from the estimate
+        by the prediction and all other pairs. So a wrong pair within the wide gate of the
+        prediction does not make right ones look wrong, and many consistent lines outweigh a poor
+        prediction. The innovations are those at this estimate's pose, in which they are linear.
         """
         measured = np.column_stack([pairs.angle, pairs.offset])
         gradient = np.zeros((len(measured), 2, 3))
@@ -80,7 +79,7 @@ class PoseEstimate(Value):
             change, covariance = _correct(self.covariance, measured[used], *kept)
             residual = measured[used] - gradient[used] @ change
             squares = _misfits(residual, *kept, self.covariance, covariance)
-            if squares.max(initial=0.0) <= gate:
+            if squares.max(initial=0.0) <= GATE:
                 break
             used[np.flatnonzero(used)[squares.argmax()]] = False
         x, y, theta = (np.array(self.pose) + change).tolist()

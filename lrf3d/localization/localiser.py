@@ -11,16 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError, expect, shown
+from lrf3d.frames import between
 from lrf3d.geometry import Float, Int, Value, generator, is_finite, wrap_angle
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.localization.estimate import PoseEstimate
 from lrf3d.localization.lines import KnownLines, LocalLines
-from lrf3d.localization.pairing import (
-    STRATEGIES,
-    Pairs,
-    innovation,
-    pair_lines,
-)
+from lrf3d.localization.pairing import STRATEGIES, Pairs, innovation, pair_lines
 from lrf3d.pose import as_poses
 
 
@@ -74,9 +70,7 @@ def odometry_increments(poses: ArrayLike) -> Float:
         [[1.0, 0.0, 1.5], [1.99, 0.14, 0.0]]
     """
     poses = as_poses(poses)
-    (dx, dy, turn), theta = np.diff(poses, axis=0).T, poses[:-1, 2]
-    cos, sin = np.cos(theta), np.sin(theta)
-    return np.column_stack([cos * dx + sin * dy, cos * dy - sin * dx, wrap_angle(turn)])
+    return between(poses[:-1], poses[1:])
 
 
 @dataclass(frozen=True, eq=False, repr=False)

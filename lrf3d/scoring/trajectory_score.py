@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrf3d.errors import InputError
+from lrf3d.frames import between
 from lrf3d.geometry import Bool, Float, Int, Value, wrap_angle
 from lrf3d.pose import as_poses
 from lrf3d.scoring.report import Report
@@ -66,12 +67,8 @@ def score_trajectory(poses: Float, relations: Relations) -> TrajectoryScore:
             " another log"
         )
     before, after = poses[relations.first], poses[relations.second]
-    cos, sin = np.cos(before[:, 2]), np.sin(before[:, 2])
-    dx, dy = after[:, 0] - before[:, 0], after[:, 1] - before[:, 1]
-    ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
-    known = relations.relative
-    apart = np.hypot(ahead - known[:, 0], left - known[:, 1])
-    turned = np.degrees(np.abs(wrap_angle(after[:, 2] - before[:, 2] - known[:, 2])))
+    off = between(before, after) - relations.relative
+    apart, turned = np.hypot(off[:, 0], off[:, 1]), np.degrees(np.abs(wrap_angle(off[:, 2])))
     certain = relations.certain
     return TrajectoryScore(
         relations=len(relations),

@@ -10,8 +10,8 @@ from functools import cached_property
 
 import numpy as np
 
+from lrf3d.frames import between, compose, turned
 from lrf3d.geometry import Float, wrap_angle
-from lrf3d.slam.frames import between, compose, turned
 from lrf3d.slam.front_end import WEAK, weakest_direction
 from lrf3d.slam.pose_graph import Edges, GraphPaths
 from lrf3d.slam.scan_matching import DEVIATIONS as WINDOW_DEVIATIONS
@@ -23,7 +23,7 @@ LEAST_DISTANCE = 6.0
 """Two key scans are worth closing a loop if the path between them along the graph is longer [m]."""
 
 LEAST_SHARE = 0.6
-"""Share of a scan that lies on the map of a place that no doubt is the one: none other is tried."""
+"""A place that explains this share of a scan is beyond doubt: no other is tried."""
 
 NEAR = 4.0
 """Key scans up to this far apart [m] may show the same walls."""
@@ -56,8 +56,8 @@ CLOSURE_LENGTH = 0.5
 """What a closure counts as in path lengths along the graph [m]: the drift that it leaves."""
 
 AGREEING, AGREEING_IN_THE_END = 3, 2
-"""Closures that have to agree with each other before any of them is accepted, while the robot
-drives and, if no other speaks against them, when the drive is over and no more will come."""
+"""Closures that have to agree with each other before any of them is accepted: while the robot
+drives, and when the drive is over, if no other contradicts them."""
 
 STRETCH = 12.0
 """Closures within this distance [m] of each other, at both ends, are compared."""
@@ -70,7 +70,7 @@ CLOSURE_SHARE = 0.3
 by the same drifting front end, and both are bent a little."""
 
 FLOOR = np.diag([0.01, 0.01, 1.0])
-"""Information that a closure has in any direction: 10 m and 1 rad, for it lay in the window."""
+"""Information that a closure has in any direction: 10 m and 1 rad, as it lay in the window."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,16 +106,14 @@ class LoopCloser:
         # Key scans that follow each other without a known place between them are of one stretch.
         self._stretches = np.empty(0, np.int64)
 
-    def drive(self, step: Float, lost: int) -> float:
-        """Note how the robot has moved; returns the distance [m] over which it drifts as far."""
+    def drive(self, step: Float, lost: int) -> None:
+        """Add to the distance that the robot has driven, by how far it drifts."""
         # A turn in place lets the robot drift like a path of the length of its lever.
-        length = float(np.hypot(step[0], step[1]) + abs(step[2])) + LOST * lost
-        self.distance += length
-        return length
+        self.distance += float(np.hypot(step[0], step[1]) + abs(step[2])) + LOST * lost
 
-    def add_key(self, key: Key, *, hung: bool = False) -> None:
-        """Take in the next key scan; say whether a scan in a known place stands before it."""
-        stretch = int(self._stretches[-1]) + hung if self.keys else 0
+    def add_key(self, key: Key, *, apart: bool = False) -> None:
+        """Take in the next key scan, which a known place may part from the one before."""
+        stretch = int(self._stretches[-1]) + apart if self.keys else 0
         self.driven = np.append(self.driven, self.distance)
         self._stretches = np.append(self._stretches, stretch)
         self.keys.append(key)

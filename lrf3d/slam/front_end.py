@@ -11,16 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lrf3d.frames import between, compose, turned
 from lrf3d.geometry import Bool, Float, Int, wrap_angle
-from lrf3d.slam.frames import between, compose, turned
-from lrf3d.slam.scan_matching import (
-    CLEARLY,
-    PRIOR_SCALE,
-    Match,
-    clearest,
-    match_scan,
-    search,
-)
+from lrf3d.slam.scan_matching import CLEARLY, PRIOR_SCALE, Match, clearest, match_scan, search
 from lrf3d.slam.surface import SurfaceGrid, moved, thinned, wall_map
 from lrf3d.slam.violation import BEHIND, Key, views_of
 from lrf3d.slam.wheels import Wheels
@@ -53,8 +46,8 @@ ENOUGH, RECENT = 150, 32
 those before it, out of the last few."""
 
 WATCHED, THROUGH = 12, 2
-"""A point that the beams of the second number of the last key scans, of the first, passed through,
-has come since: it is a person, and no place to hold on to."""
+"""A point is of a dynamic obstacle, and left out, if beams of so many of the last key scans passed
+through it: the first is how many of these are compared, the second how many are enough."""
 
 WEAK = 2500.0
 """A direction is left to the odometry where scans fix it with less information than this [1/m²]: no
@@ -189,16 +182,18 @@ class FrontEnd:
         best = clearest(places, poses, worth)
         if best is None or places[best].log_odds < match.log_odds + CLEARLY:
             return match
-        # Where a robot comes into what nobody has seen, little is explained at the right place, and
-        # more where the last scan was; but only at a wrong one do beams pass through its points.
-        fits = self._through(surface, places[best]) <= self._through(surface, match)
-        return places[best] if fits else match
+        # Where a robot enters a new room, the right place explains little, and the place of the
+        # last scan more; but only at a wrong place do earlier beams pass through the points.
+        there, here = (
+            self._passed(surface, place.pose)[-LOCAL_KEYS:].any(axis=0).sum()
+            for place in (places[best], match)
+        )
+        return places[best] if there <= here else match
 
-    def _through(self, surface: Float, match: Match) -> int:
-        """How many points of a surface (m, 4) beams of the local map pass through at a place."""
-        near = list(self._keys)[-LOCAL_KEYS:]
-        watching = between(np.array([key.pose for key in near]), match.pose)
-        return int((views_of(surface, watching, near) == 2).any(axis=0).sum())
+    def _passed(self, surface: Float, pose: Float) -> Bool:
+        """Which points (k, m) of a surface at a pose (3,) beams of the last key scans pass."""
+        poses = between(np.array([key.pose for key in self._keys]), pose)
+        return np.asarray(views_of(surface, poses, self._keys) == 2)
 
     def _moving(self, surface: Float, guess: Float, deviations: Float) -> Bool:
         """Which points (m,) of a surface were not there when the robot came by."""
@@ -207,9 +202,7 @@ class FrontEnd:
         # Where a guess may be off by more than beams pass behind a point, nothing is known.
         far = np.hypot(surface[:, 0], surface[:, 1])
         known = 3.0 * (max(deviations[0], deviations[1]) + deviations[2] * far) < BEHIND
-        watching = between(np.array([key.pose for key in self._keys]), guess)
-        through = (views_of(surface, watching, self._keys) == 2).sum(axis=0)
-        gone = known & (through >= THROUGH)
+        gone = known & (self._passed(surface, guess).sum(axis=0) >= THROUGH)
         # Where most is new the robot is elsewhere than it thinks.
         return np.asarray(gone & (2 * gone.sum() < len(gone)))
 

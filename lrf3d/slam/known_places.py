@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from lrf3d.frames import between, compose
 from lrf3d.geometry import Float, wrap_angle
 from lrf3d.slam.closures import (
     CLOSURE_LENGTH,
@@ -18,7 +19,6 @@ from lrf3d.slam.closures import (
     LEAST_SHARE,
     LoopCloser,
 )
-from lrf3d.slam.frames import between, compose
 from lrf3d.slam.front_end import WEAK, weakest_direction
 from lrf3d.slam.scan_matching import match_scan
 from lrf3d.slam.surface import wall_map

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from lrf3d.errors import InputError
+from lrf3d.frames import bent, between, compose
 from lrf3d.geometry import Bool, Float, Int, wrap_angle
 from lrf3d.laser import LaserScan
-from lrf3d.slam.frames import between, compose
 from lrf3d.slam.scan_matching import search
 from lrf3d.slam.surface import grid_of, thinned
 from lrf3d.text import counted
@@ -63,6 +63,9 @@ CLEARLY = 3.0
 
 HUGE = 0.5
 """Turn between two scans [rad] that is rarely seen, but where odometry is in degrees."""
+
+STILL = 1e-3
+"""Length [m] that is added to the motion at each line, so that no line has none."""
 
 HUBER = 0.01
 """Residuals beyond this [rad] count linearly."""
@@ -241,12 +244,12 @@ def fitted_lag(turns: Float, path: WheelPath, places: Int) -> float:
     distances = np.hypot(*np.diff(path.at(places.astype(np.float64))[:, :2], axis=0).T)[known]
 
     def left(free: Float) -> Float:
-        lag, by_turn, by_way = free
+        lag, by_turn, by_distance = free
         turned = np.diff(path.at(places - lag)[:, 2])[known]
-        return np.asarray(turns[known] - (1.0 + by_turn) * turned - by_way * distances)
+        return np.asarray(turns[known] - (1.0 + by_turn) * turned - by_distance * distances)
 
-    bent = np.abs(left(np.array([LAGS[1], 0.0, 0.0])) - left(np.array([LAGS[0], 0.0, 0.0])))
-    if (bent > LEAST_TURN * (LAGS[1] - LAGS[0])).sum() < LEAST_PAIRS:
+    moved = np.abs(left(np.array([LAGS[1], 0.0, 0.0])) - left(np.array([LAGS[0], 0.0, 0.0])))
+    if (moved > LEAST_TURN * (LAGS[1] - LAGS[0])).sum() < LEAST_PAIRS:
         return 0.0
     # What is left once the systematic errors of the wheels are out, with the lag and without it.
     with_lag = least_squares(left, np.zeros(3), loss="huber", f_scale=HUBER)
@@ -257,3 +260,16 @@ def fitted_lag(turns: Float, path: WheelPath, places: Int) -> float:
     without = least_squares(left_at_once, np.zeros(2), loss="huber", f_scale=HUBER)
     lag = float(np.clip(with_lag.x[0], *LAGS))
     return lag if without.cost > SURE * with_lag.cost else 0.0
+
+
+def line_poses(path: WheelPath, places: Int, lag: float, scan_poses: Float) -> Float:
+    """Poses (n, 3) at all odometry lines, which follow the odometry between scans.
+
+    The pose of a line that a scan follows is that of the scan: the poses are by the clock of the
+    laser, for it is the laser's measurements that they are compared with.
+    """
+    wheels = path.at(np.arange(float(len(path))) - lag)
+    known, last = np.unique(places[::-1], return_index=True)
+    # What is left between odometry and scans is spread by how far the robot moved and turned.
+    steps = np.abs(between(wheels[:-1], wheels[1:])).sum(axis=1) + STILL
+    return bent(wheels, known, scan_poses[::-1][last], np.concatenate([[0.0], np.cumsum(steps)]))

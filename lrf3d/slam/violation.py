@@ -15,8 +15,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from lrf3d.compiling import compiled
+from lrf3d.frames import between
 from lrf3d.geometry import Float
-from lrf3d.slam.frames import between
 
 BEHIND = 0.3
 """A beam that passes this far behind what the other scan saw [m] contradicts it."""

@@ -7,10 +7,10 @@ from drives import path_of
 from program import lrf3d as program
 
 import lrf3d
+from lrf3d.frames import compose
 from lrf3d.io import load_run
 from lrf3d.mapping import load_map
 from lrf3d.recorded import solve_log
-from lrf3d.slam.frames import compose
 
 ROOM = lrf3d.World([[0, 0, 8, 0], [8, 0, 8, 6], [8, 6, 3, 6], [3, 6, 0, 4], [0, 4, 0, 0]])
 

@@ -8,8 +8,8 @@ from drives import SCANNER, drive, errors, followed, recorded, rooms, solved, th
 
 import lrf3d
 from lrf3d.errors import InputError
+from lrf3d.frames import between
 from lrf3d.recorded import rising
-from lrf3d.slam.frames import between
 from lrf3d.slam.front_end import weakest_direction
 from lrf3d.slam.odometry import WheelPath
 from lrf3d.slam.violation import Key, views_of
@@ -225,6 +225,7 @@ def test_angles_that_jitter_by_rounding_are_those_of_one_laser(short):
 
 
 REFUSED = {
+    "no scans": (lambda s, w: ([], w), "without scans"),
     "one scan": (lambda s, w: (s[:1], w), "at least two"),
     "another laser": (
         lambda s, w: ([*s[:-1], replace(s[-1], angles=s[-1].angles + 0.1)], w),
