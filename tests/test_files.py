@@ -99,6 +99,7 @@ def test_a_built_in_world_comes_before_a_folder_of_its_name():
     [
         ("map.geojson", "the folder of a map that was made from a log, with no run.npz in it"),
         ("sweep.jsonl", "the folder of a sweep"),
+        ("runs.csv", "the folder of a sweep"),
         ("metadata.yaml", "the folder of a ROS 2 bag"),
         ("run.journal", "the run was stopped"),
         ("notes.txt", "run.npz: no such file; `lrf3d run WORLD` writes one"),

@@ -27,6 +27,12 @@ def test_a_file_of_walls_alone_gets_defaults(tmp_path):
     assert dict(scenario.mapper) == {}
 
 
+def test_a_file_that_is_no_text_is_a_world_error_that_names_it_once(tmp_path):
+    (tmp_path / "w.toml").write_bytes(b'name = "a"\nx = "\xff"\n')
+    with pytest.raises(WorldError, match=r"^[^ ]*w\.toml:2: not a text file in UTF-8$"):
+        load_scenario(tmp_path / "w.toml")
+
+
 def test_every_table_reaches_the_scenario_with_angles_in_radians(tmp_path):
     scenario = read(
         """

@@ -18,7 +18,7 @@ from lrf3d.render.packing import lit
 from lrf3d.run import Run
 from lrf3d.scene import look
 from lrf3d.scene.camera import Look
-from lrf3d.scene.estimate import DrawnEstimate, outlines, ring_quads
+from lrf3d.scene.estimate import DrawnEstimate, outlines
 from lrf3d.scene.moments import Scene
 from lrf3d.scene.shapes import Lines, Points, Soft
 from lrf3d.scene.timeline import DriveKeys, Timeline, drive_keys, obstacle_keys, scan_times
@@ -41,6 +41,10 @@ _EYE_INDOOR, _TARGET_INDOOR = np.array([-3.4, 0.0, 4.2]), np.array([0.8, 0.0, 0.
 _FIELD = float(np.radians(50.0))
 """Its angle of view from the bottom to the top [rad]."""
 
+_TRAIL_WIDTH, _ESTIMATE_WIDTH, _LIFT = 0.045, 0.05, 0.005
+"""Widths of the trail, and of the estimated one and its ellipses [m]; and how far the estimated
+trail lies over the true one, and its ellipses over that [m]."""
+
 _PIECE_ERROR, _SHORTEST = 0.03, 1e-3
 """How far a straight piece of the trail may be off [m], in place and along the path; shorter ones
 are left out: a robot that turns on the spot."""
@@ -51,7 +55,7 @@ a node without a size has no axes."""
 
 
 def run_glb(run: Run, *, every: int = 1) -> bytes:
-    """A run as a GLB file with one animation; one scan of a number is kept.
+    """A run as a GLB file with one animation; of ``every`` scans one is kept.
 
     Raises:
         InputError: ``every`` is less than 1.
@@ -75,7 +79,7 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
     _add_scans(document, scene, every)
     _add_maps(document, scene)
     if run.knows_truth:
-        _add_trail(document, keys, "trail", look.TRAIL_COLOUR, look.TRAIL_WIDTH, look.TRAIL_HEIGHT)
+        _add_trail(document, keys, "trail", look.TRAIL_COLOUR, _TRAIL_WIDTH, look.TRAIL_HEIGHT)
     _add_estimate(document, timeline)
     return document.glb()
 
@@ -183,14 +187,14 @@ def _add_estimate(document: Document, timeline: Timeline) -> None:
     if drawn is None:
         return
     keys, known = drawn.keys, drawn.keys.times[drawn.known]
-    height = look.TRAIL_HEIGHT + look.ESTIMATE_LIFT
-    _add_trail(document, keys, "estimate", look.ESTIMATE_COLOUR, look.ESTIMATE_WIDTH, height)
+    height = look.TRAIL_HEIGHT + _LIFT
+    _add_trail(document, keys, "estimate", look.ESTIMATE_COLOUR, _ESTIMATE_WIDTH, height)
     if not len(known):
         return
     material = document.material("ellipses", translucent=True)
     group = document.node("ellipses", document.root)
     for outline, begin in zip(drawn.outlines(), known[drawn.kept], strict=True):
-        ring = _ring(document, outline, look.ESTIMATE_WIDTH, look.ESTIMATE_FADED, material)
+        ring = _ring(document, outline, _ESTIMATE_WIDTH, look.ESTIMATE_FADED, material)
         document.show(document.node(f"ellipse from {begin:.1f} s", group, ring), float(begin))
     ring = _ring(document, outlines(np.zeros((1, 2)), np.eye(2)[None])[0], _RIM, 1.0, material)
     sizes, axes = np.linalg.eigh(drawn.shapes)
@@ -207,8 +211,13 @@ def _add_estimate(document: Document, timeline: Timeline) -> None:
 def _ring(
     document: Document, outline: Float, width: float, opacity: float, material: int
 ) -> dict[str, Any]:
-    """A ribbon along an outline (c, 2) on the ground, in the estimate's colour."""
-    quads = ring_quads(outline[None], width)[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 2)
-    height = np.full(len(quads), look.TRAIL_HEIGHT + 2.0 * look.ESTIMATE_LIFT)
-    colours = np.tile([*look.ESTIMATE_COLOUR, opacity], (len(quads), 1))
-    return document.part(material, np.column_stack([quads, height]), colours)
+    """A ribbon along a closed outline (c, 2) on the ground, in the estimate's colour."""
+    away = outline - outline.mean(axis=0)
+    # Both sides lie on the rays from the middle, on which the corners lie.
+    side = 0.5 * width * away / np.maximum(np.linalg.norm(away, axis=1), 1e-9)[:, None]
+    inner, outer = outline - side, outline + side
+    quads = [inner, outer, np.roll(outer, -1, axis=0), np.roll(inner, -1, axis=0)]
+    corners = np.stack(quads, axis=1)[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 2)
+    height = np.full(len(corners), look.TRAIL_HEIGHT + 2.0 * _LIFT)
+    colours = np.tile([*look.ESTIMATE_COLOUR, opacity], (len(corners), 1))
+    return document.part(material, np.column_stack([corners, height]), colours)

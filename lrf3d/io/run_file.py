@@ -174,6 +174,7 @@ def run_path(path: str | Path) -> Path:
 
 _OTHERS = {
     "sweep.jsonl": "a sweep",
+    "runs.csv": "a sweep",  # Of jobs, whose rows are in files of their own.
     "metadata.yaml": "a ROS 2 bag",
     "map.geojson": "a map that was made from a log",
 }

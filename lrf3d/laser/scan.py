@@ -77,7 +77,7 @@ class LaserScan(Value, Pictured):
     echo_intensities: Float | None = None
 
     if TYPE_CHECKING:
-        # Lists are taken, too; what is kept are a pose and arrays.
+        # Lists are accepted, too; a pose and arrays are stored.
         def __init__(
             self,
             pose: Sequence[float] | Float,

@@ -87,6 +87,8 @@ class Renderer:
 
     def close(self) -> None:
         """Free what the driver holds; the context stays."""
+        # The names are of this context: in a viewer's, they are those of other things.
+        make_current()
         for program in self._programs.values():
             program.delete()
         for buffer in self._buffers.values():

@@ -101,21 +101,23 @@ class Patrol(Value):
             raise InputError("patrol: expected a route of at least two different way-points")
         self._hold("route")
 
-    def until(self, time: float) -> Trajectory:
-        """The path up to a time [s], to the end of the lap there and back that is driven then."""
+    def until(self, time: float, *, since: float = 0.0) -> Trajectory:
+        """The laps there and back that are driven from one time [s] to another, as whole ones."""
         points = self.route[np.append(True, (np.diff(self.route, axis=0) != 0.0).any(axis=1))]
         corners = np.vstack([points, points[-2::-1]])
         legs = np.diff(corners, axis=0)
         durations = np.hypot(legs[:, 0], legs[:, 1]) / self.speed
         begins = np.append(0.0, np.cumsum(durations + LAP_TURN))
-        laps = int(time / begins[-1]) + 1
+        laps = np.arange(int(since / begins[-1]), int(time / begins[-1]) + 1)
         # One pose where a leg begins and one where it ends; between legs it turns.
         times = np.column_stack([begins[:-1], begins[:-1] + durations]).ravel()
         headings = np.repeat(np.arctan2(legs[:, 1], legs[:, 0]), 2)
         poses = np.column_stack([np.repeat(corners, 2, axis=0)[1:-1], headings])
-        starts = np.repeat(begins[-1] * np.arange(laps), len(times))
-        return Trajectory(starts + np.tile(times, laps), np.tile(poses, (laps, 1)))
+        starts = np.repeat(begins[-1] * laps, len(times))
+        return Trajectory(starts + np.tile(times, len(laps)), np.tile(poses, (len(laps), 1)))
 
     def at(self, times: ArrayLike) -> Float:
         """Poses (m, 3) at times (m,) [s]; at rest before time 0."""
-        return self.until(float(np.max(times, initial=0.0))).at(times)
+        last = float(np.max(times, initial=0.0))
+        first = float(np.min(times, initial=last))
+        return self.until(last, since=max(first, 0.0)).at(times)

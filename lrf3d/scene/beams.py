@@ -19,8 +19,8 @@ _COLOUR, _STRENGTH, _WIDTH, _DRAWN = (1.0, 0.36, 0.26), 0.55, 1.1, 30
 many are drawn: more would run into one red."""
 
 _REACH, _REACH_INDOOR, _SHARE_INDOOR = 42.0, 14.0, 0.9
-"""Range [m] at which beams have faded to nothing: farther, they would only tint the street; in
-rooms, and there at most so much of what goes across the world: a small room would be red."""
+"""Range [m] at which beams have faded to nothing, as farther ones would only tint the street; the
+same in rooms, where it is at most this share of the world's diagonal: small rooms would be red."""
 
 _GLOW_COLOUR, _GLOW, _GLOW_INDOOR, _GLOW_REACH = (1.00, 0.30, 0.20), 0.20, 0.17, 4.0
 """Colour of the glow of the beams, its opacity at the robot, and the range [m] at which it has

@@ -35,7 +35,7 @@ _SHADOW_COLOUR = (0.02, 0.03, 0.05)
 
 _SHADOW_RADIUS, _SHADOW_RIM, _SHADOW_DARKNESS, _SHADOW_SHIFT = 0.24, 0.28, 0.55, 0.16
 """Radius of the robot's shadow and width of its soft rim [m], its darkness, and how far it lies
-from the robot where the sun shines, as a part of the level way to the sun."""
+from the robot where the sun shines, as a share of the level part of the direction to it."""
 
 _OBSTACLE_SHADOW, _OBSTACLE_SHADOW_INDOOR, _LIFT = (0.08, 0.42), (0.35, 0.30), 0.01
 """Width of the soft edge of an obstacle's shadow [m], in the sun narrow, in a lit room wide, its

@@ -206,7 +206,7 @@ class Track(NamedTuple):
         return np.asarray(self.middles + self.aways[:, None] * np.column_stack(ways))
 
     def look(self, time: float, **others: Any) -> Look:
-        """The look at a time [s], with what else is to be said of it."""
+        """The look at a time [s]; the others are further fields of it."""
         now = self.at(np.array([time]))
         turn, steep, _, field, shift, air, near = (float(each[0]) for each in now[2:])
         # What is up in the picture, also when it is seen from straight above.
@@ -251,7 +251,7 @@ class Tracked:
 
     track: Callable[[float], Track]
     shown: Mapping[str, Any]
-    """What else is to be said of its looks."""
+    """Further fields of its looks."""
 
     def look(self, time: float, aspect: float) -> Look:
         """The look at a time [s] of the run."""

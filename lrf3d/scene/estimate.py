@@ -101,18 +101,6 @@ def outlines(middles: Float, shapes: Float) -> Float:
     return np.asarray(middles[:, None] + np.einsum("nij,cj->nci", shapes, circle))
 
 
-def ring_quads(rings: Float, width: float) -> Float:
-    """Quads (n · c, 4, 2) of ribbons of a width along closed outlines (n, c, 2) [m].
-
-    Both sides lie on the rays from the middle, on which an outline's corners lie.
-    """
-    away = rings - rings.mean(axis=1, keepdims=True)
-    side = 0.5 * width * away / np.maximum(np.linalg.norm(away, axis=2, keepdims=True), 1e-9)
-    inner, outer = rings - side, rings + side
-    corners = [inner, outer, np.roll(outer, -1, axis=1), np.roll(inner, -1, axis=1)]
-    return np.stack(corners, axis=2).reshape(-1, 4, 2)
-
-
 def kept_ellipses(estimate: EstimatedTrajectory) -> Int:
     """Which ellipses (n,) stay along the path: at most this number, and none that overlap."""
     steps = np.diff(estimate.poses[:, :2], axis=0)

@@ -50,8 +50,8 @@ _CELL, _CELL_INDOOR, _CELLS, _BLUR = 0.8, 0.25, 130, 0.8
 """Least size of the cells of the ground that light is known in [m], the most of them to a side, and
 how far it is smoothed [cells]: rays are few, and it changes slowly."""
 
-_LAND = 1e4
-"""How far the land around them reaches [m]."""
+_LAND, _UP = 1e4, np.array([0.0, 0.0, 1.0])
+"""How far the land around them reaches [m], and where all ground looks."""
 
 _MOST_FACES = 400_000
 """Worlds of more faces have the light of an open field: it would take a minute."""
@@ -135,9 +135,6 @@ def bake_light(
         near = distance_transform_edt(inside, return_distances=False, return_indices=True)
         on_ground = gaussian_filter(on_ground[tuple(near)], (_BLUR, _BLUR, 0.0))
     return Light(at_corners, on_ground)
-
-
-_UP = np.array([0.0, 0.0, 1.0])
 
 
 def _cells(low: Float, high: Float, columns: int, rows: int) -> Float:

@@ -75,13 +75,11 @@ GROUND_SHARPNESS = 0.6
 POINT_HALO, POINT_HALO_STRENGTH = 2.6, 0.34
 """Size of the bloom round a hit point, in its diameters, and its opacity at the point."""
 
-TRAIL_COLOUR, TRAIL_WIDTH, TRAIL_HEIGHT = (0.16, 0.56, 1.00), 0.045, 0.015
-"""Colour of the robot's trail, and its width and height over the ground [m]."""
+TRAIL_COLOUR, TRAIL_HEIGHT = (0.16, 0.56, 1.00), 0.015
+"""Colour of the robot's trail, and its height over the ground [m]."""
 
 ESTIMATE_COLOUR, ESTIMATE_FADED = (0.93, 0.09, 0.60), 0.45
-ESTIMATE_WIDTH, ESTIMATE_LIFT = 0.05, 0.005
-"""Colour of the estimated trail, opacity of the ellipses that it leaves behind, and
-where they are ribbons, their width and how far they lie above the trail of the truth [m]."""
+"""Colour of the estimated trail, and opacity of the ellipses that it leaves behind."""
 
 LEAST_SCALE = 0.62
 """Lines and points are at least this number of times their size at 720 lines."""

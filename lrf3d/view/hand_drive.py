@@ -132,7 +132,7 @@ class HandDrive:
         return self.map_number
 
     def _driven(self) -> DriveKeys:
-        """The way so far in few keys; what is older is settled, so that a page has it already."""
+        """The path so far in few keys; what is older is settled, so that a page has it already."""
         times = np.array([*self._times[self._settled :], self.time])
         poses = np.array([*self._poses[self._settled :], self.pose]) - [*self.scene.origin, 0.0]
         old, new = self._old, DriveKeys(times, poses).thinned()

@@ -130,7 +130,7 @@ def serve(
             compression=None,
             open_timeout=_PATIENCE,
             close_timeout=_PATIENCE,
-            # Of pages that leave in the middle nobody needs to know.
+            # Pages may close in the middle of a message.
             logger=logging.Logger("view", logging.CRITICAL),
         )
         started(address)
@@ -149,11 +149,11 @@ def serve(
 
 
 def _answers(site: Site, names: list[str]) -> Callable[[Any, Any], Any]:
-    """What answers requests for a site's page, its files and its socket, and nobody else's.
+    """A function that answers requests for a site's page, its files and its socket.
 
     A web page anywhere can have its visitor's browser send requests to this machine. It could read
-    the scene and drive the robot; its origin gives it away, or, where a name of its own points here
-    (DNS rebinding), that name.
+    the scene and drive the robot, and so is refused: by its origin, or, where a name of its own
+    points here (DNS rebinding), by that name.
     """
     from websockets.datastructures import Headers
     from websockets.http11 import Response
@@ -181,7 +181,7 @@ def _answers(site: Site, names: list[str]) -> Callable[[Any, Any], Any]:
     def answer(connection: Any, request: Any) -> Any:
         host, origin = (request.headers.get_all(name) for name in ("Host", "Origin"))
         if len(host) != 1 or re.sub(r":\d+$", "", host[0]).lower() not in names:
-            return connection.respond(400, "this page has another name\n")
+            return connection.respond(400, "the page does not open by this name\n")
         if origin not in ([], [f"http://{host[0]}"]):
             return connection.respond(403, "pages of other sites may not use this one\n")
         path = request.path.partition("?")[0]

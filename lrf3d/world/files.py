@@ -9,6 +9,7 @@ from typing import Any
 from lrf3d.errors import InputError, OutputError, WorldError
 from lrf3d.files import check_ordinary, worlds_folder
 from lrf3d.world.model import World
+from lrf3d.world.schema import at
 
 PICTURES = dict.fromkeys((".png", ".pgm"), "ros_map:read_picture")
 """Bare pictures of floor plans, which need a resolution."""
@@ -81,21 +82,21 @@ def load_world(
         raise WorldError(f"{path}: a resolution is for a picture ({', '.join(PICTURES)}) alone")
     given = {"trees": trees or None, "resolution": resolution}
     options = {key: value for key, value in given.items() if value is not None}
-    try:
-        world: World = _function(READERS[ending])(path, **options)
-    except InputError as error:
-        # Readers name the place in the file.
-        named = str(error).startswith(str(path))
-        raise WorldError(str(error) if named else f"{path}: {error}") from None
-    except Exception as error:
-        if isinstance(error, OSError) and error.errno is not None:
-            raise WorldError(f"{path}: cannot be read: {error.strerror}") from None
-        if ending not in BY_LIBRARY:
+    with at(str(path)):
+        try:
+            world: World = _function(READERS[ending])(path, **options)
+        except InputError:
             raise
-        # What a library raises depends on the damage.
-        reason = f"{type(error).__name__}: {' '.join(str(error).split())}"[:120].strip(": ")
-        message = f"{path}: damaged, or not a {ending[1:]} file ({reason}); save it again"
-        raise WorldError(message) from error
+        except Exception as error:
+            if isinstance(error, OSError) and error.errno is not None:
+                raise WorldError(f"cannot be read: {error.strerror}") from None
+            if ending not in BY_LIBRARY:
+                raise
+            # What a library raises depends on the damage.
+            reason = f"{type(error).__name__}: {' '.join(str(error).split())}"[:120].strip(": ")
+            raise WorldError(
+                f"damaged, or not a {ending[1:]} file ({reason}); save it again"
+            ) from error
     return world
 
 

@@ -8,6 +8,7 @@ between. Points are complex numbers x + iy [cells].
 """
 
 from collections.abc import Iterator
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -37,9 +38,6 @@ STIFFNESS = 0.001
 """Weight of the place of a joint beside those of the lines that meet there, which may be
 parallel."""
 
-SQUARE = np.ones((2, 2), dtype=np.bool_)
-"""Cells of which a wall two cells thick consists."""
-
 AROUND = [(0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)]
 """Rows and columns to the neighbours of a cell, counter-clockwise from the east."""
 
@@ -51,14 +49,12 @@ def walls_of_grid(occupied: Bool) -> Float:
         occupied: (rows, columns) whether each cell is occupied; the first row is at the bottom.
             Beyond the grid the cells at its border continue: no outline runs along the border.
     """
-    from scipy.ndimage import binary_opening, maximum_filter
+    from scipy.ndimage import maximum_filter
 
-    double = binary_opening(occupied, SQUARE)
-    double &= ~maximum_filter(
-        binary_opening(occupied, np.ones((3, 3), dtype=np.bool_)), NEAR, mode="constant"
-    )
+    double = _opened(occupied, 2)
+    double &= ~maximum_filter(_opened(occupied, 3), NEAR, mode="constant")
     grid = _thinned(occupied, double)
-    thick = binary_opening(grid, SQUARE)
+    thick = _opened(grid, 2)
     thin = np.argwhere(grid & ~thick)
     cells = np.asarray((thin + 0.5) @ [1.0j, 1.0], dtype=np.complex128)
     pairs = np.concatenate([*_outline(thick), *_thin_links(grid, thick, thin, cells)])
@@ -69,6 +65,17 @@ def walls_of_grid(occupied: Bool) -> Float:
     # A single cell becomes its diagonal, which is visible from most sides.
     diagonals = np.column_stack([lone.real, lone.imag] * 2) + np.array([-0.5, -0.5, 0.5, 0.5])
     return np.concatenate([_straightened(chains, occupied, double), diagonals])
+
+
+def _opened(grid: Bool, side: int) -> Bool:
+    """Which cells are part of an occupied square of a side [cells]."""
+    # Row by row and then column by column: three times as fast as scipy's opening.
+    grid = np.pad(grid, side - 1)
+    for combine in (np.logical_and, np.logical_or):
+        for _ in range(2):
+            count = len(grid) - side + 1
+            grid = reduce(combine, [grid[k : k + count] for k in range(side)]).T
+    return grid
 
 
 def _around(grid: Bool, cells: Int) -> Bool:
@@ -83,11 +90,9 @@ def _thinned(grid: Bool, double: Bool) -> Bool:
     Cells are removed side by side where they connect their neighbours in no other way (Rosenfeld
     1975), so that what was connected stays connected and no gap is closed.
     """
-    from scipy.ndimage import binary_opening
-
     grid = grid.copy()
     for side in (2, 4, 6, 0):
-        cells = np.argwhere(binary_opening(grid, SQUARE) & double)
+        cells = np.argwhere(_opened(grid, 2) & double)
         near = _around(grid, cells)
         parts = ~near[::2] & (near[1::2] | np.roll(near[::2], -1, axis=0))
         grid[tuple(cells[~near[side] & (parts.sum(axis=0) == 1)].T)] = False

@@ -155,7 +155,7 @@ def named(value: object, own: Iterable[Material] = (), place: str = "material") 
 def material_of(value: object) -> Material | None:
     """A material from the properties of a file: a name, or a table of its values.
 
-    Names that are unknown, of which maps have many, count as not given.
+    Unknown names, of which OpenStreetMap has many, give None.
 
     Raises:
         WorldError: The table holds an unknown key or an invalid value.

@@ -275,8 +275,9 @@ def known_key(word: str, known: Iterable[str], place: str) -> str:
 
 @contextmanager
 def at(place: str) -> Iterator[None]:
-    """Let errors name a place."""
+    """Let errors name a place, such as a file, if they do not begin with it already."""
     try:
         yield
     except InputError as error:
-        raise WorldError(f"{place}: {error}") from None
+        named = str(error).startswith(f"{place}:")
+        raise WorldError(str(error) if named else f"{place}: {error}") from None

@@ -101,8 +101,8 @@ def read_world_file(path: Path) -> WorldFile:
         WorldError: The file cannot be read, does not parse, or is not a valid world; the message
             names the file and the key.
     """
-    content = read_text(path)
     with at(str(path)):
+        content = read_text(path)
         try:
             data = tomllib.loads(content)
         except RecursionError:

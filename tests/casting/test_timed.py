@@ -124,6 +124,9 @@ def test_a_patrol_goes_there_and_back_at_its_speed():
     assert path.at(np.array([4.5]))[0] == pytest.approx([4, 1, -np.pi / 2])
     assert path.at(np.array([7.5 + 1.0]))[0] == pytest.approx([2, 0, 0], abs=2.1)
     assert path.times[-1] >= 20.0
+    late = Patrol([(0, 0), (4, 0), (4, 2)], speed=2.0).until(20.0, since=15.0)
+    assert np.array_equal(late.at(np.array([15.0, 19.0])), path.at(np.array([15.0, 19.0])))
+    assert late.times[0] > 7.0
     steps = np.hypot(*np.diff(path.poses[:, :2], axis=0).T) / np.diff(path.times)
     assert set(np.round(steps, 9)) == {0.0, 2.0}
     with pytest.raises(InputError, match="two different"):

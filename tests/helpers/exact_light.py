@@ -40,7 +40,7 @@ class Echo(NamedTuple):
 class _Ray(NamedTuple):
     """A ray: its origin place / scale, in units of the grid, and its direction turn / length.
 
-    It arrived at its place along another direction, and passed through walls there so many times.
+    It arrived at its place along another direction; here counts the walls that it passed there.
     """
 
     place: Vector

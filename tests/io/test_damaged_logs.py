@@ -39,7 +39,7 @@ def whole(tmp_path_factory):
 
 
 def as_sqlite(bag, path):
-    """Write the messages of a bag anew as older releases of ROS 2 kept them."""
+    """Write the messages of a bag as older releases of ROS 2 kept them."""
     from rosbags.rosbag2 import Reader, StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 

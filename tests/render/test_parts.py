@@ -133,3 +133,19 @@ def test_the_picture_of_another_run_frees_the_film_of_the_last(monkeypatch):
     for run in (*runs, runs[1]):
         frame(run, 0.5, size=(64, 36), renderer="embree")
     assert [film.timeline.run for film in closed][-1:] == runs[:1]
+
+
+@needs_gl
+def test_a_film_is_freed_where_its_context_is_not_current():
+    film = Film(room_run(), size=(64, 36), renderer="gl")
+
+    from OpenGL import EGL
+
+    from lrf3d.render.buffers import GL, make_current
+
+    target = film.renderer._frame
+    nothing = EGL.EGL_NO_SURFACE, EGL.EGL_NO_SURFACE, EGL.EGL_NO_CONTEXT
+    EGL.eglMakeCurrent(EGL.eglGetCurrentDisplay(), *nothing)
+    film.close()
+    make_current()
+    assert not GL.glIsFramebuffer(target)

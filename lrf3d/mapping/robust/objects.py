@@ -3,8 +3,8 @@
 Walls are of one object where a link, the shortest line from one to the other, exists that no beam
 has crossed. What lies behind the faces of both walls is taken for solid until a beam crosses it. A
 link that runs before one of them, to a corner that was not seen, must be short. A long link counts
-only where every line of sight from wall to wall behind both is blocked: a single one may be a lane
-that no beam happened to find.
+only where every line of sight from wall to wall behind both is blocked: it may cross a lane that no
+beam happened to pass.
 
 Ends of walls of one object that all but meet are moved to where their lines cross.
 

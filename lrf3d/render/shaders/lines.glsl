@@ -6,7 +6,7 @@ layout(location = 1) in vec3 end;
 layout(location = 2) in vec3 tint;
 layout(location = 3) in vec2 opacities; // at both ends
 out vec4 paint;
-out float along;                // way from the start [m]
+out float along;                // distance from the start [m]
 out vec2 off;                   // from the middle of the line [pixels] times the depth, and the depth
 const float NEAR = 0.25;        // no less than that of the camera [m]
 void main() {
