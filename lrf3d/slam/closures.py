@@ -25,6 +25,9 @@ LEAST_DISTANCE = 6.0
 LEAST_SHARE = 0.6
 """A place that explains this share of a scan is beyond doubt: no other is tried."""
 
+LEAST_FOUND = 0.3
+"""A closure explains at least this share: in woods it is hardly half at the right place."""
+
 NEAR = 4.0
 """Key scans up to this far apart [m] may show the same walls."""
 
@@ -191,8 +194,8 @@ class LoopCloser:
             if small and any(match.explained > LEAST_SHARE for match in matches):
                 break
         there = [compose(poses[old], match.pose) for old, match in zip(olds, matches, strict=True)]
-        best = clearest(matches, there, [match.log_odds for match in matches])
-        if best is None:
+        best = clearest(there, [match.log_odds for match in matches])
+        if best is None or matches[best].explained < LEAST_FOUND:
             return None
         old, match = olds[best], matches[best]
         around, locals_ = self._around(old, new)

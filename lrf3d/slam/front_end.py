@@ -13,7 +13,15 @@ import numpy as np
 
 from lrf3d.frames import between, compose, turned
 from lrf3d.geometry import Bool, Float, Int, wrap_angle
-from lrf3d.slam.scan_matching import CLEARLY, PRIOR_SCALE, Match, clearest, match_scan, search
+from lrf3d.slam.scan_matching import (
+    CLEARLY,
+    PRIOR_SCALE,
+    Match,
+    clearest,
+    match_scan,
+    same_place,
+    search,
+)
 from lrf3d.slam.surface import SurfaceGrid, moved, thinned, wall_map
 from lrf3d.slam.violation import BEHIND, Key, views_of
 from lrf3d.slam.wheels import Wheels
@@ -25,17 +33,15 @@ KEY_DISTANCE, KEY_TURN = 0.5, 0.5
 LOCAL_KEYS = 8
 """Key scans that a scan is matched with: more cost time, fewer let the robot drift."""
 
-LEAST_EXPLAINED = 0.15
-"""A match that explains a smaller share of the points than this is rejected."""
-
 DOUBTFUL, SLIPPED = 0.65, 3.0
 """Where a match explains a smaller share than the first, or is as many deviations off from where
 the wheels lead, the places around are searched: a slip turns the robot, which walls show, and moves
 it aside, which they may not."""
 
-SLIP, SLIP_SHARE, SLIP_TURN, SLIP_TURN_SHARE = 0.4, 0.3, 0.4, 0.3
+SLIP, SLIP_SHARE, SLIP_TURN, SLIP_TURN_SHARE = 0.4, 0.3, 0.7, 0.3
 """How far [m], [rad] wheels may slip between two scans, and as a share of their step: the window
-that is searched. In a wider one other places look alike."""
+that is searched, twice as wide where the scan before is lost. A bump turns a robot by half a
+radian."""
 
 LEAST_POINTS = 8
 """With fewer points than this nothing is searched: a few points fit in many places. Between trees
@@ -119,6 +125,8 @@ class FrontEnd:
         self._recent: deque[tuple[Float, Float]] = deque(maxlen=RECENT)
         self._keys: deque[Key] = deque(maxlen=WATCHED)
         self._grid: SurfaceGrid | None = None
+        # How many scans in a row are lost by now, and the first of these.
+        self._lost, self._held = 0, list[Key]()
         # The motion since the last key scan by the wheels and by scans, and what scans fixed of it.
         self._raw, self._found = np.zeros(3), np.zeros(3)
         self._turn_known = self._ahead_known = True
@@ -130,15 +138,14 @@ class FrontEnd:
         uncertain = covariance + np.diag([0.0, 0.0, self.wheels.unlearned(increment)])
         own: Float = np.asarray(np.linalg.inv(uncertain), dtype=np.float64)
         surface = surface[~self._moving(surface, guess, np.sqrt(uncertain.diagonal()))]
-        match, slip = Match(guess, np.zeros((3, 3)), 0.0, np.inf), 0.0
-        if self._grid is not None and len(surface):
-            match = match_scan(surface, self._grid, guess, turned(own, float(self.pose[2])))
-            slip = self._slip(match, expected, own)
-            doubtful = match.explained < DOUBTFUL or slip > SLIPPED**2
-            if doubtful and len(surface) >= LEAST_POINTS:
-                match = self._searched(surface, self._grid, match, guess, expected)
-                slip = self._slip(match, expected, own)
-        accepted = match.explained >= LEAST_EXPLAINED and bool(np.isfinite(match.pose).all())
+        match, slip, accepted = self._match(surface, guess, expected, own)
+        if self._held and not accepted:
+            # The scan before is not found to be elsewhere: it is taken to be where it was placed.
+            self._keys.append(self._held.pop())
+            self._draw()
+            match, slip, accepted = self._match(surface, guess, expected, own)
+        self._held.clear()
+        self._lost = 0 if accepted else self._lost + 1
         pose = match.pose if accepted else guess
         pose[2] = wrap_angle(pose[2])
         information = turned(match.information, -float(pose[2])) if accepted else np.zeros((3, 3))
@@ -156,6 +163,22 @@ class FrontEnd:
             self._recent.append((pose, surface))
         return Tracked(pose, information, accepted, match.deviation, expected, covariance)
 
+    def _match(
+        self, surface: Float, guess: Float, expected: Float, own: Float
+    ) -> tuple[Match, float, bool]:
+        """A match with the local map, the odometry's slip, and whether it is believed."""
+        if self._grid is None or not len(surface):
+            return Match(guess, np.zeros((3, 3)), 0.0, np.inf), 0.0, False
+        match = match_scan(surface, self._grid, guess, turned(own, float(self.pose[2])))
+        if not np.isfinite(match.pose).all():
+            return match, 0.0, False
+        accepted, slip = match.evidence() > 0.0, self._slip(match, expected, own)
+        doubtful = match.explained < DOUBTFUL or slip > SLIPPED**2
+        if doubtful and len(surface) >= LEAST_POINTS:
+            match, accepted = self._searched(surface, self._grid, match, guess, expected)
+            slip = self._slip(match, expected, own)
+        return match, slip, accepted
+
     def _slip(self, match: Match, expected: Float, information: Float) -> float:
         """How far a match is off the odometry: its square in units of the variance."""
         error = between(expected, between(self.pose, match.pose))
@@ -163,32 +186,32 @@ class FrontEnd:
 
     def _searched(
         self, surface: Float, grid: SurfaceGrid, match: Match, guess: Float, expected: Float
-    ) -> Match:
-        """The place around the guess that is clearly better than the match and all other places.
+    ) -> tuple[Match, bool]:
+        """The clearest place around the guess, or else the match; and whether it is believed.
 
         Wheels slip and spin, and robots are pushed: then they are not where odometry leads. Large
-        slips are less probable, by Cauchy's distribution.
+        slips are less probable, by Cauchy's distribution. Where a robot enters a new room, the
+        right place explains little, and the place of the last scan more; but only at a wrong place
+        do beams of the key scans pass through the points.
         """
         aside = SLIP + SLIP_SHARE * float(np.hypot(expected[0], expected[1]))
         turn = SLIP_TURN + SLIP_TURN_SHARE * abs(float(expected[2]))
-        spread = np.array([aside, aside, turn]) / 3.0
-        places = search(surface, grid, guess, np.diag(spread**2))
-        poses = [place.pose for place in places]
-        off = [between(guess, pose) / spread for pose in poses]
-        worth = [
-            place.log_odds - float(np.log1p(each @ each))
-            for place, each in zip(places, off, strict=True)
-        ]
-        best = clearest(places, poses, worth)
-        if best is None or places[best].log_odds < match.log_odds + CLEARLY:
-            return match
-        # Where a robot enters a new room, the right place explains little, and the place of the
-        # last scan more; but only at a wrong place do earlier beams pass through the points.
-        there, here = (
-            self._passed(surface, place.pose)[-LOCAL_KEYS:].any(axis=0).sum()
-            for place in (places[best], match)
+        spread = (1 + min(self._lost, 1)) * np.array([aside, aside, turn]) / 3.0
+        places = [*search(surface, grid, guess, np.diag(spread**2)), match]
+        poses = np.array([place.pose for place in places])
+        passed = [self._passed(surface, pose)[-LOCAL_KEYS:].any(axis=0).mean() for pose in poses]
+        evidence = np.array(
+            [place.evidence(float(share)) for place, share in zip(places, passed, strict=True)]
         )
-        return places[best] if there <= here else match
+        # Encoders that stand still may have failed: then they say nothing.
+        off = (between(guess, poses) / spread) ** 2 * bool(expected.any())
+        off[-1] = 0.0  # The match was drawn to the odometry already.
+        best = clearest(list(poses), (evidence - np.log1p(off.sum(axis=1))).tolist())
+        if best is None or (
+            same_place(poses[best], match.pose) and evidence[best] < evidence[-1] + CLEARLY
+        ):
+            best = -1
+        return places[best], bool(evidence[best] > 0.0)
 
     def _passed(self, surface: Float, pose: Float) -> Bool:
         """Which points (k, m) of a surface at a pose (3,) beams of the last key scans pass."""
@@ -224,14 +247,26 @@ class FrontEnd:
         seen = [moved(thinned(part), between(self.pose, pose)) for pose, part in parts]
         return np.concatenate(seen)
 
-    def add_key(self, key: Key) -> None:
-        """Take the scan that was just placed into the local map."""
+    def add_key(self, key: Key) -> bool:
+        """Take the scan that was just placed into the local map; returns whether it is a key scan.
+
+        A first scan that is lost may have been bumped: what it saw would lead those after it
+        astray. It waits for the next one, which may be found with the map before it.
+        """
+        if self._lost == 1 and self._keys:
+            self._held.append(key)
+            return False
         if self._turn_known:
             self.wheels.learn(self._raw, self._found, self._ahead_known)
         self._raw, self._found = np.zeros(3), np.zeros(3)
         self._turn_known = self._ahead_known = True
         self._recent.clear()
         self._keys.append(key)
+        self._draw()
+        return True
+
+    def _draw(self) -> None:
+        """Draw the local map."""
         self._grid = wall_map((near.walls, near.pose) for near in list(self._keys)[-LOCAL_KEYS:])
 
 

@@ -75,10 +75,12 @@ APART, TURNED_APART = 0.3, 0.1
 CLOSE = 0.7
 """Peaks that score less than this share of what the best one does are no places."""
 
-LEAST_FOUND, CLEARLY = 0.3, 0.8
-"""A place is believed if it explains the first share of the points, and if the log odds of a point
-to be explained are larger by the second than at any other place: around one half that is a fifth of
-the points. In woods hardly half of a scan is explained at the right place, too."""
+CHANCE, NEW, CORRELATED, CLEARLY = 0.05, 0.1, 2.0, 0.8
+"""A place is believed if its evidence is positive, and larger by the last than that of any other:
+the log odds of a point to speak for the place, and not against it. The first is the share of points
+that do either by chance. Points that beams pass through are against it; others that are not
+explained may be new, as most are where a robot enters a room, and the second share of them is.
+Points share their errors: many count as the third number."""
 
 LOOSE = np.diag([4.0, 4.0, 25.0])
 """Information of the guess when a peak is refined: 0.5 m and 0.2 rad, which leaves it free."""
@@ -101,6 +103,11 @@ class Match(NamedTuple):
         """Log odds of a point to be explained."""
         share = min(max(self.explained, 0.01), 0.99)
         return float(np.log(share / (1.0 - share)))
+
+    def evidence(self, passed: float = 0.0) -> float:
+        """How much speaks for the pose if beams pass through a share of the points there."""
+        against = passed + NEW * max(1.0 - self.explained - passed, 0.0)
+        return CORRELATED * float(np.log((self.explained + CHANCE) / (against + CHANCE)))
 
 
 def match_scan(
@@ -315,14 +322,9 @@ def window_scores(
     return scores
 
 
-def clearest(
-    matches: Sequence[Match], places: Sequence[Float], worth: Sequence[float]
-) -> int | None:
-    """Which match's place (3,) is clearly worth more than all others elsewhere, if any is.
-
-    Worth is in log odds.
-    """
-    if not matches:
+def clearest(places: Sequence[Float], worth: Sequence[float]) -> int | None:
+    """Which place (3,) is clearly worth more than all others elsewhere, if any is."""
+    if not places:
         return None
     best = int(np.argmax(worth))
     others = [
@@ -330,8 +332,7 @@ def clearest(
         for place, value in zip(places, worth, strict=True)
         if not same_place(place, places[best], tolerance=2.0)
     ]
-    clear = worth[best] - max(others, default=-np.inf) > CLEARLY
-    return best if clear and matches[best].explained > LEAST_FOUND else None
+    return best if worth[best] - max(others, default=-np.inf) > CLEARLY else None
 
 
 def same_place(first: Float, second: Float, tolerance: float = 1.0) -> bool:

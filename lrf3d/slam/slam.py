@@ -123,14 +123,18 @@ class Slam:
         self._tracked.append(self._front.track(self.surface_of(scan), increment))
         if self._front.key_due():
             key = self._key_of(scan)
-            self._front.add_key(key)
-            self._drive_to(key)
-            if place := self._known_place(key):
-                self._anchors.append(place)
-            else:
-                self._add_key(key, scan)
-                self._close_loops()
+            if self._front.add_key(key):
+                self._add(key, scan)
         self._map.update(self._key_poses)
+
+    def _add(self, key: Key, scan: LaserScan) -> None:
+        """Attach a scan to a known place, or add it to the graph and close loops."""
+        self._drive_to(key)
+        if place := self._known_place(key):
+            self._anchors.append(place)
+        else:
+            self._add_key(key, scan)
+            self._close_loops()
 
     def _checked(self, scan: object, odometry: Sequence[float] | Float) -> Float:
         """The odometry increment (3,), once it and the scan are what they should be."""
