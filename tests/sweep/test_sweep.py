@@ -269,7 +269,8 @@ def test_summary_figures_and_table_have_every_combination(room, tmp_path):
         assert len(mine) == 3 and mean["length_f1"]["mean"] == pytest.approx(np.mean(mine))
     figures = dict(figures_of(result).values())
     assert set(figures) == {"box_sigma.png", "box_beams.png"}
-    panel = [draw(tmp_path / name) for name, draw in figures.items()][0].axes[0]
+    drawn = {name: draw(tmp_path / name) for name, draw in figures.items()}
+    panel = drawn["box_sigma.png"].axes[0]
     assert [line.get_xdata().tolist() for line in panel.lines] == 4 * [[0.0, 0.3]]
     assert len(str(result).splitlines()) == 1 + 8 + 2
 
