@@ -206,11 +206,11 @@ class _Reading:
         time, length = (place + 6, place + 9) if is_front else (place + 11, place + 14)
         if len(words) != length:
             raise ValueError(f"{len(words)} words, expected {length}")
-        fan, said = front(count), 0.0
+        (start, step), said = front(count), 0.0
         if not is_front:
-            *fan, said = (_number(words[k]) for k in (2, 4, 5))
-            if not 0.0 < fan[1] * (count - 1) < 2.1 * pi:
-                raise ValueError(f"{count} beams {fan[1]} rad apart, expected at most a full turn")
+            start, step, said = (_number(words[k]) for k in (2, 4, 5))
+            if not 0.0 < step * (count - 1) < 2.1 * pi:
+                raise ValueError(f"{count} beams {step} rad apart, expected at most a full turn")
             if said > LARGEST_COORDINATE:
                 raise ValueError(f"a range of {said:g} m, expected at most 1e+09 m")
         # A message without a range says 0; the user's limit holds where it is nearer.
@@ -228,8 +228,8 @@ class _Reading:
         ranges[~(ranges < farthest)] = inf
         ranges[ranges == 0.0] = -inf
         # Successive scans share the array of their angles.
-        if self._fan[0] != (count, *fan):
-            self._fan = (count, *fan), sealed(fan_angles(count, *fan))
+        if self._fan[0] != (count, start, step):
+            self._fan = (count, start, step), sealed(fan_angles(count, start, step))
         stamp, pose = _number(words[time], "time"), _pose(words[place : place + 3])
         return LaserScan(pose, self._fan[1], ranges, range_max=farthest, time=stamp)
 
