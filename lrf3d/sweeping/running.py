@@ -8,7 +8,7 @@ import json
 import os
 import pickle
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, wait
+from concurrent.futures import Executor, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, contextmanager
 from copy import deepcopy
@@ -18,14 +18,13 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from lrf3d.casting import PlanarCaster
-from lrf3d.cores import core_count, process_pool
+from lrf3d.cores import core_count, process_pool, results
 from lrf3d.errors import InputError, Lrf3dError, OutputError, missing_extra
 from lrf3d.files import locked, make_folder
 from lrf3d.interrupts import check, noting, stoppable
 from lrf3d.progress import Progress, silent
 from lrf3d.run import Run
-from lrf3d.scoring import buildings_seen, score_run
-from lrf3d.scoring.visibility import visible_walls
+from lrf3d.scoring import buildings_seen, score_run, visible_walls
 from lrf3d.sweeping.plan import SEEDS, USUAL, Plan, PlannedRun, Row, SettingValue, make_plan
 from lrf3d.sweeping.table import SweepTable
 from lrf3d.world.pieces import joined_objects
@@ -203,11 +202,7 @@ def _made(runs: Sequence[PlannedRun], executor: Executor | None) -> Iterator[lis
         for first in range(0, len(runs), BATCH)
     ]
     try:
-        for future in futures:
-            # A signal does not end this wait, so it ends now and then by itself.
-            while not wait([future], 0.1).done:
-                check()
-            yield future.result()
+        yield from results(futures)
     except BrokenProcessPool as error:
         raise Lrf3dError(
             "a process of the sweep has ended, perhaps for want of memory; go on with --resume and"
