@@ -143,15 +143,12 @@ class _Page:
                 "share": self._scale / self._window,
             }
         marks.update(seen.marks)
-        cut = seen.cut
         camera = {
             **_camera(seen.lens),
             "scale": max(min(size) / 720.0, look.LEAST_SCALE),
             "ray": _numbers(np.linalg.inv(_upright(seen.lens))),
             "ghost": seen.ghost,
-            "cut": [0.0] * 6
-            if cut is None
-            else _numbers([*cut.robot, *cut.toward, cut.slope, cut.top]),
+            "cut": seen.cut,
         }
         values = {
             "camera": camera,
@@ -284,7 +281,7 @@ class _Behind:
         drive, structures = self._drive, self._drive.scene.structures
         places = np.array([drive.pose[:2]]) - drive.scene.origin
         now = SmoothPath(np.zeros(1), places, np.array([drive.facing]))
-        track = behind(now, structures).over_walls(structures, places, 1.0)
+        track = behind(now, structures).past_walls(structures, places, 1.0)
         return track.look(0.0, cuts=True)
 
 

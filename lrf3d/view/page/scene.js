@@ -195,7 +195,7 @@ export class Scene {
   paintWalls() {
     const { gl, look, textured, indexed } = this;
     const faded = look.ghost > 0 ? ":FADED" : "";
-    const uniforms = { ghost: look.ghost, cut: look.cut.slice(0, 4), slope: look.cut.slice(4) };
+    const uniforms = { ghost: look.ghost, cut: look.cut };
     gl.bindTexture(gl.TEXTURE_2D_ARRAY, this.facades);
     const how = { cull: true, blend: look.ghost > 0, solid: true };
     this.paint(`walls:PLAIN${faded}`, this.marks.walls, uniforms, { ...how, span: [textured, indexed - textured] });
