@@ -29,7 +29,7 @@ from lrf3d.world import World, load_world
 from lrf3d.world.cameras import PLAYBACK, FilmPlan, check_view
 from lrf3d.world.files import find_world
 from lrf3d.world.model import DEFAULT_HEIGHT
-from lrf3d.world.schema import read_settings
+from lrf3d.world.schema import TABLES, read_settings
 from lrf3d.world.toml_file import WorldFile, read_world_file
 
 if TYPE_CHECKING:
@@ -331,63 +331,45 @@ def read_scenario_file(name_or_path: str | Path, *, resolution: float | None = N
 
 def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
     """The scenario that a file describes, by settings; all of one file share its world."""
-    tables = {name: dict(table) for name, table in file.tables.items()}
+    tables = {name: {**file.tables.get(name, {})} for name in TABLES}
     for name, table in read_settings(settings).items():
-        tables.setdefault(name, {}).update(table)
-    file = replace(file, tables=tables)
-    robot = dict(file.tables.get("robot", {}))
-    if "route" in robot and "poses" in robot:
-        with file.at("robot.poses"):
+        tables[name].update(table)
+    robot, noise, film = tables["robot"], tables["noise"], tables["film"]
+    with file.at("robot.poses"):
+        if "route" in robot and "poses" in robot:
             raise InputError("stand next to a route; give one of them")
-    if "poses" in robot:
-        robot["poses"] = np.column_stack([robot["poses"][:, :2], np.radians(robot["poses"][:, 2])])
     if "start" in robot:
-        x, y, degrees = robot["start"].tolist()
-        robot["start"] = Pose(x, y, float(np.radians(degrees)))
+        robot["start"] = Pose(*robot["start"].tolist())
     if "route" in robot:
         start = robot.setdefault("start", start_of(robot["route"]))
         if tuple(robot["route"][0]) != start[:2]:
             robot["route"] = np.vstack([start[:2], robot["route"]])
-    noise = dict(file.tables.get("noise", {}))
+    with file.at("laser"):
+        angles = {key for key in tables["laser"] if key.endswith("_deg")}
+        for key in angles:
+            value = float(np.radians(tables["laser"].pop(key)))
+            tables["laser"][key.removesuffix("_deg")] = value
+        lrf = LaserRangeFinder(**tables["laser"])
+    with file.at("film"):
+        check_view(film.get("view", "story"), file.world.cameras)
+    obstacles = []
+    for index, given in enumerate(file.obstacles):
+        with file.at(f"obstacle[{index}]"):
+            # Without a radius it is as wide as the robot.
+            outline = round_outline(given.get("radius", robot.get("radius", RADIUS)))
+            path = Patrol(given["route"], given.get("speed", 1.0))
+            height = given.get("height", DEFAULT_HEIGHT)
+            obstacles.append(DynamicObstacle(given.get("points", outline), path, height))
     sigma = noise.pop("sigma", SIGMA)
     sigma, *compared = sigma if isinstance(sigma, tuple) else (sigma,)
-    lrf = _range_finder(file)
     return Scenario(
         world=file.world,
         lrf=lrf,
         noise=imperfect(sigma, lrf, **noise),
         compared=tuple(compared),
-        obstacles=_obstacles(file, robot.get("radius", RADIUS)),
-        mapper=MappingProxyType(dict(file.tables.get("mapper", {}))),
+        obstacles=tuple(obstacles),
+        mapper=MappingProxyType(tables["mapper"]),
         name=own_name(file.path, file.world.name),
         **robot,
-        **_film(file),
+        **film,
     )
-
-
-def _obstacles(file: WorldFile, radius: float) -> tuple[DynamicObstacle, ...]:
-    """The dynamic obstacles; without a radius they are as wide as the robot."""
-    obstacles = []
-    for index, table in enumerate(file.obstacles):
-        outline, height = table.get("points"), table.get("height", DEFAULT_HEIGHT)
-        with file.at(f"obstacle[{index}]"):
-            if outline is None:
-                outline = round_outline(table.get("radius", radius))
-            path = Patrol(table["route"], table.get("speed", 1.0))
-            obstacles.append(DynamicObstacle(outline, path, height))
-    return tuple(obstacles)
-
-
-def _film(file: WorldFile) -> Mapping[str, Any]:
-    values = file.tables.get("film", {})
-    with file.at("film.view"):
-        check_view(values.get("view", "story"), file.world.cameras)
-    return values
-
-
-def _range_finder(file: WorldFile) -> LaserRangeFinder:
-    values = dict(file.tables.get("laser", {}))
-    for key in {"angle_min_deg", "angle_max_deg"} & values.keys():
-        values[key.removesuffix("_deg")] = float(np.radians(values.pop(key)))
-    with file.at("laser"):
-        return LaserRangeFinder(**values)

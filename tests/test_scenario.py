@@ -87,7 +87,7 @@ def test_a_route_without_a_start_begins_at_its_first_way_point(tmp_path):
             "[robot]\nroute = [[0, 1], [0, 5]]\nposes = [[0, 0, 0]]\n",
             "w.toml: robot.poses: stand next to a route",
         ),
-        ("[film]\nview = 'x'\n", "w.toml: film.view: view 'x': expected one of chase, first"),
+        ("[film]\nview = 'x'\n", "w.toml: film: view: there is no 'x'; known are chase, first"),
         ("[laser]\nrange_min = 3\nrange_max = 2\n", "w.toml: laser: range finder: range_min 3"),
         (
             "[laser]\nangle_min_deg = 90\nangle_max_deg = 0\n",

@@ -133,7 +133,7 @@ class Shown:
         def track(aspect: float) -> Track:
             places = np.array([drive.pose[:2]]) - scene.origin
             now = SmoothPath(np.zeros(1), places, np.array([drive.facing]))
-            return behind(now, structures).over_walls(structures, places, 1.0)
+            return behind(now, structures).past_walls(structures, places, 1.0)
 
         return cls(scene, {"follow": Tracked(track, {"cuts": True})}, drive)
 
@@ -179,14 +179,12 @@ class Shown:
             shown = scene.plan(moment, box, self._middle, self._window)
             parts |= _parts(shown.marks)
             plan = {**_camera(shown.lens), "order": [name for name, _ in shown.marks]}
-        cut = seen.cut
         camera = {
             **_camera(seen.lens),
             "scale": max(min(size) / 720.0, look.LEAST_SCALE),
             "ray": _numbers(np.linalg.inv(_upright(seen.lens))),
             "ghost": seen.ghost,
-            "cut": _numbers([0.0] * 4 if cut is None else [*cut.robot, *cut.toward]),
-            "slope": _numbers([0.0] * 2 if cut is None else [cut.slope, cut.top]),
+            "cut": seen.cut,
         }
         order = [name for name, _ in (*seen.bodies, *seen.marks)]
         values = {"camera": camera, "plan": plan, "order": order, "words": self._words(moment)}

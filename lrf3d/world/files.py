@@ -17,8 +17,8 @@ PICTURES = dict.fromkeys((".png", ".pgm"), "ros_map:read_picture")
 MESHES = dict.fromkeys((".glb", ".gltf", ".obj", ".off", ".ply", ".stl"), "mesh:read_mesh")
 
 BY_LIBRARY = {
-    ".dxf": "dxf:read_dxf",
-    ".svg": "svg:read_svg",
+    ".dxf": "drawings:read_dxf",
+    ".svg": "drawings:read_svg",
     **MESHES,
 }
 """Formats that a library parses, which raises anything where a file is damaged."""

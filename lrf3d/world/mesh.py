@@ -129,7 +129,7 @@ def _merged(segments: Float, labels: Int, tolerance: float) -> tuple[Float, Int]
         for chain in chains:
             opened = shapely.linestrings(from_corner(shapely.get_coordinates(chain)))
             points = shapely.get_coordinates(shapely.simplify(opened, tolerance))
-            joined.append(walls(points, closed=False))
+            joined.append(walls(points))
             owners.append(np.full(len(points) - 1, label, dtype=np.int64))
     return np.concatenate(joined), np.concatenate(owners)
 

@@ -17,9 +17,6 @@ from lrf3d.world.schema import colour_value
 TOUCHING = 0.001
 """Largest gap [m] between walls that touch: no beam can separate them, so they are one object."""
 
-CURVE_ERROR = 0.005
-"""Largest distance [m] of chords from their curve: about the width of a laser beam."""
-
 FINEST_GAP = 1e-4
 """Largest gap relative to the size of the drawing, for drawings in their size on paper."""
 
@@ -61,7 +58,7 @@ def world_of_parts(parts: Sequence[Part], name: str, **others: Any) -> World:
     )
 
 
-def walls(points: Float, closed: bool) -> Float:
+def walls(points: Float, closed: bool = False) -> Float:
     """Segments (n, 4) between the points (k, 2), and back to the first where closed."""
     ends = np.vstack([points, points[:1]]) if closed else points
     return np.hstack([ends[:-1], ends[1:]])
@@ -138,7 +135,7 @@ def world_of_strokes(strokes: Sequence[Float], path: Path) -> World:
     Raises:
         WorldError: There are no walls, or they are not finite.
     """
-    pieces = [walls(stroke, closed=False) for stroke in strokes if len(stroke) > 1]
+    pieces = [walls(stroke) for stroke in strokes if len(stroke) > 1]
     segments = np.concatenate(pieces) if pieces else np.empty((0, 4))
     if not (np.abs(segments) <= LARGEST_COORDINATE).all():
         raise WorldError(f"holds a line that is not finite, or over {LARGEST_COORDINATE:g} m away")

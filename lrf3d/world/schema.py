@@ -8,15 +8,14 @@ Settings on the command line, such as ``laser.range_max=20``, have the same.
 import math
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import MISSING, fields
-from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
 
-from lrf3d.errors import InputError, WorldError, shown
+from lrf3d.errors import InputError, WorldError, check_names, shown
 from lrf3d.geometry import LARGEST_COORDINATE, Float
 
 Converter = Callable[[Any, str], Any]
@@ -115,34 +114,34 @@ def rows(*names: str, least: int = 1) -> Converter:
     return lambda found, key: np.array(convert_all(found, key))
 
 
-def table(keys: Mapping[str, Converter], needs: Iterable[str] = ()) -> Converter:
-    """A table, which may have these keys, of which it needs some."""
+def poses(convert: Converter) -> Converter:
+    """The rows x, y [m], heading [°] of a converter, with the heading in radians."""
+    return lambda found, key: convert(found, key) * [1.0, 1.0, np.radians(1.0)]
 
-    def convert(found: Any, key: str) -> dict[str, Any]:
+
+def table(
+    keys: Mapping[str, Converter], needs: Iterable[str] = (), make: Callable[..., Any] = dict
+) -> Converter:
+    """A table, which may have these keys, of which it needs some, and what is made of it."""
+
+    def convert(found: Any, key: str) -> Any:
         if not isinstance(found, dict):
             raise InputError(f"{key}: expected a table [{key}], found {shown(found)}")
-        for name in found:
-            known_key(name, keys, key)
+        check_names(key, found, keys)
         for name in needs:
             if name not in found:
                 raise InputError(f"{key}: expected a {name}")
-        return {name: keys[name](each, f"{key}.{name}") for name, each in found.items()}
+        values = {name: keys[name](each, f"{key}.{name}") for name, each in found.items()}
+        with at(key):
+            return make(**values)
 
     return convert
 
 
 def made(kind: type) -> Converter:
     """A table of the values of a dataclass, which checks them itself."""
-    known = fields(kind)
-    needs = [field.name for field in known if field.default is MISSING]
-    as_table = table({field.name: lambda found, key: found for field in known}, needs)
-
-    def convert(found: Any, key: str) -> Any:
-        values = as_table(found, key)
-        with at(key):
-            return kind(**values)
-
-    return convert
+    needs = [field.name for field in fields(kind) if field.default is MISSING]
+    return table({each.name: lambda found, key: found for each in fields(kind)}, needs, kind)
 
 
 def tables(convert: Converter) -> Converter:
@@ -179,9 +178,9 @@ OBSTACLE: Mapping[str, Converter] = {
 
 TABLES: Mapping[str, Mapping[str, Converter]] = {
     "robot": {
-        "start": row("x", "y", "degrees"),
+        "start": poses(row("x", "y", "degrees")),
         "route": rows("x", "y"),
-        "poses": rows("x", "y", "degrees"),
+        "poses": poses(rows("x", "y", "degrees")),
         **dict.fromkeys(("speed", "scan_interval", "lookahead", "radius"), _LENGTH),
     },
     "laser": {
@@ -214,11 +213,7 @@ _NUMBER = re.compile(r"[+-]?(\d+\.\d*|\.\d+)([eE][+-]?\d+)?")
 
 
 def value_of(text: str) -> Any:
-    """Parse a TOML value; strings need no quotes.
-
-    Raises:
-        InputError: The text begins like a list or a quoted string, and is not a valid one.
-    """
+    """Parse a TOML value; strings need no quotes unless they begin like a list or with one."""
     text = text.strip()
     if _NUMBER.fullmatch(text):
         return float(text)
@@ -237,11 +232,7 @@ def value_of(text: str) -> Any:
 
 
 def read_settings(texts: Iterable[str]) -> dict[str, dict[str, Any]]:
-    """The values of settings by table and key; the last one counts if a key is set twice.
-
-    Raises:
-        InputError: A text is not a setting, or its name or its value is invalid.
-    """
+    """The values of settings by table and key; the last one counts if a key is set twice."""
     tables: dict[str, dict[str, Any]] = {}
     for text in texts:
         name, equals, value = text.partition("=")
@@ -251,26 +242,18 @@ def read_settings(texts: Iterable[str]) -> dict[str, dict[str, Any]]:
                 f"setting {shown(text)}: expected TABLE.KEY=VALUE, such as laser.range_max=20"
             )
         place = f"setting {name[:80]}"
-        keys = TABLES[known_key(table, TABLES, place)]
-        convert = keys[known_key(key, keys, place)]
         with at(place):
-            found = value_of(value)
-        tables.setdefault(table, {})[key] = convert(found, place)
+            check_names(place, [table], TABLES)
+            check_names(place, [key], TABLES[table])
+            tables.setdefault(table, {})[key] = TABLES[table][key](value_of(value), place)
     return tables
 
 
-def known_key(word: str, known: Iterable[str], place: str) -> str:
-    """The word, which must be one of those known.
-
-    Raises:
-        WorldError: It is not; the message names the place and the nearest known word.
-    """
-    known = list(known)
-    if word not in known:
-        near = get_close_matches(word, known, n=1, cutoff=0.5)
-        hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
-        raise WorldError(f"{place}: there is no {shown(word)}; {hint}")
-    return word
+def check_unique(place: str, names: Sequence[str]) -> None:
+    """Check that no name stands twice at a place."""
+    for name in names:
+        if names.count(name) > 1:
+            raise WorldError(f"{place}: two of the name {name!r}; rename one")
 
 
 @contextmanager

@@ -17,9 +17,8 @@ from lrf3d.localization import (
     localise,
     odometry_increments,
 )
-from lrf3d.localization.lines import KnownLines
 from lrf3d.localization.monte_carlo import follow_drive, score_localisation
-from lrf3d.localization.pairing import Innovation
+from lrf3d.localization.pairing import Innovation, KnownLines
 from lrf3d.pose import Pose
 from lrf3d.world import World
 
@@ -64,17 +63,10 @@ def follow(run, *, offset=0.0, seed=0, **how):
 def lines_at(normals, angle=0.0, offset=0.0, deviation=0.01):
     """Innovations of lines with normals (k,) [rad], all off by the same."""
     count = len(normals)
-    same = np.full(count, deviation**2)
-    return Innovation(
-        np.full(count, angle),
-        np.broadcast_to(np.asarray(offset, dtype=float), count).copy(),
-        np.cos(normals),
-        np.sin(normals),
-        same,
-        np.zeros(count),
-        same,
-        np.ones(count, dtype=bool),
-    )
+    off = np.column_stack([np.full(count, angle), np.broadcast_to(offset, count)])
+    noise = np.tile(deviation**2 * np.eye(2), (count, 1, 1))
+    normals = np.column_stack([np.cos(normals), np.sin(normals)])
+    return Innovation(off, noise, normals, np.ones(count, dtype=bool))
 
 
 @given(st.lists(poses, min_size=2, max_size=6))

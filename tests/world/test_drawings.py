@@ -10,7 +10,8 @@ from ezdxf import units
 
 from lrf3d.errors import WorldError
 from lrf3d.world import World, load_world
-from lrf3d.world.pieces import CURVE_ERROR, connected, joined_objects, without_repeats
+from lrf3d.world.drawings import CURVE_ERROR
+from lrf3d.world.pieces import connected, joined_objects, without_repeats
 
 
 def svg(folder, body, head='width="1000mm" height="1000mm" viewBox="0 0 10 10"'):

@@ -178,7 +178,7 @@ TWINS = {
         ({"materials": [5]}, "materials: expected str"),
         ({"materials": ["glass", "brick"]}, "2 materials for 1 objects"),
         ({"materials": ["glas"]}, r"there is no 'glas'; did you mean 'glass'\?"),
-        (TWINS, "two different materials of the name 'own'"),
+        (TWINS, "materials: two of the name 'own'"),
         ({"name": 5}, "name: expected str"),
         ({"segments": [[0, 0, 1.1e9, 0]]}, "wall 0: ends .*at most 1e"),
         ({"segments": [[0, 0, 0, 0]]}, "wall 0: ends .* two different points"),

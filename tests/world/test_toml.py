@@ -90,9 +90,9 @@ def test_an_object_may_be_made_of_several_lines(tmp_path):
         ("[camera]\nview = 'x'\n", "camera: expected tables [[camera]]"),
         ("[[camera]]\nname = 'x'\n", "camera[0]: expected a position"),
         (GATE.replace("2, 3]", "2]"), "camera[0]: camera 'gate': position is [1, 2], expected x"),
-        (GATE.replace("[9, 9, 1]", "[1, 2, 3]"), "camera[0]: camera 'gate': pos"),
+        (GATE.replace("[9, 9, 1]", "[1, 2, 3]"), "camera[0]: camera 'gate': target is (1.0, 2.0"),
         (2 * GATE, "cameras: two of the name 'gate'"),
-        (2 * "[[material]]\nname = 'a'\n", "material: two tables of one name"),
+        (2 * "[[material]]\nname = 'a'\n", "material: two of the name 'a'"),
         (
             "[[object]]\nnumber = 0\nname = 'b'\npoints = [[0, 0], [0, 1]]\n",
             "object[1].name: stands with another object of the same number",
