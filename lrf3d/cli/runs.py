@@ -195,7 +195,7 @@ def view(
         what: A run.npz or its folder to play, or a world to drive in. A built-in world comes before
             a folder of the same name: write ./NAME for that.
         host: Address or name to listen at; 0.0.0.0 lets other machines in. The page opens only by
-            this name, the machine's addresses or its host name.
+            this name, an address, or the machine's host name.
         port: Port; the first free one from 8080 if not given.
         browser: Open the browser.
         playback: Simulated seconds per second.
@@ -215,8 +215,8 @@ def view(
 
     # A wrong address is refused before the work.
     with bound(host, port) as door:
-        site = run_view(what, playback) if run else world_view(drive.read(what, report), seed)
-        serve(site, door, host=host, browser=browser, started=say)
+        make = run_view(what, playback) if run else world_view(drive.read(what, report), seed)
+        serve(make, door, host=host, browser=browser, started=say)
 
 
 def export(
