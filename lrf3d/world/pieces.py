@@ -31,7 +31,7 @@ class Part(NamedTuple):
     segments: Float
     heights: Float
     name: str = ""
-    colour: tuple[float, float, float] | None = None
+    colour: Float | tuple[float, float, float] | None = None
     material: Material | None = None
 
 
