@@ -60,7 +60,7 @@ class HandDrive:
         self, scenario: Scenario, start: Pose, *, rng: int = 0, stage: Stage | None = None
     ) -> None:
         self.world, self.lrf, self.obstacles = scenario.world, scenario.lrf, scenario.obstacles
-        self.film = replace(USUAL_FILM, points_by=scenario.points_by)
+        self.film = replace(USUAL_FILM, points_by=scenario.film.points_by)
         self._fastest = scenario.speed
         self._collisions = CollisionChecker(scenario.world)
         self._robot = Unicycle(scenario.radius)
