@@ -36,6 +36,7 @@ DAMAGES = (
     OverflowError,
     EOFError,
     RuntimeError,
+    RecursionError,
     zipfile.BadZipFile,
     zlib.error,
     struct.error,

@@ -5,7 +5,6 @@ cost ten times what the drawing does.
 """
 
 import ctypes
-from typing import Any
 
 import numpy as np
 
@@ -155,13 +154,7 @@ class Renderer:
             self._chosen = parts
             indices, self._textured = self._parts.choose(parts)
             self._walls.choose(indices)
-        cut = seen.cut
         defined = ":FADED" * (seen.ghost > 0.0)
-        uniforms: dict[str, Any] = {
-            "ghost": float(seen.ghost),
-            "slope": (0.0, 0.0) if cut is None else (cut.slope, cut.top),
-            "cut": (0.0, 0.0, 0.0, 0.0) if cut is None else (*cut.robot, *cut.toward),
-        }
         self._painted.bind()
         # Those that cost more come last, so that fewer of them are drawn where others hide them.
         plain = self._textured, self._walls.count - self._textured
@@ -172,7 +165,8 @@ class Renderer:
                 blend=seen.ghost > 0.0,
                 cull=True,
                 span=span,
-                **uniforms,
+                ghost=float(seen.ghost),
+                cut=float(seen.cut),
             )
 
     def _draw_mark(self, name: str, mark: Mark, focus: float) -> None:

@@ -10,9 +10,10 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import shapely
-from scipy.ndimage import gaussian_filter1d, maximum_filter1d
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d, minimum_filter1d
 
 from lrf3d.geometry import Float
+from lrf3d.scene.look import SECTION
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline, interpolated
 
@@ -30,14 +31,15 @@ _AIM = 0.35
 """Height of the robot's middle [m]."""
 
 _ASIDE, _CLEARANCE = 0.12, 0.3
-"""How far from the line to the eye walls count, as a share of its length, and before it [m]."""
+"""How far from the line to the eye walls count, as a share of its length, and how far before them
+the eye stays [m]."""
 
-_MARGIN, _STEEPEST = float(np.radians(9.0)), float(np.radians(80.0))
-"""How far under the robot roofs are seen, so that they are no large part of the picture, and how
-steeply eyes look down at the most [rad]."""
+_NEAREST = 1.6
+"""How near the eye comes to the robot at the most [m]: nearer, the robot would fill the picture."""
 
-_ROBOT = 0.5
-"""Height of a robot [m]: lower walls do not hide it."""
+_LOW, _BODY, _STEEPEST = 1.0, 0.1, float(np.radians(60.0))
+"""Walls up to the first height [m] are looked over, so that what is higher of the robot than the
+second is seen, and how steeply an eye then looks down at the most [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +69,7 @@ class Look:
     plan: bool = True
     """Whether the map is also shown in a corner."""
     cuts: bool = False
-    """Whether walls of rooms are cut off where they hide the robot."""
+    """Whether the walls of rooms are cut level, so that one looks into them."""
     ghost: float = 0.0
     """How far houses have faded to pale ghosts, 0…1."""
     raised: float = 0.0
@@ -213,36 +215,35 @@ class Track(NamedTuple):
         up = -np.cos(turn) * np.sin(steep), -np.sin(turn) * np.sin(steep), np.cos(steep)
         return Look(now.eyes()[0], now.middles[0], field, up, shift, near, air=air, **others)
 
-    def over_walls(
+    def past_walls(
         self, structures: Structures, robots: Float, smooth: float = _SMOOTH / STEP
     ) -> "Track":
-        """Looks that are as steep as it takes to see robots (k, 2) over walls, smoothed [samples].
+        """Looks that see robots (k, 2): over low walls, and before high ones; smoothed [samples].
 
-        In rooms walls are cut instead.
+        The walls of rooms are all low, as they are cut.
         """
-        if structures.indoor:
-            return self
+        tops = np.minimum(structures.heights, SECTION if structures.indoor else np.inf)
+        steeps, aways = self.steeps.copy(), self.aways.copy()
         way = self.eyes()[:, :2] - robots
-        reach = np.maximum(np.hypot(way[:, 0], way[:, 1]), 1e-6)
-        # Walls beyond this are below the line of sight.
-        rise = np.maximum(np.tan(self.steeps), 0.1)
-        highest = float(structures.heights.max(initial=0.0))
-        way *= np.minimum(1.0, (highest / rise + _CLEARANCE) / reach)[:, None]
-        aside = np.column_stack([-way[:, 1], way[:, 0]])
-        tree = structures.tree
-        needed = self.steeps.copy()
-        for side in (-_ASIDE, 0.0, _ASIDE):
+        aside = _ASIDE * np.column_stack([-way[:, 1], way[:, 0]])
+        for side in (-1.0, 0.0, 1.0):
             ways = shapely.linestrings(np.stack([robots, robots + way + side * aside], axis=1))
-            number, wall = tree.query(ways, predicate="intersects")
-            cuts = shapely.intersection(ways[number], tree.geometries[wall])
-            gap = shapely.distance(shapely.points(robots[number]), cuts) - _CLEARANCE
-            above = structures.heights[wall] - _ROBOT
-            steep = np.arctan2(above, np.maximum(gap, 0.1)) + _MARGIN * (above > 0.0)
-            np.maximum.at(needed, number, steep)
-        # The most over the filter's reach comes first: its mean is then never too low.
-        most = maximum_filter1d(np.minimum(needed, _STEEPEST), 2 * int(2.0 * smooth) + 1)
-        steeps = gaussian_filter1d(most, smooth, mode="nearest", truncate=2.0)
-        return self._replace(steeps=np.maximum(self.steeps, steeps))
+            number, wall = structures.tree.query(ways, predicate="intersects")
+            cuts = shapely.intersection(ways[number], structures.tree.geometries[wall])
+            gap = shapely.distance(shapely.points(robots[number]), cuts)
+            needed = np.arctan2(tops[wall] - _BODY, gap)
+            low = tops[wall] <= _LOW
+            np.maximum.at(steeps, number[low], np.minimum(needed[low], _STEEPEST))
+            hides = ~low & (needed > self.steeps[number])
+            number, gap = number[hides], gap[hides] - _CLEARANCE
+            np.minimum.at(aways, number, np.maximum(gap / np.cos(self.steeps[number]), _NEAREST))
+        # The extremes over the filter's reach come first: its mean is then never too little.
+        reach = 2 * int(2.0 * smooth) + 1
+        steeps, aways = (
+            gaussian_filter1d(each, smooth, mode="nearest", truncate=2.0)
+            for each in (maximum_filter1d(steeps, reach), minimum_filter1d(aways, reach))
+        )
+        return self._replace(steeps=steeps, aways=aways)
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from lrf3d.scene.bodies import (
 from lrf3d.scene.camera import Look
 from lrf3d.scene.drawn_map import BAND, DrawnMap
 from lrf3d.scene.estimate import DrawnEstimate, trail_lines
-from lrf3d.scene.shapes import Body, Cut, Lens, Lines, Mark, Plan, Points, Seen, Soft
+from lrf3d.scene.shapes import Body, Lens, Lines, Mark, Plan, Points, Seen, Soft
 from lrf3d.scene.stage import Stage, stage_of
 from lrf3d.scene.structures import SIGHT_DISTANCE
 from lrf3d.scene.timeline import Moment, Timeline, drive_keys
@@ -78,17 +78,6 @@ _HITS_FADE, _HITS_STRENGTH, _HIT_SIZE, _HIT_PIXELS, _OLD_SCANS = 2.5, 0.8, 0.05,
 """Time of the film [s] in which hits fade, their opacity at first, their size [m], the smallest and
 largest in a picture of 720 lines [pixels], and the most scans that they are of."""
 
-_REAR = 0.3
-"""How far from its middle the robot ends [m], where it stands on the ground: so much of it is to be
-seen over walls that are cut."""
-
-_BELOW_SIGHT = 0.8
-"""Share of the line of sight from there to the eye that cut walls reach up to."""
-
-_LEFT_FROM_AFAR = (8.0, 0.1)
-"""How much higher cut walls may be for each metre that the eye is farther off than a distance [m,
-m/m]."""
-
 
 class Scene:
     """All that can be seen of a run, with a goal on the ground where one is given.
@@ -136,8 +125,12 @@ class Scene:
             for layer, name, mark in self._marks(moment, pose, view, lens, size)
             if layer in layers and mark is not None
         )
-        cut = _cut(view, pose) if view.cuts and self.structures.indoor else None
-        return Seen(lens, tuple(bodies), marks, view.sky_below(lens.matrix), view.ghost, cut)
+        seen = Seen(lens, tuple(bodies), marks, view.sky_below(lens.matrix), view.ghost)
+        if view.cuts and self.structures.indoor:
+            # Ghosts are as high as the walls of the map that stand up in them.
+            highest = float(self.structures.heights.max(initial=0.0))
+            seen = seen._replace(cut=look.SECTION + view.ghost * highest)
+        return seen
 
     def _lens(self, view: Look, size: tuple[int, int]) -> Lens:
         far = max(SIGHT_DISTANCE, _PAST_GROUND * float(view.eye[2]))
@@ -278,14 +271,3 @@ class Scene:
             return None, look.INSET_FOLLOWED
         # A room needs less of a rim than a city.
         return 0.5 * (low + high), max(1.04 * size + 2.0 * min(1.0, size / 40.0), _LEAST_PLAN)
-
-
-def _cut(view: Look, pose: Float) -> Cut:
-    """How walls of rooms are cut so that an eye sees a robot at a pose."""
-    away = view.eye[:2] - pose[:2]
-    level = max(float(np.hypot(*away)), 2.0 * _REAR)
-    toward = away / level
-    slope = _BELOW_SIGHT * float(view.eye[2]) / (level - _REAR)
-    start, gain = _LEFT_FROM_AFAR
-    top = look.LEFT_STANDING[1] + gain * max(level - start, 0.0)
-    return Cut(pose[:2] + _REAR * toward, toward, slope, top)

@@ -162,19 +162,6 @@ class Plan(NamedTuple):
     marks: tuple[tuple[str, Mark], ...]
 
 
-class Cut(NamedTuple):
-    """Walls between the eye and the robot are cut off where they would hide it."""
-
-    robot: Float
-    """(2,) where the robot ends towards the eye."""
-    toward: Float
-    """(2,) level direction from it to the eye, of unit length."""
-    slope: float
-    """How much higher walls may be for each metre towards the eye [m/m]."""
-    top: float
-    """How high they may be at the most [m]."""
-
-
 class Seen(NamedTuple):
     """All that is to be seen in one picture."""
 
@@ -187,7 +174,8 @@ class Seen(NamedTuple):
     """Row of the picture, −1…1 from the top, down to which there may be sky; −1 for none."""
     ghost: float = 0.0
     """How far houses have faded to pale ghosts, 0…1."""
-    cut: Cut | None = None
+    cut: float = 1e4
+    """Height that walls are cut at [m]; none is as high as usually."""
     plan: Plan | None = None
     labels: tuple[Label, ...] = ()
 

@@ -66,7 +66,7 @@ def overview(
         found = _fit(corners, times, side + _DRIFT * passed, *shape)
         return found._replace(airs=_AIR * found.aways)
 
-    return Tracked(track, {"plan": False, "shot": "whole"})
+    return Tracked(track, {"cuts": True, "plan": False, "shot": "whole"})
 
 
 def top(timeline: Timeline, structures: Structures) -> Tracked:

@@ -35,9 +35,6 @@ ROWS = "sweep{}.jsonl"
 BATCH = 8
 """Runs that are sent together: a crash costs at most these, and sending them next to nothing."""
 
-PLACES_KEPT = 4
-"""Places whose casters a worker keeps."""
-
 
 @stoppable()
 def sweep(
@@ -227,26 +224,21 @@ def rows_of(runs: Sequence[PlannedRun]) -> list[Row]:
 
 
 def _run(planned: PlannedRun) -> Run:
-    scenario, drive, caster = _unpacked(planned.place)
-    mapper = planned.mapper
+    mapper, scenario = planned.mapper, planned.scenario
     if not isinstance(mapper, dict):
         # A user's class or function makes a mapper for each run; a mapper is copied.
         mapper = deepcopy(mapper) if hasattr(type(mapper), "update") else mapper()
-    run: Run = scenario.run(
-        drive=drive,
-        noise=planned.noise,
+    return scenario.run(
+        drive=planned.drive,
         mapper=mapper,
         rng=planned.columns["noise_seed"],
-        caster=caster,
+        caster=_caster(scenario.world),
         snapshots=1,
     )
-    return run
 
 
-@lru_cache(maxsize=PLACES_KEPT)
-def _unpacked(place: bytes) -> tuple[Any, Any, PlanarCaster]:
-    scenario, drive = pickle.loads(place)
-    return scenario, drive, PlanarCaster(scenario.world)
+_caster = lru_cache(maxsize=1)(PlanarCaster)
+"""The caster of a world: runs that are sent together share their world."""
 
 
 def _figures(run: Run) -> Row:

@@ -19,7 +19,7 @@ def hand(text, tmp_path, **settings):
 def test_a_hand_drives_stops_before_walls_and_starts_again_alike(tmp_path):
     drive = hand(YARD, tmp_path, rng=4)
     first = drive.latest.ranges
-    assert drive.step(0.05) and len(drive.line_map)
+    assert drive.step(0.05) and len(drive.maps[0])
     speeds, bumped = [], False
     for _ in range(200):
         drive.step(0.05, forward=1.0)

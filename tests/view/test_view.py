@@ -114,7 +114,7 @@ def test_the_page_lists_its_keys_and_saves_pictures(played, chromium):
         page.keyboard.press("h")
         until(lambda: page.is_visible(".lrf3d-keys"))
         assert "full screen" in page.inner_text(".lrf3d-keys")
-        page.click(".lrf3d-list")
+        page.click("[data-do=list]")
         until(lambda: not page.is_visible(".lrf3d-keys"))
         with page.expect_download() as download:
             page.keyboard.press("p")
@@ -123,7 +123,7 @@ def test_the_page_lists_its_keys_and_saves_pictures(played, chromium):
             assert np.asarray(saved.convert("RGB")).std() > 20.0
         page.keyboard.press("f")
         until(lambda: page.evaluate("Boolean(document.fullscreenElement)"))
-        page.click(".lrf3d-full")
+        page.click("[data-do=full]")
         until(lambda: not page.evaluate("Boolean(document.fullscreenElement)"))
 
 
@@ -131,19 +131,6 @@ def page_end(run):
     """How long a run plays [s]."""
     timeline = Timeline(run, playback=1.0)
     return timeline.end - timeline.start
-
-
-@needs_browser
-def test_a_body_that_is_seen_no_more_goes(played, chromium):
-    with opened(chromium, played) as page:
-        left = page.evaluate("""async () => {
-          const { Scene } = await import("/lrf3d/scene.js");
-          const scene = new Scene(document.createElement("canvas"), document.createElement("div"));
-          scene.take({ bodies: { robot: [], map: [] } });
-          scene.take({ bodies: { robot: [] } });
-          return Object.keys(scene.bodies);
-        }""")
-        assert left == ["robot"]
 
 
 @pytest.mark.slow
@@ -277,16 +264,16 @@ def test_a_world_is_warm_before_its_page_is_offered(yard, monkeypatch):
     steps = []
     step = HandDrive.step
     monkeypatch.setattr(HandDrive, "step", lambda *of: steps.append(of) or step(*of))
-    site = world_view(load_scenario(yard), seed=0)
-    assert len(steps) == 1 and site.setup["title"] == "yard" and not site.plays
-    assert site.make().drive.pose == (2.0, 3.0, 0.0)
+    shown = world_view(load_scenario(yard), seed=0)()
+    assert len(steps) == 1 and shown.drive.pose == (2.0, 3.0, 0.0)
+    assert (shown.setup()["title"], shown.setup()["mode"]) == ("yard", "drives")
 
 
-def test_the_site_of_a_run_is_that_of_its_world(recorded):
+def test_the_page_of_a_run_is_that_of_its_world(recorded):
     run, folder = recorded
-    site = run_view(str(folder), None)
-    assert site.plays and site.setup["end"] == pytest.approx(page_end(run))
-    assert site.setup["speed"] == run.film.playback
+    setup = run_view(str(folder), None)().setup()
+    assert setup["mode"] == "plays" and setup["end"] == pytest.approx(page_end(run))
+    assert setup["speed"] == run.film.playback
 
 
 def test_what_cannot_be_shown_ends_in_one_line(tmp_path):
@@ -306,10 +293,10 @@ def test_what_is_wrong_is_named(yard):
 
 def test_without_the_server_the_extra_is_named(yard, monkeypatch):
     monkeypatch.setitem(sys.modules, "websockets.asyncio.server", None)
-    site = world_view(load_scenario(yard), seed=0)
+    make = world_view(load_scenario(yard), seed=0)
     with bound("127.0.0.1", None) as door:
         with pytest.raises(MissingLibraryError, match=r"pip install -e .*\[view\]"):
-            serve(site, door, host="127.0.0.1")
+            serve(make, door, host="127.0.0.1")
 
 
 def test_help_comes_without_the_page():
