@@ -67,3 +67,18 @@ def write(path, *messages):
 def mounted(place=(0, 0, 0), turn=(0, 0, 0, 1)):
     static = transform(0.0, "base_link", "laser", place, turn)
     return "/tf_static", 0.0, TRANSFORMS, static
+
+
+def as_sqlite(bag, path):
+    """Write the messages of a bag as older releases of ROS 2 kept them."""
+    kind = rosbag2.StoragePlugin.SQLITE3
+    with (
+        rosbag2.Reader(bag) as reader,
+        rosbag2.Writer(path, version=8, storage_plugin=kind) as writer,
+    ):
+        topics = {
+            c.topic: writer.add_connection(c.topic, c.msgtype, typestore=STORE)
+            for c in reader.connections
+        }
+        for connection, stamp, data in reader.messages():
+            writer.write(topics[connection.topic], stamp, data)
