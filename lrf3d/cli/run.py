@@ -83,7 +83,8 @@ def run(
     from lrf3d.cli.plugins import load_plugin, made
     from lrf3d.world.cameras import check_view
 
-    check_view(scenario.view if film.view is None else film.view, scenario.world.cameras)
+    view = scenario.film.view if film.view is None else film.view
+    check_view(view, scenario.world.cameras)
     named = {kind: name for kind, name in vars(own).items() if name is not None}
     plugins: dict[str, Any] = {kind: load_plugin(kind, name) for kind, name in named.items()}
     named.pop("noise", None)
