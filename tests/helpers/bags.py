@@ -43,6 +43,15 @@ def scan(time, frame="laser", ranges=(1.0, 2.0, 3.0)):
     return made(STORE, SCAN, {"header": header(time, frame), **fan, **fields})
 
 
+def scans(*times):
+    return [("/scan", time, SCAN, scan(time)) for time in times]
+
+
+def wheels(count):
+    """Odometry of a robot that drives a metre a second along x."""
+    return [("/odom", t, ODOMETRY, odometry(float(t), (t, 0.0, 0.0))) for t in range(count)]
+
+
 def odometry(time, where, child="base_link"):
     fields = {"child_frame_id": child, "pose": {"pose": planar(*where)}}
     return made(STORE, ODOMETRY, {"header": header(time, "odom"), **fields})
