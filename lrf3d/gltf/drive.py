@@ -20,7 +20,7 @@ from lrf3d.scene import look
 from lrf3d.scene.camera import Look
 from lrf3d.scene.estimate import DrawnEstimate, outlines
 from lrf3d.scene.moments import Scene
-from lrf3d.scene.shapes import Lines, Points, Soft
+from lrf3d.scene.shapes import Lines, Points
 from lrf3d.scene.timeline import DriveKeys, Timeline, drive_keys, obstacle_keys, scan_times
 
 _ABOVE = Look(np.array([0.0, 0.0, 1.0]), np.zeros(3), field=1e-6, up=(0.0, 1.0, 0.0))
@@ -104,18 +104,18 @@ def _add_scans(document: Document, scene: Scene, every: int) -> None:
     scans = range(0, len(times), every)
     for scan, (begin, end) in zip(scans, shown.tolist(), strict=True):
         moment = timeline.moment(times[scan])
-        seen = scene.seen(moment, _ABOVE, _SIZE, ("fan", "beams", "points"))
+        seen = scene.seen(moment, _ABOVE, _SIZE, ("beams", "points"))
         marks = dict(seen.marks)
-        glow, hits, beams = marks["fan"], marks["points"], marks["beams"]
-        assert isinstance(glow, Soft) and isinstance(hits, Points) and isinstance(beams, Lines)
+        hits, beams = marks["points"], marks["beams"]
+        assert isinstance(hits, Points) and isinstance(beams, Lines)
         ends = np.stack([beams.starts, beams.ends], axis=1)
         faded = np.concatenate(
             [np.repeat(beams.colours[:, None], 2, axis=1), beams.opacities[..., None]], axis=2
         )
-        corners = np.concatenate([glow.corners, _triangles(hits, moment.pose[:2] - scene.origin)])
-        colours = np.concatenate([glow.colours, np.repeat(hits.colours[:, None], 3, axis=1)])
         parts = [document.part(material, ends, faded, mode=LINES)]
-        if len(corners):
+        if len(hits.places):
+            corners = _triangles(hits, moment.pose[:2] - scene.origin)
+            colours = np.repeat(hits.colours[:, None], 3, axis=1)
             parts.append(document.part(material, corners, colours))
         document.show(document.node(f"scan {scan}", group, *parts), begin, end)
 
