@@ -135,6 +135,9 @@ def test_a_hand_turns_the_camera_about_what_it_looks_at(view):
     turned = read(played.answer(Wanted(view=view, around=np.pi, zoom=2.0), 0.0))["camera"]
     higher = read(played.answer(Wanted(view=view, over=0.3), 0.0))["camera"]
     assert higher["eye"][2] > plain["eye"][2]
+    # The horizon stays level: places above each other are so in the picture.
+    aside = read(played.answer(Wanted(view=view, around=1.0), 0.0))["camera"]
+    assert aside["matrix"][8] == pytest.approx(0.0, abs=1e-6)
     if view == "follow":
         robot = np.array([*run.trajectory.poses[0, :2] - run.world.origin, 0.35])
         away = np.array(plain["eye"]) - robot
