@@ -142,7 +142,7 @@ def test_the_camera_follows_circles_and_is_turned_by_hand(recorded, played, chro
         follow = until(lambda: still(page))
         seen = {"follow": follow}
         for name in ("orbit", "top", "first"):
-            page.click(f".lrf3d-view-{name}")
+            page.click(f"[data-view={name}]")
             seen[name] = until(lambda: still(page))
         for one, other in combinations(seen.values(), 2):
             assert np.abs(one - other).mean() > 5.0
