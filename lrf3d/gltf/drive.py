@@ -22,7 +22,7 @@ from lrf3d.scene.camera import Look, SmoothPath
 from lrf3d.scene.estimate import DrawnEstimate, outlines
 from lrf3d.scene.following import behind
 from lrf3d.scene.moments import Scene
-from lrf3d.scene.shapes import Lines, Points, Seen, Soft
+from lrf3d.scene.shapes import Lines, Points, Seen
 from lrf3d.scene.timeline import DriveKeys, Timeline, drive_keys, obstacle_keys, scan_times
 
 _ABOVE = Look(np.array([0.0, 0.0, 1.0]), np.zeros(3), field=1e-6, up=(0.0, 1.0, 0.0))
@@ -97,17 +97,17 @@ def _add_scans(document: Document, scene: Scene, every: int) -> None:
     material = document.material("beams", translucent=True)
     group = document.node("beams", document.root)
     for number, (time, (begin, end)) in enumerate(zip(times, shown.tolist(), strict=True)):
-        marks = dict(_seen(scene, time, "fan", "beams", "points").marks)
-        glow, hits, beams = marks["fan"], marks["points"], marks["beams"]
-        assert isinstance(glow, Soft) and isinstance(hits, Points) and isinstance(beams, Lines)
+        marks = dict(_seen(scene, time, "beams", "points").marks)
+        hits, beams = marks["points"], marks["beams"]
+        assert isinstance(hits, Points) and isinstance(beams, Lines)
         tints = np.repeat(beams.colours[:, None], 2, axis=1)
         tints = np.concatenate([tints, beams.opacities[..., None]], axis=2)
         ends = np.stack([beams.starts, beams.ends], axis=1)
         parts = [document.part(material, ends, tints, mode=LINES)]
-        robot = scene.run.trajectory.poses[number * every, :2] - scene.origin
-        corners = np.concatenate([glow.corners, _triangles(hits, robot)])
-        colours = np.concatenate([glow.colours, np.repeat(hits.colours[:, None], 3, axis=1)])
-        if len(corners):
+        if len(hits.places):
+            robot = scene.run.trajectory.poses[number * every, :2] - scene.origin
+            corners = _triangles(hits, robot)
+            colours = np.repeat(hits.colours[:, None], 3, axis=1)
             parts.append(document.part(material, corners, colours))
         node = document.node(f"scan {number * every}", group, *parts)
         document.show(node, begin, end)

@@ -62,8 +62,6 @@ class Look:
     """Whether the air is without haze, as for bird's-eye cameras."""
     air: float = 0.0
     """Distance [m] at which half of what is seen is haze, at the least."""
-    fan: float = 1.0
-    """How strong the glow of the beams is drawn; less where it would cover the picture."""
     shows_map: bool = False
     """Whether the map is laid over the scene."""
     plan: bool = True

@@ -31,8 +31,9 @@ _DOWN = 1.5
 _UNKNOWN = 0.2
 """Time after the start in which hardly anything is known yet [s of the film]."""
 
-_RISEN = 0.85
-"""Share of the distance to the view of the whole that a rising shot covers."""
+_RISEN, _INTO_STREETS = 0.85, float(np.radians(25.0))
+"""Share of the distance to the view of the whole that a rising shot covers, and how much steeper it
+looks down on its way [rad]: into streets, over the houses beside the robot."""
 
 _CLOSE, _CLOSE_SIDES = Rig(4.6, 20.0, 42.0, -0.35), 6
 """How a shot from near looks at the robot, and from how many sides it may begin."""
@@ -120,7 +121,9 @@ class Story:
             near.times,
             near.middles + moved[:, None] * (far.middles - near.middles),
             near.turns + share * turned,
-            near.steeps + np.sqrt(share) * (far.steeps - near.steeps),
+            near.steeps
+            + np.sqrt(share) * (far.steeps - near.steeps)
+            + np.sin(np.pi * np.sqrt(share)) * _INTO_STREETS,
             aways,
             *others,
         )

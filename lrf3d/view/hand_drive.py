@@ -55,7 +55,7 @@ class HandDrive(Timeline):
     def __init__(self, scenario: Scenario, *, rng: int = 0) -> None:
         self.world, self.lrf, self.obstacles = scenario.world, scenario.lrf, scenario.obstacles
         self.name = scenario.name
-        self.film = replace(USUAL_FILM, points_by=scenario.points_by)
+        self.film = replace(USUAL_FILM, points_by=scenario.film.points_by)
         self._fastest = scenario.speed
         self._collisions = CollisionChecker(scenario.world)
         self._robot = Unicycle(scenario.radius)

@@ -72,11 +72,7 @@ USUAL = {"occupied_thresh": 0.65, "free_thresh": 0.25, "negate": 0, "mode": "tri
 
 
 def read_ros_map(path: Path) -> World:
-    """Read the occupied cells of a ROS map as walls.
-
-    Raises:
-        WorldError: The file, or the picture that it names, cannot be used.
-    """
+    """Read the occupied cells of a ROS map as walls."""
     import yaml
 
     content = read_text(path)
@@ -112,9 +108,6 @@ def read_picture(path: Path, *, resolution: float | None = None) -> World:
 
     Its lower left corner is at (0, 0). Light pixels may be outside the house, so none is known to
     be free. A pixel has a side of ``resolution`` [m].
-
-    Raises:
-        WorldError: No resolution is given, or the picture cannot be used.
     """
     if resolution is None:
         raise WorldError(
@@ -204,9 +197,6 @@ def write_ros_map(world: World, path: Path, *, resolution: float | None = None) 
     """Write the walls and the free cells of a world as a ``.yaml`` file and, beside it, a ``.pgm``.
 
     A cell has a side of ``resolution`` [m]; if not given, of 0.05, or more for a large map.
-
-    Raises:
-        OutputError: The files cannot be written, or the map becomes too large.
     """
     resolution = cell_size(world) if resolution is None else resolution
     cells, (x, y) = map_cells(world, resolution, path)
@@ -237,10 +227,7 @@ def map_cells(
     """The cells (rows, columns) of a world, FREE, OCCUPIED or UNKNOWN, the first row at the bottom.
 
     They reach a metre, or two cells, beyond the walls. The place x, y [m] of the outer corner of
-    the first cell is returned, too.
-
-    Raises:
-        OutputError: There are too many; the message names the path that they are for.
+    the first cell is returned, too. Errors name the path that the cells are for.
     """
     margin = max(FREE_MARGIN, 2.0 * resolution)
     low, high = world.bounds[0] - margin, world.bounds[1] + margin

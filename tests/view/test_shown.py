@@ -95,7 +95,7 @@ def test_a_page_gets_the_scene_of_the_film(offset):
     run = city_run(offset)
     header = read(Shown.played(run, 1.0).answer(Wanted(time=2.0), 0.0))
     marks = header["marks"]
-    assert {"trail", "fan", "beams", "points", "map", "robot", "plan robot"} <= set(marks)
+    assert {"trail", "beams", "points", "map", "robot", "plan robot"} <= set(marks)
     assert set(header["order"]) <= set(marks) and {"robot", "map"} <= set(header["order"])
     scan = run.scan(int(np.searchsorted(run.trajectory.times, 2.0 + 1e-9, side="right")) - 1)
     places = marks["points"]["columns"][0][:, :2] + run.world.origin
@@ -174,7 +174,7 @@ def driven(tmp_path):
 def test_a_drive_sends_nothing_while_nothing_changes(driven):
     page = driven(YARD)
     header = read(page.answer(Wanted(), 0.05))
-    assert {"fan", "points", "map", "trail"} <= set(header["marks"])
+    assert {"points", "map", "trail"} <= set(header["marks"])
     assert [page.answer(Wanted(), 0.05) for _ in range(3)] == [None] * 3
     turning = read(page.answer(Wanted(turn=1.0), 0.05))
     # The robot turns on the spot, and so do its beams.
