@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.errors import InputError, shown
-from lrf3d.geometry import Bool, Float, is_finite, numbers, sealed
+from lrf3d.errors import InputError
+from lrf3d.geometry import Bool, Float, number, numbers, sealed
 from lrf3d.pose import as_pose
 
 MOST_CELLS = 1 << 26
@@ -34,14 +34,10 @@ class FreeCells:
         cells = np.array(numbers(self.cells, "free cells"), dtype=np.bool_)
         if cells.ndim != 2 or not cells.size:
             raise InputError(f"free cells of shape {cells.shape}: expected (rows, columns)")
-        if not (is_finite(self.resolution) and self.resolution > 0.0):
-            raise InputError(
-                f"free cells of {shown(self.resolution)} m: expected a positive number of metres"
-            )
-        origin = as_pose(self.origin)
+        side = number(self.resolution, "free cells: resolution", "metres", positive=True)
         object.__setattr__(self, "cells", sealed(cells))
-        object.__setattr__(self, "resolution", float(self.resolution))
-        object.__setattr__(self, "origin", tuple(origin))
+        object.__setattr__(self, "resolution", side)
+        object.__setattr__(self, "origin", tuple(as_pose(self.origin)))
 
     def __repr__(self) -> str:
         rows, columns = self.cells.shape

@@ -11,6 +11,7 @@ A world is written as a picture in which each wall is one cell thick.
 import json
 import math
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +20,12 @@ from numpy.typing import NDArray
 
 from lrf3d.errors import OutputError, WorldError, shown
 from lrf3d.files import opened, own_name, read_text, replacing
-from lrf3d.geometry import Bool, Float, Int, Single
+from lrf3d.geometry import Bool, Float, Int, Single, number
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.grid_walls import walls_of_grid
 from lrf3d.world.model import World
 from lrf3d.world.pieces import connected
-from lrf3d.world.schema import Converter, at, integer, number, row, text
+from lrf3d.world.schema import Converter, accepting, at, row, text
 
 LARGEST_PICTURE = 1 << 28
 """Largest picture [bytes]."""
@@ -51,18 +52,16 @@ OCCUPIED, FREE = 0, 254
 """Values of pixels as map_saver writes them."""
 
 
-_SHARE = number(least=0.0, most=1.0)
+_SHARE = partial(number, most=1.0)
 
 KEYS: Mapping[str, Converter] = {
     "image": text(),
-    "resolution": number(above=0.0, most=1e4),
+    "resolution": partial(number, positive=True, most=1e4),
     "origin": row("x", "y", "yaw"),
     "occupied_thresh": _SHARE,
     "free_thresh": _SHARE,
     # YAML has true and false, too.
-    "negate": lambda value, key: integer(least=0, most=1)(
-        int(value) if isinstance(value, bool) else value, key
-    ),
+    "negate": accepting("0 or 1", lambda value: value in (0, 1), int),
     "mode": text("trinary", "scale", "raw"),
 }
 """The keys of a description that are read, and the converters of their values."""
