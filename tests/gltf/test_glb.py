@@ -151,7 +151,8 @@ def test_the_robot_drives_as_in_the_run_wherever_the_world_lies(offset):
     origin = np.array(glb.gltf.nodes[0].extras["origin"])
     robot = glb.node("robot")
     for time, pose in zip(run.trajectory.times, run.trajectory.poses, strict=True):
-        apart = glb.pose(robot, time - run.trajectory.times[0]) + [*origin, 0.0] - pose
+        due = pose - [*origin, 0.0]
+        apart = glb.pose(robot, time - run.trajectory.times[0]) - due
         assert apart[:2] == pytest.approx([0.0, 0.0], abs=1e-4)
         assert np.cos(apart[2]) == pytest.approx(1.0, abs=1e-6)
 
