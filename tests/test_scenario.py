@@ -70,7 +70,7 @@ def test_every_table_reaches_the_scenario_with_angles_in_radians(tmp_path):
     assert (lrf.range_min, lrf.range_max, lrf.height) == (0.1, 30.0, 0.3)
     assert scenario.sigmas == (0.1, 0.2)
     assert dict(scenario.mapper) == {"mode": "paper", "min_points": 5, "merge_distance": 0.3}
-    assert (scenario.view, scenario.playback) == ("top", 2.0)
+    assert (scenario.film.view, scenario.film.playback) == ("top", 2.0)
 
 
 def test_a_route_without_a_start_begins_at_its_first_way_point(tmp_path):

@@ -18,10 +18,9 @@ _ORBIT, _ORBIT_INDOOR = Rig(7.0, 20.0, 46.0, -0.3), Rig(7.0, 38.0, 42.0)
 _TURN, PHASE = np.radians(9.0), -2.2
 """Angle of an orbit per second of the film [rad/s], and where it stands at first [rad]."""
 
-_FIRST_FIELD, _FIRST_UP, _FIRST_OVER, _FIRST_GLOW = float(np.radians(62.0)), 0.09, 0.36, 0.12
-"""Angle of view from the top of the robot [rad], how much it looks up, as a slope, how far over the
-laser the eye is [m], above the bands of the map, and how much of the glow of the beams is left,
-which it looks through."""
+_FIRST_FIELD, _FIRST_UP, _FIRST_OVER = float(np.radians(62.0)), 0.09, 0.36
+"""Angle of view from the top of the robot [rad], how much it looks up, as a slope, and how far over
+the laser the eye is [m], above the bands of the map."""
 
 _CALM, _NARROWEST = 12.5, 0.15
 """Distance [m] from which on the field of a fixed camera that turns narrows, and what is left of it
@@ -67,7 +66,7 @@ class First:
         x, y, theta = self._timeline.poses(np.array([time]))[0] - [*self._timeline.origin, 0.0]
         eye = np.array([x, y, self._height])
         ahead = np.array([np.cos(theta), np.sin(theta), _FIRST_UP])
-        return Look(eye, eye + ahead, _FIRST_FIELD, fan=_FIRST_GLOW, shot="chase")
+        return Look(eye, eye + ahead, _FIRST_FIELD, shot="chase")
 
 
 class Fixed:

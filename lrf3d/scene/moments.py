@@ -12,7 +12,7 @@ import numpy as np
 
 from lrf3d.geometry import Float, Single
 from lrf3d.scene import look
-from lrf3d.scene.beams import DrawnBeams, beam_reach, turning_walls
+from lrf3d.scene.beams import REACH, REACH_INDOOR, draw_beams, turning_walls
 from lrf3d.scene.bodies import (
     Obstacles,
     flat_dart,
@@ -30,16 +30,16 @@ from lrf3d.scene.structures import SIGHT_DISTANCE
 from lrf3d.scene.timeline import Moment, Timeline, drive_keys
 
 LAYERS = (
-    "shadow", "goal", "trail", "estimate", "fan", "beams", "map", "points", "marker", "inset",
-    "hud",
+    "shadow", "goal", "trail", "estimate", "beams", "map", "points", "marker", "inset", "hud",
 )  # fmt: skip
 """What can be left out of a picture; what is left out costs nothing."""
 
 Goal = tuple[float, float, float]
 """Where a robot is to arrive: x, y and radius [m]."""
 
-_HALF_HAZE, _HALF_HAZE_INDOOR = 190.0, 120.0
-"""Distance [m] at which half of what is seen is haze."""
+_HALF_HAZE, _HALF_HAZE_INDOOR, _CLEAR = 190.0, 120.0, 2.6
+"""Distance [m] at which half of what is seen is haze, and what it is at the least, in distances to
+what is looked at: the whole is seen through clear air."""
 
 _ROBOT_SIZE, _LEAST_ROBOT, _MARKER = 0.75, 26.0, 10.0
 """Width of the robot [m]; a robot of fewer pixels than the second has an arrow over it, whose unit
@@ -99,11 +99,11 @@ class Scene:
         self._goal = None if goal is None else goal_disc(np.array(goal) - [*self.origin, 0.0])
         self._turning = turning_walls(run.world)
         self._walls = run.world.segments - np.tile(self.origin, 2)
-        self._reach = beam_reach(run.lrf.range_max, structures)
+        self._reach = min(run.lrf.range_max, REACH_INDOOR if structures.indoor else REACH)
         self._map = lru_cache(1)(self._drawn_map)
         self._beams = lru_cache(1)(self._drawn_beams)
         self._trails = lru_cache(1)(self._drawn_trails)
-        self._hits = lru_cache(2 * _OLD_SCANS)(lambda number: self._drawn_beams(number)[2])
+        self._hits = lru_cache(2 * _OLD_SCANS)(lambda number: self._drawn_beams(number)[1])
         self._recent = lru_cache(1)(self._hits_together)
         self._estimate = DrawnEstimate.from_timeline(timeline)
 
@@ -125,7 +125,7 @@ class Scene:
             for layer, name, mark in self._marks(moment, pose, view, lens, size)
             if layer in layers and mark is not None
         )
-        seen = Seen(lens, tuple(bodies), marks, view.sky_below(lens.matrix), view.ghost)
+        seen = Seen(lens, tuple(bodies), marks, view.ghost)
         if view.cuts and self.structures.indoor:
             # Ghosts are as high as the walls of the map that stand up in them.
             highest = float(self.structures.heights.max(initial=0.0))
@@ -139,8 +139,8 @@ class Scene:
             matrix=view.matrix(size[0] / size[1], far),
             eye=view.eye,
             focus=float(0.5 * size[1] / np.tan(0.5 * view.field)),
-            thick=0.0 if view.clear else min(1.0 / half, 1.0 / max(view.air, 1e-9)),
-            slack=0.0 if view.clear else _SLACK,
+            thick=1.0 / max(half, _CLEAR * view.away),
+            slack=0.0 if view.shows_map else _SLACK,
             nearer=_ON_TOP if view.shows_map else _WALL_NEARER,
         )
 
@@ -154,10 +154,7 @@ class Scene:
         yield from self._trails(moment.time)
         beams = self._beams(moment.scan, *moment.pose) if moment.scanning else None
         if beams is not None:
-            glow, single, _ = beams
-            fainter = np.array([1.0, 1.0, 1.0, view.fan], np.float32)
-            yield "fan", "fan", glow._replace(colours=glow.colours * fainter)
-            yield "beams", "beams", single
+            yield "beams", "beams", beams[0]
         _, above, hidden, _ = self._map(self.run.snapshot_after(moment.scan))
         if view.shows_map:
             yield "map", "map lines", above
@@ -165,7 +162,7 @@ class Scene:
             yield "map", "hidden", hidden
         yield "points", "recent", self._recent_hits(moment)
         if beams is not None:
-            yield "points", "points", beams[2]
+            yield "points", "points", beams[1]
         yield "marker", "marker", self._marker(pose, view, lens, size)
 
     def _drawn_map(self, stage: int) -> tuple[DrawnMap, Lines, Lines, Lines]:
@@ -189,18 +186,19 @@ class Scene:
             found.append(("estimate", "ellipses", self._estimate.rings(now)))
         return tuple(found)
 
-    def _drawn_beams(self, number: int, *pose: float) -> tuple[Soft, Lines, Points]:
-        """The glow, single beams and hits of a scan, from where the robot is now, if given."""
+    def _drawn_beams(self, number: int, *pose: float) -> tuple[Lines, Points]:
+        """The beams and hits of a scan, from where the robot is now, if given."""
         scan, origin, lrf = self.run.scan(number), np.array([*self.origin, 0.0]), self.run.lrf
         place = np.array(scan.pose) - origin
         apex = np.array(pose) - origin if pose else place
-        drawn = DrawnBeams.from_scan(
-            replace(scan, pose=place), self._walls, apex[:2], self._turning
-        )
-        return (
-            drawn.glow(lrf.height, indoor=self.structures.indoor),
-            drawn.single(lrf.height, self._reach),
-            drawn.hit_points(lrf.height, lrf.range_max, by=self.run.film.points_by),
+        return draw_beams(
+            replace(scan, pose=place),
+            self._walls,
+            apex[:2],
+            self._turning,
+            height=lrf.height,
+            reach=self._reach,
+            by=self.run.film.points_by,
         )
 
     def _recent_hits(self, moment: Moment) -> Points:
@@ -254,7 +252,7 @@ class Scene:
         *_, lines = self._map(self.run.snapshot_after(moment.scan))
         marks: list[tuple[str, Mark | None]] = [("map", lines)]
         if moment.scanning:
-            _, _, hits = self._beams(moment.scan, *moment.pose)
+            _, hits = self._beams(moment.scan, *moment.pose)
             marks.append(("points", hits._replace(glows=False)))
         marks += [(name, line) for _, name, line in self._trails(moment.time)]
         marks.append(("obstacles", self.obstacles.plans(moment.time, window / box[2])))

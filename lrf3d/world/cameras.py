@@ -81,11 +81,8 @@ PLAYBACK = 4.0
 class FilmPlan:
     """The default settings of a film.
 
-    Args:
-        view: Name of the camera, one that every world has or one of the world's.
-        playback: Simulated seconds in a second of film.
-        points_by: What the colour of hit points shows, ``range`` or ``intensity``; where a scan
-            has no intensities, it is the range.
+    Its view is a camera that every world has, or one of the world's; its playback is the number of
+    simulated seconds in a second. The colour of hit points shows their ``range`` or ``intensity``.
     """
 
     view: str = "story"

@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from lrf3d.errors import WorldError, check_names, shown
-from lrf3d.geometry import is_finite
+from lrf3d.geometry import number
 from lrf3d.world.schema import at, check_unique, made
 
 SMOOTH_DEG = 1.0
@@ -59,11 +59,9 @@ class Material:
         if not (isinstance(self.name, str) and self.name):
             raise WorldError(f"material {shown(self.name)}: expected a name")
         called = f"material {self.name!r}"
-        for key, most in LIMITS.items():
-            value = getattr(self, key)
-            if isinstance(value, bool) or not is_finite(value) or not 0.0 <= value <= most:
-                raise WorldError(f"{called}: {key} is {shown(value)}, expected 0 to {most:g}")
-            object.__setattr__(self, key, float(value))
+        with at(called):
+            for key, most in LIMITS.items():
+                object.__setattr__(self, key, number(getattr(self, key), key, most=most))
         if self.diffuse + self.specular + self.transmission > 1.0 + 1e-12:
             raise WorldError(
                 f"{called}: diffuse, specular and transmission are more than 1 together"

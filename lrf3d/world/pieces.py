@@ -31,7 +31,7 @@ class Part(NamedTuple):
     segments: Float
     heights: Float
     name: str = ""
-    colour: tuple[float, float, float] | None = None
+    colour: Float | tuple[float, float, float] | None = None
     material: Material | None = None
 
 
@@ -130,11 +130,7 @@ def _looks(world: World, number: int) -> dict[str, Any]:
 
 
 def world_of_strokes(strokes: Sequence[Float], path: Path) -> World:
-    """The world of strokes (k, 2) [m]; repeated ones count once.
-
-    Raises:
-        WorldError: There are no walls, or they are not finite.
-    """
+    """The world of strokes (k, 2) [m]; repeated ones count once."""
     pieces = [walls(stroke) for stroke in strokes if len(stroke) > 1]
     segments = np.concatenate(pieces) if pieces else np.empty((0, 4))
     if not (np.abs(segments) <= LARGEST_COORDINATE).all():
@@ -158,12 +154,7 @@ def without_repeats(segments: Float) -> Float:
 
 
 def connected(segments: Float, gap: float = TOUCHING) -> Int:
-    """The object (n,) of each of the segments (n, 4): those that touch are one object.
-
-    Args:
-        segments: The walls.
-        gap: Largest gap between walls that touch [m].
-    """
+    """The object (n,) of each of the segments (n, 4): those with a gap up to this [m] are one."""
     import shapely
 
     middle = segments.reshape(-1, 2).mean(axis=0)

@@ -11,6 +11,7 @@ A world is written as a picture in which each wall is one cell thick.
 import json
 import math
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +20,12 @@ from numpy.typing import NDArray
 
 from lrf3d.errors import OutputError, WorldError, shown
 from lrf3d.files import opened, own_name, read_text, replacing
-from lrf3d.geometry import Bool, Float, Int, Single
+from lrf3d.geometry import Bool, Float, Int, Single, number
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.grid_walls import walls_of_grid
 from lrf3d.world.model import World
 from lrf3d.world.pieces import connected
-from lrf3d.world.schema import Converter, at, integer, number, row, text
+from lrf3d.world.schema import Converter, accepting, at, row, text
 
 LARGEST_PICTURE = 1 << 28
 """Largest picture [bytes]."""
@@ -51,18 +52,16 @@ OCCUPIED, FREE = 0, 254
 """Values of pixels as map_saver writes them."""
 
 
-_SHARE = number(least=0.0, most=1.0)
+_SHARE = partial(number, most=1.0)
 
 KEYS: Mapping[str, Converter] = {
     "image": text(),
-    "resolution": number(above=0.0, most=1e4),
+    "resolution": partial(number, positive=True, most=1e4),
     "origin": row("x", "y", "yaw"),
     "occupied_thresh": _SHARE,
     "free_thresh": _SHARE,
     # YAML has true and false, too.
-    "negate": lambda value, key: integer(least=0, most=1)(
-        int(value) if isinstance(value, bool) else value, key
-    ),
+    "negate": accepting("0 or 1", lambda value: value in (0, 1), int),
     "mode": text("trinary", "scale", "raw"),
 }
 """The keys of a description that are read, and the converters of their values."""
@@ -72,11 +71,7 @@ USUAL = {"occupied_thresh": 0.65, "free_thresh": 0.25, "negate": 0, "mode": "tri
 
 
 def read_ros_map(path: Path) -> World:
-    """Read the occupied cells of a ROS map as walls.
-
-    Raises:
-        WorldError: The file, or the picture that it names, cannot be used.
-    """
+    """Read the occupied cells of a ROS map as walls."""
     import yaml
 
     content = read_text(path)
@@ -112,9 +107,6 @@ def read_picture(path: Path, *, resolution: float | None = None) -> World:
 
     Its lower left corner is at (0, 0). Light pixels may be outside the house, so none is known to
     be free. A pixel has a side of ``resolution`` [m].
-
-    Raises:
-        WorldError: No resolution is given, or the picture cannot be used.
     """
     if resolution is None:
         raise WorldError(
@@ -204,9 +196,6 @@ def write_ros_map(world: World, path: Path, *, resolution: float | None = None) 
     """Write the walls and the free cells of a world as a ``.yaml`` file and, beside it, a ``.pgm``.
 
     A cell has a side of ``resolution`` [m]; if not given, of 0.05, or more for a large map.
-
-    Raises:
-        OutputError: The files cannot be written, or the map becomes too large.
     """
     resolution = cell_size(world) if resolution is None else resolution
     cells, (x, y) = map_cells(world, resolution, path)
@@ -237,10 +226,7 @@ def map_cells(
     """The cells (rows, columns) of a world, FREE, OCCUPIED or UNKNOWN, the first row at the bottom.
 
     They reach a metre, or two cells, beyond the walls. The place x, y [m] of the outer corner of
-    the first cell is returned, too.
-
-    Raises:
-        OutputError: There are too many; the message names the path that they are for.
+    the first cell is returned, too. Errors name the path that the cells are for.
     """
     margin = max(FREE_MARGIN, 2.0 * resolution)
     low, high = world.bounds[0] - margin, world.bounds[1] + margin

@@ -5,18 +5,18 @@ returns the value in the form that the program uses, or raises an error that beg
 Settings on the command line, such as ``laser.range_max=20``, have the same.
 """
 
-import math
 import re
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import MISSING, fields
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from lrf3d.errors import InputError, WorldError, check_names, shown
-from lrf3d.geometry import LARGEST_COORDINATE, Float
+from lrf3d.geometry import LARGEST_COORDINATE, Float, number, whole_number
 
 Converter = Callable[[Any, str], Any]
 
@@ -37,26 +37,6 @@ def accepting(
         return make(found)
 
     return convert
-
-
-def number(
-    *, above: float = -math.inf, least: float = -math.inf, most: float = LARGEST_COORDINATE
-) -> Converter:
-    """A finite number within limits."""
-    limit = f" above {above:g}" if above > -math.inf else ""
-    limit += f" of at least {least:g}" if least > -math.inf else ""
-    limit += f" and at most {most:g}" if most < LARGEST_COORDINATE else ""
-    return accepting(
-        f"a finite number{limit}",
-        lambda x: type(x) in (int, float) and abs(x) <= most and least <= x and x > above,
-        float,
-    )
-
-
-def integer(*, least: int, most: int = MOST_OBJECTS) -> Converter:
-    """A whole number within limits."""
-    expected = f"a whole number from {least} to {most}"
-    return accepting(expected, lambda x: type(x) is int and least <= x <= most, int)
 
 
 def text(*choices: str) -> Converter:
@@ -101,11 +81,14 @@ def several(convert: Converter, what: str, *, least: int = 1, alone: bool = Fals
 
 def row(*names: str) -> Converter:
     """A row of finite numbers, called by these names, as an array."""
-    fits = accepting(
-        f"[{', '.join(names)}]", lambda x: type(x) is list and len(x) == len(names), list
-    )
-    convert_all = several(number(), "numbers")
-    return lambda found, key: np.array(convert_all(fits(found, key), key))
+
+    def fits(found: Any) -> bool:
+        plain = isinstance(found, list) and {type(each) for each in found} <= {int, float}
+        near = plain and all(abs(each) <= LARGEST_COORDINATE for each in found)
+        return near and len(found) == len(names)
+
+    expected = f"[{', '.join(names)}] of finite numbers up to {LARGEST_COORDINATE:g}"
+    return accepting(expected, fits, lambda found: np.array(found, dtype=np.float64))
 
 
 def rows(*names: str, least: int = 1) -> Converter:
@@ -155,9 +138,9 @@ def tables(convert: Converter) -> Converter:
     return convert_all
 
 
-_ANGLE = number(least=-3600.0, most=3600.0)
-_LENGTH = number(above=0.0)
-_NOT_NEGATIVE = number(least=0.0)
+_ANGLE = partial(number, least=-3600.0, most=3600.0)
+_LENGTH = partial(number, positive=True, most=LARGEST_COORDINATE)
+_NOT_NEGATIVE = partial(number, most=LARGEST_COORDINATE)
 
 OBJECT: Mapping[str, Converter] = {
     "name": text(),
@@ -166,7 +149,7 @@ OBJECT: Mapping[str, Converter] = {
     "closed": accepting("true or false", lambda x: isinstance(x, bool), bool),
     "height": several(_LENGTH, "heights", alone=True),
     "colour": accepting('a colour such as "#c8b49a"', parse_colour, parse_colour),
-    "number": integer(least=0),
+    "number": partial(whole_number, least=0, most=MOST_OBJECTS),
     "material": text(),
 }
 
@@ -185,23 +168,23 @@ TABLES: Mapping[str, Mapping[str, Converter]] = {
     },
     "laser": {
         **dict.fromkeys(("angle_min_deg", "angle_max_deg"), _ANGLE),
-        "beams": integer(least=1),
+        "beams": whole_number,
         "range_max": _LENGTH,
         **dict.fromkeys(
             ("range_min", "height", "scan_duration", "threshold", "near_field"), _NOT_NEGATIVE
         ),
         "echo": text("first", "last", "strongest"),
-        "echoes": integer(least=1, most=5),
+        "echoes": partial(whole_number, most=5),
     },
     "noise": {
         "sigma": several(_NOT_NEGATIVE, "sigmas", alone=True),
         **dict.fromkeys(("constant", "resolution"), _NOT_NEGATIVE),
-        **dict.fromkeys(("angle_deg", "beam_deg"), number(least=0.0, most=90.0)),
-        **dict.fromkeys(("drop_outs", "drop_outs_far"), number(least=0.0, most=1.0)),
+        **dict.fromkeys(("angle_deg", "beam_deg"), partial(number, most=90.0)),
+        **dict.fromkeys(("drop_outs", "drop_outs_far"), partial(number, most=1.0)),
     },
     "mapper": {
         "mode": text("paper", "robust"),
-        "min_points": integer(least=2),
+        "min_points": partial(whole_number, least=2),
         **dict.fromkeys(("gap", "split", "merge_length", "merge_distance", "floor"), _LENGTH),
     },
     "film": {"view": text(), "playback": _LENGTH, "points_by": text("range", "intensity")},
@@ -262,5 +245,5 @@ def at(place: str) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        named = str(error).startswith(f"{place}:")
+        named = str(error).startswith((f"{place}:", f"{place} "))
         raise WorldError(str(error) if named else f"{place}: {error}") from None

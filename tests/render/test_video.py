@@ -139,7 +139,7 @@ def pictures_of(path):
 @pytest.mark.parametrize(
     ("ending", "fps", "unlike"),
     [
-        (".webp", 12.0, 6.5),
+        (".webp", 12.0, 7.0),
         pytest.param(".gif", 12.0, 6.0, marks=pytest.mark.slow),
         pytest.param(".gif", 50.0, 6.0, marks=pytest.mark.slow),
     ],

@@ -206,7 +206,7 @@ GRID_OF = {"cells": np.ones((2, 2)), "resolution": 0.1}
         (lambda: FixedCamera(**CAMERA, field_deg="wide"), "camera 'c': field_deg"),
         (lambda: FreeCells(**{**GRID_OF, "cells": []}), "free cells of shape"),
         (lambda: FreeCells(**{**GRID_OF, "cells": "abc"}), "free cells: expected numbers"),
-        (lambda: FreeCells(**{**GRID_OF, "resolution": "fine"}), "free cells of 'fine' m"),
+        (lambda: FreeCells(**{**GRID_OF, "resolution": "fine"}), "free cells: resolution 'fine'"),
         (lambda: FreeCells(**GRID_OF, origin=(np.nan, 0.0, 0.0)), "pose"),
         (lambda: World([[0, 0, 1, 0]]).scaled("a"), "scale 'a'"),
         (lambda: World([[0, 0, 1, 0]]).scaled(np.nan), "scale nan"),

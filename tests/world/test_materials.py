@@ -20,9 +20,9 @@ def test_a_built_in_material_reflects_no_more_light_than_falls_on_it(
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"diffuse": -0.1}, "diffuse is -0.1, expected 0 to 1"),
-        ({"diffuse": np.nan}, "diffuse is nan"),
-        ({"retro": "much"}, "retro is 'much'"),
+        ({"diffuse": -0.1}, "diffuse -0.1: expected a finite number, at least 0 and at most 1"),
+        ({"diffuse": np.nan}, "diffuse nan"),
+        ({"retro": "much"}, "retro 'much'"),
         ({"index": 0.5}, "index is 0.5; expected 1 or more"),
         ({"index": 1.5, "transmission": 0.5}, "which follow from it"),
         ({"diffuse": 0.6, "transmission": 0.6}, "more than 1 together"),

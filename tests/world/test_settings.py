@@ -74,7 +74,7 @@ def test_settings_hold_instead_of_what_the_file_says(room):
         ("lasr.range_max=2", "did you mean 'laser'"),
         ("noise.dropouts=0.1", "did you mean 'drop_outs'"),
         ("range_max=2", "TABLE.KEY=VALUE"),
-        ("laser.range_max=far", "above 0, found 'far'"),
+        ("laser.range_max=far", "'far': expected a finite number, above 0"),
         ("robot.route=[[1, 2], [3", "not a TOML value; expected one such as 20"),
         ("laser.beams=5\nrange_max=1", "whole number"),
         ("mapper.mode=papr", "expected one of paper, robust, found 'papr'"),
