@@ -136,16 +136,12 @@ class Document:
         indices = self.array(numbers.astype(small), INDICES)
         return {"attributes": attributes, "indices": indices, "material": material, "mode": mode}
 
-    def mesh(self, name: str, *parts: Mapping[str, Any]) -> int:
-        """Add a mesh and give its number."""
-        return self.add("meshes", name=name, primitives=parts)
-
     def node(
         self, name: str, parent: int | None = None, *parts: Mapping[str, Any], **properties: Any
     ) -> int:
         """Add a node, with a mesh of parts if there are any, and give its number."""
         if parts:
-            properties["mesh"] = self.mesh(name, *parts)
+            properties["mesh"] = self.add("meshes", name=name, primitives=parts)
         number = self.add("nodes", name=name, **properties)
         if parent is not None:
             self._parts["nodes"][parent].setdefault("children", []).append(number)

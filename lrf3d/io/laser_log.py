@@ -40,13 +40,7 @@ MOST_READINGS = 50_000_000
 
 @dataclass(frozen=True, slots=True)
 class BadLine:
-    """A line, or a message, that could not be read.
-
-    Args:
-        number: Its number in the file, from 1.
-        reason: Why it could not be read.
-        kind: ``line``, ``message`` or ``scan``.
-    """
+    """A line, a message or a scan that could not be read, by its kind and its number from 1."""
 
     number: int
     reason: str

@@ -45,17 +45,8 @@ def draw_sweep(
 ) -> Figure:
     """Draw every measure over a column that is varied, a curve for each mapper and each choice.
 
-    Args:
-        means: The combinations, each with its columns and for each measure its mean and the ends of
-            its interval, ``low`` and ``high``; see `SweepTable.means`.
-        path: Where to write the picture; nowhere if not given.
-        column: The column that is varied.
-        choices: Columns whose values have curves of their own.
-        axis: What is varied, in words.
-        titles: The headline, and the smaller line below it.
-
-    Raises:
-        OutputError: The picture cannot be written.
+    The means are those of `SweepTable.means`; choices are columns whose values have curves of their
+    own. The axis is named in words; titles are the headline and the smaller line below it.
     """
     curves: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
     for mean in sorted(means, key=lambda each: float(each[column])):

@@ -10,7 +10,7 @@ from lrf3d.geometry import Float, Int, generator
 from lrf3d.laser import LaserScan
 from lrf3d.mapping import LineMap
 from lrf3d.mapping.tracking import ObjectTracker
-from lrf3d.pose import Pose
+from lrf3d.pose import Pose, as_pose
 from lrf3d.robot import Unicycle
 from lrf3d.robot.collision import CollisionChecker
 from lrf3d.run import Run
@@ -44,7 +44,7 @@ _CALM, _ALIGNED = 3.0, 1e-3
 
 
 class HandDrive(Timeline):
-    """The robot of a page, from where it starts.
+    """The robot of a page, from where a scenario with a route or poses starts.
 
     A scene asks of it what it asks of a run and its timeline: the scans, the path and the map are
     those of now.
@@ -52,7 +52,7 @@ class HandDrive(Timeline):
 
     knows_truth, estimate = True, None
 
-    def __init__(self, scenario: Scenario, start: Pose, *, rng: int = 0) -> None:
+    def __init__(self, scenario: Scenario, *, rng: int = 0) -> None:
         self.world, self.lrf, self.obstacles = scenario.world, scenario.lrf, scenario.obstacles
         self.name = scenario.name
         self.film = replace(USUAL_FILM, points_by=scenario.film.points_by)
@@ -70,6 +70,7 @@ class HandDrive(Timeline):
         self._rng = generator(rng)
         self._mapper = line_mapper(scenario.noise, **scenario.mapper)
         self._tracker = ObjectTracker()
+        start = scenario.start or as_pose(cast(Float, scenario.poses)[0])
         self.pose, self.time, self.speed, self.turning = start, 0.0, 0.0, 0.0
         self.facing = start.theta
         """Where a camera behind the robot looks [rad]."""

@@ -26,8 +26,7 @@ from PIL import Image
 from lrf3d.errors import InputError, OutputError, missing_extra
 from lrf3d.interrupts import asked, check
 from lrf3d.io import load_run
-from lrf3d.pose import Pose, as_pose
-from lrf3d.scenario import Scenario, start_of
+from lrf3d.scenario import Scenario
 from lrf3d.view.hand_drive import HandDrive
 from lrf3d.view.message import stage_message
 from lrf3d.view.shown import Shown, Wanted
@@ -59,22 +58,11 @@ def run_view(path: str, playback: float | None) -> Make:
 
 def world_view(scenario: Scenario, seed: int) -> Make:
     """What pages show of a world to drive in, with a route or poses to start at."""
-    start = start_pose(scenario)
-    drive = HandDrive(scenario, start, rng=seed)
+    drive = HandDrive(scenario, rng=seed)
     # The first step compiles kernels and builds search trees, so it is made before the user drives.
     drive.step(0.0)
     stage = Shown.driven(drive).scene.stage
-    return lambda: Shown.driven(HandDrive(scenario, start, rng=seed), stage)
-
-
-def start_pose(scenario: Scenario) -> Pose:
-    """Where a scenario's robot starts."""
-    if scenario.start is not None:
-        return scenario.start
-    if scenario.route is not None:
-        return start_of(scenario.route)
-    assert scenario.poses is not None
-    return as_pose(scenario.poses[0])
+    return lambda: Shown.driven(HandDrive(scenario, rng=seed), stage)
 
 
 def serve(

@@ -145,7 +145,6 @@ class Shown:
         return {
             "title": timeline.run.world.name or (drive.name if drive else "run"),
             "mode": "drives" if drive else "plays",
-            "views": list(self._cameras),
             "end": end,
             "story": [-before * timeline.playback, end + after * timeline.playback],
             "speed": timeline.playback,

@@ -124,7 +124,7 @@ def test_a_long_drive_goes_there_and_back_until_it_is_long_enough(folder):
         ("mapper", "own_parts", "module:object"),
         ("mapper", ":Points", "module:object"),
         ("mapper", "nowhere:Points", "no module 'nowhere'"),
-        ("mapper", "own_parts:Point", "did you mean Points?"),
+        ("mapper", "own_parts:Point", "did you mean 'Points'?"),
         ("mapper", "own_parts:Straight", "expected a method update"),
         ("controller", "own_parts:Points", "expected a method command"),
         ("noise", "own_parts:number", "expected a function"),

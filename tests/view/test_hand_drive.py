@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from yard import OBSTACLE, YARD
 
-from lrf3d.pose import Pose
 from lrf3d.scenario import load_scenario
 from lrf3d.view.hand_drive import HandDrive
 
@@ -12,8 +11,7 @@ from lrf3d.view.hand_drive import HandDrive
 def hand(text, tmp_path, **settings):
     path = tmp_path / "world.toml"
     path.write_text(text)
-    scenario = load_scenario(path)
-    return HandDrive(scenario, Pose(2.0, 3.0, 0.0), **settings)
+    return HandDrive(load_scenario(path), **settings)
 
 
 def test_a_hand_drives_stops_before_walls_and_starts_again_alike(tmp_path):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from browser import needs_browser, number, opened, picture, served, started, until
 from PIL import Image
-from program import lrf3d, refused
+from program import refused
 from test_glb import simulated
 from test_render import city_run
 from yard import OBSTACLE, YARD
@@ -135,14 +135,13 @@ def page_end(run):
 
 @pytest.mark.slow
 @needs_browser
-def test_the_camera_follows_circles_and_is_turned_by_hand(recorded, played, chromium):
-    run, _ = recorded
+def test_the_camera_follows_circles_and_is_turned_by_hand(played, chromium):
     with opened(chromium, played) as page:
         page.click("[aria-label=pause]")
         follow = until(lambda: still(page))
         seen = {"follow": follow}
         for name in ("orbit", "top", "first"):
-            page.click(f".lrf3d-view-{name}")
+            page.click(f"[data-view={name}]")
             seen[name] = until(lambda: still(page))
         for one, other in combinations(seen.values(), 2):
             assert np.abs(one - other).mean() > 5.0
@@ -156,11 +155,6 @@ def test_the_camera_follows_circles_and_is_turned_by_hand(recorded, played, chro
         page.mouse.move(420, 110, steps=4)
         page.mouse.up()
         until(lambda: np.abs(picture(page) - follow)[:310].mean() > 5.0)
-        # At another time the robot is elsewhere, but where it was in the picture.
-        page.keyboard.press("End")
-        until(lambda: number(page, "t") == pytest.approx(page_end(run), abs=0.06))
-        (row, column), count = robot(picture(page))
-        assert count > 35 and abs(row - robot(follow)[0][0]) < 40 and abs(column - 330) < 20
 
 
 def still(page):
@@ -276,12 +270,6 @@ def test_the_page_of_a_run_is_that_of_its_world(recorded):
     assert setup["speed"] == run.film.playback
 
 
-def test_what_cannot_be_shown_ends_in_one_line(tmp_path):
-    damaged = tmp_path / "run.npz"
-    damaged.write_bytes(b"PK\x03\x04" + bytes(1000))
-    assert "run.npz" in refused("view", damaged)
-
-
 def test_what_is_wrong_is_named(yard):
     assert "nowhere" in refused("view", "nowhere")
     assert "--host 300.1.1.1" in refused("view", yard, "--host", "300.1.1.1")
@@ -297,8 +285,3 @@ def test_without_the_server_the_extra_is_named(yard, monkeypatch):
     with bound("127.0.0.1", None) as door:
         with pytest.raises(MissingLibraryError, match=r"pip install -e .*\[view\]"):
             serve(make, door, host="127.0.0.1")
-
-
-def test_help_comes_without_the_page():
-    done = lrf3d("view", "--help")
-    assert done.returncode == 0 and "RUN|WORLD" in done.stdout

@@ -7,10 +7,10 @@ const STEP = 2; // Seconds that an arrow key skips.
 const LONGEST = 0.5; // Seconds that a frame stands for at most: a hidden page draws none.
 const TURN = 0.006; // Angle that the camera turns for each pixel of a drag [rad].
 const ZOOM = 0.001; // How much farther off it goes for each pixel of a wheel's turn.
-const NAMES = { story: "Story", follow: "Follow", orbit: "Orbit", top: "Above", first: "Eyes" };
 
 const setup = JSON.parse(document.querySelector("#setup").textContent);
 const plays = setup.mode === "plays";
+const views = [...document.querySelectorAll(`[data-view]${plays ? "" : ":not(.lrf3d-playing)"}`)];
 const part = (name) => document.querySelector(`.lrf3d-${name}`);
 const held = { ahead: false, back: false, left: false, right: false };
 const hand = { around: 0, over: 0, zoom: 1 };
@@ -27,7 +27,7 @@ const ACTIONS = {
   begin: () => move(limits()[0]),
   end: () => move(limits()[1]),
   again: () => (drive += 1),
-  next: () => choose(setup.views[(setup.views.indexOf(view) + 1) % setup.views.length]),
+  next: () => choose(views[(views.findIndex(({ dataset }) => dataset.view === view) + 1) % views.length].dataset.view),
   full: () => (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen()),
   list: () => (part("keys").hidden = !part("keys").hidden),
   picture() {
@@ -113,7 +113,7 @@ function choose(chosen) {
   view = chosen;
   Object.assign(hand, { around: 0, over: 0, zoom: 1 });
   move(time);
-  for (const button of part("views").children) button.setAttribute("aria-pressed", button.dataset.view === view);
+  for (const button of views) button.setAttribute("aria-pressed", button.dataset.view === view);
 }
 
 function hold(pad, on) {
@@ -153,13 +153,7 @@ function key(event) {
 }
 
 function dress() {
-  for (const name of setup.views) {
-    const button = Object.assign(document.createElement("button"), { textContent: NAMES[name] });
-    button.className = `lrf3d-view-${name}`;
-    button.dataset.view = name;
-    button.onclick = () => choose(name);
-    part("views").append(button);
-  }
+  for (const button of views) button.onclick = () => choose(button.dataset.view);
   for (const button of document.querySelectorAll("[data-do]")) button.onclick = ACTIONS[button.dataset.do];
   for (const value of [...new Set([...SPEEDS, speed])].sort((a, b) => a - b)) {
     part("speed").append(new Option(`${value}×`, value, false, value === speed));
@@ -201,7 +195,7 @@ async function start() {
     new Promise((done) => (socket.onopen = done)),
   ]);
   scene.load(...unpacked(world), ground);
-  choose(setup.views.includes("story") && location.hash === "#story" ? "story" : "follow");
+  choose("follow");
   if (plays) play(true);
   requestAnimationFrame(frame);
 }

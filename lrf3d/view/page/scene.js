@@ -134,13 +134,11 @@ export class Scene {
     gl.bindVertexArray(mark.vertices);
     if (mark.kind === "lines") gl.drawArraysInstanced(gl.TRIANGLE_FAN, 0, 4, mark.count);
     else gl.drawArrays(mode, 0, mark.count);
-    this.calls += 1;
   }
 
   render() {
     const { gl, canvas, camera, marks, plan } = this;
     if (!camera) return;
-    this.calls = 0;
     this.see(camera, [0, 0, canvas.width, canvas.height]);
     gl.depthMask(true);
     gl.clear(gl.DEPTH_BUFFER_BIT);
@@ -149,7 +147,7 @@ export class Scene {
     for (const body of [...bodies, marks.land]) this.paint("faces", body, body);
     gl.bindTexture(gl.TEXTURE_2D, this.pavement);
     this.paint("ground", marks.ground, { area: this.area });
-    this.paint("sky", marks.sky, { below: 1, ray_from_corner: camera.ray });
+    this.paint("sky", marks.sky, { ray_from_corner: camera.ray });
     // The nearest walls alone are seen through where they fade.
     gl.colorMask(!camera.ghost, !camera.ghost, !camera.ghost, true);
     this.paintWalls();
@@ -157,7 +155,6 @@ export class Scene {
     if (camera.ghost) this.paintWalls();
     for (const mark of shown) this.paintMark(mark);
     if (plan) this.paintPlan();
-    canvas.dataset.calls = this.calls;
     this.stale = false;
   }
 
