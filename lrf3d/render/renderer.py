@@ -71,9 +71,7 @@ class Renderer:
         self._pavement.bind()
         self._paint("ground", self._ground, area=self._area)
         self._paint("faces", self._land, pose=np.eye(4))
-        if seen.sky_below > -1.0:
-            ray = np.linalg.inv(seen.lens.matrix)
-            self._paint("sky", self._sky, below=seen.sky_below, ray_from_corner=ray)
+        self._paint("sky", self._sky, ray_from_corner=np.linalg.inv(seen.lens.matrix))
         if seen.ghost > 0.0:
             # Houses become glass over what stands in them: near ones first, which hide others.
             self._draw_walls(seen)

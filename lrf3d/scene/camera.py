@@ -17,8 +17,9 @@ from lrf3d.scene.look import SECTION
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline, interpolated
 
-_LAND = 2500.0
-"""How far the ground reaches at the least [m]."""
+_NEAR, _NEAR_SHARE = 0.2, 0.004
+"""Distance [m] from which on things are drawn, and the share of the distance to the target that it
+is at the least: depths are then fine enough far away."""
 
 STEP = 0.04
 """Time of the film between the points of a smoothed path [s]."""
@@ -56,12 +57,6 @@ class Look:
     """What is up in the picture."""
     shift: float = 0.0
     """How far the picture is moved up, in halves of its height."""
-    near: float = 0.2
-    """Distance [m] from which on things are drawn."""
-    clear: bool = False
-    """Whether the air is without haze, as for bird's-eye cameras."""
-    air: float = 0.0
-    """Distance [m] at which half of what is seen is haze, at the least."""
     shows_map: bool = False
     """Whether the map is laid over the scene."""
     plan: bool = True
@@ -80,6 +75,16 @@ class Look:
         """What distinguishes this look from others of its camera."""
         place = self.eye.tobytes(), self.target.tobytes(), self.field
         return *place, self.ghost, self.raised, self.shot
+
+    @property
+    def away(self) -> float:
+        """How far off the target is [m]."""
+        return float(np.linalg.norm(self.target - self.eye))
+
+    @property
+    def near(self) -> float:
+        """Distance [m] from which on things are drawn."""
+        return max(_NEAR, _NEAR_SHARE * self.away)
 
     @property
     def pose(self) -> Float:
@@ -102,16 +107,6 @@ class Look:
         matrix[2, 2], matrix[2, 3] = (far + near) / (near - far), 2.0 * far * near / (near - far)
         matrix[3, 2] = -1.0
         return np.asarray(matrix @ np.linalg.inv(self.pose))
-
-    def sky_below(self, matrix: Float) -> float:
-        """Row of a picture with this matrix, −1…1, down to which there may be sky; −1 for none."""
-        ahead = (self.target - self.eye)[:2]
-        level = np.hypot(*ahead)
-        if level < 1e-6 * abs(self.target[2] - self.eye[2]):
-            return -1.0
-        # The ground ends before the horizon: by so much the sky is seen below it.
-        _, row, _, depth = matrix @ [*(self.eye[:2] + _LAND / level * ahead), 0.0, 1.0]
-        return float(np.clip(row / depth + 0.01, -1.0, 1.0)) if depth > 0.0 else -1.0
 
 
 class Camera(Protocol):
@@ -158,8 +153,6 @@ class Rig(NamedTuple):
     """Angle of view [degrees]."""
     shift: float = 0.0
     """How far the picture is moved up, in halves of its height."""
-    near: float = 0.2
-    """The distance from which on things are drawn [m]."""
 
 
 class Track(NamedTuple):
@@ -177,10 +170,6 @@ class Track(NamedTuple):
     """(k,) angles of view [rad]."""
     shifts: Float
     """(k,) how far the picture is moved up, in halves of its height."""
-    airs: Float
-    """(k,) the reach of the air [m]."""
-    nears: Float
-    """(k,) the distance from which on things are drawn [m]."""
 
     @classmethod
     def along(cls, path: SmoothPath, turns: Float, rig: Rig) -> "Track":
@@ -191,8 +180,7 @@ class Track(NamedTuple):
             np.full(count, value)
             for value in (rig.away, np.radians(rig.steep), np.radians(rig.field), rig.shift)
         )
-        air, near = np.zeros(count), np.full(count, rig.near)
-        return cls(path.times, middles, turns, steep, away, field, shift, air, near)
+        return cls(path.times, middles, turns, steep, away, field, shift)
 
     def at(self, times: Float) -> "Track":
         """The looks at other times."""
@@ -208,10 +196,10 @@ class Track(NamedTuple):
     def look(self, time: float, **others: Any) -> Look:
         """The look at a time [s]; the others are further fields of it."""
         now = self.at(np.array([time]))
-        turn, steep, _, field, shift, air, near = (float(each[0]) for each in now[2:])
+        turn, steep, _, field, shift = (float(each[0]) for each in now[2:])
         # What is up in the picture, also when it is seen from straight above.
         up = -np.cos(turn) * np.sin(steep), -np.sin(turn) * np.sin(steep), np.cos(steep)
-        return Look(now.eyes()[0], now.middles[0], field, up, shift, near, air=air, **others)
+        return Look(now.eyes()[0], now.middles[0], field, up, shift, **others)
 
     def past_walls(
         self, structures: Structures, robots: Float, smooth: float = _SMOOTH / STEP

@@ -37,8 +37,9 @@ LAYERS = (
 Goal = tuple[float, float, float]
 """Where a robot is to arrive: x, y and radius [m]."""
 
-_HALF_HAZE, _HALF_HAZE_INDOOR = 190.0, 120.0
-"""Distance [m] at which half of what is seen is haze."""
+_HALF_HAZE, _HALF_HAZE_INDOOR, _CLEAR = 190.0, 120.0, 2.6
+"""Distance [m] at which half of what is seen is haze, and what it is at the least, in distances to
+what is looked at: the whole is seen through clear air."""
 
 _ROBOT_SIZE, _LEAST_ROBOT, _MARKER = 0.75, 26.0, 10.0
 """Width of the robot [m]; a robot of fewer pixels than the second has an arrow over it, whose unit
@@ -124,7 +125,7 @@ class Scene:
             for layer, name, mark in self._marks(moment, pose, view, lens, size)
             if layer in layers and mark is not None
         )
-        seen = Seen(lens, tuple(bodies), marks, view.sky_below(lens.matrix), view.ghost)
+        seen = Seen(lens, tuple(bodies), marks, view.ghost)
         if view.cuts and self.structures.indoor:
             # Ghosts are as high as the walls of the map that stand up in them.
             highest = float(self.structures.heights.max(initial=0.0))
@@ -138,8 +139,8 @@ class Scene:
             matrix=view.matrix(size[0] / size[1], far),
             eye=view.eye,
             focus=float(0.5 * size[1] / np.tan(0.5 * view.field)),
-            thick=0.0 if view.clear else min(1.0 / half, 1.0 / max(view.air, 1e-9)),
-            slack=0.0 if view.clear else _SLACK,
+            thick=1.0 / max(half, _CLEAR * view.away),
+            slack=0.0 if view.shows_map else _SLACK,
             nearer=_ON_TOP if view.shows_map else _WALL_NEARER,
         )
 

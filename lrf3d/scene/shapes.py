@@ -170,8 +170,6 @@ class Seen(NamedTuple):
     """Opaque bodies by name."""
     marks: tuple[tuple[str, Mark], ...]
     """Marks by name, in the order in which they are drawn."""
-    sky_below: float
-    """Row of the picture, −1…1 from the top, down to which there may be sky; −1 for none."""
     ghost: float = 0.0
     """How far houses have faded to pale ghosts, 0…1."""
     cut: float = 1e4

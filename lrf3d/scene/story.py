@@ -38,7 +38,7 @@ looks down on its way [rad]: into streets, over the houses beside the robot."""
 _CLOSE, _CLOSE_SIDES = Rig(4.6, 20.0, 42.0, -0.35), 6
 """How a shot from near looks at the robot, and from how many sides it may begin."""
 
-_HIGH, _HIGH_SHARE = Rig(50.0, 60.0, 34.0, near=0.5), 0.55
+_HIGH, _HIGH_SHARE = Rig(50.0, 60.0, 34.0), 0.55
 """How a shot from high up does, and how far off it is at the most, as a share of the distance to
 where the whole is seen from."""
 
@@ -101,7 +101,7 @@ class Story:
             turns = np.full(len(times), whole.turns[0])
             path = SmoothPath(times, self._places(times), turns)
             rig = _HIGH._replace(away=min(_HIGH.away, _HIGH_SHARE * whole.aways[0]))
-            return Track.along(path, turns, rig)._replace(airs=whole.airs)
+            return Track.along(path, turns, rig)
         return near
 
     def _places(self, times: Float) -> Float:

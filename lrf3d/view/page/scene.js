@@ -146,7 +146,7 @@ export class Scene {
     for (const body of [...bodies, marks.land]) this.paint("faces", body, body);
     gl.bindTexture(gl.TEXTURE_2D, this.pavement);
     this.paint("ground", marks.ground, { area: this.area });
-    this.paint("sky", marks.sky, { below: 1, ray_from_corner: camera.ray });
+    this.paint("sky", marks.sky, { ray_from_corner: camera.ray });
     // The nearest walls alone are seen through where they fade.
     gl.colorMask(!camera.ghost, !camera.ghost, !camera.ghost, true);
     this.paintWalls();
