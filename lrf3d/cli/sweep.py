@@ -56,9 +56,8 @@ def sweep(
     from lrf3d.cli.folder import results_folder
     from lrf3d.cli.plugins import load_plugin
     from lrf3d.sweeping import plan as plans
-    from lrf3d.sweeping.drawing import figures_of
     from lrf3d.sweeping.running import executor_of, known_rows, run_plan
-    from lrf3d.sweeping.table import SweepTable
+    from lrf3d.sweeping.table import SweepTable, figures_of
 
     axes: dict[str, Any] = {plans.SIGMA: plans.SIGMAS}
     for key, flag, text in ((plans.SIGMA, "sigma", sigma), (plans.BEAMS, "beams", beams)):

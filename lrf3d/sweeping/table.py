@@ -1,10 +1,11 @@
-"""The table of a sweep: a row for each run, and means over the seeds with their intervals."""
+"""The table of a sweep: a row for each run, means over the seeds with intervals, and figures."""
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from io import StringIO
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,10 @@ MEASURES = {
     "object_ratio": ("objects", 1.0, 2),
 }
 """The measures that are averaged: their headings, the factors of their values, their decimals."""
+
+
+AXIS_LABELS = {"sigma_m": "noise σ at range_max [m]", "beams": "beams"}
+"""Labels of the axes of figures."""
 
 
 def mean_of(values: Sequence[float | None]) -> dict[str, float | int | None]:
@@ -166,3 +171,32 @@ def _write_csv(lines: Sequence[Row], path: str | Path) -> None:
     writer.writeheader()
     writer.writerows(lines)
     write_text(path, text.getvalue())
+
+
+def figures_of(result: SweepTable) -> dict[str, tuple[str, Callable[[Path], object]]]:
+    """The figures by their titles: their files, and what draws them.
+
+    They have a curve for each mapper and each value of the first other axis; further axes have
+    their first value.
+    """
+    from lrf3d.render.sweep_figure import draw_sweep
+
+    figures: dict[str, tuple[str, Callable[[Path], object]]] = {}
+    varied = {name: each for name, each in result.plan.varied.items() if len(each) > 1}
+    seeds = f"{result.plan.seeds} seeds  ·  mean and its {100.0 * INTERVAL_CONFIDENCE:g} % interval"
+    for world, (column, values) in product(result.plan.worlds, varied.items()):
+        if isinstance(values[0], str | bool):
+            continue
+        others = [name for name in varied if name not in (column, "mapper")]
+        fixed = {"world": world, **{other: varied[other][0] for other in others[1:]}}
+        name = column.removesuffix("_m").replace(".", "_")
+        draw = partial(
+            draw_sweep,
+            [mean for mean in result.means if fixed.items() <= mean.items()],
+            column=column,
+            choices=others[:1],
+            axis=AXIS_LABELS.get(column, column),
+            titles=(f"{world}: maps over {name}", seeds),
+        )
+        figures[f"{world} over {name}"] = f"{world}_{name}.png", draw
+    return figures

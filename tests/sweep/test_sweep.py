@@ -19,10 +19,9 @@ from lrf3d.cli.app import app
 from lrf3d.digest import digest, seed_of
 from lrf3d.errors import InputError, Lrf3dError
 from lrf3d.scenario import load_scenario
-from lrf3d.sweeping.drawing import figures_of
 from lrf3d.sweeping.plan import SIGMA, make_plan
 from lrf3d.sweeping.running import executor_of, run_plan
-from lrf3d.sweeping.table import mean_of
+from lrf3d.sweeping.table import figures_of, mean_of
 
 ROOM = """\
 [[object]]
