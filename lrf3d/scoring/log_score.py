@@ -71,7 +71,7 @@ def score_log(line_map: LineMap, scans: Iterable[LaserScan]) -> LogScore:
         places = reflection_points(scan.pose, scan.angles[judged], scan.ranges[judged])
         near, _ = tree.query(shapely.points(places), "dwithin", EXPLAINED_WITHIN)
         explained.append(len(np.unique(near)))
-        beyond.append((scan.ranges - _map_ranges(caster, scan))[judged])
+        beyond.append(scan.ranges[judged] - _map_ranges(caster, scan)[judged])
     errors = np.concatenate(beyond)
     returns, met = len(errors), np.isfinite(errors)
     return LogScore(

@@ -150,7 +150,8 @@ class HandDrive(Timeline):
         self.facing = goal.theta - float(left) * (abs(left) > _ALIGNED)
 
     def _measure(self) -> LaserScan:
-        return self._sensor.measure(np.array(self.pose), self.time, self._rng)[1]
+        true_scan = self._sensor.cast(np.array(self.pose), self.time)
+        return self._sensor.noisy(true_scan, self._rng)
 
     def _map_scan(self) -> None:
         self._mapper.update(self.latest)

@@ -107,11 +107,11 @@ def read_world_file(path: Path) -> WorldFile:
 def _world(values: Mapping[str, Any], path: Path) -> World:
     own = values.get("material", [])
     check_unique("material", [material.name for material in own])
-    parts = list[Part]()
+    parts, known = list[Part](), set[int]()
     for place, each in enumerate(values.get("object", [])):
         key, number = f"object[{place}]", each.get("number", parts[-1].number + 1 if parts else 0)
         looks = {name: each[name] for name in ("name", "colour", "material") if name in each}
-        if looks and any(part.number == number for part in parts):
+        if looks and number in known:
             word = next(iter(looks))
             raise InputError(f"{key}.{word}: stands with another object of the same number")
         segments, height = _segments(each, key), each.get("height", DEFAULT_HEIGHT)
@@ -123,6 +123,7 @@ def _world(values: Mapping[str, Any], path: Path) -> World:
         if "material" in looks:
             looks["material"] = named(looks["material"], own, f"{key}.material")
         parts.append(Part(number, segments, np.array(height), **looks))
+        known.add(number)
     if not any(len(part.segments) for part in parts):
         raise InputError("object: expected at least one table [[object]] with points")
     return world_of_parts(

@@ -49,9 +49,7 @@ def test_the_unit_of_an_svg_drawing_is_honoured(length, metres, tmp_path):
     assert world.segments == pytest.approx(np.array([[0, 0.5, 1, 0.5]]) * metres, abs=1e-12)
 
 
-def test_transforms_uses_and_the_view_box_are_followed_and_y_points_up(
-    tmp_path,
-):
+def test_transforms_uses_and_the_view_box_are_followed_and_y_points_up(tmp_path):
     body = (
         '<defs><rect id="r" width="1" height="2"/></defs>'
         '<use href="#r" x="3"/><g transform="translate(5 5) rotate(90)"><path d="M0 0h2"/></g>'

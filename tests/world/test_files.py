@@ -132,12 +132,6 @@ def test_a_file_that_is_not_there_is_named(name, tmp_path):
         load_world(tmp_path / name)
 
 
-def test_a_file_that_is_no_text_is_named_with_the_line(tmp_path):
-    (tmp_path / "bad.toml").write_bytes(b'name = "a"\nx = "\xff"\n')
-    with pytest.raises(WorldError, match=r"^[^ ]*bad\.toml:2: not a text file"):
-        load_world(tmp_path / "bad.toml")
-
-
 def test_reading_a_world_leaves_heavy_libraries_alone():
     code = (
         "import sys, lrf3d; lrf3d.load_scenario('city');"

@@ -172,14 +172,6 @@ def test_a_wall_written_to_a_map_comes_back_as_one_within_a_cell(tmp_path_factor
     assert shapely.hausdorff_distance(there, here) <= 0.075
 
 
-def test_a_map_is_written_in_the_resolution_that_is_asked_for(tmp_path):
-    path = tmp_path / "map.yaml"
-    write_ros_map(World([[0.0, 0.0, 4.0, 0.0]]), path, resolution=0.2)
-    assert "resolution: 0.2\n" in path.read_text()
-    with Image.open(tmp_path / "map.pgm") as image:
-        assert image.size == (30, 10)
-
-
 def test_a_world_of_a_country_becomes_a_coarse_map_and_not_a_huge_one(tmp_path):
     path = tmp_path / "map.yaml"
     save_world(World([[0.0, 0.0, 50_000.0, 30_000.0]]), path)
