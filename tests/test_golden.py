@@ -16,8 +16,8 @@ DRIVES = {
     "corridor": (
         {"mode": "paper", "scans": 40}, (40, 9.7464, 4.9286), (20, 8), (0.8129, 0.6316), 0.0183,
     ),
-    "glass_office": ({"scans": 60}, (60, 14.75, 4.2975), (17, 5), (0.9651, 0.9032), 0.0010),
-    "mirror_hall": ({"scans": 60}, (60, 11.7944, 7.1114), (14, 4), (1.0, 0.9231), 0.0035),
+    "glass_office": ({"scans": 60}, (60, 14.75, 4.2975), (17, 5), (0.9651, 0.9032), 0.0012),
+    "mirror_hall": ({"scans": 60}, (60, 11.7944, 7.1114), (14, 4), (1.0, 0.9231), 0.0027),
     "warehouse": ({"scans": 60}, (60, 22.1250, 4.1673), (12, 5), (0.9944, 0.9600), 0.0039),
 }  # fmt: skip
 """For each world what is changed; scans, the distance driven [m] and the mean range [m]; segments
