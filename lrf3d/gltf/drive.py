@@ -31,7 +31,7 @@ _ABOVE = Look(np.array([0.0, 0.0, 1.0]), np.zeros(3), field=1e-6, up=(0.0, 1.0, 
 _OFF_WALL = 0.02
 """How far hits lie before their walls [m], so that both never share a pixel."""
 
-_AHEAD = 2.0
+_AHEAD = np.array([2.0, 0.0, 0.0])
 """How far ahead of the robot its camera looks [m]."""
 
 _TRAIL_WIDTH, _LIFT = 0.045, 0.005
@@ -86,9 +86,9 @@ def _add_camera(document: Document, robot: int, scene: Scene) -> None:
     path = SmoothPath(np.zeros(1), np.zeros((1, 2)), np.zeros(1))
     view = behind(path, structures).look(0.0)
     over = structures.heights.max(initial=0.0) if structures.indoor else 0.0
+    eye = view.eye + np.array([0.0, 0.0, over])
     # The film's picture is moved up instead, which glTF cannot.
-    ahead = view.target + [_AHEAD, 0.0, 0.0]
-    view = replace(view, eye=view.eye + [0.0, 0.0, over], target=ahead, up=(0.0, 0.0, 1.0))
+    view = replace(view, eye=eye, target=view.target + _AHEAD, up=(0.0, 0.0, 1.0))
     lens = {"yfov": view.field, "znear": 0.1, "zfar": 2000.0, "aspectRatio": 16 / 9}
     camera = document.add("cameras", type="perspective", perspective=lens, name="chase")
     document.node("chase camera", robot, camera=camera, matrix=view.pose.T.ravel().tolist())
