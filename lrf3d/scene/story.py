@@ -48,6 +48,7 @@ class Story:
 
     def __init__(self, timeline: Timeline, structures: Structures) -> None:
         self._timeline = timeline
+        self._into_streets = 0.0 if structures.indoor else _INTO_STREETS
         self._path = SmoothPath.of(timeline)
         self._opening = overview(timeline, structures)
         self._whole = overview(timeline, structures, CARD)
@@ -123,7 +124,7 @@ class Story:
             near.turns + share * turned,
             near.steeps
             + np.sqrt(share) * (far.steeps - near.steeps)
-            + np.sin(np.pi * np.sqrt(share)) * _INTO_STREETS,
+            + np.sin(np.pi * np.sqrt(share)) * self._into_streets,
             aways,
             *others,
         )

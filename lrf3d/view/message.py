@@ -1,8 +1,8 @@
-"""What the page is sent: the scene as arrays, without what the page has already.
+"""What the page is sent: the scene as arrays, without those that the page has already.
 
-A message is a header in JSON, after its length in four bytes, and then the arrays, one after the
-other. The page puts them into the buffers of its graphics card, draws them with the shaders of the
-film, and works nothing out.
+A message is a header in JSON, after its length in four bytes, which names all that is seen in the
+order in which it is drawn; and then the arrays, one after the other. The page puts them into the
+buffers of its graphics card, draws them with the shaders of the film, and works nothing out.
 """
 
 import json
@@ -40,18 +40,16 @@ def part_of(mark: Mark | Faces) -> Part:
 
 
 class Sender:
-    """Packs what has changed since the message before."""
+    """Packs the arrays that have changed since the message before."""
 
     def __init__(self) -> None:
-        self._sent: dict[str, Any] = {}
         self._columns: dict[tuple[str, str], tuple[NDArray[Any], NDArray[np.uint8]]] = {}
 
     def message(self, parts: Mapping[str, Part], values: Mapping[str, Any]) -> bytes:
         """A message of parts by name, and of values for JSON."""
-        header = {name: value for name, value in values.items() if self._is_new(name, value)}
         marks, block, starts = dict[str, Any](), bytearray(), dict[tuple[int, int], int]()
         for name, (style, columns) in parts.items():
-            changed = []
+            marks[name] = {**style, "columns": []}
             for place, (key, array) in enumerate(columns.items()):
                 before, known = self._columns.get((name, key), (None, None))
                 # An array that is the same object as before has not changed.
@@ -66,19 +64,10 @@ class Sender:
                 if (start := starts.setdefault((id(array), first), len(block))) == len(block):
                     block += rows[first:].tobytes()
                 size = 0 if key == "colours" else array.shape[-1]
-                changed.append([place, start, size, first, len(rows)])
-            if self._is_new(f"style of {name}", style) or changed:
-                marks[name] = {**style, "columns": changed}
-        if marks:
-            header["marks"] = marks
-        text = json.dumps(header, separators=(",", ":")).encode()
+                marks[name]["columns"].append([place, start, size, first, len(rows)])
+        text = json.dumps({**values, "marks": marks}, separators=(",", ":")).encode()
         text += b" " * (-len(text) % _ALIGNMENT)
         return len(text).to_bytes(4, "little") + text + bytes(block)
-
-    def _is_new(self, name: str, value: Any) -> bool:
-        new = name not in self._sent or self._sent[name] != value
-        self._sent[name] = value
-        return bool(new)
 
 
 def stage_message(stage: Stage) -> bytes:

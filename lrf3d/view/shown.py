@@ -5,7 +5,7 @@ The page asks for a time and a view, or for speeds to drive at; the scene of tha
 
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -19,7 +19,7 @@ from lrf3d.scene.cameras import margins
 from lrf3d.scene.estimate import TRUTH, estimate_words
 from lrf3d.scene.following import First, behind, chase
 from lrf3d.scene.moments import Scene
-from lrf3d.scene.shapes import Faces, Lens, Mark
+from lrf3d.scene.shapes import Faces, Lens
 from lrf3d.scene.stage import Stage
 from lrf3d.scene.story import Story
 from lrf3d.scene.timeline import Moment, Timeline
@@ -107,14 +107,7 @@ class Shown:
         }
         self._sender = Sender()
         self._last: Wanted | None = None
-        self._middle, self._window = scene.plan_window()
-        extent = np.ptp(structures.places, axis=0).max(initial=0.0)
-        if drive is not None and extent > look.INSET_WHOLE:
-            # Nobody knows the path of a drive, so that its plan goes with the robot.
-            self._middle, self._window = None, look.INSET_FOLLOWED
-        # The longest of 1, 2 and 5 times a power of ten that takes up to a third of the plan.
-        power = 10.0 ** math.floor(math.log10(self._window / 3.0))
-        self._scale = power * max(n for n in (1, 2, 5) if n * power <= self._window / 3.0)
+        self._window = scene.plan_window()
         self._bands: tuple[object, Faces] | None = None
 
     @classmethod
@@ -142,6 +135,10 @@ class Shown:
         timeline, drive = self.scene.timeline, self.drive
         before, after = margins("story")
         end = 0.0 if drive else timeline.end - timeline.start
+        # The longest of 1, 2 and 5 times a power of ten that takes up to a third of the plan.
+        most = self._window[1] / 3.0
+        power = 10.0 ** math.floor(math.log10(most))
+        metres = power * max(n for n in (1, 2, 5) if n * power <= most)
         return {
             "title": timeline.run.world.name or (drive.name if drive else "run"),
             "mode": "drives" if drive else "plays",
@@ -150,8 +147,8 @@ class Shown:
             "speed": timeline.playback,
             "trail": _legend(look.TRAIL_COLOUR),
             "estimate": _legend(look.ESTIMATE_COLOUR),
-            "metres": f"{self._scale:g}",
-            "share": 100.0 * self._scale / self._window,
+            "metres": f"{metres:g}",
+            "share": 100.0 / 3.0 * metres / most,
         }
 
     def answer(self, wanted: Wanted, seconds: float) -> bytes | None:
@@ -167,17 +164,17 @@ class Shown:
         moment, size = scene.timeline.moment(time), (round(wanted.width), round(wanted.height))
         view = self._look(time, wanted)
         seen = scene.seen(moment, view, size)
-        parts = _parts(seen.marks)
+        parts, plan = dict[str, Part](), None
         for name, body in seen.bodies:
             faces = self._coarse(body.faces, moment, view) if name == "map" else body.faces
             style, columns = part_of(faces)
             parts[name] = {**style, "pose": _numbers(body.pose)}, columns
-        plan = None
+        marks = seen.marks
         if view.plan:
             box = (0, 0, max(1, round(_PLAN_SIDE * min(size))))
-            shown = scene.plan(moment, box, self._middle, self._window)
-            parts |= _parts(shown.marks)
-            plan = {**_camera(shown.lens), "order": [name for name, _ in shown.marks]}
+            shown = scene.plan(moment, box, *self._window)
+            marks, plan = (*marks, *shown.marks), _camera(shown.lens)
+        parts |= {name: part_of(mark) for name, mark in marks}
         camera = {
             **_camera(seen.lens),
             "scale": max(min(size) / 720.0, look.LEAST_SCALE),
@@ -185,8 +182,7 @@ class Shown:
             "ghost": seen.ghost,
             "cut": seen.cut,
         }
-        order = [name for name, _ in (*seen.bodies, *seen.marks)]
-        values = {"camera": camera, "plan": plan, "order": order, "words": self._words(moment)}
+        values = {"camera": camera, "plan": plan, "words": self._words(moment)}
         return self._sender.message(parts, values)
 
     def _look(self, time: float, wanted: Wanted) -> Look:
@@ -235,10 +231,6 @@ class Shown:
         for name, apart in estimate_words(run, moment.scan):
             words["truth" if name == TRUTH else "believed"] = f"{name} {apart}".strip()
         return words
-
-
-def _parts(marks: Iterable[tuple[str, Mark]]) -> dict[str, Part]:
-    return {name: part_of(mark) for name, mark in marks}
 
 
 def _legend(colour: tuple[float, ...]) -> str:

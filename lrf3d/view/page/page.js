@@ -68,7 +68,7 @@ function take(data) {
   if (!data.byteLength) return;
   const [header, block] = unpacked(data);
   scene.take(header, block);
-  for (const [name, words] of Object.entries(header.words ?? {})) part(name).textContent = words;
+  for (const [name, words] of Object.entries(header.words)) part(name).textContent = words;
   part("failure")?.remove();
   // A robot that has moved moves on, however slowly this page draws.
   if (!plays) asked = "";

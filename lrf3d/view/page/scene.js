@@ -80,13 +80,13 @@ export class Scene {
   }
 
   // Take what the server has sent: a header and arrays.
-  take({ marks = {}, ...state }, block) {
+  take({ marks, ...state }, block) {
     for (const [name, { columns, ...style }] of Object.entries(marks)) {
       const mark = (this.marks[name] ??= { vertices: this.gl.createVertexArray(), columns: [], count: 0 });
       Object.assign(mark, style);
       for (const column of columns) this.fill(mark, column, block);
     }
-    Object.assign(this, state);
+    Object.assign(this, state, { order: Object.keys(marks) });
     this.inset.hidden = !this.plan;
     this.stale = true;
   }
@@ -142,8 +142,7 @@ export class Scene {
     this.see(camera, [0, 0, canvas.width, canvas.height]);
     gl.depthMask(true);
     gl.clear(gl.DEPTH_BUFFER_BIT);
-    const shown = this.order.map((name) => marks[name]);
-    const bodies = shown.filter(({ kind }) => kind === "faces");
+    const bodies = this.shown(false).filter(({ kind }) => kind === "faces");
     for (const body of [...bodies, marks.land]) this.paint("faces", body, body);
     gl.bindTexture(gl.TEXTURE_2D, this.pavement);
     this.paint("ground", marks.ground, { area: this.area });
@@ -153,9 +152,14 @@ export class Scene {
     this.paintWalls();
     gl.colorMask(true, true, true, true);
     if (camera.ghost) this.paintWalls();
-    for (const mark of shown) this.paintMark(mark);
+    for (const mark of this.shown(false)) this.paintMark(mark);
     if (plan) this.paintPlan();
     this.stale = false;
+  }
+
+  // What is seen now, of the scene or of the plan, in its order.
+  shown(plan) {
+    return this.order.filter((name) => name.startsWith("plan ") === plan).map((name) => this.marks[name]);
   }
 
   paintWalls() {
@@ -191,7 +195,7 @@ export class Scene {
     gl.scissor(...box);
     gl.clear(gl.COLOR_BUFFER_BIT);
     this.see(plan, box);
-    for (const name of plan.order) this.paintMark(this.marks[name]);
+    for (const mark of this.shown(true)) this.paintMark(mark);
     gl.disable(gl.SCISSOR_TEST);
     gl.enable(gl.DEPTH_TEST);
   }
