@@ -47,7 +47,7 @@ class Parts:
         return parts[np.argsort(np.hypot(gap[:, 0], gap[:, 1]), kind="stable")]
 
     def choose(self, parts: Int) -> tuple[NDArray[np.uint32], int]:
-        """Indices of the vertices of some parts, in their order; so many of the first have texture."""
+        """Vertices of parts in their order, and how many of the first ones have a texture."""
         runs = np.concatenate([parts, parts + self.count])
         sizes = self._sizes[runs]
         before = np.cumsum(sizes) - sizes
