@@ -196,7 +196,7 @@ def view(
             a folder of the same name: write ./NAME for that.
         host: Address or name to listen at; 0.0.0.0 lets other machines in. The page opens only by
             this name, an address, or the machine's host name.
-        port: Port; the first free one from 8080 if not given.
+        port: Port; if not given, 8080, or any where that is taken.
         browser: Open the browser.
         playback: Simulated seconds per second.
     """

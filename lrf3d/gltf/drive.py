@@ -31,6 +31,9 @@ _ABOVE = Look(np.array([0.0, 0.0, 1.0]), np.zeros(3), field=1e-6, up=(0.0, 1.0, 
 _OFF_WALL = 0.02
 """How far hits lie before their walls [m], so that both never share a pixel."""
 
+_AHEAD = np.array([2.0, 0.0, 0.0])
+"""How far ahead of the robot its camera looks [m]."""
+
 _TRAIL_WIDTH, _LIFT = 0.045, 0.005
 """Width of trails [m], and how far the estimated one lies over the true one, and its ellipses over
 that [m]."""
@@ -82,9 +85,10 @@ def _add_camera(document: Document, robot: int, scene: Scene) -> None:
     structures = scene.structures
     path = SmoothPath(np.zeros(1), np.zeros((1, 2)), np.zeros(1))
     view = behind(path, structures).look(0.0)
-    if structures.indoor:
-        over = [0.0, 0.0, structures.heights.max(initial=0.0)]
-        view = replace(view, eye=view.eye + over, up=(0.0, 0.0, 1.0))
+    over = structures.heights.max(initial=0.0) if structures.indoor else 0.0
+    eye = view.eye + np.array([0.0, 0.0, over])
+    # The film's picture is moved up instead, which glTF cannot.
+    view = replace(view, eye=eye, target=view.target + _AHEAD, up=(0.0, 0.0, 1.0))
     lens = {"yfov": view.field, "znear": 0.1, "zfar": 2000.0, "aspectRatio": 16 / 9}
     camera = document.add("cameras", type="perspective", perspective=lens, name="chase")
     document.node("chase camera", robot, camera=camera, matrix=view.pose.T.ravel().tolist())

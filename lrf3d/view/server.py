@@ -31,8 +31,8 @@ from lrf3d.view.hand_drive import HandDrive
 from lrf3d.view.message import stage_message
 from lrf3d.view.shown import Shown, Wanted
 
-FIRST_PORT, PORTS = 8080, 100
-"""Ports that are tried if none is given."""
+PORT = 8080
+"""The port that is tried if none is given."""
 
 MESSAGE_SIZE = 10_000
 """Longest message [bytes] from a page, whose own have some hundred."""
@@ -194,7 +194,7 @@ def is_own(name: str, host: str) -> bool:
 
 
 def bound(host: str, port: int | None) -> socket.socket:
-    """A socket at a host and a port, or the first free one from 8080 on.
+    """A socket at a host and a port; if none is given, at 8080 or, where that is taken, any.
 
     Who comes before the page is ready waits.
 
@@ -207,13 +207,11 @@ def bound(host: str, port: int | None) -> socket.socket:
         family, *_, address = socket.getaddrinfo(host or "\0", None, type=socket.SOCK_STREAM)[0]
     except (OSError, ValueError):
         raise InputError(f"--host {host}: no such address") from None
-    for number in range(FIRST_PORT, FIRST_PORT + PORTS) if port is None else [port]:
+    for number in [PORT, 0] if port is None else [port]:
         try:
             return socket.create_server((address[0], number, *address[2:]), family=family)
         except OSError as error:
             if error.errno == errno.EADDRNOTAVAIL:
                 raise InputError(f"--host {host}: not an address of this machine") from None
             reason = os.strerror(error.errno or 0)
-    if port is None:
-        raise OutputError(f"no free port from {FIRST_PORT} on; choose one with --port")
-    raise OutputError(f"--port {port}: {reason} at {host}; choose another")
+    raise OutputError(f"--port {number}: {reason} at {host}; choose another")

@@ -201,52 +201,50 @@ def _furnish(plan: FloorPlan, rng: np.random.Generator, room: Box, faces: float)
 
 def rooms(size: float, seed: int) -> World:
     """A house: a floor, divided into rooms recursively, each wall with a door; pillars."""
-    rng = np.random.default_rng(seed)
-    plan = FloorPlan()
-    wide, high = size, round(0.75 * size, 2)
-    plan.outer_walls(wide, high)
-    _divide(plan, rng, np.array([[0.0, 0.0], [wide, high]]))
+    plan, corner = FloorPlan(), np.array([size, round(0.75 * size, 2)])
+    plan.outer_walls(*corner.tolist())
+    _divide(plan, np.random.default_rng(seed), np.zeros(2), corner, [])
     return plan.world(f"rooms {seed}")
 
 
-def _divide(plan: FloorPlan, rng: np.random.Generator, box: Float) -> None:
-    """Divide a box with corners (2, 2) [m] by a wall with a door, and then both parts."""
-    waiting = [box]
-    # For each door the axis of its wall, the position of the wall, and that of the door along it:
-    # no later wall may end in front of a door.
-    doors: list[tuple[int, float, float]] = []
-    clear = 0.5 * DOOR + 2.0 * THICKNESS
-    while waiting:
-        low, high = waiting.pop()
-        sides = high - low
-        axis = int(np.argmax(sides * rng.uniform(0.8, 1.2, 2)))
-        if sides[axis] < 2.0 * SMALLEST_ROOM:
-            axis = 1 - axis
-        free = [
-            cut
-            for cut in np.arange(low[axis] + SMALLEST_ROOM, high[axis] - SMALLEST_ROOM + 1e-9, 0.1)
-            if not any(
-                along == axis and at in (low[1 - axis], high[1 - axis]) and abs(cut - door) < clear
-                for along, at, door in doors
-            )
-        ]
-        if not free or sides[axis] < float(rng.uniform(2.0, 3.0)) * SMALLEST_ROOM:
-            if sides.min() > 1.8 * SMALLEST_ROOM:
-                middle = low + 0.5 * sides
-                plan.box("pillar", np.round(middle - 0.3, 2), np.array([0.6, 0.6]), 2.5, STONE)
-            continue
-        cut = float(np.round(rng.choice(free), 2))
-        start, end = float(low[1 - axis]), float(high[1 - axis])
-        door = float(np.round(rng.uniform(start + clear, end - clear), 2))
-        doors.append((1 - axis, cut, door))
-        if axis == 0:
-            plan.wall(cut, start, cut, end, door - start)
-        else:
-            plan.wall(start, cut, end, cut, door - start)
-        for lower, upper in ((low[axis], cut), (cut, high[axis])):
-            part = np.array([low, high])
-            part[0, axis], part[1, axis] = lower, upper
-            waiting.append(part)
+def _divide(
+    plan: FloorPlan,
+    rng: np.random.Generator,
+    low: Float,
+    high: Float,
+    doors: list[tuple[int, float, float]],
+) -> None:
+    """Divide a box from its low to its high corner (2,) [m] by a wall with a door, and both parts.
+
+    Of each door so far there is the axis of its wall, the position of the wall, and that of the
+    door along it: no later wall may end in front of a door.
+    """
+    clear, sides = 0.5 * DOOR + 2.0 * THICKNESS, high - low
+    axis = int(np.argmax(sides * rng.uniform(0.8, 1.2, 2)))
+    if sides[axis] < 2.0 * SMALLEST_ROOM:
+        axis = 1 - axis
+    free = [
+        cut
+        for cut in np.arange(low[axis] + SMALLEST_ROOM, high[axis] - SMALLEST_ROOM + 1e-9, 0.1)
+        if not any(
+            along == axis and at in (low[1 - axis], high[1 - axis]) and abs(cut - door) < clear
+            for along, at, door in doors
+        )
+    ]
+    if not free or sides[axis] < float(rng.uniform(2.0, 3.0)) * SMALLEST_ROOM:
+        if sides.min() > 1.8 * SMALLEST_ROOM:
+            middle = low + 0.5 * sides
+            plan.box("pillar", np.round(middle - 0.3, 2), np.array([0.6, 0.6]), 2.5, STONE)
+        return
+    cut = float(np.round(rng.choice(free), 2))
+    start, end = float(low[1 - axis]), float(high[1 - axis])
+    door = float(np.round(rng.uniform(start + clear, end - clear), 2))
+    doors.append((1 - axis, cut, door))
+    across = np.arange(2) == axis
+    first, last = np.where(across, cut, low), np.where(across, cut, high)
+    plan.wall(*first.tolist(), *last.tolist(), door - start)
+    _divide(plan, rng, first, high, doors)
+    _divide(plan, rng, low, last, doors)
 
 
 def generate_city(walls: int, *, seed: int = 0) -> World:

@@ -33,7 +33,7 @@ from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.gaps import world_of_map
 from lrf3d.world.materials import material_value
 from lrf3d.world.model import World
-from lrf3d.world.pieces import Run, runs_of
+from lrf3d.world.pieces import runs_of
 from lrf3d.world.schema import at, made, several
 
 DEGREES = {"4326", "4258", "4269"}
@@ -157,21 +157,17 @@ def write_geojson(world: World, path: Path) -> None:
         members["cameras"] = [asdict(camera) for camera in world.cameras]
     if world.free is not None:
         members["free"] = world.free.as_dict()
-    features = ",\n".join(json.dumps(_feature(run)) for run in runs_of(world))
-    write_text(path, f'{json.dumps(members)[:-1]}, "features": [\n{features}\n]}}\n')
-
-
-def _feature(run: Run) -> dict[str, Any]:
-    properties = {"object": run.number, **run.looks}
-    if "material" in properties:
-        properties["material"] = material_value(properties["material"])
-    if not run.lines:
-        return {"type": "Feature", "properties": properties, "geometry": None}
-    kind, lines = (
-        ("LineString", run.lines[0]) if len(run.lines) == 1 else ("MultiLineString", run.lines)
-    )
-    return {
-        "type": "Feature",
-        "properties": {**properties, "height": run.height},
-        "geometry": {"type": kind, "coordinates": lines},
-    }
+    features = []
+    for number, looks, lines, height in runs_of(world):
+        properties = {"object": number, **looks}
+        if "material" in looks:
+            properties["material"] = material_value(looks["material"])
+        geometry = None
+        if lines:
+            properties["height"] = height
+            kind = "LineString" if len(lines) == 1 else "MultiLineString"
+            geometry = {"type": kind, "coordinates": lines[0] if len(lines) == 1 else lines}
+        feature = {"type": "Feature", "properties": properties, "geometry": geometry}
+        features.append(json.dumps(feature))
+    text = ",\n".join(features)
+    write_text(path, f'{json.dumps(members)[:-1]}, "features": [\n{text}\n]}}\n')

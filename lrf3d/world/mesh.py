@@ -16,7 +16,7 @@ import numpy as np
 
 from lrf3d.errors import WorldError, shown
 from lrf3d.files import own_name, replacing
-from lrf3d.geometry import LARGEST_COORDINATE, Float, Int
+from lrf3d.geometry import LARGEST_COORDINATE, Float, Int, quad_indices
 from lrf3d.world.materials import material_of, material_value
 from lrf3d.world.model import World
 from lrf3d.world.pieces import (
@@ -170,8 +170,7 @@ def extrude(world: World) -> "trimesh.Trimesh":
     vertices[:, :2, :2] = ends
     vertices[:, 2:, :2] = ends[:, ::-1]
     vertices[:, 2:, 2] = world.heights[:, None]
-    first = 4 * np.arange(count)[:, None]
-    faces = (first[:, :, None] + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
+    faces = quad_indices(count).reshape(-1, 3)
     # Processing would merge vertices and drop faces, and so break the numbering of the faces.
     return trimesh.Trimesh(vertices.reshape(-1, 3), faces, process=False)
 

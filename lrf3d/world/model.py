@@ -117,13 +117,11 @@ class World(Value, Pictured):
         point = None if place is None else _items(place, int | float, "place")
         if point is not None and not (len(point) == 2 and is_finite(*point)):
             raise WorldError(f"place: expected longitude and latitude, found {shown(place)}")
+        point = None if point is None else (float(point[0]), float(point[1]))
         made_of = _items(() if materials is None else materials, str | Material | None, "materials")
-        values = (
-            *(rows, owned, tops, *_items([name], str, "name"), names, shades, filmed),
-            None if point is None else (float(point[0]), float(point[1])),
-            *_items([free], FreeCells | None, "free"),
-            checked(made_of, count),
-        )
+        [called], [cells] = _items([name], str, "name"), _items([free], FreeCells | None, "free")
+        looks = (called, names, shades, filmed, point, cells, checked(made_of, count))
+        values = (rows, owned, tops, *looks)
         for each, value in zip(fields(self), values, strict=True):
             object.__setattr__(self, each.name, value)
 

@@ -76,19 +76,6 @@ def from_corner(chain: Float) -> Float:
     return np.vstack([ring[start:], ring[: start + 1]])
 
 
-class Run(NamedTuple):
-    """Consecutive walls of one object, as files have them.
-
-    The looks are the name, the colour and the material of the object, as far as it has them. Lines
-    are lists of points [x, y]; there is one height [m], or one for each wall.
-    """
-
-    number: int
-    looks: dict[str, Any]
-    lines: list[list[list[float]]]
-    height: float | list[float]
-
-
 def lines_of(segments: Float) -> list[Float]:
     """Lines (k, 2) that reproduce the segments (n, 4), bit for bit and in their order.
 
@@ -105,28 +92,32 @@ def lines_of(segments: Float) -> list[Float]:
     return lines
 
 
-def runs_of(world: World) -> Iterator[Run]:
-    """The objects without walls that have a name, …, and all walls in runs of one object each."""
+def runs_of(world: World) -> Iterator[tuple[int, dict[str, Any], list[Any], Any]]:
+    """Runs of consecutive walls of one object: its number and looks, their lines and height.
+
+    The looks are the name, the colour and the material of the object, as far as it has them. Lines
+    are lists of points [x, y]; there is one height [m], or one for each wall. Objects without walls
+    come first.
+    """
+
+    def looks(number: int) -> dict[str, Any]:
+        colour = world.colours[number]
+        held = {
+            "name": world.object_names[number] if world.object_names else "",
+            "colour": colour_value(colour) if np.isfinite(colour).all() else None,
+            "material": world.materials[number] if world.materials else None,
+        }
+        return {key: value for key, value in held.items() if value}
+
     for number in sorted(set(range(world.object_count)) - set(world.objects.tolist())):
-        if looks := _looks(world, number):
-            yield Run(number, looks, [], [])
+        if own := looks(number):
+            yield number, own, [], []
     cuts = np.flatnonzero(np.diff(world.objects)) + 1
     for first, end in pairwise([0, *cuts.tolist(), len(world.objects)]):
         if end > first:
             number, heights = int(world.objects[first]), world.heights[first:end].tolist()
             lines = [line.tolist() for line in lines_of(world.segments[first:end])]
-            height = heights[0] if len(set(heights)) == 1 else heights
-            yield Run(number, _looks(world, number), lines, height)
-
-
-def _looks(world: World, number: int) -> dict[str, Any]:
-    colour = world.colours[number]
-    looks = {
-        "name": world.object_names[number] if world.object_names else "",
-        "colour": colour_value(colour) if np.isfinite(colour).all() else None,
-        "material": world.materials[number] if world.materials else None,
-    }
-    return {key: value for key, value in looks.items() if value}
+            yield number, looks(number), lines, heights[0] if len(set(heights)) == 1 else heights
 
 
 def world_of_strokes(strokes: Sequence[Float], path: Path) -> World:

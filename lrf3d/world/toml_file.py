@@ -162,20 +162,20 @@ def write_toml(world: World, path: Path) -> None:
     place = {} if world.place is None else {"place": world.place}
     blocks = [_table("", {"name": world.name, **place})]
     described: set[int] = set()
-    for run in runs_of(world):
-        looks = {} if run.number in described else dict(run.looks)
-        described.add(run.number)
+    for number, own_looks, lines, height in runs_of(world):
+        looks = {} if number in described else own_looks
+        described.add(number)
         if "material" in looks:
             looks["material"] = looks["material"].name
         outline: dict[str, Any] = {"lines": []}
-        if run.lines:
+        if lines:
             # A ring needs no point twice.
-            closed = all(len(line) > 3 and str(line[0]) == str(line[-1]) for line in run.lines)
-            lines = [line[:-1] for line in run.lines] if closed else run.lines
+            closed = all(len(line) > 3 and str(line[0]) == str(line[-1]) for line in lines)
+            lines = [line[:-1] for line in lines] if closed else lines
             outline = {"points": lines[0]} if len(lines) == 1 else {"lines": lines}
             outline |= {"closed": True} if closed else {}
-            outline["height"] = run.height
-        blocks.append(_table("[[object]]", {"number": run.number, **looks, **outline}))
+            outline["height"] = height
+        blocks.append(_table("[[object]]", {"number": number, **looks, **outline}))
     used = dict.fromkeys(material for material in world.materials if material is not None)
     own = [material for material in used if BUILT_IN.get(material.name) != material]
     blocks += [_table("[[material]]", material.as_dict()) for material in own]

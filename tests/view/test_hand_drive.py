@@ -2,16 +2,7 @@
 
 import numpy as np
 import pytest
-from yard import OBSTACLE, YARD
-
-from lrf3d.scenario import load_scenario
-from lrf3d.view.hand_drive import HandDrive
-
-
-def hand(text, tmp_path, **settings):
-    path = tmp_path / "world.toml"
-    path.write_text(text)
-    return HandDrive(load_scenario(path), **settings)
+from yard import OBSTACLE, YARD, hand
 
 
 def test_a_hand_drives_stops_before_walls_and_starts_again_alike(tmp_path):

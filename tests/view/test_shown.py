@@ -8,14 +8,12 @@ import pytest
 from estimates import estimated
 from test_glb import one_beam_run
 from test_render import city_run
-from yard import OBSTACLE, YARD
+from yard import OBSTACLE, YARD, hand
 
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.robot import Trajectory
-from lrf3d.scenario import load_scenario
 from lrf3d.scene.shapes import Lines, Points, Soft
 from lrf3d.scene.stage import stage_of
-from lrf3d.view.hand_drive import HandDrive
 from lrf3d.view.message import Sender, part_of, stage_message
 from lrf3d.view.shown import Shown, Wanted
 
@@ -161,44 +159,31 @@ def test_runs_without_a_map_or_of_one_beam_are_shown():
     assert shown[1]["words"]["map"] == "no map yet"
 
 
-@pytest.fixture
-def driven(tmp_path):
-    def make(text):
-        (tmp_path / "world.toml").write_text(text)
-        scenario = load_scenario(tmp_path / "world.toml")
-        return Shown.driven(HandDrive(scenario))
-
-    return make
-
-
-def test_a_drive_sends_nothing_while_nothing_changes(driven):
-    page = driven(YARD)
+def test_a_drive_sends_nothing_while_nothing_changes(tmp_path):
+    page = Shown.driven(hand(YARD, tmp_path))
     header = read(page.answer(Wanted(), 0.05))
     assert {"points", "map", "trail"} <= set(header["marks"])
     assert [page.answer(Wanted(), 0.05) for _ in range(3)] == [None] * 3
     turning = read(page.answer(Wanted(turn=1.0), 0.05))
     # The robot turns on the spot, and so do its beams.
     assert {"robot", "points"} <= set(turning["marks"])
-    trail = np.zeros((0, 3))
-    for _ in range(21):
-        last = read(page.answer(Wanted(forward=1.0), 0.05))
-        drawn = last["marks"]["trail"]
-        trail = np.concatenate([trail[: drawn["first"][1]], drawn["columns"][1]])
-    assert np.hypot(*np.diff(trail[:, :2], axis=0).T).sum() > 1.4
-    assert len(drawn["columns"][1]) < len(trail)
-    assert last["words"]["v"] == "2.00"
 
 
-def test_of_a_long_trail_only_its_end_is_sent(driven):
-    page, wanted, sent = driven(YARD), Wanted(forward=0.8, turn=0.9), []
+def test_of_a_long_trail_only_its_end_is_sent(tmp_path):
+    page, wanted, trail = Shown.driven(hand(YARD, tmp_path)), Wanted(forward=0.8, turn=0.9), []
     for _ in range(700):
-        trail = read(page.answer(wanted, 1.0 / 30.0))["marks"].get("trail")
-        sent.append(0 if trail is None else len(trail["columns"].get(1, ())))
-    assert trail["first"][1] > 100 and max(sent[400:]) < 60
+        header = read(page.answer(wanted, 1.0 / 30.0))
+        drawn = header["marks"]["trail"]
+        trail[drawn["first"][1] :] = ends = drawn["columns"][1].tolist()
+        assert len(ends) < 3
+    assert header["words"]["v"] == "1.60"
+    # Chords of a drive of 0.8 · 2 m/s.
+    driven = np.hypot(*np.diff(np.array(trail)[:, :2], axis=0).T).sum()
+    assert driven == pytest.approx(1.6 * 700 / 30, rel=0.03)
 
 
-def test_a_drive_shows_what_moves(driven):
-    page = driven(YARD + OBSTACLE)
+def test_a_drive_shows_what_moves(tmp_path):
+    page = Shown.driven(hand(YARD + OBSTACLE, tmp_path))
     before, after = (read(page.answer(Wanted(), 0.05))["marks"]["obstacle 0"] for _ in range(2))
     assert before["pose"] != after["pose"] and not after["columns"]
 
