@@ -47,10 +47,6 @@ def drive():
     return make_run(world, poses, LaserRangeFinder(), sigma=0.04)
 
 
-def local_lines(scan, noise=NOISE):
-    return LocalLines.from_scan(scan, noise)
-
-
 def drawn_lines(*segments):
     """Lines of a scan that found segments, each known to a millimetre and a milliradian."""
     ends = np.reshape(segments, (-1, 4))
@@ -68,7 +64,7 @@ def test_seen_objects_first_finds_the_same_pairs_with_a_third_of_the_comparisons
     counts, seen = {"all": 0, "seen-objects-first": 0}, NONE
     found = 0
     for scan in drive.scans:
-        local, pose = local_lines(scan), predicted(scan.pose, rng)
+        local, pose = LocalLines.from_scan(scan, NOISE), predicted(scan.pose, rng)
         every = pair_lines(local, known, pose, PRIOR, NONE)
         first = pair_lines(local, known, pose, PRIOR, seen)
         assert np.array_equal(every.local, first.local)
@@ -86,7 +82,7 @@ def test_pairs_are_the_walls_that_the_beams_hit(drive):
     rng = np.random.default_rng(2)
     right = wrong = 0
     for scan in list(drive.scans)[::4]:
-        local = local_lines(scan)
+        local = LocalLines.from_scan(scan, NOISE)
         pairs = pair_lines(local, known, predicted(scan.pose, rng), PRIOR, NONE)
         directions = np.arctan2(local.segments[:, 1::2], local.segments[:, ::2])
         for row, wall in zip(pairs.local, pairs.known, strict=True):
@@ -165,14 +161,9 @@ def test_a_built_map_has_the_laser_on_the_left_of_every_segment():
 
 
 def test_the_two_faces_of_a_thin_wall_are_told_apart():
-    faces = LineMap(
-        np.array([[5.0, 1, 5, -1], [5.02, -1, 5.02, 1]]), np.array([0, 1]), np.array([50, 50])
-    )
-    known = KnownLines.from_map(
-        LineMap(faces.segments[:, [2, 3, 0, 1]], faces.objects, faces.points)
-    )
-    segments = np.array([[5.01, -1, 5.01, 1]])
-    local = drawn_lines(segments)
+    faces = [[5.0, -1, 5, 1], [5.02, 1, 5.02, -1]]
+    known = KnownLines.from_map(LineMap(faces, [0, 1], [50, 50]))
+    local = drawn_lines([5.01, -1, 5.01, 1])
     assert pair_lines(local, known, Pose(0, 0, 0), PRIOR, NONE).known.tolist() == [0]
     mirrored = drawn_lines([4.99, -1, 4.99, 1])
     back = pair_lines(mirrored, known, Pose(10.0, 0, np.pi), PRIOR, NONE)
@@ -182,8 +173,7 @@ def test_the_two_faces_of_a_thin_wall_are_told_apart():
 def test_among_walls_on_one_line_the_one_alongside_is_the_pair():
     walls = np.array([[5.0, y, 5.0, y + 3.0] for y in (-8.0, -4.0, 0.0, 4.0)])
     known = KnownLines.from_world(World(walls))
-    segments = np.array([[5.0, 0.1, 5.0, 2.9]])
-    local = drawn_lines(segments)
+    local = drawn_lines([5.0, 0.1, 5.0, 2.9])
     assert pair_lines(local, known, Pose(0.02, -0.1, 0.01), PRIOR, NONE).known.tolist() == [2]
 
 
