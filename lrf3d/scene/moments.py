@@ -55,7 +55,7 @@ hide them."""
 
 _SLACK = 0.002
 """By how much the depth of marks gains with their distance [m/m], as depths are coarser far away;
-but not for an eye that looks from far on purpose."""
+but not where the map is laid over all."""
 
 _PAST_GROUND = 3.0
 """How far an eye far above the ground sees, in its heights: past all of it, at a slant too."""
