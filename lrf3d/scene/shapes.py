@@ -78,7 +78,7 @@ class Body(NamedTuple):
 
 
 class Soft(NamedTuple):
-    """Translucent triangles: shadows on the ground, the glow of the beams, a goal."""
+    """Translucent triangles: shadows on the ground, a goal, the robot as an arrow."""
 
     corners: Single
     """(t, 3, 3) corners."""

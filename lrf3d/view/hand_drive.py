@@ -84,6 +84,7 @@ class HandDrive(Timeline):
         self.latest = self._measure()
         self._map_scan()
         super().__init__(cast(Run, self), playback=1.0)
+        # A single scan is not a stop here: the robot drives on.
         self.dwells = False
 
     def step(self, seconds: float, forward: float = 0.0, turn: float = 0.0) -> bool:

@@ -1,8 +1,10 @@
 """What the page is sent: the scene as arrays, without those that the page has already.
 
-A message is a header in JSON, after its length in four bytes, which names all that is seen in the
-order in which it is drawn; and then the arrays, one after the other. The page puts them into the
-buffers of its graphics card, draws them with the shaders of the film, and works nothing out.
+A message is the length of its header in four bytes, the header in JSON, and a block of arrays. The
+header's `marks` name all that is seen, in the order in which it is drawn; the names of the plan's
+begin with "plan ". Each has its kind, its style, and `columns`: where its new arrays lie. The page
+puts these into buffers of its graphics card, draws them with the film's shaders, and works nothing
+out.
 """
 
 import json
@@ -24,9 +26,6 @@ _PROGRAMS = (
     "lines", "lines:DASHED", "points", "points:GLOW_ROUND",
 )  # fmt: skip
 """The shaders that the page draws with."""
-
-_ALIGNMENT = 4
-"""Bytes that the start of every array is a multiple of."""
 
 Part = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 """How something is drawn, and its arrays by name, in the order of the shader's locations."""
@@ -61,12 +60,16 @@ class Sender:
                 if known is not None and first == len(rows) == len(known):
                     continue
                 # What two marks share, such as the trail and that of the plan, is sent once.
-                if (start := starts.setdefault((id(array), first), len(block))) == len(block):
+                shared = id(array), first
+                if shared not in starts:
+                    starts[shared] = len(block)
                     block += rows[first:].tobytes()
+                # The shader's location, where the array starts in the block, numbers a row (0 for
+                # colours, which are bytes), the first row that is new, and the number of rows.
                 size = 0 if key == "colours" else array.shape[-1]
-                marks[name]["columns"].append([place, start, size, first, len(rows)])
+                column = [place, starts[shared], size, first, len(rows)]
+                marks[name]["columns"].append(column)
         text = json.dumps({**values, "marks": marks}, separators=(",", ":")).encode()
-        text += b" " * (-len(text) % _ALIGNMENT)
         return len(text).to_bytes(4, "little") + text + bytes(block)
 
 

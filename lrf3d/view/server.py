@@ -163,7 +163,7 @@ def _answers(shown: Shown, host: str) -> Callable[[Any, Any], Any]:
 
 
 async def _show(make: Make, page: Any) -> None:
-    """Answer each message of a page, until it leaves."""
+    """Answer each message of a page, until it leaves; an empty answer says that nothing changed."""
     from websockets.exceptions import ConnectionClosed
 
     time = asyncio.get_running_loop().time
@@ -196,7 +196,7 @@ def is_own(name: str, host: str) -> bool:
 def bound(host: str, port: int | None) -> socket.socket:
     """A socket at a host and a port; if none is given, at 8080 or, where that is taken, any.
 
-    Who comes before the page is ready waits.
+    A browser that connects before the page is ready waits.
 
     Raises:
         InputError: There is no such host, or it is another machine.

@@ -10,13 +10,19 @@ const ZOOM = 0.001; // How much farther off it goes for each pixel of a wheel's 
 
 const setup = JSON.parse(document.querySelector("#setup").textContent);
 const plays = setup.mode === "plays";
-const views = [...document.querySelectorAll(`[data-view]${plays ? "" : ":not(.lrf3d-playing)"}`)];
 const part = (name) => document.querySelector(`.lrf3d-${name}`);
-const held = { ahead: false, back: false, left: false, right: false };
-const hand = { around: 0, over: 0, zoom: 1 };
-const fingers = new Map();
-let [time, speed, playing, drive] = [0, setup.speed, false, 0];
-let [waiting, asked, last] = [false, "", performance.now()];
+const viewButtons = [...document.querySelectorAll(`[data-view]${plays ? "" : ":not(.lrf3d-playing)"}`)];
+const views = viewButtons.map((button) => button.dataset.view);
+const held = { ahead: false, back: false, left: false, right: false }; // Which pads or their keys are down.
+const hand = { around: 0, over: 0, zoom: 1 }; // How the camera is turned by hand.
+const fingers = new Map(); // Where each pointer is that drags, by its number.
+let time = 0; // What is seen of a run, from its start [s].
+let speed = setup.speed; // Seconds of the run in a second.
+let playing = false;
+let drive = 0; // The number of the drive by hand: another one starts again.
+let asked = ""; // The last question.
+let waiting = false; // For the answer to it.
+let last = performance.now(); // When the last frame began [ms].
 let view, scene, socket;
 
 // What buttons and keys do.
@@ -27,7 +33,7 @@ const ACTIONS = {
   begin: () => move(limits()[0]),
   end: () => move(limits()[1]),
   again: () => (drive += 1),
-  next: () => choose(views[(views.findIndex(({ dataset }) => dataset.view === view) + 1) % views.length].dataset.view),
+  next: () => choose(views[(views.indexOf(view) + 1) % views.length]),
   full: () => (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen()),
   list: () => (part("keys").hidden = !part("keys").hidden),
   picture() {
@@ -39,15 +45,16 @@ const ACTIONS = {
     });
   },
 };
-const KEYS = { KeyV: "next", KeyF: "full", KeyP: "picture", KeyH: "list" };
-const PLAYING = { Space: "play", ArrowLeft: "rewind", ArrowRight: "skip", Home: "begin", End: "end" };
+const KEYS = {
+  KeyV: "next", KeyF: "full", KeyP: "picture", KeyH: "list",
+  ...(plays && { Space: "play", ArrowLeft: "rewind", ArrowRight: "skip", Home: "begin", End: "end" }),
+};
 const PADS = {
   ArrowUp: "ahead", KeyW: "ahead", ArrowDown: "back", KeyS: "back",
   ArrowLeft: "left", KeyA: "left", ArrowRight: "right", KeyD: "right",
 };
-if (plays) Object.assign(KEYS, PLAYING);
 
-// One question at a time, and none where the answer to the same one was that nothing has changed.
+// Ask for what is to be seen, one question at a time, and not the same again: the answer would be that nothing has changed.
 function ask() {
   const { ahead, back, left, right } = held;
   const { width, height } = scene.canvas;
@@ -58,9 +65,10 @@ function ask() {
   socket.send(text);
 }
 
+// The header and the arrays of a message.
 function unpacked(data) {
   const length = new DataView(data).getUint32(0, true);
-  return [JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length))), data.slice(4 + length)];
+  return [JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length))), new Uint8Array(data, 4 + length)];
 }
 
 function take(data) {
@@ -70,7 +78,7 @@ function take(data) {
   scene.take(header, block);
   for (const [name, words] of Object.entries(header.words)) part(name).textContent = words;
   part("failure")?.remove();
-  // A robot that has moved moves on, however slowly this page draws.
+  // A robot that has moved moves on, however slowly this page draws: the same question is asked again.
   if (!plays) asked = "";
   ask();
 }
@@ -113,7 +121,7 @@ function choose(chosen) {
   view = chosen;
   Object.assign(hand, { around: 0, over: 0, zoom: 1 });
   move(time);
-  for (const button of views) button.setAttribute("aria-pressed", button.dataset.view === view);
+  for (const button of viewButtons) button.setAttribute("aria-pressed", button.dataset.view === view);
 }
 
 function hold(pad, on) {
@@ -126,9 +134,9 @@ function drag(event) {
   const before = fingers.get(event.pointerId);
   if (!before || !["follow", "orbit"].includes(view)) return;
   const now = [event.clientX, event.clientY];
-  const [other] = [...fingers].filter(([id]) => id !== event.pointerId);
-  const apart = ([x, y]) => Math.hypot(x - other[1][0], y - other[1][1]);
-  if (other) zoom(apart(before) / apart(now));
+  const other = [...fingers.keys()].find((id) => id !== event.pointerId);
+  const apart = ([x, y]) => Math.hypot(x - fingers.get(other)[0], y - fingers.get(other)[1]);
+  if (other !== undefined) zoom(apart(before) / apart(now));
   else {
     hand.around -= TURN * (now[0] - before[0]);
     hand.over += TURN * (now[1] - before[1]);
@@ -152,8 +160,9 @@ function key(event) {
   event.preventDefault();
 }
 
-function dress() {
-  for (const button of views) button.onclick = () => choose(button.dataset.view);
+// Give the controls what they do.
+function connect() {
+  for (const button of viewButtons) button.onclick = () => choose(button.dataset.view);
   for (const button of document.querySelectorAll("[data-do]")) button.onclick = ACTIONS[button.dataset.do];
   for (const value of [...new Set([...SPEEDS, speed])].sort((a, b) => a - b)) {
     part("speed").append(new Option(`${value}×`, value, false, value === speed));
@@ -181,7 +190,7 @@ function dress() {
 }
 
 async function start() {
-  dress();
+  connect();
   // The page is painted before the scene is made ready.
   await new Promise((done) => requestAnimationFrame(() => setTimeout(done)));
   socket = new WebSocket(`ws://${location.host}/lrf3d/moments`);

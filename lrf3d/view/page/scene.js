@@ -33,7 +33,7 @@ export class Scene {
     const { gl } = this;
     for (const [name, sources] of Object.entries(programs)) this.programs[name] = this.program(sources);
     const [wide, high, count] = facades.size;
-    const texels = new Uint8Array(block, facades.columns[0][1], 4 * wide * high * count);
+    const texels = block.subarray(facades.columns[0][1]);
     this.facades = this.texture(gl.TEXTURE_2D_ARRAY, gl.REPEAT);
     gl.texImage3D(gl.TEXTURE_2D_ARRAY, 0, gl.RGBA8, wide, high, count, 0, gl.RGBA, gl.UNSIGNED_BYTE, texels);
     gl.generateMipmap(gl.TEXTURE_2D_ARRAY);
@@ -75,11 +75,12 @@ export class Scene {
       const logs = gl.getAttachedShaders(made).map((shader) => gl.getShaderInfoLog(shader));
       throw new Error(`a shader does not compile: ${gl.getProgramInfoLog(made)} ${logs.join(" ")}`);
     }
-    const names = Array.from({ length: gl.getProgramParameter(made, gl.ACTIVE_UNIFORMS) }, (_, i) => gl.getActiveUniform(made, i).name);
+    const count = gl.getProgramParameter(made, gl.ACTIVE_UNIFORMS);
+    const names = Array.from({ length: count }, (_, i) => gl.getActiveUniform(made, i).name);
     return (made.places = names.map((name) => [name, gl.getUniformLocation(made, name)]));
   }
 
-  // Take what the server has sent: a header and arrays.
+  // Take a message of the server: marks in the order in which they are drawn, the rest of its header, and its arrays.
   take({ marks, ...state }, block) {
     for (const [name, { columns, ...style }] of Object.entries(marks)) {
       const mark = (this.marks[name] ??= { vertices: this.gl.createVertexArray(), columns: [], count: 0 });
@@ -91,14 +92,14 @@ export class Scene {
     this.stale = true;
   }
 
-  // Rewrite an attribute from its first new row on; colours are four bytes, others so many floats.
+  // Rewrite an attribute: its rows before the first new one stay. Each has some floats, or a colour in four bytes (size 0).
   fill(mark, [place, start, size, first, count], block) {
     const { gl } = this;
     const stride = 4 * (size || 1);
     const column = (mark.columns[place] ??= { buffer: gl.createBuffer(), rows: new Uint8Array() });
     const rows = new Uint8Array(stride * count);
     rows.set(column.rows.subarray(0, stride * first));
-    rows.set(new Uint8Array(block, start, stride * (count - first)), stride * first);
+    rows.set(block.subarray(start, start + stride * (count - first)), stride * first);
     gl.bindVertexArray(mark.vertices);
     gl.bindBuffer(gl.ARRAY_BUFFER, column.buffer);
     gl.bufferData(gl.ARRAY_BUFFER, rows, gl.DYNAMIC_DRAW);
@@ -117,6 +118,7 @@ export class Scene {
     this.focus = focus;
   }
 
+  // Draw a mark with a program; values that its uniforms do not have are passed over.
   paint(name, mark, uniforms = {}, { mode = this.gl.TRIANGLES, blend = false, cull = false, solid = !blend } = {}) {
     const { gl } = this;
     if (!mark.count) return;
@@ -157,7 +159,7 @@ export class Scene {
     this.stale = false;
   }
 
-  // What is seen now, of the scene or of the plan, in its order.
+  // The marks of the scene or of the plan, in their order.
   shown(plan) {
     return this.order.filter((name) => name.startsWith("plan ") === plan).map((name) => this.marks[name]);
   }
