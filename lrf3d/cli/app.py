@@ -145,18 +145,24 @@ def _program(version: Version = False) -> None:
 
 def _group(**more: Any) -> typer.Typer:
     """A program of commands; Rich help would take a third of the time budget of a help page."""
-    settings = {"help_option_names": ["-h", "--help"]}
     return typer.Typer(
         rich_markup_mode=None, pretty_exceptions_enable=False, add_completion=False,
-        no_args_is_help=True, context_settings=settings, **more,
+        no_args_is_help=True, context_settings={"help_option_names": ["-h", "--help"]}, **more,
     )  # fmt: skip
 
 
-app = _group(callback=_program, epilog="Example: lrf3d run city")
-_worlds = _group(name="world", help="Look at worlds, convert and generate them.")
-app.add_typer(_worlds)
-for _example, _command in EXAMPLES.items():
-    _home, _name = app, _example.split()[0]
-    if _name == "world":
-        _home, _name = _worlds, _example.split()[1]
-    _home.command(_name, cls=Command, epilog=f"Example: lrf3d {_example}")(_ungrouped(_command))
+def _made() -> typer.Typer:
+    """The program, and its group of commands for worlds."""
+    program = _group(callback=_program, epilog="Example: lrf3d run city")
+    worlds = _group(help="Look at worlds, convert and generate them.")
+    program.add_typer(worlds, name="world")
+    for example, command in EXAMPLES.items():
+        group, name = program, example.split()[0]
+        if name == "world":
+            group, name = worlds, example.split()[1]
+        register = group.command(name, cls=Command, epilog=f"Example: lrf3d {example}")
+        register(_ungrouped(command))
+    return program
+
+
+app = _made()

@@ -301,10 +301,8 @@ def localise(localiser: Localiser, scans: Iterable[LaserScan], steps: ArrayLike)
     steps = as_poses(np.reshape(steps, (-1, 3)) if np.size(steps) == 0 else steps)
     rows = []
     for count, scan in enumerate(scans):
-        if count > len(steps):
-            raise InputError(f"{len(steps)} steps of odometry for more scans than that")
         # The robot moves between scans, so the first one has no increment before it.
-        if count:
+        if 0 < count <= len(steps):
             localiser.move(steps[count - 1])
         now = localiser.see(scan)
         rows.append((now.pose, now.covariance, localiser.used, localiser.comparisons))

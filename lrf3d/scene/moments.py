@@ -55,7 +55,7 @@ hide them."""
 
 _SLACK = 0.002
 """By how much the depth of marks gains with their distance [m/m], as depths are coarser far away;
-but not for an eye that looks from far on purpose."""
+but not where the map is laid over all."""
 
 _PAST_GROUND = 3.0
 """How far an eye far above the ground sees, in its heights: past all of it, at a slant too."""
@@ -139,7 +139,7 @@ class Scene:
             matrix=view.matrix(size[0] / size[1], far),
             eye=view.eye,
             focus=float(0.5 * size[1] / np.tan(0.5 * view.field)),
-            thick=1.0 / max(half, _CLEAR * view.away),
+            thick=0.0 if view.shows_map else 1.0 / max(half, _CLEAR * view.away),
             slack=0.0 if view.shows_map else _SLACK,
             nearer=_ON_TOP if view.shows_map else _WALL_NEARER,
         )

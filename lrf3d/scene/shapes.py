@@ -173,7 +173,7 @@ class Seen(NamedTuple):
     ghost: float = 0.0
     """How far houses have faded to pale ghosts, 0…1."""
     cut: float = 1e4
-    """Height that walls are cut at [m]; none is as high as usually."""
+    """Height that walls are cut at [m]; no wall is as high as the default."""
     plan: Plan | None = None
     labels: tuple[Label, ...] = ()
 

@@ -28,7 +28,6 @@ MEASURES = {
 }
 """The measures that are averaged: their headings, the factors of their values, their decimals."""
 
-
 AXIS_LABELS = {"sigma_m": "noise σ at range_max [m]", "beams": "beams"}
 """Labels of the axes of figures."""
 
