@@ -104,7 +104,7 @@ def check_names(place: str, given: "Iterable[str]", known: "Iterable[str]") -> N
         if name not in known:
             from difflib import get_close_matches
 
-            near = ["rng"] if name == "seed" else get_close_matches(name, known, n=1, cutoff=0.5)
+            near = get_close_matches("rng" if name == "seed" else name, known, n=1, cutoff=0.5)
             hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
             raise InputError(f"{place}: there is no {shown(name)}; {hint}")
 

@@ -84,14 +84,14 @@ def number(
     least: float = 0.0,
     most: float = math.inf,
 ) -> float:
-    """A value from outside as a finite number: at least a limit, or above 0, and at most one."""
+    """A value from outside as a finite number, checked to lie within its limits."""
     if not isinstance(value, bool) and is_finite(value) and least <= value <= most:
         if value > 0.0 or not positive:
             return float(value)
-    from_below = "above 0" if positive else f"at least {least:g}"
-    limit = "" if most == math.inf else f" and at most {most:g}"
+    lower = "above 0" if positive else f"at least {least:g}"
+    upper = "" if most == math.inf else f" and at most {most:g}"
     of = f" of {unit}" if unit else ""
-    raise InputError(f"{name} {shown(value)}: expected a finite number{of}, {from_below}{limit}")
+    raise InputError(f"{name} {shown(value)}: expected a finite number{of}, {lower}{upper}")
 
 
 def generator(rng: Any) -> "np.random.Generator":

@@ -128,7 +128,8 @@ class Scenario(Value):
 
     def changed(self, **changes: Any) -> "Scenario":
         """The scenario with other fields; a new world or route resets those that depend on it."""
-        check_names("scenario", changes, [each.name for each in fields(self)])
+        # `run` takes an rng, too, and passes the others on.
+        check_names("scenario", changes, [*(each.name for each in fields(self)), "rng"])
         if {"world", "route", "poses"} & set(changes):
             reset = dict.fromkeys(("route", "poses", "planned", "start"))
             if "route" in changes and changes["route"] is not None:

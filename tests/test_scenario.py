@@ -109,7 +109,7 @@ def test_settings_hold_instead_of_what_the_file_says(tmp_path):
         ("noise.drop_outs=2", "at most 1"),
     ],
 )
-def test_a_setting_that_is_none_is_answered_with_what_is_meant(text, said):
+def test_an_invalid_setting_is_reported_with_what_is_expected(text, said):
     with pytest.raises(InputError, match="setting") as error:
         read_settings([text])
     assert said in str(error.value) and "\n" not in str(error.value)

@@ -193,9 +193,9 @@ class _Reading:
             raise ValueError("not a CARMEN message")
 
     def _scan(self, words: list[bytes]) -> LaserScan:
-        """The scan of a FLASER message, 180° wide, or of a ROBOTLASER1 message, which says its fan.
+        """The scan of a FLASER message, 180° wide, or of a ROBOTLASER1 message, which has its fan.
 
-        The readings are followed by the pose, in the newer message after remissions.
+        The pose follows the readings, in the newer message after the remissions.
         """
         is_front = words[0] == b"FLASER"
         first = 2 if is_front else 9
@@ -206,15 +206,15 @@ class _Reading:
         time, length = (place + 6, place + 9) if is_front else (place + 11, place + 14)
         if len(words) != length:
             raise ValueError(f"{len(words)} words, expected {length}")
-        (start, step), said = front(count), 0.0
+        (start, step), range_max = front(count), 0.0
         if not is_front:
-            start, step, said = (_number(words[k]) for k in (2, 4, 5))
+            start, step, range_max = (_number(words[k]) for k in (2, 4, 5))
             if not 0.0 < step * (count - 1) < 2.1 * pi:
                 raise ValueError(f"{count} beams {step} rad apart, expected at most a full turn")
-            if said > LARGEST_COORDINATE:
-                raise ValueError(f"a range of {said:g} m, expected at most 1e+09 m")
-        # A message without a range says 0; the user's limit holds where it is nearer.
-        limits = [limit for limit in (said, self._largest_range or 0.0) if limit > 0.0]
+            if range_max > LARGEST_COORDINATE:
+                raise ValueError(f"a range of {range_max:g} m, expected at most 1e+09 m")
+        # A message without a range holds 0; the user's limit holds where it is nearer.
+        limits = [limit for limit in (range_max, self._largest_range or 0.0) if limit > 0.0]
         farthest = min(limits, default=LARGEST_RANGE)
         try:
             ranges = np.array([float(word) for word in words[first:last]])

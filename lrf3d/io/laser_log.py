@@ -135,8 +135,8 @@ def log_name(path: Path) -> str:
 def without_no_returns(scans: Sequence[LaserScan]) -> list[LaserScan]:
     """The scans of a log whose readings of the largest range are +inf, if that means no return.
 
-    Range finders write their largest range for beams that met nothing, some 4, 8, 30 or 80 m, which
-    a log does not say. Taken for walls, such readings are an arc that goes along with the robot.
+    Range finders write their largest range, such as 4, 8, 30 or 80 m, for beams that met nothing;
+    a log does not name it. Taken for walls, such readings are an arc that moves with the robot.
     """
     finite = [scan.ranges[np.isfinite(scan.ranges)] for scan in scans]
     largest = max((float(ranges.max()) for ranges in finite if len(ranges)), default=0.0)

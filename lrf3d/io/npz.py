@@ -36,7 +36,6 @@ DAMAGES = (
     OverflowError,
     EOFError,
     RuntimeError,
-    RecursionError,
     zipfile.BadZipFile,
     zlib.error,
     struct.error,

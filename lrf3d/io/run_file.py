@@ -97,7 +97,7 @@ def run_arrays(
 
 
 def _obstacle(number: int) -> list[str]:
-    """The names of the arrays of a dynamic obstacle: its outline, and the times of its poses."""
+    """The names of the arrays of a dynamic obstacle, in the order of outline, times and poses."""
     return [f"obstacle_{number}_{name}" for name in ("outline", "times", "poses")]
 
 

@@ -115,7 +115,7 @@ class PoseEstimate(Value):
         dx, dy, _ = after - pose
         by_pose = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])
         covariance = by_pose @ self.covariance @ by_pose.T + turned(noise, pose[2])
-        # Rounding leaves neither asymmetry nor negative variances.
+        # Rounding may leave an asymmetry or negative variances.
         covariance = 0.5 * (covariance + covariance.T)
         np.fill_diagonal(covariance, covariance.diagonal().clip(0.0))
         return PoseEstimate(Pose(*after.tolist()), covariance)
@@ -132,14 +132,14 @@ class PoseEstimate(Value):
         gradient = np.zeros((count, 2, 3))
         gradient[:, 0, 2], gradient[:, 1, :2] = -1.0, -pairs.normal
         weighted = gradient.transpose(0, 2, 1) @ np.linalg.inv(pairs.noise)
-        information, pull = weighted @ gradient, weighted @ pairs.difference[:, :, None]
+        information, vector = weighted @ gradient, weighted @ pairs.difference[:, :, None]
         spread, axes = np.linalg.eigh(self.covariance)
         root = axes * np.sqrt(spread.clip(0.0))
         used = np.ones(count, np.bool_)
         while True:
             others = used & ~np.eye(count, dtype=np.bool_)
             change, covariance = _fused(
-                root, np.tensordot(others, information, 1), np.tensordot(others, pull, 1)
+                root, np.tensordot(others, information, 1), np.tensordot(others, vector, 1)
             )
             residual = pairs.difference - (gradient @ change)[:, :, 0]
             squares = pairs._replace(difference=residual).squared_distance(covariance)
@@ -147,22 +147,22 @@ class PoseEstimate(Value):
             if squares.max(initial=0.0) <= GATE:
                 break
             used[squares.argmax()] = False
-        change, covariance = _fused(root, information[used].sum(axis=0), pull[used].sum(axis=0))
+        change, covariance = _fused(root, information[used].sum(axis=0), vector[used].sum(axis=0))
         x, y, theta = (np.array(self.pose) + change[:, 0]).tolist()
         return PoseEstimate(Pose(x, y, float(wrap_angle(theta))), covariance), used
 
 
-def _fused(root: Float, information: Float, pull: Float) -> tuple[Float, Float]:
+def _fused(root: Float, information: Float, vector: Float) -> tuple[Float, Float]:
     """The change (…, 3, 1) of a pose by measurements, and its covariance (…, 3, 3) afterwards.
 
-    The measurements enter as their information (…, 3, 3) and its product (…, 3, 1) with what they
-    say. With a root of the prior covariance nothing is inverted that may be singular, and the
-    result is positive under rounding.
+    The measurements enter as their information matrix (…, 3, 3) and vector (…, 3, 1). With a root
+    of the prior covariance no matrix that may be singular is inverted, and the result stays
+    positive under rounding.
     """
     weights, axes = np.linalg.eigh(root.T @ information @ root)
     half = root @ (axes / np.sqrt(1.0 + weights.clip(0.0))[..., None, :])
     covariance = half @ np.swapaxes(half, -1, -2)
-    return covariance @ pull, 0.5 * (covariance + np.swapaxes(covariance, -1, -2))
+    return covariance @ vector, 0.5 * (covariance + np.swapaxes(covariance, -1, -2))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

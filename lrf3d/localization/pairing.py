@@ -72,7 +72,7 @@ class KnownLines(Value):
     """Line segments (n, 4) of a known map [m], each of an object (n,) from 0.
 
     Standard deviations (n, 2) are those of the direction [rad] and of the offset in the middle [m];
-    all lines are visible from both sides, or only from their left. They come of a world or of a
+    all lines are visible from both sides, or only from their left. They come from a world or a
     built map.
 
     Examples:
@@ -126,7 +126,7 @@ class Innovation(NamedTuple):
     """Differences of pairs of lines (…), in the robot's frame."""
 
     difference: Float  # Measured less expected alpha [rad] and p [m], (…, 2),
-    noise: Float  # with its covariance (…, 2, 2), to which the pose's share comes.
+    noise: Float  # with its covariance (…, 2, 2), without the share of the pose.
     normal: Float  # The known line's normal (…, 2) in the world, pointing away from the robot.
     faces: Bool  # Whether the robot is on the visible side of the known line.
 

@@ -139,7 +139,7 @@ class Scene:
             matrix=view.matrix(size[0] / size[1], far),
             eye=view.eye,
             focus=float(0.5 * size[1] / np.tan(0.5 * view.field)),
-            thick=1.0 / max(half, _CLEAR * view.away),
+            thick=0.0 if view.shows_map else 1.0 / max(half, _CLEAR * view.away),
             slack=0.0 if view.shows_map else _SLACK,
             nearer=_ON_TOP if view.shows_map else _WALL_NEARER,
         )

@@ -95,9 +95,9 @@ class Story:
         if shot == "rise":
             return self._between(near, whole, _RISEN * _eased((passed - begin) / (end - begin)))
         if shot == "close":
-            # The side from which it has the most room.
+            # The side from which it has the most room, and low walls hide the least.
             sides = [track.at(times) for track in self._close]
-            return max(sides, key=lambda track: float(track.aways.min()))
+            return max(sides, key=lambda track: (track.aways.min(), -track.steeps.max()))
         if shot == "high":
             turns = np.full(len(times), whole.turns[0])
             path = SmoothPath(times, self._places(times), turns)

@@ -1,4 +1,4 @@
-"""Scoring: how far a map or a trajectory is from the truth, or from scans where none is known."""
+"""Scoring: how far a map or a trajectory is from the truth, or from the scans of a log."""
 
 from lrf3d.scoring.log_score import score_log
 from lrf3d.scoring.map_score import (

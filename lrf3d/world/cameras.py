@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from lrf3d.errors import WorldError, check_names, shown
-from lrf3d.geometry import LARGEST_COORDINATE, is_finite
+from lrf3d.errors import WorldError, check_names, expect, shown
+from lrf3d.geometry import LARGEST_COORDINATE, is_finite, number
 
 MOVING_VIEWS = ("chase", "first", "orbit", "overview", "story", "top")
 """Names of the cameras that every world has; they follow the robot or show everything."""
@@ -88,6 +88,10 @@ class FilmPlan:
     view: str = "story"
     playback: float = PLAYBACK
     points_by: str = "range"
+
+    def __post_init__(self) -> None:
+        expect(self.view, str, "film: view")
+        number(self.playback, "film: playback", positive=True)
 
 
 USUAL_FILM = FilmPlan()

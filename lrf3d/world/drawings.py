@@ -1,4 +1,4 @@
-"""Worlds from drawings, SVG and DXF: every visible outline becomes walls, in its size on paper.
+"""Worlds from drawings, SVG and DXF: every visible outline becomes walls.
 
 Curves become chords no farther from them than :data:`CURVE_ERROR`, or less in a small drawing.
 Walls that touch are one object. Texts, pictures, hatches, dimensions and hidden parts are ignored.

@@ -214,10 +214,10 @@ def _divide(
     high: Float,
     doors: list[tuple[int, float, float]],
 ) -> None:
-    """Divide a box from its low to its high corner (2,) [m] by a wall with a door, and both parts.
+    """Divide a box from its low to its high corner (2,) [m] by a wall with a door, then its parts.
 
-    Of each door so far there is the axis of its wall, the position of the wall, and that of the
-    door along it: no later wall may end in front of a door.
+    Each door so far is the axis of its wall, the position of the wall, and that of the door along
+    it: no later wall may end in front of a door.
     """
     clear, sides = 0.5 * DOOR + 2.0 * THICKNESS, high - low
     axis = int(np.argmax(sides * rng.uniform(0.8, 1.2, 2)))
@@ -234,7 +234,7 @@ def _divide(
     if not free or sides[axis] < float(rng.uniform(2.0, 3.0)) * SMALLEST_ROOM:
         if sides.min() > 1.8 * SMALLEST_ROOM:
             middle = low + 0.5 * sides
-            plan.box("pillar", np.round(middle - 0.3, 2), np.array([0.6, 0.6]), 2.5, STONE)
+            plan.box("pillar", np.round(middle - 0.3, 2), np.array([0.6, 0.6]), WALL_HEIGHT, STONE)
         return
     cut = float(np.round(rng.choice(free), 2))
     start, end = float(low[1 - axis]), float(high[1 - axis])

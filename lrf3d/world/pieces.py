@@ -145,7 +145,7 @@ def without_repeats(segments: Float) -> Float:
 
 
 def connected(segments: Float, gap: float = TOUCHING) -> Int:
-    """The object (n,) of each of the segments (n, 4): those with a gap up to this [m] are one."""
+    """The object (n,) of each of the segments (n, 4); those within the gap [m] are one object."""
     import shapely
 
     middle = segments.reshape(-1, 2).mean(axis=0)

@@ -2,7 +2,7 @@
 
 A converter takes a value from tomllib and the path of its key, such as ``object[2].points``. It
 returns the value in the form that the program uses, or raises an error that begins with the path.
-Settings on the command line, such as ``laser.range_max=20``, have the same.
+Settings on the command line, such as ``laser.range_max=20``, use the same schema.
 """
 
 import re

@@ -93,8 +93,7 @@ def read_world_file(path: Path) -> WorldFile:
             raise InputError("nested too deeply for a world file") from None
         except ValueError as error:
             raise InputError(f"not TOML: {error}") from None
-        for key in data:
-            check_names(key, [key], KEYS)
+        check_names(str(path), data, KEYS)
         values = {key: KEYS[key](data[key], key) for key in KEYS if key in data}
         obstacles = values.get("obstacle", [])
         for place, obstacle in enumerate(obstacles):

@@ -134,7 +134,8 @@ def test_a_mistake_gets_one_line_with_its_place(text, message, tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("roboot = 1\n", "roboot: there is no 'roboot'; did you mean 'robot'"),
+        ("roboot = 1\n", "there is no 'roboot'; did you mean 'robot'"),
+        ("[robot]\nseed = 1\n", "robot: there is no 'seed'; known are start"),
         ("robot = 3\n" + HOUSE, "robot: expected a table [robot]"),
         ("name = 3\n" + HOUSE, "name: expected a text in quotes, found 3"),
         ("[object]\nname = 'a'\n", "object: expected tables [[object]]"),
