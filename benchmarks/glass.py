@@ -15,7 +15,7 @@ from lrf3d.casting import PlanarCaster
 from lrf3d.geometry import Bool, Float, directions, lengths
 from lrf3d.laser import LaserRangeFinder, ProportionalNoise, reflection_points
 from lrf3d.run import Run
-from lrf3d.scoring.visibility import visible_walls
+from lrf3d.scoring import visible_walls
 from lrf3d.simulation import simulate
 from lrf3d.world import World
 

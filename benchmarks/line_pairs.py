@@ -14,8 +14,7 @@ from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserRangeFinder, ProportionalNoise, RangeNoise
 from lrf3d.laser.noise import SIGMA
 from lrf3d.localization import OdometryNoise
-from lrf3d.localization.lines import KnownLines, LocalLines
-from lrf3d.localization.pairing import STRATEGIES, Pairs, pair_lines
+from lrf3d.localization.pairing import STRATEGIES, KnownLines, LocalLines, Pairs, pair_lines
 from lrf3d.pose import Pose
 from lrf3d.world import World
 
@@ -33,7 +32,7 @@ def pair_drive(
     range_noise = RangeNoise.from_sigma(SIGMA, 0.0, lrf.range_max)
     found: dict[str, list[Pairs]] = {strategy: [] for strategy in STRATEGIES}
     spent: dict[str, list[float]] = {strategy: [] for strategy in STRATEGIES}
-    seen: dict[str, Int | None] = dict.fromkeys(STRATEGIES)
+    seen: dict[str, Int] = dict.fromkeys(STRATEGIES, np.empty(0, np.int64))
     for pose in poses:
         scan = noise(caster.cast(lrf, pose), rng)
         local = LocalLines.from_scan(scan, range_noise)
@@ -42,14 +41,11 @@ def pair_drive(
         for k in rng.permutation(len(STRATEGIES)):
             strategy = STRATEGIES[k]
             start = time.perf_counter()
-            pairs = pair_lines(
-                *(local, known, predicted, odometry.covariance),
-                strategy=strategy,
-                seen=seen[strategy],
-            )
+            pairs = pair_lines(local, known, predicted, odometry.covariance, seen[strategy])
             spent[strategy].append(time.perf_counter() - start)
             found[strategy].append(pairs)
-            seen[strategy] = pairs.objects
+            if strategy == "seen-objects-first":
+                seen[strategy] = pairs.objects
     return {
         strategy: {
             "pairs": float(np.mean([len(pairs) for pairs in mine])),

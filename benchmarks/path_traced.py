@@ -36,7 +36,7 @@ def drawn(run: Run, view: str, time: float) -> tuple[Float, Look, tuple[float, .
     film = Film(run, size=PICTURE, view=view, samples=4, layers=())
     look_at = film.camera.look(time, PICTURE[0] / PICTURE[1])
     seen = film.scene.seen(film.timeline.moment(time), look_at, PICTURE, ())
-    seen = seen._replace(bodies=(), marks=(), cut=None)
+    seen = seen._replace(bodies=(), marks=(), cut=1e4)
     picture = film.renderer.draw(seen)[:, :, :3] / 255.0
     indoor = film.scene.structures.indoor
     haze = (*(look.HAZE_INDOOR if indoor else look.HAZE), seen.lens.thick)

@@ -1,14 +1,16 @@
 """The number of available cores, and pools of processes."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
-from lrf3d.interrupts import uninterrupted
+from lrf3d.interrupts import check, uninterrupted
 
 if TYPE_CHECKING:
-    from concurrent.futures import ProcessPoolExecutor
+    from concurrent.futures import Future, ProcessPoolExecutor
+
+Result = TypeVar("Result")
 
 
 def core_count() -> int:
@@ -43,6 +45,17 @@ def process_pool(processes: int) -> Iterator["ProcessPoolExecutor"]:
         raise
     finally:
         pool.shutdown()
+
+
+def results(futures: "Iterable[Future[Result]]") -> "Iterator[Result]":
+    """The results of futures in their order; a signal may stop the wait for one."""
+    from concurrent.futures import wait
+
+    for future in futures:
+        # A signal does not end this wait, so it ends now and then by itself.
+        while not wait([future], 0.1).done:
+            check()
+        yield future.result()
 
 
 def _watch() -> None:

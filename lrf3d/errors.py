@@ -16,7 +16,7 @@ from pathlib import Path
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable
 
 LONGEST_MESSAGE = 600
 """Largest number of characters of a message: some lines of a terminal."""
@@ -97,15 +97,16 @@ class MissingLibraryError(Lrf3dError):
     """A library that this task needs and this machine lacks."""
 
 
-def check_names(what: str, given: "Iterable[str]", known: "Sequence[str]") -> None:
-    """Check that names are known."""
+def check_names(place: str, given: "Iterable[str]", known: "Iterable[str]") -> None:
+    """Check that names are known; for one that is not, the nearest known one is proposed."""
+    known = list(known)
     for name in given:
         if name not in known:
             from difflib import get_close_matches
 
-            near = ["rng"] if name == "seed" else get_close_matches(name, known, n=1)
-            hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
-            raise InputError(f"{what}: there is no {name}; {hint}")
+            near = get_close_matches("rng" if name == "seed" else name, known, n=1, cutoff=0.5)
+            hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
+            raise InputError(f"{place}: there is no {shown(name)}; {hint}")
 
 
 def missing_extra(task: str, extra: str) -> MissingLibraryError:

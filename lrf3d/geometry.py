@@ -76,15 +76,22 @@ def is_finite(*values: object) -> bool:
 
 
 def number(
-    value: Any, name: str, unit: str = "", *, positive: bool = False, most: float = math.inf
+    value: Any,
+    name: str,
+    unit: str = "",
+    *,
+    positive: bool = False,
+    least: float = 0.0,
+    most: float = math.inf,
 ) -> float:
-    """A value from outside as a finite number: at least 0, or above it, and at most a limit."""
-    if is_finite(value) and 0.0 <= value <= most and (value > 0.0 or not positive):
-        return float(value)
-    least = "above 0" if positive else "at least 0"
-    limit = "" if most == math.inf else f" and at most {most:g}"
+    """A value from outside as a finite number, checked to lie within its limits."""
+    if not isinstance(value, bool) and is_finite(value) and least <= value <= most:
+        if value > 0.0 or not positive:
+            return float(value)
+    lower = "above 0" if positive else f"at least {least:g}"
+    upper = "" if most == math.inf else f" and at most {most:g}"
     of = f" of {unit}" if unit else ""
-    raise InputError(f"{name} {shown(value)}: expected a finite number{of}, {least}{limit}")
+    raise InputError(f"{name} {shown(value)}: expected a finite number{of}, {lower}{upper}")
 
 
 def generator(rng: Any) -> "np.random.Generator":
@@ -101,7 +108,8 @@ def generator(rng: Any) -> "np.random.Generator":
 def whole_number(value: Any, name: str, *, least: int = 1, most: int | None = None) -> int:
     """A value from outside as an integer; 181.0 is accepted."""
     largest = value if most is None else most
-    if not is_finite(value) or value != int(value) or value < least or value > largest:
+    whole = not isinstance(value, bool) and is_finite(value) and value == int(value)
+    if not whole or value < least or value > largest:
         limit = f"of at least {least}" if most is None else f"from {least} to {most:,}"
         raise InputError(f"{name} {shown(value)}: expected a whole number {limit}")
     return int(value)

@@ -3,6 +3,7 @@
 It is read from a world file and run as a simulation. Everything but the walls has a default.
 """
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
-from lrf3d.errors import InputError, check_names
+from lrf3d.errors import InputError, WorldError, check_names
 from lrf3d.files import own_name
 from lrf3d.geometry import Float, Value, whole_number
 from lrf3d.laser import LaserRangeFinder, Noise, ProportionalNoise, imperfect
@@ -26,10 +27,10 @@ from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, SCAN_INTERVAL, SPEED
 from lrf3d.robot.laps import Patrol, chain_laps, drive_laps
 from lrf3d.robot.unicycle import RADIUS
 from lrf3d.world import World, load_world
-from lrf3d.world.cameras import PLAYBACK, FilmPlan, check_view
+from lrf3d.world.cameras import USUAL_FILM, FilmPlan, check_view
 from lrf3d.world.files import find_world
 from lrf3d.world.model import DEFAULT_HEIGHT
-from lrf3d.world.schema import read_settings
+from lrf3d.world.schema import TABLES, read_settings
 from lrf3d.world.toml_file import WorldFile, read_world_file
 
 if TYPE_CHECKING:
@@ -72,9 +73,7 @@ class Scenario(Value):
         lookahead: Distance [m] along the route to the point that the robot steers at.
         radius: Radius of the robot [m].
         mapper: Keyword arguments of the LineMapper.
-        view: Camera of the film.
-        playback: Simulated seconds in a second of the film.
-        points_by: Whether its hit points show ``range`` or ``intensity``.
+        film: The default settings of its film.
         name: Name in files and pictures.
 
     Examples:
@@ -101,9 +100,7 @@ class Scenario(Value):
     lookahead: float = LOOKAHEAD
     radius: float = RADIUS
     mapper: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
-    view: str = "story"
-    playback: float = PLAYBACK
-    points_by: str = "range"
+    film: FilmPlan = USUAL_FILM
     name: str = ""
 
     def __post_init__(self) -> None:
@@ -131,7 +128,8 @@ class Scenario(Value):
 
     def changed(self, **changes: Any) -> "Scenario":
         """The scenario with other fields; a new world or route resets those that depend on it."""
-        check_names("scenario", changes, [each.name for each in fields(self)])
+        # `run` takes an rng, too, and passes the others on.
+        check_names("scenario", changes, [*(each.name for each in fields(self)), "rng"])
         if {"world", "route", "poses"} & set(changes):
             reset = dict.fromkeys(("route", "poses", "planned", "start"))
             if "route" in changes and changes["route"] is not None:
@@ -148,21 +146,17 @@ class Scenario(Value):
         is a smaller one where doors are too narrow for most of the rooms. Without a side of the
         walls, it depends on the world and the start; ``say`` is called with what the route does
         not reach, and why.
-
-        Raises:
-            InputError: There is no free space to drive in.
         """
         if self.poses is not None or self.route is not None:
             return self
         from lrf3d.planning.planner import find_route
 
-        lookahead = min(self.lookahead, PLANNED_LOOKAHEAD)
         found = find_route(
             self.world,
             radius=None if self.radius == RADIUS else self.radius,
             speed=None if self.speed == SPEED else self.speed,
             range_max=self.lrf.range_max,
-            lookahead=lookahead,
+            lookahead=min(self.lookahead, PLANNED_LOOKAHEAD),
             dt=self.scan_interval / self._commands,
             where=where,
             start=self.start,
@@ -187,12 +181,7 @@ class Scenario(Value):
     def trajectory(
         self, *, scans: int | None = None, on_collision: Callable[[str], None] | None = None
     ) -> Trajectory:
-        """The drive along the route, or the single poses; for the arguments see `simulation`.
-
-        Raises:
-            CollisionError: The drive would hit a wall.
-            InputError: The scenario has neither poses nor a route, or the drive is too long.
-        """
+        """The drive along the route, or the single poses; for the arguments see `simulation`."""
         scans = None if scans is None else whole_number(scans, "scans", most=MOST_SCANS)
         if self.poses is not None:
             stops = np.arange(len(self.poses) if scans is None else scans)
@@ -279,7 +268,7 @@ class Scenario(Value):
         arguments["noise"] = usual if noise is None else noise
         arguments["mapper"] = line_mapper(known, **settings) if mapper is None else mapper
         made = Simulation(scenario.world, driven, scenario.lrf, **arguments)
-        made.film = FilmPlan(scenario.view, scenario.playback, scenario.points_by)
+        made.film = scenario.film
         return made
 
     def run(
@@ -331,63 +320,44 @@ def read_scenario_file(name_or_path: str | Path, *, resolution: float | None = N
 
 def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
     """The scenario that a file describes, by settings; all of one file share its world."""
-    tables = {name: dict(table) for name, table in file.tables.items()}
+    tables: dict[str, Any] = {name: {**file.tables.get(name, {})} for name in TABLES}
     for name, table in read_settings(settings).items():
-        tables.setdefault(name, {}).update(table)
-    file = replace(file, tables=tables)
-    robot = dict(file.tables.get("robot", {}))
-    if "route" in robot and "poses" in robot:
-        with file.at("robot.poses"):
-            raise InputError("stand next to a route; give one of them")
-    if "poses" in robot:
-        robot["poses"] = np.column_stack([robot["poses"][:, :2], np.radians(robot["poses"][:, 2])])
+        tables[name].update(table)
+    robot, noise, film = tables["robot"], tables["noise"], FilmPlan(**tables["film"])
+    if {"route", "poses"} <= set(robot):
+        raise WorldError(f"{file.path}: robot.poses: stand next to a route; give one of them")
     if "start" in robot:
-        x, y, degrees = robot["start"].tolist()
-        robot["start"] = Pose(x, y, float(np.radians(degrees)))
+        robot["start"] = Pose(*robot["start"].tolist())
     if "route" in robot:
         start = robot.setdefault("start", start_of(robot["route"]))
         if tuple(robot["route"][0]) != start[:2]:
             robot["route"] = np.vstack([start[:2], robot["route"]])
-    noise = dict(file.tables.get("noise", {}))
+    laser: dict[str, Any] = {
+        key.removesuffix("_deg"): math.radians(value) if key.endswith("_deg") else value
+        for key, value in tables["laser"].items()
+    }
+    with file.at("laser"):
+        lrf = LaserRangeFinder(**laser)
+    with file.at("film"):
+        check_view(film.view, file.world.cameras)
+    obstacles = []
+    for index, given in enumerate(file.obstacles):
+        with file.at(f"obstacle[{index}]"):
+            # Without a radius it is as wide as the robot.
+            outline = round_outline(given.get("radius", robot.get("radius", RADIUS)))
+            path = Patrol(given["route"], given.get("speed", 1.0))
+            height = given.get("height", DEFAULT_HEIGHT)
+            obstacles.append(DynamicObstacle(given.get("points", outline), path, height))
     sigma = noise.pop("sigma", SIGMA)
     sigma, *compared = sigma if isinstance(sigma, tuple) else (sigma,)
-    lrf = _range_finder(file)
     return Scenario(
         world=file.world,
         lrf=lrf,
         noise=imperfect(sigma, lrf, **noise),
         compared=tuple(compared),
-        obstacles=_obstacles(file, robot.get("radius", RADIUS)),
-        mapper=MappingProxyType(dict(file.tables.get("mapper", {}))),
+        obstacles=tuple(obstacles),
+        mapper=MappingProxyType(tables["mapper"]),
+        film=film,
         name=own_name(file.path, file.world.name),
         **robot,
-        **_film(file),
     )
-
-
-def _obstacles(file: WorldFile, radius: float) -> tuple[DynamicObstacle, ...]:
-    """The dynamic obstacles; without a radius they are as wide as the robot."""
-    obstacles = []
-    for index, table in enumerate(file.obstacles):
-        outline, height = table.get("points"), table.get("height", DEFAULT_HEIGHT)
-        with file.at(f"obstacle[{index}]"):
-            if outline is None:
-                outline = round_outline(table.get("radius", radius))
-            path = Patrol(table["route"], table.get("speed", 1.0))
-            obstacles.append(DynamicObstacle(outline, path, height))
-    return tuple(obstacles)
-
-
-def _film(file: WorldFile) -> Mapping[str, Any]:
-    values = file.tables.get("film", {})
-    with file.at("film.view"):
-        check_view(values.get("view", "story"), file.world.cameras)
-    return values
-
-
-def _range_finder(file: WorldFile) -> LaserRangeFinder:
-    values = dict(file.tables.get("laser", {}))
-    for key in {"angle_min_deg", "angle_max_deg"} & values.keys():
-        values[key.removesuffix("_deg")] = float(np.radians(values.pop(key)))
-    with file.at("laser"):
-        return LaserRangeFinder(**values)

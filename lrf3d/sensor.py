@@ -12,7 +12,7 @@ import numpy as np
 
 from lrf3d.casting import EmbreeCaster, PlanarCaster
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
-from lrf3d.errors import InputError, expect
+from lrf3d.errors import InputError, expect, shown
 from lrf3d.geometry import Float, wrap_angle
 from lrf3d.laser import Chain, LaserRangeFinder, LaserScan, Noise
 from lrf3d.pose import as_pose
@@ -69,19 +69,12 @@ class Sensor:
                 " scans; scan less often or faster"
             )
 
-    def measure(
-        self, pose: Float, time: float, rng: np.random.Generator
-    ) -> tuple[LaserScan, LaserScan]:
-        """The true and the measured scan from a pose (3,) at a time [s]."""
-        true_scan = self.cast(pose, time)
-        return true_scan, self.noisy(true_scan, rng)
-
     def noisy(self, true_scan: LaserScan, rng: np.random.Generator) -> LaserScan:
         """The measured scan of a true one."""
         scan = self._noisy(true_scan, rng)
         if not isinstance(scan, LaserScan) or len(scan.ranges) != self.lrf.beams:
             raise InputError(
-                f"noise {self.noise!r} returned {_shown(scan)}; expected a LaserScan of"
+                f"noise {self.noise!r} returned {shown(scan)}; expected a LaserScan of"
                 f" {self.lrf.beams} beams"
             )
         return scan
@@ -139,13 +132,6 @@ class Sensor:
         scan = PlanarCaster(among).cast(lrf, pose)
         walls = np.where(scan.walls < len(world.segments), scan.walls, -1)
         return replace(scan, walls=walls).at_time(time)
-
-
-def _shown(scan: Any) -> str:
-    """A short description of what a noise has returned."""
-    if isinstance(scan, LaserScan):
-        return f"one of {len(scan.ranges)}"
-    return "None" if scan is None else f"a {type(scan).__name__}"
 
 
 def caster_of(caster: Caster | str, world: World) -> Caster:

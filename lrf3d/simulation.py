@@ -204,8 +204,8 @@ class Simulation:
                 time, pose = index * drive.interval, np.array(drive.pose)
             else:
                 return
-            true_scan, scan = self.sensor.measure(pose, time, self.rng)
-            self.take(scan)
+            true_scan = self.sensor.cast(pose, time)
+            self.take(scan := self.sensor.noisy(true_scan, self.rng))
             yield Step(index, time, true_scan.pose, scan, true_scan, self)
 
     def take(self, scan: LaserScan) -> None:

@@ -6,12 +6,10 @@ from hypothesis import strategies as st
 from lrf3d.errors import InputError
 from lrf3d.geometry import (
     fit_line,
-    is_finite,
     lengths,
     normal_lines,
     number,
     numbers,
-    quad_indices,
     read_only,
     whole_number,
     wrap_angle,
@@ -77,11 +75,6 @@ def test_a_weight_counts_a_point_so_many_times(weighted):
     assert along == pytest.approx(np.linalg.svd(centred)[1][0] ** 2, rel=1e-6, abs=1e-6)
 
 
-def test_a_quad_is_two_triangles_that_turn_the_same_way():
-    assert quad_indices(2).tolist() == [0, 1, 2, 0, 2, 3, 4, 5, 6, 4, 6, 7]
-    assert quad_indices(1).dtype == np.uint32 and len(quad_indices(0)) == 0
-
-
 def test_arrays_from_outside_are_copied_unless_nobody_can_write_to_them():
     given_array = np.arange(6.0).reshape(2, 3)
     kept = read_only(given_array, "name")
@@ -106,12 +99,6 @@ def test_numbers_of_any_kind_are_numbers_and_words_are_not():
     for wrong in ("word", ["a"], [1, [2, 3]], [1j], [object()]):
         with pytest.raises(InputError, match="name: expected numbers in rows of equal length"):
             numbers(wrong, "name")
-
-
-def test_finite_numbers_are_finite():
-    assert is_finite() and is_finite(1, 2.5, True, np.float32(3.0))
-    for wrong in (np.nan, np.inf, "1", None, [1.0], 10**400):
-        assert not is_finite(wrong) and not is_finite(0.0, wrong)
 
 
 def test_numbers_are_those_within_their_limits():

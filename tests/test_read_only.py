@@ -9,8 +9,7 @@ import pytest
 import lrf3d
 from lrf3d import KnownLines, LaserRangeFinder, LaserScan, LineMap, Trajectory, World
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
-from lrf3d.localization import Track
-from lrf3d.localization.estimate import PoseEstimate
+from lrf3d.localization import PoseEstimate, Track
 
 WALLS = [[0, 0, 10, 0], [10, 0, 10, 8], [10, 8, 0, 8], [0, 8, 0, 0.0]]
 POSES = [[2.0, 2.0, 0.0], [3.0, 2.0, 0.1], [4.0, 2.0, 0.2]]

@@ -8,8 +8,6 @@ import sys
 import tomllib
 import venv
 import zipfile
-from importlib.machinery import SourceFileLoader
-from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
 from textwrap import indent
 
@@ -108,27 +106,6 @@ def test_the_conda_recipe_needs_what_the_package_needs():
     needed = {word.partition(";")[0].strip() for word in PROJECT["dependencies"]}
     assert {word for word in needed if not word.startswith("embreex")} == named
     assert recipe["requirements"]["run"][0] == f"python {PROJECT['requires-python']}"
-
-
-def test_a_tag_needs_a_dated_list_of_all_changes(tmp_path, monkeypatch):
-    loader = SourceFileLoader("package_script", str(ROOT / "scripts" / "package"))
-    script = module_from_spec(spec_from_loader(loader.name, loader))
-    loader.exec_module(script)
-    monkeypatch.setattr(script, "ROOT", tmp_path)
-    (tmp_path / "pyproject.toml").write_text('[project]\nversion = "1.2.0"\n')
-    changes, dated = tmp_path / "CHANGELOG.md", "## [1.2.0] - 2026-11-22\n\n- A.\n"
-    for ready in (dated, f"## [Unreleased]\n\n{dated}"):
-        changes.write_text(ready)
-        script.check_tag("v1.2.0")
-    with pytest.raises(SystemExit, match=r"the tag is v1\.3\.0, the version"):
-        script.check_tag("v1.3.0")
-    for early, said in (
-        (f"## [Unreleased]\n\n### Added\n\n- B.\n\n{dated}", "move what stands"),
-        ("## [Unreleased]\n\n## [1.1.0] - 2026-11-22\n", "has no section"),
-    ):
-        changes.write_text(early)
-        with pytest.raises(SystemExit, match=said):
-            script.check_tag("v1.2.0")
 
 
 def test_each_python_that_is_named_is_tested():

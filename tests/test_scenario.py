@@ -3,18 +3,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lrf3d.errors import CollisionError, WorldError
+from lrf3d.errors import CollisionError, InputError, WorldError
 from lrf3d.geometry import lengths
+from lrf3d.laser import LaserRangeFinder, imperfect
 from lrf3d.scenario import Scenario, load_scenario, start_of
 from lrf3d.scoring import buildings_seen, visible_walls
 from lrf3d.world import World
+from lrf3d.world.schema import read_settings
 
 WALL = "[[object]]\npoints = [[0, 0], [4, 0]]\n"
 
 
-def read(text, folder):
+def read(text, folder, settings=()):
     (folder / "w.toml").write_text(WALL + text)
-    return load_scenario(folder / "w.toml")
+    return load_scenario(folder / "w.toml", settings)
 
 
 def test_a_file_of_walls_alone_gets_defaults(tmp_path):
@@ -33,44 +35,96 @@ def test_a_file_that_is_no_text_is_a_world_error_that_names_it_once(tmp_path):
         load_scenario(tmp_path / "w.toml")
 
 
+ROOM = """
+[robot]
+start = [1, 2, 90]
+route = [[1, 5], [3, 5]]
+speed = 1.5
+scan_interval = 0.1
+radius = 0.2
+[laser]
+angle_min_deg = -90
+angle_max_deg = 180.0
+beams = 541
+range_min = 0.1
+range_max = 30
+height = 0.3
+scan_duration = 0.1
+[noise]
+sigma = [0.1, 0.2]
+constant = 0.02
+resolution = 0.01
+drop_outs = 0.1
+[mapper]
+mode = "paper"
+min_points = 5
+merge_distance = 0.3
+[film]
+view = "top"
+playback = 2
+[[obstacle]]
+route = [[5, 4], [9, 4]]
+speed = 1.5
+radius = 0.3
+"""
+
+
 def test_every_table_reaches_the_scenario_with_angles_in_radians(tmp_path):
-    scenario = read(
-        """
-        [robot]
-        start = [1, 2, 90]
-        route = [[1, 5], [3, 5]]
-        speed = 1.5
-        scan_interval = 0.1
-        radius = 0.2
-        [laser]
-        angle_min_deg = -90
-        angle_max_deg = 180.0
-        beams = 541
-        range_min = 0.1
-        range_max = 30
-        height = 0.3
-        [noise]
-        sigma = [0.1, 0.2]
-        [mapper]
-        mode = "paper"
-        min_points = 5
-        merge_distance = 0.3
-        [film]
-        view = "top"
-        playback = 2
-        """,
-        tmp_path,
-    )
+    scenario = read(ROOM, tmp_path)
     assert scenario.start == (1.0, 2.0, np.pi / 2)
-    assert scenario.route is not None
     assert scenario.route.tolist() == [[1, 2], [1, 5], [3, 5]]
     assert (scenario.speed, scenario.scan_interval, scenario.radius) == (1.5, 0.1, 0.2)
-    lrf = scenario.lrf
-    assert (lrf.angle_min, lrf.angle_max, lrf.beams) == (-np.pi / 2, np.pi, 541)
-    assert (lrf.range_min, lrf.range_max, lrf.height) == (0.1, 30.0, 0.3)
+    angles = {"angle_min": -np.pi / 2, "angle_max": np.pi, "beams": 541}
+    near = {"range_min": 0.1, "height": 0.3, "scan_duration": 0.1}
+    assert scenario.lrf == LaserRangeFinder(**angles, **near, range_max=30.0)
     assert scenario.sigmas == (0.1, 0.2)
+    assert scenario.noise == imperfect(0.1, constant=0.02, resolution=0.01, drop_outs=0.1)
     assert dict(scenario.mapper) == {"mode": "paper", "min_points": 5, "merge_distance": 0.3}
-    assert (scenario.view, scenario.playback) == ("top", 2.0)
+    assert (scenario.film.view, scenario.film.playback) == ("top", 2.0)
+    (obstacle,) = scenario.obstacles
+    assert np.hypot(*obstacle.outline.T).min() >= 0.3
+    assert obstacle.path.at(np.array([1.0]))[0] == pytest.approx([6.5, 4, 0])
+
+
+def test_settings_hold_instead_of_what_the_file_says(tmp_path):
+    settings = ["laser.range_max=12", "noise.resolution=0.0", "noise.sigma=[0.01, 0.02]"]
+    scenario = read(ROOM, tmp_path, settings)
+    assert scenario.lrf.range_max == 12.0 and scenario.lrf.beams == 541
+    assert scenario.noise == imperfect(0.01, constant=0.02, drop_outs=0.1)
+    assert scenario.sigmas == (0.01, 0.02)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("laser.range_mx=2", "did you mean 'range_max'"),
+        ("lasr.range_max=2", "did you mean 'laser'"),
+        ("noise.dropouts=0.1", "did you mean 'drop_outs'"),
+        ("range_max=2", "TABLE.KEY=VALUE"),
+        ("laser.range_max=far", "'far': expected a finite number, above 0"),
+        ("robot.route=[[1, 2], [3", "not a TOML value; expected one such as 20"),
+        ("laser.beams=5\nrange_max=1", "whole number"),
+        ("mapper.mode=papr", "expected one of paper, robust, found 'papr'"),
+        ("laser." + "a" * 1_000_000 + "=1", "known are"),
+        ("noise.drop_outs=2", "at most 1"),
+    ],
+)
+def test_an_invalid_setting_is_reported_with_what_is_expected(text, said):
+    with pytest.raises(InputError, match="setting") as error:
+        read_settings([text])
+    assert said in str(error.value) and "\n" not in str(error.value)
+    assert len(str(error.value)) < 1000
+
+
+def test_a_text_needs_no_quotes_and_a_number_no_leading_nought():
+    texts = ["mapper.mode=paper", "noise.sigma=.04", 'film.view="front door"', "robot.speed=2."]
+    assert read_settings(texts) == {
+        "mapper": {"mode": "paper"},
+        "noise": {"sigma": 0.04},
+        "film": {"view": "front door"},
+        "robot": {"speed": 2.0},
+    }
+    assert read_settings(["film.view=front door"])["film"]["view"] == "front door"
 
 
 def test_a_route_without_a_start_begins_at_its_first_way_point(tmp_path):
@@ -87,7 +141,7 @@ def test_a_route_without_a_start_begins_at_its_first_way_point(tmp_path):
             "[robot]\nroute = [[0, 1], [0, 5]]\nposes = [[0, 0, 0]]\n",
             "w.toml: robot.poses: stand next to a route",
         ),
-        ("[film]\nview = 'x'\n", "w.toml: film.view: view 'x': expected one of chase, first"),
+        ("[film]\nview = 'x'\n", "w.toml: film: view: there is no 'x'; known are chase, first"),
         ("[laser]\nrange_min = 3\nrange_max = 2\n", "w.toml: laser: range finder: range_min 3"),
         (
             "[laser]\nangle_min_deg = 90\nangle_max_deg = 0\n",

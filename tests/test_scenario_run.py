@@ -105,7 +105,7 @@ def test_changes_hold_for_one_run():
     assert "merge_length=0.3" in repr(
         city.simulation(drive=drive, mapper={"merge_length": 0.3}).mapper
     )
-    with pytest.raises(lrf3d.InputError, match="no sped; did you mean speed"):
+    with pytest.raises(lrf3d.InputError, match="no 'sped'; did you mean 'speed'"):
         city.run(sped=2.0)
     with pytest.raises(lrf3d.InputError, match="expected one of embree, planar"):
         city.run(drive=drive, caster="radar")

@@ -114,9 +114,9 @@ def test_the_numbers_of_objects_cannot_be_changed(run):
 
 
 def test_a_seed_is_called_rng_and_a_name_is_no_world():
-    with pytest.raises(InputError, match="there is no seed; did you mean rng"):
+    with pytest.raises(InputError, match="there is no 'seed'; did you mean 'rng'"):
         lrf3d.load_scenario("paper_room").run(seed=1)
-    with pytest.raises(InputError, match="there is no seed; did you mean rng"):
+    with pytest.raises(InputError, match="there is no 'seed'; did you mean 'rng'"):
         simulate(ROOM, POSES, seed=1)
     with pytest.raises(InputError, match="simulate: 'corridor': expected a World or a Scenario"):
         simulate("corridor")

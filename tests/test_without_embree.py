@@ -10,8 +10,7 @@ from test_without_gl import NO_GL
 
 import lrf3d
 from lrf3d.scene import light
-from lrf3d.scene.stage import stage_of
-from lrf3d.view.shown import Played, Wanted
+from lrf3d.view.shown import Shown, Wanted
 
 BLOCKED = """
 import sys
@@ -26,13 +25,12 @@ sys.meta_path.insert(0, Blocker())
 
 PICTURES = """
 import numpy as np, lrf3d
-from lrf3d.scene.stage import stage_of
-from lrf3d.view.shown import Played, Wanted
+from lrf3d.view.shown import Shown, Wanted
 
 run = lrf3d.load_scenario("corridor").run(rng=0, scan_interval=2.0)
 np.save("chase.npy", run.frame(10.0, size=(96, 54), view="chase"))
 np.save("top.npy", run.frame(10.0, size=(96, 54), view="top"))
-message = Played(run, stage_of(run), 1.0).answer(Wanted(time=10.0), 0.0)
+message = Shown.played(run, 1.0).answer(Wanted(time=10.0), 0.0)
 np.save("page.npy", np.frombuffer(message, np.uint8))
 """
 
@@ -63,7 +61,7 @@ def test_pictures_without_opengl_too_are_those_of_embree_in_open_light(tmp_path,
         # Rays along a face, as those from above on a wall, may see its neighbour: the limits are
         # those between OpenGL and Embree.
         assert apart.mean() < 1.0 and (apart > 48).mean() < 0.005
-    message = Played(run, stage_of(run), 1.0).answer(Wanted(time=10.0), 0.0)
+    message = Shown.played(run, 1.0).answer(Wanted(time=10.0), 0.0)
     assert np.array_equal(np.load(tmp_path / "page.npy"), np.frombuffer(message, np.uint8))
 
 

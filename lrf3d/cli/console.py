@@ -26,22 +26,26 @@ class Report:
     Options:
         json: Print one JSON object and nothing else.
         quiet: Print no summary, notes and progress.
-        verbose: Print all figures, by their names in JSON.
+        verbose: Print all figures, too, as JSON.
     """
 
     title: ClassVar[str | None] = None
+    context: typer.Context
     json: bool = False
     quiet: Annotated[bool, typer.Option("--quiet", "-q")] = False
     verbose: Annotated[bool, typer.Option("--verbose", "-v")] = False
 
+    @property
+    def shows(self) -> bool:
+        """Whether results are printed as text."""
+        return not (self.json or self.quiet)
+
     def print(self, figures: Mapping[str, Any], rows: Rows) -> None:
-        """Print figures as JSON, or what most users ask as a table, and with ``-v`` all of them."""
-        if self.json:
-            print_json(figures)
-        elif not self.quiet:
+        """Print figures as JSON, or what most users ask as a table, and with ``-v`` both."""
+        if self.shows:
             print_table(rows)
-            if self.verbose:
-                print_table(list(_by_name(figures)))
+        if self.json or (self.shows and self.verbose):
+            print_json(figures)
 
     def note(self, message: str) -> None:
         """Print on stderr what was chosen by default."""
@@ -125,16 +129,6 @@ def _rounded(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {name: _rounded(each) for name, each in value.items()}
     return [_rounded(each) for each in value] if isinstance(value, list | tuple) else value
-
-
-def _by_name(figures: Mapping[str, Any], place: str = "") -> Iterator[tuple[str, str]]:
-    """All figures by their names, those of nested ones with dots between."""
-    for name, value in figures.items():
-        if isinstance(value, Mapping):
-            yield from _by_name(value, f"{place}{name}.")
-        else:
-            plain = isinstance(value, str)
-            yield f"{place}{name}", value if plain else json.dumps(_rounded(value))
 
 
 def print_table(rows: Rows) -> None:

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import typer
-
 from lrf3d.cli.console import Report, Rows, json_text, print_json, print_table
 from lrf3d.errors import DrawingError, InputError, Lrf3dError
 from lrf3d.files import locked, make_folder, read_text, write_text
@@ -24,9 +22,6 @@ LARGEST_SUMMARY = 1 << 26
 
 _ENDING = re.compile(r"(?<=[^/.])\.[^/]*$")
 
-Drawing = Callable[[Path], object]
-"""Draws a picture or a film to a path."""
-
 
 @dataclass(frozen=True, slots=True)
 class ResultsFolder:
@@ -40,7 +35,7 @@ class ResultsFolder:
         self,
         summary: Mapping[str, Any],
         files: Mapping[str, str],
-        drawings: Mapping[str, tuple[str, Drawing]],
+        drawings: Mapping[str, tuple[str, Callable[[Path], object]]],
         *,
         rows: Rows,
         following: str = "",
@@ -54,7 +49,7 @@ class ResultsFolder:
         made = {**files, "summary": "summary.json"}
         figures = {**summary, "made_by": self.made_by, "files": made}
         write_text(self.path / "summary.json", json_text(figures))
-        if not self.report.json:
+        if self.report.shows:
             self.report.print(summary, rows)
         try:
             with noting(lambda: kept):
@@ -69,13 +64,12 @@ class ResultsFolder:
             write_text(self.path / "summary.json", json_text(figures))
             if self.report.json:
                 print_json(figures)
-        if not (self.report.json or self.report.quiet):
+        if self.report.shows:
             written = [("files", f"{self.path}: {', '.join(made.values())}")]
             print_table([*written, ("next", following)] if following else written)
 
 
 def results_folder(
-    context: typer.Context,
     report: Report,
     sources: Sequence[str | Path],
     name: str,
@@ -87,7 +81,7 @@ def results_folder(
 
     Unless other commands may write there meanwhile, it is locked until the command ends.
     """
-    folder = Path("out") / folder_name(name) if out is None else out
+    folder = make_folder(Path("out") / folder_name(name) if out is None else out)
     # Paths are relative to the folder, so that a project can be moved.
     named = [
         str(source)
@@ -95,15 +89,14 @@ def results_folder(
         else os.path.relpath(os.path.realpath(source), os.path.realpath(folder))
         for source in sources
     ]
-    made_by = {"command": context.info_name, "sources": named}
-    make_folder(folder)
-    if alone:
-        context.with_resource(locked(folder / "results", folder))
+    made_by = {"command": report.context.info_name, "sources": named}
     summary = folder / "summary.json"
-    if alone and not summary.exists():
-        # What is written before a command is stopped has its origin, too.
-        write_text(summary, json_text({"made_by": made_by}))
-    elif out is None and summary.exists():
+    if alone:
+        report.context.with_resource(locked(folder / "results", folder))
+        if not summary.exists():
+            # What is written before a command is stopped has its origin, too.
+            write_text(summary, json_text({"made_by": made_by}))
+    if out is None and summary.exists():
         try:
             found = json.loads(read_text(summary, largest=LARGEST_SUMMARY))["made_by"]["sources"]
             others = [str(source) for source in found]

@@ -21,7 +21,6 @@ LogArgument = Annotated[Path, typer.Argument(metavar="LOG")]
 
 
 def map_(
-    context: typer.Context,
     log: LogArgument,
     report: Report,
     out: options.Out = None,
@@ -77,13 +76,10 @@ def map_(
         share = f"{100.0 * score.explained:.1f} % of the {score.returns:,} returns of the odd scans"
         rows.append(("explains", f"{share}, which it was not built from"))
     rows.append(("time", f"{milliseconds():.2f} ms a scan"))
-    _finish(
-        context, report, log, out, run, range(len(run)), summary, rows, "run {}/map.geojson", {}
-    )
+    _finish(report, log, out, run, range(len(run)), summary, rows, "run {}/map.geojson", {})
 
 
 def slam(
-    context: typer.Context,
     log: LogArgument,
     report: Report,
     out: options.Out = None,
@@ -127,7 +123,7 @@ def slam(
     run, times = solved.run, drive.odometry.times
     summary = {**solved.summary(), "score": score, "milliseconds_a_scan": milliseconds()}
     _finish(
-        context, report, log, out, run, solved.slam.key_scans.tolist(),
+        report, log, out, run, solved.slam.key_scans.tolist(),
         summary, _slam_rows(solved, summary), "view {}",
         {
             "run.npz": lambda path: save_run(run, path),
@@ -148,7 +144,6 @@ def _timed(progress: Progress) -> tuple[Progress, Callable[[], float]]:
 
 
 def _finish(
-    context: typer.Context,
     report: Report,
     path: Path,
     out: Path | None,
@@ -177,7 +172,7 @@ def _finish(
             poses=run.trajectory.poses, estimate=run.estimate, title=run.world.name,
         )  # fmt: skip
 
-    output = results_folder(context, report, [path], run.world.name, out)
+    output = results_folder(report, [path], run.world.name, out)
     save_map(run.map, output.path / "map.geojson", free=free_cells([scans[k] for k in distinct]))
     for name, save in files.items():
         save(output.path / name)

@@ -5,13 +5,12 @@ a user's own code keep their traceback.
 """
 
 import sys
-from difflib import get_close_matches
 from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from lrf3d.errors import InputError
+from lrf3d.errors import InputError, check_names
 
 FORMS = {
     "mapper": ("update", "a method update(scan)"),
@@ -48,10 +47,7 @@ def load_plugin(kind: str, name: str) -> Any:
     if is_file and Path(module.__file__ or "").resolve() != file.resolve():
         raise InputError(f"--{kind} {name}: another module is called {plain}; rename the file")
     for part in path.split("."):
-        if not hasattr(found, part):
-            near = get_close_matches(part, dir(found), n=1)
-            hint = f"; did you mean {near[0]}?" if near else ""
-            raise InputError(f"--{kind} {name}: {module_name} has no {part!r}{hint}")
+        check_names(f"--{kind} {name}", [part], dir(found))
         found = getattr(found, part)
     method, form = FORMS[kind]
     if not (callable(found) if method == "__call__" else hasattr(found, method)):

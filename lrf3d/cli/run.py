@@ -12,8 +12,8 @@ import typer
 
 from lrf3d.cli import options
 from lrf3d.cli.console import Report
-from lrf3d.cli.film import Film
 from lrf3d.cli.options import Drive
+from lrf3d.cli.runs import Film
 from lrf3d.errors import InputError
 
 if TYPE_CHECKING:
@@ -43,7 +43,6 @@ class Own:
 
 
 def run(
-    context: typer.Context,
     world: options.WorldArgument,
     drive: Drive,
     own: Own,
@@ -84,7 +83,8 @@ def run(
     from lrf3d.cli.plugins import load_plugin, made
     from lrf3d.world.cameras import check_view
 
-    check_view(scenario.view if film.view is None else film.view, scenario.world.cameras)
+    view = scenario.film.view if film.view is None else film.view
+    check_view(view, scenario.world.cameras)
     named = {kind: name for kind, name in vars(own).items() if name is not None}
     plugins: dict[str, Any] = {kind: load_plugin(kind, name) for kind, name in named.items()}
     named.pop("noise", None)
@@ -101,7 +101,7 @@ def run(
         settings["drive"] = scenario.trajectory(scans=scans, on_collision=drive.on_collision)
     else:
         plugins["drive"] = plugins.pop("controller")
-    output = results_folder(context, report, [world], scenario.name, out)
+    output = results_folder(report, [world], scenario.name, out)
 
     from lrf3d.interrupts import noting
     from lrf3d.io import record

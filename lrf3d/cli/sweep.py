@@ -10,7 +10,6 @@ from lrf3d.cli.console import Report
 
 
 def sweep(
-    context: typer.Context,
     report: Report,
     worlds: Annotated[list[str], typer.Argument(metavar="WORLD…")],
     sigma: Annotated[str | None, typer.Option(metavar="S,S,…")] = None,
@@ -32,8 +31,6 @@ def sweep(
     Each result is saved as it comes; --resume continues a sweep that was stopped, with the same
     results. Writes runs.csv, summary.json, means.csv, means.tex and a figure for each world and
     setting.
-
-    Example: lrf3d sweep corridor --mapper robust,paper,mine.py:Mine --sigma 0.02,0.05
 
     Options:
         worlds: Built-in worlds or world files.
@@ -59,9 +56,8 @@ def sweep(
     from lrf3d.cli.folder import results_folder
     from lrf3d.cli.plugins import load_plugin
     from lrf3d.sweeping import plan as plans
-    from lrf3d.sweeping.drawing import figures_of
     from lrf3d.sweeping.running import executor_of, known_rows, run_plan
-    from lrf3d.sweeping.table import SweepTable
+    from lrf3d.sweeping.table import SweepTable, figures_of
 
     axes: dict[str, Any] = {plans.SIGMA: plans.SIGMAS}
     for key, flag, text in ((plans.SIGMA, "sigma", sigma), (plans.BEAMS, "beams", beams)):
@@ -86,7 +82,7 @@ def sweep(
         warn=warn,
     )
     name = f"{plan.worlds[0]}_sweep"
-    output = results_folder(context, report, worlds, name, out, alone=job is None)
+    output = results_folder(report, worlds, name, out, alone=job is None)
     if merge:
         rows = known_rows(plan, output.path)
         result = SweepTable(plan, [rows[run.key] for run in plan.runs if run.key in rows])
@@ -105,7 +101,7 @@ def sweep(
     result.runs_to_csv(output.path / files["runs"])
     result.to_csv(output.path / files["means"])
     result.to_latex(output.path / files["means in LaTeX"])
-    if not (report.json or report.quiet):
+    if report.shows:
         print_text(f"{result}\n\n")
     output.finish(
         result.summary(),

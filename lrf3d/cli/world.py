@@ -66,9 +66,9 @@ def convert(
         trees: Make walls of the trunks of trees in a .osm file, too.
     """
     from lrf3d.world import load_world, save_world
-    from lrf3d.world.files import PICTURES
+    from lrf3d.world.files import is_picture
 
-    bare = Path(source).suffix.lower() in PICTURES
+    bare = is_picture(source)
     read = load_world(source, trees=trees, resolution=resolution if bare else None).scaled(scale)
     cells = target.suffix.lower() == ".yaml"
     save_world(read, target, resolution=None if bare and not cells else resolution)

@@ -20,7 +20,7 @@ TRIANGLES, LINES = 4, 1
 
 _KINDS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 _COMPONENTS = {"float32": 5126, "uint8": 5121, "uint16": 5123, "uint32": 5125}
-_REPEAT, _CLAMP, _LINEAR, _MIPMAPS = 10497, 33071, 9729, 9987
+_REPEAT, _CLAMP, _NEAREST, _LINEAR, _MIPMAPS = 10497, 33071, 9728, 9729, 9987
 
 _UNLIT = "KHR_materials_unlit"
 
@@ -90,12 +90,15 @@ class Document:
             doubleSided=True,
         )
 
-    def texture(self, name: str, picture: Image.Image, kind: str, *, repeat: bool = False) -> int:
-        """Add a picture as a ``PNG`` or ``JPEG`` and give the number of its texture."""
+    def texture(self, name: str, picture: Image.Image, kind: str, *, tiles: bool = False) -> int:
+        """Add a picture as a ``PNG`` or ``JPEG`` and give the number of its texture.
+
+        One that tiles has sharp edges from near, as the film's windows have.
+        """
         file = io.BytesIO()
         picture.save(file, kind, quality=88, optimize=True)
-        wrap = _REPEAT if repeat else _CLAMP
-        filters = {"magFilter": _LINEAR, "minFilter": _MIPMAPS}
+        wrap = _REPEAT if tiles else _CLAMP
+        filters = {"magFilter": _NEAREST if tiles else _LINEAR, "minFilter": _MIPMAPS}
         sampler = self.add("samplers", **filters, wrapS=wrap, wrapT=wrap)
         view, mime = self._view(file.getvalue()), f"image/{kind.lower()}"
         source = self.add("images", name=name, mimeType=mime, bufferView=view)
@@ -136,16 +139,12 @@ class Document:
         indices = self.array(numbers.astype(small), INDICES)
         return {"attributes": attributes, "indices": indices, "material": material, "mode": mode}
 
-    def mesh(self, name: str, *parts: Mapping[str, Any]) -> int:
-        """Add a mesh and give its number."""
-        return self.add("meshes", name=name, primitives=parts)
-
     def node(
         self, name: str, parent: int | None = None, *parts: Mapping[str, Any], **properties: Any
     ) -> int:
         """Add a node, with a mesh of parts if there are any, and give its number."""
         if parts:
-            properties["mesh"] = self.mesh(name, *parts)
+            properties["mesh"] = self.add("meshes", name=name, primitives=parts)
         number = self.add("nodes", name=name, **properties)
         if parent is not None:
             self._parts["nodes"][parent].setdefault("children", []).append(number)

@@ -5,6 +5,7 @@ snapshot of the map is a node of its own, which has its size while it is to be s
 otherwise, and each straight piece of the trail is one that grows while it is driven.
 """
 
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -17,41 +18,32 @@ from lrf3d.gltf.stage import add_body, add_stage
 from lrf3d.render.packing import lit
 from lrf3d.run import Run
 from lrf3d.scene import look
-from lrf3d.scene.camera import Look
+from lrf3d.scene.camera import Look, SmoothPath
 from lrf3d.scene.estimate import DrawnEstimate, outlines
+from lrf3d.scene.following import behind
 from lrf3d.scene.moments import Scene
-from lrf3d.scene.shapes import Lines, Points, Soft
+from lrf3d.scene.shapes import Lines, Points, Seen
 from lrf3d.scene.timeline import DriveKeys, Timeline, drive_keys, obstacle_keys, scan_times
 
 _ABOVE = Look(np.array([0.0, 0.0, 1.0]), np.zeros(3), field=1e-6, up=(0.0, 1.0, 0.0))
 """A look that nothing is made larger for, to be seen from far away."""
 
-_SIZE = (1280, 720)
-"""The size of its picture [pixels]."""
-
 _OFF_WALL = 0.02
 """How far hits lie before their walls [m], so that both never share a pixel."""
 
-_EYE, _TARGET = np.array([-4.2, 0.0, 2.2]), np.array([2.0, 0.0, 0.4])
-"""Where the camera that the robot carries stands among houses, and where it looks [m]."""
+_AHEAD = np.array([2.0, 0.0, 0.0])
+"""How far ahead of the robot its camera looks [m]."""
 
-_EYE_INDOOR, _TARGET_INDOOR = np.array([-3.4, 0.0, 4.2]), np.array([0.8, 0.0, 0.3])
-"""The same in rooms, over the top of the walls."""
-
-_FIELD = float(np.radians(50.0))
-"""Its angle of view from the bottom to the top [rad]."""
-
-_TRAIL_WIDTH, _ESTIMATE_WIDTH, _LIFT = 0.045, 0.05, 0.005
-"""Widths of the trail, and of the estimated one and its ellipses [m]; and how far the estimated
-trail lies over the true one, and its ellipses over that [m]."""
+_TRAIL_WIDTH, _LIFT = 0.045, 0.005
+"""Width of trails [m], and how far the estimated one lies over the true one, and its ellipses over
+that [m]."""
 
 _PIECE_ERROR, _SHORTEST = 0.03, 1e-3
 """How far a straight piece of the trail may be off [m], in place and along the path; shorter ones
 are left out: a robot that turns on the spot."""
 
-_RIM, _LEAST = 0.08, 1e-3
-"""Width of the rim of the ellipse of now, as a share of its half axes; and the least half axis [m]:
-a node without a size has no axes."""
+_LEAST = 1e-3
+"""The least half axis of an ellipse [m]: a node without a size has no axes."""
 
 
 def run_glb(run: Run, *, every: int = 1) -> bytes:
@@ -65,31 +57,38 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
     # A scene plays as fast as the robot drove.
     scene = Scene(Timeline(run, playback=1.0))
     timeline = scene.timeline
-    bodies = scene.seen(timeline.moment(timeline.start), _ABOVE, _SIZE, ()).bodies
     about = {"origin": scene.origin.tolist(), "world": run.world.name}
     document = Document(run.world.name or "world", about, timeline.end - timeline.start)
     add_stage(document, scene.stage)
     keys = drive_keys(timeline)
     paths = [keys, *(obstacle_keys(each, timeline) for each in run.obstacles)]
-    for (name, body), path in zip(bodies, paths, strict=True):
-        node = add_body(document, name, body.faces)
+    bodies = _seen(scene, timeline.start).bodies
+    nodes = [add_body(document, name, body.faces) for name, body in bodies]
+    for node, path in zip(nodes, paths, strict=True):
         document.drive(node, *path)
-        if name == "robot":
-            _add_camera(document, node, scene)
+    _add_camera(document, nodes[0], scene)
     _add_scans(document, scene, every)
     _add_maps(document, scene)
     if run.knows_truth:
-        _add_trail(document, keys, "trail", look.TRAIL_COLOUR, _TRAIL_WIDTH, look.TRAIL_HEIGHT)
+        _add_trail(document, keys, "trail", look.TRAIL_COLOUR, look.TRAIL_HEIGHT)
     _add_estimate(document, timeline)
     return document.glb()
 
 
+def _seen(scene: Scene, time: float, *layers: str) -> Seen:
+    """Layers of the scene at a time [s], in their true sizes."""
+    return scene.seen(scene.timeline.moment(time), _ABOVE, (1280, 720), layers)
+
+
 def _add_camera(document: Document, robot: int, scene: Scene) -> None:
-    """A camera that the robot carries behind it."""
-    view = Look(_EYE, _TARGET, _FIELD)
-    if scene.structures.indoor:
-        over = [0.0, 0.0, float(scene.structures.heights.max(initial=0.0))]
-        view = Look(_EYE_INDOOR + over, _TARGET_INDOOR, _FIELD)
+    """The chase's camera, which the robot carries; in rooms it is over the top of the walls."""
+    structures = scene.structures
+    path = SmoothPath(np.zeros(1), np.zeros((1, 2)), np.zeros(1))
+    view = behind(path, structures).look(0.0)
+    over = structures.heights.max(initial=0.0) if structures.indoor else 0.0
+    eye = view.eye + np.array([0.0, 0.0, over])
+    # The film's picture is moved up instead, which glTF cannot.
+    view = replace(view, eye=eye, target=view.target + _AHEAD, up=(0.0, 0.0, 1.0))
     lens = {"yfov": view.field, "znear": 0.1, "zfar": 2000.0, "aspectRatio": 16 / 9}
     camera = document.add("cameras", type="perspective", perspective=lens, name="chase")
     document.node("chase camera", robot, camera=camera, matrix=view.pose.T.ravel().tolist())
@@ -97,33 +96,31 @@ def _add_camera(document: Document, robot: int, scene: Scene) -> None:
 
 def _add_scans(document: Document, scene: Scene, every: int) -> None:
     """The beams of each scan, seen while it is the nearest in time."""
-    timeline, times = scene.timeline, scene.run.trajectory.times
-    shown = np.column_stack(scan_times(timeline, every)) - timeline.start
+    times = scene.run.trajectory.times[::every]
+    shown = np.column_stack(scan_times(scene.timeline, every)) - scene.timeline.start
     material = document.material("beams", translucent=True)
     group = document.node("beams", document.root)
-    scans = range(0, len(times), every)
-    for scan, (begin, end) in zip(scans, shown.tolist(), strict=True):
-        moment = timeline.moment(times[scan])
-        seen = scene.seen(moment, _ABOVE, _SIZE, ("fan", "beams", "points"))
-        marks = dict(seen.marks)
-        glow, hits, beams = marks["fan"], marks["points"], marks["beams"]
-        assert isinstance(glow, Soft) and isinstance(hits, Points) and isinstance(beams, Lines)
+    for number, (time, (begin, end)) in enumerate(zip(times, shown.tolist(), strict=True)):
+        marks = dict(_seen(scene, time, "beams", "points").marks)
+        hits, beams = marks["points"], marks["beams"]
+        assert isinstance(hits, Points) and isinstance(beams, Lines)
+        tints = np.repeat(beams.colours[:, None], 2, axis=1)
+        tints = np.concatenate([tints, beams.opacities[..., None]], axis=2)
         ends = np.stack([beams.starts, beams.ends], axis=1)
-        faded = np.concatenate(
-            [np.repeat(beams.colours[:, None], 2, axis=1), beams.opacities[..., None]], axis=2
-        )
-        corners = np.concatenate([glow.corners, _triangles(hits, moment.pose[:2] - scene.origin)])
-        colours = np.concatenate([glow.colours, np.repeat(hits.colours[:, None], 3, axis=1)])
-        parts = [document.part(material, ends, faded, mode=LINES)]
-        if len(corners):
+        parts = [document.part(material, ends, tints, mode=LINES)]
+        if len(hits.places):
+            robot = scene.run.trajectory.poses[number * every, :2] - scene.origin
+            corners = _triangles(hits, robot)
+            colours = np.repeat(hits.colours[:, None], 3, axis=1)
             parts.append(document.part(material, corners, colours))
-        document.show(document.node(f"scan {scan}", group, *parts), begin, end)
+        node = document.node(f"scan {number * every}", group, *parts)
+        document.show(node, begin, end)
 
 
-def _triangles(hits: Points, place: Float) -> Float:
-    """Upright triangles (n, 3, 3) at hits, which look where their walls do, or at a place (2,)."""
+def _triangles(hits: Points, robot: Float) -> Float:
+    """Upright triangles (n, 3, 3) at hits, which look where their walls do, or at a robot (2,)."""
     loose = (hits.sides == 0.0).all(axis=1, keepdims=True)
-    side = np.where(loose, place - hits.places[:, :2], hits.sides)
+    side = np.where(loose, robot - hits.places[:, :2], hits.sides)
     side = side / np.maximum(np.hypot(side[:, 0], side[:, 1]), 1e-9)[:, None]
     turns = np.radians([90.0, 210.0, 330.0])
     along = hits.size * np.cos(turns)[None, :, None] * np.stack([-side[:, 1:], side[:, :1]], axis=2)
@@ -142,42 +139,32 @@ def _add_maps(document: Document, scene: Scene) -> None:
     for stage, (begin, end) in zip(run.maps, pairwise([*begins, timeline.end]), strict=True):
         if not len(stage):
             continue
-        seen = scene.seen(timeline.moment(begin), _ABOVE, _SIZE, ("map",))
-        bands = dict(seen.bodies)["map"].faces
+        bands = dict(_seen(scene, begin, "map").bodies)["map"].faces
         part = document.part(material, bands.corners, lit(bands))
         node = document.node(f"map of {len(stage)} segments", group, part)
         document.show(node, begin - timeline.start, end - timeline.start)
 
 
 def _add_trail(
-    document: Document,
-    keys: DriveKeys,
-    name: str,
-    colour: tuple[float, float, float],
-    width: float,
-    height: float,
+    document: Document, keys: DriveKeys, name: str, colour: tuple[float, ...], height: float
 ) -> None:
     """The path that was driven, as straight pieces on the ground that grow with the robot."""
-    half = 0.5 * width
-    strip = np.array([[0, -half, 0], [1, -half, 0], [1, half, 0], [0, half, 0]])[[0, 1, 2, 0, 2, 3]]
+    strip = np.array([[0, -0.5, 0], [1, -0.5, 0], [1, 0.5, 0], [0, 0.5, 0]])[[0, 1, 2, 0, 2, 3]]
     part = document.part(document.material(name), strip, np.tile(colour, (6, 1)))
-    mesh = document.mesh(name, part)
+    mesh = document.add("meshes", name=name, primitives=[part])
     group = document.node(name, document.root)
     pieces = keys.thinned(_PIECE_ERROR)
     for number in np.flatnonzero(pieces.driven):
         (begin, end), (start, stop) = (column[number : number + 2] for column in pieces)
         along = (stop - start)[:2]
-        if np.hypot(*along) < _SHORTEST:
+        length = np.hypot(*along)
+        if length < _SHORTEST:
             continue
-        node = document.node(
-            f"{name} from {begin:.1f} s",
-            group,
-            mesh=mesh,
-            translation=[*start[:2].tolist(), height],
-            rotation=turned(np.arctan2(along[1:], along[:1]))[0].tolist(),
-        )
+        place = {"translation": [*start[:2].tolist(), height]}
+        place["rotation"] = turned(np.arctan2(along[1:], along[:1]))[0].tolist()
+        node = document.node(f"{name} from {begin:.1f} s", group, mesh=mesh, **place)
         # Its width is there at once: a strip that widens as it grows would be a wedge.
-        grown = np.array([[0, 1, 1], [np.hypot(*along), 1, 1]])
+        grown = np.array([[0.0, _TRAIL_WIDTH, 1.0], [length, _TRAIL_WIDTH, 1.0]])
         document.animate(node, "scale", np.array([begin, end]), grown)
 
 
@@ -188,36 +175,29 @@ def _add_estimate(document: Document, timeline: Timeline) -> None:
         return
     keys, known = drawn.keys, drawn.keys.times[drawn.known]
     height = look.TRAIL_HEIGHT + _LIFT
-    _add_trail(document, keys, "estimate", look.ESTIMATE_COLOUR, _ESTIMATE_WIDTH, height)
+    _add_trail(document, keys, "estimate", look.ESTIMATE_COLOUR, height)
     if not len(known):
         return
     material = document.material("ellipses", translucent=True)
     group = document.node("ellipses", document.root)
     for outline, begin in zip(drawn.outlines(), known[drawn.kept], strict=True):
-        ring = _ring(document, outline, _ESTIMATE_WIDTH, look.ESTIMATE_FADED, material)
+        ring = _ring(document, outline, look.ESTIMATE_FADED, material)
         document.show(document.node(f"ellipse from {begin:.1f} s", group, ring), float(begin))
-    ring = _ring(document, outlines(np.zeros((1, 2)), np.eye(2)[None])[0], _RIM, 1.0, material)
+    circle = outlines(np.zeros((1, 2)), np.eye(2)[None])[0]
+    node = document.node("ellipse of now", document.root, _ring(document, circle, 1.0, material))
     sizes, axes = np.linalg.eigh(drawn.shapes)
     # The longer axis is that of x; half a turn makes the same ellipse.
     angles = np.unwrap(np.arctan2(axes[:, 1, 1], axes[:, 0, 1]), period=np.pi)
     scales = np.maximum(np.column_stack([sizes[:, ::-1], np.ones(len(sizes))]), _LEAST)
-    places = keys.poses * [1.0, 1.0, 0.0]
-    node = document.node("ellipse of now", document.root, ring)
-    document.animate(node, "translation", keys.times, places)
+    document.animate(node, "translation", keys.times, keys.poses * [1.0, 1.0, 0.0])
     document.animate(node, "rotation", known, turned(angles))
     document.animate(node, "scale", known, scales)
 
 
-def _ring(
-    document: Document, outline: Float, width: float, opacity: float, material: int
-) -> dict[str, Any]:
-    """A ribbon along a closed outline (c, 2) on the ground, in the estimate's colour."""
-    away = outline - outline.mean(axis=0)
-    # Both sides lie on the rays from the middle, on which the corners lie.
-    side = 0.5 * width * away / np.maximum(np.linalg.norm(away, axis=1), 1e-9)[:, None]
-    inner, outer = outline - side, outline + side
-    quads = [inner, outer, np.roll(outer, -1, axis=0), np.roll(inner, -1, axis=0)]
-    corners = np.stack(quads, axis=1)[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 2)
-    height = np.full(len(corners), look.TRAIL_HEIGHT + 2.0 * _LIFT)
-    colours = np.tile([*look.ESTIMATE_COLOUR, opacity], (len(corners), 1))
-    return document.part(material, np.column_stack([corners, height]), colours)
+def _ring(document: Document, outline: Float, opacity: float, material: int) -> dict[str, Any]:
+    """A closed outline (c, 2) on the ground, in the estimate's colour."""
+    level = np.full((len(outline), 1), look.TRAIL_HEIGHT + 2.0 * _LIFT)
+    corners = np.hstack([outline, level])
+    ends = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+    colours = np.tile([*look.ESTIMATE_COLOUR, opacity], (*ends.shape[:2], 1))
+    return document.part(material, ends, colours, mode=LINES)

@@ -25,9 +25,6 @@ _LARGEST = 2048
 _PALE = 0.86
 """How bright a bare wall is in textures: what is whiter, such as frames, still stands out."""
 
-_FINER = 2
-"""Pixels of a texture to both sides of a texel: players blur what they magnify, so only half."""
-
 
 def add_stage(document: Document, stage: Stage) -> None:
     """Add ground, walls and roofs."""
@@ -98,8 +95,8 @@ def _layer(document: Document, layer: int, picture: NDArray[np.uint8]) -> int:
     # That colour also dims what is painted, such as windows, which is brighter here for it.
     painted = texels[:, :, :3] * _PALE / CLAY
     seen = np.clip(np.round(painted + _PALE * texels[:, :, 3:]), 0.0, 255.0).astype(np.uint8)
-    finer = np.repeat(np.repeat(seen[::-1], _FINER, axis=0), _FINER, axis=1)
-    return document.texture(f"walls {layer}", Image.fromarray(finer), "PNG", repeat=True)
+    upright = Image.fromarray(np.ascontiguousarray(seen[::-1]))
+    return document.texture(f"walls {layer}", upright, "PNG", tiles=True)
 
 
 def add_body(document: Document, name: str, faces: Faces) -> int:

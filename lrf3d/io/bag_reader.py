@@ -19,19 +19,20 @@ The files, a .mcap, a .db3 or the folder of a bag with its metadata, are read by
 """
 
 import math
+from array import array
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
 
 from lrf3d.errors import InputError, MissingLibraryError, missing_extra, one_line
 from lrf3d.files import check_ordinary
 from lrf3d.geometry import LARGEST_COORDINATE, Float, Int
-from lrf3d.io.bag_frames import FrameTrack, chain, in_the_plane, placed
 from lrf3d.io.laser_log import MOST_READINGS, NAMED, BadLine, LaserLog, log_name
 from lrf3d.laser import LaserScan, Stamp
 from lrf3d.pose import Pose
@@ -159,6 +160,83 @@ def _scan_topic(path: Path, topics: list[str], wanted: str | None) -> str:
     return wanted
 
 
+class _Track:
+    """The stamped poses of a frame in another one, packed: a bag holds millions of transforms."""
+
+    def __init__(self, *, is_static: bool = False) -> None:
+        self._stamps, self._rows, self._is_static = array("q"), array("d"), is_static
+
+    def add(self, stamp: int, row: Iterable[float]) -> None:
+        """Add x, y, z [m] and a quaternion x, y, z, w at a stamp [ns], in any order."""
+        self._stamps.append(stamp)
+        self._rows.extend(row)
+
+    @property
+    def moves(self) -> bool:
+        """Whether its pose ever changes; fixed joints may be published repeatedly."""
+        _, places, rotations = self._sorted()
+        matrices = _matrices(places, rotations)
+        return not (self._is_static or (matrices == matrices[0]).all())
+
+    def at(self, times: Int) -> Float:
+        """Its poses (n, 4, 4) at times (n,) [ns], interpolated linearly between two stamps.
+
+        They are unknown before the first stamp and after the last; those of a static frame never
+        change.
+        """
+        stamps, places, rotations = self._sorted()
+        first, last = stamps[[0, -1]]
+        if self._is_static or len(stamps) == 1:
+            matrices = np.tile(_matrices(places[:1], rotations[:1]), (len(times), 1, 1))
+        else:
+            # Seconds from the first stamp: float64 has no room for nanoseconds since 1970.
+            own, asked = 1e-9 * (stamps - first), 1e-9 * (np.clip(times, first, last) - first)
+            between = np.column_stack([np.interp(asked, own, column) for column in places.T])
+            matrices = _matrices(between, Slerp(own, rotations)(asked))
+        if not self._is_static:
+            matrices[(times < first) | (times > last)] = np.nan
+        return matrices
+
+    def _sorted(self) -> tuple[Int, Float, Rotation]:
+        """Ascending stamps, places and rotations; the later row of the same stamp counts."""
+        rows = np.array(self._rows).reshape(-1, 7)[::-1]
+        stamps, kept = np.unique(np.array(self._stamps)[::-1], return_index=True)
+        return stamps, rows[kept, :3], Rotation.from_quat(rows[kept, 3:])
+
+
+_Edges = Mapping[str, tuple[str, _Track]]
+"""The parent of each frame, and the frame's track in it."""
+
+
+def _chain(edges: _Edges, frame: str) -> list[str]:
+    """The frame and its ancestors, up to the root."""
+    frames = [frame]
+    while frame in edges and edges[frame][0] not in frames:
+        frame = edges[frame][0]
+        frames.append(frame)
+    return frames
+
+
+def _along(edges: _Edges, frame: str, above: str, times: Int) -> Float:
+    """Poses (n, 4, 4) of the frame in one of its ancestors at times (n,) [ns]."""
+    result, frames = np.tile(np.eye(4), (len(times), 1, 1)), _chain(edges, frame)
+    for child in frames[: frames.index(above)]:
+        result = edges[child][1].at(times) @ result
+    return result
+
+
+def _in_the_plane(matrices: Float) -> Float:
+    """Poses (n, 3) x, y, theta in the plane of frames (n, 4, 4)."""
+    theta = np.arctan2(matrices[:, 1, 0], matrices[:, 0, 0])
+    return np.column_stack([matrices[:, :2, 3], theta])
+
+
+def _matrices(places: Float, rotations: Rotation) -> Float:
+    matrices = np.tile(np.eye(4), (len(places), 1, 1))
+    matrices[:, :3, :3], matrices[:, :3, 3] = rotations.as_matrix(), places
+    return matrices
+
+
 @dataclass(slots=True)
 class _Contents:
     """What a bag holds: scans, the poses of each topic and their frames, and transforms."""
@@ -166,9 +244,9 @@ class _Contents:
     scans: list[LaserScan] = field(default_factory=list)
     stamps: list[int] = field(default_factory=list)
     frame: str = ""
-    tracks: dict[str, FrameTrack] = field(default_factory=lambda: defaultdict(FrameTrack))
+    tracks: dict[str, _Track] = field(default_factory=lambda: defaultdict(_Track))
     children: dict[str, str] = field(default_factory=dict)
-    edges: dict[str, tuple[str, FrameTrack]] = field(default_factory=dict)
+    edges: dict[str, tuple[str, _Track]] = field(default_factory=dict)
     bad: list[BadLine] = field(default_factory=list)
     bad_count: int = 0
     readings: int = 0
@@ -187,7 +265,7 @@ class _Contents:
             for each in message.transforms:
                 row = _row(each.transform.translation, each.transform.rotation)
                 child, above, stamp = each.child_frame_id, each.header.frame_id, _stamp(each)
-                track = FrameTrack(is_static=topic == STATIC_FRAMES)
+                track = _Track(is_static=topic == STATIC_FRAMES)
                 parent, track = self.edges.setdefault(_frame(child), (_frame(above), track))
                 # A frame has one parent; if programs publish different ones, the first counts.
                 if parent == _frame(above):
@@ -239,7 +317,7 @@ def _placed(path: Path, contents: _Contents, wanted: str) -> tuple[str, Float, F
     times: Int = np.array(contents.stamps, dtype=np.int64)
     truths = [topic for topic in sorted(tracks) if "ground_truth" in topic]
     drives = sorted(set(tracks) - set(truths), key=lambda topic: (topic != "/odom", topic))
-    frames = chain(edges, frame)
+    frames = _chain(edges, frame)
     moves = any(edges[child][1].moves for child in frames[:-1])
     sources = {"truth": truths[:1], "tf": frames[-1:] if moves else [], "odom": drives[:1]}
     if not drives and moves and DRIFTING in frames:
@@ -251,9 +329,9 @@ def _placed(path: Path, contents: _Contents, wanted: str) -> tuple[str, Float, F
         raise InputError(f"{path}: no poses from {wanted} in it; there are {', '.join(there)}")
     source = sources[there[0] if wanted == "auto" else wanted][0]
     base = contents.children.get(source, BASE)
-    mount = placed(edges, frame, base if base in frames else frame, times)
+    mount = _along(edges, frame, base if base in frames else frame, times)
     if source not in tracks:
-        return f"/tf, {frame} in {source}", placed(edges, frame, source, times), mount
+        return f"/tf, {frame} in {source}", _along(edges, frame, source, times), mount
     laser = tracks[source].at(times) @ mount
     if base not in frames:
         source += f", with the laser in the middle of {base} for want of a transform"
@@ -264,7 +342,7 @@ def _log(path: Path, contents: _Contents, wanted: str) -> LaserLog:
     """The scans with the poses of the wanted source."""
     source, laser, mounted = _placed(path, contents, wanted)
     # The cosine of the tilt is 1 for an upright laser and −1 for one upside down.
-    poses, upright, known = in_the_plane(laser), laser[:, 2, 2], np.isfinite(laser[:, 0, 0])
+    poses, upright, known = _in_the_plane(laser), laser[:, 2, 2], np.isfinite(laser[:, 0, 0])
     askew = np.abs(upright[known & ~(np.abs(upright) >= LEAST_UPRIGHT)])
     if len(askew):
         tilt = np.degrees(np.arccos(min(askew[0], 1.0)))
@@ -282,6 +360,6 @@ def _log(path: Path, contents: _Contents, wanted: str) -> LaserLog:
         scans.append(replace(scan, pose=Pose(*poses[number].tolist()), angles=angles))
     if not scans:
         raise InputError(f"{path}: no scan within the time of the poses from {source}")
-    mount = Pose(*in_the_plane(mounted[known][:1])[0].tolist())
+    mount = Pose(*_in_the_plane(mounted[known][:1])[0].tolist())
     bad = tuple(contents.bad)
     return LaserLog(log_name(path), scans, contents.bad_count, bad, source, mount=mount)

@@ -13,6 +13,12 @@ messages are read::
 
 Lines that cannot be read are skipped and reported. If a log holds each scan twice, as an old and as
 a new message, only the kind that comes first is read.
+
+A run is written as four messages for each scan: the true pose, the odometry (the same, unless the
+run knows what its wheels measured), the scan with its angles and range_max, and, if its fan is that
+of FLASER messages, the scan again for tools that read only those. Numbers have all their digits, so
+a log that is read back is the same bit for bit, as far as the format can express it. A beam without
+return is written as range_max, one below range_min as 0.
 """
 
 import gzip
@@ -21,13 +27,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from math import inf, isfinite, pi
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.files import opened
-from lrf3d.geometry import LARGEST_COORDINATE, Float, wrap_angle
+from lrf3d.files import opened, replacing
+from lrf3d.geometry import LARGEST_COORDINATE, Float, sealed, wrap_angle
 from lrf3d.io.laser_log import (
     LARGEST_RANGE,
     MOST_READINGS,
@@ -36,11 +42,14 @@ from lrf3d.io.laser_log import (
     LaserLog,
     WheelRecord,
     log_name,
+    without_no_returns,
 )
-from lrf3d.io.no_return import without_no_returns
 from lrf3d.laser import LaserScan
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
+
+if TYPE_CHECKING:
+    from lrf3d.run import Run
 
 FARTHEST_LASER = 10.0
 """How far a laser may stand from its robot's centre [m]: farther, the number is in other units."""
@@ -58,6 +67,12 @@ GZIP = b"\x1f\x8b"
 """First bytes of gzipped files, whatever their name is."""
 
 TRACKS = {b"ODOM": "odom", b"TRUEPOS": "truth"}
+
+HOST = "lrf3d"
+"""The host name in messages."""
+
+SAME = 1e-9
+"""Largest difference [rad] of angles that count as equal."""
 
 
 def load_carmen(
@@ -152,13 +167,14 @@ class _Reading:
         self._kind = b""
         self._places: list[int] = []
         self._stamped: dict[str, list[tuple[float, Pose]]] = {"odom": [], "truth": []}
-        self._fan: tuple[tuple[int, float, float], Float] = ((0, 0.0, 0.0), np.empty(0))
+        self._fan: tuple[tuple[float, ...], Float] = (), np.empty(0)
 
     def take(self, words: list[bytes]) -> None:
         """Read a message; a ValueError says why it cannot be read."""
         name = words[0] if words else b"#"
         if name in TRACKS:
-            _check_length(words, 10)
+            if len(words) != 10:
+                raise ValueError(f"{len(words)} words, expected 10")
             stamped = (_number(words[7], "time"), _pose(words[1:4]))
             self._stamped[TRACKS[name]].append(stamped)
         elif words[:2] == [b"PARAM", b"robot_frontlaser_offset"]:
@@ -168,7 +184,7 @@ class _Reading:
             self.offset = offset
         elif name in (b"FLASER", b"ROBOTLASER1"):
             if self._kind in (b"", name):
-                scan = self._front(words) if name == b"FLASER" else self._robot(words)
+                scan = self._scan(words)
                 self._kind = name
                 self.scans.append(scan)
                 self._places.append(len(self._stamped["odom"]) - 1)
@@ -176,42 +192,32 @@ class _Reading:
         elif not name.startswith(b"#") and not (name.isupper() and name[:1].isalpha()):
             raise ValueError("not a CARMEN message")
 
-    def _front(self, words: list[bytes]) -> LaserScan:
-        """The scan of a FLASER message, 180° wide."""
-        count = _count(words, 1)
-        _check_length(words, count + 11)
-        farthest = LARGEST_RANGE if self._largest_range is None else self._largest_range
-        return self._scan(words[2:], count, words[count + 8], front(count), farthest)
+    def _scan(self, words: list[bytes]) -> LaserScan:
+        """The scan of a FLASER message, 180° wide, or of a ROBOTLASER1 message, which has its fan.
 
-    def _robot(self, words: list[bytes]) -> LaserScan:
-        """The scan of a ROBOTLASER1 message, which holds its angles and its range."""
-        count = _count(words, 8)
-        tail = count + _count(words, count + 9, least=0) + 10
-        _check_length(words, tail + 14)
-        start, step, farthest = (_number(words[k]) for k in (2, 4, 5))
-        if not 0.0 < step * (count - 1) < 2.1 * pi:
-            raise ValueError(f"{count} beams {step} rad apart, expected at most a full turn")
-        if farthest > LARGEST_COORDINATE:
-            raise ValueError(f"a range of {farthest:g} m, expected at most 1e+09 m")
-        # A message without a range says 0; the user's limit holds where it is nearer.
-        known = farthest if farthest > 0.0 else None
-        limits = [limit for limit in (known, self._largest_range) if limit is not None]
-        said = words[9 : count + 9] + words[tail:]
-        return self._scan(
-            said, count, words[tail + 11], (start, step), min(limits, default=LARGEST_RANGE)
-        )
-
-    def _scan(
-        self,
-        said: list[bytes],
-        count: int,
-        time: bytes,
-        fan: tuple[float, float],
-        farthest: float,
-    ) -> LaserScan:
-        """The scan of some readings, which its pose follows."""
+        The pose follows the readings, in the newer message after the remissions.
+        """
+        is_front = words[0] == b"FLASER"
+        first = 2 if is_front else 9
+        count = _count(words, first - 1)
+        place = last = first + count
+        if not is_front:
+            place += 1 + _count(words, last, least=0)
+        time, length = (place + 6, place + 9) if is_front else (place + 11, place + 14)
+        if len(words) != length:
+            raise ValueError(f"{len(words)} words, expected {length}")
+        (start, step), range_max = front(count), 0.0
+        if not is_front:
+            start, step, range_max = (_number(words[k]) for k in (2, 4, 5))
+            if not 0.0 < step * (count - 1) < 2.1 * pi:
+                raise ValueError(f"{count} beams {step} rad apart, expected at most a full turn")
+            if range_max > LARGEST_COORDINATE:
+                raise ValueError(f"a range of {range_max:g} m, expected at most 1e+09 m")
+        # A message without a range holds 0; the user's limit holds where it is nearer.
+        limits = [limit for limit in (range_max, self._largest_range or 0.0) if limit > 0.0]
+        farthest = min(limits, default=LARGEST_RANGE)
         try:
-            ranges = np.array([float(word) for word in said[:count]])
+            ranges = np.array([float(word) for word in words[first:last]])
         except ValueError as error:
             word = str(error).rpartition(": ")[2].lstrip("b")
             raise ValueError(f"reading {word[:40]}, expected a number") from None
@@ -222,12 +228,9 @@ class _Reading:
         ranges[~(ranges < farthest)] = inf
         ranges[ranges == 0.0] = -inf
         # Successive scans share the array of their angles.
-        if self._fan[0] != (count, *fan):
-            angles = fan_angles(count, *fan)
-            angles.flags.writeable = False
-            self._fan = (count, *fan), angles
-        stamp = _number(time, "time")
-        pose = _pose(said[count : count + 3])
+        if self._fan[0] != (count, start, step):
+            self._fan = (count, start, step), sealed(fan_angles(count, start, step))
+        stamp, pose = _number(words[time], "time"), _pose(words[place : place + 3])
         return LaserScan(pose, self._fan[1], ranges, range_max=farthest, time=stamp)
 
     def tracks(self) -> dict[str, Trajectory]:
@@ -273,11 +276,6 @@ def _pose(words: list[bytes]) -> Pose:
     return Pose(x, y, float(wrap_angle(theta)))
 
 
-def _check_length(words: list[bytes], expected: int) -> None:
-    if len(words) != expected:
-        raise ValueError(f"{len(words)} words, expected {expected}")
-
-
 def _count(words: list[bytes], place: int, least: int = 2) -> int:
     word = b"".join(words[place : place + 1])
     if not word.isdigit() or len(word) > 7 or int(word) < least:
@@ -298,3 +296,50 @@ def _number(word: bytes, what: str = "a value") -> float:
 def _shown(word: bytes) -> str:
     """A word without spaces, for a message of one line."""
     return repr(word[:40].decode("ascii", "backslashreplace"))
+
+
+def write_carmen(run: "Run", path: Path) -> None:
+    """Write a run to a CARMEN log, completely or not at all."""
+    text = "\n".join(_messages(run)).encode("ascii") + b"\n"
+    with replacing(path) as unfinished:
+        # Without the time of day in it, the same run is the same file.
+        packed = path.suffix.lower() == ".gz"
+        unfinished.write_bytes(gzip.compress(text, mtime=0) if packed else text)
+
+
+def _messages(run: "Run") -> Iterator[str]:
+    yield "# CARMEN log of a run of lrf3d; x, y and ranges in metres, angles in radians"
+    yield "# TRUEPOS x y theta odom_x odom_y odom_theta time host logger_time"
+    yield "# ODOM x y theta v w acceleration time host logger_time"
+    yield "# ROBOTLASER1 type start fov step max_range accuracy mode n r1 ... rn m s1 ... sm"
+    yield "#   x y theta robot_x robot_y robot_theta v w safety safety turn time host logger_time"
+    speeds = run.trajectory.speeds.tolist()
+    wheels = run.odometry.tolist()
+    for scan, measured, (v, w) in zip(run.scans, wheels, speeds, strict=True):
+        pose, odometry = (" ".join(map(repr, each)) for each in (scan.pose, measured))
+        end = f"{scan.time!r} {HOST} {scan.time!r}"
+        yield f"TRUEPOS {pose} {odometry} {end}"
+        yield f"ODOM {odometry} {v!r} {w!r} 0.0 {end}"
+        ranges = _readings(scan)
+        start, stop, count = float(scan.angles[0]), float(scan.angles[-1]), len(scan.angles)
+        step = (stop - start) / (count - 1) if count > 1 else 0.0
+        yield (
+            f"ROBOTLASER1 0 {start!r} {stop - start!r} {step!r} {scan.range_max!r} 0.0 0"
+            f" {count} {ranges} 0 {pose} {pose} {v!r} {w!r} 0.0 0.0 0.0 {end}"
+        )
+        if _is_front(scan.angles):
+            yield f"FLASER {count} {ranges} {pose} {odometry} {end}"
+
+
+def _readings(scan: LaserScan) -> str:
+    """The ranges as readings of CARMEN."""
+    ranges = np.where(scan.ranges > scan.range_max, scan.range_max, scan.ranges)
+    return " ".join(map(repr, np.where(ranges < 0.0, 0.0, ranges).tolist()))
+
+
+def _is_front(angles: Float) -> bool:
+    """Whether a fan is that of FLASER messages with the same number of beams."""
+    if len(angles) < 2:
+        return False
+    expected = fan_angles(len(angles), *front(len(angles)))
+    return bool((np.abs(angles - expected) <= SAME).all())

@@ -1,6 +1,7 @@
 """LaserLog: the scans of a recorded drive, from any format."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -15,6 +16,20 @@ LARGEST_RANGE = 50.0
 """Least reading [m] that means no return: range finders of CARMEN's time then report about 81.9 m
 or 50 m, and none of them measures as far."""
 
+LEAST_READINGS, LEAST_SHARE = 50, 0.001
+"""Readings of the largest range, and their share of all readings, from which on it means no
+return."""
+
+BELOW, CROWDED = 0.5, 5.0
+"""It stands out if it is read more often, by the second, than all ranges down to this below it [m].
+A wall at the end of a corridor is read at many ranges."""
+
+BESIDE = 0.3
+"""Share of these readings beside another one: what is open is open to more than one beam, and a
+robot that stands still reads the corner of a room again and again."""
+
+EQUAL = 0.011
+"""Readings that differ by less are the same [m]: logs are written in centimetres."""
 
 NAMED = 5
 """Number of bad lines that are kept; the others are only counted."""
@@ -25,13 +40,7 @@ MOST_READINGS = 50_000_000
 
 @dataclass(frozen=True, slots=True)
 class BadLine:
-    """A line, or a message, that could not be read.
-
-    Args:
-        number: Its number in the file, from 1.
-        reason: Why it could not be read.
-        kind: ``line``, ``message`` or ``scan``.
-    """
+    """A line, a message or a scan that could not be read, by its kind and its number from 1."""
 
     number: int
     reason: str
@@ -121,3 +130,25 @@ def log_name(path: Path) -> str:
         return own_name(path, stem=path.resolve().name)
     name = path.name.removesuffix(".gz")
     return own_name(path, stem=name.rsplit(".", 1)[0] or name)
+
+
+def without_no_returns(scans: Sequence[LaserScan]) -> list[LaserScan]:
+    """The scans of a log whose readings of the largest range are +inf, if that means no return.
+
+    Range finders write their largest range, such as 4, 8, 30 or 80 m, for beams that met nothing;
+    a log does not name it. Taken for walls, such readings are an arc that moves with the robot.
+    """
+    finite = [scan.ranges[np.isfinite(scan.ranges)] for scan in scans]
+    largest = max((float(ranges.max()) for ranges in finite if len(ranges)), default=0.0)
+    near = np.concatenate([np.empty(0), *(r[r > largest - BELOW] for r in finite)])
+    most = int((near > largest - EQUAL).sum())
+    least = max(LEAST_READINGS, LEAST_SHARE * sum(map(len, finite)))
+    if most < least or most < CROWDED * (len(near) - most):
+        return list(scans)
+    without = [np.isfinite(scan.ranges) & (scan.ranges > largest - EQUAL) for scan in scans]
+    if sum(int((beams[1:] & beams[:-1]).sum()) for beams in without) < BESIDE * most:
+        return list(scans)
+    return [
+        replace(scan, ranges=np.where(beams, np.inf, scan.ranges))
+        for scan, beams in zip(scans, without, strict=True)
+    ]

@@ -121,7 +121,7 @@ def record(
 
 
 def fingerprint_of(simulation: Simulation) -> str:
-    """Digests and names of the parts of a simulation, as JSON: a run is resumed if they match."""
+    """Digests of the parts of a simulation, as JSON: a run is resumed if they match."""
     world, drive = simulation.world, simulation.drive
     path: list[Any]
     if isinstance(drive, Trajectory):
@@ -136,15 +136,12 @@ def fingerprint_of(simulation: Simulation) -> str:
         "drive": path,
         "dynamic obstacles": bodies,
         "seed": _rng_state(simulation.rng).decode(),
-    }
-    names = {
-        "scans": str(simulation.scans),
+        "scans": simulation.scans,
         "caster": type(simulation.sensor.caster).__name__,
         "noise": name_of(simulation.sensor.noise),
         "mapper": name_of(simulation.mapper),
     }
-    digests = {name: digest(part)[:16] for name, part in parts.items()}
-    return json.dumps(digests | names, sort_keys=True)
+    return json.dumps({name: digest(part)[:16] for name, part in parts.items()}, sort_keys=True)
 
 
 class Journal:

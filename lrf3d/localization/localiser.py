@@ -1,7 +1,8 @@
-"""Localiser: tracks the robot on a known map.
+"""Localiser: an extended Kalman filter that tracks the robot on a known map.
 
-Odometry increments and scans enter; poses with covariances leave. The pose that is stored in a scan
-is never used.
+Odometry increments and scans enter; poses with covariances leave. The prediction moves the pose by
+an increment; the correction uses pairs of lines, as in the localisation for which Teslić et al.
+build their map. The pose that is stored in a scan is never used.
 """
 
 from collections.abc import Iterable
@@ -11,13 +12,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError, expect, shown
-from lrf3d.frames import between
-from lrf3d.geometry import Float, Int, Value, generator, is_finite, wrap_angle
+from lrf3d.frames import between, compose, turned
+from lrf3d.geometry import Bool, Float, Int, Value, generator, is_finite, read_only, wrap_angle
 from lrf3d.laser import LaserScan, RangeNoise
-from lrf3d.localization.estimate import PoseEstimate
-from lrf3d.localization.lines import KnownLines, LocalLines
-from lrf3d.localization.pairing import STRATEGIES, Pairs, innovation, pair_lines
-from lrf3d.pose import as_poses
+from lrf3d.localization.pairing import (
+    GATE,
+    STRATEGIES,
+    Innovation,
+    KnownLines,
+    LocalLines,
+    innovation,
+    pair_lines,
+)
+from lrf3d.pose import Pose, as_pose, as_poses
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +78,91 @@ def odometry_increments(poses: ArrayLike) -> Float:
     """
     poses = as_poses(poses)
     return between(poses[:-1], poses[1:])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PoseEstimate(Value):
+    """An estimated pose, with the covariance (3, 3) of x, y [m] and theta [rad] in the world.
+
+    Raises:
+        InputError: The pose is invalid, or the covariance is not symmetric or has a negative
+            variance.
+
+    Examples:
+        >>> import lrf3d
+        >>> import numpy as np
+        >>> start = lrf3d.PoseEstimate(lrf3d.Pose(0, 0, 0), np.diag([0.01, 0.01, 0.001]))
+        >>> start.pose.x
+        0.0
+    """
+
+    pose: Pose
+    covariance: Float
+
+    def __post_init__(self) -> None:
+        covariance = read_only(self.covariance, "covariance")
+        if covariance.shape != (3, 3) or not np.isfinite(covariance).all():
+            raise InputError(f"covariance of shape {covariance.shape}: expected finite (3, 3)")
+        if not np.array_equal(covariance, covariance.T) or (np.diag(covariance) < 0.0).any():
+            raise InputError("covariance: expected a symmetric matrix with variances of at least 0")
+        object.__setattr__(self, "pose", as_pose(self.pose))
+        object.__setattr__(self, "covariance", covariance)
+
+    def moved(self, step: Float, noise: Float) -> "PoseEstimate":
+        """The estimate after an odometry increment (3,) whose noise has a covariance (3, 3)."""
+        pose = np.array(self.pose)
+        after = compose(pose, np.asarray(step))
+        dx, dy, _ = after - pose
+        by_pose = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])
+        covariance = by_pose @ self.covariance @ by_pose.T + turned(noise, pose[2])
+        # Rounding may leave an asymmetry or negative variances.
+        covariance = 0.5 * (covariance + covariance.T)
+        np.fill_diagonal(covariance, covariance.diagonal().clip(0.0))
+        return PoseEstimate(Pose(*after.tolist()), covariance)
+
+    def corrected(self, pairs: Innovation) -> "tuple[PoseEstimate, Bool]":
+        """The estimate after pairs of lines (k,), and which of them (k,) it uses.
+
+        The worst pair is left out as long as it lies beyond the gate of pairing from the estimate
+        by the prediction and all other pairs. So a wrong pair within the wide gate of the
+        prediction does not make right ones look wrong, and many consistent lines outweigh a poor
+        prediction. The innovations are those at this estimate's pose, in which they are linear.
+        """
+        count = len(pairs.faces)
+        gradient = np.zeros((count, 2, 3))
+        gradient[:, 0, 2], gradient[:, 1, :2] = -1.0, -pairs.normal
+        weighted = gradient.transpose(0, 2, 1) @ np.linalg.inv(pairs.noise)
+        information, vector = weighted @ gradient, weighted @ pairs.difference[:, :, None]
+        spread, axes = np.linalg.eigh(self.covariance)
+        root = axes * np.sqrt(spread.clip(0.0))
+        used = np.ones(count, np.bool_)
+        while True:
+            others = used & ~np.eye(count, dtype=np.bool_)
+            change, covariance = _fused(
+                root, np.tensordot(others, information, 1), np.tensordot(others, vector, 1)
+            )
+            residual = pairs.difference - (gradient @ change)[:, :, 0]
+            squares = pairs._replace(difference=residual).squared_distance(covariance)
+            squares[~used] = 0.0
+            if squares.max(initial=0.0) <= GATE:
+                break
+            used[squares.argmax()] = False
+        change, covariance = _fused(root, information[used].sum(axis=0), vector[used].sum(axis=0))
+        x, y, theta = (np.array(self.pose) + change[:, 0]).tolist()
+        return PoseEstimate(Pose(x, y, float(wrap_angle(theta))), covariance), used
+
+
+def _fused(root: Float, information: Float, vector: Float) -> tuple[Float, Float]:
+    """The change (…, 3, 1) of a pose by measurements, and its covariance (…, 3, 3) afterwards.
+
+    The measurements enter as their information matrix (…, 3, 3) and vector (…, 3, 1). With a root
+    of the prior covariance no matrix that may be singular is inverted, and the result stays
+    positive under rounding.
+    """
+    weights, axes = np.linalg.eigh(root.T @ information @ root)
+    half = root @ (axes / np.sqrt(1.0 + weights.clip(0.0))[..., None, :])
+    covariance = half @ np.swapaxes(half, -1, -2)
+    return covariance @ vector, 0.5 * (covariance + np.swapaxes(covariance, -1, -2))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -149,8 +241,8 @@ class Localiser:
         if strategy not in STRATEGIES:
             raise InputError(f"strategy {shown(strategy)}: expected one of {', '.join(STRATEGIES)}")
         self.known, self.estimate, self._strategy = known, start, strategy
-        self.pairs: Pairs | None = None
-        self.used = 0
+        self.used = self.comparisons = 0
+        self._seen: Int = np.empty(0, np.int64)
         self._step_covariance = noise.covariance
 
     def __repr__(self) -> str:
@@ -174,12 +266,13 @@ class Localiser:
         """
         expect(scan, LaserScan, "scan")
         local = LocalLines.from_scan(scan, self._range_noise)
-        pose, seen = self.estimate.pose, None if self.pairs is None else self.pairs.objects
-        self.pairs = pair_lines(
-            local, self.known, pose, self.estimate.covariance, strategy=self._strategy, seen=seen
-        )
-        difference = innovation(local, self.known, pose, self.pairs.local, self.pairs.known)
-        self.estimate, used = self.estimate.corrected(difference)
+        pose, covariance = self.estimate.pose, self.estimate.covariance
+        pairs = pair_lines(local, self.known, pose, covariance, self._seen)
+        self.comparisons = pairs.comparisons
+        if self._strategy == "seen-objects-first":
+            self._seen = pairs.objects
+        off = innovation(local, self.known, pose, pairs.local, pairs.known)
+        self.estimate, used = self.estimate.corrected(off)
         self.used = int(used.sum())
         return self.estimate
 
@@ -208,14 +301,11 @@ def localise(localiser: Localiser, scans: Iterable[LaserScan], steps: ArrayLike)
     steps = as_poses(np.reshape(steps, (-1, 3)) if np.size(steps) == 0 else steps)
     rows = []
     for count, scan in enumerate(scans):
-        if count > len(steps):
-            raise InputError(f"{len(steps)} steps of odometry for more scans than that")
         # The robot moves between scans, so the first one has no increment before it.
-        if count:
+        if 0 < count <= len(steps):
             localiser.move(steps[count - 1])
-        pose, covariance = localiser.see(scan).pose, localiser.estimate.covariance
-        comparisons = 0 if localiser.pairs is None else localiser.pairs.comparisons
-        rows.append((pose, covariance, localiser.used, comparisons))
+        now = localiser.see(scan)
+        rows.append((now.pose, now.covariance, localiser.used, localiser.comparisons))
     if len(rows) != len(steps) + 1:
         raise InputError(f"{len(steps)} steps of odometry for {len(rows)} scans")
     return Track(*map(np.array, zip(*rows, strict=True)))

@@ -4,28 +4,26 @@ A drive is followed with many seeds, each with its own start, range noise and od
 errors of the extended Kalman filter and its consistency leave.
 """
 
-from collections.abc import Callable, Iterator
-from concurrent.futures import wait
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from lrf3d.cores import core_count, process_pool
+from lrf3d.cores import core_count, process_pool, results
 from lrf3d.errors import InputError, shown
 from lrf3d.interrupts import check, stoppable
 from lrf3d.laser import ProportionalNoise, RangeNoise
-from lrf3d.localization.estimate import PoseEstimate
-from lrf3d.localization.lines import KnownLines
 from lrf3d.localization.localiser import (
     Localiser,
     OdometryNoise,
+    PoseEstimate,
     Track,
     localise,
     odometry_increments,
 )
-from lrf3d.localization.pairing import STRATEGIES
+from lrf3d.localization.pairing import STRATEGIES, KnownLines
 from lrf3d.pose import Pose
 from lrf3d.progress import Progress, silent
 from lrf3d.run import Run
@@ -35,9 +33,6 @@ MAPPED_RANGE = 10.0
 
 NEES_CONFIDENCE = 0.95
 """Share of the averages over seeds that lie within the bounds for a consistent filter."""
-
-FREEDOMS = 3
-"""Numbers in a pose."""
 
 
 @stoppable()
@@ -76,17 +71,20 @@ def score_localisation(
     odometry = OdometryNoise() if odometry is None else odometry
     follow = partial(follow_drive, bare, lines, sigma, odometry, strategy)
     tracks: list[Track] = []
-    for track in _in_order(follow, seeds, min(seeds, workers or core_count())):
-        tracks.append(track)
-        progress(len(tracks), seeds)
-        check()
+    workers = min(seeds, workers or core_count())
+    with process_pool(workers) if workers > 1 else nullcontext() as pool:
+        futures = [] if pool is None else [pool.submit(follow, seed) for seed in range(seeds)]
+        for track in results(futures) if futures else map(follow, range(seeds)):
+            tracks.append(track)
+            progress(len(tracks), seeds)
+            check()
     truth = run.trajectory.poses
     errors = np.array([track.errors(truth) for track in tracks])
     nees = np.array([track.nees(truth) for track in tracks])
     distance, averages = np.hypot(errors[..., 0], errors[..., 1]), nees.mean(axis=0)
-    # The interval of a consistent filter's NEES, averaged over the seeds.
+    # The interval of a consistent filter's NEES, of three numbers, averaged over the seeds.
     tail = 0.5 * (1.0 - NEES_CONFIDENCE)
-    low, high = (chi2(FREEDOMS * seeds).ppf([tail, 1.0 - tail]) / seeds).tolist()
+    low, high = (chi2(3 * seeds).ppf([tail, 1.0 - tail]) / seeds).tolist()
     return {
         "known": known,
         "lines": len(lines),
@@ -124,16 +122,3 @@ def follow_drive(
     steps = odometry(odometry_increments(poses), rng)
     scans = (noise(run.true_scan(index), rng) for index in range(len(run)))
     return localise(localiser, scans, steps)
-
-
-def _in_order(follow: Callable[[int], Track], seeds: int, workers: int) -> Iterator[Track]:
-    """The tracks of the seeds from 0 on, followed by some processes."""
-    if workers == 1:
-        yield from map(follow, range(seeds))
-        return
-    with process_pool(workers) as pool:
-        for future in [pool.submit(follow, seed) for seed in range(seeds)]:
-            # A signal does not end this wait, so it ends now and then by itself.
-            while not wait([future], 0.1).done:
-                check()
-            yield future.result()

@@ -4,14 +4,15 @@ Pictures go in one by one and are written at once, so that a film of any length 
 than a short one.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 import av
-import av.filter
+import numpy as np
+from PIL import Image
 
 from lrf3d.errors import InputError
 from lrf3d.scene.shapes import Pixels
@@ -19,12 +20,8 @@ from lrf3d.scene.shapes import Pixels
 _RATES = 1000
 """Frames a second are kept as a fraction of this denominator at most."""
 
-_PALETTE = "max_colors=256:stats_mode=full"
-"""All that a GIF can have: with half as many, small things such as the robot lose their colour."""
-
-_DITHER = "dither=bayer:bayer_scale=5:diff_mode=rectangle"
-"""The faintest pattern: stronger ones show on walls, and none leaves bands in the sky. Spreading
-errors from pixel to pixel would flicker."""
+_SAMPLED = 360
+"""Lines of an example from which on not all of its pixels choose the colours of a palette."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,13 +101,16 @@ def encode(
     """Write pictures (h, w, 3) as a film; examples of them choose the colours of a palette."""
     rate = Fraction(fps).limit_denominator(_RATES)
     unit = kind.unit or 1 / rate
-    frames = _timed(pictures, fps, unit)
-    if kind.palette:
-        frames = _coloured(frames, examples, unit)
+    palette = _palette(examples) if kind.palette else None
     with av.open(str(path), "w", format=path.suffix[1:], options=kind.file_options) as film:
         stream: Any = film.add_stream(kind.codec, rate, options=kind.codec_options)
         stream.codec_context.time_base = unit
-        for number, frame in enumerate(frames):
+        for number, picture in enumerate(pictures):
+            frame = _frame(picture, palette)
+            # Rounded from the start, so that it does not add up.
+            frame.pts = round(number / (fps * unit))
+            frame.duration = round((number + 1) / (fps * unit)) - frame.pts
+            frame.time_base = unit
             if number == 0:
                 stream.width, stream.height = frame.width, frame.height
                 stream.pix_fmt = kind.colours
@@ -118,65 +118,20 @@ def encode(
         film.mux(stream.encode(None))
 
 
-def _timed(pictures: Iterable[Pixels], fps: float, unit: Fraction) -> Iterator[Any]:
-    """Frames with the times when they begin and how long they are shown."""
-    for number, picture in enumerate(pictures):
-        frame = av.VideoFrame.from_ndarray(picture, format="rgb24")
-        # Rounded from the start, so that it does not add up.
-        frame.pts = round(number / (fps * unit))
-        frame.duration = round((number + 1) / (fps * unit)) - frame.pts
-        frame.time_base = unit
-        yield frame
+def _palette(examples: Sequence[Pixels]) -> Image.Image:
+    """The 256 colours that serve examples best; with one palette none changes between frames."""
+    step = -(-examples[0].shape[0] // _SAMPLED)
+    shown = Image.fromarray(np.concatenate([each[::step, ::step] for each in examples]))
+    return shown.quantize(256, method=Image.Quantize.FASTOCTREE)
 
 
-def _coloured(frames: Iterator[Any], examples: Sequence[Pixels], unit: Fraction) -> Iterator[Any]:
-    """Frames in the 256 colours that serve examples of them best.
-
-    With one palette for all no colour changes from frame to frame.
-    """
-    shown = list(_timed(examples, 1.0, unit))
-    _graph, (source,), sink = _filter("palettegen", _PALETTE, shown[:1])
-    for frame in shown:
-        source.push(frame)
-    source.push(None)
-    palette = sink.pull()
-    palette.pts, palette.time_base = 0, unit
-    _graph, (pictures, colours), sink = _filter("paletteuse", _DITHER, [shown[0], palette])
-    colours.push(palette)
-    colours.push(None)
-    for frame in frames:
-        pictures.push(frame)
-        yield from _ready(sink)
-    pictures.push(None)
-    yield from _ready(sink)
-
-
-def _filter(name: str, options: str, like: list[Any]) -> tuple[Any, list[Any], Any]:
-    """A filter with a source of frames like each of these, and the sink that it fills.
-
-    Its graph comes first: it has to live as long as they.
-    """
-    graph = av.filter.Graph()
-    chosen, sink = graph.add(name, options), graph.add("buffersink")
-    sources = []
-    for number, frame in enumerate(like):
-        source = graph.add_buffer(
-            width=frame.width,
-            height=frame.height,
-            format=frame.format.name,
-            time_base=frame.time_base,
-        )
-        source.link_to(chosen, 0, number)
-        sources.append(source)
-    chosen.link_to(sink)
-    graph.configure()
-    return graph, sources, sink
-
-
-def _ready(sink: Any) -> Iterator[Any]:
-    """Frames that are ready."""
-    while True:
-        try:
-            yield sink.pull()
-        except (av.BlockingIOError, av.EOFError):
-            return
+def _frame(picture: Pixels, palette: Image.Image | None) -> Any:
+    """A picture (h, w, 3) as a frame, in the colours of a palette if there is one."""
+    if palette is None:
+        return av.VideoFrame.from_ndarray(picture, format="rgb24")
+    # Spreading errors from pixel to pixel would flicker.
+    numbers = Image.fromarray(picture).quantize(palette=palette, dither=Image.Dither.NONE)
+    colours = np.full((256, 4), 255, np.uint8)
+    colours[:, 1:] = np.resize(palette.getpalette() or [0], (256, 3))
+    indexed: Any = np.asarray(numbers), colours
+    return av.VideoFrame.from_ndarray(indexed, format="pal8")

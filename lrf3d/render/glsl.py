@@ -12,11 +12,8 @@ _SHADERS = Path(__file__).parent / "shaders"
 
 _CONSTANTS: dict[str, Any] = {
     "BODY_LIGHT": look.BODY_LIGHT,
-    "CUT_ASIDE": look.CUT_ASIDE,
-    "CUT_BEFORE": look.CUT_BEFORE,
     "DASH": look.DASH,
     "GHOST": (*look.GHOST, look.GHOST_STRENGTH),
-    "LEFT_STANDING": look.LEFT_STANDING[0],
     "POINT_HALO": look.POINT_HALO,
     "POINT_HALO_STRENGTH": look.POINT_HALO_STRENGTH,
     "RIM": look.SHADOW_RIM,

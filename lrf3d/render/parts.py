@@ -3,8 +3,6 @@
 What is drawn from near to far is painted once: the farther pixels fail their depth test.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,13 +12,6 @@ from lrf3d.scene.shapes import Painted
 
 _LONGEST = 60.0
 """Side of a square [m] that a part is cut to: a block of a mile is not drawn for its corner."""
-
-
-class Chosen(NamedTuple):
-    """What to draw: indices of vertices, and how many of the first ones have a texture."""
-
-    indices: NDArray[np.uint32]
-    textured: int
 
 
 class Parts:
@@ -55,13 +46,13 @@ class Parts:
         gap = np.maximum(gap, 0.0)
         return parts[np.argsort(np.hypot(gap[:, 0], gap[:, 1]), kind="stable")]
 
-    def choose(self, parts: Int) -> Chosen:
-        """The quads of some parts, in their order."""
+    def choose(self, parts: Int) -> tuple[NDArray[np.uint32], int]:
+        """Vertices of parts in their order, and how many of the first ones have a texture."""
         runs = np.concatenate([parts, parts + self.count])
         sizes = self._sizes[runs]
         before = np.cumsum(sizes) - sizes
         chosen = np.repeat(self._starts[runs] - before, sizes) + np.arange(int(sizes.sum()))
-        return Chosen(self.quads[chosen].ravel(), 6 * int(self._sizes[parts].sum()))
+        return self.quads[chosen].ravel(), 6 * int(self._sizes[parts].sum())
 
 
 def _owners(faces: Painted) -> tuple[Int, int]:

@@ -17,7 +17,7 @@ from lrf3d.render.glsl import air
 from lrf3d.render.packing import lit
 from lrf3d.scene import look
 from lrf3d.scene.facades import layers
-from lrf3d.scene.shapes import Body, Cut, Lens, Lines, Mark, Pixels, Points, Seen, Soft, single
+from lrf3d.scene.shapes import Body, Lens, Lines, Mark, Pixels, Points, Seen, Soft, single
 from lrf3d.scene.stage import Stage
 
 _LIFTED = 0.02
@@ -41,12 +41,13 @@ class PlainRenderer:
         self._size = size
         self._scale = max(min(size) / 720.0, look.LEAST_SCALE)
         quads = stage.faces.rows()
-        self._corners = quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 16)
+        self._corners = single(quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 16))
+        self._cut = np.inf
         self._rays = TriangleRays(single(self._corners[..., :3]))
         indoor, ground = stage.structures.indoor, stage.ground
         sky = air(indoor=indoor)
         self._surfaces = Surfaces(
-            single(self._corners),
+            self._corners,
             *_texels(layers(indoor)),
             *_texels(_halved(ground.picture)),
             np.array([*ground.corner, *ground.size, *ground.land]),
@@ -60,19 +61,20 @@ class PlainRenderer:
         lens, ghost = seen.lens, seen.ghost
         ways = _ways(lens, self._size)
         fixed = np.array([*lens.eye, lens.focus, lens.thick])
-        surfaces, rays = self._surfaces, self._rays
-        if seen.cut is not None:
-            surfaces = surfaces._replace(corners=_sunk(self._corners, seen.cut))
-            rays = TriangleRays(single(surfaces.corners[..., :3]))
-        hits = rays.first(np.tile(single(lens.eye), (len(ways), 1)), ways)
+        if seen.cut != self._cut:
+            self._cut, corners = seen.cut, self._corners.copy()
+            corners[..., 2] = np.minimum(corners[..., 2], seen.cut)
+            self._surfaces = self._surfaces._replace(corners=corners)
+            self._rays = TriangleRays(single(corners[..., :3]))
+        hits = self._rays.first(np.tile(single(lens.eye), (len(ways), 1)), ways)
         none = np.full(len(ways), -1, np.int32)
-        colours, near = shade(ways, none if ghost else hits, fixed, surfaces)
+        colours, near = shade(ways, none if ghost else hits, fixed, self._surfaces)
         canvas = _Canvas(colours.reshape(height, width, 3), near.reshape(height, width))
         for _, body in seen.bodies:
             self._draw_body(canvas, lens, body)
         if ghost:
             # Walls that fade are laid over all that stands in them.
-            walls, depth = shade(ways, hits, fixed, surfaces)
+            walls, depth = shade(ways, hits, fixed, self._surfaces)
             walls += ghost * (np.array(look.GHOST, np.float32) - walls)
             shown = (hits >= 0) & (depth > near)
             colours[shown] += (1.0 - ghost * look.GHOST_STRENGTH) * (walls - colours)[shown]
@@ -155,17 +157,6 @@ class PlainRenderer:
         triangles = np.stack([corners[k] for k in (0, 1, 3, 0, 3, 2)], axis=1).reshape(-1, 3, 7)
         shown = np.repeat(depths.max(axis=0) > _NEAR, 2)
         fill_triangles(triangles[shown], lines.hidden, False, canvas.colours, canvas.near)
-
-
-def _sunk(corners: Single, cut: Cut) -> Single:
-    """Corners (t, 3, 16) of faces, lowered where they would hide the robot."""
-    off = corners[..., :2] - cut.robot
-    toward, low = off @ cut.toward, look.LEFT_STANDING[0]
-    aside = np.maximum(np.abs(off @ [-cut.toward[1], cut.toward[0]]) - look.CUT_ASIDE, 0.0)
-    high = np.clip(low + cut.slope * toward + aside, low, cut.top)
-    sunk = corners.copy()
-    sunk[..., 2] = np.where(toward > -look.CUT_BEFORE, np.minimum(sunk[..., 2], high), sunk[..., 2])
-    return sunk
 
 
 def _ways(lens: Lens, size: tuple[int, int]) -> Single:

@@ -5,7 +5,6 @@ cost ten times what the drawing does.
 """
 
 import ctypes
-from typing import Any
 
 import numpy as np
 
@@ -72,9 +71,7 @@ class Renderer:
         self._pavement.bind()
         self._paint("ground", self._ground, area=self._area)
         self._paint("faces", self._land, pose=np.eye(4))
-        if seen.sky_below > -1.0:
-            ray = np.linalg.inv(seen.lens.matrix)
-            self._paint("sky", self._sky, below=seen.sky_below, ray_from_corner=ray)
+        self._paint("sky", self._sky, ray_from_corner=np.linalg.inv(seen.lens.matrix))
         if seen.ghost > 0.0:
             # Houses become glass over what stands in them: near ones first, which hide others.
             self._draw_walls(seen)
@@ -155,13 +152,7 @@ class Renderer:
             self._chosen = parts
             indices, self._textured = self._parts.choose(parts)
             self._walls.choose(indices)
-        cut = seen.cut
         defined = ":FADED" * (seen.ghost > 0.0)
-        uniforms: dict[str, Any] = {
-            "ghost": float(seen.ghost),
-            "slope": (0.0, 0.0) if cut is None else (cut.slope, cut.top),
-            "cut": (0.0, 0.0, 0.0, 0.0) if cut is None else (*cut.robot, *cut.toward),
-        }
         self._painted.bind()
         # Those that cost more come last, so that fewer of them are drawn where others hide them.
         plain = self._textured, self._walls.count - self._textured
@@ -172,7 +163,8 @@ class Renderer:
                 blend=seen.ghost > 0.0,
                 cull=True,
                 span=span,
-                **uniforms,
+                ghost=float(seen.ghost),
+                cut=float(seen.cut),
             )
 
     def _draw_mark(self, name: str, mark: Mark, focus: float) -> None:

@@ -1,8 +1,8 @@
 """The figure of a sweep: scores over what is varied, with their confidence intervals."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -34,55 +34,43 @@ WIDE_RATIO = 8.0
 """Values whose ratio is larger have a logarithmic axis."""
 
 
-@dataclass(frozen=True, slots=True)
-class Curve:
-    """Means of one mapper, and of one choice of all else, over what is varied.
-
-    Args:
-        mapper: The mapper's label.
-        choice: What else was chosen, in words; empty where there is no choice.
-        x: The values that are varied, rising.
-        means: For each measure (x, 2) means and halves of the widths of their intervals; NaN where
-            there is none.
-    """
-
-    mapper: str
-    choice: str
-    x: tuple[float, ...]
-    means: dict[str, list[tuple[float, float]]]
-
-
 def draw_sweep(
-    curves: Sequence[Curve], path: str | Path | None = None, *, axis: str, titles: tuple[str, str]
+    means: Sequence[Mapping[str, Any]],
+    path: str | Path | None = None,
+    *,
+    column: str,
+    choices: Sequence[str] = (),
+    axis: str,
+    titles: tuple[str, str],
 ) -> Figure:
-    """Draw every measure over what is varied.
+    """Draw every measure over a column that is varied, a curve for each mapper and each choice.
 
-    Args:
-        curves: The curves.
-        path: Where to write the picture; nowhere if not given.
-        axis: What is varied, in words.
-        titles: The headline, and the smaller line below it.
-
-    Raises:
-        OutputError: The picture cannot be written.
+    The means are those of `SweepTable.means`; choices are columns whose values have curves of their
+    own. The axis is named in words; titles are the headline and the smaller line below it.
     """
+    curves: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
+    for mean in sorted(means, key=lambda each: float(each[column])):
+        choice = ", ".join(f"{name.removesuffix('_m')} {mean[name]}" for name in choices)
+        curves.setdefault((str(mean["mapper"]), choice), []).append(mean)
     rows = -(-len(PANELS) // COLUMNS)
     figure = sheet(COLUMNS * WIDE, rows * TALL + 1.0, *titles)
     panels = [quiet(figure.add_subplot(rows, COLUMNS, 1 + k)) for k in range(len(PANELS))]
-    mappers, choices = (list(dict.fromkeys(names)) for names in zip(
-        *((curve.mapper, curve.choice) for curve in curves), strict=True
-    ))  # fmt: skip
+    mappers, chosen = (list(dict.fromkeys(names)) for names in zip(*curves, strict=True))
+    values = sorted({float(mean[column]) for mean in means})
     for number, (axes, (measure, name, factor)) in enumerate(zip(panels, PANELS, strict=True)):
         axes.set_title(name, loc="left", color=INK, fontsize=11, weight="bold")
-        for curve in curves:
-            mean, half = factor * np.array(curve.means[measure]).T
-            colour = MODE_COLOURS.get(curve.mapper, f"C{mappers.index(curve.mapper)}")
-            low, high = mean - np.nan_to_num(half), mean + np.nan_to_num(half)
-            axes.fill_between(curve.x, low, high, color=colour, alpha=0.16, lw=0)
-            style = STYLES[choices.index(curve.choice) % len(STYLES)]
-            label = ", ".join(filter(None, (curve.mapper, curve.choice)))
-            axes.plot(curve.x, mean, style, color=colour, marker="o", ms=4.0, label=label)
-        _scales(axes, sorted({value for curve in curves for value in curve.x}), measure)
+        for (mapper, choice), points in curves.items():
+            x = [float(point[column]) for point in points]
+            ends = [[point[measure][end] for end in ("mean", "low", "high")] for point in points]
+            # A figure that no run has is None, and NaN here.
+            mean, low, high = factor * np.array(ends, dtype=np.float64).T
+            colour = MODE_COLOURS.get(mapper, f"C{mappers.index(mapper)}")
+            low, high = (np.where(np.isnan(end), mean, end) for end in (low, high))
+            axes.fill_between(x, low, high, color=colour, alpha=0.16, lw=0)
+            style = STYLES[chosen.index(choice) % len(STYLES)]
+            label = ", ".join(filter(None, (mapper, choice)))
+            axes.plot(x, mean, style, color=colour, marker="o", ms=4.0, label=label)
+        _scales(axes, values, measure)
         if number >= len(PANELS) - COLUMNS:
             axes.set_xlabel(axis, color=FAINT, fontsize=9)
     add_legend(figure, panels)

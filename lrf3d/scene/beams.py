@@ -1,37 +1,23 @@
-"""The beams of a scan as they are drawn: their glow near the robot, single beams, and hit points.
+"""The beams of a scan as they are drawn: a few of them as lines, and all hit points.
 
 All is in the film's frame. A mirror turns a beam: its straight path, which is as long as its range,
 is folded there, and so has a leg from each mirror to the next.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from lrf3d.geometry import Bool, Float, Int, cross, directions, lengths
 from lrf3d.laser import LaserScan, beam_directions
-from lrf3d.scene.shapes import Lines, Points, Soft, level_lines, single
-from lrf3d.scene.structures import Structures
+from lrf3d.scene.shapes import Lines, Points, level_lines, single
 from lrf3d.world import World
 
 _COLOUR, _STRENGTH, _WIDTH, _DRAWN = (1.0, 0.36, 0.26), 0.55, 1.1, 30
-"""Colour of a single beam, its opacity at the robot, its width [pixels of 720 lines], and about how
-many are drawn: more would run into one red."""
+"""Colour of a beam, its opacity at the robot, its width [pixels of 720 lines], and about how many
+are drawn: more would run into one red."""
 
-_REACH, _REACH_INDOOR, _SHARE_INDOOR = 42.0, 14.0, 0.9
+REACH, REACH_INDOOR = 42.0, 14.0
 """Range [m] at which beams have faded to nothing, as farther ones would only tint the street; the
-same in rooms, where it is at most this share of the world's diagonal: small rooms would be red."""
-
-_GLOW_COLOUR, _GLOW, _GLOW_INDOOR, _GLOW_REACH = (1.00, 0.30, 0.20), 0.20, 0.17, 4.0
-"""Colour of the glow of the beams, its opacity at the robot, and the range [m] at which it has
-faded: beyond, the hits say what the robot sees."""
-
-_GLOW_OVER_ROBOT = 0.45
-"""What is left of its opacity over the robot, whose colours stay its own."""
-
-_FADING, _FADED = 0.25, 0.14
-"""The share of the beams at both ends of a scan that fade in, and what is left of their opacity at
-the very ends: a fan of half a turn would end in a hard line across the picture."""
+same in rooms."""
 
 RANGE_COLOURS = np.array(
     [
@@ -67,126 +53,61 @@ def turning_walls(world: World) -> Bool:
     return np.array(turning)[world.objects]
 
 
-def beam_reach(range_max: float, structures: Structures) -> float:
-    """Range [m] at which beams have faded to nothing."""
-    if not structures.indoor or not len(structures.places):
-        return min(range_max, _REACH)
-    across = float(np.hypot(*np.ptp(structures.places, axis=0)))
-    return min(range_max, _REACH_INDOOR, max(_SHARE_INDOOR * across, 1.0))
+def draw_beams(
+    scan: LaserScan,
+    walls: Float,
+    apex: Float,
+    turning: Bool,
+    *,
+    height: float,
+    reach: float,
+    by: str = "range",
+) -> tuple[Lines, Points]:
+    """A few beams of a scan, which fade to nothing at the reach [m], and all its hit points.
+
+    The pose of the scan, walls (n, 4) and apex (2,) are in the film's frame. The apex is where the
+    robot stands now, a little past that pose: beams follow the robot while points stay on their
+    walls. Some walls (n,) turn beams. Points are coloured by their range or intensity.
+    """
+    origin, hits = np.array([scan.pose.x, scan.pose.y]), scan.hits
+    # A beam without return goes as far as it can be measured; one too near ends at once.
+    far = scan.range_max if np.isfinite(scan.range_max) else 100.0
+    ranges = np.where(hits, scan.ranges, np.where(scan.ranges < 0.0, 0.0, far))
+    ends = origin + ranges[:, None] * beam_directions(scan.pose.theta, scan.angles)
+    legs, beams, gone = folded(origin, ends, walls[turning])
+    last = np.zeros(len(ends), np.int64)
+    last[beams] = np.arange(len(beams))
+    final = legs[last[hits]]
+    sides = _sides(final[:, :2], walls, scan.walls[hits])
+    colours = np.column_stack([_point_colours(scan, by), np.ones(len(final))])
+    places = np.column_stack([final[:, 2:], np.full(len(final), height)])
+    points = Points(single(places), single(colours), single(sides), _POINT_SIZE, _POINT_PIXELS)
+    legs[: len(ends), :2] = apex
+    step = max(1, round(len(ends) / _DRAWN))
+    chosen = np.isin(beams, np.arange((len(ends) - 1) % step // 2, len(ends), step))
+    chosen &= (gone < reach) | (gone == 0.0)
+    starts, stops = np.hsplit(legs[chosen], 2)
+    gone, length = gone[chosen, None], lengths(legs[chosen])[:, None]
+    drawn = np.minimum(length, reach - gone)
+    stops = starts + drawn / np.maximum(length, 1e-9) * (stops - starts)
+    opacities = _STRENGTH * (1.0 - np.hstack([gone, gone + drawn]) / reach)
+    return level_lines(
+        height, starts, stops, np.full((len(gone), 3), _COLOUR), opacities, _WIDTH
+    ), points
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class DrawnBeams:
-    """One scan, ready to be drawn."""
-
-    legs: Float
-    """(l, 4) the legs of the beams, the first of each beam before all others [m]."""
-    beams: Int
-    """(l,) the beam of each."""
-    gone: Float
-    """(l,) how far the beam has gone where it begins [m]."""
-    shares: Float
-    """(beams,) what of their opacity beams have: those at the ends of a scan fade in."""
-    points: Float
-    """(hits, 2) the reflection points [m]."""
-    sides: Float
-    """(hits, 2) where the wall of each looks; 0 where no wall is known."""
-    ranges: Float
-    """(hits,) their measured ranges [m]."""
-    intensities: Float | None
-    """(hits,) their intensities, where they are known."""
-
-    @classmethod
-    def from_scan(
-        cls, scan: LaserScan, walls: Float, apex: Float, turning: Bool | None = None
-    ) -> "DrawnBeams":
-        """Make beams of a scan whose pose, like walls (n, 4) and apex (2,), is in the film's frame.
-
-        The apex is where the robot stands now, a little past the pose of the scan: the beams then
-        follow the robot while the points stay on their walls. Some walls (n,) turn beams.
-        """
-        origin, hits = np.array([scan.pose.x, scan.pose.y]), scan.hits
-        # A beam without return goes as far as it can be measured; one too near ends at once.
-        far = scan.range_max if np.isfinite(scan.range_max) else 100.0
-        ranges = np.where(hits, scan.ranges, np.where(scan.ranges < 0.0, 0.0, far))
-        ends = origin + ranges[:, None] * beam_directions(scan.pose.theta, scan.angles)
-        mirrors = walls[:0] if turning is None else walls[turning]
-        legs, beams, gone = _folded(origin, ends, mirrors)
-        last = np.zeros(len(ends), np.int64)
-        last[beams] = np.arange(len(beams))
-        last = last[hits]
-        sides = _sides(legs[last, :2], walls, scan.walls[hits])
-        points = legs[last, 2:].copy()
-        legs[: len(ends), :2] = apex
-        lights = None if scan.intensities is None else scan.intensities[hits]
-        shares = _fading_ends(scan.angles)
-        return cls(legs, beams, gone, shares, points, sides, scan.ranges[hits], lights)
-
-    def glow(self, height: float, *, indoor: bool) -> Soft:
-        """The glow of the beams near the robot: triangles between them."""
-        strength, first = _GLOW_INDOOR if indoor else _GLOW, self.legs[: len(self.shares)]
-        reached = np.minimum(lengths(first), _GLOW_REACH)
-        ends = _cut(first, reached)[:, 2:]
-        opacities = strength * self.shares * (1.0 - reached / _GLOW_REACH)
-        corners = np.full((max(len(ends) - 1, 0), 3, 3), height)
-        colours = np.empty((len(corners), 3, 4))
-        colours[..., :3] = _GLOW_COLOUR
-        corners[:, 0, :2] = first[1:, :2]
-        colours[:, 0, 3] = strength * _GLOW_OVER_ROBOT * self.shares[1:]
-        corners[:, 1, :2], colours[:, 1, 3] = ends[:-1], opacities[:-1]
-        corners[:, 2, :2], colours[:, 2, 3] = ends[1:], opacities[1:]
-        return Soft(single(corners), single(colours))
-
-    def single(self, height: float, reach: float) -> Lines:
-        """A few beams, paler with the range [m] and gone at the reach [m]."""
-        count = len(self.shares)
-        step = max(1, round(count / _DRAWN))
-        chosen = np.isin(self.beams, np.arange((count - 1) % step // 2, count, step))
-        chosen &= (self.gone < reach) | (self.gone == 0.0)
-        legs, gone = self.legs[chosen], self.gone[chosen]
-        drawn = np.minimum(lengths(legs), reach - gone)
-        left = 1.0 - np.column_stack([gone, gone + drawn]) / reach
-        opacities = _STRENGTH * self.shares[self.beams[chosen], None] * left
-        starts, ends = np.hsplit(_cut(legs, drawn), 2)
-        colours = np.full((len(legs), 3), _COLOUR)
-        return level_lines(height, starts, ends, colours, opacities, _WIDTH)
-
-    def hit_points(self, height: float, range_max: float, *, by: str = "range") -> Points:
-        """The hit points, coloured by their ranges or their intensities."""
-        share = self.ranges / min(range_max, _FARTHEST)
-        if by == "intensity" and self.intensities is not None:
-            dark, bright = np.log(_INTENSITIES)
-            with np.errstate(divide="ignore"):
-                share = (bright - np.log(self.intensities)) / (bright - dark)
-        steps = np.linspace(0.0, 1.0, len(RANGE_COLOURS))
-        mixed = [np.interp(share, steps, channel) for channel in RANGE_COLOURS.T]
-        colours = np.column_stack([*mixed, np.ones(len(share))])
-        places = np.column_stack([self.points, np.full(len(self.points), height)])
-        return Points(
-            single(places), single(colours), single(self.sides), _POINT_SIZE, _POINT_PIXELS
-        )
+def _point_colours(scan: LaserScan, by: str) -> Float:
+    """Colours (hits, 3) of the hits of a scan by their ranges or their intensities."""
+    share = scan.ranges[scan.hits] / min(scan.range_max, _FARTHEST)
+    if by == "intensity" and scan.intensities is not None:
+        dark, bright = np.log(_INTENSITIES)
+        with np.errstate(divide="ignore"):
+            share = (bright - np.log(scan.intensities[scan.hits])) / (bright - dark)
+    steps = np.linspace(0.0, 1.0, len(RANGE_COLOURS))
+    return np.column_stack([np.interp(share, steps, channel) for channel in RANGE_COLOURS.T])
 
 
-def _cut(legs: Float, wanted: Float) -> Float:
-    """Legs (l, 4) as long as wanted (l,) [m]."""
-    share = wanted / np.maximum(lengths(legs), 1e-9)
-    cut = legs.copy()
-    cut[:, 2:] = legs[:, :2] + share[:, None] * (legs[:, 2:] - legs[:, :2])
-    return cut
-
-
-def _fading_ends(angles: Float) -> Float:
-    """What of the opacity of beams at angles (beams,) [rad] is left."""
-    count = len(angles)
-    if count < 2 or (angles[1] - angles[0]) * (count + 1) > 2.0 * np.pi:
-        # All round there is no end.
-        return np.ones(count)
-    place = np.linspace(0.0, 1.0, count)
-    share = np.clip(np.minimum(place, 1.0 - place) / _FADING, 0.0, 1.0)
-    return np.asarray(_FADED + (1.0 - _FADED) * share * share * (3.0 - 2.0 * share))
-
-
-def _folded(origin: Float, ends: Float, mirrors: Float) -> tuple[Float, Int, Float]:
+def folded(origin: Float, ends: Float, mirrors: Float) -> tuple[Float, Int, Float]:
     """The legs (l, 4) of beams from an origin (2,) to ends (beams, 2), folded at mirrors (m, 4).
 
     Returns also the beam (l,) of each, and how far it has gone where the leg begins (l,) [m].

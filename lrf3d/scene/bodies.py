@@ -3,7 +3,6 @@
 All have a pose: they are triangles in their own frames, and shadows and darts where they stand.
 """
 
-from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,13 +32,12 @@ ones, and its height over the ground [m]."""
 _SHADOW_COLOUR = (0.02, 0.03, 0.05)
 """What bodies darken the ground with."""
 
-_SHADOW_RADIUS, _SHADOW_RIM, _SHADOW_DARKNESS, _SHADOW_SHIFT = 0.24, 0.28, 0.55, 0.16
-"""Radius of the robot's shadow and width of its soft rim [m], its darkness, and how far it lies
-from the robot where the sun shines, as a share of the level part of the direction to it."""
-
-_OBSTACLE_SHADOW, _OBSTACLE_SHADOW_INDOOR, _LIFT = (0.08, 0.42), (0.35, 0.30), 0.01
-"""Width of the soft edge of an obstacle's shadow [m], in the sun narrow, in a lit room wide, its
+_SHADOW, _SHADOW_INDOOR, _LIFT = (0.08, 0.42), (0.35, 0.40), 0.01
+"""Width of the soft edge of a body's shadow [m], in the sun narrow, in a lit room wide, its
 darkness, and its height above the ground [m]."""
+
+_RADIUS, _HEIGHT = 0.27, 0.4
+"""Radius and height [m] of what of the robot casts a shadow."""
 
 _OBSTACLE_COLOURS = np.array(
     [[0.13, 0.48, 0.55], [0.46, 0.36, 0.62], [0.60, 0.58, 0.20], [0.66, 0.28, 0.36]]
@@ -96,14 +94,16 @@ def goal_disc(goal: Float) -> Soft:
 
 def robot_shadow(pose: Float, *, indoor: bool) -> Soft:
     """The shadow of the robot at a pose."""
-    shadow = _round_shadow()
-    middle = pose[:2] - (0.0 if indoor else _SHADOW_SHIFT) * SUN[:2]
-    return shadow._replace(corners=single(shadow.corners + np.append(middle, 0.0)))
+    return _shadow(_RADIUS * _circle(24), _HEIGHT, pose, indoor=indoor)
 
 
-@cache
-def _round_shadow() -> Soft:
-    return _soft_shadow(_SHADOW_RADIUS * _circle(24), _SHADOW_RIM, _SHADOW_DARKNESS, 0.0)
+def _shadow(outline: Float, height: float, pose: Float, *, indoor: bool) -> Soft:
+    """The shadow of a body with an outline (n, 2) and a height [m] at a pose."""
+    corners = _placed(outline, pose)
+    if indoor:
+        return _soft_shadow(corners, *_SHADOW_INDOOR, _LIFT)
+    slide = -SUN[:2] / SUN[2] * height
+    return _soft_shadow(np.concatenate([corners, corners + slide]), *_SHADOW, _LIFT)
 
 
 class Obstacles:
@@ -142,15 +142,12 @@ class Obstacles:
 
     def shadows(self, time: float) -> Soft | None:
         """The shadows of all bodies at a time [s]."""
-        edge, dark = _OBSTACLE_SHADOW_INDOOR if self._indoor else _OBSTACLE_SHADOW
-        shadows = []
-        for pose, obstacle in zip(self._poses(time), self._obstacles, strict=True):
-            corners = _placed(obstacle.outline, pose)
-            if not self._indoor:
-                slide = -SUN[:2] / SUN[2] * obstacle.height
-                corners = np.concatenate([corners, corners + slide])
-            shadows.append(_soft_shadow(corners, edge, dark, _LIFT))
-        return _joined(shadows)
+        return _joined(
+            [
+                _shadow(each.outline, each.height, pose, indoor=self._indoor)
+                for each, pose in zip(self._obstacles, self._poses(time), strict=True)
+            ]
+        )
 
     def plans(self, time: float, pixel: float) -> Soft | None:
         """The bodies from straight above, in a picture whose pixels have a size [m]."""

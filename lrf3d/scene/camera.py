@@ -10,14 +10,16 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import shapely
-from scipy.ndimage import gaussian_filter1d, maximum_filter1d
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d, minimum_filter1d
 
 from lrf3d.geometry import Float
+from lrf3d.scene.look import SECTION
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline, interpolated
 
-_LAND = 2500.0
-"""How far the ground reaches at the least [m]."""
+_NEAR, _NEAR_SHARE = 0.2, 0.004
+"""Distance [m] from which on things are drawn, and the share of the distance to the target that it
+is at the least: depths are then fine enough far away."""
 
 STEP = 0.04
 """Time of the film between the points of a smoothed path [s]."""
@@ -30,14 +32,15 @@ _AIM = 0.35
 """Height of the robot's middle [m]."""
 
 _ASIDE, _CLEARANCE = 0.12, 0.3
-"""How far from the line to the eye walls count, as a share of its length, and before it [m]."""
+"""How far from the line to the eye walls count, as a share of its length, and how far before them
+the eye stays [m]."""
 
-_MARGIN, _STEEPEST = float(np.radians(9.0)), float(np.radians(80.0))
-"""How far under the robot roofs are seen, so that they are no large part of the picture, and how
-steeply eyes look down at the most [rad]."""
+_NEAREST = 1.6
+"""How near the eye comes to the robot at the most [m]: nearer, the robot would fill the picture."""
 
-_ROBOT = 0.5
-"""Height of a robot [m]: lower walls do not hide it."""
+_LOW, _BODY, _STEEPEST = 1.0, 0.1, float(np.radians(60.0))
+"""Walls up to the first height [m] are looked over, so that what is higher of the robot than the
+second is seen, and how steeply an eye then looks down at the most [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,20 +57,12 @@ class Look:
     """What is up in the picture."""
     shift: float = 0.0
     """How far the picture is moved up, in halves of its height."""
-    near: float = 0.2
-    """Distance [m] from which on things are drawn."""
-    clear: bool = False
-    """Whether the air is without haze, as for bird's-eye cameras."""
-    air: float = 0.0
-    """Distance [m] at which half of what is seen is haze, at the least."""
-    fan: float = 1.0
-    """How strong the glow of the beams is drawn; less where it would cover the picture."""
     shows_map: bool = False
     """Whether the map is laid over the scene."""
     plan: bool = True
     """Whether the map is also shown in a corner."""
     cuts: bool = False
-    """Whether walls of rooms are cut off where they hide the robot."""
+    """Whether the walls of rooms are cut level, so that one looks into them."""
     ghost: float = 0.0
     """How far houses have faded to pale ghosts, 0…1."""
     raised: float = 0.0
@@ -80,6 +75,16 @@ class Look:
         """What distinguishes this look from others of its camera."""
         place = self.eye.tobytes(), self.target.tobytes(), self.field
         return *place, self.ghost, self.raised, self.shot
+
+    @property
+    def away(self) -> float:
+        """How far off the target is [m]."""
+        return float(np.linalg.norm(self.target - self.eye))
+
+    @property
+    def near(self) -> float:
+        """Distance [m] from which on things are drawn."""
+        return max(_NEAR, _NEAR_SHARE * self.away)
 
     @property
     def pose(self) -> Float:
@@ -102,16 +107,6 @@ class Look:
         matrix[2, 2], matrix[2, 3] = (far + near) / (near - far), 2.0 * far * near / (near - far)
         matrix[3, 2] = -1.0
         return np.asarray(matrix @ np.linalg.inv(self.pose))
-
-    def sky_below(self, matrix: Float) -> float:
-        """Row of a picture with this matrix, −1…1, down to which there may be sky; −1 for none."""
-        ahead = (self.target - self.eye)[:2]
-        level = np.hypot(*ahead)
-        if level < 1e-6 * abs(self.target[2] - self.eye[2]):
-            return -1.0
-        # The ground ends before the horizon: by so much the sky is seen below it.
-        _, row, _, depth = matrix @ [*(self.eye[:2] + _LAND / level * ahead), 0.0, 1.0]
-        return float(np.clip(row / depth + 0.01, -1.0, 1.0)) if depth > 0.0 else -1.0
 
 
 class Camera(Protocol):
@@ -158,8 +153,6 @@ class Rig(NamedTuple):
     """Angle of view [degrees]."""
     shift: float = 0.0
     """How far the picture is moved up, in halves of its height."""
-    near: float = 0.2
-    """The distance from which on things are drawn [m]."""
 
 
 class Track(NamedTuple):
@@ -177,10 +170,6 @@ class Track(NamedTuple):
     """(k,) angles of view [rad]."""
     shifts: Float
     """(k,) how far the picture is moved up, in halves of its height."""
-    airs: Float
-    """(k,) the reach of the air [m]."""
-    nears: Float
-    """(k,) the distance from which on things are drawn [m]."""
 
     @classmethod
     def along(cls, path: SmoothPath, turns: Float, rig: Rig) -> "Track":
@@ -191,8 +180,7 @@ class Track(NamedTuple):
             np.full(count, value)
             for value in (rig.away, np.radians(rig.steep), np.radians(rig.field), rig.shift)
         )
-        air, near = np.zeros(count), np.full(count, rig.near)
-        return cls(path.times, middles, turns, steep, away, field, shift, air, near)
+        return cls(path.times, middles, turns, steep, away, field, shift)
 
     def at(self, times: Float) -> "Track":
         """The looks at other times."""
@@ -208,41 +196,40 @@ class Track(NamedTuple):
     def look(self, time: float, **others: Any) -> Look:
         """The look at a time [s]; the others are further fields of it."""
         now = self.at(np.array([time]))
-        turn, steep, _, field, shift, air, near = (float(each[0]) for each in now[2:])
+        turn, steep, _, field, shift = (float(each[0]) for each in now[2:])
         # What is up in the picture, also when it is seen from straight above.
         up = -np.cos(turn) * np.sin(steep), -np.sin(turn) * np.sin(steep), np.cos(steep)
-        return Look(now.eyes()[0], now.middles[0], field, up, shift, near, air=air, **others)
+        return Look(now.eyes()[0], now.middles[0], field, up, shift, **others)
 
-    def over_walls(
+    def past_walls(
         self, structures: Structures, robots: Float, smooth: float = _SMOOTH / STEP
     ) -> "Track":
-        """Looks that are as steep as it takes to see robots (k, 2) over walls, smoothed [samples].
+        """Looks that see robots (k, 2): over low walls, and before high ones; smoothed [samples].
 
-        In rooms walls are cut instead.
+        The walls of rooms are all low, as they are cut.
         """
-        if structures.indoor:
-            return self
+        tops = np.minimum(structures.heights, SECTION if structures.indoor else np.inf)
+        steeps, aways = self.steeps.copy(), self.aways.copy()
         way = self.eyes()[:, :2] - robots
-        reach = np.maximum(np.hypot(way[:, 0], way[:, 1]), 1e-6)
-        # Walls beyond this are below the line of sight.
-        rise = np.maximum(np.tan(self.steeps), 0.1)
-        highest = float(structures.heights.max(initial=0.0))
-        way *= np.minimum(1.0, (highest / rise + _CLEARANCE) / reach)[:, None]
-        aside = np.column_stack([-way[:, 1], way[:, 0]])
-        tree = structures.tree
-        needed = self.steeps.copy()
-        for side in (-_ASIDE, 0.0, _ASIDE):
+        aside = _ASIDE * np.column_stack([-way[:, 1], way[:, 0]])
+        for side in (-1.0, 0.0, 1.0):
             ways = shapely.linestrings(np.stack([robots, robots + way + side * aside], axis=1))
-            number, wall = tree.query(ways, predicate="intersects")
-            cuts = shapely.intersection(ways[number], tree.geometries[wall])
-            gap = shapely.distance(shapely.points(robots[number]), cuts) - _CLEARANCE
-            above = structures.heights[wall] - _ROBOT
-            steep = np.arctan2(above, np.maximum(gap, 0.1)) + _MARGIN * (above > 0.0)
-            np.maximum.at(needed, number, steep)
-        # The most over the filter's reach comes first: its mean is then never too low.
-        most = maximum_filter1d(np.minimum(needed, _STEEPEST), 2 * int(2.0 * smooth) + 1)
-        steeps = gaussian_filter1d(most, smooth, mode="nearest", truncate=2.0)
-        return self._replace(steeps=np.maximum(self.steeps, steeps))
+            number, wall = structures.tree.query(ways, predicate="intersects")
+            cuts = shapely.intersection(ways[number], structures.tree.geometries[wall])
+            gap = shapely.distance(shapely.points(robots[number]), cuts)
+            needed = np.arctan2(tops[wall] - _BODY, gap)
+            low = tops[wall] <= _LOW
+            np.maximum.at(steeps, number[low], np.minimum(needed[low], _STEEPEST))
+            hides = ~low & (needed > self.steeps[number])
+            number, gap = number[hides], gap[hides] - _CLEARANCE
+            np.minimum.at(aways, number, np.maximum(gap / np.cos(self.steeps[number]), _NEAREST))
+        # The extremes over the filter's reach come first: its mean is then never too little.
+        reach = 2 * int(2.0 * smooth) + 1
+        steeps, aways = (
+            gaussian_filter1d(each, smooth, mode="nearest", truncate=2.0)
+            for each in (maximum_filter1d(steeps, reach), minimum_filter1d(aways, reach))
+        )
+        return self._replace(steeps=steeps, aways=aways)
 
 
 @dataclass(frozen=True)

@@ -9,19 +9,18 @@ from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline, interpolated
 from lrf3d.world.cameras import FixedCamera
 
-_CHASE, _CHASE_INDOOR = Rig(4.1, 24.0, 50.0, -0.45), Rig(3.5, 31.0, 50.0, -0.45)
+_CHASE, _CHASE_INDOOR = Rig(4.1, 24.0, 50.0, -0.45), Rig(4.4, 33.0, 50.0, -0.3)
 """How the chase goes behind the robot, which is in the lower half of its picture."""
 
-_ORBIT, _ORBIT_INDOOR = Rig(11.5, 32.0, 42.0), Rig(7.0, 38.0, 42.0)
+_ORBIT, _ORBIT_INDOOR = Rig(7.0, 20.0, 46.0, -0.3), Rig(7.0, 38.0, 42.0)
 """How an orbit goes round it."""
 
 _TURN, PHASE = np.radians(9.0), -2.2
 """Angle of an orbit per second of the film [rad/s], and where it stands at first [rad]."""
 
-_FIRST_FIELD, _FIRST_UP, _FIRST_OVER, _FIRST_GLOW = float(np.radians(62.0)), 0.09, 0.36, 0.12
-"""Angle of view from the top of the robot [rad], how much it looks up, as a slope, how far over the
-laser the eye is [m], above the bands of the map, and how much of the glow of the beams is left,
-which it looks through."""
+_FIRST_FIELD, _FIRST_UP, _FIRST_OVER = float(np.radians(62.0)), 0.09, 0.36
+"""Angle of view from the top of the robot [rad], how much it looks up, as a slope, and how far over
+the laser the eye is [m], above the bands of the map."""
 
 _CALM, _NARROWEST = 12.5, 0.15
 """Distance [m] from which on the field of a fixed camera that turns narrows, and what is left of it
@@ -31,10 +30,10 @@ at the least: the farther off the robot is, it stays in sight."""
 def chase(timeline: Timeline, structures: Structures) -> Tracked:
     """Follows the robot from behind, smoothly, and looks ahead with it.
 
-    Among houses the eye is higher where a wall hides the robot; in rooms walls are cut off there.
+    Among houses the eye comes nearer where a wall hides the robot; in rooms walls are cut.
     """
     path = SmoothPath.of(timeline)
-    track = behind(path, structures).over_walls(structures, path.places)
+    track = behind(path, structures).past_walls(structures, path.places)
     return Tracked(lambda aspect: track, {"cuts": True, "shot": "chase"})
 
 
@@ -47,11 +46,11 @@ def behind(path: SmoothPath, structures: Structures) -> Track:
 def orbit(
     timeline: Timeline, structures: Structures, rig: Rig | None = None, phase: float = PHASE
 ) -> Tracked:
-    """Goes slowly round the robot from a phase [rad] on, and higher where a house is in between."""
+    """Goes slowly round the robot from a phase [rad] on, and nearer where a house is in between."""
     path = SmoothPath.of(timeline)
     turns = _TURN * (path.times - timeline.start) / timeline.playback + phase
     usual = _ORBIT_INDOOR if structures.indoor else _ORBIT
-    track = Track.along(path, turns, rig or usual).over_walls(structures, path.places)
+    track = Track.along(path, turns, rig or usual).past_walls(structures, path.places)
     return Tracked(lambda aspect: track, {"cuts": True, "shot": "close"})
 
 
@@ -67,7 +66,7 @@ class First:
         x, y, theta = self._timeline.poses(np.array([time]))[0] - [*self._timeline.origin, 0.0]
         eye = np.array([x, y, self._height])
         ahead = np.array([np.cos(theta), np.sin(theta), _FIRST_UP])
-        return Look(eye, eye + ahead, _FIRST_FIELD, fan=_FIRST_GLOW, shot="chase")
+        return Look(eye, eye + ahead, _FIRST_FIELD, shot="chase")
 
 
 class Fixed:

@@ -53,15 +53,9 @@ BODY_LIGHT = (0.56, 0.36, 0.06)
 GHOST, GHOST_STRENGTH = (0.95, 0.96, 0.98), 0.80
 """Colour of houses that have faded to ghosts, and what of their opacity they have lost."""
 
-LEFT_STANDING = (0.04, 1.2)
-"""Least and largest height [m] of what is left of walls in rooms that would hide the robot, seen
-from near by."""
-
-CUT_BEFORE = 0.4
-"""How far before the robot's rear walls begin to be cut [m]: they bend where their pieces end."""
-
-CUT_ASIDE = 3.0
-"""How far beside the line of sight walls may be higher [m], a metre for each metre farther off."""
+SECTION = 0.8
+"""Height [m] at which the walls of rooms are cut, as architects draw them: just above the bands of
+the map."""
 
 DASH = 0.8
 """Length of a dash with its gap [m]."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from lrf3d.geometry import Float, Single
 from lrf3d.scene import look
-from lrf3d.scene.beams import DrawnBeams, beam_reach, turning_walls
+from lrf3d.scene.beams import REACH, REACH_INDOOR, draw_beams, turning_walls
 from lrf3d.scene.bodies import (
     Obstacles,
     flat_dart,
@@ -24,22 +24,22 @@ from lrf3d.scene.bodies import (
 from lrf3d.scene.camera import Look
 from lrf3d.scene.drawn_map import BAND, DrawnMap
 from lrf3d.scene.estimate import DrawnEstimate, trail_lines
-from lrf3d.scene.shapes import Body, Cut, Lens, Lines, Mark, Plan, Points, Seen, Soft
+from lrf3d.scene.shapes import Body, Lens, Lines, Mark, Plan, Points, Seen, Soft
 from lrf3d.scene.stage import Stage, stage_of
 from lrf3d.scene.structures import SIGHT_DISTANCE
 from lrf3d.scene.timeline import Moment, Timeline, drive_keys
 
 LAYERS = (
-    "shadow", "goal", "trail", "estimate", "fan", "beams", "map", "points", "marker", "inset",
-    "hud",
+    "shadow", "goal", "trail", "estimate", "beams", "map", "points", "marker", "inset", "hud",
 )  # fmt: skip
 """What can be left out of a picture; what is left out costs nothing."""
 
 Goal = tuple[float, float, float]
 """Where a robot is to arrive: x, y and radius [m]."""
 
-_HALF_HAZE, _HALF_HAZE_INDOOR = 190.0, 120.0
-"""Distance [m] at which half of what is seen is haze."""
+_HALF_HAZE, _HALF_HAZE_INDOOR, _CLEAR = 190.0, 120.0, 2.6
+"""Distance [m] at which half of what is seen is haze, and what it is at the least, in distances to
+what is looked at: the whole is seen through clear air."""
 
 _ROBOT_SIZE, _LEAST_ROBOT, _MARKER = 0.75, 26.0, 10.0
 """Width of the robot [m]; a robot of fewer pixels than the second has an arrow over it, whose unit
@@ -55,7 +55,7 @@ hide them."""
 
 _SLACK = 0.002
 """By how much the depth of marks gains with their distance [m/m], as depths are coarser far away;
-but not for an eye that looks from far on purpose."""
+but not where the map is laid over all."""
 
 _PAST_GROUND = 3.0
 """How far an eye far above the ground sees, in its heights: past all of it, at a slant too."""
@@ -78,17 +78,6 @@ _HITS_FADE, _HITS_STRENGTH, _HIT_SIZE, _HIT_PIXELS, _OLD_SCANS = 2.5, 0.8, 0.05,
 """Time of the film [s] in which hits fade, their opacity at first, their size [m], the smallest and
 largest in a picture of 720 lines [pixels], and the most scans that they are of."""
 
-_REAR = 0.3
-"""How far from its middle the robot ends [m], where it stands on the ground: so much of it is to be
-seen over walls that are cut."""
-
-_BELOW_SIGHT = 0.8
-"""Share of the line of sight from there to the eye that cut walls reach up to."""
-
-_LEFT_FROM_AFAR = (8.0, 0.1)
-"""How much higher cut walls may be for each metre that the eye is farther off than a distance [m,
-m/m]."""
-
 
 class Scene:
     """All that can be seen of a run, with a goal on the ground where one is given.
@@ -110,11 +99,11 @@ class Scene:
         self._goal = None if goal is None else goal_disc(np.array(goal) - [*self.origin, 0.0])
         self._turning = turning_walls(run.world)
         self._walls = run.world.segments - np.tile(self.origin, 2)
-        self._reach = beam_reach(run.lrf.range_max, structures)
+        self._reach = min(run.lrf.range_max, REACH_INDOOR if structures.indoor else REACH)
         self._map = lru_cache(1)(self._drawn_map)
         self._beams = lru_cache(1)(self._drawn_beams)
         self._trails = lru_cache(1)(self._drawn_trails)
-        self._hits = lru_cache(2 * _OLD_SCANS)(lambda number: self._drawn_beams(number)[2])
+        self._hits = lru_cache(2 * _OLD_SCANS)(lambda number: self._drawn_beams(number)[1])
         self._recent = lru_cache(1)(self._hits_together)
         self._estimate = DrawnEstimate.from_timeline(timeline)
 
@@ -136,8 +125,12 @@ class Scene:
             for layer, name, mark in self._marks(moment, pose, view, lens, size)
             if layer in layers and mark is not None
         )
-        cut = _cut(view, pose) if view.cuts and self.structures.indoor else None
-        return Seen(lens, tuple(bodies), marks, view.sky_below(lens.matrix), view.ghost, cut)
+        seen = Seen(lens, tuple(bodies), marks, view.ghost)
+        if view.cuts and self.structures.indoor:
+            # Ghosts are as high as the walls of the map that stand up in them.
+            highest = float(self.structures.heights.max(initial=0.0))
+            seen = seen._replace(cut=look.SECTION + view.ghost * highest)
+        return seen
 
     def _lens(self, view: Look, size: tuple[int, int]) -> Lens:
         far = max(SIGHT_DISTANCE, _PAST_GROUND * float(view.eye[2]))
@@ -146,8 +139,8 @@ class Scene:
             matrix=view.matrix(size[0] / size[1], far),
             eye=view.eye,
             focus=float(0.5 * size[1] / np.tan(0.5 * view.field)),
-            thick=0.0 if view.clear else min(1.0 / half, 1.0 / max(view.air, 1e-9)),
-            slack=0.0 if view.clear else _SLACK,
+            thick=0.0 if view.shows_map else 1.0 / max(half, _CLEAR * view.away),
+            slack=0.0 if view.shows_map else _SLACK,
             nearer=_ON_TOP if view.shows_map else _WALL_NEARER,
         )
 
@@ -161,10 +154,7 @@ class Scene:
         yield from self._trails(moment.time)
         beams = self._beams(moment.scan, *moment.pose) if moment.scanning else None
         if beams is not None:
-            glow, single, _ = beams
-            fainter = np.array([1.0, 1.0, 1.0, view.fan], np.float32)
-            yield "fan", "fan", glow._replace(colours=glow.colours * fainter)
-            yield "beams", "beams", single
+            yield "beams", "beams", beams[0]
         _, above, hidden, _ = self._map(self.run.snapshot_after(moment.scan))
         if view.shows_map:
             yield "map", "map lines", above
@@ -172,7 +162,7 @@ class Scene:
             yield "map", "hidden", hidden
         yield "points", "recent", self._recent_hits(moment)
         if beams is not None:
-            yield "points", "points", beams[2]
+            yield "points", "points", beams[1]
         yield "marker", "marker", self._marker(pose, view, lens, size)
 
     def _drawn_map(self, stage: int) -> tuple[DrawnMap, Lines, Lines, Lines]:
@@ -196,18 +186,19 @@ class Scene:
             found.append(("estimate", "ellipses", self._estimate.rings(now)))
         return tuple(found)
 
-    def _drawn_beams(self, number: int, *pose: float) -> tuple[Soft, Lines, Points]:
-        """The glow, single beams and hits of a scan, from where the robot is now, if given."""
+    def _drawn_beams(self, number: int, *pose: float) -> tuple[Lines, Points]:
+        """The beams and hits of a scan, from where the robot is now, if given."""
         scan, origin, lrf = self.run.scan(number), np.array([*self.origin, 0.0]), self.run.lrf
         place = np.array(scan.pose) - origin
         apex = np.array(pose) - origin if pose else place
-        drawn = DrawnBeams.from_scan(
-            replace(scan, pose=place), self._walls, apex[:2], self._turning
-        )
-        return (
-            drawn.glow(lrf.height, indoor=self.structures.indoor),
-            drawn.single(lrf.height, self._reach),
-            drawn.hit_points(lrf.height, lrf.range_max, by=self.run.film.points_by),
+        return draw_beams(
+            replace(scan, pose=place),
+            self._walls,
+            apex[:2],
+            self._turning,
+            height=lrf.height,
+            reach=self._reach,
+            by=self.run.film.points_by,
         )
 
     def _recent_hits(self, moment: Moment) -> Points:
@@ -261,7 +252,7 @@ class Scene:
         *_, lines = self._map(self.run.snapshot_after(moment.scan))
         marks: list[tuple[str, Mark | None]] = [("map", lines)]
         if moment.scanning:
-            _, _, hits = self._beams(moment.scan, *moment.pose)
+            _, hits = self._beams(moment.scan, *moment.pose)
             marks.append(("points", hits._replace(glows=False)))
         marks += [(name, line) for _, name, line in self._trails(moment.time)]
         marks.append(("obstacles", self.obstacles.plans(moment.time, window / box[2])))
@@ -278,14 +269,3 @@ class Scene:
             return None, look.INSET_FOLLOWED
         # A room needs less of a rim than a city.
         return 0.5 * (low + high), max(1.04 * size + 2.0 * min(1.0, size / 40.0), _LEAST_PLAN)
-
-
-def _cut(view: Look, pose: Float) -> Cut:
-    """How walls of rooms are cut so that an eye sees a robot at a pose."""
-    away = view.eye[:2] - pose[:2]
-    level = max(float(np.hypot(*away)), 2.0 * _REAR)
-    toward = away / level
-    slope = _BELOW_SIGHT * float(view.eye[2]) / (level - _REAR)
-    start, gain = _LEFT_FROM_AFAR
-    top = look.LEFT_STANDING[1] + gain * max(level - start, 0.0)
-    return Cut(pose[:2] + _REAR * toward, toward, slope, top)

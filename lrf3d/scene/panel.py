@@ -64,6 +64,8 @@ def panel(facts: Facts, moment: Moment, shot: str) -> Label:
     """The panel of a moment."""
     run, line_map = facts.run, facts.run.map_after(moment.scan)
     walls = f"{len(line_map):>4} walls found" if run.maps else ""
+    if shot == "unknown" and len(line_map):
+        shot = "chase"
     lines = [(caption(run, shot), _INK), (f"{moment.time:4.0f} s  {walls}".rstrip(), _PALE)]
     if facts.panel == "short":
         lines += [(words, colour) for words, colour in _trails(run, moment.scan)]

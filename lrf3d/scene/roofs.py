@@ -19,10 +19,6 @@ from lrf3d.scene.structures import Structures
 _GREY, _SHARE_OF_GREY = np.array([0.52, 0.52, 0.53]), 0.75
 """Colour of flat roofs, and its share in a roof: the rest is the wall's."""
 
-_STEP, _MOST_STEPS = 0.8, 50_000
-"""Distance of corners along the edges of level faces in rooms [m], as walls are cut, and about how
-many there may be."""
-
 _SLIVER = 1e-3
 """Pieces of roofs below this area [m²] are left out."""
 
@@ -54,10 +50,6 @@ def build_roofs(structures: Structures) -> Painted:
     polygons, solids, under = shade_roofs(structures)
     flat = ~hipped[solids] & (shapely.area(polygons) > _SLIVER)
     polygons, solids, under = polygons[flat], solids[flat], under[flat]
-    if structures.indoor:
-        # What hides the robot in a room sinks, and bends where corners are.
-        step = max(_STEP, float(shapely.length(polygons).sum()) / _MOST_STEPS)
-        polygons = shapely.segmentize(polygons, step)
     corners, piece = triangles(polygons)
     owner = solids[piece]
     walls = structures.solid_colours[owner]

@@ -78,7 +78,7 @@ class Body(NamedTuple):
 
 
 class Soft(NamedTuple):
-    """Translucent triangles: shadows on the ground, the glow of the beams, a goal."""
+    """Translucent triangles: shadows on the ground, a goal, the robot as an arrow."""
 
     corners: Single
     """(t, 3, 3) corners."""
@@ -162,19 +162,6 @@ class Plan(NamedTuple):
     marks: tuple[tuple[str, Mark], ...]
 
 
-class Cut(NamedTuple):
-    """Walls between the eye and the robot are cut off where they would hide it."""
-
-    robot: Float
-    """(2,) where the robot ends towards the eye."""
-    toward: Float
-    """(2,) level direction from it to the eye, of unit length."""
-    slope: float
-    """How much higher walls may be for each metre towards the eye [m/m]."""
-    top: float
-    """How high they may be at the most [m]."""
-
-
 class Seen(NamedTuple):
     """All that is to be seen in one picture."""
 
@@ -183,11 +170,10 @@ class Seen(NamedTuple):
     """Opaque bodies by name."""
     marks: tuple[tuple[str, Mark], ...]
     """Marks by name, in the order in which they are drawn."""
-    sky_below: float
-    """Row of the picture, −1…1 from the top, down to which there may be sky; −1 for none."""
     ghost: float = 0.0
     """How far houses have faded to pale ghosts, 0…1."""
-    cut: Cut | None = None
+    cut: float = 1e4
+    """Height that walls are cut at [m]; no wall is as high as the default."""
     plan: Plan | None = None
     labels: tuple[Label, ...] = ()
 

@@ -31,26 +31,24 @@ _DOWN = 1.5
 _UNKNOWN = 0.2
 """Time after the start in which hardly anything is known yet [s of the film]."""
 
-_RISEN = 0.85
-"""Share of the distance to the view of the whole that a rising shot covers."""
+_RISEN, _INTO_STREETS = 0.85, float(np.radians(25.0))
+"""Share of the distance to the view of the whole that a rising shot covers, and how much steeper it
+looks down on its way [rad]: into streets, over the houses beside the robot."""
 
-_CLOSE, _CLOSE_SIDES = Rig(4.6, 24.0, 42.0), 6
+_CLOSE, _CLOSE_SIDES = Rig(4.6, 20.0, 42.0, -0.35), 6
 """How a shot from near looks at the robot, and from how many sides it may begin."""
 
-_HIGH, _HIGH_SHARE = Rig(50.0, 60.0, 34.0, near=0.5), 0.55
+_HIGH, _HIGH_SHARE = Rig(50.0, 60.0, 34.0), 0.55
 """How a shot from high up does, and how far off it is at the most, as a share of the distance to
 where the whole is seen from."""
-
-_LEAVES, _CALM = 0.1, 0.3
-"""Share of a path from the robot after which it leads over all walls, and the time [s of the film]
-over which it does so."""
 
 
 class Story:
     """Shows a run in shots."""
 
     def __init__(self, timeline: Timeline, structures: Structures) -> None:
-        self._timeline, self._structures = timeline, structures
+        self._timeline = timeline
+        self._into_streets = 0.0 if structures.indoor else _INTO_STREETS
         self._path = SmoothPath.of(timeline)
         self._opening = overview(timeline, structures)
         self._whole = overview(timeline, structures, CARD)
@@ -97,15 +95,14 @@ class Story:
         if shot == "rise":
             return self._between(near, whole, _RISEN * _eased((passed - begin) / (end - begin)))
         if shot == "close":
-            # The side from which it looks down the least: from above, little is seen of it.
-            sides = [near, *(track.at(times) for track in self._close)]
-            return min(sides, key=lambda track: float(track.steeps.max()))
+            # The side from which it has the most room, and low walls hide the least.
+            sides = [track.at(times) for track in self._close]
+            return max(sides, key=lambda track: (track.aways.min(), -track.steeps.max()))
         if shot == "high":
             turns = np.full(len(times), whole.turns[0])
             path = SmoothPath(times, self._places(times), turns)
             rig = _HIGH._replace(away=min(_HIGH.away, _HIGH_SHARE * whole.aways[0]))
-            high = Track.along(path, turns, rig)
-            return high._replace(airs=whole.airs).over_walls(self._structures, path.places)
+            return Track.along(path, turns, rig)
         return near
 
     def _places(self, times: Float) -> Float:
@@ -113,7 +110,7 @@ class Story:
         return interpolated(times, self._path.times, self._path.places)
 
     def _between(self, near: Track, far: Track, share: Float) -> Track:
-        """Looks along the path from the robot to far away, at shares (k,) 0…1 of it, over walls."""
+        """Looks along the path from the robot to far away, at shares (k,) 0…1 of it."""
         # The distance grows by the same factor in each second; steps in and down come last.
         aways = np.exp(np.log(near.aways) + share * np.log(far.aways / near.aways))
         moved = (aways - near.aways) / np.where(
@@ -121,17 +118,16 @@ class Story:
         )
         turned = (far.turns - near.turns + np.pi) % (2.0 * np.pi) - np.pi
         others = (a + share * (b - a) for a, b in zip(near[5:], far[5:], strict=True))
-        path = Track(
+        return Track(
             near.times,
             near.middles + moved[:, None] * (far.middles - near.middles),
             near.turns + share * turned,
-            near.steeps + np.sqrt(share) * (far.steeps - near.steeps),
+            near.steeps
+            + np.sqrt(share) * (far.steeps - near.steeps)
+            + np.sin(np.pi * np.sqrt(share)) * self._into_streets,
             aways,
             *others,
         )
-        over = path.over_walls(self._structures, self._places(path.times), _CALM / STEP)
-        leads = np.clip(share / _LEAVES, 0.0, 1.0)
-        return path._replace(steeps=path.steeps + leads * (over.steeps - path.steeps))
 
 
 def _eased(shares: Float | float) -> Float:

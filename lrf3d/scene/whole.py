@@ -15,9 +15,6 @@ _FREE_ABOVE, _FREE_BELOW, CARD = 0.19, 0.03, 0.15
 """Shares of the picture's height that the panel above has to itself, and what is below, which is
 more where there is a card."""
 
-_NEAR = 0.5
-"""Distance [m] from which on things are drawn."""
-
 _FILL = 0.94
 """Share of what is left that the world fills."""
 
@@ -29,9 +26,8 @@ _TALLEST = 14.0
 """Height [m] up to which buildings are in the picture for certain."""
 
 
-_FIELD, _AIR = float(np.radians(34.0)), 2.6
-"""Angle of view of an overview [rad], and the reach of the air's haze, in distances to the middle:
-the whole is seen through clear air."""
+_FIELD = float(np.radians(34.0))
+"""Angle of view of an overview [rad]."""
 
 _STEEP, _STEEP_INDOOR = float(np.radians(42.0)), float(np.radians(56.0))
 """How steeply it looks down [rad]: more into rooms, so that near walls hide less."""
@@ -63,10 +59,9 @@ def overview(
         # From the side from which the whole is as large as from any.
         sides = [_fit(corners, times[:1], np.array([side]), *shape) for side in _SIDES]
         side = min(sides, key=lambda track: float(track.aways[0])).turns[0]
-        found = _fit(corners, times, side + _DRIFT * passed, *shape)
-        return found._replace(airs=_AIR * found.aways)
+        return _fit(corners, times, side + _DRIFT * passed, *shape)
 
-    return Tracked(track, {"plan": False, "shot": "whole"})
+    return Tracked(track, {"cuts": True, "plan": False, "shot": "whole"})
 
 
 def top(timeline: Timeline, structures: Structures) -> Tracked:
@@ -80,9 +75,9 @@ def top(timeline: Timeline, structures: Structures) -> Tracked:
         turn = np.array([np.pi if turned else -0.5 * np.pi])
         found = _fit(corners, np.zeros(1), turn, 0.5 * np.pi, _TOP_FIELD, aspect, _FREE_BELOW)
         tallest = float(structures.heights.max(initial=0.0))
-        return found._replace(aways=found.aways + tallest, nears=0.5 * found.aways)
+        return found._replace(aways=found.aways + tallest)
 
-    return Tracked(track, {"clear": True, "shows_map": True, "plan": False, "shot": "whole"})
+    return Tracked(track, {"shows_map": True, "plan": False, "shot": "whole"})
 
 
 def corners_of(timeline: Timeline, structures: Structures) -> Float:
@@ -130,5 +125,7 @@ def _fit(
             middle = middle + axes @ (0.5 * away * (seen.max(axis=0) + seen.min(axis=0)))
         found.append((*middle, away))
     *place, aways = np.array(found).T
-    shape = (np.full(len(turns), each) for each in (field, free_below - _FREE_ABOVE, 0.0, _NEAR))
-    return Track(times, np.column_stack(place), turns, np.full(len(turns), steep), aways, *shape)
+    steeps, fields, shifts = (
+        np.full(len(turns), each) for each in (steep, field, free_below - _FREE_ABOVE)
+    )
+    return Track(times, np.column_stack(place), turns, steeps, aways, fields, shifts)

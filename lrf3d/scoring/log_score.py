@@ -10,7 +10,6 @@ from lrf3d.errors import InputError, expect
 from lrf3d.geometry import Float, lengths
 from lrf3d.laser import LaserRangeFinder, LaserScan, reflection_points
 from lrf3d.mapping import LineMap
-from lrf3d.pose import Pose
 from lrf3d.scoring.report import Report
 from lrf3d.world import World
 
@@ -64,43 +63,35 @@ def score_log(line_map: LineMap, scans: Iterable[LaserScan]) -> LogScore:
 
     expect(line_map, LineMap, "map")
     solid = line_map.segments[lengths(line_map.segments) > 0.0]
-    origin = np.round(solid.reshape(-1, 2).mean(axis=0)) if len(solid) else np.zeros(2)
-    solid = solid - np.tile(origin, 2)
     tree = shapely.STRtree(shapely.linestrings(solid.reshape(-1, 2, 2)))
     caster = PlanarCaster(World(solid))
-    counts: list[tuple[int, int, int]] = []
-    errors: list[Float] = [np.empty(0)]
+    explained, beyond = [0], [np.empty(0)]
     for scan in scans:
         judged = (scan.ranges > NEAREST_RETURN) & (scan.ranges < FARTHEST_RETURN)
-        ranges = scan.ranges[judged]
-        pose = Pose(scan.pose.x - origin[0], scan.pose.y - origin[1], scan.pose.theta)
-        places = shapely.points(reflection_points(pose, scan.angles[judged], ranges))
-        near, _ = tree.query(places, predicate="dwithin", distance=EXPLAINED_WITHIN)
-        beyond = ranges - _map_ranges(caster, scan, pose)[judged]
-        beyond = beyond[np.isfinite(beyond)]
-        violations = int((beyond > VIOLATED_BEYOND).sum())
-        counts.append((len(ranges), len(np.unique(near)), violations))
-        errors.append(np.abs(beyond))
-    returns, explained, violated = np.array(counts).reshape(-1, 3).sum(axis=0).tolist()
-    all_errors = np.concatenate(errors)
+        places = reflection_points(scan.pose, scan.angles[judged], scan.ranges[judged])
+        near, _ = tree.query(shapely.points(places), "dwithin", EXPLAINED_WITHIN)
+        explained.append(len(np.unique(near)))
+        beyond.append(scan.ranges[judged] - _map_ranges(caster, scan)[judged])
+    errors = np.concatenate(beyond)
+    returns, met = len(errors), np.isfinite(errors)
     return LogScore(
-        explained=explained / returns if returns else np.nan,
-        violation=violated / returns if returns else np.nan,
-        median_range_error=float(np.median(all_errors)) if len(all_errors) else np.nan,
+        explained=sum(explained) / returns if returns else np.nan,
+        violation=float((errors > VIOLATED_BEYOND).sum()) / returns if returns else np.nan,
+        median_range_error=float(np.median(np.abs(errors[met]))) if met.any() else np.nan,
         segments=len(line_map),
         length=float(lengths(line_map.segments).sum()),
-        scans=len(counts),
-        returns=int(returns),
+        scans=len(explained) - 1,
+        returns=returns,
     )
 
 
-def _map_ranges(caster: PlanarCaster, scan: LaserScan, pose: Pose) -> Float:
-    """Ranges (beams,) [m] to the map from a pose in its frame; +inf where it is not hit."""
+def _map_ranges(caster: PlanarCaster, scan: LaserScan) -> Float:
+    """Ranges (beams,) [m] to the map; +inf where it is not hit."""
     angles = scan.angles
     if not np.allclose(np.diff(angles, 2), 0.0, atol=UNEVEN):
         raise InputError("scan with beams at uneven angles: score_log needs them evenly spaced")
     farthest = scan.range_max if np.isfinite(scan.range_max) else CAST_RANGE
     lrf = LaserRangeFinder(angles.min(), angles.max(), len(angles), 0.0, farthest)
-    ranges: Float = caster.cast(lrf, pose).ranges
+    ranges: Float = caster.cast(lrf, scan.pose).ranges
     # A laser that is mounted upside down turns clockwise.
     return ranges if angles[0] <= angles[-1] else ranges[::-1]

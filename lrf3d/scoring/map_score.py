@@ -1,16 +1,16 @@
-"""MapScore: the agreement of a map of line segments with the visible walls."""
+"""MapScore: the agreement of a map of line segments with the walls that a run could see."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from lrf3d.errors import expect
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry import Float, Int, cross, directions, lengths
+from lrf3d.laser import beam_directions
 from lrf3d.mapping import LineMap
 from lrf3d.run import Run
 from lrf3d.scoring.matching import match_segments, sample_offsets
 from lrf3d.scoring.report import Report
-from lrf3d.scoring.visibility import visible_walls
 from lrf3d.world.pieces import joined_objects
 
 SAMPLE_TOLERANCE = 0.1
@@ -18,6 +18,40 @@ SAMPLE_TOLERANCE = 0.1
 
 SAMPLE_ANGLE = np.deg2rad(5.0)
 """Largest angle between a right sample's segment and the wall [rad]."""
+
+DIRECT = 1e-3
+"""Farthest off its wall [m] that the place of a direct return may be."""
+
+LEAST_VISIBLE = 0.5
+"""Length [m] above which the visible part of a wall counts."""
+
+
+def visible_walls(run: Run) -> tuple[Float, Int]:
+    """The part of each wall between the outermost noise-free returns of a run.
+
+    Returns:
+        (v, 4) the parts longer than 0.5 m, and (v,) their walls, in ascending order.
+    """
+    segments, angles = run.world.segments, run.lrf.angles
+    along, size = directions(segments), lengths(segments)
+    low, high = np.full(len(segments), np.inf), np.full(len(segments), -np.inf)
+    for pose, ranges, hit in zip(run.trajectory.poses, run.truth, run.walls, strict=True):
+        returned = (hit >= 0) & np.isfinite(ranges)
+        wall = hit[returned]
+        # Relative to the end of the wall, so that no digits are lost far from the origin.
+        reach = ranges[returned, None] * beam_directions(pose[2], angles[returned])
+        offset = pose[:2] - segments[wall, :2] + reach
+        # What came by way of a mirror shows an image of the wall, elsewhere.
+        station = (offset * along[wall]).sum(axis=1)
+        direct = np.abs(cross(along[wall], offset)) < DIRECT
+        direct &= (station > -DIRECT) & (station < size[wall] + DIRECT)
+        wall, station = wall[direct], station[direct]
+        np.minimum.at(low, wall, station)
+        np.maximum.at(high, wall, station)
+    visible = np.flatnonzero(high - low > LEAST_VISIBLE)
+    start, unit = segments[visible, :2], along[visible]
+    first = start + low[visible, None] * unit
+    return np.hstack([first, start + high[visible, None] * unit]), visible
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,19 +170,49 @@ def adjusted_rand_index(first: Int, second: Int) -> float:
     1 means equal groups, whatever the labels; 0 is the value of random labels. In the degenerate
     cases (fewer than two things, all things apart in both, all things together in both) it is 1.
     """
-    _, row = np.unique(first, return_inverse=True)
-    _, column = np.unique(second, return_inverse=True)
-    # Only nonempty cells of the contingency table are stored, as it may be large.
-    _, cells = np.unique(np.column_stack([row, column]), axis=0, return_counts=True)
-    together = _pairs(cells)
-    in_first, in_second = _pairs(np.bincount(row)), _pairs(np.bincount(column))
-    everything = _pairs(np.array([len(row)]))
+    together, in_first, in_second = map(_pairs, (np.column_stack([first, second]), first, second))
+    everything = _pairs(np.zeros(len(first)))
     expected = in_first * in_second / everything if everything else 0.0
     room = 0.5 * (in_first + in_second) - expected
     return float((together - expected) / room) if room else 1.0
 
 
-def _pairs(counts: Int) -> float:
-    """Number of pairs of members of the same group, for groups of the given sizes."""
-    sizes: Float = counts.astype(np.float64)
+def _pairs(labels: Int | Float) -> float:
+    """Number of pairs of things with the same label, which may be a row."""
+    sizes = np.unique(labels, axis=0, return_counts=True)[1].astype(np.float64)
     return float((0.5 * sizes * (sizes - 1.0)).sum())
+
+
+@dataclass(frozen=True, slots=True)
+class BuildingCount(Report):
+    """Buildings of a run.
+
+    Args:
+        buildings: Objects of the world, where those that touch count as one.
+        seen_on_all_sides: Those of which every wall has a visible part.
+        whole: Those of the latter that are one object of the map with exactly one segment for
+            each wall of the building ("each building is represented with four
+            line segments", section 4 of Teslić et al.).
+    """
+
+    buildings: int
+    seen_on_all_sides: int
+    whole: int
+
+
+def buildings_seen(run: Run) -> BuildingCount:
+    """Count the buildings of a run that were seen on all sides, and those mapped whole."""
+    objects = joined_objects(run.world)
+    walls_of = np.bincount(objects)
+    parts, walls = visible_walls(run)
+    seen = (np.bincount(objects[walls], minlength=len(walls_of)) == walls_of) & (walls_of > 0)
+    _, object_of, sizes = np.unique(run.map.objects, return_inverse=True, return_counts=True)
+    pairs = match_segments(run.map.segments, parts)
+    both = np.column_stack([objects[walls[pairs[:, 1]]], object_of[pairs[:, 0]]])
+    (building, found), matched = (each.T for each in np.unique(both, axis=0, return_counts=True))
+    whole = seen[building] & (matched == walls_of[building]) & (matched == sizes[found])
+    return BuildingCount(
+        buildings=int((walls_of > 0).sum()),
+        seen_on_all_sides=int(seen.sum()),
+        whole=int(whole.sum()),
+    )

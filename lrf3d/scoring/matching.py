@@ -13,6 +13,12 @@ LEAST_OVERLAP = 0.5
 END_TOLERANCE = 0.15
 """Largest distance of the end points of a match from the true line [m]."""
 
+SAMPLE_SPACING = 0.05
+"""Distance of samples along a segment [m]: a tenth of the shortest wall that counts."""
+
+LENGTH_ROUNDING = 1e-6
+"""Share of a piece that rounding may add to a length, even 10⁶ m from the origin."""
+
 
 def match_segments(segments: Float, walls: Float) -> Int:
     """Pair map segments (m, 4) with true segments (v, 4), each with at most one of the other.
@@ -25,12 +31,17 @@ def match_segments(segments: Float, walls: Float) -> Int:
     Returns:
         (k, 2) rows: index of the map segment, index of the true segment; rising in the latter.
     """
-    segments, walls = in_local_frame(segments, walls)
-    own, wall = close_pairs(segments, walls, END_TOLERANCE)
-    along = directions(walls[wall])
+    import shapely
+
+    # Segments without length have no direction to compare.
+    mine, theirs = (np.flatnonzero(lengths(each) > 0.0) for each in (segments, walls))
+    tree = shapely.STRtree(shapely.linestrings(walls[theirs].reshape(-1, 2, 2)))
+    lines = shapely.linestrings(segments[mine].reshape(-1, 2, 2))
+    near = tree.query(lines, predicate="dwithin", distance=END_TOLERANCE)
+    own, wall = mine[near[0]], theirs[near[1]]
+    along = directions(walls[wall])[:, None]
     ends = segments[own].reshape(-1, 2, 2) - walls[wall, None, :2]
-    forward = np.einsum("kij,kj->ki", ends, along)
-    offset = np.abs(ends[:, :, 1] * along[:, None, 0] - ends[:, :, 0] * along[:, None, 1])
+    forward, offset = (ends * along).sum(axis=2), np.abs(cross(along, ends))
     low, high, length = forward.min(axis=1), forward.max(axis=1), lengths(walls[wall])
     shared = np.minimum(high, length) - np.maximum(low, 0.0)
     overlap = shared / (np.maximum(high, length) - np.minimum(low, 0.0))
@@ -57,35 +68,6 @@ def _assign(own: Int, wall: Int, cost: Float) -> Int:
     return np.column_stack([owns[columns[paired]], walls[rows[paired]]])
 
 
-SAMPLE_SPACING = 0.05
-"""Distance of samples along a segment [m]: a tenth of the shortest wall that counts."""
-
-LENGTH_ROUNDING = 1e-6
-"""Share of a piece that rounding may add to a length, even 10⁶ m from the origin."""
-
-
-def in_local_frame(first: Float, second: Float) -> tuple[Float, Float]:
-    """Move two sets of segments (n, 4), (m, 4) so that the origin lies among the second."""
-    if not len(second):
-        return first, second
-    origin = np.tile(np.round(second.reshape(-1, 2).mean(axis=0)), 2)
-    return first - origin, second - origin
-
-
-def close_pairs(segments: Float, others: Float, reach: float) -> tuple[Int, Int]:
-    """Indices (k,), (k,) of all segments (n, 4) and others (m, 4) that come within reach [m].
-
-    Segments without length are left out: they have no direction to compare.
-    """
-    import shapely
-
-    mine, theirs = (np.flatnonzero(lengths(each) > 0.0) for each in (segments, others))
-    tree = shapely.STRtree(shapely.linestrings(others[theirs].reshape(-1, 2, 2)))
-    lines = shapely.linestrings(segments[mine].reshape(-1, 2, 2))
-    own, other = tree.query(lines, predicate="dwithin", distance=reach)
-    return mine[own], theirs[other]
-
-
 def sample_counts(segments: Float) -> Int:
     """The number of samples (n,) along each of the segments (n, 4): in the middle of equal pieces.
 
@@ -103,20 +85,17 @@ def sample_offsets(segments: Float, walls: Float, *, reach: float, angle: float)
     """
     import shapely
 
-    counts = sample_counts(segments)
-    segments, walls = in_local_frame(segments, walls[lengths(walls) > 0.0])
+    counts, walls = sample_counts(segments), walls[lengths(walls) > 0.0]
     row = np.repeat(np.arange(len(segments)), counts)
     share = (np.arange(len(row)) - (np.cumsum(counts) - counts)[row] + 0.5) / counts[row]
-    points = segments[row, :2] + share[:, None] * (segments[row, 2:] - segments[row, :2])
-    tree = shapely.STRtree(shapely.linestrings(walls.reshape(-1, 2, 2)))
-    sample, wall = tree.query(shapely.points(points), predicate="dwithin", distance=reach)
+    places = segments[row, :2] + share[:, None] * (segments[row, 2:] - segments[row, :2])
+    points, lines = shapely.points(places), shapely.linestrings(walls.reshape(-1, 2, 2))
+    sample, wall = shapely.STRtree(lines).query(points, predicate="dwithin", distance=reach)
     alike = np.abs(cross(directions(segments[row[sample]]), directions(walls[wall])))
     sample, wall = sample[alike <= np.sin(angle)], wall[alike <= np.sin(angle)]
-    along, gap = directions(walls[wall]), points[sample] - walls[wall, :2]
-    forward, sideways = np.einsum("ij,ij->i", gap, along), np.abs(cross(along, gap))
-    distance = np.hypot(forward - np.clip(forward, 0.0, lengths(walls[wall])), sideways)
-    offsets = np.full(len(row), np.inf)
     # The nearest is written last.
-    order = np.argsort(-distance, kind="stable")
-    offsets[sample[order]] = sideways[order]
+    order = np.argsort(-shapely.distance(points[sample], lines[wall]), kind="stable")
+    sample, wall = sample[order], wall[order]
+    offsets = np.full(len(row), np.inf)
+    offsets[sample] = np.abs(cross(directions(walls[wall]), places[sample] - walls[wall, :2]))
     return offsets

@@ -2,7 +2,6 @@
 
 import inspect
 import json
-import pickle
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -14,11 +13,10 @@ from typing import Any, NamedTuple
 from lrf3d.digest import digest, name_of, seed_of
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import whole_number
-from lrf3d.laser import Noise
 from lrf3d.mapping.mapper import MODES
 from lrf3d.planning.free_space import Side
 from lrf3d.robot import Trajectory
-from lrf3d.scenario import read_scenario_file, scenario_of
+from lrf3d.scenario import Scenario, read_scenario_file, scenario_of
 from lrf3d.simulation import line_mapper
 from lrf3d.world.schema import read_settings
 from lrf3d.world.size import size_warning
@@ -56,13 +54,12 @@ Say = Callable[[str], None]
 class PlannedRun(NamedTuple):
     """A run: the columns of its row that are known before it is made, and what it is made of.
 
-    The place is the pickled scenario and drive, which runs with other noises and mappers share. The
-    mapper is a dict of keyword arguments of the LineMapper, or a user's mapper or its class.
+    The mapper is a dict of keyword arguments of the LineMapper, or a user's mapper or its class.
     """
 
     columns: Row
-    place: bytes
-    noise: Noise
+    scenario: Scenario
+    drive: Trajectory
     mapper: Any
 
     @property
@@ -123,14 +120,9 @@ def make_plan(
             warn(f"{name}: {warning}")
         walls = digest((world.segments, world.objects, world.heights, *world.materials))
         drives: dict[Any, Trajectory] = {}
-        places: dict[str, bytes] = {}
         for row in product(*values.values()):
             settings = dict(zip(values, row, strict=True))
-            tables = {table: dict(each) for table, each in file.tables.items()}
-            for setting, value in settings.items():
-                table, _, key = setting.partition(".")
-                tables.setdefault(table, {})[key] = value
-            scenario = scenario_of(replace(file, tables=tables))
+            scenario = scenario_of(file, [_setting(*each) for each in settings.items()])
             # A route depends on how far the laser sees where it is planned.
             robot = [value for key, value in settings.items() if key.startswith("robot.")]
             driven = (*robot, scenario.lrf.range_max)
@@ -143,18 +135,16 @@ def make_plan(
             place = digest(
                 (walls, scenario.lrf, scenario.obstacles, scenario.radius, drive.times, drive.poses)
             )
-            if place not in places:
-                places[place] = pickle.dumps((replace(scenario, mapper={}), drive), protocol=5)
             known: Row = {"sigma_m": scenario.sigmas[0], "beams": scenario.lrf.beams}
             known |= {COLUMNS.get(key, key): value for key, value in settings.items()}
-            for label, chosen in mappers.items():
-                mapper, noise = chosen, scenario.noise
+            bare = replace(scenario, mapper={})
+            for label, mapper in mappers.items():
                 if isinstance(mapper, str | dict):
-                    mapper = {"mode": mapper} if isinstance(mapper, str) else mapper
-                    mapper = {**scenario.mapper, **mapper}
-                    line_mapper(noise, **mapper)  # An invalid threshold is found here.
+                    own = {"mode": mapper} if isinstance(mapper, str) else mapper
+                    mapper = {**scenario.mapper, **own}
+                    line_mapper(scenario.noise, **mapper)  # An invalid threshold is found here.
                 # The repr of a noise contains its class as well as its numbers.
-                identity = digest((repr(noise), _identity(mapper)))
+                identity = digest((repr(scenario.noise), _identity(mapper)))
                 named: Row = {"world": scenario.name, "mapper": label, **known}
                 for seed in range(seeds):
                     # Runs under other names are other runs, so that the columns of all rows agree.
@@ -165,7 +155,7 @@ def make_plan(
                         # All mappers and noises have the same seeds, to be compared run by run.
                         "noise_seed": seed_of((place, seed)),
                     }
-                    runs.append(PlannedRun(columns, places[place], noise, mapper))
+                    runs.append(PlannedRun(columns, bare, drive, mapper))
     varied = {COLUMNS.get(name, name): each for name, each in values.items()}
     return Plan(tuple(runs), {"mapper": tuple(mappers), **varied}, seeds)
 
@@ -199,7 +189,7 @@ def _check(
 def _checked(name: str, value: object) -> SettingValue:
     """A value in the type of its setting."""
     try:
-        setting = f"{name}={json.dumps(value, ensure_ascii=False)}"
+        setting = _setting(name, value)
     except (TypeError, ValueError):
         raise InputError(f"sweep: {name}: {shown(value)} cannot be a value") from None
     [table] = read_settings([setting]).values()
@@ -207,6 +197,10 @@ def _checked(name: str, value: object) -> SettingValue:
     if not isinstance(found, SettingValue):
         raise InputError(f"sweep: {name}: only single values can be varied, not {shown(value)}")
     return found
+
+
+def _setting(name: str, value: object) -> str:
+    return f"{name}={json.dumps(value, ensure_ascii=False)}"
 
 
 def _identity(mapper: Any) -> Any:

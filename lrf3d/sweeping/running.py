@@ -8,7 +8,7 @@ import json
 import os
 import pickle
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, wait
+from concurrent.futures import Executor, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, contextmanager
 from copy import deepcopy
@@ -18,14 +18,13 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from lrf3d.casting import PlanarCaster
-from lrf3d.cores import core_count, process_pool
+from lrf3d.cores import core_count, process_pool, results
 from lrf3d.errors import InputError, Lrf3dError, OutputError, missing_extra
 from lrf3d.files import locked, make_folder
 from lrf3d.interrupts import check, noting, stoppable
 from lrf3d.progress import Progress, silent
 from lrf3d.run import Run
-from lrf3d.scoring import buildings_seen, score_run
-from lrf3d.scoring.visibility import visible_walls
+from lrf3d.scoring import buildings_seen, score_run, visible_walls
 from lrf3d.sweeping.plan import SEEDS, USUAL, Plan, PlannedRun, Row, SettingValue, make_plan
 from lrf3d.sweeping.table import SweepTable
 from lrf3d.world.pieces import joined_objects
@@ -35,9 +34,6 @@ ROWS = "sweep{}.jsonl"
 
 BATCH = 8
 """Runs that are sent together: a crash costs at most these, and sending them next to nothing."""
-
-PLACES_KEPT = 4
-"""Places whose casters a worker keeps."""
 
 
 @stoppable()
@@ -203,11 +199,7 @@ def _made(runs: Sequence[PlannedRun], executor: Executor | None) -> Iterator[lis
         for first in range(0, len(runs), BATCH)
     ]
     try:
-        for future in futures:
-            # A signal does not end this wait, so it ends now and then by itself.
-            while not wait([future], 0.1).done:
-                check()
-            yield future.result()
+        yield from results(futures)
     except BrokenProcessPool as error:
         raise Lrf3dError(
             "a process of the sweep has ended, perhaps for want of memory; go on with --resume and"
@@ -232,26 +224,21 @@ def rows_of(runs: Sequence[PlannedRun]) -> list[Row]:
 
 
 def _run(planned: PlannedRun) -> Run:
-    scenario, drive, caster = _unpacked(planned.place)
-    mapper = planned.mapper
+    mapper, scenario = planned.mapper, planned.scenario
     if not isinstance(mapper, dict):
         # A user's class or function makes a mapper for each run; a mapper is copied.
         mapper = deepcopy(mapper) if hasattr(type(mapper), "update") else mapper()
-    run: Run = scenario.run(
-        drive=drive,
-        noise=planned.noise,
+    return scenario.run(
+        drive=planned.drive,
         mapper=mapper,
         rng=planned.columns["noise_seed"],
-        caster=caster,
+        caster=_caster(scenario.world),
         snapshots=1,
     )
-    return run
 
 
-@lru_cache(maxsize=PLACES_KEPT)
-def _unpacked(place: bytes) -> tuple[Any, Any, PlanarCaster]:
-    scenario, drive = pickle.loads(place)
-    return scenario, drive, PlanarCaster(scenario.world)
+_caster = lru_cache(maxsize=1)(PlanarCaster)
+"""The caster of a world: runs that are sent together share their world."""
 
 
 def _figures(run: Run) -> Row:

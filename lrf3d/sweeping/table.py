@@ -1,12 +1,13 @@
-"""The table of a sweep: a row for each run, and means over the seeds with their intervals."""
+"""The table of a sweep: a row for each run, means over the seeds with intervals, and figures."""
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from io import StringIO
+from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -27,42 +28,26 @@ MEASURES = {
 }
 """The measures that are averaged: their headings, the factors of their values, their decimals."""
 
+AXIS_LABELS = {"sigma_m": "noise σ at range_max [m]", "beams": "beams"}
+"""Labels of the axes of figures."""
 
-class Mean(NamedTuple):
-    """A mean over seeds, half of the width of its interval by Student's t, and its runs.
 
-    The mean is NaN if no run has the figure, and half of the width with fewer than two.
+def mean_of(values: Sequence[float | None]) -> dict[str, float | int | None]:
+    """The mean over seeds with the ends of its interval by Student's t, in JSON's types.
+
+    None stands for a run without the figure, for the mean of none, and for the interval of one.
     """
+    from scipy.stats import t
 
-    mean: float
-    half: float
-    runs: int
-
-    @classmethod
-    def of(cls, values: Sequence[float | None]) -> "Mean":
-        """The mean of values; None stands for a run without the figure."""
-        from scipy.stats import t
-
-        known = np.array([value for value in values if value is not None], dtype=np.float64)
-        count = len(known)
-        if count < 2:
-            return cls(float(known[0]) if count else np.nan, np.nan, count)
-        spread = float(known.std(ddof=1)) / np.sqrt(count)
+    known = [value for value in values if value is not None]
+    count, mean, low, high = len(known), None, None, None
+    if known:
+        mean = float(np.mean(known))
+    if mean is not None and count > 1:
+        spread = float(np.std(known, ddof=1)) / np.sqrt(count)
         half = float(t.ppf(0.5 + 0.5 * INTERVAL_CONFIDENCE, count - 1)) * spread
-        return cls(float(known.mean()), half, count)
-
-    def as_dict(self) -> dict[str, float | int | None]:
-        """The mean in JSON's types."""
-        bounds = {"mean": self.mean, "low": self.mean - self.half, "high": self.mean + self.half}
-        known = {name: value if np.isfinite(value) else None for name, value in bounds.items()}
-        return {**known, "runs": self.runs}
-
-
-class SettingMeans(NamedTuple):
-    """The means of one combination of settings: its columns, and its means by measure."""
-
-    columns: dict[str, Any]
-    measures: dict[str, Mean]
+        low, high = mean - half, mean + half
+    return {"mean": mean, "low": low, "high": high, "runs": count}
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +62,8 @@ class SweepTable:
     Examples:
         >>> import lrf3d
         >>> table = lrf3d.sweep("paper_room", axes={"noise.sigma": (0.1,)}, seeds=2, workers=1)
-        >>> table.means[0].columns["mapper"]
-        'robust'
+        >>> table.means[0]["mapper"], table.means[0]["length_f1"]["mean"] > 0.9
+        ('robust', True)
         >>> table.to_csv("means.csv")
     """
 
@@ -87,16 +72,17 @@ class SweepTable:
     made: int = 0
 
     @cached_property
-    def means(self) -> list[SettingMeans]:
-        """The means of each combination over its seeds."""
+    def means(self) -> list[Row]:
+        """The columns of each combination, and of each measure the mean over the seeds.
+
+        A mean is a dict: ``mean``, ``low`` and ``high``, the ends of its interval, and ``runs``.
+        """
         groups: dict[tuple[Any, ...], list[Row]] = {}
         for row in self.rows:
             groups.setdefault(tuple(row[name] for name in self.plan.columns), []).append(row)
         return [
-            SettingMeans(
-                dict(zip(self.plan.columns, values, strict=True)),
-                {name: Mean.of([row[name] for row in rows]) for name in MEASURES},
-            )
+            dict(zip(self.plan.columns, values, strict=True))
+            | {name: mean_of([row[name] for row in rows]) for name in MEASURES}
             for values, rows in groups.items()
         ]
 
@@ -118,10 +104,7 @@ class SweepTable:
             "sweep": {"worlds": plan.worlds, **varied, "seeds": plan.seeds},
             "runs": len(self.rows),
             "confidence": INTERVAL_CONFIDENCE,
-            "combinations": [
-                columns | {name: mean.as_dict() for name, mean in measures.items()}
-                for columns, measures in self.means
-            ],
+            "combinations": self.means,
         }
 
     def to_csv(self, path: str | Path) -> None:
@@ -130,13 +113,12 @@ class SweepTable:
         Raises:
             OutputError: The file cannot be written.
         """
-        lines = []
-        for columns, measures in self.means:
-            lines.append(line := dict(columns))
-            for name, mean in measures.items():
-                bounds = mean.as_dict()
-                line |= {name: bounds["mean"], f"{name}_low": bounds["low"]}
-                line |= {f"{name}_high": bounds["high"]}
+        lines = [dict(each) for each in self.means]
+        for line in lines:
+            for name in MEASURES:
+                mean = line.pop(name)
+                line |= {name: mean["mean"], f"{name}_low": mean["low"]}
+                line |= {f"{name}_high": mean["high"]}
         _write_csv(lines, path)
 
     def runs_to_csv(self, path: str | Path) -> None:
@@ -170,11 +152,12 @@ class SweepTable:
         varied = [name for name, values in self.plan.varied.items() if len(values) > 1]
         shown = list(dict.fromkeys(["world", "mapper", *varied, "sigma_m"]))
         lines = []
-        for columns, measures in self.means:
-            values = [columns[name] for name in shown]
+        for row in self.means:
+            values = [row[name] for name in shown]
             line = [f"{each:g}" if isinstance(each, float) else str(each) for each in values]
             for name, (_, factor, digits) in MEASURES.items():
-                known = [each for each in measures[name][:2] if np.isfinite(each)]
+                mean, high = row[name]["mean"], row[name]["high"]
+                known = [] if mean is None else [mean] if high is None else [mean, high - mean]
                 line.append(sign.join(f"{factor * each:.{digits}f}" for each in known) or "–")
             lines.append(line)
         head = [name.removesuffix("_m") for name in shown]
@@ -187,3 +170,32 @@ def _write_csv(lines: Sequence[Row], path: str | Path) -> None:
     writer.writeheader()
     writer.writerows(lines)
     write_text(path, text.getvalue())
+
+
+def figures_of(result: SweepTable) -> dict[str, tuple[str, Callable[[Path], object]]]:
+    """The figures by their titles: their files, and what draws them.
+
+    They have a curve for each mapper and each value of the first other axis; further axes have
+    their first value.
+    """
+    from lrf3d.render.sweep_figure import draw_sweep
+
+    figures: dict[str, tuple[str, Callable[[Path], object]]] = {}
+    varied = {name: each for name, each in result.plan.varied.items() if len(each) > 1}
+    seeds = f"{result.plan.seeds} seeds  ·  mean and its {100.0 * INTERVAL_CONFIDENCE:g} % interval"
+    for world, (column, values) in product(result.plan.worlds, varied.items()):
+        if isinstance(values[0], str | bool):
+            continue
+        others = [name for name in varied if name not in (column, "mapper")]
+        fixed = {"world": world, **{other: varied[other][0] for other in others[1:]}}
+        name = column.removesuffix("_m").replace(".", "_")
+        draw = partial(
+            draw_sweep,
+            [mean for mean in result.means if fixed.items() <= mean.items()],
+            column=column,
+            choices=others[:1],
+            axis=AXIS_LABELS.get(column, column),
+            titles=(f"{world}: maps over {name}", seeds),
+        )
+        figures[f"{world} over {name}"] = f"{world}_{name}.png", draw
+    return figures

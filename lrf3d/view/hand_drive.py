@@ -10,13 +10,11 @@ from lrf3d.geometry import Float, Int, generator
 from lrf3d.laser import LaserScan
 from lrf3d.mapping import LineMap
 from lrf3d.mapping.tracking import ObjectTracker
-from lrf3d.pose import Pose
-from lrf3d.robot import Trajectory, Unicycle
+from lrf3d.pose import Pose, as_pose
+from lrf3d.robot import Unicycle
 from lrf3d.robot.collision import CollisionChecker
 from lrf3d.run import Run
 from lrf3d.scenario import Scenario
-from lrf3d.scene.moments import Scene
-from lrf3d.scene.stage import Stage
 from lrf3d.scene.timeline import DriveKeys, Moment, Timeline
 from lrf3d.sensor import Sensor
 from lrf3d.simulation import line_mapper
@@ -41,26 +39,23 @@ _MAP_PAUSE = 0.25
 _KEPT = 500
 """Scans that are kept: those of the last seconds are still seen."""
 
-_OPEN = 60
-"""Scans after which the path between them is thinned for good."""
-
 _CALM, _ALIGNED = 3.0, 1e-3
 """How fast a camera follows the robot's turns [1/s], and the angle [rad] that it leaves."""
 
 
-class HandDrive:
-    """The robot of a page, from where it starts.
+class HandDrive(Timeline):
+    """The robot of a page, from where a scenario with a route or poses starts.
 
-    A scene asks of it what it asks of a run: the scans, the path and the map are those of now.
+    A scene asks of it what it asks of a run and its timeline: the scans, the path and the map are
+    those of now.
     """
 
     knows_truth, estimate = True, None
 
-    def __init__(
-        self, scenario: Scenario, start: Pose, *, rng: int = 0, stage: Stage | None = None
-    ) -> None:
+    def __init__(self, scenario: Scenario, *, rng: int = 0) -> None:
         self.world, self.lrf, self.obstacles = scenario.world, scenario.lrf, scenario.obstacles
-        self.film = replace(USUAL_FILM, points_by=scenario.points_by)
+        self.name = scenario.name
+        self.film = replace(USUAL_FILM, points_by=scenario.film.points_by)
         self._fastest = scenario.speed
         self._collisions = CollisionChecker(scenario.world)
         self._robot = Unicycle(scenario.radius)
@@ -75,21 +70,22 @@ class HandDrive:
         self._rng = generator(rng)
         self._mapper = line_mapper(scenario.noise, **scenario.mapper)
         self._tracker = ObjectTracker()
+        start = scenario.start or as_pose(cast(Float, scenario.poses)[0])
         self.pose, self.time, self.speed, self.turning = start, 0.0, 0.0, 0.0
         self.facing = start.theta
         """Where a camera behind the robot looks [rad]."""
         self.bumped = False
-        self.line_map = LineMap.empty()
-        self.map_number, self._map_due, self._stale = -1, 0.0, True
         self.maps: dict[int, LineMap] = {}
         self.lasting_objects: dict[int, Int] = {}
-        self._times: list[float] = []
-        self._poses: list[Pose] = []
+        self._map_due, self._stale = 0.0, True
+        self.trajectory = SimpleNamespace(times=np.zeros(0), poses=np.zeros((0, 3)))
+        """When and where the mapped scans were taken."""
         self._scans: dict[int, LaserScan] = {}
-        self._old, self._settled = DriveKeys(np.zeros(0), np.zeros((0, 3))), 0
         self.latest = self._measure()
         self._map_scan()
-        self.scene = Scene(_LiveTimeline(self), stage=stage)
+        super().__init__(cast(Run, self), playback=1.0)
+        # A single scan is not a stop here: the robot drives on.
+        self.dwells = False
 
     def step(self, seconds: float, forward: float = 0.0, turn: float = 0.0) -> bool:
         """Drive on for a time [s], scan and map; false where the robot rests and nothing moves.
@@ -102,47 +98,40 @@ class HandDrive:
             return False
         self._drive(min(seconds, _LONGEST_STEP), forward, turn)
         self.latest = self._measure()
-        before = self._poses[-1]
-        gone = np.hypot(self.pose.x - before.x, self.pose.y - before.y)
-        if gone > _MAP_STEP or abs(self.pose.theta - before.theta) > _MAP_TURN:
+        x, y, theta = np.abs(np.array(self.pose) - self.trajectory.poses[-1])
+        if np.hypot(x, y) > _MAP_STEP or theta > _MAP_TURN:
             self._map_scan()
         if self._stale and self.time >= self._map_due:
-            self.line_map, self.map_number = self._mapper.map, self.map_number + 1
-            self.maps = {self.map_number: self.line_map}
-            self.lasting_objects = {self.map_number: self._tracker.follow(self.line_map)}
+            number = self.snapshot_after(0) + 1
+            self.maps = {number: self._mapper.map}
+            self.lasting_objects = {number: self._tracker.follow(self.maps[number])}
             self._map_due, self._stale = self.time + _MAP_PAUSE, False
-        self.scene.keys = self._driven()
         return True
 
-    def moment(self) -> Moment:
-        """What is to be seen now; the latest scan has no number of its own."""
-        return Moment(self.time, np.array(self.pose), len(self._times), self.speed, True)
+    def driven(self) -> DriveKeys:
+        """The path so far: it only grows, so that a page has most of it already."""
+        path = self.trajectory
+        poses = np.vstack([path.poses, self.pose]) - [*self.origin, 0.0]
+        return DriveKeys(np.append(path.times, self.time), poses)
 
-    @property
-    def trajectory(self) -> SimpleNamespace:
-        """When and where the mapped scans were taken."""
-        return SimpleNamespace(times=np.array(self._times), poses=np.array(self._poses))
+    def poses(self, times: Float) -> Float:
+        """Where the robot is now, for each of the times [s], turned as it turns now."""
+        turns = np.zeros((len(times), 3))
+        turns[:, 2] = self.turning * (times - self.time)
+        return np.array(self.pose) + turns
+
+    def moment(self, time: float) -> Moment:
+        """What is to be seen now; the latest scan has no number of its own."""
+        number = len(self.trajectory.times)
+        return Moment(self.time, np.array(self.pose), number, self.speed, True)
 
     def scan(self, number: int) -> LaserScan:
         """A mapped scan by its number; the last one is that of now."""
         return self._scans.get(number, self.latest)
 
     def snapshot_after(self, scan: int) -> int:
-        """The number of the map, which changes with it."""
-        return self.map_number
-
-    def _driven(self) -> DriveKeys:
-        """The path so far in few keys; what is older is settled, so that a page has it already."""
-        times = np.array([*self._times[self._settled :], self.time])
-        poses = np.array([*self._poses[self._settled :], self.pose]) - [*self.scene.origin, 0.0]
-        old, new = self._old, DriveKeys(times, poses).thinned()
-        if len(times) > _OPEN:
-            settled = DriveKeys(times[:-1], poses[:-1]).thinned()
-            self._old = DriveKeys(
-                *(np.concatenate([a, b[:-1]]) for a, b in zip(old, settled, strict=True))
-            )
-            self._settled = len(self._times) - 1
-        return DriveKeys(*(np.concatenate(each) for each in zip(old, new, strict=True)))
+        """The number of the map, which changes with it; −1 for none."""
+        return max(self.maps, default=-1)
 
     def _drive(self, seconds: float, forward: float, turn: float) -> None:
         """Gain the speed that is wanted, and stop where the next step would touch a wall."""
@@ -152,8 +141,8 @@ class HandDrive:
         self.bumped = False
         goal = self._robot.move(self.pose, self.speed, self.turning, seconds)
         if goal[:2] != self.pose[:2]:
-            step = Trajectory([0.0, max(seconds, 1e-6)], [self.pose, goal])
-            if self._collisions.first(step, self._robot.radius) is not None:
+            here, there = np.array([self.pose[:2]]), np.array([goal[:2]])
+            if len(self._collisions.hit(here, there, self._robot.radius)[0]):
                 # A round robot can still turn on the spot.
                 self.bumped, self.speed = True, 0.0
                 goal = Pose(self.pose.x, self.pose.y, goal.theta)
@@ -162,27 +151,17 @@ class HandDrive:
         self.facing = goal.theta - float(left) * (abs(left) > _ALIGNED)
 
     def _measure(self) -> LaserScan:
-        return self._sensor.measure(np.array(self.pose), self.time, self._rng)[1]
+        true_scan = self._sensor.cast(np.array(self.pose), self.time)
+        return self._sensor.noisy(true_scan, self._rng)
 
     def _map_scan(self) -> None:
         self._mapper.update(self.latest)
-        self._scans[len(self._times)] = self.latest
-        self._scans.pop(len(self._times) - _KEPT, None)
-        self._times.append(self.time)
-        self._poses.append(self.pose)
+        path, number = self.trajectory, len(self.trajectory.times)
+        self._scans[number] = self.latest
+        self._scans.pop(number - _KEPT, None)
+        path.times = np.append(path.times, self.time)
+        path.poses = np.vstack([path.poses, self.pose])
         self._stale = True
-
-
-class _LiveTimeline(Timeline):
-    """The timeline of a drive that knows only where the robot is now."""
-
-    def __init__(self, drive: HandDrive) -> None:
-        self._drive = drive
-        super().__init__(cast(Run, drive), playback=1.0)
-
-    def poses(self, times: Float) -> Float:
-        """Where the robot is now, for each of the times."""
-        return np.tile(np.array(self._drive.pose), (len(times), 1))
 
 
 def _towards(value: float, share: float, fastest: float, seconds: float) -> float:

@@ -1,21 +1,23 @@
-"""What the page is sent: the scene as arrays, without what the page has already.
+"""What the page is sent: the scene as arrays, without those that the page has already.
 
-A message is a header in JSON, after its length in four bytes, and then the arrays, one after the
-other. The page puts them into the buffers of its graphics card, draws them with the shaders of the
-film, and works nothing out.
+A message is the length of its header in four bytes, the header in JSON, and a block of arrays. The
+header's `marks` name all that is seen, in the order in which it is drawn; the names of the plan's
+begin with "plan ". Each has its kind, its style, and `columns`: where its new arrays lie. The page
+puts these into buffers of its graphics card, draws them with the film's shaders, and works nothing
+out.
 """
 
 import json
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.render.glsl import air, shader_source
 from lrf3d.render.packing import columns_of, land_of, mesh, rectangle, walls_of
-from lrf3d.render.parts import Parts
-from lrf3d.scene.facades import layers
+from lrf3d.scene.facades import BLANK, layers
+from lrf3d.scene.look import PLAN_BACK
 from lrf3d.scene.shapes import Faces, Mark
 from lrf3d.scene.stage import Stage
 
@@ -25,103 +27,90 @@ _PROGRAMS = (
 )  # fmt: skip
 """The shaders that the page draws with."""
 
-_ALIGNMENT = 4
-"""Bytes that the start of every array is a multiple of."""
+Part = tuple[dict[str, Any], dict[str, NDArray[Any]]]
+"""How something is drawn, and its arrays by name, in the order of the shader's locations."""
 
 
-class Rows(NamedTuple):
-    """Arrays that are no mark of a scene."""
-
-    kind: str
-    columns: tuple[NDArray[Any], ...]
-    shape: tuple[int, ...] = ()
+def part_of(mark: Mark | Faces) -> Part:
+    """A mark of a scene as a part of a message."""
+    columns = columns_of(mark)
+    style = {name: each for name, each in mark._asdict().items() if name not in columns}
+    return {"kind": type(mark).__name__.lower(), **style}, columns
 
 
 class Sender:
-    """Packs what has changed since the message before."""
+    """Packs the arrays that have changed since the message before."""
 
     def __init__(self) -> None:
-        self._sent: dict[str, Any] = {}
         self._columns: dict[tuple[str, str], tuple[NDArray[Any], NDArray[np.uint8]]] = {}
 
-    def message(
-        self, marks: Mapping[str, Mark | Faces | Rows], values: Mapping[str, Any]
-    ) -> bytes | None:
-        """A message of marks by name, and of values for JSON; None if nothing has changed."""
-        header = {name: value for name, value in values.items() if self._is_new(name, value)}
-        drawn: dict[str, dict[str, Any]] = {}
-        block = bytearray()
-        packed: dict[tuple[int, int], int] = {}
-        for name, mark in marks.items():
-            if isinstance(mark, Rows):
-                style: dict[str, Any] = {"kind": mark.kind, "shape": mark.shape}
-                columns = {str(place): each for place, each in enumerate(mark.columns)}
-            else:
-                columns = columns_of(mark)
-                fields = mark._asdict().items()
-                style = {"kind": type(mark).__name__.lower()}
-                style |= {key: each for key, each in fields if key not in columns}
-            if self._is_new(f"style of {name}", style):
-                drawn[name] = {**style, "columns": []}
-            for place, (key, values_) in enumerate(columns.items()):
+    def message(self, parts: Mapping[str, Part], values: Mapping[str, Any]) -> bytes:
+        """A message of parts by name, and of values for JSON."""
+        marks, block, starts = dict[str, Any](), bytearray(), dict[tuple[int, int], int]()
+        for name, (style, columns) in parts.items():
+            marks[name] = {**style, "columns": []}
+            for place, (key, array) in enumerate(columns.items()):
                 before, known = self._columns.get((name, key), (None, None))
                 # An array that is the same object as before has not changed.
-                if values_ is before:
+                if array is before:
                     continue
-                rows = _bytes(values_, colours=key == "colours")
+                rows = _bytes(array, colours=key == "colours")
+                self._columns[name, key] = array, rows
                 first = 0 if known is None else _same(rows, known)
-                self._columns[name, key] = values_, rows
                 if known is not None and first == len(rows) == len(known):
                     continue
                 # What two marks share, such as the trail and that of the plan, is sent once.
-                if (id(values_), first) not in packed:
-                    packed[id(values_), first] = len(block)
+                shared = id(array), first
+                if shared not in starts:
+                    starts[shared] = len(block)
                     block += rows[first:].tobytes()
-                size = 0 if key == "colours" else values_.shape[-1]
-                where = [place, packed[id(values_), first], size, first, len(rows)]
-                drawn.setdefault(name, {"columns": []})["columns"].append(where)
-        if drawn:
-            header["marks"] = drawn
-        if not header:
-            return None
-        text = json.dumps(header, separators=(",", ":")).encode()
-        text += b" " * (-len(text) % _ALIGNMENT)
+                # The shader's location, where the array starts in the block, numbers a row (0 for
+                # colours, which are bytes), the first row that is new, and the number of rows.
+                size = 0 if key == "colours" else array.shape[-1]
+                column = [place, starts[shared], size, first, len(rows)]
+                marks[name]["columns"].append(column)
+        text = json.dumps({**values, "marks": marks}, separators=(",", ":")).encode()
         return len(text).to_bytes(4, "little") + text + bytes(block)
-
-    def _is_new(self, name: str, value: Any) -> bool:
-        new = name not in self._sent or self._sent[name] != value
-        self._sent[name] = value
-        return bool(new)
 
 
 def stage_message(stage: Stage) -> bytes:
     """What never changes: shaders, walls, roofs and ground, whose picture goes apart."""
-    parts, ground, indoor = Parts(stage.faces), stage.ground, stage.structures.indoor
-    chosen = parts.choose(np.arange(parts.count))
+    faces, ground, indoor = stage.faces, stage.ground, stage.structures.indoor
+    plain = faces.texture[:, 0, 2] == BLANK
     corners = rectangle(ground.corner, ground.corner + ground.size)
-    marks: dict[str, Faces | Rows] = {
-        "walls": Rows("walls", walls_of(stage.faces)),
-        "indices": Rows("indices", (chosen.indices[:, None],), (chosen.textured,)),
-        "ground": Rows("ground", (corners,)),
-        "sky": Rows("sky", (mesh(10, 10),)),
-        "land": land_of(ground),
+    texels, (style, land) = layers(indoor)[0], part_of(land_of(ground))
+    parts = {
+        "plain": _part("walls", *(_triangles(each[plain]) for each in walls_of(faces))),
+        "walls": _part("walls", *(_triangles(each[~plain]) for each in walls_of(faces))),
+        "ground": _part("ground", corners),
+        "sky": _part("sky", mesh(10, 10)),
+        "land": ({**style, "pose": np.eye(4).ravel().tolist()}, land),
+        "facades": ({"size": texels.shape[2::-1]}, {"0": texels}),
     }
-    for level, texels in enumerate(layers(indoor)):
-        marks[f"level {level}"] = Rows("level", (texels,), texels.shape[2::-1])
     programs = {
         name: [shader_source(name, vertex=v, constants=air(indoor=indoor)) for v in (True, False)]
         for name in _PROGRAMS
     }
-    area = [*ground.corner.tolist(), *(1.0 / ground.size).tolist()]
-    bodies = {"land": np.eye(4).ravel().tolist()}
-    message = Sender().message(marks, {"programs": programs, "area": area, "bodies": bodies})
-    assert message is not None
-    return message
+    values = {
+        "programs": programs,
+        "area": [*ground.corner.tolist(), *(1.0 / ground.size).tolist()],
+        "back": [share / 255 for share in PLAN_BACK],
+    }
+    return Sender().message(parts, values)
 
 
-def _bytes(values: NDArray[Any], *, colours: bool) -> NDArray[np.uint8]:
+def _part(kind: str, *columns: NDArray[Any]) -> Part:
+    return {"kind": kind}, {str(place): each for place, each in enumerate(columns)}
+
+
+def _triangles(quads: NDArray[Any]) -> NDArray[Any]:
+    """The corners (n, 6, k) of two triangles for each of quads (n, 4, k)."""
+    return quads[:, [0, 1, 2, 0, 2, 3]]
+
+
+def _bytes(array: NDArray[Any], *, colours: bool) -> NDArray[np.uint8]:
     """Rows (n, bytes) of an array as the page takes it: colours and opacities in four bytes."""
-    rows = values.reshape(-1, values.shape[-1])
+    rows = array.reshape(-1, array.shape[-1])
     if colours:
         tints = np.full((len(rows), 4), 255, np.uint8)
         tints[:, : rows.shape[1]] = np.round(255.0 * np.clip(rows, 0.0, 1.0))

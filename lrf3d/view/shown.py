@@ -7,29 +7,25 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from lrf3d.geometry import Float
 from lrf3d.run import Run
 from lrf3d.scene import look
-from lrf3d.scene.camera import Camera, Look, SmoothPath
+from lrf3d.scene.camera import Camera, Look, SmoothPath, Track, Tracked
 from lrf3d.scene.cameras import margins
 from lrf3d.scene.estimate import TRUTH, estimate_words
 from lrf3d.scene.following import First, behind, chase
 from lrf3d.scene.moments import Scene
-from lrf3d.scene.shapes import Faces, Lens, Mark
+from lrf3d.scene.shapes import Faces, Lens
 from lrf3d.scene.stage import Stage
 from lrf3d.scene.story import Story
 from lrf3d.scene.timeline import Moment, Timeline
 from lrf3d.scene.whole import overview, top
 from lrf3d.view.hand_drive import HandDrive
-from lrf3d.view.message import Sender
-
-VIEWS = ("story", "follow", "orbit", "top", "first")
-"""Names of the page's views; a drive by hand has no story."""
+from lrf3d.view.message import Part, Sender, part_of
 
 _LIMITS = {
     "time": (-1e9, 1e9),
@@ -40,6 +36,7 @@ _LIMITS = {
     "zoom": (0.1, 10.0),
     "forward": (-1.0, 1.0),
     "turn": (-1.0, 1.0),
+    "drive": (0, 1e9),
 }
 """The least and the largest of the numbers that a page sends."""
 
@@ -56,6 +53,9 @@ _PLAN_SIDE = 0.3
 _COARSE = 0.5
 """Bands of the map are made again when the eye has moved by this share of its height, or by four
 metres: few are sent."""
+
+_TURN_STEP = 0.05
+"""Half the time [s] over which the turn is measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,96 +76,119 @@ class Wanted:
     forward: float = 0.0
     turn: float = 0.0
     """What shares of its highest speeds the robot is to have."""
+    drive: float = 0.0
+    """The number of the drive: another one starts again."""
 
     def changed(self, text: str) -> "Wanted":
         """What is wanted after a message from the page; a malformed one changes nothing."""
         try:
             sent = json.loads(text)
             new = {name: float(sent.get(name, getattr(self, name))) for name in _LIMITS}
+            view = str(sent.get("view", self.view))
         except (ArithmeticError, AttributeError, TypeError, ValueError):
             return self
-        if not all(low <= new[name] <= high for name, (low, high) in _LIMITS.items()):
-            return self
-        view = sent.get("view")
-        return Wanted(view if view in VIEWS else self.view, **new)
+        within = all(low <= new[name] <= high for name, (low, high) in _LIMITS.items())
+        return Wanted(view, **new) if within else self
 
 
-class Shown(Protocol):
-    """Something on a page."""
+class Shown:
+    """A scene as one page sees it, of a run that is played or of a drive by hand."""
 
-    def answer(self, wanted: Wanted, seconds: float) -> bytes | None:
-        """The message for a page that wants this, after some seconds; None if it has all."""
-        ...
-
-
-class _Page:
-    """A scene and what a page has of it."""
-
-    def __init__(self, scene: Scene, cameras: Mapping[str, Camera]) -> None:
-        self.scene = scene
-        self._sender = Sender()
+    def __init__(
+        self, scene: Scene, cameras: Mapping[str, Camera], drive: HandDrive | None = None
+    ) -> None:
+        self.scene, self.drive = scene, drive
         timeline, structures = scene.timeline, scene.structures
         self._cameras: dict[str, Camera] = {
+            **cameras,
             "orbit": overview(timeline, structures),
             "top": top(timeline, structures),
             "first": First(timeline, structures),
-            **cameras,
         }
-        self._middle, self._window = scene.plan_window()
-        ends = structures.segments.reshape(-1, 2)
-        if "story" not in cameras and np.ptp(ends, axis=0).max(initial=0.0) > look.INSET_WHOLE:
-            # Nobody knows the path of a drive, so that its plan goes with the robot.
-            self._middle, self._window = None, look.INSET_FOLLOWED
-        # The longest of 1, 2 and 5 times a power of ten that takes up to a third of the plan.
-        power = 10.0 ** math.floor(math.log10(self._window / 3.0))
-        self._scale = power * max(n for n in (1, 2, 5) if n * power <= self._window / 3.0)
-        self._map: tuple[object, Faces] | None = None
+        self._sender = Sender()
+        self._last: Wanted | None = None
+        self._window = scene.plan_window()
+        self._bands: tuple[object, Faces] | None = None
 
-    def message(self, moment: Moment, wanted: Wanted, words: Mapping[str, str]) -> bytes | None:
-        """What is seen at a moment."""
-        size = round(wanted.width), round(wanted.height)
-        view = self._look(wanted)
-        seen = self.scene.seen(moment, view, size)
-        bodies = dict(seen.bodies)
-        marks: dict[str, Mark | Faces] = {name: body.faces for name, body in seen.bodies}
-        if "map" in marks:
-            marks["map"] = self._standing(bodies["map"].faces, moment, view)
-        plan = None
+    @classmethod
+    def played(cls, run: Run, playback: float) -> "Shown":
+        """A run that is played."""
+        scene = Scene(Timeline(run, playback=playback))
+        place = scene.timeline, scene.structures
+        return cls(scene, {"story": Story(*place), "follow": chase(*place)})
+
+    @classmethod
+    def driven(cls, drive: HandDrive, stage: Stage | None = None) -> "Shown":
+        """A robot that is driven by hand, which is followed as the film's camera does it."""
+        scene = Scene(drive, stage=stage)
+        structures = scene.structures
+
+        def track(aspect: float) -> Track:
+            places = np.array([drive.pose[:2]]) - scene.origin
+            now = SmoothPath(np.zeros(1), places, np.array([drive.facing]))
+            return behind(now, structures).past_walls(structures, places, 1.0)
+
+        return cls(scene, {"follow": Tracked(track, {"cuts": True})}, drive)
+
+    def setup(self) -> dict[str, Any]:
+        """What a page is given once, as values for JSON; a drive has no end."""
+        timeline, drive = self.scene.timeline, self.drive
+        before, after = margins("story")
+        end = 0.0 if drive else timeline.end - timeline.start
+        # The longest of 1, 2 and 5 times a power of ten that takes up to a third of the plan.
+        most = self._window[1] / 3.0
+        power = 10.0 ** math.floor(math.log10(most))
+        metres = power * max(n for n in (1, 2, 5) if n * power <= most)
+        return {
+            "title": timeline.run.world.name or (drive.name if drive else "run"),
+            "mode": "drives" if drive else "plays",
+            "end": end,
+            "story": [-before * timeline.playback, end + after * timeline.playback],
+            "speed": timeline.playback,
+            "trail": _legend(look.TRAIL_COLOUR),
+            "estimate": _legend(look.ESTIMATE_COLOUR),
+            "metres": f"{metres:g}",
+            "share": 100.0 / 3.0 * metres / most,
+        }
+
+    def answer(self, wanted: Wanted, seconds: float) -> bytes | None:
+        """The message for a page that wants this, after some seconds; None if it has all."""
+        scene, drive = self.scene, self.drive
+        moved = drive is not None and drive.step(seconds, wanted.forward, wanted.turn)
+        if not moved and wanted == self._last:
+            return None
+        self._last = wanted
+        time = scene.timeline.start + wanted.time
+        if drive is not None:
+            time, scene.keys = drive.time, drive.driven()
+        moment, size = scene.timeline.moment(time), (round(wanted.width), round(wanted.height))
+        view = self._look(time, wanted)
+        seen = scene.seen(moment, view, size)
+        parts, plan = dict[str, Part](), None
+        for name, body in seen.bodies:
+            faces = self._coarse(body.faces, moment, view) if name == "map" else body.faces
+            style, columns = part_of(faces)
+            parts[name] = {**style, "pose": _numbers(body.pose)}, columns
+        marks = seen.marks
         if view.plan:
             box = (0, 0, max(1, round(_PLAN_SIDE * min(size))))
-            shown = self.scene.plan(moment, box, self._middle, self._window)
-            marks.update(shown.marks)
-            plan = {
-                "camera": _camera(shown.lens),
-                "order": [name for name, _ in shown.marks],
-                "back": [part / 255 for part in look.PLAN_BACK],
-                "metres": self._scale,
-                "share": self._scale / self._window,
-            }
-        marks.update(seen.marks)
-        cut = seen.cut
+            shown = scene.plan(moment, box, *self._window)
+            marks, plan = (*marks, *shown.marks), _camera(shown.lens)
+        parts |= {name: part_of(mark) for name, mark in marks}
         camera = {
             **_camera(seen.lens),
             "scale": max(min(size) / 720.0, look.LEAST_SCALE),
             "ray": _numbers(np.linalg.inv(_upright(seen.lens))),
             "ghost": seen.ghost,
-            "cut": [0.0] * 6
-            if cut is None
-            else _numbers([*cut.robot, *cut.toward, cut.slope, cut.top]),
+            "cut": seen.cut,
         }
-        values = {
-            "camera": camera,
-            "plan": plan,
-            "bodies": {name: _numbers(body.pose) for name, body in bodies.items()},
-            "order": [name for name, _ in seen.marks],
-            "words": dict(words),
-        }
-        return self._sender.message(marks, values)
+        values = {"camera": camera, "plan": plan, "words": self._words(moment)}
+        return self._sender.message(parts, values)
 
-    def _look(self, wanted: Wanted) -> Look:
+    def _look(self, time: float, wanted: Wanted) -> Look:
         aspect = wanted.width / wanted.height
         camera = self._cameras.get(wanted.view, self._cameras["follow"])
-        view = camera.look(self.scene.timeline.start + wanted.time, aspect)
+        view = camera.look(time, aspect)
         if wanted.view == "follow":
             view = replace(view, shift=_OVER_BAR)
             if aspect < 1.0:
@@ -174,25 +197,57 @@ class _Page:
             view = _turned(view, wanted)
         return view
 
-    def _standing(self, bands: Faces, moment: Moment, view: Look) -> Faces:
+    def _coarse(self, bands: Faces, moment: Moment, view: Look) -> Faces:
         """The bands of the map, as an eye sees them that moves in steps."""
         step = max(4.0, _COARSE * float(view.eye[2]))
         stage = self.scene.run.snapshot_after(moment.scan)
         key = stage, np.round(view.eye / step).tobytes(), view.field, view.raised
-        if self._map is None or self._map[0] != key:
-            self._map = key, bands
-        return self._map[1]
+        if self._bands is None or self._bands[0] != key:
+            self._bands = key, bands
+        return self._bands[1]
+
+    def _words(self, moment: Moment) -> dict[str, str]:
+        """Where the robot is, how it moves, what its laser sees, and the map."""
+        run, timeline, (x, y, theta) = self.scene.run, self.scene.timeline, moment.pose
+        before, after = timeline.poses(moment.time + np.array([-_TURN_STEP, _TURN_STEP]))[:, 2]
+        turning = 0.0 if timeline.dwells else math.remainder(after - before, math.tau)
+        turning, turn = math.degrees(turning) / (2.0 * _TURN_STEP), math.remainder(theta, math.tau)
+        ranges, stage = run.scan(moment.scan).ranges, run.snapshot_after(moment.scan)
+        hits = ranges[np.isfinite(ranges)]
+        nearest = f"{hits.min():.2f} m" if len(hits) else "none"
+        beams = f"{len(hits)} / {len(ranges)} beams hit, min {nearest}"
+        bumped = self.drive is not None and self.drive.bumped
+        words = {
+            "t": f"{moment.time:.1f}",
+            "v": f"{moment.speed:z.2f}",
+            "w": f"{turning:z.0f}",
+            "x": f"{x:z.2f}",
+            "y": f"{y:z.2f}",
+            "theta": f"{math.degrees(turn):z.1f}",
+            "beams": beams if moment.scanning else "beams off",
+            "map": run.maps[stage].counts if stage >= 0 else "no map yet",
+            "stop": "a wall is in the way" if bumped else "",
+        }
+        for name, apart in estimate_words(run, moment.scan):
+            words["truth" if name == TRUTH else "believed"] = f"{name} {apart}".strip()
+        return words
+
+
+def _legend(colour: tuple[float, ...]) -> str:
+    """A colour for text, paler on its dark ground."""
+    return f"rgb({', '.join(f'{100.0 * (0.65 * part + 0.35):.0f}%' for part in colour)})"
 
 
 def _turned(view: Look, wanted: Wanted) -> Look:
     """A look that a hand has turned about its target."""
     away = view.eye - view.target
-    level = math.hypot(away[0], away[1])
-    steep = math.atan2(away[2], level)
-    over = min(max(steep + wanted.over, _LOWEST), _STEEPEST) - steep
-    right = np.array([-away[1], away[0], 0.0]) / max(level, 1e-9)
-    turn = Rotation.from_rotvec([0.0, 0.0, wanted.around]) * Rotation.from_rotvec(-over * right)
-    return replace(view, eye=view.target + wanted.zoom * turn.apply(away))
+    around = math.atan2(away[1], away[0]) + wanted.around
+    steep = math.atan2(away[2], math.hypot(away[0], away[1])) + wanted.over
+    steep = min(max(steep, _LOWEST), _STEEPEST)
+    level = math.cos(steep)
+    toward = np.array([level * math.cos(around), level * math.sin(around), math.sin(steep)])
+    eye = view.target + wanted.zoom * np.linalg.norm(away) * toward
+    return replace(view, eye=eye, up=(0.0, 0.0, 1.0))
 
 
 def _upright(lens: Lens) -> Float:
@@ -209,99 +264,3 @@ def _camera(lens: Lens) -> dict[str, Any]:
 def _numbers(values: Any) -> list[float]:
     """Numbers for JSON, of matrices column by column, as exactly as float32 has them."""
     return [float(f"{value:.8g}") for value in np.asarray(values).T.ravel().tolist()]
-
-
-def _words(moment: Moment, turning: float, ranges: Float) -> dict[str, str]:
-    """Where the robot is, how it moves, and what its laser sees."""
-    x, y, theta = moment.pose
-    turn = math.degrees(math.remainder(theta, 2.0 * math.pi))
-    numbers = {"v": (moment.speed, 2), "w": (math.degrees(turning), 0), "x": (x, 2), "y": (y, 2)}
-    words = {name: f"{value:z.{digits}f}" for name, (value, digits) in numbers.items()}
-    hits = ranges[np.isfinite(ranges)]
-    nearest = f"{hits.min():.2f} m" if len(hits) else "none"
-    beams = f"{len(hits)} / {len(ranges)} beams hit, min {nearest}"
-    words["beams"] = beams if moment.scanning else "beams off"
-    return {"t": f"{moment.time:.1f}", "theta": f"{turn:z.1f}", **words}
-
-
-class Played:
-    """A run that is played."""
-
-    def __init__(self, run: Run, stage: Stage, playback: float) -> None:
-        timeline = self._timeline = Timeline(run, playback=playback)
-        structures = stage.structures
-        cameras: dict[str, Camera] = {
-            "story": Story(timeline, structures),
-            "follow": chase(timeline, structures),
-        }
-        self._page, self._run = _Page(Scene(timeline, stage=stage), cameras), run
-        self._last: Wanted | None = None
-
-    def answer(self, wanted: Wanted, seconds: float) -> bytes | None:
-        """The scene at the time that is wanted."""
-        if wanted == self._last:
-            return None
-        self._last, run = wanted, self._run
-        moment = self._timeline.moment(self._timeline.start + wanted.time)
-        before, after = self._timeline.poses(moment.time + np.array([-0.05, 0.05]))[:, 2]
-        turning = 0.0 if self._timeline.dwells else math.remainder(after - before, math.tau) / 0.1
-        words = _words(moment, turning, run.ranges[moment.scan])
-        words["map"] = run.map_after(moment.scan).counts if run.maps else "no map yet"
-        for name, apart in estimate_words(run, moment.scan):
-            words["truth" if name == TRUTH else "believed"] = f"{name} {apart}".strip()
-        return self._page.message(moment, wanted, words)
-
-
-class Driven:
-    """A robot that is driven by hand."""
-
-    def __init__(self, drive: HandDrive) -> None:
-        self.drive = drive
-        self._page = _Page(drive.scene, {"follow": _Behind(drive)})
-        self._last: Wanted | None = None
-
-    def answer(self, wanted: Wanted, seconds: float) -> bytes | None:
-        """The scene after the robot has driven on."""
-        drive = self.drive
-        moved = drive.step(seconds, wanted.forward, wanted.turn)
-        if not moved and wanted == self._last:
-            return None
-        self._last = wanted
-        words = _words(drive.moment(), drive.turning, drive.latest.ranges)
-        words["map"] = drive.line_map.counts
-        words["stop"] = "a wall is in the way" if drive.bumped else ""
-        return self._page.message(drive.moment(), wanted, words)
-
-
-class _Behind:
-    """Follows a robot that is driven by hand, as the film's camera follows one in a run."""
-
-    def __init__(self, drive: HandDrive) -> None:
-        self._drive = drive
-
-    def look(self, time: float, aspect: float) -> Look:
-        """The look of now."""
-        drive, structures = self._drive, self._drive.scene.structures
-        places = np.array([drive.pose[:2]]) - drive.scene.origin
-        now = SmoothPath(np.zeros(1), places, np.array([drive.facing]))
-        track = behind(now, structures).over_walls(structures, places, 1.0)
-        return track.look(0.0, cuts=True)
-
-
-def setup_of(scene: Scene, views: tuple[str, ...], *, end: float) -> dict[str, Any]:
-    """What a page is given once, as values for JSON; a drive has no end."""
-    speed = scene.timeline.playback
-    before, after = margins("story")
-    trail, estimate = (
-        [round(255 * (0.65 * part + 0.35)) for part in colour]
-        for colour in (look.TRAIL_COLOUR, look.ESTIMATE_COLOUR)
-    )
-    return {
-        "title": scene.run.world.name or "run",
-        "views": views,
-        "end": end,
-        "story": [-before * speed, end + after * speed],
-        "speed": speed,
-        "trail": trail,
-        "estimate": estimate,
-    }

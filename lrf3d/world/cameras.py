@@ -3,11 +3,10 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from typing import Any
 
-from lrf3d.errors import InputError, WorldError, shown
-from lrf3d.geometry import LARGEST_COORDINATE, is_finite
+from lrf3d.errors import WorldError, check_names, expect, shown
+from lrf3d.geometry import LARGEST_COORDINATE, is_finite, number
 
 MOVING_VIEWS = ("chase", "first", "orbit", "overview", "story", "top")
 """Names of the cameras that every world has; they follow the robot or show everything."""
@@ -53,20 +52,18 @@ class FixedCamera:
                 x, y, z = map(float, point)
             except (TypeError, ValueError, OverflowError):
                 x = y = z = math.nan
-            if not all(abs(each) <= LARGEST_COORDINATE for each in (x, y, z)):
-                raise WorldError(
-                    f"camera {self.name!r}: {key} is {shown(point)}, expected x, y, z [m]"
-                )
+            near = all(abs(each) <= LARGEST_COORDINATE for each in (x, y, z))
+            self._check(near, key, "x, y, z [m]")
             object.__setattr__(self, key, (x, y, z))
-        if self.position == self.target:
-            raise WorldError(f"camera {self.name!r}: position and target are the same point")
-        if not (is_finite(self.field_deg) and 0.0 < self.field_deg < WIDEST_VIEW):
-            raise WorldError(
-                f"camera {self.name!r}: field_deg {shown(self.field_deg)}, expected more than 0 and"
-                f" less than {WIDEST_VIEW:g}"
-            )
-        if self.track not in (False, True):
-            raise WorldError(f"camera {self.name!r}: track is {shown(self.track)}, expected a bool")
+        self._check(self.position != self.target, "target", "another point than the position")
+        fits = is_finite(self.field_deg) and 0.0 < self.field_deg < WIDEST_VIEW
+        self._check(fits, "field_deg", f"more than 0 and less than {WIDEST_VIEW:g}")
+        self._check(self.track in (False, True), "track", "a bool")
+
+    def _check(self, good: bool, key: str, expected: str) -> None:
+        if not good:
+            found = shown(getattr(self, key))
+            raise WorldError(f"camera {self.name!r}: {key} is {found}, expected {expected}")
 
     def scaled(self, factor: float) -> "FixedCamera":
         """The camera with x and y scaled; heights stay the same."""
@@ -84,16 +81,17 @@ PLAYBACK = 4.0
 class FilmPlan:
     """The default settings of a film.
 
-    Args:
-        view: Name of the camera, one that every world has or one of the world's.
-        playback: Simulated seconds in a second of film.
-        points_by: What the colour of hit points shows, ``range`` or ``intensity``; where a scan
-            has no intensities, it is the range.
+    Its view is a camera that every world has, or one of the world's; its playback is the number of
+    simulated seconds in a second. The colour of hit points shows their ``range`` or ``intensity``.
     """
 
     view: str = "story"
     playback: float = PLAYBACK
     points_by: str = "range"
+
+    def __post_init__(self) -> None:
+        expect(self.view, str, "film: view")
+        number(self.playback, "film: playback", positive=True)
 
 
 USUAL_FILM = FilmPlan()
@@ -101,13 +99,5 @@ USUAL_FILM = FilmPlan()
 
 
 def check_view(view: str, cameras: Sequence[FixedCamera]) -> None:
-    """Check that a view is one that every world has, or one of the cameras.
-
-    Raises:
-        InputError: It is neither.
-    """
-    known = [*MOVING_VIEWS, *(camera.name for camera in cameras)]
-    if view not in known:
-        near = get_close_matches(view, known, n=1)
-        hint = f"; did you mean {near[0]!r}?" if near else ""
-        raise InputError(f"view {view!r}: expected one of {', '.join(known)}{hint}")
+    """Check that a view is one that every world has, or one of the cameras."""
+    check_names("view", [view], [*MOVING_VIEWS, *(camera.name for camera in cameras)])

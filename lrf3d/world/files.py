@@ -11,39 +11,22 @@ from lrf3d.files import check_ordinary, worlds_folder
 from lrf3d.world.model import World
 from lrf3d.world.schema import at
 
-PICTURES = dict.fromkeys((".png", ".pgm"), "ros_map:read_picture")
-"""Bare pictures of floor plans, which need a resolution."""
-
-MESHES = dict.fromkeys((".glb", ".gltf", ".obj", ".off", ".ply", ".stl"), "mesh:read_mesh")
-
-BY_LIBRARY = {
-    ".dxf": "dxf:read_dxf",
-    ".svg": "svg:read_svg",
-    **MESHES,
-}
-"""Formats that a library parses, which raises anything where a file is damaged."""
+_MESH = ("mesh:read_mesh", 1 << 27)
+_PICTURE = ("ros_map:read_picture", 1 << 28)
 
 READERS = {
-    ".toml": "toml_file:read_toml",
-    ".geojson": "geojson:read_geojson",
-    ".json": "geojson:read_geojson",
-    ".osm": "osm:read_osm",
-    ".yaml": "ros_map:read_ros_map",
-    ".yml": "ros_map:read_ros_map",
-    **PICTURES,
-    **BY_LIBRARY,
+    ".toml": ("toml_file:read_toml", 1 << 28),
+    **dict.fromkeys((".geojson", ".json"), ("geojson:read_geojson", 1 << 28)),
+    ".osm": ("osm:read_osm", 1 << 28),
+    **dict.fromkeys((".yaml", ".yml"), ("ros_map:read_ros_map", 1 << 16)),
+    **dict.fromkeys((".png", ".pgm"), _PICTURE),
+    ".dxf": ("drawings:read_dxf", 1 << 26),
+    ".svg": ("drawings:read_svg", 1 << 25),
+    **dict.fromkeys((".glb", ".gltf", ".obj", ".off", ".ply", ".stl"), _MESH),
 }
-"""The module and the function that read a world, by the ending of the file."""
-
-LARGEST = {
-    **dict.fromkeys(READERS, 1 << 28),
-    **dict.fromkeys((".yaml", ".yml"), 1 << 16),
-    ".svg": 1 << 25,
-    ".dxf": 1 << 26,
-    **dict.fromkeys(MESHES, 1 << 27),
-}
-"""Largest file [bytes], by its ending: a town of half a million inhabitants as OpenStreetMap has
-it, two million walls as TOML, the plan of a factory as SVG."""
+"""The module and the function that read a world, and the largest file [bytes], by its ending: a
+town of half a million inhabitants as OpenStreetMap has it, two million walls as TOML, the plan of a
+factory as SVG."""
 
 WRITERS = {
     ".toml": "toml_file:write_toml",
@@ -52,6 +35,9 @@ WRITERS = {
     ".glb": "mesh:write_glb",
 }
 """The module and the function that write a world, by the ending of the file."""
+
+BY_LIBRARY = ("drawings:", "mesh:")
+"""Modules that parse by a library, which raises anything where a file is damaged."""
 
 
 def load_world(
@@ -75,29 +61,35 @@ def load_world(
         3
     """
     path = find_world(name_or_path)
-    ending = path.suffix.lower()
-    if trees and ending != ".osm":
+    target, _ = READERS[path.suffix.lower()]
+    options: dict[str, Any] = {"trees": True} if trees else {}
+    if trees and path.suffix.lower() != ".osm":
         raise WorldError(f"{path}: trees are read from OpenStreetMap extracts (.osm) alone")
-    if resolution is not None and ending not in PICTURES:
-        raise WorldError(f"{path}: a resolution is for a picture ({', '.join(PICTURES)}) alone")
-    given = {"trees": trees or None, "resolution": resolution}
-    options = {key: value for key, value in given.items() if value is not None}
+    if resolution is not None:
+        options["resolution"] = resolution
+        if not is_picture(path):
+            raise WorldError(f"{path}: a resolution is for a picture (.png, .pgm) alone")
     with at(str(path)):
         try:
-            world: World = _function(READERS[ending])(path, **options)
+            world: World = _function(target)(path, **options)
         except InputError:
             raise
         except Exception as error:
             if isinstance(error, OSError) and error.errno is not None:
                 raise WorldError(f"cannot be read: {error.strerror}") from None
-            if ending not in BY_LIBRARY:
+            if not target.startswith(BY_LIBRARY):
                 raise
             # What a library raises depends on the damage.
             reason = f"{type(error).__name__}: {' '.join(str(error).split())}"[:120].strip(": ")
             raise WorldError(
-                f"damaged, or not a {ending[1:]} file ({reason}); save it again"
+                f"damaged, or not a {path.suffix[1:].lower()} file ({reason}); save it again"
             ) from error
     return world
+
+
+def is_picture(path: str | Path) -> bool:
+    """Whether a file is a bare picture of a floor plan, which needs a resolution."""
+    return READERS.get(Path(path).suffix.lower()) is _PICTURE
 
 
 def save_world(world: World, path: str | Path, *, resolution: float | None = None) -> None:
@@ -158,19 +150,20 @@ def find_world(name_or_path: str | Path) -> Path:
     """The file of a world, given by its name or its path, with a known ending.
 
     A built-in name comes before a file or a folder of that name, which is given as ``./city``.
-
-    Raises:
-        WorldError: There is no such world.
     """
-    names = world_names()
+    names, known = world_names(), ", ".join(READERS)
     if isinstance(name_or_path, str) and name_or_path in names:
         return worlds_folder() / f"{name_or_path}.toml"
     path = Path(name_or_path)
-    known = ", ".join(READERS)
-    if (largest := LARGEST.get(path.suffix.lower())) is not None:
-        missing = f"no such file{_suggestion(path.stem, names)}"
+    near = get_close_matches(path.stem, names, n=1)
+    suggestion = f"; did you mean {near[0]!r}?" if near else ""
+    if (reader := READERS.get(path.suffix.lower())) is not None:
         check_ordinary(
-            path, what="a world file", largest=largest, missing=missing, error=WorldError
+            path,
+            what="a world file",
+            largest=reader[1],
+            missing=f"no such file{suggestion}",
+            error=WorldError,
         )
         return path
     if path.is_dir() or path.suffix.lower() == ".npz":
@@ -182,11 +175,6 @@ def find_world(name_or_path: str | Path) -> Path:
     if path.is_file() or path.suffix:
         raise WorldError(f"{path}: unknown ending; worlds are read from {known}")
     raise WorldError(
-        f"{name_or_path}: unknown world{_suggestion(str(name_or_path), names)}; built-in are"
-        f" {', '.join(names)}; or give a file ({known})"
+        f"{name_or_path}: unknown world{suggestion}; built-in are {', '.join(names)}; or give a"
+        f" file ({known})"
     )
-
-
-def _suggestion(name: str, names: list[str]) -> str:
-    near = get_close_matches(name, names, n=1)
-    return f"; did you mean {near[0]!r}?" if near else ""

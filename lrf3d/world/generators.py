@@ -5,7 +5,7 @@ Cities with any number of walls at one density serve benchmarks.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,8 +20,8 @@ THICKNESS = 0.2
 DOOR = 2.2
 """Clear width of a door [m]: three robots of usual size."""
 
-WALL_COLOUR = (0.80, 0.77, 0.71)
-"""Warm white of plaster."""
+WALL_HEIGHT, WALL_COLOUR = 2.5, (0.80, 0.77, 0.71)
+"""Height of walls [m], and the warm white of their plaster."""
 
 CORRIDOR, ROOM_DEPTH = 2.6, 5.0
 """Width of an office's corridor and depth of its rooms [m]."""
@@ -43,7 +43,6 @@ WOOD, STONE = (0.66, 0.50, 0.36), (0.62, 0.63, 0.65)
 SIZES = (12.0, 1000.0)
 """Smallest and largest side of a generated world [m]."""
 
-
 BLOCK_SIDE = 20.0
 """Distance between the centres of neighbouring buildings [m]."""
 
@@ -54,20 +53,17 @@ SHIFT, HALF, LARGEST_TURN = 2.0, (4.0, 7.0), 0.3
 PASSAGE = 2.6
 """Distance between neighbouring walls of a maze [m]."""
 
+Box = tuple[float, float, float, float]
+"""The left, lower, right and upper side of a part of a plan [m]."""
 
-@dataclass
+Colour = tuple[float, float, float]
+
+
 class FloorPlan:
-    """Centre lines of walls, and boxes between them.
+    """Centre lines of walls, and boxes between them, of which a world is made."""
 
-    Args:
-        name: Name of the world.
-        height: Height of the walls [m].
-    """
-
-    name: str
-    height: float = 2.5
-    lines: list[Float] = field(default_factory=list)
-    boxes: list[tuple[str, Float, float, tuple[float, float, float]]] = field(default_factory=list)
+    def __init__(self) -> None:
+        self.lines, self.boxes = list[Float](), list[Part]()
 
     def wall(self, x1: float, y1: float, x2: float, y2: float, *doors: float) -> None:
         """Add a wall along an axis, with doors at these distances from its first end [m]."""
@@ -86,38 +82,28 @@ class FloorPlan:
         self.wall(0.0, 0.0, 0.0, high)
         self.wall(wide, 0.0, wide, high)
 
-    def box(
-        self, kind: str, corner: Float, size: Float, height: float, colour: tuple[float, ...]
-    ) -> None:
+    def box(self, kind: str, corner: Float, size: Float, height: float, colour: Colour) -> None:
         """Add furniture of a size (2,) [m] with its lower left corner (2,) [m]."""
-        points = corner + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * size
-        red, green, blue = colour
-        self.boxes.append((kind, points, height, (red, green, blue)))
+        points = np.round(corner + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * size, 3)
+        name = f"{kind} {len(self.boxes)}"
+        self.boxes.append(Part(0, walls(points, closed=True), np.array(height), name, colour))
 
-    def world(self) -> World:
+    def world(self, name: str) -> World:
         """The world: walls that touch are one object, and so is each box."""
         import shapely
 
-        half = 0.5 * THICKNESS
-        ends = np.array(self.lines)
-        areas = shapely.box(
-            np.minimum(ends[:, 0], ends[:, 2]) - half,
-            np.minimum(ends[:, 1], ends[:, 3]) - half,
-            np.maximum(ends[:, 0], ends[:, 2]) + half,
-            np.maximum(ends[:, 1], ends[:, 3]) + half,
-        )
+        ends = np.array(self.lines).reshape(-1, 2, 2)
+        low, high = ends.min(axis=1) - 0.5 * THICKNESS, ends.max(axis=1) + 0.5 * THICKNESS
         # A grid of a millimetre keeps walls that should meet from missing each other by rounding.
-        union = shapely.union_all(areas, grid_size=0.001)
+        union = shapely.union_all(shapely.box(*low.T, *high.T), grid_size=0.001)
         parts = list[Part]()
         for part in shapely.get_parts([shapely.simplify(union, 1e-6)]):
             rings = [np.array(ring.coords)[:-1] for ring in (part.exterior, *part.interiors)]
             outline = np.concatenate([walls(np.round(ring, 3), closed=True) for ring in rings])
-            name = f"walls {len(parts)}" if parts else "walls"
-            parts.append(Part(len(parts), outline, np.array(self.height), name, WALL_COLOUR))
-        for number, (kind, points, height, colour) in enumerate(self.boxes):
-            outline = walls(np.round(points, 3), closed=True)
-            parts.append(Part(len(parts), outline, np.array(height), f"{kind} {number}", colour))
-        return world_of_parts(parts, self.name)
+            called = f"walls {len(parts)}" if parts else "walls"
+            parts.append(Part(0, outline, np.array(WALL_HEIGHT), called, WALL_COLOUR))
+        parts += self.boxes
+        return world_of_parts([p._replace(number=n) for n, p in enumerate(parts)], name)
 
 
 def generate(kind: str, *, size: float | None = None, seed: int = 0) -> World:
@@ -159,7 +145,7 @@ def city(size: float, seed: int) -> World:
 def office(size: float, seed: int) -> World:
     """An office floor: corridors with rooms on both sides, joined across, desks and shelves."""
     rng = np.random.default_rng(seed)
-    plan = FloorPlan(f"office {seed}")
+    plan = FloorPlan()
     storeys = max(1, round(0.6 * size / (2.0 * ROOM_DEPTH + CORRIDOR)))
     across = 0.5 * size - 0.5 * CORRIDOR
     pitch = 2.0 * ROOM_DEPTH + CORRIDOR
@@ -176,11 +162,7 @@ def office(size: float, seed: int) -> World:
             wings = [(0.0, across), (across + CORRIDOR, size)] if crossed else [(0.0, size)]
             for left, right in wings:
                 _row_of_rooms(plan, rng, (left, bottom, right, end), faces)
-    return plan.world()
-
-
-Box = tuple[float, float, float, float]
-"""The left, lower, right and upper side of a part of a plan [m]."""
+    return plan.world(f"office {seed}")
 
 
 def _row_of_rooms(plan: FloorPlan, rng: np.random.Generator, box: Box, faces: float) -> None:
@@ -219,52 +201,50 @@ def _furnish(plan: FloorPlan, rng: np.random.Generator, room: Box, faces: float)
 
 def rooms(size: float, seed: int) -> World:
     """A house: a floor, divided into rooms recursively, each wall with a door; pillars."""
-    rng = np.random.default_rng(seed)
-    plan = FloorPlan(f"rooms {seed}")
-    wide, high = size, round(0.75 * size, 2)
-    plan.outer_walls(wide, high)
-    _divide(plan, rng, np.array([[0.0, 0.0], [wide, high]]))
-    return plan.world()
+    plan, corner = FloorPlan(), np.array([size, round(0.75 * size, 2)])
+    plan.outer_walls(*corner.tolist())
+    _divide(plan, np.random.default_rng(seed), np.zeros(2), corner, [])
+    return plan.world(f"rooms {seed}")
 
 
-def _divide(plan: FloorPlan, rng: np.random.Generator, box: Float) -> None:
-    """Divide a box with corners (2, 2) [m] by a wall with a door, and then both parts."""
-    waiting = [box]
-    # For each door the axis of its wall, the position of the wall, and that of the door along it:
-    # no later wall may end in front of a door.
-    doors: list[tuple[int, float, float]] = []
-    clear = 0.5 * DOOR + 2.0 * THICKNESS
-    while waiting:
-        low, high = waiting.pop()
-        sides = high - low
-        axis = int(np.argmax(sides * rng.uniform(0.8, 1.2, 2)))
-        if sides[axis] < 2.0 * SMALLEST_ROOM:
-            axis = 1 - axis
-        free = [
-            cut
-            for cut in np.arange(low[axis] + SMALLEST_ROOM, high[axis] - SMALLEST_ROOM + 1e-9, 0.1)
-            if not any(
-                along == axis and at in (low[1 - axis], high[1 - axis]) and abs(cut - door) < clear
-                for along, at, door in doors
-            )
-        ]
-        if not free or sides[axis] < float(rng.uniform(2.0, 3.0)) * SMALLEST_ROOM:
-            if sides.min() > 1.8 * SMALLEST_ROOM:
-                middle = low + 0.5 * sides
-                plan.box("pillar", np.round(middle - 0.3, 2), np.array([0.6, 0.6]), 2.5, STONE)
-            continue
-        cut = float(np.round(rng.choice(free), 2))
-        start, end = float(low[1 - axis]), float(high[1 - axis])
-        door = float(np.round(rng.uniform(start + clear, end - clear), 2))
-        doors.append((1 - axis, cut, door))
-        if axis == 0:
-            plan.wall(cut, start, cut, end, door - start)
-        else:
-            plan.wall(start, cut, end, cut, door - start)
-        for lower, upper in ((low[axis], cut), (cut, high[axis])):
-            part = np.array([low, high])
-            part[0, axis], part[1, axis] = lower, upper
-            waiting.append(part)
+def _divide(
+    plan: FloorPlan,
+    rng: np.random.Generator,
+    low: Float,
+    high: Float,
+    doors: list[tuple[int, float, float]],
+) -> None:
+    """Divide a box from its low to its high corner (2,) [m] by a wall with a door, then its parts.
+
+    Each door so far is the axis of its wall, the position of the wall, and that of the door along
+    it: no later wall may end in front of a door.
+    """
+    clear, sides = 0.5 * DOOR + 2.0 * THICKNESS, high - low
+    axis = int(np.argmax(sides * rng.uniform(0.8, 1.2, 2)))
+    if sides[axis] < 2.0 * SMALLEST_ROOM:
+        axis = 1 - axis
+    free = [
+        cut
+        for cut in np.arange(low[axis] + SMALLEST_ROOM, high[axis] - SMALLEST_ROOM + 1e-9, 0.1)
+        if not any(
+            along == axis and at in (low[1 - axis], high[1 - axis]) and abs(cut - door) < clear
+            for along, at, door in doors
+        )
+    ]
+    if not free or sides[axis] < float(rng.uniform(2.0, 3.0)) * SMALLEST_ROOM:
+        if sides.min() > 1.8 * SMALLEST_ROOM:
+            middle = low + 0.5 * sides
+            plan.box("pillar", np.round(middle - 0.3, 2), np.array([0.6, 0.6]), WALL_HEIGHT, STONE)
+        return
+    cut = float(np.round(rng.choice(free), 2))
+    start, end = float(low[1 - axis]), float(high[1 - axis])
+    door = float(np.round(rng.uniform(start + clear, end - clear), 2))
+    doors.append((1 - axis, cut, door))
+    across = np.arange(2) == axis
+    first, last = np.where(across, cut, low), np.where(across, cut, high)
+    plan.wall(*first.tolist(), *last.tolist(), door - start)
+    _divide(plan, rng, first, high, doors)
+    _divide(plan, rng, low, last, doors)
 
 
 def generate_city(walls: int, *, seed: int = 0) -> World:
@@ -308,14 +288,14 @@ def maze(size: float, seed: int) -> World:
     weights = np.random.default_rng(seed).uniform(1.0, 2.0, len(start))
     tree = minimum_spanning_tree(coo_array((weights, (start, end)), shape=(cell.size, cell.size)))
     passages = set(zip(*(ends.tolist() for ends in tree.tocoo().coords), strict=True))
-    plan = FloorPlan(f"maze {seed}")
+    plan = FloorPlan()
     plan.outer_walls(count * PASSAGE, count * PASSAGE)
     for one, other in sorted(zip(start.tolist(), end.tolist(), strict=True)):
         if (one, other) not in passages:
             x, y = PASSAGE * (one % count + 1), PASSAGE * (one // count + 1)
             beside = other == one + 1
             plan.wall(*((x, y - PASSAGE) if beside else (x - PASSAGE, y)), x, y)
-    return plan.world()
+    return plan.world(f"maze {seed}")
 
 
 KINDS: dict[str, tuple[Callable[[float, int], World], float]] = {

@@ -10,31 +10,42 @@ shows: its walls meet at the corners, and walls that touch are one object.
 """
 
 import json
+import re
 from collections.abc import Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from lrf3d.errors import WorldError, shown
 from lrf3d.files import own_name, read_text, write_text
-from lrf3d.geometry import is_finite
-from lrf3d.world.buildings import world_of_features
+from lrf3d.geometry import Float, is_finite
 from lrf3d.world.cameras import FixedCamera
-from lrf3d.world.features import Feature, feature_of
-from lrf3d.world.free_cells import FreeCells
-from lrf3d.world.gaps import world_of_map
-from lrf3d.world.geographic import (
-    DEGREES,
-    WEB_MERCATOR,
-    code_of,
-    from_web_mercator,
+from lrf3d.world.features import (
+    Feature,
+    feature_of,
     laid_flat,
     looks_geographic,
+    world_of_features,
 )
+from lrf3d.world.free_cells import FreeCells
+from lrf3d.world.gaps import world_of_map
 from lrf3d.world.materials import material_value
 from lrf3d.world.model import World
-from lrf3d.world.pieces import Run, runs_of
-from lrf3d.world.schema import at, made
+from lrf3d.world.pieces import runs_of
+from lrf3d.world.schema import at, made, several
+
+DEGREES = {"4326", "4258", "4269"}
+"""EPSG codes of longitude and latitude: WGS 84, ETRS89 and NAD83, centimetres to metres apart."""
+
+WEB_MERCATOR = {"3857", "900913", "3785", "102100", "102113"}
+"""EPSG's and ESRI's codes of the projection of web maps, which enlarges Delft by 1.6."""
+
+MERCATOR_RADIUS = 6_378_137.0
+"""Radius [m] of the sphere of web maps."""
+
+_CODE = re.compile(r"(?:EPSG|ESRI)\D.*?(\d{4,6})\b")
 
 
 def read_geojson(path: Path) -> World:
@@ -42,38 +53,43 @@ def read_geojson(path: Path) -> World:
 
     A wall of a block has the height of its footprint. Each feature of lines is an object; if all
     have an integer property ``object``, it is the number of the object.
-
-    Raises:
-        WorldError: The file has no walls or invalid ones; the message names the feature, counted
-            from 0.
     """
     data = _parse(path)
     features = list(_features(data))
     if not any(feature.shapes for feature in features):
         raise WorldError("holds no Polygon and no LineString, so there is no wall")
     given: Any = data.get("place")
-    code = code_of(data.get("crs"))
     known = isinstance(given, list) and len(given) == 2 and is_finite(*given)
     place = (float(given[0]), float(given[1])) if known else None
     if data.get("units") != "m" and not _is_map(data):
+        reference = data.get("crs")
+        code = _code_of(reference)
         if code in WEB_MERCATOR:
-            features = [feature.moved(from_web_mercator) for feature in features]
-        plain = data.get("crs") is None
-        if code in DEGREES | WEB_MERCATOR or (plain and looks_geographic(features)):
+            features = [feature.moved(_from_web_mercator) for feature in features]
+        if code in DEGREES | WEB_MERCATOR or (reference is None and looks_geographic(features)):
             features, centre, _ = laid_flat(features)
             place = (float(centre[0]), float(centre[1]))
     name = data["name"] if isinstance(data.get("name"), str) else own_name(path)
-    members = data.get("cameras", [])
-    with at(str(path)):
-        world = world_of_features(features, name, place=place)
-        if not isinstance(members, list):
-            raise WorldError(f"cameras: expected a list, found {shown(members)}")
-        camera = made(FixedCamera)
-        cameras = tuple(camera(each, f"cameras[{index}]") for index, each in enumerate(members))
-        free = FreeCells.from_dict(data["free"]) if "free" in data else None
-    return (
-        world_of_map(world, free) if _is_map(data) else replace(world, cameras=cameras, free=free)
-    )
+    world = world_of_features(features, name, place=place)
+    free = FreeCells.from_dict(data["free"]) if "free" in data else None
+    if _is_map(data):
+        return world_of_map(world, free)
+    cameras = several(made(FixedCamera), "cameras", least=0)(data.get("cameras", []), "cameras")
+    return replace(world, cameras=cameras, free=free)
+
+
+def _code_of(reference: object) -> str:
+    """The EPSG code of a ``crs``; 4326 for CRS84, empty without one."""
+    text = json.dumps(reference)
+    match = _CODE.search(text)
+    return "4326" if "CRS84" in text else match.group(1) if match else ""
+
+
+def _from_web_mercator(points: Float) -> Float:
+    """Longitudes and latitudes (k, 2) [°] of points (k, 2) [m] of a web map."""
+    longitude = points[:, 0] / MERCATOR_RADIUS
+    latitude = np.arctan(np.sinh(points[:, 1] / MERCATOR_RADIUS))
+    return np.asarray(np.degrees(np.column_stack([longitude, latitude])), dtype=np.float64)
 
 
 def _features(data: dict[str, Any]) -> Iterator[Feature]:
@@ -82,10 +98,8 @@ def _features(data: dict[str, Any]) -> Iterator[Feature]:
     if not isinstance(items, list):
         raise WorldError("FeatureCollection without a list of features")
     for index, item in enumerate(items):
-        try:
+        with at(f"feature {index}"):
             yield feature_of(item)
-        except WorldError as error:
-            raise WorldError(f"feature {index}: {error}") from None
 
 
 def _is_map(data: dict[str, Any]) -> bool:
@@ -134,11 +148,7 @@ _FOREIGN = {
 
 
 def write_geojson(world: World, path: Path) -> None:
-    """Write a world as GeoJSON: one feature for each run of walls of one object.
-
-    Raises:
-        OutputError: The file cannot be written.
-    """
+    """Write a world as GeoJSON: one feature for each run of walls of one object."""
     # Other readers ignore these members, as the standard allows.
     members: dict[str, Any] = {"type": "FeatureCollection", "name": world.name, "units": "m"}
     if world.place is not None:
@@ -147,21 +157,17 @@ def write_geojson(world: World, path: Path) -> None:
         members["cameras"] = [asdict(camera) for camera in world.cameras]
     if world.free is not None:
         members["free"] = world.free.as_dict()
-    features = ",\n".join(json.dumps(_feature(run)) for run in runs_of(world))
-    write_text(path, f'{json.dumps(members)[:-1]}, "features": [\n{features}\n]}}\n')
-
-
-def _feature(run: Run) -> dict[str, Any]:
-    properties = {"object": run.number, **run.looks}
-    if "material" in properties:
-        properties["material"] = material_value(properties["material"])
-    if not run.lines:
-        return {"type": "Feature", "properties": properties, "geometry": None}
-    kind, lines = (
-        ("LineString", run.lines[0]) if len(run.lines) == 1 else ("MultiLineString", run.lines)
-    )
-    return {
-        "type": "Feature",
-        "properties": {**properties, "height": run.height},
-        "geometry": {"type": kind, "coordinates": lines},
-    }
+    features = []
+    for number, looks, lines, height in runs_of(world):
+        properties = {"object": number, **looks}
+        if "material" in looks:
+            properties["material"] = material_value(looks["material"])
+        geometry = None
+        if lines:
+            properties["height"] = height
+            kind = "LineString" if len(lines) == 1 else "MultiLineString"
+            geometry = {"type": kind, "coordinates": lines[0] if len(lines) == 1 else lines}
+        feature = {"type": "Feature", "properties": properties, "geometry": geometry}
+        features.append(json.dumps(feature))
+    text = ",\n".join(features)
+    write_text(path, f'{json.dumps(members)[:-1]}, "features": [\n{text}\n]}}\n')

@@ -43,11 +43,10 @@ AROUND = [(0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)]
 
 
 def walls_of_grid(occupied: Bool) -> Float:
-    """Segments (n, 4) [cells], relative to the outer corner of the first cell of the first row.
+    """Segments (n, 4) [cells] of a grid (rows, columns), the first row at the bottom.
 
-    Args:
-        occupied: (rows, columns) whether each cell is occupied; the first row is at the bottom.
-            Beyond the grid the cells at its border continue: no outline runs along the border.
+    They begin at the outer corner of the first cell. Beyond the grid the cells at its border
+    continue: no outline runs along the border.
     """
     from scipy.ndimage import maximum_filter
 

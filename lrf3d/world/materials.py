@@ -13,9 +13,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from lrf3d.errors import WorldError, shown
-from lrf3d.geometry import is_finite
-from lrf3d.world.schema import known_key, made
+from lrf3d.errors import WorldError, check_names, shown
+from lrf3d.geometry import number
+from lrf3d.world.schema import at, check_unique, made
 
 SMOOTH_DEG = 1.0
 """Widest lobe [°] of a surface that a beam leaves as a beam; in a wider one its light scatters."""
@@ -58,31 +58,23 @@ class Material:
     def __post_init__(self) -> None:
         if not (isinstance(self.name, str) and self.name):
             raise WorldError(f"material {shown(self.name)}: expected a name")
-        for key, most in LIMITS.items():
-            value = getattr(self, key)
-            if isinstance(value, bool) or not is_finite(value) or not 0.0 <= value <= most:
-                raise WorldError(
-                    f"material {self.name!r}: {key} is {shown(value)}, expected 0 to {most:g}"
-                )
-            object.__setattr__(self, key, float(value))
+        called = f"material {self.name!r}"
+        with at(called):
+            for key, most in LIMITS.items():
+                object.__setattr__(self, key, number(getattr(self, key), key, most=most))
         if self.diffuse + self.specular + self.transmission > 1.0 + 1e-12:
             raise WorldError(
-                f"material {self.name!r}: diffuse, specular and transmission are more than 1"
-                " together"
+                f"{called}: diffuse, specular and transmission are more than 1 together"
             )
         if self.index and (self.index < 1.0 or self.specular or self.transmission):
             raise WorldError(
-                f"material {self.name!r}: index is {self.index:g}; expected 1 or more, and then"
-                " neither specular nor transmission, which follow from it"
+                f"{called}: index is {self.index:g}; expected 1 or more, and then neither specular"
+                " nor transmission, which follow from it"
             )
 
     @classmethod
     def of(cls, value: "str | Material") -> "Material":
-        """The material itself, or the built-in one of a name.
-
-        Raises:
-            WorldError: There is no built-in material of that name.
-        """
+        """The material itself, or the built-in one of a name."""
         return value if isinstance(value, Material) else named(value)
 
     @property
@@ -143,22 +135,17 @@ ALIASES = {
 
 
 def named(value: object, own: Iterable[Material] = (), place: str = "material") -> Material:
-    """The material of a name, among those of a file and the built-in ones.
-
-    Raises:
-        WorldError: There is none; the message names the place of the name.
-    """
+    """The material of a name at a place, among those of a file and the built-in ones."""
     known = {**BUILT_IN, **{material.name: material for material in own}}
-    return known[known_key(str(value), known, place)]
+    with at(place):
+        check_names(place, [str(value)], known)
+    return known[str(value)]
 
 
 def material_of(value: object) -> Material | None:
     """A material from the properties of a file: a name, or a table of its values.
 
     Unknown names, of which OpenStreetMap has many, give None.
-
-    Raises:
-        WorldError: The table holds an unknown key or an invalid value.
     """
     if isinstance(value, dict):
         own: Material = made(Material)({"name": "", **value}, "material")
@@ -172,23 +159,14 @@ def material_value(material: Material) -> str | dict[str, Any]:
     return material.name if BUILT_IN.get(material.name) == material else material.as_dict()
 
 
-def checked(
-    materials: Sequence[str | Material | None] | None, count: int
-) -> tuple[Material | None, ...]:
-    """One material or None for each of ``count`` objects; nothing at all where none has one.
-
-    Raises:
-        WorldError: They are not as many, or one is unknown.
-    """
-    found = tuple(None if one is None else Material.of(one) for one in materials or ())
+def checked(materials: Sequence[str | Material | None], count: int) -> tuple[Material | None, ...]:
+    """One material or None for each of ``count`` objects; nothing at all where none has one."""
+    found = tuple(None if one is None else Material.of(one) for one in materials)
     if not any(found):
         return ()
     if len(found) != count:
         raise WorldError(
             f"{len(found)} materials for {count} objects: expected one for each, or none at all"
         )
-    used = [material.name for material in set(found) if material is not None]
-    for name in used:
-        if used.count(name) > 1:
-            raise WorldError(f"two different materials of the name {name!r}; rename one")
+    check_unique("materials", [material.name for material in set(found) if material is not None])
     return found

@@ -10,16 +10,23 @@ vertices are relative to the world's origin, which is the translation of each pa
 """
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lrf3d.errors import WorldError, shown
 from lrf3d.files import own_name, replacing
-from lrf3d.geometry import LARGEST_COORDINATE, Float, Int
-from lrf3d.world.materials import Material, material_of, material_value
+from lrf3d.geometry import LARGEST_COORDINATE, Float, Int, quad_indices
+from lrf3d.world.materials import material_of, material_value
 from lrf3d.world.model import World
-from lrf3d.world.pieces import connected, from_corner, walls, without_repeats
+from lrf3d.world.pieces import (
+    Part,
+    connected,
+    from_corner,
+    walls,
+    without_repeats,
+    world_of_parts,
+)
 
 if TYPE_CHECKING:
     import trimesh
@@ -38,16 +45,12 @@ UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 
 
 def read_mesh(path: Path) -> World:
-    """Read the cut of a mesh at the height of the beams as walls.
-
-    Raises:
-        WorldError: The mesh does not reach that height, or is not finite.
-    """
+    """Read the cut of a mesh at the height of the beams as walls."""
     parts = _parts(path)
     if not parts:
         raise WorldError("holds no triangle, so there is no wall")
-    triangles = np.concatenate([part.triangles for part in parts])
-    part_of = np.repeat(np.arange(len(parts)), [len(part.triangles) for part in parts])
+    triangles = np.concatenate([own for _, own in parts])
+    part_of = np.repeat(np.arange(len(parts)), [len(own) for _, own in parts])
     segments, face = level_cut(triangles, CUT)
     if not len(segments):
         low, high = triangles[..., 2].min(), triangles[..., 2].max()
@@ -57,34 +60,24 @@ def read_mesh(path: Path) -> World:
     tolerance = FLAT * max(float(np.ptp(segments.reshape(-1, 2), axis=0).max()), 1e-3)
     # Walls of one line and unequal heights stay apart.
     top = triangles[face, :, 2].max(axis=1)
-    _, first, height = np.unique(np.round(top / tolerance), return_index=True, return_inverse=True)
-    segments, label = _merged(segments, part_of[face] * len(first) + height, tolerance)
-    owners, heights = label // len(first), top[first][label % len(first)]
-    if len(parts) == 1 and not parts[0].name:
-        return World(segments, connected(segments), heights, own_name(path))
-    numbers, objects = np.unique(owners, return_inverse=True)
-    return World(
-        segments,
-        objects,
-        heights,
-        own_name(path),
-        object_names=tuple(parts[number].name for number in numbers),
-        colours=np.array([parts[number].colour for number in numbers]),
-        materials=[parts[number].material for number in numbers],
-    )
+    kinds = np.column_stack([part_of[face], np.round(top / tolerance)])
+    kinds, first, kind = np.unique(kinds, axis=0, return_index=True, return_inverse=True)
+    # Parts that do not reach the cut have no number.
+    owners, numbers = np.unique(kinds[:, 0].astype(np.int64), return_inverse=True)
+    found = [
+        parts[owners[number]][0]._replace(
+            number=int(number), segments=_joined(segments[kind == row], tolerance), heights=top[at]
+        )
+        for row, (number, at) in enumerate(zip(numbers, first, strict=True))
+    ]
+    world = world_of_parts(found, own_name(path))
+    if len(parts) > 1 or parts[0][0].name:
+        return world
+    return World(world.segments, connected(world.segments), world.heights, world.name)
 
 
-class _Part(NamedTuple):
-    """A part of a scene: triangles (n, 3, 3) [m], z up, and a colour (3,) or NaN."""
-
-    name: str
-    colour: Float
-    material: Material | None
-    triangles: Float
-
-
-def _parts(path: Path) -> list[_Part]:
-    """The parts of a scene."""
+def _parts(path: Path) -> list[tuple[Part, Float]]:
+    """The looks of the parts of a scene, and their triangles (n, 3, 3) [m], z up."""
     import trimesh
 
     # Of other options only materials of .obj files would read more files than this one.
@@ -110,28 +103,25 @@ def _parts(path: Path) -> list[_Part]:
             )
         look = getattr(mesh.visual, "material", None)
         factor = getattr(look, "baseColorFactor", None)
-        colour = np.full(3, np.nan) if factor is None else np.asarray(factor[:3]) / 255.0
+        colour = None if factor is None else np.asarray(factor[:3]) / 255.0
         # The material that lrf3d wrote, or that the name of the part's own is one of.
         material = material_of(mesh.metadata.get("material"))
         material = material or material_of(str(getattr(look, "name", None)).lower())
-        parts.append(_Part("" if single else name, colour, material, triangles))
+        called = "" if single else name
+        parts.append((Part(0, np.empty((0, 4)), np.empty(0), called, colour, material), triangles))
     return parts
 
 
-def _merged(segments: Float, labels: Int, tolerance: float) -> tuple[Float, Int]:
-    """Segments (n, 4) of one label joined where they go straight on, and their labels."""
+def _joined(segments: Float, tolerance: float) -> Float:
+    """Segments (n, 4) joined where they go straight on."""
     import shapely
 
-    joined, owners = [], []
-    for label in np.unique(labels).tolist():
-        lines = shapely.linestrings(without_repeats(segments[labels == label]).reshape(-1, 2, 2))
-        chains = shapely.get_parts(shapely.line_merge(shapely.multilinestrings(lines)))
-        for chain in chains:
-            opened = shapely.linestrings(from_corner(shapely.get_coordinates(chain)))
-            points = shapely.get_coordinates(shapely.simplify(opened, tolerance))
-            joined.append(walls(points, closed=False))
-            owners.append(np.full(len(points) - 1, label, dtype=np.int64))
-    return np.concatenate(joined), np.concatenate(owners)
+    lines = shapely.linestrings(without_repeats(segments).reshape(-1, 2, 2))
+    joined = []
+    for chain in shapely.get_parts(shapely.line_merge(shapely.multilinestrings(lines))):
+        opened = shapely.linestrings(from_corner(shapely.get_coordinates(chain)))
+        joined.append(walls(shapely.get_coordinates(shapely.simplify(opened, tolerance))))
+    return np.concatenate(joined)
 
 
 def level_cut(triangles: Float, height: float) -> tuple[Float, Int]:
@@ -180,18 +170,13 @@ def extrude(world: World) -> "trimesh.Trimesh":
     vertices[:, :2, :2] = ends
     vertices[:, 2:, :2] = ends[:, ::-1]
     vertices[:, 2:, 2] = world.heights[:, None]
-    first = 4 * np.arange(count)[:, None]
-    faces = (first[:, :, None] + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
+    faces = quad_indices(count).reshape(-1, 3)
     # Processing would merge vertices and drop faces, and so break the numbering of the faces.
     return trimesh.Trimesh(vertices.reshape(-1, 3), faces, process=False)
 
 
 def write_glb(world: World, path: Path) -> None:
-    """Write a world as GLB.
-
-    Raises:
-        OutputError: The file cannot be written.
-    """
+    """Write a world as GLB."""
     import trimesh
 
     visual: Any = trimesh.visual

@@ -1,7 +1,7 @@
 """World: the walls of a scene as line segments, grouped into objects."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -23,7 +23,7 @@ from lrf3d.notebook import Pictured
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.materials import Material, checked
-from lrf3d.world.schema import MOST_OBJECTS
+from lrf3d.world.schema import MOST_OBJECTS, check_unique
 
 DEFAULT_HEIGHT = 2.5
 """Height of a wall [m] if none is given: a room's storey."""
@@ -113,27 +113,17 @@ class World(Value, Pictured):
         if len(names) not in (0, count):
             raise WorldError(f"{len(names)} names for {count} objects: expected one for each")
         filmed = _items(cameras, FixedCamera, "cameras")
-        called = [camera.name for camera in filmed]
-        for each in called:
-            if called.count(each) > 1:
-                raise WorldError(f"cameras: two of the name {each!r}; rename one")
-        point = () if place is None else _items(place, int | float, "place")
-        if not (is_finite(*point) and (place is None or len(point) == 2)):
+        check_unique("cameras", [camera.name for camera in filmed])
+        point = None if place is None else _items(place, int | float, "place")
+        if point is not None and not (len(point) == 2 and is_finite(*point)):
             raise WorldError(f"place: expected longitude and latitude, found {shown(place)}")
+        point = None if point is None else (float(point[0]), float(point[1]))
         made_of = _items(() if materials is None else materials, str | Material | None, "materials")
-        for key, value in {
-            "segments": rows,
-            "objects": owned,
-            "heights": tops,
-            "name": _items([name], str, "name")[0],
-            "object_names": names,
-            "colours": shades,
-            "cameras": filmed,
-            "place": None if place is None else (float(point[0]), float(point[1])),
-            "free": _items([free], FreeCells | None, "free")[0],
-            "materials": checked(made_of, count),
-        }.items():
-            object.__setattr__(self, key, value)
+        [called], [cells] = _items([name], str, "name"), _items([free], FreeCells | None, "free")
+        looks = (called, names, shades, filmed, point, cells, checked(made_of, count))
+        values = (rows, owned, tops, *looks)
+        for each, value in zip(fields(self), values, strict=True):
+            object.__setattr__(self, each.name, value)
 
     def __repr__(self) -> str:
         name = f"{self.name!r}, " if self.name else ""

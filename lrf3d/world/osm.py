@@ -21,9 +21,14 @@ import numpy as np
 from lrf3d.errors import WorldError
 from lrf3d.files import own_name
 from lrf3d.geometry import Float
-from lrf3d.world.buildings import world_of_features
-from lrf3d.world.features import LEVEL_HEIGHT, Feature, metres_of
-from lrf3d.world.geographic import laid_flat, lay_flat
+from lrf3d.world.features import (
+    LEVEL_HEIGHT,
+    Feature,
+    laid_flat,
+    lay_flat,
+    metres_of,
+    world_of_features,
+)
 from lrf3d.world.materials import BUILT_IN, material_of
 from lrf3d.world.model import World
 from lrf3d.world.schema import parse_colour
@@ -67,9 +72,6 @@ def read_osm(path: Path, *, trees: bool = False) -> World:
 
     Buildings that stand above the beams (``min_height`` of two metres or more) and mere roofs are
     left out, and so are outlines of which the extract holds a part only.
-
-    Raises:
-        WorldError: The file holds no building or an invalid number; the message names the element.
     """
     extract = _read(path)
     features = [feature for feature in _buildings(extract) if feature.shapes]
@@ -98,13 +100,13 @@ class _Extract(NamedTuple):
 
 def _read(path: Path) -> _Extract:
     """The elements of a file; each is forgotten when it is read."""
-    extract, root = _Extract({}, [], {}, []), None
+    extract = _Extract({}, [], {}, [])
+    elements = ElementTree.iterparse(path, events=("start", "end"))
     try:
-        for event, element in ElementTree.iterparse(path, events=("start", "end")):
-            if root is None:
-                root = element
-                if root.tag != "osm":
-                    raise WorldError(f"<{root.tag[:40]}> where <osm> was expected")
+        _, root = next(elements)
+        if root.tag != "osm":
+            raise WorldError(f"<{root.tag[:40]}> where <osm> was expected")
+        for event, element in elements:
             if event == "end" and element.tag in ("node", "way", "relation"):
                 if element.get("visible") != "false" and element.get("action") != "delete":
                     _add(element, extract)
@@ -173,10 +175,9 @@ def _feature(tags: Tags, area: Any) -> Feature:
     import shapely
 
     parts = shapely.get_parts([area]).tolist()
-    shapes = tuple(part for part in parts if shapely.make_valid(part).area > 0.0)
     address = f"{tags.get('addr:street', '')} {tags.get('addr:housenumber', '')}".strip()
     return Feature(
-        shapes,
+        tuple(part for part in parts if shapely.make_valid(part).area > 0.0),
         tag_height(tags),
         tags.get("name") or address,
         parse_colour(tags.get("building:colour")),

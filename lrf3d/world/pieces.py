@@ -17,9 +17,6 @@ from lrf3d.world.schema import colour_value
 TOUCHING = 0.001
 """Largest gap [m] between walls that touch: no beam can separate them, so they are one object."""
 
-CURVE_ERROR = 0.005
-"""Largest distance [m] of chords from their curve: about the width of a laser beam."""
-
 FINEST_GAP = 1e-4
 """Largest gap relative to the size of the drawing, for drawings in their size on paper."""
 
@@ -34,7 +31,7 @@ class Part(NamedTuple):
     segments: Float
     heights: Float
     name: str = ""
-    colour: tuple[float, float, float] | None = None
+    colour: Float | tuple[float, float, float] | None = None
     material: Material | None = None
 
 
@@ -61,7 +58,7 @@ def world_of_parts(parts: Sequence[Part], name: str, **others: Any) -> World:
     )
 
 
-def walls(points: Float, closed: bool) -> Float:
+def walls(points: Float, closed: bool = False) -> Float:
     """Segments (n, 4) between the points (k, 2), and back to the first where closed."""
     ends = np.vstack([points, points[:1]]) if closed else points
     return np.hstack([ends[:-1], ends[1:]])
@@ -77,19 +74,6 @@ def from_corner(chain: Float) -> Float:
     ring = chain[:-1]
     start = int(np.argmax(((ring - ring.mean(axis=0)) ** 2).sum(axis=1)))
     return np.vstack([ring[start:], ring[: start + 1]])
-
-
-class Run(NamedTuple):
-    """Consecutive walls of one object, as files have them.
-
-    The looks are the name, the colour and the material of the object, as far as it has them. Lines
-    are lists of points [x, y]; there is one height [m], or one for each wall.
-    """
-
-    number: int
-    looks: dict[str, Any]
-    lines: list[list[list[float]]]
-    height: float | list[float]
 
 
 def lines_of(segments: Float) -> list[Float]:
@@ -108,37 +92,37 @@ def lines_of(segments: Float) -> list[Float]:
     return lines
 
 
-def runs_of(world: World) -> Iterator[Run]:
-    """The objects without walls that have a name, …, and all walls in runs of one object each."""
+def runs_of(world: World) -> Iterator[tuple[int, dict[str, Any], list[Any], Any]]:
+    """Runs of consecutive walls of one object: its number and looks, their lines and height.
+
+    The looks are the name, the colour and the material of the object, as far as it has them. Lines
+    are lists of points [x, y]; there is one height [m], or one for each wall. Objects without walls
+    come first.
+    """
+
+    def looks(number: int) -> dict[str, Any]:
+        colour = world.colours[number]
+        held = {
+            "name": world.object_names[number] if world.object_names else "",
+            "colour": colour_value(colour) if np.isfinite(colour).all() else None,
+            "material": world.materials[number] if world.materials else None,
+        }
+        return {key: value for key, value in held.items() if value}
+
     for number in sorted(set(range(world.object_count)) - set(world.objects.tolist())):
-        if looks := _looks(world, number):
-            yield Run(number, looks, [], [])
+        if own := looks(number):
+            yield number, own, [], []
     cuts = np.flatnonzero(np.diff(world.objects)) + 1
     for first, end in pairwise([0, *cuts.tolist(), len(world.objects)]):
         if end > first:
             number, heights = int(world.objects[first]), world.heights[first:end].tolist()
             lines = [line.tolist() for line in lines_of(world.segments[first:end])]
-            height = heights[0] if len(set(heights)) == 1 else heights
-            yield Run(number, _looks(world, number), lines, height)
-
-
-def _looks(world: World, number: int) -> dict[str, Any]:
-    colour = world.colours[number]
-    looks = {
-        "name": world.object_names[number] if world.object_names else "",
-        "colour": colour_value(colour) if np.isfinite(colour).all() else None,
-        "material": world.materials[number] if world.materials else None,
-    }
-    return {key: value for key, value in looks.items() if value}
+            yield number, looks(number), lines, heights[0] if len(set(heights)) == 1 else heights
 
 
 def world_of_strokes(strokes: Sequence[Float], path: Path) -> World:
-    """The world of strokes (k, 2) [m]; repeated ones count once.
-
-    Raises:
-        WorldError: There are no walls, or they are not finite.
-    """
-    pieces = [walls(stroke, closed=False) for stroke in strokes if len(stroke) > 1]
+    """The world of strokes (k, 2) [m]; repeated ones count once."""
+    pieces = [walls(stroke) for stroke in strokes if len(stroke) > 1]
     segments = np.concatenate(pieces) if pieces else np.empty((0, 4))
     if not (np.abs(segments) <= LARGEST_COORDINATE).all():
         raise WorldError(f"holds a line that is not finite, or over {LARGEST_COORDINATE:g} m away")
@@ -161,12 +145,7 @@ def without_repeats(segments: Float) -> Float:
 
 
 def connected(segments: Float, gap: float = TOUCHING) -> Int:
-    """The object (n,) of each of the segments (n, 4): those that touch are one object.
-
-    Args:
-        segments: The walls.
-        gap: Largest gap between walls that touch [m].
-    """
+    """The object (n,) of each of the segments (n, 4); those within the gap [m] are one object."""
     import shapely
 
     middle = segments.reshape(-1, 2).mean(axis=0)

@@ -9,8 +9,8 @@ A world is written as a picture in which each wall is one cell thick.
 """
 
 import json
-import math
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,21 +19,19 @@ from numpy.typing import NDArray
 
 from lrf3d.errors import OutputError, WorldError, shown
 from lrf3d.files import opened, own_name, read_text, replacing
-from lrf3d.geometry import Bool, Float, Int, Single
-from lrf3d.world.free_cells import FreeCells
+from lrf3d.geometry import Bool, Float, Int, Single, number
+from lrf3d.pose import Pose
+from lrf3d.world.free_cells import MOST_CELLS, FreeCells
 from lrf3d.world.grid_walls import walls_of_grid
 from lrf3d.world.model import World
 from lrf3d.world.pieces import connected
-from lrf3d.world.schema import Converter, at, integer, number, row, text
+from lrf3d.world.schema import Converter, accepting, row, text
 
 LARGEST_PICTURE = 1 << 28
 """Largest picture [bytes]."""
 
-MOST_CELLS = 1 << 26
-"""Largest number of cells of a map: 400 m by 400 m at 5 cm."""
-
-UNKNOWN = 205
-"""Value of the pixels of unknown cells as map_saver writes them."""
+OCCUPIED, UNKNOWN, FREE = 0, 205, 254
+"""Values of the pixels of cells as map_saver writes them."""
 
 RESOLUTION = 0.05
 """Default side of a cell [m], unless the map becomes too large."""
@@ -44,25 +42,13 @@ FREE_MARGIN = 1.0
 MOST_WRITTEN = 1 << 25
 """Largest number of cells of a written map, 33 million."""
 
-ROUNDED_UP = 1.001
-"""Factor of the side of a cell in such a large map, whose rows and columns are rounded up."""
-
-OCCUPIED, FREE = 0, 254
-"""Values of pixels as map_saver writes them."""
-
-
-_SHARE = number(least=0.0, most=1.0)
-
 KEYS: Mapping[str, Converter] = {
     "image": text(),
-    "resolution": number(above=0.0, most=1e4),
+    "resolution": partial(number, positive=True, most=1e4),
     "origin": row("x", "y", "yaw"),
-    "occupied_thresh": _SHARE,
-    "free_thresh": _SHARE,
+    **dict.fromkeys(("occupied_thresh", "free_thresh"), partial(number, most=1.0)),
     # YAML has true and false, too.
-    "negate": lambda value, key: integer(least=0, most=1)(
-        int(value) if isinstance(value, bool) else value, key
-    ),
+    "negate": accepting("0 or 1", lambda value: value in (0, 1), int),
     "mode": text("trinary", "scale", "raw"),
 }
 """The keys of a description that are read, and the converters of their values."""
@@ -72,11 +58,7 @@ USUAL = {"occupied_thresh": 0.65, "free_thresh": 0.25, "negate": 0, "mode": "tri
 
 
 def read_ros_map(path: Path) -> World:
-    """Read the occupied cells of a ROS map as walls.
-
-    Raises:
-        WorldError: The file, or the picture that it names, cannot be used.
-    """
+    """Read the occupied cells of a ROS map as walls."""
     import yaml
 
     content = read_text(path)
@@ -94,17 +76,13 @@ def read_ros_map(path: Path) -> World:
             raise WorldError(
                 f"line {line}: the key {shown(name)} stands in line {lines[name]}, too; remove one"
             )
-    with at(str(path)):
-        values = {key: KEYS[key](value, key) for key, value in data.items() if key in KEYS}
-        values = {**USUAL, **values}
-        if Path(values["image"]).name != values["image"].removeprefix("./"):
-            name = shown(values["image"])
-            raise WorldError(f"image is {name}; put the picture next to this file and name it so")
-        if values["free_thresh"] > values["occupied_thresh"]:
-            raise WorldError("free_thresh is above occupied_thresh")
-    occupied, free = _cells(path.parent / values["image"], values)
-    place = values["resolution"], tuple(values["origin"].tolist())
-    return _world(occupied, *place, path, FreeCells(free, *place))
+    values = {**USUAL, **{key: KEYS[key](value, key) for key, value in data.items() if key in KEYS}}
+    if Path(values["image"]).name != values["image"].removeprefix("./"):
+        name = shown(values["image"])
+        raise WorldError(f"image is {name}; put the picture next to this file and name it so")
+    if values["free_thresh"] > values["occupied_thresh"]:
+        raise WorldError("free_thresh is above occupied_thresh")
+    return _world(path, path.parent / values["image"], values)
 
 
 def read_picture(path: Path, *, resolution: float | None = None) -> World:
@@ -112,9 +90,6 @@ def read_picture(path: Path, *, resolution: float | None = None) -> World:
 
     Its lower left corner is at (0, 0). Light pixels may be outside the house, so none is known to
     be free. A pixel has a side of ``resolution`` [m].
-
-    Raises:
-        WorldError: No resolution is given, or the picture cannot be used.
     """
     if resolution is None:
         raise WorldError(
@@ -122,27 +97,22 @@ def read_picture(path: Path, *, resolution: float | None = None) -> World:
             f" write {path.with_suffix('.yaml').name} next to it: image: {path.name},"
             " resolution: 0.05, origin: [0, 0, 0]"
         )
-    with at(str(path)):
-        KEYS["resolution"](resolution, "resolution")
-    return _world(_cells(path, USUAL)[0], resolution, (0.0, 0.0, 0.0), path, None)
+    side = KEYS["resolution"](resolution, "resolution")
+    return _world(path, path, {**USUAL, "resolution": side, "origin": np.zeros(3)})
 
 
-def _world(
-    occupied: Bool,
-    resolution: float,
-    origin: tuple[float, ...],
-    path: Path,
-    free: FreeCells | None,
-) -> World:
+def _world(path: Path, picture: Path, values: Mapping[str, Any]) -> World:
+    """The world of a picture, and of the description at another path if there is one."""
+    occupied, free = _cells(picture, values)
+    resolution, origin = values["resolution"], Pose(*values["origin"].tolist())
     local = walls_of_grid(occupied).reshape(-1, 2) * resolution
     if not len(local):
         raise WorldError("no wall: all cells are alike, or no occupied one is next to another")
-    x, y, yaw = origin
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    segments = (local @ np.array([[cos, sin], [-sin, cos]]) + [x, y]).reshape(-1, 4)
+    segments = origin.apply(local).reshape(-1, 4)
     # Ends meet up to rounding; half a cell is the resolution of the map.
     objects = connected(segments, 0.5 * resolution)
-    return World(segments, objects, name=own_name(path), free=free)
+    known = None if picture == path else FreeCells(free, resolution, origin)
+    return World(segments, objects, name=own_name(path), free=known)
 
 
 def _cells(picture: Path, values: Mapping[str, Any]) -> tuple[Bool, Bool]:
@@ -204,9 +174,6 @@ def write_ros_map(world: World, path: Path, *, resolution: float | None = None) 
     """Write the walls and the free cells of a world as a ``.yaml`` file and, beside it, a ``.pgm``.
 
     A cell has a side of ``resolution`` [m]; if not given, of 0.05, or more for a large map.
-
-    Raises:
-        OutputError: The files cannot be written, or the map becomes too large.
     """
     resolution = cell_size(world) if resolution is None else resolution
     cells, (x, y) = map_cells(world, resolution, path)
@@ -228,7 +195,8 @@ def cell_size(world: World, least: float = RESOLUTION) -> float:
     """The side of the cells [m] of a world's map: the least, or more for a large world."""
     low, high = world.bounds[0] - FREE_MARGIN, world.bounds[1] + FREE_MARGIN
     smallest = float(np.sqrt(np.prod(high - low) / MOST_WRITTEN))
-    return max(least, ROUNDED_UP * smallest)
+    # Rows and columns are rounded up.
+    return max(least, 1.001 * smallest)
 
 
 def map_cells(
@@ -237,10 +205,7 @@ def map_cells(
     """The cells (rows, columns) of a world, FREE, OCCUPIED or UNKNOWN, the first row at the bottom.
 
     They reach a metre, or two cells, beyond the walls. The place x, y [m] of the outer corner of
-    the first cell is returned, too.
-
-    Raises:
-        OutputError: There are too many; the message names the path that they are for.
+    the first cell is returned, too. Errors name the path that the cells are for.
     """
     margin = max(FREE_MARGIN, 2.0 * resolution)
     low, high = world.bounds[0] - margin, world.bounds[1] + margin

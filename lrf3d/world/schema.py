@@ -2,22 +2,21 @@
 
 A converter takes a value from tomllib and the path of its key, such as ``object[2].points``. It
 returns the value in the form that the program uses, or raises an error that begins with the path.
-Settings on the command line, such as ``laser.range_max=20``, have the same.
+Settings on the command line, such as ``laser.range_max=20``, use the same schema.
 """
 
-import math
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import MISSING, fields
-from difflib import get_close_matches
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from lrf3d.errors import InputError, WorldError, shown
-from lrf3d.geometry import LARGEST_COORDINATE, Float
+from lrf3d.errors import InputError, WorldError, check_names, shown
+from lrf3d.geometry import LARGEST_COORDINATE, Float, number, whole_number
 
 Converter = Callable[[Any, str], Any]
 
@@ -38,26 +37,6 @@ def accepting(
         return make(found)
 
     return convert
-
-
-def number(
-    *, above: float = -math.inf, least: float = -math.inf, most: float = LARGEST_COORDINATE
-) -> Converter:
-    """A finite number within limits."""
-    limit = f" above {above:g}" if above > -math.inf else ""
-    limit += f" of at least {least:g}" if least > -math.inf else ""
-    limit += f" and at most {most:g}" if most < LARGEST_COORDINATE else ""
-    return accepting(
-        f"a finite number{limit}",
-        lambda x: type(x) in (int, float) and abs(x) <= most and least <= x and x > above,
-        float,
-    )
-
-
-def integer(*, least: int, most: int = MOST_OBJECTS) -> Converter:
-    """A whole number within limits."""
-    expected = f"a whole number from {least} to {most}"
-    return accepting(expected, lambda x: type(x) is int and least <= x <= most, int)
 
 
 def text(*choices: str) -> Converter:
@@ -102,11 +81,14 @@ def several(convert: Converter, what: str, *, least: int = 1, alone: bool = Fals
 
 def row(*names: str) -> Converter:
     """A row of finite numbers, called by these names, as an array."""
-    fits = accepting(
-        f"[{', '.join(names)}]", lambda x: type(x) is list and len(x) == len(names), list
-    )
-    convert_all = several(number(), "numbers")
-    return lambda found, key: np.array(convert_all(fits(found, key), key))
+
+    def fits(found: Any) -> bool:
+        plain = isinstance(found, list) and {type(each) for each in found} <= {int, float}
+        near = plain and all(abs(each) <= LARGEST_COORDINATE for each in found)
+        return near and len(found) == len(names)
+
+    expected = f"[{', '.join(names)}] of finite numbers up to {LARGEST_COORDINATE:g}"
+    return accepting(expected, fits, lambda found: np.array(found, dtype=np.float64))
 
 
 def rows(*names: str, least: int = 1) -> Converter:
@@ -115,34 +97,34 @@ def rows(*names: str, least: int = 1) -> Converter:
     return lambda found, key: np.array(convert_all(found, key))
 
 
-def table(keys: Mapping[str, Converter], needs: Iterable[str] = ()) -> Converter:
-    """A table, which may have these keys, of which it needs some."""
+def poses(convert: Converter) -> Converter:
+    """The rows x, y [m], heading [°] of a converter, with the heading in radians."""
+    return lambda found, key: convert(found, key) * [1.0, 1.0, np.radians(1.0)]
 
-    def convert(found: Any, key: str) -> dict[str, Any]:
+
+def table(
+    keys: Mapping[str, Converter], needs: Iterable[str] = (), make: Callable[..., Any] = dict
+) -> Converter:
+    """A table, which may have these keys, of which it needs some, and what is made of it."""
+
+    def convert(found: Any, key: str) -> Any:
         if not isinstance(found, dict):
             raise InputError(f"{key}: expected a table [{key}], found {shown(found)}")
-        for name in found:
-            known_key(name, keys, key)
+        check_names(key, found, keys)
         for name in needs:
             if name not in found:
                 raise InputError(f"{key}: expected a {name}")
-        return {name: keys[name](each, f"{key}.{name}") for name, each in found.items()}
+        values = {name: keys[name](each, f"{key}.{name}") for name, each in found.items()}
+        with at(key):
+            return make(**values)
 
     return convert
 
 
 def made(kind: type) -> Converter:
     """A table of the values of a dataclass, which checks them itself."""
-    known = fields(kind)
-    needs = [field.name for field in known if field.default is MISSING]
-    as_table = table({field.name: lambda found, key: found for field in known}, needs)
-
-    def convert(found: Any, key: str) -> Any:
-        values = as_table(found, key)
-        with at(key):
-            return kind(**values)
-
-    return convert
+    needs = [field.name for field in fields(kind) if field.default is MISSING]
+    return table({each.name: lambda found, key: found for each in fields(kind)}, needs, kind)
 
 
 def tables(convert: Converter) -> Converter:
@@ -156,9 +138,9 @@ def tables(convert: Converter) -> Converter:
     return convert_all
 
 
-_ANGLE = number(least=-3600.0, most=3600.0)
-_LENGTH = number(above=0.0)
-_NOT_NEGATIVE = number(least=0.0)
+_ANGLE = partial(number, least=-3600.0, most=3600.0)
+_LENGTH = partial(number, positive=True, most=LARGEST_COORDINATE)
+_NOT_NEGATIVE = partial(number, most=LARGEST_COORDINATE)
 
 OBJECT: Mapping[str, Converter] = {
     "name": text(),
@@ -167,7 +149,7 @@ OBJECT: Mapping[str, Converter] = {
     "closed": accepting("true or false", lambda x: isinstance(x, bool), bool),
     "height": several(_LENGTH, "heights", alone=True),
     "colour": accepting('a colour such as "#c8b49a"', parse_colour, parse_colour),
-    "number": integer(least=0),
+    "number": partial(whole_number, least=0, most=MOST_OBJECTS),
     "material": text(),
 }
 
@@ -179,30 +161,30 @@ OBSTACLE: Mapping[str, Converter] = {
 
 TABLES: Mapping[str, Mapping[str, Converter]] = {
     "robot": {
-        "start": row("x", "y", "degrees"),
+        "start": poses(row("x", "y", "degrees")),
         "route": rows("x", "y"),
-        "poses": rows("x", "y", "degrees"),
+        "poses": poses(rows("x", "y", "degrees")),
         **dict.fromkeys(("speed", "scan_interval", "lookahead", "radius"), _LENGTH),
     },
     "laser": {
         **dict.fromkeys(("angle_min_deg", "angle_max_deg"), _ANGLE),
-        "beams": integer(least=1),
+        "beams": whole_number,
         "range_max": _LENGTH,
         **dict.fromkeys(
             ("range_min", "height", "scan_duration", "threshold", "near_field"), _NOT_NEGATIVE
         ),
         "echo": text("first", "last", "strongest"),
-        "echoes": integer(least=1, most=5),
+        "echoes": partial(whole_number, most=5),
     },
     "noise": {
         "sigma": several(_NOT_NEGATIVE, "sigmas", alone=True),
         **dict.fromkeys(("constant", "resolution"), _NOT_NEGATIVE),
-        **dict.fromkeys(("angle_deg", "beam_deg"), number(least=0.0, most=90.0)),
-        **dict.fromkeys(("drop_outs", "drop_outs_far"), number(least=0.0, most=1.0)),
+        **dict.fromkeys(("angle_deg", "beam_deg"), partial(number, most=90.0)),
+        **dict.fromkeys(("drop_outs", "drop_outs_far"), partial(number, most=1.0)),
     },
     "mapper": {
         "mode": text("paper", "robust"),
-        "min_points": integer(least=2),
+        "min_points": partial(whole_number, least=2),
         **dict.fromkeys(("gap", "split", "merge_length", "merge_distance", "floor"), _LENGTH),
     },
     "film": {"view": text(), "playback": _LENGTH, "points_by": text("range", "intensity")},
@@ -214,11 +196,7 @@ _NUMBER = re.compile(r"[+-]?(\d+\.\d*|\.\d+)([eE][+-]?\d+)?")
 
 
 def value_of(text: str) -> Any:
-    """Parse a TOML value; strings need no quotes.
-
-    Raises:
-        InputError: The text begins like a list or a quoted string, and is not a valid one.
-    """
+    """Parse a TOML value; strings need no quotes unless they begin like a list or with one."""
     text = text.strip()
     if _NUMBER.fullmatch(text):
         return float(text)
@@ -237,11 +215,7 @@ def value_of(text: str) -> Any:
 
 
 def read_settings(texts: Iterable[str]) -> dict[str, dict[str, Any]]:
-    """The values of settings by table and key; the last one counts if a key is set twice.
-
-    Raises:
-        InputError: A text is not a setting, or its name or its value is invalid.
-    """
+    """The values of settings by table and key; the last one counts if a key is set twice."""
     tables: dict[str, dict[str, Any]] = {}
     for text in texts:
         name, equals, value = text.partition("=")
@@ -251,26 +225,18 @@ def read_settings(texts: Iterable[str]) -> dict[str, dict[str, Any]]:
                 f"setting {shown(text)}: expected TABLE.KEY=VALUE, such as laser.range_max=20"
             )
         place = f"setting {name[:80]}"
-        keys = TABLES[known_key(table, TABLES, place)]
-        convert = keys[known_key(key, keys, place)]
         with at(place):
-            found = value_of(value)
-        tables.setdefault(table, {})[key] = convert(found, place)
+            check_names(place, [table], TABLES)
+            check_names(place, [key], TABLES[table])
+            tables.setdefault(table, {})[key] = TABLES[table][key](value_of(value), place)
     return tables
 
 
-def known_key(word: str, known: Iterable[str], place: str) -> str:
-    """The word, which must be one of those known.
-
-    Raises:
-        WorldError: It is not; the message names the place and the nearest known word.
-    """
-    known = list(known)
-    if word not in known:
-        near = get_close_matches(word, known, n=1, cutoff=0.5)
-        hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
-        raise WorldError(f"{place}: there is no {shown(word)}; {hint}")
-    return word
+def check_unique(place: str, names: Sequence[str]) -> None:
+    """Check that no name stands twice at a place."""
+    for name in names:
+        if names.count(name) > 1:
+            raise WorldError(f"{place}: two of the name {name!r}; rename one")
 
 
 @contextmanager
@@ -279,5 +245,5 @@ def at(place: str) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        named = str(error).startswith(f"{place}:")
+        named = str(error).startswith((f"{place}:", f"{place} "))
         raise WorldError(str(error) if named else f"{place}: {error}") from None

@@ -36,8 +36,7 @@ def size_warning(world: World) -> str | None:
 def check_size(world: World) -> None:
     """Check that a world is not so large that its plan must be in other units than metres.
 
-    Raises:
-        WorldError: It is; the message gives the scale that would fit.
+    The message gives the scale that would fit.
     """
     if not len(world.segments):
         return

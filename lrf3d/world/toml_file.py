@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.errors import InputError
+from lrf3d.errors import InputError, check_names
 from lrf3d.files import own_name, read_text, write_text
 from lrf3d.geometry import Float
 from lrf3d.world.cameras import FixedCamera
@@ -29,7 +29,7 @@ from lrf3d.world.schema import (
     TABLES,
     Converter,
     at,
-    known_key,
+    check_unique,
     made,
     row,
     table,
@@ -52,14 +52,7 @@ KEYS: Mapping[str, Converter] = {
 
 @dataclass(frozen=True)
 class WorldFile:
-    """The contents of a world file.
-
-    Args:
-        world: The walls.
-        tables: The converted values of the tables robot, laser, noise, mapper and film.
-        obstacles: The converted values of each table ``obstacle``, a dynamic obstacle.
-        path: The file.
-    """
+    """The walls of a world file, and its tables on the robot, the laser, … and the obstacles."""
 
     world: World
     tables: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
@@ -67,11 +60,7 @@ class WorldFile:
     path: Path = Path()
 
     def scaled(self, factor: float) -> "WorldFile":
-        """The file with its plan and its routes scaled by a factor; heights stay the same.
-
-        Raises:
-            WorldError: The factor is invalid.
-        """
+        """The file with its plan and its routes scaled by a factor; heights stay the same."""
         if factor == 1.0:
             return self
         robot = dict(self.tables.get("robot", {}))
@@ -95,12 +84,7 @@ def read_toml(path: Path) -> World:
 
 
 def read_world_file(path: Path) -> WorldFile:
-    """Read a world file.
-
-    Raises:
-        WorldError: The file cannot be read, does not parse, or is not a valid world; the message
-            names the file and the key.
-    """
+    """Read a world file; errors name it and the key."""
     with at(str(path)):
         content = read_text(path)
         try:
@@ -109,8 +93,7 @@ def read_world_file(path: Path) -> WorldFile:
             raise InputError("nested too deeply for a world file") from None
         except ValueError as error:
             raise InputError(f"not TOML: {error}") from None
-        for key in data:
-            known_key(key, KEYS, key)
+        check_names(str(path), data, KEYS)
         values = {key: KEYS[key](data[key], key) for key in KEYS if key in data}
         obstacles = values.get("obstacle", [])
         for place, obstacle in enumerate(obstacles):
@@ -122,13 +105,12 @@ def read_world_file(path: Path) -> WorldFile:
 
 def _world(values: Mapping[str, Any], path: Path) -> World:
     own = values.get("material", [])
-    if len({material.name for material in own}) < len(own):
-        raise InputError("material: two tables of one name; rename one")
-    parts = list[Part]()
+    check_unique("material", [material.name for material in own])
+    parts, known = list[Part](), set[int]()
     for place, each in enumerate(values.get("object", [])):
         key, number = f"object[{place}]", each.get("number", parts[-1].number + 1 if parts else 0)
         looks = {name: each[name] for name in ("name", "colour", "material") if name in each}
-        if looks and any(part.number == number for part in parts):
+        if looks and number in known:
             word = next(iter(looks))
             raise InputError(f"{key}.{word}: stands with another object of the same number")
         segments, height = _segments(each, key), each.get("height", DEFAULT_HEIGHT)
@@ -140,6 +122,7 @@ def _world(values: Mapping[str, Any], path: Path) -> World:
         if "material" in looks:
             looks["material"] = named(looks["material"], own, f"{key}.material")
         parts.append(Part(number, segments, np.array(height), **looks))
+        known.add(number)
     if not any(len(part.segments) for part in parts):
         raise InputError("object: expected at least one table [[object]] with points")
     return world_of_parts(
@@ -174,28 +157,24 @@ def _segments(values: Mapping[str, Any], key: str) -> Float:
 
 
 def write_toml(world: World, path: Path) -> None:
-    """Write a world as TOML.
-
-    Raises:
-        OutputError: The file cannot be written.
-    """
+    """Write a world as TOML."""
     place = {} if world.place is None else {"place": world.place}
     blocks = [_table("", {"name": world.name, **place})]
     described: set[int] = set()
-    for run in runs_of(world):
-        looks = {} if run.number in described else dict(run.looks)
-        described.add(run.number)
+    for number, own_looks, lines, height in runs_of(world):
+        looks = {} if number in described else own_looks
+        described.add(number)
         if "material" in looks:
             looks["material"] = looks["material"].name
         outline: dict[str, Any] = {"lines": []}
-        if run.lines:
+        if lines:
             # A ring needs no point twice.
-            closed = all(len(line) > 3 and str(line[0]) == str(line[-1]) for line in run.lines)
-            lines = [line[:-1] for line in run.lines] if closed else run.lines
+            closed = all(len(line) > 3 and str(line[0]) == str(line[-1]) for line in lines)
+            lines = [line[:-1] for line in lines] if closed else lines
             outline = {"points": lines[0]} if len(lines) == 1 else {"lines": lines}
             outline |= {"closed": True} if closed else {}
-            outline["height"] = run.height
-        blocks.append(_table("[[object]]", {"number": run.number, **looks, **outline}))
+            outline["height"] = height
+        blocks.append(_table("[[object]]", {"number": number, **looks, **outline}))
     used = dict.fromkeys(material for material in world.materials if material is not None)
     own = [material for material in used if BUILT_IN.get(material.name) != material]
     blocks += [_table("[[material]]", material.as_dict()) for material in own]

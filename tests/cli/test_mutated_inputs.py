@@ -15,6 +15,7 @@ import traceback
 from importlib import import_module
 from pathlib import Path
 
+import bags
 import damaged_worlds
 import numpy as np
 import pytest
@@ -159,7 +160,10 @@ class Inputs:
         lrf3d.save_map(run.map, folder / "map.geojson")
         for name, kind in (("a.log", "carmen"), ("a.log.gz", "carmen"), ("a.mcap", "mcap")):
             export_run(run, kind, folder / name)
-        names = ["run.npz", "a.log", "a.log.gz", "a.mcap", "map.geojson"]
+        export_run(run, "rosbag2", folder / "new")
+        bags.as_sqlite(folder / "new", folder / "old")
+        (folder / "old" / "old.db3").rename(folder / "a.db3")
+        names = ["run.npz", "a.log", "a.log.gz", "a.mcap", "a.db3", "map.geojson"]
         self.data = {name: (folder / name).read_bytes() for name in names}
 
     def mutated(self, seed):

@@ -43,6 +43,15 @@ def scan(time, frame="laser", ranges=(1.0, 2.0, 3.0)):
     return made(STORE, SCAN, {"header": header(time, frame), **fan, **fields})
 
 
+def scans(*times):
+    return [("/scan", time, SCAN, scan(time)) for time in times]
+
+
+def wheels(count):
+    """Odometry of a robot that drives a metre a second along x."""
+    return [("/odom", t, ODOMETRY, odometry(float(t), (t, 0.0, 0.0))) for t in range(count)]
+
+
 def odometry(time, where, child="base_link"):
     fields = {"child_frame_id": child, "pose": {"pose": planar(*where)}}
     return made(STORE, ODOMETRY, {"header": header(time, "odom"), **fields})
@@ -67,3 +76,18 @@ def write(path, *messages):
 def mounted(place=(0, 0, 0), turn=(0, 0, 0, 1)):
     static = transform(0.0, "base_link", "laser", place, turn)
     return "/tf_static", 0.0, TRANSFORMS, static
+
+
+def as_sqlite(bag, path):
+    """Write the messages of a bag as older releases of ROS 2 kept them."""
+    kind = rosbag2.StoragePlugin.SQLITE3
+    with (
+        rosbag2.Reader(bag) as reader,
+        rosbag2.Writer(path, version=8, storage_plugin=kind) as writer,
+    ):
+        topics = {
+            c.topic: writer.add_connection(c.topic, c.msgtype, typestore=STORE)
+            for c in reader.connections
+        }
+        for connection, stamp, data in reader.messages():
+            writer.write(topics[connection.topic], stamp, data)

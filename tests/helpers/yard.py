@@ -1,4 +1,7 @@
-"""A yard with a shed, as a world file; and what moves in it."""
+"""A yard with a shed, as a world file; what moves in it, and drives through it."""
+
+from lrf3d.scenario import load_scenario
+from lrf3d.view.hand_drive import HandDrive
 
 YARD = """\
 name = "yard"
@@ -26,3 +29,10 @@ OBSTACLE = """
 route = [[9, 2], [9, 7]]
 radius = 0.4
 """
+
+
+def hand(text, folder, **settings):
+    """A drive by hand through a world file of this text."""
+    path = folder / "world.toml"
+    path.write_text(text)
+    return HandDrive(load_scenario(path), **settings)

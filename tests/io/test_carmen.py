@@ -1,4 +1,5 @@
 import gzip
+import re
 from math import inf, pi
 
 import numpy as np
@@ -157,11 +158,20 @@ def test_an_endless_line_does_not_hide_what_follows(tmp_path):
     assert len(log) == 1 and log.bad_count > 0
 
 
-@pytest.mark.parametrize("name", ["no.log", "picture.png", "folder.log"])
-def test_a_file_that_is_no_log_is_refused(tmp_path, name):
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("no.log", "no such file"),
+        ("picture.png", "not a log by its name; .*.log.gz"),
+        ("folder.log", "a folder, expected"),
+        ("junk.log", "no laser scan in it.*bad lines, first line 1"),
+    ],
+)
+def test_a_file_that_is_no_log_is_refused(tmp_path, name, said):
     (tmp_path / "folder.log").mkdir()
     (tmp_path / "picture.png").write_text("")
-    with pytest.raises(InputError, match=name.replace(".", r"\.")):
+    (tmp_path / "junk.log").write_bytes(bytes(range(256)) * 10)
+    with pytest.raises(InputError, match=f"{re.escape(name)}: {said}"):
         load_log(tmp_path / name)
 
 

@@ -1,6 +1,7 @@
 """Run files that are damaged, and runs that cannot be recorded: one line says what is wrong."""
 
 import io
+import json
 import os
 import zipfile
 
@@ -60,7 +61,8 @@ def as_bytes(array, version):
         ("map_sizes", np.array([0, 0, 10**9]), "map_sizes do not sum"),
         ("intensities", np.zeros((3, 6)), r"intensities \(3, 6\)"),
         ("segments", np.zeros((1, 4)), ""),
-        ("lrf", np.array([1.0, 0.0, 61, 0, 20, 0.5]), "angle_min"),
+        ("settings", np.array("[" * 100_000), ""),
+        ("settings", np.array('{"laser": {"beams": 61}}'), "holds no 'name'"),
         ("ranges", np.zeros((3, 7), np.complex128), "numbers"),
         ("walls", np.full((3, 7), "x"), ""),
     ],
@@ -72,8 +74,18 @@ def test_arrays_that_do_not_fit_each_other_are_named(run_file, name, array, word
 
 
 def test_a_run_of_another_version_is_to_be_made_again(run_file):
-    changed(run_file, version=np.array(999))
-    with pytest.raises(InputError, match=r"version 999 .*run the simulation again"):
+    changed(run_file, version=np.array(1))
+    with pytest.raises(InputError, match=r"version 1 .*reads version 2; run the simulation again"):
+        lrf3d.load_run(run_file)
+
+
+@pytest.mark.parametrize(("key", "value"), [("playback", "fast"), ("playback", -1), ("view", 7)])
+def test_an_invalid_setting_of_the_film_is_named(run_file, key, value):
+    with np.load(run_file) as file:
+        settings = json.loads(str(file["settings"]))
+    settings["film"][key] = value
+    changed(run_file, settings=np.array(json.dumps(settings)))
+    with pytest.raises(InputError, match=rf"run\.npz: film: {key} {value!r}: expected a"):
         lrf3d.load_run(run_file)
 
 

@@ -82,19 +82,6 @@ def test_a_run_stopped_anywhere_and_resumed_is_the_undisturbed_one(mode, tmp_pat
     assert sorted(file.name for file in tmp_path.iterdir()) == ["run.npz", "whole.npz"]
 
 
-def test_a_recorded_run_is_the_simulated_one(tmp_path):
-    kept = lrf3d.record(simulation(scans=300), tmp_path / "run.npz")
-    noise, mapper = ProportionalNoise(0.1), LineMapper(sigma=0.1)
-    run = lrf3d.simulate(ROOM, POSES[:300], LRF, noise=noise, mapper=mapper, rng=7)
-    for name in ("ranges", "truth", "walls", "snapshot_scans"):
-        assert np.array_equal(getattr(kept, name), getattr(run, name))
-    assert np.array_equal(kept.trajectory.poses, run.trajectory.poses)
-    assert len(kept.maps) == len(run.maps) == 100
-    for one, other in zip(kept.maps, run.maps, strict=True):
-        assert np.array_equal(one.segments, other.segments)
-        assert np.array_equal(one.objects, other.objects)
-
-
 def test_a_controller_and_a_mapper_get_the_recorded_scans_again(tmp_path):
     class Plain:
         """A mapper with nothing but an update that returns a LineMap."""
@@ -201,19 +188,6 @@ def test_a_finished_run_is_not_run_again(tmp_path):
 
     Never.__module__, Never.__qualname__ = LineMapper.__module__, LineMapper.__qualname__
     assert len(lrf3d.record(simulation(scans=50, mapper=Never()), path, resume=True)) == 50
-
-
-def test_a_mapper_of_other_things_has_no_map_snapshots(tmp_path):
-    class Counter:
-        count = 0
-
-        def update(self, scan):
-            self.count += 1
-
-    counter = Counter()
-    run = lrf3d.record(simulation(scans=20, mapper=counter), tmp_path / "run.npz")
-    assert counter.count == 20 and run.snapshot_scans == () and len(run.map) == 0
-    assert len(lrf3d.load_run(tmp_path).map_after(10)) == 0
 
 
 def test_large_arrays_are_mapped_aligned_and_the_same(tmp_path, monkeypatch):

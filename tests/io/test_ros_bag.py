@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import yaml
-from bags import STORE, mounted, odometry, pose, rosbag2, scan, transform, write
+from bags import STORE, mounted, odometry, pose, rosbag2, scan, scans, transform, wheels, write
 from estimates import estimated
 from synthetic_run import around, box, make_run, make_world
 
@@ -17,7 +17,7 @@ import lrf3d
 from lrf3d.errors import InputError, MissingLibraryError, OutputError
 from lrf3d.exporting import export_run
 from lrf3d.geometry import wrap_angle
-from lrf3d.io import load_log
+from lrf3d.io import bag_reader, load_log
 from lrf3d.io.bag_reader import ODOMETRY, POSE, SCAN, TRANSFORMS
 from lrf3d.laser import LaserRangeFinder, Stamp
 from lrf3d.pose import Pose
@@ -45,10 +45,6 @@ def drives(root, base, poses, topic="/tf"):
     for time, (x, y, theta) in enumerate(poses):
         turn = (0, 0, np.sin(theta / 2), np.cos(theta / 2))
         yield topic, time, TRANSFORMS, transform(float(time), root, base, (x, y, 0), turn)
-
-
-def scans(*times):
-    return [("/scan", time, SCAN, scan(time)) for time in times]
 
 
 @pytest.mark.parametrize("poses", ["auto", "truth", "tf", "odom"])
@@ -153,9 +149,9 @@ def test_the_lines_of_a_bag_are_the_map_snapshots_in_their_colours(run, mcap, tm
 
 def test_a_bag_of_a_run_with_an_estimate_moves_the_map_over_the_odometry(run, tmp_path):
     drift = np.linspace(0.0, 0.4, len(run))
-    wheels = run.trajectory.poses + np.column_stack([drift, -drift, 0.2 * drift])
+    driven = run.trajectory.poses + np.column_stack([drift, -drift, 0.2 * drift])
     believed = estimated(run, shift=(0.3, 0.4, 0.05))
-    estimate = replace(believed.estimate, odometry=wheels)
+    estimate = replace(believed.estimate, odometry=driven)
     export_run(replace(believed, estimate=estimate), "mcap", tmp_path / "run.mcap")
     [fixed] = messages_of(tmp_path / "run.mcap", "/tf_static")
     assert [each.child_frame_id for each in fixed.transforms] == ["laser"]
@@ -168,12 +164,12 @@ def test_a_bag_of_a_run_with_an_estimate_moves_the_map_over_the_odometry(run, tm
         assert set(edges) == {("map", "odom"), ("odom", "base_link")}
         odom_from_base = planar(edges["odom", "base_link"])
         map_from_base = planar(edges["map", "odom"]) @ odom_from_base
-        for base, expected in ((odom_from_base, wheels), (map_from_base, estimate.poses)):
+        for base, expected in ((odom_from_base, driven), (map_from_base, estimate.poses)):
             x, y, theta = expected[number]
             assert base[:2] == pytest.approx((x, y), abs=1e-9)
             assert wrap_angle(base.theta - theta) == pytest.approx(0.0, abs=1e-9)
         places = [each[number].pose.pose.position for each in (measured, truth)]
-        assert (places[0].x, places[0].y) == pytest.approx(tuple(wheels[number, :2]))
+        assert (places[0].x, places[0].y) == pytest.approx(tuple(driven[number, :2]))
         assert (places[1].x, places[1].y) == pytest.approx(tuple(run.trajectory.poses[number, :2]))
 
 
@@ -254,8 +250,8 @@ def test_a_laser_that_is_tilted_is_refused(tmp_path):
 def test_transforms_up_to_the_map_come_before_odometry_and_behind_the_truth(tmp_path):
     moves = drives("odom", "base_link", [(0, 0, 0), (1, 0, 0)])
     mapped = drives("map", "odom", [(10, 0, 0), (10, 0, 0)])
-    wheels = [("/odom", t, ODOMETRY, odometry(float(t), (7.0, 0.0, 0.0))) for t in range(2)]
-    bag = write(tmp_path / "bag", mounted(), *moves, *mapped, *wheels, *scans(0.5))
+    drive = [("/odom", t, ODOMETRY, odometry(float(t), (7.0, 0.0, 0.0))) for t in range(2)]
+    bag = write(tmp_path / "bag", mounted(), *moves, *mapped, *drive, *scans(0.5))
     assert load_log(bag).scans[0].pose == pytest.approx((10.5, 0, 0))
     assert load_log(bag).source == "/tf, laser in map"
     assert load_log(bag, poses="odom").scans[0].pose == pytest.approx((7, 0, 0))
@@ -265,8 +261,7 @@ def test_transforms_up_to_the_map_come_before_odometry_and_behind_the_truth(tmp_
 
 def test_a_fixed_joint_that_is_published_repeatedly_is_no_drive(tmp_path):
     joint = drives("base_link", "laser", [(0.2, 0, 0)] * 3)
-    wheels = [("/odom", t, ODOMETRY, odometry(float(t), (t, 0.0, 0.0))) for t in range(3)]
-    log = load_log(write(tmp_path / "bag", *joint, *wheels, *scans(1.0)))
+    log = load_log(write(tmp_path / "bag", *joint, *wheels(3), *scans(1.0)))
     assert log.source == "/odom" and log.poses[0] == pytest.approx([1.2, 0, 0])
 
 
@@ -305,8 +300,7 @@ def test_bags_without_scans_or_poses_are_refused_with_what_is_missing(tmp_path):
 
 
 def test_a_mount_without_a_transform_is_reported_as_guessed(tmp_path):
-    wheels = [("/odom", t, ODOMETRY, odometry(float(t), (t, 0.0, 0.0))) for t in range(2)]
-    log = load_log(write(tmp_path / "bag", *wheels, *scans(0.5)))
+    log = load_log(write(tmp_path / "bag", *wheels(2), *scans(0.5)))
     assert log.scans[0].pose == (0.5, 0, 0) and "middle of base_link" in log.source
 
 
@@ -333,17 +327,12 @@ def test_a_run_before_time_0_is_refused(run, tmp_path):
 
 
 def test_the_base_is_found_from_the_laser_by_the_child_frame_of_the_odometry(tmp_path):
-    where = [(0, 0, 0), (1, 0, 0)]
-    wheels = [("/odom", t, ODOMETRY, odometry(float(t), pose)) for t, pose in enumerate(where)]
-    log = load_log(
-        write(tmp_path / "a", mounted((0.2, -0.1, 0.5), TURNS["left"]), *wheels, *scans(0.5))
-    )
+    mount = mounted((0.2, -0.1, 0.5), TURNS["left"])
+    log = load_log(write(tmp_path / "a", mount, *wheels(2), *scans(0.5)))
     assert log.mount == pytest.approx((0.2, -0.1, np.pi / 2))
     assert log.scans[0].pose @ log.mount.inverse() == pytest.approx((0.5, 0, 0))
     # Another frame of the robot than the usual one.
-    foot = [
-        ("/odom", t, ODOMETRY, odometry(float(t), pose, "foot")) for t, pose in enumerate(where)
-    ]
+    foot = [("/odom", t, ODOMETRY, odometry(float(t), (t, 0, 0), "foot")) for t in range(2)]
     static = "/tf_static", 0.0, TRANSFORMS, transform(0.0, "foot", "base_link", (0.0, 0.0, 0.1))
     lower = "/tf_static", 0.0, TRANSFORMS, transform(0.0, "base_link", "laser", (0.3, 0.0, 0.2))
     log = load_log(write(tmp_path / "b", static, lower, *foot, *scans(0.5)))
@@ -374,3 +363,96 @@ def test_intensities_come_back_and_without_rosbags_the_error_says_what_to_instal
         with pytest.raises(MissingLibraryError, match=r"pip install -e .*\[ros\]"):
             call()
     assert list(tmp_path.iterdir()) == [bag]
+
+
+def packed(path, mode):
+    """A bag of two odometry messages and a scan, compressed."""
+    bag = rosbag2.Writer(path, version=8, storage_plugin=rosbag2.StoragePlugin.SQLITE3)
+    bag.set_compression(mode, rosbag2.CompressionFormat.ZSTD)
+    with bag:
+        topics = {}
+        for topic, time, kind, message in [mounted(), *wheels(3), *scans(0.5)]:
+            if topic not in topics:
+                topics[topic] = bag.add_connection(topic, kind, typestore=STORE)
+            bag.write(topics[topic], Stamp.of(time).nanoseconds, STORE.serialize_cdr(message, kind))
+    return path
+
+
+def test_a_message_that_is_cut_off_is_counted_and_named(tmp_path):
+    with rosbag2.Writer(
+        tmp_path / "bag", version=8, storage_plugin=rosbag2.StoragePlugin.MCAP
+    ) as bag:
+        drive = bag.add_connection("/odom", ODOMETRY, typestore=STORE)
+        beams = bag.add_connection("/scan", SCAN, typestore=STORE)
+        for _, time, kind, message in wheels(3):
+            bag.write(drive, Stamp.of(time).nanoseconds, STORE.serialize_cdr(message, kind))
+        whole = STORE.serialize_cdr(scan(0.5), SCAN)
+        bag.write(beams, 500_000_000, whole)
+        for _ in range(7):
+            bag.write(beams, 600_000_000, whole[:30])
+    log = load_log(tmp_path / "bag")
+    assert len(log) == 1 and log.bad_count == 7
+    # The first five are named.
+    assert [bad.number for bad in log.bad_lines] == [3, 4, 5, 6, 7]
+    assert str(log.bad_lines[0]).startswith("message 3: ")
+
+
+def test_a_bag_whose_scans_are_all_invalid_names_the_first(tmp_path):
+    broken = scan(0.5)
+    broken.angle_increment = 0.0
+    bag = write(tmp_path / "bag", *wheels(3), ("/scan", 0.5, SCAN, broken))
+    with pytest.raises(InputError, match=r"no scan on /scan .*first message 2: .*at most a turn"):
+        load_log(bag)
+
+
+def test_a_transform_whose_quaternion_is_not_a_rotation_is_not_used(tmp_path):
+    zero = transform(0.0, "odom", "base_link", turn=(0, 0, 0, 0))
+    moves = [
+        ("/tf", t, TRANSFORMS, transform(float(t), "odom", "base_link", (t, 0, 0))) for t in (0, 1)
+    ]
+    bag = write(tmp_path / "bag", mounted(), ("/tf", 0, TRANSFORMS, zero), *moves, *scans(0.5))
+    log = load_log(bag)
+    assert log.bad_count == 1 and "unit quaternion" in str(log.bad_lines[0])
+
+
+def test_the_first_parent_of_a_frame_counts(tmp_path):
+    moves = []
+    for t in range(2):
+        half = 0.05 * t
+        turn = (0, 0, math.sin(half), math.cos(half))
+        here = transform(float(t), "odom", "base_link", (t, 0, 0), turn)
+        there = transform(float(t), "world", "base_link", (9, 9, 0), turn)
+        moves += [("/tf", t, TRANSFORMS, here), ("/tf", t, TRANSFORMS, there)]
+    log = load_log(write(tmp_path / "bag", mounted(), *moves, *scans(1.0)))
+    assert log.source == "/tf, laser in odom"
+    assert log.poses[0] == pytest.approx([1.0, 0.0, 0.1])
+
+
+def test_a_bag_with_too_many_readings_is_to_be_cut(tmp_path, monkeypatch):
+    monkeypatch.setattr(bag_reader, "MOST_READINGS", 6)
+    bag = write(tmp_path / "bag", mounted(), *wheels(3), *scans(0.5, 1.0))
+    assert len(load_log(bag)) == 2
+    bag = write(tmp_path / "more", mounted(), *wheels(3), *scans(0.5, 1.0, 1.5))
+    with pytest.raises(InputError, match=r"more: more than 6 readings; cut it into parts"):
+        load_log(bag)
+
+
+def test_a_bag_of_compressed_messages_is_to_be_converted(tmp_path):
+    bag = packed(tmp_path / "bag", rosbag2.CompressionMode.MESSAGE)
+    with pytest.raises(InputError, match="each message is compressed; decompress it with ros2"):
+        load_log(bag)
+
+
+def test_a_compressed_bag_is_read(tmp_path):
+    bag = packed(tmp_path / "bag", rosbag2.CompressionMode.FILE)
+    # A folder within a bag is no part of it.
+    (bag / "pictures").mkdir()
+    assert load_log(bag).scans[0].ranges == pytest.approx([1.0, 2.0, 3.0])
+
+
+def test_metadata_of_many_megabytes_are_not_parsed(tmp_path):
+    bag = write(tmp_path / "bag", mounted(), *wheels(3), *scans(0.5))
+    with (bag / "metadata.yaml").open("a") as file:
+        file.write("#" + "x" * 1_500_000)
+    with pytest.raises(InputError, match=r"metadata\.yaml: 1\.5 MB, more than the 0\.524 MB"):
+        load_log(bag)

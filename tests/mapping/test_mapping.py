@@ -1,5 +1,4 @@
 import json
-import pickle
 
 import numpy as np
 import pytest
@@ -138,15 +137,6 @@ def test_a_segment_is_shown_with_as_many_points_as_are_asked_for(mode):
         assert len(mapper.map) == count
 
 
-def test_the_map_is_made_once_after_an_update():
-    mapper, caster = LineMapper(), PlanarCaster(WORLD)
-    mapper.update(caster.cast(CIRCLE, AROUND[0]))
-    first = mapper.map
-    assert first is mapper.map
-    mapper.update(caster.cast(CIRCLE, AROUND[1]))
-    assert mapper.map is not first
-
-
 @pytest.mark.parametrize("mode", ["robust", "paper"])
 def test_a_robot_that_stands_changes_no_wall(mode):
     mapper, rng = LineMapper(mode=mode), np.random.default_rng(1)
@@ -159,15 +149,6 @@ def test_a_robot_that_stands_changes_no_wall(mode):
     # A third of the noise.
     assert mapper.map.segments == pytest.approx(before.segments, abs=0.01)
     assert np.array_equal(mapper.map.objects, before.objects)
-
-
-def test_a_map_is_a_value_that_pickles():
-    line_map = build(LineMapper())
-    copy = pickle.loads(pickle.dumps(line_map))
-    assert np.array_equal(copy.segments, line_map.segments)
-    assert np.array_equal(copy.points, line_map.points)
-    with pytest.raises(AttributeError, match="colour"):
-        _ = line_map.colour
 
 
 def test_maps_from_before_an_interrupted_update_stay_as_they_were(monkeypatch):

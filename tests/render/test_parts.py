@@ -92,7 +92,7 @@ def test_a_fixed_camera_looks_from_where_it_stands_at_its_target():
         picture = frame(run, 0.5, size=SIZE, view=camera.name, samples=0).astype(int)
         red, green_, blue = picture[SIZE[1] // 2, SIZE[0] // 2]
         assert green_ > 2 * red and green_ > 2 * blue
-    with pytest.raises(InputError, match=r"view 'dor': expected .*ceiling; did you mean 'door'\?"):
+    with pytest.raises(InputError, match=r"view: there is no 'dor'; did you mean 'door'\?"):
         frame(run, 0.5, size=SIZE, view="dor")
 
 

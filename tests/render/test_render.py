@@ -16,8 +16,9 @@ from lrf3d.render.video import frame
 from lrf3d.robot import Trajectory
 from lrf3d.run import Run
 from lrf3d.scene import stage
-from lrf3d.scene.beams import DrawnBeams
+from lrf3d.scene.beams import draw_beams
 from lrf3d.scene.estimate import trail_lines
+from lrf3d.scene.shapes import Body, Faces
 from lrf3d.scene.timeline import Timeline, drive_keys
 from lrf3d.world import World
 from lrf3d.world.cameras import MOVING_VIEWS, FilmPlan
@@ -109,22 +110,6 @@ def test_views_show_something_and_differ(samples):
 
 
 @needs_gl
-def test_every_view_has_a_camera():
-    from lrf3d.scene.cameras import CAMERAS
-
-    assert tuple(sorted(CAMERAS)) == MOVING_VIEWS
-
-
-@needs_gl
-def test_the_sky_is_above_and_the_ground_below():
-    picture = frame(city_run(), 1.0, size=SIZE).astype(int)
-    sky = picture[2, 160]
-    assert sky[2] > sky[0] + 15
-    ground = picture[-3, 40]
-    assert abs(ground[0] - ground[2]) < 30 and ground.max() < 200
-
-
-@needs_gl
 def test_a_wall_has_its_colour_where_the_projection_puts_it():
     green = ((0.6, 0.6, 0.6), (0.1, 0.8, 0.1))
     run = room_run(colours=green)
@@ -142,7 +127,7 @@ def test_a_wall_has_its_colour_where_the_projection_puts_it():
 
 @needs_gl
 def test_a_world_far_from_the_origin_looks_the_same():
-    layers = ("shadow", "trail", "fan", "beams", "points", "inset")
+    layers = ("shadow", "trail", "beams", "points", "inset")
     near, far = (
         drawn(city_run(offset), 2.13, view="chase", layers=layers)
         for offset in ((0.0, 0.0), (85_000.0, 447_500.0))
@@ -194,16 +179,19 @@ def test_a_wall_of_a_room_does_not_hide_the_robot_that_the_eye_follows(renderer)
     for walls in (room, room + wall):
         world = World(walls, [0, 0, 0, 0, 1][: len(walls)], np.full(len(walls), 2.5))
         run = run_of(world, 0.25 * np.arange(12), poses)
-        picture = drawn(run, 0.0, view="chase", renderer=renderer, layers=())
-        orange = (picture[:, :, 0] > picture[:, :, 2] + 90) & (picture[:, :, 0] > 150)
-        counts.append(orange.sum())
-    assert counts[1] > 0.8 * counts[0] > 20
+        film = Film(run, size=SIZE, samples=0, view="chase", renderer=renderer, layers=())
+        picture = film.draw(0.0).astype(int)
+        film.scene.robot = Body(Faces(*(each[:0] for each in film.scene.robot.faces)), np.eye(4))
+        film.forget()
+        counts.append((np.abs(film.draw(0.0) - picture).max(axis=2) > 30).sum())
+        film.close()
+    assert counts[1] > 0.4 * counts[0] > 20
 
 
 @needs_gl
 def test_layers_that_are_off_are_not_drawn():
     red = []
-    for layers in (("fan", "beams", "points"), ()):
+    for layers in (("beams", "points"), ()):
         picture = drawn(room_run(), 1.0, view="top", layers=layers)
         red.append((picture[:, :, 0] > picture[:, :, 2] + 60).mean())
     assert red[0] > 0.02 and red[1] < 0.01
@@ -232,9 +220,9 @@ def test_hit_points_lie_on_their_walls_wherever_the_robot_has_gone_since():
     scan, walls = run.scan(6), run.world.segments
     for step in (0.0, 0.15, 0.29):
         apex = np.array([scan.pose.x + step, scan.pose.y])
-        drawn = DrawnBeams.from_scan(scan, walls, apex)
+        _, points = draw_beams(scan, walls, apex, np.zeros(len(walls), bool), height=0.5, reach=9.0)
         hit = shapely.linestrings(walls[run.walls[6][scan.hits]].reshape(-1, 2, 2))
-        assert shapely.distance(shapely.points(drawn.points), hit).max() < 1e-9
+        assert shapely.distance(shapely.points(points.places[:, :2]), hit).max() < 1e-5
 
 
 def test_a_robot_that_was_set_down_behind_a_wall_does_not_drive_through_it():
@@ -258,12 +246,6 @@ def test_stops_dwell_with_beams_on_then_glide_with_beams_off():
     assert standing.pose[0] == pytest.approx(1.5)
     assert not gliding.scanning and 1.5 < gliding.pose[0] < 2.25
     assert timeline.moment(4.0).scanning and timeline.moment(4.0).scan == 1
-
-
-def test_frames_cover_the_run_at_the_rate_asked_for():
-    run = city_run(seconds=4.0)
-    assert len(Timeline(run, playback=1.0).frame_times(25.0)) == 101
-    assert len(Timeline(run, playback=4.0).frame_times(10.0)) == 11
 
 
 def test_without_opengl_the_error_says_what_to_install(monkeypatch):

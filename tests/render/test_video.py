@@ -139,8 +139,7 @@ def pictures_of(path):
 @pytest.mark.parametrize(
     ("ending", "fps", "unlike"),
     [
-        (".webp", 12.0, 6.5),
-        pytest.param(".gif", 12.0, 6.0, marks=pytest.mark.slow),
+        (".webp", 12.0, 7.0),
         pytest.param(".gif", 50.0, 6.0, marks=pytest.mark.slow),
     ],
 )
@@ -172,9 +171,6 @@ def test_an_animation_has_its_frames_its_size_and_its_length(tmp_path, ending, f
         (".mp4", 1),
         (".webp", 1),
         (".gif", 3),
-        pytest.param(".mp4", 3, marks=pytest.mark.slow),
-        pytest.param(".gif", 1, marks=pytest.mark.slow),
-        pytest.param(".webp", 2, marks=pytest.mark.slow),
     ],
 )
 def test_films_may_be_as_short_as_a_frame(tmp_path, ending, frames):

@@ -6,8 +6,8 @@ import shapely
 
 import lrf3d
 from lrf3d.geometry import lengths
-from lrf3d.laser import LaserRangeFinder
-from lrf3d.scene.beams import RANGE_COLOURS, DrawnBeams, turning_walls
+from lrf3d.laser import LaserRangeFinder, beam_directions
+from lrf3d.scene.beams import RANGE_COLOURS, draw_beams, folded, turning_walls
 from lrf3d.scene.look import GLASS_COLOUR, MIRROR_COLOUR, RETRO_COLOUR, object_colours
 
 WALLS = [[0, 0, 12, 0], [12, 0, 12, 8], [12, 8, 0, 8], [0, 8, 0, 0], [4, 1, 5, 2.5]]
@@ -17,11 +17,14 @@ def hall(*materials):
     return lrf3d.World(WALLS, range(5), materials=materials)
 
 
-def drawn(world, pose=(7.0, 4.0, 0.3)):
-    lrf = LaserRangeFinder(-np.pi, np.pi, 181)
-    scan = lrf3d.PlanarCaster(world).cast(lrf, pose)
-    beams = DrawnBeams.from_scan(scan, world.segments, np.array(pose[:2]), turning_walls(world))
-    return scan, beams
+POSE = (7.0, 4.0, 0.3)
+
+
+def drawn(world, by="range"):
+    scan = lrf3d.PlanarCaster(world).cast(LaserRangeFinder(-np.pi, np.pi, 181), POSE)
+    place, turning = np.array(POSE[:2]), turning_walls(world)
+    shape = {"height": 0.5, "reach": 80.0, "by": by}
+    return scan, *draw_beams(scan, world.segments, place, turning, **shape)
 
 
 def off_walls(points):
@@ -31,22 +34,25 @@ def off_walls(points):
 
 
 def test_points_lie_on_the_walls_that_mirrors_show():
-    scan, beams = drawn(hall("plaster", "mirror", "plaster", "mirror", "brick"))
-    assert np.count_nonzero(scan.hits) == len(beams.points) > 150
-    assert off_walls(beams.points).max() < 1e-9
-    assert off_walls(beams.legs[scan.hits[beams.beams], 2:]).max() < 1e-9
-    whole = np.bincount(beams.beams, lengths(beams.legs))
-    assert whole[scan.hits] == pytest.approx(scan.ranges[scan.hits], abs=1e-9)
-    assert np.bincount(beams.beams).max() >= 4
-    assert (beams.gone + lengths(beams.legs)).max() == pytest.approx(whole.max())
-    straight = drawn(hall("plaster", "plaster", "plaster", "plaster", "brick"))[1]
-    assert len(beams.single(0.5, 80.0).starts) > len(straight.single(0.5, 80.0).starts)
-    assert len(beams.glow(0.5, indoor=True).corners)
+    world = hall("plaster", "mirror", "plaster", "mirror", "brick")
+    scan, lines, points = drawn(world)
+    assert np.count_nonzero(scan.hits) == len(points.places) > 150
+    assert off_walls(points.places[:, :2]).max() < 1e-5
+    ends = POSE[:2] + scan.ranges[scan.hits, None] * beam_directions(
+        POSE[2], scan.angles[scan.hits]
+    )
+    legs, beams, gone = folded(np.array(POSE[:2]), ends, world.segments[turning_walls(world)])
+    assert off_walls(legs[:, 2:]).max() < 1e-9
+    assert np.bincount(beams, lengths(legs)) == pytest.approx(scan.ranges[scan.hits], abs=1e-9)
+    assert np.bincount(beams).max() >= 4
+    assert (gone + lengths(legs)).max() == pytest.approx(scan.ranges[scan.hits].max())
+    _, straight, _ = drawn(hall("plaster", "plaster", "plaster", "plaster", "brick"))
+    assert len(lines.starts) > len(straight.starts)
 
 
 def test_points_are_coloured_by_their_intensity_if_asked():
-    scan, beams = drawn(hall("plaster", "mirror", "retro-reflector", "dark cloth", "brick"))
-    by_range, by_light = (beams.hit_points(0.5, 80.0, by=by) for by in ("range", "intensity"))
+    world = hall("plaster", "mirror", "retro-reflector", "dark cloth", "brick")
+    (scan, _, by_range), (_, _, by_light) = (drawn(world, by) for by in ("range", "intensity"))
     assert np.array_equal(by_range.places, by_light.places)
     assert np.array_equal(by_range.sides, by_light.sides)
     lights, colours = scan.intensities[scan.hits], by_light.colours[:, :3]
@@ -55,8 +61,8 @@ def test_points_are_coloured_by_their_intensity_if_asked():
     # From yellow to purple the green of the colours falls all the way to red.
     order = np.argsort(-lights)
     assert (np.diff(colours[order, 1][lights[order] > 1e-3]) <= 1e-6).all()
-    bare = drawn(lrf3d.World(WALLS, range(5)))[1]
-    one, other = (bare.hit_points(0.5, 80.0, by=by) for by in ("intensity", "range"))
+    bare = lrf3d.World(WALLS, range(5))
+    (_, _, one), (_, _, other) = (drawn(bare, by) for by in ("intensity", "range"))
     assert np.array_equal(one.colours, other.colours)
 
 

@@ -68,13 +68,17 @@ def test_the_shots_of_a_story_are_of_some_seconds_and_show_all_that_there_is():
     assert (lengths > 3.9).all() and (lengths < 6.5).all()
 
 
-def test_among_houses_no_wall_hides_the_robot_from_the_eye():
+def test_among_houses_the_eye_is_low_and_no_wall_hides_the_robot_from_it():
     timeline, structures = filmed(city_run(seconds=80.0), 4.0)
     walls = shapely.linestrings(structures.segments.reshape(-1, 2, 2))
     for camera in (Story, orbit, chase):
         moving = camera(timeline, structures)
         for time in np.arange(timeline.start + 8.0, timeline.end, 0.5).tolist():
-            eye = moving.look(time, 16 / 9).eye
+            look = moving.look(time, 16 / 9)
+            if look.shot not in ("chase", "close"):
+                continue
+            eye, ahead = look.eye, look.target - look.eye
+            assert -ahead[2] < 0.6 * np.hypot(*ahead[:2])
             robot = np.array([*(timeline.poses(np.array([time]))[0, :2] - timeline.origin), 0.5])
             cuts = shapely.intersection(shapely.linestrings([robot[:2], eye[:2]]), walls)
             met = ~shapely.is_empty(cuts)

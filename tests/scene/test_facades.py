@@ -6,7 +6,7 @@ from test_render import box
 
 from lrf3d.geometry import lengths
 from lrf3d.scene import shadows
-from lrf3d.scene.facades import BAYS, BLANK, SLANTS, TILE, WINDOWED, layers
+from lrf3d.scene.facades import BAYS, BLANK, WINDOWED
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.walls import NARROW, lay_walls
 from lrf3d.world import World
@@ -25,22 +25,6 @@ def town():
     objects = np.repeat(np.arange(len(sides)), 4)
     heights = np.repeat([3.0, 8.0, 12.0, 25.0], 4)
     return Structures.from_world(World(np.concatenate(walls), objects, heights))
-
-
-def test_windows_repeat_without_a_seam():
-    upper = layers(False)[0][WINDOWED + 3 * SLANTS]
-    # At the borders of all bays and storeys there is nothing but the wall.
-    borders = np.concatenate([upper[::TILE].reshape(-1, 4), upper[:, ::TILE].reshape(-1, 4)])
-    assert (borders == [0, 0, 0, 255]).all()
-    assert 0.2 < (upper[..., 3] < 255).mean() < 0.6
-
-
-def test_coarser_copies_keep_the_mean_of_a_wall():
-    levels = layers(False)
-    means = [level.mean(axis=(1, 2)) for level in levels]
-    assert all(np.abs(mean - means[0]).max() < 2.0 for mean in means)
-    slants = means[0][WINDOWED:].reshape(-1, SLANTS, 4)
-    assert np.abs(slants - slants[:, :1]).max() < 1.0
 
 
 def test_pieces_of_walls_cover_what_the_walls_did():

@@ -10,9 +10,9 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.mapping import LineMap
 from lrf3d.robot import Trajectory
 from lrf3d.run import Run
-from lrf3d.scene.stage import paint_stage, stage_of
+from lrf3d.scene.stage import paint_stage
 from lrf3d.scene.structures import SIGHT_DISTANCE, Sight, Structures
-from lrf3d.view.shown import Played, Wanted
+from lrf3d.view.shown import Shown, Wanted
 from lrf3d.world import World
 
 FAR = 1e7
@@ -75,7 +75,7 @@ def test_every_world_is_drawn_from_every_camera_and_written_for_viewers(world):
             picture = frame(run, 2.1, size=(64, 48), view=view, samples=0, renderer=renderer)
             assert picture.shape == (48, 64, 3)
     assert run_glb(run)[:4] == b"glTF"
-    assert Played(run, stage_of(run), 1.0).answer(Wanted(), 0.0)
+    assert Shown.played(run, 1.0).answer(Wanted(), 0.0)
 
 
 def ground_of(structures):

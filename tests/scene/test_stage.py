@@ -27,13 +27,3 @@ def test_progress_goes_up_to_all_of_it():
     steps = []
     stage_of(city_run.__wrapped__(), lambda done, total: steps.append(done / total))
     assert steps == sorted(steps) and steps[-1] == 1.0 and 0.0 < steps[0] < 1.0
-
-
-def test_a_film_takes_the_stage_that_it_is_given(monkeypatch):
-    from lrf3d.render.film import Film
-
-    stage, run, other = stage_of(city_run()), city_run(), city_run.__wrapped__()
-    shape = {"size": (64, 36), "view": "chase", "samples": 0, "renderer": "embree"}
-    own = Film(run, **shape).draw(1.0).copy()
-    monkeypatch.setattr(module, "paint_stage", None)
-    assert np.array_equal(Film(other, **shape, stage=stage).draw(1.0), own)

@@ -8,7 +8,7 @@ from test_render import box
 from lrf3d.scene.look import SUN
 from lrf3d.scene.stage import paint_stage
 from lrf3d.scene.structures import Structures
-from lrf3d.scene.trees import crowns_of, shadows
+from lrf3d.scene.trees import crowns_of
 from lrf3d.world import World
 
 
@@ -50,14 +50,6 @@ def test_crowns_stand_over_their_trunks_above_beams():
     outward = corners.mean(axis=2) - corners.mean(axis=(1, 2))[:, None]
     assert ((normal * outward).sum(axis=-1) > 0).all()
     assert np.linalg.norm(crowns.normals, axis=-1) == pytest.approx(1.0, abs=1e-6)
-
-
-def test_a_wood_has_one_shadow_a_tree_and_coarser_crowns():
-    places = np.column_stack([np.divmod(np.arange(450), 25)]).T * 6.0 + 20.0
-    crowns = crowns_of(town(*map(tuple, places)))
-    assert len(crowns.places) == 450 * 20
-    hidden = shadows(crowns)
-    assert len(hidden) == 450 and shapely.area(hidden).min() > 1.0
 
 
 def test_the_ground_is_darker_in_the_shadow_of_a_tree():

@@ -2,24 +2,13 @@
 
 import numpy as np
 import pytest
-from yard import OBSTACLE, YARD
-
-from lrf3d.pose import Pose
-from lrf3d.scenario import load_scenario
-from lrf3d.view.hand_drive import HandDrive
-
-
-def hand(text, tmp_path, **settings):
-    path = tmp_path / "world.toml"
-    path.write_text(text)
-    scenario = load_scenario(path)
-    return HandDrive(scenario, Pose(2.0, 3.0, 0.0), **settings)
+from yard import OBSTACLE, YARD, hand
 
 
 def test_a_hand_drives_stops_before_walls_and_starts_again_alike(tmp_path):
     drive = hand(YARD, tmp_path, rng=4)
     first = drive.latest.ranges
-    assert drive.step(0.05) and len(drive.line_map)
+    assert drive.step(0.05) and len(drive.maps[0])
     speeds, bumped = [], False
     for _ in range(200):
         drive.step(0.05, forward=1.0)

@@ -10,7 +10,8 @@ from ezdxf import units
 
 from lrf3d.errors import WorldError
 from lrf3d.world import World, load_world
-from lrf3d.world.pieces import CURVE_ERROR, connected, joined_objects, without_repeats
+from lrf3d.world.drawings import CURVE_ERROR
+from lrf3d.world.pieces import connected, joined_objects, without_repeats
 
 
 def svg(folder, body, head='width="1000mm" height="1000mm" viewBox="0 0 10 10"'):
@@ -48,9 +49,7 @@ def test_the_unit_of_an_svg_drawing_is_honoured(length, metres, tmp_path):
     assert world.segments == pytest.approx(np.array([[0, 0.5, 1, 0.5]]) * metres, abs=1e-12)
 
 
-def test_transforms_uses_and_the_view_box_are_followed_and_y_points_up(
-    tmp_path,
-):
+def test_transforms_uses_and_the_view_box_are_followed_and_y_points_up(tmp_path):
     body = (
         '<defs><rect id="r" width="1" height="2"/></defs>'
         '<use href="#r" x="3"/><g transform="translate(5 5) rotate(90)"><path d="M0 0h2"/></g>'

@@ -6,7 +6,6 @@ from scipy.spatial import cKDTree
 from lrf3d.errors import InputError
 from lrf3d.planning.free_space import free_places
 from lrf3d.world.generators import KINDS, generate
-from lrf3d.world.pieces import lines_of
 
 SMALL = {"city": 60.0, "maze": 14.0, "office": 24.0, "rooms": 20.0}
 
@@ -22,18 +21,13 @@ def test_a_seed_repeats_a_world_and_another_gives_another(kind):
 @pytest.mark.parametrize("seed", range(3))
 def test_every_object_is_made_of_rings_that_touch_no_other(kind, seed):
     world = generate(kind, size=SMALL[kind], seed=seed)
-    areas = []
-    for number in range(world.object_count):
-        rings = lines_of(world.segments[world.objects == number])
-        assert all((ring[0] == ring[-1]).all() for ring in rings)
-        outer, *holes = sorted(
-            (shapely.Polygon(ring) for ring in rings),
-            key=lambda ring: -ring.area,
-        )
-        area = shapely.Polygon(outer.exterior, [hole.exterior for hole in holes])
-        assert area.is_valid
-        areas.append(area)
-    assert shapely.union_all(areas).area == pytest.approx(sum(area.area for area in areas))
+    lines = shapely.linestrings(world.segments.reshape(-1, 2, 2))
+    objects = [lines[world.objects == number] for number in range(world.object_count)]
+    areas = [shapely.build_area(shapely.geometrycollections(each)) for each in objects]
+    assert {area.geom_type for area in areas} == {"Polygon"} and shapely.is_valid(areas).all()
+    # Each wall is a side of its object.
+    assert shapely.length(areas) == pytest.approx([shapely.length(each).sum() for each in objects])
+    assert shapely.union_all(areas).area == pytest.approx(shapely.area(areas).sum())
 
 
 @pytest.mark.parametrize("kind", ["maze", "office", "rooms"])

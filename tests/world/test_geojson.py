@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from lrf3d.errors import WorldError
 from lrf3d.world import load_world
-from lrf3d.world.buildings import DEFAULT_BUILDING_HEIGHT
+from lrf3d.world.features import DEFAULT_BUILDING_HEIGHT
 
 FAR = np.array([85000.0, 447500.0])
 

@@ -49,9 +49,7 @@ def towns(draw):
     )
 
 
-def test_a_world_comes_back_from_a_glb_as_float32_has_it(
-    tmp_path_factory,
-):
+def test_a_world_comes_back_from_a_glb_as_float32_has_it(tmp_path_factory):
     path = tmp_path_factory.mktemp("worlds") / "town.glb"
 
     @settings(max_examples=25, deadline=None)
@@ -86,13 +84,6 @@ def test_a_box_is_cut_into_four_walls_whatever_the_format(kind, tmp_path):
     assert len(world.segments) == 4 and world.object_count == 1
     assert world.bounds == pytest.approx(np.array([[-1.0, 0.5], [3.0, 3.5]]), abs=1e-6)
     assert world.heights == pytest.approx([2.0] * 4)
-
-
-def test_a_gltf_with_its_buffer_beside_it_is_read(tmp_path):
-    files = trimesh.Scene(trimesh.creation.box((4.0, 3.0, 2.0))).export(file_type="gltf")
-    for name, data in files.items():
-        (tmp_path / name).write_bytes(data)
-    assert len(load_world(tmp_path / "model.gltf").segments) == 4
 
 
 def test_a_round_tower_keeps_its_sides(tmp_path):

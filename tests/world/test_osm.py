@@ -7,7 +7,7 @@ import pytest
 
 from lrf3d.errors import WorldError
 from lrf3d.world import World, load_world, save_world
-from lrf3d.world.geographic import EARTH_RADIUS
+from lrf3d.world.features import EARTH_RADIUS
 from lrf3d.world.osm import DEFAULT_TREE, is_building, tag_height, tree_height, trunk_radius
 
 NODES = [(0, 0), (30, 0), (30, 20), (0, 20), (10, 5), (20, 5), (20, 15), (10, 15)]

@@ -147,7 +147,7 @@ def test_a_bare_picture_is_read_with_a_resolution(tmp_path):
         WorldError, match=r"plan\.png: .*--resolution.*plan\.yaml.*resolution: 0\.05"
     ):
         load_world(tmp_path / "plan.png")
-    with pytest.raises(WorldError, match="resolution: expected a finite number above 0"):
+    with pytest.raises(WorldError, match=r"resolution -1\.0: expected a finite number"):
         load_world(tmp_path / "plan.png", resolution=-1.0)
     with pytest.raises(WorldError, match=r"for a picture \(\.png, \.pgm\) alone"):
         load_world("city", resolution=0.1)
@@ -170,14 +170,6 @@ def test_a_wall_written_to_a_map_comes_back_as_one_within_a_cell(tmp_path_factor
     assert np.abs(off @ [-along[1], along[0]]).max() <= 0.05
     there, here = shapely.LineString(ends.reshape(2, 2)), shapely.LineString(back.reshape(2, 2))
     assert shapely.hausdorff_distance(there, here) <= 0.075
-
-
-def test_a_map_is_written_in_the_resolution_that_is_asked_for(tmp_path):
-    path = tmp_path / "map.yaml"
-    write_ros_map(World([[0.0, 0.0, 4.0, 0.0]]), path, resolution=0.2)
-    assert "resolution: 0.2\n" in path.read_text()
-    with Image.open(tmp_path / "map.pgm") as image:
-        assert image.size == (30, 10)
 
 
 def test_a_world_of_a_country_becomes_a_coarse_map_and_not_a_huge_one(tmp_path):

@@ -27,21 +27,19 @@ from lrf3d.mapping.robust.surfaces import (
     PIECES,
     count_beams,
     find_pieces,
-    runs,
 )
 
 MOST_LINES = 256
-"""[lines] Those that no scan has spoken for the longest are forgotten."""
+"""[lines] So many are kept."""
 
 LINES_A_SCAN, MOST_A_SCAN = 8, 64
 """[lines] How many lines of images of a scan count, those first that most of its walls agree on;
 and how many images are compared for this, those first that share most with a wall."""
 
-FLASH_VOTES, LEAST_VOTES, MOST_VOTES, LOOK_AGAIN = 2.0, 2.0, 50.0, 1.0 / 16.0
-"""[votes] What a flash counts, and an image one: only glass, mirrors and metal flash. Lines with
-the least are looked at: of those that have just flashed, and of all, the one with most new votes.
-By so many former ones a line is averaged, and with each scan the last is added to those of lines
-with glass or mirrors, of which no images are left that could speak for them."""
+LEAST_VOTES, FLASH_VOTES, LOOK_AGAIN, MOST_VOTES = 2.0, 8.0, 1.0 / 8.0, 50.0
+"""[votes] After so many new ones a line is looked at. A flash gives more, because only glass,
+mirrors and metal flash, and an image one; each scan gives some to glass and mirrors, of which no
+images are left that could speak for them. By so many lines that spoke for it one is averaged."""
 
 SHORTEST = 0.6
 """[m] Length of a pane or a mirror from which on it is found."""
@@ -56,9 +54,9 @@ IMAGE_DISTANCE = 0.15
 SAME_COSINE, SAME_DISTANCE = np.cos(np.radians(2.0)), 0.1
 """[cosine, m] Two lines nearer than this are one: the faces of a thin wall are two."""
 
-ABSORBED, ABSORBED_DISTANCE, ABSORBED_SINE = 0.5, 0.12, 0.15
-"""[share, m, sine] A segment of the map is a part of a pane or a mirror where so much of its length
-lies by it, no farther off and no more askew."""
+ABSORBED, ABSORBED_DISTANCE = 0.5, 0.12
+"""[share, m] A segment of the map is a part of a pane or a mirror where so much of its length lies
+by it, no farther off."""
 
 JOINS = 0.4
 """[m] A pane or a mirror is of the object of a wall whose end it reaches so nearly."""
@@ -76,7 +74,7 @@ class Optics:
         # of its pieces are glass, or a mirror; and what they are.
         self._lines, self._votes = np.zeros((MOST_LINES, 4)), np.zeros((MOST_LINES, 3))
         self._pieces = np.zeros((MOST_LINES, PIECES), np.bool_)
-        self._kinds, self._vote_count = np.zeros(MOST_LINES, np.int64), 0
+        self._kinds = np.zeros(MOST_LINES, np.int64)
         self.surfaces = np.zeros((0, 5))
         """Glass and mirrors (s, 5) [m] in the map's frame, and whether each is a mirror."""
 
@@ -112,74 +110,58 @@ class Optics:
         places, rays = self._scans.rows(newest=True)
         turn_rays(places, rays, self.surfaces, cells, self._ground, fresh)
         place, bright = places[0], rays[0, :, BRIGHT]
-        images = image_lines(place, walls + np.tile(place, 2), segments)
         peaks = (bright > FLASH) & (bright > np.roll(bright, 1)) & (bright >= np.roll(bright, -1))
         normals = -rays[0, peaks, : UY + 1]
         flashes = np.column_stack([normals, normals @ place - rays[0, peaks, RANGE]])
-        self._vote(place, images, 1.0)
-        flashed = self._vote(place, flashes, FLASH_VOTES)
-        places, rays = self._scans.rows(newest=False)
+        self._vote(place, image_lines(place, walls + np.tile(place, 2), segments), 1.0)
+        self._vote(place, flashes, FLASH_VOTES)
         self._votes[self._kinds > 0, NEW] += LOOK_AGAIN
-        changed = self._look(flashed, places, rays, cells)
-        if self._look(list(range(MOST_LINES)), places, rays, cells) or changed:
+        known = self._pieces.copy()
+        places, rays = self._scans.rows(newest=False)
+        # The line that waits with most votes, and one that has just flashed.
+        for row in np.argsort(-self._votes[:, NEW], kind="stable")[: 1 + peaks.any()].tolist():
+            if self._votes[row, NEW] >= LEAST_VOTES:
+                self._votes[row, NEW] = 0.0
+                counts = np.zeros((PIECES, len(COUNTS)))
+                count_beams(self._lines[row], places, rays, cells, self._ground, counts)
+                found = find_pieces(counts, known[row], self._kinds[row])
+                self._pieces[row], self._kinds[row] = found
+        if not np.array_equal(known, self._pieces):
+            self.surfaces = self._stretches()
             turn_rays(places, rays, self.surfaces, cells, self._ground, fresh)
 
-    def _vote(self, place: Float, lines: Float, votes: float) -> list[int]:
+    def _vote(self, place: Float, lines: Float, votes: float) -> None:
         """Let a scan from a place (2,) speak for lines (n, 3), each for that row which is the same.
 
-        Returns these rows.
+        A new one takes a free row, or that of the line last spoken for the longest ago.
         """
-        rows: list[int] = []
         distances = line_distances(place, self._lines, lines)
-        for line, row, apart in zip(
-            lines, distances.argmin(axis=1), distances.min(axis=1), strict=True
-        ):
-            if apart >= SAME_DISTANCE:
-                # A free row, or that of the line last spoken for the longest ago.
-                row = np.where(self._kinds, np.inf, self._votes[:, LAST]).argmin()
+        for line, apart in zip(lines, distances, strict=True):
+            row, own = int(apart.argmin()), self._lines[apart.argmin()]
+            if apart[row] >= SAME_DISTANCE:
+                row = int(np.where(self._kinds, np.inf, self._votes[:, LAST]).argmin())
                 self._votes[row] = 0.0
                 self._lines[row] = *line, line[1] * place[0] - line[0] * place[1]
             elif self._kinds[row] != IS_MIRROR:
-                known, own = min(self._votes[row, ALL], MOST_VOTES), self._lines[row, :3]
-                own *= known
-                own += np.sign(own[:2] @ line[:2]) * line
-                own /= np.hypot(own[0], own[1])
-            self._vote_count += 1
-            self._votes[row] += votes, votes, 0.0
-            self._votes[row, LAST] = self._vote_count
-            rows.append(int(row))
-        return rows
+                own[:3] *= min(self._votes[row, ALL], MOST_VOTES)
+                own[:3] += np.sign(own[:2] @ line[:2]) * line
+                own[:3] /= np.hypot(own[0], own[1])
+            self._votes[row] += 1.0, votes, 0.0
+            self._votes[row, LAST] = self._votes[:, LAST].max() + 1.0
 
-    def _look(self, rows: list[int], places: Float, rays: Float, cells: Cells) -> bool:
-        """Decide which pieces of that of some lines with most new votes are glass, or a mirror.
-
-        Returns whether that has changed anything.
-        """
-        due = np.where(self._votes[rows, ALL] >= LEAST_VOTES, self._votes[rows, NEW], 0.0)
-        if due.max(initial=0.0) < 1.0:
-            return False
-        row = rows[int(due.argmax())]
-        self._votes[row, NEW] = 0.0
-        counts, former = np.zeros((PIECES, len(COUNTS))), self._pieces[row].copy()
-        count_beams(self._lines[row], places, rays, cells, self._ground, counts)
-        self._pieces[row], self._kinds[row] = find_pieces(counts, former, self._kinds[row])
-        if np.array_equal(former, self._pieces[row]):
-            return False
-        found = [self._stretches(row) for row in np.flatnonzero(self._kinds).tolist()]
-        self.surfaces = np.concatenate([np.zeros((0, 5)), *found])
-        return True
-
-    def _stretches(self, row: int) -> Float:
-        """The stretches (s, 5) [m] of a line by its pieces, and whether each is a mirror."""
-        nx, ny, distance, middle = self._lines[row]
-        mirror = self._kinds[row] == IS_MIRROR
+    def _stretches(self) -> Float:
+        """The stretches (s, 5) [m] of all lines by their pieces, and whether each is a mirror."""
+        rows, places = np.nonzero(np.diff(self._pieces, axis=1, prepend=False, append=False))
+        rows, ends = rows[::2], places.reshape(-1, 2)
+        mirror = self._kinds[rows] == IS_MIRROR
         # A pane ends anywhere in the last piece that showed it; at that of a mirror most beams did.
-        inside = 0.0 if mirror else 0.5
-        places = runs(self._pieces[row]) + np.array([inside, -inside])
-        ends = middle + PIECE * (places - PIECES // 2)
-        ends = ends[ends[:, 1] - ends[:, 0] > SHORTEST, :, None]
-        points = distance * np.array([nx, ny]) + ends * [ny, -nx]
-        return np.insert(points.reshape(-1, 4), 4, mirror, axis=1)
+        ends = ends + np.where(mirror, 0.0, 0.5)[:, None] * [1.0, -1.0] - PIECES // 2
+        nx, ny, distance, middle = self._lines[rows].T[..., None]
+        along = middle + PIECE * ends
+        x, y = distance * nx + along * ny, distance * ny - along * nx
+        found = np.column_stack([x[:, 0], y[:, 0], x[:, 1], y[:, 1], mirror])
+        solid: Bool = along[:, 1] - along[:, 0] > SHORTEST
+        return np.asarray(found[solid])
 
 
 def image_lines(place: Float, walls: Float, segments: Float) -> Float:
@@ -242,7 +224,6 @@ def with_surfaces(line_map: LineMap, surfaces: Float, mirrors: Bool) -> LineMap:
     low, high = stations.min(axis=1), stations.max(axis=1)
     part = np.minimum(high, size) - np.maximum(low, 0.0) > ABSORBED * length
     part &= np.abs(aside).max(axis=1) < ABSORBED_DISTANCE
-    part &= np.abs(aside[:, 1] - aside[:, 0]) < ABSORBED_SINE * length
     # Surfaces become as long as what they take in.
     first = np.where(part, low, 0.0).min(axis=0, initial=0.0)
     last = np.maximum(np.where(part, high, 0.0).max(axis=0, initial=0.0), size)

@@ -45,9 +45,6 @@ FLASHES, FLASHING = np.cos(0.04), np.cos(np.radians(0.55))
 ON_LINE, DEVIATIONS = 0.1, 3.0
 """[m, deviations] How far off a line a return of it may lie, and beside this by the noise."""
 
-FARTHEST_OFF = 1.0
-"""[m] No return that is farther off a line is of it."""
-
 PASSED_BY = 0.1
 """[m] A beam passes a line if it goes on by more than this and the former."""
 
@@ -94,16 +91,15 @@ def count_beams(
             continue
         for beam in range(rays.shape[1]):
             rise = -(nx * rays[scan, beam, UX] + ny * rays[scan, beam, UY])
-            reach = rays[scan, beam, FREE] * abs(rise)
-            if rise * ahead <= 0.0 or reach + FARTHEST_OFF < abs(ahead):
+            cos = abs(rise)
+            farther = rays[scan, beam, FREE] * cos - abs(ahead)
+            tolerance = ON_LINE + DEVIATIONS * rays[scan, beam, DEVIATION] * cos
+            if rise * ahead <= 0.0 or farther < -tolerance:
                 continue
-            ray = rays[scan, beam]
-            way, cos = ahead / rise, abs(rise)
-            tolerance = ON_LINE + DEVIATIONS * ray[DEVIATION] * cos
-            farther = (ray[FREE] - way) * cos
+            ray, way = rays[scan, beam], ahead / rise
             station = ny * (x + way * ray[UX]) - nx * (y + way * ray[UY]) - middle
             # What is behind another surface shows nothing of this one.
-            if farther < -tolerance or abs(station) >= half or ray[FIRST] < way - DEPTH:
+            if abs(station) >= half or ray[FIRST] < way - DEPTH:
                 continue
             count = pieces[int(np.floor((station + half) / PIECE))]
             if farther < tolerance:

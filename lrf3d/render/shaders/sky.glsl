@@ -2,15 +2,13 @@
 #ifdef VERTEX
 layout(location = 0) in vec2 corner;
 uniform mat4 ray_from_corner;
-uniform float below;    // row of the picture, -1…1, down to which there is sky
 out vec3 sky;
 void main() {
-    vec2 place = vec2(corner.x, mix(-1.0, below, 0.5 + 0.5 * corner.y));
-    vec4 far = ray_from_corner * vec4(place, 1.0, 1.0);
+    vec4 far = ray_from_corner * vec4(corner, 1.0, 1.0);
     vec3 look = normalize(far.xyz / far.w - eye);
     sky = mix(HAZE, ZENITH, 1.0 - pow(1.0 - clamp(look.z, 0.0, 1.0), 2.6));
     sky += GLOW * (0.16 * pow(max(dot(look, SUN), 0.0), 10.0));
-    gl_Position = vec4(place, 1.0, 1.0);
+    gl_Position = vec4(corner, 1.0, 1.0);
 }
 #else
 in vec3 sky;

@@ -1,8 +1,7 @@
 // Walls and roofs. PLAIN ones have nothing painted on them; FADED ones become ghosts. What is not
 // needed is left out: each value takes time for each pixel.
 uniform float ghost;        // how far they have faded
-uniform vec4 cut;           // robot x, y, and the level direction to the eye
-uniform vec2 slope;         // how much higher walls may be nearer to the eye, and at the most
+uniform float cut;          // height that walls are cut at [m]
 #ifdef VERTEX
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 painted;
@@ -24,13 +23,7 @@ void main() {
     light = bright;
     shade = shaded;
     under = under_shadow;
-    // Walls of rooms sink where they would hide the robot: they are cut small for their light.
-    vec3 place = position;
-    vec2 off = place.xy - cut.xy;
-    float toward = dot(off, cut.zw);
-    float aside = max(abs(dot(off, vec2(-cut.w, cut.z))) - CUT_ASIDE, 0.0);
-    float high = clamp(LEFT_STANDING + slope.x * toward + aside, LEFT_STANDING, slope.y);
-    if (toward > -CUT_BEFORE && slope.x > 0.0) place.z = min(place.z, high);
+    vec3 place = vec3(position.xy, min(position.z, cut));
     way = (place - eye) * thick;
     gl_Position = view_projection * vec4(place, 1.0);
 }

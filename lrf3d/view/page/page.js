@@ -7,35 +7,68 @@ const STEP = 2; // Seconds that an arrow key skips.
 const LONGEST = 0.5; // Seconds that a frame stands for at most: a hidden page draws none.
 const TURN = 0.006; // Angle that the camera turns for each pixel of a drag [rad].
 const ZOOM = 0.001; // How much farther off it goes for each pixel of a wheel's turn.
-const NAMES = { story: "Story", follow: "Follow", orbit: "Orbit", top: "Above", first: "Eyes" };
+
+const setup = JSON.parse(document.querySelector("#setup").textContent);
+const plays = setup.mode === "plays";
+const part = (name) => document.querySelector(`.lrf3d-${name}`);
+const viewButtons = [...document.querySelectorAll(`[data-view]${plays ? "" : ":not(.lrf3d-playing)"}`)];
+const views = viewButtons.map((button) => button.dataset.view);
+const held = { ahead: false, back: false, left: false, right: false }; // Which pads or their keys are down.
+const hand = { around: 0, over: 0, zoom: 1 }; // How the camera is turned by hand.
+const fingers = new Map(); // Where each pointer is that drags, by its number.
+let time = 0; // What is seen of a run, from its start [s].
+let speed = setup.speed; // Seconds of the run in a second.
+let playing = false;
+let drive = 0; // The number of the drive by hand: another one starts again.
+let asked = ""; // The last question.
+let waiting = false; // For the answer to it.
+let last = performance.now(); // When the last frame began [ms].
+let view, scene, socket;
+
+// What buttons and keys do.
+const ACTIONS = {
+  play: () => play(!playing),
+  rewind: () => move(time - STEP),
+  skip: () => move(time + STEP),
+  begin: () => move(limits()[0]),
+  end: () => move(limits()[1]),
+  again: () => (drive += 1),
+  next: () => choose(views[(views.indexOf(view) + 1) % views.length]),
+  full: () => (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen()),
+  list: () => (part("keys").hidden = !part("keys").hidden),
+  picture() {
+    scene.render();
+    scene.canvas.toBlob((picture) => {
+      const href = URL.createObjectURL(picture);
+      Object.assign(document.createElement("a"), { href, download: `${setup.title}_${part("t").textContent}s.png` }).click();
+      URL.revokeObjectURL(href);
+    });
+  },
+};
 const KEYS = {
+  KeyV: "next", KeyF: "full", KeyP: "picture", KeyH: "list",
+  ...(plays && { Space: "play", ArrowLeft: "rewind", ArrowRight: "skip", Home: "begin", End: "end" }),
+};
+const PADS = {
   ArrowUp: "ahead", KeyW: "ahead", ArrowDown: "back", KeyS: "back",
   ArrowLeft: "left", KeyA: "left", ArrowRight: "right", KeyD: "right",
 };
 
-const setup = JSON.parse(document.querySelector("#setup").textContent);
-const plays = setup.end > 0;
-const part = (name) => document.querySelector(`.lrf3d-${name}`);
-const held = { ahead: false, back: false, left: false, right: false };
-const hand = { around: 0, over: 0, zoom: 1 };
-const fingers = new Map();
-let [time, speed, playing, waiting, asked, last] = [0, setup.speed, plays, true, "", performance.now()];
-let view, scene, socket;
-
+// Ask for what is to be seen, one question at a time, and not the same again: the answer would be that nothing has changed.
 function ask() {
   const { ahead, back, left, right } = held;
   const { width, height } = scene.canvas;
-  const wish = plays ? { time } : { forward: ahead - back, turn: left - right };
+  const wish = plays ? { time } : { drive, forward: ahead - back, turn: left - right };
   const text = JSON.stringify({ view, width, height, ...hand, ...wish });
-  // A run is asked for moment by moment; a drive sends what it has by itself.
-  if (text === asked || (plays && waiting)) return;
+  if (waiting || text === asked) return;
   [asked, waiting] = [text, true];
   socket.send(text);
 }
 
+// The header and the arrays of a message.
 function unpacked(data) {
   const length = new DataView(data).getUint32(0, true);
-  return [JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length))), data.slice(4 + length)];
+  return [JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length))), new Uint8Array(data, 4 + length)];
 }
 
 function take(data) {
@@ -43,12 +76,11 @@ function take(data) {
   if (!data.byteLength) return;
   const [header, block] = unpacked(data);
   scene.take(header, block);
-  for (const [name, words] of Object.entries(header.words ?? {})) part(name).textContent = words;
-  if (header.plan) {
-    part("scale").textContent = `${header.plan.metres} m`;
-    part("scale").style.width = `${100 * header.plan.share}%`;
-  }
+  for (const [name, words] of Object.entries(header.words)) part(name).textContent = words;
   part("failure")?.remove();
+  // A robot that has moved moves on, however slowly this page draws: the same question is asked again.
+  if (!plays) asked = "";
+  ask();
 }
 
 function frame(now) {
@@ -67,9 +99,9 @@ function limits() {
 }
 
 function move(to) {
-  const [first, end] = limits();
-  time = Math.min(end, Math.max(first, to));
-  Object.assign(part("slider"), { min: first, max: end, value: time });
+  const [min, max] = limits();
+  time = Math.min(max, Math.max(min, to));
+  Object.assign(part("slider"), { min, max, value: time });
   part("clock").textContent = `${clock(time)} / ${clock(setup.end)}`;
 }
 
@@ -88,10 +120,8 @@ function play(on) {
 function choose(chosen) {
   view = chosen;
   Object.assign(hand, { around: 0, over: 0, zoom: 1 });
-  if (plays) move(time);
-  for (const button of part("views").children) {
-    button.setAttribute("aria-pressed", button.dataset.view === view);
-  }
+  move(time);
+  for (const button of viewButtons) button.setAttribute("aria-pressed", button.dataset.view === view);
 }
 
 function hold(pad, on) {
@@ -104,10 +134,10 @@ function drag(event) {
   const before = fingers.get(event.pointerId);
   if (!before || !["follow", "orbit"].includes(view)) return;
   const now = [event.clientX, event.clientY];
-  const [other] = [...fingers].filter(([id]) => id !== event.pointerId);
-  if (other) {
-    zoom(Math.hypot(before[0] - other[1][0], before[1] - other[1][1]) / Math.hypot(now[0] - other[1][0], now[1] - other[1][1]));
-  } else {
+  const other = [...fingers.keys()].find((id) => id !== event.pointerId);
+  const apart = ([x, y]) => Math.hypot(x - fingers.get(other)[0], y - fingers.get(other)[1]);
+  if (other !== undefined) zoom(apart(before) / apart(now));
+  else {
     hand.around -= TURN * (now[0] - before[0]);
     hand.over += TURN * (now[1] - before[1]);
   }
@@ -118,64 +148,28 @@ function zoom(by) {
   if (["follow", "orbit"].includes(view)) hand.zoom = Math.min(4, Math.max(0.2, hand.zoom * by));
 }
 
-const TOOLS = {
-  picture() {
-    scene.render();
-    scene.canvas.toBlob((picture) => {
-      const link = document.createElement("a");
-      link.href = URL.createObjectURL(picture);
-      link.download = `${setup.title}_${part("t").textContent}s.png`;
-      link.click();
-      URL.revokeObjectURL(link.href);
-    });
-  },
-  full: () => (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen()),
-  list: () => (part("keys").hidden = !part("keys").hidden),
-};
-
 function key(event) {
-  if (event.ctrlKey || event.metaKey || event.altKey) return;
-  const down = event.type === "keydown";
-  const pad = event.target.dataset?.pad;
-  const tool = { KeyP: "picture", KeyF: "full", KeyH: "list" }[event.code];
-  if (pad && ["Enter", "Space"].includes(event.code)) hold(pad, down);
-  else if (!plays && KEYS[event.code]) hold(KEYS[event.code], down);
-  else if (!down) return;
-  else if (event.code === "KeyV") choose(setup.views[(setup.views.indexOf(view) + 1) % setup.views.length]);
-  else if (tool && !event.repeat) TOOLS[tool]();
-  else if (plays && !event.target.matches("select") && skip(event)) part("slider").blur();
-  else return;
+  const { code, target, type, repeat } = event;
+  if (event.ctrlKey || event.metaKey || event.altKey || target.matches("select")) return;
+  const presses = ["Enter", "Space"].includes(code);
+  const pad = presses ? target.dataset.pad : !plays && PADS[code];
+  if (pad) hold(pad, type === "keydown");
+  // A button that has the focus is pressed by the space bar itself.
+  else if (type === "keyup" || !KEYS[code] || (presses && target.matches("button"))) return;
+  else if (!repeat || code.startsWith("Arrow")) ACTIONS[KEYS[code]]();
   event.preventDefault();
 }
 
-function skip({ code, target }) {
-  const to = { ArrowLeft: time - STEP, ArrowRight: time + STEP, Home: limits()[0], End: limits()[1] }[code];
-  if (to !== undefined) move(to);
-  // A button that has the focus is pressed by the space bar itself.
-  else if (code === "Space" && !target.matches("button")) play(!playing);
-  else return false;
-  return true;
-}
-
-function dress() {
-  for (const name of setup.views) {
-    const button = Object.assign(document.createElement("button"), { textContent: NAMES[name] });
-    button.className = `lrf3d-view-${name}`;
-    button.dataset.view = name;
-    button.onclick = () => choose(name);
-    part("views").append(button);
-  }
-  for (const name of Object.keys(TOOLS)) part(name).onclick = TOOLS[name];
-  part("truth").style.color = `rgb(${setup.trail})`;
-  part("believed").style.color = `rgb(${setup.estimate})`;
+// Give the controls what they do.
+function connect() {
+  for (const button of viewButtons) button.onclick = () => choose(button.dataset.view);
+  for (const button of document.querySelectorAll("[data-do]")) button.onclick = ACTIONS[button.dataset.do];
   for (const value of [...new Set([...SPEEDS, speed])].sort((a, b) => a - b)) {
     part("speed").append(new Option(`${value}×`, value, false, value === speed));
   }
   part("speed").onchange = (event) => (speed = Number(event.target.value));
   part("slider").oninput = (event) => move(Number(event.target.value));
-  part("play").onclick = () => play(!playing);
-  part("again").onclick = () => socket.send("again");
-  for (const pad of document.querySelectorAll(".lrf3d-pad")) {
+  for (const pad of document.querySelectorAll("[data-pad]")) {
     pad.onpointerdown = (event) => {
       pad.setPointerCapture(event.pointerId);
       hold(pad.dataset.pad, true);
@@ -191,19 +185,17 @@ function dress() {
   canvas.onpointermove = drag;
   canvas.onlostpointercapture = (event) => fingers.delete(event.pointerId);
   canvas.addEventListener("wheel", (event) => zoom(Math.exp(ZOOM * event.deltaY)), { passive: true });
-  document.addEventListener("keydown", key);
-  document.addEventListener("keyup", key);
-  window.addEventListener("blur", () => Object.keys(held).forEach((pad) => hold(pad, false)));
+  document.onkeydown = document.onkeyup = key;
+  window.onblur = () => Object.keys(held).forEach((pad) => hold(pad, false));
 }
 
 async function start() {
-  dress();
+  connect();
   // The page is painted before the scene is made ready.
   await new Promise((done) => requestAnimationFrame(() => setTimeout(done)));
   socket = new WebSocket(`ws://${location.host}/lrf3d/moments`);
   socket.binaryType = "arraybuffer";
-  const early = [];
-  socket.onmessage = (event) => early.push(event.data);
+  socket.onmessage = (event) => take(event.data);
   socket.onclose = () => (part("stop").textContent = "the server has ended");
   scene = new Scene(part("scene"), part("inset"));
   const [world, ground] = await Promise.all([
@@ -212,11 +204,8 @@ async function start() {
     new Promise((done) => (socket.onopen = done)),
   ]);
   scene.load(...unpacked(world), ground);
-  socket.onmessage = (event) => take(event.data);
-  choose(setup.views.includes("story") && location.hash === "#story" ? "story" : "follow");
+  choose("follow");
   if (plays) play(true);
-  early.forEach(take);
-  waiting = false;
   requestAnimationFrame(frame);
 }
 

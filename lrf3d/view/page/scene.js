@@ -10,10 +10,8 @@ export class Scene {
   constructor(canvas, inset) {
     const gl = canvas.getContext("webgl2", { alpha: false, antialias: true });
     if (!gl) throw new Error("it has no WebGL 2");
-    Object.assign(this, { canvas, inset, gl, programs: {}, marks: {}, bodies: {}, order: [], stale: true });
-    this.camera = new Float32Array(24);
-    this.block = gl.createBuffer();
-    gl.bindBufferBase(gl.UNIFORM_BUFFER, 0, this.block);
+    Object.assign(this, { canvas, inset, gl, programs: {}, marks: {}, stale: true });
+    gl.bindBufferBase(gl.UNIFORM_BUFFER, 0, gl.createBuffer());
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
     gl.enable(gl.DEPTH_TEST);
     gl.depthFunc(gl.LEQUAL);
@@ -31,27 +29,20 @@ export class Scene {
   }
 
   // What stands in the world, and the picture of its ground.
-  load(header, block, picture) {
+  load({ programs, area, back, marks: { facades, ...marks } }, block, picture) {
     const { gl } = this;
-    this.area = header.area;
-    for (const [name, sources] of Object.entries(header.programs)) this.programs[name] = this.program(name, sources);
+    for (const [name, sources] of Object.entries(programs)) this.programs[name] = this.program(sources);
+    const [wide, high, count] = facades.size;
+    const texels = block.subarray(facades.columns[0][1]);
     this.facades = this.texture(gl.TEXTURE_2D_ARRAY, gl.REPEAT);
-    const levels = Object.values(header.marks).filter(({ kind }) => kind === "level");
-    gl.texParameteri(gl.TEXTURE_2D_ARRAY, gl.TEXTURE_MAX_LEVEL, levels.length - 1);
-    levels.forEach(({ shape, columns }, level) => {
-      const texels = new Uint8Array(block, columns[0][1], 4 * shape[0] * shape[1] * shape[2]);
-      gl.texImage3D(gl.TEXTURE_2D_ARRAY, level, gl.RGBA8, ...shape, 0, gl.RGBA, gl.UNSIGNED_BYTE, texels);
-    });
+    gl.texImage3D(gl.TEXTURE_2D_ARRAY, 0, gl.RGBA8, wide, high, count, 0, gl.RGBA, gl.UNSIGNED_BYTE, texels);
+    gl.generateMipmap(gl.TEXTURE_2D_ARRAY);
     this.pavement = this.texture(gl.TEXTURE_2D, gl.CLAMP_TO_EDGE);
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB8, gl.RGB, gl.UNSIGNED_BYTE, picture);
     gl.generateMipmap(gl.TEXTURE_2D);
-    this.take(header, block);
-    this.standing = header.bodies;
-    const { columns, shape } = header.marks.indices;
-    gl.bindVertexArray(this.marks.walls.vertices);
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
-    [this.textured, this.indexed] = [shape[0], columns[0][4]];
-    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, new Uint32Array(block, columns[0][1], this.indexed), gl.STATIC_DRAW);
+    gl.clearColor(...back, 1);
+    this.area = area;
+    this.take({ marks }, block);
   }
 
   texture(kind, wrap) {
@@ -63,7 +54,7 @@ export class Scene {
     return made;
   }
 
-  program(name, sources) {
+  program(sources) {
     const { gl } = this;
     const made = gl.createProgram();
     [gl.VERTEX_SHADER, gl.FRAGMENT_SHADER].forEach((kind, i) => {
@@ -76,7 +67,7 @@ export class Scene {
     return made;
   }
 
-  // The uniforms of a program by name, asked for when it is first used: until then drivers compile.
+  // The uniforms of a program, which is asked for them when it is first used: until then drivers compile.
   uniforms(made) {
     const { gl } = this;
     if (made.places) return made.places;
@@ -84,127 +75,106 @@ export class Scene {
       const logs = gl.getAttachedShaders(made).map((shader) => gl.getShaderInfoLog(shader));
       throw new Error(`a shader does not compile: ${gl.getProgramInfoLog(made)} ${logs.join(" ")}`);
     }
-    const block = gl.getUniformBlockIndex(made, "Camera");
-    if (block !== gl.INVALID_INDEX) gl.uniformBlockBinding(made, block, 0);
     const count = gl.getProgramParameter(made, gl.ACTIVE_UNIFORMS);
     const names = Array.from({ length: count }, (_, i) => gl.getActiveUniform(made, i).name);
-    made.places = names.map((name) => [name, gl.getUniformLocation(made, name)]).filter(([, place]) => place);
-    return made.places;
+    return (made.places = names.map((name) => [name, gl.getUniformLocation(made, name)]));
   }
 
-  // Take what the server has sent: a header and arrays.
-  take({ marks = {}, bodies, order, camera, plan }, block) {
+  // Take a message of the server: marks in the order in which they are drawn, the rest of its header, and its arrays.
+  take({ marks, ...state }, block) {
     for (const [name, { columns, ...style }] of Object.entries(marks)) {
-      if (["indices", "level"].includes(style.kind)) continue;
       const mark = (this.marks[name] ??= { vertices: this.gl.createVertexArray(), columns: [], count: 0 });
       Object.assign(mark, style);
       for (const column of columns) this.fill(mark, column, block);
     }
-    // Bodies that are not named are not to be seen, such as the map's walls from above.
-    if (bodies) this.bodies = { ...this.standing, ...bodies };
-    if (order) this.order = order;
-    if (camera) this.look = camera;
-    if (plan !== undefined) this.plan = plan;
+    Object.assign(this, state, { order: Object.keys(marks) });
     this.inset.hidden = !this.plan;
     this.stale = true;
   }
 
-  // Rewrite an attribute from its first new row on; colours are four bytes, others so many floats.
+  // Rewrite an attribute: its rows before the first new one stay. Each has some floats, or a colour in four bytes (size 0).
   fill(mark, [place, start, size, first, count], block) {
     const { gl } = this;
     const stride = 4 * (size || 1);
-    const { buffer, room } = mark.columns[place] ?? { room: 0 };
-    if (count > room || !buffer) {
-      const [wider, rows] = [gl.createBuffer(), first ? 2 * count : count];
-      gl.bindVertexArray(mark.vertices);
-      gl.bindBuffer(gl.ARRAY_BUFFER, wider);
-      gl.bufferData(gl.ARRAY_BUFFER, stride * rows, gl.DYNAMIC_DRAW);
-      gl.enableVertexAttribArray(place);
-      if (size) gl.vertexAttribPointer(place, size, gl.FLOAT, false, 0, 0);
-      else gl.vertexAttribPointer(place, 4, gl.UNSIGNED_BYTE, true, 0, 0);
-      if (mark.kind === "lines") gl.vertexAttribDivisor(place, 1);
-      if (first) {
-        gl.bindBuffer(gl.COPY_READ_BUFFER, buffer);
-        gl.copyBufferSubData(gl.COPY_READ_BUFFER, gl.ARRAY_BUFFER, 0, 0, stride * first);
-      }
-      gl.deleteBuffer(buffer ?? null);
-      mark.columns[place] = { buffer: wider, room: rows };
-    }
-    gl.bindBuffer(gl.ARRAY_BUFFER, mark.columns[place].buffer);
-    gl.bufferSubData(gl.ARRAY_BUFFER, stride * first, new Uint8Array(block, start, stride * (count - first)));
-    mark.count = count;
+    const column = (mark.columns[place] ??= { buffer: gl.createBuffer(), rows: new Uint8Array() });
+    const rows = new Uint8Array(stride * count);
+    rows.set(column.rows.subarray(0, stride * first));
+    rows.set(block.subarray(start, start + stride * (count - first)), stride * first);
+    gl.bindVertexArray(mark.vertices);
+    gl.bindBuffer(gl.ARRAY_BUFFER, column.buffer);
+    gl.bufferData(gl.ARRAY_BUFFER, rows, gl.DYNAMIC_DRAW);
+    gl.enableVertexAttribArray(place);
+    gl.vertexAttribPointer(place, size || 4, size ? gl.FLOAT : gl.UNSIGNED_BYTE, !size, 0, 0);
+    gl.vertexAttribDivisor(place, mark.kind === "lines" ? 1 : 0);
+    [column.rows, mark.count] = [rows, count];
   }
 
   // Draw with a camera into a box of the canvas: left, bottom, width, height.
-  see({ matrix, eye, thick, slack, nearer, focus }, [left, bottom, width, height]) {
-    const { gl, camera } = this;
-    gl.viewport(left, bottom, width, height);
-    camera.set(matrix);
-    camera.set([...eye, thick, width, height, slack, nearer], 16);
-    gl.bindBuffer(gl.UNIFORM_BUFFER, this.block);
+  see({ matrix, eye, thick, slack, nearer, focus }, box) {
+    const { gl } = this;
+    gl.viewport(...box);
+    const camera = new Float32Array([...matrix, ...eye, thick, box[2], box[3], slack, nearer]);
     gl.bufferData(gl.UNIFORM_BUFFER, camera, gl.DYNAMIC_DRAW);
     this.focus = focus;
   }
 
-  paint(name, mark, uniforms = {}, { mode = this.gl.TRIANGLES, blend = false, cull = false, solid = !blend, span } = {}) {
+  // Draw a mark with a program; values that its uniforms do not have are passed over.
+  paint(name, mark, uniforms = {}, { mode = this.gl.TRIANGLES, blend = false, cull = false, solid = !blend } = {}) {
     const { gl } = this;
-    const made = this.programs[name];
-    const count = span ? span[1] : mark.count;
-    if (!count) return;
+    if (!mark.count) return;
     (blend ? gl.enable : gl.disable).call(gl, gl.BLEND);
     (cull ? gl.enable : gl.disable).call(gl, gl.CULL_FACE);
     gl.depthMask(solid);
-    const places = this.uniforms(made);
-    gl.useProgram(made);
+    const places = this.uniforms(this.programs[name]);
+    gl.useProgram(this.programs[name]);
     for (const [uniform, place] of places) {
       const value = uniforms[uniform];
-      if (value === undefined) continue;
-      if (value.length === 16) gl.uniformMatrix4fv(place, false, value);
-      else if (value.length) gl[`uniform${value.length}fv`](place, value);
-      else gl.uniform1f(place, value);
+      if (value?.length === 16) gl.uniformMatrix4fv(place, false, value);
+      else if (value?.length) gl[`uniform${value.length}fv`](place, value);
+      else if (value !== undefined) gl.uniform1f(place, value);
     }
     gl.bindVertexArray(mark.vertices);
-    if (span) gl.drawElements(mode, span[1], gl.UNSIGNED_INT, 4 * span[0]);
-    else if (mark.kind === "lines") gl.drawArraysInstanced(gl.TRIANGLE_FAN, 0, 4, count);
-    else gl.drawArrays(mode, 0, count);
-    this.calls += 1;
+    if (mark.kind === "lines") gl.drawArraysInstanced(gl.TRIANGLE_FAN, 0, 4, mark.count);
+    else gl.drawArrays(mode, 0, mark.count);
   }
 
   render() {
-    if (!this.look) return;
-    const { gl, canvas, look, marks } = this;
-    this.calls = 0;
-    this.see(look, [0, 0, canvas.width, canvas.height]);
+    const { gl, canvas, camera, marks, plan } = this;
+    if (!camera) return;
+    this.see(camera, [0, 0, canvas.width, canvas.height]);
     gl.depthMask(true);
-    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    for (const [name, pose] of Object.entries(this.bodies)) this.paint("faces", marks[name], { pose });
+    gl.clear(gl.DEPTH_BUFFER_BIT);
+    const bodies = this.shown(false).filter(({ kind }) => kind === "faces");
+    for (const body of [...bodies, marks.land]) this.paint("faces", body, body);
     gl.bindTexture(gl.TEXTURE_2D, this.pavement);
     this.paint("ground", marks.ground, { area: this.area });
-    this.paint("sky", marks.sky, { below: 1, ray_from_corner: look.ray });
+    this.paint("sky", marks.sky, { ray_from_corner: camera.ray });
     // The nearest walls alone are seen through where they fade.
-    gl.colorMask(!look.ghost, !look.ghost, !look.ghost, true);
+    gl.colorMask(!camera.ghost, !camera.ghost, !camera.ghost, true);
     this.paintWalls();
     gl.colorMask(true, true, true, true);
-    if (look.ghost) this.paintWalls();
-    for (const name of this.order) this.paintMark(marks[name]);
-    if (this.plan) this.paintPlan();
-    canvas.dataset.calls = this.calls;
+    if (camera.ghost) this.paintWalls();
+    for (const mark of this.shown(false)) this.paintMark(mark);
+    if (plan) this.paintPlan();
     this.stale = false;
   }
 
+  // The marks of the scene or of the plan, in their order.
+  shown(plan) {
+    return this.order.filter((name) => name.startsWith("plan ") === plan).map((name) => this.marks[name]);
+  }
+
   paintWalls() {
-    const { gl, look, textured, indexed } = this;
-    const faded = look.ghost > 0 ? ":FADED" : "";
-    const uniforms = { ghost: look.ghost, cut: look.cut.slice(0, 4), slope: look.cut.slice(4) };
+    const { gl, camera, marks } = this;
+    const how = { cull: true, blend: camera.ghost > 0, solid: true };
+    const faded = camera.ghost ? ":FADED" : "";
     gl.bindTexture(gl.TEXTURE_2D_ARRAY, this.facades);
-    const how = { cull: true, blend: look.ghost > 0, solid: true };
-    this.paint(`walls:PLAIN${faded}`, this.marks.walls, uniforms, { ...how, span: [textured, indexed - textured] });
-    this.paint(`walls${faded}`, this.marks.walls, uniforms, { ...how, span: [0, textured] });
+    this.paint(`walls:PLAIN${faded}`, marks.plain, camera, how);
+    this.paint(`walls${faded}`, marks.walls, camera, how);
   }
 
   paintMark(mark) {
-    const { gl } = this;
-    const { scale } = this.look;
+    const { gl, camera: { scale } } = this;
     if (mark.kind === "points") {
       const sizes = [mark.size * this.focus, ...mark.pixels.map((size) => scale * size)];
       this.paint(mark.glows ? "points:GLOW_ROUND" : "points", mark, { sizes }, { mode: gl.POINTS, blend: true });
@@ -212,23 +182,22 @@ export class Scene {
       gl.depthFunc(mark.hidden ? gl.GREATER : gl.LEQUAL);
       this.paint(mark.hidden ? "lines:DASHED" : "lines", mark, { width: mark.width * scale }, { blend: true });
       gl.depthFunc(gl.LEQUAL);
-    } else {
+    } else if (mark.kind === "soft") {
       this.paint("soft", mark, {}, { blend: true });
     }
   }
 
   // The map from above, in a corner of the picture.
   paintPlan() {
-    const { gl, canvas, inset, ratio, plan } = this;
-    const { left, top, width: side } = inset.getBoundingClientRect();
+    const { gl, canvas, ratio, plan } = this;
+    const { left, top, width: side } = this.inset.getBoundingClientRect();
     const box = [left, canvas.clientHeight - top - side, side, side].map((value) => Math.round(ratio * value));
     gl.disable(gl.DEPTH_TEST);
     gl.enable(gl.SCISSOR_TEST);
     gl.scissor(...box);
-    gl.clearColor(...plan.back, 1);
     gl.clear(gl.COLOR_BUFFER_BIT);
-    this.see(plan.camera, box);
-    for (const name of plan.order) this.paintMark(this.marks[name]);
+    this.see(plan, box);
+    for (const mark of this.shown(true)) this.paintMark(mark);
     gl.disable(gl.SCISSOR_TEST);
     gl.enable(gl.DEPTH_TEST);
   }

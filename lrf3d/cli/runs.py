@@ -1,4 +1,4 @@
-"""``lrf3d render``, and the options of films and pictures that ``lrf3d run`` has, too."""
+"""``lrf3d render``, ``view`` and ``export``, and the options of the film that a run ends with."""
 
 import re
 from dataclasses import dataclass, replace
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 import typer
 
 from lrf3d.cli.console import Report
-from lrf3d.cli.options import OutFile, RunArgument, Workers
+from lrf3d.cli.options import Count, Drive, OutFile, RunArgument, Seed, Workers
 
 if TYPE_CHECKING:
     from lrf3d.run import Run
@@ -63,22 +63,21 @@ class Film:
         if self.size is None and ending in (".gif", ".webp"):
             options["size"] = _SMALL
         rate = self.fps or (_GIF_RATE if ending == ".gif" else _RATE)
-        count, began = 0, perf_counter()
+        began, done = perf_counter(), list[int]()
         # The light is baked once, for all that draw.
         with report.progress("light") as progress:
             stage_of(run, progress)
         with report.progress("film") as progress:
 
-            def counting(done: int, total: int) -> None:
-                nonlocal count
-                count = total
-                progress(done, total)
+            def noted(number: int, total: int) -> None:
+                done.append(number)
+                progress(number, total)
 
             render_video(
-                run, path, fps=rate, workers=self.workers, part=part, progress=counting, **options
+                run, path, fps=rate, workers=self.workers, part=part, progress=noted, **options
             )
-        figures = {"frames": count, "size": list(options["size"]), "renderer": options["renderer"]}
-        return {**figures, "seconds": perf_counter() - began}
+        figures = {"size": list(options["size"]), "renderer": options["renderer"]}
+        return {"frames": len(done), **figures, "seconds": perf_counter() - began}
 
     def options(self) -> dict[str, Any]:
         """Keyword arguments to draw any picture: with OpenGL, or else with Embree."""
@@ -133,9 +132,18 @@ def render(
         last: End the film at this time of the run [s].
         points_by: What the colour of hit points shows; that of the run if not given.
     """
-    path = _output_path(run, out, at is not None)
+    from lrf3d.errors import InputError
 
-    from lrf3d.files import make_folder
+    picture = at is not None
+    if out is not None and picture != (out.suffix.lower() == ".png"):
+        raise InputError(
+            f"--out {out}: expected a name that ends in .png, as --at draws a picture"
+            if picture
+            else f"--out {out}: a .png is one picture; give its time with --at TIME"
+        )
+    path = _folder(run) / ("run.png" if picture else "run.mp4") if out is None else out
+
+    from lrf3d.files import make_folder, replacing
     from lrf3d.io import load_run
 
     kept = load_run(run)
@@ -143,12 +151,11 @@ def render(
         kept = replace(kept, film=replace(kept.film, points_by=points_by))
     make_folder(path.parent)
     if at is not None:
-        from lrf3d.files import replacing
         from lrf3d.render.video import frame, save_png
 
-        picture = frame(kept, at, **film.options())
+        drawing = frame(kept, at, **film.options())
         with replacing(path) as unfinished:
-            save_png(picture, unfinished)
+            save_png(drawing, unfinished)
         report.print({"picture": str(path)}, [("picture", str(path))])
         return
     drawn = film.write(kept, path, report, (first, last))
@@ -164,14 +171,85 @@ def render(
     )
 
 
-def _output_path(run: Path, out: Path | None, picture: bool) -> Path:
-    """The file to write to; its ending must fit what is drawn."""
-    from lrf3d.errors import InputError
+def _folder(run: Path) -> Path:
+    """The folder of a run, which may be named by its folder or by its file."""
+    return run if run.is_dir() else run.parent
 
-    if out is None:
-        return (run if run.is_dir() else run.parent) / ("run.png" if picture else "run.mp4")
-    if picture and out.suffix.lower() != ".png":
-        raise InputError(f"--out {out}: expected a name that ends in .png, as --at draws a picture")
-    if out.suffix.lower() == ".png" and not picture:
-        raise InputError(f"--out {out}: a .png is one picture; give its time with --at TIME")
-    return out
+
+def view(
+    what: Annotated[str, typer.Argument(metavar="RUN|WORLD")],
+    drive: Drive,
+    report: Report,
+    host: str = "127.0.0.1",
+    port: Annotated[int | None, typer.Option(min=1, max=65535)] = None,
+    browser: bool = True,
+    playback: Annotated[float | None, typer.Option(min=0.01)] = None,
+    seed: Seed = 0,
+) -> None:
+    """Play a run in the browser, or drive through a world by hand.
+
+    A run can be played, paused and scrubbed. In a world the arrow keys or the pads on the page
+    drive the robot, which scans and maps as it goes. Ctrl-C ends the server.
+
+    Options:
+        what: A run.npz or its folder to play, or a world to drive in. A built-in world comes before
+            a folder of the same name: write ./NAME for that.
+        host: Address or name to listen at; 0.0.0.0 lets other machines in. The page opens only by
+            this name, an address, or the machine's host name.
+        port: Port; if not given, 8080, or any where that is taken.
+        browser: Open the browser.
+        playback: Simulated seconds per second.
+    """
+    from lrf3d.io.reading import is_run
+    from lrf3d.world.files import find_world
+
+    run = is_run(what)
+    if not run:
+        # An unknown name is reported before the server is imported.
+        find_world(what)
+    from lrf3d.view.server import bound, run_view, serve, world_view
+
+    def say(address: str) -> None:
+        text = f"{what} is shown at {address}; Ctrl-C ends it"
+        report.print({"address": address}, [("view", text)])
+
+    # A wrong address is refused before the work.
+    with bound(host, port) as door:
+        make = run_view(what, playback) if run else world_view(drive.read(what, report), seed)
+        serve(make, door, host=host, browser=browser, started=say)
+
+
+def export(
+    run: RunArgument,
+    to: Annotated[str, typer.Option(metavar="FORMAT")],
+    report: Report,
+    out: OutFile = None,
+    every: Count = 1,
+) -> None:
+    """Write a run for another program.
+
+    carmen is a text log; mcap is a ROS 2 bag in one file, for Foxglove; rosbag2 is a ROS 2 bag as
+    a folder, for ros2 bag play, rviz and slam_toolbox; glb is an animated 3D scene for Blender and
+    web viewers: the world, the robot, its beams and its map as it grows.
+
+    Options:
+        to: The format: carmen, mcap, rosbag2 or glb.
+        out: The file; in the run's folder if not given.
+        every: Keep every n-th scan.
+    """
+    from lrf3d.io import load_run
+
+    kept = load_run(run)
+
+    from lrf3d.exporting import EXPORTERS, export_run
+    from lrf3d.files import make_folder
+
+    path = _folder(run) / EXPORTERS.get(to, "") if out is None else out
+    make_folder(path.parent)
+    export_run(kept, to, path, every=every)
+    files = [path] if path.is_file() else sorted(path.iterdir())
+    scans, size = len(range(0, len(kept), every)), sum(file.stat().st_size for file in files)
+    report.print(
+        {"file": str(path), "format": to, "scans": scans, "bytes": size},
+        [(to, str(path)), ("scans", f"{scans:,}"), ("size", f"{size / 1e6:.1f} MB")],
+    )
