@@ -131,7 +131,11 @@ class Shown:
         return cls(scene, {"follow": Tracked(track, {"cuts": True})}, drive)
 
     def setup(self) -> dict[str, Any]:
-        """What a page is given once, as values for JSON; a drive has no end."""
+        """What a page is given once, as values for JSON; a drive has no end.
+
+        The names also fill the gaps in the page's HTML; the plan's scale is a bar of some metres,
+        and its share of the plan's width [%].
+        """
         timeline, drive = self.scene.timeline, self.drive
         before, after = margins("story")
         end = 0.0 if drive else timeline.end - timeline.start
@@ -210,8 +214,7 @@ class Shown:
         """Where the robot is, how it moves, what its laser sees, and the map."""
         run, timeline, (x, y, theta) = self.scene.run, self.scene.timeline, moment.pose
         before, after = timeline.poses(moment.time + np.array([-_TURN_STEP, _TURN_STEP]))[:, 2]
-        turning = 0.0 if timeline.dwells else math.remainder(after - before, math.tau)
-        turning, turn = math.degrees(turning) / (2.0 * _TURN_STEP), math.remainder(theta, math.tau)
+        turned = 0.0 if timeline.dwells else math.remainder(after - before, math.tau)
         ranges, stage = run.scan(moment.scan).ranges, run.snapshot_after(moment.scan)
         hits = ranges[np.isfinite(ranges)]
         nearest = f"{hits.min():.2f} m" if len(hits) else "none"
@@ -220,10 +223,10 @@ class Shown:
         words = {
             "t": f"{moment.time:.1f}",
             "v": f"{moment.speed:z.2f}",
-            "w": f"{turning:z.0f}",
+            "w": f"{math.degrees(turned / (2.0 * _TURN_STEP)):z.0f}",
             "x": f"{x:z.2f}",
             "y": f"{y:z.2f}",
-            "theta": f"{math.degrees(turn):z.1f}",
+            "theta": f"{math.degrees(math.remainder(theta, math.tau)):z.1f}",
             "beams": beams if moment.scanning else "beams off",
             "map": run.maps[stage].counts if stage >= 0 else "no map yet",
             "stop": "a wall is in the way" if bumped else "",
