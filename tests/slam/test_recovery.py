@@ -46,7 +46,7 @@ def test_a_robot_that_drives_backwards_is_not_held_where_it_was(seed):
     scans, wheels, true = drive(rooms(4), through(4), seed=seed, bias=0.0, lrf=lrf)
     scans, wheels, true = scans[::-4], wheels[::-4], true[::-4]
     wheels = path_of(true[0], between(wheels[:-1], wheels[1:]))
-    assert errors(true, solved(scans, wheels).poses).max() < 0.3
+    assert errors(true, solved(scans, wheels).poses).max() < 0.2
 
 
 def test_around_a_block_of_corridors_the_wheels_are_learned_while_driving(monkeypatch):
