@@ -54,26 +54,12 @@ def shared_lengths(segments: Float, others: Float, near: float) -> tuple[Int, In
     """Which segments (v,) lie by which others (v,), and by how much (v,) [m]; some twice."""
     if not len(segments) or not len(others):
         return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
-    # From one map to the next most segments stay as they are; a search for each takes far longer.
-    rows = {row: number for number, row in enumerate(_as_bytes(others))}
-    same = np.array([rows.get(row, -1) for row in _as_bytes(segments)])
-    kept, moved = np.flatnonzero(same >= 0), np.flatnonzero(same < 0)
-    segment, other, share = kept, same[kept], lengths(segments[kept])
-    if len(moved):
-        start, way = segments[moved, None, :2], (segments[:, 2:] - segments[:, :2])[moved, None]
-        places = shapely.points((start + _PLACES[:, None] * way).reshape(-1, 2))
-        tree = shapely.STRtree(shapely.linestrings(others.reshape(-1, 2, 2)))
-        place, nearest = tree.query_nearest(places, max_distance=near, all_matches=False)
-        found = moved[place // len(_PLACES)]
-        segment, other = np.append(segment, found), np.append(other, nearest)
-        share = np.append(share, lengths(segments)[found] / len(_PLACES))
-    return segment, other, share
-
-
-def _as_bytes(segments: Float) -> list[bytes]:
-    """The bytes of each of the segments (n, 4), by which equal ones are found."""
-    rows: list[bytes] = np.ascontiguousarray(segments).view("V32").reshape(-1).tolist()
-    return rows
+    start, way = segments[:, None, :2], (segments[:, 2:] - segments[:, :2])[:, None]
+    places = shapely.points((start + _PLACES[:, None] * way).reshape(-1, 2))
+    tree = shapely.STRtree(shapely.linestrings(others.reshape(-1, 2, 2)))
+    place, nearest = tree.query_nearest(places, max_distance=near, all_matches=False)
+    segment = place // len(_PLACES)
+    return segment, nearest, lengths(segments)[segment] / len(_PLACES)
 
 
 def _paired(first: Int, second: Int, shared: Float, count: int) -> Int:

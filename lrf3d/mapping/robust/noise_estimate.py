@@ -8,10 +8,8 @@ a :class:`~lrf3d.laser.RangeNoise` leaves.
 
 import numpy as np
 
-from lrf3d.compiling import compiled
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserScan, RangeNoise
-from lrf3d.mapping.robust.beams import plain
 
 NOISE_RANGES = np.geomspace(0.1, 200.0, 13)
 """[m] The ranges between which noise is measured together: steps of a factor of two. It changes
@@ -63,9 +61,7 @@ class NoiseEstimate:
     def update(self, scan: LaserScan, assumed: RangeNoise) -> RangeNoise:
         """Learn from a scan; returns the noise as it is known now, not that assumed at first."""
         known = assumed if self.known is None else self.known
-        self._total += count_residuals(
-            plain(scan.angles), plain(scan.ranges), known, NOISE_RANGES, self._counts
-        )
+        self._total += count_residuals(scan.angles, scan.ranges, known, NOISE_RANGES, self._counts)
         # The more is known, the less another scan changes it.
         if self.known is None or self._total > NOISE_STEPS * self._fitted:
             self.known = self._fit(assumed)
@@ -99,7 +95,6 @@ class NoiseEstimate:
         return RangeNoise(float(np.sqrt(floor)), float(np.sqrt(growth)))
 
 
-@compiled
 def count_residuals(
     angles: Float, ranges: Float, noise: RangeNoise, edges: Float, counts: Int
 ) -> int:
@@ -107,42 +102,25 @@ def count_residuals(
 
     Counts (bins, sizes) of those between two edges (bins + 1,) [m] are added to; returns how many.
     """
-    # The last five beams that returned, and how many of them follow each other without a jump.
-    last = np.full(5, -1)
-    smooth = counted = 0
-    for beam in range(len(ranges)):
-        own = ranges[beam]
-        if not (np.isfinite(own) and own > 0.0):
-            continue
-        for k in range(4):
-            last[k] = last[k + 1]
-        last[4] = beam
-        before = last[3]
-        if before >= 0:
-            step = abs(angles[beam] - angles[before])
-            near = min(own, ranges[before])
-            share = min(np.sqrt((noise.floor / near) ** 2 + noise.growth**2), NOISE_SHARE)
-            jump = abs(np.log(own / ranges[before]))
-            follows = jump < NOISE_SLOPE * step + NOISE_JUMP * share and step < NOISE_WIDEST
-            smooth = smooth + 1 if follows else 0
-        if smooth < 4:
-            continue
-        one, middle, other = last[1], last[2], last[3]
-        left, right = abs(angles[middle] - angles[one]), abs(angles[other] - angles[middle])
-        whole = np.sin(left + right)
-        if whole <= 0.0:
-            continue
-        # 1 / r = (sin(right) / one + sin(left) / other) / sin(left + right)
-        a, b = np.sin(right) / whole, np.sin(left) / whole
-        flat = 1.0 / (a / ranges[one] + b / ranges[other])
-        # By how much the noise of the neighbours moves that.
-        a, b = a * (flat / ranges[one]) ** 2, b * (flat / ranges[other]) ** 2
-        size = abs(ranges[middle] - flat) / np.sqrt(1.0 + a * a + b * b)
-        row = -1
-        while row + 1 < len(edges) and edges[row + 1] < ranges[middle]:
-            row += 1
-        if 0 <= row < len(edges) - 1:
-            decades = np.log10(max(size, NOISE_UNIT) / NOISE_UNIT)
-            counts[row, min(int(decades * PER_DECADE), counts.shape[1] - 1)] += 1
-            counted += 1
-    return counted
+    returned = np.flatnonzero(np.isfinite(ranges) & (ranges > 0.0))
+    steps, ranges = np.abs(np.diff(angles[returned])), ranges[returned]
+    before, after = ranges[:-1], ranges[1:]
+    share = np.hypot(noise.floor / np.fmax(np.minimum(before, after), NOISE_UNIT), noise.growth)
+    jumps = NOISE_SLOPE * steps + NOISE_JUMP * np.minimum(share, NOISE_SHARE)
+    smooth = (np.abs(np.log(after / before)) < jumps) & (steps < NOISE_WIDEST) & (steps > 0.0)
+    # The middle ones of five beams that follow each other without a jump.
+    beams = 2 + np.flatnonzero(smooth[:-3] & smooth[1:-2] & smooth[2:-1] & smooth[3:])
+    left, right, middle = steps[beams - 1], steps[beams], ranges[beams]
+    # 1 / r = (sin(right) / one + sin(left) / other) / sin(left + right)
+    a, b = np.sin([right, left]) / np.sin(left + right)
+    one, other = ranges[beams - 1], ranges[beams + 1]
+    flat = 1.0 / (a / one + b / other)
+    # By how much the noise of the neighbours moves that.
+    a, b = a * (flat / one) ** 2, b * (flat / other) ** 2
+    sizes = np.abs(middle - flat) / np.sqrt(1.0 + a * a + b * b)
+    rows = np.searchsorted(edges, middle) - 1
+    columns = PER_DECADE * np.log10(np.maximum(sizes, NOISE_UNIT) / NOISE_UNIT)
+    inside = (rows >= 0) & (rows < len(counts))
+    places = rows[inside], np.minimum(columns[inside], counts.shape[1] - 1).astype(np.int64)
+    np.add.at(counts, places, 1)
+    return int(inside.sum())
