@@ -132,9 +132,11 @@ def _points(outline: Any, tolerance: float) -> Float:
             points.append(np.array([piece.end or ()], dtype=np.float64).reshape(-1, 2))
         else:
             # Chords over h of a curve are h²·max|curve″| / 8 off it, here less than the tenth left.
-            with np.errstate(invalid="ignore"):
-                curve = shapely.linestrings(piece.npoint(np.linspace(0.0, 1.0, 4097)))
-            chords = shapely.simplify(curve, 0.9 * tolerance, preserve_topology=False)
+            curve = piece.npoint(np.linspace(0.0, 1.0, 4097))
+            with np.errstate(all="ignore"):
+                chords = shapely.simplify(
+                    shapely.linestrings(curve), 0.9 * tolerance, preserve_topology=False
+                )
             points.append(shapely.get_coordinates(chords)[1:])
     return np.concatenate(points)
 
