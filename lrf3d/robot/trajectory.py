@@ -7,11 +7,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Value, numbers, read_only, sealed, whole_number, wrap_angle
+from lrf3d.geometry import (
+    LATEST,
+    Float,
+    Value,
+    numbers,
+    read_only,
+    sealed,
+    whole_number,
+    wrap_angle,
+)
 from lrf3d.pose import as_poses
-
-LATEST = 1e12
-"""Largest time [s], 30,000 years: stamps in nanoseconds would be larger."""
 
 
 @dataclass(frozen=True, eq=False, init=False)
