@@ -136,24 +136,27 @@ def level_cut(triangles: Float, height: float) -> tuple[Float, Int]:
     return segments[long], faces[cut][long]
 
 
+def upright(world: World) -> Float:
+    """The corners (n, 4, 3) [m] of the walls: along the ground, and back along the top."""
+    ends = world.segments.reshape(-1, 2, 2)
+    corners = np.zeros((len(ends), 4, 3))
+    corners[:, :2, :2], corners[:, 2:, :2] = ends, ends[:, ::-1]
+    corners[:, 2:, 2] = world.heights[:, None]
+    return corners
+
+
 def extrude(world: World) -> "trimesh.Trimesh":
     """Raise every wall from the ground, z = 0, to its height.
 
-    Triangles 2i and 2i + 1 are wall i, so ``triangle // 2`` is the wall. The mesh is in the local
-    frame: ``world.origin`` is subtracted from x and y, so that float32 casters lose no digits far
-    from the origin.
+    Triangles 2i and 2i + 1 are wall i. ``world.origin`` is subtracted from x and y, so that float32
+    casters lose no digits.
     """
     import trimesh
 
-    count = len(world.segments)
-    ends = world.segments.reshape(count, 2, 2) - world.origin
-    vertices = np.zeros((count, 4, 3))
-    vertices[:, :2, :2] = ends
-    vertices[:, 2:, :2] = ends[:, ::-1]
-    vertices[:, 2:, 2] = world.heights[:, None]
-    faces = quad_indices(count).reshape(-1, 3)
+    vertices = upright(world).reshape(-1, 3) - [*world.origin, 0.0]
+    faces = quad_indices(len(world.segments)).reshape(-1, 3)
     # Processing would merge vertices and drop faces, and so break the numbering of the faces.
-    return trimesh.Trimesh(vertices.reshape(-1, 3), faces, process=False)
+    return trimesh.Trimesh(vertices, faces, process=False)
 
 
 def write_glb(world: World, path: Path) -> None:
