@@ -48,7 +48,7 @@ CAUSES = {
 class CrossCheck:
     """The result of comparing bare Embree with the exact plane, beam by beam.
 
-    The hits are those of the exact ranges. Beams that agree differ by at most the largest difference
+    Hits are those of the exact ranges. Beams that agree differ by at most the largest difference
     [m]; the resolution [m] bounds that of positions in float32. Of those (m,) that differ it has
     scan, beam, the ranges (m, 2) [m] and walls (m, 2) of both, the exact first, and the cause.
     """
