@@ -71,11 +71,7 @@ class DynamicObstacle(Value):
 
     @property
     def poses(self) -> Trajectory:
-        """The path as a Trajectory.
-
-        Raises:
-            InputError: The path is a Patrol, which has no end.
-        """
+        """The path as a Trajectory; a Patrol has no end, and is none."""
         if isinstance(self.path, Patrol):
             raise InputError("dynamic obstacle on a patrol without an end; call its until(time)")
         return self.path

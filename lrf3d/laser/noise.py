@@ -68,11 +68,7 @@ class RangeNoise(NamedTuple):
     def from_sigma(
         cls, sigma: float = SIGMA, floor: float = FLOOR, range_max: float = USUAL_RANGE
     ) -> "RangeNoise":
-        """The noise of Eq. 7 with a standard deviation sigma [m] at range_max [m], and a floor [m].
-
-        Raises:
-            InputError: A number is negative or not finite, or range_max is 0.
-        """
+        """The noise of Eq. 7 with a sigma [m] at range_max [m], and a floor [m]."""
         at_range_max = number(sigma, "range noise: sigma", "metres")
         growth = at_range_max / number(range_max, "range noise: range_max", positive=True)
         return cls(number(floor, "range noise: floor", "metres"), growth)
@@ -93,11 +89,7 @@ def spread_of(noise: object) -> tuple[float, float] | None:
 
 
 def as_noise(noise: Any) -> Noise:
-    """A noise that comes from outside.
-
-    Raises:
-        InputError: It is not a function of a scan and an rng.
-    """
+    """A noise that comes from outside, checked to be a function of a scan and an rng."""
     try:
         inspect.signature(noise).bind("scan", "rng")
     except (TypeError, ValueError):
@@ -287,11 +279,7 @@ def _with_echoes(
 
 
 def at_sigma(noise: Noise, sigma: float) -> Noise:
-    """The noise with another standard deviation [m] at range_max, otherwise unchanged.
-
-    Raises:
-        InputError: No part of it is a ProportionalNoise.
-    """
+    """The noise with another standard deviation [m] at range_max, of its ProportionalNoise."""
     other, parts = ProportionalNoise(sigma), Chain([noise]).noises
     if not any(isinstance(part, ProportionalNoise) for part in parts):
         raise InputError(f"sigma {shown(sigma)}: {noise!r} has no ProportionalNoise to give it to")

@@ -1,5 +1,6 @@
 """LaserScan: the ranges of one scan, with its pose."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, asdict, dataclass
 from functools import cached_property
@@ -9,18 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError, shown
-from lrf3d.geometry import (
-    LARGEST_COORDINATE,
-    LATEST,
-    Bool,
-    Float,
-    Int,
-    Value,
-    is_finite,
-    number,
-    read_only,
-    sealed,
-)
+from lrf3d.geometry import LARGEST_COORDINATE, Bool, Float, Int, Value, number, read_only, sealed
 from lrf3d.laser.range_finder import LARGEST_ANGLE, LaserRangeFinder, beam_directions, within_limits
 from lrf3d.laser.ros_scan import Stamp, even_spread, read_ros_scan
 from lrf3d.notebook import Pictured
@@ -102,13 +92,14 @@ class LaserScan(Value, Pictured):
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        near, far = self.range_min, self.range_max
-        known = is_finite(near) and (is_finite(far) or far == np.inf)
-        if not (known and 0.0 <= near < min(far, LARGEST_COORDINATE)):
-            limits = f"range_min {shown(near)} and range_max {shown(far)}"
-            raise InputError(f"scan with {limits}, expected 0 ≤ range_min < range_max")
+        # Drivers write the largest float32 for a range finder whose reach they do not know.
+        far = self.range_max
+        far = np.inf if far == np.inf else number(far, "scan: range_max", positive=True)
+        reach = min(far, LARGEST_COORDINATE)
+        below = math.nextafter(reach, 0.0)
+        near = number(self.range_min, "scan: range_min", "metres below range_max", most=below)
         for name in ("time", "time_increment"):
-            number(getattr(self, name), f"scan: {name}", "seconds", least=-LATEST)
+            number(getattr(self, name), f"scan: {name}", "seconds", least=-1e12)
         angles, ranges = read_only(self.angles, "angles"), read_only(self.ranges, "ranges")
         walls = np.full(ranges.shape, -1) if self.walls is None else self.walls
         walls = read_only(walls, "walls", np.int64)
@@ -127,11 +118,10 @@ class LaserScan(Value, Pictured):
         self.__dict__.update(
             pose=as_pose(self.pose),
             angles=angles,
-            ranges=_within(ranges, min(far, LARGEST_COORDINATE)),
+            ranges=_within(ranges, reach),
             walls=walls,
-            range_min=float(near),
-            # Drivers write the largest float32 for a range finder whose reach they do not know.
-            range_max=float(far) if far <= LARGEST_COORDINATE else np.inf,
+            range_min=near,
+            range_max=far if far <= LARGEST_COORDINATE else np.inf,
             time=float(self.time),
             time_increment=float(self.time_increment),
         )
@@ -177,20 +167,13 @@ class LaserScan(Value, Pictured):
 
     @classmethod
     def from_ros(cls, message: Any, pose: Sequence[float] = (0.0, 0.0, 0.0)) -> "LaserScan":
-        """The scan of a ROS ``sensor_msgs/LaserScan``, taken at a pose: see `ros_scan`.
-
-        Raises:
-            InputError: The message is invalid, or its angles and limits are.
-        """
+        """The scan of a ROS ``sensor_msgs/LaserScan``, taken at a pose: see `ros_scan`."""
         return cls(as_pose(pose), **read_ros_scan(message))
 
     def as_ros(self, frame_id: str = "laser", *, scan_time: float = 0.0) -> dict[str, Any]:
         """The scan as a ROS ``sensor_msgs/LaserScan``, as nested dicts: see `ros_scan`.
 
-        The time between two scans [s] is 0 if it is unknown.
-
-        Raises:
-            InputError: The beams are not evenly spaced, which the message cannot express.
+        Its beams must be evenly spaced. The time between two scans [s] is 0 if it is unknown.
         """
         light = np.empty(0) if self.intensities is None else self.intensities
         names = "angle_min angle_max angle_increment time_increment scan_time range_min range_max"

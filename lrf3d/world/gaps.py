@@ -34,9 +34,8 @@ def world_of_map(mapped: World, free: FreeCells | None = None) -> World:
 def close_gaps(segments: Float, free: FreeCells | None = None) -> tuple[Float, Int]:
     """Make the walls (n, 4) [m] of a map meet at their corners; no wall grows into free cells.
 
-    Returns:
-        The n walls with new ends, and after them those that close straight gaps; and the rows (m,)
-        of the walls that they continue.
+    After the n walls with new ends come those that close straight gaps; the rows (m,) are those of
+    the walls that they continue.
     """
     origin = np.round(segments.reshape(-1, 2).mean(axis=0)) if len(segments) else np.zeros(2)
     ends = (segments - np.tile(origin, 2)).reshape(-1, 2)

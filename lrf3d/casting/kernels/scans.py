@@ -45,11 +45,7 @@ PlainLaser = tuple[Float, float, float, float, float]
 
 
 def laser_of(lrf: LaserRangeFinder, *, range_min: float | None = None) -> PlainLaser:
-    """A range finder for kernels, perhaps with another range_min.
-
-    Raises:
-        InputError: It is no range finder.
-    """
+    """A range finder, checked to be one, for kernels, perhaps with another range_min."""
     expect(lrf, LaserRangeFinder, "range finder")
     near = lrf.range_min if range_min is None else range_min
     return lrf.fan, *lrf.spread, float(near), float(lrf.range_max)
