@@ -63,7 +63,7 @@ class PlanarCaster:
         poses = np.fromiter(pose, np.float64, 3)[None]
         if self._lighting is not None:
             lit = self._lit(lrf, poses)
-            echoes = (lit.echo_ranges[0], lit.echo_intensities[0]) if lrf.echoes > 1 else ()
+            echoes = (lit.echoes[0], lit.echo_intensities[0]) if lrf.echoes > 1 else ()
             return LaserScan.unchecked(
                 lrf, pose, lit.ranges[0], lit.walls[0], lit.intensities[0], *echoes
             )

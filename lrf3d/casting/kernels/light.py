@@ -126,7 +126,7 @@ def _light_dull(
     """Intensities of the beams that need no more; the others fill `rest`. The number of those."""
     ranges, walls, intensities, dull = lit.ranges, lit.walls, lit.intensities, optics.dull
     threshold, near = receiver.threshold, receiver.range_min
-    short = receiver.near_field == 0.0 and lit.echo_ranges.shape[1] == 0 and len(lit.chains) == 0
+    short = receiver.near_field == 0.0 and lit.echoes.shape[1] == 0 and len(lit.chains) == 0
     left = 0
     for i in range(len(ranges)):
         wall = walls[i]
