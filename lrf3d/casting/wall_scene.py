@@ -35,9 +35,6 @@ LONGER, CAP, APEX = 3.0, 2.0, 4.0
 """In δ: how much longer a plane is, and half a cap. A triangle is APEX times as high above the
 beams as below, where a cap ends at δ."""
 
-POSES_SENT = 64
-"""Scans whose rays are passed to trimesh at a time: 600 kB with 181 beams, not a whole batch."""
-
 
 class WallScene:
     """Walls in a tree, at least one, to be cast at for ranges up to a distance [m]."""
@@ -65,8 +62,9 @@ class WallScene:
 
     def cast(self, laser: PlainLaser, poses: Float, ranges: Float, walls: Int) -> None:
         """Fill ranges (k, beams) of scans from poses (k, 3), and walls unless empty."""
-        for k in range(0, len(poses), POSES_SENT):
-            part = slice(k, k + POSES_SENT)
+        # The rays of 64 scans of 181 beams are 600 kB.
+        for k in range(0, len(poses), 64):
+            part = slice(k, k + 64)
             rays = rays_of(laser, poses[part], self._x, self._y)
             found = self.mesh.ray.intersects_first(*rays)
             asked = self._clear, self._trust, found
@@ -74,12 +72,10 @@ class WallScene:
 
 
 def float32_error(radius: float, distance: float) -> float:
-    """Bound on ε [m], at coordinates up to a radius from the middle.
-
-    Ends and the laser are rounded, the laser twice: seen from the middle, and from a corner of the
-    mesh. In proportion to the distance so are the direction, twice, and each step of the
-    intersection.
-    """
+    """Bound on ε [m], at coordinates up to a radius from the middle."""
+    # Ends and the laser are rounded, the laser twice: seen from the middle, and from a corner of
+    # the mesh. In proportion to the distance so are the direction, twice, and each step of the
+    # intersection.
     return 2.0**-24 * (6.0 * radius + 18.0 * distance)
 
 

@@ -6,10 +6,9 @@ surface hit, the loss of beams, the range, its rounding and limits::
     Chain([AngleNoise(0.002), MixedPixels(0.01), DropOuts(far=0.1), ConstantNoise(0.01),
            ProportionalNoise(0.04), Quantised(0.01), Limits()])
 
-Each draws a fixed number of random numbers for each beam, so that a seed gives the same noise for
-any scan. A noise whose measured ranges scatter about the true ones has an attribute ``spread``, for
-mappers: standard deviations [m] of the part that is the same at every distance, and of the part
-that grows with the distance, at range_max.
+Each draws a fixed number of random numbers for each beam. A noise whose measured ranges scatter
+about the true ones has an attribute ``spread``, for mappers: standard deviations [m] of the part
+that is the same at every distance, and of the part that grows with the distance, at range_max.
 """
 
 import inspect
@@ -52,8 +51,7 @@ NO_SPREAD = (0.0, 0.0)
 class RangeNoise(NamedTuple):
     """The noise of ranges that mapping and localisation assume.
 
-    The standard deviation [m] at the range r is hypot(floor, growth · r): that of Eq. 7 and one
-    that does not depend on the range. It is a named tuple, for compiled code.
+    The standard deviation [m] at the range r is hypot(floor, growth · r).
 
     Examples:
         >>> from lrf3d.laser import RangeNoise
@@ -102,9 +100,8 @@ def as_noise(noise: Any) -> Noise:
 class ProportionalNoise:
     """Gaussian noise that grows with the distance (Eq. 7): d + d/d_max · N(0, σ).
 
-    σ is the standard deviation [m] at range_max. A beam without return stays without; a noisy range
-    below 0 is reported as 0. With σ = 0 the scan is returned unchanged and no random numbers are
-    drawn.
+    σ is the standard deviation [m] at range_max. A noisy range below 0 is reported as 0. With σ = 0
+    the scan is returned unchanged and no random numbers are drawn.
 
     Raises:
         InputError: σ is invalid; or, when it is applied, the scan has no range_max.

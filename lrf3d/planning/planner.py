@@ -36,10 +36,9 @@ LEAST_LOOKAHEAD = 0.1
 
 @dataclass(frozen=True, slots=True)
 class PlannedRoute:
-    """Way-points (m, 2) [m], the side of the walls, and how the robot drives along them.
+    """Way-points (m, 2) [m], the side of the walls, and the robot's radius, speed and look-ahead.
 
-    Its radius and its look-ahead are in metres, its speed in m/s. The notes are what the user
-    should know: doors that are too narrow.
+    The notes are what the user should know: doors that are too narrow.
     """
 
     waypoints: Float

@@ -21,8 +21,8 @@ def drive_laps(
 ) -> tuple[Trajectory, ...]:
     """A first lap along a route, and a second one that ends where it begins, to be repeated.
 
-    A route (m, 2) that does not end where it begins is driven back the way it came. If the first
-    lap alone has as many poses as are needed at most, it ends there, and there is no second lap.
+    A route (m, 2) that does not end where it begins is driven back the way it came. There is no
+    second lap if the first one alone has as many poses as are needed at most.
     """
     closed = (route[0] == route[-1]).all()
     lap = route if closed else np.concatenate([route, route[-2::-1]])

@@ -72,8 +72,7 @@ def sinc(x: float) -> float:
 def arcs(poses: Float, v: Float, omega: Float, durations: Float) -> Float:
     """Poses (k, 3) after arcs with v (k,), ω (k,) held for durations (k,) [s] from poses (k, 3).
 
-    The chord of an arc has the length v·t·sin(ωt/2)/(ωt/2) and the heading of the arc's middle;
-    in this form a straight line is not a special case, and a small ω loses no digits.
+    In this form a straight line is not a special case, and a small ω loses no digits.
     """
     half_turn = 0.5 * omega * durations
     chord = v * durations * np.sinc(half_turn / np.pi)
@@ -137,12 +136,8 @@ def _sample_times(duration: float, dt: float) -> Float:
         steps = f"duration {duration:g} s in steps of {dt:g} s"
         raise InputError(f"{steps}: more than {MOST_POSES:,} poses; give a larger dt")
     # Rounding must neither lose the last sample nor add one just before the end.
-    count = int(np.floor(duration / dt * (1.0 + 1e-12)))
-    times = np.asarray(np.arange(count + 1) * dt, dtype=np.float64)
-    if duration - times[-1] > 1e-9 * dt:
-        return np.append(times, duration)
-    times[-1] = duration
-    return times
+    times = np.arange(int(np.floor(duration / dt * (1.0 + 1e-12))) + 1) * dt
+    return np.append(times if duration - times[-1] > 1e-9 * dt else times[:-1], duration)
 
 
 def _integrate(

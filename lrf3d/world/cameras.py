@@ -65,10 +65,6 @@ class FixedCamera:
         )
 
 
-PLAYBACK = 4.0
-"""Default number of simulated seconds in a second of film."""
-
-
 @dataclass(frozen=True, slots=True)
 class FilmPlan:
     """The default settings of a film.
@@ -78,7 +74,7 @@ class FilmPlan:
     """
 
     view: str = "story"
-    playback: float = PLAYBACK
+    playback: float = 4.0
     points_by: str = "range"
 
     def __post_init__(self) -> None:
