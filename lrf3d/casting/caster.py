@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.casting.kernels.scans import NOT_ASKED, PlainLaser, cast_scans, laser_of
-from lrf3d.casting.kernels.tree import Tree, build_tree
+from lrf3d.casting.kernels.scans import NOT_ASKED, cast_scans, laser_of
+from lrf3d.casting.kernels.tree import Plain, Tree, build_tree
 from lrf3d.cores import core_count
 from lrf3d.errors import expect
 from lrf3d.geometry import Float, Int
@@ -106,9 +106,7 @@ class PlanarCaster:
             self._trees[level] = build_tree(self.world.segments[tall], tall)
         return self._trees[level]
 
-    def _fill(
-        self, height: float, laser: PlainLaser, poses: Float, ranges: Float, walls: Int
-    ) -> None:
+    def _fill(self, height: float, laser: Plain, poses: Float, ranges: Float, walls: Int) -> None:
         """Fill ranges (k, beams) of scans from poses (k, 3), and walls unless empty; on one core.
 
         Beams end at the first wall, also at mirrors and glass.

@@ -14,7 +14,8 @@ import numpy as np
 
 from lrf3d.casting.caster import PlanarCaster
 from lrf3d.casting.kernels.echoes import Lit
-from lrf3d.casting.kernels.scans import PlainLaser, laser_of
+from lrf3d.casting.kernels.scans import laser_of
+from lrf3d.casting.kernels.tree import Plain
 from lrf3d.casting.triangle_rays import MeshScene, embreex_installed
 from lrf3d.casting.wall_scene import WallScene
 from lrf3d.errors import InputError, shown
@@ -147,9 +148,7 @@ class EmbreeCaster(PlanarCaster):
         rows = np.where(level, len(beams), np.cumsum(~level) - 1)
         return Lit(*(np.concatenate(both)[rows] for both in zip(lit, flat, strict=True)))
 
-    def _fill(
-        self, height: float, laser: PlainLaser, poses: Float, ranges: Float, walls: Int
-    ) -> None:
+    def _fill(self, height: float, laser: Plain, poses: Float, ranges: Float, walls: Int) -> None:
         # A scene is built for ranges up to a power of two.
         key = bisect_left(self._levels, height), math.frexp(laser[-1])[1]
         scene = self._scenes.get(key)

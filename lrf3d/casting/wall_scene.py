@@ -23,8 +23,8 @@ import shapely
 import trimesh
 
 from lrf3d.casting.kernels.embree import Trust
-from lrf3d.casting.kernels.scans import PlainLaser, cast_scans, rays_of
-from lrf3d.casting.kernels.tree import Tree
+from lrf3d.casting.kernels.scans import cast_scans, rays_of
+from lrf3d.casting.kernels.tree import Plain, Tree
 from lrf3d.geometry import Float, Int
 
 FLAT, STEEP = 0.03, 0.25
@@ -60,7 +60,7 @@ class WallScene:
         # Embree's scene is built at its first ray; threads that cast share it.
         self.mesh.ray.intersects_first(np.zeros((1, 3)), np.ones((1, 3)))
 
-    def cast(self, laser: PlainLaser, poses: Float, ranges: Float, walls: Int) -> None:
+    def cast(self, laser: Plain, poses: Float, ranges: Float, walls: Int) -> None:
         """Fill ranges (k, beams) of scans from poses (k, 3), and walls unless empty."""
         # The rays of 64 scans of 181 beams are 600 kB.
         for k in range(0, len(poses), 64):

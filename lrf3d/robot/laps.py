@@ -64,22 +64,9 @@ def _evenly_spaced(lap: Trajectory) -> Trajectory:
 
 @dataclass(frozen=True, eq=False)
 class Patrol(Value):
-    """A path straight from way-point to way-point and back the same way, forever.
+    """A path along way-points (m, 2) [m] and back the same way at a speed [m/s], forever.
 
-    It turns on the spot at each way-point.
-
-    Args:
-        route: (m, 2) way-points x, y [m], at least two different ones.
-        speed: Speed between them [m/s].
-
-    Raises:
-        InputError: The route has no length, or the speed is not positive.
-
-    Examples:
-        >>> import numpy as np
-        >>> from lrf3d.robot.laps import Patrol
-        >>> Patrol([(0, 0), (4, 0)], speed=2.0).at(np.array([1.0, 3.5])).round(2).tolist()
-        [[2.0, 0.0, 0.0], [2.0, 0.0, 3.14]]
+    It is straight, and turns on the spot at each way-point.
     """
 
     route: Float

@@ -10,7 +10,7 @@ that pass edges by more than about 1e-15 rad.
 import numpy as np
 
 from lrf3d.casting.kernels.buffer import ROOM
-from lrf3d.casting.kernels.tree import STACK, PlainTree, Tree
+from lrf3d.casting.kernels.tree import STACK, Plain, Tree
 from lrf3d.compiling import borrower, compiled
 from lrf3d.geometry import Float, Int
 
@@ -19,7 +19,7 @@ Vector = tuple[float, float, float]
 
 @compiled
 def cast_solid(
-    plain_tree: PlainTree, corners: Float, origins: Float, beams: Float, reach: float,
+    plain_tree: Plain, corners: Float, origins: Float, beams: Float, reach: float,
     distances: Float, hits: Int,
 ) -> None:  # fmt: skip
     """Fill in distances (n,) and triangles (n,) that beams (n, 3) meet first.
