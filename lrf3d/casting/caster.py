@@ -31,9 +31,6 @@ class PlanarCaster:
     same distance it is the first. The range is that distance, to within half a unit in its last
     place. Behind mirrors and through glass beams are followed in float64.
 
-    Raises:
-        InputError: The world is not a World.
-
     Examples:
         >>> import lrf3d
         >>> caster = lrf3d.PlanarCaster(lrf3d.World([[3, -5, 3, 5]]))

@@ -35,9 +35,6 @@ class EmbreeCaster(PlanarCaster):
             its walls. Level beams meet the triangles where these meet the plane at their height;
             the ends of such a cut are rounded to float64, but for upright edges, which are exact.
 
-    Raises:
-        InputError: It is neither.
-
     Examples:
         >>> import lrf3d
         >>> caster = lrf3d.EmbreeCaster(lrf3d.World([[3, -5, 3, 5]]))

@@ -41,14 +41,11 @@ def narrow_doors(space: FreeSpace) -> list[str]:
     steps = small.graph.tocoo()
     # So steep a cost makes the widest path the cheapest.
     steps.data = np.minimum(small.gaps[steps.row], small.gaps[steps.col]) ** -8.0
+    reached = np.flatnonzero(space.allowed[small.allowed])
     costs, before, _ = dijkstra(
-        steps.tocsr(),
-        indices=np.flatnonzero(space.allowed[small.allowed]),
-        min_only=True,
-        return_predecessors=True,
+        steps.tocsr(), indices=reached, min_only=True, return_predecessors=True
     )
-    doors: list[tuple[float, Float]] = []
-    rooms = 0
+    doors, rooms = list[tuple[float, Float]](), 0
     for room in missed:
         inside = np.flatnonzero(parts[small.allowed] == room)
         path = path_to(before, int(inside[np.argmin(costs[inside])]))
@@ -70,11 +67,9 @@ def narrow_doors(space: FreeSpace) -> list[str]:
         if usual < radius and 2.0 * (usual + MARGIN) + ground.size <= width
     ]
     what, verb = ("door", "is") if len(doors) == 1 else ("doors", "are")
-    rooms_missed = "1 room is" if rooms == 1 else f"{rooms} rooms are"
-    return [
-        f"{what} of {', '.join(named)}{more} {verb} too narrow for a robot of"
-        f" {2.0 * radius:.2f} m; {rooms_missed} not reached{''.join(fit[:1])}"
-    ]
+    narrow = f"{', '.join(named)}{more} {verb} too narrow for a robot of {2.0 * radius:.2f} m"
+    missing = "1 room is" if rooms == 1 else f"{rooms} rooms are"
+    return [f"{what} of {narrow}; {missing} not reached{''.join(fit[:1])}"]
 
 
 def _door(space: FreeSpace, place: Float) -> tuple[float, Float]:

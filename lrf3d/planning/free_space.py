@@ -121,10 +121,9 @@ class Ground:
         several = len(np.unique(objects[self.swept])) > 1
         high = maximum(world.heights[wall], parts, number) > DEFAULT_HEIGHT
         building = closed & (high | alone & several)
-        rooms, outdoors = (
-            len(np.unique(self.nearest[free & cells]))
-            for cells in (~self.swept & ~building[parts], self.swept)
-        )
+        indoors = ~self.swept & ~building[parts]
+        rooms = len(np.unique(self.nearest[free & indoors]))
+        outdoors = len(np.unique(self.nearest[free & self.swept]))
         # Otherwise it is a town, or a few walls in the open, which enclose hardly anything.
         substantial = rooms >= SUBSTANTIAL * outdoors
         return (self.swept, False) if substantial else (is_open[parts], True)

@@ -88,13 +88,9 @@ def _closings(ends: Float) -> Iterator[tuple[Int, Float]]:
     begin, length = ends[2 * wall], np.hypot(*(ends[2 * wall + 1] - ends[2 * wall]).T)
     growth, station, joint = _crossing(ends[end], outward[end], begin, along[2 * wall])
     within = (end // 2 != wall) & _may_grow(growth) & (station > 0.0) & (station < length)
-    pairs = np.concatenate(
-        [
-            np.column_stack([one, other])[meets | straight],
-            np.column_stack([end, end])[within],
-        ]
-    )
-    corners = np.concatenate([corner[meets | straight], joint[within]])
+    closes, twice = np.column_stack([one, other]), np.column_stack([end, end])
+    pairs = np.vstack([closes[meets | straight], twice[within]])
+    corners = np.vstack([corner[meets | straight], joint[within]])
     cost = np.where(straight, distance, np.maximum(np.abs(first), np.abs(second)))
     cost = np.append(cost[meets | straight], np.abs(growth[within]))
     # Corners of two ends come first: if one end met the side of the other wall, that wall's own end
