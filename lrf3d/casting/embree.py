@@ -118,9 +118,6 @@ class EmbreeCaster(PlanarCaster):
 
         Up to the first mirror or pane level layers are exact; all else is cast in float64.
 
-        Raises:
-            InputError: The world has no materials.
-
         Examples:
             >>> import lrf3d
             >>> walls = [[2, -1, 2, 1], [-1, -1, -1, 1]]

@@ -82,8 +82,7 @@ def float32_error(radius: float, distance: float) -> float:
 def triangles(walls: Float, along: Float, delta: float) -> Float:
     """Vertices (9 n, 3) of the plane and the two caps of each of the walls (n, 4).
 
-    Each is about as high as wide, as suits float32, and as wide as it must be at z = 0, where the
-    beams are.
+    Each is about as high as wide, as suits float32, and wide enough at z = 0, where the beams are.
     """
     length = np.hypot(along[:, 0], along[:, 1])[:, None]
     along = along / length

@@ -92,8 +92,7 @@ def as_noise(noise: Any) -> Noise:
         inspect.signature(noise).bind("scan", "rng")
     except (TypeError, ValueError):
         raise InputError(f"noise {shown(noise)}: expected a function of a scan and rng") from None
-    checked: Noise = noise
-    return checked
+    return noise  # type: ignore[no-any-return]
 
 
 @dataclass(frozen=True, slots=True)

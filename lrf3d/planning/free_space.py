@@ -33,14 +33,12 @@ SUBSTANTIAL = 0.7
 """Least length of the walls along rooms, as a share of those along the outside, for the robot to
 drive inside."""
 
-MARGIN = 0.05
-"""Distance [m] of the robot from walls that is needed, for what the follower is off the route."""
+MARGIN, COMFORT = 0.05, 0.3
+"""Distances [m] of the robot from walls: the least, for what the follower is off the route, and
+that which is kept where there is room."""
 
 THINNEST = 0.12
 """Radius [m] of the smallest usual robot, for which sides of walls and rooms are looked for."""
-
-COMFORT = 0.3
-"""Distance [m] of the robot from walls that is kept where there is room."""
 
 
 class Ground:

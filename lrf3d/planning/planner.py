@@ -184,8 +184,7 @@ def _fitting_radius(ground: Ground, where: Side | None, start: Float | None) -> 
 def _straightened(space: FreeSpace, legs: list[Int]) -> Float:
     """Way-points (m, 2) along the legs, straight as far as that costs no more than the legs.
 
-    From each way-point the straight line is drawn to place after place; the last one before it
-    costs more is the next way-point. The ends of the legs, which are lookouts, always stay.
+    The ends of the legs, which are lookouts, always stay.
     """
     waypoints = [space.places[legs[0][0]]]
     for leg in legs:

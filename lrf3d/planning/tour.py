@@ -18,10 +18,6 @@ BEAMS, HEADINGS = 360, 8
 TIGHT = 0.3
 """Factor of the worth of a lookout without comfort."""
 
-LEAST_WORTH, LEAST_GAIN = 0.02, 0.0005
-"""Least length of wall [m] that another metre must show, and least share of all that another
-lookout must."""
-
 SHORTEST_ROUTE, LONGEST_ROUTE = 20.0, 800.0
 """Shortest route [m], some seconds of driving: where a few steps show all walls, the robot also
 drives to the ends of the free space; and the longest one, some minutes."""
@@ -53,7 +49,8 @@ def find_tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
         worth[order] = 0.0
         worth[steps.sum() + detour > LONGEST_ROUTE] = 0.0
         best = int(np.argmax(worth))
-        if worth[best] < LEAST_WORTH:
+        # Another metre must show two centimetres of wall.
+        if worth[best] < 0.02:
             break
         order.insert(kept + int(np.argmin(detours[:, best])), best)
         order = _two_opt(order, metres[np.ix_(order, order)], kept)
@@ -114,7 +111,7 @@ def _cover(seen: Bool, weights: Float, appeal: Float) -> list[int]:
     """
     # As numbers they are summed ten times as fast as truth values are.
     shows, unseen = seen.astype(np.float32), weights.astype(np.float32)
-    least, chosen = LEAST_GAIN * float(unseen[seen.any(axis=0)].sum()), list[int]()
+    least, chosen = 0.0005 * float(unseen[seen.any(axis=0)].sum()), list[int]()
     # With a short range_max no wall may be visible. Between each two the cheapest path is found.
     while ((gains := appeal * (shows @ unseen)).max() > least and len(chosen) < 60) or not chosen:
         chosen.append(int(np.argmax(gains)))
@@ -144,10 +141,7 @@ def _length(space: FreeSpace, path: Int) -> float:
 
 
 def _look(positions: Float, world: World, range_max: float) -> tuple[Bool, Float]:
-    """Which pieces are seen (headings, k, pieces) from positions (k, 2) [m], and their weights.
-
-    A weight is about the length of a piece [m].
-    """
+    """Which pieces are seen (headings, k, pieces) from positions (k, 2), and their weights [m]."""
     # Farther away beams of 1° leave gaps.
     reach, last = min(range_max, 40.0), np.pi - 2.0 * np.pi / BEAMS
     lrf = LaserRangeFinder(-np.pi, last, beams=BEAMS, range_max=reach, height=0.0)

@@ -12,9 +12,6 @@ from lrf3d.pose import Pose
 from lrf3d.robot.following import distinct, follow_route
 from lrf3d.robot.trajectory import Trajectory
 
-LAP_TURN = 0.5
-"""Time that a turn on the spot takes [s]."""
-
 
 def drive_laps(
     route: Float, *, start: Pose | None, speed: float, lookahead: float, dt: float, most: int
@@ -83,7 +80,8 @@ class Patrol(Value):
         corners = np.vstack([points, points[-2::-1]])
         legs = np.diff(corners, axis=0)
         durations = np.hypot(legs[:, 0], legs[:, 1]) / self.speed
-        begins = np.append(0.0, np.cumsum(durations + LAP_TURN))
+        # A turn on the spot takes half a second.
+        begins = np.append(0.0, np.cumsum(durations + 0.5))
         laps = np.arange(int(since / begins[-1]), int(time / begins[-1]) + 1)
         # One pose where a leg begins and one where it ends; between legs it turns.
         times = np.column_stack([begins[:-1], begins[:-1] + durations]).ravel()

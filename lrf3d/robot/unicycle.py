@@ -117,8 +117,24 @@ def drive(
     pose = np.array(as_pose(start))
     if not (callable(v) or callable(omega)):
         return _chain_arcs(pose, numbers(v, "v"), numbers(omega, "omega"), duration, dt)
+    from scipy.integrate import solve_ivp
+
     seconds = number(duration, "duration", "seconds", positive=True)
-    return _integrate(pose, v, omega, seconds, dt, tolerance)
+    robot, speed, rate = Unicycle(), _function(v), _function(omega)
+    # Steps no longer than dt keep RK45 from skipping short pulses of the input.
+    solution = solve_ivp(
+        lambda t, state: robot.derivative(state, speed(t), rate(t)),
+        (0.0, seconds),
+        pose,
+        method="RK45",
+        t_eval=_sample_times(seconds, dt),
+        rtol=max(tolerance, 1e-13),  # SciPy warns about less, as float64 cannot reach it.
+        atol=tolerance,
+        max_step=dt,
+    )
+    if not solution.success or not np.isfinite(solution.y).all():
+        raise InputError(f"drive: the inputs cannot be integrated ({solution.message})")
+    return Trajectory(solution.t, solution.y.T)
 
 
 def _function(value: Input) -> Callable[[float], float]:
@@ -138,29 +154,6 @@ def _sample_times(duration: float, dt: float) -> Float:
     # Rounding must neither lose the last sample nor add one just before the end.
     times = np.arange(int(np.floor(duration / dt * (1.0 + 1e-12))) + 1) * dt
     return np.append(times if duration - times[-1] > 1e-9 * dt else times[:-1], duration)
-
-
-def _integrate(
-    start: Float, v: Input, omega: Input, duration: float, dt: float, tolerance: float
-) -> Trajectory:
-    from scipy.integrate import solve_ivp
-
-    robot, speed, rate = Unicycle(), _function(v), _function(omega)
-    times = _sample_times(duration, dt)
-    # Steps no longer than dt keep RK45 from skipping short pulses of the input.
-    solution = solve_ivp(
-        lambda t, state: robot.derivative(state, speed(t), rate(t)),
-        (0.0, duration),
-        start,
-        method="RK45",
-        t_eval=times,
-        rtol=max(tolerance, 1e-13),  # SciPy warns about less, as float64 cannot reach it.
-        atol=tolerance,
-        max_step=dt,
-    )
-    if not solution.success or not np.isfinite(solution.y).all():
-        raise InputError(f"drive: the inputs cannot be integrated ({solution.message})")
-    return Trajectory(times, solution.y.T)
 
 
 def _chain_arcs(

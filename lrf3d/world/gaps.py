@@ -14,11 +14,9 @@ from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.model import World
 from lrf3d.world.pieces import connected
 
-WIDEST = 0.4
-"""Widest gap [m] that is closed: half of a door."""
-
-OVERSHOOT = 0.3
-"""Largest length [m] of a wall beyond its corner, which is cut off."""
+WIDEST, OVERSHOOT = 0.4, 0.3
+"""Widest gap [m] that is closed, half of a door, and largest end of a wall beyond its corner [m],
+which is cut off."""
 
 STEP = 0.05
 """Distance [m] between the points of a closing piece that are compared with the free cells."""

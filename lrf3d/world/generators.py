@@ -6,6 +6,7 @@ Cities with any number of walls at one density serve benchmarks.
 import math
 from collections.abc import Callable
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -34,16 +35,11 @@ FACADES = np.array(
 )
 """Brick, sandstone, clay, slate and plaster, in 0…255."""
 
-BLOCK_SIDE = 20.0
-"""Distance between the centres of neighbouring buildings [m]."""
-
-PASSAGE = 2.6
-"""Distance between neighbouring walls of a maze [m]."""
+BLOCK_SIDE, PASSAGE = 20.0, 2.6
+"""Distances between the centres of buildings, and between neighbouring walls of a maze [m]."""
 
 Box = tuple[float, float, float, float]
 """The left, lower, right and upper side of a part of a plan [m]."""
-
-Colour = tuple[float, float, float]
 
 
 class FloorPlan:
@@ -69,7 +65,7 @@ class FloorPlan:
         for x in (0.0, wide):
             self.wall(x, 0.0, x, high)
 
-    def box(self, kind: str, corner: Float, size: Float, height: float, colour: Colour) -> None:
+    def box(self, kind: str, corner: Float, size: Float, height: float, colour: Any) -> None:
         """Add furniture of a size (2,) [m] with its lower left corner (2,) [m]."""
         points = np.round(corner + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * size, 3)
         name = f"{kind} {len(self.boxes)}"
@@ -100,9 +96,6 @@ def generate(kind: str, *, size: float | None = None, seed: int = 0) -> World:
         kind: ``city``, ``maze``, ``office`` or ``rooms``.
         size: Approximate width [m].
         seed: The same seed gives the same world.
-
-    Raises:
-        InputError: There is no such kind, or the size is out of bounds.
     """
     if kind not in KINDS:
         raise InputError(f"{kind}: unknown kind of world; known are {', '.join(KINDS)}")

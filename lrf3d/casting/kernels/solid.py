@@ -24,9 +24,8 @@ def cast_solid(
 ) -> None:  # fmt: skip
     """Fill in distances (n,) and triangles (n,) that beams (n, 3) meet first.
 
-    Origins (n, 3) are those of the beams; of (1, 3) the one is that of all.
-    Corners (m, 3, 3) are those of the triangles, in the order of the tree that stands over them in
-    plan. Of triangles at the same distance it is the first. Some may be found beyond reach [m].
+    Origins (n, 3) are those of the beams; of (1, 3) the one is that of all. Corners (m, 3, 3) are
+    in the order of the tree. Of triangles at the same distance the first is met.
     """
     tree = Tree(*plain_tree)
     stack, nears = np.empty(STACK, np.int64), np.empty(STACK)
