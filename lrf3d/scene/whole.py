@@ -32,10 +32,10 @@ _FIELD = float(np.radians(34.0))
 _STEEP, _STEEP_INDOOR = float(np.radians(42.0)), float(np.radians(56.0))
 """How steeply it looks down [rad]: more into rooms, so that near walls hide less."""
 
-_SIDES = np.radians([-112.0, -22.0, -67.0])
-"""Where it may stand [rad]: from each, two sides of houses are seen on which the sun shines."""
+_SIDES = np.radians(np.arange(-100.0, 0.0, 15.0))
+"""Where it may stand [rad]: on the side of the sun, so that walls are seen on which it shines."""
 
-_DRIFT, _LONGEST = np.radians(1.2), 20.0
+_DRIFT, _LONGEST = np.radians(0.6), 20.0
 """Angle per second of the film [rad/s] by which it goes round, and for how many seconds before and
 after its middle: long films do not end at the back."""
 
@@ -57,9 +57,8 @@ def overview(
     def track(aspect: float) -> Track:
         shape = steep, _FIELD, aspect, free_below
         # From the side from which the whole is as large as from any.
-        sides = [_fit(corners, times[:1], np.array([side]), *shape) for side in _SIDES]
-        side = min(sides, key=lambda track: float(track.aways[0])).turns[0]
-        return _fit(corners, times, side + _DRIFT * passed, *shape)
+        sides = (_fit(corners, times, side + _DRIFT * passed, *shape) for side in _SIDES)
+        return min(sides, key=lambda track: float(track.aways.mean()))
 
     return Tracked(track, {"cuts": True, "plan": False, "shot": "whole"})
 
