@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import Float, Int, Value, sealed
 from lrf3d.laser import LaserRangeFinder, LaserScan
+from lrf3d.laser.scan import LIGHT
 from lrf3d.mapping import LineMap
 from lrf3d.mapping.tracking import ObjectTracker, numbers_by_truth
 from lrf3d.notebook import Pictured, Video
@@ -30,10 +31,6 @@ if TYPE_CHECKING:
 MAP_SNAPSHOTS = 100
 """Largest number of map snapshots of a run by default: enough for a film, and each takes the mapper
 some hundredths of a second."""
-
-
-LIGHT = ("intensities", "echoes", "echo_intensities")
-"""Attributes of scans and runs that hold what is known of the light."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,8 +158,7 @@ class Run(Value, Pictured):
         if not tracked:
             return ()
         world = self.world
-        objects = joined_objects(world)
-        known = numbers_by_truth(tracked[-1], self.map, world.segments, objects)
+        known = numbers_by_truth(tracked[-1], self.map, world.segments, joined_objects(world))
         lasting = np.array([known.get(n, -1) for n in range(tracker.count)], np.int64)
         unknown = np.flatnonzero(lasting < 0)
         lasting[unknown] = world.object_count + np.arange(len(unknown))
@@ -218,10 +214,6 @@ class Run(Value, Pictured):
 
         Options are ``size`` (width and height, 1280 × 720), ``view``, ``samples``, ``playback`` and
         ``renderer``; see :func:`lrf3d.render_video`.
-
-        Raises:
-            InputError: An option is invalid, or the time is not in the run.
-            MissingLibraryError: OpenGL is asked for, or is there, and cannot draw.
 
         Examples:
             >>> import lrf3d

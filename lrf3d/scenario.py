@@ -7,7 +7,6 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -74,7 +73,6 @@ class Scenario(Value):
         radius: Radius of the robot [m].
         mapper: Keyword arguments of the LineMapper.
         film: The default settings of its film.
-        name: Name in files and pictures.
 
     Examples:
         >>> import lrf3d
@@ -99,7 +97,7 @@ class Scenario(Value):
     scan_interval: float = SCAN_INTERVAL
     lookahead: float = LOOKAHEAD
     radius: float = RADIUS
-    mapper: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+    mapper: Mapping[str, Any] = field(default_factory=dict)
     film: FilmPlan = USUAL_FILM
     name: str = ""
 
@@ -115,10 +113,6 @@ class Scenario(Value):
         elif self.route is not None:
             drive = f"a route of {len(self.route)} way-points"
         return f"Scenario({self.name!r}, {self.world!r}, {self.lrf.beams} beams, {drive})"
-
-    def __deepcopy__(self, memo: object) -> "Scenario":
-        # Gymnasium copies scenarios; they are immutable.
-        return self
 
     @property
     def sigmas(self) -> tuple[float, ...]:
@@ -219,7 +213,7 @@ class Scenario(Value):
         on_collision: Callable[[str], None] | None = None,
         **changes: Any,
     ) -> "Simulation":
-        """The simulation of ``lrf3d run``, step by step; the same seed gives the same numbers.
+        """The simulation of ``lrf3d run``; the same seed gives the same numbers.
 
         Args:
             drive: A trajectory, poses (k, 3) a second apart or a controller instead of the route.
@@ -234,9 +228,6 @@ class Scenario(Value):
             on_collision: Called with the message of a collision, after which the drive continues;
                 walls do not stop a controller then. If not given, a collision is an error.
             **changes: Other values of any field of the Scenario.
-
-        Raises:
-            CollisionError: The drive would hit a wall.
         """
         # Imported here, so that films and figures do not load the compiler.
         from lrf3d.simulation import Simulation, line_mapper
@@ -356,7 +347,7 @@ def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
         noise=imperfect(sigma, lrf, **noise),
         compared=tuple(compared),
         obstacles=tuple(obstacles),
-        mapper=MappingProxyType(tables["mapper"]),
+        mapper=tables["mapper"],
         film=film,
         name=own_name(file.path, file.world.name),
         **robot,

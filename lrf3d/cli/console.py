@@ -5,11 +5,9 @@ import logging
 import sys
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar
-
-import typer
+from typing import Any
 
 from lrf3d.errors import Lrf3dWarning, one_line
 from lrf3d.interrupts import check
@@ -21,19 +19,14 @@ Rows = Sequence[tuple[str, str]]
 
 @dataclass(frozen=True)
 class Report:
-    """What a command prints: a summary, one JSON value or nothing; notes and progress on stderr.
+    """What a command prints: a summary, one JSON value or nothing; notes and progress on stderr."""
 
-    Options:
-        json: Print one JSON object and nothing else.
-        quiet: Print no summary, notes and progress.
-        verbose: Print all figures, too, as JSON.
-    """
-
-    title: ClassVar[str | None] = None
-    context: typer.Context
-    json: bool = False
-    quiet: Annotated[bool, typer.Option("--quiet", "-q")] = False
-    verbose: Annotated[bool, typer.Option("--verbose", "-v")] = False
+    command: str
+    json: bool
+    quiet: bool
+    verbose: bool
+    until_end: ExitStack
+    """What is held until the command ends."""
 
     @property
     def shows(self) -> bool:

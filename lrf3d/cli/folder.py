@@ -89,10 +89,10 @@ def results_folder(
         else os.path.relpath(os.path.realpath(source), os.path.realpath(folder))
         for source in sources
     ]
-    made_by = {"command": report.context.info_name, "sources": named}
+    made_by = {"command": report.command, "sources": named}
     summary = folder / "summary.json"
     if alone:
-        report.context.with_resource(locked(folder / "results", folder))
+        report.until_end.enter_context(locked(folder / "results", folder))
         if not summary.exists():
             # What is written before a command is stopped has its origin, too.
             write_text(summary, json_text({"made_by": made_by}))

@@ -25,7 +25,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
@@ -48,8 +48,9 @@ TYPES = (SCAN, ODOMETRY, POSE, UNSURE_POSE, TRANSFORMS)
 STATIC_FRAMES = "/tf_static"
 """The topic of constant transforms."""
 
-LARGEST_METADATA = 1 << 19
-"""Largest metadata.yaml [bytes], of some thousand files: rosbags needs seconds to read it."""
+METADATA, LARGEST_METADATA = "metadata.yaml", 1 << 19
+"""What describes a bag of several files, and its largest size [bytes], for some thousand of them:
+rosbags needs seconds to read it."""
 
 LEAST_UPRIGHT = np.cos(np.radians(15.0))
 """Least cosine of the tilt of a laser; one that is tilted more does not scan in the plane."""
@@ -102,13 +103,12 @@ def _opened(path: Path) -> Iterator[tuple[Any, Any]]:
     except ImportError:
         raise missing_rosbags(path) from None
     if path.is_dir():
-        metadata = path / "metadata.yaml"
-        if not metadata.exists():
-            raise InputError(f"{path}: a folder without metadata.yaml or run.npz, expected a log")
-        check_ordinary(metadata, what="a file of a ROS 2 bag", largest=LARGEST_METADATA)
+        if not (path / METADATA).exists():
+            raise InputError(f"{path}: a folder without {METADATA} or run.npz, expected a log")
         for part in path.iterdir():
             if not part.is_dir():
-                check_ordinary(part, what="a file of a ROS 2 bag")
+                largest = LARGEST_METADATA if part.name == METADATA else None
+                check_ordinary(part, what="a file of a ROS 2 bag", largest=largest)
     else:
         check_ordinary(path, what="a ROS 2 bag")
     try:
@@ -116,7 +116,7 @@ def _opened(path: Path) -> Iterator[tuple[Any, Any]]:
         reader.open()
     except Exception as error:
         # A damaged file may raise any exception in the reader.
-        _refuse(path, error)
+        raise _damaged(path, error) from None
     try:
         if reader.compression_mode == "message":
             raise InputError(
@@ -133,7 +133,7 @@ def _messages(path: Path, reader: Any, wanted: list[Any]) -> Iterator[tuple[Any,
         for connection, _, data in reader.messages(wanted):
             yield connection, data
     except Exception as error:
-        _refuse(path, error)
+        raise _damaged(path, error) from None
 
 
 def missing_rosbags(path: Path) -> MissingLibraryError:
@@ -141,8 +141,8 @@ def missing_rosbags(path: Path) -> MissingLibraryError:
     return missing_extra(f"{path}: ROS bags need rosbags", "ros")
 
 
-def _refuse(path: Path, error: Exception) -> NoReturn:
-    raise InputError(f"{path}: not a ROS 2 bag or damaged ({_short(error)})") from None
+def _damaged(path: Path, error: Exception) -> InputError:
+    return InputError(f"{path}: not a ROS 2 bag or damaged ({_short(error)})")
 
 
 def _short(error: Exception) -> str:

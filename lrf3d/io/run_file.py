@@ -19,9 +19,10 @@ from lrf3d.errors import InputError
 from lrf3d.files import check_ordinary
 from lrf3d.io.npz import DAMAGES, Array, read_arrays, write_npz
 from lrf3d.laser import LaserRangeFinder
+from lrf3d.laser.scan import LIGHT
 from lrf3d.mapping import LineMap
 from lrf3d.robot import EstimatedTrajectory, Trajectory
-from lrf3d.run import LIGHT, Run
+from lrf3d.run import Run
 from lrf3d.world import World
 from lrf3d.world.cameras import FilmPlan, FixedCamera
 from lrf3d.world.materials import material_of, material_value

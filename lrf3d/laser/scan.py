@@ -20,8 +20,8 @@ from lrf3d.laser.ros_scan import Stamp, even_spread, read_ros_scan
 from lrf3d.notebook import Pictured
 from lrf3d.pose import Pose, as_pose
 
-LIGHT = (("intensities", 1, 0.0), ("echoes", 2, np.inf), ("echo_intensities", 2, 0.0))
-"""What a scan has of the light: name, number of axes, and what stands for nothing."""
+LIGHT = {"intensities": (1, 0.0), "echoes": (2, np.inf), "echo_intensities": (2, 0.0)}
+"""What a scan has of the light: the number of axes, and what stands for nothing, by attribute."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -122,7 +122,7 @@ class LaserScan(Value, Pictured):
                 f"scan with the angle {angles[beam]:g} of beam {beam}: expected radians from"
                 f" −{LARGEST_ANGLE:g} to {LARGEST_ANGLE:g}"
             )
-        for name, axes, nothing in LIGHT:
+        for name, (axes, nothing) in LIGHT.items():
             if (values := getattr(self, name)) is not None:
                 self.__dict__[name] = _of_beams(values, len(angles), name, axes, nothing)
         if self.pose_covariance is not None:
@@ -167,7 +167,7 @@ class LaserScan(Value, Pictured):
             time_increment=lrf.time_increment,
         )
         if light:
-            for (name, *_), values in zip(LIGHT, light, strict=False):
+            for name, values in zip(LIGHT, light, strict=False):
                 if values is not None:
                     scan.__dict__[name] = sealed(values)
         return scan

@@ -19,8 +19,8 @@ from typing import Any
 
 from lrf3d.casting import PlanarCaster
 from lrf3d.cores import core_count, process_pool, results
-from lrf3d.errors import InputError, Lrf3dError, OutputError, missing_extra
-from lrf3d.files import locked, make_folder
+from lrf3d.errors import InputError, Lrf3dError, missing_extra
+from lrf3d.files import locked, make_folder, writing
 from lrf3d.interrupts import check, noting, stoppable
 from lrf3d.progress import Progress, silent
 from lrf3d.run import Run
@@ -153,11 +153,8 @@ def known_rows(plan: Plan, folder: Path) -> dict[str, Row]:
 def _append(rows: Sequence[Row], path: Path) -> None:
     """Append rows to a file, where they are even if this process is killed afterwards."""
     text = "".join(json.dumps(row, allow_nan=False) + "\n" for row in rows)
-    try:
-        with path.open("ab") as file:
-            file.write(text.encode())
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written: {error.strerror}") from error
+    with writing(path, "make room"), path.open("ab") as file:
+        file.write(text.encode())
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from lrf3d.errors import InputError, OutputError, WorldError
-from lrf3d.files import check_ordinary, worlds_folder
+from lrf3d.files import check_ordinary, data_folder
 from lrf3d.world.model import World
 from lrf3d.world.schema import at
 
@@ -143,7 +143,7 @@ def world_names() -> list[str]:
         >>> lrf3d.world_names()
         ['city', 'corridor', 'glass_office', 'mirror_hall', 'paper_room', 'warehouse']
     """
-    return sorted(path.stem for path in worlds_folder().glob("*.toml"))
+    return sorted(path.stem for path in data_folder("worlds").glob("*.toml"))
 
 
 def find_world(name_or_path: str | Path) -> Path:
@@ -153,7 +153,7 @@ def find_world(name_or_path: str | Path) -> Path:
     """
     names, known = world_names(), ", ".join(READERS)
     if isinstance(name_or_path, str) and name_or_path in names:
-        return worlds_folder() / f"{name_or_path}.toml"
+        return data_folder("worlds") / f"{name_or_path}.toml"
     path = Path(name_or_path)
     near = get_close_matches(path.stem, names, n=1)
     suggestion = f"; did you mean {near[0]!r}?" if near else ""

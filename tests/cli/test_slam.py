@@ -156,7 +156,6 @@ def test_known_errors_are_one_line(log, tmp_path):
     for arguments in (
         ("slam", tmp_path / "missing.log"),
         ("slam", log, "--relations", bad, "--out", tmp_path / "out"),
-        ("slam", log, "--key-distance", "-1", "--out", tmp_path / "out"),
     ):
         done = program(*arguments)
         assert (done.returncode, done.stdout) == (1, "")

@@ -138,8 +138,8 @@ def test_all_bad_lines_are_counted_and_the_first_few_named(tmp_path):
 @pytest.mark.parametrize(
     ("limit", "value", "text"),
     [
-        ("MOST_IDLE_LINES", 1000, b"ODOM 1\n" * 1001),
-        ("MOST_BYTES", 1 << 22, bytes(1 << 23)),
+        ("MOST_IDLE_BYTES", 6000, b"ODOM 1\n" * 1001),
+        ("MOST_IDLE_BYTES", 1 << 22, bytes(1 << 23)),
         ("MOST_READINGS", 5, b"FLASER 3 1 2 3 0 0 0 0 0 0 0 host 0\n" * 2),
     ],
 )
