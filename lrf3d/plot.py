@@ -25,10 +25,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cbook import normalize_kwargs
 from matplotlib.collections import LineCollection, PathCollection, PolyCollection
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.markers import MarkerStyle
 from matplotlib.path import Path
@@ -44,7 +42,7 @@ from lrf3d.run import Run
 from lrf3d.scene.estimate import BELIEVED, TRUTH, kept_ellipses, outlines
 from lrf3d.scene.look import DART, ESTIMATE_COLOUR, ESTIMATE_FADED, object_tints
 from lrf3d.scene.structures import Sight
-from lrf3d.sheet import FAINT, INK, dressed, plain
+from lrf3d.sheet import FAINT, INK, dressed, plain, sheet
 from lrf3d.world import World
 
 __all__ = ["estimate", "map", "png", "points", "run", "scan", "trajectory", "world"]
@@ -232,16 +230,14 @@ def paths(poses: Float, believed: EstimatedTrajectory | None, ax: Axes) -> Axes:
 def png(value: World | LineMap | LaserScan | Run) -> bytes:
     """A small picture of a value as a PNG file, which notebooks show for it; pyplot is not used."""
     draw = next(function for kind, function in _PLOTS.items() if isinstance(value, kind))
-    figure = Figure(figsize=(PICTURE, PICTURE), dpi=100, facecolor="white", layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = sheet(PICTURE, PICTURE)
     ax = draw(value, dressed(figure.add_subplot()))
     ax.set_aspect("equal", adjustable="box")
-    width, height = np.maximum(ax.dataLim.size if ax.has_data() else (1.0, 1.0), 1e-9)
-    if ax.has_data():
-        figure.set_size_inches(PICTURE * np.clip((width / height, height / width), 0.3, 1.0)[::1])
+    size = np.maximum(ax.dataLim.size, 1e-9) if ax.has_data() else np.ones(2)
+    figure.set_size_inches(*(PICTURE * np.clip(size / size[::-1], 0.3, 1.0)))
     ax.set_title(fill(plain(repr(value)), 60), loc="left", color=FAINT, fontsize=7)
     file = BytesIO()
-    figure.savefig(file, format="png", bbox_inches="tight", pad_inches=0.08)
+    figure.savefig(file, format="png", dpi=100, bbox_inches="tight", pad_inches=0.08)
     return file.getvalue()
 
 

@@ -234,31 +234,30 @@ class Scenario(Value):
 
         if isinstance(mapper, Mapping):
             mapper, changes = None, {**changes, "mapper": mapper}
-        scenario = self.changed(**changes)
-        driven: Any = drive
-        arguments: dict[str, Any] = {}
-        if callable(getattr(driven, "command", None)):
+        scenario, controlled = self.changed(**changes), dict[str, Any]()
+        if drive is None:
+            scenario = scenario.with_route()
+            drive = scenario.trajectory(scans=scans, on_collision=on_collision)
+        elif callable(getattr(drive, "command", None)):
+            scans = CONTROLLED_SCANS if scans is None else scans
+            scans = whole_number(scans, "scans", most=MOST_SCANS)
             start = (0.0, 0.0, 0.0) if scenario.poses is None else scenario.poses[0]
-            arguments = {
+            controlled = {
                 "start": start if scenario.start is None else scenario.start,
                 "scan_interval": scenario.scan_interval,
-                "scans": CONTROLLED_SCANS if scans is None else scans,
                 "radius": scenario.radius if on_collision is None else None,
             }
-            whole_number(arguments["scans"], "scans", most=MOST_SCANS)
-        elif driven is None:
-            scenario = scenario.with_route()
-            driven = scenario.trajectory(scans=scans, on_collision=on_collision)
-        else:
-            arguments = {"scans": scans}
         usual = scenario.noise if sigma is None else at_sigma(scenario.noise, sigma)
-        # The mapper is set up for the noise whose spread is known: that of the sigma, if given.
-        known = usual if noise is None or sigma is not None or not spread_of(noise) else noise
-        settings = {**scenario.mapper, **({} if mode is None else {"mode": mode})}
-        arguments |= {"caster": caster, "rng": rng, "obstacles": scenario.obstacles}
-        arguments["noise"] = usual if noise is None else noise
-        arguments["mapper"] = line_mapper(known, **settings) if mapper is None else mapper
-        made = Simulation(scenario.world, driven, scenario.lrf, **arguments)
+        if mapper is None:
+            # It is set up for the noise whose spread is known: that of the sigma, if given.
+            known = usual if noise is None or sigma is not None or not spread_of(noise) else noise
+            settings = {**scenario.mapper, **({} if mode is None else {"mode": mode})}
+            mapper = line_mapper(known, **settings)
+        made = Simulation(
+            scenario.world, drive, scenario.lrf, caster=caster, rng=rng, scans=scans,
+            noise=usual if noise is None else noise, mapper=mapper,
+            obstacles=scenario.obstacles, **controlled,
+        )  # fmt: skip
         made.film = scenario.film
         return made
 

@@ -65,7 +65,7 @@ def page(name: str) -> str:
             example = text.removeprefix("Example: ")
             lines += [text if example == text else f"```sh\n{example}\n```", ""]
             continue
-        lines += [f"| {title.rstrip(':').lower()} | value | default | |", "|---|---|---|---|"]
+        lines += [f"| {title.lower()} | value | default | |", "|---|---|---|---|"]
         lines += [f"| {' | '.join(row(option))} |" for option in options]
         lines.append("")
     return "\n".join([*lines, ""])

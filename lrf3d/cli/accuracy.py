@@ -58,7 +58,7 @@ def localise(scenario: Scenario, args: Namespace, report: Report) -> None:
         {"name": scenario.name, "sigma_m": sigma, "odometry_noise": noise, **score},
         [
             ("known", f"{score['lines']} lines: the {args.known} of {scenario.name}"),
-            ("drives", f"{score['seeds']} of {score['scans']} scans"),
+            ("drives", f"{score['seeds']}, of {score['scans']} scans each"),
             ("position", f"{score['mean_position_error_m']:.4f} m off on average, at most"
                          f" {score['largest_position_error_m']:.3f} m"),
             ("heading", f"{score['mean_heading_error_deg']:.4f}° off on average"),

@@ -233,7 +233,7 @@ Example: lrf3d world convert plan.dxf plan.toml""",
     "world generate": f"""\
 Generate a world that a robot can drive in.
 
-KIND city|maze|office|rooms: Kind of world.
+KIND city|maze|office|rooms: Kind of world: city, maze, office or rooms.
 -o --out FILE: The file to write: .toml, .geojson, .glb or .yaml (required).
 {SEED}
 --size M: Approximate width [m]; depends on the kind if not given.

@@ -13,6 +13,7 @@ from lrf3d.render.gl import require_gl
 from lrf3d.render.video import frame, render_video, save_png
 from lrf3d.run import Run
 from lrf3d.scene.stage import stage_of
+from lrf3d.text import counted
 
 _LARGE, _SMALL = (1280, 720), (640, 360)
 """Sizes [pixels] of films for players, and of films that are drawn slowly or shared."""
@@ -47,7 +48,10 @@ def render(run: Run, args: Namespace, report: Report) -> None:
         {"video": str(path), "drawn": drawn},
         [
             ("film", str(path)),
-            ("drawn", f"{drawn['frames']} frames of {'x'.join(map(str, drawn['size']))}"),
+            (
+                "drawn",
+                f"{counted(drawn['frames'], 'frame')} of {'x'.join(map(str, drawn['size']))}",
+            ),
             ("time", f"{drawn['seconds']:.1f} s, {each:.0f} ms each by {by}"),
         ],
     )

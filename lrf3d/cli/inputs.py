@@ -11,24 +11,29 @@ from lrf3d.cli.plugins import load_plugin
 from lrf3d.errors import InputError
 from lrf3d.io import LaserLog, load_run
 from lrf3d.io.reading import is_run, load_log, odometry_of
-from lrf3d.run import Run
 from lrf3d.scenario import Scenario, read_scenario_file, scenario_of
-from lrf3d.world import World, load_world
 from lrf3d.world.cameras import check_view
-from lrf3d.world.files import find_world, is_picture
 from lrf3d.world.size import size_warning
+from lrf3d.world.toml_file import WorldFile
 
 if TYPE_CHECKING:
     from lrf3d.planning.free_space import Side
 
 
-def read_world(args: Namespace) -> Scenario:
-    """Read a world, and warn if its size is implausible."""
-    file = read_scenario_file(args.world, resolution=args.resolution)
-    scenario = scenario_of(file.scaled(args.scale), getattr(args, "set", None) or ())
-    if warning := size_warning(scenario.world):
-        warn(f"{args.world}: {warning}")
-    return scenario
+def read_world(args: Namespace) -> Scenario | None:
+    """Read a world with its settings; None if none is named, or a run."""
+    if args.world is None or (args.command == "view" and is_run(args.world)):
+        return None
+    file = read_file(args.world, args.resolution, args.scale)
+    return scenario_of(file, getattr(args, "set", None) or ())
+
+
+def read_file(name: str, resolution: float | None = None, scale: float = 1.0) -> WorldFile:
+    """Read a world file, and warn if its size is implausible."""
+    file = read_scenario_file(name, resolution=resolution).scaled(scale)
+    if warning := size_warning(file.world):
+        warn(f"{name}: {warning}")
+    return file
 
 
 def read_run_parts(args: Namespace) -> tuple[Scenario, dict[str, Any]]:
@@ -37,32 +42,10 @@ def read_run_parts(args: Namespace) -> tuple[Scenario, dict[str, Any]]:
         raise InputError("--inside, --outside: a controller drives, so no route is planned")
     if args.slam and (args.mapper or args.mode):
         raise InputError("--slam: it is a mapper itself; leave out --mapper and --mode")
-    scenario = read_world(args)
+    scenario = scenario_of(read_file(args.world, args.resolution, args.scale), args.set or ())
     check_view(args.view or scenario.film.view, scenario.world.cameras)
     kinds = [kind for kind in ("mapper", "controller", "noise") if vars(args)[kind] is not None]
     return scenario, {kind: load_plugin(kind, vars(args)[kind]) for kind in kinds}
-
-
-def read_run(args: Namespace) -> Run:
-    """Read a run, which is named by its folder or by its file."""
-    return load_run(args.run)
-
-
-def read_shown(args: Namespace) -> Scenario | None:
-    """Read the world to drive in; None if a run is to be played."""
-    args.world = args.run_world
-    return None if is_run(args.world) else read_world(args)
-
-
-def read_described(args: Namespace) -> Scenario | None:
-    """Read the world to describe, if one is named."""
-    return None if args.world is None else read_world(args)
-
-
-def read_converted(args: Namespace) -> World:
-    """Read the world to convert."""
-    resolution = args.resolution if is_picture(args.from_) else None
-    return load_world(args.from_, trees=args.trees, resolution=resolution).scaled(args.scale)
 
 
 def read_log(args: Namespace) -> LaserLog:
@@ -73,14 +56,11 @@ def read_log(args: Namespace) -> LaserLog:
     )
 
 
-def read_mappers(args: Namespace) -> dict[str, Any] | None:
-    """Find the worlds of a sweep, and import the user's own mappers, by their labels."""
-    for world in args.world:
-        find_world(world)
-    names = {
-        name: load_plugin("mapper", name) if ":" in name else name for name in args.mapper or ()
-    }
-    return names or None
+def read_sweep(args: Namespace) -> tuple[list[WorldFile], dict[str, Any]]:
+    """Read the worlds of a sweep, and import the user's own mappers, by their labels."""
+    files = [read_file(name) for name in args.world]
+    names = args.mapper or ()
+    return files, {name: load_plugin("mapper", name) if ":" in name else name for name in names}
 
 
 def side_of(args: Namespace) -> "Side | None":
@@ -99,30 +79,29 @@ def routed(scenario: Scenario, args: Namespace, report: Report) -> Scenario:
     """Plan a route through a world that has none and needs one."""
     where = side_of(args)
     scenario = scenario.with_route(where=where, say=warn)
-    if scenario.planned is None and where is not None:
-        raise InputError(f"--{where}: {args.world} has its own route or poses, so none is planned")
-    if scenario.planned is not None and scenario.world.free is not None:
-        report.note("the route is planned in the cells that the map shows to be free")
-    elif scenario.planned is not None:
-        other = "outside" if scenario.planned == "inside" else "inside"
-        report.note(
-            f"the route is planned {scenario.planned} the walls; --{other} plans it {other}"
-        )
+    side, name = scenario.planned, scenario.name
+    if side is None and where is not None:
+        raise InputError(f"--{where}: {name} has its own route or poses, so none is planned")
+    if side is not None and scenario.world.free is not None:
+        report.note(f"{name}: the route is planned in the cells that the map shows to be free")
+    elif side is not None:
+        other = "outside" if side == "inside" else "inside"
+        report.note(f"{name}: the route is planned {side} the walls; --{other} plans it {other}")
     return scenario
 
 
 COMMANDS: dict[str, tuple[Callable[[Namespace], Any], str]] = {
     "run": (read_run_parts, "run:run"),
-    "render": (read_run, "film:render"),
-    "view": (read_shown, "runs:view"),
-    "export": (read_run, "runs:export"),
+    "render": (lambda args: load_run(args.run), "film:render"),
+    "view": (read_world, "runs:view"),
+    "export": (lambda args: load_run(args.run), "runs:export"),
     "crosscheck": (read_world, "accuracy:crosscheck"),
     "map": (read_log, "logs:map_"),
     "slam": (read_log, "logs:slam"),
     "localise": (read_world, "accuracy:localise"),
-    "sweep": (read_mappers, "sweep:sweep"),
-    "world show": (read_described, "world:show"),
-    "world convert": (read_converted, "world:convert"),
+    "sweep": (read_sweep, "sweep:sweep"),
+    "world show": (read_world, "world:show"),
+    "world convert": (lambda args: None, "world:convert"),
     "world generate": (lambda args: None, "world:generate"),
 }
 """What reads the input of a command, and the module and the function of the command, which gets it

@@ -1,7 +1,7 @@
 """``lrf3d map`` and ``lrf3d slam``: recorded logs, with known poses and with odometry alone."""
 
 from argparse import Namespace
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -12,7 +12,6 @@ from lrf3d.cli.console import Report, warn
 from lrf3d.cli.folder import results_folder
 from lrf3d.io import LaserLog, save_run
 from lrf3d.io.trajectory_files import load_relations, save_tum
-from lrf3d.laser.free_space import distinct_poses, free_cells
 from lrf3d.mapping import save_map
 from lrf3d.progress import Progress
 from lrf3d.recorded import SolvedLog, map_log, solve_log
@@ -44,7 +43,7 @@ def map_(log: LaserLog, args: Namespace, report: Report) -> None:
         share = f"{100.0 * score.explained:.1f} % of the {score.returns:,} returns of the odd scans"
         rows.append(("explains", f"{share}, which it was not built from"))
     rows.append(("time", f"{milliseconds():.2f} ms a scan"))
-    _finish(args, report, run, range(len(run)), summary, rows, "run {}/map.geojson", {})
+    _finish(args, report, run, run, summary, rows, "run {}/map.geojson", {})
 
 
 def slam(log: LaserLog, args: Namespace, report: Report) -> None:
@@ -58,11 +57,12 @@ def slam(log: LaserLog, args: Namespace, report: Report) -> None:
     for sentence in solved.warnings:
         warn(sentence)
     summary = {**solved.summary(), "score": score, "milliseconds_a_scan": milliseconds()}
+    run = solved.run
     _finish(
-        args, report, solved.run, solved.slam.key_scans.tolist(),
-        summary, _slam_rows(solved, summary), "view {}",
+        args, report, run, run.part(solved.slam.key_scans), summary, _slam_rows(solved, summary),
+        "view {}",
         {
-            "run.npz": lambda path: save_run(solved.run, path),
+            "run.npz": lambda path: save_run(run, path),
             "trajectory.tum": lambda path: save_tum(log.odometry.times, solved.line_poses, path),
         },
     )  # fmt: skip
@@ -83,26 +83,24 @@ def _finish(
     args: Namespace,
     report: Report,
     run: Run,
-    mapped: Sequence[int],
+    mapped: Run,
     summary: dict[str, Any],
     rows: list[tuple[str, str]],
     following: str,
     files: Mapping[str, Callable[[Path], None]],
 ) -> None:
-    """Write the map of a drive, which some of its scans made, and other results, and print them."""
-    scans = [run.scan(number) for number in mapped]
-    distinct = distinct_poses(run.trajectory.poses[mapped])
+    """Write the map of a run, which a part of it made, and other results, and print them."""
 
     def draw(picture: Path) -> None:
         from lrf3d.render.figures import draw_map
 
         draw_map(
-            run.map, picture, points=np.vstack([scan.points() for scan in scans]),
+            run.map, picture, points=np.vstack([scan.points() for scan in mapped.scans]),
             poses=run.trajectory.poses, estimate=run.estimate, title=run.world.name,
         )  # fmt: skip
 
     output = results_folder(report, [args.log], run.world.name, args.out)
-    save_map(run.map, output.path / "map.geojson", free=free_cells([scans[k] for k in distinct]))
+    save_map(run.map, output.path / "map.geojson", free=mapped.free_cells())
     for name, save in files.items():
         save(output.path / name)
     output.finish(

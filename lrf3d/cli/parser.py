@@ -1,20 +1,19 @@
 """From the words of a command line to the values of its options, after the command's help page."""
 
+import argparse
 import math
 import re
 import sys
-import textwrap
-from argparse import ArgumentParser, ArgumentTypeError, BooleanOptionalAction, Namespace
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from keyword import iskeyword
 from pathlib import Path
-from shutil import get_terminal_size
 from typing import Any, NamedTuple, NoReturn
 
 from lrf3d.cli.commands import COMMANDS, OUTPUT
 from lrf3d.cli.console import say
 from lrf3d.errors import InputError, check_names, shown
+from lrf3d.text import table
 
 NUMBERS: dict[str, tuple[Callable[[str], float], float, float]] = {
     "N": (int, 1, math.inf),
@@ -54,7 +53,7 @@ def run_command(words: Sequence[str]) -> int | None:
     return start(args)
 
 
-def parse(words: Sequence[str]) -> Namespace:
+def parse(words: Sequence[str]) -> argparse.Namespace:
     """The name of the command, and its options by their names; may print a help page and exit.
 
     Raises:
@@ -63,10 +62,7 @@ def parse(words: Sequence[str]) -> Namespace:
     name = next((each for each in (" ".join(words[:2]), *words[:1]) if each in COMMANDS), None)
     if name is None:
         _without_command(words)
-    parser = _Parser(prog=name, add_help=False, allow_abbrev=False)
-    options = [option for _, found in lists(name) for option in found]
-    for option in options:
-        _add(parser, option)
+    parser, options = _parser(name)
     several = [flag for option in options if option.value.endswith(",…") for flag in option.names]
     joined: list[str] = []
     for word in words[len(name.split()) :]:
@@ -75,7 +71,7 @@ def parse(words: Sequence[str]) -> Namespace:
             joined[-1] += f",{word}"
         else:
             joined.append(word)
-    given, rest = parser.parse_known_intermixed_args(joined, Namespace(command=name))
+    given, rest = parser.parse_known_intermixed_args(joined, argparse.Namespace(command=name))
     unknown = [word.partition("=")[0] for word in rest if word.startswith("-")]
     check_names(name, unknown, [flag for option in options for flag in option.names])
     if rest:
@@ -83,13 +79,31 @@ def parse(words: Sequence[str]) -> Namespace:
     return given
 
 
-class _Parser(ArgumentParser):
-    def format_help(self) -> str:
-        return help_page(self.prog)
-
+class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
-        message = message.removeprefix("argument ")
-        raise InputError(f"{self.prog}: {message}; see lrf3d {self.prog} -h")
+        raise InputError(f"{message.removeprefix('argument ')}; see {self.prog} -h")
+
+
+def _parser(name: str) -> tuple[argparse.ArgumentParser, list[Option]]:
+    """The parser of a command, and its options."""
+    parts = [*lists(name)]
+    options = [option for _, found in parts for option in found]
+    arguments = [option.names[0] for option in options if option.names[0][0] != "-"]
+    parser = _Parser(
+        prog=f"lrf3d {name}",
+        usage=" ".join(["lrf3d", name, *arguments, "[OPTIONS]"]),
+        description="\n\n".join(text for text, found in parts[:-1] if not found),
+        epilog=parts[-1][0],
+        formatter_class=partial(argparse.HelpFormatter, max_help_position=30),
+        add_help=False,
+        allow_abbrev=False,
+    )
+    for title, found in parts:
+        if found:
+            group = parser.add_argument_group(title)
+            for option in found:
+                _add(group, option)
+    return parser, options
 
 
 def _without_command(words: Sequence[str]) -> NoReturn:
@@ -107,23 +121,25 @@ def _without_command(words: Sequence[str]) -> NoReturn:
     sys.exit(0 if words else 2)
 
 
-def _add(parser: ArgumentParser, option: Option) -> None:
+def _add(group: Any, option: Option) -> None:
     """Let a parser take an option."""
     names, value, default, text = option
-    name = re.sub(r"\W+", "_", names[-1].strip("-[].")).lower()
+    name = names[-1].strip("-[].").split("|")[-1].replace("-", "_").lower()
     name = f"{name}_" if iskeyword(name) else name
+    shown = f"{text} [default: {default}]" if default else text
     read: dict[str, Any] = {"type": partial(_value, value or names[-1]), "default": default}
     if names[0][0] != "-":
         many = "?" if names[0][0] == "[" else "+" if names[0].endswith("...") else None
-        parser.add_argument(name, metavar=names[0].strip("[]"), nargs=many, **read)
+        group.add_argument(name, metavar=names[0].strip("[]."), nargs=many, help=shown, **read)
     elif value:
         action = "extend" if "…" in value or "=" in value else "store"
-        required = text.endswith("(required).")
-        parser.add_argument(*names, dest=name, action=action, required=required, **read)
+        read |= {"required": text.endswith("(required)."), "metavar": value, "help": shown}
+        group.add_argument(*names, dest=name, action=action, **read)
     elif default is not None:
-        parser.add_argument(*names, action=BooleanOptionalAction, default=True)
+        group.add_argument(*names, action=argparse.BooleanOptionalAction, default=True, help=text)
     else:
-        parser.add_argument(*names, action="help" if name == "help" else "store_true")
+        action = "help" if name == "help" else "store_true"
+        group.add_argument(*names, action=action, help=text)
 
 
 def _value(kind: str, word: str) -> Any:
@@ -133,13 +149,15 @@ def _value(kind: str, word: str) -> Any:
     if kind.endswith(",…"):
         parts = [part.strip() for part in word.split(",") if part.strip()]
         if not parts:
-            raise ArgumentTypeError(f"{shown(word)}: expected values with commas between them")
+            raise argparse.ArgumentTypeError(
+                f"{shown(word)}: expected values with commas between them"
+            )
         return [_value(kind.partition(",")[0], part) for part in parts]
     if kind in NUMBERS:
         return _number(word, *NUMBERS[kind])
     if "|" in kind and kind == kind.lower():
         if word not in kind.split("|"):
-            raise ArgumentTypeError(f"{shown(word)}: expected {kind.replace('|', ' or ')}")
+            raise argparse.ArgumentTypeError(f"{shown(word)}: expected {kind.replace('|', ' or ')}")
         return int(word) if word.isdecimal() else word
     return KINDS.get(kind, str)(word)
 
@@ -152,7 +170,7 @@ def _number(word: str, kind: Callable[[str], float], least: float, most: float) 
     if not least <= number <= most:
         what = "a whole number" if kind is int else "a number"
         high = f" to {most:g}" if most < math.inf else ""
-        raise ArgumentTypeError(f"{shown(word)}: expected {what} from {least:g}{high}")
+        raise argparse.ArgumentTypeError(f"{shown(word)}: expected {what} from {least:g}{high}")
     return number
 
 
@@ -161,7 +179,7 @@ def _size(word: str) -> tuple[int, int]:
     given = re.fullmatch(r"([0-9]{2,4})x([0-9]{2,4})", word.lower())
     size = (int(given[1]), int(given[2])) if given else (0, 0)
     if min(size) < 64 or max(size) > 7680 or size[0] % 2 or size[1] % 2:
-        raise ArgumentTypeError(
+        raise argparse.ArgumentTypeError(
             f"{shown(word)}: expected WIDTHxHEIGHT, such as 1280x720, even numbers from 64 to 7680"
         )
     return size
@@ -172,7 +190,7 @@ def _job(word: str) -> tuple[int, int]:
     given = re.fullmatch(r"([0-9]{1,6})/([0-9]{1,6})", word)
     number, count = (int(given[1]), int(given[2])) if given else (0, 0)
     if not 1 <= number <= count:
-        raise ArgumentTypeError(
+        raise argparse.ArgumentTypeError(
             f"{shown(word)}: expected I/N, such as 2/8 for the second of eight jobs"
         )
     return number, count
@@ -191,47 +209,19 @@ def lists(name: str) -> Iterator[tuple[str, list[Option]]]:
     text, _, example = COMMANDS[name].rpartition("\n\n")
     for part in (*text.split("\n\n"), OUTPUT, example):
         rows = [_LINE.fullmatch(line) for line in part.replace("\n ", " ").splitlines()]
-        title = part if rows[-1] is None else "Options:" if rows[0] else part.partition("\n")[0]
+        title = part if rows[-1] is None else "Options" if rows[0] else part.partition(":\n")[0]
         yield title, [Option(row[1].split(), row[2] or "", row[3], row[4]) for row in rows if row]
-
-
-def help_page(name: str) -> str:
-    """The help page of a command."""
-    parts, arguments = [""], list[str]()
-    for title, options in lists(name):
-        rows = []
-        for names, value, default, text in options:
-            default = f" [default: {default}]" if default else ""
-            rows.append((f"{', '.join(names)} {value}".strip(), text + default))
-        arguments += [each.names[0] for each in options if each.names[0][0] != "-"]
-        parts.append(f"{title}\n{_listed(rows)}" if rows else _filled(title, "  "))
-    parts[0] = " ".join(["Usage: lrf3d", name, *arguments, "[OPTIONS]"])
-    return "\n\n".join(parts) + "\n"
 
 
 def overview(group: str = "") -> str:
     """The list of all commands, or of a group."""
-    rows = [(n, COMMANDS[n].partition("\n")[0]) for n in COMMANDS if n.startswith(group)]
+    rows = [
+        (f"  {n}", text.partition("\n")[0]) for n, text in COMMANDS.items() if n.startswith(group)
+    ]
     return (
-        f"Usage: lrf3d {group}COMMAND\n\n"
-        "  Simulate a robot with a laser range finder, map its world, and film it.\n\n"
-        f"Commands:\n{_listed(rows)}\n\n"
-        "  lrf3d COMMAND -h shows the options of a command, lrf3d --version the version.\n\n"
-        "  Example: lrf3d run city"
+        f"usage: lrf3d {group}COMMAND\n\n"
+        "Simulate a robot with a laser range finder, map its world, and film it.\n\n"
+        f"Commands:\n{table((), rows, left=(0, 1))}\n\n"
+        "lrf3d COMMAND -h shows the options of a command, lrf3d --version the version.\n\n"
+        "Example: lrf3d run city"
     )
-
-
-def _listed(rows: Sequence[tuple[str, str]]) -> str:
-    """Rows in two columns, the second wrapped."""
-    left = min(max(len(name) for name, _ in rows), 28)
-    return "\n".join(
-        _filled(f"{name:<{left}}  {text}", "  ", " " * (left + 4)) for name, text in rows
-    )
-
-
-def _filled(text: str, first: str, others: str = "  ") -> str:
-    width = min(get_terminal_size().columns, 80)
-    return textwrap.fill(
-        text.replace("\n", " "), width, initial_indent=first, subsequent_indent=others,
-        break_on_hyphens=False, break_long_words=False,
-    )  # fmt: skip

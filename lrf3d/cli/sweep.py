@@ -3,69 +3,59 @@
 from argparse import Namespace
 from typing import Any
 
-from lrf3d.cli.console import Report, print_text, warn
+from lrf3d.cli.console import Report, print_text
 from lrf3d.cli.folder import results_folder
-from lrf3d.cli.inputs import on_collision, side_of
+from lrf3d.cli.inputs import on_collision, routed
 from lrf3d.errors import InputError
 from lrf3d.sweeping.plan import BEAMS, SIGMA, SIGMAS, USUAL, make_plan
-from lrf3d.sweeping.running import executor_of, known_rows, run_plan
-from lrf3d.sweeping.table import SweepTable, figures_of
+from lrf3d.sweeping.running import executor_of, kept_rows, run_plan, table_of
+from lrf3d.sweeping.table import figures_of
 from lrf3d.world.schema import value_of
+from lrf3d.world.toml_file import WorldFile
 
 
-def sweep(mappers: dict[str, Any] | None, args: Namespace, report: Report) -> None:
+def sweep(source: tuple[list[WorldFile], dict[str, Any]], args: Namespace, report: Report) -> None:
     """Compare mappers over worlds, noises, settings and seeds."""
-    axes: dict[str, Any] = {
-        SIGMA: args.sigma or SIGMAS,
-        **({BEAMS: args.beams} if args.beams else {}),
-    }
+    files, mappers = source
+    axes: dict[str, Any] = {SIGMA: args.sigma or SIGMAS} | (
+        {BEAMS: args.beams} if args.beams else {}
+    )
     for text in args.vary or ():
         key, _, values = text.partition("=")
         axes[key.strip()] = [value_of(part) for part in values.split(",") if part.strip()]
-        if not axes[key.strip()]:
+        if not values.strip(", "):
             raise InputError(
                 f"--vary {text}: expected TABLE.KEY=VALUE,VALUE,…, as mapper.gap=1,2.5"
             )
     plan = make_plan(
-        args.world,
+        files,
         axes,
-        mappers=mappers or USUAL,
-        seeds=args.seeds,
+        mappers or USUAL,
+        args.seeds,
+        routed=lambda scenario: routed(scenario, args, report),
         collision=on_collision(args),
-        where=side_of(args),
-        say=report.note,
-        warn=warn,
     )
-    job = args.shard
-    output = results_folder(
-        report, args.world, f"{plan.worlds[0]}_sweep", args.out, alone=job is None
-    )
+    job, name = args.shard, f"{plan.worlds[0]}_sweep"
+    output = results_folder(report, args.world, name, args.out, alone=job is None)
     if args.merge:
-        rows = known_rows(plan, output.path)
-        result = SweepTable(plan, [rows[run.key] for run in plan.runs if run.key in rows])
+        result = table_of(plan, kept_rows(plan, output.path))
     else:
         with report.progress("runs") as bar, executor_of(args.workers, args.scheduler) as executor:
             result = run_plan(
                 plan, output.path, executor, resume=args.resume, shard=job, progress=bar
             )
-    missing = len(plan.runs) - len(result.rows)
-    if missing and job is None:
-        raise InputError(f"{output.path}: {missing} runs are missing; make them, then --merge")
-    done = [("runs", f"{len(result.rows)}, of them {result.made} made now")]
+    rows = [("runs", f"{len(result.rows)}, of them {result.made} made now")]
     if job is not None:
         # Other jobs write to the folder, too: what they all made is written by --merge.
-        report.print(result.summary(), done)
+        report.print(result.summary(), rows)
         return
-    files = {"runs": "runs.csv", "means": "means.csv", "means in LaTeX": "means.tex"}
-    result.runs_to_csv(output.path / files["runs"])
-    result.to_csv(output.path / files["means"])
-    result.to_latex(output.path / files["means in LaTeX"])
+    if missing := len(plan.runs) - len(result.rows):
+        raise InputError(f"{output.path}: {missing} runs are missing; make them, then --merge")
+    written = {"runs": "runs.csv", "means": "means.csv", "means in LaTeX": "means.tex"}
+    writers = (result.runs_to_csv, result.to_csv, result.to_latex)
+    for write, file in zip(writers, written.values(), strict=True):
+        write(output.path / file)
     if report.shows:
         print_text(f"{result}\n\n")
-    output.finish(
-        result.summary(),
-        files,
-        figures_of(result),
-        rows=done,
-        kept="all runs kept; go on with --resume",
-    )
+    kept = "all runs kept; go on with --resume"
+    output.finish(result.summary(), written, figures_of(result), rows=rows, kept=kept)

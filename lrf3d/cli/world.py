@@ -7,7 +7,7 @@ from lrf3d.cli.console import Report, print_json, print_text
 from lrf3d.geometry import lengths
 from lrf3d.scenario import Scenario
 from lrf3d.text import counted
-from lrf3d.world import World, save_world, world_names
+from lrf3d.world import World, load_world, save_world, world_names
 from lrf3d.world.files import is_picture
 from lrf3d.world.generators import generate as generate_world
 
@@ -34,10 +34,14 @@ def show(scenario: Scenario | None, args: Namespace, report: Report) -> None:
     _describe(report, scenario.world, {"name": scenario.name}, figures, rows)
 
 
-def convert(world: World, args: Namespace, report: Report) -> None:
-    """Write a world in another format."""
+def convert(_: None, args: Namespace, report: Report) -> None:
+    """Read a world from one format and write it in another."""
     # The resolution is that of a picture, or of the cells to write.
-    cells = args.to.suffix.lower() == ".yaml" or not is_picture(args.from_)
+    bare = is_picture(args.from_)
+    world = load_world(
+        args.from_, trees=args.trees, resolution=args.resolution if bare else None
+    ).scaled(args.scale)
+    cells = args.to.suffix.lower() == ".yaml" or not bare
     save_world(world, args.to, resolution=args.resolution if cells else None)
     written = {"written": str(args.to)}
     _describe(report, world, {"from": args.from_}, written, list(written.items()))

@@ -77,15 +77,12 @@ def load_bag(path: str | Path, *, poses: str = "auto", scan_topic: str | None = 
         ]
         for number, (connection, data) in enumerate(_messages(path, reader, wanted), 1):
             try:
-                message = store.deserialize_cdr(data, connection.msgtype)
+                contents.take(connection, store.deserialize_cdr(data, connection.msgtype))
+            except InputError as error:
+                contents.refuse(number, str(error), "message")
             except Exception as error:
                 # A damaged message may raise any exception.
                 contents.refuse(number, _short(error), "message")
-                continue
-            try:
-                contents.take(connection.topic, connection.msgtype, message)
-            except (InputError, OverflowError) as error:
-                contents.refuse(number, str(error), "message")
             if contents.readings > MOST_READINGS:
                 raise InputError(f"{path}: more than {MOST_READINGS:,} readings; cut it into parts")
     if not contents.scans:
@@ -257,23 +254,23 @@ class _Contents:
         if len(self.bad) < NAMED:
             self.bad.append(BadLine(number, why, kind))
 
-    def take(self, topic: str, kind: str, message: Any) -> None:
+    def take(self, connection: Any, message: Any) -> None:
         """Take a message; an error says why it cannot be used."""
+        topic, kind = connection.topic, connection.msgtype
         if kind == SCAN:
             self._take_scan(message)
         elif kind == TRANSFORMS:
             for each in message.transforms:
                 row = _row(each.transform.translation, each.transform.rotation)
-                child, above, stamp = each.child_frame_id, each.header.frame_id, _stamp(each)
+                child, above = _frame(each.child_frame_id), _frame(each.header.frame_id)
                 track = _Track(is_static=topic == STATIC_FRAMES)
-                parent, track = self.edges.setdefault(_frame(child), (_frame(above), track))
+                parent, track = self.edges.setdefault(child, (above, track))
                 # A frame has one parent; if programs publish different ones, the first counts.
-                if parent == _frame(above):
-                    track.add(stamp, row)
+                if parent == above:
+                    track.add(_stamp(each), row)
         else:
             pose = message.pose if kind == POSE else message.pose.pose
-            row, stamp = _row(pose.position, pose.orientation), _stamp(message)
-            self.tracks[topic].add(stamp, row)
+            self.tracks[topic].add(_stamp(message), _row(pose.position, pose.orientation))
             child = _frame(message.child_frame_id) if kind == ODOMETRY else ""
             self.children[topic] = child or BASE
 

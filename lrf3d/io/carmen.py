@@ -171,10 +171,9 @@ class _Reading:
         if name in TRACKS:
             if len(words) != 10:
                 raise ValueError(f"{len(words)} words, expected 10")
-            stamped = (_number(words[7], "time"), _pose(words[1:4]))
-            self._stamped[TRACKS[name]].append(stamped)
+            self._stamped[TRACKS[name]].append((_number(words, 7, "time"), _pose(words, 1)))
         elif words[:2] == [b"PARAM", b"robot_frontlaser_offset"]:
-            offset = _number(b"".join(words[2:3]), "robot_frontlaser_offset")
+            offset = _number(words, 2, "robot_frontlaser_offset")
             if abs(offset) > FARTHEST_LASER:
                 raise ValueError(f"robot_frontlaser_offset {offset:g} m, expected at most 10 m")
             self.offset = offset
@@ -204,7 +203,7 @@ class _Reading:
             raise ValueError(f"{len(words)} words, expected {length}")
         (start, step), range_max = _front(count), 0.0
         if not is_front:
-            start, step, range_max = (_number(words[k]) for k in (2, 4, 5))
+            start, step, range_max = (_number(words, k) for k in (2, 4, 5))
             if not 0.0 < step * (count - 1) < 2.1 * pi:
                 raise ValueError(f"{count} beams {step} rad apart, expected at most a full turn")
             if range_max > LARGEST_COORDINATE:
@@ -223,7 +222,7 @@ class _Reading:
         self.not_numbers += int(np.isnan(ranges).sum())
         ranges[~(ranges < farthest)] = inf
         ranges[ranges == 0.0] = -inf
-        stamp, pose = _number(words[time], "time"), _pose(words[place : place + 3])
+        stamp, pose = _number(words, time, "time"), _pose(words, place)
         angles = _angles(count, start, step)
         return LaserScan(pose, angles, ranges, range_max=farthest, time=stamp)
 
@@ -263,33 +262,30 @@ def _angles(count: int, start: float, step: float) -> Float:
     return sealed(np.asarray(start + step * np.arange(count), dtype=np.float64))
 
 
-def _pose(words: list[bytes]) -> Pose:
-    x, y, theta = map(_number, words, ("x", "y", "theta"))
+def _pose(words: list[bytes], place: int) -> Pose:
+    x, y, theta = (_number(words, place + k, ("x", "y", "theta")[k]) for k in range(3))
     if not max(abs(x), abs(y), abs(theta)) <= LARGEST_COORDINATE:
         raise ValueError(f"pose {x:g} {y:g} {theta:g}, expected at most 1e+09 m")
     return Pose(x, y, float(wrap_angle(theta)))
 
 
 def _count(words: list[bytes], place: int, least: int = 2) -> int:
+    count = _number(words, place, "the number of readings")
+    if not least <= count <= MOST_READINGS or count != int(count):
+        raise ValueError(f"{count:g} readings, expected a whole number from {least}")
+    return int(count)
+
+
+def _number(words: list[bytes], place: int, what: str = "a value") -> float:
     word = b"".join(words[place : place + 1])
-    if not word.isdigit() or len(word) > 7 or int(word) < least:
-        raise ValueError(f"{_shown(word)} readings, expected a number from {least}")
-    return int(word)
-
-
-def _number(word: bytes, what: str = "a value") -> float:
     try:
         value = float(word)
     except ValueError:
         value = inf
     if not isfinite(value):
-        raise ValueError(f"{what} is {_shown(word)}, expected a finite number")
+        shown = word[:40].decode("ascii", "backslashreplace")
+        raise ValueError(f"{what} is {shown!r}, expected a finite number")
     return value
-
-
-def _shown(word: bytes) -> str:
-    """A word without spaces, for a message of one line."""
-    return repr(word[:40].decode("ascii", "backslashreplace"))
 
 
 def write_carmen(run: "Run", path: Path) -> None:

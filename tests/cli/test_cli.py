@@ -139,7 +139,7 @@ def test_a_collision_can_be_ignored(room, tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("", "Usage: lrf3d COMMAND"),
+        ("", "usage: lrf3d COMMAND"),
         ("fly", "there is no 'fly'; known are run, render"),
         ("world shaw", "did you mean 'world show'?"),
         ("run", "required: WORLD"),

@@ -18,8 +18,8 @@ from program import refused
 import lrf3d
 from lrf3d.digest import digest, seed_of
 from lrf3d.errors import InputError, Lrf3dError
-from lrf3d.scenario import load_scenario
-from lrf3d.sweeping.plan import SIGMA, make_plan
+from lrf3d.scenario import load_scenario, read_scenario_file
+from lrf3d.sweeping.plan import SIGMA, USUAL, make_plan
 from lrf3d.sweeping.running import executor_of, run_plan
 from lrf3d.sweeping.table import figures_of, mean_of
 
@@ -53,10 +53,10 @@ def room(tmp_path):
     return str(path)
 
 
-def tiny(room, *, seeds=3, axes=None, **settings):
+def tiny(room, *, seeds=3, axes=None, mappers=None):
     """A plan of a few very small runs."""
     chosen = {"noise.sigma": (0.0, 0.3), "laser.beams": (31, 61), **(axes or {})}
-    return make_plan((room,), chosen, seeds=seeds, **settings)
+    return make_plan([read_scenario_file(room)], chosen, mappers or USUAL, seeds)
 
 
 @pytest.mark.slow
@@ -120,15 +120,6 @@ def test_a_sweep_that_was_stopped_goes_on_and_ends_as_if_it_had_not_been(room, t
     result = run_plan(plan, tmp_path / "out", None, resume=True)
     assert result.made == 20
     assert result.rows == run_plan(plan, tmp_path / "here", None).rows
-
-
-def test_jobs_share_the_runs_and_their_rows_are_merged(room, tmp_path):
-    plan = tiny(room)
-    for number in (1, 2, 3):
-        result = run_plan(plan, tmp_path / "out", None, shard=(number, 3))
-        assert result.made == 8 and len(result.rows) == 8 * number
-    assert result.rows == run_plan(plan, tmp_path / "here", None).rows
-    assert len(list((tmp_path / "out").glob("sweep.*of3.jsonl"))) == 3
 
 
 def test_a_process_that_ends_is_one_clear_error(room, tmp_path):
@@ -215,8 +206,8 @@ def test_keys_come_from_what_a_world_holds_and_not_from_where_it_lies(room, tmp_
     for old, new in (("[10, 8]", "[10, 8.5]"), ("closed =", 'material = "brick"\nclosed =')):
         elsewhere.write_text(ROOM.replace(old, new))
         assert not set(keys) & {run.key for run in tiny(str(elsewhere)).runs}
-    with pytest.raises(InputError, match="another world of the sweep is called box"):
-        make_plan((room, str(elsewhere)), seeds=1)
+    with pytest.raises(InputError, match="worlds has a value twice: box, box"):
+        lrf3d.sweep((room, str(elsewhere)), seeds=1)
 
 
 def test_digests_distinguish_values_by_their_contents():
@@ -244,7 +235,7 @@ def test_digests_distinguish_values_by_their_contents():
 )
 def test_what_cannot_be_swept_is_refused_with_the_place(axes, settings, message):
     with pytest.raises(InputError, match=message):
-        make_plan(("city",), axes, **settings)
+        lrf3d.sweep("city", axes=axes, **settings)
 
 
 def test_means_have_the_interval_of_student():
