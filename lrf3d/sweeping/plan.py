@@ -154,10 +154,12 @@ def _check(varied: Mapping[str, Sequence[Any]], mappers: Mapping[str, Any], seed
 
 def _checked(name: str, value: object) -> SettingValue:
     """A value in the type of its setting."""
-    found: Any = None
-    with suppress(TypeError):
-        [table] = read_settings([_setting(name, value)]).values()
-        [found] = table.values()
+    try:
+        setting = _setting(name, value)
+    except (TypeError, ValueError):
+        raise InputError(f"sweep: {name}: {shown(value)} cannot be a value") from None
+    [table] = read_settings([setting]).values()
+    [found] = table.values()
     if not isinstance(found, SettingValue):
         raise InputError(f"sweep: {name}: only single values can be varied, not {shown(value)}")
     return found
