@@ -35,7 +35,7 @@ _LINKED_NUMBA = (0, 68)
 """The version of numba whose internals `_InnerLibrary` depends on. With others inner kernels are
 compiled by numba's default, which takes longer and computes the same."""
 
-_IMPORT = re.compile(r"^from ([\w.]+) import (\([^)]*\)|.*)$", re.MULTILINE)
+_IMPORT = re.compile(r"^(?:from ([\w.]+) )?import (\([^)]*\)|.*)$", re.MULTILINE)
 """A line that imports names, or modules, while a file is loaded."""
 
 LEAST_ADDRESSES = 1_200_000_000
@@ -234,5 +234,5 @@ def _source(name: str) -> tuple[str, frozenset[str]]:
     used: set[str] = set()
     for module, names in _IMPORT.findall(source):
         # A package may give one of its modules.
-        used |= {module, *(f"{module}.{each}" for each in re.findall(r"\w+", names))}
+        used |= {module, *(f"{module}.{each}".strip(".") for each in re.findall(r"[\w.]+", names))}
     return sha256(source.encode()).hexdigest(), frozenset(used)

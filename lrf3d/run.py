@@ -93,8 +93,9 @@ class Run(Value, Pictured):
                 raise InputError(
                     f"run: {name} {found}; expected {expected}, for {scans} poses and {beams} beams"
                 )
-        snapshots = np.array(self.snapshot_scans)
-        if snapshots.shape != (len(self.maps),) or not _ascends(snapshots, scans):
+        snapshots = np.array(self.snapshot_scans, dtype=np.int64)
+        ascend = (np.diff(snapshots, prepend=-1, append=scans) > 0).all()
+        if snapshots.shape != (len(self.maps),) or not ascend:
             raise InputError(
                 f"run: snapshot_scans {shown(self.snapshot_scans)} of {len(self.maps)} maps;"
                 f" expected an ascending scan from 0 to {scans - 1} for each"
@@ -242,12 +243,6 @@ class Run(Value, Pictured):
     def scans(self) -> Iterator[LaserScan]:
         """The measured scans in their order."""
         return (self.scan(index) for index in range(len(self)))
-
-
-def _ascends(indices: NDArray[Any], count: int) -> bool:
-    """Whether indices are whole, from 0 to before a count, and in ascending order."""
-    whole = not len(indices) or indices.dtype.kind in "iu"
-    return whole and bool((np.diff(indices, prepend=-1, append=count) > 0).all())
 
 
 def is_snapshot(scan: int, scans: int, snapshots: int | None = None) -> bool:

@@ -28,16 +28,17 @@ def part(x: float, number: int) -> float:
 """
 
 WHOLE = """
+import edited.sides as by
 from lrf3d.compiling import compiled
 from edited import (
     parts,
 )
 
-Pair, part = parts.Pair, parts.part
+Pair, part, SIDE = parts.Pair, parts.part, by.SIDE
 
 @compiled
 def whole(pair: Pair) -> float:
-    return part(pair.first, 2) + part(pair.first, 3)
+    return part(pair.first, 2) + part(pair.first, 3) * SIDE
 """
 
 
@@ -50,11 +51,12 @@ def load(tmp_path, monkeypatch):
 
     def forget():
         compiling._source.cache_clear()
-        for name in ("edited", "edited.parts", "edited.whole"):
+        for name in ("edited", "edited.sides", "edited.parts", "edited.whole"):
             sys.modules.pop(name, None)
 
-    def fresh(parts=PARTS):
-        for name, text in (("__init__", ""), ("parts", parts), ("whole", WHOLE)):
+    def fresh(parts=PARTS, sides="SIDE = 1.0"):
+        texts = {"__init__": "", "sides": sides, "parts": parts, "whole": WHOLE}
+        for name, text in texts.items():
             path = tmp_path / "edited" / f"{name}.py"
             path.write_text(text)
             # The same time of change, which is all that numba itself looks at.
@@ -74,16 +76,24 @@ def run(module):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "value"),
+    ("changed", "value"),
     [
-        ("x + STEP", "x - STEP", 15.0),
-        ("STEP = 1.0", "STEP = 2.0", 30.0),
-        ("first: float\n    second: float", "second: float\n    first: float", 205.0),
+        ({"parts": PARTS.replace("x + STEP", "x - STEP")}, 15.0),
+        (
+            {
+                "parts": PARTS.replace(
+                    "first: float\n    second: float", "second: float\n    first: float"
+                )
+            },
+            205.0,
+        ),
+        ({"parts": PARTS.replace("STEP = 1.0", "STEP = 2.0")}, 30.0),
+        ({"sides": "SIDE = 2.0"}, 40.0),
     ],
 )
-def test_a_kernel_is_compiled_again_when_what_it_uses_has_changed(load, tmp_path, old, new, value):
+def test_a_kernel_is_compiled_again_when_what_it_uses_has_changed(load, tmp_path, changed, value):
     run(load())
-    assert run(load(PARTS.replace(old, new))) == (value, True)
+    assert run(load(**changed)) == (value, True)
     # Files of older code are removed; NUMBA_CACHE_DIR may lie elsewhere.
     assert len(list(tmp_path.rglob("*.nbc"))) in (0, 1)
 
