@@ -67,6 +67,21 @@ def numbers(values: Any, name: str) -> Any:
     raise InputError(f"{name}: expected numbers in rows of equal length, found {shown(values)}")
 
 
+def as_rows(values: Any, name: str, columns: int, *, least: int = 0, row: str = "row") -> Float:
+    """Values from outside as rows (n, columns) of finite numbers, at least a number of them."""
+    array = np.asarray(numbers(values, name), dtype=np.float64)
+    if array.ndim != 2 or array.shape[1] != columns or len(array) < least:
+        raise InputError(f"{name} of shape {array.shape}: expected (n, {columns}), n ≥ {least}")
+    inside = (np.abs(array) <= LARGEST_COORDINATE).all(axis=1)
+    if not inside.all():
+        place = int(np.argmin(inside))
+        raise InputError(
+            f"{name}: {row} {place} is {array[place].tolist()}, expected finite numbers of at most"
+            f" {LARGEST_COORDINATE:g}"
+        )
+    return array
+
+
 def is_finite(*values: object) -> bool:
     """Whether all values from outside are finite numbers; texts and None are not."""
     try:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.casting.kernels.scans import NOT_ASKED, PlainLaser, cast_scans, laser_of
-from lrf3d.casting.kernels.tree import Tree, build_tree
+from lrf3d.casting.kernels.scans import NOT_ASKED, cast_scans, laser_of
+from lrf3d.casting.kernels.tree import Plain, Tree, build_tree
 from lrf3d.cores import core_count
 from lrf3d.errors import expect
 from lrf3d.geometry import Float, Int
@@ -23,13 +23,6 @@ if TYPE_CHECKING:
     from lrf3d.casting.kernels.echoes import Lit
     from lrf3d.casting.light import Lighting
 
-PIECES_A_CORE = 8
-"""Pieces of work for each core: with fewer the slowest core decides, with more Python's lock
-does."""
-
-LEAST_PIECE = 8
-"""Least number of items in a piece."""
-
 
 class PlanarCaster:
     """Casts scans at the walls of a world that reach up to the height of the beams.
@@ -37,9 +30,6 @@ class PlanarCaster:
     For the float64 pose, directions and walls the wall that a beam hits is exact; of walls at the
     same distance it is the first. The range is that distance, to within half a unit in its last
     place. Behind mirrors and through glass beams are followed in float64.
-
-    Raises:
-        InputError: The world is not a World.
 
     Examples:
         >>> import lrf3d
@@ -70,7 +60,7 @@ class PlanarCaster:
         poses = np.fromiter(pose, np.float64, 3)[None]
         if self._lighting is not None:
             lit = self._lit(lrf, poses)
-            echoes = (lit.echo_ranges[0], lit.echo_intensities[0]) if lrf.echoes > 1 else ()
+            echoes = (lit.echoes[0], lit.echo_intensities[0]) if lrf.echoes > 1 else ()
             return LaserScan.unchecked(
                 lrf, pose, lit.ranges[0], lit.walls[0], lit.intensities[0], *echoes
             )
@@ -95,19 +85,15 @@ class PlanarCaster:
             >>> import lrf3d
             >>> walls = [[2, -1, 4, 1], [0, 3, 6, 3]]
             >>> world = lrf3d.World(walls, objects=[0, 1], materials=["mirror", "plaster"])
-            >>> caster = lrf3d.PlanarCaster(world)
             >>> ahead = lrf3d.LaserRangeFinder(0.0, 0.0, beams=1)
-            >>> caster.chains(ahead, (0, 0, 0)).tolist()
+            >>> lrf3d.PlanarCaster(world).chains(ahead, (0, 0, 0)).tolist()
             [[0, 1]]
-            >>> caster.cast(ahead, (0, 0, 0)).ranges.tolist()
-            [6.0]
         """
         if self._lighting is None:
             return self.scan_batch(lrf, [as_pose(pose)])[1].T
         chains = self._lit(lrf, np.array([as_pose(pose)]), chains=True).chains[0]
         longest = max(1, int((chains >= 0).sum(axis=1).max(initial=0)))
-        found: Int = chains[:, :longest]
-        return found
+        return np.asarray(chains[:, :longest])
 
     def tree(self, height: float) -> Tree:
         """The tree over the walls that reach up to a height [m]; built once for each level."""
@@ -117,9 +103,7 @@ class PlanarCaster:
             self._trees[level] = build_tree(self.world.segments[tall], tall)
         return self._trees[level]
 
-    def _fill(
-        self, height: float, laser: PlainLaser, poses: Float, ranges: Float, walls: Int
-    ) -> None:
+    def _fill(self, height: float, laser: Plain, poses: Float, ranges: Float, walls: Int) -> None:
         """Fill ranges (k, beams) of scans from poses (k, 3), and walls unless empty; on one core.
 
         Beams end at the first wall, also at mirrors and glass.
@@ -161,7 +145,8 @@ class PlanarCaster:
 def share(work: Callable[[int, int], None], count: int) -> None:
     """Call work(start, stop) for pieces of range(count), in one thread for each core."""
     cores = core_count()
-    size = max(LEAST_PIECE, -(-count // (PIECES_A_CORE * cores)))
+    # With fewer pieces for each core the slowest one decides, with more Python's lock does.
+    size = max(8, -(-count // (8 * cores)))
     if count <= size or cores < 2:
         work(0, count)
         return

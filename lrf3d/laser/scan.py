@@ -1,30 +1,26 @@
 """LaserScan: the ranges of one scan, with its pose."""
 
+import math
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, asdict, dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError, shown
-from lrf3d.geometry import LARGEST_COORDINATE, Bool, Float, Int, Value, is_finite, read_only, sealed
-from lrf3d.laser.range_finder import (
-    LARGEST_ANGLE,
-    LaserRangeFinder,
-    beam_directions,
-    within_limits,
-)
+from lrf3d.geometry import LARGEST_COORDINATE, Bool, Float, Int, Value, number, read_only, sealed
+from lrf3d.laser.range_finder import LARGEST_ANGLE, LaserRangeFinder, beam_directions, within_limits
 from lrf3d.laser.ros_scan import Stamp, even_spread, read_ros_scan
 from lrf3d.notebook import Pictured
 from lrf3d.pose import Pose, as_pose
 
-LIGHT = (("intensities", 1, 0.0), ("echoes", 2, np.inf), ("echo_intensities", 2, 0.0))
-"""What a scan has of the light: name, number of axes, and what stands for nothing."""
+LIGHT = {"intensities": (1, 0.0), "echoes": (2, np.inf), "echo_intensities": (2, 0.0)}
+"""What a scan has of the light: the number of axes, and what stands for nothing, by attribute."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False, init=False)
 class LaserScan(Value, Pictured):
     """The ranges of one scan, with the pose that they were measured at.
 
@@ -65,8 +61,7 @@ class LaserScan(Value, Pictured):
     pose: Pose
     angles: Float
     ranges: Float
-    walls: Int = None  # type: ignore[assignment]
-    _: KW_ONLY
+    walls: Int
     range_min: float = 0.0
     range_max: float = np.inf
     time: float = 0.0
@@ -76,67 +71,49 @@ class LaserScan(Value, Pictured):
     echoes: Float | None = None
     echo_intensities: Float | None = None
 
-    if TYPE_CHECKING:
-        # Lists are accepted, too; a pose and arrays are stored.
-        def __init__(
-            self,
-            pose: Sequence[float] | Float,
-            angles: ArrayLike,
-            ranges: ArrayLike,
-            walls: ArrayLike | None = None,
-            *,
-            range_min: float = 0.0,
-            range_max: float = np.inf,
-            time: float = 0.0,
-            time_increment: float = 0.0,
-            pose_covariance: ArrayLike | None = None,
-            intensities: ArrayLike | None = None,
-            echoes: ArrayLike | None = None,
-            echo_intensities: ArrayLike | None = None,
-        ) -> None: ...
-
-    def __post_init__(self) -> None:
-        near, far = self.range_min, self.range_max
-        known = is_finite(near) and (is_finite(far) or far == np.inf)
-        if not (known and 0.0 <= near < min(far, LARGEST_COORDINATE)):
-            raise InputError(
-                f"scan with range_min {shown(near)} and range_max {shown(far)}, expected"
-                " 0 ≤ range_min < range_max"
-            )
-        if not is_finite(self.time, self.time_increment):
-            raise InputError(
-                f"scan with time {shown(self.time)} and time_increment"
-                f" {shown(self.time_increment)}, expected finite numbers of seconds"
-            )
-        angles, ranges = read_only(self.angles, "angles"), read_only(self.ranges, "ranges")
-        walls = np.full(ranges.shape, -1) if self.walls is None else self.walls
-        walls = read_only(walls, "walls", np.int64)
-        if angles.ndim != 1 or not angles.shape == ranges.shape == walls.shape:
-            raise InputError(
-                f"scan with angles {angles.shape}, ranges {ranges.shape} and walls {walls.shape}:"
-                " expected one of each for every beam"
-            )
-        if not (np.abs(angles) <= LARGEST_ANGLE).all():
-            beam = int(np.argmin(np.abs(angles) <= LARGEST_ANGLE))
-            raise InputError(
-                f"scan with the angle {angles[beam]:g} of beam {beam}: expected radians from"
-                f" −{LARGEST_ANGLE:g} to {LARGEST_ANGLE:g}"
-            )
-        for name, axes, nothing in LIGHT:
-            if (values := getattr(self, name)) is not None:
-                self.__dict__[name] = _of_beams(values, len(angles), name, axes, nothing)
-        if self.pose_covariance is not None:
-            self.__dict__["pose_covariance"] = _covariance(self.pose_covariance)
+    def __init__(
+        self,
+        pose: Sequence[float] | Float,
+        angles: ArrayLike,
+        ranges: ArrayLike,
+        walls: ArrayLike | None = None,
+        *,
+        range_min: float = 0.0,
+        range_max: float = np.inf,
+        time: float = 0.0,
+        time_increment: float = 0.0,
+        pose_covariance: ArrayLike | None = None,
+        intensities: ArrayLike | None = None,
+        echoes: ArrayLike | None = None,
+        echo_intensities: ArrayLike | None = None,
+    ) -> None:
+        # Drivers write the largest float32 for a range finder whose reach they do not know.
+        far = np.inf if range_max == np.inf else number(range_max, "scan: range_max", positive=True)
+        reach = min(far, LARGEST_COORDINATE)
+        below = math.nextafter(reach, 0.0)
+        near = number(range_min, "scan: range_min", "metres below range_max", most=below)
+        turns, distances = read_only(angles, "angles"), read_only(ranges, "ranges")
+        met = np.full(distances.shape, -1) if walls is None else walls
+        met = read_only(met, "walls", np.int64)
+        if turns.ndim != 1 or not turns.shape == distances.shape == met.shape:
+            found = f"angles {turns.shape}, ranges {distances.shape} and walls {met.shape}"
+            raise InputError(f"scan with {found}: expected one of each for every beam")
+        if not (inside := np.abs(turns) <= LARGEST_ANGLE).all():
+            beam = int(np.argmin(inside))
+            found = f"the angle {turns[beam]:g} of beam {beam}"
+            raise InputError(f"scan with {found}: expected at most ±{LARGEST_ANGLE:g} rad")
+        light = zip(LIGHT, (intensities, echoes, echo_intensities), strict=True)
         self.__dict__.update(
-            pose=as_pose(self.pose),
-            angles=angles,
-            ranges=_within(ranges, min(far, LARGEST_COORDINATE)),
-            walls=walls,
-            range_min=float(near),
-            # Drivers write the largest float32 for a range finder whose reach they do not know.
-            range_max=float(far) if far <= LARGEST_COORDINATE else np.inf,
-            time=float(self.time),
-            time_increment=float(self.time_increment),
+            {name: _of_beams(value, len(turns), name) for name, value in light},
+            pose=as_pose(pose),
+            angles=turns,
+            ranges=_within(distances, reach),
+            walls=met,
+            range_min=near,
+            range_max=far if far <= LARGEST_COORDINATE else np.inf,
+            time=number(time, "scan: time", "seconds", least=-1e12),
+            time_increment=number(time_increment, "scan: time_increment", least=-1e12),
+            pose_covariance=None if pose_covariance is None else _covariance(pose_covariance),
         )
 
     def __repr__(self) -> str:
@@ -167,7 +144,7 @@ class LaserScan(Value, Pictured):
             time_increment=lrf.time_increment,
         )
         if light:
-            for (name, *_), values in zip(LIGHT, light, strict=False):
+            for name, values in zip(LIGHT, light, strict=False):
                 if values is not None:
                     scan.__dict__[name] = sealed(values)
         return scan
@@ -180,20 +157,13 @@ class LaserScan(Value, Pictured):
 
     @classmethod
     def from_ros(cls, message: Any, pose: Sequence[float] = (0.0, 0.0, 0.0)) -> "LaserScan":
-        """The scan of a ROS ``sensor_msgs/LaserScan``, taken at a pose: see `ros_scan`.
-
-        Raises:
-            InputError: The message is invalid, or its angles and limits are.
-        """
+        """The scan of a ROS ``sensor_msgs/LaserScan``, taken at a pose: see `ros_scan`."""
         return cls(as_pose(pose), **read_ros_scan(message))
 
     def as_ros(self, frame_id: str = "laser", *, scan_time: float = 0.0) -> dict[str, Any]:
         """The scan as a ROS ``sensor_msgs/LaserScan``, as nested dicts: see `ros_scan`.
 
-        The time between two scans [s] is 0 if it is unknown.
-
-        Raises:
-            InputError: The beams are not evenly spaced, which the message cannot express.
+        Its beams must be evenly spaced. The time between two scans [s] is 0 if it is unknown.
         """
         light = np.empty(0) if self.intensities is None else self.intensities
         names = "angle_min angle_max angle_increment time_increment scan_time range_min range_max"
@@ -218,50 +188,40 @@ class LaserScan(Value, Pictured):
 
 
 def _within(ranges: Float, range_max: float) -> Float:
-    """Ranges, in which NaN and what is not within range_max stand for no return: +inf.
-
-    Raises:
-        InputError: A range is negative.
-    """
+    """Ranges, in which NaN and what is not within range_max stand for no return: +inf."""
     beyond = ~(ranges < range_max) & (ranges != np.inf)
     if beyond.any():
         ranges = sealed(np.where(beyond, np.inf, ranges))
     negative = (ranges < 0.0) & (ranges != -np.inf)
     if negative.any():
         beam = int(np.argmax(negative))
-        raise InputError(
-            f"scan with the range {ranges[beam]:g} m of beam {beam}: expected 0 or more, inf for no"
-            " return, -inf for one too near"
-        )
+        found = f"the range {ranges[beam]:g} m of beam {beam}"
+        raise InputError(f"scan with {found}: expected 0 or more, inf, or -inf where too near")
     return ranges
 
 
-def _of_beams(values: Any, beams: int, name: str, axes: int, nothing: float) -> Float:
+def _of_beams(values: Any, beams: int, name: str) -> Float | None:
     """Values for each beam (beams, …); NaN becomes the value that stands for nothing."""
+    if values is None:
+        return None
     array: Float = read_only(values, name)
+    axes, nothing = LIGHT[name]
     if array.ndim != axes or len(array) != beams:
-        raise InputError(
-            f"scan with {name} {array.shape}: expected a row for each of {beams} beams"
-        )
+        found = f"scan with {name} {array.shape}"
+        raise InputError(f"{found}: expected a row for each of {beams} beams")
     return sealed(np.where(np.isnan(array), nothing, array)) if np.isnan(array).any() else array
 
 
 def _covariance(values: Any) -> Float:
-    """A matrix (3, 3) that is finite, symmetric, and semidefinite, but for rounding.
-
-    Raises:
-        InputError: It is not.
-    """
+    """A matrix (3, 3), checked to be finite, symmetric, and semidefinite, but for rounding."""
     matrix: Float = read_only(values, "pose_covariance")
     if matrix.shape == (3, 3) and np.isfinite(matrix).all():
         rounding = 1e-12 * np.abs(matrix).max()
         even = np.abs(matrix - matrix.T).max() <= rounding
         if even and np.linalg.eigvalsh(matrix).min() >= -rounding:
             return matrix
-    raise InputError(
-        f"scan with pose_covariance {shown(matrix.tolist())}: expected a symmetric matrix (3, 3)"
-        " without negative eigenvalues"
-    )
+    found = f"scan with pose_covariance {shown(matrix.tolist())}"
+    raise InputError(f"{found}: expected a symmetric matrix (3, 3), without negative eigenvalues")
 
 
 def reflection_points(pose: Sequence[float], angles: Float, ranges: Float) -> Float:
@@ -269,24 +229,19 @@ def reflection_points(pose: Sequence[float], angles: Float, ranges: Float) -> Fl
     return np.array([pose[0], pose[1]]) + ranges[:, None] * beam_directions(pose[2], angles)
 
 
-LEAST_RETURNED = 0.02
-"""Share of the beams of a drive of which fewer returning show no walls."""
-
-FARTHEST = 300.0
-"""Median of all ranges [m] above which they cannot be metres: no such laser sees as far."""
-
-
 def doubtful_ranges(scans: Sequence[LaserScan]) -> str | None:
     """A sentence that says why the ranges of a drive are not in metres; None if they may be."""
     ranges = np.concatenate([scan.ranges[scan.hits & (scan.ranges > 0.0)] for scan in scans])
     beams = sum(len(scan.ranges) for scan in scans)
-    if len(ranges) < LEAST_RETURNED * beams:
+    # Fewer show no walls.
+    if len(ranges) < 0.02 * beams:
         return (
             f"{len(ranges)} of {beams} beams returned, too few to show walls; are the ranges in"
             " metres (millimetres have to be divided by 1000, centimetres by 100), and is the"
             " largest range right?"
         )
-    if (middle := float(np.median(ranges))) > FARTHEST:
+    # No such laser sees as far.
+    if (middle := float(np.median(ranges))) > 300.0:
         return (
             f"half of the ranges are over {middle:g}: expected metres; divide millimetres by 1000,"
             " centimetres by 100"

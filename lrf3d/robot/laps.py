@@ -7,13 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Value, number, numbers
+from lrf3d.geometry import Float, Value, as_rows, number
 from lrf3d.pose import Pose
-from lrf3d.robot.following import FARTHEST, follow_route
+from lrf3d.robot.following import distinct, follow_route
 from lrf3d.robot.trajectory import Trajectory
-
-LAP_TURN = 0.5
-"""Time that a turn on the spot takes [s]."""
 
 
 def drive_laps(
@@ -21,8 +18,8 @@ def drive_laps(
 ) -> tuple[Trajectory, ...]:
     """A first lap along a route, and a second one that ends where it begins, to be repeated.
 
-    A route (m, 2) that does not end where it begins is driven back the way it came. If the first
-    lap alone has as many poses as are needed at most, it ends there, and there is no second lap.
+    A route (m, 2) that does not end where it begins is driven back the way it came. There is no
+    second lap if the first one alone has as many poses as are needed at most.
     """
     closed = (route[0] == route[-1]).all()
     lap = route if closed else np.concatenate([route, route[-2::-1]])
@@ -40,16 +37,12 @@ def chain_laps(laps: tuple[Trajectory, ...], scans: int) -> Trajectory:
     first, lap = _evenly_spaced(laps[0]), _evenly_spaced(laps[-1])
     if len(lap) < 2:
         raise InputError("laps: a lap takes no time; give a route of some length")
-    more = scans - len(first)
-    number, row = np.divmod(np.arange(more), len(lap) - 1)
+    number, row = np.divmod(np.arange(scans - len(first)), len(lap) - 1)
     poses = lap.poses[row + 1]
     # The heading is continuous over full turns; positions repeat to the last bit.
     poses[:, 2] += number * (lap.poses[-1, 2] - lap.poses[0, 2])
     times = first.times[-1] + number * lap.duration + lap.times[row + 1]
-    return Trajectory(
-        np.concatenate([first.times, times]),
-        np.concatenate([first.poses, poses]),
-    )
+    return Trajectory(np.append(first.times, times), np.vstack([first.poses, poses]))
 
 
 def _evenly_spaced(lap: Trajectory) -> Trajectory:
@@ -68,46 +61,27 @@ def _evenly_spaced(lap: Trajectory) -> Trajectory:
 
 @dataclass(frozen=True, eq=False)
 class Patrol(Value):
-    """A path straight from way-point to way-point and back the same way, forever.
+    """A path along way-points (m, 2) [m] and back the same way at a speed [m/s], forever.
 
-    It turns on the spot at each way-point.
-
-    Args:
-        route: (m, 2) way-points x, y [m], at least two different ones.
-        speed: Speed between them [m/s].
-
-    Raises:
-        InputError: The route has no length, or the speed is not positive.
-
-    Examples:
-        >>> import numpy as np
-        >>> from lrf3d.robot.laps import Patrol
-        >>> Patrol([(0, 0), (4, 0)], speed=2.0).at(np.array([1.0, 3.5])).round(2).tolist()
-        [[2.0, 0.0, 0.0], [2.0, 0.0, 3.14]]
+    It is straight, and turns on the spot at each way-point.
     """
 
     route: Float
     speed: float = 1.0
 
     def __post_init__(self) -> None:
-        points = np.asarray(numbers(self.route, "route"), dtype=np.float64)
-        if points.ndim != 2 or points.shape[1] != 2 or not (np.abs(points) <= FARTHEST).all():
-            raise InputError(
-                f"patrol along points {points.shape}: expected points (m, 2) of at most"
-                f" {FARTHEST:g} m"
-            )
         number(self.speed, "patrol: speed", "metres per second", positive=True)
-        if not (points[1:] != points[:-1]).any():
-            raise InputError("patrol: expected a route of at least two different way-points")
+        distinct(as_rows(self.route, "patrol: route", 2, row="point"), "patrol")
         self._hold("route")
 
     def until(self, time: float, *, since: float = 0.0) -> Trajectory:
         """The laps there and back that are driven from one time [s] to another, as whole ones."""
-        points = self.route[np.append(True, (np.diff(self.route, axis=0) != 0.0).any(axis=1))]
+        points = distinct(self.route, "patrol")
         corners = np.vstack([points, points[-2::-1]])
         legs = np.diff(corners, axis=0)
         durations = np.hypot(legs[:, 0], legs[:, 1]) / self.speed
-        begins = np.append(0.0, np.cumsum(durations + LAP_TURN))
+        # A turn on the spot takes half a second.
+        begins = np.append(0.0, np.cumsum(durations + 0.5))
         laps = np.arange(int(since / begins[-1]), int(time / begins[-1]) + 1)
         # One pose where a leg begins and one where it ends; between legs it turns.
         times = np.column_stack([begins[:-1], begins[:-1] + durations]).ravel()

@@ -7,19 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import (
-    Float,
-    Value,
-    numbers,
-    read_only,
-    sealed,
-    whole_number,
-    wrap_angle,
-)
+from lrf3d.geometry import Float, Value, numbers, read_only, sealed, whole_number, wrap_angle
 from lrf3d.pose import as_poses
-
-LATEST = 1e12
-"""Largest time [s], 30,000 years: stamps in nanoseconds would be larger."""
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -46,17 +35,12 @@ class Trajectory(Value):
         instants: Float = read_only(times, "times")
         poses = as_poses(read_only(poses, "poses"))
         if instants.shape != (len(poses),) or len(poses) == 0:
-            raise InputError(
-                f"trajectory of {len(poses)} poses and times {instants.shape}: expected one time"
-                " for each pose"
-            )
-        if not (np.abs(instants) <= LATEST).all() or not (np.diff(instants) > 0.0).all():
-            raise InputError(
-                "trajectory: expected finite times that increase from pose to pose, of at most"
-                f" {LATEST:g} s"
-            )
-        object.__setattr__(self, "times", instants)
-        object.__setattr__(self, "poses", poses)
+            found = f"{len(poses)} poses and times {instants.shape}"
+            raise InputError(f"trajectory of {found}: expected one time for each pose")
+        # Stamps in nanoseconds would be larger after 30,000 years.
+        if not (np.abs(instants) <= 1e12).all() or not (np.diff(instants) > 0.0).all():
+            raise InputError("trajectory: expected increasing times of at most 1e12 s")
+        self.__dict__.update(times=instants, poses=poses)
 
     def __repr__(self) -> str:
         return f"Trajectory({len(self)} poses, {self.length:.1f} m in {self.duration:.1f} s)"
@@ -94,11 +78,7 @@ class Trajectory(Value):
         return Trajectory(self.times[kept], self.poses[kept])
 
     def at(self, times: ArrayLike) -> Float:
-        """Poses (m, 3) at times (m,) [s].
-
-        Between two poses the robot moves straight and turns the shorter way; before the first and
-        after the last it is at rest.
-        """
+        """Poses (m, 3) at times (m,) [s]: straight between two poses, at rest before and after."""
         times = np.asarray(numbers(times, "times"), dtype=np.float64)
         if len(self) == 1:
             return np.tile(self.poses, (len(times), 1))

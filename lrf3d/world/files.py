@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from lrf3d.errors import InputError, OutputError, WorldError
-from lrf3d.files import check_ordinary, worlds_folder
+from lrf3d.files import check_ordinary, data_folder
 from lrf3d.world.model import World
 from lrf3d.world.schema import at
 
@@ -24,9 +24,7 @@ READERS = {
     ".svg": ("drawings:read_svg", 1 << 25),
     **dict.fromkeys((".glb", ".gltf", ".obj", ".off", ".ply", ".stl"), _MESH),
 }
-"""The module and the function that read a world, and the largest file [bytes], by its ending: a
-town of half a million inhabitants as OpenStreetMap has it, two million walls as TOML, the plan of a
-factory as SVG."""
+"""The module and the function that read a world, and the largest file [bytes], by its ending."""
 
 WRITERS = {
     ".toml": "toml_file:write_toml",
@@ -47,8 +45,7 @@ def load_world(
 
     Args:
         name_or_path: The name or the path.
-        trees: Whether the trunks of the trees in an OpenStreetMap extract are walls too, each an
-            object of bark. Films show such objects as trees.
+        trees: Whether the trunks of the trees in an OpenStreetMap extract are walls, too.
         resolution: Side of a pixel [m], for a bare picture of a floor plan (.png, .pgm).
 
     Raises:
@@ -81,9 +78,8 @@ def load_world(
                 raise
             # What a library raises depends on the damage.
             reason = f"{type(error).__name__}: {' '.join(str(error).split())}"[:120].strip(": ")
-            raise WorldError(
-                f"damaged, or not a {path.suffix[1:].lower()} file ({reason}); save it again"
-            ) from error
+            kind = path.suffix[1:].lower()
+            raise WorldError(f"damaged, or not a {kind} file ({reason}); save it again") from error
     return world
 
 
@@ -101,8 +97,7 @@ def save_world(world: World, path: str | Path, *, resolution: float | None = Non
     Args:
         world: The world.
         path: The file; it ends in .toml, .geojson, .yaml or .glb.
-        resolution: Side of a cell [m], for a ROS map alone; 0.05, or what makes the map small
-            enough, if not given.
+        resolution: Side of a cell [m], for a ROS map alone; 0.05, or more for a large one.
 
     Raises:
         OutputError: The file cannot be written, its ending names no known format, or a
@@ -121,18 +116,16 @@ def save_world(world: World, path: str | Path, *, resolution: float | None = Non
     if ending not in WRITERS:
         raise OutputError(f"{path}: unknown ending; a world is written as {', '.join(WRITERS)}")
     options = {} if resolution is None else {"resolution": resolution}
-    if resolution is not None and not (ending == ".yaml" and 1e-4 <= resolution <= 1e4):
-        raise OutputError(
-            f"{path}: resolution {resolution:g}: expected 0.0001 to 10000 m, for a ROS map (.yaml)"
-        )
+    if options and not (ending == ".yaml" and 1e-4 <= options["resolution"] <= 1e4):
+        expected = "expected 0.0001 to 10000 m, for a ROS map (.yaml)"
+        raise OutputError(f"{path}: resolution {resolution:g}: {expected}")
     _function(WRITERS[ending])(world, path, **options)
 
 
 def _function(target: str) -> Callable[..., Any]:
     """The function of a table's entry; its module loads the libraries of that format alone."""
     module, name = target.split(":")
-    function: Callable[..., Any] = getattr(import_module(f"lrf3d.world.{module}"), name)
-    return function
+    return getattr(import_module(f"lrf3d.world.{module}"), name)  # type: ignore[no-any-return]
 
 
 def world_names() -> list[str]:
@@ -143,7 +136,7 @@ def world_names() -> list[str]:
         >>> lrf3d.world_names()
         ['city', 'corridor', 'glass_office', 'mirror_hall', 'paper_room', 'warehouse']
     """
-    return sorted(path.stem for path in worlds_folder().glob("*.toml"))
+    return sorted(path.stem for path in data_folder("worlds").glob("*.toml"))
 
 
 def find_world(name_or_path: str | Path) -> Path:
@@ -153,28 +146,22 @@ def find_world(name_or_path: str | Path) -> Path:
     """
     names, known = world_names(), ", ".join(READERS)
     if isinstance(name_or_path, str) and name_or_path in names:
-        return worlds_folder() / f"{name_or_path}.toml"
+        return data_folder("worlds") / f"{name_or_path}.toml"
     path = Path(name_or_path)
     near = get_close_matches(path.stem, names, n=1)
     suggestion = f"; did you mean {near[0]!r}?" if near else ""
     if (reader := READERS.get(path.suffix.lower())) is not None:
+        missing, largest = f"no such file{suggestion}", reader[1]
         check_ordinary(
-            path,
-            what="a world file",
-            largest=reader[1],
-            missing=f"no such file{suggestion}",
-            error=WorldError,
+            path, what="a world file", largest=largest, missing=missing, error=WorldError
         )
         return path
     if path.is_dir() or path.suffix.lower() == ".npz":
         run = not path.is_dir() or (path / "run.npz").exists()
         what = "a run, for `lrf3d view` and others" if run else "a folder"
-        raise WorldError(
-            f"{path}: {what}; expected a world: {', '.join(names)}, or a file ({known})"
-        )
+        worlds = f"{', '.join(names)}, or a file ({known})"
+        raise WorldError(f"{path}: {what}; expected a world: {worlds}")
     if path.is_file() or path.suffix:
         raise WorldError(f"{path}: unknown ending; worlds are read from {known}")
-    raise WorldError(
-        f"{name_or_path}: unknown world{suggestion}; built-in are {', '.join(names)}; or give a"
-        f" file ({known})"
-    )
+    worlds = f"built-in are {', '.join(names)}; or give a file ({known})"
+    raise WorldError(f"{name_or_path}: unknown world{suggestion}; {worlds}")

@@ -1,11 +1,9 @@
 """Materials of walls: what becomes of a laser's light at them.
 
 The shares are those at 905 nm, at which most laser range finders work. A material returns light to
-the laser in three ways: diffusely (Lambert's law), in a lobe about the mirrored direction, and as a
+the laser diffusely (Lambert's law), in a lobe about the mirrored direction, and as a
 retro-reflector. What a smooth surface mirrors and what passes through goes on as a beam; a pane
 with a refractive index divides the two after Fresnel's equations.
-
-The values of the built-in materials are round numbers, typical of such surfaces when new and dry.
 """
 
 import math
@@ -16,9 +14,6 @@ from typing import Any
 from lrf3d.errors import WorldError, check_names, shown
 from lrf3d.geometry import number
 from lrf3d.world.schema import at, check_unique, made
-
-SMOOTH_DEG = 1.0
-"""Widest lobe [°] of a surface that a beam leaves as a beam; in a wider one its light scatters."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,14 +58,10 @@ class Material:
             for key, most in LIMITS.items():
                 object.__setattr__(self, key, number(getattr(self, key), key, most=most))
         if self.diffuse + self.specular + self.transmission > 1.0 + 1e-12:
-            raise WorldError(
-                f"{called}: diffuse, specular and transmission are more than 1 together"
-            )
+            raise WorldError(f"{called}: diffuse, specular and transmission are over 1 together")
         if self.index and (self.index < 1.0 or self.specular or self.transmission):
-            raise WorldError(
-                f"{called}: index is {self.index:g}; expected 1 or more, and then neither specular"
-                " nor transmission, which follow from it"
-            )
+            expected = "1 or more, and neither specular nor transmission, which follow from it"
+            raise WorldError(f"{called}: index is {self.index:g}; expected {expected}")
 
     @classmethod
     def of(cls, value: "str | Material") -> "Material":
@@ -79,8 +70,8 @@ class Material:
 
     @property
     def mirrors(self) -> bool:
-        """Whether a beam goes on in the mirrored direction."""
-        return bool(self.specular or self.index) and self.lobe_deg <= SMOOTH_DEG
+        """Whether a beam goes on in the mirrored direction; in a wide lobe its light scatters."""
+        return bool(self.specular or self.index) and self.lobe_deg <= 1.0
 
     @property
     def passes(self) -> bool:
@@ -122,7 +113,7 @@ BUILT_IN = {
         Material("retro-reflector", diffuse=0.2, retro=300.0),
     )
 }
-"""The materials that every world knows, by name."""
+"""The materials that every world knows, by name: round numbers, typical of new and dry surfaces."""
 
 PLAIN = BUILT_IN["plaster"]
 """The material of walls without one."""
@@ -143,10 +134,7 @@ def named(value: object, own: Iterable[Material] = (), place: str = "material") 
 
 
 def material_of(value: object) -> Material | None:
-    """A material from the properties of a file: a name, or a table of its values.
-
-    Unknown names, of which OpenStreetMap has many, give None.
-    """
+    """A material from the properties of a file: a name, which may be unknown, or its values."""
     if isinstance(value, dict):
         own: Material = made(Material)({"name": "", **value}, "material")
         return own
@@ -165,8 +153,6 @@ def checked(materials: Sequence[str | Material | None], count: int) -> tuple[Mat
     if not any(found):
         return ()
     if len(found) != count:
-        raise WorldError(
-            f"{len(found)} materials for {count} objects: expected one for each, or none at all"
-        )
+        raise WorldError(f"{len(found)} materials for {count} objects: expected one for each")
     check_unique("materials", [material.name for material in set(found) if material is not None])
     return found

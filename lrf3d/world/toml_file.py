@@ -18,33 +18,21 @@ import numpy as np
 from lrf3d.errors import InputError, check_names
 from lrf3d.files import own_name, read_text, write_text
 from lrf3d.geometry import Float
+from lrf3d.world import schema
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.materials import BUILT_IN, Material, named
 from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.pieces import Part, runs_of, walls, world_of_parts
-from lrf3d.world.schema import (
-    OBJECT,
-    OBSTACLE,
-    TABLES,
-    Converter,
-    at,
-    check_unique,
-    made,
-    row,
-    table,
-    tables,
-    text,
-)
 
-KEYS: Mapping[str, Converter] = {
-    "name": text(),
-    "place": row("longitude", "latitude"),
-    "object": tables(table(OBJECT)),
-    **{name: table(keys) for name, keys in TABLES.items()},
-    "obstacle": tables(table(OBSTACLE, needs=["route"])),
-    "camera": tables(made(FixedCamera)),
-    "material": tables(made(Material)),
+KEYS: Mapping[str, schema.Converter] = {
+    "name": schema.text(),
+    "place": schema.row("longitude", "latitude"),
+    "object": schema.tables(schema.table(schema.OBJECT)),
+    **{name: schema.table(keys) for name, keys in schema.TABLES.items()},
+    "obstacle": schema.tables(schema.table(schema.OBSTACLE, needs=["route"])),
+    "camera": schema.tables(schema.made(FixedCamera)),
+    "material": schema.tables(schema.made(Material)),
     "free": lambda found, key: FreeCells.from_dict(found, key),
 }
 """The keys and the tables of a world file, in the order in which they are checked."""
@@ -75,7 +63,7 @@ class WorldFile:
 
     def at(self, key: str) -> AbstractContextManager[None]:
         """Let errors name the file and a key in it."""
-        return at(f"{self.path}: {key}")
+        return schema.at(f"{self.path}: {key}")
 
 
 def read_toml(path: Path) -> World:
@@ -85,7 +73,7 @@ def read_toml(path: Path) -> World:
 
 def read_world_file(path: Path) -> WorldFile:
     """Read a world file; errors name it and the key."""
-    with at(str(path)):
+    with schema.at(str(path)):
         content = read_text(path)
         try:
             data = tomllib.loads(content)
@@ -99,13 +87,13 @@ def read_world_file(path: Path) -> WorldFile:
         for place, obstacle in enumerate(obstacles):
             if "radius" in obstacle and "points" in obstacle:
                 raise InputError(f"obstacle[{place}]: expected a radius or points, found both")
-        settings = {key: values[key] for key in TABLES if key in values}
+        settings = {key: values[key] for key in schema.TABLES if key in values}
         return WorldFile(_world(values, path), settings, tuple(obstacles), path)
 
 
 def _world(values: Mapping[str, Any], path: Path) -> World:
     own = values.get("material", [])
-    check_unique("material", [material.name for material in own])
+    schema.check_unique("material", [material.name for material in own])
     parts, known = list[Part](), set[int]()
     for place, each in enumerate(values.get("object", [])):
         key, number = f"object[{place}]", each.get("number", parts[-1].number + 1 if parts else 0)
@@ -115,10 +103,8 @@ def _world(values: Mapping[str, Any], path: Path) -> World:
             raise InputError(f"{key}.{word}: stands with another object of the same number")
         segments, height = _segments(each, key), each.get("height", DEFAULT_HEIGHT)
         if isinstance(height, tuple) and len(height) != len(segments):
-            raise InputError(
-                f"{key}.height: {len(height)} heights for {len(segments)} walls, expected one for"
-                " each"
-            )
+            found = f"{len(height)} heights for {len(segments)} walls"
+            raise InputError(f"{key}.height: {found}, expected one for each")
         if "material" in looks:
             looks["material"] = named(looks["material"], own, f"{key}.material")
         parts.append(Part(number, segments, np.array(height), **looks))
@@ -138,10 +124,8 @@ def _segments(values: Mapping[str, Any], key: str) -> Float:
     """The walls (n, 4) of an object."""
     if ("points" in values) == ("lines" in values):
         raise InputError(f"{key}: expected points, a list of [x, y], or lines, a list of such")
-    if "points" in values:
-        lines = {f"{key}.points": values["points"]}
-    else:
-        lines = {f"{key}.lines[{place}]": line for place, line in enumerate(values["lines"])}
+    lines = {f"{key}.lines[{place}]": line for place, line in enumerate(values.get("lines", ()))}
+    lines |= {f"{key}.points": values["points"]} if "points" in values else {}
     closed = values.get("closed", False)
     pieces = [np.empty((0, 4))]
     for inside, points in lines.items():
@@ -149,10 +133,8 @@ def _segments(values: Mapping[str, Any], key: str) -> Float:
             raise InputError(f"{inside}: closed with {len(points)} points, expected at least 3")
         pieces.append(walls(points, closed))
         for wall in np.flatnonzero((pieces[-1][:, :2] == pieces[-1][:, 2:]).all(axis=1)):
-            raise InputError(
-                f"{inside}[{wall}]: the next point is ({points[wall][0]:g}, {points[wall][1]:g}),"
-                " too, a segment of no length; remove one"
-            )
+            found = "the next point is ({:g}, {:g}), too".format(*points[wall])
+            raise InputError(f"{inside}[{wall}]: {found}, a segment of no length; remove one")
     return np.concatenate(pieces)
 
 
