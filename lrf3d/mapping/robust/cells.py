@@ -78,8 +78,7 @@ class Cells(NamedTuple):
         stamps: (clusters,) the owner's stamp when it took the cluster, which is free where the
             owner has another stamp by now.
         apart: (clusters,) how far each lies off its owner [m].
-        pieces: (clusters,) the piece of its owner, from 1, while that is refit; negative where it
-            lies so near that another wall with this hit would be a copy.
+        pieces: (clusters,) the piece of its owner, while that is refit.
         misses: (clusters,) beams in the direction of its beams that went on, since the last hit.
         used: (5,) squares, blocks and clusters that were taken, the first cluster that was given
             back, and scans.

@@ -42,11 +42,6 @@ DEEPEST_HIT = 5.0
 """[share] How far a hit may lie from the wall along its beam, as a multiple of how far it may lie
 off: beams that all but run along a wall hit it anywhere."""
 
-COPY_SHARE = 0.6
-"""[share] Hits of another wall show that a wall is a copy of it only where they lie off this one by
-less than this part of what its own hits may. At 1 one of two walls of clutter 0.1 to 0.2 m apart is
-given up; less makes more segments, and lets walls go on behind their bends."""
-
 WIDEST_BAND = 1.0
 """[m] How far off a wall noise lets its returns lie at most, however large it is."""
 
@@ -96,11 +91,12 @@ def gather_evidence(
     to these is new evidence of them.
 
     Returns:
-        (pieces, 7) numbers of hits, of free-space violations, of hits of other walls that show the
-        same, of scans that hit, and of beams that went through between them; the sum over the hits
-        of beams that went through before the first; and the scans from the first to the last.
-        (pieces, 6) sums over the hits, of their weight, times place along the wall, offset from it,
-        and the products of the two. (c, 2) the clusters that hit them, each with its piece.
+        (pieces, 7) numbers of hits, of free-space violations, of beams that would be hits had they
+        not hit another wall more nearly, of scans that hit, and of beams that went through between
+        them; the sum over the hits of beams that went through before the first; and the scans from
+        the first to the last. (pieces, 6) sums over the hits, of their weight, times place along
+        the wall, offset from it, and the products of the two. (c, 2) the clusters that hit them,
+        each with its piece.
     """
     pieces = lines.first[-1]
     counts, sums = np.zeros((pieces, 7)), np.zeros((pieces, 6))
@@ -120,9 +116,7 @@ def gather_evidence(
     owned = np.empty((found, 2), np.int64)
     for k in range(found):
         cluster = claimed[k]
-        piece = abs(cells.pieces[cluster]) - 1
-        if cells.pieces[cluster] < 0:
-            counts[piece, 2] -= cells.moments[cluster, 0]
+        piece = cells.pieces[cluster] - 1
         cells.pieces[cluster] = 0
         owned[k, 0], owned[k, 1] = cluster, piece
         line = lines.ends[places[cells.owners[cluster]]]
@@ -137,6 +131,7 @@ def _add_cluster(cells: Cells, cluster: int, line: Float, count: Float, total: F
     moments = cells.moments[cluster]
     hits, weights = moments[0], moments[1]
     count[0] += hits
+    count[2] -= hits
     count[3] += moments[9]
     count[4] += moments[10]
     # Of these two, those of a piece are the hits' mean and the longest of its cells.
@@ -255,9 +250,7 @@ def _claim_one(
         return found
     pieces = lines.first[k + 1] - lines.first[k]
     piece = lines.first[k] + min(int(place / length * pieces), pieces - 1)
-    copies = away < COPY_SHARE * allowed
-    if copies:
-        counts[piece, 2] += hits
+    counts[piece, 2] += hits
     if continues:
         away += CONTINUATION_PENALTY * off
     # A wall seen from its back does not end a beam.
@@ -274,5 +267,5 @@ def _claim_one(
     if cells.pieces[cluster] == 0:
         claimed[found] = cluster
         found += 1
-    cells.pieces[cluster] = -piece - 1 if copies else piece + 1
+    cells.pieces[cluster] = piece + 1
     return found

@@ -1,7 +1,7 @@
 """Refitting: the parts of a wall that are real, and the straight segments that they are made of.
 
 Enter the hits and free-space violations at each piece of the walls; leave new walls. A part is
-real where the beams that hit it outweigh those that went through it or hit a copy of it; it is
+real where the beams that hit it outweigh those that went through it or hit a nearer wall; it is
 split where its points bend by more than a map can be trusted.
 """
 
@@ -43,7 +43,7 @@ before by more beams than this, and than this for each scan that hit, has not. A
 more of slow obstacles stays; at 5 and 0.5 a map of an office explains 0.1 % less of its returns."""
 
 DUPLICATE_WEIGHT = 0.2
-"""[hits] What a hit of another wall weighs that shows the same: a second copy of a wall is not
+"""[hits] What a beam weighs that hit another wall more nearly: a second copy of a wall is not
 kept."""
 
 END_SPARE = 0.04
@@ -203,11 +203,11 @@ def real_pieces(counts: Float) -> Int:
             following[2], came[i, 2] = costs[1] + CHANGE_COST, 1
         if costs[1] < following[3]:
             following[3], came[i, 3] = costs[1], 1
-        hits, violations, copied = counts[i, 0], counts[i, 1], counts[i, 2]
+        hits, violations, nearer = counts[i, 0], counts[i, 1], counts[i, 2]
         weight = violation_weight(counts[i])
         for state in range(4):
             following[state] += hits
-        following[1] += weight * violations + DUPLICATE_WEIGHT * copied + UNSEEN_COST - hits
+        following[1] += weight * violations + DUPLICATE_WEIGHT * nearer + UNSEEN_COST - hits
         costs, following = following, costs
     states = np.zeros(count, np.int64)
     state = 0
