@@ -131,14 +131,14 @@ def replacing(path: str | Path) -> Iterator[Path]:
     """
     path = Path(path)
     unfinished = path.with_name(f".{_cut(path.stem)}.unfinished{path.suffix}")
-    try:
-        with writing(path):
+    with writing(path):
+        try:
             yield unfinished
             os.replace(unfinished, path)
-    finally:
-        # If nothing could be written, as under a name that is too long, there is nothing to remove.
-        with suppress(OSError):
-            unfinished.unlink()
+        finally:
+            # If nothing could be written, as under too long a name, there is nothing to remove.
+            with suppress(OSError):
+                unfinished.unlink()
 
 
 @contextmanager
