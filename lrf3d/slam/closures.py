@@ -12,12 +12,14 @@ import numpy as np
 
 from lrf3d.frames import between, compose, turned
 from lrf3d.geometry import Float, wrap_angle
+from lrf3d.slam.field import DEVIATIONS as WINDOW_DEVIATIONS
+from lrf3d.slam.field import field_of
 from lrf3d.slam.front_end import WEAK, weakest_direction
 from lrf3d.slam.pose_graph import Edges, GraphPaths
-from lrf3d.slam.scan_matching import DEVIATIONS as WINDOW_DEVIATIONS
-from lrf3d.slam.scan_matching import Match, clearest, search
+from lrf3d.slam.scan_matching import Match, search
 from lrf3d.slam.surface import wall_map
-from lrf3d.slam.violation import Key, contradicted
+from lrf3d.slam.views import Key, clearest, evidence
+from lrf3d.slam.violation import contradicted
 
 LEAST_DISTANCE = 6.0
 """Two key scans are worth closing a loop if the path between them along the graph is longer [m]."""
@@ -43,10 +45,11 @@ LOST = 10.0
 LOST_SPREAD = np.diag([0.1**2, 0.1**2, 0.02**2])
 """How far off [m], [rad] such a scan may be."""
 
-MOST_TRIES = 6
-"""Old places that are tried for each new key scan, the more the wider the window is."""
+MOST_TRIES, MOST_PLACES = 6, 20
+"""Old places that are tried for each new key scan: in a small window, where they show the same, and
+in a wide one. If it holds more, no loop is closed there."""
 
-OTHER_PLACE = 3.0
+OTHER_PLACE = 6.0
 """The next one that is tried lies farther from the last than this along the path [m]."""
 
 SUBMAP = 5
@@ -106,7 +109,7 @@ class LoopCloser:
         # How far the robot had driven at each key scan [m], and by now.
         self.driven = np.empty(0)
         self.distance = 0.0
-        # Key scans that follow each other without a known place between them are of one stretch.
+        # Key scans that follow each other without a known place or a lost scan between them.
         self._stretches = np.empty(0, np.int64)
 
     def drive(self, step: Float, lost: int) -> None:
@@ -179,22 +182,31 @@ class LoopCloser:
         fits &= apart < NEAR + WINDOW_DEVIATIONS * deviation
         matches: list[Match] = []
         olds: list[int] = []
-        for _ in range(MOST_TRIES):
-            if not fits.any():
-                break
+        worth: list[float] = []
+        tries = 0
+        while fits.any():
             old = int(np.where(fits, apart, np.inf).argmin())
             spread = _bounded(spreads[old])
-            found = self._matches(old, new, poses, spread)
-            matches += found
-            olds += [old] * len(found)
+            around, seen_from = self._around(old, new)
+            for match in self._matches(old, new, poses, spread):
+                seen = between(seen_from, match.pose)
+                matches.append(match)
+                olds.append(old)
+                worth.append(evidence(self.keys[new].hits, seen, around))
             # The next try is at another place than this one; where the window is small, one that
-            # shows the place is enough.
+            # shows the place is enough. In a wide one all are tried, or else a place that looks
+            # like the right one would be believed.
             fits &= np.abs(self.driven - self.driven[old]) > OTHER_PLACE
             small = WINDOW_DEVIATIONS * np.sqrt(spread[:2, :2].trace()) < OTHER_PLACE
-            if small and any(match.explained > LEAST_SHARE for match in matches):
+            tries += 1
+            if small and (
+                tries == MOST_TRIES or any(match.explained > LEAST_SHARE for match in matches)
+            ):
                 break
+            if tries == MOST_PLACES:
+                return None
         there = [compose(poses[old], match.pose) for old, match in zip(olds, matches, strict=True)]
-        best = clearest(there, [match.log_odds for match in matches])
+        best = clearest(there, worth)
         if best is None or matches[best].explained < LEAST_FOUND:
             return None
         old, match = olds[best], matches[best]
@@ -214,6 +226,7 @@ class LoopCloser:
             self.keys[k]
             for k in range(max(old - SUBMAP, 0), min(old + SUBMAP + 1, new))
             if self._stretches[k] == self._stretches[old]
+            and self.driven[k] < self.driven[new] - LEAST_DISTANCE
         ]
         return around, between(self.keys[old].pose, np.array([key.pose for key in around]))
 
@@ -224,7 +237,7 @@ class LoopCloser:
         if grid is None or len(grid.surface) < LEAST_POINTS:
             return []
         guess, window = between(poses[old], poses[new]), turned(spread, -float(poses[old, 2]))
-        return search(self.keys[new].surface, grid, guess, window, NEAR)
+        return search(self.keys[new], grid, field_of(around, locals_), guess, window, NEAR)
 
     def _beside(self, first: Closure, second: Closure) -> bool:
         """Whether two closures join the same two stretches of the path."""

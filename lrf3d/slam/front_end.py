@@ -7,23 +7,17 @@ every half metre a key scan is due: loops are closed with these, and the pose gr
 from collections import deque
 from collections.abc import Sequence
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lrf3d.frames import between, compose, turned
-from lrf3d.geometry import Bool, Float, Int, wrap_angle
-from lrf3d.slam.scan_matching import (
-    CLEARLY,
-    PRIOR_SCALE,
-    Match,
-    clearest,
-    match_scan,
-    same_place,
-    search,
-)
+from lrf3d.geometry import Float, Int, wrap_angle
+from lrf3d.slam.field import field_of
+from lrf3d.slam.scan_matching import PRIOR_SCALE, Match, match_scan, search
 from lrf3d.slam.surface import SurfaceGrid, moved, thinned, wall_map
-from lrf3d.slam.violation import BEHIND, Key, views_of
+from lrf3d.slam.views import BEHIND, Key, evidence, views_of
+from lrf3d.slam.violation import contradicted
 from lrf3d.slam.wheels import Wheels
 
 KEY_DISTANCE, KEY_TURN = 0.5, 0.5
@@ -42,6 +36,9 @@ SLIP, SLIP_SHARE, SLIP_TURN, SLIP_TURN_SHARE = 0.4, 0.3, 0.7, 0.3
 """How far [m], [rad] wheels may slip between two scans, and as a share of their step: the window
 that is searched, twice as wide where the scan before is lost. A bump turns a robot by half a
 radian."""
+
+LEAST_EXPLAINED = 0.1
+"""A match that explains a smaller share is not believed."""
 
 LEAST_POINTS = 8
 """With fewer points than this nothing is searched: a few points fit in many places. Between trees
@@ -112,6 +109,13 @@ def weakest_direction(information: Float) -> tuple[Float, float]:
     return directions[:, 0], float(max(values[0], 0.0))
 
 
+def slip_deviations(step: Float) -> Float:
+    """Standard deviations (3,) of the wheels' slip in a step (3,)."""
+    aside = SLIP + SLIP_SHARE * float(np.hypot(step[0], step[1]))
+    turn = SLIP_TURN + SLIP_TURN_SHARE * abs(float(step[2]))
+    return np.array([aside, aside, turn]) / 3.0
+
+
 class FrontEnd:
     """Follows the robot by matching scans with a local map."""
 
@@ -131,51 +135,65 @@ class FrontEnd:
         self._raw, self._found = np.zeros(3), np.zeros(3)
         self._turn_known = self._ahead_known = True
 
-    def track(self, surface: Float, increment: Float) -> Tracked:
+    def track(self, scan: Key, increment: Float) -> Tracked:
         """Place the next scan."""
         expected, covariance = self.wheels.corrected(increment), self.wheels.covariance(increment)
         guess = compose(self.pose, expected)
         uncertain = covariance + np.diag([0.0, 0.0, self.wheels.unlearned(increment)])
         own: Float = np.asarray(np.linalg.inv(uncertain), dtype=np.float64)
-        surface = surface[~self._moving(surface, guess, np.sqrt(uncertain.diagonal()))]
-        match, slip, accepted = self._match(surface, guess, expected, own)
-        if self._held and not accepted:
+        deviations = np.sqrt(uncertain.diagonal())
+        scan = replace(scan, surface=self._standing(scan.surface, guess, deviations))
+        match, slip, accepted = self._match(scan, guess, expected, own, deviations)
+        apart = bool(self._held) and not accepted
+        if apart:
             # The scan before is not found to be elsewhere: it is taken to be where it was placed.
             self._keys.append(self._held.pop())
             self._draw()
-            match, slip, accepted = self._match(surface, guess, expected, own)
+            match, slip, accepted = self._match(scan, guess, expected, own, deviations)
         self._held.clear()
+        if self._lost or not accepted:
+            # Where one of them is lost, what scans saw does not lie together.
+            self._recent.clear()
         self._lost = 0 if accepted else self._lost + 1
         pose = match.pose if accepted else guess
         pose[2] = wrap_angle(pose[2])
-        information = turned(match.information, -float(pose[2])) if accepted else np.zeros((3, 3))
+        # The key scans before one that is lost fix none that is found by it.
+        fixed = match.information if accepted and not apart else np.zeros((3, 3))
+        information = turned(fixed, -float(pose[2]))
         found = between(self.pose, pose)
         if accepted:
             self.wheels.compare(expected, found, covariance)
             # Where wheels have slipped, the directions that scans do not fix are uncertain, too.
             covariance = covariance * (1.0 + slip / PRIOR_SCALE**2)
+        elif self._keys:
+            keys = list(self._keys)[-LOCAL_KEYS:]
+            seen_from = between(np.array([key.pose for key in keys]), guess)
+            if contradicted(keys, scan, seen_from):
+                # The wheels have slipped, and where to is not known.
+                covariance = covariance + np.diag(slip_deviations(expected) ** 2)
         self._turn_known &= accepted
         self._ahead_known &= accepted and information[0, 0] > WEAK
         self._raw += increment
         self._found += found
-        self.pose, self.surface = pose, surface
-        if accepted or not self._recent:
-            self._recent.append((pose, surface))
+        self.pose, self.surface = pose, scan.surface
+        self._recent.append((pose, scan.surface))
         return Tracked(pose, information, accepted, match.deviation, expected, covariance)
 
     def _match(
-        self, surface: Float, guess: Float, expected: Float, own: Float
+        self, scan: Key, guess: Float, expected: Float, own: Float, deviations: Float
     ) -> tuple[Match, float, bool]:
         """A match with the local map, the odometry's slip, and whether it is believed."""
+        surface = scan.surface
         if self._grid is None or not len(surface):
             return Match(guess, np.zeros((3, 3)), 0.0, np.inf), 0.0, False
         match = match_scan(surface, self._grid, guess, turned(own, float(self.pose[2])))
         if not np.isfinite(match.pose).all():
             return match, 0.0, False
-        accepted, slip = match.evidence() > 0.0, self._slip(match, expected, own)
+        accepted, slip = match.explained > LEAST_EXPLAINED, self._slip(match, expected, own)
         doubtful = match.explained < DOUBTFUL or slip > SLIPPED**2
         if doubtful and len(surface) >= LEAST_POINTS:
-            match, accepted = self._searched(surface, self._grid, match, guess, expected)
+            standing = replace(scan, hits=self._standing(scan.hits, guess, deviations))
+            match, accepted = self._searched(standing, self._grid, match, guess, expected)
             slip = self._slip(match, expected, own)
         return match, slip, accepted
 
@@ -185,7 +203,7 @@ class FrontEnd:
         return float(error @ information @ error)
 
     def _searched(
-        self, surface: Float, grid: SurfaceGrid, match: Match, guess: Float, expected: Float
+        self, scan: Key, grid: SurfaceGrid, match: Match, guess: Float, expected: Float
     ) -> tuple[Match, bool]:
         """The clearest place around the guess, or else the match; and whether it is believed.
 
@@ -194,40 +212,31 @@ class FrontEnd:
         right place explains little, and the place of the last scan more; but only at a wrong place
         do beams of the key scans pass through the points.
         """
-        aside = SLIP + SLIP_SHARE * float(np.hypot(expected[0], expected[1]))
-        turn = SLIP_TURN + SLIP_TURN_SHARE * abs(float(expected[2]))
-        spread = (1 + min(self._lost, 1)) * np.array([aside, aside, turn]) / 3.0
-        places = [*search(surface, grid, guess, np.diag(spread**2)), match]
+        spread = (1 + min(self._lost, 1)) * slip_deviations(expected)
+        keys = list(self._keys)[-LOCAL_KEYS:]
+        seen_from = np.array([key.pose for key in keys])
+        field = field_of(keys, seen_from)
+        places = [*search(scan, grid, field, guess, np.diag(spread**2)), match]
         poses = np.array([place.pose for place in places])
-        passed = [self._passed(surface, pose)[-LOCAL_KEYS:].any(axis=0).mean() for pose in poses]
-        evidence = np.array(
-            [place.evidence(float(share)) for place, share in zip(places, passed, strict=True)]
-        )
+        worth = np.array([evidence(scan.hits, between(seen_from, pose), keys) for pose in poses])
         # Encoders that stand still may have failed: then they say nothing.
         off = (between(guess, poses) / spread) ** 2 * bool(expected.any())
         off[-1] = 0.0  # The match was drawn to the odometry already.
-        best = clearest(list(poses), (evidence - np.log1p(off.sum(axis=1))).tolist())
-        if best is None or (
-            same_place(poses[best], match.pose) and evidence[best] < evidence[-1] + CLEARLY
-        ):
-            best = -1
-        return places[best], bool(evidence[best] > 0.0)
+        worth -= np.log1p(off.sum(axis=1))
+        best = int(np.argmax(worth))
+        return places[best], bool(worth[best] > 0.0)
 
-    def _passed(self, surface: Float, pose: Float) -> Bool:
-        """Which points (k, m) of a surface at a pose (3,) beams of the last key scans pass."""
-        poses = between(np.array([key.pose for key in self._keys]), pose)
-        return np.asarray(views_of(surface, poses, self._keys) == 2)
-
-    def _moving(self, surface: Float, guess: Float, deviations: Float) -> Bool:
-        """Which points (m,) of a surface were not there when the robot came by."""
+    def _standing(self, points: Float, guess: Float, deviations: Float) -> Float:
+        """Those of a scan's points (m, …) that were not passed by beams when the robot came by."""
         if len(self._keys) < THROUGH:
-            return np.zeros(len(surface), np.bool_)
+            return points
         # Where a guess may be off by more than beams pass behind a point, nothing is known.
-        far = np.hypot(surface[:, 0], surface[:, 1])
+        far = np.hypot(points[:, 0], points[:, 1])
         known = 3.0 * (max(deviations[0], deviations[1]) + deviations[2] * far) < BEHIND
-        gone = known & (self._passed(surface, guess).sum(axis=0) >= THROUGH)
+        poses = between(np.array([key.pose for key in self._keys]), guess)
+        gone = known & ((views_of(points, poses, self._keys) == 2).sum(axis=0) >= THROUGH)
         # Where most is new the robot is elsewhere than it thinks.
-        return np.asarray(gone & (2 * gone.sum() < len(gone)))
+        return points if 2 * gone.sum() >= len(gone) else points[~gone]
 
     def key_due(self) -> bool:
         """Whether the robot has moved far enough since the last key scan."""
@@ -236,7 +245,11 @@ class FrontEnd:
         x, y, turn = between(self._keys[-1].pose, self.pose)
         return bool(np.hypot(x, y) >= self.key_distance or abs(turn) >= KEY_TURN)
 
-    def walls(self) -> Float:
+    def key(self, scan: Key) -> Key:
+        """The scan that was just placed, as a key scan."""
+        return replace(scan, pose=self.pose, surface=self.surface, walls=self._walls())
+
+    def _walls(self) -> Float:
         """Points (w, 4) of the walls that the last scan saw, in its frame, and some scans before.
 
         Alone a scan of few beams would show of a wall a point here and there.

@@ -12,7 +12,7 @@ from lrf3d.frames import between
 from lrf3d.recorded import rising
 from lrf3d.slam.front_end import weakest_direction
 from lrf3d.slam.odometry import WheelPath
-from lrf3d.slam.violation import Key, views_of
+from lrf3d.slam.views import Key, views_of
 from lrf3d.slam.wheels import Wheels
 
 
@@ -190,7 +190,8 @@ def test_beams_that_pass_through_what_the_other_saw_are_counted():
     ranges = np.full(11, 4.0)
     points = np.array([[2.0, 0.0], [4.1, 0.0], [3.8, 0.3], [2.0, 30.0]])
     nothing = np.empty((0, 4))
-    key = Key(0, np.zeros(3), nothing, nothing, angles, ranges, np.zeros(2), 0.01)
+    hits = nothing[:, :2]
+    key = Key(0, np.zeros(3), nothing, nothing, hits, angles, ranges, np.zeros(2), 0.01)
     assert views_of(points, np.zeros((1, 3)), [key]).tolist() == [[2, 1, 1, 0]]
 
 
