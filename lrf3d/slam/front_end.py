@@ -13,10 +13,10 @@ import numpy as np
 
 from lrf3d.frames import between, compose, turned
 from lrf3d.geometry import Float, Int, wrap_angle
-from lrf3d.slam.field import field_of
-from lrf3d.slam.scan_matching import PRIOR_SCALE, Match, match_scan, search
+from lrf3d.slam.scan_matching import PRIOR_SCALE, Match, match_scan
+from lrf3d.slam.search import field_of, search
 from lrf3d.slam.surface import SurfaceGrid, moved, thinned, wall_map
-from lrf3d.slam.views import BEHIND, Key, evidence, views_of
+from lrf3d.slam.views import BEHIND, CLEARLY, Key, evidence, views_of
 from lrf3d.slam.violation import contradicted
 from lrf3d.slam.wheels import Wheels
 
@@ -36,6 +36,9 @@ SLIP, SLIP_SHARE, SLIP_TURN, SLIP_TURN_SHARE = 0.4, 0.3, 0.7, 0.3
 """How far [m], [rad] wheels may slip between two scans, and as a share of their step: the window
 that is searched, twice as wide where the scan before is lost. A bump turns a robot by half a
 radian."""
+
+RARE = 3.0
+"""Log odds against a slip: of twenty steps one is as far off as the window is wide."""
 
 LEAST_EXPLAINED = 0.1
 """A match that explains a smaller share is not believed."""
@@ -66,10 +69,6 @@ REFINED_WITH = 12
 """Key scans that a scan is matched with. More take longer, and move the mean error by some
 thousandths."""
 
-ELSEWHERE = 0.03
-"""Where a scan is farther than this [m], [rad] from where its wheels have it, seen from the scan
-before it or after it, that place is tried, too."""
-
 LEAST_REFINED = 0.3
 """A scan that explains less than this share of its points stays where it is."""
 
@@ -79,16 +78,14 @@ class Tracked:
     """One scan as the front end placed it, in its drifting frame.
 
     The information (3, 3) is that of matching, along the axes of the pose (3,); a scan that was not
-    matched stands where odometry has it. Its motion (3,) is that of the wheels, without their known
-    errors, with the covariance (3, 3) of the others. The deviation is the RMS distance [m] of its
-    points to the walls.
+    matched stands where odometry has it, whose errors have the covariance (3, 3). The deviation is
+    the RMS distance [m] of its points to the walls.
     """
 
     pose: Float
     information: Float
     matched: bool
     deviation: float
-    motion: Float
     covariance: Float
 
     @property
@@ -129,8 +126,7 @@ class FrontEnd:
         self._recent: deque[tuple[Float, Float]] = deque(maxlen=RECENT)
         self._keys: deque[Key] = deque(maxlen=WATCHED)
         self._grid: SurfaceGrid | None = None
-        # How many scans in a row are lost by now, and the first of these.
-        self._lost, self._held = 0, list[Key]()
+        self._lost = False
         # The motion since the last key scan by the wheels and by scans, and what scans fixed of it.
         self._raw, self._found = np.zeros(3), np.zeros(3)
         self._turn_known = self._ahead_known = True
@@ -144,22 +140,13 @@ class FrontEnd:
         deviations = np.sqrt(uncertain.diagonal())
         scan = replace(scan, surface=self._standing(scan.surface, guess, deviations))
         match, slip, accepted = self._match(scan, guess, expected, own, deviations)
-        apart = bool(self._held) and not accepted
-        if apart:
-            # The scan before is not found to be elsewhere: it is taken to be where it was placed.
-            self._keys.append(self._held.pop())
-            self._draw()
-            match, slip, accepted = self._match(scan, guess, expected, own, deviations)
-        self._held.clear()
         if self._lost or not accepted:
             # Where one of them is lost, what scans saw does not lie together.
             self._recent.clear()
-        self._lost = 0 if accepted else self._lost + 1
+        self._lost = not accepted
         pose = match.pose if accepted else guess
         pose[2] = wrap_angle(pose[2])
-        # The key scans before one that is lost fix none that is found by it.
-        fixed = match.information if accepted and not apart else np.zeros((3, 3))
-        information = turned(fixed, -float(pose[2]))
+        information = turned(match.information, -float(pose[2])) if accepted else np.zeros((3, 3))
         found = between(self.pose, pose)
         if accepted:
             self.wheels.compare(expected, found, covariance)
@@ -177,7 +164,7 @@ class FrontEnd:
         self._found += found
         self.pose, self.surface = pose, scan.surface
         self._recent.append((pose, scan.surface))
-        return Tracked(pose, information, accepted, match.deviation, expected, covariance)
+        return Tracked(pose, information, accepted, match.deviation, covariance)
 
     def _match(
         self, scan: Key, guess: Float, expected: Float, own: Float, deviations: Float
@@ -193,7 +180,7 @@ class FrontEnd:
         doubtful = match.explained < DOUBTFUL or slip > SLIPPED**2
         if doubtful and len(surface) >= LEAST_POINTS:
             standing = replace(scan, hits=self._standing(scan.hits, guess, deviations))
-            match, accepted = self._searched(standing, self._grid, match, guess, expected)
+            match, accepted = self._searched(standing, self._grid, match, expected, own)
             slip = self._slip(match, expected, own)
         return match, slip, accepted
 
@@ -203,7 +190,7 @@ class FrontEnd:
         return float(error @ information @ error)
 
     def _searched(
-        self, scan: Key, grid: SurfaceGrid, match: Match, guess: Float, expected: Float
+        self, scan: Key, grid: SurfaceGrid, match: Match, expected: Float, own: Float
     ) -> tuple[Match, bool]:
         """The clearest place around the guess, or else the match; and whether it is believed.
 
@@ -212,18 +199,26 @@ class FrontEnd:
         right place explains little, and the place of the last scan more; but only at a wrong place
         do beams of the key scans pass through the points.
         """
-        spread = (1 + min(self._lost, 1)) * slip_deviations(expected)
+        guess, spread = compose(self.pose, expected), slip_deviations(expected)
         keys = list(self._keys)[-LOCAL_KEYS:]
         seen_from = np.array([key.pose for key in keys])
         field = field_of(keys, seen_from)
         places = [*search(scan, grid, field, guess, np.diag(spread**2)), match]
         poses = np.array([place.pose for place in places])
-        worth = np.array([evidence(scan.hits, between(seen_from, pose), keys) for pose in poses])
-        # Encoders that stand still may have failed: then they say nothing.
-        off = (between(guess, poses) / spread) ** 2 * bool(expected.any())
-        off[-1] = 0.0  # The match was drawn to the odometry already.
-        worth -= np.log1p(off.sum(axis=1))
-        best = int(np.argmax(worth))
+        worth = np.array(
+            [
+                evidence(scan.hits, place.explained, between(seen_from, place.pose), keys)
+                for place in places
+            ]
+        )
+        odds = worth
+        if expected.any():  # Encoders that stand still may have failed: then they say nothing.
+            offs = np.array([self._slip(place, expected, own) for place in places])
+            slips = ((between(guess, poses) / spread) ** 2).sum(axis=1)
+            odds = worth - np.minimum(np.log1p(offs), RARE + np.log1p(slips))
+        best = int(np.argmax(odds))
+        if odds[best] < odds[-1] + CLEARLY:
+            best = -1
         return places[best], bool(worth[best] > 0.0)
 
     def _standing(self, points: Float, guess: Float, deviations: Float) -> Float:
@@ -260,33 +255,20 @@ class FrontEnd:
         seen = [moved(thinned(part), between(self.pose, pose)) for pose, part in parts]
         return np.concatenate(seen)
 
-    def add_key(self, key: Key) -> bool:
-        """Take the scan that was just placed into the local map; returns whether it is a key scan.
-
-        A first scan that is lost may have been bumped: what it saw would lead those after it
-        astray. It waits for the next one, which may be found with the map before it.
-        """
-        if self._lost == 1 and self._keys:
-            self._held.append(key)
-            return False
+    def add_key(self, key: Key) -> None:
+        """Take the scan that was just placed into the local map, as a key scan."""
         if self._turn_known:
             self.wheels.learn(self._raw, self._found, self._ahead_known)
         self._raw, self._found = np.zeros(3), np.zeros(3)
         self._turn_known = self._ahead_known = True
         self._recent.clear()
         self._keys.append(key)
-        self._draw()
-        return True
-
-    def _draw(self) -> None:
-        """Draw the local map."""
         self._grid = wall_map((near.walls, near.pose) for near in list(self._keys)[-LOCAL_KEYS:])
 
 
 def refined(
     surfaces: Sequence[Float],
     poses: Float,
-    motions: Float,
     keys: Sequence[Key],
     key_poses: Float,
     anchored: Int,
@@ -294,8 +276,8 @@ def refined(
     """Poses (n, 3) of all scans, matched again with all key scans (k,) around them.
 
     While the robot drove, a scan was matched with what lay just behind it; now its surroundings are
-    known from all drives past it. Scans moved by motions (n, 3) of the wheels; each is matched with
-    what lies around the last of those anchored (m,): key scans, and scans in known places.
+    known from all drives past it. Each is matched with what lies around the last of those anchored
+    (m,): key scans, and scans in known places.
     """
     refined_poses = poses.copy()
     if not len(surfaces):
@@ -308,20 +290,8 @@ def refined(
         if grid is None:
             continue
         for scan in range(first, end):
-            guesses = [poses[scan]]
-            # A scan may have been turned alone, or have followed a person; the wheels do not.
-            if scan:
-                guesses.append(compose(refined_poses[scan - 1], motions[scan]))
-            if scan + 1 < len(poses):
-                back = between(motions[scan + 1], np.zeros(3))
-                guesses.append(compose(poses[scan + 1], back))
             prior = turned(REFINED_PRIOR, float(poses[scan, 2]))
-            matches = [
-                match_scan(surfaces[scan], grid, guess, prior, REFINED_ITERATIONS)
-                for number, guess in enumerate(guesses)
-                if not number or np.abs(between(guess, poses[scan])).max() > ELSEWHERE
-            ]
-            match = max(matches, key=lambda match: match.explained)
+            match = match_scan(surfaces[scan], grid, poses[scan], prior, REFINED_ITERATIONS)
             if match.explained > LEAST_REFINED:
                 refined_poses[scan] = match.pose
     return refined_poses

@@ -17,8 +17,7 @@ from lrf3d.errors import InputError
 from lrf3d.frames import bent, between, compose
 from lrf3d.geometry import Bool, Float, Int, wrap_angle
 from lrf3d.laser import LaserScan
-from lrf3d.slam.field import field_of
-from lrf3d.slam.scan_matching import search
+from lrf3d.slam.search import field_of, search
 from lrf3d.slam.surface import grid_of
 from lrf3d.slam.views import Key
 from lrf3d.text import counted

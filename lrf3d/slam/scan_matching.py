@@ -20,9 +20,7 @@ import numpy as np
 
 from lrf3d.compiling import compiled, inner
 from lrf3d.geometry import Float
-from lrf3d.slam.field import COARSE_CELL, DEVIATIONS, Field, climbed, shifts_within, window_scores
 from lrf3d.slam.surface import ALONG, SurfaceGrid
-from lrf3d.slam.views import Key, same_place
 
 ALIGNED = 0.85
 """Least cosine between the normals of a point and of what it is matched to."""
@@ -54,24 +52,6 @@ ITERATIONS = 20
 
 STEP = 1e-4
 """An iteration that moves the pose by less [m, rad] is the last."""
-
-ANGLE_STEPS = 0.01, 0.03
-"""Bounds of the step of the heading [rad]; it moves the points far off by a cell."""
-
-COARSE_POINTS = 80
-"""Points of a surface that the window is searched with."""
-
-PEAKS = 6
-"""Poses of the window that are refined."""
-
-CLOSE = 0.7
-"""Peaks that score less than this share of what the best one does are no places."""
-
-LOOSE = np.diag([4.0, 4.0, 25.0])
-"""Information of the guess when a peak is refined: 0.5 m and 0.2 rad, which leaves it free."""
-
-HELD = np.diag([1e6, 1e6, 1e7])
-"""The same where it would slide away: a millimetre."""
 
 
 class Match(NamedTuple):
@@ -215,46 +195,3 @@ def _near(
     if post:
         return near, sum_x / total, sum_y / total, length / total
     return near, sum_x / length, sum_y / length, sum_off / total
-
-
-def search(
-    scan: Key, grid: SurfaceGrid, field: Field, guess: Float, spread: Float, near: float = np.inf
-) -> list[Match]:
-    """The places in a window where a scan lies on a map, best first.
-
-    The window has a covariance (3, 3), its spread, around a guess (3,); places farther than a
-    distance [m] from the map's origin are left out.
-    """
-    shifts = shifts_within(guess, spread[:2, :2], near)
-    surface, hits = scan.surface, scan.hits
-    if not len(surface) or not len(shifts):
-        return []
-    far = float(np.quantile(np.hypot(hits[:, 0], hits[:, 1]), 0.8))
-    step = float(np.clip(COARSE_CELL / max(far, 1e-3), *ANGLE_STEPS))
-    turns = max(1, int(np.ceil(DEVIATIONS * np.sqrt(spread[2, 2]) / step)))
-    angles: Float = step * np.arange(-turns, turns + 1, dtype=np.float64)
-    points, sample = thin(hits), thin(surface)
-    scores = window_scores(points, field, guess, shifts, angles)
-    places: list[tuple[Float, Float]] = []
-    least = max(CLOSE * float(scores.max()), 0.0)
-    for _ in range(PEAKS):
-        a, s = np.unravel_index(int(scores.argmax()), scores.shape)
-        if scores[a, s] <= least:
-            break
-        start = guess + np.array([*(COARSE_CELL * shifts[s]), angles[a]])
-        peak = climbed(points, field, start, step)
-        place, prior = match_scan(sample, grid, peak, LOOSE).pose, LOOSE
-        if not (np.isfinite(place).all() and same_place(place, peak, 0.5)):
-            # It slid away, as along a corridor: that is another place.
-            place, prior = peak, HELD
-        if not any(same_place(place, other) for other, _ in places):
-            places.append((place, prior))
-        # The peak's surroundings lead to the same place.
-        around = np.flatnonzero((np.abs(shifts - shifts[s]) <= 2).all(axis=1))
-        scores[max(a - 2, 0) : a + 3, around] = 0.0
-    return [match_scan(surface, grid, place, prior) for place, prior in places]
-
-
-def thin(points: Float) -> Float:
-    """Some of many points (m, …), which are enough to find a place."""
-    return np.ascontiguousarray(points[:: 1 + len(points) // COARSE_POINTS])

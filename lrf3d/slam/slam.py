@@ -126,8 +126,8 @@ class Slam:
         self._tracked.append(self._front.track(key, increment))
         if self._front.key_due():
             key = self._front.key(key)
-            if self._front.add_key(key):
-                self._add(key, scan)
+            self._front.add_key(key)
+            self._add(key, scan)
         self._map.update(self._key_poses)
 
     def _add(self, key: Key, scan: LaserScan) -> None:
@@ -187,7 +187,7 @@ class Slam:
             last, edge = self._anchors[-1], self._edge_to_last()
             apart = last.scan != closer.keys[last.key].scan or self._lost() > 0
             self._edges = Edges.joined([self._edges, edge])
-            closer.link(edge, last.drifted + closer.distance - last.driven, self._lost())
+            closer.link(edge, last.drifted + closer.distance - last.driven)
         self._key_poses = np.vstack([self._key_poses, pose])
         self._key_scans.append(scan)
         closer.add_key(key, apart=apart)
@@ -333,8 +333,9 @@ class Slam:
 
     def finish(self) -> None:
         """Adjust all poses, once the last scan is in and no more closures can come."""
-        if closures := self._closer.settle():
-            self._edges = Edges.joined([self._edges, closure_edges(closures)])
+        self._closer.settle()
+        path, closed = self._edges.part(~self._edges.robust), self._closer.accepted
+        self._edges = Edges.joined([path, closure_edges(closed)]) if closed else path
         if len(self._edges):
             self._key_poses = optimised(self._key_poses, self._edges, FINAL_ITERATIONS)
             self._map.redraw(self._key_poses)
@@ -351,9 +352,8 @@ class Slam:
             )
         noise = max(self._noise, LEAST_NOISE)
         surfaces = [surface_of_scan(scan, self._laser, noise) for scan in scans]
-        motions = np.array([scan.motion for scan in self._tracked]).reshape(-1, 3)
         poses, keys = self._scan_poses(), self._closer.keys
-        found = refined(surfaces, poses, motions, keys, self._key_poses, self._anchored)
+        found = refined(surfaces, poses, keys, self._key_poses, self._anchored)
         return self._in_world(found)
 
     def self_check(self) -> SelfCheck:

@@ -24,12 +24,11 @@ AT = 0.05
 COUNTED = 120
 """Points of a scan that are counted at most."""
 
-CHANCE, NEW, CORRELATED, CLEARLY = 0.05, 0.1, 2.0, 0.8
-"""A place is believed if its evidence is positive, and larger by the last than that of any other:
-the log odds of a point to speak for the place, and not against it. The first is the share of points
-that do either by chance. Points that beams pass through are against it; others that were not hit
-may be new, as most are where a robot enters a room, and the second share of them is. Points share
-their errors: many count as the third number."""
+CHANCE, NEW, CLEARLY = 0.05, 0.1, 0.8
+"""A place is believed if its evidence is positive, and larger by the last than that of any other.
+The first is the share of points that speak for or against a place by chance. Points that beams pass
+through are against it; others may be new, as most are where a robot enters a room, and the second
+share of them is."""
 
 APART, TURNED_APART = 0.3, 0.1
 """Two poses that differ by more [m], [rad] are different places."""
@@ -77,13 +76,12 @@ def _view(
     ranges: Float,
     limits: Float,
     views: NDArray[np.uint8],
-) -> int:
-    """How a scan saw points, whose frame is at a pose (3,); returns how many it saw through.
+) -> None:
+    """How a scan saw points, whose frame is at a pose (3,).
 
     A beam counts with the least of its own and its neighbours' ranges, so that one that slips past
     an edge contradicts nothing. What lies between two beams that met one surface was hit, too.
     """
-    through = 0
     step = (angles[-1] - angles[0]) / (len(angles) - 1)
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
     for i in range(len(points)):
@@ -100,28 +98,29 @@ def _view(
             continue
         distance = np.sqrt(dx * dx + dy * dy)
         views[i] = 2 if least > distance + limits[0] else 1
-        through += views[i] == 2
         for side in range(-1, 2):
             one, other = ranges[beam], ranges[beam + side]
             joined = abs(one - other) < CONNECTED + CONNECTED_GROWTH * distance
             near, far = min(one, other) - limits[1], max(one, other) + limits[1]
             if joined and near < distance < far:
                 views[i] = 3
-    return through
 
 
-def evidence(points: Float, poses: Float, keys: Sequence[Key]) -> float:
-    """How much speaks for a place from which a scan hit points; arguments are those of `views_of`.
+def evidence(hits: Float, explained: float, poses: Float, keys: Sequence[Key]) -> float:
+    """How much speaks for a place from which a scan hit points (m, 2).
 
-    It is the log odds of a point to speak for the place, and not against it.
+    It is the log odds of two points to speak for the place, and not against it: of one of those
+    that matching explains, by a share, and of one that other beams hit. The other arguments are
+    those of `views_of`.
     """
-    if not len(points):
+    if not len(hits):
         return -np.inf
-    views = views_of(points[:: 1 + len(points) // COUNTED], poses, keys)
+    views = views_of(hits[:: 1 + len(hits) // COUNTED], poses, keys)
     hit = (views == 3).any(axis=0)
-    explained, passed = float(hit.mean()), float(((views == 2).any(axis=0) & ~hit).mean())
-    against = passed + NEW * (1.0 - explained - passed)
-    return CORRELATED * float(np.log((explained + CHANCE) / (against + CHANCE)))
+    passed = float(((views == 2).any(axis=0) & ~hit).mean())
+    shares = np.array([float(hit.mean()), explained])
+    against = passed + NEW * np.maximum(1.0 - shares - passed, 0.0)
+    return float(np.log((shares + CHANCE) / (against + CHANCE)).sum())
 
 
 def clearest(places: Sequence[Float], worth: Sequence[float]) -> int | None:

@@ -14,23 +14,39 @@ from numpy.typing import NDArray
 from lrf3d.compiling import compiled
 from lrf3d.frames import compose
 from lrf3d.geometry import Float, Int
-from lrf3d.slam.views import BEHIND, Key
+from lrf3d.slam.scan_matching import Match, match_scan
+from lrf3d.slam.surface import SurfaceGrid
+from lrf3d.slam.views import BEHIND, Key, same_place
 
-COARSE_CELL = 0.15
-"""Cell of the coarse field [m]: matching finds home from one and a half of them."""
+CELL = 0.15
+"""Side of a cell [m]: matching finds home from one and a half of them."""
 
 DEVIATIONS = 3.0
 """A window reaches as many standard deviations to each side."""
 
-CELL, STRIDE = 0.05, 3
-"""Side of a cell of the field [m], and how many of them a cell of the window has."""
-
-WALL, FREE = 4, -4
-"""What a hit counts in the cell of a wall, and in a free one; it counts one less for each cell that
-it lies beside a wall."""
+WALL, FREE = 2, -2
+"""What a hit counts in the cell of a wall, and in a free one; next to a wall it counts one."""
 
 FARTHEST = 50.0
 """Cells farther from the last key scan are left out [m]."""
+
+ANGLE_STEPS = 0.01, 0.03
+"""Bounds of the step of the heading [rad]; it moves the points far off by a cell."""
+
+COARSE_POINTS = 80
+"""Points of a surface that the window is searched with."""
+
+PEAKS = 6
+"""Poses of the window that are refined."""
+
+CLOSE = 0.7
+"""Peaks that score less than this share of what the best one does are no places."""
+
+LOOSE = np.diag([4.0, 4.0, 25.0])
+"""Information of the guess when a peak is refined: 0.5 m and 0.2 rad, which leaves it free."""
+
+HELD = np.diag([1e6, 1e6, 1e7])
+"""The same where it would slide away: a millimetre."""
 
 
 class Field(NamedTuple):
@@ -65,7 +81,7 @@ def _clear(field: Field, laser: Float, angles: Float, ranges: Float, behind: flo
         if not (least > 0.0 and np.isfinite(least)):
             continue
         along, up = np.cos(laser[2] + angles[k]), np.sin(laser[2] + angles[k])
-        for step in range(0, int((least - behind) / CELL), 2):
+        for step in range(int((least - behind) / CELL)):
             c, r = int(column + step * along), int(row + step * up)
             if c < 0 or c >= wide or r < 0 or r >= high:
                 break
@@ -91,14 +107,14 @@ def _mark(field: Field, pose: Float, hits: Float) -> None:
 
 def shifts_within(guess: Float, spread: Float, near: float) -> Int:
     """Shifts (s, 2) of a window in cells: of its ellipse, as far as they are near the origin."""
-    # A cell more, so that the least window has neighbours to each side.
-    wide = spread + np.diag(np.full(2, (COARSE_CELL / DEVIATIONS) ** 2))
+    # A step more, so that the least window has neighbours to each side.
+    wide = spread + np.diag(np.full(2, (CELL / DEVIATIONS) ** 2))
     x, y = (
         np.arange(-most, most + 1)
-        for most in np.ceil(DEVIATIONS * np.sqrt(wide.diagonal()) / COARSE_CELL).astype(np.int64)
+        for most in np.ceil(DEVIATIONS * np.sqrt(wide.diagonal()) / CELL).astype(np.int64)
     )
     shifts = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    metres = COARSE_CELL * shifts
+    metres = CELL * shifts
     inside = np.hypot(*(guess[:2] + metres).T) < near
     square = np.einsum("si,ij,sj->s", metres, np.linalg.inv(wide), metres)
     chosen: Int = shifts[inside & (square <= DEVIATIONS**2)]
@@ -118,36 +134,49 @@ def window_scores(points: Float, field: Field, centre: Float, shifts: Int, angle
             column = int(np.floor((x - field.corner[0]) / CELL))
             row = int(np.floor((y - field.corner[1]) / CELL))
             for s in range(len(shifts)):
-                c, r = column + STRIDE * shifts[s, 0], row + STRIDE * shifts[s, 1]
+                c, r = column + shifts[s, 0], row + shifts[s, 1]
                 if c >= 0 and c < wide and r >= 0 and r < high:
                     scores[a, s] += field.cells[r, c]
     return scores
 
 
-@compiled
-def climbed(points: Float, field: Field, start: Float, step: float) -> Float:
-    """The pose (3,) around a peak of the window at which points (m, …) meet the most walls.
+def search(
+    scan: Key, grid: SurfaceGrid, field: Field, guess: Float, spread: Float, near: float = np.inf
+) -> list[Match]:
+    """The places in a window where a scan lies on a map, best first.
 
-    The step is that of the window's headings [rad]; it is halved until it is that of a cell.
+    The window has a covariance (3, 3), its spread, around a guess (3,); places farther than a
+    distance [m] from the map's origin are left out.
     """
-    high, wide = field.cells.shape
-    best, most = start.copy(), -np.inf
-    centre = start.copy()
-    for halved in range(4):
-        shift, turn = 0.5 * COARSE_CELL / 2.0**halved, 0.5 * step / 2.0**halved
-        centre[:] = best
-        for k in range(27):
-            pose = centre + np.array(
-                [shift * (k % 3 - 1), shift * (k // 3 % 3 - 1), turn * (k // 9 - 1)]
-            )
-            cos, sin = np.cos(pose[2]), np.sin(pose[2])
-            total = 0.0
-            for i in range(len(points)):
-                x = pose[0] + cos * points[i, 0] - sin * points[i, 1] - field.corner[0]
-                y = pose[1] + sin * points[i, 0] + cos * points[i, 1] - field.corner[1]
-                c, r = int(np.floor(x / CELL)), int(np.floor(y / CELL))
-                if c >= 0 and c < wide and r >= 0 and r < high:
-                    total += field.cells[r, c]
-            if total > most:
-                most, best = total, pose
-    return best
+    shifts = shifts_within(guess, spread[:2, :2], near)
+    surface, hits = scan.surface, scan.hits
+    if not len(surface) or not len(shifts):
+        return []
+    far = float(np.quantile(np.hypot(hits[:, 0], hits[:, 1]), 0.8))
+    step = float(np.clip(CELL / max(far, 1e-3), *ANGLE_STEPS))
+    turns = max(1, int(np.ceil(DEVIATIONS * np.sqrt(spread[2, 2]) / step)))
+    angles: Float = step * np.arange(-turns, turns + 1, dtype=np.float64)
+    points, sample = thin(hits), thin(surface)
+    scores = window_scores(points, field, guess, shifts, angles)
+    places: list[tuple[Float, Float]] = []
+    least = max(CLOSE * float(scores.max()), 0.0)
+    for _ in range(PEAKS):
+        a, s = np.unravel_index(int(scores.argmax()), scores.shape)
+        if scores[a, s] <= least:
+            break
+        peak = guess + np.array([*(CELL * shifts[s]), angles[a]])
+        place, prior = match_scan(sample, grid, peak, LOOSE).pose, LOOSE
+        if not (np.isfinite(place).all() and same_place(place, peak, 0.5)):
+            # It slid away, as along a corridor: that is another place.
+            place, prior = peak, HELD
+        if not any(same_place(place, other) for other, _ in places):
+            places.append((place, prior))
+        # The peak's surroundings lead to the same place.
+        around = np.flatnonzero((np.abs(shifts - shifts[s]) <= 2).all(axis=1))
+        scores[max(a - 2, 0) : a + 3, around] = 0.0
+    return [match_scan(surface, grid, place, prior) for place, prior in places]
+
+
+def thin(points: Float) -> Float:
+    """Some of many points (m, …), which are enough to find a place."""
+    return np.ascontiguousarray(points[:: 1 + len(points) // COARSE_POINTS])
