@@ -1,13 +1,13 @@
 """``scripts/bench``: run time against error, of everything or of one part."""
 
-import sys
+from argparse import ArgumentParser
+from collections.abc import Sequence
 from importlib import import_module
-from typing import Annotated, Any
+from typing import Any
 
-import typer
-
-from benchmarks.report import command
+from benchmarks.report import program
 from lrf3d.cli import main
+from lrf3d.cli.console import print_json, say
 
 PARTS = {
     "ranges": "scripts/bench ranges --walls 400,10000 --figure ranges.png",
@@ -25,52 +25,30 @@ ALONE = [part for part in PARTS if part != "score"]
 """Those that need no file."""
 
 
-def program(parts: dict[str, str]) -> typer.Typer:
-    """A program with a command for each part, which measures everything if none is named."""
-    app = typer.Typer(
-        help="Measure run time against error; all parts that need no file if none is named.",
-        epilog="Example: scripts/bench ranges --json",
-        rich_markup_mode=None,
-        pretty_exceptions_enable=False,
-        add_completion=False,
-        invoke_without_command=True,
-    )
-    app.callback()(everything)
-    for part, example in parts.items():
-        bench = command(import_module(f"benchmarks.{part}").bench)
-        app.command(part, epilog=f"Example: {example}")(bench)
-    return app
-
-
-def single(part: str, name: str) -> typer.Typer:
-    """A program of one part."""
-    app = typer.Typer(rich_markup_mode=None, pretty_exceptions_enable=False, add_completion=False)
-    bench = command(import_module(f"benchmarks.{part}").bench)
-    app.command(epilog=f"Example: {name} --json")(bench)
-    return app
-
-
-def everything(
-    context: typer.Context,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON value.")] = False,
-) -> None:
-    """Measure run time against error; all parts that need no file if none is named."""
-    if context.invoked_subcommand is not None:
+def bench(words: Sequence[str]) -> None:
+    """Measure a part; all that need no file if none is named."""
+    if words and words[0] in PARTS:
+        # Only the part that is measured is imported.
+        part = import_module(f"benchmarks.{words[0]}").bench
+        program(part, f"scripts/bench {words[0]}", PARTS[words[0]])(words[1:])
         return
-    from lrf3d.cli.console import print_json, say
-
+    parser = ArgumentParser(
+        prog="scripts/bench",
+        description=f"Measure run time against error, of all or of a part: {', '.join(PARTS)}.",
+        epilog="Example: scripts/bench ranges --json; scripts/bench PART -h shows its options.",
+    )
+    parser.add_argument("--json", action="store_true", help="Print one JSON value.")
+    as_json = parser.parse_args(words).json
     found: dict[str, Any] = {}
-    for part in ALONE:
-        say(f"bench {part}")
-        report = import_module(f"benchmarks.{part}").bench()
-        found[part] = report.as_dict()
-        if not json:
+    for name in ALONE:
+        say(f"bench {name}")
+        report = import_module(f"benchmarks.{name}").bench()
+        found[name] = report.as_dict()
+        if not as_json:
             print(report.text(), end="\n\n", flush=True)
-    if json:
+    if as_json:
         print_json(found)
 
 
 if __name__ == "__main__":
-    # Only the part that is measured is imported.
-    chosen = [word for word in sys.argv[1:] if word in PARTS][:1]
-    main(program({part: PARTS[part] for part in chosen or PARTS}), "scripts/bench")
+    main(bench, "scripts/bench")

@@ -14,7 +14,6 @@ from math import cos, fsum, sin, tau
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-import typer
 
 from benchmarks.report import Figure, Report, scatter
 from benchmarks.timing import timed
@@ -130,7 +129,8 @@ def integrators(inputs: Inputs, seconds: float) -> Iterator[Integrator]:
 
 
 def bench(
-    seconds: Annotated[float, typer.Option(min=10.0, help="How long is driven [s].")] = HOUR,
+    *,
+    seconds: Annotated[float, "How long is driven [s]."] = HOUR,
     figure: Figure = None,
 ) -> Report:
     """Drive an hour with Euler, RK4, RK45 and exact arcs: run time against error."""

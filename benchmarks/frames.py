@@ -11,7 +11,6 @@ from itertools import cycle
 from typing import Annotated
 
 import numpy as np
-import typer
 
 from benchmarks.report import Figure, Report, numbers, scatter
 from benchmarks.stock_pyrender import StockFilm
@@ -36,10 +35,9 @@ WORDS = ("hud", "inset")
 
 
 def bench(
-    buildings: Annotated[str, typer.Option(metavar="N,N,…", help="Sizes of the cities.")] = (
-        "40,400,4000"
-    ),
-    seconds: Annotated[float, typer.Option(min=1.0, help="Time for all [s].")] = 90.0,
+    *,
+    buildings: Annotated[str, "Sizes of the cities."] = "40,400,4000",
+    seconds: Annotated[float, "Time for all [s]."] = 90.0,
     figure: Figure = None,
 ) -> Report:
     """Draw frames with lrf3d and with stock pyrender: run time against error."""

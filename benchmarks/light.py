@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
-import typer
 
 from benchmarks.glass import found_glass, with_glass
 from benchmarks.report import Report
@@ -64,10 +63,11 @@ def calibrated(sheet: dict[float, float]) -> LaserRangeFinder:
 
 
 def bench(
-    world: Annotated[str, typer.Option(help="The world that gets panes.")] = "city",
-    share: Annotated[float, typer.Option(help="Share of its walls that is glass.")] = 0.1,
-    poses: Annotated[int, typer.Option(min=1, help="Poses that scans are cast from.")] = 200,
-    seeds: Annotated[int, typer.Option(min=1, help="Choices of the panes.")] = 1,
+    *,
+    world: Annotated[str, "The world that gets panes."] = "city",
+    share: Annotated[float, "Share of its walls that is glass."] = 0.1,
+    poses: Annotated[int, "Poses that scans are cast from."] = 200,
+    seeds: Annotated[int, "Choices of the panes."] = 1,
 ) -> Report:
     """Compare ranges by reflectance with data sheets; map glass, and time casting among it."""
     report = Report(__doc__.splitlines()[0])

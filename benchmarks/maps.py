@@ -10,7 +10,6 @@ from dataclasses import replace
 from typing import Annotated, Any
 
 import numpy as np
-import typer
 
 from benchmarks.report import Figure, Report, scatter
 from benchmarks.timing import time_updates, timed
@@ -62,9 +61,10 @@ RIGHT_REACH, RIGHT_ANGLE = 0.1, np.radians(5.0)
 
 
 def bench(
-    seeds: Annotated[int, typer.Option(min=1, help="Seeds of the noise for each setting.")] = 2,
-    every: Annotated[int, typer.Option(min=1, help="Use one scan in so many for settings.")] = 8,
-    scans: Annotated[int, typer.Option(min=20, help="Scans round the city.")] = 4000,
+    *,
+    seeds: Annotated[int, "Seeds of the noise for each setting."] = 2,
+    every: Annotated[int, "Use one scan in so many for settings."] = 8,
+    scans: Annotated[int, "Scans round the city."] = 4000,
     figure: Figure = None,
 ) -> Report:
     """Map with many settings, for a long time, and among dynamic obstacles."""

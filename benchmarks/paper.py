@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-import typer
 
 from benchmarks.line_pairs import pair_drive
 from benchmarks.report import Report, duration
@@ -50,11 +49,10 @@ class Drive(NamedTuple):
 
 
 def bench(
-    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the pictures.")] = Path(
-        "out/paper"
-    ),
-    scans: Annotated[int | None, typer.Option(min=20, help="Scans of the city at most.")] = None,
-    seeds: Annotated[int, typer.Option(min=2, help="Seeds of the noise.")] = 20,
+    *,
+    out: Annotated[Path, "Folder for the pictures."] = Path("out/paper"),
+    scans: Annotated[int | None, "Scans of the city at most."] = None,
+    seeds: Annotated[int, "Seeds of the noise."] = 20,
 ) -> Report:
     """Redo every figure and claim of the paper: a table, and its figures as pictures."""
     make_folder(out)
@@ -225,7 +223,7 @@ def pictures(scans: int | None) -> Iterator[tuple[str, Callable[[Path], object]]
 
 
 if __name__ == "__main__":
-    from benchmarks.__main__ import single
+    from benchmarks.report import program
     from lrf3d.cli import main
 
-    main(single("paper", "scripts/paper"), "scripts/paper")
+    main(program(bench, "scripts/paper", "scripts/paper --json"), "scripts/paper")

@@ -57,6 +57,7 @@ def traced(run: Run, seen: Look, haze: tuple[float, ...], sky: Float, samples: i
     )
     scene["sensor"] = {
         "type": "perspective", "fov_axis": "y", "fov": float(np.degrees(seen.field)),
+        "principal_point_offset_y": 0.5 * seen.shift,
         "near_clip": seen.near, "far_clip": 2.0 * _LAND, "to_world": transform,
         "film": {"type": "hdrfilm", "width": PICTURE[0], "height": PICTURE[1],
                  "pixel_format": "rgba", "rfilter": {"type": "box"}},

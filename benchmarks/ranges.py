@@ -13,7 +13,6 @@ from typing import Annotated, Any
 
 import numpy as np
 import trimesh
-import typer
 
 from benchmarks.report import Figure, Report, numbers, scatter
 from benchmarks.timing import take_turns
@@ -86,10 +85,9 @@ def methods(world: World) -> dict[str, Callable[[], tuple[Cast, Ready]]]:
 
 
 def bench(
-    walls: Annotated[str, typer.Option(metavar="N,N,…", help="Sizes of the cities [walls].")] = (
-        "40,400,10000,100000"
-    ),
-    seconds: Annotated[float, typer.Option(min=1.0, help="Time for each city [s].")] = 10.0,
+    *,
+    walls: Annotated[str, "Sizes of the cities [walls]."] = "40,400,10000,100000",
+    seconds: Annotated[float, "Time for each city [s]."] = 10.0,
     figure: Figure = None,
 ) -> Report:
     """Cast scans with lrf3d and with its peers: run time against error.

@@ -8,12 +8,12 @@ import inspect
 import math
 import os
 import platform
+from argparse import ArgumentParser
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 import numpy as np
-import typer
 
 from lrf3d.cores import core_count
 from lrf3d.text import table
@@ -104,25 +104,37 @@ def duration(seconds: float, digits: int = 3) -> str:
     return f"{value:g} {name}"
 
 
-Figure = Annotated[Path | None, typer.Option(help="Draw the result to this .png.")]
+Figure = Annotated[Path | None, "Draw the result to this .png."]
 
 
-def command(bench: Callable[..., Report]) -> Callable[..., None]:
-    """A benchmark as a command that prints its report, with ``--json`` as one JSON value."""
+def program(
+    bench: Callable[..., Report], name: str, example: str
+) -> Callable[[Sequence[str]], None]:
+    """A benchmark as a program that prints its report, with ``--json`` as one JSON value.
 
-    def run(json: bool = False, **options: Any) -> None:
+    Its parameters are annotated with their help; those given by name alone are options.
+    """
+    parser = ArgumentParser(prog=name, description=bench.__doc__, epilog=f"Example: {example}")
+    parser.add_argument("--json", action="store_true", help="Print one JSON value.")
+    for each in inspect.signature(bench).parameters.values():
+        kind, (text,) = each.annotation.__origin__, each.annotation.__metadata__
+        read: dict[str, Any] = {"type": (*get_args(kind), kind)[0], "help": text}
+        if each.default is not each.empty:
+            read["default"] = each.default
+        if each.kind is each.KEYWORD_ONLY:
+            short = ["-o"] if each.name == "out" else []
+            parser.add_argument(*short, f"--{each.name}", **read)
+        else:
+            parser.add_argument(each.name, nargs="?" if "default" in read else None, **read)
+
+    def run(words: Sequence[str]) -> None:
         from lrf3d.cli.console import print_json
 
+        options = vars(parser.parse_args(words))
+        as_json = options.pop("json")
         report = bench(**options)
-        print_json(report.as_dict()) if json else print(report.text(), flush=True)
+        print_json(report.as_dict()) if as_json else print(report.text(), flush=True)
 
-    own = inspect.signature(bench).parameters.values()
-    asked = Annotated[bool, typer.Option("--json", help="Print one JSON value.")]
-    flag = inspect.Parameter(
-        "json", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=asked
-    )
-    run.__signature__ = inspect.Signature([*own, flag])  # type: ignore[attr-defined]
-    run.__doc__ = bench.__doc__
     return run
 
 

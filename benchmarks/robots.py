@@ -8,7 +8,6 @@ import time
 from typing import Annotated
 
 import numpy as np
-import typer
 
 from benchmarks.report import Report
 from lrf3d.cores import core_count
@@ -19,10 +18,11 @@ WARM_UP = 5
 
 
 def bench(
-    world: Annotated[str, typer.Argument(metavar="WORLD", help="The world.")] = "city",
-    robots: Annotated[int, typer.Option(min=1, help="Number of robots.")] = 1024,
-    seconds: Annotated[float, typer.Option(min=0.1, help="How long to measure [s].")] = 10.0,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of places, goals and actions.")] = 0,
+    world: Annotated[str, "The world."] = "city",
+    *,
+    robots: Annotated[int, "Number of robots."] = 1024,
+    seconds: Annotated[float, "How long to measure [s]."] = 10.0,
+    seed: Annotated[int, "Seed of places, goals and actions."] = 0,
 ) -> Report:
     """Drive many robots at once, as environments of Gymnasium: steps and beams a second."""
     envs = DriveVectorEnv(robots, world, sigma=0.0)

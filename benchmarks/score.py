@@ -12,7 +12,6 @@ from time import perf_counter
 from typing import Annotated, Any
 
 import numpy as np
-import typer
 
 from benchmarks.report import Report, numbers
 from benchmarks.timing import time_updates
@@ -36,24 +35,14 @@ LOG_ENDINGS = (".log", ".clf", ".gz")
 
 
 def bench(
-    source: Annotated[
-        str,
-        typer.Argument(
-            metavar="SOURCE", help="A world or its file; a CARMEN log; or an .npz of single scans."
-        ),
-    ],
-    mapper: Annotated[
-        str, typer.Option(metavar="M,M,…", help="robust, paper, or your own as FILE.py:NAME.")
-    ] = "robust,paper",
-    sigma: Annotated[float, typer.Option(help="Noise [m] at the farthest range.")] = 0.04,
-    seeds: Annotated[int, typer.Option(min=1, help="A world: seeds of poses and noise.")] = 6,
-    poses: Annotated[int, typer.Option(min=1, help="A world: random poses in the open.")] = 200,
-    beams: Annotated[str, typer.Option(metavar="N,N,…", help="A world: numbers of beams.")] = (
-        "721,181"
-    ),
-    vertices: Annotated[
-        str, typer.Option(metavar="N,N,…", help="Single scans: numbers of vertices.")
-    ] = "10,20,30,50",
+    source: Annotated[str, "A world or its file; a CARMEN log; or an .npz of single scans."],
+    *,
+    mapper: Annotated[str, "robust, paper, or your own as FILE.py:NAME."] = "robust,paper",
+    sigma: Annotated[float, "Noise [m] at the farthest range."] = 0.04,
+    seeds: Annotated[int, "A world: seeds of poses and noise."] = 6,
+    poses: Annotated[int, "A world: random poses in the open."] = 200,
+    beams: Annotated[str, "A world: numbers of beams."] = "721,181",
+    vertices: Annotated[str, "Single scans: numbers of vertices."] = "10,20,30,50",
 ) -> Report:
     """Score maps of a world or a log by several mappers, or the lines of single scans."""
     report = Report(__doc__.splitlines()[0])

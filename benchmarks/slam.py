@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-import typer
 
 import lrf3d
 from benchmarks.report import Figure, Report, Row, scatter
@@ -28,16 +27,11 @@ et al.: some from one scan to the next, some to where the robot comes by again."
 
 
 def bench(
-    log: Annotated[
-        Path | None, typer.Option(help="A recorded log; else a simulated drive.")
-    ] = None,
-    relations: Annotated[
-        Path | None, typer.Option(help="Relations of the log: lines a b dx dy dtheta.")
-    ] = None,
-    scans: Annotated[int, typer.Option(min=20, help="Scans of the simulated drive.")] = 900,
-    spacings: Annotated[
-        str, typer.Option(metavar="M,M,…", help="Distances between key scans [m].")
-    ] = "0.25,0.5,1",
+    *,
+    log: Annotated[Path | None, "A recorded log; else a simulated drive."] = None,
+    relations: Annotated[Path | None, "Relations of the log: lines a b dx dy dtheta."] = None,
+    scans: Annotated[int, "Scans of the simulated drive."] = 900,
+    spacings: Annotated[str, "Distances between key scans [m]."] = "0.25,0.5,1",
     figure: Figure = None,
 ) -> Report:
     """Solve a drive by SLAM: how far off it is, online and finished, and how long it takes."""

@@ -7,11 +7,11 @@ of three numbers, whose mean over the seeds is 3 for a covariance that is right.
     python -m benchmarks.slam_consistency --seeds 50
 """
 
+from argparse import ArgumentParser
 from functools import partial
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-import typer
 from scipy.stats import chi2
 
 import lrf3d
@@ -159,10 +159,11 @@ def consistency(drives: list[Drive]) -> dict[str, float]:
     }
 
 
-def main(
-    seeds: Annotated[int, typer.Option(min=2, help="Drives through each world.")] = 50,
-) -> None:
+def main() -> None:
     """Measure how consistent SLAM is, and print it as JSON."""
+    parser = ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=50, help="Drives through each world.")
+    seeds = parser.parse_args().seeds
     found = {}
     with process_pool(core_count()) as pool:
         for world in WORLDS:
@@ -171,4 +172,4 @@ def main(
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    main()

@@ -81,7 +81,7 @@ else:
             "sweeping": "SweepTable sweep",
             "version": "__version__",
             "world": "World load_world save_world world_names",
-            "plot": "",
+            "": "plot",
         },
     )
 

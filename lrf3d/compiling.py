@@ -4,12 +4,13 @@ A kernel is a typed Python function of numbers and arrays that numba compiles to
 may ever have ``fastmath``, which would reorder the error-free sums of casting.
 
 Numba's own cache checks only the file of a kernel, so it runs a stale kernel if a function that it
-calls has changed in another file. Here the key of the cache is a stamp of what the kernel computes:
-its bytecode and constants, and those of all functions that it calls. A stale kernel is never found,
-and a change of comments does not cause compiling.
+calls has changed in another file. Here the key of the cache holds a digest of the sources that a
+kernel can use: of its file, and of all files of the package that this imports. A stale kernel is
+never found.
 """
 
 import os
+import re
 import sys
 from collections.abc import Callable
 from contextlib import suppress
@@ -17,16 +18,13 @@ from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from pickle import loads
-from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType, NoneType
 from typing import Any, TypeVar
 
 import numba
-import numpy as np
 from numba import types
 from numba.core.caching import FunctionCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
-from numba.core.dispatcher import Dispatcher
 from numba.core.serialize import dumps
 
 from lrf3d.errors import Lrf3dError
@@ -37,9 +35,8 @@ _LINKED_NUMBA = (0, 68)
 """The version of numba whose internals `_InnerLibrary` depends on. With others inner kernels are
 compiled by numba's default, which takes longer and computes the same."""
 
-_FIXED_PACKAGES = {"llvmlite", "math", "numba", "numpy"}
-"""Packages that kernels may use freely; the version of numba is part of each key."""
-
+_IMPORT = re.compile(r"^(?:from ([\w.]+) )?import (\([^)]*\)|.*)$", re.MULTILINE)
+"""A line that imports names, or modules, while a file is loaded."""
 
 LEAST_ADDRESSES = 1_200_000_000
 """Address space [bytes] that compiling and running the kernels takes; a program with less is ended
@@ -47,11 +44,7 @@ by LLVM in the middle of a run, without a message that helps."""
 
 
 def _check_memory() -> None:
-    """Check the limit of this process's memory.
-
-    Raises:
-        Lrf3dError: It is too low.
-    """
+    """Check the limit of this process's memory."""
     try:
         from resource import RLIM_INFINITY, RLIMIT_AS, getrlimit
     except ImportError:  # Windows has no such limits.
@@ -97,9 +90,6 @@ def borrower(function: Kernel) -> Kernel:
 
     Its callers hold the arrays that it gets, so it counts no references to them. Each count is an
     atomic operation, which takes longer than the test of a wall, and so does handing on arrays.
-
-    Raises:
-        TypeError: It returns arrays.
     """
     if "ndarray" in repr(function.__annotations__.get("return")):
         raise TypeError(f"kernel {function.__qualname__} returns an array that it does not hold")
@@ -158,10 +148,9 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
 
     def load_overload(self, signature: Any, target_context: Any) -> Any:
         """The machine code for a signature; None if the kernel has to be compiled."""
-        # The stamp is computed here: a kernel may call others that are defined later in its file.
         if self._cache_file is not self:
             self._cache_file = self
-            self._stamp = stamp_of(self._py_func)
+            self._stamp = stamp_of(self._py_func.__module__)
         found = super().load_overload(signature, target_context)
         if found is None:
             _announce()
@@ -189,7 +178,7 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
                 old.unlink(missing_ok=True)
 
     def _index_key(self, signature: Any, codegen: Any) -> str:
-        kinds = ", ".join(_kind(kind) for kind in signature)
+        kinds = ", ".join(map(str, signature))
         return sha256(repr((numba.__version__, codegen.magic_tuple(), kinds)).encode()).hexdigest()
 
     def _name_of_kernel(self) -> str:
@@ -201,19 +190,6 @@ class _KernelCache(FunctionCache):  # type: ignore[misc]
         return Path(self._cache_path) / f"{self._name_of_kernel()}-{self._stamp}-{key[:16]}.nbc"
 
 
-def _kind(kind: Any) -> str:
-    """A type of numba with the names of named tuples and of their fields.
-
-    Kernels take them apart by these, and what is saved looks its classes up by their names.
-    """
-    if isinstance(kind, types.BaseTuple):
-        fields = getattr(kind, "fields", range(len(kind)))
-        parts = (f"{name}: {_kind(part)}" for name, part in zip(fields, kind, strict=True))
-        named = getattr(kind, "instance_class", tuple)
-        return f"{named.__module__}.{named.__qualname__}({', '.join(parts)})"
-    return str(kind)
-
-
 @cache
 def _announce() -> None:
     """Print on a terminal, once in each process, why the first use takes so long."""
@@ -221,54 +197,42 @@ def _announce() -> None:
         print("lrf3d: compiling kernels, once after an install or update ...", file=sys.stderr)
 
 
-def stamp_of(function: FunctionType) -> str:
-    """A text that changes when a function, or any function that it calls, computes something else.
+def stamp_of(module: str) -> str:
+    """A text that changes when a kernel of a module may compute something else."""
+    return sha256(repr(sorted(sources_of(module).items())).encode()).hexdigest()[:16]
 
-    Raises:
-        TypeError: A kernel uses something whose changes cannot be detected.
+
+def sources_of(module: str) -> dict[str, str]:
+    """Digests of the sources that a kernel of a module may use, by module.
+
+    Other packages are left out: the version of numba is part of each key.
     """
-    digest = sha256()
-    seen: set[FunctionType] = set()
+    used: dict[str, str] = {}
 
-    def add(value: Any, user: str) -> None:
-        if isinstance(value, Dispatcher):
-            digest.update(repr(sorted(value.targetoptions.items())).encode())
-            value = value.py_func
-        value = getattr(value, "_defn", value)  # An intrinsic writes machine code itself.
-        if isinstance(value, FunctionType):
-            digest.update(f"{value.__module__}.{value.__qualname__}\n".encode())
-            if value not in seen:
-                seen.add(value)
-                add_code(value.__code__, value)
-                for cell in value.__closure__ or ():
-                    add(cell.cell_contents, value.__qualname__)
-        elif isinstance(value, tuple):
-            digest.update(f"{len(value)}\n".encode())
-            for part in value:
-                add(part, user)
-        elif isinstance(value, np.ndarray):
-            digest.update(f"{value.dtype} {value.shape}\n".encode() + value.tobytes())
-        elif isinstance(value, ModuleType) and value.__name__.split(".")[0] in _FIXED_PACKAGES:
-            digest.update(f"{value.__name__}\n".encode())
-        elif isinstance(value, type):
-            fields = getattr(value, "_fields", ())
-            digest.update(f"{value.__module__}.{value.__qualname__} {fields}\n".encode())
-        elif isinstance(value, str | float | int | NoneType | np.generic | BuiltinFunctionType):
-            digest.update(f"{value!r}\n".encode())
-        else:
-            raise TypeError(f"kernel {user} uses {value!r}: import the number or function itself")
+    def add(name: str) -> None:
+        if name not in used and name.split(".")[0] in (module.split(".")[0], "lrf3d"):
+            used[name], imported = _source(name)
+            for each in imported:
+                add(each)
 
-    def add_code(code: CodeType, of: FunctionType) -> None:
-        # Neither the position of the code nor its docstring changes what it computes.
-        digest.update(code.co_code + " ".join((*code.co_names, *code.co_freevars)).encode())
-        for constant in code.co_consts:
-            if isinstance(constant, CodeType):
-                add_code(constant, of)
-            elif constant != of.__doc__:
-                digest.update(f"{constant!r}\n".encode())
-        for name in code.co_names:
-            if name in of.__globals__:
-                add(of.__globals__[name], of.__qualname__)
+    add(module)
+    return {name: digest for name, digest in used.items() if digest}
 
-    add(function, function.__qualname__)
-    return digest.hexdigest()[:16]
+
+@cache
+def _source(name: str) -> tuple[str, frozenset[str]]:
+    """A digest of the file of a module, and all names that it imports when it is loaded.
+
+    Not all of them are modules; the digest is empty where there is no file.
+    """
+    top, *inner = name.split(".")
+    place = Path(sys.modules[top].__file__ or "").parent.joinpath(*inner)
+    path = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
+    if not path.is_file():
+        return "", frozenset()
+    source = path.read_text(encoding="utf-8")
+    used: set[str] = set()
+    for module, names in _IMPORT.findall(source):
+        # A package may give one of its modules.
+        used |= {module, *(f"{module}.{each}".strip(".") for each in re.findall(r"[\w.]+", names))}
+    return sha256(source.encode()).hexdigest(), frozenset(used)

@@ -110,19 +110,14 @@ def check_names(place: str, given: "Iterable[str]", known: "Iterable[str]") -> N
 
 
 def missing_extra(task: str, extra: str) -> MissingLibraryError:
-    """The error of a task whose extra is not installed, with the command that installs it here."""
-    return MissingLibraryError(f"{task}; install it: {install_command(extra)}")
-
-
-def install_command(extra: str) -> str:
-    """The command that installs an extra: of the checkout that lrf3d runs from, or of the release.
+    """The error of a task whose extra is not installed, with the command that installs it here.
 
     Package indexes may not have what a checkout is; the checkout itself always installs.
     """
-    checkout = Path(__file__).parents[1]
-    if not (checkout / "pyproject.toml").exists():
-        return f"pip install 'lrf3d[{extra}]'"
-    return f"{sys.executable} -m pip install -e '{checkout}[{extra}]'"
+    checkout, command = Path(__file__).parents[1], f"pip install 'lrf3d[{extra}]'"
+    if (checkout / "pyproject.toml").exists():
+        command = f"{sys.executable} -m pip install -e '{checkout}[{extra}]'"
+    return MissingLibraryError(f"{task}; install it: {command}")
 
 
 def expect(value: object, kind: type, name: str) -> None:

@@ -26,7 +26,6 @@ GENERAL = frozenset(
     " sweep untitled world".split()
 )
 """File names that say only what kind of file it is; the name of the folder is put before them."""
-_PACKAGE = Path(__file__).parent
 
 
 def check_ordinary(
@@ -103,19 +102,22 @@ def own_name(path: str | Path, given: object = None, *, stem: str | None = None)
     return f"{folder}_{name}" if folder and name.lower() in GENERAL else name
 
 
-def _folder(name: str) -> Path:
-    installed = _PACKAGE / name
-    return installed if installed.is_dir() else _PACKAGE.parent / name
+def data_folder(name: str) -> Path:
+    """The folder ``worlds``, one TOML file each, or ``assets``, the robot's mesh and pictures."""
+    installed = Path(__file__).parent / name
+    return installed if installed.is_dir() else installed.parents[1] / name
 
 
-def worlds_folder() -> Path:
-    """The folder of the built-in worlds, one TOML file each."""
-    return _folder("worlds")
-
-
-def assets_folder() -> Path:
-    """The folder of the robot's mesh and of the pictures."""
-    return _folder("assets")
+@contextmanager
+def writing(path: str | Path, advice: str = "choose another place") -> Iterator[None]:
+    """Let errors of the system name the path that is written, and what to do."""
+    try:
+        yield
+    except OSError as error:
+        if isinstance(error, OutputError) or error.errno is None:
+            raise
+        reason = error.strerror or str(error)
+        raise OutputError(f"{path}: cannot be written: {reason}; {advice}") from error
 
 
 @contextmanager
@@ -130,13 +132,9 @@ def replacing(path: str | Path) -> Iterator[Path]:
         raise OutputError(f"{path}: not a file name; remove its NUL character")
     unfinished = path.with_name(f".{_cut(path.stem)}.unfinished{path.suffix}")
     try:
-        yield unfinished
-        os.replace(unfinished, path)
-    except OSError as error:
-        if isinstance(error, OutputError) or error.errno is None:
-            raise
-        reason = error.strerror or str(error)
-        raise OutputError(f"{path}: cannot be written: {reason}; choose another place") from error
+        with writing(path):
+            yield unfinished
+            os.replace(unfinished, path)
     finally:
         # If nothing could be written, as under a name that is too long, there is nothing to remove.
         with suppress(OSError):
@@ -169,12 +167,8 @@ def make_folder(path: str | Path) -> Path:
     path = Path(path)
     if "\0" in str(path):
         raise OutputError(f"{path}: not a folder name; remove its NUL character")
-    try:
+    with writing(path, "choose another with --out"):
         path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"{path}: the folder cannot be made: {error.strerror}; choose another with --out"
-        ) from error
     if not os.access(path, os.W_OK | os.X_OK):
         raise OutputError(f"{path}: the folder cannot be written to; choose another with --out")
     return path
@@ -194,15 +188,12 @@ def locked(target: Path, shown: Path | None = None) -> Iterator[None]:
     if not path.parent.is_dir():
         raise OutputError(f"{shown}: cannot be written: there is no folder {path.parent}; make it")
     try:
-        lock.acquire()
+        with writing(shown):
+            lock.acquire()
     except Timeout:
         raise InputError(
             f"{shown}: another process writes here; wait for it, or choose another place with --out"
         ) from None
-    except OSError as error:
-        raise OutputError(
-            f"{shown}: cannot be written: {error.strerror}; choose another place"
-        ) from error
     try:
         yield
     finally:

@@ -1,6 +1,7 @@
 """Several robots at once: each drives, scans and maps, and sees the others."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -56,16 +57,12 @@ def simulate_fleet(
     settings["caster"] = caster_of(settings.get("caster", "embree"), world)
     outline = round_outline(radius)
     bodies = [DynamicObstacle(outline, trajectory, height) for trajectory in trajectories]
-    before, total, runs = 0, sum(map(len, trajectories)), list[Run]()
     generators = generator(rng).spawn(len(trajectories))
+    total, runs = sum(map(len, trajectories)), list[Run]()
     for robot, trajectory in enumerate(trajectories):
-
-        def report(done: int, _: int, before: int = before) -> None:
-            progress(before + done, total)
-
         settings["obstacles"] = bodies[:robot] + bodies[robot + 1 :]
         settings["mapper"] = None if mapper is None else mapper()
-        made = simulate(world, trajectory, lrf, rng=generators[robot], progress=report, **settings)
-        runs.append(made)
-        before += len(trajectory)
+        settings["rng"], before = generators[robot], sum(map(len, runs))
+        report = partial(lambda before, done, _: progress(before + done, total), before)
+        runs.append(simulate(world, trajectory, lrf, progress=report, **settings))
     return runs

@@ -24,6 +24,9 @@ AnyArray = TypeVar("AnyArray", bound=NDArray[Any])
 LARGEST_COORDINATE = 1e9
 """Largest size of a coordinate [m] and of a heading [rad]: beyond it float64 has no nanometres."""
 
+LATEST = 1e12
+"""Largest time [s], 30,000 years: stamps in nanoseconds would be larger."""
+
 TINY = 1e-44
 """Sizes below this count as 0: products of smaller numbers would underflow in exact decisions."""
 
@@ -65,6 +68,21 @@ def numbers(values: Any, name: str) -> Any:
     except (TypeError, ValueError, OverflowError):
         pass
     raise InputError(f"{name}: expected numbers in rows of equal length, found {shown(values)}")
+
+
+def as_rows(values: Any, name: str, columns: int, *, least: int = 0, row: str = "row") -> Float:
+    """Values from outside as rows (n, columns) of finite numbers, at least a number of them."""
+    array = np.asarray(numbers(values, name), dtype=np.float64)
+    if array.ndim != 2 or array.shape[1] != columns or len(array) < least:
+        raise InputError(f"{name} of shape {array.shape}: expected (n, {columns}), n ≥ {least}")
+    inside = (np.abs(array) <= LARGEST_COORDINATE).all(axis=1)
+    if not inside.all():
+        place = int(np.argmin(inside))
+        raise InputError(
+            f"{name}: {row} {place} is {array[place].tolist()}, expected finite numbers of at most"
+            f" {LARGEST_COORDINATE:g}"
+        )
+    return array
 
 
 def is_finite(*values: object) -> bool:

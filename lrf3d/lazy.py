@@ -14,20 +14,17 @@ def loading(
 ) -> "tuple[Callable[[str], object], Callable[[], list[str]]]":
     """The ``__getattr__`` and ``__dir__`` of a package whose public names are loaded at first use.
 
-    Names are given by the module that defines them, relative to the package; "" for a module that
-    is itself a name.
+    Names are given by the module that defines them, relative to the package; modules that are
+    names themselves by "".
     """
     package = module_globals["__name__"]
     homes = {name: module for module, names in modules.items() for name in names.split()}
 
     def get(name: str) -> object:
-        if name in homes:
-            value = getattr(import_module(f"{package}.{homes[name]}"), name)
-        elif modules.get(name) == "":
-            value = import_module(f"{package}.{name}")
-        else:
+        if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        module_globals[name] = value
+        module = import_module(f"{package}.{homes[name] or name}")
+        module_globals[name] = value = getattr(module, name) if homes[name] else module
         return value
 
     return get, lambda: sorted(module_globals["__all__"])

@@ -25,15 +25,14 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cbook import normalize_kwargs
-from matplotlib.collections import LineCollection, PathCollection
-from matplotlib.figure import Figure
+from matplotlib.collections import LineCollection, PathCollection, PolyCollection
 from matplotlib.lines import Line2D
 from matplotlib.markers import MarkerStyle
 from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
 from matplotlib.transforms import Affine2D
+from shapely.plotting import patch_from_polygon
 
 from lrf3d.geometry import Float, Int, lengths
 from lrf3d.laser import LaserRangeFinder, LaserScan, reflection_points
@@ -43,7 +42,7 @@ from lrf3d.run import Run
 from lrf3d.scene.estimate import BELIEVED, TRUTH, kept_ellipses, outlines
 from lrf3d.scene.look import DART, ESTIMATE_COLOUR, ESTIMATE_FADED, object_tints
 from lrf3d.scene.structures import Sight
-from lrf3d.sheet import FAINT, INK, dressed, plain
+from lrf3d.sheet import FAINT, INK, dressed, plain, sheet
 from lrf3d.world import World
 
 __all__ = ["estimate", "map", "png", "points", "run", "scan", "trajectory", "world"]
@@ -82,12 +81,14 @@ def world(world: World, ax: Axes | None = None, *, poses: Any = None, **style: A
     What encloses one of the poses (k, 3) of robots is a room, and stays white.
     """
     ax = _axes(ax)
-    if not len(world.segments):
-        return ax
     robots = np.empty((0, 3)) if poses is None else np.asarray(poses, dtype=np.float64)
-    solid = [_outline(area) for area in _enclosed(world, robots)]
-    ax.add_collection(PathCollection(solid, facecolor=INSIDE, edgecolor="none", zorder=0.4))
-    kinds = _wall_kinds(world)
+    outlines = [patch_from_polygon(area).get_path() for area in _enclosed(world, robots)]
+    ax.add_collection(PathCollection(outlines, facecolor=INSIDE, edgecolor="none", zorder=0.4))
+    made_of = [
+        "glass" if one and one.passes else "mirror" if one and one.mirrors else "wall"
+        for one in world.materials
+    ]
+    kinds = np.array(made_of or ["wall"])[world.objects if made_of else 0 * world.objects]
     usual = {"color": INK, "linewidth": 1.2, "label": "true walls", "zorder": 2.0}
     _draw_walls(ax, world.segments, kinds, _styled(usual, style))
     return _shown(ax)
@@ -102,8 +103,6 @@ def map(
     ``run.lasting_objects[-1]``.
     """
     ax = _axes(ax)
-    if not len(line_map):
-        return ax
     if objects is None:
         objects = np.unique(line_map.objects, return_inverse=True)[1]
     colours = object_tints(objects)
@@ -171,8 +170,6 @@ def trajectory(trajectory: Trajectory | Float, ax: Axes | None = None, **style: 
     ax = _axes(ax)
     known = trajectory.poses if isinstance(trajectory, Trajectory) else trajectory
     poses = np.asarray(known, dtype=np.float64)
-    if not len(poses):
-        return ax
     if len(poses) <= FEW_POSES:
         _draw_robots(ax, poses, named=len(poses) > 1)
         return _shown(ax)
@@ -198,9 +195,9 @@ def estimate(estimate: EstimatedTrajectory, ax: Axes | None = None, **style: Any
     path = ax.plot(*estimate.poses[:, :2].T, **_styled(usual, style))[0]
     kept = kept_ellipses(estimate)
     rings = outlines(estimate.poses[estimate.known_scans[kept], :2], estimate.ellipses[kept])
-    rings = np.concatenate([rings, rings[:, :1]], axis=1)
     faded = {"alpha": 0.5 * (1.0 + ESTIMATE_FADED), "linewidths": 0.8, "zorder": 3.3}
-    ax.add_collection(LineCollection(list(rings), colors=[path.get_color()], **faded))
+    edges: Any = {"facecolors": "none", "edgecolors": path.get_color(), **faded}
+    ax.add_collection(PolyCollection(list(rings), **edges))
     for pairs, colour, name in (
         (estimate.dropped_closures, DROPPED, "dropped closures"),
         (estimate.closures, CLOSED, "loop closures"),
@@ -233,16 +230,14 @@ def paths(poses: Float, believed: EstimatedTrajectory | None, ax: Axes) -> Axes:
 def png(value: World | LineMap | LaserScan | Run) -> bytes:
     """A small picture of a value as a PNG file, which notebooks show for it; pyplot is not used."""
     draw = next(function for kind, function in _PLOTS.items() if isinstance(value, kind))
-    figure = Figure(figsize=(PICTURE, PICTURE), dpi=100, facecolor="white", layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = sheet(PICTURE, PICTURE)
     ax = draw(value, dressed(figure.add_subplot()))
     ax.set_aspect("equal", adjustable="box")
-    width, height = np.maximum(ax.dataLim.size if ax.has_data() else (1.0, 1.0), 1e-9)
-    if ax.has_data():
-        figure.set_size_inches(PICTURE * np.clip((width / height, height / width), 0.3, 1.0)[::1])
+    size = np.maximum(ax.dataLim.size, 1e-9) if ax.has_data() else np.ones(2)
+    figure.set_size_inches(*(PICTURE * np.clip(size / size[::-1], 0.3, 1.0)))
     ax.set_title(fill(plain(repr(value)), 60), loc="left", color=FAINT, fontsize=7)
     file = BytesIO()
-    figure.savefig(file, format="png", bbox_inches="tight", pad_inches=0.08)
+    figure.savefig(file, format="png", dpi=100, bbox_inches="tight", pad_inches=0.08)
     return file.getvalue()
 
 
@@ -288,15 +283,6 @@ def _draw_walls(ax: Axes, segments: Float, kinds: Any, style: dict[str, Any]) ->
         ax.add_collection(LineCollection(list(segments[chosen].reshape(-1, 2, 2)), **own))
 
 
-def _wall_kinds(world: World) -> Any:
-    """What each wall of a world is: ``wall``, ``glass`` or ``mirror``."""
-    kinds = [
-        "glass" if one and one.passes else "mirror" if one and one.mirrors else "wall"
-        for one in world.materials
-    ]
-    return np.array(kinds)[world.objects] if kinds else np.full(len(world.segments), "wall")
-
-
 def _enclosed(world: World, poses: Float) -> Any:
     """What the walls of each object enclose, without courtyards, as shapely polygons."""
     import shapely
@@ -309,12 +295,6 @@ def _enclosed(world: World, poses: Float) -> Any:
     inhabited = shapely.STRtree(areas).query(shapely.points(poses[:, :2]), predicate="within")[1]
     # In normal form courtyards turn against the outer ring, which is what leaves them unfilled.
     return shapely.normalize(np.delete(areas, inhabited))
-
-
-def _outline(area: Any) -> Path:
-    rings = [area.exterior, *area.interiors]
-    paths = [Path(np.asarray(ring.coords), closed=True) for ring in rings]
-    return Path.make_compound_path(*paths)
 
 
 def _draw_robots(ax: Axes, poses: Float, *, named: bool) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import LARGEST_COORDINATE as LARGEST
-from lrf3d.geometry import TINY, Float, numbers, wrap_angle
+from lrf3d.geometry import TINY, Float, as_rows, wrap_angle
 
 
 class Pose(NamedTuple):
@@ -50,9 +50,6 @@ class Pose(NamedTuple):
         return np.asarray(points @ np.array([[cos, sin], [-sin, cos]]) + np.array([self.x, self.y]))
 
 
-_SIZE = f" of at most {LARGEST:g} m or rad"
-
-
 def as_pose(pose: Sequence[float] | Float) -> Pose:
     """Check and convert a pose that comes from outside."""
     try:
@@ -64,18 +61,12 @@ def as_pose(pose: Sequence[float] | Float) -> Pose:
     if TINY <= abs(x) <= LARGEST and TINY <= abs(y) <= LARGEST and TINY <= abs(theta) <= LARGEST:
         return Pose(x, y, theta)
     if not all(abs(value) <= LARGEST for value in (x, y, theta)):
-        raise InputError(f"pose {(x, y, theta)}: expected finite numbers{_SIZE}")
+        raise InputError(f"pose {(x, y, theta)}: expected finite numbers of at most {LARGEST:g}")
     return Pose(*(0.0 if abs(value) < TINY else value for value in (x, y, theta)))
 
 
 def as_poses(poses: object) -> Float:
     """Check and convert poses (k, 3) that come from outside."""
-    array = np.asarray(numbers(poses, "poses"), dtype=np.float64)
-    if array.ndim != 2 or array.shape[1] != 3:
-        raise InputError(f"poses of shape {array.shape}: expected rows x, y, theta, shape (k, 3)")
-    inside = np.abs(array) <= LARGEST
-    if not inside.all():
-        row = int(np.argmin(inside.all(axis=1)))
-        raise InputError(f"pose {row} is {array[row].tolist()}: expected finite numbers{_SIZE}")
+    array = as_rows(poses, "poses", 3, row="pose")
     tiny = (np.abs(array) < TINY) & (array != 0.0)
     return np.where(tiny, 0.0, array) if tiny.any() else array

@@ -1,12 +1,10 @@
 """Recorded drives as runs: `map_log` believes the poses of a log, `slam_log` finds them.
 
-A log, or the path of one, enters; a `Run` leaves, whose world is the map of the drive. To find the
-poses, `Slam` runs over the scans and the odometry, first over the beginning, which shows the errors
-of the wheels.
+A log, or the path of one, enters; a `Run` leaves, whose world is the map of the drive.
 """
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -106,14 +104,11 @@ def map_log(
         >>> len(mapped), score_log(mapped.map, odd).explained > 0.9
         (5, True)
     """
-    log = of_one_laser(log if isinstance(log, LaserLog) else load_log(log))
+    log = _of_one_laser(log if isinstance(log, LaserLog) else load_log(log))
     every, mapper = slice(None, None, 1 if all_scans else 2), LineMapper(mode, sigma=sigma)
-    scans = log.scans[every]
-    for done, scan in enumerate(scans, 1):
-        mapper.update(scan)
-        progress(done, len(scans))
-        check()
-    run = run_of(log.name, scans, log.poses[every], {len(scans) - 1: mapper.map})
+    scans, poses = log.scans[every], log.poses[every]
+    keys = range(len(scans))
+    run = _run_of(log.name, scans, poses, keys, mapper, snapshots=1, progress=progress)
     if doubt := doubtful_ranges(log.scans):
         warnings.warn(f"map: {log.name}: {doubt}", Lrf3dWarning, stacklevel=2)
     return run
@@ -151,18 +146,12 @@ def slam_log(log: LaserLog | str | Path, *, key_distance: float = KEY_DISTANCE) 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SolvedLog:
-    """The solution of a log, by the clock of its laser.
+    """The solution of a log: poses of the robot x, y [m], theta [rad] by the clock of its laser.
 
-    Args:
-        log: The log.
-        slam: The `Slam` that ran over it, with all its key scans.
-        scans: The scans (k,), in the order in which they were taken, each once.
-        poses: (k, 3) poses x, y [m], theta [rad] of the robot at the scans.
-        line_poses: (n, 3) its poses at the odometry lines, as logged.
-        lag: How far the laser's clock is behind that of the odometry [lines].
-        repairs: What was wrong with the log.
-        check: How well the scans agree with each other.
-        passes: How often the drive was solved: again where its wheels' errors turned out to differ.
+    ``poses`` (k, 3) are those at the ``scans`` (k,), which are in the order in which they were
+    taken, each once; ``line_poses`` (n, 3) are those at the odometry lines, as logged. The laser's
+    clock is ``lag`` lines behind that of the odometry. The drive was solved ``passes`` times: again
+    where its wheels' errors turned out to differ.
     """
 
     log: LaserLog
@@ -190,16 +179,10 @@ class SolvedLog:
         slam, keys = self.slam, self.slam.key_scans
         poses = compose(self.poses, np.array([self.log.odometry.laser_offset, 0.0, 0.0]))
         poses[:, 2] = np.unwrap(poses[:, 2])
-        mapper, maps = LineMapper(), dict[int, LineMap]()
-        for index, number in enumerate(keys.tolist()):
-            mapper.update(replace(self.scans[number], pose=Pose(*poses[number].tolist())))
-            if is_snapshot(index, len(keys)):
-                maps[number] = mapper.map
-        # The last map is that of all scans: those after the last key scan show nothing new.
-        maps[len(poses) - 1] = maps.pop(int(keys[-1]))
         chosen = np.unique(np.linspace(0, len(keys) - 1, MOST_COVARIANCES).astype(np.int64))
         estimate = slam.estimate(poses, keys[chosen], slam.covariances(chosen))
-        return run_of(self.log.name, self.scans, poses, maps, estimate)
+        scans, keys = self.scans, keys.tolist()
+        return _run_of(self.log.name, scans, poses, keys, LineMapper(), estimate=estimate)
 
     def summary(self) -> dict[str, Any]:
         """The figures, in JSON's types."""
@@ -244,7 +227,7 @@ def solve_log(
     """
     if not isinstance(log, LaserLog):
         log = load_log(log, poses=odometry_of(log))
-    log = of_one_laser(log)
+    log = _of_one_laser(log)
     offset = log.odometry.laser_offset
     try:
         recording = _checked(log)
@@ -282,7 +265,7 @@ def solve_log(
     return SolvedLog(log, slam, scans, poses, lines, lag, *found, passes)
 
 
-def of_one_laser(log: LaserLog) -> LaserLog:
+def _of_one_laser(log: LaserLog) -> LaserLog:
     """A log with its scans at the angles of the first, refused if they are of several lasers."""
     if not log.scans:
         raise InputError(f"{log.name}: a log without scans; expected at least one")
@@ -333,18 +316,30 @@ def _right_handed(recording: Recording, path: WheelPath, offset: float) -> tuple
     return replace(recording, scans=scans, repairs=repairs), -turns
 
 
-def run_of(
+def _run_of(
     name: str,
     scans: Sequence[LaserScan],
     poses: Float,
-    maps: Mapping[int, LineMap],
+    keys: Sequence[int],
+    mapper: LineMapper,
+    *,
+    snapshots: int | None = None,
     estimate: EstimatedTrajectory | None = None,
+    progress: Progress = silent,
 ) -> Run:
-    """A recorded drive as a run: its world is its last map, its ranges are the measured ones.
+    """The scans (k,) of one laser at poses (k, 3) as a run, whose world is the map of some of them.
 
-    The scans (k,) are of one laser, at poses (k, 3); maps are named by the scans that they follow.
+    Maps of the scans before the last key scan are kept as in a simulated run.
     """
-    line_map = maps[len(scans) - 1]
+    maps: dict[int, LineMap] = {}
+    for done, number in enumerate(keys, 1):
+        mapper.update(replace(scans[number], pose=Pose(*poses[number].tolist())))
+        if is_snapshot(done - 1, len(keys), snapshots):
+            maps[number] = mapper.map
+        progress(done, len(keys))
+        check()
+    # The last map is that of all scans: those after the last key scan show nothing new.
+    maps[len(scans) - 1] = line_map = maps.pop(keys[-1])
     solid = lengths(line_map.segments) > 0.0
     if not solid.any():
         reason = doubtful_ranges(scans) or "expected walls within the laser's range"

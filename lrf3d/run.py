@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import Float, Int, Value, sealed
 from lrf3d.laser import LaserRangeFinder, LaserScan
+from lrf3d.laser.scan import LIGHT
 from lrf3d.mapping import LineMap
 from lrf3d.mapping.tracking import ObjectTracker, numbers_by_truth
 from lrf3d.notebook import Pictured, Video
@@ -30,10 +31,6 @@ if TYPE_CHECKING:
 MAP_SNAPSHOTS = 100
 """Largest number of map snapshots of a run by default: enough for a film, and each takes the mapper
 some hundredths of a second."""
-
-
-LIGHT = ("intensities", "echoes", "echo_intensities")
-"""Attributes of scans and runs that hold what is known of the light."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,8 +93,9 @@ class Run(Value, Pictured):
                 raise InputError(
                     f"run: {name} {found}; expected {expected}, for {scans} poses and {beams} beams"
                 )
-        snapshots = np.array(self.snapshot_scans)
-        if snapshots.shape != (len(self.maps),) or not _ascends(snapshots, scans):
+        snapshots = np.array(self.snapshot_scans, dtype=np.int64)
+        ascend = (np.diff(snapshots, prepend=-1, append=scans) > 0).all()
+        if snapshots.shape != (len(self.maps),) or not ascend:
             raise InputError(
                 f"run: snapshot_scans {shown(self.snapshot_scans)} of {len(self.maps)} maps;"
                 f" expected an ascending scan from 0 to {scans - 1} for each"
@@ -161,8 +159,7 @@ class Run(Value, Pictured):
         if not tracked:
             return ()
         world = self.world
-        objects = joined_objects(world)
-        known = numbers_by_truth(tracked[-1], self.map, world.segments, objects)
+        known = numbers_by_truth(tracked[-1], self.map, world.segments, joined_objects(world))
         lasting = np.array([known.get(n, -1) for n in range(tracker.count)], np.int64)
         unknown = np.flatnonzero(lasting < 0)
         lasting[unknown] = world.object_count + np.arange(len(unknown))
@@ -219,10 +216,6 @@ class Run(Value, Pictured):
         Options are ``size`` (width and height, 1280 × 720), ``view``, ``samples``, ``playback`` and
         ``renderer``; see :func:`lrf3d.render_video`.
 
-        Raises:
-            InputError: An option is invalid, or the time is not in the run.
-            MissingLibraryError: OpenGL is asked for, or is there, and cannot draw.
-
         Examples:
             >>> import lrf3d
             >>> room = lrf3d.load_world("paper_room")
@@ -250,12 +243,6 @@ class Run(Value, Pictured):
     def scans(self) -> Iterator[LaserScan]:
         """The measured scans in their order."""
         return (self.scan(index) for index in range(len(self)))
-
-
-def _ascends(indices: NDArray[Any], count: int) -> bool:
-    """Whether indices are whole, from 0 to before a count, and in ascending order."""
-    whole = not len(indices) or indices.dtype.kind in "iu"
-    return whole and bool((np.diff(indices, prepend=-1, append=count) > 0).all())
 
 
 def is_snapshot(scan: int, scans: int, snapshots: int | None = None) -> bool:

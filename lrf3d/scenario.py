@@ -7,7 +7,6 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -74,7 +73,6 @@ class Scenario(Value):
         radius: Radius of the robot [m].
         mapper: Keyword arguments of the LineMapper.
         film: The default settings of its film.
-        name: Name in files and pictures.
 
     Examples:
         >>> import lrf3d
@@ -99,7 +97,7 @@ class Scenario(Value):
     scan_interval: float = SCAN_INTERVAL
     lookahead: float = LOOKAHEAD
     radius: float = RADIUS
-    mapper: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+    mapper: Mapping[str, Any] = field(default_factory=dict)
     film: FilmPlan = USUAL_FILM
     name: str = ""
 
@@ -115,10 +113,6 @@ class Scenario(Value):
         elif self.route is not None:
             drive = f"a route of {len(self.route)} way-points"
         return f"Scenario({self.name!r}, {self.world!r}, {self.lrf.beams} beams, {drive})"
-
-    def __deepcopy__(self, memo: object) -> "Scenario":
-        # Gymnasium copies scenarios; they are immutable.
-        return self
 
     @property
     def sigmas(self) -> tuple[float, ...]:
@@ -219,7 +213,7 @@ class Scenario(Value):
         on_collision: Callable[[str], None] | None = None,
         **changes: Any,
     ) -> "Simulation":
-        """The simulation of ``lrf3d run``, step by step; the same seed gives the same numbers.
+        """The simulation of ``lrf3d run``; the same seed gives the same numbers.
 
         Args:
             drive: A trajectory, poses (k, 3) a second apart or a controller instead of the route.
@@ -234,40 +228,36 @@ class Scenario(Value):
             on_collision: Called with the message of a collision, after which the drive continues;
                 walls do not stop a controller then. If not given, a collision is an error.
             **changes: Other values of any field of the Scenario.
-
-        Raises:
-            CollisionError: The drive would hit a wall.
         """
         # Imported here, so that films and figures do not load the compiler.
         from lrf3d.simulation import Simulation, line_mapper
 
         if isinstance(mapper, Mapping):
             mapper, changes = None, {**changes, "mapper": mapper}
-        scenario = self.changed(**changes)
-        driven: Any = drive
-        arguments: dict[str, Any] = {}
-        if callable(getattr(driven, "command", None)):
+        scenario, controlled = self.changed(**changes), dict[str, Any]()
+        if drive is None:
+            scenario = scenario.with_route()
+            drive = scenario.trajectory(scans=scans, on_collision=on_collision)
+        elif callable(getattr(drive, "command", None)):
+            scans = CONTROLLED_SCANS if scans is None else scans
+            scans = whole_number(scans, "scans", most=MOST_SCANS)
             start = (0.0, 0.0, 0.0) if scenario.poses is None else scenario.poses[0]
-            arguments = {
+            controlled = {
                 "start": start if scenario.start is None else scenario.start,
                 "scan_interval": scenario.scan_interval,
-                "scans": CONTROLLED_SCANS if scans is None else scans,
                 "radius": scenario.radius if on_collision is None else None,
             }
-            whole_number(arguments["scans"], "scans", most=MOST_SCANS)
-        elif driven is None:
-            scenario = scenario.with_route()
-            driven = scenario.trajectory(scans=scans, on_collision=on_collision)
-        else:
-            arguments = {"scans": scans}
         usual = scenario.noise if sigma is None else at_sigma(scenario.noise, sigma)
-        # The mapper is set up for the noise whose spread is known: that of the sigma, if given.
-        known = usual if noise is None or sigma is not None or not spread_of(noise) else noise
-        settings = {**scenario.mapper, **({} if mode is None else {"mode": mode})}
-        arguments |= {"caster": caster, "rng": rng, "obstacles": scenario.obstacles}
-        arguments["noise"] = usual if noise is None else noise
-        arguments["mapper"] = line_mapper(known, **settings) if mapper is None else mapper
-        made = Simulation(scenario.world, driven, scenario.lrf, **arguments)
+        if mapper is None:
+            # It is set up for the noise whose spread is known: that of the sigma, if given.
+            known = usual if noise is None or sigma is not None or not spread_of(noise) else noise
+            settings = {**scenario.mapper, **({} if mode is None else {"mode": mode})}
+            mapper = line_mapper(known, **settings)
+        made = Simulation(
+            scenario.world, drive, scenario.lrf, caster=caster, rng=rng, scans=scans,
+            noise=usual if noise is None else noise, mapper=mapper,
+            obstacles=scenario.obstacles, **controlled,
+        )  # fmt: skip
         made.film = scenario.film
         return made
 
@@ -356,7 +346,7 @@ def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
         noise=imperfect(sigma, lrf, **noise),
         compared=tuple(compared),
         obstacles=tuple(obstacles),
-        mapper=MappingProxyType(tables["mapper"]),
+        mapper=tables["mapper"],
         film=film,
         name=own_name(file.path, file.world.name),
         **robot,

@@ -15,6 +15,7 @@ from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.errors import InputError, expect, shown
 from lrf3d.geometry import Float, wrap_angle
 from lrf3d.laser import Chain, LaserRangeFinder, LaserScan, Noise
+from lrf3d.laser.scan import LIGHT
 from lrf3d.pose import as_pose
 from lrf3d.robot import Trajectory
 from lrf3d.world import World
@@ -39,9 +40,6 @@ class Sensor:
     Without the path of the robot all beams of a scan are cast from one pose. The last scan of a
     drive is taken where the robot arrives, so the interval before it may be shorter; the last beams
     of the scan before it are then sent from there.
-
-    Raises:
-        InputError: A scan takes longer than the time to the next.
     """
 
     def __init__(
@@ -58,11 +56,11 @@ class Sensor:
         self.world, self.lrf, self.noise = world, lrf, noise
         self.caster, self.obstacles = caster_of(caster, world), tuple(obstacles)
         self._noisy, self._path = Chain([noise]), path if lrf.time_increment else None
-        if self._path is None:
+        if path is None:
             return
-        between = float(np.diff(self._path.times[:-1]).min(initial=np.inf))
+        between = float(np.diff(path.times[:-1]).min(initial=np.inf))
         # Times are sums, so intervals of 0.2 s are not exactly 0.2 s.
-        rounding = 4.0 * float(np.spacing(np.abs(self._path.times).max()))
+        rounding = 4.0 * float(np.spacing(np.abs(path.times).max()))
         if lrf.scan_duration > between + rounding:
             raise InputError(
                 f"scan_duration {lrf.scan_duration:g} s: longer than the {between:g} s between two"
@@ -97,16 +95,14 @@ class Sensor:
             self._among(single, place, at)
             for single, place, at in zip(lrf.single_beams, poses, times.tolist(), strict=True)
         ]
-        names = "ranges walls intensities echoes echo_intensities".split()
-        parts = [[getattr(beam, name) for beam in beams] for name in names]
+        parts = [[getattr(beam, name) for beam in beams] for name in ("ranges", "walls", *LIGHT)]
         arrays: Any = [None if part[0] is None else np.concatenate(part) for part in parts]
         return LaserScan.unchecked(lrf, as_pose(pose), *arrays).at_time(time)
 
     def _among(self, lrf: LaserRangeFinder, pose: Float, time: float) -> LaserScan:
         """The scan of one moment, in which each beam ends at the nearer of wall and obstacle.
 
-        Obstacles are cast as exactly as walls; their index is −1. In a world with materials they
-        are of dark cloth.
+        Obstacles have the index −1; in a world with materials they are of dark cloth.
         """
         world, scan = self.world, self.caster.cast(lrf, pose).at_time(time)
         # Mirrors show obstacles that no beam could meet by itself.

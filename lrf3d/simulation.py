@@ -18,12 +18,13 @@ from lrf3d.geometry import Float, generator, numbers, sealed, whole_number
 from lrf3d.interrupts import check, stoppable
 from lrf3d.laser import LaserRangeFinder, LaserScan, ProportionalNoise
 from lrf3d.laser.noise import FLOOR, SIGMA, Noise, as_noise, spread_of
+from lrf3d.laser.scan import LIGHT
 from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.pose import Pose
 from lrf3d.progress import Progress, silent
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.robot.following import SCAN_INTERVAL
-from lrf3d.run import LIGHT, Run, is_snapshot
+from lrf3d.run import Run, is_snapshot
 from lrf3d.sensor import Caster, Sensor
 from lrf3d.steering import ControlledDrive, Controller
 from lrf3d.world import World
@@ -45,14 +46,9 @@ class Mapper(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Step:
-    """One step of a simulation: a scan, and the map after it.
+    """One step of a simulation: the measured scan and the true one, and the map after it.
 
-    Args:
-        index: Number of the scan, from 0.
-        time: Time of the scan [s].
-        pose: Pose x, y [m], theta [rad] of the scan.
-        scan: The measured scan.
-        true_scan: The scan without noise.
+    The ``index`` counts from 0; the ``time`` [s] and the ``pose`` are those of the scan.
 
     Examples:
         >>> import lrf3d
@@ -71,11 +67,7 @@ class Step:
 
     @property
     def map(self) -> Any:
-        """The map after this scan, of whatever kind; read it before the next step.
-
-        Raises:
-            InputError: The simulation has continued.
-        """
+        """The map after this scan, of whatever kind; read it before the next step."""
         if self._simulation.done != self.index + 1:
             raise InputError(
                 f"map of step {self.index}: the simulation has gone on to scan"
@@ -97,22 +89,17 @@ class Simulation:
             next scan, or None to end the drive.
         lrf: The laser range finder; 181 beams over 180° up to 80 m if not given.
         caster: Casts the beams: ``embree``, ``planar``, or an object with ``cast``.
-        noise: Turns true scans into measured ones, ``noise(scan, rng)``; none if not
-            given.
-        mapper: Builds the map, anything with ``update(scan)``; if not given, a LineMapper set up
-            for the noise; see `line_mapper`.
+        noise: Turns true scans into measured ones, ``noise(scan, rng)``; none if not given.
+        mapper: Builds the map, anything with ``update(scan)``; a LineMapper set up for the noise
+            if not given.
         rng: A generator for the noise, or a seed.
         obstacles: The dynamic obstacles.
         start: Initial pose of a controller's drive.
         scan_interval: Time between two scans [s] of a controller's drive.
         scans: Number of scans; if not given, those of the trajectory, or any number until a
             controller ends the drive.
-        radius: With a controller: radius of the robot [m], which may not hit a wall; if not given,
-            it drives through walls.
-
-    Raises:
-        InputError: The drive or the noise is invalid, or a scan takes longer than the interval to
-            the next.
+        radius: Radius [m] of a controller's robot, which may not hit a wall; if not given, it
+            drives through walls.
 
     Examples:
         >>> import lrf3d
@@ -138,8 +125,7 @@ class Simulation:
         scans: int | None = None,
         radius: float | None = None,
     ) -> None:
-        if scans is not None:
-            scans = whole_number(scans, "scans")
+        scans = None if scans is None else whole_number(scans, "scans")
         self.world = world
         self.lrf = LaserRangeFinder() if lrf is None else lrf
         noise = ProportionalNoise(0.0) if noise is None else as_noise(noise)
@@ -148,7 +134,7 @@ class Simulation:
             raise InputError(f"mapper {self.mapper!r}: expected an object with update(scan)")
         self.rng = generator(rng)
         self.drive: Trajectory | ControlledDrive
-        end: float | None = None
+        path = None
         if callable(getattr(drive, "command", None)):
             self.drive = ControlledDrive(drive, start, scan_interval, world, radius)  # type: ignore[arg-type]
             if self.lrf.scan_duration:
@@ -156,30 +142,24 @@ class Simulation:
                     "scan_duration: a controller decides after a scan where the robot moves, so"
                     " that its scans take no time; set it to 0"
                 )
-            path = None
-            if scans is not None:
-                end = scans * scan_interval
+            end = None if scans is None else scans * scan_interval
         else:
             if not isinstance(drive, Trajectory):
                 poses = numbers(drive, "poses")
                 drive = Trajectory(np.arange(len(np.atleast_1d(poses))), poses)
             self.drive = path = drive
-            end = float(path.times[-1])
-            scans = len(path) if scans is None else min(scans, len(path))
-        # A run stores the paths of its obstacles as poses, up to its end; an endless drive is not
-        # stored.
+            scans, end = min(scans or len(path), len(path)), float(path.times[-1])
         for obstacle in obstacles:
             expect(obstacle, DynamicObstacle, "obstacle")
-        self.obstacles = tuple(
-            obstacles if end is None else (obstacle.until(end) for obstacle in obstacles)
-        )
+        # A run stores the paths of its obstacles as poses, up to its end; an endless drive is not
+        # stored.
+        self.obstacles = tuple(each if end is None else each.until(end) for each in obstacles)
         self.sensor = Sensor(
             world, self.lrf, caster=caster, noise=noise, obstacles=self.obstacles, path=path
         )
         self.film: FilmPlan = USUAL_FILM
         """The default settings of the film."""
-        self.updates, self._seconds = 0, 0.0
-        self.scans, self.done = scans, 0
+        self.scans, self.done, self.updates, self._seconds = scans, 0, 0, 0.0
         self._returned: Any = None
 
     @property
@@ -201,7 +181,7 @@ class Simulation:
             if isinstance(drive, Trajectory):
                 time, pose = float(drive.times[index]), drive.poses[index]
             elif drive.goes_on:
-                time, pose = index * drive.interval, np.array(drive.pose)
+                time, pose = drive.time, np.array(drive.pose)
             else:
                 return
             true_scan = self.sensor.cast(pose, time)
@@ -225,11 +205,7 @@ class Simulation:
 
     @property
     def total(self) -> int:
-        """The largest number of scans.
-
-        Raises:
-            InputError: The number of scans is unknown.
-        """
+        """The largest number of scans, which must be known to keep them."""
         if self.scans is None:
             raise InputError("scans: not given, and a controller may drive for ever; give scans=")
         return self.scans
@@ -259,8 +235,9 @@ def simulate(
 ) -> Run:
     """Drive through a world, scan, map, and keep all of it in memory.
 
-    `Simulation` does the same step by step. For a Scenario, values that are not given are the
-    scenario's, and the run equals that of ``lrf3d run``.
+    `Simulation` does the same step by step, and its other arguments are the settings, such as
+    ``rng``, ``noise`` and ``mapper``. Those of a Scenario are the arguments of
+    `Scenario.simulation`; the run then equals that of ``lrf3d run``.
 
     Args:
         world: A Scenario, or the walls alone, for which a drive is required.
@@ -269,12 +246,11 @@ def simulate(
         snapshots: Largest number of map snapshots that the run keeps, for films; 100 if not given.
             With 1 only the final map is computed, which is faster.
         progress: Called with the number of finished scans, and of all.
-        **settings: ``rng``, ``noise``, ``mapper`` and all other arguments of `Simulation`; for a
-            Scenario those of `Scenario.simulation`.
+        **settings: All others.
 
     Raises:
-        InputError: The drive or the noise is invalid, a scan takes longer than the interval to the
-            next, or a controller's drive has no number of scans.
+        InputError: An argument is invalid, a scan takes longer than the interval to the next, or a
+            controller's drive has no number of scans.
         CollisionError: A robot with a radius would hit a wall.
 
     Examples:
@@ -287,28 +263,28 @@ def simulate(
         >>> len(lrf3d.simulate(lrf3d.load_scenario("city"), scans=3, rng=0))
         3
     """
-    settings = {name: value for name, value in settings.items() if value is not None}
-    if lrf is not None:
-        settings["lrf"] = lrf
-    if not isinstance(world, World):
-        if not hasattr(world, "simulation"):
+    given = {"lrf": lrf, **settings}
+    settings = {name: value for name, value in given.items() if value is not None}
+    if isinstance(world, World):
+        if drive is None:
             raise InputError(
-                f"simulate: {shown(world)}: expected a World or a Scenario, such as"
-                " load_scenario('city')"
+                "drive: not given, and a world alone has none; give one, or a scenario"
             )
-        return collect(world.simulation(drive=drive, **settings), progress, snapshots=snapshots)
-    if drive is None:
-        raise InputError("drive: not given, and a world alone has none; give one, or a scenario")
-    check_names("simulate", settings, list(signature(Simulation).parameters))
-    return collect(Simulation(world, drive, **settings), progress, snapshots=snapshots)
+        check_names("simulate", settings, list(signature(Simulation).parameters))
+        simulation = Simulation(world, drive, **settings)
+    elif hasattr(world, "simulation"):
+        simulation = world.simulation(drive=drive, **settings)
+    else:
+        raise InputError(
+            f"simulate: {shown(world)}: expected a World or a Scenario, such as"
+            " load_scenario('city')"
+        )
+    return collect(simulation, progress, snapshots=snapshots)
 
 
 @stoppable()
 def collect(
-    simulation: Simulation,
-    progress: Progress = silent,
-    *,
-    snapshots: int | None = None,
+    simulation: Simulation, progress: Progress = silent, *, snapshots: int | None = None
 ) -> Run:
     """Run a simulation to its end and keep it in memory; `record` writes it to a file."""
     total, row = simulation.total, row_type(simulation)
@@ -348,11 +324,11 @@ def run_to_end(
     snapshots = None if snapshots is None else whole_number(snapshots, "snapshots")
 
     def keep_map(always: bool = False) -> None:
+        check()
         last = simulation.done - 1
         if (always or is_snapshot(last, total, snapshots)) and last not in maps:
             if isinstance(line_map := simulation.map, LineMap):
                 maps[last] = line_map
-        check()
 
     for scan in recorded:
         simulation.take(scan)

@@ -9,9 +9,8 @@ from lrf3d.errors import CollisionError, InputError, shown
 from lrf3d.geometry import Float, is_finite, number
 from lrf3d.laser import LaserScan
 from lrf3d.pose import Pose, as_pose
-from lrf3d.robot import Trajectory, Unicycle
+from lrf3d.robot import Trajectory, Unicycle, drive
 from lrf3d.robot.collision import CollisionChecker
-from lrf3d.robot.unicycle import arcs
 from lrf3d.world import World
 
 CHORD_ERROR = 0.001
@@ -44,20 +43,17 @@ class ControlledDrive:
         world: World,
         radius: float | None,
     ) -> None:
-        self.controller = controller
+        self.controller, self.radius = controller, radius
         self.interval = number(interval, "scan_interval", "seconds", positive=True)
         self.start = self.pose = as_pose(start)
-        self.goes_on = True
-        self.radius = radius
-        self._robot = Unicycle()
+        self.time, self.goes_on = 0.0, True
+        self._commands = 0
         self._checker = None if radius is None else CollisionChecker(world)
-        self._index = 0
 
     def after(self, scan: LaserScan) -> None:
         """Get the next command of the controller, and drive."""
-        time = self._index * self.interval
-        self._index += 1
-        command = self.controller.command(time, self.pose, scan)
+        time, start = self.time, self.pose
+        command = self.controller.command(time, start, scan)
         if command is None:
             self.goes_on = False
             return
@@ -70,19 +66,15 @@ class ControlledDrive:
                 f"controller: the command {shown(command)} at t = {time:g} s is invalid; expected"
                 " speed [m/s] and turn rate [rad/s] as two finite numbers, or None to end"
             )
-        before, self.pose = self.pose, self._robot.move(self.pose, v, omega, self.interval)
-        if self._checker is not None and self.radius is not None:
-            path = self._chords(time, before, v, omega)
-            collision = self._checker.first(path, self.radius)
-            if collision is not None:
-                raise CollisionError(f"{collision}; the controller drove it there")
-
-    def _chords(self, time: float, start: Pose, v: float, omega: float) -> Trajectory:
-        """The arc up to the next scan as chords within `CHORD_ERROR` of it."""
+        self._commands += 1
+        self.time = self._commands * self.interval
+        self.pose = Unicycle().move(start, v, omega, self.interval)
+        if self._checker is None or self.radius is None:
+            return
         # The sagitta of a chord over a time t is |v·ω|·t²/8.
         chords = self.interval * np.sqrt(abs(v) * abs(omega) / (8.0 * CHORD_ERROR))
-        count = int(np.clip(np.ceil(chords), 1, MOST_CHORDS))
-        shares = np.linspace(0.0, 1.0, count + 1)
-        begin, ones = np.tile(start, (count + 1, 1)), np.ones(count + 1)
-        poses = arcs(begin, v * ones, omega * ones, shares * self.interval)
-        return Trajectory(time + shares * self.interval, poses)
+        step = self.interval / np.clip(np.ceil(chords), 1, MOST_CHORDS)
+        arc = drive(start, v, omega, duration=self.interval, dt=step)
+        path = Trajectory(time + arc.times, arc.poses)
+        if (collision := self._checker.first(path, self.radius)) is not None:
+            raise CollisionError(f"{collision}; the controller drove it there")

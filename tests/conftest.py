@@ -16,15 +16,15 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
     signal.signal(signal.SIGHUP, lambda number, where: None)
 
-ENDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+USUAL = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+"""The handlers of signals before any test."""
 
 
 @pytest.fixture(autouse=True)
 def handlers():
-    """The program's own handlers of signals end with the test that called its main()."""
-    before = {number: signal.getsignal(number) for number in ENDS}
+    """The program's own handlers of signals end with the test, whatever has called its main()."""
     yield
-    for number, handler in before.items():
+    for number, handler in USUAL.items():
         signal.signal(number, handler)
     forget()
 

@@ -8,11 +8,10 @@ import zlib
 from dataclasses import fields
 
 import pytest
-import typer
-from snippets import PAGES, PROGRAMS, ROOT, Workshop, snippets
+from snippets import PAGES, PARTS, ROOT, Workshop, snippets
 
 import lrf3d
-from lrf3d.cli.app import app
+from lrf3d.cli.commands import COMMANDS
 from lrf3d.world import Material
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.schema import OBJECT, OBSTACLE, TABLES
@@ -25,18 +24,10 @@ LONG = {
 """Pages whose snippets take more than some seconds."""
 
 
-def commands(command, name="lrf3d"):
-    """All commands by their names; a group may do something by itself."""
-    for key, inner in command.commands.items():
-        group = hasattr(inner, "commands")
-        if not group or inner.invoke_without_command:
-            yield f"{name} {key}", inner
-        if group:
-            yield from commands(inner, f"{name} {key}")
-
-
-COMMANDS = list(commands(typer.main.get_command(app)))
-SCRIPTS = list(commands(typer.main.get_command(PROGRAMS["scripts/bench"]), "scripts/bench"))
+EXAMPLES = {
+    **{f"lrf3d {name}": text.rpartition("Example: ")[2] for name, text in COMMANDS.items()},
+    **{f"scripts/bench {name}": example for name, example in PARTS.items()},
+}
 
 
 @pytest.fixture(scope="module")
@@ -75,13 +66,10 @@ def test_every_snippet_runs(page, workshop):
         assert len(errors) == 3 and max(errors) < 0.02
 
 
-@pytest.mark.parametrize(
-    "name, command", COMMANDS + SCRIPTS, ids=[name for name, _ in COMMANDS + SCRIPTS]
-)
-def test_the_example_of_every_command_runs(name, command, workshop):
-    example = command.epilog.removeprefix("Example: ")
-    assert example.startswith(f"{name} ")
-    workshop.shell(example)
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_the_example_of_every_command_runs(name, workshop):
+    assert EXAMPLES[name].startswith(f"{name} ")
+    workshop.shell(EXAMPLES[name])
 
 
 @pytest.mark.slow  # test_scenario_run runs its lines with fewer scans.
@@ -144,6 +132,7 @@ def test_every_public_name_and_every_command_has_its_place(site):
     lines = (site / "objects.inv").read_bytes().split(b"\n", 4)
     names = {line.split()[0] for line in zlib.decompress(lines[4]).decode().splitlines()}
     assert {f"lrf3d.{name}" for name in lrf3d.__all__} <= names
-    for name, _ in COMMANDS:
-        page = site / "commands" / f"{'-'.join(name.split()[1:])}.html"
-        assert f'<h1 id="{name.replace(" ", "-")}">' in page.read_text(encoding="utf-8")
+    for name in COMMANDS:
+        name = name.replace(" ", "-")
+        page = site / "commands" / f"{name}.html"
+        assert f'<h1 id="lrf3d-{name}">' in page.read_text(encoding="utf-8")

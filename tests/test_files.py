@@ -112,13 +112,6 @@ def test_a_folder_without_a_run_is_named_for_what_it_holds(file, said):
         load_run("out")
 
 
-@pytest.mark.parametrize("kind", ["CityJSON", "CityJSONFeature", "Topology"])
-def test_other_json_of_places_is_named_with_the_way_to_convert_it(kind):
-    Path("a.json").write_text(f'{{"type": "{kind}"}}')
-    with pytest.raises(WorldError, match=r"^a.json: (CityJSON|TopoJSON), which is not read; make"):
-        load_world("a.json")
-
-
 def test_a_world_is_called_as_it_says_or_as_its_file_or_with_the_folder_before_it():
     for folder in ("berlin", "bonn"):
         Path(folder).mkdir()

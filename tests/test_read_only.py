@@ -61,11 +61,7 @@ def arrays_in(value, seen=None):
 def test_arrays_of_values_and_of_their_copies_are_read_only(name):
     make, cached = VALUES[name]
     value = make()
-    copies = [lambda v: v, copy.copy, copy.deepcopy]
-    # What may not be changed in a scenario is a mapping that cannot be pickled.
-    for protocol in () if name == "scenario" else (2, 5):
-        copies.append(lambda v, protocol=protocol: pickle.loads(pickle.dumps(v, protocol)))
-    for made in [*copies, *copies]:
+    for made in [lambda v: v, copy.copy, copy.deepcopy, lambda v: pickle.loads(pickle.dumps(v))]:
         other = made(value)
         for attribute in cached:
             getattr(other, attribute)
@@ -113,11 +109,8 @@ def test_a_noise_and_a_mapper_that_write_in_place_cannot_change_the_truth():
         (lambda: LaserRangeFinder(beams=10**12), "from 1 to 1,000,000"),
         (lambda: LaserRangeFinder(scan_duration=None), "scan_duration None"),
         (lambda: World([[1, 2, 3], [4]]), "segments: expected numbers in rows"),
-        (lambda: World(WALLS, ["a"] * 4), "objects: expected numbers in rows"),
         (lambda: World(WALLS, [10**9] * 4), "object 1000000000.0, expected whole numbers"),
         (lambda: LineMap(np.zeros((2, 4)), np.zeros(3), np.zeros(2)), "(m, 4)"),
-        (lambda: Trajectory([0, 1], [[0, 0, 0], [1, 2]]), "poses: expected numbers in rows"),
-        (lambda: lrf3d.EmbreeCaster(World(WALLS)).cast_batch(LRF, [[0], [1, 2]]), "poses: exp"),
         (lambda: lrf3d.Simulation(World(WALLS), [[0, 0, 0], [1]]), "poses: expected numbers"),
     ],
 )

@@ -145,7 +145,7 @@ def test_a_route_without_a_start_begins_at_its_first_way_point(tmp_path):
         ("[laser]\nrange_min = 3\nrange_max = 2\n", "w.toml: laser: range finder: range_min 3"),
         (
             "[laser]\nangle_min_deg = 90\nangle_max_deg = 0\n",
-            "w.toml: laser: .*angle_min ≤ angle_max",
+            "w.toml: laser: .*angle_min 1.57.*up to angle_max",
         ),
     ],
 )

@@ -5,12 +5,12 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from program import lrf3d as called
 
 import stress
 from lrf3d import EmbreeCaster, PlanarCaster
 from lrf3d.casting.light import Lighting
-from stress import KINDS, aimed, app, check_batch, check_light, lit, try_kind
+from stress import KINDS, aimed, check_batch, check_light, command, lit, try_kind
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -63,7 +63,7 @@ def test_light_that_is_off_by_two_nanometres_is_caught(monkeypatch):
 def test_the_command_prints_one_json_object(monkeypatch):
     monkeypatch.setattr(stress, "ROUND", 2)
     monkeypatch.setattr(stress, "process_pool", ThreadPoolExecutor)
-    done = CliRunner().invoke(app, ["--beams", "400", "--json"])
+    done = called("--beams", "400", "--json", program=command)
     report = json.loads(done.stdout)
-    assert done.exit_code == 0 and report["passed"] and report["beams"] >= 400
+    assert done.returncode == 0 and report["passed"] and report["beams"] >= 400
     assert [row["name"] for row in report["rows"]] == list(KINDS)

@@ -23,13 +23,6 @@ if TYPE_CHECKING:
     from lrf3d.casting.kernels.echoes import Lit
     from lrf3d.casting.light import Lighting
 
-PIECES_A_CORE = 8
-"""Pieces of work for each core: with fewer the slowest core decides, with more Python's lock
-does."""
-
-LEAST_PIECE = 8
-"""Least number of items in a piece."""
-
 
 class PlanarCaster:
     """Casts scans at the walls of a world that reach up to the height of the beams.
@@ -95,19 +88,15 @@ class PlanarCaster:
             >>> import lrf3d
             >>> walls = [[2, -1, 4, 1], [0, 3, 6, 3]]
             >>> world = lrf3d.World(walls, objects=[0, 1], materials=["mirror", "plaster"])
-            >>> caster = lrf3d.PlanarCaster(world)
             >>> ahead = lrf3d.LaserRangeFinder(0.0, 0.0, beams=1)
-            >>> caster.chains(ahead, (0, 0, 0)).tolist()
+            >>> lrf3d.PlanarCaster(world).chains(ahead, (0, 0, 0)).tolist()
             [[0, 1]]
-            >>> caster.cast(ahead, (0, 0, 0)).ranges.tolist()
-            [6.0]
         """
         if self._lighting is None:
             return self.scan_batch(lrf, [as_pose(pose)])[1].T
         chains = self._lit(lrf, np.array([as_pose(pose)]), chains=True).chains[0]
         longest = max(1, int((chains >= 0).sum(axis=1).max(initial=0)))
-        found: Int = chains[:, :longest]
-        return found
+        return np.asarray(chains[:, :longest])
 
     def tree(self, height: float) -> Tree:
         """The tree over the walls that reach up to a height [m]; built once for each level."""
@@ -161,7 +150,8 @@ class PlanarCaster:
 def share(work: Callable[[int, int], None], count: int) -> None:
     """Call work(start, stop) for pieces of range(count), in one thread for each core."""
     cores = core_count()
-    size = max(LEAST_PIECE, -(-count // (PIECES_A_CORE * cores)))
+    # With fewer pieces for each core the slowest one decides, with more Python's lock does.
+    size = max(8, -(-count // (8 * cores)))
     if count <= size or cores < 2:
         work(0, count)
         return

@@ -29,10 +29,6 @@ GRAZING = 1e-4
 """Sine of the angle between beam and wall below which intersecting a plane in float64 is less
 accurate than 1e-9 m; below 1e-5 trimesh misses the wall."""
 
-POSES_COMPARED = 256
-"""Poses that are cast and compared at a time: with 181 beams trimesh's arrays take 20 MB."""
-
-
 UNEXPLAINED = "unexplained"
 
 CAUSES = {
@@ -52,10 +48,9 @@ CAUSES = {
 class CrossCheck:
     """The result of comparing bare Embree with the exact plane, beam by beam.
 
-    Some of the beams hit a wall, by the exact ranges. Those that agree differ by at most the
-    largest difference [m]; the resolution [m] bounds that of positions in float32. Of each of those
-    (m,) that differ it has the scan and the beam, the exact range and that of Embree (m, 2) [m],
-    likewise the walls (m, 2), −1 for none, and the cause.
+    Hits are those of the exact ranges. Beams that agree differ by at most the largest difference
+    [m]; the resolution [m] bounds that of positions in float32. Of those (m,) that differ it has
+    scan, beam, the ranges (m, 2) [m] and walls (m, 2) of both, the exact first, and the cause.
     """
 
     beams: int
@@ -131,8 +126,9 @@ def crosscheck(
     planar, embree = PlanarCaster(world), BareEmbree(world)
     largest, hits = 0.0, 0
     found = [(np.empty((0, 2), np.int64), np.empty((0, 2)), np.empty((0, 2), np.int64))]
-    for start in range(0, len(poses), POSES_COMPARED):
-        part = poses[start : start + POSES_COMPARED]
+    # With 181 beams trimesh's arrays for 256 poses take 20 MB.
+    for start in range(0, len(poses), 256):
+        part = poses[start : start + 256]
         both = planar.scan_batch(lrf, part), embree.scan_batch(lrf, part)
         ranges, walls = (np.stack(answers, axis=2) for answers in zip(*both, strict=True))
         with np.errstate(invalid="ignore"):
@@ -145,7 +141,7 @@ def crosscheck(
         largest = max(largest, float(gap[same & np.isfinite(gap)].max(initial=0.0)))
         hits += int(np.isfinite(ranges[..., 0]).sum())
         found.append((np.add(np.argwhere(~same), [start, 0]), ranges[~same], walls[~same]))
-        progress(min(start + POSES_COMPARED, len(poses)), len(poses))
+        progress(start + len(part), len(poses))
     places, ranges, walls = (np.concatenate(parts) for parts in zip(*found, strict=True))
     scan, beam = places.T
     delta = resolution(world, lrf)
@@ -182,11 +178,9 @@ class BareEmbree:
 
 
 def resolution(world: World, lrf: LaserRangeFinder) -> float:
-    """Bound on the float32 resolution of positions along a beam [m].
-
-    The ends and the laser are rounded relative to the size of the scene; the direction and each
-    step of the intersection relative to the distance.
-    """
+    """Bound on the float32 resolution of positions along a beam [m]."""
+    # The ends and the laser are rounded relative to the size of the scene; the direction and each
+    # step of the intersection relative to the distance.
     spans = np.append(np.ptp(world.bounds, axis=0), world.heights.max(initial=0.0))
     size = float(np.linalg.norm(spans))
     return 2.0**-24 * (2.0 * size + 16.0 * min(lrf.range_max, size))
@@ -216,12 +210,10 @@ def _explain(
         nearest = ends[:, :, 0] + share[..., None] * span
         # The seam rises from the foot of a wall's first end to the top of its second.
         seam = ends[:, :, 0] + (lrf.height / heights)[..., None] * span
-        at_limit = np.zeros(len(ranges), np.bool_)
-        for a, b in ((one, other), (other, one)):
-            at_limit |= np.isposinf(a) & (np.abs(b - lrf.range_max) <= AGREEMENT)
-            at_limit |= np.isneginf(a) & (np.abs(b - lrf.range_min) <= AGREEMENT)
+        limits = np.where(ranges[:, ::-1] > 0.0, lrf.range_max, lrf.range_min)
+        at_limit = np.isinf(ranges[:, ::-1]) & (np.abs(ranges - limits) <= AGREEMENT)
         tests = {
-            "range limit": at_limit,
+            "range limit": at_limit.any(axis=1),
             "laser at a wall": (np.hypot(nearest[..., 0], nearest[..., 1]) <= delta).any(axis=1),
             "height": (np.abs(heights - lrf.height) <= delta).any(axis=1)
             | (met.any(axis=1) & (lrf.height <= delta)),

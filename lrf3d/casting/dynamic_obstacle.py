@@ -7,27 +7,12 @@ from functools import cached_property
 import numpy as np
 
 from lrf3d.errors import InputError, shown
-from lrf3d.geometry import (
-    LARGEST_COORDINATE,
-    Float,
-    Value,
-    number,
-    read_only,
-    whole_number,
-    wrap_angle,
-)
+from lrf3d.geometry import Float, Value, as_rows, number, whole_number, wrap_angle
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
 from lrf3d.robot.laps import Patrol
 from lrf3d.world.model import DEFAULT_HEIGHT
-
-WIDENED = 1.0 + 1e-6
-"""Factor by which an obstacle is widened when it is decided whether a beam may meet it."""
-
-PLACE_ROUNDING = 1e-12
-"""Allowance for rounding, relative to coordinates, when it is decided whether a beam may meet
-it."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -61,20 +46,9 @@ class DynamicObstacle(Value):
             raise InputError(
                 f"dynamic obstacle on the path {shown(self.path)}: expected a Trajectory or Patrol"
             )
-        outline = read_only(self.outline, "outline")
-        if outline.ndim != 2 or outline.shape[1] != 2 or len(outline) < 3:
-            raise InputError(
-                f"dynamic obstacle with an outline {outline.shape}: expected at least 3 x, y"
-            )
-        inside = (np.abs(outline) <= LARGEST_COORDINATE).all(axis=1)
-        if not inside.all():
-            corner = int(np.argmin(inside))
-            raise InputError(
-                f"dynamic obstacle: corner {corner} is {outline[corner].tolist()}, expected finite"
-                f" numbers of at most {LARGEST_COORDINATE:g} m"
-            )
+        as_rows(self.outline, "dynamic obstacle: outline", 2, least=3, row="corner")
         number(self.height, "dynamic obstacle: height", "metres", positive=True)
-        object.__setattr__(self, "outline", outline)
+        self._hold("outline")
 
     @cached_property
     def reach(self) -> float:
@@ -86,12 +60,13 @@ class DynamicObstacle(Value):
         x, y, _ = self.path.at(np.array([time]))[0].tolist()
         ahead, left = x - float(pose[0]), y - float(pose[1])
         distance = math.hypot(ahead, left)
-        reach = WIDENED * self.reach + PLACE_ROUNDING * (abs(x) + abs(y))
+        # Widened by more than rounding may be.
+        reach = (1.0 + 1e-6) * self.reach + 1e-12 * (abs(x) + abs(y))
         if distance <= reach:
             return True
         middle, half = lrf.spread
         bearing = abs(wrap_angle(math.atan2(left, ahead) - float(pose[2]) - middle))
-        beside = half + WIDENED * math.asin(reach / distance)
+        beside = half + (1.0 + 1e-6) * math.asin(reach / distance)
         return bool(distance - reach <= lrf.range_max and bearing <= beside)
 
     @property

@@ -30,11 +30,7 @@ def embreex_installed() -> bool:
 
 
 def require_embreex(task: str) -> None:
-    """See that embreex is there for a task that makes no sense without it.
-
-    Raises:
-        MissingLibraryError: It is not.
-    """
+    """See that embreex is there for a task that makes no sense without it."""
     try:
         import embreex.rtcore_scene  # noqa: F401
     except ImportError:

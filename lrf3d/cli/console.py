@@ -5,11 +5,9 @@ import logging
 import sys
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar
-
-import typer
+from typing import Any
 
 from lrf3d.errors import Lrf3dWarning, one_line
 from lrf3d.interrupts import check
@@ -21,19 +19,14 @@ Rows = Sequence[tuple[str, str]]
 
 @dataclass(frozen=True)
 class Report:
-    """What a command prints: a summary, one JSON value or nothing; notes and progress on stderr.
+    """What a command prints: a summary, one JSON value or nothing; notes and progress on stderr."""
 
-    Options:
-        json: Print one JSON object and nothing else.
-        quiet: Print no summary, notes and progress.
-        verbose: Print all figures, too, as JSON.
-    """
-
-    title: ClassVar[str | None] = None
-    context: typer.Context
-    json: bool = False
-    quiet: Annotated[bool, typer.Option("--quiet", "-q")] = False
-    verbose: Annotated[bool, typer.Option("--verbose", "-v")] = False
+    command: str
+    json: bool
+    quiet: bool
+    verbose: bool
+    until_end: ExitStack
+    """What is held until the command ends."""
 
     @property
     def shows(self) -> bool:
@@ -70,22 +63,15 @@ def progress_bar(title: str) -> Iterator[Progress]:
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
     from rich.progress import Progress as Bar
 
-    columns = (
-        TextColumn("{task.description:<13}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[rate]}"),
-        TimeRemainingColumn(),
-    )
+    name = TextColumn("{task.description:<13}")
+    columns = (name, BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
         # At the first use the compiler works for half a minute before the first step.
-        task = bar.add_task("getting ready", total=None, rate="")
+        task = bar.add_task("getting ready", total=None)
 
         def report(done: int, total: int) -> None:
             check()
-            speed = bar.tasks[task].speed
-            rate = f"{speed:.0f}/s" if speed else ""
-            bar.update(task, description=title, completed=done, total=total, rate=rate)
+            bar.update(task, description=title, completed=done, total=total)
 
         yield report
 
@@ -120,15 +106,9 @@ def print_json(value: Any) -> None:
 
 def json_text(value: Any) -> str:
     """A value as standard JSON, without NaN and infinity, its numbers to nine digits."""
-    return json.dumps(_rounded(value), indent=2, allow_nan=False) + "\n"
-
-
-def _rounded(value: Any) -> Any:
-    if isinstance(value, float):
-        return float(f"{value:.9g}")
-    if isinstance(value, Mapping):
-        return {name: _rounded(each) for name, each in value.items()}
-    return [_rounded(each) for each in value] if isinstance(value, list | tuple) else value
+    text = json.dumps(value, allow_nan=False)
+    rounded = json.loads(text, parse_float=lambda number: float(f"{float(number):.9g}"))
+    return json.dumps(rounded, indent=2) + "\n"
 
 
 def print_table(rows: Rows) -> None:

@@ -14,11 +14,8 @@ from lrf3d.files import locked, make_folder, read_text, write_text
 from lrf3d.interrupts import check, noting
 from lrf3d.world import world_names
 
-LONGEST_NAME = 100
-"""Largest length of a folder's name [bytes]: file systems allow 255, and suffixes are added."""
-
-LARGEST_SUMMARY = 1 << 26
-"""Largest size of a summary.json that is read [bytes]."""
+LONGEST_NAME = 60
+"""Largest length of a folder's name: file systems allow 255 bytes, and suffixes are added."""
 
 _ENDING = re.compile(r"(?<=[^/.])\.[^/]*$")
 
@@ -89,16 +86,16 @@ def results_folder(
         else os.path.relpath(os.path.realpath(source), os.path.realpath(folder))
         for source in sources
     ]
-    made_by = {"command": report.context.info_name, "sources": named}
+    made_by = {"command": report.command, "sources": named}
     summary = folder / "summary.json"
     if alone:
-        report.context.with_resource(locked(folder / "results", folder))
+        report.until_end.enter_context(locked(folder / "results", folder))
         if not summary.exists():
             # What is written before a command is stopped has its origin, too.
             write_text(summary, json_text({"made_by": made_by}))
     if out is None and summary.exists():
         try:
-            found = json.loads(read_text(summary, largest=LARGEST_SUMMARY))["made_by"]["sources"]
+            found = json.loads(read_text(summary))["made_by"]["sources"]
             others = [str(source) for source in found]
         except (ValueError, LookupError, TypeError, RecursionError):
             others = ["something else"]
@@ -117,5 +114,4 @@ def folder_name(name: str) -> str:
         >>> folder_name("Lab 3/west"), folder_name("../..")
         ('Lab_3_west', 'world')
     """
-    plain = re.sub(r"[^\w.+-]+", "_", name.encode(errors="ignore").decode()).strip("._")
-    return plain.encode()[:LONGEST_NAME].decode(errors="ignore") or "world"
+    return re.sub(r"[^\w.+-]+", "_", name)[:LONGEST_NAME].strip("._") or "world"

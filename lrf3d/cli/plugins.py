@@ -25,33 +25,32 @@ def load_plugin(kind: str, name: str) -> Any:
 
     The name is ``module:object``; the path of a ``.py`` file may replace the module.
     """
-    module_name, _, path = name.rpartition(":")
+    (module_name, _, path), place = name.rpartition(":"), f"--{kind} {name}"
     if not (module_name and path):
-        raise InputError(f"--{kind} {name}: expected module:object, such as mymodule:MyClass")
+        raise InputError(f"{place}: expected module:object, such as mymodule:MyClass")
     file = Path(f"{module_name}.py" if module_name.isidentifier() else module_name)
     is_file = file.suffix == ".py" and file.is_file()
     folder, plain = (file.resolve().parent, file.stem) if is_file else (Path.cwd(), module_name)
-    if not is_file and not all(part.isidentifier() for part in plain.split(".")):
-        raise InputError(f"--{kind} {name}: there is no file {module_name!r}, nor such a module")
     # At the end, so that no file of the folder replaces an installed module.
     sys.path.append(str(folder))
     try:
-        module = import_module(plain)
+        if not all(part.isidentifier() for part in plain.split(".")):
+            raise ModuleNotFoundError(name=plain)
+        found: Any = import_module(plain)
     except ModuleNotFoundError as error:
         if error.name != plain and not plain.startswith(f"{error.name}."):
             raise
         raise InputError(
-            f"--{kind} {name}: no module {module_name!r} in {Path.cwd()} or installed"
+            f"{place}: no module {module_name!r} in {Path.cwd()} or installed"
         ) from None
-    found: Any = module
-    if is_file and Path(module.__file__ or "").resolve() != file.resolve():
-        raise InputError(f"--{kind} {name}: another module is called {plain}; rename the file")
+    if is_file and Path(found.__file__ or "").resolve() != file.resolve():
+        raise InputError(f"{place}: another module is called {plain}; rename the file")
     for part in path.split("."):
-        check_names(f"--{kind} {name}", [part], dir(found))
+        check_names(place, [part], [each for each in dir(found) if each[0] != "_"])
         found = getattr(found, part)
     method, form = FORMS[kind]
     if not (callable(found) if method == "__call__" else hasattr(found, method)):
-        raise InputError(f"--{kind} {name}: expected {form}")
+        raise InputError(f"{place}: expected {form}")
     return found
 
 

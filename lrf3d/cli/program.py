@@ -11,15 +11,16 @@ from lrf3d.interrupts import asked, handle_signals, ignore_signals
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from typing import Any
 
 
-def main(program: "Any" = None, name: str = "lrf3d") -> None:
+def main(program: "Callable[[list[str]], int | None] | None" = None, name: str = "lrf3d") -> None:
     """Run a program, lrf3d if not given; a known error ends it with one line and exit status 1."""
     handle_signals(name)
     status = 1
     try:
-        status = _run(program, name)
+        status = _run(program)
     except KeyboardInterrupt as error:
         _report(name, error, "stopped")
     except BrokenPipeError:
@@ -37,36 +38,24 @@ def main(program: "Any" = None, name: str = "lrf3d") -> None:
     sys.exit(128 + asked() if asked() and status else status)
 
 
-def _run(program: "Any", name: str) -> int:
-    """Run the command, flush its output, and return its exit status."""
+def _run(program: "Callable[[list[str]], int | None] | None") -> int:
+    """Run a program, flush its output, and return its exit status."""
     for stream in (sys.stdout, sys.stderr):
         # A terminal without a character, such as σ or one of a file name, is no reason to fail.
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
-    import typer
-
     from lrf3d.cli.console import print_text, quiet_libraries
 
     quiet_libraries()
-    if program is None:
-        from lrf3d.cli.app import app as program
-    command: Any = typer.main.get_command(program)
-    status = 0
-    # Typer's own main function would take an interrupt for the wish to abort a prompt.
+    from lrf3d.cli.parser import run_command
+
     try:
-        with command.make_context(name, sys.argv[1:]) as context:
-            command.invoke(context)
-    except typer.Exit as end:
-        status = end.exit_code
-    except Exception as error:
-        # Errors of usage print themselves.
-        if not hasattr(error, "show"):
-            raise
-        error.show()
-        status = error.exit_code  # type: ignore[attr-defined]
+        status = (program or run_command)(sys.argv[1:])
+    except SystemExit as end:
+        status = int(end.code or 0)
     # An error of the standard output is reported here, not when Python ends.
     print_text("")
-    return status
+    return status or 0
 
 
 def _message(error: Exception) -> str | None:

@@ -1,133 +1,72 @@
 """``lrf3d run``: simulate, map and draw a world."""
 
 import json
+from argparse import Namespace
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import Any
 
-import typer
-
-from lrf3d.cli import options
 from lrf3d.cli.console import Report
-from lrf3d.cli.options import Drive
-from lrf3d.cli.runs import Film
+from lrf3d.cli.film import write_film
+from lrf3d.cli.folder import results_folder
+from lrf3d.cli.inputs import on_collision, routed
+from lrf3d.cli.plugins import made
 from lrf3d.errors import InputError
-
-if TYPE_CHECKING:
-    from lrf3d.run import Run
-    from lrf3d.simulation import Simulation
+from lrf3d.geometry import lengths
+from lrf3d.interrupts import noting
+from lrf3d.io import record
+from lrf3d.mapping import save_map
+from lrf3d.render.figures import draw_map, draw_noise_levels, draw_world
+from lrf3d.run import Run
+from lrf3d.scenario import Scenario
+from lrf3d.scoring import visible_walls
+from lrf3d.scoring.summary import drawn_part, judged_part, summarise
+from lrf3d.simulation import Simulation, collect
+from lrf3d.slam.simulated import SlamMapper
+from lrf3d.text import counted
 
 KEPT = "all scans kept; go on with --resume"
 """The note on a run that is stopped after its last scan."""
 
-Named = Annotated[str | None, typer.Option(metavar="MODULE:OBJECT")]
 
-
-@dataclass(frozen=True)
-class Own:
-    """A user's own parts, imported from a file, the current folder or the installed modules.
-
-    Options:
-        mapper: Your mapper: update(scan).
-        controller: Your controller: command(time, pose, scan) -> (v, w).
-        noise: Your noise: noise(scan, rng).
-    """
-
-    title: ClassVar[str | None] = "Your own algorithms"
-    mapper: Named = None
-    controller: Named = None
-    noise: Named = None
-
-
-def run(
-    world: options.WorldArgument,
-    drive: Drive,
-    own: Own,
-    film: Film,
-    report: Report,
-    out: options.Out = None,
-    sigma: Annotated[list[str] | None, typer.Option(metavar="S,S,…")] = None,
-    mode: options.Mode = None,
-    slam: bool = False,
-    seed: options.Seed = 0,
-    caster: Literal["embree", "planar"] = "embree",
-    scans: options.MaybeCount = None,
-    resume: bool = False,
-    video: bool = True,
-) -> None:
-    """Drive through a world, scan it, map it, and draw the results.
-
-    Writes run.npz, map.geojson, map.png, world.png, summary.json and run.mp4. MODULE:OBJECT is
-    imported from a file, the current folder or the installed modules.
-
-    Options:
-        sigma: Noise [m] at range_max; of several, maps are compared in a figure.
-        mode: Mode of the mapper.
-        slam: Map without true poses: from the scans and wheels that slip and drift.
-        caster: Caster of the beams.
-        scans: Number of scans; the route is driven there and back until then.
-        resume: Continue this run where it was stopped.
-        video: Make the film.
-    """
-    given = _numbers(sigma)
-    if own.controller is not None and drive.inside is not None:
-        raise InputError("--inside, --outside: a controller drives, so no route is planned")
-    if slam and (own.mapper is not None or mode is not None):
-        raise InputError("--slam: it is a mapper itself; leave out --mapper and --mode")
-    scenario = drive.read(world, report, planned=own.controller is None)
-
-    from lrf3d.cli.folder import results_folder
-    from lrf3d.cli.plugins import load_plugin, made
-    from lrf3d.world.cameras import check_view
-
-    view = scenario.film.view if film.view is None else film.view
-    check_view(view, scenario.world.cameras)
-    named = {kind: name for kind, name in vars(own).items() if name is not None}
-    plugins: dict[str, Any] = {kind: load_plugin(kind, name) for kind, name in named.items()}
-    named.pop("noise", None)
-    if slam:
-        from lrf3d.slam.simulated import SlamMapper
-
-        plugins["mapper"], named["mapper"] = partial(SlamMapper, rng=seed), "lrf3d.slam:SlamMapper"
-    settings: dict[str, Any] = {
-        "mode": mode, "caster": caster, "scans": scans, "on_collision": drive.on_collision,
-        "rng": seed,
-    }  # fmt: skip
-    if own.controller is None:
-        # All noise levels have the same drive, which is computed and checked once.
-        settings["drive"] = scenario.trajectory(scans=scans, on_collision=drive.on_collision)
+def run(source: tuple[Scenario, dict[str, Any]], args: Namespace, report: Report) -> None:
+    """Drive through a world, scan it, map it, and draw the results."""
+    scenario, own = source
+    named = {kind: vars(args)[kind] for kind in own if kind != "noise"}
+    if args.slam:
+        own["mapper"], named["mapper"] = partial(SlamMapper, rng=args.seed), "SLAM"
+    # All noise levels have the same drive, which is computed and checked once.
+    if "controller" in own:
+        own["drive"] = own.pop("controller")
     else:
-        plugins["drive"] = plugins.pop("controller")
-    output = results_folder(report, [world], scenario.name, out)
-
-    from lrf3d.interrupts import noting
-    from lrf3d.io import record
-    from lrf3d.mapping import save_map
-    from lrf3d.render.figures import draw_map, draw_noise_levels, draw_world
-    from lrf3d.scoring.summary import drawn_part
-    from lrf3d.simulation import collect
-
+        scenario = routed(scenario, args, report)
+        drive = scenario.trajectory(scans=args.scans, on_collision=on_collision(args))
+        own["drive"] = drive
+    output = results_folder(report, [args.world], scenario.name, args.out)
     simulations = [
-        scenario.simulation(sigma=level, **settings, **{k: made(v) for k, v in plugins.items()})
-        for level in given or [None, *scenario.compared]
-    ]
+        scenario.simulation(
+            sigma=level, mode=args.mode, caster=args.caster, scans=args.scans,
+            on_collision=on_collision(args), rng=args.seed,
+            **{kind: made(part) for kind, part in own.items()},
+        )
+        for level in args.sigma or [None, *scenario.compared]
+    ]  # fmt: skip
     main, begin = simulations[0], perf_counter()
     with report.progress("scans") as progress:
-        runs = [record(main, output.path / "run.npz", resume=resume, progress=progress)]
+        runs = [record(main, output.path / "run.npz", resume=args.resume, progress=progress)]
         with noting(lambda: KEPT):
             runs += [collect(each, progress) for each in simulations[1:]]
-    run, sigmas, seconds = runs[0], given or scenario.sigmas, perf_counter() - begin
+    run, sigmas, seconds = runs[0], args.sigma or scenario.sigmas, perf_counter() - begin
     updates = sum(each.updates for each in simulations)
     summary = {
-        "name": scenario.name, "seed": seed, "caster": caster, **named, "sigma_m": sigmas[0],
-        "planned": scenario.planned, **_figures(main, run, output.path), "seconds": seconds,
-        "milliseconds_a_scan": 1e3 * seconds / updates if updates else None,
+        "name": scenario.name, "seed": args.seed, "caster": args.caster, **named,
+        "sigma_m": sigmas[0], "planned": scenario.planned, **_figures(main, run, output.path),
+        "seconds": seconds, "milliseconds_a_scan": 1e3 * seconds / updates if updates else None,
         "milliseconds_an_update": main.milliseconds_an_update,
     }  # fmt: skip
-    if own.controller is None and scenario.poses is not None:
+    if scenario.poses is not None and "controller" not in named:
         # The robot did not drive between the poses.
         summary["drive"]["length_m"] = 0.0
     if len(runs) > 1:
@@ -150,34 +89,20 @@ def run(
     )
     if len(runs) > 1:
         pictures["noise picture"] = "noise.png", partial(draw_noise_levels, runs, sigmas)
-    if video:
-        pictures["video"] = "run.mp4", lambda path: film.write(run, path, report)
+    if args.video:
+        pictures["video"] = "run.mp4", lambda path: write_film(run, path, args, report)
     output.finish(
         summary,
         files,
         pictures,
         rows=_rows(runs, summary),
-        following=f"lrf3d {'view' if video else 'render'} {output.path}",
+        following=f"lrf3d {'view' if args.video else 'render'} {output.path}",
         kept=KEPT,
     )
 
 
-def _numbers(words: list[str] | None) -> tuple[float, ...]:
-    """The numbers of ``--sigma``, which commas separate."""
-    try:
-        return tuple(float(word) for each in words or () for word in each.split(","))
-    except ValueError:
-        raise typer.BadParameter(
-            f"{','.join(words or ())!r}: expected numbers, such as 0.02,0.2", param_hint="--sigma"
-        ) from None
-
-
-def _figures(main: "Simulation", run: "Run", folder: Path) -> dict[str, Any]:
+def _figures(main: Simulation, run: Run, folder: Path) -> dict[str, Any]:
     """The figures of a run, and what a user's mapper reports of it, in JSON's types."""
-    from lrf3d.geometry import lengths
-    from lrf3d.scoring import visible_walls
-    from lrf3d.scoring.summary import judged_part, summarise
-
     mapper: Any = main.mapper
     parts, _ = visible_walls(judged_part(run))
     seen = float(lengths(parts).sum() / lengths(run.world.segments).sum())
@@ -197,10 +122,8 @@ def _figures(main: "Simulation", run: "Run", folder: Path) -> dict[str, Any]:
         ) from None
 
 
-def _rows(runs: "Sequence[Run]", summary: dict[str, Any]) -> list[tuple[str, str]]:
+def _rows(runs: Sequence[Run], summary: dict[str, Any]) -> list[tuple[str, str]]:
     """What most users ask of the runs, as a table."""
-    from lrf3d.text import counted
-
     run, drive, score = runs[0], summary["drive"], summary["score"]
     scans = f"{counted(drive['scans'], 'scan')} of {counted(run.lrf.beams, 'beam')}"
     rows = [("drive", f"{drive['length_m']:.1f} m in {drive['duration_s']:.1f} s, {scans}")]

@@ -1,109 +1,69 @@
 """``lrf3d world``: look at worlds, convert and generate them."""
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from argparse import Namespace
+from typing import Any
 
-import typer
+from lrf3d.cli.console import Report, print_json, print_text
+from lrf3d.geometry import lengths
+from lrf3d.scenario import Scenario
+from lrf3d.text import counted
+from lrf3d.world import World, load_world, save_world, world_names
+from lrf3d.world.files import is_picture
+from lrf3d.world.generators import generate as generate_world
 
-from lrf3d.cli import options
-from lrf3d.cli.console import Report
 
-if TYPE_CHECKING:
-    from lrf3d.world import World
-
-
-def show(
-    report: Report,
-    world: Annotated[str | None, typer.Argument(metavar="[WORLD]")] = None,
-    out: options.OutFile = None,
-    scale: options.Scale = 1.0,
-    resolution: options.Resolution = None,
-) -> None:
-    """Describe a world, and draw it.
-
-    Options:
-        world: A world; lists the built-in ones if not given.
-        out: Draw the world to this .png.
-    """
-    from lrf3d.cli.console import print_json, print_text
-    from lrf3d.text import counted
-    from lrf3d.world import world_names
-
-    if world is None:
+def show(scenario: Scenario | None, args: Namespace, report: Report) -> None:
+    """Describe a world, and draw it; without one list the built-in worlds."""
+    if scenario is None:
         names = world_names()
         print_json(names) if report.json else print_text("\n".join([*names, ""]))
         return
-    scenario = options.read_world(world, scale=scale, resolution=resolution)
     route, poses = scenario.route, scenario.poses
-    figures, rows = _described(scenario.world, name=scenario.name)
-    figures["route_points"] = None if route is None else len(route)
-    figures["scan_poses"] = None if poses is None else len(poses)
-    rows += [] if route is None else [("route", counted(len(route), "way-point"))]
+    figures: dict[str, Any] = {
+        "route_points": None if route is None else len(route),
+        "scan_poses": None if poses is None else len(poses),
+    }
+    rows = [] if route is None else [("route", counted(len(route), "way-point"))]
     rows += [] if poses is None else [("poses", str(len(poses)))]
-    if out is not None:
+    if args.out is not None:
         from lrf3d.render.figures import draw_world
 
-        draw_world(scenario.world, out, route=route, poses=poses)
-        figures["picture"] = str(out)
-        rows.append(("picture", str(out)))
-    report.print(figures, rows)
+        draw_world(scenario.world, args.out, route=route, poses=poses)
+        figures["picture"] = str(args.out)
+        rows.append(("picture", str(args.out)))
+    _describe(report, scenario.world, {"name": scenario.name}, figures, rows)
 
 
-def convert(
-    source: Annotated[str, typer.Argument(metavar="FROM")],
-    target: Annotated[Path, typer.Argument(metavar="TO")],
+def convert(_: None, args: Namespace, report: Report) -> None:
+    """Read a world from one format and write it in another."""
+    # The resolution is that of a picture, or of the cells to write.
+    bare = is_picture(args.from_)
+    world = load_world(
+        args.from_, trees=args.trees, resolution=args.resolution if bare else None
+    ).scaled(args.scale)
+    cells = args.to.suffix.lower() == ".yaml" or not bare
+    save_world(world, args.to, resolution=args.resolution if cells else None)
+    written = {"written": str(args.to)}
+    _describe(report, world, {"from": args.from_}, written, list(written.items()))
+
+
+def generate(_: None, args: Namespace, report: Report) -> None:
+    """Generate a world that a robot can drive in."""
+    world = generate_world(args.kind, size=args.size, seed=args.seed)
+    save_world(world, args.out)
+    written = {"written": str(args.out)}
+    figures = {"kind": args.kind, "seed": args.seed, **written}
+    _describe(report, world, {"name": world.name}, figures, list(written.items()))
+
+
+def _describe(
     report: Report,
-    scale: options.Scale = 1.0,
-    resolution: float | None = None,
-    trees: bool = False,
+    world: World,
+    name: dict[str, str],
+    more: dict[str, Any],
+    more_rows: list[tuple[str, str]],
 ) -> None:
-    """Read a world from one format and write it in another.
-
-    Options:
-        source: A built-in world, or a file.
-        target: The file to write: .toml, .geojson, .glb or .yaml.
-        resolution: Side of a cell [m] of a ROS map (0.05), or of a pixel of a bare picture.
-        trees: Make walls of the trunks of trees in a .osm file, too.
-    """
-    from lrf3d.world import load_world, save_world
-    from lrf3d.world.files import is_picture
-
-    bare = is_picture(source)
-    read = load_world(source, trees=trees, resolution=resolution if bare else None).scaled(scale)
-    cells = target.suffix.lower() == ".yaml"
-    save_world(read, target, resolution=None if bare and not cells else resolution)
-    figures, rows = _described(read, **{"from": source})
-    report.print(figures | {"written": str(target)}, [*rows, ("written", str(target))])
-
-
-def generate(
-    kind: Literal["city", "maze", "office", "rooms"],
-    out: Annotated[Path, typer.Option("--out", "-o")],
-    report: Report,
-    seed: options.Seed = 0,
-    size: float | None = None,
-) -> None:
-    """Generate a world that a robot can drive in.
-
-    Options:
-        kind: Kind of world.
-        out: The file to write: .toml, .geojson, .glb or .yaml.
-        size: Approximate width [m]; depends on the kind if not given.
-    """
-    from lrf3d.world import save_world
-    from lrf3d.world.generators import generate as generate_world
-
-    made = generate_world(kind, size=size, seed=seed)
-    save_world(made, out)
-    figures, rows = _described(made, name=made.name)
-    figures |= {"kind": kind, "seed": seed, "written": str(out)}
-    report.print(figures, [*rows, ("written", str(out))])
-
-
-def _described(world: "World", **name: str) -> tuple[dict[str, Any], list[tuple[str, str]]]:
-    """The name and the properties of a world, in JSON's types and as a table."""
-    from lrf3d.geometry import lengths
-
+    """Print the name and the properties of a world, and more."""
     long = float(lengths(world.segments).sum())
     low, high = float(world.heights.min()), float(world.heights.max())
     (x1, y1), (x2, y2) = world.bounds
@@ -126,4 +86,4 @@ def _described(world: "World", **name: str) -> tuple[dict[str, Any], list[tuple[
     if world.place is not None:
         longitude, latitude = world.place
         rows.append(("place", f"(0, 0) is at longitude {longitude:.7f}°, latitude {latitude:.7f}°"))
-    return figures, rows
+    report.print(figures | more, [*rows, *more_rows])

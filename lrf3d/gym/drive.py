@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from lrf3d.casting import PlanarCaster
 from lrf3d.errors import InputError, shown
-from lrf3d.geometry import Bool, Float, Int, is_finite, numbers, wrap_angle
+from lrf3d.geometry import Float, Int, is_finite, numbers, wrap_angle
 from lrf3d.laser import LaserScan, ProportionalNoise
 from lrf3d.laser.noise import at_sigma
 from lrf3d.planning.free_space import free_places
@@ -114,8 +114,7 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.poses, self.goals = np.zeros((num_envs, 3)), np.zeros((num_envs, 2))
-        self._times = np.zeros(num_envs)
-        self._steps = np.zeros(num_envs, np.int64)
+        self._times, self._steps = np.zeros(num_envs), np.zeros(num_envs, np.int64)
         self._ended = np.zeros(num_envs, np.bool_)
 
     def reset(
@@ -140,15 +139,17 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
             if goal.shape != (2,) or not is_finite(*goal):
                 raise InputError(f"goal {shown(options['goal'])}: expected x, y [m]")
             self.goals[:] = goal
-        self._steps[:], self._ended[:] = 0, False
+        self._ended[:] = False
         return self._observe(), {}
 
     def step(self, actions: Array) -> tuple[Observation, Array, Array, Array, dict[str, Any]]:
-        """Drive with actions (num_envs, 2) for the time between two scans."""
-        given = numbers(actions, "actions")
+        """Drive with actions (num_envs, 2) for the time between two scans.
+
+        A robot that hits a wall or a dynamic obstacle stays at its last pose.
+        """
+        given, again = numbers(actions, "actions"), self._ended
         if given.shape != (self.num_envs, 2):
             raise InputError(f"actions {given.shape}: expected {(self.num_envs, 2)}")
-        again = self._ended
         given = np.where(again[:, None], 0.0, given)
         if not (finite := np.isfinite(given).all(axis=1)).all():
             robot = int(np.argmin(finite))
@@ -156,22 +157,30 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
                 f"action of robot {robot}: {given[robot].tolist()}; expected finite numbers from -1"
                 " to 1"
             )
+        before, radius = self.distances(), self.scenario.radius
         # Actions are shares of the scenario's speed and of the fastest turn, left positive.
         v, omega = (np.clip(given, -1.0, 1.0) * (self.scenario.speed, ACTION_TURN_RATE)).T
-        rewards, reached, collided = self._drive(v, omega)
+        moved = arcs(self.poses, v, omega, np.full(self.num_envs, self.dt))
+        moved[:, 2] = wrap_angle(moved[:, 2])
+        hits, _ = self._checker.hit(self.poses[:, :2], moved[:, :2], radius)
+        collided = np.isin(np.arange(self.num_envs), hits)
+        self._times += self.dt
+        for obstacle in self.scenario.obstacles:
+            collided |= obstacle.distances(moved[:, :2], self._times) < radius
+        collided &= ~again
+        self.poses = np.where(collided[:, None], self.poses, moved)
+        after = self.distances()
+        reached = (after < GOAL_RADIUS) & ~collided & ~again
+        rewards = before - after + EACH_STEP + AT_GOAL * reached + AT_WALL * collided
         self._steps += 1
-        reached, collided = reached & ~again, collided & ~again
         ended = reached | collided
         cut = (self._steps >= self.max_steps) & ~ended & ~again
-        if again.any():
-            self._place(np.flatnonzero(again))
-            self._steps[again] = 0
         self._ended = ended | cut
-        rewards = np.where(again, 0.0, rewards)
+        self._place(np.flatnonzero(again))
         # Gymnasium's vector infos mark by a second array which environments have a value.
         valid = np.ones(self.num_envs, np.bool_)
         infos = {"reached": reached, "_reached": valid, "collided": collided, "_collided": valid}
-        return self._observe(), rewards, ended, cut, infos
+        return self._observe(), np.where(again, 0.0, rewards), ended, cut, infos
 
     def distances(self) -> Float:
         """Distances (k,) of the robots from their goals [m]."""
@@ -189,27 +198,7 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         self.goals[robots] = goals[np.arange(len(robots)), misfit.argmin(axis=1)]
         headings = rng.uniform(-np.pi, np.pi, len(robots))
         self.poses[robots] = np.column_stack([starts, headings])
-        self._times[robots] = 0.0
-
-    def _drive(self, v: Float, omega: Float) -> tuple[Float, Bool, Bool]:
-        """Drive to the next scan; the rewards, who is at the goal, and who hit something.
-
-        A robot that hits a wall or a dynamic obstacle stays at its last pose.
-        """
-        before, radius = self.distances(), self.scenario.radius
-        moved = arcs(self.poses, v, omega, np.full(self.num_envs, self.dt))
-        hits, _ = self._checker.hit(self.poses[:, :2], moved[:, :2], radius)
-        collided = np.zeros(self.num_envs, np.bool_)
-        collided[hits] = True
-        moved[:, 2] = wrap_angle(moved[:, 2])
-        self._times += self.dt
-        for obstacle in self.scenario.obstacles:
-            collided |= obstacle.distances(moved[:, :2], self._times) < radius
-        self.poses = np.where(collided[:, None], self.poses, moved)
-        after = self.distances()
-        reached = (after < GOAL_RADIUS) & ~collided
-        rewards = before - after + EACH_STEP + AT_GOAL * reached + AT_WALL * collided
-        return rewards, reached, collided
+        self._times[robots], self._steps[robots] = 0.0, 0
 
     def _scan(self) -> tuple[Float, Float, Int]:
         """Measured and true ranges, and walls, (k, beams) each, after REP 117."""

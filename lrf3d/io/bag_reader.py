@@ -25,7 +25,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
@@ -48,8 +48,9 @@ TYPES = (SCAN, ODOMETRY, POSE, UNSURE_POSE, TRANSFORMS)
 STATIC_FRAMES = "/tf_static"
 """The topic of constant transforms."""
 
-LARGEST_METADATA = 1 << 19
-"""Largest metadata.yaml [bytes], of some thousand files: rosbags needs seconds to read it."""
+METADATA, LARGEST_METADATA = "metadata.yaml", 1 << 19
+"""What describes a bag of several files, and its largest size [bytes], for some thousand of them:
+rosbags needs seconds to read it."""
 
 LEAST_UPRIGHT = np.cos(np.radians(15.0))
 """Least cosine of the tilt of a laser; one that is tilted more does not scan in the plane."""
@@ -76,15 +77,12 @@ def load_bag(path: str | Path, *, poses: str = "auto", scan_topic: str | None = 
         ]
         for number, (connection, data) in enumerate(_messages(path, reader, wanted), 1):
             try:
-                message = store.deserialize_cdr(data, connection.msgtype)
+                contents.take(connection, store.deserialize_cdr(data, connection.msgtype))
+            except InputError as error:
+                contents.refuse(number, str(error), "message")
             except Exception as error:
                 # A damaged message may raise any exception.
                 contents.refuse(number, _short(error), "message")
-                continue
-            try:
-                contents.take(connection.topic, connection.msgtype, message)
-            except (InputError, OverflowError) as error:
-                contents.refuse(number, str(error), "message")
             if contents.readings > MOST_READINGS:
                 raise InputError(f"{path}: more than {MOST_READINGS:,} readings; cut it into parts")
     if not contents.scans:
@@ -102,13 +100,12 @@ def _opened(path: Path) -> Iterator[tuple[Any, Any]]:
     except ImportError:
         raise missing_rosbags(path) from None
     if path.is_dir():
-        metadata = path / "metadata.yaml"
-        if not metadata.exists():
-            raise InputError(f"{path}: a folder without metadata.yaml or run.npz, expected a log")
-        check_ordinary(metadata, what="a file of a ROS 2 bag", largest=LARGEST_METADATA)
+        if not (path / METADATA).exists():
+            raise InputError(f"{path}: a folder without {METADATA} or run.npz, expected a log")
         for part in path.iterdir():
             if not part.is_dir():
-                check_ordinary(part, what="a file of a ROS 2 bag")
+                largest = LARGEST_METADATA if part.name == METADATA else None
+                check_ordinary(part, what="a file of a ROS 2 bag", largest=largest)
     else:
         check_ordinary(path, what="a ROS 2 bag")
     try:
@@ -116,7 +113,7 @@ def _opened(path: Path) -> Iterator[tuple[Any, Any]]:
         reader.open()
     except Exception as error:
         # A damaged file may raise any exception in the reader.
-        _refuse(path, error)
+        raise _damaged(path, error) from None
     try:
         if reader.compression_mode == "message":
             raise InputError(
@@ -133,7 +130,7 @@ def _messages(path: Path, reader: Any, wanted: list[Any]) -> Iterator[tuple[Any,
         for connection, _, data in reader.messages(wanted):
             yield connection, data
     except Exception as error:
-        _refuse(path, error)
+        raise _damaged(path, error) from None
 
 
 def missing_rosbags(path: Path) -> MissingLibraryError:
@@ -141,8 +138,8 @@ def missing_rosbags(path: Path) -> MissingLibraryError:
     return missing_extra(f"{path}: ROS bags need rosbags", "ros")
 
 
-def _refuse(path: Path, error: Exception) -> NoReturn:
-    raise InputError(f"{path}: not a ROS 2 bag or damaged ({_short(error)})") from None
+def _damaged(path: Path, error: Exception) -> InputError:
+    return InputError(f"{path}: not a ROS 2 bag or damaged ({_short(error)})")
 
 
 def _short(error: Exception) -> str:
@@ -257,23 +254,23 @@ class _Contents:
         if len(self.bad) < NAMED:
             self.bad.append(BadLine(number, why, kind))
 
-    def take(self, topic: str, kind: str, message: Any) -> None:
+    def take(self, connection: Any, message: Any) -> None:
         """Take a message; an error says why it cannot be used."""
+        topic, kind = connection.topic, connection.msgtype
         if kind == SCAN:
             self._take_scan(message)
         elif kind == TRANSFORMS:
             for each in message.transforms:
                 row = _row(each.transform.translation, each.transform.rotation)
-                child, above, stamp = each.child_frame_id, each.header.frame_id, _stamp(each)
+                child, above = _frame(each.child_frame_id), _frame(each.header.frame_id)
                 track = _Track(is_static=topic == STATIC_FRAMES)
-                parent, track = self.edges.setdefault(_frame(child), (_frame(above), track))
+                parent, track = self.edges.setdefault(child, (above, track))
                 # A frame has one parent; if programs publish different ones, the first counts.
-                if parent == _frame(above):
-                    track.add(stamp, row)
+                if parent == above:
+                    track.add(_stamp(each), row)
         else:
             pose = message.pose if kind == POSE else message.pose.pose
-            row, stamp = _row(pose.position, pose.orientation), _stamp(message)
-            self.tracks[topic].add(stamp, row)
+            self.tracks[topic].add(_stamp(message), _row(pose.position, pose.orientation))
             child = _frame(message.child_frame_id) if kind == ODOMETRY else ""
             self.children[topic] = child or BASE
 

@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 from lrf3d.errors import InputError, OutputError
-from lrf3d.files import replacing, unfinished_folder
+from lrf3d.files import replacing, unfinished_folder, writing
 from lrf3d.io.bag_reader import ODOMETRY, SCAN, STATIC_FRAMES, TRANSFORMS, missing_rosbags
 from lrf3d.laser import Stamp
 from lrf3d.pose import Pose
@@ -81,14 +81,10 @@ def _bag_of(run: Run, path: Path) -> Iterator[Path]:
     """The bag of a run, in a temporary folder with the name of a path."""
     if run.trajectory.times[0] < 0.0:
         raise InputError(f"{path}: a bag cannot hold times before 0, but the run begins earlier")
-    try:
-        with unfinished_folder(path) as place:
-            folder = place / path.stem
-            _fill(run, folder)
-            yield folder
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise OutputError(f"{path}: cannot be written: {reason}; choose another place") from error
+    with writing(path), unfinished_folder(path) as place:
+        folder = place / path.stem
+        _fill(run, folder)
+        yield folder
 
 
 def _fill(run: Run, folder: Path) -> None:

@@ -25,6 +25,7 @@ import gzip
 import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from functools import lru_cache
 from math import inf, isfinite, pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -57,11 +58,8 @@ FARTHEST_LASER = 10.0
 LONGEST_LINE = 1 << 20
 """Bytes that are read of a line, enough for 100,000 beams; what is left counts as more lines."""
 
-MOST_IDLE_LINES = 1_000_000
-"""Successive lines without a scan after which a file is given up: hours of other messages."""
-
-MOST_BYTES = 1 << 30
-"""Largest size of a log, unpacked: it holds more readings than are read."""
+MOST_IDLE_BYTES = 1 << 25
+"""Bytes without a scan after which a file is given up: hours of other messages."""
 
 GZIP = b"\x1f\x8b"
 """First bytes of gzipped files, whatever their name is."""
@@ -86,10 +84,9 @@ def load_carmen(
     path = Path(path)
     if largest_range is not None and not largest_range > 0.0:
         raise InputError(f"largest range {largest_range}: expected metres, more than 0")
-    reading, bad, bad_count = _Reading(largest_range), list[BadLine](), 0
-    idle = size = 0
+    reading, bad, bad_count, idle = _Reading(largest_range), list[BadLine](), 0, 0
     for number, text, fault in _lines(path):
-        size, scans = size + len(text), len(reading.scans)
+        scans = len(reading.scans)
         try:
             if fault:
                 raise ValueError(fault)
@@ -97,16 +94,16 @@ def load_carmen(
         except ValueError as error:
             bad_count += 1
             bad += [BadLine(number, str(error))] if len(bad) < NAMED else []
-        idle = 0 if len(reading.scans) > scans else idle + 1
-        if idle > MOST_IDLE_LINES:
+        idle = 0 if len(reading.scans) > scans else idle + len(text)
+        if idle > MOST_IDLE_BYTES:
             raise InputError(
-                f"{path}: line {number}: no scan in {MOST_IDLE_LINES:,} lines before it; expected"
+                f"{path}: line {number}: no scan in {MOST_IDLE_BYTES:,} bytes before it; expected"
                 " FLASER or ROBOTLASER1 lines"
             )
-        if reading.readings > MOST_READINGS or size > MOST_BYTES:
+        if reading.readings > MOST_READINGS:
             raise InputError(
-                f"{path}: line {number}: more than {MOST_READINGS:,} readings or {MOST_BYTES:,}"
-                " bytes; cut the log into parts"
+                f"{path}: line {number}: more than {MOST_READINGS:,} readings; cut the log into"
+                " parts"
             )
     if not reading.scans:
         why = f"; {bad_count} bad lines, first {bad[0]}" if bad else ""
@@ -167,7 +164,6 @@ class _Reading:
         self._kind = b""
         self._places: list[int] = []
         self._stamped: dict[str, list[tuple[float, Pose]]] = {"odom": [], "truth": []}
-        self._fan: tuple[tuple[float, ...], Float] = (), np.empty(0)
 
     def take(self, words: list[bytes]) -> None:
         """Read a message; a ValueError says why it cannot be read."""
@@ -175,10 +171,9 @@ class _Reading:
         if name in TRACKS:
             if len(words) != 10:
                 raise ValueError(f"{len(words)} words, expected 10")
-            stamped = (_number(words[7], "time"), _pose(words[1:4]))
-            self._stamped[TRACKS[name]].append(stamped)
+            self._stamped[TRACKS[name]].append((_number(words, 7, "time"), _pose(words, 1)))
         elif words[:2] == [b"PARAM", b"robot_frontlaser_offset"]:
-            offset = _number(b"".join(words[2:3]), "robot_frontlaser_offset")
+            offset = _number(words, 2, "robot_frontlaser_offset")
             if abs(offset) > FARTHEST_LASER:
                 raise ValueError(f"robot_frontlaser_offset {offset:g} m, expected at most 10 m")
             self.offset = offset
@@ -206,9 +201,9 @@ class _Reading:
         time, length = (place + 6, place + 9) if is_front else (place + 11, place + 14)
         if len(words) != length:
             raise ValueError(f"{len(words)} words, expected {length}")
-        (start, step), range_max = front(count), 0.0
+        (start, step), range_max = _front(count), 0.0
         if not is_front:
-            start, step, range_max = (_number(words[k]) for k in (2, 4, 5))
+            start, step, range_max = (_number(words, k) for k in (2, 4, 5))
             if not 0.0 < step * (count - 1) < 2.1 * pi:
                 raise ValueError(f"{count} beams {step} rad apart, expected at most a full turn")
             if range_max > LARGEST_COORDINATE:
@@ -227,11 +222,9 @@ class _Reading:
         self.not_numbers += int(np.isnan(ranges).sum())
         ranges[~(ranges < farthest)] = inf
         ranges[ranges == 0.0] = -inf
-        # Successive scans share the array of their angles.
-        if self._fan[0] != (count, start, step):
-            self._fan = (count, start, step), sealed(fan_angles(count, start, step))
-        stamp, pose = _number(words[time], "time"), _pose(words[place : place + 3])
-        return LaserScan(pose, self._fan[1], ranges, range_max=farthest, time=stamp)
+        stamp, pose = _number(words, time, "time"), _pose(words, place)
+        angles = _angles(count, start, step)
+        return LaserScan(pose, angles, ranges, range_max=farthest, time=stamp)
 
     def tracks(self) -> dict[str, Trajectory]:
         """The trajectories of ODOM and TRUEPOS messages.
@@ -255,7 +248,7 @@ class _Reading:
         return WheelRecord(np.array(times), np.array(poses), np.array(self._places), self.offset)
 
 
-def front(count: int) -> tuple[float, float]:
+def _front(count: int) -> tuple[float, float]:
     """First angle and step [rad] of a FLASER message's beams.
 
     An odd fan reaches both −90° and +90°; an even one leaves +90° out.
@@ -263,39 +256,36 @@ def front(count: int) -> tuple[float, float]:
     return -0.5 * pi, pi / (count - 1) if count % 2 else pi / count
 
 
-def fan_angles(count: int, start: float, step: float) -> Float:
-    """Angles (count,) [rad] of a message's beams."""
-    angles: Float = start + step * np.arange(count, dtype=np.float64)
-    return angles
+@lru_cache(maxsize=4)
+def _angles(count: int, start: float, step: float) -> Float:
+    """Angles (count,) [rad] of a message's beams; successive scans share the array."""
+    return sealed(np.asarray(start + step * np.arange(count), dtype=np.float64))
 
 
-def _pose(words: list[bytes]) -> Pose:
-    x, y, theta = map(_number, words, ("x", "y", "theta"))
+def _pose(words: list[bytes], place: int) -> Pose:
+    x, y, theta = (_number(words, place + k, ("x", "y", "theta")[k]) for k in range(3))
     if not max(abs(x), abs(y), abs(theta)) <= LARGEST_COORDINATE:
         raise ValueError(f"pose {x:g} {y:g} {theta:g}, expected at most 1e+09 m")
     return Pose(x, y, float(wrap_angle(theta)))
 
 
 def _count(words: list[bytes], place: int, least: int = 2) -> int:
+    count = _number(words, place, "the number of readings")
+    if not least <= count <= MOST_READINGS or count != int(count):
+        raise ValueError(f"{count:g} readings, expected a whole number from {least}")
+    return int(count)
+
+
+def _number(words: list[bytes], place: int, what: str = "a value") -> float:
     word = b"".join(words[place : place + 1])
-    if not word.isdigit() or len(word) > 7 or int(word) < least:
-        raise ValueError(f"{_shown(word)} readings, expected a number from {least}")
-    return int(word)
-
-
-def _number(word: bytes, what: str = "a value") -> float:
     try:
         value = float(word)
     except ValueError:
         value = inf
     if not isfinite(value):
-        raise ValueError(f"{what} is {_shown(word)}, expected a finite number")
+        shown = word[:40].decode("ascii", "backslashreplace")
+        raise ValueError(f"{what} is {shown!r}, expected a finite number")
     return value
-
-
-def _shown(word: bytes) -> str:
-    """A word without spaces, for a message of one line."""
-    return repr(word[:40].decode("ascii", "backslashreplace"))
 
 
 def write_carmen(run: "Run", path: Path) -> None:
@@ -341,5 +331,5 @@ def _is_front(angles: Float) -> bool:
     """Whether a fan is that of FLASER messages with the same number of beams."""
     if len(angles) < 2:
         return False
-    expected = fan_angles(len(angles), *front(len(angles)))
+    expected = _angles(len(angles), *_front(len(angles)))
     return bool((np.abs(angles - expected) <= SAME).all())

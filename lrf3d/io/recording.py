@@ -20,15 +20,16 @@ from numpy.typing import NDArray
 
 from lrf3d.digest import digest, name_of
 from lrf3d.errors import InputError, OutputError
-from lrf3d.files import check_ordinary, locked
+from lrf3d.files import check_ordinary, locked, writing
 from lrf3d.interrupts import noting, stoppable
 from lrf3d.io.npz import DAMAGES, read_arrays, write_npz
 from lrf3d.io.run_file import load_run, run_arrays
 from lrf3d.laser import LaserScan
+from lrf3d.laser.scan import LIGHT
 from lrf3d.pose import Pose
 from lrf3d.progress import Progress, silent
 from lrf3d.robot import Trajectory
-from lrf3d.run import LIGHT, Run
+from lrf3d.run import Run
 from lrf3d.simulation import Simulation, Step, fill_row, row_type, run_to_end
 
 JOURNAL = ".journal"
@@ -96,7 +97,7 @@ def record(
             if name.exists():
                 check_ordinary(name, what="a file of an earlier run")
         if not (resume and _finished(path, fingerprint)):
-            try:
+            with writing(journal_path, "make room or choose another place"):
                 journal = Journal(journal_path, fingerprint, simulation, keep=resume)
                 try:
                     recorded = journal.recorded(simulation)
@@ -108,13 +109,6 @@ def record(
                     # An error of closing would replace the one that ended the run.
                     with suppress(OSError):
                         journal.close()
-            except OSError as error:
-                if isinstance(error, OutputError) or error.errno is None:
-                    raise
-                raise OutputError(
-                    f"{journal_path}: cannot be written: {error.strerror}; make room or choose"
-                    " another place"
-                ) from error
         # A program that was stopped may have left it even beside a finished run.
         journal_path.unlink(missing_ok=True)
         return load_run(path)

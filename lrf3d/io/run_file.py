@@ -19,15 +19,15 @@ from lrf3d.errors import InputError
 from lrf3d.files import check_ordinary
 from lrf3d.io.npz import DAMAGES, Array, read_arrays, write_npz
 from lrf3d.laser import LaserRangeFinder
+from lrf3d.laser.scan import LIGHT
 from lrf3d.mapping import LineMap
 from lrf3d.robot import EstimatedTrajectory, Trajectory
-from lrf3d.run import LIGHT, Run
+from lrf3d.run import Run
 from lrf3d.world import World
 from lrf3d.world.cameras import FilmPlan, FixedCamera
 from lrf3d.world.materials import material_of, material_value
 
 if TYPE_CHECKING:
-    from lrf3d.casting.dynamic_obstacle import DynamicObstacle
     from lrf3d.simulation import Simulation
 
 VERSION = 2
@@ -182,6 +182,13 @@ def _run(arrays: dict[str, Any]) -> Run:
     )
     # np.split gives a part more than there are ends.
     columns = [np.split(arrays[f"map_{name}"], np.cumsum(sizes))[: len(sizes)] for name in _MAP]
+    obstacles = []
+    for number, height in enumerate(settings["obstacle_heights"]):
+        # Casting loads the compiler, which takes time that most runs need not spend.
+        from lrf3d.casting.dynamic_obstacle import DynamicObstacle
+
+        outline, times, poses = (arrays[name] for name in _obstacle(number))
+        obstacles.append(DynamicObstacle(outline, Trajectory(times, poses), height))
     estimate = None
     if "estimate_poses" in arrays:
         estimate = EstimatedTrajectory(*(arrays[f"estimate_{each}"] for each in _ESTIMATE))
@@ -194,21 +201,8 @@ def _run(arrays: dict[str, Any]) -> Run:
         walls,
         tuple(arrays["snapshot_scans"].tolist()),
         tuple(LineMap.of_codes(*part) for part in zip(*columns, strict=True)),
-        _obstacles(arrays, settings["obstacle_heights"]),
+        tuple(obstacles),
         FilmPlan(**settings["film"]),
         estimate,
         **{name: arrays[name] for name in LIGHT if name in arrays},
     )
-
-
-def _obstacles(arrays: dict[str, Any], heights: list[float]) -> "tuple[DynamicObstacle, ...]":
-    if not heights:
-        return ()
-    # Casting loads the compiler, which takes time that most runs need not spend.
-    from lrf3d.casting.dynamic_obstacle import DynamicObstacle
-
-    obstacles = []
-    for number, height in enumerate(heights):
-        outline, times, poses = (arrays[name] for name in _obstacle(number))
-        obstacles.append(DynamicObstacle(outline, Trajectory(times, poses), height))
-    return tuple(obstacles)

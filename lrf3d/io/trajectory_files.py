@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.files import read_text, write_text
+from lrf3d.files import read_text, replacing
 from lrf3d.geometry import Float
 from lrf3d.scoring.trajectory_score import Relations
 
@@ -50,10 +50,7 @@ def load_relations(path: str | Path) -> Relations:
 
 def save_tum(times: Float, poses: Float, path: str | Path) -> None:
     """Write poses (k, 3) x, y [m], theta [rad] at times (k,) [s] to a file, whole or not at all."""
-    sines, cosines = np.sin(0.5 * poses[:, 2]), np.cos(0.5 * poses[:, 2])
-    rows = zip(times.tolist(), poses.tolist(), sines.tolist(), cosines.tolist(), strict=True)
-    lines = [
-        f"{time:.6f} {x:.6f} {y:.6f} 0 0 0 {sine:.9f} {cosine:.9f}\n"
-        for time, (x, y, _), sine, cosine in rows
-    ]
-    write_text(Path(path), "".join(lines))
+    half = 0.5 * poses[:, 2]
+    table = np.column_stack([times, poses[:, :2], np.sin(half), np.cos(half)])
+    with replacing(path) as unfinished:
+        np.savetxt(unfinished, table, fmt="%.6f %.6f %.6f 0 0 0 %.9f %.9f")

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lrf3d.compiling import compiled, inner
-from lrf3d.geometry import Bool, Float, Int
-from lrf3d.laser.scan import LaserScan
+from lrf3d.geometry import Float, Int
+from lrf3d.laser.scan import LaserScan, reflection_points
 from lrf3d.world.free_cells import FreeCells
 
 CELL = 0.1
@@ -26,7 +25,7 @@ LARGEST_CELL = 0.5
 around the most central one are used."""
 
 MARGIN = 0.1
-"""Distance [m] before a return, besides half of a cell, that is not marked free: the noise."""
+"""Distance [m] before a return, besides a cell, that is not marked free: the noise."""
 
 DRIVEN = 0.2
 """Radius [m] around each pose that is free, because the robot was there."""
@@ -48,9 +47,6 @@ def free_cells(scans: Sequence[LaserScan]) -> FreeCells:
     A cell between two beams is free if both returned from behind it. A beam without return marks
     nothing.
 
-    Args:
-        scans: The scans, at their poses in the world.
-
     Examples:
         >>> import lrf3d
         >>> import numpy as np
@@ -60,6 +56,8 @@ def free_cells(scans: Sequence[LaserScan]) -> FreeCells:
         >>> free_cells([scan]).contain(np.array([[3.0, 0.0], [-3.0, 0.0], [5.0, 0.0]])).tolist()
         [True, False, False]
     """
+    from PIL import Image, ImageDraw
+
     if not len(scans):
         return FreeCells(np.zeros((1, 1), dtype=np.bool_), CELL)
     places = np.array([scan.pose[:2] for scan in scans])
@@ -73,86 +71,24 @@ def free_cells(scans: Sequence[LaserScan]) -> FreeCells:
     # The corner of the first cell is a whole number of cells from the origin.
     low = np.floor(low / size) * size
     columns, rows = np.ceil((high - low) / size).astype(int)
-    cells = np.zeros((rows, columns), dtype=np.bool_)
+    picture = Image.new("L", (int(columns), int(rows)))
+    drawing = ImageDraw.Draw(picture)
     for scan in scans:
-        x, y, theta = scan.pose
-        # Some scanners hang upside down and turn the other way.
-        way = 1 if scan.angles[-1] >= scan.angles[0] else -1
-        angles, ranges = scan.angles[::way].copy(), scan.ranges[::way].copy()
-        _mark(cells, np.array([x - low[0], y - low[1], theta]), angles, ranges, size)
-    if not cells.any():
+        x, y, _ = scan.pose
+        reach = np.where(np.isfinite(scan.ranges), np.minimum(scan.ranges, SIGHT), 0.0)
+        between = np.minimum(reach[:-1], reach[1:]) - MARGIN - size
+        # Two corners for each gap between two beams, as far away as the nearer return allows.
+        away = np.repeat(np.maximum(between, 0.0), 2)
+        angles = np.column_stack([scan.angles[:-1], scan.angles[1:]]).ravel()
+        corners = reflection_points(scan.pose, angles, away)
+        outline = np.round((np.vstack([corners, [x, y], [x, y]]) - low) / size - 0.5)
+        drawing.polygon([tuple(corner) for corner in outline.tolist()], fill=1)
+        column, row = (np.array([x, y]) - low) / size - 0.5
+        driven = DRIVEN / size - 0.5
+        drawing.ellipse([column - driven, row - driven, column + driven, row + driven], fill=1)
+    box = picture.getbbox()
+    if box is None:
         # Poses so far apart that a cell is wider than what a scan shows.
         return FreeCells(np.zeros((1, 1), dtype=np.bool_), CELL)
-    held_rows, held_columns = np.flatnonzero(cells.any(axis=1)), np.flatnonzero(cells.any(axis=0))
-    first_row, first_column = held_rows[0], held_columns[0]
-    origin = low + size * np.array([first_column, first_row])
-    held = cells[first_row : held_rows[-1] + 1, first_column : held_columns[-1] + 1]
-    return FreeCells(held, size, (float(origin[0]), float(origin[1]), 0.0))
-
-
-@compiled
-def _mark(cells: Bool, pose: Float, angles: Float, ranges: Float, size: float) -> None:
-    """Mark the cells (rows, columns), with sides of size [m], that a scan shows to be free."""
-    rows, columns = cells.shape
-    beams = len(angles)
-    px, py, theta = pose[0], pose[1], pose[2]
-    step = max((angles[beams - 1] - angles[0]) / max(beams - 1, 1), 1e-9)
-    farthest = DRIVEN
-    widest = 0.0
-    for i in range(beams):
-        if np.isfinite(ranges[i]):
-            farthest = max(farthest, min(ranges[i], SIGHT))
-        if i > 0:
-            widest = max(widest, angles[i] - angles[i - 1])
-    # What is seen lies in the box around the robot and the returns, but for the arcs between beams.
-    bulge = DRIVEN + farthest * (1.0 - np.cos(0.5 * min(widest, np.pi)))
-    low_x = low_y = -bulge
-    high_x = high_y = bulge
-    for i in range(beams):
-        if np.isfinite(ranges[i]):
-            reach = min(ranges[i], SIGHT)
-            x, y = reach * np.cos(angles[i] + theta), reach * np.sin(angles[i] + theta)
-            low_x, high_x = min(low_x, x - bulge), max(high_x, x + bulge)
-            low_y, high_y = min(low_y, y - bulge), max(high_y, y + bulge)
-    left = max(int(np.floor((px + low_x) / size)), 0)
-    right = min(int(np.floor((px + high_x) / size)) + 1, columns)
-    bottom = max(int(np.floor((py + low_y) / size)), 0)
-    top = min(int(np.floor((py + high_y) / size)) + 1, rows)
-    for row in range(bottom, top):
-        for column in range(left, right):
-            if cells[row, column]:
-                continue
-            x, y = (column + 0.5) * size - px, (row + 0.5) * size - py
-            away = np.sqrt(x * x + y * y)
-            if away <= DRIVEN:
-                cells[row, column] = True
-                continue
-            if away > farthest:
-                continue
-            # Within the full turn that begins at the first beam.
-            turn = np.arctan2(y, x) - theta - angles[0]
-            turn -= 2.0 * np.pi * np.floor(turn / (2.0 * np.pi))
-            after = _first_beam_from(angles, turn, step)
-            if after == 0 or after == beams:
-                continue
-            behind = away + MARGIN + 0.5 * size
-            one, other = ranges[after - 1], ranges[after]
-            if np.isfinite(one) and np.isfinite(other) and min(one, other) >= behind:
-                cells[row, column] = True
-
-
-@inner
-def _first_beam_from(angles: Float, turn: float, step: float) -> int:
-    """Number of the first beam that is turned by so much [rad] from the first one, or by more.
-
-    Beams are evenly spaced, or nearly: the right one is beside that of the mean step [rad], and is
-    found sooner than by halving.
-    """
-    beams = len(angles)
-    angle = angles[0] + turn
-    after = min(int(turn / step) + 1, beams)
-    while after > 0 and angles[after - 1] >= angle:
-        after -= 1
-    while after < beams and angles[after] < angle:
-        after += 1
-    return after
+    x, y = (low + size * np.array(box[:2])).tolist()
+    return FreeCells(np.array(picture.crop(box), dtype=np.bool_), size, (x, y, 0.0))

@@ -6,11 +6,11 @@ noise; `imperfect` chains those that are given.
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
-from lrf3d.errors import InputError, shown
+from lrf3d.errors import check_names
 from lrf3d.geometry import Bool, Float, generator, number
 from lrf3d.laser.noise import (
     NO_SPREAD,
@@ -21,13 +21,10 @@ from lrf3d.laser.noise import (
     ProportionalNoise,
     Quantised,
     Rng,
+    known_range_max,
 )
 from lrf3d.laser.range_finder import ECHO_CHOICES, LaserRangeFinder
 from lrf3d.laser.scan import LaserScan
-
-PULSE = 0.75
-"""Distance [m] within which two surfaces return one echo: light's way there and back in the 5 ns
-that the pulses of common range finders last."""
 
 Echo = tuple[float, float, int]
 """Light that returns: its range [m], its intensity, and its wall, −1 where it is mixed."""
@@ -46,18 +43,10 @@ def imperfect(
 ) -> Noise:
     """The noise of Eq. 7, and the imperfections that are not 0, in physical order.
 
-    They are named as in world files. Mixed pixels take the echo and the threshold of the range
-    finder.
-
-    Args:
-        sigma: Standard deviation of the ranges [m] at range_max.
-        lrf: The range finder.
-        constant: Noise of every range [m]; see ConstantNoise.
-        angle_deg: Noise of every angle [°]; see AngleNoise.
-        beam_deg: Width of a beam [°]; see MixedPixels.
-        drop_outs: Probability that any beam is lost; see DropOuts.
-        drop_outs_far: Probability that a beam is lost at range_max.
-        resolution: Ranges are rounded to multiples of it [m]; see Quantised.
+    They are named as in world files, and those that are 0 are left out: sigma [m] at range_max for
+    `ProportionalNoise`, constant [m], angle_deg [°], beam_deg [°] for `MixedPixels`, which take the
+    echo and the threshold of the range finder, the probabilities of `DropOuts`, and the resolution
+    [m] for `Quantised`.
 
     Raises:
         InputError: One is not a number of at least 0, or a probability is above 1.
@@ -66,10 +55,9 @@ def imperfect(
     if angle_deg:
         chain.append(AngleNoise(math.radians(number(angle_deg, "angle_deg", "degrees"))))
     if beam_deg:
-        light: dict[str, Any] = (
-            {} if lrf is None else {"echo": lrf.echo, "threshold": lrf.threshold}
-        )
-        chain.append(MixedPixels(math.radians(number(beam_deg, "beam_deg", "degrees")), **light))
+        width = math.radians(number(beam_deg, "beam_deg", "degrees"))
+        light = {} if lrf is None else {"echo": lrf.echo, "threshold": lrf.threshold}
+        chain.append(MixedPixels(width, **light))  # type: ignore[arg-type]
     if drop_outs or drop_outs_far:
         chain.append(DropOuts(drop_outs, drop_outs_far))
     if constant:
@@ -138,11 +126,7 @@ class DropOuts:
         """Return the scan without the returns that are lost: +inf after REP 117."""
         kept = np.full(len(scan.ranges), 1.0 - self.share)
         if self.far:
-            if not np.isfinite(scan.range_max):
-                raise InputError(
-                    "scan without range_max: drop-outs grow with the range up to it; give one"
-                )
-            kept *= 1.0 - self.far * np.clip(scan.ranges / scan.range_max, 0.0, 1.0) ** 2
+            kept *= 1.0 - self.far * np.clip(scan.ranges / known_range_max(scan), 0.0, 1.0) ** 2
         lost = generator(rng).random(len(scan.ranges)) < 1.0 - kept
         lost &= np.isfinite(scan.ranges)
         return replace(
@@ -162,9 +146,10 @@ class MixedPixels:
     returns the mean of the two ranges, weighted by the share of the light on each, and its wall
     is −1. Beams that did not return are not mixed.
 
-    In scans with intensities each surface returns its share of its own light. Within ``pulse`` the
-    two are one echo, whose range is weighted by the light of both; farther apart they are two
-    echoes, of which ``echo`` is the range, and those below ``threshold`` are not detected.
+    In scans with intensities each surface returns its share of its own light. Within ``pulse``, the
+    way of light there and back in the 5 ns that pulses usually last, the two are one echo, whose
+    range is weighted by the light of both; farther apart they are two echoes, of which ``echo`` is
+    the range, and those below ``threshold`` are not detected.
 
     Raises:
         InputError: A number is invalid, or there is no such choice of an echo.
@@ -183,7 +168,7 @@ class MixedPixels:
 
     divergence: float
     jump: float = 0.1
-    pulse: float = PULSE
+    pulse: float = 0.75
     echo: str = "strongest"
     threshold: float = 0.0
     spread: ClassVar[tuple[float, float]] = NO_SPREAD
@@ -192,10 +177,7 @@ class MixedPixels:
         for name in ("divergence", "jump", "pulse"):
             number(getattr(self, name), f"mixed pixels: {name}", positive=True)
         number(self.threshold, "mixed pixels: threshold")
-        if not isinstance(self.echo, str) or self.echo not in ECHO_CHOICES:
-            raise InputError(
-                f"mixed pixels: echo {shown(self.echo)}, expected one of {', '.join(ECHO_CHOICES)}"
-            )
+        check_names("mixed pixels: echo", [str(self.echo)], ECHO_CHOICES)
 
     def __call__(self, scan: LaserScan, rng: Rng) -> LaserScan:
         """Return the scan with mixed ranges, or two echoes, at its edges."""
@@ -227,6 +209,7 @@ class MixedPixels:
         lit = scan.echoes is not None and scan.echo_intensities is not None
         echoes = np.array(scan.echoes if lit else ranges[:, None])
         echo_lights = np.array(scan.echo_intensities if lit else lights[:, None])
+        slots, nothing = echoes.shape[1], (np.inf, 0.0, -1)
         for beam in np.flatnonzero(before + after).tolist():
             own = 1.0 - (before[beam] + after[beam])
             parts = (own, beam), (before[beam], beam - 1), (after[beam], beam + 1)
@@ -240,22 +223,15 @@ class MixedPixels:
                 for away, back in zip(echoes[beam], echo_lights[beam], strict=True)
                 if np.isfinite(away) and away != scan.ranges[beam]
             ]
-            found = [
-                echo
-                for echo in sorted([*self._together(met), *others])
-                if echo[1] >= self.threshold
-            ]
+            together = sorted([*self._together(met), *others])
+            found = [echo for echo in together if echo[1] >= self.threshold]
             brightest = sorted(found, key=lambda echo: echo[1], reverse=True)
             choices = {"first": found[:1], "last": found[-1:], "strongest": brightest[:1]}
-            ranges[beam], lights[beam], walls[beam] = [*choices[self.echo], (np.inf, 0.0, -1)][0]
-            kept = sorted(brightest[: echoes.shape[1]])
-            echoes[beam], echo_lights[beam] = np.inf, 0.0
-            for slot, (away, back, _) in enumerate(kept):
-                echoes[beam, slot], echo_lights[beam, slot] = away, back
+            ranges[beam], lights[beam], walls[beam] = [*choices[self.echo], nothing][0]
+            kept = [*sorted(brightest[:slots]), *[nothing] * slots][:slots]
+            echoes[beam], echo_lights[beam], _ = zip(*kept, strict=True)
         made = replace(scan, ranges=ranges, walls=walls, intensities=lights)
-        if scan.echoes is None:
-            return made
-        return replace(made, echoes=echoes, echo_intensities=echo_lights)
+        return replace(made, echoes=echoes, echo_intensities=echo_lights) if lit else made
 
     def _together(self, echoes: list[Echo]) -> list[Echo]:
         """Echoes in the order of their ranges, those within a pulse as one."""

@@ -101,9 +101,7 @@ def as_noise(noise: Any) -> Noise:
     try:
         inspect.signature(noise).bind("scan", "rng")
     except (TypeError, ValueError):
-        raise InputError(
-            f"noise {shown(noise)}: expected a function of a scan and an rng"
-        ) from None
+        raise InputError(f"noise {shown(noise)}: expected a function of a scan and rng") from None
     checked: Noise = noise
     return checked
 
@@ -143,10 +141,8 @@ class ProportionalNoise:
         """Return the scan with noise on each range."""
         if self.sigma == 0.0:
             return scan
-        if not np.isfinite(scan.range_max):
-            raise InputError("scan without range_max: Eq. 7 scales its noise by it; give one")
         draws = generator(rng).normal(0.0, self.sigma, len(scan.ranges))
-        shares = np.where(np.isfinite(scan.ranges), scan.ranges, 0.0) / scan.range_max
+        shares = np.where(np.isfinite(scan.ranges), scan.ranges, 0.0) / known_range_max(scan)
         return _measured(scan, scan.ranges + shares * draws)
 
 
@@ -172,6 +168,13 @@ class ConstantNoise:
         if self.sigma == 0.0:
             return scan
         return _measured(scan, scan.ranges + generator(rng).normal(0, self.sigma, len(scan.ranges)))
+
+
+def known_range_max(scan: LaserScan) -> float:
+    """The range_max [m] of a scan, which must not be unknown."""
+    if not np.isfinite(scan.range_max):
+        raise InputError("scan without range_max, by which its noise is scaled: give one")
+    return scan.range_max
 
 
 def _measured(scan: LaserScan, ranges: Float) -> LaserScan:

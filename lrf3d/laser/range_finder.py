@@ -4,27 +4,15 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
-from lrf3d.errors import InputError, shown
-from lrf3d.geometry import (
-    LARGEST_COORDINATE,
-    TINY,
-    Float,
-    Value,
-    is_finite,
-    number,
-    sealed,
-    whole_number,
-)
+from lrf3d.errors import check_names
+from lrf3d.geometry import LARGEST_COORDINATE, TINY, Float, Value, number, sealed, whole_number
 
 MOST_BEAMS = 1_000_000
 """Largest number of beams of a scan, some hundred times that of any range finder."""
-
-MOST_ECHOES = 5
-"""Largest number of echoes of a beam that are reported, as of common range finders."""
 
 ECHO_CHOICES = ("first", "last", "strongest")
 """Which echo of a beam may be its range."""
@@ -81,29 +69,20 @@ class LaserRangeFinder(Value):
     echoes: int = field(default=1, repr=False)
 
     def __post_init__(self) -> None:
-        beams = whole_number(self.beams, "range finder: beams", most=MOST_BEAMS)
-        object.__setattr__(self, "beams", beams)
-        limits = (self.angle_min, self.angle_max, self.range_min, self.range_max, self.height)
-        if not is_finite(*limits):
-            raise InputError(f"range finder with limits {shown(limits)}: expected finite numbers")
-        if not -LARGEST_ANGLE <= self.angle_min <= self.angle_max <= LARGEST_ANGLE:
-            raise InputError(
-                f"range finder: angles from {self.angle_min:g} to {self.angle_max:g} rad, expected"
-                f" −{LARGEST_ANGLE:g} ≤ angle_min ≤ angle_max ≤ {LARGEST_ANGLE:g}"
-            )
-        if not 0.0 <= self.range_min < self.range_max <= LARGEST_COORDINATE:
-            raise InputError(
-                f"range finder: range_min {self.range_min:g} and range_max {self.range_max:g},"
-                f" expected 0 ≤ range_min < range_max ≤ {LARGEST_COORDINATE:g}"
-            )
+        def check(name: str, unit: str = "", **limits: Any) -> None:
+            number(getattr(self, name), f"range finder: {name}", unit, **limits)
+
+        check("angle_max", least=-LARGEST_ANGLE, most=LARGEST_ANGLE)
+        check("angle_min", "rad up to angle_max", least=-LARGEST_ANGLE, most=self.angle_max)
+        check("range_max", positive=True, most=LARGEST_COORDINATE)
+        check("range_min", "metres below range_max", most=math.nextafter(self.range_max, 0.0))
+        check("height", least=-LARGEST_COORDINATE)
         for name in ("scan_duration", "threshold", "near_field"):
-            number(getattr(self, name), f"range finder: {name}")
-        if not isinstance(self.echo, str) or self.echo not in ECHO_CHOICES:
-            raise InputError(
-                f"range finder: echo {shown(self.echo)}, expected one of {', '.join(ECHO_CHOICES)}"
-            )
-        echoes = whole_number(self.echoes, "range finder: echoes", most=MOST_ECHOES)
-        object.__setattr__(self, "echoes", echoes)
+            check(name)
+        check_names("range finder: echo", [str(self.echo)], ECHO_CHOICES)
+        for name, most in (("beams", MOST_BEAMS), ("echoes", 5)):
+            count = whole_number(getattr(self, name), f"range finder: {name}", most=most)
+            object.__setattr__(self, name, count)
 
     @property
     def light(self) -> tuple[float, float, str, int]:
@@ -129,12 +108,12 @@ class LaserRangeFinder(Value):
     @cached_property
     def single_beams(self) -> tuple["LaserRangeFinder", ...]:
         """A range finder for each beam, which sends only this beam."""
-        singles = []
-        for beam, angle in enumerate(self.angles.tolist()):
-            single = replace(self, angle_min=angle, angle_max=angle, beams=1, scan_duration=0.0)
+        settings: dict[str, Any] = {"beams": 1, "scan_duration": 0.0}
+        angles = self.angles.tolist()
+        singles = [replace(self, angle_min=at, angle_max=at, **settings) for at in angles]
+        for beam, single in enumerate(singles):
             # The same numbers, so that the beam is the same to the last bit.
             single.__dict__["fan"] = self.fan[:, beam : beam + 1]
-            singles.append(single)
         return tuple(singles)
 
     @cached_property

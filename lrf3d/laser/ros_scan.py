@@ -16,12 +16,6 @@ from lrf3d.errors import InputError
 from lrf3d.geometry import Float
 from lrf3d.laser.range_finder import within_limits
 
-WIDEST_SCAN = 2.1 * math.pi
-"""Largest angle [rad] from the first beam to the last: a full turn, and room for rounding."""
-
-UNEVEN = 1e-3
-"""How far an angle may lie off the even spread, as a part of the step between two beams."""
-
 
 @dataclass(frozen=True, slots=True)
 class Stamp:
@@ -72,10 +66,11 @@ def read_ros_scan(message: Any) -> dict[str, Any]:
     count = len(ranges) if ranges.ndim == 1 else 0
     if count == 0:
         raise InputError("scan without ranges")
-    if not (math.isfinite(low) and abs(step) * (count - 1) <= WIDEST_SCAN and (step or count == 1)):
-        raise InputError(
-            f"scan of {count} beams {step:g} rad apart from {low:g} rad, expected at most a turn"
-        )
+    # At most a full turn, with room for rounding.
+    wide = abs(step) * (count - 1)
+    if not (math.isfinite(low) and wide <= 2.1 * math.pi and (step or count == 1)):
+        beams = f"{count} beams {step:g} rad apart from {low:g} rad"
+        raise InputError(f"scan of {beams}, expected at most a turn")
     angles: Float = low + step * np.arange(count, dtype=np.float64)
     return {
         "angles": angles,
@@ -107,7 +102,8 @@ def even_spread(angles: Float) -> tuple[float, float, float]:
         return float(low), float(low), 0.0
     step = (angles[-1] - angles[0]) / (len(angles) - 1)
     even = angles[0] + step * np.arange(len(angles))
-    if step == 0.0 or not (np.abs(angles - even) <= UNEVEN * abs(step)).all():
+    # Files round their angles.
+    if step == 0.0 or not (np.abs(angles - even) <= 1e-3 * abs(step)).all():
         raise InputError("scan with beams at uneven angles: ROS needs them evenly spaced")
     step32 = np.float32(step)
     return float(low), float(low + np.float32(len(angles) - 1) * step32), float(step32)

@@ -9,19 +9,25 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError, shown
-from lrf3d.geometry import LARGEST_COORDINATE, Bool, Float, Int, Value, is_finite, read_only, sealed
-from lrf3d.laser.range_finder import (
-    LARGEST_ANGLE,
-    LaserRangeFinder,
-    beam_directions,
-    within_limits,
+from lrf3d.geometry import (
+    LARGEST_COORDINATE,
+    LATEST,
+    Bool,
+    Float,
+    Int,
+    Value,
+    is_finite,
+    number,
+    read_only,
+    sealed,
 )
+from lrf3d.laser.range_finder import LARGEST_ANGLE, LaserRangeFinder, beam_directions, within_limits
 from lrf3d.laser.ros_scan import Stamp, even_spread, read_ros_scan
 from lrf3d.notebook import Pictured
 from lrf3d.pose import Pose, as_pose
 
-LIGHT = (("intensities", 1, 0.0), ("echoes", 2, np.inf), ("echo_intensities", 2, 0.0))
-"""What a scan has of the light: name, number of axes, and what stands for nothing."""
+LIGHT = {"intensities": (1, 0.0), "echoes": (2, np.inf), "echo_intensities": (2, 0.0)}
+"""What a scan has of the light: the number of axes, and what stands for nothing, by attribute."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -99,30 +105,21 @@ class LaserScan(Value, Pictured):
         near, far = self.range_min, self.range_max
         known = is_finite(near) and (is_finite(far) or far == np.inf)
         if not (known and 0.0 <= near < min(far, LARGEST_COORDINATE)):
-            raise InputError(
-                f"scan with range_min {shown(near)} and range_max {shown(far)}, expected"
-                " 0 ≤ range_min < range_max"
-            )
-        if not is_finite(self.time, self.time_increment):
-            raise InputError(
-                f"scan with time {shown(self.time)} and time_increment"
-                f" {shown(self.time_increment)}, expected finite numbers of seconds"
-            )
+            limits = f"range_min {shown(near)} and range_max {shown(far)}"
+            raise InputError(f"scan with {limits}, expected 0 ≤ range_min < range_max")
+        for name in ("time", "time_increment"):
+            number(getattr(self, name), f"scan: {name}", "seconds", least=-LATEST)
         angles, ranges = read_only(self.angles, "angles"), read_only(self.ranges, "ranges")
         walls = np.full(ranges.shape, -1) if self.walls is None else self.walls
         walls = read_only(walls, "walls", np.int64)
         if angles.ndim != 1 or not angles.shape == ranges.shape == walls.shape:
-            raise InputError(
-                f"scan with angles {angles.shape}, ranges {ranges.shape} and walls {walls.shape}:"
-                " expected one of each for every beam"
-            )
-        if not (np.abs(angles) <= LARGEST_ANGLE).all():
-            beam = int(np.argmin(np.abs(angles) <= LARGEST_ANGLE))
-            raise InputError(
-                f"scan with the angle {angles[beam]:g} of beam {beam}: expected radians from"
-                f" −{LARGEST_ANGLE:g} to {LARGEST_ANGLE:g}"
-            )
-        for name, axes, nothing in LIGHT:
+            found = f"angles {angles.shape}, ranges {ranges.shape} and walls {walls.shape}"
+            raise InputError(f"scan with {found}: expected one of each for every beam")
+        if not (inside := np.abs(angles) <= LARGEST_ANGLE).all():
+            beam = int(np.argmin(inside))
+            found = f"the angle {angles[beam]:g} of beam {beam}"
+            raise InputError(f"scan with {found}: expected at most ±{LARGEST_ANGLE:g} rad")
+        for name, (axes, nothing) in LIGHT.items():
             if (values := getattr(self, name)) is not None:
                 self.__dict__[name] = _of_beams(values, len(angles), name, axes, nothing)
         if self.pose_covariance is not None:
@@ -167,7 +164,7 @@ class LaserScan(Value, Pictured):
             time_increment=lrf.time_increment,
         )
         if light:
-            for (name, *_), values in zip(LIGHT, light, strict=False):
+            for name, values in zip(LIGHT, light, strict=False):
                 if values is not None:
                     scan.__dict__[name] = sealed(values)
         return scan
@@ -218,21 +215,15 @@ class LaserScan(Value, Pictured):
 
 
 def _within(ranges: Float, range_max: float) -> Float:
-    """Ranges, in which NaN and what is not within range_max stand for no return: +inf.
-
-    Raises:
-        InputError: A range is negative.
-    """
+    """Ranges, in which NaN and what is not within range_max stand for no return: +inf."""
     beyond = ~(ranges < range_max) & (ranges != np.inf)
     if beyond.any():
         ranges = sealed(np.where(beyond, np.inf, ranges))
     negative = (ranges < 0.0) & (ranges != -np.inf)
     if negative.any():
         beam = int(np.argmax(negative))
-        raise InputError(
-            f"scan with the range {ranges[beam]:g} m of beam {beam}: expected 0 or more, inf for no"
-            " return, -inf for one too near"
-        )
+        found = f"the range {ranges[beam]:g} m of beam {beam}"
+        raise InputError(f"scan with {found}: expected 0 or more, inf, or -inf where too near")
     return ranges
 
 
@@ -240,28 +231,21 @@ def _of_beams(values: Any, beams: int, name: str, axes: int, nothing: float) -> 
     """Values for each beam (beams, …); NaN becomes the value that stands for nothing."""
     array: Float = read_only(values, name)
     if array.ndim != axes or len(array) != beams:
-        raise InputError(
-            f"scan with {name} {array.shape}: expected a row for each of {beams} beams"
-        )
+        found = f"scan with {name} {array.shape}"
+        raise InputError(f"{found}: expected a row for each of {beams} beams")
     return sealed(np.where(np.isnan(array), nothing, array)) if np.isnan(array).any() else array
 
 
 def _covariance(values: Any) -> Float:
-    """A matrix (3, 3) that is finite, symmetric, and semidefinite, but for rounding.
-
-    Raises:
-        InputError: It is not.
-    """
+    """A matrix (3, 3), checked to be finite, symmetric, and semidefinite, but for rounding."""
     matrix: Float = read_only(values, "pose_covariance")
     if matrix.shape == (3, 3) and np.isfinite(matrix).all():
         rounding = 1e-12 * np.abs(matrix).max()
         even = np.abs(matrix - matrix.T).max() <= rounding
         if even and np.linalg.eigvalsh(matrix).min() >= -rounding:
             return matrix
-    raise InputError(
-        f"scan with pose_covariance {shown(matrix.tolist())}: expected a symmetric matrix (3, 3)"
-        " without negative eigenvalues"
-    )
+    found = f"scan with pose_covariance {shown(matrix.tolist())}"
+    raise InputError(f"{found}: expected a symmetric matrix (3, 3), without negative eigenvalues")
 
 
 def reflection_points(pose: Sequence[float], angles: Float, ranges: Float) -> Float:
@@ -269,24 +253,19 @@ def reflection_points(pose: Sequence[float], angles: Float, ranges: Float) -> Fl
     return np.array([pose[0], pose[1]]) + ranges[:, None] * beam_directions(pose[2], angles)
 
 
-LEAST_RETURNED = 0.02
-"""Share of the beams of a drive of which fewer returning show no walls."""
-
-FARTHEST = 300.0
-"""Median of all ranges [m] above which they cannot be metres: no such laser sees as far."""
-
-
 def doubtful_ranges(scans: Sequence[LaserScan]) -> str | None:
     """A sentence that says why the ranges of a drive are not in metres; None if they may be."""
     ranges = np.concatenate([scan.ranges[scan.hits & (scan.ranges > 0.0)] for scan in scans])
     beams = sum(len(scan.ranges) for scan in scans)
-    if len(ranges) < LEAST_RETURNED * beams:
+    # Fewer show no walls.
+    if len(ranges) < 0.02 * beams:
         return (
             f"{len(ranges)} of {beams} beams returned, too few to show walls; are the ranges in"
             " metres (millimetres have to be divided by 1000, centimetres by 100), and is the"
             " largest range right?"
         )
-    if (middle := float(np.median(ranges))) > FARTHEST:
+    # No such laser sees as far.
+    if (middle := float(np.median(ranges))) > 300.0:
         return (
             f"half of the ranges are over {middle:g}: expected metres; divide millimetres by 1000,"
             " centimetres by 100"

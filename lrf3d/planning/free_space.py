@@ -25,11 +25,9 @@ SURROUNDINGS = 6.0
 WIDEST_WINDOW = 500.0
 """Largest side [m] of the part of a world that is planned in, as much as a drive can show."""
 
-CELLS, SMALLEST_CELL = 250_000, 0.08
-"""Approximate number of cells, and their least side [m]: a doorway is some cells wide."""
-
-PIECE = 0.1
-"""Longest piece of wall [m] to which distances are measured: they are off by 3 mm at most."""
+CELLS, SMALLEST_CELL, PIECE = 250_000, 0.08, 0.1
+"""Approximate number of cells, their least side [m], so that a doorway is some cells wide, and the
+longest piece of wall [m] to which distances are measured, which are off by 3 mm at most."""
 
 WIDEST_DOOR = 2.5
 """Width [m] of an opening above which what lies behind it is outside, like the land around."""
@@ -68,7 +66,9 @@ class Ground:
         from scipy.spatial import cKDTree
 
         segments = world.segments - np.tile(world.origin, 2)
-        low, high = _window(segments, None if start is None else start - world.origin)
+        low, high = _window(
+            segments.reshape(-1, 2), None if start is None else start - world.origin
+        )
         lines = shapely.clip_by_rect(shapely.linestrings(segments.reshape(-1, 2, 2)), *low, *high)
         pieces, walls = shapely.get_coordinates(shapely.segmentize(lines, PIECE), return_index=True)
         if not len(pieces):
@@ -79,7 +79,7 @@ class Ground:
         shape = tuple(np.ceil((high - low) / self.size).astype(int).tolist())
         self.places = low + self.size * (np.moveaxis(np.indices(shape), 0, -1) + 0.5)
         self.tree = cKDTree(pieces)
-        self.gaps, self.nearest = (np.asarray(each) for each in self.tree.query(self.places))
+        self.gaps, self.nearest = map(np.asarray, self.tree.query(self.places))
         self._leave_walls()
         self.swept = self._swept()
         if world.free is not None:
@@ -88,14 +88,14 @@ class Ground:
 
     def _leave_walls(self) -> None:
         """Move places near walls away from them within their cells: doors are passed mid-way."""
-        near = np.nonzero((self.gaps < WIDEST_DOOR / 2.0) & (self.gaps > 0.0))
-        places, gaps = self.places[near], self.gaps[near]
-        away = (places - self.pieces[self.nearest[near]]) / gaps[:, None]
+        near = (self.gaps < WIDEST_DOOR / 2.0) & (self.gaps > 0.0)
+        places = self.places[near]
+        away = (places - self.pieces[self.nearest[near]]) / self.gaps[near][:, None]
         for share in (0.25, 0.5):
             moved = places + share * self.size * away
-            there, nearest = (np.asarray(each) for each in self.tree.query(moved))
+            there, nearest = map(np.asarray, self.tree.query(moved))
             better = there > self.gaps[near]
-            cells = tuple(each[better] for each in near)
+            cells = tuple(each[better] for each in np.nonzero(near))
             self.places[cells], self.gaps[cells] = moved[better], there[better]
             self.nearest[cells] = nearest[better]
 
@@ -123,11 +123,12 @@ class Ground:
         world, free = self.world, self.gaps >= max(THINNEST, 1.25 * self.size)
         parts, count = connected(free)
         number, wall = np.arange(count + 1), self._walls[self.nearest]
+        objects = world.objects[wall]
         is_open = np.bincount(parts[self.swept], minlength=count + 1) > 0
-        owner = minimum(world.objects[wall], parts, number).astype(int)
-        closed = (owner == maximum(world.objects[wall], parts, number)) & ~is_open
+        owner = minimum(objects, parts, number).astype(int)
+        closed = (owner == maximum(objects, parts, number)) & ~is_open
         alone = np.bincount(owner[closed], minlength=world.object_count)[owner] == 1
-        several = len(np.unique(world.objects[wall[self.swept]])) > 1
+        several = len(np.unique(objects[self.swept])) > 1
         high = maximum(world.heights[wall], parts, number) > DEFAULT_HEIGHT
         building = closed & (high | alone & several)
         rooms, outdoors = (
@@ -143,11 +144,9 @@ class Ground:
         if where is None and self.world.free is not None:
             return self.gaps > 0.0
         outside, open_air = self._sides
-        if where is not None:
-            open_air = where == "outside"
-        elif start is not None:
-            open_air = bool(self.swept[start])
-        return np.asarray(outside == open_air)
+        if where is None and start is not None:
+            where = "outside" if self.swept[start] else "inside"
+        return np.asarray(outside == (open_air if where is None else where == "outside"))
 
 
 @dataclass(frozen=True)
@@ -225,11 +224,7 @@ def free_places(world: World, least: float) -> Float:
 
 
 def find_free_space(
-    ground: Ground,
-    radius: float,
-    *,
-    where: Side | None = None,
-    start: Float | None = None,
+    ground: Ground, radius: float, *, where: Side | None = None, start: Float | None = None
 ) -> FreeSpace:
     """The free space of a robot: of parts with walls between them that along most of the walls.
 
@@ -240,60 +235,59 @@ def find_free_space(
     """
     from scipy.sparse.csgraph import connected_components
 
-    name, least = ground.world.name or "world", radius + MARGIN
-    free, begin = ground.gaps >= least, None
+    name, least, begin = ground.world.name or "world", radius + MARGIN, None
+    free = ground.gaps >= least
     if start is not None:
         apart = np.hypot(*np.moveaxis(ground.places - (start - ground.world.origin), -1, 0))
         apart[~free] = np.inf
-        cell = np.unravel_index(np.argmin(apart), apart.shape)
-        begin = int(cell[0]), int(cell[1])
+        row, column = np.unravel_index(np.argmin(apart), apart.shape)
+        begin = int(row), int(column)
         # A wall may be between them.
         if apart[begin] > ground.tree.query(start - ground.world.origin)[0]:
+            x, y = start.tolist()
             raise InputError(
-                f"{name}: no room around the start ({start[0]:g}, {start[1]:g}) for a robot that"
-                f" stays {least:g} m away from walls"
+                f"{name}: no room {least:g} m off walls around the start ({x:g}, {y:g})"
             )
     allowed = free & ground.on_side(where, begin)
     if not allowed.any():
-        what = "free cell" if ground.world.free is not None else "place"
-        on_side = "" if where is None else f" {where} the walls"
+        place = f"place {where} the walls" if where else "place"
         raise InputError(
-            f"{name}: no {what}{on_side} that is {least:g} m away from all walls; give a route or a"
-            " smaller radius"
+            f"{name}: no {place} {least:g} m away from all walls; give a route or a smaller radius"
         )
     if begin is not None and not allowed[begin]:
         raise InputError(f"{name}: the start does not lie {where} the walls")
     space = FreeSpace(ground, radius, allowed, begin)
     count, part = connected_components(space.graph, directed=False)
-    if begin is None:
+    # The drive stays in the part around its start, or in that along most of the walls.
+    if begin is not None:
+        chosen = part[space.number[begin]]
+    else:
         pieces = len(ground.pieces)
         along = np.unique(part * pieces + ground.nearest[allowed]) // pieces
         # Around the walls of a map there may be a strip of free cells.
         open_air = np.bincount(part, ground.swept[allowed]) > 0.5 * np.bincount(part)
-        worth = np.where(open_air, SUBSTANTIAL, 1.0)
-        chosen = int(np.argmax(worth * np.bincount(along, minlength=count)))
-    else:
-        chosen = part[space.number[begin]]
+        chosen = np.argmax(
+            np.where(open_air, SUBSTANTIAL, 1.0) * np.bincount(along, minlength=count)
+        )
     kept = allowed.copy()
     kept[allowed] = part == chosen
     return FreeSpace(ground, radius, kept, begin)
 
 
-def _window(segments: Float, around: Float | None) -> tuple[Float, Float]:
-    """Corners (2,) of the box around all walls, or where most walls end if that is too wide."""
-    ends = segments.reshape(-1, 2)
-    if around is not None:
-        ends = np.vstack([ends, around])
-    if not len(ends):
-        return np.zeros(2), np.ones(2)
-    low, high = ends.min(axis=0) - SURROUNDINGS, ends.max(axis=0) + SURROUNDINGS
-    if (high - low).max() <= WIDEST_WINDOW:
-        return low, high
-    if around is None:
-        tiles = np.floor(ends / (0.5 * WIDEST_WINDOW))
-        _, tile, counts = np.unique(tiles, axis=0, return_inverse=True, return_counts=True)
-        around = ends[tile.reshape(-1) == np.argmax(counts)].mean(axis=0)
-    return np.maximum(low, around - WIDEST_WINDOW / 2), np.minimum(high, around + WIDEST_WINDOW / 2)
+def _window(ends: Float, around: Float | None) -> tuple[Float, Float]:
+    """Corners (2,) of the box around all ends (n, 2), or where most are if that is too wide."""
+    inside = ends if around is None else np.vstack([ends, around])
+    # The middle of the world is at (0, 0).
+    low = inside.min(axis=0, initial=0.0) - SURROUNDINGS
+    high = inside.max(axis=0, initial=0.0) + SURROUNDINGS
+    if (high - low).max() > WIDEST_WINDOW:
+        if around is None:
+            tiles = np.floor(ends / (0.5 * WIDEST_WINDOW))
+            _, tile, counts = np.unique(tiles, axis=0, return_inverse=True, return_counts=True)
+            around = ends[tile.reshape(-1) == np.argmax(counts)].mean(axis=0)
+        low = np.maximum(low, around - WIDEST_WINDOW / 2)
+        high = np.minimum(high, around + WIDEST_WINDOW / 2)
+    return low, high
 
 
 def connected(cells: Bool) -> tuple[Int, int]:

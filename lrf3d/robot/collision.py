@@ -39,11 +39,7 @@ class CollisionChecker:
         self._tree = shapely.STRtree(self._walls)
 
     def hit(self, starts: Float, ends: Float, radius: float) -> tuple[Int, Int]:
-        """Find paths from starts (n, 2) to ends (n, 2) that come nearer to walls than a radius [m].
-
-        Returns:
-            Indices of the paths (k,) and of the walls (k,), a row for each pair.
-        """
+        """Paths (k,) from starts (n, 2) to ends (n, 2) nearer to walls (k,) than a radius [m]."""
         import shapely
 
         paths = shapely.linestrings(np.stack([starts, ends], axis=1) - self.world.origin)

@@ -56,25 +56,19 @@ class EstimatedTrajectory(Value):
         count, known = len(self.poses), len(self.known_scans)
         as_poses(self.poses)
         if len(as_poses(self.odometry)) not in (0, count):
-            raise InputError(
-                f"estimate: odometry of {len(self.odometry)} scans, poses of {count}; expected as"
-                " many or none"
-            )
+            found = f"odometry of {len(self.odometry)} scans, poses of {count}"
+            raise InputError(f"estimate: {found}; expected as many or none")
         if self.known_scans.ndim != 1 or self.covariances.shape != (known, 3, 3):
-            raise InputError(
-                f"estimate: covariances {self.covariances.shape} at scans {self.known_scans.shape};"
-                " expected (m, 3, 3) at (m,)"
-            )
+            found = f"covariances {self.covariances.shape} at scans {self.known_scans.shape}"
+            raise InputError(f"estimate: {found}; expected (m, 3, 3) at (m,)")
         for name in ("closures", "dropped_closures"):
             if getattr(self, name).shape[1:] != (2,):
                 raise InputError(f"estimate: {name} {getattr(self, name).shape}, expected (c, 2)")
-        named = np.concatenate(
-            [self.known_scans, self.closures.ravel(), self.dropped_closures.ravel()]
-        )
+        pairs = self.closures.ravel(), self.dropped_closures.ravel()
+        named = np.concatenate([self.known_scans, *pairs])
         if (np.diff(self.known_scans) <= 0).any() or (named < 0).any() or (named >= count).any():
-            raise InputError(
-                f"estimate: expected ascending scans from 0 to {count - 1}, found {named.tolist()}"
-            )
+            expected = f"expected ascending scans from 0 to {count - 1}"
+            raise InputError(f"estimate: {expected}, found {named.tolist()}")
 
     def __len__(self) -> int:
         return len(self.poses)
@@ -89,8 +83,7 @@ class EstimatedTrajectory(Value):
     def ellipses(self) -> Float:
         """Matrices (m, 2, 2) [m] that turn the unit circle into the ellipses of 95 % probability.
 
-        Each is the symmetric root of a position's covariance. Two of them can be interpolated entry
-        by entry, whereas the axes of two ellipses may be in another order.
+        They can be interpolated entry by entry, whereas axes of ellipses may change their order.
         """
         matrices = self.covariances[:, :2, :2]
         values, vectors = np.linalg.eigh(0.5 * (matrices + matrices.transpose(0, 2, 1)))

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.errors import InputError, shown
-from lrf3d.geometry import Float, is_finite, numbers, whole_number, wrap_angle
+from lrf3d.errors import InputError
+from lrf3d.geometry import Float, as_rows, number, whole_number, wrap_angle
 from lrf3d.pose import Pose, as_pose
 from lrf3d.robot.trajectory import Trajectory
 from lrf3d.robot.unicycle import Unicycle, sinc
@@ -27,22 +27,6 @@ SCAN_INTERVAL = 0.25
 
 MAX_TURN_RATE = 1.5
 """Fastest turn that the follower commands [rad/s]."""
-
-TURN_IN_PLACE = np.radians(75.0)
-"""Bearing [rad] of the goal above which the robot turns in place instead of circling it."""
-
-SHARPEST_TURN = np.radians(100.0)
-"""Turn of the route [rad] above which the robot drives to the way-point itself and turns there: the
-point to steer at would be behind the robot, or at its own position."""
-
-MOST_COMMANDS = 2_000_000
-"""Largest number of commands of a drive: more than a day at 20 Hz, and minutes of computing."""
-
-MOST_DT = 1e5
-"""Longest time between two poses [s]: a day."""
-
-FARTHEST = 1e9
-"""Largest coordinate of a way-point [m], as of a wall."""
 
 SAMPLES = np.arange(33.0)
 """Samples of the route between which the nearest one to the robot is looked for."""
@@ -84,11 +68,9 @@ def follow_route(
     """
     path = _Path(route)
     most = None if most is None else whole_number(most, "most")
-    if not (is_finite(speed, lookahead, dt) and 0.0 < min(speed, lookahead, dt) and dt <= MOST_DT):
-        raise InputError(
-            f"speed {shown(speed)}, lookahead {shown(lookahead)}, dt {shown(dt)}: expected positive"
-            f" numbers, dt at most {MOST_DT:g} s"
-        )
+    number(speed, "speed", positive=True)
+    number(lookahead, "lookahead", positive=True)
+    number(dt, "dt", "seconds", positive=True, most=1e5)
     pose = as_pose(path.start if start is None else start)
     robot = Unicycle()
     per_sample = max(1, round(dt / CONTROL_STEP))
@@ -102,10 +84,11 @@ def follow_route(
     for count in range(1, limit + 1):
         if len(poses) == most:
             return Trajectory(np.array(times), np.array(poses))
-        if max(needed, count) > MOST_COMMANDS:
+        # More than a day at 20 Hz takes minutes of computing.
+        if max(needed, count) > 2_000_000:
             raise InputError(
-                f"drive of {path.length:.4g} m at {speed:g} m/s: more than {MOST_COMMANDS:,} steps"
-                f" of {step:g} s; drive faster, scan less often, or ask for fewer scans"
+                f"drive of {path.length:.4g} m at {speed:g} m/s: more than 2,000,000 steps of"
+                f" {step:g} s; drive faster, scan less often, or ask for fewer scans"
             )
         reach = path.progress(pose, reach, min(reach + lookahead, stops[0]))
         goal = path.at(min(reach + lookahead, stops[0]))
@@ -123,21 +106,24 @@ def follow_route(
     raise InputError(f"route: the robot does not reach ({x:g}, {y:g}); lower the speed")
 
 
+def distinct(points: Float, name: str) -> Float:
+    """Way-points (m, 2) without those where the one before is, too.
+
+    Raises:
+        InputError: They are all at one place.
+    """
+    kept = (points[1:] != points[:-1]).any(axis=1)
+    if not kept.any():
+        raise InputError(f"{name}: expected at least two different way-points")
+    return np.asarray(points[np.append(True, kept)])
+
+
 class _Path:
     """The way-points as a curve, parametrised by length."""
 
     def __init__(self, route: ArrayLike) -> None:
-        points = np.asarray(numbers(route, "route"), dtype=np.float64)
-        if points.ndim != 2 or points.shape[1] != 2 or not (np.abs(points) <= FARTHEST).all():
-            raise InputError(
-                f"route of shape {points.shape}: expected points (m, 2) of at most {FARTHEST:g} m"
-            )
-        steps = np.hypot(*np.diff(points, axis=0).T)
-        self.points = points[np.concatenate([[True], steps > 0.0])] if len(points) else points
-        if len(self.points) < 2:
-            raise InputError("route: expected at least two different way-points")
-        steps = np.hypot(*np.diff(self.points, axis=0).T)
-        self.stations = np.concatenate([[0.0], np.cumsum(steps)])
+        self.points = distinct(as_rows(route, "route", 2, row="point"), "route")
+        self.stations = np.append(0.0, np.cumsum(np.hypot(*np.diff(self.points, axis=0).T)))
         self.length = float(self.stations[-1])
         self.x, self.y = (np.ascontiguousarray(column) for column in self.points.T)
         self.end = float(self.x[-1]), float(self.y[-1])
@@ -152,9 +138,12 @@ class _Path:
         return float(x), float(np.interp(station, self.stations, self.y))
 
     def stops(self) -> list[float]:
-        """Stations of the way-points that the robot must reach: sharp turns and the end."""
+        """Stations of the way-points that the robot must reach: sharp turns and the end.
+
+        Where it turns farther, the point to steer at would be behind it, or at its own position.
+        """
         headings = np.arctan2(*np.diff(self.points, axis=0).T[::-1])
-        sharp = np.abs(wrap_angle(np.diff(headings))) > SHARPEST_TURN
+        sharp = np.abs(wrap_angle(np.diff(headings))) > np.radians(100.0)
         return [*self.stations[1:-1][sharp].tolist(), self.length]
 
     def progress(self, pose: Pose, reach: float, limit: float) -> float:
@@ -176,12 +165,11 @@ def _command(
     if distance == 0.0:
         return 0.0, 0.0
     bearing = float(wrap_angle(np.arctan2(dy, dx) - pose.theta))
-    if abs(bearing) > TURN_IN_PLACE:
+    # It turns in place instead of circling the goal.
+    if abs(bearing) > np.radians(75.0):
         return 0.0, float(np.clip(bearing / step, -MAX_TURN_RATE, MAX_TURN_RATE))
     curvature = 2.0 * np.sin(bearing) / distance
     # The arc to the goal has this length; near the end it is driven in one last step.
     arc = distance / sinc(bearing / np.pi)
-    v = min(speed, arc / step)
-    if abs(curvature) * v > MAX_TURN_RATE:
-        v = MAX_TURN_RATE / abs(curvature)
+    v = min(speed, arc / step, MAX_TURN_RATE / max(abs(curvature), 1e-300))
     return float(v), float(v * curvature)

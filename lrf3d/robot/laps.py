@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Value, number, numbers
+from lrf3d.geometry import Float, Value, as_rows, number
 from lrf3d.pose import Pose
-from lrf3d.robot.following import FARTHEST, follow_route
+from lrf3d.robot.following import distinct, follow_route
 from lrf3d.robot.trajectory import Trajectory
 
 LAP_TURN = 0.5
@@ -40,16 +40,12 @@ def chain_laps(laps: tuple[Trajectory, ...], scans: int) -> Trajectory:
     first, lap = _evenly_spaced(laps[0]), _evenly_spaced(laps[-1])
     if len(lap) < 2:
         raise InputError("laps: a lap takes no time; give a route of some length")
-    more = scans - len(first)
-    number, row = np.divmod(np.arange(more), len(lap) - 1)
+    number, row = np.divmod(np.arange(scans - len(first)), len(lap) - 1)
     poses = lap.poses[row + 1]
     # The heading is continuous over full turns; positions repeat to the last bit.
     poses[:, 2] += number * (lap.poses[-1, 2] - lap.poses[0, 2])
     times = first.times[-1] + number * lap.duration + lap.times[row + 1]
-    return Trajectory(
-        np.concatenate([first.times, times]),
-        np.concatenate([first.poses, poses]),
-    )
+    return Trajectory(np.append(first.times, times), np.vstack([first.poses, poses]))
 
 
 def _evenly_spaced(lap: Trajectory) -> Trajectory:
@@ -90,20 +86,13 @@ class Patrol(Value):
     speed: float = 1.0
 
     def __post_init__(self) -> None:
-        points = np.asarray(numbers(self.route, "route"), dtype=np.float64)
-        if points.ndim != 2 or points.shape[1] != 2 or not (np.abs(points) <= FARTHEST).all():
-            raise InputError(
-                f"patrol along points {points.shape}: expected points (m, 2) of at most"
-                f" {FARTHEST:g} m"
-            )
         number(self.speed, "patrol: speed", "metres per second", positive=True)
-        if not (points[1:] != points[:-1]).any():
-            raise InputError("patrol: expected a route of at least two different way-points")
+        distinct(as_rows(self.route, "patrol: route", 2, row="point"), "patrol")
         self._hold("route")
 
     def until(self, time: float, *, since: float = 0.0) -> Trajectory:
         """The laps there and back that are driven from one time [s] to another, as whole ones."""
-        points = self.route[np.append(True, (np.diff(self.route, axis=0) != 0.0).any(axis=1))]
+        points = distinct(self.route, "patrol")
         corners = np.vstack([points, points[-2::-1]])
         legs = np.diff(corners, axis=0)
         durations = np.hypot(legs[:, 0], legs[:, 1]) / self.speed

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import (
+    LATEST,
     Float,
     Value,
     numbers,
@@ -17,9 +18,6 @@ from lrf3d.geometry import (
     wrap_angle,
 )
 from lrf3d.pose import as_poses
-
-LATEST = 1e12
-"""Largest time [s], 30,000 years: stamps in nanoseconds would be larger."""
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -46,17 +44,11 @@ class Trajectory(Value):
         instants: Float = read_only(times, "times")
         poses = as_poses(read_only(poses, "poses"))
         if instants.shape != (len(poses),) or len(poses) == 0:
-            raise InputError(
-                f"trajectory of {len(poses)} poses and times {instants.shape}: expected one time"
-                " for each pose"
-            )
+            found = f"{len(poses)} poses and times {instants.shape}"
+            raise InputError(f"trajectory of {found}: expected one time for each pose")
         if not (np.abs(instants) <= LATEST).all() or not (np.diff(instants) > 0.0).all():
-            raise InputError(
-                "trajectory: expected finite times that increase from pose to pose, of at most"
-                f" {LATEST:g} s"
-            )
-        object.__setattr__(self, "times", instants)
-        object.__setattr__(self, "poses", poses)
+            raise InputError(f"trajectory: expected increasing times of at most {LATEST:g} s")
+        self.__dict__.update(times=instants, poses=poses)
 
     def __repr__(self) -> str:
         return f"Trajectory({len(self)} poses, {self.length:.1f} m in {self.duration:.1f} s)"

@@ -119,7 +119,7 @@ def drive(
     if not (callable(v) or callable(omega)):
         return _chain_arcs(pose, numbers(v, "v"), numbers(omega, "omega"), duration, dt)
     seconds = number(duration, "duration", "seconds", positive=True)
-    return _integrate(pose, _function(v), _function(omega), seconds, dt, tolerance)
+    return _integrate(pose, v, omega, seconds, dt, tolerance)
 
 
 def _function(value: Input) -> Callable[[float], float]:
@@ -134,10 +134,8 @@ def _function(value: Input) -> Callable[[float], float]:
 def _sample_times(duration: float, dt: float) -> Float:
     """Times 0, dt, 2·dt, … and the duration itself [s]."""
     if duration / dt > MOST_POSES:
-        raise InputError(
-            f"duration {duration:g} s in steps of {dt:g} s: more than {MOST_POSES:,} poses; give a"
-            " larger dt"
-        )
+        steps = f"duration {duration:g} s in steps of {dt:g} s"
+        raise InputError(f"{steps}: more than {MOST_POSES:,} poses; give a larger dt")
     # Rounding must neither lose the last sample nor add one just before the end.
     count = int(np.floor(duration / dt * (1.0 + 1e-12)))
     times = np.asarray(np.arange(count + 1) * dt, dtype=np.float64)
@@ -148,20 +146,15 @@ def _sample_times(duration: float, dt: float) -> Float:
 
 
 def _integrate(
-    start: Float,
-    v: Callable[[float], float],
-    omega: Callable[[float], float],
-    duration: float,
-    dt: float,
-    tolerance: float,
+    start: Float, v: Input, omega: Input, duration: float, dt: float, tolerance: float
 ) -> Trajectory:
     from scipy.integrate import solve_ivp
 
-    robot = Unicycle()
+    robot, speed, rate = Unicycle(), _function(v), _function(omega)
     times = _sample_times(duration, dt)
     # Steps no longer than dt keep RK45 from skipping short pulses of the input.
     solution = solve_ivp(
-        lambda t, state: robot.derivative(state, v(t), omega(t)),
+        lambda t, state: robot.derivative(state, speed(t), rate(t)),
         (0.0, duration),
         start,
         method="RK45",
@@ -183,18 +176,16 @@ def _chain_arcs(
             np.atleast_1d(v), np.atleast_1d(omega), np.atleast_1d(numbers(duration, "duration"))
         )
     except ValueError:
-        raise InputError(
-            "drive: v, omega and duration have different numbers of pieces; give one of each"
-        ) from None
+        raise InputError("drive: expected as many pieces of v, omega and duration") from None
     if not (np.isfinite(durations).all() and (durations > 0.0).all() and len(durations)):
         raise InputError(f"duration {shown(duration)}: expected positive numbers of seconds")
     if not (np.isfinite(v).all() and np.isfinite(omega).all()):
         raise InputError("drive: v and omega must be finite numbers")
-    starts = np.concatenate([[0.0], np.cumsum(durations)])
-    headings = start[2] + np.concatenate([[0.0], np.cumsum(omega * durations)])
+    starts = np.append(0.0, np.cumsum(durations))
+    headings = start[2] + np.append(0.0, np.cumsum(omega * durations))
     turned = np.column_stack([np.zeros((len(v), 2)), headings[:-1]])
     steps = arcs(turned, v, omega, durations)[:, :2]
-    positions = start[:2] + np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+    positions = start[:2] + np.vstack([np.zeros(2), np.cumsum(steps, axis=0)])
     # The poses between the pieces.
     knots = np.column_stack([positions, headings])
     times = _sample_times(float(starts[-1]), dt)

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 import trimesh
 
-from lrf3d.files import assets_folder
+from lrf3d.files import data_folder
 from lrf3d.geometry import Float, directions
 from lrf3d.scene.look import DART, ROBOT, SUN
 from lrf3d.scene.panels import triangles
@@ -56,7 +56,7 @@ _DART = DART[[0, 1, 2, 0, 2, 3]]
 
 def robot_body(laser_height: float) -> Faces:
     """The robot, with its laser at a height [m], which the column is stretched to."""
-    mesh = trimesh.load_mesh(assets_folder() / "robot.glb", process=False)
+    mesh = trimesh.load_mesh(data_folder("assets") / "robot.glb", process=False)
     visual: Any = mesh.visual
     # glTF has y up, films have z up.
     vertices, normals = (

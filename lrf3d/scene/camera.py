@@ -223,6 +223,9 @@ class Track(NamedTuple):
             hides = ~low & (needed > self.steeps[number])
             number, gap = number[hides], gap[hides] - _CLEARANCE
             np.minimum.at(aways, number, np.maximum(gap / np.cos(self.steeps[number]), _NEAREST))
+            # Where even that is too far, the eye looks down into the gap.
+            down = np.arccos(np.clip(gap / _NEAREST, np.cos(_STEEPEST), 1.0))
+            np.maximum.at(steeps, number, down)
         # The extremes over the filter's reach come first: its mean is then never too little.
         reach = 2 * int(2.0 * smooth) + 1
         steeps, aways = (

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+import shapely
 
 from lrf3d.geometry import Float, Int, directions, lengths
 from lrf3d.scene.facades import (
@@ -19,7 +20,7 @@ from lrf3d.scene.facades import (
     WINDOWED,
 )
 from lrf3d.scene.look import spread
-from lrf3d.scene.panels import LIT, joined, level_panels
+from lrf3d.scene.panels import LIT, joined, level_panels, triangles
 from lrf3d.scene.shadows import shade_walls
 from lrf3d.scene.shapes import Painted, single
 from lrf3d.scene.structures import Structures
@@ -33,6 +34,12 @@ PLINTH, SKIRTING = 0.45, 0.09
 CAP_WIDTH = 0.12
 """Width [m] of the strip on top of a free wall, which shows where it runs from above."""
 
+_NARROWEST = 0.4
+"""What walls of rooms close round and is narrower [m] is the inside of a wall, or a shaft."""
+
+_TOGETHER = 0.05
+"""Length [m] over which two walls at one place are one."""
+
 _LOWEST_FACADE = 3.0
 """Walls below this height [m] are fences and garden walls: no windows."""
 
@@ -45,11 +52,29 @@ def wall_sides(structures: Structures) -> tuple[Int, Float]:
 
     Returns also the sides (n, 4) [m], which look to the right of their directions.
     """
-    solid, free = np.flatnonzero(structures.closed), np.flatnonzero(~structures.closed)
-    walls, back = np.concatenate([solid, free, free]), slice(len(solid) + len(free), None)
-    segments = structures.segments[walls]
-    segments[back] = segments[back][:, [2, 3, 0, 1]]
-    return walls, segments
+    solid, (free, parts) = np.flatnonzero(structures.closed), _free_walls(structures)
+    sides = structures.segments[solid], parts, parts[:, [2, 3, 0, 1]]
+    return np.concatenate([solid, free, free]), np.concatenate(sides)
+
+
+def _free_walls(structures: Structures) -> tuple[Int, Float]:
+    """The free walls (n,), and the parts (n, 4) of them that lie on no higher or earlier wall.
+
+    Plans have a line twice where rooms meet: of two faces at one place now this, now that is seen.
+    """
+    free, lines = np.flatnonzero(~structures.closed), structures.tree.geometries
+    later, other = structures.tree.query(lines[free], predicate="dwithin", distance=_APART)
+    ranks = np.argsort(np.lexsort([np.arange(len(lines)), -structures.heights]))
+    hides = ranks[other] < ranks[free[later]]
+    later, other = later[hides], other[hides]
+    strips = shapely.buffer(lines[other], _APART, cap_style="flat")
+    along = shapely.length(shapely.intersection(lines[free[later]], strips)) > _TOGETHER
+    hidden = np.full(len(free), shapely.Polygon(), dtype=object)
+    shapely.geometrycollections(strips[along], indices=later[along], out=hidden)
+    left = shapely.difference(lines[free], shapely.union_all(hidden[:, None], axis=1))
+    parts, owner = shapely.get_parts(left, return_index=True)
+    there = shapely.length(parts) > _APART
+    return free[owner[there]], shapely.get_coordinates(parts[there]).reshape(-1, 4)
 
 
 def lay_walls(structures: Structures) -> Painted:
@@ -89,7 +114,14 @@ def lay_walls(structures: Structures) -> Painted:
                 structures.objects[wall],
             )
         )
-    return joined(*found, _caps(structures, 0.55 if structures.indoor else 0.85))
+    corners, wall = _caps(structures)
+    if structures.indoor:
+        lids, nearest = _lids(structures)
+        corners, wall = np.concatenate([corners, lids]), np.append(wall, nearest)
+    colours = (0.55 if structures.indoor else 0.85) * structures.colours[wall]
+    lit = np.full(len(wall), LIT)
+    heights, objects = structures.heights[wall], structures.objects[wall]
+    return joined(*found, level_panels(corners, heights, colours, lit, objects))
 
 
 def _rows(
@@ -121,15 +153,27 @@ def _rows(
     yield ~facade, np.where(skirted, foot, 0.0), heights, BLANK, 0.0, 0.0, 1.0, 1.0
 
 
-def _caps(structures: Structures, bright: float) -> Painted:
-    """Strips on top of free walls, so much brighter than these."""
-    free = ~structures.closed
-    segments = structures.segments[free]
+def _caps(structures: Structures) -> tuple[Float, Int]:
+    """Corners (n, 4, 2) of the strips on top of free walls, and the walls (n,)."""
+    free, segments = _free_walls(structures)
     along = directions(segments)
     # The strip goes half its width past the ends, so that corners are filled.
     reach = 0.5 * CAP_WIDTH * along
     side = 0.5 * CAP_WIDTH * np.column_stack([-along[:, 1], along[:, 0]])
     start, end = segments[:, :2] - reach, segments[:, 2:] + reach
-    corners = np.stack([start - side, end - side, end + side, start + side], axis=1)
-    colours, lit = bright * structures.colours[free], np.full(len(segments), LIT)
-    return level_panels(corners, structures.heights[free], colours, lit, structures.objects[free])
+    return np.stack([start - side, end - side, end + side, start + side], axis=1), free
+
+
+def _lids(structures: Structures) -> tuple[Float, Int]:
+    """Triangles (n, 4, 2) over what free walls close round and is too narrow to be a room.
+
+    Returns also the wall (n,) next to each.
+    """
+    lines = shapely.union_all(structures.tree.geometries[~structures.closed])
+    strips = shapely.buffer(lines, 0.5 * CAP_WIDTH, cap_style="square", join_style="mitre")
+    filled = shapely.polygons(shapely.get_exterior_ring(shapely.get_parts(strips)))
+    holes = shapely.get_parts(shapely.difference(filled, strips))
+    corners, _ = triangles(holes[shapely.is_empty(shapely.buffer(holes, -0.5 * _NARROWEST))])
+    middles = shapely.points(corners.mean(axis=1))
+    wall = structures.tree.query_nearest(middles, all_matches=False)[1]
+    return corners[:, [0, 1, 2, 2]], wall

@@ -35,6 +35,9 @@ _STEEP, _STEEP_INDOOR = float(np.radians(42.0)), float(np.radians(56.0))
 _SIDES = np.radians([-112.0, -22.0, -67.0])
 """Where it may stand [rad]: from each, two sides of houses are seen on which the sun shines."""
 
+_ALL_SIDES = np.radians(np.arange(-100.0, 0.0, 15.0))
+"""Where it stands in a story [rad]: there the whole is seen for seconds, so it is to be large."""
+
 _DRIFT, _LONGEST = np.radians(1.2), 20.0
 """Angle per second of the film [rad/s] by which it goes round, and for how many seconds before and
 after its middle: long films do not end at the back."""
@@ -45,20 +48,28 @@ the map; and how many times as long as wide a world is that is turned to fit the
 
 
 def overview(
-    timeline: Timeline, structures: Structures, free_below: float = _FREE_BELOW
+    timeline: Timeline,
+    structures: Structures,
+    free_below: float = _FREE_BELOW,
+    at: float | None = None,
 ) -> Tracked:
-    """Looks at the whole world from one side, and drifts slowly round it."""
+    """Looks at the whole world from one side, and drifts slowly round it.
+
+    It stands at that side at a time [s] of a story, or else in the middle of the run.
+    """
     corners = corners_of(timeline, structures)
     passed = np.linspace(-_LONGEST, _LONGEST, 9)
-    times = 0.5 * (timeline.start + timeline.end) + passed * timeline.playback
+    middle = 0.5 * (timeline.start + timeline.end) if at is None else at
+    times = middle + passed * timeline.playback
     steep = _STEEP_INDOOR if structures.indoor else _STEEP
 
     @cache
     def track(aspect: float) -> Track:
         shape = steep, _FIELD, aspect, free_below
         # From the side from which the whole is as large as from any.
-        sides = [_fit(corners, times[:1], np.array([side]), *shape) for side in _SIDES]
-        side = min(sides, key=lambda track: float(track.aways[0])).turns[0]
+        sides = (_SIDES if at is None else _ALL_SIDES)[:, None]
+        tracks = [_fit(corners, times[:1], side, *shape) for side in sides]
+        side = min(tracks, key=lambda track: float(track.aways[0])).turns[0]
         return _fit(corners, times, side + _DRIFT * passed, *shape)
 
     return Tracked(track, {"cuts": True, "plan": False, "shot": "whole"})

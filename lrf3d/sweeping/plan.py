@@ -12,23 +12,20 @@ from typing import Any, NamedTuple
 
 from lrf3d.digest import digest, name_of, seed_of
 from lrf3d.errors import InputError, shown
+from lrf3d.files import own_name
 from lrf3d.geometry import whole_number
 from lrf3d.mapping.mapper import MODES
-from lrf3d.planning.free_space import Side
 from lrf3d.robot import Trajectory
-from lrf3d.scenario import Scenario, read_scenario_file, scenario_of
+from lrf3d.scenario import Scenario, scenario_of
 from lrf3d.simulation import line_mapper
 from lrf3d.world.schema import read_settings
-from lrf3d.world.size import size_warning
+from lrf3d.world.toml_file import WorldFile
 
 SIGMA, MODE, BEAMS = "noise.sigma", "mapper.mode", "laser.beams"
 """The settings that have an option of their own."""
 
 SIGMAS = (0.01, 0.04, 0.07, 0.21, 0.42, 0.63)
 """Default noises [m]: those of the paper's figures, and some between."""
-
-SEEDS = 20
-"""Default number of seeds of each setting."""
 
 USUAL = {"robust": "robust", "paper": "paper"}
 """Default mappers: both modes of the LineMapper."""
@@ -48,7 +45,6 @@ FORMAT = 2
 
 SettingValue = float | int | str | bool
 Row = dict[str, Any]
-Say = Callable[[str], None]
 
 
 class PlannedRun(NamedTuple):
@@ -73,13 +69,9 @@ class Plan:
     """All runs of a sweep in the order of its table, and the values of what is varied by column."""
 
     runs: tuple[PlannedRun, ...]
+    worlds: list[str]
     varied: dict[str, tuple[SettingValue, ...]]
     seeds: int
-
-    @property
-    def worlds(self) -> list[str]:
-        """The names of the worlds."""
-        return list(dict.fromkeys(str(run.columns["world"]) for run in self.runs))
 
     @property
     def columns(self) -> list[str]:
@@ -88,37 +80,28 @@ class Plan:
 
 
 def make_plan(
-    worlds: Sequence[str],
-    axes: Mapping[str, Sequence[SettingValue]] | None = None,
+    files: Sequence[WorldFile],
+    axes: Mapping[str, Sequence[SettingValue]] | None,
+    mappers: Mapping[str, Any],
+    seeds: int,
     *,
-    mappers: Mapping[str, Any] = USUAL,
-    seeds: int = SEEDS,
-    collision: Say | None = None,
-    where: Side | None = None,
-    say: Say = lambda message: None,
-    warn: Say = lambda message: None,
+    routed: Callable[[Scenario], Scenario] = Scenario.with_route,
+    collision: Callable[[str], None] | None = None,
 ) -> Plan:
     """Plan the runs of every combination of worlds, settings of world files, mappers and seeds.
 
-    The arguments are those of `sweep`. Each world is read once, and each route and drive computed
-    once. Routes are planned on the given side of the walls, which ``say`` is called with;
-    ``collision`` is called with the message of a collision, after which the drive continues.
+    The other arguments are those of `sweep`. Each drive is computed once, on a route that is
+    planned by ``routed``; ``collision`` is called with the message of a collision, after which the
+    drive continues.
     """
     axes = {SIGMA: SIGMAS} if axes is None else axes
-    values = {name.strip(): tuple(_checked(name, each) for each in axes[name]) for name in axes}
+    values = {name: tuple(_checked(name, each) for each in axes[name]) for name in axes}
     seeds = whole_number(seeds, "sweep: seeds", most=MOST_RUNS)
-    _check(worlds, mappers, values, seeds)
+    worlds = [own_name(file.path, file.world.name) for file in files]
+    _check({"worlds": worlds, "mappers": list(mappers), **values}, mappers, seeds)
     runs: list[PlannedRun] = []
-    names: set[str] = set()
-    for name in worlds:
-        file = read_scenario_file(name)
-        world = file.world
-        if world.name in names:
-            raise InputError(f"{name}: another world of the sweep is called {world.name}, too")
-        names.add(world.name)
-        if warning := size_warning(world):
-            warn(f"{name}: {warning}")
-        walls = digest((world.segments, world.objects, world.heights, *world.materials))
+    for file in files:
+        walls = [getattr(file.world, name) for name in ("segments", "objects", "heights")]
         drives: dict[Any, Trajectory] = {}
         for row in product(*values.values()):
             settings = dict(zip(values, row, strict=True))
@@ -127,14 +110,10 @@ def make_plan(
             robot = [value for key, value in settings.items() if key.startswith("robot.")]
             driven = (*robot, scenario.lrf.range_max)
             if driven not in drives:
-                routed = scenario.with_route(where=where, say=warn)
-                if routed.planned is not None:
-                    say(f"{name}: the route is planned {routed.planned} the walls")
-                drives[driven] = routed.trajectory(on_collision=collision)
+                drives[driven] = routed(scenario).trajectory(on_collision=collision)
             drive = drives[driven]
-            place = digest(
-                (walls, scenario.lrf, scenario.obstacles, scenario.radius, drive.times, drive.poses)
-            )
+            held = (digest((*walls, *file.world.materials)), scenario.lrf, scenario.obstacles)
+            place = digest((*held, scenario.radius, drive.times, drive.poses))
             known: Row = {"sigma_m": scenario.sigmas[0], "beams": scenario.lrf.beams}
             known |= {COLUMNS.get(key, key): value for key, value in settings.items()}
             bare = replace(scenario, mapper={})
@@ -148,41 +127,30 @@ def make_plan(
                 named: Row = {"world": scenario.name, "mapper": label, **known}
                 for seed in range(seeds):
                     # Runs under other names are other runs, so that the columns of all rows agree.
-                    columns: Row = {
-                        "key": digest((FORMAT, named, place, identity, seed))[:KEY_DIGITS],
-                        **named,
-                        "seed": seed,
-                        # All mappers and noises have the same seeds, to be compared run by run.
-                        "noise_seed": seed_of((place, seed)),
-                    }
+                    key = digest((FORMAT, named, place, identity, seed))[:KEY_DIGITS]
+                    # All mappers and noises have the same seeds, to be compared run by run.
+                    noise_seed = seed_of((place, seed))
+                    columns = {"key": key, **named, "seed": seed, "noise_seed": noise_seed}
                     runs.append(PlannedRun(columns, bare, drive, mapper))
     varied = {COLUMNS.get(name, name): each for name, each in values.items()}
-    return Plan(tuple(runs), {"mapper": tuple(mappers), **varied}, seeds)
+    return Plan(tuple(runs), worlds, {"mapper": tuple(mappers), **varied}, seeds)
 
 
-def _check(
-    worlds: Sequence[str],
-    mappers: Mapping[str, Any],
-    axes: Mapping[str, Sequence[SettingValue]],
-    seeds: int,
-) -> None:
-    """Refuse what cannot be run, before any world is read."""
-    if not worlds:
-        raise InputError("sweep: no world; name one, such as city")
+def _check(varied: Mapping[str, Sequence[Any]], mappers: Mapping[str, Any], seeds: int) -> None:
+    """Refuse what cannot be run."""
+    for name, values in varied.items():
+        if not values or len(set(values)) < len(values):
+            why = f"has a value twice: {', '.join(map(str, values))}" if values else "has no value"
+            raise InputError(f"sweep: {name} {why}")
+    if MODE in varied:
+        raise InputError(f"sweep: {MODE}: vary it by --mapper robust,paper")
     for label, mapper in mappers.items():
         if isinstance(mapper, str) and mapper not in MODES:
             known = ", ".join(MODES)
             raise InputError(f"sweep: mapper {shown(mapper)}: expected {known} or FILE.py:NAME")
         if not (isinstance(mapper, str | dict) or callable(getattr(mapper, "update", mapper))):
             raise InputError(f"sweep: mapper {label}: has no method update(scan)")
-    if MODE in axes:
-        raise InputError(f"sweep: {MODE}: vary it by --mapper robust,paper")
-    varied = {"mappers": tuple(mappers), **axes}
-    for name, values in varied.items():
-        if not values or len(set(values)) < len(values):
-            why = f"has a value twice: {values}" if values else "has no value"
-            raise InputError(f"sweep: {name} {why}")
-    if (runs := len(worlds) * seeds * prod(map(len, varied.values()))) > MOST_RUNS:
+    if (runs := seeds * prod(map(len, varied.values()))) > MOST_RUNS:
         raise InputError(f"sweep: {runs:,} runs with {seeds:,} seeds; at most {MOST_RUNS:,}")
 
 

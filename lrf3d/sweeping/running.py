@@ -19,13 +19,13 @@ from typing import Any
 
 from lrf3d.casting import PlanarCaster
 from lrf3d.cores import core_count, process_pool, results
-from lrf3d.errors import InputError, Lrf3dError, OutputError, missing_extra
-from lrf3d.files import locked, make_folder
+from lrf3d.errors import InputError, Lrf3dError, missing_extra
+from lrf3d.files import locked, make_folder, writing
 from lrf3d.interrupts import check, noting, stoppable
 from lrf3d.progress import Progress, silent
-from lrf3d.run import Run
+from lrf3d.scenario import read_scenario_file
 from lrf3d.scoring import buildings_seen, score_run, visible_walls
-from lrf3d.sweeping.plan import SEEDS, USUAL, Plan, PlannedRun, Row, SettingValue, make_plan
+from lrf3d.sweeping.plan import USUAL, Plan, PlannedRun, Row, SettingValue, make_plan
 from lrf3d.sweeping.table import SweepTable
 from lrf3d.world.pieces import joined_objects
 
@@ -42,7 +42,7 @@ def sweep(
     *,
     mappers: Mapping[str, Any] | Sequence[str] | None = None,
     axes: Mapping[str, Sequence[SettingValue]] | None = None,
-    seeds: int = SEEDS,
+    seeds: int = 20,
     folder: str | Path | None = None,
     resume: bool = False,
     workers: int | None = None,
@@ -82,8 +82,8 @@ def sweep(
     """
     if not isinstance(mappers, Mapping):
         mappers = USUAL if mappers is None else {label: label for label in mappers}
-    names = (worlds,) if isinstance(worlds, str) else tuple(worlds)
-    plan = make_plan(names, axes, mappers=mappers, seeds=seeds)
+    files = [read_scenario_file(each) for each in ([worlds] if isinstance(worlds, str) else worlds)]
+    plan = make_plan(files, axes, mappers, seeds)
     with ExitStack() as stack:
         place = folder or stack.enter_context(TemporaryDirectory(ignore_cleanup_errors=True))
         used = stack.enter_context(executor_of(workers)) if executor is None else executor
@@ -107,7 +107,7 @@ def run_plan(
     path = make_folder(folder) / ROWS.format("" if shard is None else ".{}of{}".format(*shard))
     mine = plan.runs if shard is None else plan.runs[shard[0] - 1 :: shard[1]]
     with locked(path):
-        kept = known_rows(plan, folder)
+        kept = kept_rows(plan, folder)
         missing = [run for run in mine if run.key not in kept]
         if len(missing) < len(mine) and not resume:
             raise InputError(
@@ -117,7 +117,7 @@ def run_plan(
         if path.exists():
             # The end of a line that a crash cut off.
             os.truncate(path, path.read_bytes().rfind(b"\n") + 1)
-        begin = done = len(mine) - len(missing)
+        done = len(mine) - len(missing)
         with noting(lambda: f"{len(kept)} of {len(plan.runs)} runs kept; go on with --resume"):
             progress(done, len(mine))
             for rows in _made(missing, executor):
@@ -125,10 +125,15 @@ def run_plan(
                 kept |= {row["key"]: row for row in rows}
                 done += len(rows)
                 progress(done, len(mine))
-    return SweepTable(plan, [kept[r.key] for r in plan.runs if r.key in kept], made=done - begin)
+    return table_of(plan, kept, made=len(missing))
 
 
-def known_rows(plan: Plan, folder: Path) -> dict[str, Row]:
+def table_of(plan: Plan, kept: Mapping[str, Row], made: int = 0) -> SweepTable:
+    """The table of the rows that are kept, by their keys."""
+    return SweepTable(plan, [kept[run.key] for run in plan.runs if run.key in kept], made)
+
+
+def kept_rows(plan: Plan, folder: Path) -> dict[str, Row]:
     """The rows of all jobs in a folder, by their keys; all have to be of the plan."""
     found: dict[str, Row] = {}
     for path in sorted(folder.glob(ROWS.format("*"))):
@@ -153,11 +158,8 @@ def known_rows(plan: Plan, folder: Path) -> dict[str, Row]:
 def _append(rows: Sequence[Row], path: Path) -> None:
     """Append rows to a file, where they are even if this process is killed afterwards."""
     text = "".join(json.dumps(row, allow_nan=False) + "\n" for row in rows)
-    try:
-        with path.open("ab") as file:
-            file.write(text.encode())
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written: {error.strerror}") from error
+    with writing(path, "make room"), path.open("ab") as file:
+        file.write(text.encode())
 
 
 @contextmanager
@@ -194,10 +196,8 @@ def _made(runs: Sequence[PlannedRun], executor: Executor | None) -> Iterator[lis
             check()
             yield rows_of([run])
         return
-    futures = [
-        executor.submit(rows_of, runs[first : first + BATCH])
-        for first in range(0, len(runs), BATCH)
-    ]
+    batches = [runs[first : first + BATCH] for first in range(0, len(runs), BATCH)]
+    futures = [executor.submit(rows_of, batch) for batch in batches]
     try:
         yield from results(futures)
     except BrokenProcessPool as error:
@@ -220,33 +220,26 @@ def _made(runs: Sequence[PlannedRun], executor: Executor | None) -> Iterator[lis
 
 def rows_of(runs: Sequence[PlannedRun]) -> list[Row]:
     """Make some runs; the row of each is a pure function of what it is made of."""
-    return [run.columns | _figures(_run(run)) for run in runs]
+    return [_row(run) for run in runs]
 
 
-def _run(planned: PlannedRun) -> Run:
+def _row(planned: PlannedRun) -> Row:
     mapper, scenario = planned.mapper, planned.scenario
     if not isinstance(mapper, dict):
         # A user's class or function makes a mapper for each run; a mapper is copied.
         mapper = deepcopy(mapper) if hasattr(type(mapper), "update") else mapper()
-    return scenario.run(
+    run = scenario.run(
         drive=planned.drive,
         mapper=mapper,
         rng=planned.columns["noise_seed"],
         caster=_caster(scenario.world),
         snapshots=1,
     )
-
-
-_caster = lru_cache(maxsize=1)(PlanarCaster)
-"""The caster of a world: runs that are sent together share their world."""
-
-
-def _figures(run: Run) -> Row:
-    """The figures of a run that a sweep keeps, in JSON's types."""
     _, walls = visible_walls(run)
     visible = len(set(joined_objects(run.world)[walls].tolist()))
     buildings = buildings_seen(run)
     return {
+        **planned.columns,
         **score_run(run).as_dict(),
         "map_objects": run.map.object_count,
         "visible_objects": visible,
@@ -254,3 +247,7 @@ def _figures(run: Run) -> Row:
         "seen_on_all_sides": buildings.seen_on_all_sides,
         "whole": buildings.whole,
     }
+
+
+_caster = lru_cache(maxsize=1)(PlanarCaster)
+"""The caster of a world: runs that are sent together share their world."""

@@ -13,9 +13,9 @@ import numpy as np
 
 from lrf3d.files import write_text
 from lrf3d.sweeping.plan import Plan, Row
-from lrf3d.text import table
+from lrf3d.text import counted, table
 
-INTERVAL_CONFIDENCE = 0.95
+CONFIDENCE = 0.95
 """Probability that an interval contains the mean."""
 
 MEASURES = {
@@ -39,13 +39,12 @@ def mean_of(values: Sequence[float | None]) -> dict[str, float | int | None]:
     """
     from scipy.stats import t
 
-    known = [value for value in values if value is not None]
+    known = np.array([value for value in values if value is not None])
     count, mean, low, high = len(known), None, None, None
-    if known:
-        mean = float(np.mean(known))
+    if count:
+        mean = float(known.mean())
     if mean is not None and count > 1:
-        spread = float(np.std(known, ddof=1)) / np.sqrt(count)
-        half = float(t.ppf(0.5 + 0.5 * INTERVAL_CONFIDENCE, count - 1)) * spread
+        half = float(t.ppf(0.5 + 0.5 * CONFIDENCE, count - 1) * known.std(ddof=1) / np.sqrt(count))
         low, high = mean - half, mean + half
     return {"mean": mean, "low": low, "high": high, "runs": count}
 
@@ -90,62 +89,47 @@ class SweepTable:
         return f"SweepTable({len(self.rows)} runs of {len(self.means)} settings)"
 
     def __str__(self) -> str:
+        seeds = counted(self.plan.seeds, "seed")
         return (
-            f"{table(*self._cells(' ± '))}\nMean of {self.plan.seeds} seeds ± half of its"
-            f" {100.0 * INTERVAL_CONFIDENCE:g} % interval. segments: per visible wall;"
-            " objects: per visible\nobject; 1 is ideal."
+            f"{table(*self._cells(' ± '))}\nMean of {seeds} ± half of its {100.0 * CONFIDENCE:g} %"
+            " interval. segments: per visible wall; objects: per visible\nobject; 1 is ideal."
         )
 
     def summary(self) -> dict[str, Any]:
         """The means with their intervals, in JSON's types: the same for the same rows."""
-        plan = self.plan
-        varied = {name: list(values) for name, values in plan.varied.items()}
+        varied = {name: list(values) for name, values in self.plan.varied.items()}
         return {
-            "sweep": {"worlds": plan.worlds, **varied, "seeds": plan.seeds},
+            "sweep": {"worlds": self.plan.worlds, **varied, "seeds": self.plan.seeds},
             "runs": len(self.rows),
-            "confidence": INTERVAL_CONFIDENCE,
+            "confidence": CONFIDENCE,
             "combinations": self.means,
         }
 
     def to_csv(self, path: str | Path) -> None:
-        """Write the means as CSV: for each measure its mean and the ends of its interval.
-
-        Raises:
-            OutputError: The file cannot be written.
-        """
-        lines = [dict(each) for each in self.means]
-        for line in lines:
-            for name in MEASURES:
-                mean = line.pop(name)
-                line |= {name: mean["mean"], f"{name}_low": mean["low"]}
-                line |= {f"{name}_high": mean["high"]}
-        _write_csv(lines, path)
+        """Write the means as CSV: for each measure its mean and the ends of its interval."""
+        ends = {"mean": "", "low": "_low", "high": "_high"}
+        flat = [
+            {name: each[name] for name in self.plan.columns}
+            | {f"{name}{end}": each[name][key] for name in MEASURES for key, end in ends.items()}
+            for each in self.means
+        ]
+        _write_csv(flat, path)
 
     def runs_to_csv(self, path: str | Path) -> None:
-        """Write a row for each run as CSV, in the order of the plan.
-
-        Raises:
-            OutputError: The file cannot be written.
-        """
+        """Write a row for each run as CSV, in the order of the plan."""
         _write_csv(self.rows, path)
 
     def to_latex(self, path: str | Path) -> None:
-        """Write the means as a LaTeX table, each with half of the width of its interval.
-
-        Raises:
-            OutputError: The file cannot be written.
-        """
+        """Write the means as a LaTeX table, each with half of the width of its interval."""
         head, lines = self._cells(r" \pm ")
         known = len(head) - len(MEASURES)
-        rows = [
-            [*line[:known], *(f"${cell}$" if cell != "–" else "--" for cell in line[known:])]
-            for line in lines
-        ]
-        text = [" & ".join(cells).replace("_", r"\_") + r" \\" for cells in (head, *rows)]
-        text[1:1] = [r"\hline"]
         columns = "l" * known + "r" * len(MEASURES)
-        body = [rf"\begin{{tabular}}{{{columns}}}", r"\hline", *text, r"\hline", r"\end{tabular}"]
-        write_text(path, "\n".join([*body, ""]))
+        text = [rf"\begin{{tabular}}{{{columns}}}", r"\hline", " & ".join(head), r"\hline"]
+        for line in lines:
+            figures = [f"${cell}$" if cell != "–" else "--" for cell in line[known:]]
+            text.append(" & ".join([*line[:known], *figures]))
+        text = [line.replace("_", r"\_") + r" \\" * (" & " in line) for line in text]
+        write_text(path, "\n".join([*text, r"\hline", r"\end{tabular}", ""]))
 
     def _cells(self, sign: str) -> tuple[list[str], list[list[str]]]:
         """The heading and the lines of the table of means, as text."""
@@ -181,11 +165,11 @@ def figures_of(result: SweepTable) -> dict[str, tuple[str, Callable[[Path], obje
     from lrf3d.render.sweep_figure import draw_sweep
 
     figures: dict[str, tuple[str, Callable[[Path], object]]] = {}
-    varied = {name: each for name, each in result.plan.varied.items() if len(each) > 1}
-    seeds = f"{result.plan.seeds} seeds  ·  mean and its {100.0 * INTERVAL_CONFIDENCE:g} % interval"
-    for world, (column, values) in product(result.plan.worlds, varied.items()):
-        if isinstance(values[0], str | bool):
-            continue
+    plan = result.plan
+    varied = {name: each for name, each in plan.varied.items() if len(each) > 1}
+    seeds = f"{plan.seeds} seeds  ·  mean and its {100.0 * CONFIDENCE:g} % interval"
+    numbers = [name for name in varied if not isinstance(varied[name][0], str | bool)]
+    for world, column in product(plan.worlds, numbers):
         others = [name for name in varied if name not in (column, "mapper")]
         fixed = {"world": world, **{other: varied[other][0] for other in others[1:]}}
         name = column.removesuffix("_m").replace(".", "_")

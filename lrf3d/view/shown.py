@@ -31,6 +31,7 @@ _LIMITS = {
     "time": (-1e9, 1e9),
     "width": (16, 8192),
     "height": (16, 8192),
+    "below": (0.0, 0.7),
     "around": (-1e3, 1e3),
     "over": (-1e3, 1e3),
     "zoom": (0.1, 10.0),
@@ -42,10 +43,6 @@ _LIMITS = {
 
 _LOWEST, _STEEPEST = math.radians(4.0), math.radians(88.0)
 """How steeply a look that a hand has turned goes down."""
-
-_OVER_BAR, _OVER_PADS, _UPRIGHT = -0.25, -0.1, math.radians(70.0)
-"""Where a robot that is followed is seen, from the middle up, in halves of the picture's height:
-below it is the bar, and in upright pictures pads; these have a wider angle of view [rad]."""
 
 _PLAN_SIDE = 0.3
 """Side of the plan in the corner, as a share of the shorter side of the picture."""
@@ -68,6 +65,8 @@ class Wanted:
     width: float = 1280.0
     height: float = 720.0
     """Size of the picture [pixels]."""
+    below: float = 0.0
+    """Share of its height, at the lower end, that controls cover."""
     around: float = 0.0
     over: float = 0.0
     """How far the hand has turned the camera round what it looks at, and upward [rad]."""
@@ -190,13 +189,12 @@ class Shown:
         return self._sender.message(parts, values)
 
     def _look(self, time: float, wanted: Wanted) -> Look:
-        aspect = wanted.width / wanted.height
+        # What is looked at is framed into the part of the picture that no controls cover.
+        free = 1.0 - wanted.below
         camera = self._cameras.get(wanted.view, self._cameras["follow"])
-        view = camera.look(time, aspect)
-        if wanted.view == "follow":
-            view = replace(view, shift=_OVER_BAR)
-            if aspect < 1.0:
-                view = replace(view, shift=_OVER_PADS, field=_UPRIGHT)
+        view = camera.look(time, wanted.width / (wanted.height * free))
+        field = 2.0 * math.atan(math.tan(0.5 * view.field) / free)
+        view = replace(view, field=field, shift=wanted.below + free * view.shift)
         if (wanted.around, wanted.over, wanted.zoom) != (0.0, 0.0, 1.0):
             view = _turned(view, wanted)
         return view

@@ -11,12 +11,6 @@ from lrf3d.geometry import LARGEST_COORDINATE, is_finite, number
 MOVING_VIEWS = ("chase", "first", "orbit", "overview", "story", "top")
 """Names of the cameras that every world has; they follow the robot or show everything."""
 
-DEFAULT_FIELD = 50.0
-"""Angle of view from the bottom to the top of the picture [degrees] if none is given."""
-
-WIDEST_VIEW = 170.0
-"""Angles of view are less than this [degrees]."""
-
 
 @dataclass(frozen=True, slots=True)
 class FixedCamera:
@@ -26,7 +20,7 @@ class FixedCamera:
         name: Its name, other than those of the cameras that every world has.
         position: x, y, z of the camera [m].
         target: x, y, z of the point in the middle of the picture [m].
-        field_deg: Angle of view from the bottom to the top of the picture [degrees].
+        field_deg: Angle of view from the bottom to the top of the picture [degrees], below 170.
         track: Whether it turns with the robot, which is then in the middle.
 
     Raises:
@@ -37,15 +31,13 @@ class FixedCamera:
     name: str
     position: tuple[float, float, float]
     target: tuple[float, float, float]
-    field_deg: float = DEFAULT_FIELD
+    field_deg: float = 50.0
     track: bool = False
 
     def __post_init__(self) -> None:
-        if not isinstance(self.name, str) or not self.name or self.name in MOVING_VIEWS:
-            raise WorldError(
-                f"camera name {shown(self.name)}: expected a name other than"
-                f" {', '.join(MOVING_VIEWS)}"
-            )
+        if not isinstance(self.name, str) or self.name in ("", *MOVING_VIEWS):
+            expected = f"expected a name other than {', '.join(MOVING_VIEWS)}"
+            raise WorldError(f"camera name {shown(self.name)}: {expected}")
         for key in ("position", "target"):
             point: Any = getattr(self, key)
             try:
@@ -56,8 +48,8 @@ class FixedCamera:
             self._check(near, key, "x, y, z [m]")
             object.__setattr__(self, key, (x, y, z))
         self._check(self.position != self.target, "target", "another point than the position")
-        fits = is_finite(self.field_deg) and 0.0 < self.field_deg < WIDEST_VIEW
-        self._check(fits, "field_deg", f"more than 0 and less than {WIDEST_VIEW:g}")
+        fits = is_finite(self.field_deg) and 0.0 < self.field_deg < 170.0
+        self._check(fits, "field_deg", "more than 0 and less than 170")
         self._check(self.track in (False, True), "track", "a bool")
 
     def _check(self, good: bool, key: str, expected: str) -> None:

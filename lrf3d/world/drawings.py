@@ -32,33 +32,15 @@ from lrf3d.world.pieces import world_of_strokes
 CURVE_ERROR = 0.005
 """Largest distance [m] of chords from their curve: about the width of a laser beam."""
 
-SHEET_SHARE = 2e-4
-"""Chords lie no farther from their curves than this share of the sheet: a drawing on paper is a
-thousandth of the size of what it shows."""
-
-SAMPLES = 1024
-"""Parts of a curve, of any kind, between which its second derivative is taken."""
-
-DPI = 96.0
-"""Pixels of CSS, the unit of numbers without one, in an inch."""
-
-PIXEL = 0.0254 / DPI
-"""Such a pixel [m]."""
+DPI, PIXEL = 96.0, 0.0254 / 96.0
+"""Pixels of CSS, the unit of numbers without one, in an inch, and such a pixel [m]."""
 
 UNITS = {"": PIXEL, "px": PIXEL, "m": 1.0, "cm": 1e-2, "mm": 1e-3, "q": 0.25e-3}
 UNITS |= {"in": 0.0254, "pt": 0.0254 / 72.0, "pc": 0.0254 / 6.0}
 """Metres in the units of lengths."""
 
-_LENGTH = re.compile(rf"([+\d.eE-]*[\d.])\s*({'|'.join(UNITS)})", re.IGNORECASE)
-
-UNDRAWN = {"clipPath", "mask", "pattern", "marker"}
-"""Elements whose parts are not drawn."""
-
-CURVE_SHARE = 1.0 / 2000.0
-"""Largest distance of chords from a curve, relative to its extent."""
-
 OUTLINES = frozenset("LINE LWPOLYLINE POLYLINE ARC CIRCLE ELLIPSE SPLINE SOLID TRACE".split())
-"""Entities that are walls."""
+"""Entities of DXF that are walls."""
 
 
 def read_svg(path: Path) -> World:
@@ -76,7 +58,8 @@ def read_svg(path: Path) -> World:
     _prepare(root)
     root.attrib.update(width=f"{width}", height=f"{height}", preserveAspectRatio="xMinYMax")
     drawing = SVG.parse(BytesIO(ElementTree.tostring(root)), ppi=DPI)
-    tolerance = min(CURVE_ERROR / PIXEL, SHEET_SHARE * max(width, height))
+    # A drawing on paper is a thousandth of the size of what it shows.
+    tolerance = min(CURVE_ERROR / PIXEL, 2e-4 * max(width, height))
     strokes = [
         (np.array([0.0, height]) + _points(part, tolerance) * [1.0, -1.0]) * PIXEL
         for element in drawing.elements()
@@ -93,7 +76,7 @@ def _prepare(root: Element) -> None:
     fitted = {f"#{each.get('id')}" for each in root.iter() if _fits(each, "symbol")}
     for element in list(root.iter()):
         for part in list(element):
-            if _name(part) in {*UNDRAWN, "symbol"}:
+            if _name(part) in ("clipPath", "mask", "pattern", "marker", "symbol"):
                 element.remove(part)
             if _name(part) == "symbol":
                 part.tag = "g"
@@ -118,7 +101,7 @@ def _size(root: Element) -> tuple[float, float]:
     sides: list[float | None] = []
     for key in ("width", "height"):
         text = root.get(key, "").strip()
-        match = _LENGTH.fullmatch(text)
+        match = re.fullmatch(rf"([+\d.eE-]*[\d.])\s*({'|'.join(UNITS)})", text, re.IGNORECASE)
         length = float(match.group(1)) * UNITS[match.group(2).lower()] / PIXEL if match else 0.0
         given = text not in ("", "auto") and not text.endswith("%")
         if given and not 0.0 < length <= LARGEST_COORDINATE:
@@ -139,25 +122,22 @@ def _size(root: Element) -> tuple[float, float]:
 
 
 def _points(outline: Any, tolerance: float) -> Float:
-    """The corners (k, 2) [units] of one outline, with curves as chords.
-
-    A chord over a share h of a curve deviates from it by at most h²·max|curve″| / 8.
-    """
+    """The corners (k, 2) [units] of one outline, with curves as chords."""
+    import shapely
     from svgelements import Close, Line, Move
 
     points = [np.empty((0, 2))]
     for piece in outline:
-        if piece.end is None:
-            continue
-        if not isinstance(piece, Move | Line | Close):
-            second = np.diff(piece.npoint(np.linspace(0.0, 1.0, SAMPLES + 1)), n=2, axis=0)
-            bend = SAMPLES**2 * float(np.hypot(second[:, 0], second[:, 1]).max())
-            # At most a hundred thousand chords.
-            if not bend / tolerance <= 8e10:
-                raise WorldError("holds a curve that is too large or not finite")
-            chords = max(1, math.ceil(math.sqrt(bend / (8.0 * tolerance))))
-            points.append(piece.npoint(np.linspace(0.0, 1.0, chords + 1)[1:-1]).reshape(-1, 2))
-        points.append(np.array([[piece.end.x, piece.end.y]], dtype=np.float64))
+        if isinstance(piece, Move | Line | Close):
+            points.append(np.array([piece.end or ()], dtype=np.float64).reshape(-1, 2))
+        else:
+            # Chords over h of a curve are h²·max|curve″| / 8 off it, here less than the tenth left.
+            curve = piece.npoint(np.linspace(0.0, 1.0, 4097))
+            with np.errstate(all="ignore"):
+                chords = shapely.simplify(
+                    shapely.linestrings(curve), 0.9 * tolerance, preserve_topology=False
+                )
+            points.append(shapely.get_coordinates(chords)[1:])
     return np.concatenate(points)
 
 
@@ -217,6 +197,6 @@ def _strokes(entity: Any, tolerance: float) -> Iterator[Float]:
     extent = float(np.ptp(corners, axis=0).max())
     if not extent <= LARGEST_COORDINATE:
         raise WorldError("holds a curve that is not finite, or far too large")
-    distance = min(tolerance, CURVE_SHARE * extent)
+    distance = min(tolerance, extent / 2000.0)
     for part in outline.sub_paths():
         yield np.array([(point.x, point.y) for point in part.flattening(distance, segments=4)])

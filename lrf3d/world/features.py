@@ -33,28 +33,11 @@ CLOSING = 0.05
 STRAIGHT = 0.01
 """Largest distance [m] from a straight façade of a corner that is left out."""
 
-SNAP = 0.002
-"""Distance [m] within which a corner of a block takes the coordinates of a corner of the source."""
-
-SMALLEST_COURTYARD = 1.0
-"""Area [m²] below which a hole in a block is a gap between footprints and not a courtyard."""
-
-MITRE_LIMIT = 20.0
-"""Corners sharper than 6° are cut when gaps are closed; all others come back as they were."""
-
 EARTH_RADIUS = 6_371_008.8
 """Mean radius of the Earth [m]."""
 
-WIDEST_DEGREES = 0.5
-"""Largest extent [°] of a file in degrees: in metres it would be half a pace wide."""
-
-LARGEST_BUILDING = 0.01
-"""Largest median extent of the outlines [°] of a file in degrees: about 1 km; in metres it would be
-the width of a finger."""
-
 _METRES = re.compile(r"\s*(\d+(?:[.,]\d*)?|[.,]\d+)\s*(?:m|metres?|meters?)?\s*")
 _FEET = re.compile(r"""\s*(\d+(?:\.\d+)?)\s*(?:ft|feet|')\s*(?:(\d+(?:\.\d+)?)\s*(?:in|"))?\s*""")
-_FOOT, _INCH = 0.3048, 0.0254
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,12 +55,6 @@ class Feature:
         """Its ``Polygon`` or ``LineString`` shapes."""
         return [shape for shape in self.shapes if shape.geom_type == kind]
 
-    def moved(self, move: Callable[[Float], Float]) -> "Feature":
-        """The feature with all its points (k, 2) moved."""
-        import shapely
-
-        return replace(self, shapes=tuple(shapely.transform(s, move) for s in self.shapes))
-
     def part(self, number: int, segments: Float, default: float) -> Part:
         """Walls of an object that look like the feature, with its height or the default."""
         height = self.height
@@ -85,6 +62,15 @@ class Feature:
             height = max(height)
         heights = np.array(default if height is None else height)
         return Part(number, segments, heights, self.name, self.colour, self.material)
+
+
+def moved(features: Sequence[Feature], move: Callable[[Float], Float]) -> list[Feature]:
+    """Features with all their points (k, 2) moved."""
+    import shapely
+
+    return [
+        replace(f, shapes=tuple(shapely.transform(s, move) for s in f.shapes)) for f in features
+    ]
 
 
 def feature_of(item: object) -> Feature:
@@ -169,7 +155,7 @@ def metres_of(text: str) -> float | None:
     if match := _METRES.fullmatch(text):
         return float(match.group(1).replace(",", "."))
     if match := _FEET.fullmatch(text):
-        return _FOOT * float(match.group(1)) + _INCH * float(match.group(2) or 0.0)
+        return 0.3048 * float(match.group(1)) + 0.0254 * float(match.group(2) or 0.0)
     return None
 
 
@@ -183,7 +169,8 @@ def looks_geographic(features: Sequence[Feature]) -> bool:
         return False
     sizes = np.abs(_from(boxes[:, 2:], boxes[:, :2])).max(axis=1)
     widest = np.ptp(_from(points, points[0]), axis=0).max()
-    return bool(widest <= WIDEST_DEGREES and np.median(sizes) < LARGEST_BUILDING)
+    # In metres the whole would be half a pace wide, and half of the outlines less than a finger.
+    return bool(widest <= 0.5 and np.median(sizes) < 0.01)
 
 
 def laid_flat(features: Sequence[Feature]) -> tuple[list[Feature], Float, float]:
@@ -195,15 +182,14 @@ def laid_flat(features: Sequence[Feature]) -> tuple[list[Feature], Float, float]
     low, high = local.min(axis=0), local.max(axis=0)
     longitude, latitude = points[0] + 0.5 * (low + high)
     centre = np.array([(longitude + 180.0) % 360.0 - 180.0, latitude])
-    flat = [feature.moved(partial(lay_flat, centre=centre)) for feature in features]
+    flat = moved(features, partial(lay_flat, centre=centre))
     return flat, centre, float((high - low).max())
 
 
 def lay_flat(points: Float, centre: Float) -> Float:
     """Metres (k, 2) east and north of a centre (2,) [°], by the equirectangular projection.
 
-    Over 10 km its lengths are accurate to about one part in a thousand at middle latitudes, which
-    turns no wall by more than the width of a beam.
+    Over 10 km its lengths are accurate to about one part in a thousand at middle latitudes.
     """
     scale = np.radians(1.0) * EARTH_RADIUS * np.array([np.cos(np.radians(centre[1])), 1.0])
     return np.asarray(_from(points, centre) * scale, dtype=np.float64)
@@ -229,10 +215,9 @@ def world_of_features(
     for feature in features:
         lines = [walls(np.array(line.coords)) for line in feature.of_kind("LineString")]
         if lines or numbered:
-            number = parts[-1].number + 1 if parts else 0
-            number = feature.number if numbered and feature.number is not None else number
+            number = feature.number if numbered else parts[-1].number + 1 if parts else 0
             segments = np.concatenate([np.empty((0, 4)), *lines])
-            parts.append(feature.part(number, segments, DEFAULT_HEIGHT))
+            parts.append(feature.part(number or 0, segments, DEFAULT_HEIGHT))
     if not any(len(part.segments) for part in parts):
         raise WorldError("the footprints are too small to leave a wall")
     return world_of_parts(parts, name, place=place)
@@ -247,16 +232,19 @@ def _blocks(features: Sequence[Feature]) -> Iterator[Part]:
     import shapely
     from scipy.spatial import cKDTree
 
-    owners = [feature for feature in features for _ in feature.of_kind("Polygon")]
-    polygons = [polygon for feature in features for polygon in feature.of_kind("Polygon")]
-    if not polygons:
+    owned = [(feature, polygon) for feature in features for polygon in feature.of_kind("Polygon")]
+    if not owned:
         return
+    owners, polygons = zip(*owned, strict=True)
     alone = [each.part(0, np.empty((0, 4)), DEFAULT_BUILDING_HEIGHT) for each in owners]
     tall = np.array([part.heights.max() for part in alone])
     corners = shapely.get_coordinates(polygons)
     origin = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
     source = cKDTree(corners - origin)
-    local = np.array([_valid(shapely.transform(p, lambda xy: xy - origin)) for p in polygons])
+    local = shapely.transform(np.array(polygons), lambda xy: xy - origin)
+    # An outline that crosses itself is made valid; lines there and back enclose nothing.
+    crossed = ~shapely.is_valid(local)
+    local[crossed] = shapely.buffer(shapely.make_valid(local[crossed]), 0.0)
     first, second = shapely.STRtree(local).query(local, predicate="dwithin", distance=CLOSING)
     label = groups(first, second, len(local))
     number = 0
@@ -264,14 +252,16 @@ def _blocks(features: Sequence[Feature]) -> Iterator[Part]:
     for members in np.split(np.argsort(label, kind="stable"), np.cumsum(np.bincount(label))[:-1]):
         rings = []
         for index, points in _rings(local[members]):
-            gaps, nearest = source.query(points)
-            exact = np.where((np.asarray(gaps) <= SNAP)[:, None], corners[nearest], points + origin)
+            # Corners that came from the source, and not from closing a gap, are as in the source.
+            gaps, nearest = map(np.asarray, source.query(points))
+            exact = np.where((gaps <= 0.002)[:, None], corners[nearest], points + origin)
             once = (exact != np.roll(exact, 1, axis=0)).any(axis=1)
             exact, points = exact[once], points[once]
             if len(points) < 3:
                 continue
             ring = shapely.linearrings(points)
-            if shapely.area(shapely.polygons(ring)) > (SMALLEST_COURTYARD if index else 0.0):
+            # A hole of less than a square metre is a gap between footprints and no courtyard.
+            if shapely.area(shapely.polygons(ring)) > (1.0 if index else 0.0):
                 turn = 1 if shapely.is_ccw(ring) == (index == 0) else -1
                 tops = _heights(points[::turn], local[members], tall[members])
                 rings.append(Part(number, walls(exact[::turn], closed=True), tops))
@@ -279,19 +269,6 @@ def _blocks(features: Sequence[Feature]) -> Iterator[Part]:
             yield from rings
             yield from (alone[each]._replace(number=number) for each in members.tolist())
             number += 1
-
-
-def _valid(polygon: Any) -> Any:
-    """A polygon, made valid if it crosses itself; lines there and back enclose nothing."""
-    import shapely
-
-    return polygon if polygon.is_valid else shapely.union_all(_areas(shapely.make_valid(polygon)))
-
-
-def _areas(geometry: Any) -> list[Any]:
-    import shapely
-
-    return [part for part in shapely.get_parts([geometry]) if part.geom_type == "Polygon"]
 
 
 def _rings(polygons: Any) -> Iterator[tuple[int, Float]]:
@@ -304,11 +281,10 @@ def _rings(polygons: Any) -> Iterator[tuple[int, Float]]:
     union = shapely.union_all(polygons)
     if len(polygons) > 1:
         # Slightly more than half on each side, so that a gap of exactly this width is closed.
+        # Corners sharper than 6° are cut; all others come back as they were.
         for distance in (0.5001 * CLOSING, -0.5001 * CLOSING):
-            union = shapely.buffer(
-                union, distance, join_style="mitre", mitre_limit=MITRE_LIMIT, quad_segs=1
-            )
-    for part in _areas(union):
+            union = shapely.buffer(union, distance, join_style="mitre", mitre_limit=20.0)
+    for part in shapely.get_parts([union]):
         for index, outline in enumerate((part.exterior, *part.interiors)):
             ring = np.array(outline.coords)
             line = shapely.simplify(shapely.linestrings(from_corner(ring)), STRAIGHT)

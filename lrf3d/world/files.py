@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from lrf3d.errors import InputError, OutputError, WorldError
-from lrf3d.files import check_ordinary, worlds_folder
+from lrf3d.files import check_ordinary, data_folder
 from lrf3d.world.model import World
 from lrf3d.world.schema import at
 
@@ -81,9 +81,8 @@ def load_world(
                 raise
             # What a library raises depends on the damage.
             reason = f"{type(error).__name__}: {' '.join(str(error).split())}"[:120].strip(": ")
-            raise WorldError(
-                f"damaged, or not a {path.suffix[1:].lower()} file ({reason}); save it again"
-            ) from error
+            kind = path.suffix[1:].lower()
+            raise WorldError(f"damaged, or not a {kind} file ({reason}); save it again") from error
     return world
 
 
@@ -122,9 +121,8 @@ def save_world(world: World, path: str | Path, *, resolution: float | None = Non
         raise OutputError(f"{path}: unknown ending; a world is written as {', '.join(WRITERS)}")
     options = {} if resolution is None else {"resolution": resolution}
     if resolution is not None and not (ending == ".yaml" and 1e-4 <= resolution <= 1e4):
-        raise OutputError(
-            f"{path}: resolution {resolution:g}: expected 0.0001 to 10000 m, for a ROS map (.yaml)"
-        )
+        expected = "expected 0.0001 to 10000 m, for a ROS map (.yaml)"
+        raise OutputError(f"{path}: resolution {resolution:g}: {expected}")
     _function(WRITERS[ending])(world, path, **options)
 
 
@@ -143,7 +141,7 @@ def world_names() -> list[str]:
         >>> lrf3d.world_names()
         ['city', 'corridor', 'glass_office', 'mirror_hall', 'paper_room', 'warehouse']
     """
-    return sorted(path.stem for path in worlds_folder().glob("*.toml"))
+    return sorted(path.stem for path in data_folder("worlds").glob("*.toml"))
 
 
 def find_world(name_or_path: str | Path) -> Path:
@@ -153,7 +151,7 @@ def find_world(name_or_path: str | Path) -> Path:
     """
     names, known = world_names(), ", ".join(READERS)
     if isinstance(name_or_path, str) and name_or_path in names:
-        return worlds_folder() / f"{name_or_path}.toml"
+        return data_folder("worlds") / f"{name_or_path}.toml"
     path = Path(name_or_path)
     near = get_close_matches(path.stem, names, n=1)
     suggestion = f"; did you mean {near[0]!r}?" if near else ""
@@ -169,12 +167,9 @@ def find_world(name_or_path: str | Path) -> Path:
     if path.is_dir() or path.suffix.lower() == ".npz":
         run = not path.is_dir() or (path / "run.npz").exists()
         what = "a run, for `lrf3d view` and others" if run else "a folder"
-        raise WorldError(
-            f"{path}: {what}; expected a world: {', '.join(names)}, or a file ({known})"
-        )
+        worlds = f"{', '.join(names)}, or a file ({known})"
+        raise WorldError(f"{path}: {what}; expected a world: {worlds}")
     if path.is_file() or path.suffix:
         raise WorldError(f"{path}: unknown ending; worlds are read from {known}")
-    raise WorldError(
-        f"{name_or_path}: unknown world{suggestion}; built-in are {', '.join(names)}; or give a"
-        f" file ({known})"
-    )
+    worlds = f"built-in are {', '.join(names)}; or give a file ({known})"
+    raise WorldError(f"{name_or_path}: unknown world{suggestion}; {worlds}")

@@ -40,8 +40,7 @@ class FreeCells:
         object.__setattr__(self, "origin", tuple(as_pose(self.origin)))
 
     def __repr__(self) -> str:
-        rows, columns = self.cells.shape
-        return f"FreeCells({rows} x {columns} cells of {self.resolution:g} m)"
+        return f"FreeCells({' x '.join(map(str, self.cells.shape))} cells of {self.resolution:g} m)"
 
     def contain(self, points: Float) -> Bool:
         """Which of the points (k, 2) [m] lie in a free cell; points outside the grid do not."""
@@ -81,7 +80,5 @@ class FreeCells:
             cells = [np.repeat(np.arange(len(row)) % 2 == 1, row) for row in rows]
             return cls(np.array(cells), values["resolution"], values["origin"])
         except (KeyError, TypeError, ValueError, OverflowError):
-            raise InputError(
-                f"{key}: expected resolution, origin and rows, each row a list of run lengths, of"
-                f" equal sums, of at most {MOST_CELLS:,} cells"
-            ) from None
+            expected = f"rows of run lengths, of equal sums, of at most {MOST_CELLS:,} cells"
+            raise InputError(f"{key}: expected resolution, origin and {expected}") from None

@@ -20,30 +20,15 @@ WIDEST = 0.4
 OVERSHOOT = 0.3
 """Largest length [m] of a wall beyond its corner, which is cut off."""
 
-LEAST_ANGLE = np.deg2rad(15.0)
-"""Angle [rad] between walls below which they are one wall with a gap instead of a corner."""
-
-ASIDE = 0.1
-"""Largest distance [m] of the two ends of a straight gap, across the wall."""
-
 STEP = 0.05
 """Distance [m] between the points of a closing piece that are compared with the free cells."""
-
-MOST_FREE = 0.25
-"""Largest share of the closing piece in free cells: the borders of free space are ragged."""
 
 
 def world_of_map(mapped: World, free: FreeCells | None = None) -> World:
     """A map as a world: its walls meet at corners, and walls that touch are one object."""
     segments, walls = close_gaps(mapped.segments, free)
-    return World(
-        segments,
-        connected(segments),
-        mapped.heights[walls],
-        mapped.name,
-        place=mapped.place,
-        free=free,
-    )
+    heights, place = mapped.heights[walls], mapped.place
+    return World(segments, connected(segments), heights, mapped.name, place=place, free=free)
 
 
 def close_gaps(segments: Float, free: FreeCells | None = None) -> tuple[Float, Int]:
@@ -98,7 +83,7 @@ def _closings(ends: Float) -> Iterator[tuple[Int, Float]]:
     distance = np.hypot(*between.T)
     straight = np.isnan(first) & (np.einsum("ij,ij->i", outward[one], outward[other]) < 0.0)
     straight &= (np.einsum("ij,ij->i", outward[one], between) > 0.0) & (distance <= WIDEST)
-    straight &= np.abs(cross(outward[one], between)) <= ASIDE
+    straight &= np.abs(cross(outward[one], between)) <= 0.1
     tree = shapely.STRtree(shapely.linestrings(ends.reshape(-1, 2, 2)))
     end, wall = tree.query(shapely.points(ends), predicate="dwithin", distance=WIDEST)
     begin, length = ends[2 * wall], np.hypot(*(ends[2 * wall + 1] - ends[2 * wall]).T)
@@ -122,10 +107,10 @@ def _closings(ends: Float) -> Iterator[tuple[Int, Float]]:
 def _crossing(begins: Float, along: Float, others: Float, beside: Float) -> tuple[Float, ...]:
     """Distances (k,) from begins and others to where their lines cross, and the crossings (k, 2).
 
-    They are NaN where the lines are parallel, or nearly so.
+    They are NaN for lines less than 15° apart, which are one wall with a gap and no corner.
     """
     sine = cross(along, beside)
-    sine[np.abs(sine) <= np.sin(LEAST_ANGLE)] = np.nan
+    sine[np.abs(sine) <= np.sin(np.radians(15.0))] = np.nan
     first = cross(others - begins, beside) / sine
     second = cross(others - begins, along) / sine
     return first, second, begins + first[:, None] * along
@@ -141,6 +126,7 @@ def _is_free(free: FreeCells, begins: Float, corner: Float, origin: Float) -> bo
     for begin in begins:
         count = int(np.hypot(*(corner - begin)) / STEP) + 1
         shares = (np.arange(count) + 0.5) / count
-        if free.contain(begin + shares[:, None] * (corner - begin) + origin).mean() > MOST_FREE:
+        # The borders of free space are ragged.
+        if free.contain(begin + shares[:, None] * (corner - begin) + origin).mean() > 0.25:
             return True
     return False

@@ -5,13 +5,12 @@ Cities with any number of walls at one density serve benchmarks.
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float
-from lrf3d.world.model import World
+from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.pieces import Part, walls, world_of_parts
 
 THICKNESS = 0.2
@@ -20,14 +19,11 @@ THICKNESS = 0.2
 DOOR = 2.2
 """Clear width of a door [m]: three robots of usual size."""
 
-WALL_HEIGHT, WALL_COLOUR = 2.5, (0.80, 0.77, 0.71)
-"""Height of walls [m], and the warm white of their plaster."""
+WALL_COLOUR = (0.80, 0.77, 0.71)
+"""The warm white of plaster."""
 
-CORRIDOR, ROOM_DEPTH = 2.6, 5.0
-"""Width of an office's corridor and depth of its rooms [m]."""
-
-ROOM_WIDTHS = (3.8, 6.0)
-"""Narrowest and widest room of an office [m]."""
+CORRIDOR, ROOM_DEPTH, ROOM_WIDTHS = 2.6, 5.0, (3.8, 6.0)
+"""Width of an office's corridor, depth of its rooms, and their least and largest width [m]."""
 
 SMALLEST_ROOM = 4.0
 """Smallest side of a room of a house [m]."""
@@ -40,15 +36,8 @@ FACADES = np.array(
 WOOD, STONE = (0.66, 0.50, 0.36), (0.62, 0.63, 0.65)
 """Colours of furniture and of pillars."""
 
-SIZES = (12.0, 1000.0)
-"""Smallest and largest side of a generated world [m]."""
-
 BLOCK_SIDE = 20.0
 """Distance between the centres of neighbouring buildings [m]."""
-
-SHIFT, HALF, LARGEST_TURN = 2.0, (4.0, 7.0), 0.3
-"""Largest offset of a building from the centre of its block [m], range of half of its side lengths
-[m], and largest turn [rad]: the narrowest street is 3 m wide."""
 
 PASSAGE = 2.6
 """Distance between neighbouring walls of a maze [m]."""
@@ -101,7 +90,7 @@ class FloorPlan:
             rings = [np.array(ring.coords)[:-1] for ring in (part.exterior, *part.interiors)]
             outline = np.concatenate([walls(np.round(ring, 3), closed=True) for ring in rings])
             called = f"walls {len(parts)}" if parts else "walls"
-            parts.append(Part(0, outline, np.array(WALL_HEIGHT), called, WALL_COLOUR))
+            parts.append(Part(0, outline, np.array(DEFAULT_HEIGHT), called, WALL_COLOUR))
         parts += self.boxes
         return world_of_parts([p._replace(number=n) for n, p in enumerate(parts)], name)
 
@@ -121,8 +110,8 @@ def generate(kind: str, *, size: float | None = None, seed: int = 0) -> World:
         raise InputError(f"{kind}: unknown kind of world; known are {', '.join(KINDS)}")
     make, usual = KINDS[kind]
     size = usual if size is None else size
-    if not SIZES[0] <= size <= SIZES[1]:
-        raise InputError(f"size {size:g} m: expected {SIZES[0]:g} to {SIZES[1]:g} m")
+    if not 12.0 <= size <= 1000.0:
+        raise InputError(f"size {size:g} m: expected 12 to 1000 m")
     return make(size, seed)
 
 
@@ -133,13 +122,8 @@ def city(size: float, seed: int) -> World:
     rng = np.random.default_rng([seed, 1])
     heights = np.repeat(np.round(rng.uniform(5.0, 16.0, blocks**2), 1), 4)
     colours = FACADES[rng.integers(0, len(FACADES), blocks**2)] / 255.0
-    return replace(
-        plain,
-        segments=np.round(plain.segments, 3),
-        heights=heights,
-        colours=colours,
-        name=f"city {seed}",
-    )
+    segments = np.round(plain.segments, 3)
+    return World(segments, plain.objects, heights, f"city {seed}", colours=colours)
 
 
 def office(size: float, seed: int) -> World:
@@ -151,16 +135,15 @@ def office(size: float, seed: int) -> World:
     pitch = 2.0 * ROOM_DEPTH + CORRIDOR
     top = storeys * pitch
     plan.outer_walls(size, top)
+    wings = [(0.0, across), (across + CORRIDOR, size)]
     for storey in range(storeys):
         low = storey * pitch
-        if storey:
-            for left, right in ((0.0, across), (across + CORRIDOR, size)):
-                plan.wall(left, low, right, low)
+        for left, right in wings if storey else ():
+            plan.wall(left, low, right, low)
         sides = ((low, low + ROOM_DEPTH, 1.0), (low + pitch - ROOM_DEPTH, low + pitch, -1.0))
         for bottom, end, faces in sides:
             crossed = storeys > 1 and not (bottom == 0.0 or end == top)
-            wings = [(0.0, across), (across + CORRIDOR, size)] if crossed else [(0.0, size)]
-            for left, right in wings:
+            for left, right in wings if crossed else [(0.0, size)]:
                 _row_of_rooms(plan, rng, (left, bottom, right, end), faces)
     return plan.world(f"office {seed}")
 
@@ -207,17 +190,16 @@ def rooms(size: float, seed: int) -> World:
     return plan.world(f"rooms {seed}")
 
 
+Door = tuple[int, float, float]
+"""The axis of a door's wall, the position of the wall, and that of the door along it."""
+
+
 def _divide(
-    plan: FloorPlan,
-    rng: np.random.Generator,
-    low: Float,
-    high: Float,
-    doors: list[tuple[int, float, float]],
+    plan: FloorPlan, rng: np.random.Generator, low: Float, high: Float, doors: list[Door]
 ) -> None:
     """Divide a box from its low to its high corner (2,) [m] by a wall with a door, then its parts.
 
-    Each door so far is the axis of its wall, the position of the wall, and that of the door along
-    it: no later wall may end in front of a door.
+    No wall ends in front of one of the doors so far.
     """
     clear, sides = 0.5 * DOOR + 2.0 * THICKNESS, high - low
     axis = int(np.argmax(sides * rng.uniform(0.8, 1.2, 2)))
@@ -234,7 +216,8 @@ def _divide(
     if not free or sides[axis] < float(rng.uniform(2.0, 3.0)) * SMALLEST_ROOM:
         if sides.min() > 1.8 * SMALLEST_ROOM:
             middle = low + 0.5 * sides
-            plan.box("pillar", np.round(middle - 0.3, 2), np.array([0.6, 0.6]), WALL_HEIGHT, STONE)
+            corner, size = np.round(middle - 0.3, 2), np.array([0.6, 0.6])
+            plan.box("pillar", corner, size, DEFAULT_HEIGHT, STONE)
         return
     cut = float(np.round(rng.choice(free), 2))
     start, end = float(low[1 - axis]), float(high[1 - axis])
@@ -255,9 +238,10 @@ def generate_city(walls: int, *, seed: int = 0) -> World:
     rng = np.random.default_rng(seed)
     count = walls // 4
     row, column = np.divmod(np.arange(count), city_blocks(walls)[0])
-    middles = BLOCK_SIDE * np.column_stack([column, row]) + rng.uniform(-SHIFT, SHIFT, (count, 2))
-    halves = rng.uniform(*HALF, (count, 1, 2)) * [[-1, -1], [1, -1], [1, 1], [-1, 1]]
-    turn = rng.uniform(-LARGEST_TURN, LARGEST_TURN, count)
+    # The narrowest street is 3 m wide.
+    middles = BLOCK_SIDE * np.column_stack([column, row]) + rng.uniform(-2.0, 2.0, (count, 2))
+    halves = rng.uniform(4.0, 7.0, (count, 1, 2)) * [[-1, -1], [1, -1], [1, 1], [-1, 1]]
+    turn = rng.uniform(-0.3, 0.3, count)
     cos, sin = np.cos(turn)[:, None], np.sin(turn)[:, None]
     corners = middles[:, None] + np.stack(
         [cos * halves[..., 0] - sin * halves[..., 1], sin * halves[..., 0] + cos * halves[..., 1]],

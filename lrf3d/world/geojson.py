@@ -27,6 +27,7 @@ from lrf3d.world.features import (
     feature_of,
     laid_flat,
     looks_geographic,
+    moved,
     world_of_features,
 )
 from lrf3d.world.free_cells import FreeCells
@@ -41,11 +42,6 @@ DEGREES = {"4326", "4258", "4269"}
 
 WEB_MERCATOR = {"3857", "900913", "3785", "102100", "102113"}
 """EPSG's and ESRI's codes of the projection of web maps, which enlarges Delft by 1.6."""
-
-MERCATOR_RADIUS = 6_378_137.0
-"""Radius [m] of the sphere of web maps."""
-
-_CODE = re.compile(r"(?:EPSG|ESRI)\D.*?(\d{4,6})\b")
 
 
 def read_geojson(path: Path) -> World:
@@ -65,7 +61,7 @@ def read_geojson(path: Path) -> World:
         reference = data.get("crs")
         code = _code_of(reference)
         if code in WEB_MERCATOR:
-            features = [feature.moved(_from_web_mercator) for feature in features]
+            features = moved(features, _from_web_mercator)
         if code in DEGREES | WEB_MERCATOR or (reference is None and looks_geographic(features)):
             features, centre, _ = laid_flat(features)
             place = (float(centre[0]), float(centre[1]))
@@ -81,15 +77,15 @@ def read_geojson(path: Path) -> World:
 def _code_of(reference: object) -> str:
     """The EPSG code of a ``crs``; 4326 for CRS84, empty without one."""
     text = json.dumps(reference)
-    match = _CODE.search(text)
+    match = re.search(r"(?:EPSG|ESRI)\D.*?(\d{4,6})\b", text)
     return "4326" if "CRS84" in text else match.group(1) if match else ""
 
 
 def _from_web_mercator(points: Float) -> Float:
     """Longitudes and latitudes (k, 2) [°] of points (k, 2) [m] of a web map."""
-    longitude = points[:, 0] / MERCATOR_RADIUS
-    latitude = np.arctan(np.sinh(points[:, 1] / MERCATOR_RADIUS))
-    return np.asarray(np.degrees(np.column_stack([longitude, latitude])), dtype=np.float64)
+    longitude, north = points.T / 6_378_137.0  # The radius [m] of the sphere of web maps.
+    degrees: Float = np.degrees(np.column_stack([longitude, np.arctan(np.sinh(north))]))
+    return degrees
 
 
 def _features(data: dict[str, Any]) -> Iterator[Feature]:

@@ -27,17 +27,6 @@ NEAR = 13
 """Side [cells] of the squares about parts of three cells and more in which walls are not thinned: a
 slanted wall of two and a half cells has some such parts."""
 
-WIDEST_HOLE = 4.3
-"""Largest distance [cells] between ends of walls, or single cells, that are joined: three empty
-cells, because measured maps have holes."""
-
-FARTHEST_JOINT = 1.0
-"""Largest distance [cells] that a joint is moved to where the fitted lines meet."""
-
-STIFFNESS = 0.001
-"""Weight of the place of a joint beside those of the lines that meet there, which may be
-parallel."""
-
 AROUND = [(0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)]
 """Rows and columns to the neighbours of a cell, counter-clockwise from the east."""
 
@@ -162,12 +151,11 @@ def _bridges(chains: list[Complex], lone: Complex) -> Complex:
     _, where, count = np.unique(ends, return_inverse=True, return_counts=True)
     single = np.flatnonzero(count[where] == 1)
     free = np.concatenate([ends[single], lone])
-    if len(free) < 2:
-        return np.empty((0, 2), np.complex128)
     owner = np.concatenate([single // 2, -1 - np.arange(len(lone))])
     slots = np.repeat([1, 2], [len(single), len(lone)])
     tree = cKDTree(np.column_stack([free.real, free.imag]))
-    near = tree.query_pairs(WIDEST_HOLE, output_type="ndarray")
+    # Measured maps have holes: three empty cells are bridged.
+    near = tree.query_pairs(4.3, output_type="ndarray")
     near = near[owner[near[:, 0]] != owner[near[:, 1]]]
     bridges = []
     for pair in near[np.argsort(np.abs(free[near[:, 0]] - free[near[:, 1]]))]:
@@ -175,13 +163,6 @@ def _bridges(chains: list[Complex], lone: Complex) -> Complex:
             slots[pair] -= 1
             bridges.append(free[pair])
     return np.array(bridges, np.complex128).reshape(-1, 2)
-
-
-def _middles(occupied: Bool, double: Bool, cells: Int) -> Complex:
-    """How far the middle of a wall two cells thick is from the middles of its cells (k, 2)."""
-    near, steps = _around(occupied, cells), np.array(AROUND) @ [1.0j, 1.0]
-    # All of these cells are occupied themselves.
-    return np.asarray(double[tuple(cells.T)] * (steps @ near) / (near.sum(axis=0) + 1))
 
 
 def _straightened(chains: list[Complex], occupied: Bool, double: Bool) -> Float:
@@ -193,10 +174,12 @@ def _straightened(chains: list[Complex], occupied: Bool, double: Bool) -> Float:
     count = np.array([len(chain) for chain in chains])
     number, first = np.repeat(np.arange(len(chains)), count), np.cumsum(count) - count
     points = np.concatenate(chains)
-    cells = np.column_stack([points.imag, points.real]).astype(np.int64)
     inside = (points.real % 1.0 == 0.5) & (points.imag % 1.0 == 0.5)
+    cells = np.column_stack([points.imag, points.real])[inside].astype(np.int64)
+    # The middle of a wall two cells thick is the mean of its cells here.
+    near, steps = _around(occupied, cells), np.array(AROUND) @ [1.0j, 1.0]
     moved = points.copy()
-    moved[inside] += _middles(occupied, double, cells[inside])
+    moved[inside] += double[tuple(cells.T)] * (steps @ near) / (near.sum(axis=0) + 1)
     # Both points of a post of two by two cells would become one.
     post = (count == 2) & (moved[first] == moved[first + 1])
     points = np.where(post[number], points, moved)
@@ -231,9 +214,9 @@ def _fitted(points: Float, first: Int, last: Int) -> Float:
     matrix, right = np.zeros((len(joints), 2, 2)), np.zeros((len(joints), 2))
     np.add.at(matrix, joint, outer)
     np.add.at(right, joint, np.einsum("kij,kj->ki", outer, np.tile(mean, (2, 1)) - ends))
-    matrix += STIFFNESS * np.trace(matrix, axis1=1, axis2=2)[:, None, None] * np.eye(2)
+    # Lines that meet may be parallel: the place of the joint itself has a little weight.
+    matrix += 0.001 * np.trace(matrix, axis1=1, axis2=2)[:, None, None] * np.eye(2)
     step = np.linalg.solve(matrix, right[:, :, None])[:, :, 0]
-    step[np.hypot(step[:, 0], step[:, 1]) > FARTHEST_JOINT] = 0.0
-    begins, ends = (joints + step)[joint].reshape(2, -1, 2)
-    segments = np.hstack([begins, ends])
+    step[np.hypot(step[:, 0], step[:, 1]) > 1.0] = 0.0
+    segments = np.hstack([*(joints + step)[joint].reshape(2, -1, 2)])
     return segments[lengths(segments) > 1e-6]

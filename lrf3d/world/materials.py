@@ -17,9 +17,6 @@ from lrf3d.errors import WorldError, check_names, shown
 from lrf3d.geometry import number
 from lrf3d.world.schema import at, check_unique, made
 
-SMOOTH_DEG = 1.0
-"""Widest lobe [°] of a surface that a beam leaves as a beam; in a wider one its light scatters."""
-
 
 @dataclass(frozen=True, slots=True)
 class Material:
@@ -63,14 +60,10 @@ class Material:
             for key, most in LIMITS.items():
                 object.__setattr__(self, key, number(getattr(self, key), key, most=most))
         if self.diffuse + self.specular + self.transmission > 1.0 + 1e-12:
-            raise WorldError(
-                f"{called}: diffuse, specular and transmission are more than 1 together"
-            )
+            raise WorldError(f"{called}: diffuse, specular and transmission are over 1 together")
         if self.index and (self.index < 1.0 or self.specular or self.transmission):
-            raise WorldError(
-                f"{called}: index is {self.index:g}; expected 1 or more, and then neither specular"
-                " nor transmission, which follow from it"
-            )
+            expected = "1 or more, and neither specular nor transmission, which follow from it"
+            raise WorldError(f"{called}: index is {self.index:g}; expected {expected}")
 
     @classmethod
     def of(cls, value: "str | Material") -> "Material":
@@ -79,8 +72,8 @@ class Material:
 
     @property
     def mirrors(self) -> bool:
-        """Whether a beam goes on in the mirrored direction."""
-        return bool(self.specular or self.index) and self.lobe_deg <= SMOOTH_DEG
+        """Whether a beam goes on in the mirrored direction; in a wide lobe its light scatters."""
+        return bool(self.specular or self.index) and self.lobe_deg <= 1.0
 
     @property
     def passes(self) -> bool:
@@ -165,8 +158,6 @@ def checked(materials: Sequence[str | Material | None], count: int) -> tuple[Mat
     if not any(found):
         return ()
     if len(found) != count:
-        raise WorldError(
-            f"{len(found)} materials for {count} objects: expected one for each, or none at all"
-        )
+        raise WorldError(f"{len(found)} materials for {count} objects: expected one for each")
     check_unique("materials", [material.name for material in set(found) if material is not None])
     return found

@@ -19,26 +19,13 @@ from lrf3d.files import own_name, replacing
 from lrf3d.geometry import LARGEST_COORDINATE, Float, Int, quad_indices
 from lrf3d.world.materials import material_of, material_value
 from lrf3d.world.model import World
-from lrf3d.world.pieces import (
-    Part,
-    connected,
-    from_corner,
-    walls,
-    without_repeats,
-    world_of_parts,
-)
+from lrf3d.world.pieces import Part, connected, from_corner, walls, without_repeats, world_of_parts
 
 if TYPE_CHECKING:
     import trimesh
 
 CUT = 0.5
 """Height [m] at which a mesh is cut: the default height of the laser."""
-
-FLAT = 1e-6
-"""Tolerance for collinear cuts, relative to the extent: the resolution of float32."""
-
-PLAIN = 0.78
-"""Grey of walls without a colour."""
 
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """From z up to y up, as in glTF."""
@@ -53,11 +40,10 @@ def read_mesh(path: Path) -> World:
     part_of = np.repeat(np.arange(len(parts)), [len(own) for _, own in parts])
     segments, face = level_cut(triangles, CUT)
     if not len(segments):
-        low, high = triangles[..., 2].min(), triangles[..., 2].max()
-        raise WorldError(
-            f"nothing stands at a height of {CUT:g} m; the mesh reaches from {low:g} to {high:g} m"
-        )
-    tolerance = FLAT * max(float(np.ptp(segments.reshape(-1, 2), axis=0).max()), 1e-3)
+        reach = f"{triangles[..., 2].min():g} to {triangles[..., 2].max():g} m"
+        raise WorldError(f"nothing stands at a height of {CUT:g} m; the mesh reaches from {reach}")
+    # Collinear to the resolution of float32.
+    tolerance = 1e-6 * max(float(np.ptp(segments.reshape(-1, 2), axis=0).max()), 1e-3)
     # Walls of one line and unequal heights stay apart.
     top = triangles[face, :, 2].max(axis=1)
     kinds = np.column_stack([part_of[face], np.round(top / tolerance)])
@@ -97,10 +83,8 @@ def _parts(path: Path) -> list[tuple[Part, Float]]:
         vertices = trimesh.transform_points(np.asarray(mesh.vertices, dtype=np.float64), matrix)
         triangles = (vertices @ UPRIGHT if upright else vertices)[mesh.faces]
         if not (np.abs(triangles) <= LARGEST_COORDINATE).all():
-            raise WorldError(
-                f"part {shown(name)} has a vertex that is not finite, or over"
-                f" {LARGEST_COORDINATE:g} m away"
-            )
+            far = f"not finite, or over {LARGEST_COORDINATE:g} m away"
+            raise WorldError(f"part {shown(name)} has a vertex that is {far}")
         look = getattr(mesh.visual, "material", None)
         factor = getattr(look, "baseColorFactor", None)
         colour = None if factor is None else np.asarray(factor[:3]) / 255.0
@@ -127,12 +111,9 @@ def _joined(segments: Float, tolerance: float) -> Float:
 def level_cut(triangles: Float, height: float) -> tuple[Float, Int]:
     """Where triangles (n, 3, 3) meet the level plane at a height [m].
 
-    A cut ends on edges of its triangle. Its ends are rounded to float64, to the same bits for both
-    triangles at an edge, so that no beam passes between them. On vertical edges, such as those of
-    houses, nothing is rounded. Triangles within the plane have no cut: their neighbours bound them.
-
-    Returns:
-        The cuts (m, 4) as segments x1 y1 x2 y2 [m], and which triangle (m,) each is of.
+    The cuts (m, 4) are segments x1 y1 x2 y2 [m], each of one of the triangles (m,). They are
+    rounded to float64, to the same bits for both triangles at an edge, so that no beam passes
+    between them, and not at all on upright edges. Triangles within the plane have no cut.
     """
     near = (triangles[:, :, 2].min(axis=1) <= height) & (triangles[:, :, 2].max(axis=1) >= height)
     faces = np.flatnonzero(near)
@@ -155,24 +136,27 @@ def level_cut(triangles: Float, height: float) -> tuple[Float, Int]:
     return segments[long], faces[cut][long]
 
 
+def upright(world: World) -> Float:
+    """The corners (n, 4, 3) [m] of the walls: along the ground, and back along the top."""
+    ends = world.segments.reshape(-1, 2, 2)
+    corners = np.zeros((len(ends), 4, 3))
+    corners[:, :2, :2], corners[:, 2:, :2] = ends, ends[:, ::-1]
+    corners[:, 2:, 2] = world.heights[:, None]
+    return corners
+
+
 def extrude(world: World) -> "trimesh.Trimesh":
     """Raise every wall from the ground, z = 0, to its height.
 
-    Triangles 2i and 2i + 1 are wall i, so ``triangle // 2`` is the wall. The mesh is in the local
-    frame: ``world.origin`` is subtracted from x and y, so that float32 casters lose no digits far
-    from the origin.
+    Triangles 2i and 2i + 1 are wall i. ``world.origin`` is subtracted from x and y, so that float32
+    casters lose no digits.
     """
     import trimesh
 
-    count = len(world.segments)
-    ends = world.segments.reshape(count, 2, 2) - world.origin
-    vertices = np.zeros((count, 4, 3))
-    vertices[:, :2, :2] = ends
-    vertices[:, 2:, :2] = ends[:, ::-1]
-    vertices[:, 2:, 2] = world.heights[:, None]
-    faces = quad_indices(count).reshape(-1, 3)
+    vertices = upright(world).reshape(-1, 3) - [*world.origin, 0.0]
+    faces = quad_indices(len(world.segments)).reshape(-1, 3)
     # Processing would merge vertices and drop faces, and so break the numbering of the faces.
-    return trimesh.Trimesh(vertices.reshape(-1, 3), faces, process=False)
+    return trimesh.Trimesh(vertices, faces, process=False)
 
 
 def write_glb(world: World, path: Path) -> None:
@@ -188,7 +172,8 @@ def write_glb(world: World, path: Path) -> None:
     for number in np.unique(world.objects).tolist():
         own = world.objects == number
         colour = world.colours[number]
-        shade = np.append(colour if np.isfinite(colour).all() else np.full(3, PLAIN), 1.0)
+        # Walls without a colour are light grey.
+        shade = np.append(np.where(np.isfinite(colour), colour, 0.78), 1.0)
         look = visual.material.PBRMaterial(
             baseColorFactor=shade, metallicFactor=0.0, roughnessFactor=0.9, doubleSided=True
         )

@@ -36,19 +36,17 @@ class World(Value, Pictured):
     Args:
         segments: (n, 4) rows x1 y1 x2 y2 [m], in the coordinates of the source, also far from
             the origin.
-        objects: (n,) number of the object that each wall belongs to, from 0 to 1,000,000; 0 for
-            all walls if not given.
+        objects: (n,) number of the object of each wall, from 0 to 1,000,000; 0 if not given.
         heights: (n,) heights of the walls above the ground [m]; 2.5 if not given.
         name: Name of the world in pictures and files.
         object_names: A name for each object, or no names.
         cameras: Fixed cameras, each with a unique name.
         colours: (objects, 3) red, green, blue in 0…1 for each object; NaN if none is given.
         place: Longitude and latitude [°] of the point (0, 0), where the source was in degrees.
-        free: Cells that are known to be free, which only ROS maps have: routes are planned through
-            them. They do not affect beams.
-        materials: A material for each object, as a :class:`Material` or the name of a built-in one,
-            and None for objects that are of plaster; or no materials. Scans of a world with
-            materials have intensities, its mirrors turn beams, and its glass lets them through.
+        free: Cells that a map knows to be free: routes are planned through them.
+        materials: A :class:`Material` for each object, the name of a built-in one, or None for
+            plaster; or no materials. Scans of a world with materials have intensities, its mirrors
+            turn beams, and its glass lets them through.
 
     Raises:
         WorldError: A segment has no length or an end that is not finite or over 1e9 m away, the
@@ -96,9 +94,8 @@ class World(Value, Pictured):
         _check(long, "wall", "ends", rows, "two different points; remove one")
         numbers = _array(np.zeros(walls) if objects is None else objects, "objects", (walls,))
         whole = (numbers >= 0.0) & (numbers <= MOST_OBJECTS) & (numbers == np.floor(numbers))
-        _check(
-            whole, "wall", "object", numbers, f"whole numbers from 0 to {MOST_OBJECTS}: renumber"
-        )
+        renumber = f"whole numbers from 0 to {MOST_OBJECTS}: renumber"
+        _check(whole, "wall", "object", numbers, renumber)
         owned = sealed(numbers.astype(np.int64))
         count = int(owned.max(initial=-1)) + 1
         tops = np.full(walls, DEFAULT_HEIGHT) if heights is None else heights
@@ -114,10 +111,11 @@ class World(Value, Pictured):
             raise WorldError(f"{len(names)} names for {count} objects: expected one for each")
         filmed = _items(cameras, FixedCamera, "cameras")
         check_unique("cameras", [camera.name for camera in filmed])
-        point = None if place is None else _items(place, int | float, "place")
-        if point is not None and not (len(point) == 2 and is_finite(*point)):
-            raise WorldError(f"place: expected longitude and latitude, found {shown(place)}")
-        point = None if point is None else (float(point[0]), float(point[1]))
+        point = None
+        if place is not None:
+            if not (isinstance(place, list | tuple) and len(place) == 2 and is_finite(*place)):
+                raise WorldError(f"place: expected longitude and latitude, found {shown(place)}")
+            point = float(place[0]), float(place[1])
         made_of = _items(() if materials is None else materials, str | Material | None, "materials")
         [called], [cells] = _items([name], str, "name"), _items([free], FreeCells | None, "free")
         looks = (called, names, shades, filmed, point, cells, checked(made_of, count))
@@ -141,9 +139,7 @@ class World(Value, Pictured):
     @cached_property
     def bounds(self) -> Float:
         """Corners (2, 2) of the box around all walls: smallest x, y and largest x, y [m]."""
-        ends = self.segments.reshape(-1, 2)
-        if not len(ends):
-            return sealed(np.zeros((2, 2)))
+        ends = self.segments.reshape(-1, 2) if len(self.segments) else np.zeros((1, 2))
         return sealed(np.stack([ends.min(axis=0), ends.max(axis=0)]))
 
     @cached_property
@@ -158,11 +154,7 @@ class World(Value, Pictured):
         return int(self.objects.max(initial=-1)) + 1
 
     def scaled(self, factor: float) -> "World":
-        """The world with x and y scaled about (0, 0); heights stay the same.
-
-        Raises:
-            WorldError: The factor is not from 0.000001 to 1000000, or a wall has no length left.
-        """
+        """The world with x and y scaled about (0, 0) by 0.000001 to 1000000; heights stay."""
         if not (is_finite(factor) and 1e-6 <= factor <= 1e6):
             raise WorldError(f"scale {shown(factor)}: expected 0.000001 to 1000000")
         if factor == 1.0:
@@ -191,9 +183,9 @@ def _array(values: ArrayLike, name: str, shape: tuple[int, ...]) -> Float:
         raise WorldError(str(error)) from None
     if array.size == 0 and shape[0] <= 0:
         return sealed(np.empty((0, *shape[1:])))
-    if not array.ndim or array.shape[1:] != shape[1:] or (shape[0] >= 0 and len(array) != shape[0]):
-        rows = ", ".join(["n" if each < 0 else str(each) for each in shape])
-        raise WorldError(f"{name} of shape {array.shape}: expected ({rows})")
+    if not array.ndim or array.shape != (len(array) if shape[0] < 0 else shape[0], *shape[1:]):
+        expected = str(shape).replace("-1", "n")
+        raise WorldError(f"{name} of shape {array.shape}: expected {expected}")
     return array
 
 

@@ -33,36 +33,11 @@ from lrf3d.world.materials import BUILT_IN, material_of
 from lrf3d.world.model import World
 from lrf3d.world.schema import parse_colour
 
-WIDEST_EXTRACT = 2.0
-"""Largest extent [°] of the buildings: beyond it the projection is too inaccurate."""
-
-HIGHEST = 1000.0
-"""Height [m] above which a tag counts as an error."""
-
-ABOVE_BEAMS = 2.0
-"""Least height above the ground [m] of buildings that the robot passes under."""
-
-NO_WALLS = {"no", "roof", "carport"}
-"""Values of the tag building without walls."""
-
 DEFAULT_TREE = 8.0
 """Height [m] of a tree of which nothing is given: one along a street, some decades old."""
 
-_TALLEST, _LOWEST = 100.0, 1.0
-"""Heights [m] outside of which a tag counts as an error."""
-
-_CROWN = 0.6
-"""Width of a crown, in heights of its tree."""
-
-_SLENDER = 1.0 / 45.0
-"""Radius of a trunk at the height of a laser, in heights of its tree."""
-
-_RADII, _SIDES = (0.05, 1.2), 6
-"""Least and largest radius of a trunk [m], and number of its sides."""
-
-_CLEAR = 0.1
-"""Trees whose trunks are nearer than this to a building [m] are left out: maps are not as exact,
-and what touches a wall would be a part of it."""
+CROWN, SLENDER = 0.6, 1.0 / 45.0
+"""Width of a crown, and radius of a trunk at the height of a laser, in heights of its tree."""
 
 Tags = dict[str, str]
 
@@ -78,10 +53,9 @@ def read_osm(path: Path, *, trees: bool = False) -> World:
     if not features:
         raise WorldError("holds no whole building, so there is no wall")
     features, centre, extent = laid_flat(features)
-    if extent > WIDEST_EXTRACT:
-        raise WorldError(
-            f"buildings {extent:.1f}° apart, expected at most {WIDEST_EXTRACT:g}°; cut out a part"
-        )
+    # Farther apart the projection is too inaccurate.
+    if extent > 2.0:
+        raise WorldError(f"buildings {extent:.1f}° apart, expected at most 2°; cut out a part")
     if trees and extract.trees:
         places = lay_flat(np.array([place for place, _ in extract.trees]), centre)
         buildings = [polygon for feature in features for polygon in feature.shapes]
@@ -187,12 +161,14 @@ def _feature(tags: Tags, area: Any) -> Feature:
 
 def is_building(tags: Tags) -> bool:
     """Whether tags describe a building whose walls reach the ground."""
-    if tags.get("building", "no") in NO_WALLS or tags.get("location") == "underground":
+    without_walls = tags.get("building", "no") in ("no", "roof", "carport")
+    if without_walls or tags.get("location") == "underground":
         return False
     above = metres_of(tags.get("min_height", ""))
     if above is None:
         above = LEVEL_HEIGHT * (metres_of(tags.get("building:min_level", "")) or 0.0)
-    return above < ABOVE_BEAMS
+    # The robot passes under what is higher.
+    return above < 2.0
 
 
 def tag_height(tags: Tags) -> float | None:
@@ -201,22 +177,22 @@ def tag_height(tags: Tags) -> float | None:
     if height is None:
         levels = metres_of(tags.get("building:levels", "")) or 0.0
         height = LEVEL_HEIGHT * (levels + (metres_of(tags.get("roof:levels", "")) or 0.0))
-    return height if 0.0 < height <= HIGHEST else None
+    # A building of over a kilometre is an error.
+    return height if 0.0 < height <= 1000.0 else None
 
 
 def tree_height(tags: Tags) -> float:
     """Height [m] of a tree: given, or as its crown is wide, or that of most."""
     height = metres_of(tags.get("height", ""))
     if height is None:
-        height = (metres_of(tags.get("diameter_crown", "")) or 0.0) / _CROWN
-    return height if _LOWEST <= height <= _TALLEST else DEFAULT_TREE
+        height = (metres_of(tags.get("diameter_crown", "")) or 0.0) / CROWN
+    return height if 1.0 <= height <= 100.0 else DEFAULT_TREE
 
 
 def trunk_radius(tags: Tags) -> float:
     """Radius [m] of the trunk of a tree: by its circumference, or as such trees have it."""
     around = metres_of(tags.get("circumference", "")) or 0.0
-    radius = around / (2.0 * np.pi) or _SLENDER * tree_height(tags)
-    return float(np.clip(radius, *_RADII))
+    return float(np.clip(around / (2.0 * np.pi) or SLENDER * tree_height(tags), 0.05, 1.2))
 
 
 def trunks(places: Float, tags: list[Tags], buildings: list[Any]) -> list[Feature]:
@@ -224,20 +200,16 @@ def trunks(places: Float, tags: list[Tags], buildings: list[Any]) -> list[Featur
     import shapely
 
     radii, points = np.array([trunk_radius(each) for each in tags]), shapely.points(places)
+    # Maps are not as exact as a decimetre, and what touches a wall would be a part of it.
     houses = shapely.STRtree(shapely.make_valid(np.array(buildings)))
-    tree, _ = houses.query(points, predicate="dwithin", distance=radii + _CLEAR)
-    near = np.zeros(len(points), dtype=bool)
-    near[tree] = True
+    near = houses.query(points, predicate="dwithin", distance=radii + 0.1)[0]
     # Of a tree that is mapped twice, the first one counts.
-    first, second = shapely.STRtree(points).query(
-        points, predicate="dwithin", distance=radii + radii.max()
-    )
-    gap = np.hypot(*(places[first] - places[second]).T)
-    near[second[(first < second) & (gap <= radii[first] + radii[second])]] = True
-    turn = np.arange(_SIDES + 1) % _SIDES * (2.0 * np.pi / _SIDES)
+    circles = shapely.buffer(points, radii)
+    first, second = shapely.STRtree(circles).query(circles, predicate="intersects")
+    turn = np.arange(7) % 6 * (2.0 * np.pi / 6)
     circle = np.column_stack([np.cos(turn), np.sin(turn)])
     found = []
-    for number in np.flatnonzero(~near).tolist():
+    for number in sorted({*range(len(tags))} - {*near} - {*second[first < second]}):
         own = tags[number]
         outline = shapely.LineString(places[number] + radii[number] * circle)
         name = own.get("name") or own.get("species") or own.get("genus") or ""

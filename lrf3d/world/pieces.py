@@ -17,12 +17,6 @@ from lrf3d.world.schema import colour_value
 TOUCHING = 0.001
 """Largest gap [m] between walls that touch: no beam can separate them, so they are one object."""
 
-FINEST_GAP = 1e-4
-"""Largest gap relative to the size of the drawing, for drawings in their size on paper."""
-
-SHORTEST = 1e-9
-"""Length [m] up to which a stroke is a point."""
-
 
 class Part(NamedTuple):
     """Walls (n, 4) [m] of one object, with one height [m] or one for each, and its looks."""
@@ -95,9 +89,8 @@ def lines_of(segments: Float) -> list[Float]:
 def runs_of(world: World) -> Iterator[tuple[int, dict[str, Any], list[Any], Any]]:
     """Runs of consecutive walls of one object: its number and looks, their lines and height.
 
-    The looks are the name, the colour and the material of the object, as far as it has them. Lines
-    are lists of points [x, y]; there is one height [m], or one for each wall. Objects without walls
-    come first.
+    The looks are the name, the colour and the material, as far as it has them; lines are lists of
+    points; there is one height [m], or one for each wall. Objects without walls come first.
     """
 
     def looks(number: int) -> dict[str, Any]:
@@ -126,11 +119,12 @@ def world_of_strokes(strokes: Sequence[Float], path: Path) -> World:
     segments = np.concatenate(pieces) if pieces else np.empty((0, 4))
     if not (np.abs(segments) <= LARGEST_COORDINATE).all():
         raise WorldError(f"holds a line that is not finite, or over {LARGEST_COORDINATE:g} m away")
-    segments = without_repeats(segments[lengths(segments) > SHORTEST])
+    segments = without_repeats(segments[lengths(segments) > 1e-9])
     if not len(segments):
         raise WorldError("holds no line and no outline, so there is no wall")
     extent = float(np.ptp(segments.reshape(-1, 2), axis=0).max())
-    gap = min(TOUCHING, FINEST_GAP * extent)
+    # Drawings may have the size of their paper.
+    gap = min(TOUCHING, 1e-4 * extent)
     return World(segments, connected(segments, gap), name=own_name(path))
 
 

@@ -27,20 +27,14 @@ from lrf3d.world.model import World
 from lrf3d.world.pieces import connected
 from lrf3d.world.schema import Converter, accepting, row, text
 
-LARGEST_PICTURE = 1 << 28
-"""Largest picture [bytes]."""
-
 OCCUPIED, UNKNOWN, FREE = 0, 205, 254
 """Values of the pixels of cells as map_saver writes them."""
-
-RESOLUTION = 0.05
-"""Default side of a cell [m], unless the map becomes too large."""
 
 FREE_MARGIN = 1.0
 """Width of the free space [m] around the walls."""
 
 MOST_WRITTEN = 1 << 25
-"""Largest number of cells of a written map, 33 million."""
+"""Largest number of cells of a written map."""
 
 KEYS: Mapping[str, Converter] = {
     "image": text(),
@@ -72,10 +66,8 @@ def read_ros_map(path: Path) -> World:
     lines: dict[str, int] = {}
     for key, _ in node.value if node else ():
         name, line = str(key.value), key.start_mark.line + 1
-        if lines.setdefault(name, line) != line:
-            raise WorldError(
-                f"line {line}: the key {shown(name)} stands in line {lines[name]}, too; remove one"
-            )
+        if (first := lines.setdefault(name, line)) != line:
+            raise WorldError(f"line {line}: the key {shown(name)} stands in line {first}, too")
     values = {**USUAL, **{key: KEYS[key](value, key) for key, value in data.items() if key in KEYS}}
     if Path(values["image"]).name != values["image"].removeprefix("./"):
         name = shown(values["image"])
@@ -136,7 +128,7 @@ def _light(picture: Path) -> tuple[Single, Bool]:
     """How light the pixels of a picture are on white paper, from 0 to 1, and which are opaque."""
     from PIL import Image
 
-    with opened(picture, what="a picture", largest=LARGEST_PICTURE) as file:
+    with opened(picture, what="a picture", largest=1 << 28) as file:
         try:
             with Image.open(file, formats=["PNG", "PPM", "BMP"]) as image:
                 if image.width * image.height > MOST_CELLS:
@@ -164,10 +156,8 @@ def _check_size(picture: Path, image: Any) -> None:
         found = picture.stat().st_size - begin
         # A line break behind the pixels is harmless.
         if not expected <= found <= expected + 2:
-            raise WorldError(
-                f"{picture}: {found:,} bytes of pixels, but {image.width} by {image.height} pixels"
-                f" by its header are {expected:,}; save the picture again"
-            )
+            sizes = f"{found:,} bytes of pixels, {expected:,} by its header"
+            raise WorldError(f"{picture}: {sizes}; save the picture again")
 
 
 def write_ros_map(world: World, path: Path, *, resolution: float | None = None) -> None:
@@ -191,7 +181,7 @@ def write_ros_map(world: World, path: Path, *, resolution: float | None = None) 
         described.write_text(text, encoding="utf-8")
 
 
-def cell_size(world: World, least: float = RESOLUTION) -> float:
+def cell_size(world: World, least: float = 0.05) -> float:
     """The side of the cells [m] of a world's map: the least, or more for a large world."""
     low, high = world.bounds[0] - FREE_MARGIN, world.bounds[1] + FREE_MARGIN
     smallest = float(np.sqrt(np.prod(high - low) / MOST_WRITTEN))
@@ -235,17 +225,15 @@ def _walled_cells(segments: Float) -> tuple[Int, Int]:
     centre is nearest.
     """
     steep = np.abs(segments[:, 3] - segments[:, 1]) > np.abs(segments[:, 2] - segments[:, 0])
-    along = np.where(steep[:, None], segments[:, [1, 3]], segments[:, [0, 2]])
-    across = np.where(steep[:, None], segments[:, [0, 2]], segments[:, [1, 3]])
-    backward = along[:, 0] > along[:, 1]
-    along[backward], across[backward] = along[backward, ::-1], across[backward, ::-1]
-    start, end = np.floor(along).astype(np.int64).T
+    turned = np.where(steep[:, None], segments[:, [1, 0, 3, 2]], segments)
+    backward = turned[:, 0] > turned[:, 2]
+    turned[backward] = turned[backward][:, [2, 3, 0, 1]]
+    start, end = np.floor(turned[:, ::2]).astype(np.int64).T
     counts = end - start + 1
     wall = np.repeat(np.arange(len(segments)), counts)
     major = start[wall] + np.arange(len(wall)) - np.repeat(np.cumsum(counts) - counts, counts)
-    length = along[:, 1] - along[:, 0]
-    share = (major + 0.5 - along[wall, 0]) / np.maximum(length, 1e-12)[wall]
+    x1, y1, x2, y2 = turned[wall].T
     # A wall shorter than a cell may pass through no centre of a column.
-    share = np.where(length[wall] < 1.0, 0.5, share)
-    minor = np.floor(across[wall, 0] + share * (across[wall, 1] - across[wall, 0])).astype(np.int64)
+    share = np.where(x2 - x1 < 1.0, 0.5, (major + 0.5 - x1) / np.maximum(x2 - x1, 1e-12))
+    minor = np.floor(y1 + share * (y2 - y1)).astype(np.int64)
     return np.where(steep[wall], major, minor), np.where(steep[wall], minor, major)

@@ -8,7 +8,7 @@ Settings on the command line, such as ``laser.range_max=20``, use the same schem
 import re
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import MISSING, fields
 from functools import partial
 from typing import Any
@@ -22,8 +22,6 @@ Converter = Callable[[Any, str], Any]
 
 MOST_OBJECTS = 1_000_000
 """Largest number of an object: a name and a colour are stored for every number up to it."""
-
-_HEX = re.compile(r"#(?:[0-9a-fA-F]{3}|[0-9a-fA-F]{6})")
 
 
 def accepting(
@@ -47,22 +45,20 @@ def text(*choices: str) -> Converter:
 
 def parse_colour(value: Any) -> tuple[float, float, float] | None:
     """Red, green, blue in 0…1 of a colour from a file, or None if it is invalid."""
-    if isinstance(value, str) and _HEX.fullmatch(value):
+    if isinstance(value, str) and re.fullmatch(r"#([0-9a-fA-F]{3}|[0-9a-fA-F]{6})", value):
         digits = value[1:] if len(value) == 7 else "".join(2 * digit for digit in value[1:])
         value = [int(digits[place : place + 2], 16) / 255 for place in (0, 2, 4)]
     if not isinstance(value, list) or len(value) != 3:
         return None
-    if not all(type(part) in (int, float) and 0.0 <= part <= 1.0 for part in value):
-        return None
-    return float(value[0]), float(value[1]), float(value[2])
+    red, green, blue = value
+    fits = all(type(part) in (int, float) and 0.0 <= part <= 1.0 for part in value)
+    return (float(red), float(green), float(blue)) if fits else None
 
 
 def colour_value(colour: Float) -> str | list[float]:
     """The colour (3,) for a file: ``"#rrggbb"`` where that is exact, else three numbers."""
-    steps = np.round(colour * 255)
-    if (steps / 255 == colour).all():
-        return "#" + "".join(f"{int(step):02x}" for step in steps)
-    return [float(part) for part in colour]
+    steps = np.round(colour * 255).astype(int)
+    return "#" + bytes(steps.tolist()).hex() if (steps / 255 == colour).all() else colour.tolist()
 
 
 def several(convert: Converter, what: str, *, least: int = 1, alone: bool = False) -> Converter:
@@ -191,26 +187,19 @@ TABLES: Mapping[str, Mapping[str, Converter]] = {
 }
 
 
-_NUMBER = re.compile(r"[+-]?(\d+\.\d*|\.\d+)([eE][+-]?\d+)?")
-"""Numbers such as ``.5`` and ``5.``, which TOML does not accept without the other digit."""
-
-
 def value_of(text: str) -> Any:
     """Parse a TOML value; strings need no quotes unless they begin like a list or with one."""
     text = text.strip()
-    if _NUMBER.fullmatch(text):
-        return float(text)
-    try:
+    with suppress(ValueError, RecursionError):
         found = tomllib.loads(f"value = {text}")
-    except (ValueError, RecursionError):
-        found = {}
-    if list(found) == ["value"]:
-        return found["value"]
+        if list(found) == ["value"]:
+            return found["value"]
+    # Python also reads .5 and 5., which TOML does not.
+    with suppress(ValueError):
+        return float(text)
     if not text or text[0] in "[{\"'":
-        raise InputError(
-            f"{shown(text)} is not a TOML value; expected one such as"
-            ' 20, true, [1, 2], paper or "paper"'
-        )
+        expected = 'expected one such as 20, true, [1, 2], paper or "paper"'
+        raise InputError(f"{shown(text)} is not a TOML value; {expected}")
     return text
 
 

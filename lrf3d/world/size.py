@@ -6,22 +6,12 @@ from lrf3d.errors import WorldError
 from lrf3d.geometry import lengths
 from lrf3d.world.model import World
 
-SMALLEST_SIDE = 2.0
-"""Side [m] below which no robot drives in a world: the largest sheets are 1.2 m long."""
-
-LARGEST_SIDE, LONGEST_WALLS = 1000.0, 100.0
-"""Side of a world, and length of the walls that half of all wall length is of [m], above which the
-file is probably in centimetres or millimetres: a town may be as large as this, but its walls are
-shorter."""
-
-USUAL_WALL = 4.0
-"""Length of such walls in a plan [m]: of two scales that which comes nearer to it is proposed."""
-
 
 def size_warning(world: World) -> str | None:
     """A warning, with the remedy, if the size of a world is implausible; otherwise None."""
     width, height = np.ptp(world.bounds, axis=0).tolist()
-    if len(world.segments) and max(width, height) < SMALLEST_SIDE:
+    # No robot drives in less; the largest sheets are 1.2 m long.
+    if len(world.segments) and max(width, height) < 2.0:
         return (
             f"the world is {width:.3g} m by {height:.3g} m, a drawing on paper? --scale 100 makes"
             " one of 1:100 as large as the house"
@@ -40,15 +30,18 @@ def check_size(world: World) -> None:
     """
     if not len(world.segments):
         return
+    # Half of all wall length is of walls of this length or more.
     long = np.sort(lengths(world.segments))
     usual = float(long[np.searchsorted(np.cumsum(long), 0.5 * long.sum())])
     # A single wall that reaches far away does not make a large plan.
     most = np.ptp(np.quantile(world.segments.reshape(-1, 2), [0.1, 0.9], axis=0), axis=0)
-    if most.max() <= LARGEST_SIDE or usual <= LONGEST_WALLS:
+    # A town may be as large, but its walls are shorter.
+    if most.max() <= 1000.0 or usual <= 100.0:
         return
     width, height = np.ptp(world.bounds, axis=0).tolist()
     scales = {0.01: "centimetres", 0.001: "millimetres"}
-    scale = min(scales, key=lambda each: abs(np.log(each * usual / USUAL_WALL)))
+    # Usual walls of plans are 4 m long.
+    scale = min(scales, key=lambda each: abs(np.log(each * usual / 4.0)))
     raise WorldError(
         f"{world.name or 'world'}: {width:,.0f} m by {height:,.0f} m, with walls of {usual:,.0f} m,"
         f" is too large to plan a route in; --scale {scale:g}, if the drawing is in"

@@ -115,10 +115,8 @@ def _world(values: Mapping[str, Any], path: Path) -> World:
             raise InputError(f"{key}.{word}: stands with another object of the same number")
         segments, height = _segments(each, key), each.get("height", DEFAULT_HEIGHT)
         if isinstance(height, tuple) and len(height) != len(segments):
-            raise InputError(
-                f"{key}.height: {len(height)} heights for {len(segments)} walls, expected one for"
-                " each"
-            )
+            found = f"{len(height)} heights for {len(segments)} walls"
+            raise InputError(f"{key}.height: {found}, expected one for each")
         if "material" in looks:
             looks["material"] = named(looks["material"], own, f"{key}.material")
         parts.append(Part(number, segments, np.array(height), **looks))
@@ -138,10 +136,8 @@ def _segments(values: Mapping[str, Any], key: str) -> Float:
     """The walls (n, 4) of an object."""
     if ("points" in values) == ("lines" in values):
         raise InputError(f"{key}: expected points, a list of [x, y], or lines, a list of such")
-    if "points" in values:
-        lines = {f"{key}.points": values["points"]}
-    else:
-        lines = {f"{key}.lines[{place}]": line for place, line in enumerate(values["lines"])}
+    lines = {f"{key}.lines[{place}]": line for place, line in enumerate(values.get("lines", ()))}
+    lines |= {f"{key}.points": values["points"]} if "points" in values else {}
     closed = values.get("closed", False)
     pieces = [np.empty((0, 4))]
     for inside, points in lines.items():
@@ -149,10 +145,8 @@ def _segments(values: Mapping[str, Any], key: str) -> Float:
             raise InputError(f"{inside}: closed with {len(points)} points, expected at least 3")
         pieces.append(walls(points, closed))
         for wall in np.flatnonzero((pieces[-1][:, :2] == pieces[-1][:, 2:]).all(axis=1)):
-            raise InputError(
-                f"{inside}[{wall}]: the next point is ({points[wall][0]:g}, {points[wall][1]:g}),"
-                " too, a segment of no length; remove one"
-            )
+            found = "the next point is ({:g}, {:g}), too".format(*points[wall])
+            raise InputError(f"{inside}[{wall}]: {found}, a segment of no length; remove one")
     return np.concatenate(pieces)
 
 

@@ -5,11 +5,11 @@ import math
 
 import numpy as np
 import pytest
+from program import lrf3d
 from synthetic_run import around, make_run, make_world, ring
-from typer.testing import CliRunner
 
 from benchmarks import drive, light, line_pairs, maps, ranges, slam
-from benchmarks.__main__ import PARTS, program
+from benchmarks.__main__ import PARTS, bench
 from benchmarks.glass import found_glass, images, samples
 from benchmarks.report import Report, duration, written
 from benchmarks.score import bench as score
@@ -40,7 +40,7 @@ def test_exact_arcs_end_where_the_reference_does():
 
 
 def test_data_sheets_are_compared_by_reflectance():
-    rows = light.bench("paper_room", poses=3).tables
+    rows = light.bench(world="paper_room", poses=3).tables
     assert all(0.5 < row["ratio"] < 2.0 for row in rows["data sheets"])
     assert len(rows["cost of glass"]) == 2 and rows["glass"][0]["images"] == 0
 
@@ -70,15 +70,17 @@ def test_a_simulated_drive_is_solved():
 def test_own_mappers_and_ours_see_the_same_scans(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scored.py").write_text("import lrf3d\nclass Mine(lrf3d.LineMapper):\n    pass\n")
-    rows = score("city", "robust,scored.py:Mine", seeds=1, poses=3, beams="61").tables["maps"]
+    rows = score("city", mapper="robust,scored.py:Mine", seeds=1, poses=3, beams="61").tables[
+        "maps"
+    ]
     assert [row["mapper"] for row in rows] == ["robust", "scored.py:Mine"]
     with pytest.raises(InputError, match="--mapper rubust: expected"):
-        score("city", "rubust")
+        score("city", mapper="rubust")
 
 
 def test_every_part_is_a_command_with_an_example():
     words = ["robots", "corridor", "--robots", "4", "--seconds", "0.1", "--json"]
-    [row] = json.loads(CliRunner().invoke(program(PARTS), words).stdout)["robots"]
+    [row] = json.loads(lrf3d(*words, program=bench).stdout)["robots"]
     assert row["robots"] == 4 and row["beams"] == 361
     assert row["beams_a_second"] == pytest.approx(361 * row["scans_a_second"])
     for part, example in PARTS.items():

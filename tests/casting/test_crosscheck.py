@@ -4,12 +4,11 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from program import lrf3d as program
 
 from lrf3d import LaserRangeFinder, World
 from lrf3d.casting import PlanarCaster, crosscheck
 from lrf3d.casting.comparison import UNEXPLAINED, BareEmbree
-from lrf3d.cli.app import app
 from lrf3d.render.figures import draw_crosscheck
 from lrf3d.world.generators import generate_city
 
@@ -92,9 +91,8 @@ def test_a_world_without_walls_has_nothing_to_differ(tmp_path):
 
 def test_the_command_draws_and_explains(tmp_path):
     picture = tmp_path / "room.png"
-    arguments = ["crosscheck", "paper_room", "--json", "--figure", str(picture)]
-    done = CliRunner().invoke(app, arguments)
-    assert done.exit_code == 0, done.output
+    done = program("crosscheck", "paper_room", "--json", "--figure", picture)
+    assert done.returncode == 0, done.stderr
     # A beam along a wall, which bare Embree passes by: in the paper's own room.
     assert json.loads(done.stdout)["causes"] == {"grazing": 1}
     assert picture.exists()

@@ -183,7 +183,7 @@ def test_a_scan_of_beams_one_by_one_has_their_intensities_and_echoes():
 @pytest.mark.parametrize(
     ("outline", "height", "message"),
     [
-        (SQUARE[:2], 1.0, "expected at least 3 x, y"),
+        (SQUARE[:2], 1.0, "outline of shape .*n ≥ 3"),
         ([*SQUARE[:3], (np.nan, 0.0)], 1.0, r"corner 3 is \[nan, 0.0\], expected finite"),
         (SQUARE, 0.0, "height 0.0: expected .* metres, above 0"),
         (SQUARE, np.inf, "height inf"),

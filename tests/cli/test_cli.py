@@ -136,18 +136,29 @@ def test_a_collision_can_be_ignored(room, tmp_path):
     assert "warning" in done.stderr and "wall 0" in done.stderr
 
 
-def test_wrong_usage_ends_with_two(room):
-    assert lrf3d("run").returncode == 2
-    assert lrf3d("run", room, "--mode", "best").returncode == 2
-    assert lrf3d("run", room, "--sigma", "much").returncode == 2
-    assert "'0.1,0.2' is not a valid float" in lrf3d("map", room, "--sigma", 0.1, 0.2).stderr
-    assert lrf3d("fly", room).returncode == 2
-
-
-def test_an_invalid_size_is_refused(room):
-    assert "--size" in refused("run", room, "--size", "big")
-    assert "--size" in refused("run", room, "--size", "641x361")
-    assert "--size" in refused("run", room, "--size", "640x" + 5000 * "9")
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("", "usage: lrf3d COMMAND"),
+        ("fly", "there is no 'fly'; known are run, render"),
+        ("world shaw", "did you mean 'world show'?"),
+        ("run", "required: WORLD"),
+        ("run city corridor", "unexpected corridor"),
+        ("run city --sede 3", "there is no '--sede'; did you mean '--seed'?"),
+        ("run city --mode best", "--mode: 'best': expected robust or paper"),
+        ("run city --sigma much", "--sigma: 'much': expected a number from 0"),
+        ("run city --scans 0", "--scans: '0': expected a whole number from 1"),
+        ("run city --size 641x361", "--size: '641x361': expected WIDTHxHEIGHT"),
+        (f"run city --size 640x{5000 * '9'}", "expected WIDTHxHEIGHT"),
+        ("map drive.log --sigma 0.1 0.2", "unexpected 0.2"),
+        ("export out/city", "required: --to"),
+        ("sweep city --shard 3/2", "--shard: '3/2': expected I/N"),
+    ],
+)
+def test_wrong_usage_ends_with_two_and_one_line_that_says_what_is_wrong(words, said):
+    done = lrf3d(*words.split())
+    assert (done.returncode, done.stdout) == (2, "") and said in done.stderr
+    assert done.stderr.count("\n") == 1 or not words
 
 
 DIGITS = "9" * 5000
@@ -160,7 +171,7 @@ DIGITS = "9" * 5000
         (["run", "ROOM", "--set", f"laser.range_max=0x{DIGITS}"], "thousands of digits"),
         (["run", "ROOM", "--set", "laser.range_max=2020-01-01"], "expected a finite number"),
         (["run", "ROOM", "--set", "noise.sigma=" + "[" * 5000], "not a TOML value"),
-        (["sweep", "ROOM", "--sigma", f"0x{DIGITS}"], "thousands of digits"),
+        (["sweep", "ROOM", "--vary", f"noise.sigma=0x{DIGITS}"], "thousands of digits"),
         (["run", "n" * 300 + ".toml"], "too long"),
         (["run", "ROOM", "--out", "n" * 300], "too long"),
         (["run", "ROOM", "--out", "box.toml/out"], "--out"),

@@ -95,7 +95,6 @@ def test_a_log_of_one_scan_gives_a_map_and_no_score(text, tmp_path):
 
 
 def test_settings_that_make_no_sense_are_refused(log, tmp_path):
-    assert "sigma" in refused("map", log, "--sigma", "-1", "--out", tmp_path / "out")
     assert "largest range" in refused("map", log, "--largest-range", "0")
     assert lrf3d("map", log, "--mode", "best").returncode == 2
     assert not list(tmp_path.glob("out/*"))

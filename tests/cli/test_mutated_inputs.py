@@ -1,8 +1,7 @@
 """Mutated inputs of every kind end in a result or in one clear line, in bounded time.
 
 A seed enters; an input leaves, its files and the command that takes them, always the same.
-``LRF3D_MUTATED=2000`` tries two thousand instead of a hundred; as a program, this file tries those
-of some seeds and prints what is wrong: ``python tests/cli/test_mutated_inputs.py FIRST LAST``.
+``LRF3D_MUTATED=2000`` tries two thousand instead of a hundred.
 """
 
 import os
@@ -10,10 +9,8 @@ import random
 import re
 import signal
 import sys
-import tempfile
 import traceback
 from importlib import import_module
-from pathlib import Path
 
 import bags
 import damaged_worlds
@@ -248,12 +245,3 @@ def test_a_mutated_input_ends_well(seed, inputs, tmp_path):
     case = inputs.mutated(seed)
     fault = fault_of(case, tmp_path)
     assert not fault, f"{' '.join(case[1])[:500]}: {fault}"
-
-
-if __name__ == "__main__":
-    with tempfile.TemporaryDirectory() as whole:
-        prepared = Inputs(Path(whole))
-    for seed in range(*map(int, sys.argv[1:])):
-        with tempfile.TemporaryDirectory() as empty:
-            if fault := fault_of(case := prepared.mutated(seed), Path(empty)):
-                print(f"=== {seed} {' '.join(case[1])[:300]!r}: {fault}", flush=True)

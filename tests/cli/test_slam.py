@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from drives import path_of
 from program import lrf3d as program
+from program import refused
 
 import lrf3d
 from lrf3d.frames import compose
 from lrf3d.io import load_run
 from lrf3d.mapping import load_map
-from lrf3d.recorded import solve_log
 
 ROOM = lrf3d.World([[0, 0, 8, 0], [8, 0, 8, 6], [8, 6, 3, 6], [3, 6, 0, 4], [0, 4, 0, 0]])
 
@@ -150,23 +150,11 @@ def test_what_was_wrong_with_a_log_is_reported(log_text, tmp_path):
     assert np.hypot(*(table[:scans, 1:3] - true[:scans, :2]).T).max() < 0.05
 
 
-def test_known_errors_are_one_line(log, tmp_path):
+def test_a_missing_log_and_wrong_relations_are_one_line(log, tmp_path):
     bad = tmp_path / "bad.relations"
     bad.write_text("0 100000 1 0 0\n")
-    for arguments in (
-        ("slam", tmp_path / "missing.log"),
-        ("slam", log, "--relations", bad, "--out", tmp_path / "out"),
-        ("slam", log, "--key-distance", "-1", "--out", tmp_path / "out"),
-    ):
-        done = program(*arguments)
-        assert (done.returncode, done.stdout) == (1, "")
-        assert done.stderr.count("\n") == 1 and done.stderr.startswith("lrf3d: ")
-
-
-def test_reprs_fit_a_line(log):
-    run, drive = lrf3d.slam_log(log), lrf3d.load_log(log)
-    for value in (run, run.estimate, drive, drive.wheels, solve_log(log)):
-        assert len(repr(value)) < 120 and "\n" not in repr(value)
+    assert "missing.log: no such file" in refused("slam", "missing.log")
+    assert "another log" in refused("slam", log, "--relations", bad, "--out", tmp_path / "out")
 
 
 def test_readings_that_are_no_numbers_are_no_return_and_counted(log, tmp_path):
@@ -196,9 +184,7 @@ def test_a_map_of_nothing_is_a_failure(log, tmp_path, factor):
         lines[number] = " ".join(words)
     log.write_text("\n".join(lines) + "\n")
     for command in ("slam", "map"):
-        done = program(command, log, "--out", tmp_path / "out")
-        assert (done.returncode, done.stdout) == (1, "")
-        assert done.stderr.count("\n") == 1 and "room: " in done.stderr
+        assert "room: " in refused(command, log, "--out", tmp_path / "out")
         assert not (tmp_path / "out").exists()
 
 
@@ -209,5 +195,4 @@ def test_a_run_with_slam_reports_its_errors(tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
     report = json.loads(done.stdout)["report"]
     assert report["slam_largest_error_m"] < 0.15
-    done = program(*arguments, "--mode", "paper")
-    assert done.returncode == 1 and "--slam: it is a mapper itself" in done.stderr
+    assert "--slam: it is a mapper itself" in refused(*arguments, "--mode", "paper")

@@ -2,7 +2,7 @@ import json
 
 import numpy as np
 import pytest
-from program import lrf3d
+from program import lrf3d, refused
 
 from lrf3d import load_run, load_world
 from lrf3d.scenario import read_scenario_file, scenario_of
@@ -43,10 +43,8 @@ def test_scale_and_resolution_are_what_is_written(tmp_path):
 @pytest.mark.slow
 def test_a_map_becomes_a_world_that_is_driven_inside_its_free_space(tmp_path):
     office = tmp_path / "office.toml"
-    assert (
-        lrf3d("world", "generate", "rooms", "--seed", 2, "--size", 12, "--out", office).returncode
-        == 0
-    )
+    made = lrf3d("world", "generate", "rooms", "--seed", 2, "--size", 12, "--out", office)
+    assert made.returncode == 0
     quiet = ("--no-video", "--json")
     first = lrf3d("run", office, *quiet, "--out", tmp_path / "first")
     assert first.returncode == 0, first.stderr
@@ -75,8 +73,7 @@ def test_a_map_becomes_a_world_that_is_driven_inside_its_free_space(tmp_path):
     ],
 )
 def test_what_cannot_be_done_is_one_line(arguments, said):
-    done = lrf3d("world", *arguments)
-    assert done.returncode == 1 and done.stderr.count("\n") == 1 and said in done.stderr
+    assert said in refused("world", *arguments)
 
 
 DRAWING = """\
@@ -101,13 +98,12 @@ def test_the_chosen_side_of_the_walls_is_reported(tmp_path):
     plan.write_text(DRAWING)
     arguments = ["run", plan, "--scale", 100, "--no-video", "--scans", 2, "--out", tmp_path / "out"]
     done = lrf3d(*arguments, "--json")
-    said = "lrf3d: the route is planned inside the walls; --outside plans it outside\n"
-    assert done.stderr == said
+    said = "_plan: the route is planned inside the walls; --outside plans it outside\n"
+    assert done.stderr.endswith(said) and done.stderr.count("\n") == 1
     assert json.loads(done.stdout)["planned"] == "inside"
-    start = lrf3d(*arguments, "--set", "robot.start=[10.9, 2, 0]")
-    assert start.returncode == 1 and "nearer to a wall" in start.stderr
-    named = lrf3d("run", "city", "--inside")
-    assert named.returncode == 1 and "has its own route" in named.stderr
+    assert "nearer to a wall" in refused(*arguments, "--set", "robot.start=[10.9, 2, 0]")
+    assert "has its own route" in refused("run", "city", "--inside")
+    assert "choose one" in refused("run", "city", "--inside", "--outside")
 
 
 def test_scale_enlarges_the_way_through_a_world_too(tmp_path):

@@ -9,8 +9,8 @@ from unittest import mock
 from lrf3d.cli import main
 
 
-def lrf3d(*arguments, cwd="."):
-    """Run a command; modules of the working folder can be named, as when it is started there.
+def lrf3d(*arguments, cwd=".", program=None):
+    """Run a command of lrf3d, or of another program, in a folder whose modules can be named.
 
     Its handlers of signals stay until the end of the test.
     """
@@ -23,7 +23,7 @@ def lrf3d(*arguments, cwd="."):
             contextlib.redirect_stdout(out),
             contextlib.redirect_stderr(err),
         ):
-            main()
+            main(program)
     except SystemExit as end:
         return CompletedProcess(arguments, end.code or 0, out.getvalue(), err.getvalue())
 

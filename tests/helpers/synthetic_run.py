@@ -1,12 +1,16 @@
-"""Small runs made without casters and mappers: rays by brute force, maps from the known walls."""
+"""Small runs whose maps are of the known walls."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
-from lrf3d.geometry import Float, Int, fit_line
-from lrf3d.laser import LaserRangeFinder, ProportionalNoise, beam_directions
+from lrf3d.geometry import Float, fit_line
+from lrf3d.laser import LaserRangeFinder, ProportionalNoise
 from lrf3d.mapping import LineMap
-from lrf3d.robot import Trajectory
 from lrf3d.run import Run
+from lrf3d.simulation import simulate
 from lrf3d.world import World
 
 
@@ -27,35 +31,14 @@ def make_world(*objects: Float, name: str = "") -> World:
     return World(np.vstack(objects), labels, name=name)
 
 
-def cast(world: World, lrf: LaserRangeFinder, pose: Float) -> tuple[Float, Int]:
-    """Ranges (beams,) and walls (beams,) of one scan, each beam against each wall."""
-    start = world.segments[:, :2] - pose[:2]
-    delta = world.segments[:, 2:] - world.segments[:, :2]
-    beam = beam_directions(pose[2], lrf.angles)[:, None, :]
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        across = beam[..., 0] * delta[:, 1] - beam[..., 1] * delta[:, 0]
-        range_ = (start[:, 0] * delta[:, 1] - start[:, 1] * delta[:, 0]) / across
-        place = (start[:, 0] * beam[..., 1] - start[:, 1] * beam[..., 0]) / across
-    range_[~((range_ >= 0.0) & (place >= 0.0) & (place <= 1.0))] = np.inf
-    wall = range_.argmin(axis=1)
-    nearest = range_.min(axis=1)
-    missed = nearest > lrf.range_max
-    return np.where(missed, np.inf, nearest), np.where(missed, -1, wall)
-
-
 def make_run(
     world: World, poses: Float, lrf: LaserRangeFinder, *, sigma: float = 0.0, seed: int = 0
 ) -> Run:
     """Run from poses (k, 3), with the map that a mapper that knows each point's wall would make."""
-    truth, walls = (
-        np.array(each) for each in zip(*(cast(world, lrf, p) for p in poses), strict=True)
-    )
-    trajectory = Trajectory(np.arange(len(poses), dtype=np.float64), poses)
-    run = Run(world, lrf, trajectory, truth, truth, walls, (len(poses) - 1,), (LineMap.empty(),))
-    noise, rng = ProportionalNoise(sigma), np.random.default_rng(seed)
-    ranges = np.array([noise(run.true_scan(index), rng).ranges for index in range(len(poses))])
-    run = Run(world, lrf, trajectory, ranges, truth, walls, run.snapshot_scans, run.maps)
-    return Run(world, lrf, trajectory, ranges, truth, walls, (len(poses) - 1,), (fit_walls(run),))
+    bare: Any = SimpleNamespace(update=lambda scan: None)
+    noise = ProportionalNoise(sigma)
+    run = simulate(world, poses, lrf, caster="planar", noise=noise, mapper=bare, rng=seed)
+    return replace(run, snapshot_scans=(len(run) - 1,), maps=(fit_walls(run),))
 
 
 def fit_walls(run: Run) -> LineMap:

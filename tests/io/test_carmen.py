@@ -51,13 +51,6 @@ def test_poses_ranges_and_times_are_as_logged(tmp_path):
     assert log.poses.shape == (2, 3)
 
 
-def test_what_is_no_return_can_be_chosen(tmp_path):
-    path = write(tmp_path / "a.log", front([7.9, 8.0, 30]))
-    assert load_log(path, largest_range=8.0).scans[0].ranges.tolist() == [7.9, inf, inf]
-    with pytest.raises(InputError, match="largest range"):
-        load_log(path, largest_range=-1.0)
-
-
 @given(st.integers(2, 400))
 def test_an_odd_fan_reaches_both_sides_and_an_even_one_leaves_the_last_out(tmp_path_factory, count):
     path = tmp_path_factory.mktemp("fan") / "a.log"
@@ -86,24 +79,19 @@ def test_a_scan_in_both_messages_is_read_once(tmp_path):
     ("line", "reason"),
     [
         (front([1, 2, 3])[:-20], "words"),
-        (front([1, 2, 3]) + " 4", "words"),
         ("FLASER", "readings"),
         ("FLASER x 1 2", "readings"),
-        ("FLASER -3 1 2 3", "readings"),
         ("FLASER 99999999999999999999 1", "readings"),
         (front([1, 2, "-3"]), "reading -3"),
         (front([1, "2,5", 3]), "reading '2,5'"),
         (front([1, 2, 3], pose=("inf", 0, 0)), "x is 'inf'"),
-        (front([1, 2, 3], pose=(0, 0, "nan")), "theta"),
         (front([1, 2, 3], time="noon"), "time"),
         (front([1, 2, 3], pose=("1e300", 0, 0)), "at most 1e+09"),
         (robot([1, 2, 3], farthest="1e308"), "at most 1e+09"),
         (robot([1, 2, 3]) + " 4", "28 words, expected 27"),
         (robot([1, 2, 3], step=0.0), "rad apart"),
         (robot([1, 2, 3], step="nan"), "a value is 'nan'"),
-        (robot([1, 2, 3], farthest="far"), "a value is 'far'"),
         ("\x00\x01junk", "not a CARMEN message"),
-        ("flaser 3 1 2 3", "not a CARMEN message"),
         ("ODOM 1 2 0.5 0 0 0 2.0 host", "9 words"),
         ("ODOM 1 nan 0.5 0 0 0 2.0 host 1", "y is 'nan'"),
         ("TRUEPOS 1 2 3 0 0 0 late host 1", "time is 'late'"),
@@ -138,8 +126,8 @@ def test_all_bad_lines_are_counted_and_the_first_few_named(tmp_path):
 @pytest.mark.parametrize(
     ("limit", "value", "text"),
     [
-        ("MOST_IDLE_LINES", 1000, b"ODOM 1\n" * 1001),
-        ("MOST_BYTES", 1 << 22, bytes(1 << 23)),
+        ("MOST_IDLE_BYTES", 6000, b"ODOM 1\n" * 1001),
+        ("MOST_IDLE_BYTES", 1 << 22, bytes(1 << 23)),
         ("MOST_READINGS", 5, b"FLASER 3 1 2 3 0 0 0 0 0 0 0 host 0\n" * 2),
     ],
 )
@@ -163,12 +151,10 @@ def test_an_endless_line_does_not_hide_what_follows(tmp_path):
     [
         ("no.log", "no such file"),
         ("picture.png", "not a log by its name; .*.log.gz"),
-        ("folder.log", "a folder, expected"),
         ("junk.log", "no laser scan in it.*bad lines, first line 1"),
     ],
 )
 def test_a_file_that_is_no_log_is_refused(tmp_path, name, said):
-    (tmp_path / "folder.log").mkdir()
     (tmp_path / "picture.png").write_text("")
     (tmp_path / "junk.log").write_bytes(bytes(range(256)) * 10)
     with pytest.raises(InputError, match=f"{re.escape(name)}: {said}"):
@@ -257,10 +243,12 @@ def test_poses_of_odometry_and_of_the_truth_are_taken_at_the_time_of_the_scan(tm
         load_log(path, poses="gps")
 
 
-def test_what_the_new_message_says_of_its_range_holds_unless_more_is_said(tmp_path):
+def test_readings_beyond_the_messages_range_or_a_given_one_are_no_return(tmp_path):
     path = write(tmp_path / "a.log", robot([60.0, 79.0, 80.0], farthest=80.0))
     assert load_log(path).scans[0].ranges.tolist() == [60.0, 79.0, inf]
     assert load_log(path, largest_range=70.0).scans[0].ranges.tolist() == [60.0, inf, inf]
+    with pytest.raises(InputError, match="largest range"):
+        load_log(path, largest_range=-1.0)
 
 
 def test_raw_odometry_is_kept_line_by_line_with_the_places_of_the_scans(tmp_path):

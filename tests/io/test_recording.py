@@ -9,22 +9,13 @@ import numpy as np
 import pytest
 
 import lrf3d
-from lrf3d import (
-    InputError,
-    LaserRangeFinder,
-    LineMapper,
-    OutputError,
-    ProportionalNoise,
-    World,
-)
+from lrf3d import InputError, LaserRangeFinder, LineMapper, OutputError, World
 from lrf3d.io import recording
 from lrf3d.slam import SlamMapper
 from lrf3d.slam.simulated import COVARIANCE_INTERVAL
 
 ROOM = World(
-    np.array(
-        [[0, 0, 10, 0], [10, 0, 10, 8], [10, 8, 0, 8], [0, 8, 0, 0], [4, 3, 6, 3], [6, 3, 6, 4.0]]
-    )
+    [[0, 0, 10, 0], [10, 0, 10, 8], [10, 8, 0, 8], [0, 8, 0, 0], [4, 3, 6, 3], [6, 3, 6, 4]]
 )
 LRF = LaserRangeFinder(beams=61, range_max=20.0)
 SCANS = 400
@@ -53,10 +44,8 @@ class Sweeping:
 
 def simulation(mode="robust", drive=POSES, scans=None, mapper=None, **settings):
     mapper = LineMapper(mode, sigma=0.1) if mapper is None else mapper
-    noise = ProportionalNoise(0.1)
-    return lrf3d.Simulation(
-        ROOM, drive, LRF, noise=noise, mapper=mapper, rng=7, scans=scans, **settings
-    )
+    settings |= {"noise": lrf3d.ProportionalNoise(0.1), "mapper": mapper, "scans": scans}
+    return lrf3d.Simulation(ROOM, drive, LRF, rng=7, **settings)
 
 
 def stopping(at):

@@ -63,16 +63,19 @@ def test_a_bag_that_is_read_back_has_the_same_float32_bits(run, mcap, poses):
     assert any(np.isposinf(each.ranges).any() for each in log.scans)
 
 
+def messages_of(path, topic):
+    with rosbag2.Reader(path) as bag:
+        wanted = [each for each in bag.connections if each.topic == topic]
+        return [STORE.deserialize_cdr(data, c.msgtype) for c, _, data in bag.messages(wanted)]
+
+
 @pytest.mark.parametrize("kind", ["mcap", "rosbag2"])
 def test_other_programs_find_what_they_need(run, kind, tmp_path):
     path = tmp_path / ("run.mcap" if kind == "mcap" else "run_bag")
     export_run(run, kind, path)
     with rosbag2.Reader(path) as bag:
         topics = {each.topic: each for each in bag.connections}
-        said = [
-            (each.topic, time, STORE.deserialize_cdr(data, each.msgtype))
-            for each, time, data in bag.messages()
-        ]
+        order = [(each.topic, time) for each, time, _ in bag.messages()]
     assert {name: each.msgtype for name, each in topics.items()} == {
         "/scan": SCAN,
         "/odom": ODOMETRY,
@@ -85,36 +88,20 @@ def test_other_programs_find_what_they_need(run, kind, tmp_path):
     }
     # Whoever comes late still has to hear where the laser is mounted.
     assert topics["/tf_static"].ext.offered_qos_profiles[0].durability.name == "TRANSIENT_LOCAL"
-    assert said[0][0] == "/tf_static" and all(a[1] <= b[1] for a, b in pairwise(said))
-    scans = [message for topic, _, message in said if topic == "/scan"]
-    stamps = [each.header.stamp.sec * 10**9 + each.header.stamp.nanosec for each in scans]
-    assert stamps == [Stamp.of(time).nanoseconds for time in run.trajectory.times.tolist()]
+    assert order[0][0] == "/tf_static" and all(a[1] <= b[1] for a, b in pairwise(order))
+    scans = messages_of(path, "/scan")
+    clocks = [each.clock for each in messages_of(path, "/clock")]
+    times = [Stamp.of(time).nanoseconds for time in run.trajectory.times.tolist()]
+    for stamps in (clocks, [each.header.stamp for each in scans]):
+        assert [each.sec * 10**9 + each.nanosec for each in stamps] == times
     for each in scans:
-        low, step, count = (
-            np.float32(value)
-            for value in (each.angle_min, each.angle_increment, len(each.ranges) - 1)
-        )
-        assert np.float32(each.angle_max) == low + count * step
+        reach = np.float32(each.angle_increment) * (len(each.ranges) - 1)
+        assert np.float32(each.angle_max) == np.float32(each.angle_min) + np.float32(reach)
         assert each.header.frame_id == "laser" and each.scan_time == 1.0
-    edges = {
-        (each.header.frame_id, each.child_frame_id)
-        for topic, _, message in said
-        if topic.startswith("/tf")
-        for each in message.transforms
-    }
+    moved = messages_of(path, "/tf") + messages_of(path, "/tf_static")
+    edges = {(e.header.frame_id, e.child_frame_id) for each in moved for e in each.transforms}
     assert edges == {("map", "odom"), ("odom", "base_link"), ("base_link", "laser")}
-    clocks = [message.clock for topic, _, message in said if topic == "/clock"]
-    assert [each.sec * 10**9 + each.nanosec for each in clocks] == stamps
     assert list(tmp_path.iterdir()) == [path]
-
-
-def messages_of(path, topic):
-    with rosbag2.Reader(path) as bag:
-        wanted = [each for each in bag.connections if each.topic == topic]
-        return [
-            STORE.deserialize_cdr(data, each.msgtype)
-            for each, _, data in bag.messages(connections=wanted)
-        ]
 
 
 def test_the_grid_of_a_bag_is_the_map_and_what_beams_passed(run, mcap):
@@ -379,9 +366,8 @@ def packed(path, mode):
 
 
 def test_a_message_that_is_cut_off_is_counted_and_named(tmp_path):
-    with rosbag2.Writer(
-        tmp_path / "bag", version=8, storage_plugin=rosbag2.StoragePlugin.MCAP
-    ) as bag:
+    kind = rosbag2.StoragePlugin.MCAP
+    with rosbag2.Writer(tmp_path / "bag", version=8, storage_plugin=kind) as bag:
         drive = bag.add_connection("/odom", ODOMETRY, typestore=STORE)
         beams = bag.add_connection("/scan", SCAN, typestore=STORE)
         for _, time, kind, message in wheels(3):

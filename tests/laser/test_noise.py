@@ -191,7 +191,7 @@ WRONG = {
     "divergence 0.0": lambda: MixedPixels(0.0),
     "jump inf": lambda: MixedPixels(0.1, jump=np.inf),
     "threshold 'a'": lambda: MixedPixels(0.1, threshold="a"),
-    "echo 'middle'": lambda: MixedPixels(0.1, echo="middle"),
+    "echo: there is no 'middle'": lambda: MixedPixels(0.1, echo="middle"),
     "angle_deg 'a'": lambda: imperfect(0.1, angle_deg="a"),
     "resolution -1": lambda: imperfect(0.1, resolution=-1),
     "share 2.0": lambda: imperfect(0.1, drop_outs=2.0),

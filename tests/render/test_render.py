@@ -9,6 +9,7 @@ import pytest
 import shapely
 import synthetic_run
 
+from lrf3d.casting import PlanarCaster
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.mapping import LineMap
 from lrf3d.render.film import Film
@@ -60,8 +61,7 @@ def drawn(run, time, *, size=SIZE, samples=0, **options):
 
 def run_of(world, times, poses, *, range_max=60.0):
     lrf = LaserRangeFinder(range_max=range_max, beams=91)
-    scans = [synthetic_run.cast(world, lrf, np.asarray(pose)) for pose in poses]
-    ranges, walls = map(np.array, zip(*scans, strict=True))
+    ranges, walls = PlanarCaster(world).scan_batch(lrf, np.asarray(poses, float))
     seen = np.unique(walls[walls >= 0])
     map_ = LineMap(world.segments[seen], world.objects[seen], np.full(len(seen), 9))
     trajectory = Trajectory(np.asarray(times, float), np.asarray(poses, float))

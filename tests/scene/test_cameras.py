@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import shapely
-from test_render import city_run, room_run
+from test_render import box, city_run, room_run, run_of
 
 from lrf3d.scene.cameras import margins
 from lrf3d.scene.following import Fixed, chase, orbit
@@ -13,6 +13,7 @@ from lrf3d.scene.story import CLOSING, HELD, OPENING, Story
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline
 from lrf3d.scene.whole import overview, top
+from lrf3d.world import World
 from lrf3d.world.cameras import FixedCamera
 
 
@@ -52,6 +53,8 @@ def test_a_story_begins_with_the_whole_and_ends_with_the_walls_of_the_map():
     assert first.shot == "unknown" and first.raised == first.ghost == 0.0
     places = seen(first, level(structures.places), 1.5)
     assert (np.abs(places) < 1.0).all()
+    # It is seen from nearer than from the sides that an overview has.
+    assert first.away <= overview(timeline, structures).look(timeline.start, 1.5).away
     held = [story.look(timeline.end + 2.0 * (CLOSING - before), 1.5) for before in (HELD, 0.1)]
     assert all(look.shot == "end" for look in held)
     assert [look.raised for look in held] == pytest.approx([1.0, 1.0])
@@ -86,6 +89,18 @@ def test_among_houses_the_eye_is_low_and_no_wall_hides_the_robot_from_it():
                 *(eye - robot)[:2]
             )
             assert (robot[2] + share * (eye - robot)[2] > structures.heights[met]).all()
+
+
+def test_in_a_passage_too_narrow_for_the_eye_it_looks_down_and_stays_out_of_the_houses():
+    segments = np.array([*box(-40.0, 1.2, 80.0, 10.0), *box(-40.0, -11.2, 80.0, 10.0)])
+    world = World(segments, np.repeat([0, 1], 4), np.full(8, 8.0), "passage")
+    times = np.arange(0.0, 20.0, 0.2)
+    poses = np.column_stack([times - 10.0, np.zeros_like(times), np.zeros_like(times)])
+    timeline, structures = filmed(run_of(world, times, poses))
+    for phase in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False).tolist():
+        track = orbit(timeline, structures, phase=phase).track(1.0)
+        assert (np.abs(track.eyes()[:, 1]) < 1.2).all()
+        assert track.aways.min() > 1.0
 
 
 def test_the_eye_goes_down_smoothly():

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import shapely
 from test_render import box
 
 from lrf3d.geometry import lengths
@@ -59,3 +60,35 @@ def test_there_are_no_windows_in_metal_and_in_narrow_faces(depth, material, wind
     layer = painted.texture[:, 0, 2]
     assert (layer[width > 10.0] >= WINDOWED).any() == windows
     assert set(layer[width < NARROW]) <= {BLANK}
+
+
+def laid(*walls):
+    """The faces of a room of 8 by 6 m with further walls (k, 4) in it, in the world's frame."""
+    segments = np.array([*box(0.0, 0.0, 8.0, 6.0), *walls])
+    structures = Structures.from_world(World(segments, [0] * len(segments)), np.array([[7.0, 1.0]]))
+    quads = lay_walls(structures)
+    quads.places[..., :2] += structures.origin.astype(np.float32)
+    return quads
+
+
+def test_where_two_walls_are_at_one_place_one_is_drawn():
+    quads = laid([1.0, 2.0, 4.0, 2.0], [6.0, 2.0, 3.0, 2.0], [2.0, 2.0, 2.0, 5.0])
+    there = (np.abs(quads.places[..., 1] - 2.0) < 0.01).all(axis=1)
+    sides = quads.places[there & (quads.places[..., 2].min(axis=1) == 0.0), :2, 0]
+    # Both sides of 5 m of wall: a wall that only meets it takes nothing away.
+    assert np.ptp(sides, axis=1).sum() == pytest.approx(10.0, abs=0.05)
+    assert sides.min() == pytest.approx(1.0) and sides.max() == pytest.approx(6.0)
+
+
+def test_the_inside_of_a_wall_with_two_lines_has_a_lid_and_a_closet_has_none():
+    def has_lid(x, y, *walls):
+        quads = laid(*walls)
+        level = quads.places[quads.normals[:, 0, 2] > 0.9, :, :2]
+        return shapely.contains_xy(shapely.convex_hull(shapely.multipoints(level)), x, y).any()
+
+    double = box(2.0, 2.0, 4.0, 0.3)
+    assert has_lid(2.2, 2.15, *double) and has_lid(5.8, 2.15, *double)
+    assert not has_lid(4.0, 4.0, *double)
+    assert not has_lid(4.0, 2.45, *box(2.0, 2.0, 4.0, 0.9))
+    # What is open to the room is seen by the laser, however narrow it is.
+    assert not has_lid(4.0, 2.15, [2.0, 2.0, 6.0, 2.0], [2.0, 2.3, 6.0, 2.3])

@@ -12,14 +12,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from program import lrf3d as program
+from program import refused
 
 import lrf3d
-from lrf3d.cli.app import app
 from lrf3d.digest import digest, seed_of
 from lrf3d.errors import InputError, Lrf3dError
-from lrf3d.scenario import load_scenario
-from lrf3d.sweeping.plan import SIGMA, make_plan
+from lrf3d.scenario import load_scenario, read_scenario_file
+from lrf3d.sweeping.plan import SIGMA, USUAL, make_plan
 from lrf3d.sweeping.running import executor_of, run_plan
 from lrf3d.sweeping.table import figures_of, mean_of
 
@@ -53,10 +53,10 @@ def room(tmp_path):
     return str(path)
 
 
-def tiny(room, *, seeds=3, axes=None, **settings):
+def tiny(room, *, seeds=3, axes=None, mappers=None):
     """A plan of a few very small runs."""
     chosen = {"noise.sigma": (0.0, 0.3), "laser.beams": (31, 61), **(axes or {})}
-    return make_plan((room,), chosen, seeds=seeds, **settings)
+    return make_plan([read_scenario_file(room)], chosen, mappers or USUAL, seeds)
 
 
 @pytest.mark.slow
@@ -120,15 +120,6 @@ def test_a_sweep_that_was_stopped_goes_on_and_ends_as_if_it_had_not_been(room, t
     result = run_plan(plan, tmp_path / "out", None, resume=True)
     assert result.made == 20
     assert result.rows == run_plan(plan, tmp_path / "here", None).rows
-
-
-def test_jobs_share_the_runs_and_their_rows_are_merged(room, tmp_path):
-    plan = tiny(room)
-    for number in (1, 2, 3):
-        result = run_plan(plan, tmp_path / "out", None, shard=(number, 3))
-        assert result.made == 8 and len(result.rows) == 8 * number
-    assert result.rows == run_plan(plan, tmp_path / "here", None).rows
-    assert len(list((tmp_path / "out").glob("sweep.*of3.jsonl"))) == 3
 
 
 def test_a_process_that_ends_is_one_clear_error(room, tmp_path):
@@ -215,8 +206,8 @@ def test_keys_come_from_what_a_world_holds_and_not_from_where_it_lies(room, tmp_
     for old, new in (("[10, 8]", "[10, 8.5]"), ("closed =", 'material = "brick"\nclosed =')):
         elsewhere.write_text(ROOM.replace(old, new))
         assert not set(keys) & {run.key for run in tiny(str(elsewhere)).runs}
-    with pytest.raises(InputError, match="another world of the sweep is called box"):
-        make_plan((room, str(elsewhere)), seeds=1)
+    with pytest.raises(InputError, match="worlds has a value twice: box, box"):
+        lrf3d.sweep((room, str(elsewhere)), seeds=1)
 
 
 def test_digests_distinguish_values_by_their_contents():
@@ -244,7 +235,7 @@ def test_digests_distinguish_values_by_their_contents():
 )
 def test_what_cannot_be_swept_is_refused_with_the_place(axes, settings, message):
     with pytest.raises(InputError, match=message):
-        make_plan(("city",), axes, **settings)
+        lrf3d.sweep("city", axes=axes, **settings)
 
 
 def test_means_have_the_interval_of_student():
@@ -277,38 +268,35 @@ def test_summary_figures_and_table_have_every_combination(room, tmp_path):
 def test_the_command_writes_its_files_and_prints_one_value(room, tmp_path):
     command = ["sweep", room, "--sigma", "0.1", "--beams", "31", "--seeds", "2", "--workers", "1",
                "--out", str(tmp_path / "out"), "--json"]  # fmt: skip
-    run = CliRunner().invoke
-    first = run(app, command, catch_exceptions=False)
+    first = program(*command)
     assert json.loads(first.stdout)["runs"] == 4 and first.stderr == ""
     written = {path.name for path in Path(tmp_path / "out").iterdir() if path.name[0] != "."}
     assert written == {"sweep.jsonl", "runs.csv", "summary.json", "means.csv", "means.tex"}
     with (tmp_path / "out" / "runs.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [row["mapper"] for row in rows] == ["robust"] * 2 + ["paper"] * 2
-    again = run(app, [*command, "--resume"], catch_exceptions=False)
-    assert again.stdout == first.stdout
+    assert program(*command, "--resume").stdout == first.stdout
     shards = [word.replace("/out", "/jobs") for word in command]
-    run(app, [*shards, "--shard", "1/2"], catch_exceptions=False)
-    with pytest.raises(InputError, match="2 runs are missing"):
-        run(app, [*shards, "--merge"], catch_exceptions=False)
-    run(app, [*shards, "--shard", "2/2"], catch_exceptions=False)
-    merged = json.loads(run(app, [*shards, "--merge"], catch_exceptions=False).stdout)
+    program(*shards, "--shard", "1/2")
+    assert "2 runs are missing" in refused(*shards, "--merge")
+    program(*shards, "--shard", "2/2")
+    merged = json.loads(program(*shards, "--merge").stdout)
     assert merged["combinations"] == json.loads(first.stdout)["combinations"]
+    assert "--vary mapper.gap: expected TABLE" in refused(*command, "--vary", "mapper.gap")
+    assert "mapper 'rubust': expected" in refused(*command, "--mapper", "rubust")
     for flags, words in (
-        (["--vary", "mapper.gap"], "expected TABLE.KEY=VALUE"),
-        (["--sigma", ","], "--sigma ',': expected values"),
-        (["--shard", "3/2"], "--shard '3/2': expected I/N"),
-        (["--mapper", "rubust"], "mapper rubust|mapper 'rubust'"),
+        (["--sigma", ","], "--sigma: ',': expected values with commas"),
+        (["--shard", "3/2"], "--shard: '3/2': expected I/N"),
     ):
-        with pytest.raises(InputError, match=words):
-            run(app, [*command, *flags], catch_exceptions=False)
+        done = program(*command, *flags)
+        assert done.returncode == 2 and words in done.stderr
 
 
 def test_values_are_numbers_and_words(room, tmp_path):
     command = ["sweep", room, "--vary", "noise.sigma=.04, 2e-3", "--vary", "mapper.gap=1.",
                "--mapper", "paper", "--seeds", "1", "--workers", "1", "--out", str(tmp_path),
                "--json"]  # fmt: skip
-    summary = json.loads(CliRunner().invoke(app, command, catch_exceptions=False).stdout)
+    summary = json.loads(program(*command).stdout)
     assert summary["sweep"]["sigma_m"] == [0.04, 0.002] and summary["sweep"]["mapper.gap"] == [1.0]
 
 
@@ -318,11 +306,7 @@ def test_an_own_mapper_is_named_by_its_file(room, tmp_path, monkeypatch):
         "import lrf3d\nclass Mine:\n    map = lrf3d.LineMap([[0, 0, 1, 0]], [0], [2])\n"
         "    def update(self, scan):\n        pass\n"
     )
-    CliRunner().invoke(
-        app,
-        ["sweep", room, "--mapper", "robust,swept.py:Mine", "--sigma", "0.1", "--seeds", "1",
-         "--workers", "1", "--out", "out"],
-        catch_exceptions=False,
-    )  # fmt: skip
+    named = ("--mapper", "robust,swept.py:Mine", "--sigma", "0.1", "--seeds", "1")
+    assert program("sweep", room, *named, "--workers", "1", "--out", "out").returncode == 0
     text = Path("out/means.csv").read_text()
     assert re.findall(r"^box,(\S+?),", text, re.M) == ["robust", "swept.py:Mine"]

@@ -124,6 +124,21 @@ def test_every_view_is_looked_through_and_nothing_comes_where_nothing_changes():
     assert read(played.answer(Wanted(view="story", time=1e6), 0.0))["camera"]["ghost"] == 1.0
 
 
+@pytest.mark.parametrize("size", [(390.0, 844.0), (1280.0, 720.0)])
+@pytest.mark.parametrize("view", ["follow", "orbit", "top"])
+def test_what_is_looked_at_is_not_under_the_controls(view, size):
+    run = city_run()
+    robot = [*run.trajectory.poses[0, :2] - run.world.origin, 0.35, 1.0]
+    for below in (0.1, 0.3):
+        wanted = Wanted(view=view, width=size[0], height=size[1], below=below)
+        camera = read(Shown.played(run, 1.0).answer(wanted, 0.0))["camera"]
+        ends = run.world.segments.reshape(-1, 2) - run.world.origin
+        corners = [robot, *([*end, 0.0, 1.0] for end in ends if view != "follow")]
+        x, y, _, depth = (np.array(corners) @ np.reshape(camera["matrix"], (4, 4))).T
+        assert (np.abs(x) < depth).all() and (y < depth).all()
+        assert (y / depth > 2.0 * below - 1.0).all()
+
+
 @pytest.mark.parametrize("view", ["follow", "orbit"])
 def test_a_hand_turns_the_camera_about_what_it_looks_at(view):
     run = city_run()

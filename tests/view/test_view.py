@@ -130,7 +130,8 @@ def page_end(run):
 @pytest.mark.slow
 @needs_browser
 def test_the_camera_follows_circles_and_is_turned_by_hand(played, chromium):
-    with opened(chromium, played) as page:
+    # Room is needed over the controls: views are framed into that.
+    with opened(chromium, played, (660, 480)) as page:
         page.click("[aria-label=pause]")
         follow = until(lambda: still(page))
         seen = {"follow": follow}

@@ -23,7 +23,7 @@ def test_a_built_in_material_reflects_no_more_light_than_falls_on_it(material):
         ({"retro": "much"}, "retro 'much'"),
         ({"index": 0.5}, "index is 0.5; expected 1 or more"),
         ({"index": 1.5, "transmission": 0.5}, "which follow from it"),
-        ({"diffuse": 0.6, "transmission": 0.6}, "more than 1 together"),
+        ({"diffuse": 0.6, "transmission": 0.6}, "over 1 together"),
     ],
 )
 def test_an_invalid_material_is_refused(values, message):

@@ -58,8 +58,11 @@ const PADS = {
 function ask() {
   const { ahead, back, left, right } = held;
   const { width, height } = scene.canvas;
+  // In upright pictures pads lie below what is looked at, in wide ones beside it.
+  const controls = part(innerWidth < innerHeight ? "bottom" : "bar").getBoundingClientRect();
+  const below = Math.max(0, 1 - controls.top / innerHeight);
   const wish = plays ? { time } : { drive, forward: ahead - back, turn: left - right };
-  const text = JSON.stringify({ view, width, height, ...hand, ...wish });
+  const text = JSON.stringify({ view, width, height, below, ...hand, ...wish });
   if (waiting || text === asked) return;
   [asked, waiting] = [text, true];
   socket.send(text);

@@ -1,0 +1,242 @@
+"""The commands, each in the words of its help page, after which its words are parsed.
+
+A text has paragraphs, and lists that may begin with a title. A line of a list is an argument or an
+option: its names, what it takes, its default and its help. What an option takes says how it is
+read: ``N`` is a whole number from 1, ``M`` a length [m], ``a|b`` a choice, and ``M,M,…`` a list.
+"""
+
+WORLD = "WORLD: A built-in world, or a world file; ./NAME is a file named like a built-in world."
+RUN = "RUN: A run.npz, or its folder."
+OUT = """\
+-o --out FOLDER: Folder for the results; out/NAME if not given, out/NAME_map for the map of a run
+ and out/NAME_sweep for a sweep. NAME is the name in the file, or else of the file (for a map.yaml
+ after that of its folder)."""
+SEED = "--seed SEED = 0: Seed; the same seed gives the same results."
+SCALE = """\
+--scale FACTOR = 1.0: Enlarge the plan and its route by this factor: 100 for a drawing of 1:100,
+ 0.001 for millimetres that were read as metres. Heights stay."""
+RESOLUTION = "--resolution M: Side of a pixel [m], if the world is a bare picture."
+ROUTE = """\
+--inside: Plan the route inside the walls, if the world has none; depends on the world if neither
+ side is given.
+--outside: Plan it outside the walls.
+--ignore-collisions: Only warn if the robot hits a wall."""
+MODE = "--mode robust|paper: Mode of the mapper."
+LOG = """\
+--largest-range M: CARMEN: readings [m] of this or more are no return.
+--scan-topic TOPIC: Bags: topic of the scans; /scan if not given."""
+WORKERS = "--workers PROCESSES: Number of processes; one for each core if not given."
+DRIVE = f"""\
+World and drive:
+--set TABLE.KEY=VALUE: Override a key of the world file; repeatable.
+{SCALE}
+{RESOLUTION}
+{ROUTE}"""
+FILM = f"""\
+Film:
+--view CAMERA: Camera: story, chase, first, orbit, overview, top, or one of the world.
+--size WxH: Size [pixels]; 1280x720, but 640x360 for .webp, .gif and with Embree.
+--fps RATE: Frames per second; 25, but 10 for .gif.
+--playback SPEED: Simulated seconds per second of film.
+--samples 0|4 = 4: Samples per pixel for smooth edges.
+{WORKERS}
+--renderer gl|embree: Renderer; embree needs no OpenGL. The best available if not given.
+--panel short|full = short: What the panel says: three facts, or all numbers."""
+
+OUTPUT = """\
+Output:
+--json: Print one JSON object and nothing else.
+-q --quiet: Print no summary, notes and progress.
+-v --verbose: Print all figures, too, as JSON.
+-h --help: Show this page and exit."""
+"""A list that all commands have."""
+
+COMMANDS = {
+    "run": f"""\
+Drive through a world, scan it, map it, and draw the results.
+
+Writes run.npz, map.geojson, map.png, world.png, summary.json and run.mp4. MODULE:OBJECT is imported
+from a file, the current folder or the installed modules.
+
+{WORLD}
+{OUT}
+--sigma M,M,…: Noise [m] at range_max; of several, maps are compared in a figure.
+{MODE}
+--slam: Map without true poses: from the scans and wheels that slip and drift.
+{SEED}
+--caster embree|planar = embree: Caster of the beams.
+--scans N: Number of scans; the route is driven there and back until then.
+--resume: Continue this run where it was stopped.
+--video = yes: Make the film.
+
+{DRIVE}
+
+Your own algorithms:
+--mapper MODULE:OBJECT: Your mapper: update(scan).
+--controller MODULE:OBJECT: Your controller: command(time, pose, scan) -> (v, w).
+--noise MODULE:OBJECT: Your noise: noise(scan, rng).
+
+{FILM}
+
+Example: lrf3d run city --sigma 0.04 --out out/city""",
+    "render": f"""\
+Draw the film of a run, or a picture of one moment.
+
+The ending of --out selects the kind.
+
+{RUN}
+-o --out FILE: The film: .mp4, .webp or .gif; with --at a .png. In the run's folder if not given.
+--at S: Draw one picture at this time [s] instead of a film.
+--from S: Begin the film at this time of the run [s].
+--to S: End the film at this time of the run [s].
+--points-by range|intensity: What the colour of hit points shows; that of the run if not given.
+
+{FILM}
+
+Example: lrf3d render out/city --view top""",
+    "view": f"""\
+Play a run in the browser, or drive through a world by hand.
+
+A run can be played, paused and scrubbed. In a world the arrow keys or the pads on the page drive
+the robot, which scans and maps as it goes. Ctrl-C ends the server.
+
+RUN|WORLD: A run.npz or its folder to play, or a world to drive in. A built-in world comes before a
+ folder of the same name: write ./NAME for that.
+--host HOST = 127.0.0.1: Address or name to listen at; 0.0.0.0 lets other machines in. The page
+ opens only by this name, an address, or the machine's host name.
+--port PORT: Port; if not given, 8080, or any where that is taken.
+--browser = yes: Open the browser.
+--playback SPEED: Simulated seconds per second.
+{SEED}
+
+{DRIVE}
+
+Example: lrf3d view city""",
+    "export": f"""\
+Write a run for another program.
+
+carmen is a text log; mcap is a ROS 2 bag in one file, for Foxglove; rosbag2 is a ROS 2 bag as a
+folder, for ros2 bag play, rviz and slam_toolbox; glb is an animated 3D scene for Blender and web
+viewers: the world, the robot, its beams and its map as it grows.
+
+{RUN}
+--to carmen|mcap|rosbag2|glb: The format (required).
+-o --out FILE: The file; in the run's folder if not given.
+--every N = 1: Keep every n-th scan.
+
+Example: lrf3d export out/city --to mcap""",
+    "crosscheck": f"""\
+Compare bare Embree in float32 with the exact ranges.
+
+Each difference over a whole drive is classified by its cause. The exit status is 1 if one is
+unexplained.
+
+{WORLD}
+-o --figure FILE: Draw the beams that differ to this .png.
+
+{DRIVE}
+
+Example: lrf3d crosscheck city --json""",
+    "map": f"""\
+Map a log whose poses are known, and test the map.
+
+The even scans build the map, the odd ones test it.
+
+Poses are those logged with the scans; in a bag the ground truth, else the transforms up to the
+root, else odometry. The summary says which.
+
+Writes map.geojson, map.png and summary.json.
+
+LOG: A CARMEN log (.log, .clf, .gz), a ROS 2 bag (.mcap, .db3, a folder), or a run.
+{OUT}
+{MODE}
+--sigma M: Noise [m] of the ranges at the largest range.
+--all: Build the map from all scans, without a test.
+--poses auto|truth|tf|odom = auto: Source of the poses; auto takes the best that the log has.
+{LOG}
+
+Example: lrf3d map drive.log.gz --out out/drive""",
+    "slam": f"""\
+Find poses and map of a log from odometry and scans.
+
+Loops are closed; the systematic errors of the wheels, and the lag of the laser behind them, are
+estimated.
+
+Writes run.npz, map.geojson, map.png, trajectory.tum and summary.json.
+
+LOG: A CARMEN log (.log, .clf, .gz) or a ROS 2 bag (.mcap, .db3, a folder).
+{OUT}
+--relations FILE: Score by known relative poses: lines a b dx dy dtheta of ODOM lines.
+--key-distance M: Distance [m] from one key scan to the next; 0.5 if not given.
+{LOG}
+
+Example: lrf3d slam drive.log.gz --out out/drive""",
+    "localise": f"""\
+Localise the robot on a known map, and score it.
+
+The NEES is the squared error in units of the filter's own covariance, 3 on average.
+
+{WORLD}
+--known walls|map = walls: The known map: the true walls, or the map of a first run.
+--strategy seen-objects-first|all = seen-objects-first: Which known lines are compared with those
+ of a scan.
+--seeds N = 10: Number of drives, each with its own noise.
+--sigma M: Noise [m] at range_max.
+--position M = 0.1: Odometry noise [m] per step, ahead and sideways.
+--heading DEG = 2.0: Odometry noise [deg] per step.
+{WORKERS}
+
+{DRIVE}
+
+Example: lrf3d localise city --seeds 100 --json""",
+    "sweep": f"""\
+Compare mappers over worlds, noises, settings and seeds.
+
+Each result is saved as it comes; --resume continues a sweep that was stopped, with the same
+results. Writes runs.csv, summary.json, means.csv, means.tex and a figure for each world and
+setting.
+
+WORLD...: Built-in worlds or world files.
+{OUT}
+--sigma M,M,…: Noise levels [m] at range_max; six from 0.01 to 0.63 if not given.
+--beams N,N,…: Numbers of beams.
+--mapper NAME,NAME,…: robust, paper, or your own as FILE.py:NAME; robust,paper if not given.
+--vary TABLE.KEY=V,V,…: Values for any key of world files; repeatable.
+--seeds N = 20: Number of seeds for each setting.
+--scheduler tcp://HOST:PORT: A Dask scheduler instead of this machine.
+{WORKERS}
+--shard I/N: Make only the runs of job I of N, such as 2/8.
+--merge: Make no runs; collect those of all jobs in the folder.
+--resume: Keep the runs in the folder and do the missing ones.
+{ROUTE}
+
+Example: lrf3d sweep city --sigma 0.04,0.42 --beams 91,181 --seeds 20""",
+    "world show": f"""\
+Describe a world, and draw it.
+
+[WORLD]: A world; lists the built-in ones if not given.
+-o --out FILE: Draw the world to this .png.
+{SCALE}
+{RESOLUTION}
+
+Example: lrf3d world show city --out city.png""",
+    "world convert": f"""\
+Read a world from one format and write it in another.
+
+FROM: A built-in world, or a file.
+TO: The file to write: .toml, .geojson, .glb or .yaml.
+{SCALE}
+--resolution M: Side of a cell [m] of a ROS map (0.05), or of a pixel of a bare picture.
+--trees: Make walls of the trunks of trees in a .osm file, too.
+
+Example: lrf3d world convert plan.dxf plan.toml""",
+    "world generate": f"""\
+Generate a world that a robot can drive in.
+
+KIND city|maze|office|rooms: Kind of world: city, maze, office or rooms.
+-o --out FILE: The file to write: .toml, .geojson, .glb or .yaml (required).
+{SEED}
+--size M: Approximate width [m]; depends on the kind if not given.
+
+Example: lrf3d world generate maze --seed 7 --out maze.toml""",
+}

@@ -1,0 +1,120 @@
+"""What commands work on, read before the modules that work on it, which take a second to import."""
+
+from argparse import Namespace
+from collections.abc import Callable
+from contextlib import ExitStack
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from lrf3d.cli.console import Report, warn
+from lrf3d.cli.plugins import load_plugin
+from lrf3d.errors import InputError
+from lrf3d.io import LaserLog, load_run
+from lrf3d.io.reading import is_run, load_log, odometry_of
+from lrf3d.scenario import Scenario, read_scenario_file, scenario_of
+from lrf3d.world.cameras import check_view
+from lrf3d.world.size import size_warning
+from lrf3d.world.toml_file import WorldFile
+
+if TYPE_CHECKING:
+    from lrf3d.planning.free_space import Side
+
+
+def read_world(args: Namespace) -> Scenario | None:
+    """Read a world with its settings; None if none is named, or a run."""
+    if args.world is None or (args.command == "view" and is_run(args.world)):
+        return None
+    file = read_file(args.world, args.resolution, args.scale)
+    return scenario_of(file, getattr(args, "set", None) or ())
+
+
+def read_file(name: str, resolution: float | None = None, scale: float = 1.0) -> WorldFile:
+    """Read a world file, and warn if its size is implausible."""
+    file = read_scenario_file(name, resolution=resolution).scaled(scale)
+    if warning := size_warning(file.world):
+        warn(f"{name}: {warning}")
+    return file
+
+
+def read_run_parts(args: Namespace) -> tuple[Scenario, dict[str, Any]]:
+    """Read the world of a run, and import the user's own parts, by their kinds."""
+    if args.controller and side_of(args):
+        raise InputError("--inside, --outside: a controller drives, so no route is planned")
+    if args.slam and (args.mapper or args.mode):
+        raise InputError("--slam: it is a mapper itself; leave out --mapper and --mode")
+    scenario = scenario_of(read_file(args.world, args.resolution, args.scale), args.set or ())
+    check_view(args.view or scenario.film.view, scenario.world.cameras)
+    kinds = [kind for kind in ("mapper", "controller", "noise") if vars(args)[kind] is not None]
+    return scenario, {kind: load_plugin(kind, vars(args)[kind]) for kind in kinds}
+
+
+def read_log(args: Namespace) -> LaserLog:
+    """Read a log, for SLAM with the odometry as its poses."""
+    poses = args.poses if args.command == "map" else odometry_of(args.log)
+    return load_log(
+        args.log, largest_range=args.largest_range, poses=poses, scan_topic=args.scan_topic
+    )
+
+
+def read_sweep(args: Namespace) -> tuple[list[WorldFile], dict[str, Any]]:
+    """Read the worlds of a sweep, and import the user's own mappers, by their labels."""
+    files = [read_file(name) for name in args.world]
+    names = args.mapper or ()
+    return files, {name: load_plugin("mapper", name) if ":" in name else name for name in names}
+
+
+def side_of(args: Namespace) -> "Side | None":
+    """The side of the walls that --inside or --outside names."""
+    if args.inside and args.outside:
+        raise InputError("--inside, --outside: choose one")
+    return "inside" if args.inside else "outside" if args.outside else None
+
+
+def on_collision(args: Namespace) -> Callable[[str], None] | None:
+    """What is called with the message of a collision; None if it is an error."""
+    return warn if args.ignore_collisions else None
+
+
+def routed(scenario: Scenario, args: Namespace, report: Report) -> Scenario:
+    """Plan a route through a world that has none and needs one."""
+    where = side_of(args)
+    scenario = scenario.with_route(where=where, say=warn)
+    side, name = scenario.planned, scenario.name
+    if side is None and where is not None:
+        raise InputError(f"--{where}: {name} has its own route or poses, so none is planned")
+    if side is not None and scenario.world.free is not None:
+        report.note(f"{name}: the route is planned in the cells that the map shows to be free")
+    elif side is not None:
+        other = "outside" if side == "inside" else "inside"
+        report.note(f"{name}: the route is planned {side} the walls; --{other} plans it {other}")
+    return scenario
+
+
+COMMANDS: dict[str, tuple[Callable[[Namespace], Any], str]] = {
+    "run": (read_run_parts, "run:run"),
+    "render": (lambda args: load_run(args.run), "film:render"),
+    "view": (read_world, "runs:view"),
+    "export": (lambda args: load_run(args.run), "runs:export"),
+    "crosscheck": (read_world, "accuracy:crosscheck"),
+    "map": (read_log, "logs:map_"),
+    "slam": (read_log, "logs:slam"),
+    "localise": (read_world, "accuracy:localise"),
+    "sweep": (read_sweep, "sweep:sweep"),
+    "world show": (read_world, "world:show"),
+    "world convert": (lambda args: None, "world:convert"),
+    "world generate": (lambda args: None, "world:generate"),
+}
+"""What reads the input of a command, and the module and the function of the command, which gets it
+with the options and the report."""
+
+
+def start(args: Namespace) -> int | None:
+    """Read the input of a command and run it; returns its exit status."""
+    read, target = COMMANDS[args.command]
+    source = read(args)
+    module, _, function = target.partition(":")
+    command = getattr(import_module(f"lrf3d.cli.{module}"), function)
+    with ExitStack() as stack:
+        report = Report(args.command, args.json, args.quiet, args.verbose, stack)
+        status: int | None = command(source, args, report)
+    return status
