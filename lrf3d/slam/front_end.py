@@ -16,7 +16,7 @@ from lrf3d.geometry import Float, Int, wrap_angle
 from lrf3d.slam.scan_matching import PRIOR_SCALE, Match, match_scan
 from lrf3d.slam.search import field_of, search
 from lrf3d.slam.surface import SurfaceGrid, moved, thinned, wall_map
-from lrf3d.slam.views import BEHIND, CLEARLY, Key, evidence, views_of
+from lrf3d.slam.views import BEHIND, Key, evidence, views_of
 from lrf3d.slam.violation import contradicted
 from lrf3d.slam.wheels import Wheels
 
@@ -34,11 +34,10 @@ it aside, which they may not."""
 
 SLIP, SLIP_SHARE, SLIP_TURN, SLIP_TURN_SHARE = 0.4, 0.3, 0.7, 0.3
 """How far [m], [rad] wheels may slip between two scans, and as a share of their step: the window
-that is searched, twice as wide where the scan before is lost. A bump turns a robot by half a
-radian."""
+that is searched. A bump turns a robot by half a radian."""
 
-RARE = 3.0
-"""Log odds against a slip: of twenty steps one is as far off as the window is wide."""
+RARE = 2.0
+"""Log odds against a slip: one step in seven is off by more than the wheels' noise."""
 
 LEAST_EXPLAINED = 0.1
 """A match that explains a smaller share is not believed."""
@@ -138,8 +137,10 @@ class FrontEnd:
         uncertain = covariance + np.diag([0.0, 0.0, self.wheels.unlearned(increment)])
         own: Float = np.asarray(np.linalg.inv(uncertain), dtype=np.float64)
         deviations = np.sqrt(uncertain.diagonal())
-        scan = replace(scan, surface=self._standing(scan.surface, guess, deviations))
-        match, slip, accepted = self._match(scan, guess, expected, own, deviations)
+        surface, hits = (
+            self._standing(points, guess, deviations) for points in (scan.surface, scan.hits)
+        )
+        match, accepted = self._match(replace(scan, surface=surface, hits=hits), expected, own)
         if self._lost or not accepted:
             # Where one of them is lost, what scans saw does not lie together.
             self._recent.clear()
@@ -151,38 +152,34 @@ class FrontEnd:
         if accepted:
             self.wheels.compare(expected, found, covariance)
             # Where wheels have slipped, the directions that scans do not fix are uncertain, too.
+            slip = self._slip(match, expected, own)
             covariance = covariance * (1.0 + slip / PRIOR_SCALE**2)
         elif self._keys:
             keys = list(self._keys)[-LOCAL_KEYS:]
             seen_from = between(np.array([key.pose for key in keys]), guess)
-            if contradicted(keys, scan, seen_from):
+            if contradicted(keys, replace(scan, surface=surface), seen_from):
                 # The wheels have slipped, and where to is not known.
                 covariance = covariance + np.diag(slip_deviations(expected) ** 2)
         self._turn_known &= accepted
         self._ahead_known &= accepted and information[0, 0] > WEAK
         self._raw += increment
         self._found += found
-        self.pose, self.surface = pose, scan.surface
-        self._recent.append((pose, scan.surface))
+        self.pose, self.surface = pose, surface
+        self._recent.append((pose, surface))
         return Tracked(pose, information, accepted, match.deviation, covariance)
 
-    def _match(
-        self, scan: Key, guess: Float, expected: Float, own: Float, deviations: Float
-    ) -> tuple[Match, float, bool]:
-        """A match with the local map, the odometry's slip, and whether it is believed."""
-        surface = scan.surface
+    def _match(self, scan: Key, expected: Float, own: Float) -> tuple[Match, bool]:
+        """A match with the local map, and whether it is believed."""
+        guess, surface = compose(self.pose, expected), scan.surface
         if self._grid is None or not len(surface):
-            return Match(guess, np.zeros((3, 3)), 0.0, np.inf), 0.0, False
+            return Match(guess, np.zeros((3, 3)), 0.0, np.inf), False
         match = match_scan(surface, self._grid, guess, turned(own, float(self.pose[2])))
         if not np.isfinite(match.pose).all():
-            return match, 0.0, False
-        accepted, slip = match.explained > LEAST_EXPLAINED, self._slip(match, expected, own)
-        doubtful = match.explained < DOUBTFUL or slip > SLIPPED**2
-        if doubtful and len(surface) >= LEAST_POINTS:
-            standing = replace(scan, hits=self._standing(scan.hits, guess, deviations))
-            match, accepted = self._searched(standing, self._grid, match, expected, own)
-            slip = self._slip(match, expected, own)
-        return match, slip, accepted
+            return match, False
+        slipped = self._slip(match, expected, own) > SLIPPED**2
+        if (slipped or match.explained < DOUBTFUL) and len(surface) >= LEAST_POINTS:
+            return self._searched(scan, self._grid, match, expected, own)
+        return match, match.explained > LEAST_EXPLAINED
 
     def _slip(self, match: Match, expected: Float, information: Float) -> float:
         """How far a match is off the odometry: its square in units of the variance."""
@@ -192,34 +189,28 @@ class FrontEnd:
     def _searched(
         self, scan: Key, grid: SurfaceGrid, match: Match, expected: Float, own: Float
     ) -> tuple[Match, bool]:
-        """The clearest place around the guess, or else the match; and whether it is believed.
+        """The likeliest place around where odometry leads, and whether it is believed.
 
-        Wheels slip and spin, and robots are pushed: then they are not where odometry leads. Large
-        slips are less probable, by Cauchy's distribution. Where a robot enters a new room, the
-        right place explains little, and the place of the last scan more; but only at a wrong place
-        do beams of the key scans pass through the points.
+        Wheels slip and spin, and robots are pushed, but seldom, and the farther the less: by
+        Cauchy's distribution. Where a robot enters a new room, the right place explains little, and
+        that of the last scan more; but only at a wrong one do beams pass through what was hit.
         """
         guess, spread = compose(self.pose, expected), slip_deviations(expected)
         keys = list(self._keys)[-LOCAL_KEYS:]
         seen_from = np.array([key.pose for key in keys])
-        field = field_of(keys, seen_from)
-        places = [*search(scan, grid, field, guess, np.diag(spread**2)), match]
-        poses = np.array([place.pose for place in places])
-        worth = np.array(
-            [
-                evidence(scan.hits, place.explained, between(seen_from, place.pose), keys)
-                for place in places
-            ]
-        )
-        odds = worth
+        found = search(scan, grid, field_of(keys, seen_from), guess, np.diag(spread**2))
+        places = [*found, match]
+        worth = [
+            evidence(scan.hits, place.explained, between(seen_from, place.pose), keys)
+            for place in places
+        ]
+        odds = np.array(worth)
         if expected.any():  # Encoders that stand still may have failed: then they say nothing.
-            offs = np.array([self._slip(place, expected, own) for place in places])
-            slips = ((between(guess, poses) / spread) ** 2).sum(axis=1)
-            odds = worth - np.minimum(np.log1p(offs), RARE + np.log1p(slips))
+            slips = between(guess, np.array([place.pose for place in places])) / spread
+            noise = [self._slip(place, expected, own) for place in places]
+            odds -= np.minimum(np.log1p(noise), RARE + np.log1p((slips**2).sum(axis=1)))
         best = int(np.argmax(odds))
-        if odds[best] < odds[-1] + CLEARLY:
-            best = -1
-        return places[best], bool(worth[best] > 0.0)
+        return places[best], worth[best] > 0.0
 
     def _standing(self, points: Float, guess: Float, deviations: Float) -> Float:
         """Those of a scan's points (m, …) that were not passed by beams when the robot came by."""

@@ -1,17 +1,13 @@
-"""Scan matching: the pose at which a scan's surface lies on a map's, from near or from far.
+"""Scan matching: the pose near a guess at which a scan's surface lies on that of a map.
 
 A surface in the frame of the robot, the grid of a map's surface, and a guess of the pose with its
-information matrix enter. From near the pose leaves that minimises
+information matrix enter; the pose leaves that minimises
 
     ρ₀((T − T₀)ᵀ Ω₀ (T − T₀)) + Σ ρ(n·(T p − q)) / σ²
 
-over x, y, θ, by Gauss-Newton, with the information matrix of both parts. Where the walls in view do
-not fix a direction, as along a corridor, the second part says nothing of it, and the guess, which
+over x, y, θ, by Gauss-Newton, with the information matrix of the second part. Where the walls in
+view do not fix a direction, as along a corridor, that says nothing of it, and the guess, which
 comes from odometry, stands.
-
-From far, a coarse field marks which cells lie on or next to the map's surface, and for every pose
-of a window the points in marked cells are counted. The best few, matched, are places; one is
-believed where it is clearly better than the next.
 """
 
 from typing import NamedTuple

@@ -1,8 +1,8 @@
-"""Field: which coarse cells of a map are walls and which are free, and windows of poses in it.
+"""Search: the places in a window from which a scan fits into a map, by all that its beams met.
 
 Key scans and their poses enter. A cell that a beam of theirs hit is a wall, one that beams passed
-is free, and of the others nothing is known. For each pose of a window leaves what the hits of
-another scan would meet.
+is free, and of the others nothing is known. The poses of a window at which the hits of another scan
+meet most walls, and few free cells, are matched with the map (Olson 2009), and leave.
 """
 
 from collections.abc import Sequence
@@ -143,7 +143,7 @@ def window_scores(points: Float, field: Field, centre: Float, shifts: Int, angle
 def search(
     scan: Key, grid: SurfaceGrid, field: Field, guess: Float, spread: Float, near: float = np.inf
 ) -> list[Match]:
-    """The places in a window where a scan lies on a map, best first.
+    """The places in a window where a scan lies on a map, those first whose hits fit best.
 
     The window has a covariance (3, 3), its spread, around a guess (3,); places farther than a
     distance [m] from the map's origin are left out.
