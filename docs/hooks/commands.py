@@ -74,10 +74,12 @@ def page(name: str) -> str:
 def row(option: Option) -> list[str]:
     """The cells of an option."""
     names, value, default, text = option
-    shown = [html.escape(each, quote=False).replace("|", r"\|") for each in (value, text)]
+    if default and not value:
+        names = [*names, f"--no-{names[-1].removeprefix('--')}"]
+    value, text = (html.escape(each, quote=False).replace("|", r"\|") for each in (value, text))
     return [
         "<br>".join(f"`{each}`" for each in names),
-        shown[0],
+        value,
         f"`{default}`" if default else "",
-        shown[1],
+        text,
     ]

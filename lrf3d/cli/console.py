@@ -111,10 +111,10 @@ def json_text(value: Any) -> str:
     return json.dumps(rounded, indent=2) + "\n"
 
 
-def print_table(rows: Rows) -> None:
-    """Print names and values in two columns."""
+def print_table(rows: Rows, width: int = 9) -> None:
+    """Print names and values in two columns, the first of a least width."""
     cells = [(name, one_line(value)) for name, value in rows]
-    print_text(table((), cells, left=(0, 1), width=9) + "\n")
+    print_text(table((), cells, left=(0, 1), width=width) + "\n")
 
 
 def print_text(text: str) -> None:

@@ -43,15 +43,13 @@ def render(run: Run, args: Namespace, report: Report) -> None:
         return
     drawn = write_film(run, path, args, report, part=(args.from_, args.to))
     each = 1e3 * drawn["seconds"] / max(drawn["frames"], 1)
+    width, height = drawn["size"]
     by = "OpenGL" if drawn["renderer"] == "gl" else "Embree"
     report.print(
         {"video": str(path), "drawn": drawn},
         [
             ("film", str(path)),
-            (
-                "drawn",
-                f"{counted(drawn['frames'], 'frame')} of {'x'.join(map(str, drawn['size']))}",
-            ),
+            ("drawn", f"{counted(drawn['frames'], 'frame')} of {width}x{height}"),
             ("time", f"{drawn['seconds']:.1f} s, {each:.0f} ms each by {by}"),
         ],
     )
@@ -92,7 +90,7 @@ def write_film(
 
 def _look(args: Namespace) -> dict[str, Any]:
     """Keyword arguments to draw any picture: with OpenGL, or else with Embree."""
-    look = {name: vars(args)[name] for name in ("view", "playback", "samples", "panel")}
+    look = {name: vars(args)[name] for name in ("view", "playback", "panel")}
     renderer = args.renderer or "gl"
     if args.renderer is None:
         try:
@@ -102,6 +100,7 @@ def _look(args: Namespace) -> dict[str, Any]:
             renderer = "embree"
     return {
         **look,
+        "samples": int(args.samples),
         "renderer": renderer,
         "size": args.size or (_LARGE if renderer == "gl" else _SMALL),
     }

@@ -63,7 +63,8 @@ class ResultsFolder:
                 print_json(figures)
         if self.report.shows:
             written = [("files", f"{self.path}: {', '.join(made.values())}")]
-            print_table([*written, ("next", following)] if following else written)
+            written += [("next", following)] if following else []
+            print_table(written, max(9, *(len(name) for name, _ in rows)))
 
 
 def results_folder(

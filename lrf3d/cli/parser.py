@@ -15,17 +15,6 @@ from lrf3d.cli.console import say
 from lrf3d.errors import InputError, check_names, shown
 from lrf3d.text import table
 
-NUMBERS: dict[str, tuple[Callable[[str], float], float, float]] = {
-    "N": (int, 1, math.inf),
-    "SEED": (int, 0, math.inf),
-    "PORT": (int, 1, 65535),
-    "PROCESSES": (int, 1, 512),
-    "RATE": (float, 0.1, 1000.0),
-    "SPEED": (float, 0.01, math.inf),
-    **dict.fromkeys(("DEG", "FACTOR", "M", "S"), (float, 0.0, math.inf)),
-}
-"""The type of a number and its limits, by what a help page calls it."""
-
 _LINE = re.compile(r"((?:-\w )?--[\w-]+|\[?[A-Z|]+\]?(?:\.\.\.)?)(?: (\S+))??(?: = (\S+))?: (.*)")
 
 _NUMBER = r"[-+]?\.?[0-9][0-9.eE+-]*"
@@ -144,64 +133,74 @@ def _add(group: Any, option: Option) -> None:
 
 def _value(kind: str, word: str) -> Any:
     """What a word says, by what a help page calls it; a list of one or more where several may."""
-    if "=" in kind:
-        return [word]
-    if kind.endswith(",…"):
-        parts = [part.strip() for part in word.split(",") if part.strip()]
-        if not parts:
-            raise argparse.ArgumentTypeError(
-                f"{shown(word)}: expected values with commas between them"
-            )
-        return [_value(kind.partition(",")[0], part) for part in parts]
-    if kind in NUMBERS:
-        return _number(word, *NUMBERS[kind])
-    if "|" in kind and kind == kind.lower():
-        if word not in kind.split("|"):
-            raise argparse.ArgumentTypeError(f"{shown(word)}: expected {kind.replace('|', ' or ')}")
-        return int(word) if word.isdecimal() else word
-    return KINDS.get(kind, str)(word)
-
-
-def _number(word: str, kind: Callable[[str], float], least: float, most: float) -> float:
+    unit, several, _ = kind.partition(",")
+    read, expected = KINDS.get(unit, (str, unit))
+    if unit == unit.lower():
+        choices = unit.split("|")
+        read, expected = lambda part: choices[choices.index(part)], " or ".join(choices)
     try:
-        number = kind(word)
+        if "=" in kind:
+            return [word]
+        if several:
+            parts = [part.strip() for part in word.split(",") if part.strip()]
+            return [read(part) for part in parts or [""]]
+        return read(word)
     except ValueError:
-        number = math.nan
-    if not least <= number <= most:
-        what = "a whole number" if kind is int else "a number"
-        high = f" to {most:g}" if most < math.inf else ""
-        raise argparse.ArgumentTypeError(f"{shown(word)}: expected {what} from {least:g}{high}")
-    return number
+        raise argparse.ArgumentTypeError(f"{shown(word)}: expected {expected}") from None
+
+
+def _number(
+    kind: Callable[[str], float], least: float, most: float = math.inf
+) -> tuple[Callable[[str], float], str]:
+    """What reads a number within limits, and what it expects."""
+
+    def read(word: str) -> float:
+        number = kind(word)
+        if not least <= number <= most:
+            raise ValueError
+        return number
+
+    what = "a whole number" if kind is int else "a number"
+    return read, f"{what} from {least:g}" + (f" to {most:g}" if most < math.inf else "")
 
 
 def _size(word: str) -> tuple[int, int]:
     """Width and height; both even, as H.264 needs them."""
-    given = re.fullmatch(r"([0-9]{2,4})x([0-9]{2,4})", word.lower())
-    size = (int(given[1]), int(given[2])) if given else (0, 0)
-    if min(size) < 64 or max(size) > 7680 or size[0] % 2 or size[1] % 2:
-        raise argparse.ArgumentTypeError(
-            f"{shown(word)}: expected WIDTHxHEIGHT, such as 1280x720, even numbers from 64 to 7680"
-        )
-    return size
+    width, height = map(int, word.lower().split("x"))
+    if not all(side % 2 == 0 and 64 <= side <= 7680 for side in (width, height)):
+        raise ValueError
+    return width, height
 
 
 def _job(word: str) -> tuple[int, int]:
     """The number of a job and of all jobs."""
-    given = re.fullmatch(r"([0-9]{1,6})/([0-9]{1,6})", word)
-    number, count = (int(given[1]), int(given[2])) if given else (0, 0)
+    number, count = map(int, word.split("/"))
     if not 1 <= number <= count:
-        raise argparse.ArgumentTypeError(
-            f"{shown(word)}: expected I/N, such as 2/8 for the second of eight jobs"
-        )
+        raise ValueError
     return number, count
 
 
-KINDS: dict[str, Callable[[str], Any]] = {
-    **dict.fromkeys(("FILE", "FOLDER", "LOG", "RUN", "TO"), Path),
-    "WxH": _size,
-    "I/N": _job,
+def _mapper(word: str) -> str:
+    """A mode of the LineMapper, or the name of a user's mapper."""
+    if ":" not in word and word not in ("robust", "paper"):
+        raise ValueError
+    return word
+
+
+KINDS: dict[str, tuple[Callable[[str], Any], str]] = {
+    "N": _number(int, 1),
+    "SEED": _number(int, 0),
+    "PORT": _number(int, 1, 65535),
+    "PROCESSES": _number(int, 1, 512),
+    "RATE": _number(float, 0.1, 1000.0),
+    "SPEED": _number(float, 0.01),
+    **dict.fromkeys(("DEG", "FACTOR", "M", "S"), _number(float, 0.0)),
+    **dict.fromkeys(("FILE", "FOLDER", "LOG", "RUN", "TO"), (Path, "a path")),
+    "WxH": (_size, "WIDTHxHEIGHT, such as 1280x720, even numbers from 64 to 7680"),
+    "NAME": (_mapper, "robust, paper or FILE.py:NAME"),
+    "I/N": (_job, "I/N, such as 2/8 for the second of eight jobs"),
 }
-"""What reads a value that is neither a number nor a choice; others are texts."""
+"""What reads a value, and what it expects, by what a help page calls it; others are texts."""
 
 
 def lists(name: str) -> Iterator[tuple[str, list[Option]]]:

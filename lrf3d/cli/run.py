@@ -1,6 +1,7 @@
 """``lrf3d run``: simulate, map and draw a world."""
 
 import json
+import re
 from argparse import Namespace
 from collections.abc import Sequence
 from functools import partial
@@ -139,7 +140,7 @@ def _rows(runs: Sequence[Run], summary: dict[str, Any]) -> list[tuple[str, str]]
         rows.append((f"σ {level['sigma_m']:g} m", other.map.counts))
     for name, value in summary.get("report", {}).items():
         shown = f"{value:.3g}" if isinstance(value, float) else str(value)
-        rows.append((str(name).replace("_", " "), shown))
+        rows.append((re.sub(r" (m|s|deg)$", r" [\1]", str(name).replace("_", " ")), shown))
     time = f"{summary['seconds']:.1f} s"
     if summary["milliseconds_a_scan"] is not None:
         time += f", {summary['milliseconds_a_scan']:.1f} ms a scan"

@@ -32,20 +32,15 @@ from lrf3d.sensor import Sensor
 MAX_STEPS = 500
 """Default number of steps after which an episode is truncated."""
 
-GOAL_NEAR, GOAL_FAR = 5.0, 20.0
-"""Least and largest distance of a goal from the start [m], in a world large enough."""
+GOAL_NEAR, GOAL_FAR, GOAL_RADIUS = 5.0, 20.0, 0.5
+"""Least and largest distance of a goal from the start [m], in a world large enough, and that at
+which a robot has arrived."""
 
 CANDIDATES = 32
 """Number of random candidates for a goal, of which the first at such a distance is used."""
 
-GOAL_RADIUS = 0.5
-"""Distance from its goal at which a robot has arrived [m]."""
-
-AT_GOAL, AT_WALL = 10.0, -10.0
-"""Rewards at the goal and for a collision."""
-
-EACH_STEP = -0.01
-"""Reward of each step, so that fast drives score higher."""
+AT_GOAL, AT_WALL, EACH_STEP = 10.0, -10.0, -0.01
+"""Rewards at the goal, for a collision, and for each step, so that fast drives score higher."""
 
 ACTION_TURN_RATE = 1.5
 """Largest turn rate of an action [rad/s], equal to that of the route follower."""

@@ -108,13 +108,7 @@ class PlainRenderer:
             self._draw_lines(canvas, lens, mark)
 
     def _fill(
-        self,
-        canvas: _Canvas,
-        lens: Lens,
-        corners: Any,
-        colours: Any,
-        nearer: float,
-        solid: bool,
+        self, canvas: _Canvas, lens: Lens, corners: Any, colours: Any, nearer: float, solid: bool
     ) -> None:
         """Fill triangles (t, 3, 3) with colours and opacities (t, 3, 4)."""
         clip, near = _projected(corners.reshape(-1, 3), lens, nearer, canvas)
@@ -136,19 +130,13 @@ class PlainRenderer:
         ends = np.stack([lines.starts, lines.ends]).astype(float)
         depths = ends @ lens.matrix[3, :3] + lens.matrix[3, 3]
         # What lies behind the eye is cut off.
-        share = (1.01 * _NEAR - depths[0]) / np.where(
-            depths[1] == depths[0], 1.0, depths[1] - depths[0]
-        )
-        cut = ends[0] + share[:, None] * (ends[1] - ends[0])
-        drawn = []
-        for end, depth in zip(ends, depths, strict=True):
-            end = np.where((depth < _NEAR)[:, None], cut, end)
-            drawn.append(_projected(end, lens, lens.nearer, canvas))
+        apart = np.where(depths[1] == depths[0], 1.0, depths[1] - depths[0])
+        cut = ends[0] + ((1.01 * _NEAR - depths[0]) / apart)[:, None] * (ends[1] - ends[0])
+        ends = np.where((depths < _NEAR)[..., None], cut, ends)
+        drawn = [_projected(end, lens, lens.nearer, canvas) for end in ends]
         way = (drawn[1][0] - drawn[0][0])[:, :2]
-        across = (
-            0.5 * max(lines.width * self._scale, 1.0) * np.column_stack([-way[:, 1], way[:, 0]])
-        )
-        across /= np.maximum(np.hypot(*way.T), 1e-9)[:, None]
+        half = 0.5 * max(lines.width * self._scale, 1.0) / np.maximum(np.hypot(*way.T), 1e-9)
+        across = half[:, None] * np.column_stack([-way[:, 1], way[:, 0]])
         corners = [
             np.column_stack([place[:, :2] + side * across, near, lines.colours, opacity])
             for (place, near), opacity in zip(drawn, lines.opacities.T, strict=True)

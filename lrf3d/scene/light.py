@@ -31,8 +31,9 @@ from lrf3d.scene.shapes import Painted, single
 _RAYS = 128
 """Rays from a corner of a face, and from a place of the ground."""
 
-_BOUNCES = 3
-"""How often light goes on from face to face: a fourth time adds less than a hundredth."""
+_BOUNCES = 6
+"""How often light goes on from face to face: between white walls a seventh time adds less than a
+hundredth. Beside the rays they take no time."""
 
 _AT_ONCE = 3000
 """Points that rays are cast from at a time."""

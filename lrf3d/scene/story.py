@@ -50,8 +50,10 @@ class Story:
         self._timeline = timeline
         self._into_streets = 0.0 if structures.indoor else _INTO_STREETS
         self._path = SmoothPath.of(timeline)
-        self._opening = overview(timeline, structures, at=timeline.start)
-        self._whole = overview(timeline, structures, CARD, at=timeline.end)
+        begin = timeline.start - 0.5 * OPENING * timeline.playback
+        end = timeline.end + (CLOSING - 0.5 * HELD) * timeline.playback
+        self._opening = overview(timeline, structures, at=begin)
+        self._whole = overview(timeline, structures, CARD, at=end)
         self._chase = chase(timeline, structures).track(1.0)
         turns = PHASE + np.linspace(0.0, 2.0 * np.pi, _CLOSE_SIDES, endpoint=False)
         self._close = [orbit(timeline, structures, _CLOSE, turn).track(1.0) for turn in turns]

@@ -35,7 +35,7 @@ _STEEP, _STEEP_INDOOR = float(np.radians(42.0)), float(np.radians(56.0))
 _SIDES = np.radians([-112.0, -22.0, -67.0])
 """Where it may stand [rad]: from each, two sides of houses are seen on which the sun shines."""
 
-_ALL_SIDES = np.radians(np.arange(-100.0, 0.0, 15.0))
+_ALL_SIDES = np.radians(np.arange(-100.0, 0.0, 5.0))
 """Where it stands in a story [rad]: there the whole is seen for seconds, so it is to be large."""
 
 _DRIFT, _LONGEST = np.radians(1.2), 20.0

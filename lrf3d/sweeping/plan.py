@@ -37,9 +37,6 @@ fastest take hours on one core."""
 COLUMNS = {SIGMA: "sigma_m", BEAMS: "beams"}
 """Columns of the table for the settings that every sweep lists; others keep their names."""
 
-KEY_DIGITS = 32
-"""Hexadecimal digits of a key: 128 bits, so that no two keys are equal by chance."""
-
 FORMAT = 2
 """Incremented when the same run gives other figures, so that old and new ones are not mixed."""
 
@@ -127,7 +124,8 @@ def make_plan(
                 named: Row = {"world": scenario.name, "mapper": label, **known}
                 for seed in range(seeds):
                     # Runs under other names are other runs, so that the columns of all rows agree.
-                    key = digest((FORMAT, named, place, identity, seed))[:KEY_DIGITS]
+                    # With 128 bits no two keys are equal by chance.
+                    key = digest((FORMAT, named, place, identity, seed))[:32]
                     # All mappers and noises have the same seeds, to be compared run by run.
                     noise_seed = seed_of((place, seed))
                     columns = {"key": key, **named, "seed": seed, "noise_seed": noise_seed}

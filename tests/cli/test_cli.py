@@ -90,7 +90,8 @@ def test_help_shows_an_example(command):
 
 
 @pytest.mark.parametrize(
-    "command", [["run"], ["render"], ["slam"], ["view"], ["export", "--to", "glb"]]
+    "command",
+    [["run"], ["render"], ["slam"], ["view"], ["sweep"], ["export", "--to", "glb"]],
 )
 def test_an_unknown_name_is_reported_before_anything_heavy_is_imported(command):
     words = [*command, "missing.log" if command[0] in ("map", "slam") else "nowhere"]

@@ -30,7 +30,7 @@ class Points:
         self.count += int(scan.hits.sum())
     def report(self, run, folder):
         (folder / "points.txt").write_text(str(self.count))
-        return {"points": self.count, "share_of_points": self.count / 3e3}
+        return {"points": self.count, "mean_length_m": self.count / 3e3}
 
 class Straight:
     def command(self, time, pose, scan):
@@ -74,13 +74,14 @@ def test_a_mapper_a_controller_and_a_noise_are_named_on_the_command_line(folder)
     assert summary["drive"]["scans"] == 15
     assert summary["mapper"] == "own_parts:Points" and summary["mode"] is None
     assert summary["map"] is summary["score"] is summary["buildings"] is None
-    assert summary["report"] == {"points": 15 * 61, "share_of_points": 0.305}
+    assert summary["report"] == {"points": 15 * 61, "mean_length_m": 0.305}
     out = folder / "out" / "box"
     assert (out / "points.txt").read_text() == str(15 * 61)
     assert not (out / "map.geojson").exists()
     named += ["--noise", "own_parts:longer", "--scans", "50", "--resume"]
     again = program("run", "box.toml", "--no-video", *named, cwd=folder)
-    assert "points           915\nshare of points  0.305\n" in again.stdout
+    assert "points           915\nmean length [m]  0.305\n" in again.stdout
+    assert "\nfiles            out/box: run.npz" in again.stdout
     kept = lrf3d.load_run(out)
     assert np.allclose(kept.ranges - kept.truth, 0.25)
     assert kept.trajectory.poses[-1, 0] == pytest.approx(9.0)

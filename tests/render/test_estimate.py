@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from estimates import estimated
-from matplotlib.collections import LineCollection
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.text import Text
 from test_render import city_run, needs_gl, room_run
@@ -73,8 +73,13 @@ def test_the_map_shows_both_paths_the_ellipses_and_the_loops():
     places = run.estimate.poses[:, :2]
     (closed,), (dropped,) = lines(figure, CLOSED), lines(figure, DROPPED)
     assert closed == pytest.approx(places[[0, -1]]) and dropped == pytest.approx(places[[1, 2]])
-    rings = lines(figure, ESTIMATE_COLOUR)
-    assert rings and all((ring[0] == ring[-1]).all() for ring in rings)
+    ellipses = [each for each in figure.axes[0].collections if isinstance(each, PolyCollection)]
+    rings = [
+        each
+        for each in ellipses
+        if np.allclose(each.get_edgecolor()[0][:3], to_rgb(ESTIMATE_COLOUR))
+    ]
+    assert rings and all(not len(each.get_facecolor()) and each.get_paths() for each in rings)
 
 
 def test_the_map_of_a_recorded_drive_names_no_truth():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from test_render import box
 
+from lrf3d.scene import light as module
 from lrf3d.scene.light import bake_light, open_light
 from lrf3d.scene.look import GAMMA, SKYSHINE
 from lrf3d.scene.panels import cut_small
@@ -72,3 +73,12 @@ def test_light_is_the_same_each_time_and_that_of_an_open_field_without_a_wall():
     bare = Structures.from_world(World(np.zeros((0, 4))))
     light = on_ground(bare, np.zeros((2, 2)), 5.0)
     assert light[0] == pytest.approx(open_light(indoor=True), rel=1e-6)
+
+
+def test_between_white_walls_more_bounces_would_change_nothing_that_is_seen(monkeypatch):
+    walls = np.array([*box(0.0, 0.0, 20.0, 8.0), *box(0.0, 11.0, 20.0, 8.0)])
+    white = np.full((2, 3), 0.95)
+    light = [painted(walls, 12.0, white)[0].shaded]
+    monkeypatch.setattr(module, "_BOUNCES", 20)
+    light.append(painted(walls, 12.0, white)[0].shaded)
+    assert np.abs(light[1] - light[0]).max() < 0.01
