@@ -24,9 +24,6 @@ AnyArray = TypeVar("AnyArray", bound=NDArray[Any])
 LARGEST_COORDINATE = 1e9
 """Largest size of a coordinate [m] and of a heading [rad]: beyond it float64 has no nanometres."""
 
-LATEST = 1e12
-"""Largest time [s], 30,000 years: stamps in nanoseconds would be larger."""
-
 TINY = 1e-44
 """Sizes below this count as 0: products of smaller numbers would underflow in exact decisions."""
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.casting.kernels.scans import NOT_ASKED, PlainLaser, cast_scans, laser_of
-from lrf3d.casting.kernels.tree import Tree, build_tree
+from lrf3d.casting.kernels.scans import NOT_ASKED, cast_scans, laser_of
+from lrf3d.casting.kernels.tree import Plain, Tree, build_tree
 from lrf3d.cores import core_count
 from lrf3d.errors import expect
 from lrf3d.geometry import Float, Int
@@ -30,9 +30,6 @@ class PlanarCaster:
     For the float64 pose, directions and walls the wall that a beam hits is exact; of walls at the
     same distance it is the first. The range is that distance, to within half a unit in its last
     place. Behind mirrors and through glass beams are followed in float64.
-
-    Raises:
-        InputError: The world is not a World.
 
     Examples:
         >>> import lrf3d
@@ -63,7 +60,7 @@ class PlanarCaster:
         poses = np.fromiter(pose, np.float64, 3)[None]
         if self._lighting is not None:
             lit = self._lit(lrf, poses)
-            echoes = (lit.echo_ranges[0], lit.echo_intensities[0]) if lrf.echoes > 1 else ()
+            echoes = (lit.echoes[0], lit.echo_intensities[0]) if lrf.echoes > 1 else ()
             return LaserScan.unchecked(
                 lrf, pose, lit.ranges[0], lit.walls[0], lit.intensities[0], *echoes
             )
@@ -106,9 +103,7 @@ class PlanarCaster:
             self._trees[level] = build_tree(self.world.segments[tall], tall)
         return self._trees[level]
 
-    def _fill(
-        self, height: float, laser: PlainLaser, poses: Float, ranges: Float, walls: Int
-    ) -> None:
+    def _fill(self, height: float, laser: Plain, poses: Float, ranges: Float, walls: Int) -> None:
         """Fill ranges (k, beams) of scans from poses (k, 3), and walls unless empty; on one core.
 
         Beams end at the first wall, also at mirrors and glass.

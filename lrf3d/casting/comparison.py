@@ -151,10 +151,7 @@ def crosscheck(
 
 
 class BareEmbree:
-    """Casts at the extruded walls with ``mesh.ray.intersects_location`` of trimesh, over Embree.
-
-    The triangle is found in float32, the distance is that of its plane in float64.
-    """
+    """Casts at the extruded walls with trimesh's ``intersects_location``, over Embree."""
 
     def __init__(self, world: World) -> None:
         self.mesh, self._centre = extrude(world), world.origin

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from lrf3d.errors import InputError, shown
-from lrf3d.geometry import Float, Value, as_rows, number, whole_number, wrap_angle
+from lrf3d.geometry import Float, Value, as_rows, number, wrap_angle
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
@@ -71,11 +71,7 @@ class DynamicObstacle(Value):
 
     @property
     def poses(self) -> Trajectory:
-        """The path as a Trajectory.
-
-        Raises:
-            InputError: The path is a Patrol, which has no end.
-        """
+        """The path as a Trajectory; a Patrol has no end, and is none."""
         if isinstance(self.path, Patrol):
             raise InputError("dynamic obstacle on a patrol without an end; call its until(time)")
         return self.path
@@ -102,12 +98,9 @@ class DynamicObstacle(Value):
         return np.hstack([corners, np.roll(corners, -1, axis=0)])
 
 
-def round_outline(radius: float, corners: int = 16) -> Float:
-    """A regular polygon (corners, 2) around a circle of a radius [m]."""
+def round_outline(radius: float) -> Float:
+    """A regular polygon (16, 2) around a circle of a radius [m], nowhere narrower than it."""
     number(radius, "radius", "metres", positive=True)
-    corners = whole_number(corners, "corners", least=3)
-    turns = 2.0 * np.pi / corners * (np.arange(corners) + 0.5)
-    # The sides touch the circle, so that the polygon is nowhere narrower than it.
-    reach = radius / np.cos(np.pi / corners)
-    outline: Float = reach * np.column_stack([np.cos(turns), np.sin(turns)])
-    return outline
+    turns = 2.0 * np.pi / 16 * (np.arange(16) + 0.5)
+    reach = radius / np.cos(np.pi / 16)
+    return np.asarray(reach * np.column_stack([np.cos(turns), np.sin(turns)]))

@@ -8,14 +8,15 @@ import math
 from bisect import bisect_left
 from collections.abc import Sequence
 from functools import lru_cache, partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from lrf3d.casting.caster import PlanarCaster
-from lrf3d.casting.kernels.scans import PlainLaser, laser_of
-from lrf3d.casting.mesh_scene import MeshScene
-from lrf3d.casting.triangle_rays import embreex_installed
+from lrf3d.casting.kernels.echoes import Lit
+from lrf3d.casting.kernels.scans import laser_of
+from lrf3d.casting.kernels.tree import Plain
+from lrf3d.casting.triangle_rays import MeshScene, embreex_installed
 from lrf3d.casting.wall_scene import WallScene
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import Bool, Float, Int, is_finite, numbers
@@ -26,21 +27,6 @@ from lrf3d.world import World
 from lrf3d.world.mesh import level_cut
 
 
-class LayerLight(NamedTuple):
-    """Layers of beams with their light: ranges [m], walls and intensities (layers, beams).
-
-    The strongest echoes (layers, beams, k) come the nearest first; k is 0 where the laser reports
-    one. Chains (layers, beams, 16) are the walls on the path of each beam, then −1.
-    """
-
-    ranges: Float
-    walls: Int
-    intensities: Float
-    echoes: Float
-    echo_intensities: Float
-    chains: Int
-
-
 class EmbreeCaster(PlanarCaster):
     """Casts scans with Embree; at walls, decisions and ranges are the exact ones of PlanarCaster.
 
@@ -48,9 +34,6 @@ class EmbreeCaster(PlanarCaster):
         world: A world, or a ``trimesh.Trimesh``, whose triangles then stand where a world has
             its walls. Level beams meet the triangles where these meet the plane at their height;
             the ends of such a cut are rounded to float64, but for upright edges, which are exact.
-
-    Raises:
-        InputError: It is neither.
 
     Examples:
         >>> import lrf3d
@@ -130,13 +113,10 @@ class EmbreeCaster(PlanarCaster):
         *,
         pitch: float = 0.0,
         roll: float = 0.0,
-    ) -> LayerLight:
+    ) -> Lit:
         """Cast as `cast_layers` does, with mirrors, glass, intensities and echoes.
 
         Up to the first mirror or pane level layers are exact; all else is cast in float64.
-
-        Raises:
-            InputError: The world has no materials.
 
         Examples:
             >>> import lrf3d
@@ -160,11 +140,9 @@ class EmbreeCaster(PlanarCaster):
         )
         # Each layer is a row of the inclined ones, in their order, or the level scan after these.
         rows = np.where(level, len(beams), np.cumsum(~level) - 1)
-        return LayerLight(*(np.concatenate(both)[rows] for both in zip(lit, flat, strict=True)))
+        return Lit(*(np.concatenate(both)[rows] for both in zip(lit, flat, strict=True)))
 
-    def _fill(
-        self, height: float, laser: PlainLaser, poses: Float, ranges: Float, walls: Int
-    ) -> None:
+    def _fill(self, height: float, laser: Plain, poses: Float, ranges: Float, walls: Int) -> None:
         # A scene is built for ranges up to a power of two.
         key = bisect_left(self._levels, height), math.frexp(laser[-1])[1]
         scene = self._scenes.get(key)

@@ -1,8 +1,4 @@
-"""Light of scans in worlds with materials, for both casters.
-
-Ranges among the walls come in; what leaves are the ranges, walls and intensities of the echoes that
-the laser reports, and on request the walls on the path.
-"""
+"""Light of scans in worlds with materials, for both casters: ranges become echoes."""
 
 import math
 from typing import Any
@@ -48,10 +44,7 @@ class Lighting:
         )
 
     def light(self, lrf: LaserRangeFinder, tree: Tree, poses: Float, lit: Lit, part: slice) -> None:
-        """Light the part of the scans from poses (k, 3), whose ranges among the walls are known.
-
-        The tree is that over the walls as high as the laser.
-        """
+        """Light the part of the scans from poses (k, 3), whose ranges among the walls are known."""
         rows: Any = tuple(array[part] for array in lit)
         light_scans(tree[:], self._optics[:], _receiver(lrf), laser_of(lrf), poses[part], rows)
 

@@ -23,8 +23,8 @@ import shapely
 import trimesh
 
 from lrf3d.casting.kernels.embree import Trust
-from lrf3d.casting.kernels.scans import PlainLaser, cast_scans, rays_of
-from lrf3d.casting.kernels.tree import Tree
+from lrf3d.casting.kernels.scans import cast_scans, rays_of
+from lrf3d.casting.kernels.tree import Plain, Tree
 from lrf3d.geometry import Float, Int
 
 FLAT, STEEP = 0.03, 0.25
@@ -34,9 +34,6 @@ than FLAT a beam is in doubt, and from STEEP on more of a wall is clear."""
 LONGER, CAP, APEX = 3.0, 2.0, 4.0
 """In δ: how much longer a plane is, and half a cap. A triangle is APEX times as high above the
 beams as below, where a cap ends at δ."""
-
-POSES_SENT = 64
-"""Scans whose rays are passed to trimesh at a time: 600 kB with 181 beams, not a whole batch."""
 
 
 class WallScene:
@@ -63,10 +60,11 @@ class WallScene:
         # Embree's scene is built at its first ray; threads that cast share it.
         self.mesh.ray.intersects_first(np.zeros((1, 3)), np.ones((1, 3)))
 
-    def cast(self, laser: PlainLaser, poses: Float, ranges: Float, walls: Int) -> None:
+    def cast(self, laser: Plain, poses: Float, ranges: Float, walls: Int) -> None:
         """Fill ranges (k, beams) of scans from poses (k, 3), and walls unless empty."""
-        for k in range(0, len(poses), POSES_SENT):
-            part = slice(k, k + POSES_SENT)
+        # The rays of 64 scans of 181 beams are 600 kB.
+        for k in range(0, len(poses), 64):
+            part = slice(k, k + 64)
             rays = rays_of(laser, poses[part], self._x, self._y)
             found = self.mesh.ray.intersects_first(*rays)
             asked = self._clear, self._trust, found
@@ -74,20 +72,17 @@ class WallScene:
 
 
 def float32_error(radius: float, distance: float) -> float:
-    """Bound on ε [m], at coordinates up to a radius from the middle.
-
-    Ends and the laser are rounded, the laser twice: seen from the middle, and from a corner of the
-    mesh. In proportion to the distance so are the direction, twice, and each step of the
-    intersection.
-    """
+    """Bound on ε [m], at coordinates up to a radius from the middle."""
+    # Ends and the laser are rounded, the laser twice: seen from the middle, and from a corner of
+    # the mesh. In proportion to the distance so are the direction, twice, and each step of the
+    # intersection.
     return 2.0**-24 * (6.0 * radius + 18.0 * distance)
 
 
 def triangles(walls: Float, along: Float, delta: float) -> Float:
     """Vertices (9 n, 3) of the plane and the two caps of each of the walls (n, 4).
 
-    Each is about as high as wide, as suits float32, and as wide as it must be at z = 0, where the
-    beams are.
+    Each is about as high as wide, as suits float32, and wide enough at z = 0, where the beams are.
     """
     length = np.hypot(along[:, 0], along[:, 1])[:, None]
     along = along / length

@@ -20,10 +20,6 @@ MOST_CELLS = 4_000_000
 SIGHT = 15.0
 """Largest range [m] at which a scan shows a cell to be free: beyond, beams are too far apart."""
 
-LARGEST_CELL = 0.5
-"""Largest side of a cell [m]: larger ones hide doors. Of scans too far apart for that, those
-around the most central one are used."""
-
 MARGIN = 0.1
 """Distance [m] before a return, besides a cell, that is not marked free: the noise."""
 
@@ -44,24 +40,16 @@ def distinct_poses(poses: Float) -> Int:
 def free_cells(scans: Sequence[LaserScan]) -> FreeCells:
     """The cells that scans show to be free: those before the returns of their beams.
 
-    A cell between two beams is free if both returned from behind it. A beam without return marks
-    nothing.
-
-    Examples:
-        >>> import lrf3d
-        >>> import numpy as np
-        >>> from lrf3d.laser.free_space import free_cells
-        >>> lrf = lrf3d.LaserRangeFinder()
-        >>> scan = lrf3d.LaserScan((0, 0, 0), lrf.angles, np.full(181, 4.0))
-        >>> free_cells([scan]).contain(np.array([[3.0, 0.0], [-3.0, 0.0], [5.0, 0.0]])).tolist()
-        [True, False, False]
+    A cell between two beams is free if both returned from behind it.
     """
     from PIL import Image, ImageDraw
 
     if not len(scans):
         return FreeCells(np.zeros((1, 1), dtype=np.bool_), CELL)
     places = np.array([scan.pose[:2] for scan in scans])
-    reach = 0.5 * LARGEST_CELL * np.sqrt(MOST_CELLS) - SIGHT - CELL
+    # Cells of over half a metre hide doors: of scans too far apart for smaller ones, those around
+    # the most central one are used.
+    reach = 0.25 * np.sqrt(MOST_CELLS) - SIGHT - CELL
     off = np.abs(places - np.median(places, axis=0)).max(axis=1)
     if off.max() > reach:
         near = np.abs(places - places[np.argmin(off)]).max(axis=1) <= reach

@@ -72,9 +72,8 @@ def imperfect(
 class AngleNoise:
     """Gaussian noise of each beam's angle: reports the range at θ + N(0, σ) as the range at θ.
 
-    σ is in radians. It comes first in a chain, because it needs true ranges: on a wall the range
-    at the other angle is exact; a wall that ends between two beams is taken to end midway. The
-    angles of the scan are in ascending order.
+    σ is in radians. It comes first in a chain, because it needs true ranges, at ascending angles.
+    On a wall the range at the other angle is exact; one that ends between two beams ends midway.
     """
 
     sigma: float
@@ -107,8 +106,7 @@ class DropOuts:
     """Beams that do not return: some anywhere, more at long range.
 
     A beam is lost for one of two reasons, independent of each other: anywhere with the probability
-    ``share``; at the range d with ``far`` · (d / range_max)², as the light spreads. Losses at a
-    grazing angle come of the threshold of a laser in a world with materials.
+    ``share``; at the range d with ``far`` · (d / range_max)², as the light spreads.
 
     Raises:
         InputError: A probability is invalid; or, when it is applied, the scan has no range_max.

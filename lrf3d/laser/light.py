@@ -26,11 +26,6 @@ def shares(
 
     Cos is the cosine of its angle. Without the refractive index of a pane, 0, the shares are those
     of the material: specular and transmission. The diffuse share is lost to both.
-
-    Examples:
-        >>> from lrf3d.laser.light import shares
-        >>> [round(share, 4) for share in shares(1.0, 0.0, 0.0, 0.0, 1.5)]
-        [0.0769, 0.9231]
     """
     if index == 0.0:
         return specular, transmission
@@ -68,11 +63,6 @@ def intensity(bright: float, distance: float, near_field: float) -> float:
     In the near field the image of the spot is larger than the detector, which catches the share
     1 − exp(−2 (distance / near_field)²) of its light (W. Fang et al., "Intensity correction of
     terrestrial laser scanning data by estimating laser transmission function", 2015).
-
-    Examples:
-        >>> from lrf3d.laser.light import intensity
-        >>> intensity(0.8, 2.0, 0.0)
-        0.2
     """
     away = max(distance, CLOSEST)
     value = bright / (away * away)

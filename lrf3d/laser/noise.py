@@ -6,10 +6,9 @@ surface hit, the loss of beams, the range, its rounding and limits::
     Chain([AngleNoise(0.002), MixedPixels(0.01), DropOuts(far=0.1), ConstantNoise(0.01),
            ProportionalNoise(0.04), Quantised(0.01), Limits()])
 
-Each draws a fixed number of random numbers for each beam, so that a seed gives the same noise for
-any scan. A noise whose measured ranges scatter about the true ones has an attribute ``spread``, for
-mappers: standard deviations [m] of the part that is the same at every distance, and of the part
-that grows with the distance, at range_max.
+Each draws a fixed number of random numbers for each beam. A noise whose measured ranges scatter
+about the true ones has an attribute ``spread``, for mappers: standard deviations [m] of the part
+that is the same at every distance, and of the part that grows with the distance, at range_max.
 """
 
 import inspect
@@ -52,8 +51,7 @@ NO_SPREAD = (0.0, 0.0)
 class RangeNoise(NamedTuple):
     """The noise of ranges that mapping and localisation assume.
 
-    The standard deviation [m] at the range r is hypot(floor, growth · r): that of Eq. 7 and one
-    that does not depend on the range. It is a named tuple, for compiled code.
+    The standard deviation [m] at the range r is hypot(floor, growth · r).
 
     Examples:
         >>> from lrf3d.laser import RangeNoise
@@ -68,11 +66,7 @@ class RangeNoise(NamedTuple):
     def from_sigma(
         cls, sigma: float = SIGMA, floor: float = FLOOR, range_max: float = USUAL_RANGE
     ) -> "RangeNoise":
-        """The noise of Eq. 7 with a standard deviation sigma [m] at range_max [m], and a floor [m].
-
-        Raises:
-            InputError: A number is negative or not finite, or range_max is 0.
-        """
+        """The noise of Eq. 7 with a sigma [m] at range_max [m], and a floor [m]."""
         at_range_max = number(sigma, "range noise: sigma", "metres")
         growth = at_range_max / number(range_max, "range noise: range_max", positive=True)
         return cls(number(floor, "range noise: floor", "metres"), growth)
@@ -93,26 +87,20 @@ def spread_of(noise: object) -> tuple[float, float] | None:
 
 
 def as_noise(noise: Any) -> Noise:
-    """A noise that comes from outside.
-
-    Raises:
-        InputError: It is not a function of a scan and an rng.
-    """
+    """A noise that comes from outside, checked to be a function of a scan and an rng."""
     try:
         inspect.signature(noise).bind("scan", "rng")
     except (TypeError, ValueError):
         raise InputError(f"noise {shown(noise)}: expected a function of a scan and rng") from None
-    checked: Noise = noise
-    return checked
+    return noise  # type: ignore[no-any-return]
 
 
 @dataclass(frozen=True, slots=True)
 class ProportionalNoise:
     """Gaussian noise that grows with the distance (Eq. 7): d + d/d_max · N(0, σ).
 
-    σ is the standard deviation [m] at range_max. A beam without return stays without; a noisy range
-    below 0 is reported as 0. With σ = 0 the scan is returned unchanged and no random numbers are
-    drawn.
+    σ is the standard deviation [m] at range_max. A noisy range below 0 is reported as 0. With σ = 0
+    the scan is returned unchanged and no random numbers are drawn.
 
     Raises:
         InputError: σ is invalid; or, when it is applied, the scan has no range_max.
@@ -287,11 +275,7 @@ def _with_echoes(
 
 
 def at_sigma(noise: Noise, sigma: float) -> Noise:
-    """The noise with another standard deviation [m] at range_max, otherwise unchanged.
-
-    Raises:
-        InputError: No part of it is a ProportionalNoise.
-    """
+    """The noise with another standard deviation [m] at range_max, of its ProportionalNoise."""
     other, parts = ProportionalNoise(sigma), Chain([noise]).noises
     if not any(isinstance(part, ProportionalNoise) for part in parts):
         raise InputError(f"sigma {shown(sigma)}: {noise!r} has no ProportionalNoise to give it to")

@@ -84,11 +84,6 @@ class LaserRangeFinder(Value):
             count = whole_number(getattr(self, name), f"range finder: {name}", most=most)
             object.__setattr__(self, name, count)
 
-    @property
-    def light(self) -> tuple[float, float, str, int]:
-        """What it makes of the light: threshold, near_field, echo and echoes."""
-        return self.threshold, self.near_field, self.echo, self.echoes
-
     @cached_property
     def angles(self) -> Float:
         """Angles of the beams (beams,) [rad], 0 ahead; θ_s of the paper is angles + π/2."""

@@ -43,14 +43,7 @@ class Stamp:
 
 
 def read_ros_scan(message: Any) -> dict[str, Any]:
-    """The arguments of a LaserScan, except its pose, from a message.
-
-    A message is one of rclpy or rosbags, or nested dicts. A range that is NaN
-    counts as no return, as everywhere.
-
-    Raises:
-        InputError: The message is invalid, or its angles and limits are.
-    """
+    """The arguments of a LaserScan, except its pose, of a message or of nested dicts."""
     try:
         low, step, increment, range_min, range_max = (
             float(field_of(message, name))
@@ -92,11 +85,7 @@ def field_of(message: Any, name: str, *other: Any) -> Any:
 
 
 def even_spread(angles: Float) -> tuple[float, float, float]:
-    """First angle, last angle and step, consistent in float32.
-
-    Raises:
-        InputError: The beams are not evenly spaced, which messages cannot express.
-    """
+    """First angle, last angle and step of evenly spaced beams, consistent in float32."""
     low = np.float32(angles[0])
     if len(angles) == 1:
         return float(low), float(low), 0.0

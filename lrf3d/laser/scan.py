@@ -1,26 +1,16 @@
 """LaserScan: the ranges of one scan, with its pose."""
 
+import math
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, asdict, dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError, shown
-from lrf3d.geometry import (
-    LARGEST_COORDINATE,
-    LATEST,
-    Bool,
-    Float,
-    Int,
-    Value,
-    is_finite,
-    number,
-    read_only,
-    sealed,
-)
+from lrf3d.geometry import LARGEST_COORDINATE, Bool, Float, Int, Value, number, read_only, sealed
 from lrf3d.laser.range_finder import LARGEST_ANGLE, LaserRangeFinder, beam_directions, within_limits
 from lrf3d.laser.ros_scan import Stamp, even_spread, read_ros_scan
 from lrf3d.notebook import Pictured
@@ -30,7 +20,7 @@ LIGHT = {"intensities": (1, 0.0), "echoes": (2, np.inf), "echo_intensities": (2,
 """What a scan has of the light: the number of axes, and what stands for nothing, by attribute."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False, init=False)
 class LaserScan(Value, Pictured):
     """The ranges of one scan, with the pose that they were measured at.
 
@@ -71,8 +61,7 @@ class LaserScan(Value, Pictured):
     pose: Pose
     angles: Float
     ranges: Float
-    walls: Int = None  # type: ignore[assignment]
-    _: KW_ONLY
+    walls: Int
     range_min: float = 0.0
     range_max: float = np.inf
     time: float = 0.0
@@ -82,58 +71,49 @@ class LaserScan(Value, Pictured):
     echoes: Float | None = None
     echo_intensities: Float | None = None
 
-    if TYPE_CHECKING:
-        # Lists are accepted, too; a pose and arrays are stored.
-        def __init__(
-            self,
-            pose: Sequence[float] | Float,
-            angles: ArrayLike,
-            ranges: ArrayLike,
-            walls: ArrayLike | None = None,
-            *,
-            range_min: float = 0.0,
-            range_max: float = np.inf,
-            time: float = 0.0,
-            time_increment: float = 0.0,
-            pose_covariance: ArrayLike | None = None,
-            intensities: ArrayLike | None = None,
-            echoes: ArrayLike | None = None,
-            echo_intensities: ArrayLike | None = None,
-        ) -> None: ...
-
-    def __post_init__(self) -> None:
-        near, far = self.range_min, self.range_max
-        known = is_finite(near) and (is_finite(far) or far == np.inf)
-        if not (known and 0.0 <= near < min(far, LARGEST_COORDINATE)):
-            limits = f"range_min {shown(near)} and range_max {shown(far)}"
-            raise InputError(f"scan with {limits}, expected 0 ≤ range_min < range_max")
-        for name in ("time", "time_increment"):
-            number(getattr(self, name), f"scan: {name}", "seconds", least=-LATEST)
-        angles, ranges = read_only(self.angles, "angles"), read_only(self.ranges, "ranges")
-        walls = np.full(ranges.shape, -1) if self.walls is None else self.walls
-        walls = read_only(walls, "walls", np.int64)
-        if angles.ndim != 1 or not angles.shape == ranges.shape == walls.shape:
-            found = f"angles {angles.shape}, ranges {ranges.shape} and walls {walls.shape}"
+    def __init__(
+        self,
+        pose: Sequence[float] | Float,
+        angles: ArrayLike,
+        ranges: ArrayLike,
+        walls: ArrayLike | None = None,
+        *,
+        range_min: float = 0.0,
+        range_max: float = np.inf,
+        time: float = 0.0,
+        time_increment: float = 0.0,
+        pose_covariance: ArrayLike | None = None,
+        intensities: ArrayLike | None = None,
+        echoes: ArrayLike | None = None,
+        echo_intensities: ArrayLike | None = None,
+    ) -> None:
+        # Drivers write the largest float32 for a range finder whose reach they do not know.
+        far = np.inf if range_max == np.inf else number(range_max, "scan: range_max", positive=True)
+        reach = min(far, LARGEST_COORDINATE)
+        below = math.nextafter(reach, 0.0)
+        near = number(range_min, "scan: range_min", "metres below range_max", most=below)
+        turns, distances = read_only(angles, "angles"), read_only(ranges, "ranges")
+        met = np.full(distances.shape, -1) if walls is None else walls
+        met = read_only(met, "walls", np.int64)
+        if turns.ndim != 1 or not turns.shape == distances.shape == met.shape:
+            found = f"angles {turns.shape}, ranges {distances.shape} and walls {met.shape}"
             raise InputError(f"scan with {found}: expected one of each for every beam")
-        if not (inside := np.abs(angles) <= LARGEST_ANGLE).all():
+        if not (inside := np.abs(turns) <= LARGEST_ANGLE).all():
             beam = int(np.argmin(inside))
-            found = f"the angle {angles[beam]:g} of beam {beam}"
+            found = f"the angle {turns[beam]:g} of beam {beam}"
             raise InputError(f"scan with {found}: expected at most ±{LARGEST_ANGLE:g} rad")
-        for name, (axes, nothing) in LIGHT.items():
-            if (values := getattr(self, name)) is not None:
-                self.__dict__[name] = _of_beams(values, len(angles), name, axes, nothing)
-        if self.pose_covariance is not None:
-            self.__dict__["pose_covariance"] = _covariance(self.pose_covariance)
+        light = zip(LIGHT, (intensities, echoes, echo_intensities), strict=True)
         self.__dict__.update(
-            pose=as_pose(self.pose),
-            angles=angles,
-            ranges=_within(ranges, min(far, LARGEST_COORDINATE)),
-            walls=walls,
-            range_min=float(near),
-            # Drivers write the largest float32 for a range finder whose reach they do not know.
-            range_max=float(far) if far <= LARGEST_COORDINATE else np.inf,
-            time=float(self.time),
-            time_increment=float(self.time_increment),
+            {name: _of_beams(value, len(turns), name) for name, value in light},
+            pose=as_pose(pose),
+            angles=turns,
+            ranges=_within(distances, reach),
+            walls=met,
+            range_min=near,
+            range_max=far if far <= LARGEST_COORDINATE else np.inf,
+            time=number(time, "scan: time", "seconds", least=-1e12),
+            time_increment=number(time_increment, "scan: time_increment", least=-1e12),
+            pose_covariance=None if pose_covariance is None else _covariance(pose_covariance),
         )
 
     def __repr__(self) -> str:
@@ -177,20 +157,13 @@ class LaserScan(Value, Pictured):
 
     @classmethod
     def from_ros(cls, message: Any, pose: Sequence[float] = (0.0, 0.0, 0.0)) -> "LaserScan":
-        """The scan of a ROS ``sensor_msgs/LaserScan``, taken at a pose: see `ros_scan`.
-
-        Raises:
-            InputError: The message is invalid, or its angles and limits are.
-        """
+        """The scan of a ROS ``sensor_msgs/LaserScan``, taken at a pose: see `ros_scan`."""
         return cls(as_pose(pose), **read_ros_scan(message))
 
     def as_ros(self, frame_id: str = "laser", *, scan_time: float = 0.0) -> dict[str, Any]:
         """The scan as a ROS ``sensor_msgs/LaserScan``, as nested dicts: see `ros_scan`.
 
-        The time between two scans [s] is 0 if it is unknown.
-
-        Raises:
-            InputError: The beams are not evenly spaced, which the message cannot express.
+        Its beams must be evenly spaced. The time between two scans [s] is 0 if it is unknown.
         """
         light = np.empty(0) if self.intensities is None else self.intensities
         names = "angle_min angle_max angle_increment time_increment scan_time range_min range_max"
@@ -227,9 +200,12 @@ def _within(ranges: Float, range_max: float) -> Float:
     return ranges
 
 
-def _of_beams(values: Any, beams: int, name: str, axes: int, nothing: float) -> Float:
+def _of_beams(values: Any, beams: int, name: str) -> Float | None:
     """Values for each beam (beams, …); NaN becomes the value that stands for nothing."""
+    if values is None:
+        return None
     array: Float = read_only(values, name)
+    axes, nothing = LIGHT[name]
     if array.ndim != axes or len(array) != beams:
         found = f"scan with {name} {array.shape}"
         raise InputError(f"{found}: expected a row for each of {beams} beams")

@@ -7,18 +7,11 @@ from lrf3d.planning.free_space import MARGIN, THINNEST, FreeSpace, connected, fi
 from lrf3d.planning.tour import path_to
 from lrf3d.robot.unicycle import RADIUS
 
-AREA, GAP = 1.0, 0.7
-"""Least area [m²] in which a robot's middle can be, and distance to walls [m] somewhere in it, of
-a room; a nook behind a desk is not."""
-
 POSTS = 1.5
 """Distance [m] from a narrow place within which the posts of its door are looked for."""
 
 USUAL_RADII = (RADIUS, 0.28, 0.22, 0.18, 0.15, THINNEST)
 """Radii of common robots [m], of which one is tried or proposed."""
-
-MOST_NAMED = 3
-"""Largest number of doors that are named."""
 
 
 def narrow_doors(space: FreeSpace) -> list[str]:
@@ -41,20 +34,18 @@ def narrow_doors(space: FreeSpace) -> list[str]:
     parts, count = connected(other & (ground.gaps >= radius + MARGIN))
     areas = np.bincount(parts.ravel()) * ground.size**2
     gaps = maximum(ground.gaps, parts, np.arange(count + 1))
-    missed = np.flatnonzero((areas >= AREA) & (gaps >= GAP) & (np.arange(count + 1) > 0))
+    # A robot's middle can be in at least a square metre of a room: a nook behind a desk is none.
+    missed = np.flatnonzero((areas >= 1.0) & (gaps >= 0.7) & (np.arange(count + 1) > 0))
     if not len(missed):
         return []
     steps = small.graph.tocoo()
     # So steep a cost makes the widest path the cheapest.
     steps.data = np.minimum(small.gaps[steps.row], small.gaps[steps.col]) ** -8.0
+    reached = np.flatnonzero(space.allowed[small.allowed])
     costs, before, _ = dijkstra(
-        steps.tocsr(),
-        indices=np.flatnonzero(space.allowed[small.allowed]),
-        min_only=True,
-        return_predecessors=True,
+        steps.tocsr(), indices=reached, min_only=True, return_predecessors=True
     )
-    doors: list[tuple[float, Float]] = []
-    rooms = 0
+    doors, rooms = list[tuple[float, Float]](), 0
     for room in missed:
         inside = np.flatnonzero(parts[small.allowed] == room)
         path = path_to(before, int(inside[np.argmin(costs[inside])]))
@@ -67,8 +58,8 @@ def narrow_doors(space: FreeSpace) -> list[str]:
     if not doors:
         return []
     doors.sort(key=lambda door: -door[0])
-    named = [f"{width:.2f} m at ({x:.1f}, {y:.1f})" for width, (x, y) in doors[:MOST_NAMED]]
-    more = f" and {len(doors) - MOST_NAMED} more" if len(doors) > MOST_NAMED else ""
+    named = [f"{width:.2f} m at ({x:.1f}, {y:.1f})" for width, (x, y) in doors[:3]]
+    more = f" and {len(doors) - 3} more" if len(doors) > 3 else ""
     fit = [
         f"; --set robot.radius={usual:g}"
         for width in (doors[-1][0], doors[0][0])
@@ -76,11 +67,9 @@ def narrow_doors(space: FreeSpace) -> list[str]:
         if usual < radius and 2.0 * (usual + MARGIN) + ground.size <= width
     ]
     what, verb = ("door", "is") if len(doors) == 1 else ("doors", "are")
-    rooms_missed = "1 room is" if rooms == 1 else f"{rooms} rooms are"
-    return [
-        f"{what} of {', '.join(named)}{more} {verb} too narrow for a robot of"
-        f" {2.0 * radius:.2f} m; {rooms_missed} not reached{''.join(fit[:1])}"
-    ]
+    narrow = f"{', '.join(named)}{more} {verb} too narrow for a robot of {2.0 * radius:.2f} m"
+    missing = "1 room is" if rooms == 1 else f"{rooms} rooms are"
+    return [f"{what} of {narrow}; {missing} not reached{''.join(fit[:1])}"]
 
 
 def _door(space: FreeSpace, place: Float) -> tuple[float, Float]:

@@ -19,9 +19,6 @@ from lrf3d.world.model import DEFAULT_HEIGHT
 Side = Literal["inside", "outside"]
 """Side of the walls: inside, among them, or outside of them."""
 
-SURROUNDINGS = 6.0
-"""Width [m] of the land around the walls where a robot may drive."""
-
 WIDEST_WINDOW = 500.0
 """Largest side [m] of the part of a world that is planned in, as much as a drive can show."""
 
@@ -36,18 +33,12 @@ SUBSTANTIAL = 0.7
 """Least length of the walls along rooms, as a share of those along the outside, for the robot to
 drive inside."""
 
-MARGIN = 0.05
-"""Distance [m] of the robot from walls that is needed, for what the follower is off the route."""
+MARGIN, COMFORT = 0.05, 0.3
+"""Distances [m] of the robot from walls: the least, for what the follower is off the route, and
+that which is kept where there is room."""
 
 THINNEST = 0.12
 """Radius [m] of the smallest usual robot, for which sides of walls and rooms are looked for."""
-
-COMFORT, TIGHT = 0.3, 4.0
-"""Distance [m] of the robot from walls that is kept where there is room, and the factor of the cost
-of a metre where there is less."""
-
-CLEARANCE = 2.0
-"""Distance to walls [m] above which a metre costs no less."""
 
 
 class Ground:
@@ -55,10 +46,7 @@ class Ground:
 
     A place (columns, rows, 2) [m] in each cell, in the world's local frame, has a gap to the walls
     [m], 0 where a map does not know it to be free; nearest is the number of the nearest of the
-    pieces of walls (k, 2).
-
-    Raises:
-        InputError: There are no walls, or none around the start (2,) [m].
+    pieces of walls (k, 2). Large worlds are cut around a start (2,) [m].
     """
 
     def __init__(self, world: World, start: Float | None = None) -> None:
@@ -131,10 +119,9 @@ class Ground:
         several = len(np.unique(objects[self.swept])) > 1
         high = maximum(world.heights[wall], parts, number) > DEFAULT_HEIGHT
         building = closed & (high | alone & several)
-        rooms, outdoors = (
-            len(np.unique(self.nearest[free & cells]))
-            for cells in (~self.swept & ~building[parts], self.swept)
-        )
+        indoors = ~self.swept & ~building[parts]
+        rooms = len(np.unique(self.nearest[free & indoors]))
+        outdoors = len(np.unique(self.nearest[free & self.swept]))
         # Otherwise it is a town, or a few walls in the open, which enclose hardly anything.
         substantial = rooms >= SUBSTANTIAL * outdoors
         return (self.swept, False) if substantial else (is_open[parts], True)
@@ -185,12 +172,12 @@ class FreeSpace:
         return "outside" if (outside.mean() > 0.5 if known else outside.any()) else "inside"
 
     def cost(self, gaps: Float) -> Float:
-        """The cost of a metre at distances to walls [m]: it rises steeply near them.
+        """The cost of a metre at distances to walls [m]: it rises steeply near them, from 2 m on.
 
         So doors and narrow places are passed only to get behind them, and in their middle.
         """
-        near = np.maximum(CLEARANCE / np.maximum(gaps, 1e-3), 1.0) ** 3
-        return np.where(gaps < self.radius + COMFORT, TIGHT * near, near)
+        near = np.maximum(2.0 / np.maximum(gaps, 1e-3), 1.0) ** 3
+        return np.where(gaps < self.radius + COMFORT, 4.0 * near, near)
 
     @cached_property
     def graph(self) -> Any:
@@ -207,19 +194,14 @@ class FreeSpace:
         length = np.hypot(*(self.places[one] - self.places[other]).T)
         # Where walls are nearer than this, one may come too near to the line between the two.
         clear = np.minimum(self.gaps[one], self.gaps[other]) >= np.hypot(self.radius, 0.5 * length)
-        one, other, length = one[clear], other[clear], length[clear]
         price = self.cost(self.gaps)
-        costs = 0.5 * length * (price[one] + price[other])
-        graph = coo_array((costs, (one, other)), shape=(count, count)).tocsr()
+        costs = (0.5 * length * (price[one] + price[other]))[clear]
+        graph = coo_array((costs, (one[clear], other[clear])), shape=(count, count)).tocsr()
         return graph + graph.T
 
 
 def free_places(world: World, least: float) -> Float:
-    """Places (k, 2) [m] at least so far away from all walls [m] between which a robot can drive.
-
-    Raises:
-        InputError: There is none.
-    """
+    """Places (k, 2) [m] at least so far away from all walls [m] between which a robot can drive."""
     return find_free_space(Ground(world), least - MARGIN).places + world.origin
 
 
@@ -229,9 +211,6 @@ def find_free_space(
     """The free space of a robot: of parts with walls between them that along most of the walls.
 
     If a start x, y [m] or a side of the walls is given, the space lies around or on it.
-
-    Raises:
-        InputError: There is no room for the robot between the walls.
     """
     from scipy.sparse.csgraph import connected_components
 
@@ -277,9 +256,8 @@ def find_free_space(
 def _window(ends: Float, around: Float | None) -> tuple[Float, Float]:
     """Corners (2,) of the box around all ends (n, 2), or where most are if that is too wide."""
     inside = ends if around is None else np.vstack([ends, around])
-    # The middle of the world is at (0, 0).
-    low = inside.min(axis=0, initial=0.0) - SURROUNDINGS
-    high = inside.max(axis=0, initial=0.0) + SURROUNDINGS
+    # The middle of the world is at (0, 0). A robot may drive up to 6 m around the walls.
+    low, high = inside.min(axis=0, initial=0.0) - 6.0, inside.max(axis=0, initial=0.0) + 6.0
     if (high - low).max() > WIDEST_WINDOW:
         if around is None:
             tiles = np.floor(ends / (0.5 * WIDEST_WINDOW))

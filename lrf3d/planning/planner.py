@@ -13,14 +13,7 @@ import numpy as np
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import LARGEST_COORDINATE, Float, Int, is_finite, numbers
 from lrf3d.planning.doors import USUAL_RADII, narrow_doors
-from lrf3d.planning.free_space import (
-    COMFORT,
-    MARGIN,
-    FreeSpace,
-    Ground,
-    Side,
-    find_free_space,
-)
+from lrf3d.planning.free_space import COMFORT, MARGIN, FreeSpace, Ground, Side, find_free_space
 from lrf3d.planning.tour import find_tour
 from lrf3d.pose import as_pose
 from lrf3d.robot.collision import CollisionChecker
@@ -37,19 +30,15 @@ FAR_ENOUGH, SMALLEST = 2 / 3, 0.18
 """Least share of the inside that the usual robot must get to, or a smaller one is tried, down to
 this radius [m]."""
 
-SAME = 1.1
-"""Cost of a straight line, as a multiple of that of the path, up to which it is as good."""
-
 LEAST_LOOKAHEAD = 0.1
 """Least look-ahead [m]: with it the robot keeps within centimetres of the route, and slowly."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlannedRoute:
-    """Way-points (m, 2) [m], the side of the walls, and how the robot drives along them.
+    """Way-points (m, 2) [m], the side of the walls, and the robot's radius, speed and look-ahead.
 
-    Its radius and its look-ahead are in metres, its speed in m/s. The notes are what the user
-    should know: doors that are too narrow.
+    The notes are what the user should know: doors that are too narrow.
     """
 
     waypoints: Float
@@ -71,21 +60,18 @@ def plan_route(
 ) -> Float:
     """Find way-points (m, 2) [m], two or more, from which most of the walls are seen.
 
-    The same world gives the same route. In a world wider than 500 m the route is planned only in
-    the part with the most walls. In a plan of rooms it stays inside, even if doors lead out; in a
-    town it runs between the buildings; in a map with free cells it keeps to these. With a
-    long look-ahead a robot may cut corners of narrow passages, which `check_drive` reports.
+    The same world gives the same route. In a world wider than 500 m it is planned only in the part
+    with the most walls. In a plan of rooms it stays inside, even if doors lead out; in a town it
+    runs between the buildings; in a map with free cells it keeps to these.
 
     Args:
         world: The walls.
         radius: Radius of the robot [m].
         range_max: Largest range of the laser [m].
-        lookahead: Look-ahead [m] of `follow_route` on the route; a shorter one fits through
-            narrower doors.
+        lookahead: Look-ahead [m] of `follow_route`; a shorter one fits through narrower doors.
         where: ``"inside"`` or ``"outside"``, the side of the walls to stay on; it depends on the
             world and the start if not given.
-        start: Initial pose x, y [m], theta [rad], or only the position; the route begins there and
-            stays in the space around it. Anywhere if not given.
+        start: Initial pose x, y [m], theta [rad], or only the position, where the route begins.
 
     Raises:
         InputError: There are no walls, there is no room to drive, the start is in a wall or on
@@ -98,14 +84,10 @@ def plan_route(
         >>> route.shape[1], bool((route > 0).all())
         (2, True)
     """
-    return find_route(
-        world,
-        radius=radius,
-        range_max=range_max,
-        lookahead=lookahead,
-        where=where,
-        start=start,
-    ).waypoints
+    found = find_route(
+        world, radius=radius, range_max=range_max, lookahead=lookahead, where=where, start=start
+    )
+    return found.waypoints
 
 
 def find_route(
@@ -178,10 +160,8 @@ def _checked_start(
         raise InputError(f"start {shown(start)}: expected finite numbers x, y or x, y, theta")
     x, y = position = position[:2]
     if len(checker.hit(position[None], position[None], radius)[0]):
-        raise InputError(
-            f"start ({x:g}, {y:g}): nearer to a wall than the robot's radius of {radius:g} m; move"
-            " it"
-        )
+        near = f"nearer to a wall than the robot's radius of {radius:g} m"
+        raise InputError(f"start ({x:g}, {y:g}): {near}; move it")
     return position
 
 
@@ -204,8 +184,7 @@ def _fitting_radius(ground: Ground, where: Side | None, start: Float | None) -> 
 def _straightened(space: FreeSpace, legs: list[Int]) -> Float:
     """Way-points (m, 2) along the legs, straight as far as that costs no more than the legs.
 
-    From each way-point the straight line is drawn to place after place; the last one before it
-    costs more is the next way-point. The ends of the legs, which are lookouts, always stay.
+    The ends of the legs, which are lookouts, always stay.
     """
     waypoints = [space.places[legs[0][0]]]
     for leg in legs:
@@ -236,4 +215,5 @@ def _is_better(space: FreeSpace, ends: Float, cost: float, least: float) -> bool
     enough = gaps.min() >= min(least, space.radius + COMFORT) - 0.01
     prices = space.cost(gaps)
     mean = 0.5 * (prices[1:] + prices[:-1]).mean()
-    return bool(enough and length * mean <= SAME * cost)
+    # A straight line is worth a tenth more.
+    return bool(enough and length * mean <= 1.1 * cost)

@@ -12,40 +12,15 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.planning.free_space import COMFORT, FreeSpace
 from lrf3d.world import World
 
-PATCHES = 600
-"""Approximate number of patches of the free space, each with one candidate for a lookout."""
-
 BEAMS, HEADINGS = 360, 8
 """Number of beams all around, and of headings for which the view of a laser with 180° is stored."""
-
-FARTHEST_VIEW = 40.0
-"""Largest distance [m] at which a wall counts as seen: farther away, beams of 1° leave gaps."""
-
-PIECES, SHORTEST_PIECE = 8000, 0.4
-"""Approximate number of pieces of all walls, and their least length [m]."""
-
-FULL_WEIGHT = 2.0
-"""Length [m] from which a wall counts in full; niches and steps are not worth a detour."""
 
 TIGHT = 0.3
 """Factor of the worth of a lookout without comfort."""
 
-OPEN = 5.0
-"""Distance to walls [m] above which more room makes no better lookout."""
-
-MOST_LOOKOUTS = 60
-"""Largest number of lookouts: between each two of them the cheapest path is found."""
-
-LEAST_WORTH, LEAST_GAIN = 0.02, 0.0005
-"""Least length of wall [m] that another metre must show, and least share of all that another
-lookout must."""
-
 SHORTEST_ROUTE, LONGEST_ROUTE = 20.0, 800.0
 """Shortest route [m], some seconds of driving: where a few steps show all walls, the robot also
 drives to the ends of the free space; and the longest one, some minutes."""
-
-TURN = 1.0
-"""Length [m] of the path back at an end of the route."""
 
 
 def find_tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
@@ -53,9 +28,6 @@ def find_tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
 
     It grows by one lookout after the other, always the one that shows the most additional wall for
     each additional metre, where that is the shortest detour.
-
-    Raises:
-        InputError: There is no room to drive.
     """
     patches, patch_of = _patches(space)
     seen, weights = _look(space.places[patches] + world.origin, world, range_max)
@@ -77,7 +49,8 @@ def find_tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
         worth[order] = 0.0
         worth[steps.sum() + detour > LONGEST_ROUTE] = 0.0
         best = int(np.argmax(worth))
-        if worth[best] < LEAST_WORTH:
+        # Another metre must show two centimetres of wall.
+        if worth[best] < 0.02:
             break
         order.insert(kept + int(np.argmin(detours[:, best])), best)
         order = _two_opt(order, metres[np.ix_(order, order)], kept)
@@ -98,7 +71,7 @@ def find_tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
 def _legs(space: FreeSpace, paths: list[list[Int]], order: list[int]) -> list[Int]:
     """The paths of a tour; at its ends the robot turns round, to see what lay behind it."""
     legs = [paths[one][other] for one, other in pairwise(order)]
-    turn = int(TURN / space.ground.size) + 2
+    turn = int(1.0 / space.ground.size) + 2
     begin = [] if space.start is not None else [leg[turn - 1 :: -1] for leg in legs[:1]]
     return [*begin, *legs, *(leg[: -turn - 1 : -1] for leg in legs[-1:])]
 
@@ -115,14 +88,15 @@ def _shown(space: FreeSpace, legs: list[Int], seen: Bool, patch_of: Int) -> Bool
 
 
 def _patches(space: FreeSpace) -> tuple[Int, Int]:
-    """The most open place in each patch of a free space, and the patch nearest to each place."""
+    """The most open place in each of some 600 patches, and the patch nearest to each place."""
     from scipy.sparse.csgraph import dijkstra
 
-    size = max(np.sqrt(len(space.places) / PATCHES), 2.0) * space.ground.size
+    size = max(np.sqrt(len(space.places) / 600), 2.0) * space.ground.size
     patch = np.floor(space.places / size)
     off_middle = np.abs(space.places / size - patch - 0.5).max(axis=1)
-    # Among places with as much room the one nearest to the middle of the patch comes first.
-    order = np.lexsort((off_middle, -np.round(np.minimum(space.gaps, OPEN))))
+    # Among places with as much room the one nearest to the middle of the patch comes first, and
+    # more than 5 m of room make no better lookout.
+    order = np.lexsort((off_middle, -np.round(np.minimum(space.gaps, 5.0))))
     best = order[np.unique((patch @ [1.0, 1e6])[order], return_index=True)[1]]
     source = dijkstra(space.graph, indices=best, min_only=True, return_predecessors=True)[2]
     number = np.zeros(len(space.places), dtype=np.int64)
@@ -137,13 +111,11 @@ def _cover(seen: Bool, weights: Float, appeal: Float) -> list[int]:
     """
     # As numbers they are summed ten times as fast as truth values are.
     shows, unseen = seen.astype(np.float32), weights.astype(np.float32)
-    least, chosen = LEAST_GAIN * float(unseen[seen.any(axis=0)].sum()), list[int]()
-    # With a short range_max no wall may be visible.
-    while (gains := appeal * (shows @ unseen)).max() > least or not chosen:
+    least, chosen = 0.0005 * float(unseen[seen.any(axis=0)].sum()), list[int]()
+    # With a short range_max no wall may be visible. Between each two the cheapest path is found.
+    while ((gains := appeal * (shows @ unseen)).max() > least and len(chosen) < 60) or not chosen:
         chosen.append(int(np.argmax(gains)))
         unseen[seen[chosen[-1]]] = 0.0
-        if len(chosen) == MOST_LOOKOUTS:
-            break
     return chosen
 
 
@@ -169,28 +141,25 @@ def _length(space: FreeSpace, path: Int) -> float:
 
 
 def _look(positions: Float, world: World, range_max: float) -> tuple[Bool, Float]:
-    """Which pieces are seen (headings, k, pieces) from positions (k, 2) [m], and their weights.
-
-    A weight is about the length of a piece [m].
-    """
-    reach = min(range_max, FARTHEST_VIEW)
-    lrf = LaserRangeFinder(
-        -np.pi, np.pi - 2.0 * np.pi / BEAMS, beams=BEAMS, range_max=reach, height=0.0
-    )
+    """Which pieces are seen (headings, k, pieces) from positions (k, 2), and their weights [m]."""
+    # Farther away beams of 1° leave gaps.
+    reach, last = min(range_max, 40.0), np.pi - 2.0 * np.pi / BEAMS
+    lrf = LaserRangeFinder(-np.pi, last, beams=BEAMS, range_max=reach, height=0.0)
     # Mirrors and glass are left out: what they show is not seen where it stands.
     caster = PlanarCaster(World(world.segments, heights=world.heights))
     poses = np.column_stack([positions, np.zeros(len(positions))])
     ranges, walls = caster.scan_batch(lrf, poses)
     position, beam = np.nonzero(walls >= 0)
     wall, long = walls[position, beam], lengths(world.segments)
-    # Of a wall as long as a country only what is seen counts.
+    # Of a wall as long as a country only what is seen counts. There are some 8,000 pieces.
     visible = np.minimum(long[np.unique(wall)], 4.0 * reach).sum()
-    size = max(SHORTEST_PIECE, float(visible) / PIECES)
+    size = max(0.4, float(visible) / 8000)
     points = positions[position] + ranges[position, beam, None] * lrf.directions((0, 0, 0))[beam]
     station = np.minimum(lengths(np.hstack([world.segments[wall, :2], points])), 0.999 * long[wall])
     numbers, piece = np.unique(wall << 32 | (station / size).astype(np.int64), return_inverse=True)
     wall, station = numbers >> 32, size * (numbers & 0xFFFFFFFF)
-    weights = np.minimum(size, long[wall] - station) * np.minimum(long[wall] / FULL_WEIGHT, 1.0)
+    # Niches and steps are not worth a detour.
+    weights = np.minimum(size, long[wall] - station) * np.minimum(long[wall] / 2.0, 1.0)
     seen = np.zeros((HEADINGS, len(positions), len(numbers)), dtype=np.bool_)
     for heading in range(HEADINGS):
         turn = (beam - BEAMS // 2 - heading * BEAMS // HEADINGS + BEAMS // 4) % BEAMS

@@ -107,11 +107,7 @@ def follow_route(
 
 
 def distinct(points: Float, name: str) -> Float:
-    """Way-points (m, 2) without those where the one before is, too.
-
-    Raises:
-        InputError: They are all at one place.
-    """
+    """Way-points (m, 2), at two places or more, without those where the one before is, too."""
     kept = (points[1:] != points[:-1]).any(axis=1)
     if not kept.any():
         raise InputError(f"{name}: expected at least two different way-points")
@@ -126,12 +122,9 @@ class _Path:
         self.stations = np.append(0.0, np.cumsum(np.hypot(*np.diff(self.points, axis=0).T)))
         self.length = float(self.stations[-1])
         self.x, self.y = (np.ascontiguousarray(column) for column in self.points.T)
+        (x, y), (x2, y2) = self.points[:2].tolist()
+        self.start = Pose(x, y, float(np.arctan2(y2 - y, x2 - x)))
         self.end = float(self.x[-1]), float(self.y[-1])
-
-    @property
-    def start(self) -> Pose:
-        (x, y), (x2, y2) = self.points[:2]
-        return Pose(float(x), float(y), float(np.arctan2(y2 - y, x2 - x)))
 
     def at(self, station: float) -> tuple[float, float]:
         x = np.interp(station, self.stations, self.x)

@@ -12,17 +12,14 @@ from lrf3d.pose import Pose
 from lrf3d.robot.following import distinct, follow_route
 from lrf3d.robot.trajectory import Trajectory
 
-LAP_TURN = 0.5
-"""Time that a turn on the spot takes [s]."""
-
 
 def drive_laps(
     route: Float, *, start: Pose | None, speed: float, lookahead: float, dt: float, most: int
 ) -> tuple[Trajectory, ...]:
     """A first lap along a route, and a second one that ends where it begins, to be repeated.
 
-    A route (m, 2) that does not end where it begins is driven back the way it came. If the first
-    lap alone has as many poses as are needed at most, it ends there, and there is no second lap.
+    A route (m, 2) that does not end where it begins is driven back the way it came. There is no
+    second lap if the first one alone has as many poses as are needed at most.
     """
     closed = (route[0] == route[-1]).all()
     lap = route if closed else np.concatenate([route, route[-2::-1]])
@@ -64,22 +61,9 @@ def _evenly_spaced(lap: Trajectory) -> Trajectory:
 
 @dataclass(frozen=True, eq=False)
 class Patrol(Value):
-    """A path straight from way-point to way-point and back the same way, forever.
+    """A path along way-points (m, 2) [m] and back the same way at a speed [m/s], forever.
 
-    It turns on the spot at each way-point.
-
-    Args:
-        route: (m, 2) way-points x, y [m], at least two different ones.
-        speed: Speed between them [m/s].
-
-    Raises:
-        InputError: The route has no length, or the speed is not positive.
-
-    Examples:
-        >>> import numpy as np
-        >>> from lrf3d.robot.laps import Patrol
-        >>> Patrol([(0, 0), (4, 0)], speed=2.0).at(np.array([1.0, 3.5])).round(2).tolist()
-        [[2.0, 0.0, 0.0], [2.0, 0.0, 3.14]]
+    It is straight, and turns on the spot at each way-point.
     """
 
     route: Float
@@ -96,7 +80,8 @@ class Patrol(Value):
         corners = np.vstack([points, points[-2::-1]])
         legs = np.diff(corners, axis=0)
         durations = np.hypot(legs[:, 0], legs[:, 1]) / self.speed
-        begins = np.append(0.0, np.cumsum(durations + LAP_TURN))
+        # A turn on the spot takes half a second.
+        begins = np.append(0.0, np.cumsum(durations + 0.5))
         laps = np.arange(int(since / begins[-1]), int(time / begins[-1]) + 1)
         # One pose where a leg begins and one where it ends; between legs it turns.
         times = np.column_stack([begins[:-1], begins[:-1] + durations]).ravel()

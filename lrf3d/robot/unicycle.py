@@ -72,8 +72,7 @@ def sinc(x: float) -> float:
 def arcs(poses: Float, v: Float, omega: Float, durations: Float) -> Float:
     """Poses (k, 3) after arcs with v (k,), ω (k,) held for durations (k,) [s] from poses (k, 3).
 
-    The chord of an arc has the length v·t·sin(ωt/2)/(ωt/2) and the heading of the arc's middle;
-    in this form a straight line is not a special case, and a small ω loses no digits.
+    In this form a straight line is not a special case, and a small ω loses no digits.
     """
     half_turn = 0.5 * omega * durations
     chord = v * durations * np.sinc(half_turn / np.pi)
@@ -118,8 +117,24 @@ def drive(
     pose = np.array(as_pose(start))
     if not (callable(v) or callable(omega)):
         return _chain_arcs(pose, numbers(v, "v"), numbers(omega, "omega"), duration, dt)
+    from scipy.integrate import solve_ivp
+
     seconds = number(duration, "duration", "seconds", positive=True)
-    return _integrate(pose, v, omega, seconds, dt, tolerance)
+    robot, speed, rate = Unicycle(), _function(v), _function(omega)
+    # Steps no longer than dt keep RK45 from skipping short pulses of the input.
+    solution = solve_ivp(
+        lambda t, state: robot.derivative(state, speed(t), rate(t)),
+        (0.0, seconds),
+        pose,
+        method="RK45",
+        t_eval=_sample_times(seconds, dt),
+        rtol=max(tolerance, 1e-13),  # SciPy warns about less, as float64 cannot reach it.
+        atol=tolerance,
+        max_step=dt,
+    )
+    if not solution.success or not np.isfinite(solution.y).all():
+        raise InputError(f"drive: the inputs cannot be integrated ({solution.message})")
+    return Trajectory(solution.t, solution.y.T)
 
 
 def _function(value: Input) -> Callable[[float], float]:
@@ -137,35 +152,8 @@ def _sample_times(duration: float, dt: float) -> Float:
         steps = f"duration {duration:g} s in steps of {dt:g} s"
         raise InputError(f"{steps}: more than {MOST_POSES:,} poses; give a larger dt")
     # Rounding must neither lose the last sample nor add one just before the end.
-    count = int(np.floor(duration / dt * (1.0 + 1e-12)))
-    times = np.asarray(np.arange(count + 1) * dt, dtype=np.float64)
-    if duration - times[-1] > 1e-9 * dt:
-        return np.append(times, duration)
-    times[-1] = duration
-    return times
-
-
-def _integrate(
-    start: Float, v: Input, omega: Input, duration: float, dt: float, tolerance: float
-) -> Trajectory:
-    from scipy.integrate import solve_ivp
-
-    robot, speed, rate = Unicycle(), _function(v), _function(omega)
-    times = _sample_times(duration, dt)
-    # Steps no longer than dt keep RK45 from skipping short pulses of the input.
-    solution = solve_ivp(
-        lambda t, state: robot.derivative(state, speed(t), rate(t)),
-        (0.0, duration),
-        start,
-        method="RK45",
-        t_eval=times,
-        rtol=max(tolerance, 1e-13),  # SciPy warns about less, as float64 cannot reach it.
-        atol=tolerance,
-        max_step=dt,
-    )
-    if not solution.success or not np.isfinite(solution.y).all():
-        raise InputError(f"drive: the inputs cannot be integrated ({solution.message})")
-    return Trajectory(times, solution.y.T)
+    times = np.arange(int(np.floor(duration / dt * (1.0 + 1e-12))) + 1) * dt
+    return np.append(times if duration - times[-1] > 1e-9 * dt else times[:-1], duration)
 
 
 def _chain_arcs(

@@ -22,10 +22,6 @@ class FixedCamera:
         target: x, y, z of the point in the middle of the picture [m].
         field_deg: Angle of view from the bottom to the top of the picture [degrees], below 170.
         track: Whether it turns with the robot, which is then in the middle.
-
-    Raises:
-        WorldError: The name is reserved or empty, position and target are equal, or a value is of
-            the wrong kind.
     """
 
     name: str
@@ -65,10 +61,6 @@ class FixedCamera:
         )
 
 
-PLAYBACK = 4.0
-"""Default number of simulated seconds in a second of film."""
-
-
 @dataclass(frozen=True, slots=True)
 class FilmPlan:
     """The default settings of a film.
@@ -78,7 +70,7 @@ class FilmPlan:
     """
 
     view: str = "story"
-    playback: float = PLAYBACK
+    playback: float = 4.0
     points_by: str = "range"
 
     def __post_init__(self) -> None:

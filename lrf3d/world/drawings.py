@@ -73,7 +73,8 @@ def read_svg(path: Path) -> World:
 def _prepare(root: Element) -> None:
     """Take out what is not drawn, and make symbols and frames groups, which the library knows."""
     defined = SubElement(root, "defs")
-    fitted = {f"#{each.get('id')}" for each in root.iter() if _fits(each, "symbol")}
+    fits = [each for each in root.iter() if "viewBox" in each.attrib]
+    fitted = {f"#{each.get('id')}" for each in fits if _name(each) == "symbol"}
     for element in list(root.iter()):
         for part in list(element):
             if _name(part) in ("clipPath", "mask", "pattern", "marker", "symbol"):
@@ -81,19 +82,15 @@ def _prepare(root: Element) -> None:
             if _name(part) == "symbol":
                 part.tag = "g"
                 defined.append(part)
-        for key, href in element.attrib.items():
-            if _name(element) == "use" and key.endswith("href") and not href.startswith("#"):
+        used = [href for key, href in element.attrib.items() if key.endswith("href")]
+        for href in used if _name(element) == "use" else ():
+            if not href.startswith("#"):
                 raise WorldError(f"uses {shown(href)}, which is outside this file; put it in")
-            if _name(element) == "use" and key.endswith("href") and href in fitted:
+            if href in fitted:
                 raise WorldError(f"uses {shown(href)}, a symbol with a viewBox; draw it to size")
-        if _name(element) == "svg" and element is not root and not _fits(element, "svg"):
+        if _name(element) == "svg" and element is not root and element not in fits:
             element.tag = "g"
             element.set("transform", f"translate({element.get('x', '0')},{element.get('y', '0')})")
-
-
-def _fits(element: Element, name: str) -> bool:
-    """Whether an element of this name is drawn to fit a frame."""
-    return _name(element) == name and "viewBox" in element.attrib
 
 
 def _size(root: Element) -> tuple[float, float]:
@@ -113,9 +110,8 @@ def _size(root: Element) -> tuple[float, float]:
     except ValueError:
         wide = high = math.nan
     if not (min(wide, high) > 1e-9 and max(wide, high) <= LARGEST_COORDINATE):
-        raise WorldError(
-            f"viewBox is {shown(root.get('viewBox'))}, expected a place and a size above 0"
-        )
+        found = shown(root.get("viewBox"))
+        raise WorldError(f"viewBox is {found}, expected a place and a size above 0")
     if width is None:
         width = wide if height is None else height * wide / high
     return width, width * high / wide if height is None else height
@@ -158,14 +154,9 @@ def read_dxf(path: Path) -> World:
     if code not in range(25):
         raise WorldError(f"$INSUNITS is {code!r}, expected 0 to 24")
     scale = units.conversion_factor(InsertUnits(code), InsertUnits.Meters) if code else 1.0
-    hidden = {
-        layer.dxf.name.lower() for layer in drawing.layers if layer.is_off() or layer.is_frozen()
-    }
-    strokes = [
-        stroke * scale
-        for entity in _outlines(drawing.modelspace(), hidden)
-        for stroke in _strokes(entity, CURVE_ERROR / scale)
-    ]
+    off = [layer for layer in drawing.layers if layer.is_off() or layer.is_frozen()]
+    outlines = _outlines(drawing.modelspace(), {layer.dxf.name.lower() for layer in off})
+    strokes = [each * scale for one in outlines for each in _strokes(one, CURVE_ERROR / scale)]
     return world_of_strokes(strokes, path)
 
 

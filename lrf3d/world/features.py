@@ -1,9 +1,8 @@
 """Features of maps, as GeoJSON and OpenStreetMap have them, and the worlds that they become.
 
-A feature is outlines with a few properties. Those in degrees are recognised, and laid flat in
-metres. Footprints of buildings become blocks, lines become walls. No beam can reach a wall that two
-buildings share, and a straight façade of several buildings is one segment to a laser: footprints
-that touch are dissolved into blocks, with only their outer walls.
+Features in degrees are recognised, and laid flat in metres. Lines become walls. No beam can reach a
+wall that two buildings share, and a straight façade of several is one segment to a laser:
+footprints that touch are dissolved into blocks, with only their outer walls.
 """
 
 import re

@@ -24,9 +24,7 @@ READERS = {
     ".svg": ("drawings:read_svg", 1 << 25),
     **dict.fromkeys((".glb", ".gltf", ".obj", ".off", ".ply", ".stl"), _MESH),
 }
-"""The module and the function that read a world, and the largest file [bytes], by its ending: a
-town of half a million inhabitants as OpenStreetMap has it, two million walls as TOML, the plan of a
-factory as SVG."""
+"""The module and the function that read a world, and the largest file [bytes], by its ending."""
 
 WRITERS = {
     ".toml": "toml_file:write_toml",
@@ -47,8 +45,7 @@ def load_world(
 
     Args:
         name_or_path: The name or the path.
-        trees: Whether the trunks of the trees in an OpenStreetMap extract are walls too, each an
-            object of bark. Films show such objects as trees.
+        trees: Whether the trunks of the trees in an OpenStreetMap extract are walls, too.
         resolution: Side of a pixel [m], for a bare picture of a floor plan (.png, .pgm).
 
     Raises:
@@ -100,8 +97,7 @@ def save_world(world: World, path: str | Path, *, resolution: float | None = Non
     Args:
         world: The world.
         path: The file; it ends in .toml, .geojson, .yaml or .glb.
-        resolution: Side of a cell [m], for a ROS map alone; 0.05, or what makes the map small
-            enough, if not given.
+        resolution: Side of a cell [m], for a ROS map alone; 0.05, or more for a large one.
 
     Raises:
         OutputError: The file cannot be written, its ending names no known format, or a
@@ -120,7 +116,7 @@ def save_world(world: World, path: str | Path, *, resolution: float | None = Non
     if ending not in WRITERS:
         raise OutputError(f"{path}: unknown ending; a world is written as {', '.join(WRITERS)}")
     options = {} if resolution is None else {"resolution": resolution}
-    if resolution is not None and not (ending == ".yaml" and 1e-4 <= resolution <= 1e4):
+    if options and not (ending == ".yaml" and 1e-4 <= options["resolution"] <= 1e4):
         expected = "expected 0.0001 to 10000 m, for a ROS map (.yaml)"
         raise OutputError(f"{path}: resolution {resolution:g}: {expected}")
     _function(WRITERS[ending])(world, path, **options)
@@ -129,8 +125,7 @@ def save_world(world: World, path: str | Path, *, resolution: float | None = Non
 def _function(target: str) -> Callable[..., Any]:
     """The function of a table's entry; its module loads the libraries of that format alone."""
     module, name = target.split(":")
-    function: Callable[..., Any] = getattr(import_module(f"lrf3d.world.{module}"), name)
-    return function
+    return getattr(import_module(f"lrf3d.world.{module}"), name)  # type: ignore[no-any-return]
 
 
 def world_names() -> list[str]:
@@ -156,12 +151,9 @@ def find_world(name_or_path: str | Path) -> Path:
     near = get_close_matches(path.stem, names, n=1)
     suggestion = f"; did you mean {near[0]!r}?" if near else ""
     if (reader := READERS.get(path.suffix.lower())) is not None:
+        missing, largest = f"no such file{suggestion}", reader[1]
         check_ordinary(
-            path,
-            what="a world file",
-            largest=reader[1],
-            missing=f"no such file{suggestion}",
-            error=WorldError,
+            path, what="a world file", largest=largest, missing=missing, error=WorldError
         )
         return path
     if path.is_dir() or path.suffix.lower() == ".npz":

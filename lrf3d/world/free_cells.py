@@ -21,9 +21,6 @@ class FreeCells:
         cells: (rows, columns) whether each cell is free; the first row is at the bottom.
         resolution: Side of a cell [m].
         origin: Position x, y [m] of the outer corner of the first cell, and yaw [rad] of the grid.
-
-    Raises:
-        InputError: There is no cell, or a number is invalid.
     """
 
     cells: Bool

@@ -14,11 +14,9 @@ from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.model import World
 from lrf3d.world.pieces import connected
 
-WIDEST = 0.4
-"""Widest gap [m] that is closed: half of a door."""
-
-OVERSHOOT = 0.3
-"""Largest length [m] of a wall beyond its corner, which is cut off."""
+WIDEST, OVERSHOOT = 0.4, 0.3
+"""Widest gap [m] that is closed, half of a door, and largest end of a wall beyond its corner [m],
+which is cut off."""
 
 STEP = 0.05
 """Distance [m] between the points of a closing piece that are compared with the free cells."""
@@ -34,9 +32,8 @@ def world_of_map(mapped: World, free: FreeCells | None = None) -> World:
 def close_gaps(segments: Float, free: FreeCells | None = None) -> tuple[Float, Int]:
     """Make the walls (n, 4) [m] of a map meet at their corners; no wall grows into free cells.
 
-    Returns:
-        The n walls with new ends, and after them those that close straight gaps; and the rows (m,)
-        of the walls that they continue.
+    After the n walls with new ends come those that close straight gaps; the rows (m,) are those of
+    the walls that they continue.
     """
     origin = np.round(segments.reshape(-1, 2).mean(axis=0)) if len(segments) else np.zeros(2)
     ends = (segments - np.tile(origin, 2)).reshape(-1, 2)
@@ -89,13 +86,9 @@ def _closings(ends: Float) -> Iterator[tuple[Int, Float]]:
     begin, length = ends[2 * wall], np.hypot(*(ends[2 * wall + 1] - ends[2 * wall]).T)
     growth, station, joint = _crossing(ends[end], outward[end], begin, along[2 * wall])
     within = (end // 2 != wall) & _may_grow(growth) & (station > 0.0) & (station < length)
-    pairs = np.concatenate(
-        [
-            np.column_stack([one, other])[meets | straight],
-            np.column_stack([end, end])[within],
-        ]
-    )
-    corners = np.concatenate([corner[meets | straight], joint[within]])
+    closes, twice = np.column_stack([one, other]), np.column_stack([end, end])
+    pairs = np.vstack([closes[meets | straight], twice[within]])
+    corners = np.vstack([corner[meets | straight], joint[within]])
     cost = np.where(straight, distance, np.maximum(np.abs(first), np.abs(second)))
     cost = np.append(cost[meets | straight], np.abs(growth[within]))
     # Corners of two ends come first: if one end met the side of the other wall, that wall's own end

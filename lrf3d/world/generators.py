@@ -5,6 +5,8 @@ Cities with any number of walls at one density serve benchmarks.
 
 import math
 from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -19,8 +21,8 @@ THICKNESS = 0.2
 DOOR = 2.2
 """Clear width of a door [m]: three robots of usual size."""
 
-WALL_COLOUR = (0.80, 0.77, 0.71)
-"""The warm white of plaster."""
+PLASTER, WOOD, STONE = (0.80, 0.77, 0.71), (0.66, 0.50, 0.36), (0.62, 0.63, 0.65)
+"""Colours of walls, of furniture and of pillars."""
 
 CORRIDOR, ROOM_DEPTH, ROOM_WIDTHS = 2.6, 5.0, (3.8, 6.0)
 """Width of an office's corridor, depth of its rooms, and their least and largest width [m]."""
@@ -33,19 +35,11 @@ FACADES = np.array(
 )
 """Brick, sandstone, clay, slate and plaster, in 0…255."""
 
-WOOD, STONE = (0.66, 0.50, 0.36), (0.62, 0.63, 0.65)
-"""Colours of furniture and of pillars."""
-
-BLOCK_SIDE = 20.0
-"""Distance between the centres of neighbouring buildings [m]."""
-
-PASSAGE = 2.6
-"""Distance between neighbouring walls of a maze [m]."""
+BLOCK_SIDE, PASSAGE = 20.0, 2.6
+"""Distances between the centres of buildings, and between neighbouring walls of a maze [m]."""
 
 Box = tuple[float, float, float, float]
 """The left, lower, right and upper side of a part of a plan [m]."""
-
-Colour = tuple[float, float, float]
 
 
 class FloorPlan:
@@ -66,12 +60,12 @@ class FloorPlan:
 
     def outer_walls(self, wide: float, high: float) -> None:
         """Add the outer walls of a plan, without doors, so that a drive stays inside."""
-        self.wall(0.0, 0.0, wide, 0.0)
-        self.wall(0.0, high, wide, high)
-        self.wall(0.0, 0.0, 0.0, high)
-        self.wall(wide, 0.0, wide, high)
+        for y in (0.0, high):
+            self.wall(0.0, y, wide, y)
+        for x in (0.0, wide):
+            self.wall(x, 0.0, x, high)
 
-    def box(self, kind: str, corner: Float, size: Float, height: float, colour: Colour) -> None:
+    def box(self, kind: str, corner: Float, size: Float, height: float, colour: Any) -> None:
         """Add furniture of a size (2,) [m] with its lower left corner (2,) [m]."""
         points = np.round(corner + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * size, 3)
         name = f"{kind} {len(self.boxes)}"
@@ -90,7 +84,7 @@ class FloorPlan:
             rings = [np.array(ring.coords)[:-1] for ring in (part.exterior, *part.interiors)]
             outline = np.concatenate([walls(np.round(ring, 3), closed=True) for ring in rings])
             called = f"walls {len(parts)}" if parts else "walls"
-            parts.append(Part(0, outline, np.array(DEFAULT_HEIGHT), called, WALL_COLOUR))
+            parts.append(Part(0, outline, np.array(DEFAULT_HEIGHT), called, PLASTER))
         parts += self.boxes
         return world_of_parts([p._replace(number=n) for n, p in enumerate(parts)], name)
 
@@ -102,9 +96,6 @@ def generate(kind: str, *, size: float | None = None, seed: int = 0) -> World:
         kind: ``city``, ``maze``, ``office`` or ``rooms``.
         size: Approximate width [m].
         seed: The same seed gives the same world.
-
-    Raises:
-        InputError: There is no such kind, or the size is out of bounds.
     """
     if kind not in KINDS:
         raise InputError(f"{kind}: unknown kind of world; known are {', '.join(KINDS)}")
@@ -128,11 +119,9 @@ def city(size: float, seed: int) -> World:
 
 def office(size: float, seed: int) -> World:
     """An office floor: corridors with rooms on both sides, joined across, desks and shelves."""
-    rng = np.random.default_rng(seed)
-    plan = FloorPlan()
-    storeys = max(1, round(0.6 * size / (2.0 * ROOM_DEPTH + CORRIDOR)))
-    across = 0.5 * size - 0.5 * CORRIDOR
-    pitch = 2.0 * ROOM_DEPTH + CORRIDOR
+    plan, rng = FloorPlan(), np.random.default_rng(seed)
+    pitch, across = 2.0 * ROOM_DEPTH + CORRIDOR, 0.5 * size - 0.5 * CORRIDOR
+    storeys = max(1, round(0.6 * size / pitch))
     top = storeys * pitch
     plan.outer_walls(size, top)
     wings = [(0.0, across), (across + CORRIDOR, size)]
@@ -156,9 +145,8 @@ def _row_of_rooms(plan: FloorPlan, rng: np.random.Generator, box: Box, faces: fl
     shares = rng.uniform(*ROOM_WIDTHS, count)
     edges = left + (right - left) * np.concatenate([[0.0], np.cumsum(shares) / shares.sum()])
     edges = np.round(edges, 2)
-    doors = []
-    for start, end in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
-        room = 0.5 * DOOR + THICKNESS
+    doors, room = [], 0.5 * DOOR + THICKNESS
+    for start, end in pairwise(edges.tolist()):
         doors.append(float(rng.uniform(start + room, end - room)) - left)
         if end < right:
             plan.wall(end, bottom, end, top)

@@ -1,12 +1,11 @@
 """Worlds from GeoJSON: footprints of buildings become blocks, lines become walls.
 
-Coordinates in metres are kept, also far from the origin. A file in longitude and latitude, as the
-standard demands, is recognised by its ``crs`` or by its size and projected around its middle; so
-are the stretched metres of web maps (EPSG:3857). Heights above ground (Z) are ignored.
+A file in longitude and latitude, as the standard demands, is recognised by its ``crs`` or by its
+size and projected around its middle; so are the stretched metres of web maps (EPSG:3857). Heights
+above ground (Z) are ignored.
 
-A world is written so that reading it gives the same world to the last bit: walls as lines and not
-as polygons, which would be dissolved into blocks. A map of lrf3d is read as the world that it
-shows: its walls meet at the corners, and walls that touch are one object.
+A world is written to the last bit, its walls as lines: polygons would be dissolved into blocks. In
+a map of lrf3d walls meet at the corners, and those that touch are one object.
 """
 
 import json

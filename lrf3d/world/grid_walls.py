@@ -19,14 +19,6 @@ from lrf3d.world.pieces import from_corner
 
 Complex = NDArray[np.complex128]
 
-TOLERANCE = 1.0
-"""Largest distance [cells] of a chain's points from a piece through two of them: the points of a
-straight wall at any angle lie within half a cell of a line, and so within one of such a piece."""
-
-NEAR = 13
-"""Side [cells] of the squares about parts of three cells and more in which walls are not thinned: a
-slanted wall of two and a half cells has some such parts."""
-
 AROUND = [(0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)]
 """Rows and columns to the neighbours of a cell, counter-clockwise from the east."""
 
@@ -40,7 +32,8 @@ def walls_of_grid(occupied: Bool) -> Float:
     from scipy.ndimage import maximum_filter
 
     double = _opened(occupied, 2)
-    double &= ~maximum_filter(_opened(occupied, 3), NEAR, mode="constant")
+    # A slanted wall of two and a half cells has parts of three, about which nothing is thinned.
+    double &= ~maximum_filter(_opened(occupied, 3), 13, mode="constant")
     grid = _thinned(occupied, double)
     thick = _opened(grid, 2)
     thin = np.argwhere(grid & ~thick)
@@ -184,7 +177,9 @@ def _straightened(chains: list[Complex], occupied: Bool, double: Bool) -> Float:
     post = (count == 2) & (moved[first] == moved[first + 1])
     points = np.where(post[number], points, moved)
     places = np.column_stack([points.real, points.imag])
-    simple = shapely.simplify(shapely.linestrings(places, indices=number), TOLERANCE)
+    # The points of a straight wall at any angle lie within half a cell of a line, and so within one
+    # of a piece through two of them.
+    simple = shapely.simplify(shapely.linestrings(places, indices=number), 1.0)
     corners, owner = shapely.get_coordinates(simple, return_index=True)
     # A chain has no point twice, but the first of a ring, so the corners are found by their places.
     far = 1e3 * (places.max() + 1.0)

@@ -1,11 +1,9 @@
 """Materials of walls: what becomes of a laser's light at them.
 
 The shares are those at 905 nm, at which most laser range finders work. A material returns light to
-the laser in three ways: diffusely (Lambert's law), in a lobe about the mirrored direction, and as a
+the laser diffusely (Lambert's law), in a lobe about the mirrored direction, and as a
 retro-reflector. What a smooth surface mirrors and what passes through goes on as a beam; a pane
 with a refractive index divides the two after Fresnel's equations.
-
-The values of the built-in materials are round numbers, typical of such surfaces when new and dry.
 """
 
 import math
@@ -115,7 +113,7 @@ BUILT_IN = {
         Material("retro-reflector", diffuse=0.2, retro=300.0),
     )
 }
-"""The materials that every world knows, by name."""
+"""The materials that every world knows, by name: round numbers, typical of new and dry surfaces."""
 
 PLAIN = BUILT_IN["plaster"]
 """The material of walls without one."""
@@ -136,10 +134,7 @@ def named(value: object, own: Iterable[Material] = (), place: str = "material") 
 
 
 def material_of(value: object) -> Material | None:
-    """A material from the properties of a file: a name, or a table of its values.
-
-    Unknown names, of which OpenStreetMap has many, give None.
-    """
+    """A material from the properties of a file: a name, which may be unknown, or its values."""
     if isinstance(value, dict):
         own: Material = made(Material)({"name": "", **value}, "material")
         return own

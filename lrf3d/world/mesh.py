@@ -69,8 +69,8 @@ def _parts(path: Path) -> list[tuple[Part, Float]]:
     # Of other options only materials of .obj files would read more files than this one.
     options: dict[str, Any] = {"skip_materials": True} if path.suffix.lower() == ".obj" else {}
     scene = trimesh.load_scene(path, process=False, **options)
-    upright = path.suffix.lower() in (".glb", ".gltf")
-    single = len(scene.graph.nodes_geometry) == 1 and not upright
+    y_up = path.suffix.lower() in (".glb", ".gltf")
+    single = len(scene.graph.nodes_geometry) == 1 and not y_up
     # The graph gives its nodes in any order; the file has its meshes in one.
     order = {key: place for place, key in enumerate(scene.geometry)}
     nodes = [(order[scene.graph[node][1]], str(node), node) for node in scene.graph.nodes_geometry]
@@ -81,7 +81,7 @@ def _parts(path: Path) -> list[tuple[Part, Float]]:
         if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
             continue
         vertices = trimesh.transform_points(np.asarray(mesh.vertices, dtype=np.float64), matrix)
-        triangles = (vertices @ UPRIGHT if upright else vertices)[mesh.faces]
+        triangles = (vertices @ UPRIGHT if y_up else vertices)[mesh.faces]
         if not (np.abs(triangles) <= LARGEST_COORDINATE).all():
             far = f"not finite, or over {LARGEST_COORDINATE:g} m away"
             raise WorldError(f"part {shown(name)} has a vertex that is {far}")

@@ -55,10 +55,8 @@ class World(Value, Pictured):
     Examples:
         >>> import lrf3d
         >>> world = lrf3d.World([[0, 0, 4, 0], [4, 0, 4, 3]], objects=[0, 0], name="corner")
-        >>> world.bounds.tolist()
-        [[0.0, 0.0], [4.0, 3.0]]
-        >>> world.heights.tolist()
-        [2.5, 2.5]
+        >>> world.bounds.tolist(), world.heights.tolist()
+        ([[0.0, 0.0], [4.0, 3.0]], [2.5, 2.5])
     """
 
     segments: Float

@@ -1,13 +1,10 @@
 """Worlds from OpenStreetMap extracts (``.osm``): buildings become blocks, laid flat in metres.
 
-A path enters; a :class:`World` leaves, whose point (0, 0) is the middle of the buildings and whose
-``place`` says where on Earth that is. Buildings are closed ways and multipolygon relations with a
-tag ``building``; their height is ``height``, or three metres for each of ``building:levels``.
-Where they are asked for, nodes ``natural=tree`` become trunks, slender blocks of bark as high as
-the tree; rows of trees, which do not say where their trees stand, are left out. Tags are free text;
-a value that cannot be read counts as not given. OpenStreetMap's wiki defines them on the pages
-Key:building, Key:height, Key:min_height, Key:building:levels, Tag:natural=tree, Key:circumference
-and Key:diameter_crown.
+The point (0, 0) is the middle of the buildings; ``place`` is where on Earth that is. Buildings are
+closed ways and multipolygon relations with a tag ``building``; their height is ``height``, or three
+metres for each of ``building:levels``. Where they are asked for, nodes ``natural=tree`` become
+trunks, slender blocks of bark as high as the tree. Tags are free text, which OpenStreetMap's wiki
+defines; a value that cannot be read counts as not given.
 """
 
 from collections.abc import Iterator

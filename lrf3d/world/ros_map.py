@@ -67,7 +67,8 @@ def read_ros_map(path: Path) -> World:
     for key, _ in node.value if node else ():
         name, line = str(key.value), key.start_mark.line + 1
         if (first := lines.setdefault(name, line)) != line:
-            raise WorldError(f"line {line}: the key {shown(name)} stands in line {first}, too")
+            key = f"line {line}: the key {shown(name)}"
+            raise WorldError(f"{key} stands in line {first}, too; remove one")
     values = {**USUAL, **{key: KEYS[key](value, key) for key, value in data.items() if key in KEYS}}
     if Path(values["image"]).name != values["image"].removeprefix("./"):
         name = shown(values["image"])
@@ -78,10 +79,9 @@ def read_ros_map(path: Path) -> World:
 
 
 def read_picture(path: Path, *, resolution: float | None = None) -> World:
-    """Read the dark pixels of a picture of a floor plan as walls.
+    """Read the dark pixels of a picture of a floor plan as walls, from its lower left corner.
 
-    Its lower left corner is at (0, 0). Light pixels may be outside the house, so none is known to
-    be free. A pixel has a side of ``resolution`` [m].
+    Light pixels may be outside the house, so none is known to be free.
     """
     if resolution is None:
         raise WorldError(
@@ -112,14 +112,11 @@ def _cells(picture: Path, values: Mapping[str, Any]) -> tuple[Bool, Bool]:
     light, opaque = _light(picture)
     share = light if values["negate"] else 1.0 - light
     value = np.round(255.0 * (1.0 - share))
+    # map_saver writes one grey for unknown cells, even if free_thresh is just above it.
+    known = opaque if values["mode"] == "scale" else value != UNKNOWN
     if values["mode"] == "raw":
         # The value of a pixel is the occupancy in percent; above 100 it is unknown.
         known, share = value <= 100.0, value / 100.0
-    elif values["mode"] == "scale":
-        known = opaque
-    else:
-        # map_saver writes this grey for unknown cells, even if free_thresh is just above it.
-        known = value != UNKNOWN
     occupied = known & (share > values["occupied_thresh"])
     return occupied[::-1], (known & ~occupied & (share <= values["free_thresh"]))[::-1]
 
@@ -161,10 +158,7 @@ def _check_size(picture: Path, image: Any) -> None:
 
 
 def write_ros_map(world: World, path: Path, *, resolution: float | None = None) -> None:
-    """Write the walls and the free cells of a world as a ``.yaml`` file and, beside it, a ``.pgm``.
-
-    A cell has a side of ``resolution`` [m]; if not given, of 0.05, or more for a large map.
-    """
+    """Write the walls and free cells of a world as a ``.yaml`` file and, beside it, a ``.pgm``."""
     resolution = cell_size(world) if resolution is None else resolution
     cells, (x, y) = map_cells(world, resolution, path)
     picture = path.with_suffix(".pgm")
@@ -183,19 +177,17 @@ def write_ros_map(world: World, path: Path, *, resolution: float | None = None) 
 
 def cell_size(world: World, least: float = 0.05) -> float:
     """The side of the cells [m] of a world's map: the least, or more for a large world."""
-    low, high = world.bounds[0] - FREE_MARGIN, world.bounds[1] + FREE_MARGIN
-    smallest = float(np.sqrt(np.prod(high - low) / MOST_WRITTEN))
+    sides = np.ptp(world.bounds, axis=0) + 2.0 * FREE_MARGIN
     # Rows and columns are rounded up.
-    return max(least, 1.001 * smallest)
+    return max(least, 1.001 * float(np.sqrt(np.prod(sides) / MOST_WRITTEN)))
 
 
 def map_cells(
     world: World, resolution: float, path: Path
 ) -> tuple[NDArray[np.uint8], tuple[float, float]]:
-    """The cells (rows, columns) of a world, FREE, OCCUPIED or UNKNOWN, the first row at the bottom.
+    """The cells (rows, columns) of a world, the first row at the bottom, and their corner x, y [m].
 
-    They reach a metre, or two cells, beyond the walls. The place x, y [m] of the outer corner of
-    the first cell is returned, too. Errors name the path that the cells are for.
+    They reach a metre, or two cells, beyond the walls. Errors name the path that they are for.
     """
     margin = max(FREE_MARGIN, 2.0 * resolution)
     low, high = world.bounds[0] - margin, world.bounds[1] + margin
@@ -203,9 +195,8 @@ def map_cells(
     first = np.floor(low / resolution)
     columns, rows = (np.ceil(high / resolution) - first).astype(np.int64).tolist()
     if columns * rows > MOST_WRITTEN:
-        raise OutputError(
-            f"{path}: {columns} by {rows} cells, more than {MOST_WRITTEN:,}; choose larger cells"
-        )
+        found = f"{columns} by {rows} cells, more than {MOST_WRITTEN:,}"
+        raise OutputError(f"{path}: {found}; choose larger cells")
     cells = np.full((rows, columns), FREE, dtype=np.uint8)
     if world.free is not None:
         x = resolution * (first[0] + 0.5 + np.arange(columns))

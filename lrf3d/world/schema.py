@@ -1,8 +1,7 @@
 """The schema of world files: the keys of each table, and the converter of their values.
 
-A converter takes a value from tomllib and the path of its key, such as ``object[2].points``. It
-returns the value in the form that the program uses, or raises an error that begins with the path.
-Settings on the command line, such as ``laser.range_max=20``, use the same schema.
+A converter takes a value and the path of its key, such as ``object[2].points``, with which its
+errors begin. Settings on the command line, such as ``laser.range_max=20``, use the same schema.
 """
 
 import re

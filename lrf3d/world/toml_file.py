@@ -18,33 +18,21 @@ import numpy as np
 from lrf3d.errors import InputError, check_names
 from lrf3d.files import own_name, read_text, write_text
 from lrf3d.geometry import Float
+from lrf3d.world import schema
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.materials import BUILT_IN, Material, named
 from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.pieces import Part, runs_of, walls, world_of_parts
-from lrf3d.world.schema import (
-    OBJECT,
-    OBSTACLE,
-    TABLES,
-    Converter,
-    at,
-    check_unique,
-    made,
-    row,
-    table,
-    tables,
-    text,
-)
 
-KEYS: Mapping[str, Converter] = {
-    "name": text(),
-    "place": row("longitude", "latitude"),
-    "object": tables(table(OBJECT)),
-    **{name: table(keys) for name, keys in TABLES.items()},
-    "obstacle": tables(table(OBSTACLE, needs=["route"])),
-    "camera": tables(made(FixedCamera)),
-    "material": tables(made(Material)),
+KEYS: Mapping[str, schema.Converter] = {
+    "name": schema.text(),
+    "place": schema.row("longitude", "latitude"),
+    "object": schema.tables(schema.table(schema.OBJECT)),
+    **{name: schema.table(keys) for name, keys in schema.TABLES.items()},
+    "obstacle": schema.tables(schema.table(schema.OBSTACLE, needs=["route"])),
+    "camera": schema.tables(schema.made(FixedCamera)),
+    "material": schema.tables(schema.made(Material)),
     "free": lambda found, key: FreeCells.from_dict(found, key),
 }
 """The keys and the tables of a world file, in the order in which they are checked."""
@@ -75,7 +63,7 @@ class WorldFile:
 
     def at(self, key: str) -> AbstractContextManager[None]:
         """Let errors name the file and a key in it."""
-        return at(f"{self.path}: {key}")
+        return schema.at(f"{self.path}: {key}")
 
 
 def read_toml(path: Path) -> World:
@@ -85,7 +73,7 @@ def read_toml(path: Path) -> World:
 
 def read_world_file(path: Path) -> WorldFile:
     """Read a world file; errors name it and the key."""
-    with at(str(path)):
+    with schema.at(str(path)):
         content = read_text(path)
         try:
             data = tomllib.loads(content)
@@ -99,13 +87,13 @@ def read_world_file(path: Path) -> WorldFile:
         for place, obstacle in enumerate(obstacles):
             if "radius" in obstacle and "points" in obstacle:
                 raise InputError(f"obstacle[{place}]: expected a radius or points, found both")
-        settings = {key: values[key] for key in TABLES if key in values}
+        settings = {key: values[key] for key in schema.TABLES if key in values}
         return WorldFile(_world(values, path), settings, tuple(obstacles), path)
 
 
 def _world(values: Mapping[str, Any], path: Path) -> World:
     own = values.get("material", [])
-    check_unique("material", [material.name for material in own])
+    schema.check_unique("material", [material.name for material in own])
     parts, known = list[Part](), set[int]()
     for place, each in enumerate(values.get("object", [])):
         key, number = f"object[{place}]", each.get("number", parts[-1].number + 1 if parts else 0)

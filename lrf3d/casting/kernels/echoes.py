@@ -28,17 +28,17 @@ class Receiver(NamedTuple):
 
 
 class Lit(NamedTuple):
-    """Arrays that the light of a scan fills; those of several scans have one more axis in front.
+    """The light of a scan; that of several scans or layers has one more axis in front.
 
     Ranges [m], walls and intensities (beams,) are those of the chosen echoes; ranges and walls come
     in as those among the walls. The strongest echoes (beams, k) come the nearest first; k is 0
-    where one is reported. Chains (beams, MOST_WALLS) are the walls on the path, then −1; or (0, 0).
+    where one is reported. Chains (beams, 16) are the walls on the path, then −1; or (0, 0).
     """
 
     ranges: Float
     walls: Int
     intensities: Float
-    echo_ranges: Float
+    echoes: Float
     echo_intensities: Float
     chains: Int
 
@@ -47,8 +47,8 @@ class Lit(NamedTuple):
 def clear(i: int, lit: Lit) -> None:
     """Let beam i have no echo."""
     lit.ranges[i], lit.walls[i], lit.intensities[i] = np.inf, -1, 0.0
-    for slot in range(lit.echo_ranges.shape[1]):
-        lit.echo_ranges[i, slot], lit.echo_intensities[i, slot] = np.inf, 0.0
+    for slot in range(lit.echoes.shape[1]):
+        lit.echoes[i, slot], lit.echo_intensities[i, slot] = np.inf, 0.0
     for k in range(lit.chains.shape[1]):
         lit.chains[i, k] = -1
 
@@ -72,7 +72,7 @@ def receive(
         lit.ranges[i], lit.walls[i], lit.intensities[i] = way, chain[walls - 1], light
         for k in range(lit.chains.shape[1]):
             lit.chains[i, k] = chain[k] if k < walls else -1
-    _keep(way, light, lit.echo_ranges[i], lit.echo_intensities[i])
+    _keep(way, light, lit.echoes[i], lit.echo_intensities[i])
 
 
 @borrower

@@ -14,9 +14,9 @@ import numpy as np
 
 from lrf3d.casting.kernels.buffer import ROOM
 from lrf3d.casting.kernels.echoes import MOST_WALLS, Lit, Receiver, clear, receive
-from lrf3d.casting.kernels.scans import PADDING, Laser, PlainLaser, aim
+from lrf3d.casting.kernels.scans import PADDING, Laser, aim
 from lrf3d.casting.kernels.solid import near_box
-from lrf3d.casting.kernels.tree import STACK, PlainTree, Tree
+from lrf3d.casting.kernels.tree import STACK, Plain, Tree
 from lrf3d.compiling import borrower, compiled, inner
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import light
@@ -56,9 +56,6 @@ class Optics(NamedTuple):
 
 
 Vector = tuple[float, float]
-PlainOptics = tuple[Float, Float, Int, Float, Float]
-PlainReceiver = tuple[float, float, int, float]
-PlainLit = tuple[Float, Int, Float, Float, Float, Int]
 
 
 class Room(NamedTuple):
@@ -73,8 +70,8 @@ class Room(NamedTuple):
 
 @compiled
 def light_scans(
-    plain_tree: PlainTree, plain_optics: PlainOptics, plain_receiver: PlainReceiver,
-    plain_laser: PlainLaser, poses: Float, lit: PlainLit,
+    plain_tree: Plain, plain_optics: Plain, plain_receiver: Plain, plain_laser: Plain,
+    poses: Float, lit: Plain,
 ) -> None:  # fmt: skip
     """Light level scans at poses (k, 3); the arrays to fill have k rows, with walls and ranges."""
     tree, optics = Tree(*plain_tree), Optics(*plain_optics)
@@ -94,8 +91,8 @@ def light_scans(
 
 @compiled
 def light_beams(
-    plain_tree: PlainTree, plain_optics: PlainOptics, plain_receiver: PlainReceiver,
-    range_max: float, origin: tuple[float, float, float], beams: Float, plain_lit: PlainLit,
+    plain_tree: Plain, plain_optics: Plain, plain_receiver: Plain, range_max: float,
+    origin: tuple[float, float, float], beams: Float, plain_lit: Plain,
 ) -> None:  # fmt: skip
     """Light beams (n, 3) of unit length from an origin; the arrays to fill have n rows."""
     tree, optics, room = Tree(*plain_tree), Optics(*plain_optics), _room()
@@ -126,7 +123,7 @@ def _light_dull(
     """Intensities of the beams that need no more; the others fill `rest`. The number of those."""
     ranges, walls, intensities, dull = lit.ranges, lit.walls, lit.intensities, optics.dull
     threshold, near = receiver.threshold, receiver.range_min
-    short = receiver.near_field == 0.0 and lit.echo_ranges.shape[1] == 0 and len(lit.chains) == 0
+    short = receiver.near_field == 0.0 and lit.echoes.shape[1] == 0 and len(lit.chains) == 0
     left = 0
     for i in range(len(ranges)):
         wall = walls[i]

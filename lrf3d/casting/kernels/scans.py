@@ -18,7 +18,7 @@ from lrf3d.casting.kernels.predicates import (
     lengths,
     wall_at,
 )
-from lrf3d.casting.kernels.tree import PlainTree, Tree
+from lrf3d.casting.kernels.tree import Plain, Tree
 from lrf3d.compiling import compiled, inner
 from lrf3d.errors import expect
 from lrf3d.geometry import Float, Int, Single
@@ -40,16 +40,8 @@ class Laser(NamedTuple):
     range_max: float
 
 
-PlainLaser = tuple[Float, float, float, float, float]
-"""A laser as Python passes it: numba needs ten times as long to find the type of a named tuple."""
-
-
-def laser_of(lrf: LaserRangeFinder, *, range_min: float | None = None) -> PlainLaser:
-    """A range finder for kernels, perhaps with another range_min.
-
-    Raises:
-        InputError: It is no range finder.
-    """
+def laser_of(lrf: LaserRangeFinder, *, range_min: float | None = None) -> Plain:
+    """A range finder, checked to be one, for kernels, perhaps with another range_min."""
     expect(lrf, LaserRangeFinder, "range finder")
     near = lrf.range_min if range_min is None else range_min
     return lrf.fan, *lrf.spread, float(near), float(lrf.range_max)
@@ -61,7 +53,7 @@ NOT_ASKED = np.empty((0, 4)), np.empty(len(Trust._fields)), np.empty(0, np.int32
 
 @compiled
 def cast_scans(
-    plain_tree: PlainTree, plain_laser: PlainLaser, clear: Float, numbers: Float,
+    plain_tree: Plain, plain_laser: Plain, clear: Float, numbers: Float,
     found: NDArray[np.int32], poses: Float, ranges: Float, hits: Int,
 ) -> None:  # fmt: skip
     """Cast a scan at each of the poses (k, 3); fill ranges (k, beams), and hits unless empty.
@@ -94,7 +86,7 @@ def cast_scans(
 
 
 @compiled
-def rays_of(plain: PlainLaser, poses: Float, x: float, y: float) -> tuple[Single, Single]:
+def rays_of(plain: Plain, poses: Float, x: float, y: float) -> tuple[Single, Single]:
     """Origins and directions (k beams, 3) of the scans at poses (k, 3), seen from (x, y)."""
     fan = plain[0]
     beams = fan.shape[1]

@@ -10,7 +10,7 @@ that pass edges by more than about 1e-15 rad.
 import numpy as np
 
 from lrf3d.casting.kernels.buffer import ROOM
-from lrf3d.casting.kernels.tree import STACK, PlainTree, Tree
+from lrf3d.casting.kernels.tree import STACK, Plain, Tree
 from lrf3d.compiling import borrower, compiled
 from lrf3d.geometry import Float, Int
 
@@ -19,14 +19,13 @@ Vector = tuple[float, float, float]
 
 @compiled
 def cast_solid(
-    plain_tree: PlainTree, corners: Float, origins: Float, beams: Float, reach: float,
+    plain_tree: Plain, corners: Float, origins: Float, beams: Float, reach: float,
     distances: Float, hits: Int,
 ) -> None:  # fmt: skip
     """Fill in distances (n,) and triangles (n,) that beams (n, 3) meet first.
 
-    Origins (n, 3) are those of the beams; of (1, 3) the one is that of all.
-    Corners (m, 3, 3) are those of the triangles, in the order of the tree that stands over them in
-    plan. Of triangles at the same distance it is the first. Some may be found beyond reach [m].
+    Origins (n, 3) are those of the beams; of (1, 3) the one is that of all. Corners (m, 3, 3) are
+    in the order of the tree. Of triangles at the same distance the first is met.
     """
     tree = Tree(*plain_tree)
     stack, nears = np.empty(STACK, np.int64), np.empty(STACK)

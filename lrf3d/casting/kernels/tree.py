@@ -5,7 +5,7 @@ perimeter of a box is in proportion to the beams that meet it). Unlike the cells
 take worlds of any density and scale, and a wall lies in one leaf however long it is.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,8 +47,8 @@ class Tree(NamedTuple):
     rows: NDArray[np.int32]
 
 
-PlainTree = tuple[Float, NDArray[np.int32], Float, NDArray[np.int32]]
-"""A tree as Python passes it to be cast at; see `lrf3d.casting.kernels.scans.PlainLaser`."""
+Plain = Any
+"""A named tuple as Python passes it, as a tuple: Numba takes ten times as long to find its type."""
 
 
 def build_tree(segments: Float, index: NDArray[np.int32] | None = None) -> Tree:
