@@ -61,15 +61,14 @@ def results(futures: "Iterable[Future[Result]]") -> "Iterator[Result]":
 def _watch() -> None:
     """End this process when its parent has ended."""
     import multiprocessing
+    from multiprocessing.connection import wait
     from threading import Thread
 
     caller = multiprocessing.parent_process()
     assert caller is not None
-    Thread(target=_end_after, args=(caller.sentinel,), daemon=True).start()
 
+    def end(sentinel: int) -> None:
+        wait([sentinel])
+        os._exit(1)
 
-def _end_after(caller: int) -> None:
-    from multiprocessing.connection import wait
-
-    wait([caller])
-    os._exit(1)
+    Thread(target=end, args=(caller.sentinel,), daemon=True).start()

@@ -111,6 +111,8 @@ def data_folder(name: str) -> Path:
 @contextmanager
 def writing(path: str | Path, advice: str = "choose another place") -> Iterator[None]:
     """Let errors of the system name the path that is written, and what to do."""
+    if "\0" in str(path):
+        raise OutputError(f"{path}: not a file name; remove its NUL character")
     try:
         yield
     except OSError as error:
@@ -128,17 +130,15 @@ def replacing(path: str | Path) -> Iterator[Path]:
     is interrupted, an older file at ``path`` stays. What a killed process leaves is overwritten.
     """
     path = Path(path)
-    if "\0" in str(path):
-        raise OutputError(f"{path}: not a file name; remove its NUL character")
     unfinished = path.with_name(f".{_cut(path.stem)}.unfinished{path.suffix}")
-    try:
-        with writing(path):
+    with writing(path):
+        try:
             yield unfinished
             os.replace(unfinished, path)
-    finally:
-        # If nothing could be written, as under a name that is too long, there is nothing to remove.
-        with suppress(OSError):
-            unfinished.unlink()
+        finally:
+            # If nothing could be written, as under too long a name, there is nothing to remove.
+            with suppress(OSError):
+                unfinished.unlink()
 
 
 @contextmanager
@@ -165,8 +165,6 @@ def write_text(path: str | Path, text: str) -> None:
 def make_folder(path: str | Path) -> Path:
     """Make a folder and its parents, and check that it can be written to."""
     path = Path(path)
-    if "\0" in str(path):
-        raise OutputError(f"{path}: not a folder name; remove its NUL character")
     with writing(path, "choose another with --out"):
         path.mkdir(parents=True, exist_ok=True)
     if not os.access(path, os.W_OK | os.X_OK):

@@ -308,7 +308,7 @@ def _checked(log: LaserLog) -> Recording:
 def _right_handed(recording: Recording, path: WheelPath, offset: float) -> tuple[Recording, Float]:
     """A recording whose laser turns as the odometry does, and the turns that its scans show."""
     slam, scans = Slam(laser_offset=offset), recording.scans
-    turns = turns_between(lambda number: slam.surface_of(scans[number]), path, recording.places)
+    turns = turns_between(lambda number: slam.seen(scans[number]), path, recording.places)
     if not is_mirrored(turns, path, recording.places):
         return recording, turns
     scans = [replace(scan, ranges=scan.ranges[::-1]) for scan in scans]

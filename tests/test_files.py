@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from lrf3d import InputError, OutputError, WorldError, load_log, load_map, load_run, load_world
-from lrf3d.files import locked, own_name, replacing, unfinished_folder
+from lrf3d.files import locked, make_folder, own_name, replacing, unfinished_folder
 from lrf3d.io.reading import is_run
 from lrf3d.world.files import READERS, find_world
 
@@ -161,3 +161,6 @@ def test_names_of_any_length_can_be_written_and_a_folder_is_under_way_to_one_pla
         (folder / "part").write_text("whole")
         os.replace(folder / "part", file)
     assert path.read_text() == "whole" and list(Path().iterdir()) == [path]
+    for write in (lambda name: replacing(name).__enter__(), make_folder):
+        with pytest.raises(OutputError, match=r"a.x00b: not a file name; remove its NUL"):
+            write("a\0b")

@@ -63,7 +63,7 @@ def test_a_drive_goes_out_as_a_bag_and_is_solved_and_mapped(drive, tmp_path):
     lrf3d.export_run(drive, "mcap", tmp_path / "drive.mcap")
     solved = lrf3d.slam_log(tmp_path / "drive.mcap")
     mapped = lrf3d.map_log(lrf3d.load_log(tmp_path / "drive.mcap", poses="truth"))
-    assert (len(solved), len(solved.map), len(mapped.map)) == (200, 33, 35)
+    assert (len(solved), len(solved.map), len(mapped.map)) == (200, 34, 35)
 
 
 def test_a_robot_is_followed_on_a_known_map():

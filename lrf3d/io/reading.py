@@ -66,8 +66,6 @@ def load_log(
     path = Path(path)
     if poses not in POSES:
         raise InputError(f"poses from {poses!r}: expected one of {', '.join(POSES)}")
-    if "\0" in str(path):
-        raise InputError(f"{path}: not a file name; remove its NUL character")
     ending = path.name.lower()
     if ending.endswith(CARMEN_ENDINGS):
         from lrf3d.io.carmen import load_carmen

@@ -118,7 +118,9 @@ class Story:
         moved = (aways - near.aways) / np.where(
             far.aways == near.aways, 1.0, far.aways - near.aways
         )
-        turned = (far.turns - near.turns + np.pi) % (2.0 * np.pi) - np.pi
+        # The short way round as seen half-way, and for the whole shot: else the eye would leap.
+        turned = far.turns - near.turns
+        turned -= 2.0 * np.pi * np.round(turned[np.argmin(np.abs(share - 0.5))] / (2.0 * np.pi))
         others = (a + share * (b - a) for a, b in zip(near[5:], far[5:], strict=True))
         return Track(
             near.times,

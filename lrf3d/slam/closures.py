@@ -7,6 +7,7 @@ within all that the drive may have drifted, and enough closures of the same stre
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,10 +15,12 @@ from lrf3d.frames import between, compose, turned
 from lrf3d.geometry import Float, wrap_angle
 from lrf3d.slam.front_end import WEAK, weakest_direction
 from lrf3d.slam.pose_graph import Edges, GraphPaths
-from lrf3d.slam.scan_matching import DEVIATIONS as WINDOW_DEVIATIONS
-from lrf3d.slam.scan_matching import Match, clearest, search
+from lrf3d.slam.scan_matching import Match
+from lrf3d.slam.search import DEVIATIONS as WINDOW_DEVIATIONS
+from lrf3d.slam.search import field_of, search
 from lrf3d.slam.surface import wall_map
-from lrf3d.slam.violation import Key, contradicted
+from lrf3d.slam.views import Key, clearest, evidence
+from lrf3d.slam.violation import contradicted
 
 LEAST_DISTANCE = 6.0
 """Two key scans are worth closing a loop if the path between them along the graph is longer [m]."""
@@ -40,13 +43,11 @@ LEAST_SPREAD, MOST_SPREAD = np.array([0.1, 0.1, 0.02]), np.array([10.0, 10.0, 0.
 LOST = 10.0
 """Distance [m] over which a robot drifts as far as in one scan that matches nothing: 0.1 m."""
 
-LOST_SPREAD = np.diag([0.1**2, 0.1**2, 0.02**2])
-"""How far off [m], [rad] such a scan may be."""
+MOST_TRIES, MOST_PLACES = 6, 20
+"""Old places that are tried for each new key scan: in a small window, where they show the same, and
+in a wide one. If it holds more, no loop is closed there."""
 
-MOST_TRIES = 6
-"""Old places that are tried for each new key scan, the more the wider the window is."""
-
-OTHER_PLACE = 3.0
+OTHER_PLACE = 6.0
 """The next one that is tried lies farther from the last than this along the path [m]."""
 
 SUBMAP = 5
@@ -94,6 +95,14 @@ class Closure:
         return np.asarray(np.linalg.inv(self.information), dtype=np.float64)
 
 
+class Place(NamedTuple):
+    """Where a key scan may have been taken, as seen from an old one, and what speaks for it."""
+
+    old: int
+    match: Match
+    evidence: float
+
+
 class LoopCloser:
     """Finds closures for new key scans, and keeps them until enough agree."""
 
@@ -106,7 +115,7 @@ class LoopCloser:
         # How far the robot had driven at each key scan [m], and by now.
         self.driven = np.empty(0)
         self.distance = 0.0
-        # Key scans that follow each other without a known place between them are of one stretch.
+        # Key scans that follow each other without a known place or a lost scan between them.
         self._stretches = np.empty(0, np.int64)
 
     def drive(self, step: Float, lost: int) -> None:
@@ -121,10 +130,10 @@ class LoopCloser:
         self._stretches = np.append(self._stretches, stretch)
         self.keys.append(key)
 
-    def link(self, edge: Edges, length: float, lost: int) -> None:
+    def link(self, edge: Edges, length: float) -> None:
         """Note the path to the next key scan."""
-        covariance = np.linalg.inv(edge.information[0]) + lost * LOST_SPREAD
-        self.paths.link(int(edge.first[0]), int(edge.second[0]), length, covariance)
+        ends = int(edge.first[0]), int(edge.second[0])
+        self.paths.link(*ends, length, np.linalg.inv(edge.information[0]))
 
     def search(self, poses: Float) -> list[Closure]:
         """Closures that are accepted now: of the newest key scan, and older ones it confirms."""
@@ -134,24 +143,37 @@ class LoopCloser:
         self.unconfirmed.append(closure)
         return self._accept(closure, AGREEING)
 
-    def settle(self) -> list[Closure]:
-        """Closures that are accepted when the drive is over: fewer have to agree."""
-        accepted: list[Closure] = []
+    def settle(self) -> None:
+        """Accept closures that fewer confirm, now that the drive is over, and take wrong ones back.
+
+        Of closures that contradict each other those that came first were accepted.
+        """
         for closure in list(self.unconfirmed):
             if closure in self.unconfirmed:
-                accepted += self._accept(closure, AGREEING_IN_THE_END, strict=True)
-        return accepted
+                self._accept(closure, AGREEING_IN_THE_END, strict=True)
+        votes = [self._votes(closure, self.accepted) for closure in self.accepted]
+        wrong = [
+            closure
+            for closure, agree in zip(self.accepted, votes, strict=True)
+            if 2 * sum(agree.values()) < len(agree)
+        ]
+        self.accepted = [closure for closure in self.accepted if closure not in wrong]
+        self.unconfirmed += wrong
+
+    def _votes(self, newest: Closure, closures: list[Closure]) -> dict[Closure, bool]:
+        """Which closures of the same two stretches of the path agree with one of them."""
+        beside = [other for other in closures if self._beside(other, newest)]
+        return {other: self._agree(other, newest) for other in beside}
 
     def _accept(self, newest: Closure, enough: int, *, strict: bool = False) -> list[Closure]:
         """Accept a closure and those that agree with it, if these are enough."""
-        waiting = [other for other in self.unconfirmed if self._beside(other, newest)]
-        known = [other for other in self.accepted if self._beside(other, newest)]
-        agreeing = [other for other in waiting if self._agree(other, newest)]
-        together = len(agreeing) + sum(self._agree(other, newest) for other in known)
+        waiting = self._votes(newest, self.unconfirmed)
+        votes = [*waiting.values(), *self._votes(newest, self.accepted).values()]
         # Of sets that contradict each other the larger one is accepted.
-        against = len(waiting) + len(known) - together
+        together, against = votes.count(True), votes.count(False)
         if together < enough or together <= against or (strict and against):
             return []
+        agreeing = [other for other, agrees in waiting.items() if agrees]
         self.unconfirmed = [other for other in self.unconfirmed if other not in agreeing]
         self.accepted += agreeing
         for closure in agreeing:
@@ -177,34 +199,37 @@ class LoopCloser:
         sideways = np.sqrt(np.einsum("ki,kij,kj->k", along, spreads[:, :2, :2], along))
         deviation = np.clip(sideways, LEAST_SPREAD[0], MOST_SPREAD[0])
         fits &= apart < NEAR + WINDOW_DEVIATIONS * deviation
-        matches: list[Match] = []
-        olds: list[int] = []
-        for _ in range(MOST_TRIES):
-            if not fits.any():
-                break
+        places: list[Place] = []
+        tries = 0
+        while fits.any():
             old = int(np.where(fits, apart, np.inf).argmin())
             spread = _bounded(spreads[old])
-            found = self._matches(old, new, poses, spread)
-            matches += found
-            olds += [old] * len(found)
+            places += self._places(old, new, poses, spread)
             # The next try is at another place than this one; where the window is small, one that
-            # shows the place is enough.
+            # shows the place is enough. In a wide one all are tried, or else a place that looks
+            # like the right one would be believed.
             fits &= np.abs(self.driven - self.driven[old]) > OTHER_PLACE
             small = WINDOW_DEVIATIONS * np.sqrt(spread[:2, :2].trace()) < OTHER_PLACE
-            if small and any(match.explained > LEAST_SHARE for match in matches):
+            tries += 1
+            seen = any(place.match.explained > LEAST_SHARE for place in places)
+            if small and (seen or tries == MOST_TRIES):
                 break
-        there = [compose(poses[old], match.pose) for old, match in zip(olds, matches, strict=True)]
-        best = clearest(there, [match.log_odds for match in matches])
-        if best is None or matches[best].explained < LEAST_FOUND:
+            if tries == MOST_PLACES:
+                return None
+        there = [compose(poses[place.old], place.match.pose) for place in places]
+        best = clearest(there, [place.evidence for place in places])
+        if best is None:
             return None
-        old, match = olds[best], matches[best]
-        around, locals_ = self._around(old, new)
-        if contradicted(around, self.keys[new], between(locals_, match.pose)):
+        old, match, worth = places[best]
+        if worth <= 0.0 or match.explained < LEAST_FOUND:
+            return None
+        around, seen_from = self._submap(old, new)
+        if contradicted(around, self.keys[new], between(seen_from, match.pose)):
             return None
         relative = np.array([*match.pose[:2], wrap_angle(match.pose[2])])
         return Closure(old, new, relative, CLOSURE_SHARE * _fixed(match.information) + FLOOR)
 
-    def _around(self, old: int, new: int) -> tuple[list[Key], Float]:
+    def _submap(self, old: int, new: int) -> tuple[list[Key], Float]:
         """The key scans of the map that a new one is matched with where it meets an old one.
 
         Their poses (k, 3) are as seen from the old one, and by the front end: over a stretch so
@@ -214,17 +239,27 @@ class LoopCloser:
             self.keys[k]
             for k in range(max(old - SUBMAP, 0), min(old + SUBMAP + 1, new))
             if self._stretches[k] == self._stretches[old]
+            and self.driven[k] < self.driven[new] - LEAST_DISTANCE
         ]
         return around, between(self.keys[old].pose, np.array([key.pose for key in around]))
 
-    def _matches(self, old: int, new: int, poses: Float, spread: Float) -> list[Match]:
-        """The places in a window, best first, as seen from an old key scan."""
-        around, locals_ = self._around(old, new)
-        grid = wall_map((key.walls, pose) for key, pose in zip(around, locals_, strict=True))
+    def _places(self, old: int, new: int, poses: Float, spread: Float) -> list[Place]:
+        """The places of a new key scan in a window around an old one."""
+        around, seen_from = self._submap(old, new)
+        grid = wall_map((key.walls, pose) for key, pose in zip(around, seen_from, strict=True))
         if grid is None or len(grid.surface) < LEAST_POINTS:
             return []
+        scan, field = self.keys[new], field_of(around, seen_from)
         guess, window = between(poses[old], poses[new]), turned(spread, -float(poses[old, 2]))
-        return search(self.keys[new].surface, grid, guess, window, NEAR)
+        found = search(scan, grid, field, guess, window, NEAR)
+        return [
+            Place(
+                old,
+                match,
+                evidence(scan.hits, match.explained, between(seen_from, match.pose), around),
+            )
+            for match in found
+        ]
 
     def _beside(self, first: Closure, second: Closure) -> bool:
         """Whether two closures join the same two stretches of the path."""
@@ -267,11 +302,10 @@ def closure_edges(closures: list[Closure]) -> Edges:
 
 def _bounded(spread: Float) -> Float:
     """A covariance (3, 3) of a window, neither so small nor so large as to be of no use."""
-    values, axes = np.linalg.eigh(spread[:2, :2])
-    place = np.clip(values, LEAST_SPREAD[0] ** 2, MOST_SPREAD[0] ** 2)
-    bounded = np.zeros((3, 3))
-    bounded[:2, :2] = axes @ np.diag(place) @ axes.T
-    bounded[2, 2] = np.clip(spread[2, 2], LEAST_SPREAD[2] ** 2, MOST_SPREAD[2] ** 2)
+    bounded = spread + np.diag(LEAST_SPREAD**2)
+    most = np.linalg.norm(bounded[:2, :2], 2) / MOST_SPREAD[0] ** 2
+    bounded[:2, :2] /= max(most, 1.0)
+    bounded[2, 2] = min(bounded[2, 2], MOST_SPREAD[2] ** 2)
     return bounded
 
 

@@ -7,23 +7,17 @@ every half metre a key scan is due: loops are closed with these, and the pose gr
 from collections import deque
 from collections.abc import Sequence
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lrf3d.frames import between, compose, turned
-from lrf3d.geometry import Bool, Float, Int, wrap_angle
-from lrf3d.slam.scan_matching import (
-    CLEARLY,
-    PRIOR_SCALE,
-    Match,
-    clearest,
-    match_scan,
-    same_place,
-    search,
-)
+from lrf3d.geometry import Float, Int, wrap_angle
+from lrf3d.slam.scan_matching import PRIOR_SCALE, Match, match_scan
+from lrf3d.slam.search import field_of, search
 from lrf3d.slam.surface import SurfaceGrid, moved, thinned, wall_map
-from lrf3d.slam.violation import BEHIND, Key, views_of
+from lrf3d.slam.views import BEHIND, Key, evidence, views_of
+from lrf3d.slam.violation import contradicted
 from lrf3d.slam.wheels import Wheels
 
 KEY_DISTANCE, KEY_TURN = 0.5, 0.5
@@ -40,8 +34,13 @@ it aside, which they may not."""
 
 SLIP, SLIP_SHARE, SLIP_TURN, SLIP_TURN_SHARE = 0.4, 0.3, 0.7, 0.3
 """How far [m], [rad] wheels may slip between two scans, and as a share of their step: the window
-that is searched, twice as wide where the scan before is lost. A bump turns a robot by half a
-radian."""
+that is searched. A bump turns a robot by half a radian."""
+
+RARE = 2.0
+"""Log odds against a slip: one step in seven is off by more than the wheels' noise."""
+
+LEAST_EXPLAINED = 0.1
+"""A match that explains a smaller share is not believed."""
 
 LEAST_POINTS = 8
 """With fewer points than this nothing is searched: a few points fit in many places. Between trees
@@ -69,10 +68,6 @@ REFINED_WITH = 12
 """Key scans that a scan is matched with. More take longer, and move the mean error by some
 thousandths."""
 
-ELSEWHERE = 0.03
-"""Where a scan is farther than this [m], [rad] from where its wheels have it, seen from the scan
-before it or after it, that place is tried, too."""
-
 LEAST_REFINED = 0.3
 """A scan that explains less than this share of its points stays where it is."""
 
@@ -82,16 +77,14 @@ class Tracked:
     """One scan as the front end placed it, in its drifting frame.
 
     The information (3, 3) is that of matching, along the axes of the pose (3,); a scan that was not
-    matched stands where odometry has it. Its motion (3,) is that of the wheels, without their known
-    errors, with the covariance (3, 3) of the others. The deviation is the RMS distance [m] of its
-    points to the walls.
+    matched stands where odometry has it, whose errors have the covariance (3, 3). The deviation is
+    the RMS distance [m] of its points to the walls.
     """
 
     pose: Float
     information: Float
     matched: bool
     deviation: float
-    motion: Float
     covariance: Float
 
     @property
@@ -112,6 +105,13 @@ def weakest_direction(information: Float) -> tuple[Float, float]:
     return directions[:, 0], float(max(values[0], 0.0))
 
 
+def slip_deviations(step: Float) -> Float:
+    """Standard deviations (3,) of the wheels' slip in a step (3,)."""
+    aside = SLIP + SLIP_SHARE * float(np.hypot(step[0], step[1]))
+    turn = SLIP_TURN + SLIP_TURN_SHARE * abs(float(step[2]))
+    return np.array([aside, aside, turn]) / 3.0
+
+
 class FrontEnd:
     """Follows the robot by matching scans with a local map."""
 
@@ -125,27 +125,26 @@ class FrontEnd:
         self._recent: deque[tuple[Float, Float]] = deque(maxlen=RECENT)
         self._keys: deque[Key] = deque(maxlen=WATCHED)
         self._grid: SurfaceGrid | None = None
-        # How many scans in a row are lost by now, and the first of these.
-        self._lost, self._held = 0, list[Key]()
+        self._lost = False
         # The motion since the last key scan by the wheels and by scans, and what scans fixed of it.
         self._raw, self._found = np.zeros(3), np.zeros(3)
         self._turn_known = self._ahead_known = True
 
-    def track(self, surface: Float, increment: Float) -> Tracked:
+    def track(self, scan: Key, increment: Float) -> Tracked:
         """Place the next scan."""
         expected, covariance = self.wheels.corrected(increment), self.wheels.covariance(increment)
         guess = compose(self.pose, expected)
         uncertain = covariance + np.diag([0.0, 0.0, self.wheels.unlearned(increment)])
         own: Float = np.asarray(np.linalg.inv(uncertain), dtype=np.float64)
-        surface = surface[~self._moving(surface, guess, np.sqrt(uncertain.diagonal()))]
-        match, slip, accepted = self._match(surface, guess, expected, own)
-        if self._held and not accepted:
-            # The scan before is not found to be elsewhere: it is taken to be where it was placed.
-            self._keys.append(self._held.pop())
-            self._draw()
-            match, slip, accepted = self._match(surface, guess, expected, own)
-        self._held.clear()
-        self._lost = 0 if accepted else self._lost + 1
+        deviations = np.sqrt(uncertain.diagonal())
+        surface, hits = (
+            self._standing(points, guess, deviations) for points in (scan.surface, scan.hits)
+        )
+        match, accepted = self._match(replace(scan, surface=surface, hits=hits), expected, own)
+        if self._lost or not accepted:
+            # Where one of them is lost, what scans saw does not lie together.
+            self._recent.clear()
+        self._lost = not accepted
         pose = match.pose if accepted else guess
         pose[2] = wrap_angle(pose[2])
         information = turned(match.information, -float(pose[2])) if accepted else np.zeros((3, 3))
@@ -153,31 +152,34 @@ class FrontEnd:
         if accepted:
             self.wheels.compare(expected, found, covariance)
             # Where wheels have slipped, the directions that scans do not fix are uncertain, too.
+            slip = self._slip(match, expected, own)
             covariance = covariance * (1.0 + slip / PRIOR_SCALE**2)
+        elif self._keys:
+            keys = list(self._keys)[-LOCAL_KEYS:]
+            seen_from = between(np.array([key.pose for key in keys]), guess)
+            if contradicted(keys, replace(scan, surface=surface), seen_from):
+                # The wheels have slipped, and where to is not known.
+                covariance = covariance + np.diag(slip_deviations(expected) ** 2)
         self._turn_known &= accepted
         self._ahead_known &= accepted and information[0, 0] > WEAK
         self._raw += increment
         self._found += found
         self.pose, self.surface = pose, surface
-        if accepted or not self._recent:
-            self._recent.append((pose, surface))
-        return Tracked(pose, information, accepted, match.deviation, expected, covariance)
+        self._recent.append((pose, surface))
+        return Tracked(pose, information, accepted, match.deviation, covariance)
 
-    def _match(
-        self, surface: Float, guess: Float, expected: Float, own: Float
-    ) -> tuple[Match, float, bool]:
-        """A match with the local map, the odometry's slip, and whether it is believed."""
+    def _match(self, scan: Key, expected: Float, own: Float) -> tuple[Match, bool]:
+        """A match with the local map, and whether it is believed."""
+        guess, surface = compose(self.pose, expected), scan.surface
         if self._grid is None or not len(surface):
-            return Match(guess, np.zeros((3, 3)), 0.0, np.inf), 0.0, False
+            return Match(guess, np.zeros((3, 3)), 0.0, np.inf), False
         match = match_scan(surface, self._grid, guess, turned(own, float(self.pose[2])))
         if not np.isfinite(match.pose).all():
-            return match, 0.0, False
-        accepted, slip = match.evidence() > 0.0, self._slip(match, expected, own)
-        doubtful = match.explained < DOUBTFUL or slip > SLIPPED**2
-        if doubtful and len(surface) >= LEAST_POINTS:
-            match, accepted = self._searched(surface, self._grid, match, guess, expected)
-            slip = self._slip(match, expected, own)
-        return match, slip, accepted
+            return match, False
+        slipped = self._slip(match, expected, own) > SLIPPED**2
+        if (slipped or match.explained < DOUBTFUL) and len(surface) >= LEAST_POINTS:
+            return self._searched(scan, self._grid, match, expected, own)
+        return match, match.explained > LEAST_EXPLAINED
 
     def _slip(self, match: Match, expected: Float, information: Float) -> float:
         """How far a match is off the odometry: its square in units of the variance."""
@@ -185,49 +187,42 @@ class FrontEnd:
         return float(error @ information @ error)
 
     def _searched(
-        self, surface: Float, grid: SurfaceGrid, match: Match, guess: Float, expected: Float
+        self, scan: Key, grid: SurfaceGrid, match: Match, expected: Float, own: Float
     ) -> tuple[Match, bool]:
-        """The clearest place around the guess, or else the match; and whether it is believed.
+        """The likeliest place around where odometry leads, and whether it is believed.
 
-        Wheels slip and spin, and robots are pushed: then they are not where odometry leads. Large
-        slips are less probable, by Cauchy's distribution. Where a robot enters a new room, the
-        right place explains little, and the place of the last scan more; but only at a wrong place
-        do beams of the key scans pass through the points.
+        Wheels slip and spin, and robots are pushed, but seldom, and the farther the less: by
+        Cauchy's distribution. Where a robot enters a new room, the right place explains little, and
+        that of the last scan more; but only at a wrong one do beams pass through what was hit.
         """
-        aside = SLIP + SLIP_SHARE * float(np.hypot(expected[0], expected[1]))
-        turn = SLIP_TURN + SLIP_TURN_SHARE * abs(float(expected[2]))
-        spread = (1 + min(self._lost, 1)) * np.array([aside, aside, turn]) / 3.0
-        places = [*search(surface, grid, guess, np.diag(spread**2)), match]
-        poses = np.array([place.pose for place in places])
-        passed = [self._passed(surface, pose)[-LOCAL_KEYS:].any(axis=0).mean() for pose in poses]
-        evidence = np.array(
-            [place.evidence(float(share)) for place, share in zip(places, passed, strict=True)]
-        )
-        # Encoders that stand still may have failed: then they say nothing.
-        off = (between(guess, poses) / spread) ** 2 * bool(expected.any())
-        off[-1] = 0.0  # The match was drawn to the odometry already.
-        best = clearest(list(poses), (evidence - np.log1p(off.sum(axis=1))).tolist())
-        if best is None or (
-            same_place(poses[best], match.pose) and evidence[best] < evidence[-1] + CLEARLY
-        ):
-            best = -1
-        return places[best], bool(evidence[best] > 0.0)
+        guess, spread = compose(self.pose, expected), slip_deviations(expected)
+        keys = list(self._keys)[-LOCAL_KEYS:]
+        seen_from = np.array([key.pose for key in keys])
+        found = search(scan, grid, field_of(keys, seen_from), guess, np.diag(spread**2))
+        places = [*found, match]
+        worth = [
+            evidence(scan.hits, place.explained, between(seen_from, place.pose), keys)
+            for place in places
+        ]
+        odds = np.array(worth)
+        if expected.any():  # Encoders that stand still may have failed: then they say nothing.
+            slips = between(guess, np.array([place.pose for place in places])) / spread
+            noise = [self._slip(place, expected, own) for place in places]
+            odds -= np.minimum(np.log1p(noise), RARE + np.log1p((slips**2).sum(axis=1)))
+        best = int(np.argmax(odds))
+        return places[best], worth[best] > 0.0
 
-    def _passed(self, surface: Float, pose: Float) -> Bool:
-        """Which points (k, m) of a surface at a pose (3,) beams of the last key scans pass."""
-        poses = between(np.array([key.pose for key in self._keys]), pose)
-        return np.asarray(views_of(surface, poses, self._keys) == 2)
-
-    def _moving(self, surface: Float, guess: Float, deviations: Float) -> Bool:
-        """Which points (m,) of a surface were not there when the robot came by."""
+    def _standing(self, points: Float, guess: Float, deviations: Float) -> Float:
+        """Those of a scan's points (m, …) that were not passed by beams when the robot came by."""
         if len(self._keys) < THROUGH:
-            return np.zeros(len(surface), np.bool_)
+            return points
         # Where a guess may be off by more than beams pass behind a point, nothing is known.
-        far = np.hypot(surface[:, 0], surface[:, 1])
+        far = np.hypot(points[:, 0], points[:, 1])
         known = 3.0 * (max(deviations[0], deviations[1]) + deviations[2] * far) < BEHIND
-        gone = known & (self._passed(surface, guess).sum(axis=0) >= THROUGH)
+        poses = between(np.array([key.pose for key in self._keys]), guess)
+        gone = known & ((views_of(points, poses, self._keys) == 2).sum(axis=0) >= THROUGH)
         # Where most is new the robot is elsewhere than it thinks.
-        return np.asarray(gone & (2 * gone.sum() < len(gone)))
+        return points if 2 * gone.sum() >= len(gone) else points[~gone]
 
     def key_due(self) -> bool:
         """Whether the robot has moved far enough since the last key scan."""
@@ -236,7 +231,11 @@ class FrontEnd:
         x, y, turn = between(self._keys[-1].pose, self.pose)
         return bool(np.hypot(x, y) >= self.key_distance or abs(turn) >= KEY_TURN)
 
-    def walls(self) -> Float:
+    def key(self, scan: Key) -> Key:
+        """The scan that was just placed, as a key scan."""
+        return replace(scan, pose=self.pose, surface=self.surface, walls=self._walls())
+
+    def _walls(self) -> Float:
         """Points (w, 4) of the walls that the last scan saw, in its frame, and some scans before.
 
         Alone a scan of few beams would show of a wall a point here and there.
@@ -247,33 +246,20 @@ class FrontEnd:
         seen = [moved(thinned(part), between(self.pose, pose)) for pose, part in parts]
         return np.concatenate(seen)
 
-    def add_key(self, key: Key) -> bool:
-        """Take the scan that was just placed into the local map; returns whether it is a key scan.
-
-        A first scan that is lost may have been bumped: what it saw would lead those after it
-        astray. It waits for the next one, which may be found with the map before it.
-        """
-        if self._lost == 1 and self._keys:
-            self._held.append(key)
-            return False
+    def add_key(self, key: Key) -> None:
+        """Take the scan that was just placed into the local map, as a key scan."""
         if self._turn_known:
             self.wheels.learn(self._raw, self._found, self._ahead_known)
         self._raw, self._found = np.zeros(3), np.zeros(3)
         self._turn_known = self._ahead_known = True
         self._recent.clear()
         self._keys.append(key)
-        self._draw()
-        return True
-
-    def _draw(self) -> None:
-        """Draw the local map."""
         self._grid = wall_map((near.walls, near.pose) for near in list(self._keys)[-LOCAL_KEYS:])
 
 
 def refined(
     surfaces: Sequence[Float],
     poses: Float,
-    motions: Float,
     keys: Sequence[Key],
     key_poses: Float,
     anchored: Int,
@@ -281,8 +267,8 @@ def refined(
     """Poses (n, 3) of all scans, matched again with all key scans (k,) around them.
 
     While the robot drove, a scan was matched with what lay just behind it; now its surroundings are
-    known from all drives past it. Scans moved by motions (n, 3) of the wheels; each is matched with
-    what lies around the last of those anchored (m,): key scans, and scans in known places.
+    known from all drives past it. Each is matched with what lies around the last of those anchored
+    (m,): key scans, and scans in known places.
     """
     refined_poses = poses.copy()
     if not len(surfaces):
@@ -295,20 +281,8 @@ def refined(
         if grid is None:
             continue
         for scan in range(first, end):
-            guesses = [poses[scan]]
-            # A scan may have been turned alone, or have followed a person; the wheels do not.
-            if scan:
-                guesses.append(compose(refined_poses[scan - 1], motions[scan]))
-            if scan + 1 < len(poses):
-                back = between(motions[scan + 1], np.zeros(3))
-                guesses.append(compose(poses[scan + 1], back))
             prior = turned(REFINED_PRIOR, float(poses[scan, 2]))
-            matches = [
-                match_scan(surfaces[scan], grid, guess, prior, REFINED_ITERATIONS)
-                for number, guess in enumerate(guesses)
-                if not number or np.abs(between(guess, poses[scan])).max() > ELSEWHERE
-            ]
-            match = max(matches, key=lambda match: match.explained)
+            match = match_scan(surfaces[scan], grid, poses[scan], prior, REFINED_ITERATIONS)
             if match.explained > LEAST_REFINED:
                 refined_poses[scan] = match.pose
     return refined_poses

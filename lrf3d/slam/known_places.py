@@ -22,7 +22,8 @@ from lrf3d.slam.closures import (
 from lrf3d.slam.front_end import WEAK, weakest_direction
 from lrf3d.slam.scan_matching import match_scan
 from lrf3d.slam.surface import wall_map
-from lrf3d.slam.violation import Key, contradicted
+from lrf3d.slam.views import Key
+from lrf3d.slam.violation import contradicted
 
 PLACE, PLACE_TURN = 0.5, 0.5
 """Key scans within this [m], [rad] of each other are of one place."""

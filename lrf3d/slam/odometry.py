@@ -17,8 +17,9 @@ from lrf3d.errors import InputError
 from lrf3d.frames import bent, between, compose
 from lrf3d.geometry import Bool, Float, Int, wrap_angle
 from lrf3d.laser import LaserScan
-from lrf3d.slam.scan_matching import search
-from lrf3d.slam.surface import grid_of, thinned
+from lrf3d.slam.search import field_of, search
+from lrf3d.slam.surface import grid_of
+from lrf3d.slam.views import Key
 from lrf3d.text import counted
 
 FASTEST, FASTEST_TURN = 3.0, 3.0
@@ -200,22 +201,22 @@ class WheelPath:
         return np.vstack([np.zeros(3), between(poses[:-1], poses[1:])])
 
 
-def turns_between(surface: Callable[[int], Float], path: WheelPath, places: Int) -> Float:
+def turns_between(seen: Callable[[int], Key], path: WheelPath, places: Int) -> Float:
     """Turn (k − 1,) from each scan to the next [rad] as the scans show it; NaN where unknown.
 
     All headings around are searched, not those near the odometry, which may count them the other
-    way or in degrees. ``surface(number)`` is what a scan saw (m, 4).
+    way or in degrees. ``seen(number)`` is what a scan saw.
     """
     turns = np.full(max(len(places) - 1, 0), np.nan)
     steps = path.increments(places.astype(np.float64))[1:]
     distances, sizes = np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2])
     chosen = np.flatnonzero((sizes > LEAST_TURN) & (distances < MOST_DISTANCE))
     for number in chosen[np.argsort(-sizes[chosen], kind="stable")][:PAIRS].tolist():
-        before = surface(number)
-        if not len(before):
+        before = seen(number)
+        if not len(before.walls):
             continue
-        guess = np.array([*steps[number, :2], 0.0])
-        places_found = search(surface(number + 1), grid_of(thinned(before)), guess, PAIR)
+        guess, field = np.array([*steps[number, :2], 0.0]), field_of([before], np.zeros((1, 3)))
+        places_found = search(seen(number + 1), grid_of(before.walls), field, guess, PAIR)
         if places_found and places_found[0].explained > LEAST_EXPLAINED:
             turns[number] = places_found[0].pose[2]
     return turns

@@ -1,26 +1,21 @@
-"""Scan matching: the pose at which a scan's surface lies on a map's, from near or from far.
+"""Scan matching: the pose near a guess at which a scan's surface lies on that of a map.
 
 A surface in the frame of the robot, the grid of a map's surface, and a guess of the pose with its
-information matrix enter. From near the pose leaves that minimises
+information matrix enter; the pose leaves that minimises
 
     ρ₀((T − T₀)ᵀ Ω₀ (T − T₀)) + Σ ρ(n·(T p − q)) / σ²
 
-over x, y, θ, by Gauss-Newton, with the information matrix of both parts. Where the walls in view do
-not fix a direction, as along a corridor, the second part says nothing of it, and the guess, which
+over x, y, θ, by Gauss-Newton, with the information matrix of the second part. Where the walls in
+view do not fix a direction, as along a corridor, that says nothing of it, and the guess, which
 comes from odometry, stands.
-
-From far, a coarse field marks which cells lie on or next to the map's surface, and for every pose
-of a window the points in marked cells are counted. The best few, matched, are places; one is
-believed where it is clearly better than the next.
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from lrf3d.compiling import compiled, inner
-from lrf3d.geometry import Float, Int, wrap_angle
+from lrf3d.geometry import Float
 from lrf3d.slam.surface import ALONG, SurfaceGrid
 
 ALIGNED = 0.85
@@ -54,37 +49,6 @@ ITERATIONS = 20
 STEP = 1e-4
 """An iteration that moves the pose by less [m, rad] is the last."""
 
-COARSE_CELL = 0.15
-"""Cell of the coarse field [m]: matching finds home from one and a half of them."""
-
-ANGLE_STEPS = 0.01, 0.03
-"""Bounds of the step of the heading [rad]; it moves the points far off by a cell."""
-
-COARSE_POINTS = 80
-"""Points of a surface that the window is searched with."""
-
-DEVIATIONS = 3.0
-"""A window reaches as many standard deviations to each side."""
-
-PEAKS = 6
-"""Poses of the window that are refined."""
-
-APART, TURNED_APART = 0.3, 0.1
-"""Two poses that differ by more [m], [rad] are different places."""
-
-CLOSE = 0.7
-"""Peaks that score less than this share of what the best one does are no places."""
-
-CHANCE, NEW, CORRELATED, CLEARLY = 0.05, 0.1, 2.0, 0.8
-"""A place is believed if its evidence is positive, and larger by the last than that of any other:
-the log odds of a point to speak for the place, and not against it. The first is the share of points
-that do either by chance. Points that beams pass through are against it; others that are not
-explained may be new, as most are where a robot enters a room, and the second share of them is.
-Points share their errors: many count as the third number."""
-
-LOOSE = np.diag([4.0, 4.0, 25.0])
-"""Information of the guess when a peak is refined: 0.5 m and 0.2 rad, which leaves it free."""
-
 
 class Match(NamedTuple):
     """What matching a scan came to: its pose (3,) in the frame of the map.
@@ -97,17 +61,6 @@ class Match(NamedTuple):
     information: Float
     explained: float
     deviation: float
-
-    @property
-    def log_odds(self) -> float:
-        """Log odds of a point to be explained."""
-        share = min(max(self.explained, 0.01), 0.99)
-        return float(np.log(share / (1.0 - share)))
-
-    def evidence(self, passed: float = 0.0) -> float:
-        """How much speaks for the pose if beams pass through a share of the points there."""
-        against = passed + NEW * max(1.0 - self.explained - passed, 0.0)
-        return CORRELATED * float(np.log((self.explained + CHANCE) / (against + CHANCE)))
 
 
 def match_scan(
@@ -238,105 +191,3 @@ def _near(
     if post:
         return near, sum_x / total, sum_y / total, length / total
     return near, sum_x / length, sum_y / length, sum_off / total
-
-
-def search(
-    surface: Float, grid: SurfaceGrid, guess: Float, spread: Float, near: float = np.inf
-) -> list[Match]:
-    """The places in a window where a surface lies on a map's, best first.
-
-    The window has a covariance (3, 3), its spread, around a guess (3,); places farther than a
-    distance [m] from the map's origin are left out.
-    """
-    shifts = shifts_within(guess, spread[:2, :2], near)
-    if not len(surface) or not len(shifts):
-        return []
-    far = float(np.quantile(np.hypot(surface[:, 0], surface[:, 1]), 0.8))
-    step = float(np.clip(COARSE_CELL / max(far, 1e-3), *ANGLE_STEPS))
-    turns = max(1, int(np.ceil(DEVIATIONS * np.sqrt(spread[2, 2]) / step)))
-    angles: Float = step * np.arange(-turns, turns + 1, dtype=np.float64)
-    sample = np.ascontiguousarray(surface[:: 1 + len(surface) // COARSE_POINTS])
-    scores = window_scores(sample, grid, guess, shifts, angles)
-    matches: list[Match] = []
-    least = CLOSE * float(scores.max())
-    for _ in range(PEAKS):
-        a, s = np.unravel_index(int(scores.argmax()), scores.shape)
-        if scores[a, s] <= least:
-            break
-        start = guess + np.array([*(COARSE_CELL * shifts[s]), angles[a]])
-        match = match_scan(sample, grid, start, LOOSE)
-        # One that slid away, as along a corridor, is another place, and may be out of the window.
-        stayed = bool(np.isfinite(match.pose).all()) and same_place(match.pose, start)
-        if stayed and not any(same_place(match.pose, other.pose) for other in matches):
-            matches.append(match)
-        # The peak's surroundings lead to the same place.
-        around = np.flatnonzero((np.abs(shifts - shifts[s]) <= 2).all(axis=1))
-        scores[max(a - 2, 0) : a + 3, around] = 0.0
-    places = [match_scan(surface, grid, match.pose, LOOSE) for match in matches]
-    return sorted(places, key=lambda match: -match.explained)
-
-
-def shifts_within(guess: Float, spread: Float, near: float) -> Int:
-    """Shifts (s, 2) of a window in cells: of its ellipse, as far as they are near the origin."""
-    # A cell more, so that the least window has neighbours to each side.
-    wide = spread + np.diag(np.full(2, (COARSE_CELL / DEVIATIONS) ** 2))
-    x, y = (
-        np.arange(-most, most + 1)
-        for most in np.ceil(DEVIATIONS * np.sqrt(wide.diagonal()) / COARSE_CELL).astype(np.int64)
-    )
-    shifts = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    metres = COARSE_CELL * shifts
-    inside = np.hypot(*(guess[:2] + metres).T) < near
-    square = np.einsum("si,ij,sj->s", metres, np.linalg.inv(wide), metres)
-    chosen: Int = shifts[inside & (square <= DEVIATIONS**2)]
-    return chosen
-
-
-@compiled
-def window_scores(
-    points: Float, grid: SurfaceGrid, centre: Float, shifts: Int, angles: Float
-) -> Float:
-    """How many points (m, …) fall on marked cells (a, s), for each heading and shift [cells]."""
-    # The field is as large as the map and its margin, in coarse cells.
-    wide = int(grid.size[0] * grid.size[2] / COARSE_CELL) + 3
-    high = int(grid.size[1] * grid.size[2] / COARSE_CELL) + 3
-    field = np.zeros((high, wide), np.uint8)
-    for i in range(len(grid.surface)):
-        column = int((grid.surface[i, 0] - grid.corner[0]) / COARSE_CELL) + 1
-        row = int((grid.surface[i, 1] - grid.corner[1]) / COARSE_CELL) + 1
-        for r in range(row - 1, row + 2):
-            for c in range(column - 1, column + 2):
-                field[r, c] = max(field[r, c], 2 if r == row and c == column else 1)
-    scores = np.zeros((len(angles), len(shifts)))
-    for a in range(len(angles)):
-        cos, sin = np.cos(centre[2] + angles[a]), np.sin(centre[2] + angles[a])
-        for i in range(len(points)):
-            x = centre[0] + cos * points[i, 0] - sin * points[i, 1]
-            y = centre[1] + sin * points[i, 0] + cos * points[i, 1]
-            column = int(np.floor((x - grid.corner[0]) / COARSE_CELL)) + 1
-            row = int(np.floor((y - grid.corner[1]) / COARSE_CELL)) + 1
-            for s in range(len(shifts)):
-                c, r = column + shifts[s, 0], row + shifts[s, 1]
-                if c >= 0 and c < wide and r >= 0 and r < high:
-                    scores[a, s] += field[r, c]
-    return scores
-
-
-def clearest(places: Sequence[Float], worth: Sequence[float]) -> int | None:
-    """Which place (3,) is clearly worth more than all others elsewhere, if any is."""
-    if not places:
-        return None
-    best = int(np.argmax(worth))
-    others = [
-        value
-        for place, value in zip(places, worth, strict=True)
-        if not same_place(place, places[best], tolerance=2.0)
-    ]
-    return best if worth[best] - max(others, default=-np.inf) > CLEARLY else None
-
-
-def same_place(first: Float, second: Float, tolerance: float = 1.0) -> bool:
-    """Whether two poses (3,) are the same place."""
-    apart = np.hypot(first[0] - second[0], first[1] - second[1])
-    turned = abs(wrap_angle(first[2] - second[2]))
-    return bool(apart < tolerance * APART and turned < tolerance * TURNED_APART)

@@ -14,6 +14,7 @@ from lrf3d.errors import InputError, shown
 from lrf3d.frames import bent, between, compose, turned
 from lrf3d.geometry import Float, Int, is_finite, sealed, whole_number
 from lrf3d.laser import LaserRangeFinder, LaserScan
+from lrf3d.laser.range_finder import beam_directions
 from lrf3d.mapping import LineMap
 from lrf3d.pose import Pose, as_pose
 from lrf3d.robot import EstimatedTrajectory
@@ -24,8 +25,9 @@ from lrf3d.slam.key_map import KeyMap
 from lrf3d.slam.known_places import Anchor, in_known_place
 from lrf3d.slam.pose_graph import Edges, optimised, pose_covariances, variance_factor
 from lrf3d.slam.scan_matching import SIGMA
-from lrf3d.slam.surface import LEAST_NOISE, range_noise, surface_of_scan
-from lrf3d.slam.violation import Key, SelfCheck, self_check
+from lrf3d.slam.surface import LEAST_NOISE, range_noise, surface_of_scan, thinned
+from lrf3d.slam.views import Key
+from lrf3d.slam.violation import SelfCheck, self_check
 from lrf3d.slam.wheels import Wheels
 
 EDGE_SHARE = 0.3
@@ -120,11 +122,12 @@ class Slam:
                 or the odometry is not three finite numbers that a robot can have moved by.
         """
         increment = self._checked(scan, odometry)
-        self._tracked.append(self._front.track(self.surface_of(scan), increment))
+        key = self.seen(scan)
+        self._tracked.append(self._front.track(key, increment))
         if self._front.key_due():
-            key = self._key_of(scan)
-            if self._front.add_key(key):
-                self._add(key, scan)
+            key = self._front.key(key)
+            self._front.add_key(key)
+            self._add(key, scan)
         self._map.update(self._key_poses)
 
     def _add(self, key: Key, scan: LaserScan) -> None:
@@ -152,20 +155,19 @@ class Slam:
             )
         return increment
 
-    def surface_of(self, scan: LaserScan) -> Float:
-        """What a scan saw (m, 4), in the frame of the robot, by the noise that is known by now."""
+    def seen(self, scan: LaserScan) -> Key:
+        """What a scan saw, by the noise that is known by now, at the pose 0."""
         seen = range_noise(scan)
         kept = LEARNED_NOISE if self._noise else 0.0
         self._noise = kept * self._noise + (1.0 - kept) * seen
-        return surface_of_scan(scan, self._laser, max(self._noise, LEAST_NOISE))
-
-    def _key_of(self, scan: LaserScan) -> Key:
-        """The newest scan as a key scan."""
+        surface = surface_of_scan(scan, self._laser, max(self._noise, LEAST_NOISE))
         # A laser that is mounted upside down turns clockwise.
         order = -1 if scan.angles[0] > scan.angles[-1] else 1
-        beams, surface = (scan.angles[::order], scan.ranges[::order]), self._front.surface
-        number, pose = len(self._tracked) - 1, self._tracked[-1].pose
-        return Key(number, pose, surface, self._front.walls(), *beams, self._laser, self._noise)
+        beams = scan.angles[::order], scan.ranges[::order]
+        number, walls, noise = len(self._tracked), thinned(surface), self._noise
+        met = scan.hits
+        hits = scan.ranges[met, None] * beam_directions(0.0, scan.angles[met]) + self._laser
+        return Key(number, np.zeros(3), surface, walls, hits, *beams, self._laser, noise)
 
     def _drive_to(self, key: Key) -> None:
         """Count how far the robot has driven since the last anchor."""
@@ -183,9 +185,9 @@ class Slam:
         closer, number, pose, apart = self._closer, len(self._key_scans), self._robot, False
         if self._anchors:
             last, edge = self._anchors[-1], self._edge_to_last()
-            apart = last.scan != closer.keys[last.key].scan
+            apart = last.scan != closer.keys[last.key].scan or self._lost() > 0
             self._edges = Edges.joined([self._edges, edge])
-            closer.link(edge, last.drifted + closer.distance - last.driven, self._lost())
+            closer.link(edge, last.drifted + closer.distance - last.driven)
         self._key_poses = np.vstack([self._key_poses, pose])
         self._key_scans.append(scan)
         closer.add_key(key, apart=apart)
@@ -331,8 +333,9 @@ class Slam:
 
     def finish(self) -> None:
         """Adjust all poses, once the last scan is in and no more closures can come."""
-        if closures := self._closer.settle():
-            self._edges = Edges.joined([self._edges, closure_edges(closures)])
+        self._closer.settle()
+        path, closed = self._edges.part(~self._edges.robust), self._closer.accepted
+        self._edges = Edges.joined([path, closure_edges(closed)]) if closed else path
         if len(self._edges):
             self._key_poses = optimised(self._key_poses, self._edges, FINAL_ITERATIONS)
             self._map.redraw(self._key_poses)
@@ -349,9 +352,8 @@ class Slam:
             )
         noise = max(self._noise, LEAST_NOISE)
         surfaces = [surface_of_scan(scan, self._laser, noise) for scan in scans]
-        motions = np.array([scan.motion for scan in self._tracked]).reshape(-1, 3)
         poses, keys = self._scan_poses(), self._closer.keys
-        found = refined(surfaces, poses, motions, keys, self._key_poses, self._anchored)
+        found = refined(surfaces, poses, keys, self._key_poses, self._anchored)
         return self._in_world(found)
 
     def self_check(self) -> SelfCheck:

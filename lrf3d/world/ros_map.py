@@ -67,7 +67,8 @@ def read_ros_map(path: Path) -> World:
     for key, _ in node.value if node else ():
         name, line = str(key.value), key.start_mark.line + 1
         if (first := lines.setdefault(name, line)) != line:
-            raise WorldError(f"line {line}: the key {shown(name)} stands in line {first}, too")
+            key = f"line {line}: the key {shown(name)}"
+            raise WorldError(f"{key} stands in line {first}, too; remove one")
     values = {**USUAL, **{key: KEYS[key](value, key) for key, value in data.items() if key in KEYS}}
     if Path(values["image"]).name != values["image"].removeprefix("./"):
         name = shown(values["image"])

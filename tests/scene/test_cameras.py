@@ -112,6 +112,21 @@ def test_the_eye_goes_down_smoothly():
     assert (np.abs(np.diff(np.log(away))) < 0.2).all()
 
 
+def test_the_eye_does_not_leap_where_the_robot_turns_away_in_a_shot():
+    run = room_run()
+    times = np.arange(0.0, 30.0, 0.25)
+    # It goes round in the room four times, on a circle.
+    turns = np.linspace(0.0, 8.0 * np.pi, len(times))
+    poses = np.column_stack([2.0 + np.sin(turns), 3.0 - np.cos(turns), turns])
+    timeline, structures = filmed(run_of(run.world, times, poses))
+    story = Story(timeline, structures)
+    moments = np.arange(timeline.start - OPENING, timeline.end + CLOSING, 0.04)
+    looks = [story.look(float(moment), 16 / 9) for moment in moments]
+    for before, now, after in zip(looks, looks[1:], looks[2:], strict=False):
+        if before.shot == after.shot:
+            assert np.linalg.norm(before.eye - 2.0 * now.eye + after.eye) < 0.02 * now.away
+
+
 def test_a_film_of_a_story_goes_on_while_the_run_stands_still():
     timeline = Timeline(city_run(seconds=4.0), playback=2.0)
     times = timeline.frame_times(10.0, margins("story"))

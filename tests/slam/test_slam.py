@@ -12,7 +12,6 @@ from lrf3d.frames import between
 from lrf3d.recorded import rising
 from lrf3d.slam.front_end import weakest_direction
 from lrf3d.slam.odometry import WheelPath
-from lrf3d.slam.violation import Key, views_of
 from lrf3d.slam.wheels import Wheels
 
 
@@ -183,15 +182,6 @@ def test_stamps_that_run_backwards_become_times_that_rise():
     times = rising(np.array([0.0, 1.0, 0.9, 1.1, 1.1]))
     assert (np.diff(times) > 0.0).all()
     assert times[[0, 1, 3]].tolist() == [0.0, 1.0, 1.1]
-
-
-def test_beams_that_pass_through_what_the_other_saw_are_counted():
-    angles = np.linspace(-0.5, 0.5, 11)
-    ranges = np.full(11, 4.0)
-    points = np.array([[2.0, 0.0], [4.1, 0.0], [3.8, 0.3], [2.0, 30.0]])
-    nothing = np.empty((0, 4))
-    key = Key(0, np.zeros(3), nothing, nothing, angles, ranges, np.zeros(2), 0.01)
-    assert views_of(points, np.zeros((1, 3)), [key]).tolist() == [[2, 1, 1, 0]]
 
 
 @pytest.fixture
