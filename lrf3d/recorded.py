@@ -5,7 +5,7 @@ A log, or the path of one, enters; a `Run` leaves, whose world is the map of the
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -194,7 +194,7 @@ class SolvedLog:
                 **log.counts,
                 "odometry_lines": len(self.line_poses),
                 "odometry": "the poses of the scans" if log.wheels is None else "ODOM lines",
-                **self.repairs.as_dict(),
+                **asdict(self.repairs),
             },
             "map": {"segments": len(line_map), "objects": line_map.object_count},
             "wheels": {

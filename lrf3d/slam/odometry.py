@@ -6,7 +6,7 @@ laser's clock is behind, and whether the laser and the odometry count turns alik
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -85,10 +85,6 @@ class Repairs:
     doubled_odometry_lines: int = 0
     odometry_jumps: int = 0
     mirrored: bool = False
-
-    def as_dict(self) -> dict[str, Any]:
-        """The figures, in JSON's types."""
-        return asdict(self)
 
     def sentences(self) -> list[str]:
         """What was wrong and what was done, a sentence each; none where all was well."""
