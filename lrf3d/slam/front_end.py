@@ -36,8 +36,8 @@ SLIP, SLIP_SHARE, SLIP_TURN, SLIP_TURN_SHARE = 0.4, 0.3, 0.7, 0.3
 """How far [m], [rad] wheels may slip between two scans, and as a share of their step: the window
 that is searched. A bump turns a robot by half a radian."""
 
-RARE = 2.0
-"""Log odds against a slip: one step in seven is off by more than the wheels' noise."""
+RARE = 3.0
+"""Log odds against a slip: one step in twenty is off by more than the wheels' noise."""
 
 LEAST_EXPLAINED = 0.1
 """A match that explains a smaller share is not believed."""
