@@ -63,7 +63,7 @@ RIGHT_REACH, RIGHT_ANGLE = 0.1, np.radians(5.0)
 def bench(
     *,
     seeds: Annotated[int, "Seeds of the noise for each setting."] = 2,
-    every: Annotated[int, "Use one scan in so many for settings."] = 8,
+    every: Annotated[int, "Use every n-th scan for settings."] = 8,
     scans: Annotated[int, "Scans round the city."] = 4000,
     figure: Figure = None,
 ) -> Report:
