@@ -54,12 +54,18 @@ def shared_lengths(segments: Float, others: Float, near: float) -> tuple[Int, In
     """Which segments (v,) lie by which others (v,), and by how much (v,) [m]; some twice."""
     if not len(segments) or not len(others):
         return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
-    start, way = segments[:, None, :2], (segments[:, 2:] - segments[:, :2])[:, None]
+    # Most segments of a large map have not moved since the map before.
+    order = np.argsort(others[:, 0], kind="stable")
+    place = np.searchsorted(others[order, 0], segments[:, 0]).clip(max=len(others) - 1)
+    still = np.flatnonzero((others[order[place]] == segments).all(axis=1))
+    moved = np.setdiff1d(np.arange(len(segments)), still)
+    start, way = segments[moved, None, :2], (segments[moved, 2:] - segments[moved, :2])[:, None]
     places = shapely.points((start + _PLACES[:, None] * way).reshape(-1, 2))
     tree = shapely.STRtree(shapely.linestrings(others.reshape(-1, 2, 2)))
-    place, nearest = tree.query_nearest(places, max_distance=near, all_matches=False)
-    segment = place // len(_PLACES)
-    return segment, nearest, lengths(segments)[segment] / len(_PLACES)
+    near_by, nearest = tree.query_nearest(places, max_distance=near, all_matches=False)
+    segment = np.append(still, moved[near_by // len(_PLACES)])
+    votes = np.repeat([1, len(_PLACES)], [len(still), len(nearest)])
+    return segment, np.append(order[place[still]], nearest), lengths(segments)[segment] / votes
 
 
 def _paired(first: Int, second: Int, shared: Float, count: int) -> Int:
