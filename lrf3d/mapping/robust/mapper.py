@@ -90,10 +90,8 @@ class RobustMapper:
         rows = np.flatnonzero(chosen & (self._walls.points > 0))
         parts = refit_walls(rows, self._walls.ends, self._cells, fresh, near, self._least)
         self._make_room(len(parts[0]))
-        self._waiting, linked = replace_walls(
-            self._walls, self._grid, self._cells, rows, gone, parts
-        )
-        return linked
+        self._waiting = replace_walls(self._walls, self._grid, self._cells, rows, gone, parts)
+        return self._waiting
 
     def _link_walls(self, rows: Int) -> None:
         """Link walls with those around them."""

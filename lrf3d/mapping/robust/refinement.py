@@ -11,16 +11,11 @@ import numpy as np
 from lrf3d.compiling import borrower, compiled, inner
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.mapping.grid import Grid, insert, near, remove
-from lrf3d.mapping.robust.cells import (
-    HIT_DEVIATIONS,
-    OPEN_WEIGHT,
-    Cells,
-    NewEvidence,
-)
+from lrf3d.mapping.robust.cells import HIT_DEVIATIONS, Cells, NewEvidence
 from lrf3d.mapping.robust.evidence import FOLLOWED
 from lrf3d.mapping.robust.judging import count_evidence
-from lrf3d.mapping.robust.refitting import VIOLATION_WEIGHT, Parts
-from lrf3d.mapping.robust.walls import UNLINKED, Walls, give_back, put_row, take_row
+from lrf3d.mapping.robust.refitting import Parts
+from lrf3d.mapping.robust.walls import Walls, give_back, put_row, take_row
 
 FRESH_SHARE = 0.1
 """[share] A wall is refined again when this part of what it was refit by is new. Less
@@ -28,14 +23,7 @@ takes time, more leaves walls behind what is known of them."""
 
 UNCHANGED = 0.15
 """[m] A part that lies no farther than this from where a wall was linked with others keeps its row
-and its links. Its ends move by whole pieces of 0.1 m. Less takes time …"""
-
-NEW_POINTS = 1.3
-"""[share] … but it is linked again when its points are this many times as many as when it was."""
-
-FORSAKEN = 4.0
-"""[share] A wall without a real part is given up, and found again if it comes back, where its
-violations outweigh its hits by this. Less takes time to find weak walls again and again."""
+and its links. Its ends move by whole pieces of 0.1 m. Less takes time."""
 
 
 @compiled
@@ -99,36 +87,25 @@ def replace_walls(
     rows: Int,
     gone: Int,
     parts: Parts,
-) -> tuple[Int, Int]:
+) -> Int:
     """Put the parts of some walls (n,) in their places, and of those (m,) that became part of them.
 
-    Returns the rows that are new in their places, and those that are to be linked again.
+    Returns the rows that are new in their places: they are to be linked, and may fit others.
     """
-    ends, moments, points, origins, real, evidence, clusters, totals = parts
+    ends, moments, points, real, evidence, clusters = parts
     old = np.concatenate((rows, gone))
     taken, places = np.zeros(len(old), np.bool_), np.full(len(ends), -1)
-    parts_of = np.zeros(len(rows), np.int64)
     for part in range(len(ends)):
-        parts_of[origins[part]] += 1
         if real[part]:
             place = _unmoved(walls, old, taken, ends[part])
             if place >= 0:
                 taken[place], places[part] = True, old[place]
     for k in range(len(rows)):
         remove(grid, rows[k], walls.ends[rows[k]])
-        hits, violations = totals[k, 0], totals[k, 1]
-        walls.evidence[rows[k]], walls.fresh[rows[k]] = hits + OPEN_WEIGHT * violations, 0.0
-        if parts_of[k] == 0 and not taken[k]:
-            if hits > 0.0 and VIOLATION_WEIGHT * violations <= FORSAKEN * hits:
-                # It waits for more hits where it is.
-                taken[k] = True
-                _hide(walls, rows[k])
-                insert(grid, rows[k], walls.ends[rows[k]])
     for k in range(len(old)):
         if not taken[k]:
             give_back(walls, old[k])
-    fresh, linked = np.empty(len(ends), np.int64), np.empty(len(ends), np.int64)
-    added = count = 0
+    fresh, added = np.empty(len(ends), np.int64), 0
     for part in range(len(ends)):
         moved = places[part] < 0
         row = places[part] = take_row(walls) if moved else places[part]
@@ -137,17 +114,10 @@ def replace_walls(
         walls.points[row], walls.real[row] = points[part], real[part]
         walls.evidence[row], walls.fresh[row] = evidence[part], 0.0
         insert(grid, row, walls.ends[row])
-        if not real[part]:
-            _hide(walls, row)
-            continue
-        if moved:
+        if moved and real[part]:
             fresh[added] = row
             added += 1
             put_row(walls.placed, row, ends[part])
-        if moved or points[part] > NEW_POINTS * walls.known[row]:
-            walls.known[row] = points[part]
-            linked[count] = row
-            count += 1
     for k in range(len(clusters)):
         cluster, part = clusters[k]
         if part < 0:
@@ -155,13 +125,7 @@ def replace_walls(
         else:
             cells.owners[cluster] = places[part]
             cells.stamps[cluster] = walls.stamps[places[part]]
-    return fresh[:added], linked[:count]
-
-
-@borrower
-def _hide(walls: Walls, row: int) -> None:
-    """Let a wall wait for more hits: it is not shown."""
-    walls.real[row], walls.placed[row] = False, UNLINKED
+    return fresh[:added]
 
 
 @borrower

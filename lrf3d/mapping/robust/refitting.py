@@ -70,11 +70,10 @@ SHORT_WALL = 0.5
 clutter, and what moves, makes short ones of any few returns."""
 
 
-Parts = tuple[Float, Float, Int, Int, Bool, Float, Int, Float]
+Parts = tuple[Float, Float, Int, Bool, Float, Int]
 """Parts (n,) of walls, in their order: where they are (n, 4) [m], the moments and numbers of their
-points, the place of the wall that each is a part of, whether it is enough to be shown, and
-its hits and weighed violations; the clusters (c, 2) that hit any of the walls, and the part that
-each hit, or −1; and hits and violations (walls, 2) of each wall, where it was before."""
+points, whether they are enough to be shown, and their hits and weighed violations; and the clusters
+(c, 2) that hit any of the walls, with the part that each hit, or −1."""
 
 
 @compiled
@@ -92,8 +91,7 @@ def refit_walls(
     parts_of = np.full(first[count], -1)
     most = first[count]
     parts, moments = np.empty((most, 4)), np.empty((most, 6))
-    points, walls = np.empty(most, np.int64), np.empty(most, np.int64)
-    real, evidence, totals = np.empty(most, np.bool_), np.empty(most), np.zeros((count, 2))
+    points, real, evidence = np.empty(most, np.int64), np.empty(most, np.bool_), np.empty(most)
     breaks, spare = np.empty(most + 1, np.int64), int(FOLLOWED / PIECE)
     found = 0
     for wall in range(count):
@@ -120,8 +118,7 @@ def refit_walls(
                 factor = 2 if length < SHORT_WALL else 1
                 shown = hits >= factor * least and factor * against <= hits
                 real[found] = shown and not (length < SHORT_WALL and lately)
-                points[found], walls[found] = int(hits), wall
-                evidence[found] = hits
+                points[found], evidence[found] = int(hits), hits
                 for piece in range(low + start, low + last):
                     evidence[found] += OPEN_WEIGHT * counts[piece, 1]
                     parts_of[piece] = found
@@ -131,14 +128,10 @@ def refit_walls(
                 else:
                     for piece in range(low + start, low + last):
                         parts_of[piece] = -1
-        for piece in range(low + spare, high - spare):
-            totals[wall, 0] += counts[piece, 0]
-            totals[wall, 1] += counts[piece, 1]
     for k in range(len(clusters)):
         clusters[k, 1] = parts_of[clusters[k, 1]]
     return (
-        parts[:found], moments[:found], points[:found], walls[:found], real[:found],
-        evidence[:found], clusters, totals,
+        parts[:found], moments[:found], points[:found], real[:found], evidence[:found], clusters,
     )  # fmt: skip
 
 

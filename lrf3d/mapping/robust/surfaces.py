@@ -170,12 +170,12 @@ def find_pieces(pieces: Float, former: Bool, kind: int) -> tuple[Bool, int]:
 
     Former ones, of a kind or of none, stay unless they are belied.
     """
-    shown, _, passed, _, opaque, images, wrong, known, alike = pieces.T
+    shown, _, passed, _, opaque, images, wrong = pieces[:, : WRONG + 1].T
     found, belied = glass_pieces(pieces), opaque > shown + passed + SEEN
     # What is seen through glass is darker as well.
     if kind == IS_MIRROR or not (found.any() or kind):
         found, kind = mirror_pieces(pieces), IS_MIRROR
-        belied = (opaque + wrong > images + SEEN) | (known > 2.0 * alike + SEEN)
+        belied = opaque + wrong > images + SEEN
     found |= former & ~belied
     return found, max(kind, IS_GLASS) if found.any() else 0
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from lrf3d.compiling import borrower, compiled, inner
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.mapping.grid import Grid, insert, near, remove
-from lrf3d.mapping.robust.cells import FREE_DEPTH, Cells
+from lrf3d.mapping.robust.cells import Cells
 from lrf3d.mapping.robust.crossing import WALL_SINE, is_crossed
 
 SAME_DIRECTION = 0.5
@@ -61,7 +61,6 @@ class Walls(NamedTuple):
         points: (rows,) number of its points; 0 where the row is free.
         real: (rows,) whether the beams showed enough of it: the map is these.
         placed: (rows, 4) where it was when it was linked with others [m].
-        known: (rows,) the points that it had then.
         evidence: (rows,) hits and weighed violations that it had when it was refit.
         fresh: (rows,) beams that hit it, or went through its hits, since then.
         last_scans: (rows,) the last scan that added to these.
@@ -76,7 +75,6 @@ class Walls(NamedTuple):
     points: Int
     real: Bool
     placed: Float
-    known: Int
     evidence: Float
     fresh: Float
     last_scans: Int
@@ -89,9 +87,9 @@ class Walls(NamedTuple):
         """Free rows."""
         return cls(
             np.zeros((rows, 4)), np.zeros((rows, 6)), np.zeros(rows, np.int64),
-            np.zeros(rows, np.bool_), np.full((rows, 4), UNLINKED), np.zeros(rows, np.int64),
-            np.zeros(rows), np.zeros(rows), np.zeros(rows, np.int64), np.ones(rows, np.int32),
-            np.zeros(rows, np.int64), np.zeros(3, np.int64),
+            np.zeros(rows, np.bool_), np.full((rows, 4), UNLINKED), np.zeros(rows), np.zeros(rows),
+            np.zeros(rows, np.int64), np.ones(rows, np.int32), np.zeros(rows, np.int64),
+            np.zeros(3, np.int64),
         )  # fmt: skip
 
     def with_room(self, count: int) -> "Walls":
@@ -271,14 +269,12 @@ def _partner(walls: Walls, grid: Grid, row: int, cells: Cells, rule: Rule) -> in
         moments, others = walls.moments[row], walls.moments[other]
         value = misfit(one, moments, two, others, rule)
         if value < least or (value == least and other < best):
-            if _span(one, two, line) <= 0.0 or not is_crossed(
-                line, cells, FREE_DEPTH, SPARE_BEAMS, WALL_SINE
-            ):
+            if _span(one, two, line) <= 0.0 or not is_crossed(line, cells, SPARE_BEAMS, WALL_SINE):
                 best, least = other, value
         elif best < 0 and walls.real[row] and walls.real[other]:
             if misfit(one, moments, two, others, straight) < 1.0:
                 gap = _span(one, two, line)
-                if gap < narrowest and not is_crossed(line, cells, FREE_DEPTH, 0, WALL_SINE):
+                if gap < narrowest and not is_crossed(line, cells, 0, WALL_SINE):
                     second, narrowest = other, gap
     return best if best >= 0 else second
 
