@@ -25,7 +25,7 @@ RETURNS, LIGHTS, SUM, SQUARES = range(4)
 and that of their squares."""
 
 DEPTH = 0.2
-"""[m] How far behind a mirror an image lies at least."""
+"""[m] How far behind a mirror an image lies at least, and behind glass what is seen through it."""
 
 EDGE = 0.3
 """[m] Beams that pass a mirror by less may have met it."""

@@ -36,10 +36,9 @@ LINES_A_SCAN, MOST_A_SCAN = 8, 64
 """[lines] How many lines of images of a scan count, those first that most of its walls agree on;
 and how many images are compared for this, those first that share most with a wall."""
 
-LEAST_VOTES, FLASH_VOTES, LOOK_AGAIN, MOST_VOTES = 2.0, 8.0, 1.0 / 8.0, 50.0
-"""[votes] After so many new ones a line is looked at. A flash gives more, because only glass,
-mirrors and metal flash, and an image one; each scan gives some to glass and mirrors, of which no
-images are left that could speak for them. By so many lines that spoke for it one is averaged."""
+LEAST_VOTES, FLASH_VOTES, MOST_VOTES = 2.0, 8.0, 50.0
+"""[votes] After so many new ones a line is looked at. An image gives one, a flash more, because
+only glass, mirrors and metal flash. By so many lines that spoke for it one is averaged."""
 
 SHORTEST = 0.6
 """[m] Length of a pane or a mirror from which on it is found."""
@@ -48,15 +47,15 @@ PARALLEL_SINE = 0.2
 """[sine] Twice the sine of half the angle between two walls of which one may be the other's image:
 walls at right angles to the mirror go on in theirs, and do not say where it is."""
 
-IMAGE_DISTANCE = 0.15
-"""[m] How far off a wall an image may lie when it is mirrored back."""
+NEAR = 0.1
+"""[m] How far off a wall an image may lie when it is mirrored back, two lines that are one may lie
+apart, and a segment of the map off the pane or the mirror that it is a part of."""
 
-SAME_COSINE, SAME_DISTANCE = np.cos(np.radians(2.0)), 0.1
-"""[cosine, m] Two lines nearer than this are one: the faces of a thin wall are two."""
+SAME_COSINE = np.cos(np.radians(2.0))
+"""[cosine] Two lines that are one differ by no more: the faces of a thin wall are two."""
 
-ABSORBED, ABSORBED_DISTANCE = 0.5, 0.12
-"""[share, m] A segment of the map is a part of a pane or a mirror where so much of its length lies
-by it, no farther off."""
+ABSORBED = 0.5
+"""[share] So much of the length of such a segment lies by the pane or the mirror."""
 
 JOINS = 0.4
 """[m] A pane or a mirror is of the object of a wall whose end it reaches so nearly."""
@@ -115,7 +114,6 @@ class Optics:
         flashes = np.column_stack([normals, normals @ place - rays[0, peaks, RANGE]])
         self._vote(place, image_lines(place, walls + np.tile(place, 2), segments), 1.0)
         self._vote(place, flashes, FLASH_VOTES)
-        self._votes[self._kinds > 0, NEW] += LOOK_AGAIN
         known = self._pieces.copy()
         places, rays = self._scans.rows(newest=False)
         # The line that waits with most votes, and one that has just flashed.
@@ -138,7 +136,7 @@ class Optics:
         distances = line_distances(place, self._lines, lines)
         for line, apart in zip(lines, distances, strict=True):
             row, own = int(apart.argmin()), self._lines[apart.argmin()]
-            if apart[row] >= SAME_DISTANCE:
+            if apart[row] >= NEAR:
                 row = int(np.where(self._kinds, np.inf, self._votes[:, LAST]).argmin())
                 self._votes[row] = 0.0
                 self._lines[row] = *line, line[1] * place[0] - line[0] * place[1]
@@ -188,11 +186,11 @@ def image_lines(place: Float, walls: Float, segments: Float) -> Float:
     stations = (off * unit).sum(axis=2)
     high = np.minimum(stations.max(axis=1), lengths(segments)[real])
     shared = high - stations.min(axis=1).clip(0.0)
-    good = (np.abs(cross(unit, off)) <= IMAGE_DISTANCE).all(axis=1)
+    good = (np.abs(cross(unit, off)) <= NEAR).all(axis=1)
     good &= shared > 0.5 * lengths(walls)[wall]
     rows = np.flatnonzero(good)[np.argsort(-shared[good], kind="stable")]
     lines = np.column_stack([normals, distances])[rows[:MOST_A_SCAN]]
-    same = line_distances(place, lines, lines) < SAME_DISTANCE
+    same = line_distances(place, lines, lines) < NEAR
     weights = same @ shared[rows[:MOST_A_SCAN]]
     found: list[Float] = []
     while weights.any() and len(found) < LINES_A_SCAN:
@@ -223,7 +221,7 @@ def with_surfaces(line_map: LineMap, surfaces: Float, mirrors: Bool) -> LineMap:
     stations, aside = (off * along).sum(axis=3), cross(along, off)
     low, high = stations.min(axis=1), stations.max(axis=1)
     part = np.minimum(high, size) - np.maximum(low, 0.0) > ABSORBED * length
-    part &= np.abs(aside).max(axis=1) < ABSORBED_DISTANCE
+    part &= np.abs(aside).max(axis=1) < NEAR
     # Surfaces become as long as what they take in.
     first = np.where(part, low, 0.0).min(axis=0, initial=0.0)
     last = np.maximum(np.where(part, high, 0.0).max(axis=0, initial=0.0), size)

@@ -45,9 +45,6 @@ FLASHES, FLASHING = np.cos(0.04), np.cos(np.radians(0.55))
 ON_LINE, DEVIATIONS = 0.1, 3.0
 """[m, deviations] How far off a line a return of it may lie, and beside this by the noise."""
 
-PASSED_BY = 0.1
-"""[m] A beam passes a line if it goes on by more than this and the former."""
-
 MOST_OPAQUE, PASSED_SHARE, LEAST_PASSED = 0.3, 0.6, 3
 """[share, share, beams] At a piece of glass fewer than this part of what shows glass shows a wall;
 and beams pass so many of the pieces of a pane: it is seen through."""
@@ -110,7 +107,7 @@ def count_beams(
                 continue
             if cos <= GRAZING:
                 continue
-            if farther > tolerance + PASSED_BY:
+            if farther > tolerance + DEPTH:
                 count[PASSED] += 1.0
                 count[MISSING] += cos > FLASHING
             if ray[RANGE] > 0.0 and farther > DEPTH:
