@@ -63,11 +63,17 @@ def test_a_simulated_drive_is_solved():
 
 def test_own_mappers_and_ours_see_the_same_scans(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "scored.py").write_text("import lrf3d\nclass Mine(lrf3d.LineMapper):\n    pass\n")
-    rows = score("city", mapper="robust,scored.py:Mine", seeds=1, poses=3, beams="61").tables[
-        "maps"
-    ]
-    assert [row["mapper"] for row in rows] == ["robust", "scored.py:Mine"]
+    (tmp_path / "scored.py").write_text(
+        "import lrf3d\nclass Mine:  # its map is what update returns\n"
+        "    def __init__(self):\n        self.mapper = lrf3d.LineMapper(sigma=0.04)\n"
+        "    def update(self, scan):\n        self.mapper.update(scan)\n"
+        "        return self.mapper.map\n"
+    )
+    report = score("city", mapper="robust,scored.py:Mine", seeds=1, poses=3, beams="61")
+    ours, theirs = report.tables["maps"]
+    assert (ours.pop("mapper"), theirs.pop("mapper")) == ("robust", "scored.py:Mine")
+    assert ours.pop("update_s") and theirs.pop("update_s")
+    assert ours == theirs
     with pytest.raises(InputError, match="--mapper rubust: expected"):
         score("city", mapper="rubust")
 
