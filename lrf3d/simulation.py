@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.errors import InputError, check_names, expect, shown
 from lrf3d.geometry import Float, generator, numbers, sealed, whole_number
-from lrf3d.interrupts import Progress, check, silent
+from lrf3d.interrupts import Progress, check, silent, stoppable
 from lrf3d.laser import LaserRangeFinder, LaserScan, ProportionalNoise
 from lrf3d.laser.noise import FLOOR, SIGMA, Noise, as_noise, spread_of
 from lrf3d.laser.scan import LIGHT
@@ -281,6 +281,7 @@ def simulate(
     return collect(simulation, progress, snapshots=snapshots)
 
 
+@stoppable()
 def collect(
     simulation: Simulation, progress: Progress = silent, *, snapshots: int | None = None
 ) -> Run:
