@@ -158,7 +158,7 @@ class Simulation:
         )
         self.film: FilmPlan = USUAL_FILM
         """The default settings of the film."""
-        self.scans, self.done, self.updates, self._seconds = scans, 0, 0, 0.0
+        self.scans, self.done, self._seconds = scans, 0, 0.0
         self._returned: Any = None
 
     @property
@@ -195,9 +195,8 @@ class Simulation:
         begin = perf_counter()
         self._returned = self.mapper.update(scan)
         # The first update is not counted: it may compile or load the mapper.
-        if self.updates:
+        if self.done:
             self._seconds += perf_counter() - begin
-        self.updates += 1
         if isinstance(self.drive, ControlledDrive):
             self.drive.after(scan)
         self.done += 1
@@ -212,7 +211,7 @@ class Simulation:
     @property
     def milliseconds_an_update(self) -> float | None:
         """Mean time of the mapper's updates after the first [ms]; None if there are none."""
-        return 1e3 * self._seconds / (self.updates - 1) if self.updates > 1 else None
+        return 1e3 * self._seconds / (self.done - 1) if self.done > 1 else None
 
 
 class Runnable(Protocol):

@@ -60,7 +60,7 @@ def run(source: tuple[Scenario, dict[str, Any]], args: Namespace, report: Report
         with noting(lambda: KEPT):
             runs += [collect(each, progress) for each in simulations[1:]]
     run, sigmas, seconds = runs[0], args.sigma or scenario.sigmas, perf_counter() - begin
-    updates = sum(each.updates for each in simulations)
+    updates = sum(each.done for each in simulations)
     summary = {
         "name": scenario.name, "seed": args.seed, "caster": args.caster, **named,
         "sigma_m": sigmas[0], "planned": scenario.planned, **_figures(main, run, output.path),
@@ -110,7 +110,7 @@ def _figures(main: Simulation, run: Run, folder: Path) -> dict[str, Any]:
     figures = {"mode": getattr(mapper, "mode", None), **summarise(run), "walls_seen": seen}
     if not callable(getattr(mapper, "report", None)):
         return figures
-    if not main.updates:
+    if not main.done:
         # The run was finished before, so this mapper has no scans yet.
         for scan in run.scans:
             mapper.update(scan)
