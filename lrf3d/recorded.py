@@ -112,6 +112,7 @@ def map_log(
     return run
 
 
+@stoppable()
 def slam_log(log: LaserLog | str | Path, *, key_distance: float = KEY_DISTANCE) -> Run:
     """Find the poses and the map of a recorded drive from its scans and its odometry.
 
@@ -212,7 +213,6 @@ class SolvedLog:
         }
 
 
-@stoppable()
 def solve_log(
     log: LaserLog | str | Path,
     *,
