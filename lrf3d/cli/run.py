@@ -10,10 +10,10 @@ from time import perf_counter
 from typing import Any
 
 from lrf3d.cli.console import Report
-from lrf3d.cli.film import write_film
 from lrf3d.cli.folder import results_folder
 from lrf3d.cli.inputs import on_collision, routed
 from lrf3d.cli.plugins import made
+from lrf3d.cli.runs import write_film
 from lrf3d.errors import InputError
 from lrf3d.geometry import lengths
 from lrf3d.interrupts import noting
@@ -132,8 +132,9 @@ def _rows(runs: Sequence[Run], summary: dict[str, Any]) -> list[tuple[str, str]]
         rows = [("scans", f"{scans}, from single poses")]
     rows.append(("seen", f"{100 * summary['walls_seen']:.0f} % of the walls' length"))
     if score is not None:
-        found = f"{score['matched_segments']} of {score['visible_segments']} walls found"
-        if score["length_recall"] is not None:
+        found = "no wall is long enough to be looked for"
+        if score["visible_segments"]:
+            found = f"{score['matched_segments']} of {score['visible_segments']} walls found"
             found += f", {100 * score['length_recall']:.1f} % of their length"
         rows.append(("map", f"{run.map.counts}: {found}"))
     for level, other in zip(summary.get("noise_levels", ()), runs, strict=False):
