@@ -41,8 +41,8 @@ BEHIND_SINE = 0.3
 """[sine] Angle by which a link may run before a wall and still count as behind it."""
 
 STRAY_BEAMS = 3
-"""[beams] How many may cross a short link: noise and hits beside a corner let few through. At 1 corners
-of buildings fall apart, at 8 buildings of a town grow together."""
+"""[beams] How many may cross a short link: noise and corners let few through. At 1 corners fall
+apart, at 8 the buildings of a town grow together."""
 
 SIGHT_PLACES = (0.1, 0.5, 0.9)
 """[share] Where along two walls the lines of sight between them begin and end."""
