@@ -63,16 +63,6 @@ def test_a_picture_that_fails_loses_nothing_and_says_so_in_one_line(room, tmp_pa
     assert "world picture" not in summary["files"] and (out / "run.npz").exists()
 
 
-def test_a_robot_that_only_stands_drives_nowhere(tmp_path):
-    room = tmp_path / "stops.toml"
-    text = ROOM.replace("route = [[2, 2], [8, 2], [8, 6]]", "poses = [[2, 2, 0], [8, 6, 3]]")
-    room.write_text(text.replace("speed = 2.0\nscan_interval = 0.5\n", ""))
-    done = lrf3d("run", room, "--no-video", "--out", tmp_path / "out")
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("scans      2 scans of 61 beams, from single poses\n")
-    assert json.loads((tmp_path / "out" / "summary.json").read_text())["drive"]["length_m"] == 0.0
-
-
 def test_several_noises_stand_side_by_side(room, tmp_path):
     sigmas = ("--sigma=0.02,0.2", "--sigma", 0.3, 0.4, "--")
     done = lrf3d("run", "--no-video", "--json", "--scans", 3, *sigmas, room, cwd=tmp_path)

@@ -147,20 +147,6 @@ def test_an_invalid_command_is_refused_with_its_time(command):
         list(Simulation(BOX, Bad(), LRF, start=(5, 2, 0), scans=3))
 
 
-def test_a_robot_with_a_radius_does_not_drive_through_walls():
-    class Ahead:
-        def command(self, time, pose, scan):
-            return 1.0, 0.0
-
-    settings = {"start": (5.0, 2.0, 0.0), "scans": 100, "scan_interval": 0.1}
-    steps = []
-    with pytest.raises(CollisionError, match="wall 1"):
-        for step in Simulation(BOX, Ahead(), LRF, radius=0.3, **settings):
-            steps.append(step)
-    assert 9.5 < steps[-1].pose.x < 9.7
-    assert len(list(Simulation(BOX, Ahead(), LRF, **settings))) == 100
-
-
 def test_a_wall_is_met_between_two_scans_of_a_round_drive():
     class Round:
         def command(self, time, pose, scan):

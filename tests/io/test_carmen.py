@@ -102,14 +102,6 @@ def test_a_bad_line_is_named_and_the_others_are_read(line, reason, tmp_path):
     assert "\n" not in str(bad) and len(str(bad)) < 150
 
 
-@given(st.lists(st.binary(max_size=60), max_size=30))
-def test_arbitrary_bytes_do_not_stop_the_reading(tmp_path_factory, junk):
-    path = tmp_path_factory.mktemp("junk") / "a.log"
-    good = front([1, 2]).encode()
-    path.write_bytes(b"\n".join([good, *junk, good]))
-    assert len(load_log(path)) >= 2
-
-
 def test_all_bad_lines_are_counted_and_the_first_few_named(tmp_path):
     lines = [front([1, 2])] + ["FLASER 2 1"] * 100
     log = load_log(write(tmp_path / "a.log.gz", *lines))

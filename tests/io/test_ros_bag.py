@@ -252,12 +252,6 @@ def test_a_fixed_joint_that_is_published_repeatedly_is_no_drive(tmp_path):
     assert log.source == "/odom" and log.poses[0] == pytest.approx([1.2, 0, 0])
 
 
-def test_headings_are_interpolated_the_shorter_way(tmp_path):
-    moves = drives("odom", "base_link", [(0, 0, 3.0), (1, 0, -3.0)])
-    log = load_log(write(tmp_path / "bag", mounted(), *moves, *scans(0.25)))
-    assert log.poses[0] == pytest.approx([0.25, 0, 3.0 + 0.25 * (2 * np.pi - 6.0)])
-
-
 def test_invalid_scans_and_scans_without_a_pose_are_counted_and_named(tmp_path):
     moves = drives("odom", "base_link", [(0, 0, 0), (1, 0, 0)])
     broken = scan(0.5)

@@ -292,14 +292,6 @@ def test_the_command_writes_its_files_and_prints_one_value(room, tmp_path):
         assert done.returncode == 2 and words in done.stderr
 
 
-def test_values_are_numbers_and_words(room, tmp_path):
-    command = ["sweep", room, "--vary", "noise.sigma=.04, 2e-3", "--vary", "mapper.gap=1.",
-               "--mapper", "paper", "--seeds", "1", "--workers", "1", "--out", str(tmp_path),
-               "--json"]  # fmt: skip
-    summary = json.loads(program(*command).stdout)
-    assert summary["sweep"]["sigma_m"] == [0.04, 0.002] and summary["sweep"]["mapper.gap"] == [1.0]
-
-
 def test_an_own_mapper_is_named_by_its_file(room, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("swept.py").write_text(

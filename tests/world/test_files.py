@@ -1,6 +1,4 @@
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -130,15 +128,6 @@ def test_an_unknown_ending_is_told_the_endings_there_are(tmp_path):
 def test_a_file_that_is_not_there_is_named(name, tmp_path):
     with pytest.raises(WorldError, match=rf"{name}: no such file"):
         load_world(tmp_path / name)
-
-
-def test_reading_a_world_leaves_heavy_libraries_alone():
-    code = (
-        "import sys, lrf3d; lrf3d.load_scenario('city');"
-        "print([m for m in ('shapely', 'scipy', 'trimesh', 'numba') if m in sys.modules])"
-    )
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert out.stdout.strip() == "[]"
 
 
 TWINS = {
