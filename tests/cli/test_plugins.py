@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from drives import NoMap
 from program import lrf3d as program
 from program import refused
 from test_cli import ROOM
@@ -178,16 +179,12 @@ def examples(monkeypatch):
 def test_the_wall_follower_follows_walls_and_runs_into_none(examples, world, scans):
     from wall_follower import WallFollower
 
-    class Nothing:
-        def update(self, scan):
-            pass
-
     scenario = lrf3d.load_scenario(world)
     start = scenario.start if scenario.start is not None else scenario.poses[0]
     settings = {"start": start, "scan_interval": 0.1, "scans": scans, "radius": scenario.radius}
     near, poses = [], []
     for step in Simulation(
-        scenario.world, WallFollower(), scenario.lrf, mapper=Nothing(), **settings
+        scenario.world, WallFollower(), scenario.lrf, mapper=NoMap(), **settings
     ):
         poses.append(step.pose)
         near.append(step.true_scan.ranges.min())

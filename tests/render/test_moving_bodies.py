@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_render import SIZE, city_run, needs_gl, room_run
+from test_render import SIZE, city_run, needs_gl, on_picture, room_run
 
 import lrf3d
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
@@ -90,16 +90,6 @@ def test_bodies_are_drawn_where_they_are_and_nowhere_else(renderer):
         assert (away.min(axis=0) < 1.0 * metre).all()
     for film in films:
         film.close()
-
-
-def on_picture(look, place):
-    """The pixel x, y of a place, by the look's own pose."""
-    local = np.linalg.inv(look.pose) @ [*place, 1.0]
-    focus = 0.5 * SIZE[1] / np.tan(0.5 * look.field)
-    return (
-        0.5 * SIZE[0] - focus * local[0] / local[2],
-        0.5 * SIZE[1] + focus * local[1] / local[2],
-    )
 
 
 @RENDERERS
