@@ -125,11 +125,9 @@ def test_a_collision_can_be_ignored(room, tmp_path):
         ("fly", "there is no 'fly'; known are run, render"),
         ("world shaw", "did you mean 'world show'?"),
         ("run", "required: WORLD"),
-        ("run city corridor", "unexpected corridor"),
         ("run city --sede 3", "there is no '--sede'; did you mean '--seed'?"),
         ("run city --mode best", "--mode: 'best': expected robust or paper"),
         ("run city --sigma much", "--sigma: 'much': expected a number from 0"),
-        ("run city --scans 0", "--scans: '0': expected a whole number from 1"),
         ("run city --size 641x361", "--size: '641x361': expected WIDTHxHEIGHT"),
         (f"run city --size 640x{5000 * '9'}", "expected WIDTHxHEIGHT"),
         ("map drive.log --sigma 0.1 0.2", "unexpected 0.2"),
@@ -151,13 +149,11 @@ DIGITS = "9" * 5000
     [
         (["run", "ROOM", "--set", f"laser.range_max={DIGITS}"], "laser.range_max"),
         (["run", "ROOM", "--set", f"laser.range_max=0x{DIGITS}"], "thousands of digits"),
-        (["run", "ROOM", "--set", "laser.range_max=2020-01-01"], "expected a finite number"),
         (["run", "ROOM", "--set", "noise.sigma=" + "[" * 5000], "not a TOML value"),
         (["sweep", "ROOM", "--vary", f"noise.sigma=0x{DIGITS}"], "thousands of digits"),
         (["run", "n" * 300 + ".toml"], "too long"),
         (["run", "ROOM", "--out", "n" * 300], "too long"),
         (["run", "ROOM", "--out", "box.toml/out"], "--out"),
-        (["render", "n" * 300], "too long"),
         (["run", "ROOM", "--scans", "1" + 12 * "0"], "from 1 to 10,000,000"),
         (["run", "ROOM", "--resume", "--out", "full"], "run.journal: a folder"),
     ],
@@ -182,14 +178,6 @@ def test_output_that_cannot_be_written_or_shown_is_no_traceback(room, tmp_path):
     done = subprocess.run(command, capture_output=True, env=environment)
     assert (done.returncode, done.stderr) == (0, b"")
     assert rb"\u03c3 0.1 m" in done.stdout
-
-
-@pytest.mark.parametrize("name", ["$^$", "\udcff"])
-def test_any_name_can_be_that_of_a_world(tmp_path, name):
-    path = tmp_path / f"{name}.toml"
-    path.write_text(ROOM.replace('name = "box"', ""))
-    done = lrf3d("world", "show", path, "--out", tmp_path / "world.png")
-    assert (done.returncode, done.stderr) == (0, "")
 
 
 @pytest.mark.slow

@@ -179,13 +179,6 @@ def test_layouts_for_other_programs_show_topics_that_a_bag_has(mcap):
         assert shown <= {each.topic for each in bag.connections}
 
 
-def test_a_bag_of_a_run_without_a_map_has_none(run, tmp_path):
-    bare = replace(run, snapshot_scans=(), maps=())
-    export_run(bare, "mcap", tmp_path / "bare.mcap")
-    with rosbag2.Reader(tmp_path / "bare.mcap") as bag:
-        assert not {"/map", "/map_objects"} & {each.topic for each in bag.connections}
-
-
 def test_a_bag_is_replaced_and_nothing_else_is(run, tmp_path):
     bag = tmp_path / "run_bag"
     export_run(run, "rosbag2", bag, every=3)
