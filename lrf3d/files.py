@@ -18,9 +18,6 @@ from lrf3d.errors import InputError, OutputError
 LARGEST_TEXT = 1 << 28
 """Largest text file [bytes]: about two million walls as TOML."""
 
-LONGEST_NAME = 200
-"""Bytes of a name that are kept in its temporary name: names have at most 255."""
-
 GENERAL = frozenset(
     "building data drawing export floorplan grid journal log map model plan run scan scene"
     " sweep untitled world".split()
@@ -130,7 +127,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
     is interrupted, an older file at ``path`` stays. What a killed process leaves is overwritten.
     """
     path = Path(path)
-    unfinished = path.with_name(f".{_cut(path.stem)}.unfinished{path.suffix}")
+    unfinished = path.with_name(f".{path.stem}.unfinished{path.suffix}")
     with writing(path):
         try:
             yield unfinished
@@ -147,7 +144,7 @@ def unfinished_folder(path: str | Path) -> Iterator[Path]:
 
     The folder and what is left in it are removed afterwards.
     """
-    folder = Path(path).with_name(f".{_cut(Path(path).name)}.parts.unfinished")
+    folder = Path(path).with_name(f".{Path(path).name}.parts.unfinished")
     shutil.rmtree(folder, ignore_errors=True)
     try:
         folder.mkdir()
@@ -181,7 +178,7 @@ def locked(target: Path, shown: Path | None = None) -> Iterator[None]:
     """
     from filelock import FileLock, Timeout
 
-    path, shown = target.with_name(f".{_cut(target.name)}.lock"), shown or target
+    path, shown = target.with_name(f".{target.name}.lock"), shown or target
     lock = FileLock(path, blocking=False)
     if not path.parent.is_dir():
         raise OutputError(f"{shown}: cannot be written: there is no folder {path.parent}; make it")
@@ -199,7 +196,3 @@ def locked(target: Path, shown: Path | None = None) -> Iterator[None]:
         with suppress(OSError):
             path.unlink()
         lock.release()
-
-
-def _cut(name: str) -> str:
-    return os.fsdecode(os.fsencode(name)[:LONGEST_NAME])

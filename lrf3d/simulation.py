@@ -15,13 +15,12 @@ from numpy.typing import ArrayLike
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.errors import InputError, check_names, expect, shown
 from lrf3d.geometry import Float, generator, numbers, sealed, whole_number
-from lrf3d.interrupts import check, stoppable
+from lrf3d.interrupts import Progress, check, silent
 from lrf3d.laser import LaserRangeFinder, LaserScan, ProportionalNoise
 from lrf3d.laser.noise import FLOOR, SIGMA, Noise, as_noise, spread_of
 from lrf3d.laser.scan import LIGHT
 from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.pose import Pose
-from lrf3d.progress import Progress, silent
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.robot.following import SCAN_INTERVAL
 from lrf3d.run import Run, is_snapshot
@@ -282,7 +281,6 @@ def simulate(
     return collect(simulation, progress, snapshots=snapshots)
 
 
-@stoppable()
 def collect(
     simulation: Simulation, progress: Progress = silent, *, snapshots: int | None = None
 ) -> Run:

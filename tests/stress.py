@@ -23,7 +23,7 @@ from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
 from lrf3d.cli import main
 from lrf3d.cores import core_count, process_pool
 from lrf3d.geometry import Float
-from lrf3d.progress import Progress, silent
+from lrf3d.interrupts import Progress, silent
 
 Rng = np.random.Generator
 

@@ -4,8 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrf3d.errors import InputError
-from lrf3d.frames import bent, between, compose
-from lrf3d.pose import Pose, as_pose, as_poses
+from lrf3d.pose import Pose, as_pose, as_poses, bent, between, compose
 
 poses = st.builds(Pose, st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), st.floats(-np.pi, np.pi))
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from lrf3d.cores import core_count, process_pool, results
 from lrf3d.errors import InputError, shown
-from lrf3d.interrupts import check, stoppable
+from lrf3d.interrupts import Progress, check, silent
 from lrf3d.laser import ProportionalNoise, RangeNoise
 from lrf3d.localization.localiser import (
     Localiser,
@@ -25,7 +25,6 @@ from lrf3d.localization.localiser import (
 )
 from lrf3d.localization.pairing import STRATEGIES, KnownLines
 from lrf3d.pose import Pose
-from lrf3d.progress import Progress, silent
 from lrf3d.run import Run
 
 MAPPED_RANGE = 10.0
@@ -35,7 +34,6 @@ NEES_CONFIDENCE = 0.95
 """Share of the averages over seeds that lie within the bounds for a consistent filter."""
 
 
-@stoppable()
 def score_localisation(
     run: Run,
     sigma: float,

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.frames import between, compose, turned
 from lrf3d.geometry import Float, wrap_angle
+from lrf3d.pose import between, compose, turned
 from lrf3d.slam.front_end import WEAK, weakest_direction
 from lrf3d.slam.pose_graph import Edges, GraphPaths
 from lrf3d.slam.scan_matching import Match

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lrf3d.frames import between, compose
 from lrf3d.geometry import Float, wrap_angle
+from lrf3d.pose import between, compose
 from lrf3d.slam.closures import (
     CLOSURE_LENGTH,
     LEAST_DISTANCE,

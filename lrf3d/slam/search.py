@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.compiling import compiled
-from lrf3d.frames import compose
 from lrf3d.geometry import Float, Int
+from lrf3d.pose import compose
 from lrf3d.slam.scan_matching import Match, match_scan
 from lrf3d.slam.surface import SurfaceGrid
 from lrf3d.slam.views import BEHIND, Key, same_place

@@ -21,8 +21,7 @@ from lrf3d.casting import PlanarCaster
 from lrf3d.cores import core_count, process_pool, results
 from lrf3d.errors import InputError, Lrf3dError, missing_extra
 from lrf3d.files import locked, make_folder, writing
-from lrf3d.interrupts import check, noting, stoppable
-from lrf3d.progress import Progress, silent
+from lrf3d.interrupts import Progress, check, noting, silent
 from lrf3d.scenario import read_scenario_file
 from lrf3d.scoring import buildings_seen, score_run, visible_walls
 from lrf3d.sweeping.plan import USUAL, Plan, PlannedRun, Row, SettingValue, make_plan
@@ -36,7 +35,6 @@ BATCH = 8
 """Runs that are sent together: a crash costs at most these, and sending them next to nothing."""
 
 
-@stoppable()
 def sweep(
     worlds: str | Sequence[str],
     *,

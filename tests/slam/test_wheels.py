@@ -3,7 +3,7 @@ import pytest
 from drives import drive, errors, followed, path_of, rooms, solved
 
 import lrf3d
-from lrf3d.frames import between
+from lrf3d.pose import between
 from lrf3d.slam.odometry import WheelPath, fitted_lag
 from lrf3d.slam.wheels import Wheels
 

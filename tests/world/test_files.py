@@ -120,6 +120,9 @@ def test_an_unknown_ending_is_told_the_endings_there_are(tmp_path):
     (tmp_path / "plan.xyz").touch()
     with pytest.raises(WorldError, match=r"plan\.xyz: unknown ending.*\.toml.*\.geojson"):
         load_world(tmp_path / "plan.xyz")
+    (tmp_path / "drive.log.gz").touch()
+    with pytest.raises(WorldError, match=r"drive\.log\.gz: .*logs are read by `lrf3d slam`"):
+        load_world(tmp_path / "drive.log.gz")
     with pytest.raises(OutputError, match=r"plan\.xyz: unknown ending.*\.toml, \.geojson"):
         save_world(World([[0, 0, 1, 0]]), tmp_path / "plan.xyz")
 
