@@ -128,6 +128,7 @@ def test_a_collision_can_be_ignored(room, tmp_path):
         ("run city --sede 3", "there is no '--sede'; did you mean '--seed'?"),
         ("run city --mode best", "--mode: 'best': expected robust or paper"),
         ("run city --sigma much", "--sigma: 'much': expected a number from 0"),
+        ("run city --scans 0", "--scans: '0': expected a whole number from 1"),
         ("run city --size 641x361", "--size: '641x361': expected WIDTHxHEIGHT"),
         (f"run city --size 640x{5000 * '9'}", "expected WIDTHxHEIGHT"),
         ("map drive.log --sigma 0.1 0.2", "unexpected 0.2"),

@@ -100,6 +100,7 @@ def test_a_report_that_json_cannot_hold_is_refused_in_one_line(folder):
         ("controller", "own_parts:Points", "expected a method command"),
         ("noise", "own_parts:number", "expected a function"),
         ("mapper", "missing.py:Points", "no module 'missing.py'"),
+        ("mapper", "..:x", "no module '..'"),
     ],
 )
 def test_what_cannot_be_used_is_reported_in_one_line(folder, kind, name, said):

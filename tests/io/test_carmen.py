@@ -82,6 +82,7 @@ def test_a_scan_in_both_messages_is_read_once(tmp_path):
         ("FLASER", "readings"),
         ("FLASER 99999999999999999999 1", "readings"),
         (front([1, 2, "-3"]), "reading -3"),
+        (front([1, "2,5", 3]), "reading '2,5'"),
         (front([1, 2, 3], pose=("inf", 0, 0)), "x is 'inf'"),
         (front([1, 2, 3], pose=("1e300", 0, 0)), "at most 1e+09"),
         (robot([1, 2, 3], farthest="1e308"), "at most 1e+09"),

@@ -231,6 +231,7 @@ def test_transforms_up_to_the_map_come_before_odometry_and_behind_the_truth(tmp_
     moves = drives("odom", "base_link", [(0, 0, 0), (1, 0, 0)])
     mapped = drives("map", "odom", [(10, 0, 0), (10, 0, 0)])
     drive = [("/odom", t, ODOMETRY, odometry(float(t), (7.0, 0.0, 0.0))) for t in range(2)]
+    drive += [("/laser_odom", t, ODOMETRY, odometry(float(t), (9.0, 0.0, 0.0))) for t in range(2)]
     bag = write(tmp_path / "bag", mounted(), *moves, *mapped, *drive, *scans(0.5))
     assert load_log(bag).scans[0].pose == pytest.approx((10.5, 0, 0))
     assert load_log(bag).source == "/tf, laser in map"

@@ -94,6 +94,7 @@ def test_workers_end_when_their_caller_is_killed(tmp_path):
     ("name", "wrong"),
     [
         ("a.mp4", {"size": (65, 36)}),
+        ("a.mp4", {"fps": 0.0}),
         ("a.mp4", {"workers": 0}),
         ("a.mp4", {"renderer": "crayon"}),
         ("a.gif", {"fps": 60.0}),

@@ -123,6 +123,7 @@ def test_a_robot_that_stands_in_a_wall_collides():
         lambda: follow_route([[0, 0], [1, 0]], start="a"),
         lambda: drive("abc", 1.0, 0.0, duration=1.0),
         lambda: drive((0, 0, 0), "a", 0.0, duration=1.0),
+        lambda: drive((0, 0, 0), np.nan, 0.0, duration=1.0),
         lambda: drive((0, 0, 0), 1.0, 0.0, duration=1e300),
         lambda: drive((0, 0, 0), 1.0, 0.0, duration=0.0),
         lambda: drive((0, 0, 0), [1.0, 2.0], 0.0, duration=[1.0, 2.0, 3.0]),

@@ -229,6 +229,7 @@ def test_digests_distinguish_values_by_their_contents():
         ({"mapper.mode": ["paper"]}, {}, "vary it by --mapper"),
         ({SIGMA: [0.1, 0.2]}, {"seeds": 900_000}, "3,600,000 runs with 900,000 seeds"),
         ({}, {"mappers": {"x": "rubust"}}, "expected (paper, robust|robust, paper)"),
+        ({}, {"mappers": {"x": 5}}, "has no method update"),
     ],
 )
 def test_what_cannot_be_swept_is_refused_with_the_place(axes, settings, message):

@@ -150,6 +150,7 @@ TWINS = {
         ({"heights": 5}, r"heights of shape \(\): expected"),
         ({"object_names": ("a", "b")}, "2 names for 1 objects"),
         ({"object_names": [5]}, "object_names: expected str, found 5"),
+        ({"object_names": "a"}, "object_names: expected a list"),
         ({"colours": [[0, 0, 0], [1, 1, 1]]}, r"colours of shape \(2, 3\): expected \(1, 3\)"),
         ({"colours": [[0, 0, 255]]}, "from 0 to 1"),
         ({"place": (np.nan, np.nan)}, "place: expected longitude and latitude"),
