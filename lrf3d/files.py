@@ -42,14 +42,12 @@ def check_ordinary(
         status = os.stat(path)
     except FileNotFoundError:
         raise error(f"{path}: {missing}") from None
-    except OSError as problem:
-        raise error(f"{path}: cannot be read: {problem.strerror or problem}") from None
-    except ValueError:
-        raise error(f"{str(path)!r}: not a path of a file") from None
-    if stat.S_ISDIR(status.st_mode):
-        raise error(f"{path}: a folder, expected {what}")
+    except (OSError, ValueError) as problem:
+        reason = getattr(problem, "strerror", None) or problem
+        raise error(f"{path}: cannot be read: {reason}") from None
     if not stat.S_ISREG(status.st_mode):
-        raise error(f"{path}: not an ordinary file, expected {what}")
+        kind = "a folder" if stat.S_ISDIR(status.st_mode) else "not an ordinary file"
+        raise error(f"{path}: {kind}, expected {what}")
     if largest is not None and status.st_size > largest:
         raise error(
             f"{path}: {status.st_size / 1e6:.3g} MB, more than the {largest / 1e6:.3g} MB that"

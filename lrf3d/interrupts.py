@@ -1,15 +1,16 @@
 """Long work: how far it is, and stopping the program between two of its steps.
 
 A signal only sets a flag, which loops check. A handler that raised would do so at any moment, such
-as within a half-loaded library. In other programs Python handles signals. Only modules that load
-quickly are imported here.
+as within a half-loaded library, or within compiled code, which loses the exception or reports it as
+a SystemError. Only modules that load quickly are imported here.
 """
 
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from time import monotonic
 
 TYPE_CHECKING = False
@@ -50,14 +51,19 @@ def handle_signals(name: str) -> None:
     global _asked
     _asked = 0
 
+    def write(text: str) -> None:
+        # A stream of Python may be in the middle of a write, which a handler must not enter.
+        with suppress(OSError):
+            os.write(2, text.encode())
+
     def handle(number: int, where: "FrameType | None") -> None:
         global _asked, _since
         if not _asked:
             _asked, _since = number, monotonic()
             if sys.stderr is not None and sys.stderr.isatty():
-                _write(f"\n{name}: stopping; Ctrl-C again ends it at once\n")
+                write(f"\n{name}: stopping; Ctrl-C again ends it at once\n")
         elif monotonic() > _since + SAME:
-            _write(f"{name}: stopped\n")
+            write(f"{name}: stopped\n")
             # Processes that it has started end with it; what is half-written is replaced later.
             os._exit(128 + _asked)
 
@@ -74,6 +80,35 @@ def ignore_signals() -> None:
 
 
 @contextmanager
+def stoppable() -> Iterator[None]:
+    """Let Ctrl-C stop the loops of this block only where they check; a second one raises at once.
+
+    It changes nothing in a command, in a thread, within another such block, or where the user has
+    set a handler. An interrupt that no check has seen is raised at the end.
+    """
+    global _asked
+    usual = signal.default_int_handler
+    here = threading.current_thread() is threading.main_thread()
+    if not here or signal.getsignal(signal.SIGINT) is not usual:
+        yield
+        return
+
+    def handle(number: int, where: "FrameType | None") -> None:
+        global _asked
+        if _asked:
+            usual(number, where)
+        _asked = number
+
+    signal.signal(signal.SIGINT, handle)
+    try:
+        yield
+        check()
+    finally:
+        signal.signal(signal.SIGINT, usual)
+        _asked = 0
+
+
+@contextmanager
 def noting(words: Callable[[], str]) -> Iterator[None]:
     """Add a note to any exception that ends the block: what is kept, and how to continue.
 
@@ -85,11 +120,3 @@ def noting(words: Callable[[], str]) -> Iterator[None]:
         if not hasattr(error, "__notes__") and (text := words()):
             error.add_note(text)
         raise
-
-
-def _write(text: str) -> None:
-    # A stream of Python may be in the middle of a write, which a handler must not enter.
-    try:
-        os.write(2, text.encode())
-    except OSError:
-        return

@@ -37,12 +37,7 @@ class Pose(NamedTuple):
 
     def inverse(self) -> "Pose":
         """The inverse: ``pose @ pose.inverse()`` is the identity."""
-        cos, sin = np.cos(self.theta), np.sin(self.theta)
-        return Pose(
-            float(-cos * self.x - sin * self.y),
-            float(sin * self.x - cos * self.y),
-            float(wrap_angle(-self.theta)),
-        )
+        return Pose(*between(np.array(self), np.zeros(3)).tolist())
 
     def apply(self, points: Float) -> Float:
         """Transform points (n, 2) from the frame of this pose to the frame that it is given in."""

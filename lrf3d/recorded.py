@@ -14,7 +14,7 @@ import numpy as np
 
 from lrf3d.errors import InputError, Lrf3dWarning
 from lrf3d.geometry import Float, lengths
-from lrf3d.interrupts import Progress, check, silent
+from lrf3d.interrupts import Progress, check, silent, stoppable
 from lrf3d.io import LaserLog, load_log
 from lrf3d.io.reading import odometry_of
 from lrf3d.laser import LaserRangeFinder, LaserScan, doubtful_ranges
@@ -63,6 +63,7 @@ LATEST = 1e12
 """Largest stamp [s]: larger ones are nanoseconds, of which a float cannot tell two apart."""
 
 
+@stoppable()
 def map_log(
     log: LaserLog | str | Path,
     *,
@@ -111,6 +112,7 @@ def map_log(
     return run
 
 
+@stoppable()
 def slam_log(log: LaserLog | str | Path, *, key_distance: float = KEY_DISTANCE) -> Run:
     """Find the poses and the map of a recorded drive from its scans and its odometry.
 

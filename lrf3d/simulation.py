@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.errors import InputError, check_names, expect, shown
 from lrf3d.geometry import Float, generator, numbers, sealed, whole_number
-from lrf3d.interrupts import Progress, check, silent
+from lrf3d.interrupts import Progress, check, silent, stoppable
 from lrf3d.laser import LaserRangeFinder, LaserScan, ProportionalNoise
 from lrf3d.laser.noise import FLOOR, SIGMA, Noise, as_noise, spread_of
 from lrf3d.laser.scan import LIGHT
@@ -158,7 +158,7 @@ class Simulation:
         )
         self.film: FilmPlan = USUAL_FILM
         """The default settings of the film."""
-        self.scans, self.done, self.updates, self._seconds = scans, 0, 0, 0.0
+        self.scans, self.done, self._seconds = scans, 0, 0.0
         self._returned: Any = None
 
     @property
@@ -195,9 +195,8 @@ class Simulation:
         begin = perf_counter()
         self._returned = self.mapper.update(scan)
         # The first update is not counted: it may compile or load the mapper.
-        if self.updates:
+        if self.done:
             self._seconds += perf_counter() - begin
-        self.updates += 1
         if isinstance(self.drive, ControlledDrive):
             self.drive.after(scan)
         self.done += 1
@@ -212,7 +211,7 @@ class Simulation:
     @property
     def milliseconds_an_update(self) -> float | None:
         """Mean time of the mapper's updates after the first [ms]; None if there are none."""
-        return 1e3 * self._seconds / (self.updates - 1) if self.updates > 1 else None
+        return 1e3 * self._seconds / (self.done - 1) if self.done > 1 else None
 
 
 class Runnable(Protocol):
@@ -281,6 +280,7 @@ def simulate(
     return collect(simulation, progress, snapshots=snapshots)
 
 
+@stoppable()
 def collect(
     simulation: Simulation, progress: Progress = silent, *, snapshots: int | None = None
 ) -> Run:

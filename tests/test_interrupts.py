@@ -1,4 +1,4 @@
-"""Stopping: a signal is only noted, and loops end where they check it."""
+"""Stopping: a signal is only noted, loops end where they check it, and handlers come back."""
 
 import os
 import signal
@@ -13,6 +13,7 @@ from program import lrf3d as program
 
 import lrf3d
 from lrf3d.cores import process_pool
+from lrf3d.interrupts import check, stoppable
 
 POSES = [(1 + 0.01 * k, 1, 0) for k in range(20)]
 
@@ -29,13 +30,60 @@ def stopping_after(scans):
     return seen, report
 
 
-def test_ctrl_c_ends_a_simulation_in_a_users_program_and_the_next_one_runs():
-    room, (seen, report) = lrf3d.load_world("paper_room"), stopping_after(3)
+@pytest.fixture
+def room():
+    return lrf3d.load_world("paper_room")
+
+
+def test_ctrl_c_ends_a_simulation_after_the_scan_at_hand_and_the_handler_comes_back(room):
+    seen, report = stopping_after(3)
     with pytest.raises(KeyboardInterrupt):
         lrf3d.simulate(room, POSES, rng=0, progress=report)
     assert seen == [1, 2, 3]
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    # The request to stop was for that simulation.
     assert len(lrf3d.simulate(room, POSES, rng=0)) == len(POSES)
+
+
+def test_an_interrupt_is_not_raised_within_a_step():
+    """A mapper in which the signal arrives finishes its scan; raising there could crash it."""
+    done = []
+
+    class Mapper:
+        def update(self, scan):
+            signal.raise_signal(signal.SIGINT)
+            done.append(scan)
+
+    with pytest.raises(KeyboardInterrupt):
+        lrf3d.simulate(lrf3d.load_world("paper_room"), POSES, mapper=Mapper(), rng=0)
+    assert len(done) == 1
+
+
+def test_a_second_ctrl_c_ends_a_step_that_hangs():
+    with pytest.raises(KeyboardInterrupt), stoppable():
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
+        pytest.fail("the second one was not raised")
+
+
+def test_an_interrupt_that_comes_after_the_last_step_is_not_lost():
+    with pytest.raises(KeyboardInterrupt), stoppable():
+        signal.raise_signal(signal.SIGINT)
+    check()
+
+
+def test_a_handler_of_the_user_and_other_threads_are_left_alone(room):
+    heard = []
+    signal.signal(signal.SIGINT, lambda number, where: heard.append(number))
+    seen, report = stopping_after(3)
+    assert len(lrf3d.simulate(room, POSES, rng=0, progress=report)) == len(POSES) == len(seen)
+    assert heard == [signal.SIGINT]
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    runs = []
+    thread = threading.Thread(target=lambda: runs.append(lrf3d.simulate(room, POSES, rng=0)))
+    thread.start()
+    thread.join()
+    assert len(runs[0]) == len(POSES)
 
 
 HANGING = """

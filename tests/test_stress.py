@@ -51,3 +51,5 @@ def test_the_command_prints_one_json_object(monkeypatch):
     report = json.loads(done.stdout)
     assert done.returncode == 0 and report["passed"] and report["beams"] >= 400
     assert [row["name"] for row in report["rows"]] == list(KINDS)
+    wrong = called("--seed", "-1", program=command)
+    assert wrong.returncode == 2 and "'-1': expected a whole number from 0" in wrong.stderr

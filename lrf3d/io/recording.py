@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from lrf3d.digest import digest, name_of
 from lrf3d.errors import InputError, OutputError
 from lrf3d.files import check_ordinary, locked, writing
-from lrf3d.interrupts import Progress, noting, silent
+from lrf3d.interrupts import Progress, noting, silent, stoppable
 from lrf3d.io.npz import DAMAGES, read_arrays, write_npz
 from lrf3d.io.run_file import load_run, run_arrays
 from lrf3d.laser import LaserScan
@@ -44,6 +44,7 @@ RNG_BYTES = 256
 """Room for the state of NumPy's default generator as JSON, which takes some 150 bytes."""
 
 
+@stoppable()
 def record(
     simulation: Simulation,
     path: str | Path,

@@ -13,7 +13,7 @@ import numpy as np
 
 from lrf3d.cores import core_count, process_pool, results
 from lrf3d.errors import InputError, shown
-from lrf3d.interrupts import Progress, check, silent
+from lrf3d.interrupts import Progress, check, silent, stoppable
 from lrf3d.laser import ProportionalNoise, RangeNoise
 from lrf3d.localization.localiser import (
     Localiser,
@@ -34,6 +34,7 @@ NEES_CONFIDENCE = 0.95
 """Share of the averages over seeds that lie within the bounds for a consistent filter."""
 
 
+@stoppable()
 def score_localisation(
     run: Run,
     sigma: float,

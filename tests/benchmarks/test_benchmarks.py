@@ -81,6 +81,8 @@ def test_every_part_is_a_command_with_an_example():
     words = ["robots", "corridor", "--robots", "4", "--seconds", "0.1", "--json"]
     [row] = json.loads(lrf3d(*words, program=bench).stdout)["robots"]
     assert row["robots"] == 4 and row["beams"] == 361
+    wrong = lrf3d("robots", "--robots", "0", program=bench)
+    assert wrong.returncode == 2 and "'0': expected a whole number from 1" in wrong.stderr
     assert row["beams_a_second"] == pytest.approx(361 * row["scans_a_second"])
     for part, example in PARTS.items():
         assert example.startswith(f"scripts/bench {part}")

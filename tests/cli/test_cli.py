@@ -63,6 +63,17 @@ def test_a_picture_that_fails_loses_nothing_and_says_so_in_one_line(room, tmp_pa
     assert "world picture" not in summary["files"] and (out / "run.npz").exists()
 
 
+def test_a_plan_as_large_as_paper_has_no_walls_to_find_and_a_small_file(tmp_path):
+    text = ROOM.replace("10", "0.1").replace("8]", "0.08]").replace("sigma = 0.05", "sigma = 0")
+    route = re.search("route = .*\nspeed = .*\nscan_interval = .*", text)
+    (tmp_path / "paper.toml").write_text(text.replace(route[0], "poses = [[0.05, 0.04, 0]]"))
+    done = lrf3d("run", "paper.toml", "--no-video", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert ": no wall is long enough to be looked for\n" in done.stdout
+    done = lrf3d("export", "out/box", "--to", "carmen", cwd=tmp_path)
+    assert re.search(r"size +0\.[1-9] kB\n", done.stdout)
+
+
 def test_several_noises_stand_side_by_side(room, tmp_path):
     sigmas = ("--sigma=0.02,0.2", "--sigma", 0.3, 0.4, "--")
     done = lrf3d("run", "--no-video", "--json", "--scans", 3, *sigmas, room, cwd=tmp_path)
@@ -81,7 +92,10 @@ def test_help_shows_an_example(command):
 
 @pytest.mark.parametrize(
     "command",
-    [["run"], ["render"], ["slam"], ["view"], ["sweep"], ["export", "--to", "glb"]],
+    [
+        *(["run"], ["render"], ["slam"], ["view"], ["sweep"], ["export", "--to", "glb"]),
+        ["slam", "there.log", "--relations"],
+    ],
 )
 def test_an_unknown_name_is_reported_before_anything_heavy_is_imported(command):
     words = [*command, "missing.log" if command[0] in ("map", "slam") else "nowhere"]

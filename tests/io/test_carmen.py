@@ -110,19 +110,11 @@ def test_all_bad_lines_are_counted_and_the_first_few_named(tmp_path):
     assert [bad.number for bad in log.bad_lines] == [2, 3, 4, 5, 6]
 
 
-@pytest.mark.parametrize(
-    ("limit", "value", "text"),
-    [
-        ("MOST_IDLE_BYTES", 6000, b"ODOM 1\n" * 1001),
-        ("MOST_IDLE_BYTES", 1 << 22, bytes(1 << 23)),
-        ("MOST_READINGS", 5, b"FLASER 3 1 2 3 0 0 0 0 0 0 0 host 0\n" * 2),
-    ],
-)
-def test_a_bomb_is_given_up_early(tmp_path, monkeypatch, limit, value, text):
-    monkeypatch.setattr(carmen, limit, value)
+def test_a_log_with_more_readings_than_memory_holds_is_given_up(tmp_path, monkeypatch):
+    monkeypatch.setattr(carmen, "MOST_READINGS", 5)
     path = tmp_path / "a.log.gz"
-    path.write_bytes(gzip.compress(text))
-    with pytest.raises(InputError, match=rf"a\.log\.gz: line \d+: .*{value:,}"):
+    path.write_bytes(gzip.compress(b"FLASER 3 1 2 3 0 0 0 0 0 0 0 host 0\n" * 2))
+    with pytest.raises(InputError, match=r"a\.log\.gz: line 2: more than 5 readings"):
         load_log(path)
 
 

@@ -153,5 +153,5 @@ def test_a_run_with_a_noise_and_a_film_plan_of_its_own_is_resumed(tmp_path):
 
 
 def test_a_name_with_a_nul_character_is_refused():
-    with pytest.raises(InputError, match=r"'drive.x00\.log': not a path of a file"):
+    with pytest.raises(InputError, match=r"drive.x00\.log: cannot be read: embedded null"):
         lrf3d.load_log("drive\0.log")

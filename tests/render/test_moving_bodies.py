@@ -12,7 +12,6 @@ from lrf3d.io import load_run, save_run
 from lrf3d.render.film import Film
 from lrf3d.render.video import frame
 from lrf3d.robot import Trajectory
-from lrf3d.scene.bodies import Obstacles
 from lrf3d.world.cameras import FilmPlan
 
 WALK = Trajectory([0.0, 4.0], [(-26.0, 1.0, 0.0), (-20.0, -1.0, 1.5)])
@@ -99,8 +98,3 @@ def test_bodies_move_while_the_robot_stands(renderer):
     run = replace(run, trajectory=stand, obstacles=OBSTACLES)
     first, second = (framed(run, time, renderer=renderer, view="chase") for time in (1.0, 1.05))
     assert (np.abs(first - second).max(axis=2) > 20).sum() > 3
-
-
-def test_nothing_is_made_where_nothing_moves():
-    none = Obstacles((), np.zeros(2), indoor=False)
-    assert none.bodies(1.0) == [] and none.shadows(1.0) is None and none.plans(1.0, 0.1) is None
