@@ -17,7 +17,6 @@ from lrf3d.slam.scan_matching import PRIOR_SCALE, Match, match_scan
 from lrf3d.slam.search import field_of, search
 from lrf3d.slam.surface import SurfaceGrid, moved, thinned, wall_map
 from lrf3d.slam.views import BEHIND, Key, evidence, views_of
-from lrf3d.slam.violation import contradicted
 from lrf3d.slam.wheels import Wheels
 
 KEY_DISTANCE, KEY_TURN = 0.5, 0.5
@@ -60,9 +59,6 @@ better than 0.02 m."""
 
 REFINED_PRIOR = np.diag([2500.0, 2500.0, 10000.0])
 """Information of where a scan stood before: 0.02 m and 0.01 rad."""
-
-REFINED_ITERATIONS = 8
-"""Most Gauss-Newton steps."""
 
 REFINED_WITH = 12
 """Key scans that a scan is matched with. More take longer, and move the mean error by some
@@ -154,12 +150,6 @@ class FrontEnd:
             # Where wheels have slipped, the directions that scans do not fix are uncertain, too.
             slip = self._slip(match, expected, own)
             covariance = covariance * (1.0 + slip / PRIOR_SCALE**2)
-        elif self._keys:
-            keys = list(self._keys)[-LOCAL_KEYS:]
-            seen_from = between(np.array([key.pose for key in keys]), guess)
-            if contradicted(keys, replace(scan, surface=surface), seen_from):
-                # The wheels have slipped, and where to is not known.
-                covariance = covariance + np.diag(slip_deviations(expected) ** 2)
         self._turn_known &= accepted
         self._ahead_known &= accepted and information[0, 0] > WEAK
         self._raw += increment
@@ -282,7 +272,7 @@ def refined(
             continue
         for scan in range(first, end):
             prior = turned(REFINED_PRIOR, float(poses[scan, 2]))
-            match = match_scan(surfaces[scan], grid, poses[scan], prior, REFINED_ITERATIONS)
+            match = match_scan(surfaces[scan], grid, poses[scan], prior)
             if match.explained > LEAST_REFINED:
                 refined_poses[scan] = match.pose
     return refined_poses
