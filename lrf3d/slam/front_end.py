@@ -101,13 +101,6 @@ def weakest_direction(information: Float) -> tuple[Float, float]:
     return directions[:, 0], float(max(values[0], 0.0))
 
 
-def slip_deviations(step: Float) -> Float:
-    """Standard deviations (3,) of the wheels' slip in a step (3,)."""
-    aside = SLIP + SLIP_SHARE * float(np.hypot(step[0], step[1]))
-    turn = SLIP_TURN + SLIP_TURN_SHARE * abs(float(step[2]))
-    return np.array([aside, aside, turn]) / 3.0
-
-
 class FrontEnd:
     """Follows the robot by matching scans with a local map."""
 
@@ -185,7 +178,9 @@ class FrontEnd:
         Cauchy's distribution. Where a robot enters a new room, the right place explains little, and
         that of the last scan more; but only at a wrong one do beams pass through what was hit.
         """
-        guess, spread = compose(self.pose, expected), slip_deviations(expected)
+        guess = compose(self.pose, expected)
+        aside = SLIP + SLIP_SHARE * float(np.hypot(expected[0], expected[1]))
+        spread = np.array([aside, aside, SLIP_TURN + SLIP_TURN_SHARE * abs(expected[2])]) / 3.0
         keys = list(self._keys)[-LOCAL_KEYS:]
         seen_from = np.array([key.pose for key in keys])
         found = search(scan, grid, field_of(keys, seen_from), guess, np.diag(spread**2))
