@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.compiling import compiled
-from lrf3d.frames import compose
 from lrf3d.geometry import Float, Int
+from lrf3d.pose import compose
 from lrf3d.slam.scan_matching import Match, match_scan
 from lrf3d.slam.surface import SurfaceGrid
 from lrf3d.slam.views import BEHIND, Key, same_place
@@ -44,6 +44,9 @@ CLOSE = 0.7
 
 LOOSE = np.diag([4.0, 4.0, 25.0])
 """Information of the guess when a peak is refined: 0.5 m and 0.2 rad, which leaves it free."""
+
+HELD = np.diag([1e6, 1e6, 1e7])
+"""The same where it would slide away: a millimetre."""
 
 
 class Field(NamedTuple):
@@ -155,20 +158,23 @@ def search(
     angles: Float = step * np.arange(-turns, turns + 1, dtype=np.float64)
     points, sample = thin(hits), thin(surface)
     scores = window_scores(points, field, guess, shifts, angles)
-    places: list[Float] = []
+    places: list[tuple[Float, Float]] = []
     least = max(CLOSE * float(scores.max()), 0.0)
     for _ in range(PEAKS):
         a, s = np.unravel_index(int(scores.argmax()), scores.shape)
         if scores[a, s] <= least:
             break
         peak = guess + np.array([*(CELL * shifts[s]), angles[a]])
-        place = match_scan(sample, grid, peak, LOOSE).pose
-        if np.isfinite(place).all() and not any(same_place(place, other) for other in places):
-            places.append(place)
+        place, prior = match_scan(sample, grid, peak, LOOSE).pose, LOOSE
+        if not (np.isfinite(place).all() and same_place(place, peak, 0.5)):
+            # It slid away, as along a corridor: that is another place.
+            place, prior = peak, HELD
+        if not any(same_place(place, other) for other, _ in places):
+            places.append((place, prior))
         # The peak's surroundings lead to the same place.
         around = np.flatnonzero((np.abs(shifts - shifts[s]) <= 2).all(axis=1))
         scores[max(a - 2, 0) : a + 3, around] = 0.0
-    return [match_scan(surface, grid, place, LOOSE) for place in places]
+    return [match_scan(surface, grid, place, prior) for place, prior in places]
 
 
 def thin(points: Float) -> Float:
