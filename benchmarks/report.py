@@ -10,11 +10,13 @@ import os
 import platform
 from argparse import ArgumentParser
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, get_args
 
 import numpy as np
 
+from lrf3d.cli.parser import read_value
 from lrf3d.cores import core_count
 from lrf3d.text import table
 
@@ -118,7 +120,9 @@ def program(
     parser.add_argument("--json", action="store_true", help="Print one JSON value.")
     for each in inspect.signature(bench).parameters.values():
         kind, (text,) = each.annotation.__origin__, each.annotation.__metadata__
-        read: dict[str, Any] = {"type": (*get_args(kind), kind)[0], "help": text}
+        kinds = {int: "SEED" if each.name == "seed" else "N", float: "M", Path: "FILE"}
+        value = kinds.get((*get_args(kind), kind)[0], "TEXT")
+        read: dict[str, Any] = {"type": partial(read_value, value), "help": text}
         if each.default is not each.empty:
             read["default"] = each.default
         if each.kind is each.KEYWORD_ONLY:

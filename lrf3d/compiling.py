@@ -72,14 +72,9 @@ def compiled(function: Kernel) -> Kernel:
     return made
 
 
-def inner(function: Kernel) -> Kernel:
+def inner(function: Kernel, **options: Any) -> Kernel:
     """Decorate a kernel that only kernels call, and that becomes part of them."""
-    return _inner(function)
-
-
-def _inner(function: Kernel, **options: Any) -> Kernel:
-    known = numba.version_info.short == _LINKED_NUMBA
-    if known:
+    if numba.version_info.short == _LINKED_NUMBA:
         options["pipeline_class"] = _InnerCompiler
     kernel: Kernel = _kernel(function, no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)
     return kernel
@@ -93,7 +88,7 @@ def borrower(function: Kernel) -> Kernel:
     """
     if "ndarray" in repr(function.__annotations__.get("return")):
         raise TypeError(f"kernel {function.__qualname__} returns an array that it does not hold")
-    return _inner(function, _nrt=False, forceinline=True)
+    return inner(function, _nrt=False, forceinline=True)
 
 
 def _kernel(function: Callable[..., Any], **options: Any) -> Any:
@@ -207,20 +202,17 @@ def sources_of(module: str) -> dict[str, str]:
 
     Other packages are left out: the version of numba is part of each key.
     """
-    used: dict[str, str] = {}
-
-    def add(name: str) -> None:
+    used, names = dict[str, str](), [module]
+    while names:
+        name = names.pop()
         if name not in used and name.split(".")[0] in (module.split(".")[0], "lrf3d"):
             used[name], imported = _source(name)
-            for each in imported:
-                add(each)
-
-    add(module)
+            names += imported
     return {name: digest for name, digest in used.items() if digest}
 
 
 @cache
-def _source(name: str) -> tuple[str, frozenset[str]]:
+def _source(name: str) -> tuple[str, tuple[str, ...]]:
     """A digest of the file of a module, and all names that it imports when it is loaded.
 
     Not all of them are modules; the digest is empty where there is no file.
@@ -229,10 +221,9 @@ def _source(name: str) -> tuple[str, frozenset[str]]:
     place = Path(sys.modules[top].__file__ or "").parent.joinpath(*inner)
     path = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
     if not path.is_file():
-        return "", frozenset()
-    source = path.read_text(encoding="utf-8")
-    used: set[str] = set()
-    for module, names in _IMPORT.findall(source):
+        return "", ()
+    source, names = path.read_text(encoding="utf-8"), list[str]()
+    for package, imported in _IMPORT.findall(source):
         # A package may give one of its modules.
-        used |= {module, *(f"{module}.{each}".strip(".") for each in re.findall(r"[\w.]+", names))}
-    return sha256(source.encode()).hexdigest(), frozenset(used)
+        names += [package, *(f"{package}.{n}".strip(".") for n in re.findall(r"[\w.]+", imported))]
+    return sha256(source.encode()).hexdigest(), tuple(names)

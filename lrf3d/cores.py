@@ -1,11 +1,12 @@
 """The number of available cores, and pools of processes."""
 
 import os
+import signal
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, TypeVar
 
-from lrf3d.interrupts import check, uninterrupted
+from lrf3d.interrupts import check
 
 if TYPE_CHECKING:
     from concurrent.futures import Future, ProcessPoolExecutor
@@ -23,18 +24,25 @@ def process_pool(processes: int) -> Iterator["ProcessPoolExecutor"]:
     """New processes that end with the block; if it ends early, they are killed.
 
     They are not forked, because a fork could inherit a lock that a thread of Embree or numba holds.
-    They ignore interrupts, which their parent handles, and end when their parent has ended.
+    They block Ctrl-C, which a terminal sends to all of them, and end when their parent has ended.
     """
     from concurrent.futures import ProcessPoolExecutor
-    from multiprocessing import active_children, get_context
+    from multiprocessing import active_children, get_context, resource_tracker
 
     others = active_children()
     pool = ProcessPoolExecutor(processes, mp_context=get_context("spawn"), initializer=_watch)
     try:
-        with uninterrupted():
-            # A process is started for each task for which none is idle.
+        # A process is started for each task for which none is idle, and inherits what is blocked.
+        # The resource tracker, which Python starts with the first process, would unblock it.
+        if posix := hasattr(signal, "pthread_sigmask"):
+            resource_tracker.ensure_running()
+            mask = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        try:
             for _ in range(processes):
                 pool.submit(os.getpid)
+        finally:
+            if posix:
+                signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         yield pool
     except BaseException:
         # Futures are not cancelled: the pool reports its end to all of them, and raises in a thread

@@ -18,9 +18,6 @@ from lrf3d.errors import InputError, OutputError
 LARGEST_TEXT = 1 << 28
 """Largest text file [bytes]: about two million walls as TOML."""
 
-LONGEST_NAME = 200
-"""Bytes of a name that are kept in its temporary name: names have at most 255."""
-
 GENERAL = frozenset(
     "building data drawing export floorplan grid journal log map model plan run scan scene"
     " sweep untitled world".split()
@@ -45,14 +42,12 @@ def check_ordinary(
         status = os.stat(path)
     except FileNotFoundError:
         raise error(f"{path}: {missing}") from None
-    except OSError as problem:
-        raise error(f"{path}: cannot be read: {problem.strerror or problem}") from None
-    except ValueError:
-        raise error(f"{str(path)!r}: not a path of a file") from None
-    if stat.S_ISDIR(status.st_mode):
-        raise error(f"{path}: a folder, expected {what}")
+    except (OSError, ValueError) as problem:
+        reason = getattr(problem, "strerror", None) or problem
+        raise error(f"{path}: cannot be read: {reason}") from None
     if not stat.S_ISREG(status.st_mode):
-        raise error(f"{path}: not an ordinary file, expected {what}")
+        kind = "a folder" if stat.S_ISDIR(status.st_mode) else "not an ordinary file"
+        raise error(f"{path}: {kind}, expected {what}")
     if largest is not None and status.st_size > largest:
         raise error(
             f"{path}: {status.st_size / 1e6:.3g} MB, more than the {largest / 1e6:.3g} MB that"
@@ -130,7 +125,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
     is interrupted, an older file at ``path`` stays. What a killed process leaves is overwritten.
     """
     path = Path(path)
-    unfinished = path.with_name(f".{_cut(path.stem)}.unfinished{path.suffix}")
+    unfinished = path.with_name(f".{path.stem}.unfinished{path.suffix}")
     with writing(path):
         try:
             yield unfinished
@@ -147,7 +142,7 @@ def unfinished_folder(path: str | Path) -> Iterator[Path]:
 
     The folder and what is left in it are removed afterwards.
     """
-    folder = Path(path).with_name(f".{_cut(Path(path).name)}.parts.unfinished")
+    folder = Path(path).with_name(f".{Path(path).name}.parts.unfinished")
     shutil.rmtree(folder, ignore_errors=True)
     try:
         folder.mkdir()
@@ -181,7 +176,7 @@ def locked(target: Path, shown: Path | None = None) -> Iterator[None]:
     """
     from filelock import FileLock, Timeout
 
-    path, shown = target.with_name(f".{_cut(target.name)}.lock"), shown or target
+    path, shown = target.with_name(f".{target.name}.lock"), shown or target
     lock = FileLock(path, blocking=False)
     if not path.parent.is_dir():
         raise OutputError(f"{shown}: cannot be written: there is no folder {path.parent}; make it")
@@ -199,7 +194,3 @@ def locked(target: Path, shown: Path | None = None) -> Iterator[None]:
         with suppress(OSError):
             path.unlink()
         lock.release()
-
-
-def _cut(name: str) -> str:
-    return os.fsdecode(os.fsencode(name)[:LONGEST_NAME])

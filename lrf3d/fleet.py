@@ -8,8 +8,8 @@ import numpy as np
 
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.geometry import generator
+from lrf3d.interrupts import Progress, silent
 from lrf3d.laser import LaserRangeFinder
-from lrf3d.progress import Progress, silent
 from lrf3d.robot import Trajectory
 from lrf3d.robot.unicycle import RADIUS
 from lrf3d.run import Run

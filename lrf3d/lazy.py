@@ -1,4 +1,4 @@
-"""Public names that are loaded when they are first used (PEP 562)."""
+"""What is loaded at its first use: public names (PEP 562), and what draws a value."""
 
 from importlib import import_module
 
@@ -28,3 +28,16 @@ def loading(
         return value
 
     return get, lambda: sorted(module_globals["__all__"])
+
+
+class Pictured:
+    """Base of values that a notebook shows as a small figure, see :func:`lrf3d.plot.png`.
+
+    Drawing is the work of layers above the value, so the module is named here.
+    """
+
+    __slots__ = ()
+
+    def _repr_png_(self) -> bytes:
+        picture: bytes = import_module("lrf3d.plot").png(self)
+        return picture

@@ -13,15 +13,13 @@ from typing import Any
 import numpy as np
 
 from lrf3d.errors import InputError, Lrf3dWarning
-from lrf3d.frames import compose
 from lrf3d.geometry import Float, lengths
-from lrf3d.interrupts import check, stoppable
+from lrf3d.interrupts import Progress, check, silent, stoppable
 from lrf3d.io import LaserLog, load_log
 from lrf3d.io.reading import odometry_of
 from lrf3d.laser import LaserRangeFinder, LaserScan, doubtful_ranges
 from lrf3d.mapping import LineMap, LineMapper
-from lrf3d.pose import Pose
-from lrf3d.progress import Progress, silent
+from lrf3d.pose import Pose, compose
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.run import Run, is_snapshot
 from lrf3d.slam import Slam
@@ -114,6 +112,7 @@ def map_log(
     return run
 
 
+@stoppable()
 def slam_log(log: LaserLog | str | Path, *, key_distance: float = KEY_DISTANCE) -> Run:
     """Find the poses and the map of a recorded drive from its scans and its odometry.
 
@@ -214,7 +213,6 @@ class SolvedLog:
         }
 
 
-@stoppable()
 def solve_log(
     log: LaserLog | str | Path,
     *,

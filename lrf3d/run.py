@@ -15,9 +15,9 @@ from lrf3d.errors import InputError, shown
 from lrf3d.geometry import Float, Int, Value, sealed
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.laser.scan import LIGHT
+from lrf3d.lazy import Pictured
 from lrf3d.mapping import LineMap
 from lrf3d.mapping.tracking import ObjectTracker, numbers_by_truth
-from lrf3d.notebook import Pictured, Video
 from lrf3d.pose import Pose
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.world import World
@@ -229,15 +229,17 @@ class Run(Value, Pictured):
         )
         return picture
 
-    def video(self, *, size: tuple[int, int] = (640, 360), **options: Any) -> Video:
-        """The run's film, as a value that a notebook plays in its page.
+    def video(self, *, size: tuple[int, int] = (640, 360), **options: Any) -> Any:
+        """The run's film as an ``IPython.display.Video``, which a notebook plays in its page.
 
         The options are those of :func:`lrf3d.render_video`, which writes a film to a file.
         """
         with TemporaryDirectory() as folder:
             file = Path(folder) / "run.mp4"
             import_module("lrf3d.render.video").render_video(self, file, size=size, **options)
-            return Video(file.read_bytes(), size)
+            settings = {"mimetype": "video/mp4", "html_attributes": "controls loop muted"}
+            film = import_module("IPython.display").Video
+            return film(file.read_bytes(), embed=True, width=size[0], **settings)
 
     @property
     def scans(self) -> Iterator[LaserScan]:

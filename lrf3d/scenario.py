@@ -16,11 +16,11 @@ from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.errors import InputError, WorldError, check_names
 from lrf3d.files import own_name
 from lrf3d.geometry import Float, Value, whole_number
+from lrf3d.interrupts import Progress, silent
 from lrf3d.laser import LaserRangeFinder, Noise, ProportionalNoise, imperfect
 from lrf3d.laser.noise import SIGMA, as_noise, at_sigma, spread_of
 from lrf3d.planning.free_space import Side
 from lrf3d.pose import Pose
-from lrf3d.progress import Progress, silent
 from lrf3d.robot import Trajectory, check_drive, find_collision, follow_route
 from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, SCAN_INTERVAL, SPEED
 from lrf3d.robot.laps import Patrol, chain_laps, drive_laps

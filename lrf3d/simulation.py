@@ -15,13 +15,12 @@ from numpy.typing import ArrayLike
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.errors import InputError, check_names, expect, shown
 from lrf3d.geometry import Float, generator, numbers, sealed, whole_number
-from lrf3d.interrupts import check, stoppable
+from lrf3d.interrupts import Progress, check, silent, stoppable
 from lrf3d.laser import LaserRangeFinder, LaserScan, ProportionalNoise
 from lrf3d.laser.noise import FLOOR, SIGMA, Noise, as_noise, spread_of
 from lrf3d.laser.scan import LIGHT
 from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.pose import Pose
-from lrf3d.progress import Progress, silent
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.robot.following import SCAN_INTERVAL
 from lrf3d.run import Run, is_snapshot
@@ -159,7 +158,7 @@ class Simulation:
         )
         self.film: FilmPlan = USUAL_FILM
         """The default settings of the film."""
-        self.scans, self.done, self.updates, self._seconds = scans, 0, 0, 0.0
+        self.scans, self.done, self._seconds = scans, 0, 0.0
         self._returned: Any = None
 
     @property
@@ -196,9 +195,8 @@ class Simulation:
         begin = perf_counter()
         self._returned = self.mapper.update(scan)
         # The first update is not counted: it may compile or load the mapper.
-        if self.updates:
+        if self.done:
             self._seconds += perf_counter() - begin
-        self.updates += 1
         if isinstance(self.drive, ControlledDrive):
             self.drive.after(scan)
         self.done += 1
@@ -213,7 +211,7 @@ class Simulation:
     @property
     def milliseconds_an_update(self) -> float | None:
         """Mean time of the mapper's updates after the first [ms]; None if there are none."""
-        return 1e3 * self._seconds / (self.updates - 1) if self.updates > 1 else None
+        return 1e3 * self._seconds / (self.done - 1) if self.done > 1 else None
 
 
 class Runnable(Protocol):

@@ -11,13 +11,8 @@ from lrf3d.laser import LaserScan
 from lrf3d.pose import Pose, as_pose
 from lrf3d.robot import Trajectory, Unicycle, drive
 from lrf3d.robot.collision import CollisionChecker
+from lrf3d.robot.following import CONTROL_STEP
 from lrf3d.world import World
-
-CHORD_ERROR = 0.001
-"""Largest distance [m] between an arc and the chords that are checked for collisions."""
-
-MOST_CHORDS = 10_000
-"""Largest number of chords of one arc: only a faulty controller spins faster."""
 
 
 class Controller(Protocol):
@@ -71,10 +66,8 @@ class ControlledDrive:
         self.pose = Unicycle().move(start, v, omega, self.interval)
         if self._checker is None or self.radius is None:
             return
-        # The sagitta of a chord over a time t is |v·ω|·t²/8.
-        chords = self.interval * np.sqrt(abs(v) * abs(omega) / (8.0 * CHORD_ERROR))
-        step = self.interval / np.clip(np.ceil(chords), 1, MOST_CHORDS)
-        arc = drive(start, v, omega, duration=self.interval, dt=step)
+        # Chords of this time differ from the arc by a millimetre at 3 m/s and 1.5 rad/s.
+        arc = drive(start, v, omega, duration=self.interval, dt=CONTROL_STEP)
         path = Trajectory(time + arc.times, arc.poses)
         if (collision := self._checker.first(path, self.radius)) is not None:
             raise CollisionError(f"{collision}; the controller drove it there")

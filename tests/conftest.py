@@ -5,7 +5,7 @@ import signal
 
 import pytest
 
-from lrf3d.interrupts import forget
+from lrf3d import interrupts
 
 # A shell without job control ignores Ctrl-C for what it starts in the background, and so do all
 # programs that these start in turn.
@@ -26,7 +26,7 @@ def handlers():
     yield
     for number, handler in USUAL.items():
         signal.signal(number, handler)
-    forget()
+    interrupts._asked = 0
 
 
 @functools.cache

@@ -11,6 +11,7 @@ from argparse import ArgumentParser
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import partial
 from itertools import count
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -21,9 +22,10 @@ from rational import ExactWorld
 
 from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
 from lrf3d.cli import main
+from lrf3d.cli.parser import read_value
 from lrf3d.cores import core_count, process_pool
 from lrf3d.geometry import Float
-from lrf3d.progress import Progress, silent
+from lrf3d.interrupts import Progress, silent
 
 Rng = np.random.Generator
 
@@ -349,10 +351,11 @@ def command(words: Sequence[str]) -> int:
     parser = ArgumentParser(
         prog="scripts/stress", description=command.__doc__, epilog="Example: scripts/stress --quick"
     )
-    parser.add_argument("--beams", type=int, default=1_000_000, help="Beams to cast, at least.")
+    number, time, seed = (partial(read_value, kind) for kind in ("N", "S", "SEED"))
+    parser.add_argument("--beams", type=number, default=1_000_000, help="Beams to cast, at least.")
     parser.add_argument("--quick", action="store_true", help="Some thousand beams.")
-    parser.add_argument("--seconds", type=float, default=480.0, help="Stop after this time.")
-    parser.add_argument("--seed", type=int, default=0, help="The same seed, the same beams.")
+    parser.add_argument("--seconds", type=time, default=480.0, help="Stop after this time.")
+    parser.add_argument("--seed", type=seed, default=0, help="The same seed, the same beams.")
     parser.add_argument("--json", action="store_true", help="Print one JSON object.")
     args = parser.parse_args(words)
     from lrf3d.cli.console import print_json, print_table, progress_bar

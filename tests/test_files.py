@@ -155,12 +155,15 @@ def test_a_lock_excludes_others_and_what_a_killed_process_left_is_cleared_up(tmp
         locked(Path("no/a")).__enter__()
 
 
-def test_names_of_any_length_can_be_written_and_a_folder_is_under_way_to_one_place(tmp_path):
-    path = Path(f"{'ü' * 125}.txt")
+def test_a_folder_is_under_way_to_one_place_and_names_that_are_invalid_are_refused(tmp_path):
+    path = Path("ü.txt")
     with replacing(path) as file, unfinished_folder(path) as folder:
         (folder / "part").write_text("whole")
         os.replace(folder / "part", file)
     assert path.read_text() == "whole" and list(Path().iterdir()) == [path]
+    with pytest.raises(OutputError, match="cannot be written: File name too long"):
+        with replacing("a" * 250) as file:
+            file.write_text("")
     for write in (lambda name: replacing(name).__enter__(), make_folder):
         with pytest.raises(OutputError, match=r"a.x00b: not a file name; remove its NUL"):
             write("a\0b")

@@ -38,10 +38,6 @@ def test_the_public_names_are_sorted_and_all_there():
     assert all(getattr(lrf3d, name) is not None for name in lrf3d.__all__)
 
 
-def test_an_unknown_name_is_an_attribute_error():
-    assert not hasattr(lrf3d, "Caster3000")
-
-
 def test_what_is_large_is_shown_in_one_line():
     scenario = lrf3d.load_scenario("paper_room")
     run = lrf3d.simulate(scenario.world, [(1, 1, 0), (2, 1, 0)], scenario.lrf)

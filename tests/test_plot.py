@@ -1,5 +1,6 @@
 """Plots on matplotlib axes, and what a notebook shows of a value."""
 
+from base64 import b64decode
 from dataclasses import replace
 from io import BytesIO
 
@@ -8,15 +9,12 @@ import numpy as np
 import pytest
 from matplotlib import pyplot
 from matplotlib.collections import LineCollection
-from matplotlib.colors import to_rgb, to_rgba
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from PIL import Image
 from synthetic_run import around, box, make_run, make_world
 
 import lrf3d
-from lrf3d.plot import HIT
-
-AWAY = np.array([85_000.0, 447_500.0])
 
 
 def street(x=0.0, y=0.0):
@@ -45,14 +43,6 @@ def test_a_plot_is_drawn_on_the_axes_that_are_given(run, axes):
     assert lrf3d.plot.trajectory(run.trajectory, axes) is axes
     assert lrf3d.plot.run(run, axes) is axes
     assert pyplot.get_fignums() == before
-
-
-@pytest.mark.parametrize("x, y", [(0.0, 0.0), tuple(AWAY)])
-def test_walls_stand_at_their_places_in_the_world(x, y, axes):
-    world = street(x, y)
-    lrf3d.plot.world(world, axes)
-    lines = next(c for c in axes.collections if isinstance(c, LineCollection))
-    assert np.array_equal(np.reshape(lines.get_segments(), (-1, 4)), world.segments)
 
 
 def test_the_view_grows_with_what_is_drawn_and_a_metre_is_a_metre(axes):
@@ -104,11 +94,6 @@ def test_a_value_has_a_small_picture_of_its_own(run):
     assert pyplot.get_fignums() == before
 
 
-def test_the_picture_of_a_scan_shows_its_returns(run):
-    red = np.abs(picture(run.scan(0)) / 255.0 - to_rgb(HIT)).max(axis=2) < 0.1
-    assert red.sum() > 50
-
-
 def test_empty_values_and_runs_without_a_map_have_pictures(run):
     bare = replace(run, maps=(), snapshot_scans=())
     for value in (lrf3d.World(np.empty((0, 4))), lrf3d.LineMap.empty(), bare):
@@ -119,7 +104,7 @@ def test_empty_values_and_runs_without_a_map_have_pictures(run):
 @pytest.mark.slow
 def test_a_notebook_plays_the_film_of_a_run_in_its_page(run):
     video = run.video(size=(64, 36), fps=1, renderer="embree", workers=1)
-    assert 'width="64"' in video._repr_html_() and "data:video/mp4;base64," in video._repr_html_()
-    assert len(repr(video)) < 100
-    with av.open(BytesIO(video.data)) as film:
+    shown = video._repr_html_()
+    assert 'width="64"' in shown and "data:video/mp4;base64," in shown
+    with av.open(BytesIO(b64decode(shown.split("base64,")[1].split('"')[0]))) as film:
         assert next(film.decode(video=0)).width == 64

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lrf3d.errors import InputError
-from lrf3d.pose import Pose, as_pose, as_poses
+from lrf3d.pose import Pose, as_pose, as_poses, bent, between, compose
 
 poses = st.builds(Pose, st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), st.floats(-np.pi, np.pi))
 
@@ -31,13 +31,27 @@ def test_applying_a_composition_applies_both(a, b):
     assert np.allclose((a @ b).apply(points), a.apply(b.apply(points)))
 
 
+@given(poses, poses)
+def test_rows_of_poses_are_composed_and_compared_as_single_ones(a, b):
+    whole = compose(np.array(a), np.array(b))
+    assert same(Pose(*whole), a @ b)
+    assert same(Pose(*between(np.array(a), whole)), b)
+
+
+def test_a_bent_path_meets_the_known_poses_and_goes_with_them_before_and_after():
+    path = np.column_stack([np.arange(5.0), np.zeros(5), np.zeros(5)])
+    known = np.array([[1.0, 1.0, 0.0], [3.0, 2.0, 0.0]])
+    assert bent(path, np.array([1, 3]), known)[:, 1] == pytest.approx([1.0, 1.0, 1.5, 2.0, 2.0])
+
+
 @pytest.mark.parametrize("bad", [(1, 2), (1, 2, np.nan), "abc", 3, (1, 2, 3, 4)])
 def test_what_is_no_pose_is_refused_by_name(bad):
     with pytest.raises(InputError, match="pose"):
         as_pose(bad)
 
 
-def test_bad_poses_are_named_by_their_row():
+def test_bad_poses_are_named_by_their_row_and_denormal_numbers_are_zero():
+    assert as_poses([[1e-310, 1.0, -1e-310]]).tolist() == [[0.0, 1.0, 0.0]]
     with pytest.raises(InputError, match="pose 1"):
         as_poses([[0, 0, 0], [0, np.inf, 0]])
     with pytest.raises(InputError, match="shape"):

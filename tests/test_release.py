@@ -92,11 +92,6 @@ def test_a_users_program_is_checked_against_the_types_of_the_wheel(tmp_path):
     assert len(errors) == 1 and "[call-arg]" in errors[0], done.stdout
 
 
-def test_the_package_is_marked_as_typed():
-    assert (Path(lrf3d.__file__).parent / "py.typed").is_file()
-    assert "Typing :: Typed" in PROJECT["classifiers"]
-
-
 def test_the_conda_recipe_needs_what_the_package_needs():
     recipe = yaml.safe_load((ROOT / "conda" / "recipe.yaml").read_text(encoding="utf-8"))
     assert recipe["context"]["version"] == PROJECT["version"]
@@ -113,9 +108,3 @@ def test_each_python_that_is_named_is_tested():
     named = [word.split()[-1] for word in PROJECT["classifiers"] if " :: Python :: 3." in word]
     for job in ("test", "package"):
         assert workflow["jobs"][job]["strategy"]["matrix"]["python"] == named
-
-
-def test_every_script_that_a_workflow_calls_is_there():
-    for path in WORKFLOWS.glob("*.yml"):
-        for script in re.findall(r"scripts/\w+", path.read_text()):
-            assert os.access(ROOT / script, os.X_OK), script

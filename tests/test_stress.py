@@ -8,7 +8,7 @@ import pytest
 from program import lrf3d as called
 
 import stress
-from lrf3d import EmbreeCaster, PlanarCaster
+from lrf3d import PlanarCaster
 from lrf3d.casting.light import Lighting
 from stress import KINDS, aimed, check_batch, check_light, command, lit, try_kind
 
@@ -21,30 +21,14 @@ def test_the_hardest_beams_are_cast_right(kind, seed):
     assert findings.left_out <= 0.01 * findings.beams
 
 
-def through_a_wall(ranges, walls):
-    walls.reshape(-1)[::50] = (walls.reshape(-1)[::50] + 1) % (walls.max() + 1)
-
-
-def off_by_two_ulps(ranges, walls):
-    hit = np.isfinite(ranges)
-    ranges[hit] += 2.0 * np.spacing(ranges[hit])
-
-
-def blind(ranges, walls):
-    ranges[:], walls[:] = np.inf, -1
-
-
-@pytest.mark.parametrize("lie", [through_a_wall, off_by_two_ulps, blind])
-def test_a_caster_that_lies_is_caught_and_leaves_an_example(lie):
+def test_a_caster_that_is_off_by_two_ulps_is_caught_and_leaves_an_example():
     class Liar(PlanarCaster):
         def scan_batch(self, lrf, poses):
             ranges, walls = super().scan_batch(lrf, poses)
-            lie(ranges, walls)
-            return ranges, walls
+            return ranges + 2.0 * np.spacing(np.where(walls < 0, 0.0, ranges)), walls
 
-    wrong = [check_batch(aimed(np.random.default_rng(seed)), (EmbreeCaster, Liar)).wrong
-             for seed in range(10)]  # fmt: skip
-    assert sum(count > 0 for count in wrong) >= 5
+    found = [check_batch(aimed(np.random.default_rng(seed)), (Liar,)) for seed in range(3)]
+    assert all(one.wrong and "walls" in one.examples[0] for one in found)
 
 
 def test_light_that_is_off_by_two_nanometres_is_caught(monkeypatch):
@@ -67,3 +51,5 @@ def test_the_command_prints_one_json_object(monkeypatch):
     report = json.loads(done.stdout)
     assert done.returncode == 0 and report["passed"] and report["beams"] >= 400
     assert [row["name"] for row in report["rows"]] == list(KINDS)
+    wrong = called("--seed", "-1", program=command)
+    assert wrong.returncode == 2 and "'-1': expected a whole number from 0" in wrong.stderr

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from lrf3d.errors import Lrf3dWarning, one_line
-from lrf3d.interrupts import check
-from lrf3d.progress import Progress
+from lrf3d.interrupts import Progress, check
 from lrf3d.text import table
 
 Rows = Sequence[tuple[str, str]]

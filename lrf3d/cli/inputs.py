@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from lrf3d.cli.console import Report, warn
 from lrf3d.cli.plugins import load_plugin
 from lrf3d.errors import InputError
+from lrf3d.files import check_ordinary
 from lrf3d.io import LaserLog, load_run
 from lrf3d.io.reading import is_run, load_log, odometry_of
 from lrf3d.scenario import Scenario, read_scenario_file, scenario_of
@@ -50,6 +51,8 @@ def read_run_parts(args: Namespace) -> tuple[Scenario, dict[str, Any]]:
 
 def read_log(args: Namespace) -> LaserLog:
     """Read a log, for SLAM with the odometry as its poses."""
+    if args.command == "slam" and args.relations is not None:
+        check_ordinary(args.relations)
     poses = args.poses if args.command == "map" else odometry_of(args.log)
     return load_log(
         args.log, largest_range=args.largest_range, poses=poses, scan_topic=args.scan_topic
@@ -92,7 +95,7 @@ def routed(scenario: Scenario, args: Namespace, report: Report) -> Scenario:
 
 COMMANDS: dict[str, tuple[Callable[[Namespace], Any], str]] = {
     "run": (read_run_parts, "run:run"),
-    "render": (lambda args: load_run(args.run), "film:render"),
+    "render": (lambda args: load_run(args.run), "runs:render"),
     "view": (read_world, "runs:view"),
     "export": (lambda args: load_run(args.run), "runs:export"),
     "crosscheck": (read_world, "accuracy:crosscheck"),

@@ -10,10 +10,10 @@ import numpy as np
 
 from lrf3d.cli.console import Report, warn
 from lrf3d.cli.folder import results_folder
+from lrf3d.interrupts import Progress
 from lrf3d.io import LaserLog, save_run
 from lrf3d.io.trajectory_files import load_relations, save_tum
 from lrf3d.mapping import save_map
-from lrf3d.progress import Progress
 from lrf3d.recorded import SolvedLog, map_log, solve_log
 from lrf3d.run import Run
 from lrf3d.scoring import score_log, score_trajectory

@@ -116,7 +116,7 @@ def _add(group: Any, option: Option) -> None:
     name = names[-1].strip("-[].").split("|")[-1].replace("-", "_").lower()
     name = f"{name}_" if iskeyword(name) else name
     shown = f"{text} [default: {default}]" if default else text
-    read: dict[str, Any] = {"type": partial(_value, value or names[-1]), "default": default}
+    read: dict[str, Any] = {"type": partial(read_value, value or names[-1]), "default": default}
     if names[0][0] != "-":
         many = "?" if names[0][0] == "[" else "+" if names[0].endswith("...") else None
         group.add_argument(name, metavar=names[0].strip("[]."), nargs=many, help=shown, **read)
@@ -131,7 +131,7 @@ def _add(group: Any, option: Option) -> None:
         group.add_argument(*names, action=action, help=text)
 
 
-def _value(kind: str, word: str) -> Any:
+def read_value(kind: str, word: str) -> Any:
     """What a word says, by what a help page calls it; a list of one or more where several may."""
     unit, several, _ = kind.partition(",")
     read, expected = KINDS.get(unit, (str, unit))

@@ -10,10 +10,10 @@ from time import perf_counter
 from typing import Any
 
 from lrf3d.cli.console import Report
-from lrf3d.cli.film import write_film
 from lrf3d.cli.folder import results_folder
 from lrf3d.cli.inputs import on_collision, routed
 from lrf3d.cli.plugins import made
+from lrf3d.cli.runs import write_film
 from lrf3d.errors import InputError
 from lrf3d.geometry import lengths
 from lrf3d.interrupts import noting
@@ -60,7 +60,7 @@ def run(source: tuple[Scenario, dict[str, Any]], args: Namespace, report: Report
         with noting(lambda: KEPT):
             runs += [collect(each, progress) for each in simulations[1:]]
     run, sigmas, seconds = runs[0], args.sigma or scenario.sigmas, perf_counter() - begin
-    updates = sum(each.updates for each in simulations)
+    updates = sum(each.done for each in simulations)
     summary = {
         "name": scenario.name, "seed": args.seed, "caster": args.caster, **named,
         "sigma_m": sigmas[0], "planned": scenario.planned, **_figures(main, run, output.path),
@@ -110,7 +110,7 @@ def _figures(main: Simulation, run: Run, folder: Path) -> dict[str, Any]:
     figures = {"mode": getattr(mapper, "mode", None), **summarise(run), "walls_seen": seen}
     if not callable(getattr(mapper, "report", None)):
         return figures
-    if not main.updates:
+    if not main.done:
         # The run was finished before, so this mapper has no scans yet.
         for scan in run.scans:
             mapper.update(scan)
@@ -132,8 +132,9 @@ def _rows(runs: Sequence[Run], summary: dict[str, Any]) -> list[tuple[str, str]]
         rows = [("scans", f"{scans}, from single poses")]
     rows.append(("seen", f"{100 * summary['walls_seen']:.0f} % of the walls' length"))
     if score is not None:
-        found = f"{score['matched_segments']} of {score['visible_segments']} walls found"
-        if score["length_recall"] is not None:
+        found = "no wall is long enough to be looked for"
+        if score["visible_segments"]:
+            found = f"{score['matched_segments']} of {score['visible_segments']} walls found"
             found += f", {100 * score['length_recall']:.1f} % of their length"
         rows.append(("map", f"{run.map.counts}: {found}"))
     for level, other in zip(summary.get("noise_levels", ()), runs, strict=False):

@@ -1,19 +1,115 @@
-"""``lrf3d view`` and ``export``: runs in the browser and for other programs."""
+"""``lrf3d render``, ``view`` and ``export``: runs as films, in the browser, for other programs."""
 
 from argparse import Namespace
+from dataclasses import replace
+from pathlib import Path
+from time import perf_counter
+from typing import Any
 
-from lrf3d.cli.console import Report
-from lrf3d.cli.film import folder_of
+from lrf3d.cli.console import Report, warn
 from lrf3d.cli.inputs import routed
+from lrf3d.errors import InputError, MissingLibraryError
 from lrf3d.exporting import EXPORTERS, export_run
-from lrf3d.files import make_folder
+from lrf3d.files import make_folder, replacing
 from lrf3d.run import Run
 from lrf3d.scenario import Scenario
-from lrf3d.view.server import bound, run_view, serve, world_view
+from lrf3d.text import counted
+
+_LARGE, _SMALL = (1280, 720), (640, 360)
+"""Sizes [pixels] of films for players, and of films that are drawn slowly or shared."""
+
+_RATE, _GIF_RATE = 25.0, 10.0
+"""Frames a second. A GIF of 15 s then has less than 10 MB."""
+
+
+def render(run: Run, args: Namespace, report: Report) -> None:
+    """Draw the film of a run, or a picture of one moment."""
+    picture = args.at is not None
+    if args.out is not None and picture != (args.out.suffix.lower() == ".png"):
+        raise InputError(
+            f"--out {args.out}: expected a name that ends in .png, as --at draws a picture"
+            if picture
+            else f"--out {args.out}: a .png is one picture; give its time with --at TIME"
+        )
+    path = _output(args, "run.png" if picture else "run.mp4")
+    if args.points_by is not None:
+        run = replace(run, film=replace(run.film, points_by=args.points_by))
+    if picture:
+        from lrf3d.render.video import frame, save_png
+
+        drawing = frame(run, args.at, **_look(args))
+        with replacing(path) as unfinished:
+            save_png(drawing, unfinished)
+        report.print({"picture": str(path)}, [("picture", str(path))])
+        return
+    drawn = write_film(run, path, args, report, part=(args.from_, args.to))
+    each = 1e3 * drawn["seconds"] / max(drawn["frames"], 1)
+    width, height = drawn["size"]
+    by = "OpenGL" if drawn["renderer"] == "gl" else "Embree"
+    report.print(
+        {"video": str(path), "drawn": drawn},
+        [
+            ("film", str(path)),
+            ("drawn", f"{counted(drawn['frames'], 'frame')} of {width}x{height}"),
+            ("time", f"{drawn['seconds']:.1f} s, {each:.0f} ms each by {by}"),
+        ],
+    )
+
+
+def write_film(
+    run: Run,
+    path: Path,
+    args: Namespace,
+    report: Report,
+    *,
+    part: tuple[float | None, float | None] = (None, None),
+) -> dict[str, Any]:
+    """Write the film of a run, and return its figures."""
+    from lrf3d.render.video import render_video
+    from lrf3d.scene.stage import stage_of
+
+    ending, look = path.suffix.lower(), _look(args)
+    if args.size is None and ending in (".gif", ".webp"):
+        look["size"] = _SMALL
+    rate = args.fps or (_GIF_RATE if ending == ".gif" else _RATE)
+    began, frames = perf_counter(), 0
+    # The light is baked once, for all that draw.
+    with report.progress("light") as progress:
+        stage_of(run, progress)
+    with report.progress("film") as progress:
+
+        def note(number: int, total: int) -> None:
+            nonlocal frames
+            frames += 1
+            progress(number, total)
+
+        render_video(run, path, fps=rate, workers=args.workers, part=part, progress=note, **look)
+    figures = {"size": list(look["size"]), "renderer": look["renderer"]}
+    return {"frames": frames, **figures, "seconds": perf_counter() - began}
+
+
+def _look(args: Namespace) -> dict[str, Any]:
+    """Keyword arguments to draw any picture: with OpenGL, or else with Embree."""
+    from lrf3d.render.gl import require_gl
+
+    renderer = args.renderer or "gl"
+    if args.renderer is None:
+        try:
+            require_gl()
+        except MissingLibraryError as error:
+            warn(f"Embree draws instead, smaller and slower: {error}")
+            renderer = "embree"
+    return {
+        **{name: vars(args)[name] for name in ("view", "playback", "panel")},
+        "samples": int(args.samples),
+        "renderer": renderer,
+        "size": args.size or (_LARGE if renderer == "gl" else _SMALL),
+    }
 
 
 def view(scenario: Scenario | None, args: Namespace, report: Report) -> None:
     """Play a run in the browser, or drive through a world by hand."""
+    from lrf3d.view.server import bound, run_view, serve, world_view
 
     def say(address: str) -> None:
         text = f"{args.world} is shown at {address}; Ctrl-C ends it"
@@ -30,12 +126,20 @@ def view(scenario: Scenario | None, args: Namespace, report: Report) -> None:
 
 def export(run: Run, args: Namespace, report: Report) -> None:
     """Write a run for another program."""
-    path = args.out or folder_of(args.run) / EXPORTERS[args.to]
-    make_folder(path.parent)
+    path = _output(args, EXPORTERS[args.to])
     export_run(run, args.to, path, every=args.every)
     files = [path] if path.is_file() else sorted(path.iterdir())
     scans, size = len(range(0, len(run), args.every)), sum(file.stat().st_size for file in files)
+    shown = f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.1f} kB"
     report.print(
         {"file": str(path), "format": args.to, "scans": scans, "bytes": size},
-        [(args.to, str(path)), ("scans", f"{scans:,}"), ("size", f"{size / 1e6:.1f} MB")],
+        [(args.to, str(path)), ("scans", f"{scans:,}"), ("size", shown)],
     )
+
+
+def _output(args: Namespace, name: str) -> Path:
+    """The file to write, whose folder is made: in the folder of the run if none is given."""
+    folder = args.run if args.run.is_dir() else args.run.parent
+    path: Path = args.out or folder / name
+    make_folder(path.parent)
+    return path

@@ -115,10 +115,6 @@ def _opened(path: Path) -> Iterator[tuple[Any, Any]]:
         # A damaged file may raise any exception in the reader.
         raise _damaged(path, error) from None
     try:
-        if reader.compression_mode == "message":
-            raise InputError(
-                f"{path}: each message is compressed; decompress it with ros2 bag convert"
-            )
         yield reader, get_typestore(Stores.ROS2_HUMBLE)
     finally:
         reader.close()

@@ -58,9 +58,6 @@ FARTHEST_LASER = 10.0
 LONGEST_LINE = 1 << 20
 """Bytes that are read of a line, enough for 100,000 beams; what is left counts as more lines."""
 
-MOST_IDLE_BYTES = 1 << 25
-"""Bytes without a scan after which a file is given up: hours of other messages."""
-
 GZIP = b"\x1f\x8b"
 """First bytes of gzipped files, whatever their name is."""
 
@@ -84,9 +81,8 @@ def load_carmen(
     path = Path(path)
     if largest_range is not None and not largest_range > 0.0:
         raise InputError(f"largest range {largest_range}: expected metres, more than 0")
-    reading, bad, bad_count, idle = _Reading(largest_range), list[BadLine](), 0, 0
+    reading, bad, bad_count = _Reading(largest_range), list[BadLine](), 0
     for number, text, fault in _lines(path):
-        scans = len(reading.scans)
         try:
             if fault:
                 raise ValueError(fault)
@@ -94,12 +90,6 @@ def load_carmen(
         except ValueError as error:
             bad_count += 1
             bad += [BadLine(number, str(error))] if len(bad) < NAMED else []
-        idle = 0 if len(reading.scans) > scans else idle + len(text)
-        if idle > MOST_IDLE_BYTES:
-            raise InputError(
-                f"{path}: line {number}: no scan in {MOST_IDLE_BYTES:,} bytes before it; expected"
-                " FLASER or ROBOTLASER1 lines"
-            )
         if reading.readings > MOST_READINGS:
             raise InputError(
                 f"{path}: line {number}: more than {MOST_READINGS:,} readings; cut the log into"

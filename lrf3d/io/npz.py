@@ -85,8 +85,6 @@ def _read(path: Path, file: zipfile.ZipFile, entry: zipfile.ZipInfo) -> NDArray[
             whole.seek(entry.header_offset)
             name, extra = struct.unpack("<26xHH", whole.read(_LOCAL_HEADER))
         begin += entry.header_offset + _LOCAL_HEADER + name + extra
-        if begin + size > path.stat().st_size:
-            raise ValueError(f"{entry.filename} is incomplete")
         return np.asarray(np.memmap(path, dtype, "r", begin, shape))
     with file.open(entry) as stream:
         return npy.read_array(stream, allow_pickle=False)

@@ -21,13 +21,12 @@ from numpy.typing import NDArray
 from lrf3d.digest import digest, name_of
 from lrf3d.errors import InputError, OutputError
 from lrf3d.files import check_ordinary, locked, writing
-from lrf3d.interrupts import noting, stoppable
+from lrf3d.interrupts import Progress, noting, silent, stoppable
 from lrf3d.io.npz import DAMAGES, read_arrays, write_npz
 from lrf3d.io.run_file import load_run, run_arrays
 from lrf3d.laser import LaserScan
 from lrf3d.laser.scan import LIGHT
 from lrf3d.pose import Pose
-from lrf3d.progress import Progress, silent
 from lrf3d.robot import Trajectory
 from lrf3d.run import Run
 from lrf3d.simulation import Simulation, Step, fill_row, row_type, run_to_end

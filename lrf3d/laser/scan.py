@@ -13,7 +13,7 @@ from lrf3d.errors import InputError, shown
 from lrf3d.geometry import LARGEST_COORDINATE, Bool, Float, Int, Value, number, read_only, sealed
 from lrf3d.laser.range_finder import LARGEST_ANGLE, LaserRangeFinder, beam_directions, within_limits
 from lrf3d.laser.ros_scan import Stamp, even_spread, read_ros_scan
-from lrf3d.notebook import Pictured
+from lrf3d.lazy import Pictured
 from lrf3d.pose import Pose, as_pose
 
 LIGHT = {"intensities": (1, 0.0), "echoes": (2, np.inf), "echo_intensities": (2, 0.0)}

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError, expect, shown
-from lrf3d.frames import between, compose, turned
 from lrf3d.geometry import Bool, Float, Int, Value, generator, is_finite, read_only, wrap_angle
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.localization.pairing import (
@@ -24,7 +23,7 @@ from lrf3d.localization.pairing import (
     innovation,
     pair_lines,
 )
-from lrf3d.pose import Pose, as_pose, as_poses
+from lrf3d.pose import Pose, as_pose, as_poses, between, compose, turned
 
 
 @dataclass(frozen=True, slots=True)

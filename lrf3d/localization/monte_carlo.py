@@ -13,7 +13,7 @@ import numpy as np
 
 from lrf3d.cores import core_count, process_pool, results
 from lrf3d.errors import InputError, shown
-from lrf3d.interrupts import check, stoppable
+from lrf3d.interrupts import Progress, check, silent, stoppable
 from lrf3d.laser import ProportionalNoise, RangeNoise
 from lrf3d.localization.localiser import (
     Localiser,
@@ -25,7 +25,6 @@ from lrf3d.localization.localiser import (
 )
 from lrf3d.localization.pairing import STRATEGIES, KnownLines
 from lrf3d.pose import Pose
-from lrf3d.progress import Progress, silent
 from lrf3d.run import Run
 
 MAPPED_RANGE = 10.0

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from lrf3d.errors import InputError
 from lrf3d.files import read_text, write_text
 from lrf3d.geometry import LARGEST_COORDINATE, Float, Int, Value, lengths, normal_lines, sealed
-from lrf3d.notebook import Pictured
+from lrf3d.lazy import Pictured
 from lrf3d.text import counted
 from lrf3d.world.free_cells import FreeCells
 

@@ -15,8 +15,7 @@ from PIL import Image
 from lrf3d.errors import InputError, shown
 from lrf3d.files import replacing, unfinished_folder
 from lrf3d.geometry import Float, is_finite, whole_number
-from lrf3d.interrupts import stoppable
-from lrf3d.progress import Progress, silent
+from lrf3d.interrupts import Progress, silent, stoppable
 from lrf3d.render.film import Film, FilmOptions
 from lrf3d.render.workers import Job, draw
 from lrf3d.run import Run

@@ -15,7 +15,7 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from lrf3d.casting.triangle_rays import TriangleRays, embreex_installed
 from lrf3d.geometry import Float, Int, Single
-from lrf3d.progress import Progress, silent
+from lrf3d.interrupts import Progress, silent
 from lrf3d.scene.facades import layers
 from lrf3d.scene.look import (
     GAMMA,

@@ -7,7 +7,7 @@ to other processes.
 from functools import lru_cache
 from typing import NamedTuple
 
-from lrf3d.progress import Progress, silent
+from lrf3d.interrupts import Progress, silent
 from lrf3d.run import Run
 from lrf3d.scene.ground import canvas_of, paint_ground
 from lrf3d.scene.light import bake_light, screen, sunlight

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.frames import between
 from lrf3d.geometry import Bool, Float, Int, Value, wrap_angle
-from lrf3d.pose import as_poses
+from lrf3d.pose import as_poses, between
 from lrf3d.scoring.report import Report
 
 

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.frames import between, compose, turned
 from lrf3d.geometry import Float, wrap_angle
-from lrf3d.slam.front_end import LEAST_POINTS, WEAK, weakest_direction
+from lrf3d.pose import between, compose, turned
+from lrf3d.slam.front_end import WEAK, weakest_direction
 from lrf3d.slam.pose_graph import Edges, GraphPaths
 from lrf3d.slam.scan_matching import Match
 from lrf3d.slam.search import DEVIATIONS as WINDOW_DEVIATIONS
@@ -52,6 +52,9 @@ OTHER_PLACE = 6.0
 
 SUBMAP = 5
 """Key scans before and after an old one that make the map a loop is closed with."""
+
+LEAST_POINTS = 10
+"""Points that a surface must have."""
 
 CLOSURE_LENGTH = 0.5
 """What a closure counts as in path lengths along the graph [m]: the drift that it leaves."""
@@ -258,7 +261,7 @@ class LoopCloser:
         """The places of a new key scan in a window around an old one."""
         around, seen_from = self._submap(old, new)
         grid = wall_map((key.walls, pose) for key, pose in zip(around, seen_from, strict=True))
-        if grid is None:
+        if grid is None or len(grid.surface) < LEAST_POINTS:
             return []
         scan, field = self.keys[new], field_of(around, seen_from)
         guess = between(self._poses[old], self._poses[new])

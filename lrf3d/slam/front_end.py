@@ -11,12 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lrf3d.frames import between, compose, turned
 from lrf3d.geometry import Float, Int, wrap_angle
+from lrf3d.pose import between, compose, turned
 from lrf3d.slam.scan_matching import PRIOR_SCALE, Match, match_scan
 from lrf3d.slam.search import field_of, search
 from lrf3d.slam.surface import SurfaceGrid, moved, thinned, wall_map
 from lrf3d.slam.views import BEHIND, Key, evidence, views_of
+from lrf3d.slam.violation import contradicted
 from lrf3d.slam.wheels import Wheels
 
 KEY_DISTANCE, KEY_TURN = 0.5, 0.5
@@ -101,6 +102,13 @@ def weakest_direction(information: Float) -> tuple[Float, float]:
     return directions[:, 0], float(max(values[0], 0.0))
 
 
+def slip_deviations(step: Float) -> Float:
+    """Standard deviations (3,) of the wheels' slip in a step (3,)."""
+    aside = SLIP + SLIP_SHARE * float(np.hypot(step[0], step[1]))
+    turn = SLIP_TURN + SLIP_TURN_SHARE * abs(float(step[2]))
+    return np.array([aside, aside, turn]) / 3.0
+
+
 class FrontEnd:
     """Follows the robot by matching scans with a local map."""
 
@@ -143,6 +151,12 @@ class FrontEnd:
             # Where wheels have slipped, the directions that scans do not fix are uncertain, too.
             slip = self._slip(match, expected, own)
             covariance = covariance * (1.0 + slip / PRIOR_SCALE**2)
+        elif self._keys:
+            keys = list(self._keys)[-LOCAL_KEYS:]
+            seen_from = between(np.array([key.pose for key in keys]), guess)
+            if contradicted(keys, replace(scan, surface=surface), seen_from):
+                # The wheels have slipped, and where to is not known.
+                covariance = covariance + np.diag(slip_deviations(expected) ** 2)
         self._turn_known &= accepted
         self._ahead_known &= accepted and information[0, 0] > WEAK
         self._raw += increment
@@ -178,9 +192,7 @@ class FrontEnd:
         Cauchy's distribution. Where a robot enters a new room, the right place explains little, and
         that of the last scan more; but only at a wrong one do beams pass through what was hit.
         """
-        guess = compose(self.pose, expected)
-        aside = SLIP + SLIP_SHARE * float(np.hypot(expected[0], expected[1]))
-        spread = np.array([aside, aside, SLIP_TURN + SLIP_TURN_SHARE * abs(expected[2])]) / 3.0
+        guess, spread = compose(self.pose, expected), slip_deviations(expected)
         keys = list(self._keys)[-LOCAL_KEYS:]
         seen_from = np.array([key.pose for key in keys])
         found = search(scan, grid, field_of(keys, seen_from), guess, np.diag(spread**2))

@@ -10,10 +10,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lrf3d.frames import between, compose
 from lrf3d.geometry import Float, wrap_angle
-from lrf3d.slam.closures import CLOSURE_LENGTH, LEAST_DISTANCE, LEAST_SHARE, LoopCloser
-from lrf3d.slam.front_end import LEAST_POINTS, WEAK, weakest_direction
+from lrf3d.pose import between, compose
+from lrf3d.slam.closures import (
+    CLOSURE_LENGTH,
+    LEAST_DISTANCE,
+    LEAST_POINTS,
+    LEAST_SHARE,
+    LoopCloser,
+)
+from lrf3d.slam.front_end import WEAK, weakest_direction
 from lrf3d.slam.scan_matching import match_scan
 from lrf3d.slam.surface import wall_map
 from lrf3d.slam.views import Key

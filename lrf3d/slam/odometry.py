@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from lrf3d.errors import InputError
-from lrf3d.frames import bent, between, compose
 from lrf3d.geometry import Bool, Float, Int, wrap_angle
 from lrf3d.laser import LaserScan
+from lrf3d.pose import bent, between, compose
 from lrf3d.slam.search import field_of, search
 from lrf3d.slam.surface import grid_of
 from lrf3d.slam.views import Key

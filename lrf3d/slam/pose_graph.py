@@ -14,8 +14,8 @@ from scipy.sparse import bsr_array, coo_array, csc_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import SuperLU, splu
 
-from lrf3d.frames import between
 from lrf3d.geometry import Bool, Float, Int, wrap_angle
+from lrf3d.pose import between
 
 ROBUST_SCALE = 3.0
 """Errors of closures beyond this many deviations lose weight (Cauchy's)."""

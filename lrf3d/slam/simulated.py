@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.frames import between, compose
 from lrf3d.geometry import Float, generator, is_finite
 from lrf3d.laser import LaserScan
 from lrf3d.mapping import LineMap
+from lrf3d.pose import between, compose
 from lrf3d.robot import EstimatedTrajectory
 from lrf3d.run import Run
 from lrf3d.slam.slam import Slam

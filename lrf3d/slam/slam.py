@@ -11,12 +11,11 @@ from dataclasses import replace
 import numpy as np
 
 from lrf3d.errors import InputError, shown
-from lrf3d.frames import bent, between, compose, turned
 from lrf3d.geometry import Float, Int, is_finite, sealed, whole_number
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.laser.range_finder import beam_directions
 from lrf3d.mapping import LineMap
-from lrf3d.pose import Pose, as_pose
+from lrf3d.pose import Pose, as_pose, bent, between, compose, turned
 from lrf3d.robot import EstimatedTrajectory
 from lrf3d.robot.estimated_trajectory import NO_POSES
 from lrf3d.slam.closures import Closure, LoopCloser, closure_edges

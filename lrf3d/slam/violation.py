@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from lrf3d.frames import between
 from lrf3d.geometry import Float
+from lrf3d.pose import between
 from lrf3d.slam.views import Key, views_of
 
 MOST_THROUGH = 0.04

@@ -31,8 +31,8 @@ USUAL = {"robust": "robust", "paper": "paper"}
 """Default mappers: both modes of the LineMapper."""
 
 MOST_RUNS = 1_000_000
-"""Largest number of seeds and of runs: the plan of all runs is held in memory, and even the
-fastest take hours on one core."""
+"""Largest number of runs: their plan is held in memory, and even the fastest take hours on one
+core."""
 
 COLUMNS = {SIGMA: "sigma_m", BEAMS: "beams"}
 """Columns of the table for the settings that every sweep lists; others keep their names."""
@@ -45,20 +45,17 @@ Row = dict[str, Any]
 
 
 class PlannedRun(NamedTuple):
-    """A run: the columns of its row that are known before it is made, and what it is made of.
+    """A run: its key, which is equal for equal runs, and what it is made of.
 
-    The mapper is a dict of keyword arguments of the LineMapper, or a user's mapper or its class.
+    The columns of its row are those that are known before it is made; the mapper is a dict of
+    keyword arguments of the LineMapper, or a user's mapper or its class.
     """
 
+    key: str
     columns: Row
     scenario: Scenario
     drive: Trajectory
     mapper: Any
-
-    @property
-    def key(self) -> str:
-        """The key, which is equal for equal runs."""
-        return str(self.columns["key"])
 
 
 @dataclass(frozen=True)
@@ -73,7 +70,7 @@ class Plan:
     @property
     def columns(self) -> list[str]:
         """The columns that say what a run varies; runs that differ only in the seed share them."""
-        return [name for name in self.runs[0].columns if name not in ("key", "seed", "noise_seed")]
+        return [name for name in self.runs[0].columns if name not in ("seed", "noise_seed")]
 
 
 def make_plan(
@@ -93,7 +90,7 @@ def make_plan(
     """
     axes = {SIGMA: SIGMAS} if axes is None else axes
     values = {name: tuple(_checked(name, each) for each in axes[name]) for name in axes}
-    seeds = whole_number(seeds, "sweep: seeds", most=MOST_RUNS)
+    seeds = whole_number(seeds, "sweep: seeds")
     worlds = [own_name(file.path, file.world.name) for file in files]
     _check({"worlds": worlds, "mappers": list(mappers), **values}, mappers, seeds)
     runs: list[PlannedRun] = []
@@ -128,8 +125,8 @@ def make_plan(
                     key = digest((FORMAT, named, place, identity, seed))[:32]
                     # All mappers and noises have the same seeds, to be compared run by run.
                     noise_seed = seed_of((place, seed))
-                    columns = {"key": key, **named, "seed": seed, "noise_seed": noise_seed}
-                    runs.append(PlannedRun(columns, bare, drive, mapper))
+                    columns = {**named, "seed": seed, "noise_seed": noise_seed}
+                    runs.append(PlannedRun(key, columns, bare, drive, mapper))
     varied = {COLUMNS.get(name, name): each for name, each in values.items()}
     return Plan(tuple(runs), worlds, {"mapper": tuple(mappers), **varied}, seeds)
 

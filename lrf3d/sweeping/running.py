@@ -6,7 +6,6 @@ loses none; a line that a crash cut off is left out and made again. Jobs have fi
 
 import json
 import os
-import pickle
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -21,8 +20,7 @@ from lrf3d.casting import PlanarCaster
 from lrf3d.cores import core_count, process_pool, results
 from lrf3d.errors import InputError, Lrf3dError, missing_extra
 from lrf3d.files import locked, make_folder, writing
-from lrf3d.interrupts import check, noting, stoppable
-from lrf3d.progress import Progress, silent
+from lrf3d.interrupts import Progress, check, noting, silent, stoppable
 from lrf3d.scenario import read_scenario_file
 from lrf3d.scoring import buildings_seen, score_run, visible_walls
 from lrf3d.sweeping.plan import USUAL, Plan, PlannedRun, Row, SettingValue, make_plan
@@ -121,7 +119,9 @@ def run_plan(
         with noting(lambda: f"{len(kept)} of {len(plan.runs)} runs kept; go on with --resume"):
             progress(done, len(mine))
             for rows in _made(missing, executor):
-                _append(rows, path)
+                # They stay in the file even if this process is killed afterwards.
+                with writing(path, "make room"), path.open("a", newline="\n") as file:
+                    file.writelines(json.dumps(row, allow_nan=False) + "\n" for row in rows)
                 kept |= {row["key"]: row for row in rows}
                 done += len(rows)
                 progress(done, len(mine))
@@ -146,20 +146,12 @@ def kept_rows(plan: Plan, folder: Path) -> dict[str, Row]:
                 raise InputError(
                     f"{path}: line {number} is not a row of a sweep; remove the line"
                 ) from None
-    foreign = len(found.keys() - {run.key for run in plan.runs})
-    if foreign:
+    if foreign := len(found.keys() - {run.key for run in plan.runs}):
         raise InputError(
             f"{folder}: holds {foreign} runs that this sweep does not ask for; give all options"
             " that it was started with, or choose another folder with --out"
         )
     return found
-
-
-def _append(rows: Sequence[Row], path: Path) -> None:
-    """Append rows to a file, where they are even if this process is killed afterwards."""
-    text = "".join(json.dumps(row, allow_nan=False) + "\n" for row in rows)
-    with writing(path, "make room"), path.open("ab") as file:
-        file.write(text.encode())
 
 
 @contextmanager
@@ -205,13 +197,6 @@ def _made(runs: Sequence[PlannedRun], executor: Executor | None) -> Iterator[lis
             "a process of the sweep has ended, perhaps for want of memory; go on with --resume and"
             " fewer --workers"
         ) from error
-    except (pickle.PicklingError, AttributeError, TypeError) as error:
-        if "pickle" not in str(error):
-            raise
-        raise InputError(
-            f"sweep: a mapper cannot be sent to other processes ({error}); define its class in a"
-            " module of its own, or use workers=1"
-        ) from error
     finally:
         # Processes of this machine end with their pool.
         for future in () if isinstance(executor, ProcessPoolExecutor) else futures:
@@ -239,6 +224,7 @@ def _row(planned: PlannedRun) -> Row:
     visible = len(set(joined_objects(run.world)[walls].tolist()))
     buildings = buildings_seen(run)
     return {
+        "key": planned.key,
         **planned.columns,
         **score_run(run).as_dict(),
         "map_objects": run.map.object_count,

@@ -162,6 +162,7 @@ def find_world(name_or_path: str | Path) -> Path:
         worlds = f"{', '.join(names)}, or a file ({known})"
         raise WorldError(f"{path}: {what}; expected a world: {worlds}")
     if path.is_file() or path.suffix:
-        raise WorldError(f"{path}: unknown ending; worlds are read from {known}")
+        logs = "; logs are read by `lrf3d slam` and `lrf3d map`" if ".log" in path.suffixes else ""
+        raise WorldError(f"{path}: unknown ending; worlds are read from {known}{logs}")
     worlds = f"built-in are {', '.join(names)}; or give a file ({known})"
     raise WorldError(f"{name_or_path}: unknown world{suggestion}; {worlds}")

@@ -19,7 +19,7 @@ from lrf3d.geometry import (
     read_only,
     sealed,
 )
-from lrf3d.notebook import Pictured
+from lrf3d.lazy import Pictured
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.materials import Material, checked

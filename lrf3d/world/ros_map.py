@@ -84,10 +84,12 @@ def read_picture(path: Path, *, resolution: float | None = None) -> World:
     Light pixels may be outside the house, so none is known to be free.
     """
     if resolution is None:
+        known, what = path.with_suffix(".yaml"), "a picture does not say how large it is; give"
+        if known.exists():
+            raise WorldError(f"{what} {known.name} next to it, or --resolution")
+        keys = f"image: {path.name}, resolution: 0.05, origin: [0, 0, 0]"
         raise WorldError(
-            "a picture does not say how large it is; give --resolution, the metres per pixel, or"
-            f" write {path.with_suffix('.yaml').name} next to it: image: {path.name},"
-            " resolution: 0.05, origin: [0, 0, 0]"
+            f"{what} --resolution, the metres per pixel, or write {known.name} next to it: {keys}"
         )
     side = KEYS["resolution"](resolution, "resolution")
     return _world(path, path, {**USUAL, "resolution": side, "origin": np.zeros(3)})

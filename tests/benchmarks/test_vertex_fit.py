@@ -44,17 +44,3 @@ def test_a_gap_is_not_bridged():
     polylines = fit_vertices(PlanarCaster(boxes).cast(lrf, (0, 0, 0)), 4, gap=1.0)
     assert len(polylines) == 2
     assert all((np.abs(line[:, 1]) > 0.9).all() for line in polylines)
-
-
-def test_four_returns_all_around_have_too_few_vertices_or_a_square():
-    scan = LaserScan((0, 0, 0), np.pi / 2 * np.arange(-2, 2), np.full(4, 3.0))
-    # With three vertices no closed polyline exists, because no edge spans half a turn.
-    assert [count(fit_vertices(scan, vertices)) for vertices in range(2, 8)] == [2, 0, 4, 4, 4, 4]
-
-
-def test_beams_in_one_direction_span_no_edge():
-    half = LaserRangeFinder(-1.2, 1.2, beams=97, range_max=30.0)
-    scan = PlanarCaster(ROOM).cast(half, (0.2, -0.3, 0.1))
-    twice = LaserScan(scan.pose, scan.angles.repeat(2), scan.ranges.repeat(2), range_max=30.0)
-    (polyline,), (other,) = fit_vertices(twice, 4), fit_vertices(scan, 4)
-    assert polyline == pytest.approx(other, abs=0.02)

@@ -115,18 +115,6 @@ def test_inclined_beams_beside_edges_of_meshes_meet_the_right_triangle(far):
         assert ranges[0, 0] == pytest.approx(expected, abs=1e-9)
 
 
-def test_a_layer_without_elevation_is_the_scan_also_between_others():
-    rng = np.random.default_rng(5)
-    start = rng.uniform(-20, 20, (60, 2))
-    world = World(np.hstack([start, start + rng.uniform(-6, 6, (60, 2))]))
-    caster, lrf = EmbreeCaster(world), LaserRangeFinder()
-    for pose in rng.uniform(-20, 20, (20, 3)):
-        scan = caster.cast(lrf, pose)
-        ranges, walls = caster.cast_layers(lrf, pose, [0.1, 0.0, -0.1])
-        assert np.array_equal(ranges[1], scan.ranges) and np.array_equal(walls[1], scan.walls)
-        assert not np.array_equal(ranges[0], ranges[1])
-
-
 def test_a_plane_cuts_triangles_where_they_meet_it():
     def cut(*corners):
         return level_cut(np.array([corners], dtype=float), 1.0)[0].tolist()

@@ -2,7 +2,6 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import strategies as st
 from rational import cast_exact
 
 from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
@@ -44,9 +43,6 @@ CASES = [
 @pytest.mark.parametrize(("walls", "origin", "direction", "found"), CASES)
 def test_a_beam_meets_a_wall_where_the_fractions_say(walls, origin, direction, found):
     assert cast_exact(np.array(walls, dtype=np.float64), origin, direction) == found
-
-
-grid = st.integers(-3, 3).map(float)
 
 
 @pytest.mark.parametrize("caster", [PlanarCaster, EmbreeCaster])

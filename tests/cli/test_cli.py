@@ -73,6 +73,17 @@ def test_a_robot_that_only_stands_drives_nowhere(tmp_path):
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["drive"]["length_m"] == 0.0
 
 
+def test_a_plan_as_large_as_paper_has_no_walls_to_find_and_a_small_file(tmp_path):
+    text = ROOM.replace("10", "0.1").replace("8]", "0.08]").replace("sigma = 0.05", "sigma = 0")
+    route = re.search("route = .*\nspeed = .*\nscan_interval = .*", text)
+    (tmp_path / "paper.toml").write_text(text.replace(route[0], "poses = [[0.05, 0.04, 0]]"))
+    done = lrf3d("run", "paper.toml", "--no-video", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert ": no wall is long enough to be looked for\n" in done.stdout
+    done = lrf3d("export", "out/box", "--to", "carmen", cwd=tmp_path)
+    assert re.search(r"size +0\.[1-9] kB\n", done.stdout)
+
+
 def test_several_noises_stand_side_by_side(room, tmp_path):
     sigmas = ("--sigma=0.02,0.2", "--sigma", 0.3, 0.4, "--")
     done = lrf3d("run", "--no-video", "--json", "--scans", 3, *sigmas, room, cwd=tmp_path)
@@ -91,7 +102,10 @@ def test_help_shows_an_example(command):
 
 @pytest.mark.parametrize(
     "command",
-    [["run"], ["render"], ["slam"], ["view"], ["sweep"], ["export", "--to", "glb"]],
+    [
+        *(["run"], ["render"], ["slam"], ["view"], ["sweep"], ["export", "--to", "glb"]),
+        ["slam", "there.log", "--relations"],
+    ],
 )
 def test_an_unknown_name_is_reported_before_anything_heavy_is_imported(command):
     words = [*command, "missing.log" if command[0] in ("map", "slam") else "nowhere"]
@@ -106,20 +120,11 @@ def test_an_unknown_name_is_reported_before_anything_heavy_is_imported(command):
     assert done.stdout == "set()\n"
 
 
-def test_an_unknown_world_is_answered_with_those_there_are():
-    message = refused("run", "citty")
-    assert "city" in message and "corridor" in message and "paper_room" in message
-
-
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
         ("[[object]]", "[[object", "box.toml: not TOML: "),
-        ("[10, 8]", "[nan, 8]", "box.toml: object"),
-        ("[10, 0], [10, 8]", "[10, 0], [10, 0]", "no length"),
-        ("beams = 61", "beams = 0", "beams"),
         ("[8, 2]", "[8, -2]", "wall 0"),
-        ("sigma = 0.05", 'sigma = "much"', "sigma"),
     ],
 )
 def test_a_bad_world_gets_one_clear_line_and_leaves_nothing(room, tmp_path, old, new, said):
@@ -127,7 +132,7 @@ def test_a_bad_world_gets_one_clear_line_and_leaves_nothing(room, tmp_path, old,
     room.write_text(ROOM.replace(old, new))
     message = refused("run", room, "--no-video", "--out", tmp_path / "out")
     assert said in message
-    assert not list((tmp_path / "out").glob("*")) if (tmp_path / "out").exists() else True
+    assert not list((tmp_path / "out").glob("*"))
 
 
 def test_a_collision_can_be_ignored(room, tmp_path):
@@ -185,13 +190,6 @@ def test_what_no_file_and_no_number_can_be_is_one_line(room, tmp_path, arguments
     (tmp_path / "full" / "run.journal").mkdir(parents=True)
     arguments = [str(room) if each == "ROOM" else each for each in arguments]
     assert words in refused(*arguments, cwd=tmp_path)
-
-
-def test_a_laser_that_reaches_no_wall_drives_all_the_same(room, tmp_path):
-    room.write_text(ROOM[: ROOM.index("[robot]")])
-    short = ("--set", "laser.range_max=0.3", "--no-video", "--out", tmp_path / "out")
-    done = lrf3d("run", room, *short)
-    assert done.returncode == 0 and "Traceback" not in done.stderr
 
 
 def test_output_that_cannot_be_written_or_shown_is_no_traceback(room, tmp_path):

@@ -94,12 +94,6 @@ def test_a_log_of_one_scan_gives_a_map_and_no_score(text, tmp_path):
     assert json.loads(done.stdout)["score"]["explained"] is None
 
 
-def test_settings_that_make_no_sense_are_refused(log, tmp_path):
-    assert "largest range" in refused("map", log, "--largest-range", "0")
-    assert lrf3d("map", log, "--mode", "best").returncode == 2
-    assert not list(tmp_path.glob("out/*"))
-
-
 def test_a_log_of_two_lasers_or_stamped_in_nanoseconds_is_refused_in_one_line(text, tmp_path):
     lines = text.splitlines()[:5]
     words = lines[3].split()

@@ -39,9 +39,6 @@ class Straight:
 def longer(scan, rng):
     return replace(scan, ranges=scan.ranges + 0.25)
 
-def drawn(scan, rng):
-    return replace(scan, ranges=scan.ranges + rng.normal(0.0, 0.1, len(scan.ranges)))
-
 class Reporting(Points):
     def report(self, run, folder):
         return {"points": np.int64(self.count)}
@@ -118,17 +115,6 @@ def test_nothing_is_imported_that_the_user_does_not_name(folder):
     (folder / "box.toml").write_text(ROOM + '\n[mapper]\nmode = "own_parts:Points"\n')
     done = run(folder)
     assert done.returncode == 1 and "own_parts" in done.stderr and "imported" not in done.stderr
-
-
-def test_a_noise_is_a_function_of_a_scan_and_random_numbers(folder):
-    for name, least, most in (("longer", 0.25, 0.25), ("drawn", 0.001, 0.5)):
-        noise = load_plugin("noise", f"own_parts:{name}")
-        step = next(iter(Simulation(BOX, [[2, 2, 0]], LRF, noise=noise, rng=1)))
-        error = np.abs(step.scan.ranges - step.true_scan.ranges)
-        assert error.max() >= least - 1e-9 and error.max() <= most + 1e-9
-    for bad in (3, lambda: None, lambda scan: scan, lambda a, b, c: a):
-        with pytest.raises(InputError, match="noise"):
-            Simulation(BOX, [[2, 2, 0]], noise=bad)
 
 
 def test_a_mapper_without_update_is_refused():

@@ -8,9 +8,9 @@ from program import lrf3d as program
 from program import refused
 
 import lrf3d
-from lrf3d.frames import compose
 from lrf3d.io import load_run
 from lrf3d.mapping import load_map
+from lrf3d.pose import compose
 
 ROOM = lrf3d.World([[0, 0, 8, 0], [8, 0, 8, 6], [8, 6, 3, 6], [3, 6, 0, 4], [0, 4, 0, 0]])
 

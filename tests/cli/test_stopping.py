@@ -16,10 +16,7 @@ import numpy as np
 import pytest
 from test_cli import ROOM
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="looks at processes"),
-]
+pytestmark = pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="looks at processes")
 
 STOPS = int(os.environ.get("LRF3D_STOPS", "2"))
 PATIENCE = 60.0
@@ -115,7 +112,9 @@ def working_in(folder):
     return False
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.slow] * (n != "render")) for n in COMMANDS]
+)
 def test_ctrl_c_at_any_moment_ends_with_one_line(name, place, tmp_path):
     kind = name.split()[0]
     pytest.importorskip({"view": "websockets"}.get(kind, "lrf3d"))

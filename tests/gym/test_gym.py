@@ -5,10 +5,12 @@ import sys
 import warnings
 
 import gymnasium
+import matplotlib
 import numpy as np
 import pytest
 import shapely
 from gymnasium.utils.env_checker import check_env
+from matplotlib import pyplot
 
 import lrf3d.gym
 from lrf3d.gym import DriveEnv, DriveVectorEnv
@@ -171,26 +173,32 @@ def test_pictures_show_the_goal(renderer, monkeypatch):
     assert green[0] > 40 and green[1] == 0
 
 
-def test_each_step_is_shown_in_a_window(monkeypatch):
-    shown = []
-
-    class Fake:
-        def __init__(self, title):
-            shown.append(title)
-
-        def show(self, picture, seconds):
-            shown.append((picture.shape, seconds))
-
-        def close(self):
-            shown.append("closed")
-
-    monkeypatch.setattr("lrf3d.gym.drive.Window", Fake)
+def test_each_step_is_shown_in_a_window_which_stays_closed_once_it_is(monkeypatch):
+    pyplot.switch_backend("agg")
+    monkeypatch.setattr(matplotlib, "get_backend", lambda: "screen")
+    monkeypatch.setattr(pyplot, "show", lambda *, block: None)
     env = DriveEnv("paper_room", render_mode="human", size=(160, 90))
     env.reset(seed=3)
-    env.step(np.array([0.1, 0.0]))
+    seen = []
+    for _ in range(2):
+        env.step(np.array([0.1, 0.3]))
+        figure = pyplot.figure("lrf3d")
+        figure.canvas.draw()
+        seen.append(np.asarray(figure.canvas.buffer_rgba()).copy())
+    assert seen[0].shape == (90, 160, 4) and not np.array_equal(*seen)
     assert env.render() is None
+    pyplot.close("lrf3d")
+    env.step(np.array([0.1, 0.0]))
+    assert not pyplot.fignum_exists("lrf3d")
     env.close()
-    assert shown == ["lrf3d", *[((90, 160, 3), env.robots.dt)] * 2, "closed"]
+    env.close()
+
+
+def test_without_a_screen_the_fix_is_named(monkeypatch):
+    monkeypatch.setattr(matplotlib, "get_backend", lambda: "agg")
+    said = r"draws with agg; .* python3-tk.*rgb_array"
+    with pytest.raises(lrf3d.MissingLibraryError, match=said):
+        DriveEnv("paper_room", render_mode="human")
 
 
 def test_without_gymnasium_the_error_names_the_command_to_install_it(monkeypatch):

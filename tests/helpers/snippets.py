@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from io import StringIO
 from pathlib import Path
 
+import damaged_worlds
 import numpy as np
 import pytest
 from markdown_it import MarkdownIt
@@ -76,34 +77,6 @@ CHECKED = {
 """Commands that are parsed and not called, as tests of their own call them: peers and pages take
 their time, and `view` shows its page until it is stopped."""
 
-FOOTPRINTS = """{"type": "FeatureCollection", "features": [
-{"type": "Feature", "properties": {}, "geometry": {"type": "Polygon",
-"coordinates": [[[0, 0], [8, 0], [8, 6], [0, 6], [0, 0]]]}},
-{"type": "Feature", "properties": {}, "geometry": {"type": "Polygon",
-"coordinates": [[[14, 0], [22, 0], [22, 6], [14, 6], [14, 0]]]}}]}"""
-
-PLAN = (
-    '<svg xmlns="http://www.w3.org/2000/svg" width="80mm" height="60mm" viewBox="0 0 80 60">'
-    '<rect width="80" height="60"/></svg>'
-)
-"""A drawing of 1:100 of a room of 8 m by 6 m."""
-
-_CORNERS = [(x + dx, y) for x in (0, 30) for dx, y in ((0, 0), (12, 0), (12, 12), (0, 12))]
-_NODES = [
-    f'<node id="{number}" lon="{4 + 1.5e-5 * x}" lat="{52 + 9e-6 * y}">{tag}</node>'
-    for number, (x, y, tag) in enumerate(
-        [(x, y, "") for x, y in _CORNERS]
-        + [(x, 18, '<tag k="natural" v="tree"/>') for x in (6, 21, 36)]
-    )
-]
-_WAYS = [
-    f'<way id="{first}">{"".join(f"""<nd ref="{first + k % 4}"/>""" for k in range(5))}'
-    '<tag k="building" v="yes"/></way>'
-    for first in (0, 4)
-]
-TOWN = f"<osm>{''.join(_NODES + _WAYS)}</osm>"
-"""Two houses and three trees."""
-
 
 @dataclass(frozen=True)
 class Snippet:
@@ -139,11 +112,10 @@ class Workshop:
         self.call("lrf3d export out/city --to rosbag2 --out rosbag2_2026_01_31")
         Path("drive.relations").write_text("0 1 1.0 0.0 0.0\n")
         Path("examples").symlink_to(ROOT / "examples")
-        Path("footprints.geojson").write_text(FOOTPRINTS)
-        _write_drawing(Path("plan.dxf"), 1.0)
-        _write_drawing(Path("flat.dxf"), 1000.0)
-        Path("plan.svg").write_text(PLAN)
-        Path("town.osm").write_text(TOWN)
+        worlds = damaged_worlds.valid()
+        for name in ("footprints.geojson", "plan.dxf", "plan.svg", "town.osm"):
+            Path(name).write_bytes(next(iter(worlds[name.partition(".")[2]].values())))
+        _write_drawing(Path("flat.dxf"))
         _write_scans(Path("scans.npz"))
 
     def run(self, page):
@@ -228,11 +200,12 @@ def _check(words):
         assert called(*rest, "--help", program=PROGRAMS[program]).returncode == 0
 
 
-def _write_drawing(path, metre):
+def _write_drawing(path):
+    """A room of 8 m by 6 m, drawn in millimetres."""
     import ezdxf
 
-    drawing, corners = ezdxf.new(), np.array([(0, 0), (8, 0), (8, 6), (0, 6)])
-    drawing.modelspace().add_lwpolyline(metre * corners, close=True)
+    drawing = ezdxf.new()
+    drawing.modelspace().add_lwpolyline([(0, 0), (8e3, 0), (8e3, 6e3), (0, 6e3)], close=True)
     drawing.saveas(path)
 
 

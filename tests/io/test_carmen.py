@@ -80,22 +80,16 @@ def test_a_scan_in_both_messages_is_read_once(tmp_path):
     [
         (front([1, 2, 3])[:-20], "words"),
         ("FLASER", "readings"),
-        ("FLASER x 1 2", "readings"),
         ("FLASER 99999999999999999999 1", "readings"),
         (front([1, 2, "-3"]), "reading -3"),
-        (front([1, "2,5", 3]), "reading '2,5'"),
         (front([1, 2, 3], pose=("inf", 0, 0)), "x is 'inf'"),
-        (front([1, 2, 3], time="noon"), "time"),
         (front([1, 2, 3], pose=("1e300", 0, 0)), "at most 1e+09"),
         (robot([1, 2, 3], farthest="1e308"), "at most 1e+09"),
         (robot([1, 2, 3]) + " 4", "28 words, expected 27"),
         (robot([1, 2, 3], step=0.0), "rad apart"),
-        (robot([1, 2, 3], step="nan"), "a value is 'nan'"),
         ("\x00\x01junk", "not a CARMEN message"),
         ("ODOM 1 2 0.5 0 0 0 2.0 host", "9 words"),
         ("ODOM 1 nan 0.5 0 0 0 2.0 host 1", "y is 'nan'"),
-        ("TRUEPOS 1 2 3 0 0 0 late host 1", "time is 'late'"),
-        ("PARAM robot_frontlaser_offset nan 0 h 0", "robot_frontlaser_offset is 'nan'"),
         ("PARAM robot_frontlaser_offset 400 0 h 0", "robot_frontlaser_offset 400 m"),
     ],
 )
@@ -123,19 +117,11 @@ def test_all_bad_lines_are_counted_and_the_first_few_named(tmp_path):
     assert [bad.number for bad in log.bad_lines] == [2, 3, 4, 5, 6]
 
 
-@pytest.mark.parametrize(
-    ("limit", "value", "text"),
-    [
-        ("MOST_IDLE_BYTES", 6000, b"ODOM 1\n" * 1001),
-        ("MOST_IDLE_BYTES", 1 << 22, bytes(1 << 23)),
-        ("MOST_READINGS", 5, b"FLASER 3 1 2 3 0 0 0 0 0 0 0 host 0\n" * 2),
-    ],
-)
-def test_a_bomb_is_given_up_early(tmp_path, monkeypatch, limit, value, text):
-    monkeypatch.setattr(carmen, limit, value)
+def test_a_log_with_more_readings_than_memory_holds_is_given_up(tmp_path, monkeypatch):
+    monkeypatch.setattr(carmen, "MOST_READINGS", 5)
     path = tmp_path / "a.log.gz"
-    path.write_bytes(gzip.compress(text))
-    with pytest.raises(InputError, match=rf"a\.log\.gz: line \d+: .*{value:,}"):
+    path.write_bytes(gzip.compress(b"FLASER 3 1 2 3 0 0 0 0 0 0 0 host 0\n" * 2))
+    with pytest.raises(InputError, match=r"a\.log\.gz: line 2: more than 5 readings"):
         load_log(path)
 
 
@@ -165,7 +151,8 @@ def test_a_file_that_is_no_log_is_refused(tmp_path, name, said):
 def run():
     world = make_world(box(0, 0, 10, 8), box(4.5, 3.5, 1, 1))
     lrf = LaserRangeFinder(range_min=0.05, range_max=5.3, beams=91)
-    return make_run(world, around(5, 4, 2.5, 12, heading=np.pi / 2), lrf, sigma=0.02)
+    # Half a metre from a wall, too.
+    return make_run(world, around(5, 4, 3.5, 12, heading=np.pi / 2), lrf, sigma=0.02)
 
 
 @pytest.mark.parametrize("name", ["run.log", "run.log.gz"])

@@ -18,13 +18,6 @@ def open_ahead(rng):
     return ranges
 
 
-def test_the_largest_reading_that_many_beams_share_means_no_return():
-    scans = without_no_returns(scans_of(np.random.default_rng(0), open_ahead))
-    ranges = np.array([scan.ranges for scan in scans])
-    assert np.isinf(ranges[:, 8:12]).all()
-    assert np.isfinite(np.delete(ranges, range(8, 12), axis=1)).all()
-
-
 @pytest.mark.parametrize(
     "ranges",
     [

@@ -39,13 +39,6 @@ def test_a_run_keeps_what_its_scans_show_of_the_light(caster):
     assert equal(part.scan(1), run.scan(5))
 
 
-def test_a_run_without_materials_or_with_one_echo_keeps_no_more_than_it_has():
-    room = lrf3d.load_world("paper_room")
-    assert lrf3d.simulate(room, [(1, 1, 0)], LRF, rng=0).light == {}
-    run = lrf3d.simulate(hall(), POSES, replace(LRF, echoes=1), rng=0)
-    assert list(run.light) == ["intensities"]
-
-
 def test_files_and_recordings_give_the_light_back(tmp_path):
     noise = ProportionalNoise(0.1)
     run = lrf3d.simulate(hall(), POSES, LRF, noise=noise, rng=3)

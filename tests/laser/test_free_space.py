@@ -43,15 +43,6 @@ def test_no_cell_behind_a_return_is_free_and_cells_well_before_are(pose, ranges)
             assert free.contain(wide + pose[:2]).all()
 
 
-def test_a_room_is_free_and_what_lies_behind_its_walls_is_not():
-    room = lrf3d.World([[0, 0, 6, 0], [6, 0, 6, 4], [6, 4, 0, 4], [0, 4, 0, 0]])
-    run = lrf3d.simulate(room, [(1, 2, 0), (5, 2, np.pi)], rng=0)
-    free = run.free_cells()
-    inside = np.array([[1.0, 1.0], [5.0, 3.0], [3.0, 2.0]])
-    outside = np.array([[-0.2, 2.0], [6.2, 2.0], [3.0, 4.2], [3.0, -0.2]])
-    assert free.contain(inside).all() and not free.contain(outside).any()
-
-
 def test_a_scanner_that_turns_the_other_way_sees_the_same():
     ranges = np.linspace(2.0, 6.0, 181)
     scan = lrf3d.LaserScan((1, 2, 0.5), LRF.angles, ranges)

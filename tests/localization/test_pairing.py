@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,10 +5,10 @@ from hypothesis import strategies as st
 from synthetic_run import box, make_run, make_world
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import lengths, normal_lines, wrap_angle
+from lrf3d.geometry import normal_lines, wrap_angle
 from lrf3d.laser import LaserRangeFinder, RangeNoise
 from lrf3d.localization.pairing import KnownLines, LocalLines, innovation, pair_lines
-from lrf3d.mapping import LineMap, LineMapper
+from lrf3d.mapping import LineMap
 from lrf3d.pose import Pose
 from lrf3d.world import World
 
@@ -93,24 +91,6 @@ def test_pairs_are_the_walls_that_the_beams_hit(drive):
     assert right > 150 and wrong <= 0.01 * right
 
 
-@pytest.mark.parametrize(("away", "first", "last"), [(2.0, -3.0, 5.0), (6.0, 4.0, 9.0)])
-def test_covariances_are_those_of_repeated_measurements(away, first, last):
-    lrf = LaserRangeFinder(beams=361)
-    world = World(np.array([[away, first, away, last]]))
-    run = make_run(world, np.zeros((1, 3)), lrf)
-    scan, rng = next(run.scans), np.random.default_rng(0)
-    noise = RangeNoise.from_sigma(0.4, 0.01, 80.0)
-    deviation = np.sqrt(noise.variance(np.where(scan.hits, scan.ranges, 0.0)))
-    samples = []
-    for _ in range(1000):
-        measured = replace(scan, ranges=scan.ranges + rng.normal(0.0, deviation))
-        samples.append(LocalLines.from_scan(measured, noise).lines[0])
-    computed = LocalLines.from_scan(scan, noise).covariances[0]
-    measured = np.cov(np.array(samples).T)
-    scale = np.sqrt(np.outer(np.diag(measured), np.diag(measured)))
-    assert computed / scale == pytest.approx(measured / scale, abs=0.15)
-
-
 @given(angles, places, places, st.floats(1, 20), st.tuples(*[st.floats(-0.1, 0.1)] * 3))
 def test_an_innovation_is_what_the_pose_is_off(alpha, x, y, away, off):
     normal = np.array([np.cos(alpha), np.sin(alpha)])
@@ -141,23 +121,6 @@ def test_a_known_lines_uncertainty_is_that_of_its_ends(deviation, along):
     both = along * turn
     expected = np.array([[turn, both], [both, offset + along**2 * turn]])
     assert found.noise[0] == pytest.approx(expected, rel=1e-6, abs=1e-12)
-
-
-def test_a_built_map_has_the_laser_on_the_left_of_every_segment():
-    world = make_world(box(0, 0, 10, 8), box(4.5, 3.5, 1, 1))
-    poses = np.array([[2.0, 2, 0.5], [8, 2, 2], [8, 6, 4], [2, 6, -0.5]])
-    run = make_run(world, poses, LaserRangeFinder(), sigma=0.04)
-    mapper = LineMapper()
-    for scan in run.scans:
-        mapper.update(scan)
-    line_map = mapper.map
-    x1, y1, x2, y2 = line_map.segments.T
-    inside = np.array([[2.0, 2], [8, 2], [8, 6], [2, 6]])
-    sides = [(x2 - x1) * (y - y1) - (y2 - y1) * (x - x1) for x, y in inside]
-    room = lengths(line_map.segments) > 3.0
-    assert room.sum() == 4
-    assert (np.array(sides)[:, room] > 0.0).all()
-    assert (np.array(sides)[:, ~room] > 0.0).any(axis=0).all()
 
 
 def test_the_two_faces_of_a_thin_wall_are_told_apart():

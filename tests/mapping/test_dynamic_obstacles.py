@@ -16,7 +16,6 @@ from lrf3d import (
 )
 from lrf3d.casting.dynamic_obstacle import round_outline
 from lrf3d.mapping.robust.judging import LEAST_HITS
-from lrf3d.scoring.matching import sample_offsets
 
 LRF = LaserRangeFinder(range_max=30.0)
 CORRIDOR = World(np.array([[-2, -1.5, 20, -1.5], [20, -1.5, 20, 1.5], [20, 1.5, -2, 1.5]]))
@@ -61,20 +60,6 @@ def test_who_is_slow_and_never_seen_again_leaves_few_walls():
     run = mapped(CORRIDOR, drive, *people)
     # They left 22.
     assert len(run.map) - 3 <= 10
-
-
-def test_a_door_that_closes_after_half_of_a_drive_is_in_the_map():
-    sides = [[4.6, 1.5, -2, 1.5], [20, 1.5, 5.8, 1.5], [4, 6, 4, 1.5], [7, 1.5, 7, 6], [7, 6, 4, 6]]
-    corridor = World(np.vstack([CORRIDOR.segments[:2], sides]))
-    there = np.column_stack([np.linspace(0.0, 10.0, 50), np.zeros((50, 2))])
-    drive = np.vstack([there, there[::-1] + np.array([0.0, 0.0, np.pi])])
-    leaf = np.array([[-0.6, -0.02], [0.6, -0.02], [0.6, 0.02], [-0.6, 0.02]])
-    away, shut = (500.0, 0.0, 0.0), (5.2, 1.52, 0.0)
-    door = DynamicObstacle(leaf, Trajectory([0.0, 49.4, 49.5], [away, away, shut]))
-    run = mapped(corridor, drive, door)
-    closed = np.array([[4.7, 1.5, 5.7, 1.5]])
-    on_map = sample_offsets(closed, run.map.segments, reach=0.1, angle=np.radians(5.0))
-    assert np.isfinite(on_map).all()
 
 
 def test_what_all_beams_go_through_leaves_the_cells():

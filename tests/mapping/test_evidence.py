@@ -24,18 +24,6 @@ def seen_from(world, poses, lrf=CIRCLE):
     return cells_of(scans)
 
 
-def test_what_went_away_leaves_the_map():
-    room = np.array([[10, -8, 10, 8.0]])
-    box = np.array([[5, -1, 5, 1.0]])
-    with_box, without = World(np.vstack([room, box])), World(room)
-    poses = [(0, 0, 0), (0.5, 0.1, 0)]
-    mapper = LineMapper(sigma=0.02)
-    assert len(drive(mapper, [with_box] * 2, poses)) >= 2
-    places = [(0.3 * (k % 15), 2.0 - 0.3 * (k // 15), 0.0) for k in range(90)]
-    later = drive(mapper, [without] * 90, places)
-    assert len(later) == 1 and lengths(later.segments)[0] == pytest.approx(16.0, abs=1.0)
-
-
 def test_an_open_door_is_not_bridged_by_what_unites_walls():
     # The door is as wide as a gap that uniting alone would close.
     walls = World(np.array([[5, -6, 5, -0.2], [5, 0.2, 5, 6], [9, -6, 9, 6.0]]))
@@ -170,18 +158,6 @@ def test_the_error_of_poses_makes_no_second_walls_where_it_is_known():
             mapper.update(replace(scan, pose=pose, pose_covariance=covariance))
         counts.append(len(mapper.map))
     assert counts[1] == 4 < counts[0]
-
-
-def test_beams_over_open_ground_take_no_memory():
-    house = World(np.array([[20, -3, 20, 3], [20, 3, 26, 3], [2e4, -3, 2e4, 3.0]]))
-    far = LaserRangeFinder(angle_min=-np.pi, angle_max=np.pi, beams=361, range_max=1000.0)
-    mapper, sizes = LineMapper(sigma=0.02), []
-    for _ in range(2):
-        poses = [(0.2 * k, 0.1 * k, 0.3 * k) for k in range(15)]
-        drive(mapper, [house] * 15, poses, lrf=far)
-        drive(mapper, [house] * 2, [(2e4 - 9.0, 0.0, 0.0)] * 2, lrf=far)
-        sizes.append(len(pickle.dumps(mapper)))
-    assert sizes[1] <= sizes[0] < 30e6
 
 
 def test_a_bent_wall_that_is_merged_and_cut_settles():

@@ -68,10 +68,3 @@ def test_scans_of_lit_points_that_are_no_walls_are_kept(scans):
     ]  # fmt: skip
     assert len(mapped(lone)) == 0
     assert len(mapped([*lone, *scans])) > 0
-
-
-def test_light_that_falls_with_the_range_alone_marks_nothing(scans):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", Lrf3dWarning)
-        found = mapped([replace(one, intensities=7e4 / one.ranges.clip(0.1) ** 2) for one in scans])
-    assert (found.kinds == "wall").all()

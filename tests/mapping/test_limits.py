@@ -7,14 +7,12 @@ from lrf3d import (
     InputError,
     LaserRangeFinder,
     LaserScan,
-    LineMap,
     LineMapper,
     PlanarCaster,
     ProportionalNoise,
     World,
 )
 from lrf3d.laser.free_space import free_cells
-from lrf3d.mapping.tracking import ObjectTracker
 
 CORNER = World([[3, -5, 3, 5], [3, 5, -3, 5]])
 LRF = LaserRangeFinder()
@@ -69,24 +67,6 @@ def test_settings_out_of_reason_are_refused_in_one_line(settings):
 def test_what_is_no_scan_is_refused_in_one_line(mode, scan):
     with pytest.raises(InputError, match="LaserScan"):
         LineMapper(mode).update(scan)
-
-
-def test_a_map_keeps_no_array_of_its_caller():
-    arrays = {
-        "segments": np.array([[0.0, 0, 1, 0]]),
-        "objects": np.array([0]),
-        "points": np.array([5]),
-        "kinds": np.array(["glass"], "<U6"),
-    }
-    line_map = LineMap(**arrays)
-    for name, array in arrays.items():
-        array[...] = np.zeros_like(array)
-        held = getattr(line_map, name)
-        assert held.tolist() != array.tolist() or name == "objects"
-        with pytest.raises(ValueError, match="read-only"):
-            held[...] = array
-    numbers = ObjectTracker().follow(line_map)
-    assert not numbers.flags.writeable and not line_map.lines.flags.writeable
 
 
 def test_poses_far_apart_make_a_map_and_free_cells():

@@ -151,30 +151,6 @@ def test_a_robot_that_stands_changes_no_wall(mode):
     assert np.array_equal(mapper.map.objects, before.objects)
 
 
-def test_maps_from_before_an_interrupted_update_stay_as_they_were(monkeypatch):
-    from lrf3d.mapping.robust import mapper as robust
-
-    whole, broken = LineMapper(), LineMapper()
-    caster = PlanarCaster(WORLD)
-    scans = [caster.cast(CIRCLE, pose) for pose in AROUND[:3]]
-    for scan in scans[:2]:
-        whole.update(scan)
-        broken.update(scan)
-    before = broken.map
-
-    def interrupted(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(robust, "merge_walls", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        broken.update(scans[2])
-    monkeypatch.undo()
-    np.testing.assert_array_equal(before.segments, whole.map.segments)
-    broken.update(scans[2])
-    whole.update(scans[2])
-    assert len(broken.map) == len(whole.map)
-
-
 @pytest.mark.parametrize("mode", ["paper", "robust"])
 @pytest.mark.parametrize("distance", [0.0, 1e-310, 1e-12])
 def test_returns_from_one_place_make_no_segment(mode, distance, tmp_path):

@@ -92,13 +92,6 @@ def test_in_a_closed_room_the_route_stays_inside():
         assert np.hypot(*(route[-1] - route[0])) + len(route) > 2.0
 
 
-def test_a_lone_house_is_seen_from_outside():
-    world = town([box(0.0, 0.0, 12.0, 9.0)])
-    route = plan_route(world)
-    house = shapely.box(0.0, 0.0, 12.0, 9.0)
-    assert not shapely.contains_xy(house, route[:, 0], route[:, 1]).any()
-
-
 def test_a_plan_with_a_line_on_each_side_of_its_outer_wall_is_driven_inside():
     walls = [*box(0.0, 0.0, 12.0, 9.0), *box(0.2, 0.2, 11.6, 8.6), [6.0, 0.2, 6.0, 4.0]]
     route = plan_route(World(np.array(walls), objects=[0] * 4 + [1] * 5))

@@ -8,7 +8,6 @@ import pytest
 from test_render import SIZE, city_run, drawn, needs_gl, room_run, run_of
 
 from lrf3d.errors import InputError
-from lrf3d.io import load_run, save_run
 from lrf3d.render.film import Film
 from lrf3d.render.video import frame
 from lrf3d.world.cameras import FilmPlan, FixedCamera
@@ -115,15 +114,6 @@ def test_memory_stays_flat_over_many_frames():
         film.draw(float(time))
     assert resident() - before < 3e6
     film.close()
-
-
-@needs_gl
-def test_cameras_of_a_world_are_kept_with_its_run(tmp_path):
-    run = room_run()
-    cameras = (FixedCamera("door", (0.1, 1.0, 1.6), (5.5, 3.0, 1.0 / 3.0), 33.3),)
-    run = replace(run, world=replace(run.world, cameras=cameras))
-    save_run(run, tmp_path / "run.npz")
-    assert load_run(tmp_path / "run.npz").world.cameras == cameras
 
 
 def test_the_picture_of_another_run_frees_the_film_of_the_last(monkeypatch):

@@ -246,14 +246,3 @@ def test_stops_dwell_with_beams_on_then_glide_with_beams_off():
     assert standing.pose[0] == pytest.approx(1.5)
     assert not gliding.scanning and 1.5 < gliding.pose[0] < 2.25
     assert timeline.moment(4.0).scanning and timeline.moment(4.0).scan == 1
-
-
-def test_without_opengl_the_error_says_what_to_install(monkeypatch):
-    from lrf3d.errors import MissingLibraryError
-    from lrf3d.render import gl
-
-    monkeypatch.setattr(gl, "_LIBRARIES", ("libnowhere.so.0",))
-    monkeypatch.setattr(gl.sys, "platform", "linux")
-    assert not gl.gl_available()
-    with pytest.raises(MissingLibraryError, match=r"apt-get install .* libegl1 libgl1"):
-        gl.require_gl()

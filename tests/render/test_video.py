@@ -1,13 +1,11 @@
 """Films: number, size and kind of the frames, and what is left when drawing fails."""
 
-import math
 import os
 import signal
 import subprocess
 import sys
 import time
 from dataclasses import replace
-from pathlib import Path
 
 import av
 import numpy as np
@@ -15,8 +13,7 @@ import pytest
 from PIL import Image
 from test_render import city_run, needs_gl, room_run
 
-from lrf3d.errors import InputError, MissingLibraryError, OutputError
-from lrf3d.io import save_run
+from lrf3d.errors import InputError, MissingLibraryError
 from lrf3d.render import video
 from lrf3d.world.cameras import FilmPlan
 
@@ -93,27 +90,16 @@ def test_workers_end_when_their_caller_is_killed(tmp_path):
     assert os.listdir(tmp_path) == []
 
 
-@needs_gl
-def test_a_folder_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(OutputError, match="nowhere"):
-        video.render_video(room_run(), tmp_path / "nowhere" / "a.mp4", size=(64, 36))
-
-
 @pytest.mark.parametrize(
     ("name", "wrong"),
     [
         ("a.mp4", {"size": (65, 36)}),
-        ("a.mp4", {"fps": 0.0}),
         ("a.mp4", {"workers": 0}),
         ("a.mp4", {"renderer": "crayon"}),
         ("a.gif", {"fps": 60.0}),
         ("a.avi", {}),
-        ("a.mp4", {"size": (64,)}),
         ("a.mp4", {"size": "64x36"}),
-        ("a.mp4", {"fps": "fast"}),
-        ("a.mp4", {"workers": 1.5}),
         ("a.mp4", {"playback": None, "view": 3}),
-        ("a.mp4", {"samples": "four"}),
         ("a.mp4", {"part": 3.0}),
     ],
 )
@@ -192,72 +178,15 @@ def test_films_may_be_as_short_as_a_frame(tmp_path, ending, frames):
             assert np.abs(pixels - alone).mean() < 8.0
 
 
-@needs_gl
-def test_a_time_outside_of_the_run_has_no_picture():
-    with pytest.raises(InputError, match="from 0 to 4 s"):
-        video.frame(city_run(), 4.1, size=(64, 36))
-
-
-@needs_gl
-@pytest.mark.parametrize(
-    ("name", "number"),
-    [("a.mp4", signal.SIGINT), pytest.param("a.gif", signal.SIGTERM, marks=pytest.mark.slow)],
-)
-def test_a_command_that_is_stopped_leaves_nothing(tmp_path, name, number):
-    run = tmp_path / "run.npz"
-    save_run(room_run(), run)
-    out, temporary = tmp_path / "out", tmp_path / "tmp"
-    out.mkdir()
-    temporary.mkdir()
-    command = [sys.executable, "-m", "lrf3d", "render", str(run), "--out", str(out / name)]
-    fps = "50" if name == "a.gif" else "500"
-    command += ["--size", "64x64", "--fps", fps, "--playback", "0.01"]
-    environment = {**os.environ, "TMPDIR": str(temporary)}
-    with subprocess.Popen(
-        command, stderr=subprocess.PIPE, env=environment, start_new_session=True
-    ) as caller:
-        limit = time.monotonic() + 20.0
-        while not list(tmp_path.rglob("*.log")) and time.monotonic() < limit:
-            time.sleep(0.02)
-        assert list(tmp_path.rglob("*.log"))
-        caller.send_signal(number)
-        assert caller.wait(20.0) == 128 + number
-        assert caller.stderr.read() == b"lrf3d: stopped\n"
-    assert os.listdir(temporary) == [] and os.listdir(out) == []
-    # A worker that was just being started finds by itself that nobody waits for it.
-    limit = time.monotonic() + 10.0
-    while working_in(tmp_path) and time.monotonic() < limit:
-        time.sleep(0.02)
-    assert working_in(tmp_path) == []
-    assert os.listdir(temporary) == [] and os.listdir(out) == []
-
-
-def working_in(folder):
-    """The processes whose command lines speak of a folder."""
-    return [path for path in Path("/proc").glob("[0-9]*/cmdline") if named(path, folder)]
-
-
-def named(command_line, folder):
-    """Whether a process's command line, a file in /proc, speaks of a folder."""
-    try:
-        return str(folder).encode() in command_line.read_bytes()
-    except OSError:
-        return False
-
-
 @pytest.mark.parametrize(
     ("time", "wrong"),
     [
         (1.0, {"size": (64,)}),
-        (1.0, {"size": None}),
         (1.0, {"playback": "slow"}),
         (1.0, {"goal": (1.0, 2.0)}),
-        (1.0, {"view": ["chase"]}),
         (1.0, {"view": "behind"}),
         (1.0, {"samples": 3}),
-        (1.0, {"size": (0, 100)}),
         ("now", {}),
-        (math.nan, {}),
     ],
 )
 def test_a_picture_that_cannot_be_drawn_is_refused(time, wrong):

@@ -103,15 +103,6 @@ def test_in_a_passage_too_narrow_for_the_eye_it_looks_down_and_stays_out_of_the_
         assert track.aways.min() > 1.0
 
 
-def test_the_eye_goes_down_smoothly():
-    timeline, structures = filmed(city_run())
-    story = Story(timeline, structures)
-    looks = [story.look(float(time), 16 / 9) for time in np.linspace(-OPENING, 1.4, 120)]
-    robot = np.array([*(timeline.poses(np.zeros(1))[0, :2] - timeline.origin), 0.3])
-    away = np.array([np.linalg.norm(look.eye - robot) for look in looks])
-    assert (np.abs(np.diff(np.log(away))) < 0.2).all()
-
-
 def test_the_eye_does_not_leap_where_the_robot_turns_away_in_a_shot():
     run = room_run()
     times = np.arange(0.0, 30.0, 0.25)

@@ -20,7 +20,6 @@ from lrf3d.scoring import (
     score_map,
     visible_walls,
 )
-from lrf3d.scoring.matching import sample_offsets
 from lrf3d.world import World
 
 ROUND = LaserRangeFinder(-np.pi, np.pi, 721)
@@ -156,34 +155,6 @@ def test_scores_do_not_depend_on_where_the_world_lies(blocks, truth, angle, shif
     there_map = replace(blocks.map, segments=moved(blocks.map.segments))
     there = score_map(there_map, moved(segments), objects).as_dict()
     assert there == pytest.approx(here, abs=1e-8)
-
-
-def test_offsets_equal_those_of_all_pairs():
-    rng = np.random.default_rng(4)
-    walls = rng.uniform(0, 6, (50, 4))
-    segments = np.vstack([rng.uniform(0, 6, (20, 4)), walls + rng.normal(0, 0.05, walls.shape)])
-    expected = []
-    for x1, y1, x2, y2 in segments:
-        length = np.hypot(x2 - x1, y2 - y1)
-        count = int(np.ceil(length / 0.05))
-        for step in range(count):
-            place = (step + 0.5) / count
-            point = np.array([x1 + place * (x2 - x1), y1 + place * (y2 - y1)])
-            best = (np.inf, np.inf)
-            for wall in walls:
-                delta = wall[2:] - wall[:2]
-                wall_length = np.hypot(*delta)
-                turn = (x2 - x1) * delta[1] - (y2 - y1) * delta[0]
-                if abs(turn) > np.sin(0.2) * length * wall_length:
-                    continue
-                gap = point - wall[:2]
-                along = np.clip(gap @ delta / wall_length, 0, wall_length)
-                distance = np.hypot(*(gap - along * delta / wall_length))
-                offset = abs(gap[0] * delta[1] - gap[1] * delta[0]) / wall_length
-                if distance <= 0.1:
-                    best = min(best, (distance, offset))
-            expected.append(best[1])
-    np.testing.assert_allclose(sample_offsets(segments, walls, reach=0.1, angle=0.2), expected)
 
 
 # Matching

@@ -1,6 +1,6 @@
 import numpy as np
 
-from lrf3d.frames import between
+from lrf3d.pose import between
 from lrf3d.slam.closures import Closure, LoopCloser
 from lrf3d.slam.views import Key
 

@@ -8,8 +8,8 @@ from drives import drive, path_of
 
 import lrf3d
 from lrf3d.errors import InputError
-from lrf3d.frames import between, compose
 from lrf3d.io.laser_log import LaserLog, WheelRecord
+from lrf3d.pose import between, compose
 from lrf3d.recorded import solve_log
 from lrf3d.slam.odometry import Repairs, WheelPath, fitted_lag, in_order, without_jumps
 from lrf3d.slam.violation import SelfCheck

@@ -8,7 +8,7 @@ import shapely
 from drives import drive, errors, path_of, rooms, solved, through
 
 import lrf3d
-from lrf3d.frames import between, compose
+from lrf3d.pose import between, compose
 
 
 @pytest.mark.parametrize("first, last", [(50, 80), (0, None)])

@@ -4,8 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lrf3d.casting import PlanarCaster
-from lrf3d.frames import between, compose
 from lrf3d.laser import LaserRangeFinder, LaserScan
+from lrf3d.pose import between, compose
 from lrf3d.slam.scan_matching import match_scan
 from lrf3d.slam.surface import grid_of, moved, range_noise, surface_of_scan, thinned
 from lrf3d.world import World

@@ -1,4 +1,3 @@
-import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +7,7 @@ from drives import SCANNER, drive, errors, followed, recorded, rooms, solved, th
 
 import lrf3d
 from lrf3d.errors import InputError
-from lrf3d.frames import between
+from lrf3d.pose import between
 from lrf3d.recorded import rising
 from lrf3d.slam.front_end import weakest_direction
 from lrf3d.slam.odometry import WheelPath
@@ -79,21 +78,6 @@ def test_the_covariance_is_that_of_the_errors():
                 squares.append(error @ np.linalg.solve(slam.covariance(), error) / 3.0)
     assert len(squares) > 15
     assert 0.2 < np.mean(squares) < 3.0
-
-
-def test_a_copy_goes_on_by_itself():
-    scans, wheels, _ = drive(rooms(1), [(1, 1), (4, 1)])
-    steps, half = [np.zeros(3), *lrf3d.odometry_increments(wheels)], len(scans) // 2
-    [*_, slam] = followed(lrf3d.Slam(), scans[:half], wheels[:half])
-    other = pickle.loads(pickle.dumps(slam))
-    shown = []
-    for each in (other, slam):
-        assert len(slam.trajectory()) == half
-        for scan, step in zip(scans[half:], steps[half:], strict=True):
-            each.update(scan, step)
-        shown.append(each.map.segments.tolist())
-    assert other.trajectory().tolist() == slam.trajectory().tolist()
-    assert shown[0] == shown[1]
 
 
 def test_all_scans_are_refined_or_none():

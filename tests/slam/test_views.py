@@ -1,8 +1,8 @@
 import numpy as np
 
 from lrf3d.casting import PlanarCaster
-from lrf3d.frames import between
 from lrf3d.laser import LaserRangeFinder
+from lrf3d.pose import between
 from lrf3d.slam import Slam
 from lrf3d.slam.views import Key, evidence, views_of
 from lrf3d.world import World

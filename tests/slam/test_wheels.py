@@ -3,7 +3,7 @@ import pytest
 from drives import drive, errors, followed, path_of, rooms, solved
 
 import lrf3d
-from lrf3d.frames import between
+from lrf3d.pose import between
 from lrf3d.slam.odometry import WheelPath, fitted_lag
 from lrf3d.slam.wheels import Wheels
 
@@ -71,8 +71,3 @@ def test_the_first_scans_do_not_follow_wheels_that_turn_as_they_drive(monkeypatc
     wary = heading()
     monkeypatch.setattr(Wheels, "unlearned", lambda self, increment: 0.0)
     assert wary < 0.5 * heading()
-
-
-def test_a_path_of_one_line_stays_where_it_is():
-    path = WheelPath(np.array([[1.0, 2.0, 0.5]]))
-    assert path.at(np.array([0.0, 0.5, 3.0])).tolist() == [[1.0, 2.0, 0.5]] * 3

@@ -170,12 +170,6 @@ def test_own_mappers_are_scored_beside_ours(room, tmp_path):
     assert text.count(r"\\") == 4 and r" \pm " in text and r"\begin{tabular}" in text
 
 
-@pytest.mark.slow
-def test_a_mapper_that_cannot_be_sent_is_one_clear_error(room):
-    with pytest.raises(InputError, match="cannot be sent to other processes"):
-        lrf3d.sweep(room, mappers={"x": lambda: OneWall()}, workers=2)
-
-
 def test_a_row_can_be_run_again_by_its_seed(room, tmp_path):
     plan = tiny(room)
     row = run_plan(plan, tmp_path, None).rows[-1]

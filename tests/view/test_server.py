@@ -46,7 +46,8 @@ def page(address, *, origin=None, host=None):
 
 def test_a_foreign_page_or_name_gets_nothing(address):
     port = urlsplit(address).port
-    assert get(address)[0] == get(address, Host=f"localhost:{port}")[0] == 200
+    for host in (f"LocalHost:{port}", "[::1]:80", "localhost"):
+        assert get(address)[0] == get(address, Host=host)[0] == 200
     assert get(address, "/lrf3d/world", Origin=address)[0] == 200
     for path in ("/", "/lrf3d/world", "/lrf3d/page.js", SOCKET, "/nowhere"):
         for host in ("evil.com", "localhost.evil.com", "127.0.0.1.nip.io", "2130706433", ""):
@@ -56,29 +57,14 @@ def test_a_foreign_page_or_name_gets_nothing(address):
             assert status == 403 and text.count("\n") == 1
 
 
-@pytest.mark.parametrize(
-    ("names", "status"),
-    [
-        (["localhost"], 200),
-        (["LocalHost:80"], 200),
-        (["[::1]"], 200),
-        (["[::1]:8080"], 200),
-        ([], 400),
-        ([""], 400),
-        (["::1"], 400),
-        (["localhost:"], 400),
-        (["localhost:80:80"], 400),
-        (["localhost:x"], 400),
-        (["localhost", "evil.com"], 400),
-    ],
-)
-def test_a_name_counts_without_its_port_and_in_any_case(address, names, status):
+@pytest.mark.parametrize("names", [[], ["localhost", "evil.com"]])
+def test_a_page_is_asked_for_by_one_name(address, names):
     connection = http.client.HTTPConnection(urlsplit(address).netloc, timeout=PATIENCE)
     connection.putrequest("GET", "/", skip_host=True)
     for name in names:
         connection.putheader("Host", name)
     connection.endheaders()
-    assert connection.getresponse().status == status
+    assert connection.getresponse().status == 400
     connection.close()
 
 

@@ -122,6 +122,9 @@ def test_an_unknown_ending_is_told_the_endings_there_are(tmp_path):
     (tmp_path / "plan.xyz").touch()
     with pytest.raises(WorldError, match=r"plan\.xyz: unknown ending.*\.toml.*\.geojson"):
         load_world(tmp_path / "plan.xyz")
+    (tmp_path / "drive.log.gz").touch()
+    with pytest.raises(WorldError, match=r"drive\.log\.gz: .*logs are read by `lrf3d slam`"):
+        load_world(tmp_path / "drive.log.gz")
     with pytest.raises(OutputError, match=r"plan\.xyz: unknown ending.*\.toml, \.geojson"):
         save_world(World([[0, 0, 1, 0]]), tmp_path / "plan.xyz")
 
@@ -154,21 +157,16 @@ TWINS = {
         ({"objects": [np.nan]}, "wall 0: object nan"),
         ({"objects": [0.5]}, "wall 0: object 0.5, expected whole"),
         ({"heights": [0.0]}, "wall 0: height 0.0, expected more than 0"),
-        ({"heights": [np.nan]}, "wall 0: height nan, expected more than 0"),
         ({"heights": "tall"}, "heights: expected numbers"),
         ({"heights": 5}, r"heights of shape \(\): expected"),
         ({"object_names": ("a", "b")}, "2 names for 1 objects"),
-        ({"object_names": "a"}, "object_names: expected a list"),
         ({"object_names": [5]}, "object_names: expected str, found 5"),
         ({"colours": [[0, 0, 0], [1, 1, 1]]}, r"colours of shape \(2, 3\): expected \(1, 3\)"),
         ({"colours": [[0, 0, 255]]}, "from 0 to 1"),
-        ({"colours": [[0, 0, np.nan]]}, "three NaN"),
         ({"place": (np.nan, np.nan)}, "place: expected longitude and latitude"),
-        ({"place": "ab"}, "place: expected"),
         ({"free": "abc"}, "free: expected .*FreeCells"),
         ({"cameras": ["abc"]}, "cameras: expected FixedCamera"),
         ({"cameras": 2 * [FixedCamera("c", (0, 0, 1), (1, 1, 1))]}, "two of the name 'c'"),
-        ({"materials": 5}, "materials: expected a list"),
         ({"materials": [5]}, "materials: expected str"),
         ({"materials": ["glass", "brick"]}, "2 materials for 1 objects"),
         ({"materials": ["glas"]}, r"there is no 'glas'; did you mean 'glass'\?"),
@@ -176,7 +174,6 @@ TWINS = {
         ({"name": 5}, "name: expected str"),
         ({"segments": [[0, 0, 1.1e9, 0]]}, "wall 0: ends .*at most 1e"),
         ({"segments": [[0, 0, 0, 0]]}, "wall 0: ends .* two different points"),
-        ({"segments": "walls"}, "segments: expected numbers"),
     ],
 )
 def test_a_world_refuses_what_does_not_fit(arguments, message):
@@ -193,18 +190,12 @@ GRID_OF = {"cells": np.ones((2, 2)), "resolution": 0.1}
     ("make", "message"),
     [
         (lambda: FixedCamera(**{**CAMERA, "position": (0, 0, "z")}), "camera 'c': position"),
-        (lambda: FixedCamera(**{**CAMERA, "position": (0, 0)}), "camera 'c': position"),
-        (lambda: FixedCamera(**{**CAMERA, "position": 5}), "camera 'c': position"),
-        (lambda: FixedCamera(**{**CAMERA, "position": (0, 0, 1e300)}), "camera 'c': position"),
         (lambda: FixedCamera(**{**CAMERA, "target": (1, 1, np.nan)}), "camera 'c': target"),
         (lambda: FixedCamera(**CAMERA, field_deg="wide"), "camera 'c': field_deg"),
         (lambda: FreeCells(**{**GRID_OF, "cells": []}), "free cells of shape"),
-        (lambda: FreeCells(**{**GRID_OF, "cells": "abc"}), "free cells: expected numbers"),
         (lambda: FreeCells(**{**GRID_OF, "resolution": "fine"}), "free cells: resolution 'fine'"),
         (lambda: FreeCells(**GRID_OF, origin=(np.nan, 0.0, 0.0)), "pose"),
-        (lambda: World([[0, 0, 1, 0]]).scaled("a"), "scale 'a'"),
         (lambda: World([[0, 0, 1, 0]]).scaled(np.nan), "scale nan"),
-        (lambda: World([[0, 0, 1, 0]]).scaled(1e300), "scale 1e"),
     ],
 )
 def test_what_no_file_could_hold_is_refused(make, message):

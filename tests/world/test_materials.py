@@ -3,7 +3,7 @@ import pytest
 
 import lrf3d
 from lrf3d.errors import WorldError
-from lrf3d.world import Material, World, load_world, save_world
+from lrf3d.world import Material, World, load_world
 from lrf3d.world.materials import BUILT_IN, material_of
 
 WALLS = [[0, 0, 4, 0], [4, 0, 4, 3]]
@@ -29,19 +29,6 @@ def test_a_built_in_material_reflects_no_more_light_than_falls_on_it(material):
 def test_an_invalid_material_is_refused(values, message):
     with pytest.raises(WorldError, match=message):
         Material("own", **values)
-
-
-def test_objects_without_materials_are_a_world_without_materials():
-    assert World(WALLS, materials=[None]).materials == ()
-
-
-@pytest.mark.parametrize("ending", [".toml", ".geojson", ".glb"])
-def test_a_world_without_materials_is_saved_without_a_word_of_them(ending, tmp_path):
-    save_world(World(WALLS), tmp_path / f"world{ending}")
-    # Every glTF file has a list of its materials, without names.
-    written = (tmp_path / f"world{ending}").read_bytes().replace(b'"materials"', b"")
-    written = written.replace(b'"material":0', b"").replace(b'"material": 0', b"")
-    assert b"material" not in written
 
 
 def test_materials_are_read_as_openstreetmap_says_them():

@@ -139,7 +139,11 @@ def test_what_is_transparent_is_paper(tmp_path):
 
 
 def test_a_bare_picture_is_read_with_a_resolution(tmp_path):
-    described = load_world(save_map(tmp_path, room(), "plan.png"))
+    described = load_world(yaml := save_map(tmp_path, room(), "plan.png"))
+    yaml.rename(tmp_path / "plan.yaml")
+    with pytest.raises(WorldError, match=r"plan\.png: .*; give plan\.yaml next to it, or --res"):
+        load_world(tmp_path / "plan.png")
+    (tmp_path / "plan.yaml").unlink()
     world = load_world(tmp_path / "plan.png", resolution=0.1)
     assert np.array_equal(world.segments, described.segments)
     assert world.free is None
