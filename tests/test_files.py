@@ -98,7 +98,6 @@ def test_a_built_in_world_comes_before_a_folder_of_its_name():
     ("file", "said"),
     [
         ("map.geojson", "the folder of a map that was made from a log, with no run.npz in it"),
-        ("sweep.jsonl", "the folder of a sweep"),
         ("runs.csv", "the folder of a sweep"),
         ("metadata.yaml", "the folder of a ROS 2 bag"),
         ("run.journal", "the run was stopped"),

@@ -2,34 +2,31 @@ import subprocess
 import sys
 
 import numpy as np
+import pytest
 
 import lrf3d
 
+CASTING = (
+    "import lrf3d; w = lrf3d.World([[1, -1, 1, 1]]);"
+    "lrf3d.PlanarCaster(w).cast(lrf3d.LaserRangeFinder(), (0, 0, 0))"
+)
 
-def loaded_by(code):
+
+@pytest.mark.parametrize(
+    ("code", "heavy"),
+    [
+        ("import lrf3d", "numba numpy trimesh pyrender matplotlib scipy shapely"),
+        ("import lrf3d.cli", "numba numpy trimesh pyrender matplotlib scipy shapely rich"),
+        ("import lrf3d; lrf3d.load_scenario('city')", "numba trimesh scipy shapely"),
+        (CASTING, "trimesh embreex pyrender matplotlib"),
+    ],
+)
+def test_what_is_not_needed_is_not_loaded(code, heavy):
     program = f"import sys\n{code}\nprint(' '.join(sys.modules))"
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     )
-    return set(done.stdout.split())
-
-
-def test_importing_lrf3d_loads_nothing_heavy():
-    heavy = {"numba", "trimesh", "pyrender", "matplotlib", "scipy", "shapely", "numpy"}
-    assert not heavy & loaded_by("import lrf3d")
-
-
-def test_the_command_line_loads_nothing_heavy():
-    heavy = {"numba", "trimesh", "pyrender", "matplotlib", "scipy", "shapely", "numpy", "rich"}
-    assert not heavy & loaded_by("import lrf3d.cli")
-
-
-def test_a_planar_cast_builds_no_mesh():
-    code = (
-        "import lrf3d; w = lrf3d.World([[1, -1, 1, 1]]);"
-        "lrf3d.PlanarCaster(w).cast(lrf3d.LaserRangeFinder(), (0, 0, 0))"
-    )
-    assert not {"trimesh", "embreex", "pyrender", "matplotlib"} & loaded_by(code)
+    assert not set(heavy.split()) & set(done.stdout.split())
 
 
 def test_the_public_names_are_sorted_and_all_there():

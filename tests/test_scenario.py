@@ -98,15 +98,12 @@ def test_settings_hold_instead_of_what_the_file_says(tmp_path):
     ("text", "said"),
     [
         ("laser.range_mx=2", "did you mean 'range_max'"),
-        ("lasr.range_max=2", "did you mean 'laser'"),
         ("noise.dropouts=0.1", "did you mean 'drop_outs'"),
         ("range_max=2", "TABLE.KEY=VALUE"),
-        ("laser.range_max=far", "'far': expected a finite number, above 0"),
         ("robot.route=[[1, 2], [3", "not a TOML value; expected one such as 20"),
         ("laser.beams=5\nrange_max=1", "whole number"),
         ("mapper.mode=papr", "expected one of paper, robust, found 'papr'"),
         ("laser." + "a" * 1_000_000 + "=1", "known are"),
-        ("noise.drop_outs=2", "at most 1"),
     ],
 )
 def test_an_invalid_setting_is_reported_with_what_is_expected(text, said):

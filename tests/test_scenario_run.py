@@ -111,14 +111,6 @@ def test_changes_hold_for_one_run():
         city.run(drive=drive, caster="radar")
 
 
-def test_a_drive_into_a_wall_is_an_error_or_reported():
-    wall = lrf3d.Scenario(lrf3d.World([[2, -1, 2, 1]]), route=np.array([[0.0, 0.0], [4.0, 0.0]]))
-    with pytest.raises(lrf3d.CollisionError):
-        wall.run(rng=0)
-    said = []
-    assert len(wall.run(rng=0, on_collision=said.append)) > 2 and "runs into wall 0" in said[0]
-
-
 def test_the_version_is_that_of_the_package():
     said = program("--version").stdout
     assert said == f"lrf3d {lrf3d.__version__}\n"

@@ -182,38 +182,28 @@ def _fitting_radius(ground: Ground, where: Side | None, start: Float | None) -> 
 
 
 def _straightened(space: FreeSpace, legs: list[Int]) -> Float:
-    """Way-points (m, 2) along the legs, straight as far as that costs no more than the legs.
+    """Way-points (m, 2) along the legs, straight as far as that keeps off walls as the legs do.
 
     The ends of the legs, which are lookouts, always stay.
     """
     waypoints = [space.places[legs[0][0]]]
     for leg in legs:
         places, gaps = space.places[leg], space.gaps[leg]
-        steps = np.hypot(*np.diff(places, axis=0).T)
-        prices = space.cost(gaps)
-        costs = np.append(0.0, np.cumsum(steps * 0.5 * (prices[1:] + prices[:-1])))
         here = 0
         while here < len(leg) - 1:
             there = here + 1
-            while there + 1 < len(leg) and _is_better(
-                space,
-                places[[here, there + 1]],
-                costs[there + 1] - costs[here],
-                gaps[here : there + 2].min(),
-            ):
+            while there + 1 < len(leg):
+                least = min(gaps[here : there + 2].min(), space.radius + COMFORT)
+                if _gap(space, places[here], places[there + 1]) < least - 0.01:
+                    break
                 there += 1
             waypoints.append(places[there])
             here = there
     return np.array(waypoints)
 
 
-def _is_better(space: FreeSpace, ends: Float, cost: float, least: float) -> bool:
-    """Whether the line between two places (2, 2) costs at most as much, as far from walls."""
-    length = float(np.hypot(*(ends[1] - ends[0])))
+def _gap(space: FreeSpace, start: Float, end: Float) -> float:
+    """Distance [m] of the line between two places (2,) from walls."""
+    length = float(np.hypot(*(end - start)))
     shares = np.linspace(0.0, 1.0, int(2.0 * length / space.ground.size) + 2)[:, None]
-    gaps = np.asarray(space.ground.tree.query(ends[0] + shares * (ends[1] - ends[0]))[0])
-    enough = gaps.min() >= min(least, space.radius + COMFORT) - 0.01
-    prices = space.cost(gaps)
-    mean = 0.5 * (prices[1:] + prices[:-1]).mean()
-    # A straight line is worth a tenth more.
-    return bool(enough and length * mean <= 1.1 * cost)
+    return float(np.min(space.ground.tree.query(start + shares * (end - start))[0]))

@@ -12,8 +12,8 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.planning.free_space import COMFORT, FreeSpace
 from lrf3d.world import World
 
-BEAMS, HEADINGS = 360, 8
-"""Number of beams all around, and of headings for which the view of a laser with 180° is stored."""
+BEAMS = 360
+"""Number of beams all around a lookout."""
 
 TIGHT = 0.3
 """Factor of the worth of a lookout without comfort."""
@@ -31,18 +31,18 @@ def find_tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
     """
     patches, patch_of = _patches(space)
     seen, weights = _look(space.places[patches] + world.origin, world, range_max)
-    around = np.asarray(seen.any(axis=0))
     comfortable = space.gaps >= space.radius + COMFORT
-    lookouts = patches[_cover(around, weights, np.where(comfortable[patches], 1.0, TIGHT))]
+    lookouts = patches[_cover(seen, weights, np.where(comfortable[patches], 1.0, TIGHT))]
     kept = int(space.start is not None)
     if space.start is not None:
         lookouts = np.append(space.number[space.start], lookouts)
     paths = _paths(space, lookouts, lookouts)
     metres = np.array([[_length(space, path) for path in row] for row in paths])
-    views, order = around[patch_of[lookouts]], [0]
+    views, order = seen[patch_of[lookouts]], [0]
     while True:
         steps, away = metres[order[:-1], order[1:]], metres[order]
-        shown = _shown(space, _legs(space, paths, order), seen, patch_of)
+        places = np.unique(patch_of[np.concatenate([lookouts[order], *_legs(paths, order)])])
+        shown = seen[places].any(axis=0)
         detours = np.vstack([away[:1], away[:-1] + away[1:] - steps[:, None], away[-1:]])[kept:]
         detour = detours.min(axis=0)
         worth = views @ np.where(shown, 0.0, weights) / np.maximum(detour, 1.0)
@@ -54,9 +54,11 @@ def find_tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
             break
         order.insert(kept + int(np.argmin(detours[:, best])), best)
         order = _two_opt(order, metres[np.ix_(order, order)], kept)
-    # What is seen depends on the direction of the drive.
-    tours = [_legs(space, paths, each) for each in ([order] if kept else [order, order[::-1]])]
-    legs = max(tours, key=lambda legs: float(weights @ _shown(space, legs, seen, patch_of)))
+    legs = _legs(paths, order)
+    # At its ends the robot turns round, to see what lay behind it.
+    turn = int(1.0 / space.ground.size) + 2
+    begin = [] if kept else [leg[turn - 1 :: -1] for leg in legs[:1]]
+    legs = [*begin, *legs, *(leg[: -turn - 1 : -1] for leg in legs[-1:])]
     end = int(legs[-1][-1] if legs else lookouts[0])
     while sum(_length(space, leg) for leg in legs) < SHORTEST_ROUTE:
         apart = np.hypot(*(space.places - space.places[end]).T)
@@ -68,23 +70,9 @@ def find_tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
     return legs
 
 
-def _legs(space: FreeSpace, paths: list[list[Int]], order: list[int]) -> list[Int]:
-    """The paths of a tour; at its ends the robot turns round, to see what lay behind it."""
-    legs = [paths[one][other] for one, other in pairwise(order)]
-    turn = int(1.0 / space.ground.size) + 2
-    begin = [] if space.start is not None else [leg[turn - 1 :: -1] for leg in legs[:1]]
-    return [*begin, *legs, *(leg[: -turn - 1 : -1] for leg in legs[-1:])]
-
-
-def _shown(space: FreeSpace, legs: list[Int], seen: Bool, patch_of: Int) -> Bool:
-    """Which pieces (pieces,) are seen ahead on a drive."""
-    path = np.concatenate([np.zeros(0, dtype=np.int64), *legs])
-    steps = np.diff(space.places[path], axis=0)
-    moved = steps.any(axis=1)
-    turn = np.arctan2(steps[:, 1], steps[:, 0]) / (2.0 * np.pi) * HEADINGS
-    heading = np.round(turn).astype(int) % HEADINGS
-    pairs = np.unique(np.stack([heading, patch_of[path[1:]]])[:, moved], axis=1)
-    return np.asarray(seen[tuple(pairs)].any(axis=0))
+def _legs(paths: list[list[Int]], order: list[int]) -> list[Int]:
+    """The paths of a tour."""
+    return [paths[one][other] for one, other in pairwise(order)]
 
 
 def _patches(space: FreeSpace) -> tuple[Int, Int]:
@@ -141,7 +129,7 @@ def _length(space: FreeSpace, path: Int) -> float:
 
 
 def _look(positions: Float, world: World, range_max: float) -> tuple[Bool, Float]:
-    """Which pieces are seen (headings, k, pieces) from positions (k, 2), and their weights [m]."""
+    """Which pieces are seen (k, pieces) from positions (k, 2), and their weights [m]."""
     # Farther away beams of 1° leave gaps.
     reach, last = min(range_max, 40.0), np.pi - 2.0 * np.pi / BEAMS
     lrf = LaserRangeFinder(-np.pi, last, beams=BEAMS, range_max=reach, height=0.0)
@@ -160,10 +148,8 @@ def _look(positions: Float, world: World, range_max: float) -> tuple[Bool, Float
     wall, station = numbers >> 32, size * (numbers & 0xFFFFFFFF)
     # Niches and steps are not worth a detour.
     weights = np.minimum(size, long[wall] - station) * np.minimum(long[wall] / 2.0, 1.0)
-    seen = np.zeros((HEADINGS, len(positions), len(numbers)), dtype=np.bool_)
-    for heading in range(HEADINGS):
-        turn = (beam - BEAMS // 2 - heading * BEAMS // HEADINGS + BEAMS // 4) % BEAMS
-        seen[heading, position[turn <= BEAMS // 2], piece[turn <= BEAMS // 2]] = True
+    seen = np.zeros((len(positions), len(numbers)), dtype=np.bool_)
+    seen[position, piece] = True
     return seen, weights
 
 

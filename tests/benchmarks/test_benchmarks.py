@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 from program import lrf3d
-from synthetic_run import around, make_run, make_world, ring
+from synthetic_run import ring
 
 from benchmarks import drive, light, maps, ranges, slam
 from benchmarks.__main__ import PARTS, bench
@@ -14,8 +14,7 @@ from benchmarks.glass import found_glass, images
 from benchmarks.report import Report
 from benchmarks.score import bench as score
 from benchmarks.slam_consistency import Drive, consistency, simulated
-from benchmarks.storage import storage
-from lrf3d import LaserRangeFinder, LineMap, World, load_world, simulate
+from lrf3d import LaserRangeFinder, World, load_world, simulate
 from lrf3d.errors import InputError
 
 ROUND = LaserRangeFinder(-np.pi, np.pi, 361)
@@ -138,22 +137,3 @@ def test_in_a_corridor_without_end_the_error_stays_within_its_ellipse():
     assert figures["weak_direction_reported"] == 1.0
     assert figures["places_within_95_percent_ellipse"] > 0.9
     assert figures["largest_error_m"] > 0.05
-
-
-def local_map(corners):
-    """The local map of a scan that shows a chain of walls."""
-    ends = np.array(corners, dtype=float)
-    lines = np.hstack([ends[:-1], ends[1:]])
-    return LineMap(lines, np.zeros(len(lines)), np.full(len(lines), 9))
-
-
-def test_an_object_of_six_walls_takes_fewer_numbers_than_its_views_as_polylines_or_a_grid():
-    walls = ring([(0, 0), (6, 0), (6, 3), (3, 3), (3, 6), (0, 6)])
-    run = make_run(make_world(walls), around(3, 3, 8, 8), ROUND)
-    views = [[(0, 6), (0, 0), (6, 0)], [(0, 0), (6, 0), (6, 3), (3, 3)],
-             [(6, 0), (6, 3), (3, 3), (3, 6), (0, 6)], [(3, 6), (0, 6), (0, 0)]]  # fmt: skip
-    count = storage(run, [*map(local_map, views)])
-    # The view from below left is shown by the others; corner walls are stored twice.
-    assert (count.union_numbers, count.polyline_numbers) == (30, 24)
-    assert count.grid_cells > 50 * count.polyline_numbers
-    assert storage(run, []).polyline_numbers == 0

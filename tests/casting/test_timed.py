@@ -2,6 +2,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from drives import NoMap
 from rational import ExactWorld
 
 import lrf3d
@@ -30,11 +31,6 @@ def timed(caster, lrf, path, obstacles=()):
 def among(caster, lrf, *obstacles):
     """The caster for scans at one moment, among obstacles."""
     return timed(caster, lrf, None, obstacles)
-
-
-class Mapless:
-    def update(self, scan):
-        return None
 
 
 @CASTERS
@@ -107,7 +103,7 @@ def test_obstacles_move_while_the_beams_of_a_sweep_turn():
 def test_robots_see_each_other_and_not_themselves():
     apart = [Trajectory([0.0, 1.0], [(x, 31, 0), (x, 31, 0.2)]) for x in (50.0, 53.0)]
     lrf = LaserRangeFinder(-np.pi, np.pi, 721)
-    one, other = simulate_fleet(CITY, apart, lrf, radius=0.5, mapper=Mapless)
+    one, other = simulate_fleet(CITY, apart, lrf, radius=0.5, mapper=NoMap)
     ahead, behind = one.truth[0, 360], other.truth[0, 0]
     assert ahead == pytest.approx(2.5) and behind == pytest.approx(2.5)
     assert one.walls[0, 360] == -1 and one.truth.min() > 2.49

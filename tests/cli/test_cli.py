@@ -63,16 +63,6 @@ def test_a_picture_that_fails_loses_nothing_and_says_so_in_one_line(room, tmp_pa
     assert "world picture" not in summary["files"] and (out / "run.npz").exists()
 
 
-def test_a_robot_that_only_stands_drives_nowhere(tmp_path):
-    room = tmp_path / "stops.toml"
-    text = ROOM.replace("route = [[2, 2], [8, 2], [8, 6]]", "poses = [[2, 2, 0], [8, 6, 3]]")
-    room.write_text(text.replace("speed = 2.0\nscan_interval = 0.5\n", ""))
-    done = lrf3d("run", room, "--no-video", "--out", tmp_path / "out")
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("scans      2 scans of 61 beams, from single poses\n")
-    assert json.loads((tmp_path / "out" / "summary.json").read_text())["drive"]["length_m"] == 0.0
-
-
 def test_a_plan_as_large_as_paper_has_no_walls_to_find_and_a_small_file(tmp_path):
     text = ROOM.replace("10", "0.1").replace("8]", "0.08]").replace("sigma = 0.05", "sigma = 0")
     route = re.search("route = .*\nspeed = .*\nscan_interval = .*", text)
@@ -149,7 +139,6 @@ def test_a_collision_can_be_ignored(room, tmp_path):
         ("fly", "there is no 'fly'; known are run, render"),
         ("world shaw", "did you mean 'world show'?"),
         ("run", "required: WORLD"),
-        ("run city corridor", "unexpected corridor"),
         ("run city --sede 3", "there is no '--sede'; did you mean '--seed'?"),
         ("run city --mode best", "--mode: 'best': expected robust or paper"),
         ("run city --sigma much", "--sigma: 'much': expected a number from 0"),
@@ -175,13 +164,11 @@ DIGITS = "9" * 5000
     [
         (["run", "ROOM", "--set", f"laser.range_max={DIGITS}"], "laser.range_max"),
         (["run", "ROOM", "--set", f"laser.range_max=0x{DIGITS}"], "thousands of digits"),
-        (["run", "ROOM", "--set", "laser.range_max=2020-01-01"], "expected a finite number"),
         (["run", "ROOM", "--set", "noise.sigma=" + "[" * 5000], "not a TOML value"),
         (["sweep", "ROOM", "--vary", f"noise.sigma=0x{DIGITS}"], "thousands of digits"),
         (["run", "n" * 300 + ".toml"], "too long"),
         (["run", "ROOM", "--out", "n" * 300], "too long"),
         (["run", "ROOM", "--out", "box.toml/out"], "--out"),
-        (["render", "n" * 300], "too long"),
         (["run", "ROOM", "--scans", "1" + 12 * "0"], "from 1 to 10,000,000"),
         (["run", "ROOM", "--resume", "--out", "full"], "run.journal: a folder"),
     ],
@@ -206,14 +193,6 @@ def test_output_that_cannot_be_written_or_shown_is_no_traceback(room, tmp_path):
     done = subprocess.run(command, capture_output=True, env=environment)
     assert (done.returncode, done.stderr) == (0, b"")
     assert rb"\u03c3 0.1 m" in done.stdout
-
-
-@pytest.mark.parametrize("name", ["$^$", "\udcff"])
-def test_any_name_can_be_that_of_a_world(tmp_path, name):
-    path = tmp_path / f"{name}.toml"
-    path.write_text(ROOM.replace('name = "box"', ""))
-    done = lrf3d("world", "show", path, "--out", tmp_path / "world.png")
-    assert (done.returncode, done.stderr) == (0, "")
 
 
 @pytest.mark.slow

@@ -18,6 +18,7 @@ from program import lrf3d as program
 
 import lrf3d
 from lrf3d.exporting import export_run
+from test_scenario import ROOM as TABLES
 
 COUNT = int(os.environ.get("LRF3D_MUTATED", "100"))
 FEW = 4
@@ -38,7 +39,7 @@ TOKENS = [
 PATTERNS = [re.compile(rb"[+-]?\d+\.?\d*(?:[eE][+-]?\d+)?"), re.compile(rb"[A-Za-z_][\w]*")]
 """Numbers and words."""
 
-ROOM = b"""\
+ROOM = f"""\
 name = "box"
 [[object]]
 name = "walls"
@@ -51,37 +52,7 @@ number = 2
 name = "door"
 position = [1, 1, 2]
 target = [5, 5, 1]
-field_deg = 60
-[[obstacle]]
-route = [[5, 6], [8, 6]]
-speed = 1.5
-radius = 0.3
-[robot]
-start = [2, 2, 90]
-route = [[2, 2], [8, 2], [8, 5]]
-speed = 2.0
-scan_interval = 0.5
-radius = 0.3
-[laser]
-angle_min_deg = -90
-angle_max_deg = 90
-beams = 31
-range_min = 0.1
-range_max = 20.0
-scan_duration = 0.1
-[noise]
-sigma = [0.05, 0.1]
-constant = 0.01
-drop_outs = 0.1
-resolution = 0.01
-[mapper]
-mode = "robust"
-gap = 1.0
-min_points = 3
-[film]
-view = "door"
-playback = 2
-"""
+{TABLES}""".encode()
 
 AXES = [
     b"noise.sigma=0,0.07", b"laser.beams=31,61", b"mapper.gap=1,2.5", b"robot.speed=.5,1",

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from drives import NoMap
 from program import lrf3d as program
 from program import refused
 from test_cli import ROOM
@@ -93,7 +94,6 @@ def test_a_report_that_json_cannot_hold_is_refused_in_one_line(folder):
     ("kind", "name", "said"),
     [
         ("mapper", "own_parts", "module:object"),
-        ("mapper", ":Points", "module:object"),
         ("mapper", "nowhere:Points", "no module 'nowhere'"),
         ("mapper", "own_parts:Point", "did you mean 'Points'?"),
         ("mapper", "own_parts:Straight", "expected a method update"),
@@ -147,20 +147,6 @@ def test_an_invalid_command_is_refused_with_its_time(command):
         list(Simulation(BOX, Bad(), LRF, start=(5, 2, 0), scans=3))
 
 
-def test_a_robot_with_a_radius_does_not_drive_through_walls():
-    class Ahead:
-        def command(self, time, pose, scan):
-            return 1.0, 0.0
-
-    settings = {"start": (5.0, 2.0, 0.0), "scans": 100, "scan_interval": 0.1}
-    steps = []
-    with pytest.raises(CollisionError, match="wall 1"):
-        for step in Simulation(BOX, Ahead(), LRF, radius=0.3, **settings):
-            steps.append(step)
-    assert 9.5 < steps[-1].pose.x < 9.7
-    assert len(list(Simulation(BOX, Ahead(), LRF, **settings))) == 100
-
-
 def test_a_wall_is_met_between_two_scans_of_a_round_drive():
     class Round:
         def command(self, time, pose, scan):
@@ -192,16 +178,12 @@ def examples(monkeypatch):
 def test_the_wall_follower_follows_walls_and_runs_into_none(examples, world, scans):
     from wall_follower import WallFollower
 
-    class Nothing:
-        def update(self, scan):
-            pass
-
     scenario = lrf3d.load_scenario(world)
     start = scenario.start if scenario.start is not None else scenario.poses[0]
     settings = {"start": start, "scan_interval": 0.1, "scans": scans, "radius": scenario.radius}
     near, poses = [], []
     for step in Simulation(
-        scenario.world, WallFollower(), scenario.lrf, mapper=Nothing(), **settings
+        scenario.world, WallFollower(), scenario.lrf, mapper=NoMap(), **settings
     ):
         poses.append(step.pose)
         near.append(step.true_scan.ranges.min())

@@ -131,6 +131,7 @@ REFUSED: dict[str, tuple[str | bytes, str]] = {
     "empty.geojson": ('{"type": "FeatureCollection", "features": []}', "holds no Polygon and no"),
     "three.geojson": ('{"type": "FeatureCollection", "features": [3]}', "0: expected a Feature"),
     "point.geojson": (_line([1, 2], [1, 2]), "feature 0: LineString of no"),
+    "text.geojson": (_line([1, 2], ["a", 2]), "feature 0: LineString"),
     "huge.geojson": ('{"type": "LineString", "coordinates": [[1, 2], [1e999, 2]]}', "at most 1e"),
     "thin.geojson": (
         '{"type": "Polygon", "coordinates": [[[1, 2], [3, 4], [1, 2]]]}',

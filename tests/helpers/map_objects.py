@@ -1,14 +1,23 @@
-"""The objects of walls, by what beams show of them."""
+"""The map of some scans, and the objects of walls by what beams show of them."""
 
 import numpy as np
 
 from lrf3d.laser import RangeNoise
+from lrf3d.mapping import LineMapper
 from lrf3d.mapping.grid import filled
 from lrf3d.mapping.robust.beams import Beams
 from lrf3d.mapping.robust.cells import LEAST, Cells, NewEvidence, open_squares
 from lrf3d.mapping.robust.judging import add_beams
 from lrf3d.mapping.robust.objects import Links, find_objects, link_walls
 from lrf3d.mapping.robust.walls import Walls
+
+
+def map_of(scans, mapper=None):
+    """The map of some scans, of the default mapper if none is given."""
+    mapper = LineMapper() if mapper is None else mapper
+    for scan in scans:
+        mapper.update(scan)
+    return mapper.map
 
 
 def objects_of(ends, cells):

@@ -179,13 +179,6 @@ def test_layouts_for_other_programs_show_topics_that_a_bag_has(mcap):
         assert shown <= {each.topic for each in bag.connections}
 
 
-def test_a_bag_of_a_run_without_a_map_has_none(run, tmp_path):
-    bare = replace(run, snapshot_scans=(), maps=())
-    export_run(bare, "mcap", tmp_path / "bare.mcap")
-    with rosbag2.Reader(tmp_path / "bare.mcap") as bag:
-        assert not {"/map", "/map_objects"} & {each.topic for each in bag.connections}
-
-
 def test_a_bag_is_replaced_and_nothing_else_is(run, tmp_path):
     bag = tmp_path / "run_bag"
     export_run(run, "rosbag2", bag, every=3)
@@ -238,6 +231,7 @@ def test_transforms_up_to_the_map_come_before_odometry_and_behind_the_truth(tmp_
     moves = drives("odom", "base_link", [(0, 0, 0), (1, 0, 0)])
     mapped = drives("map", "odom", [(10, 0, 0), (10, 0, 0)])
     drive = [("/odom", t, ODOMETRY, odometry(float(t), (7.0, 0.0, 0.0))) for t in range(2)]
+    drive += [("/laser_odom", t, ODOMETRY, odometry(float(t), (9.0, 0.0, 0.0))) for t in range(2)]
     bag = write(tmp_path / "bag", mounted(), *moves, *mapped, *drive, *scans(0.5))
     assert load_log(bag).scans[0].pose == pytest.approx((10.5, 0, 0))
     assert load_log(bag).source == "/tf, laser in map"
@@ -250,12 +244,6 @@ def test_a_fixed_joint_that_is_published_repeatedly_is_no_drive(tmp_path):
     joint = drives("base_link", "laser", [(0.2, 0, 0)] * 3)
     log = load_log(write(tmp_path / "bag", *joint, *wheels(3), *scans(1.0)))
     assert log.source == "/odom" and log.poses[0] == pytest.approx([1.2, 0, 0])
-
-
-def test_headings_are_interpolated_the_shorter_way(tmp_path):
-    moves = drives("odom", "base_link", [(0, 0, 3.0), (1, 0, -3.0)])
-    log = load_log(write(tmp_path / "bag", mounted(), *moves, *scans(0.25)))
-    assert log.poses[0] == pytest.approx([0.25, 0, 3.0 + 0.25 * (2 * np.pi - 6.0)])
 
 
 def test_invalid_scans_and_scans_without_a_pose_are_counted_and_named(tmp_path):

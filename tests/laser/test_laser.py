@@ -81,6 +81,7 @@ def test_a_range_max_beyond_all_coordinates_is_unknown(largest):
         ({"pose": (1e300, 0.0, 0.0)}, "pose"),
         ({"ranges": [1.0]}, "one of each"),
         ({"intensities": [1.0]}, r"intensities \(1,\): expected a row for each of 2 beams"),
+        ({"pose_covariance": np.eye(2)}, "pose_covariance"),
         ({"pose_covariance": np.diag([1.0, 1.0, -1.0])}, "pose_covariance"),
         ({"pose_covariance": np.triu(np.ones((3, 3)))}, "pose_covariance"),
     ],

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lrf3d.laser.light import brightness, intensity, shares
+from lrf3d.laser.light import brightness, shares
 
 cosines = st.floats(0.0, 1.0)
 unit = st.floats(0.0, 1.0)
@@ -45,9 +45,3 @@ def test_the_lobe_of_a_glossy_surface_is_a_gaussian_of_twice_the_angle():
     assert head_on == pytest.approx(0.8 / (2.0 * lobe**2))
     tilted = brightness(math.cos(angle), math.sin(angle), 0.0, 0.0, 0.8, lobe)
     assert tilted == pytest.approx(head_on * math.exp(-0.5 * (2.0 * angle / lobe) ** 2))
-
-
-@given(st.floats(0.1, 80.0), unit)
-def test_intensity_falls_with_the_square_of_the_distance(distance, bright):
-    assert intensity(bright, distance, 0.0) == pytest.approx(bright / distance**2)
-    assert intensity(bright, 1.0, 2.0) == pytest.approx(bright)

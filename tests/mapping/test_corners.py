@@ -6,16 +6,6 @@ from hypothesis import strategies as st
 from lrf3d.mapping.robust.objects import CORNER_REACH, CORNER_SINE, CORNER_TRIM, close_corners
 
 
-def test_ends_that_all_but_meet_are_moved_to_where_the_lines_cross():
-    ends = np.array([[0.0, 0, 3.9, 0], [4, 0.2, 4, 3], [0.2, 0.1, 0, 2.0]])
-    one = np.zeros(3, np.int64)
-    closed = close_corners(ends, one)
-    assert closed[0, 2:] == pytest.approx([4, 0]) == closed[1, :2]
-    # Walls of other objects do not meet.
-    apart = close_corners(ends, np.arange(3))
-    assert np.array_equal(apart, ends)
-
-
 def cross(one, other):
     return one[0] * other[1] - one[1] * other[0]
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from map_objects import map_of
 
 import lrf3d
 from lrf3d.errors import Lrf3dWarning
@@ -31,19 +32,12 @@ def in_units(scan, unit):
     return replace(scan, intensities=np.where(scan.hits, intensities, 0.0))
 
 
-def mapped(scans):
-    mapper = lrf3d.LineMapper()
-    for scan in scans:
-        mapper.update(scan)
-    return mapper.map
-
-
 @pytest.mark.parametrize("unit", ["by wall", "by wall, noisy", "constant", "noise", "linear"])
 def test_intensities_in_a_device_s_own_units_mark_nothing_and_a_line_says_so(scans, unit):
     with pytest.warns(Lrf3dWarning, match="do not fall with range and incidence") as told:
-        found = mapped([in_units(scan, unit) for scan in scans])
+        found = map_of([in_units(scan, unit) for scan in scans])
     assert len(told) == 1
-    assert np.array_equal(found.segments, mapped(scans).segments)
+    assert np.array_equal(found.segments, map_of(scans).segments)
     assert (found.kinds == "wall").all()
 
 
@@ -51,10 +45,10 @@ def test_intensities_in_a_device_s_own_units_mark_nothing_and_a_line_says_so(sca
 def test_intensities_that_are_no_light_are_left_out_without_a_word(scans, value):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found = mapped(
+        found = map_of(
             [replace(scan, intensities=np.full(len(scan.ranges), value)) for scan in scans]
         )
-    assert np.array_equal(found.segments, mapped(scans).segments)
+    assert np.array_equal(found.segments, map_of(scans).segments)
 
 
 def test_scans_of_lit_points_that_are_no_walls_are_kept(scans):
@@ -66,5 +60,5 @@ def test_scans_of_lit_points_that_are_no_walls_are_kept(scans):
         )
         for one in scans[:9]
     ]  # fmt: skip
-    assert len(mapped(lone)) == 0
-    assert len(mapped([*lone, *scans])) > 0
+    assert len(map_of(lone)) == 0
+    assert len(map_of([*lone, *scans])) > 0

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from map_objects import map_of
 
 from lrf3d import (
     LaserRangeFinder,
@@ -51,10 +52,7 @@ def thin_walls():
 
 
 def mapped(all_scans, sigma=0.04, **settings_):
-    mapper = LineMapper(sigma=sigma, **settings_)
-    for scan in all_scans:
-        mapper.update(scan)
-    return mapper.map
+    return map_of(all_scans, LineMapper(sigma=sigma, **settings_))
 
 
 def moved(scan, turn, shift, step=1):

@@ -72,10 +72,6 @@ def test_a_part_of_a_run_has_the_numbers_of_the_whole(run):
     assert part.lasting_objects[-1].tolist() == run.lasting_objects[-1].tolist()
 
 
-def test_a_run_without_a_map_has_none(run):
-    assert replace(run, snapshot_scans=(), maps=()).lasting_objects == ()
-
-
 def test_all_pictures_give_an_object_one_colour_in_all_maps(run):
     from lrf3d.scene.drawn_map import DrawnMap
     from lrf3d.scene.structures import Structures

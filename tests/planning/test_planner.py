@@ -297,9 +297,3 @@ def test_a_plan_in_other_units_is_refused_with_the_scale_that_fits(unit, scale):
         plan_route(flat.scaled(unit))
     town = np.vstack([STREETS.segments + np.tile([x, 0.0], 2) for x in (0.0, 4000.0)])
     assert len(plan_route(World(town))) > 2
-
-
-@pytest.mark.parametrize("start", ["abc", (1e300, 0.0), (None, 1.0)])
-def test_a_start_of_the_wrong_kind_is_one_clear_error(start):
-    with pytest.raises(InputError, match="start"):
-        plan_route(HOUSE, start=start)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_render import SIZE, city_run, needs_gl, room_run
+from test_render import SIZE, city_run, needs_gl, on_picture, room_run
 
 import lrf3d
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
@@ -12,7 +12,6 @@ from lrf3d.io import load_run, save_run
 from lrf3d.render.film import Film
 from lrf3d.render.video import frame
 from lrf3d.robot import Trajectory
-from lrf3d.scene.bodies import Obstacles
 from lrf3d.world.cameras import FilmPlan
 
 WALK = Trajectory([0.0, 4.0], [(-26.0, 1.0, 0.0), (-20.0, -1.0, 1.5)])
@@ -92,16 +91,6 @@ def test_bodies_are_drawn_where_they_are_and_nowhere_else(renderer):
         film.close()
 
 
-def on_picture(look, place):
-    """The pixel x, y of a place, by the look's own pose."""
-    local = np.linalg.inv(look.pose) @ [*place, 1.0]
-    focus = 0.5 * SIZE[1] / np.tan(0.5 * look.field)
-    return (
-        0.5 * SIZE[0] - focus * local[0] / local[2],
-        0.5 * SIZE[1] + focus * local[1] / local[2],
-    )
-
-
 @RENDERERS
 def test_bodies_move_while_the_robot_stands(renderer):
     run = city_run()
@@ -109,8 +98,3 @@ def test_bodies_move_while_the_robot_stands(renderer):
     run = replace(run, trajectory=stand, obstacles=OBSTACLES)
     first, second = (framed(run, time, renderer=renderer, view="chase") for time in (1.0, 1.05))
     assert (np.abs(first - second).max(axis=2) > 20).sum() > 3
-
-
-def test_nothing_is_made_where_nothing_moves():
-    none = Obstacles((), np.zeros(2), indoor=False)
-    assert none.bodies(1.0) == [] and none.shadows(1.0) is None and none.plans(1.0, 0.1) is None

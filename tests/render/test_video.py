@@ -94,6 +94,7 @@ def test_workers_end_when_their_caller_is_killed(tmp_path):
     ("name", "wrong"),
     [
         ("a.mp4", {"size": (65, 36)}),
+        ("a.mp4", {"fps": 0.0}),
         ("a.mp4", {"workers": 0}),
         ("a.mp4", {"renderer": "crayon"}),
         ("a.gif", {"fps": 60.0}),
@@ -151,31 +152,16 @@ def test_an_animation_has_its_frames_its_size_and_its_length(tmp_path, ending, f
 
 
 @needs_gl
-@pytest.mark.parametrize(
-    ("ending", "frames"),
-    [
-        (".mp4", 1),
-        (".webp", 1),
-        (".gif", 3),
-    ],
-)
-def test_films_may_be_as_short_as_a_frame(tmp_path, ending, frames):
+@pytest.mark.parametrize("ending", [".mp4", ".webp", ".gif"])
+def test_films_may_be_as_short_as_a_frame(tmp_path, ending):
     # A run of one scan lasts no time, and is looked at for a moment.
-    run = room_run()
-    run = run.part(np.arange(1))
-    length = video.Timeline(run).end - video.Timeline(run).start
-    path = tmp_path / f"run{ending}"
-    fps = (frames - 0.5) / length
-    video.render_video(run, path, size=(128, 72), fps=fps, samples=0, workers=min(frames, 2))
-    with av.open(str(path)) if ending == ".mp4" else Image.open(path) as film:
-        if ending == ".mp4":
-            assert film.streams.video[0].frames == frames
-        else:
-            # Pictures that are the same are shown as one.
-            assert film.size == (128, 72) and 1 <= film.n_frames <= frames
-            pixels = np.array(film.convert("RGB")).astype(int)
-            alone = video.frame(run, 0.0, size=(128, 72), samples=0).astype(int)
-            assert np.abs(pixels - alone).mean() < 8.0
+    run, path = room_run().part(np.arange(1)), tmp_path / f"run{ending}"
+    fps = 0.5 / (video.Timeline(run).end - video.Timeline(run).start)
+    video.render_video(run, path, size=(128, 72), fps=fps, samples=0, workers=1)
+    with av.open(str(path)) as film:
+        [picture] = [each.to_ndarray(format="rgb24").astype(int) for each in film.decode(video=0)]
+    alone = video.frame(run, 0.0, size=(128, 72), samples=0).astype(int)
+    assert np.abs(picture - alone).mean() < 8.0
 
 
 @pytest.mark.parametrize(

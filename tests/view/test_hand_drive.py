@@ -36,13 +36,6 @@ def test_what_moves_is_seen_by_the_laser(tmp_path):
     assert nearer > 60
 
 
-def test_while_nothing_changes_the_clock_stands_still(tmp_path):
-    drive = hand(YARD, tmp_path)
-    assert drive.step(0.05)
-    assert [drive.step(0.05) for _ in range(3)] == [False] * 3 and drive.time == 0.05
-    assert drive.step(0.05, turn=1.0) and drive.turning > 0.0
-
-
 def test_the_noise_of_the_scenario_is_that_of_the_drive(tmp_path):
     drive = hand(YARD + "\n[noise]\nsigma = 0\nresolution = 0.5\n", tmp_path)
     hits = drive.latest.ranges[drive.latest.hits]

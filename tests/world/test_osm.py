@@ -100,11 +100,6 @@ def test_what_stands_over_the_robot_is_no_building():
     assert not is_building({"highway": "path"})
 
 
-def test_an_extract_without_a_building_says_so(tmp_path):
-    with pytest.raises(WorldError, match="no whole building"):
-        osm(tmp_path, way(1, 0, 1, 2))
-
-
 def test_trees_are_read_where_they_are_asked_for(tmp_path):
     oak = tree(10, 40, 5, height="12", circumference="1.5", species="Tilia")
     body = oak + node(11, (45, 5), highway="street_lamp") + HOUSE
