@@ -61,6 +61,9 @@ better than 0.02 m."""
 REFINED_PRIOR = np.diag([2500.0, 2500.0, 10000.0])
 """Information of where a scan stood before: 0.02 m and 0.01 rad."""
 
+REFINED_ITERATIONS = 8
+"""Most Gauss-Newton steps."""
+
 REFINED_WITH = 12
 """Key scans that a scan is matched with. More take longer, and move the mean error by some
 thousandths."""
@@ -279,7 +282,7 @@ def refined(
             continue
         for scan in range(first, end):
             prior = turned(REFINED_PRIOR, float(poses[scan, 2]))
-            match = match_scan(surfaces[scan], grid, poses[scan], prior)
+            match = match_scan(surfaces[scan], grid, poses[scan], prior, REFINED_ITERATIONS)
             if match.explained > LEAST_REFINED:
                 refined_poses[scan] = match.pose
     return refined_poses
