@@ -120,7 +120,9 @@ def simulated(world: str, seed: int) -> Drive:
     keys = true[slam.key_scans]
     false = 0
     for closure in slam.closures:
-        off = between(closure.relative, between(keys[closure.old], keys[closure.new]))
+        # Like the information, along the axes of the old key scan.
+        off = between(keys[closure.old], keys[closure.new]) - closure.relative
+        off[2] = wrap_angle(off[2])
         off = fixed_part(off, closure.information)
         false += bool(np.hypot(off[0], off[1]) > FALSE_PLACE or abs(off[2]) > FALSE_TURN)
     marked = np.array(errors), np.array(covariances), float(np.mean(weak))

@@ -64,7 +64,8 @@ AGREEING, AGREEING_IN_THE_END = 3, 2
 drives, and when the drive is over, if no other contradicts them."""
 
 STRETCH = 12.0
-"""Closures within this distance [m] of each other, at both ends, are compared."""
+"""Closures are compared if the old key scans of both are this near along the graph [m], and the new
+ones along the drive."""
 
 DEVIATIONS = 3.5
 """Two closures agree if the loop that they form closes within this many deviations."""
@@ -112,6 +113,8 @@ class LoopCloser:
         # Those that were found, but too few others agree with them.
         self.unconfirmed: list[Closure] = []
         self.paths = GraphPaths()
+        # Poses (k, 3) of the key scans by the graph.
+        self._poses = np.empty((0, 3))
         # How far the robot had driven at each key scan [m], and by now.
         self.driven = np.empty(0)
         self.distance = 0.0
@@ -137,17 +140,19 @@ class LoopCloser:
 
     def search(self, poses: Float) -> list[Closure]:
         """Closures that are accepted now: of the newest key scan, and older ones it confirms."""
-        closure = self._found(len(self.keys) - 1, poses)
+        self._poses = poses
+        closure = self._found(len(self.keys) - 1)
         if closure is None:
             return []
         self.unconfirmed.append(closure)
         return self._accept(closure, AGREEING)
 
-    def settle(self) -> None:
+    def settle(self, poses: Float) -> None:
         """Accept closures that fewer confirm, now that the drive is over, and take wrong ones back.
 
         Of closures that contradict each other those that came first were accepted.
         """
+        self._poses = poses
         for closure in list(self.unconfirmed):
             if closure in self.unconfirmed:
                 self._accept(closure, AGREEING_IN_THE_END, strict=True)
@@ -161,9 +166,17 @@ class LoopCloser:
         self.unconfirmed += wrong
 
     def _votes(self, newest: Closure, closures: list[Closure]) -> dict[Closure, bool]:
-        """Which closures of the same two stretches of the path agree with one of them."""
-        beside = [other for other in closures if self._beside(other, newest)]
-        return {other: self._agree(other, newest) for other in beside}
+        """Which closures agree with another, of those that join the same two places.
+
+        Old key scans of several drives past a place are near each other along the graph.
+        """
+        lengths = self.paths.lengths(newest.old, STRETCH)
+        away = np.abs(self.driven - self.driven[newest.new])
+        return {
+            other: self._agree(other, newest, float(lengths[other.old] + away[other.new]))
+            for other in closures
+            if lengths[other.old] < STRETCH and away[other.new] < STRETCH
+        }
 
     def _accept(self, newest: Closure, enough: int, *, strict: bool = False) -> list[Closure]:
         """Accept a closure and those that agree with it, if these are enough."""
@@ -184,8 +197,9 @@ class LoopCloser:
             self.paths.link(closure.old, closure.new, length, closure.covariance)
         return agreeing
 
-    def _found(self, new: int, poses: Float) -> Closure | None:
+    def _found(self, new: int) -> Closure | None:
         """The closure of a key scan with an old one, at the place that fits best of all."""
+        poses = self._poses
         if len(self.keys[new].surface) < LEAST_POINTS:
             return None
         fits = self.driven < self.driven[new] - LEAST_DISTANCE
@@ -204,7 +218,7 @@ class LoopCloser:
         while fits.any():
             old = int(np.where(fits, apart, np.inf).argmin())
             spread = _bounded(spreads[old])
-            places += self._places(old, new, poses, spread)
+            places += self._places(old, new, spread)
             # The next try is at another place than this one; where the window is small, one that
             # shows the place is enough. In a wide one all are tried, or else a place that looks
             # like the right one would be believed.
@@ -243,14 +257,15 @@ class LoopCloser:
         ]
         return around, between(self.keys[old].pose, np.array([key.pose for key in around]))
 
-    def _places(self, old: int, new: int, poses: Float, spread: Float) -> list[Place]:
+    def _places(self, old: int, new: int, spread: Float) -> list[Place]:
         """The places of a new key scan in a window around an old one."""
         around, seen_from = self._submap(old, new)
         grid = wall_map((key.walls, pose) for key, pose in zip(around, seen_from, strict=True))
         if grid is None or len(grid.surface) < LEAST_POINTS:
             return []
         scan, field = self.keys[new], field_of(around, seen_from)
-        guess, window = between(poses[old], poses[new]), turned(spread, -float(poses[old, 2]))
+        guess = between(self._poses[old], self._poses[new])
+        window = turned(spread, -float(self._poses[old, 2]))
         found = search(scan, grid, field, guess, window, NEAR)
         return [
             Place(
@@ -261,23 +276,13 @@ class LoopCloser:
             for match in found
         ]
 
-    def _beside(self, first: Closure, second: Closure) -> bool:
-        """Whether two closures join the same two stretches of the path."""
-        driven = self.driven
-        return bool(
-            abs(driven[first.new] - driven[second.new]) < STRETCH
-            and abs(driven[first.old] - driven[second.old]) < STRETCH
-        )
-
-    def _agree(self, first: Closure, second: Closure) -> bool:
-        """Whether the loop over two closures and the paths between their ends closes."""
+    def _agree(self, first: Closure, second: Closure, length: float) -> bool:
+        """Whether the loop over two closures closes, whose paths between have a length [m]."""
         if first is second:
             return True
-        old = between(self.keys[first.old].pose, self.keys[second.old].pose)
+        old = between(self._poses[first.old], self._poses[second.old])
         new = between(self.keys[first.new].pose, self.keys[second.new].pose)
         error = between(compose(first.relative, new), compose(old, second.relative))
-        length = abs(self.driven[first.old] - self.driven[second.old])
-        length += abs(self.driven[first.new] - self.driven[second.new])
         place, turn = 0.05 + DRIFT * length, 0.015 + DRIFT_TURN * length
         spread = np.array([place, place, turn])
         lever = np.hypot(old[0], old[1]) * 0.015

@@ -131,8 +131,12 @@ class Slam:
 
     def _add(self, key: Key, scan: LaserScan) -> None:
         """Attach a scan to a known place, or add it to the graph and close loops."""
-        self._drive_to(key)
-        if place := self._known_place(key):
+        place = None
+        if self._anchors:
+            last = self._anchors[-1]
+            self._closer.drive(between(last.front, key.pose), self._lost())
+            place = in_known_place(self._closer, key, last, self._key_poses)
+        if place:
             self._anchors.append(place)
         else:
             self._add_key(key, scan)
@@ -167,17 +171,6 @@ class Slam:
         met = scan.hits
         hits = scan.ranges[met, None] * beam_directions(0.0, scan.angles[met]) + self._laser
         return Key(number, np.zeros(3), surface, walls, hits, *beams, self._laser, noise)
-
-    def _drive_to(self, key: Key) -> None:
-        """Count how far the robot has driven since the last anchor."""
-        if self._anchors:
-            self._closer.drive(between(self._anchors[-1].front, key.pose), self._lost())
-
-    def _known_place(self, key: Key) -> Anchor | None:
-        """The anchor of the newest scan where the robot was before; None elsewhere."""
-        if not self._anchors:
-            return None
-        return in_known_place(self._closer, key, self._anchors[-1], self._key_poses)
 
     def _add_key(self, key: Key, scan: LaserScan) -> None:
         """Add a vertex to the pose graph, and an edge to it."""
@@ -332,7 +325,7 @@ class Slam:
 
     def finish(self) -> None:
         """Adjust all poses, once the last scan is in and no more closures can come."""
-        self._closer.settle()
+        self._closer.settle(self._key_poses)
         path, closed = self._edges.part(~self._edges.robust), self._closer.accepted
         self._edges = Edges.joined([path, closure_edges(closed)]) if closed else path
         if len(self._edges):

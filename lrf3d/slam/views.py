@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lrf3d.compiling import compiled
 from lrf3d.geometry import Float, wrap_angle
-from lrf3d.slam.surface import CONNECTED, CONNECTED_GROWTH
+from lrf3d.slam.surface import CONNECTED, CONNECTED_GROWTH, FLATTEST
 
 BEHIND = 0.3
 """A beam that passes this far behind what the other scan saw [m] contradicts it."""
@@ -57,6 +57,7 @@ class Key:
 def views_of(points: Float, poses: Float, keys: Sequence[Key]) -> NDArray[np.uint8]:
     """How key scans (k,) saw points (m, …), whose frame is at poses (k, 3) as seen from them.
 
+    Points may have normals, as those of surfaces have: walls that beams run along are out of view.
     Each of (k, m) is 0 for a point out of view, 1 in view, 2 where beams pass through, and 3 where
     they hit something.
     """
@@ -97,6 +98,12 @@ def _view(
         if not (least > 0.0 and np.isfinite(least)):
             continue
         distance = np.sqrt(dx * dx + dy * dy)
+        if points.shape[1] == 4:
+            nx = cos * points[i, 2] - sin * points[i, 3]
+            ny = sin * points[i, 2] + cos * points[i, 3]
+            # A post has no normal.
+            if 0.0 < abs(nx * dx + ny * dy) <= FLATTEST * distance:
+                continue
         views[i] = 2 if least > distance + limits[0] else 1
         for side in range(-1, 2):
             one, other = ranges[beam], ranges[beam + side]

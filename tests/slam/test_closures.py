@@ -5,6 +5,7 @@ from lrf3d.slam.closures import Closure, LoopCloser
 from lrf3d.slam.views import Key
 
 NOTHING, LASER = np.empty((0, 4)), np.zeros(2)
+INFORMATION = np.diag([1e3, 1e3, 1e4])
 
 
 def key(number, pose):
@@ -12,18 +13,40 @@ def key(number, pose):
     return Key(number, pose, NOTHING, NOTHING, NOTHING[:, :2], *beams, LASER, 0.01)
 
 
+def driven(poses, jump):
+    """A closer with key scans (k,) at poses, and a gap in the drive before one of them."""
+    closer = LoopCloser()
+    for number, pose in enumerate(poses):
+        closer.drive(np.array([1.0 + 50.0 * (number == jump), 0.0, 0.0]), 0)
+        closer.add_key(key(number, pose))
+        if number:
+            closer.paths.link(number - 1, number, 1.0 + 50.0 * (number == jump), 1e-4 * np.eye(3))
+    return closer
+
+
 def test_closures_that_most_others_contradict_are_taken_back_in_the_end():
     """The wrong ones came first, and agree with each other."""
     there = [np.array([float(x), 0.0, 0.0]) for x in range(10)]
-    poses = [*there, *(pose + np.array([0.0, 0.1, 0.0]) for pose in there)]
-    closer = LoopCloser()
-    for number, pose in enumerate(poses):
-        closer.drive(np.array([1.0 + 50.0 * (number == 10), 0.0, 0.0]), 0)
-        closer.add_key(key(number, pose))
-    information = np.diag([1e3, 1e3, 1e4])
-    right = [Closure(k, k + 10, between(poses[k], poses[k + 10]), information) for k in range(3, 7)]
-    wrong = [Closure(k, k + 10, np.array([4.0, 1.0, 0.0]), information) for k in range(2)]
+    poses = np.array([*there, *(pose + np.array([0.0, 0.1, 0.0]) for pose in there)])
+    closer = driven(poses, 10)
+    right = [Closure(k, k + 10, between(poses[k], poses[k + 10]), INFORMATION) for k in range(3, 7)]
+    wrong = [Closure(k, k + 10, np.array([4.0, 1.0, 0.0]), INFORMATION) for k in range(2)]
     closer.accepted = [*wrong, *right]
-    closer.settle()
+    closer.settle(poses)
     assert closer.accepted == right
     assert closer.unconfirmed == wrong
+
+
+def test_closures_with_two_earlier_drives_past_a_place_agree():
+    """One with each is not enough: but the place is the same, as loops that were closed say."""
+    poses = np.array([[float(x), 0.0, 0.0] for x in [*range(10), *range(30, 35), *range(10)]])
+    last = np.array([*poses, [0.0, 20.0, 0.0], [2.0, 0.1, 0.0], [3.0, 0.1, 0.0]])
+    pairs = (2, 26), (18, 27)
+    closures = [Closure(*pair, between(*last[list(pair)]), INFORMATION) for pair in pairs]
+    for joined in (False, True):
+        closer = driven(last, 10)
+        if joined:
+            closer.paths.link(3, 18, 0.5, 1e-4 * np.eye(3))
+        closer.unconfirmed = list(closures)
+        closer.settle(last)
+        assert closer.accepted == (closures if joined else [])

@@ -18,6 +18,17 @@ def test_what_the_other_saw_is_passed_hidden_out_of_view_or_hit():
     assert views_of(points, np.zeros((1, 3)), [key]).tolist() == [[2, 1, 1, 0, 3]]
 
 
+def test_a_wall_that_beams_run_along_is_out_of_view():
+    """Where the laser stands in the plane of a thin wall, its beams pass beside the wall."""
+    beams = np.linspace(-0.5, 0.5, 11), np.full(11, 9.0)
+    nothing = np.empty((0, 4))
+    key = Key(0, np.zeros(3), nothing, nothing, nothing[:, :2], *beams, np.zeros(2), 0.01)
+    along, across, post = [4.0, 0.1, 0.0, 1.0], [4.0, 0.1, -1.0, 0.0], [4.0, 0.1, 0.0, 0.0]
+    assert views_of(np.array([along, across, post]), np.zeros((1, 3)), [key]).tolist() == [
+        [0, 2, 2]
+    ]
+
+
 def test_most_speaks_for_the_right_place_even_where_little_is_explained():
     """Of trunks and bushes matching explains nothing, and from the door of a room most is new."""
     rng = np.random.default_rng(0)
