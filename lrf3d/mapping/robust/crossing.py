@@ -5,7 +5,14 @@ import numpy as np
 from lrf3d.compiling import borrower
 from lrf3d.geometry import Float
 from lrf3d.mapping.robust.beams import CELL
-from lrf3d.mapping.robust.cells import MOST_PASSES, PASS_DIRECTIONS, Cells, block_at, cell_in
+from lrf3d.mapping.robust.cells import (
+    FREE_DEPTH,
+    MOST_PASSES,
+    PASS_DIRECTIONS,
+    Cells,
+    block_at,
+    cell_in,
+)
 
 COSINES = np.cos(2.0 * np.pi * np.arange(PASS_DIRECTIONS) / PASS_DIRECTIONS)
 SINES = np.sin(2.0 * np.pi * np.arange(PASS_DIRECTIONS) / PASS_DIRECTIONS)
@@ -38,20 +45,35 @@ def ways_across(ux: float, uy: float, sine: float) -> int:
 
 
 @borrower
-def count_beams(cells: Cells, block: int, cell: int, ways: int) -> int:
-    """How many beams went in some directions through a cell."""
+def _passes(cells: Cells, x: float, y: float, way: int) -> int:
+    """How many beams went one way through the cell of a place [m]."""
+    column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
+    # Nothing has passed the cells of block 0.
+    passed: int = cells.passes[block_at(cells, column, row), way, cell_in(column, row)]
+    return passed & MOST_PASSES
+
+
+@borrower
+def count_beams(
+    cells: Cells, block: int, cell: int, ways: int, x: float, y: float, deeper: float
+) -> int:
+    """How many beams went in some directions through a cell at a place, and so much deeper [m]."""
     count, ways = 0, ways & cells.passed[block, cell]
     for way in range(PASS_DIRECTIONS if ways else 0):
         if (ways >> way) & 1:
-            count += cells.passes[block, way, cell] & MOST_PASSES
+            passed = cells.passes[block, way, cell] & MOST_PASSES
+            if deeper > 0.0:
+                dx, dy = COSINES[way], SINES[way]
+                passed = min(passed, _passes(cells, x + deeper * dx, y + deeper * dy, way))
+            count += passed
     return count
 
 
 @borrower
-def is_crossed(line: Float, cells: Cells, spare: int, sine: float) -> bool:
-    """Whether more beams than are to spare crossed a line (4,), at the angle of a sine or more.
+def is_crossed(line: Float, cells: Cells, depth: float, spare: int, sine: float) -> bool:
+    """Whether more beams than are to spare crossed a line (4,) and went so deep [m] behind it.
 
-    What is near its ends does not count.
+    They cross it at the angle of the sine, or more; what is near its ends does not count.
     """
     x1, y1, x2, y2 = line
     length = np.hypot(x2 - x1, y2 - y1)
@@ -67,7 +89,7 @@ def is_crossed(line: Float, cells: Cells, spare: int, sine: float) -> bool:
             x, y = x1 + (end + (k + 0.5) * step) * ux, y1 + (end + (k + 0.5) * step) * uy
             column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
             block, cell = block_at(cells, column, row), cell_in(column, row)
-            spare -= count_beams(cells, block, cell, ways)
+            spare -= count_beams(cells, block, cell, ways, x, y, depth - FREE_DEPTH)
             if spare < 0:
                 return True
     return False

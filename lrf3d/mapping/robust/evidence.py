@@ -175,7 +175,7 @@ def _count_violations(lines: Lines, k: int, cells: Cells, counts: Float) -> None
         if column >> SIDE_BITS != at_x or row >> SIDE_BITS != at_y:
             at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
             block = block_at(cells, column, row)
-        beams = count_beams(cells, block, cell_in(column, row), ways)
+        beams = count_beams(cells, block, cell_in(column, row), ways, x, y, 0.0)
         counts[begin + piece, 1] = beams * (PIECE / CELL)
 
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from lrf3d.compiling import borrower, compiled, inner
 from lrf3d.geometry import Float, Int
 from lrf3d.mapping.grid import Grid, near
-from lrf3d.mapping.robust.cells import Cells
+from lrf3d.mapping.robust.cells import FREE_DEPTH, Cells
 from lrf3d.mapping.robust.crossing import LINK_SINE, is_crossed
 from lrf3d.mapping.robust.walls import Walls, copy_columns, put_row
 
@@ -40,9 +40,14 @@ MOST_LINKS = 24
 BEHIND_SINE = 0.3
 """[sine] Angle by which a link may run before a wall and still count as behind it."""
 
-STRAY_BEAMS = 3
-"""[beams] How many may cross a short link: noise and corners let few through. At 1 corners fall
-apart, at 8 the buildings of a town grow together."""
+STRAY_BEAMS = 1
+"""[beams] How many may cross a short link: noise rarely lets one through, but links are many."""
+
+CORNER_BEAMS = 8
+"""[beams] How many may reach into the corner behind a short link: by more the corner was seen."""
+
+NICHE_DEPTH = 0.5
+"""[share] How deep such a corner may be, as a part of the link's length."""
 
 SIGHT_PLACES = (0.1, 0.5, 0.9)
 """[share] Where along two walls the lines of sight between them begin and end."""
@@ -95,7 +100,7 @@ class Links(NamedTuple):
 @compiled
 def link_walls(links: Links, walls: Walls, grid: Grid, cells: Cells, rows: Int) -> None:
     """Link some walls (n,) with those around them, and ask again about a few links of others."""
-    lines, lengths = np.empty((MOST_LINKS + 1, 4)), np.empty(MOST_LINKS)
+    lines, lengths = np.empty((MOST_LINKS + 1, 5)), np.empty(MOST_LINKS)
     others = np.empty(MOST_LINKS, np.int64)
     places = np.full(len(walls.points), -1)
     for k in range(len(rows)):
@@ -156,12 +161,13 @@ def is_link(links: Links, walls: Walls, wall: int, place: int) -> bool:
 
 @borrower
 def measure_link(one: Float, other: Float, link: Float) -> bool:
-    """Fill in the link x1 y1 x2 y2 of two walls; whether it may join them."""
+    """Fill in the link x1 y1 x2 y2 of two walls, 1 if it runs before one; whether it may join."""
     _shortest_link(one, other, link)
     length = np.hypot(link[2] - link[0], link[3] - link[1])
     if length > LONGEST_LINK:
         return False
     before = max(_reach_before(one, link), _reach_before(other, link)) > BEHIND_SINE * length
+    link[4] = before
     return bool(length <= SHORT_LINK or not before)
 
 
@@ -217,13 +223,19 @@ def _reach_before(wall: Float, link: Float) -> float:
 
 @inner
 def _joins(link: Float, one: Float, other: Float, cells: Cells) -> bool:
-    """Whether no beam has crossed a link (4,) of two walls (4,), so that it joins them."""
-    length = np.hypot(link[2] - link[0], link[3] - link[1])
+    """Whether no beam has crossed a link (5,) of two walls (4,), so that it joins them."""
+    length, before = np.hypot(link[2] - link[0], link[3] - link[1]), link[4] > 0.0
+    line = link[:4]
     if length <= TOUCH:
         return True
-    if length <= SHORT_LINK:
-        return not is_crossed(link, cells, STRAY_BEAMS, LINK_SINE)
-    return not is_crossed(link, cells, 0, LINK_SINE) and _is_blocked(one, other, cells)
+    if length > SHORT_LINK:
+        crossed = is_crossed(line, cells, FREE_DEPTH, 0, LINK_SINE)
+        return not crossed and _is_blocked(one, other, cells)
+    # A short one may be crossed by many beams, but not by any that go deeper than a corner.
+    depth = max(FREE_DEPTH, NICHE_DEPTH * length) if before else FREE_DEPTH
+    if is_crossed(line, cells, depth, STRAY_BEAMS, LINK_SINE):
+        return False
+    return not (before and is_crossed(line, cells, FREE_DEPTH, CORNER_BEAMS, LINK_SINE))
 
 
 @inner
@@ -237,7 +249,7 @@ def _is_blocked(one: Float, other: Float, cells: Cells) -> bool:
                 line[k + 2] = other[k] + across * (other[k + 2] - other[k])
             length = np.hypot(line[2] - line[0], line[3] - line[1])
             if max(_reach_before(one, line), _reach_before(other, line)) <= BEHIND_SINE * length:
-                if is_crossed(line, cells, 0, LINK_SINE):
+                if is_crossed(line, cells, FREE_DEPTH, 0, LINK_SINE):
                     return False
     return True
 

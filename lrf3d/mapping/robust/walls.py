@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from lrf3d.compiling import borrower, compiled, inner
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.mapping.grid import Grid, insert, near, remove
-from lrf3d.mapping.robust.cells import Cells
+from lrf3d.mapping.robust.cells import FREE_DEPTH, Cells
 from lrf3d.mapping.robust.crossing import WALL_SINE, is_crossed
 
 SAME_DIRECTION = 0.5
@@ -269,12 +269,14 @@ def _partner(walls: Walls, grid: Grid, row: int, cells: Cells, rule: Rule) -> in
         moments, others = walls.moments[row], walls.moments[other]
         value = misfit(one, moments, two, others, rule)
         if value < least or (value == least and other < best):
-            if _span(one, two, line) <= 0.0 or not is_crossed(line, cells, SPARE_BEAMS, WALL_SINE):
+            if _span(one, two, line) <= 0.0 or not is_crossed(
+                line, cells, FREE_DEPTH, SPARE_BEAMS, WALL_SINE
+            ):
                 best, least = other, value
         elif best < 0 and walls.real[row] and walls.real[other]:
             if misfit(one, moments, two, others, straight) < 1.0:
                 gap = _span(one, two, line)
-                if gap < narrowest and not is_crossed(line, cells, 0, WALL_SINE):
+                if gap < narrowest and not is_crossed(line, cells, FREE_DEPTH, 0, WALL_SINE):
                     second, narrowest = other, gap
     return best if best >= 0 else second
 
