@@ -30,7 +30,7 @@ def test_a_wall_that_beams_run_along_is_out_of_view():
 
 
 def test_most_speaks_for_the_right_place_even_where_little_is_explained():
-    """Of trunks and bushes matching explains nothing, and from the door of a room most is new."""
+    """Of trunks and bushes matching explains nothing."""
     rng = np.random.default_rng(0)
     trunks = rng.uniform([2.0, -6.0], [12.0, 6.0], (30, 2))
     world = World(np.hstack([trunks, trunks + np.array([0.0, 0.1])]))
