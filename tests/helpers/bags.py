@@ -62,9 +62,13 @@ def of_scan(scan):
     return made(STORE, SCAN, scan.as_ros("laser"))
 
 
-def write(path, *messages):
-    """Write messages (topic, time, kind, message) to a bag."""
-    with rosbag2.Writer(path, version=8, storage_plugin=rosbag2.StoragePlugin.MCAP) as bag:
+def write(path, *messages, packed=None):
+    """Write messages (topic, time, kind, message) to a bag; a packed one is in SQLite."""
+    kind = rosbag2.StoragePlugin["SQLITE3" if packed else "MCAP"]
+    bag = rosbag2.Writer(path, version=8, storage_plugin=kind)
+    if packed:
+        bag.set_compression(rosbag2.CompressionMode[packed], rosbag2.CompressionFormat.ZSTD)
+    with bag:
         topics = {}
         for topic, time, kind, message in messages:
             if topic not in topics:

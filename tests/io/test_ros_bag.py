@@ -2,7 +2,7 @@ import json
 import math
 import sys
 from dataclasses import replace
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -332,19 +332,6 @@ def test_intensities_come_back_and_without_rosbags_the_error_says_what_to_instal
     assert list(tmp_path.iterdir()) == [bag]
 
 
-def packed(path, mode):
-    """A bag of two odometry messages and a scan, compressed."""
-    bag = rosbag2.Writer(path, version=8, storage_plugin=rosbag2.StoragePlugin.SQLITE3)
-    bag.set_compression(mode, rosbag2.CompressionFormat.ZSTD)
-    with bag:
-        topics = {}
-        for topic, time, kind, message in [mounted(), *wheels(3), *scans(0.5)]:
-            if topic not in topics:
-                topics[topic] = bag.add_connection(topic, kind, typestore=STORE)
-            bag.write(topics[topic], Stamp.of(time).nanoseconds, STORE.serialize_cdr(message, kind))
-    return path
-
-
 def test_a_message_that_is_cut_off_is_counted_and_named(tmp_path):
     kind = rosbag2.StoragePlugin.MCAP
     with rosbag2.Writer(tmp_path / "bag", version=8, storage_plugin=kind) as bag:
@@ -373,22 +360,16 @@ def test_a_bag_whose_scans_are_all_invalid_names_the_first(tmp_path):
 
 def test_a_transform_whose_quaternion_is_not_a_rotation_is_not_used(tmp_path):
     zero = transform(0.0, "odom", "base_link", turn=(0, 0, 0, 0))
-    moves = [
-        ("/tf", t, TRANSFORMS, transform(float(t), "odom", "base_link", (t, 0, 0))) for t in (0, 1)
-    ]
+    moves = drives("odom", "base_link", [(0, 0, 0), (1, 0, 0)])
     bag = write(tmp_path / "bag", mounted(), ("/tf", 0, TRANSFORMS, zero), *moves, *scans(0.5))
     log = load_log(bag)
     assert log.bad_count == 1 and "unit quaternion" in str(log.bad_lines[0])
 
 
 def test_the_first_parent_of_a_frame_counts(tmp_path):
-    moves = []
-    for t in range(2):
-        half = 0.05 * t
-        turn = (0, 0, math.sin(half), math.cos(half))
-        here = transform(float(t), "odom", "base_link", (t, 0, 0), turn)
-        there = transform(float(t), "world", "base_link", (9, 9, 0), turn)
-        moves += [("/tf", t, TRANSFORMS, here), ("/tf", t, TRANSFORMS, there)]
+    here = drives("odom", "base_link", [(0, 0, 0), (1, 0, 0.1)])
+    there = drives("world", "base_link", [(9, 9, 0), (9, 9, 0.1)])
+    moves = chain.from_iterable(zip(here, there, strict=True))
     log = load_log(write(tmp_path / "bag", mounted(), *moves, *scans(1.0)))
     assert log.source == "/tf, laser in odom"
     assert log.poses[0] == pytest.approx([1.0, 0.0, 0.1])
@@ -405,7 +386,7 @@ def test_a_bag_with_too_many_readings_is_to_be_cut(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("mode", ["FILE", "MESSAGE"])
 def test_a_compressed_bag_is_read(mode, tmp_path):
-    bag = packed(tmp_path / "bag", rosbag2.CompressionMode[mode])
+    bag = write(tmp_path / "bag", mounted(), *wheels(3), *scans(0.5), packed=mode)
     # A folder within a bag is no part of it.
     (bag / "pictures").mkdir()
     assert load_log(bag).scans[0].ranges == pytest.approx([1.0, 2.0, 3.0])
