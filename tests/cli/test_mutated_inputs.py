@@ -122,8 +122,9 @@ class Inputs:
         lrf3d.save_map(run.map, folder / "map.geojson")
         for name, kind in (("a.log", "carmen"), ("a.log.gz", "carmen"), ("a.mcap", "mcap")):
             export_run(run, kind, folder / name)
-        export_run(run, "rosbag2", folder / "new")
-        bags.as_sqlite(folder / "new", folder / "old")
+        drive = [("/scan", scan.time, bags.SCAN, bags.of_scan(scan)) for scan in run.scans]
+        drive += [bags.mounted(), *bags.wheels(12)]
+        bags.write(folder / "old", *drive, storage="SQLITE3")
         (folder / "old" / "old.db3").rename(folder / "a.db3")
         names = ["run.npz", "a.log", "a.log.gz", "a.mcap", "a.db3", "map.geojson"]
         self.data = {name: (folder / name).read_bytes() for name in names}

@@ -62,10 +62,9 @@ def of_scan(scan):
     return made(STORE, SCAN, scan.as_ros("laser"))
 
 
-def write(path, *messages, packed=None):
-    """Write messages (topic, time, kind, message) to a bag; a packed one is in SQLite."""
-    kind = rosbag2.StoragePlugin["SQLITE3" if packed else "MCAP"]
-    bag = rosbag2.Writer(path, version=8, storage_plugin=kind)
+def write(path, *messages, storage="MCAP", packed=None):
+    """Write messages (topic, time, kind, message) to a bag."""
+    bag = rosbag2.Writer(path, version=8, storage_plugin=rosbag2.StoragePlugin[storage])
     if packed:
         bag.set_compression(rosbag2.CompressionMode[packed], rosbag2.CompressionFormat.ZSTD)
     with bag:
@@ -80,18 +79,3 @@ def write(path, *messages, packed=None):
 def mounted(place=(0, 0, 0), turn=(0, 0, 0, 1)):
     static = transform(0.0, "base_link", "laser", place, turn)
     return "/tf_static", 0.0, TRANSFORMS, static
-
-
-def as_sqlite(bag, path):
-    """Write the messages of a bag as older releases of ROS 2 kept them."""
-    kind = rosbag2.StoragePlugin.SQLITE3
-    with (
-        rosbag2.Reader(bag) as reader,
-        rosbag2.Writer(path, version=8, storage_plugin=kind) as writer,
-    ):
-        topics = {
-            c.topic: writer.add_connection(c.topic, c.msgtype, typestore=STORE)
-            for c in reader.connections
-        }
-        for connection, stamp, data in reader.messages():
-            writer.write(topics[connection.topic], stamp, data)

@@ -386,7 +386,8 @@ def test_a_bag_with_too_many_readings_is_to_be_cut(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("mode", ["FILE", "MESSAGE"])
 def test_a_compressed_bag_is_read(mode, tmp_path):
-    bag = write(tmp_path / "bag", mounted(), *wheels(3), *scans(0.5), packed=mode)
+    drive = mounted(), *wheels(3), *scans(0.5)
+    bag = write(tmp_path / "bag", *drive, storage="SQLITE3", packed=mode)
     # A folder within a bag is no part of it.
     (bag / "pictures").mkdir()
     assert load_log(bag).scans[0].ranges == pytest.approx([1.0, 2.0, 3.0])
