@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.errors import InputError, shown
+from lrf3d.errors import InputError, MissingLibraryError, shown
 from lrf3d.geometry import Float, Int, Value, sealed
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.laser.scan import LIGHT
@@ -234,11 +234,15 @@ class Run(Value, Pictured):
 
         The options are those of :func:`lrf3d.render_video`, which writes a film to a file.
         """
+        try:
+            film = import_module("IPython.display").Video
+        except ImportError:
+            words = "run.video() is for notebooks and needs IPython: pip install ipython"
+            raise MissingLibraryError(words) from None
         with TemporaryDirectory() as folder:
             file = Path(folder) / "run.mp4"
             import_module("lrf3d.render.video").render_video(self, file, size=size, **options)
             settings = {"mimetype": "video/mp4", "html_attributes": "controls loop muted"}
-            film = import_module("IPython.display").Video
             return film(file.read_bytes(), embed=True, width=size[0], **settings)
 
     @property

@@ -1,5 +1,6 @@
 """Plots on matplotlib axes, and what a notebook shows of a value."""
 
+import sys
 from base64 import b64decode
 from dataclasses import replace
 from io import BytesIO
@@ -15,6 +16,7 @@ from PIL import Image
 from synthetic_run import around, box, make_run, make_world
 
 import lrf3d
+from lrf3d.errors import MissingLibraryError
 
 
 def street(x=0.0, y=0.0):
@@ -102,9 +104,12 @@ def test_empty_values_and_runs_without_a_map_have_pictures(run):
 
 
 @pytest.mark.slow
-def test_a_notebook_plays_the_film_of_a_run_in_its_page(run):
+def test_a_notebook_plays_the_film_of_a_run_in_its_page(run, monkeypatch):
     video = run.video(size=(64, 36), fps=1, renderer="embree", workers=1)
     shown = video._repr_html_()
     assert 'width="64"' in shown and "data:video/mp4;base64," in shown
     with av.open(BytesIO(b64decode(shown.split("base64,")[1].split('"')[0]))) as film:
         assert next(film.decode(video=0)).width == 64
+    monkeypatch.setitem(sys.modules, "IPython.display", None)
+    with pytest.raises(MissingLibraryError, match=r"run\.video\(\) .*pip install ipython"):
+        run.video()

@@ -388,8 +388,7 @@ def test_a_bag_with_too_many_readings_is_to_be_cut(tmp_path, monkeypatch):
 def test_a_compressed_bag_is_read(mode, tmp_path):
     drive = mounted(), *wheels(3), *scans(0.5)
     bag = write(tmp_path / "bag", *drive, storage="SQLITE3", packed=mode)
-    # A folder within a bag is no part of it.
-    (bag / "pictures").mkdir()
+    (bag / "pictures").mkdir()  # is no part of it
     assert load_log(bag).scans[0].ranges == pytest.approx([1.0, 2.0, 3.0])
 
 
