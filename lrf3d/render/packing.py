@@ -9,11 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.geometry import Single
-from lrf3d.scene.look import BODY_LIGHT, SUN
-from lrf3d.scene.shapes import Faces, GroundPicture, Mark, Painted, single
+from lrf3d.scene.look import BODY_LIGHT, NIGHT_HIGH, NIGHT_HIGH_INDOOR, NIGHT_LOW, SUN
+from lrf3d.scene.shapes import Faces, Mark, Painted, single
+from lrf3d.scene.stage import Stage
 
 _LAND_REACH = 3000.0
 """How far the ground goes [m]: to the horizon."""
+
+_GREY = np.array([0.3, 0.55, 0.15])
+"""Shares of the colours in how bright something is."""
 
 _UNTURNED = np.eye(3)
 
@@ -25,12 +29,13 @@ def columns_of(mark: Mark | Faces) -> dict[str, NDArray[Any]]:
 
 def walls_of(faces: Painted) -> tuple[Single, ...]:
     """The arrays of walls and roofs."""
-    columns = faces.places, faces.texture, faces.colours, faces.lit, faces.shaded
-    return *columns, faces.under[..., None]
+    return faces.places, faces.texture, faces.colours, faces.light, faces.before
 
 
-def land_of(ground: GroundPicture, reach: float = _LAND_REACH) -> Faces:
-    """The land so far [m] around the ground's picture: four sides, whose corners leave no seam."""
+def land_of(stage: Stage, reach: float = _LAND_REACH) -> Faces:
+    """The dark land so far [m] around the ground's picture: four sides, whose corners leave no seam.
+    """
+    ground, indoor = stage.ground, stage.structures.indoor
     low, high = ground.corner, ground.corner + ground.size
     outer, inner = (
         np.array([a, [b[0], a[1]], b, [a[0], b[1]]])
@@ -39,7 +44,10 @@ def land_of(ground: GroundPicture, reach: float = _LAND_REACH) -> Faces:
     quads = np.stack([outer, np.roll(outer, -1, axis=0), np.roll(inner, -1, axis=0), inner], axis=1)
     corners = np.zeros((8, 3, 3), np.float32)
     corners[..., :2] = quads[:, [0, 1, 2, 0, 2, 3]].reshape(8, 3, 2)
-    colours = np.broadcast_to(ground.land.astype(np.float32), corners.shape)
+    bright = float(ground.land @ _GREY)
+    high = np.array(NIGHT_HIGH_INDOOR if indoor else NIGHT_HIGH)
+    dark = NIGHT_LOW + bright * (high - NIGHT_LOW)
+    colours = np.broadcast_to(dark.astype(np.float32), corners.shape)
     return Faces(corners, np.zeros_like(corners), colours)
 
 

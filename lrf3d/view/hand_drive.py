@@ -123,7 +123,7 @@ class HandDrive(Timeline):
     def moment(self, time: float) -> Moment:
         """What is to be seen now; the latest scan has no number of its own."""
         number = len(self.trajectory.times)
-        return Moment(self.time, np.array(self.pose), number, self.speed, True)
+        return Moment(self.time, np.array(self.pose), number, self.speed, True, self.time)
 
     def scan(self, number: int) -> LaserScan:
         """A mapped scan by its number; the last one is that of now."""
