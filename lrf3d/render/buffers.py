@@ -109,9 +109,7 @@ class TimeTexture:
         self.bind()
         GL.glActiveTexture(GL.GL_TEXTURE0 + self.UNIT)
         size, data = times.shape[1::-1], np.ascontiguousarray(times)
-        GL.glTexImage2D(
-            GL.GL_TEXTURE_2D, 0, GL.GL_RGBA16F, *size, 0, GL.GL_RGBA, GL.GL_FLOAT, data
-        )
+        GL.glTexImage2D(GL.GL_TEXTURE_2D, 0, GL.GL_RGBA16F, *size, 0, GL.GL_RGBA, GL.GL_FLOAT, data)
         smooth()
         GL.glActiveTexture(GL.GL_TEXTURE0)
 

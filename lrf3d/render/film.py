@@ -31,8 +31,8 @@ _SMALLEST, _LARGEST = 16, 8192
 """Sides of pictures [pixels] that can be drawn."""
 
 _INSET, _WIDEST, _LEAST_SIDE = 0.25, 0.34, 40
-"""Side of a square as large as the inset, as a share of the shorter side of the picture; its largest
-width, as a share of the picture's, and the least [pixels]."""
+"""Side of a square as large as the inset, in shorter sides of the picture; its largest width, in
+those of the picture, and the least side [pixels]."""
 
 _CARD_FROM = 0.9
 """How far what was never seen has become glass when the card comes."""

@@ -78,7 +78,10 @@ def lay_label(picture: Pixels, label: Label) -> None:
     size, gap = (picture.shape[1], picture.shape[0]), gap_of(picture.shape[1::-1])
     left, letters = round(1.4 * gap), [scale_of(size) * label.size]
     letters += [_LESSER * letters[0]] * (len(label.text) - 1)
-    wide = max(_font(100).getlength(line) * high / 100 for line, high in zip(label.text, letters, strict=True))
+    wide = max(
+        _font(100).getlength(line) * high / 100
+        for line, high in zip(label.text, letters, strict=True)
+    )
     fits = min(1.0, (size[0] - 2 * left) / max(wide, 1.0))
     heights = [int(fits * high) for high in letters]
     high = sum(round(_LINE * each) for each in heights)

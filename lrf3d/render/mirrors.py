@@ -28,7 +28,7 @@ class Reflection(NamedTuple):
 
 
 def reflections(seen: Seen, mirrors: Float) -> Iterator[Reflection]:
-    """What is seen in mirrors (m, 5), walls and their heights, of those that stand in the picture."""
+    """What is seen in mirrors (m, 5), walls and their heights, that stand in the picture."""
     lens = seen.lens
     for x1, y1, x2, y2, high in mirrors.tolist():
         top, start, along = min(high, seen.cut), np.array([x1, y1]), np.array([x2 - x1, y2 - y1])

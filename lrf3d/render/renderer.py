@@ -15,7 +15,7 @@ from lrf3d.render.glsl import night
 from lrf3d.render.mirrors import Reflection, reflections
 from lrf3d.render.packing import columns_of, land_of, mesh, rectangle, walls_of
 from lrf3d.render.parts import Parts
-from lrf3d.render.programs import CameraBlock, ShaderProgram, Uniform
+from lrf3d.render.programs import CameraBlock, ShaderProgram
 from lrf3d.scene import look
 from lrf3d.scene.facades import layers
 from lrf3d.scene.shapes import Lens, Lines, Mark, Pixels, Plan, Points, Seen, Tints
@@ -65,7 +65,7 @@ class Renderer:
         self._times, self._tints = TimeTexture(exposure.times), TintTexture(exposure.times)
         self._tinted: Tints | None = None
         # What shaders that know of the laser's light read it with.
-        self._light: dict[str, Uniform] = {
+        self._light: dict[str, Any] = {
             "grid": exposure.area, "times": TimeTexture.UNIT, "tints": TintTexture.UNIT,
         }  # fmt: skip
 
@@ -79,17 +79,18 @@ class Renderer:
             self._reflect(seen, reflection)
         self._camera.fill(seen.lens, *self._size)
         self._draw_bodies(seen)
-        solid, veils = ("",), ()
+        solid, veil = "", ""
         if seen.glass > 0.0:
             # What is lit is seen from both sides; what is not becomes glass over all else.
-            solid, veils = (":LIT",), (":DIM",)
+            solid, veil = ":LIT", ":DIM"
         elif seen.robot is not None:
-            solid, veils = (":PEEP",), (":PEEP:VEIL",)
+            solid, veil = ":PEEP", ":PEEP:VEIL"
         self._draw_walls(seen, seen.lens, solid)
         self._draw_ground("ground")
         self._paint("faces", self._land, pose=np.eye(4))
         self._paint("sky", self._sky, ray_from_corner=np.linalg.inv(seen.lens.matrix))
-        self._draw_walls(seen, seen.lens, veils)
+        if veil:
+            self._draw_walls(seen, seen.lens, veil)
         self._flatten()
         for name, mark in seen.marks:
             self._draw_mark(name, mark, seen.lens.focus)
@@ -148,7 +149,7 @@ class Renderer:
         cull: bool = False,
         solid: bool = True,
         span: tuple[int, int] | None = None,
-        **uniforms: Uniform,
+        **uniforms: Any,
     ) -> None:
         """Draw a buffer, or a span of it, with a program and its uniforms."""
         first, count = span or (0, buffer.count)
@@ -184,7 +185,7 @@ class Renderer:
         self._camera.fill(reflection.lens, *self._size)
         GL.glFrontFace(GL.GL_CCW)
         self._draw_bodies(seen, ":MIRRORED", **reflection.uniforms)
-        self._draw_walls(seen, reflection.lens, (":MIRRORED",), **reflection.uniforms)
+        self._draw_walls(seen, reflection.lens, ":MIRRORED", **reflection.uniforms)
         self._draw_ground("ground:MIRRORED", **reflection.uniforms)
         GL.glFrontFace(GL.GL_CW)
         self._camera.fill(seen.lens, *self._size)
@@ -195,7 +196,7 @@ class Renderer:
         GL.glDepthFunc(GL.GL_LEQUAL)
         GL.glColorMask(True, True, True, True)
 
-    def _draw_bodies(self, seen: Seen, defined: str = "", **uniforms: Uniform) -> None:
+    def _draw_bodies(self, seen: Seen, defined: str = "", **uniforms: Any) -> None:
         for name, body in seen.bodies:
             buffer = self._filled(name, *body.faces)
             self._paint(f"faces{defined}", buffer, cull=True, pose=body.pose, **uniforms)
@@ -204,28 +205,22 @@ class Renderer:
         self._pavement.bind()
         self._paint(program, self._ground, area=self._area, **self._light, **how)
 
-    def _draw_walls(
-        self, seen: Seen, lens: Lens, variants: tuple[str, ...], **uniforms: Uniform
-    ) -> None:
-        """Draw the walls that a lens sees, by variants of their shader."""
-        if not variants:
-            return
+    def _draw_walls(self, seen: Seen, lens: Lens, variant: str, **uniforms: Any) -> None:
+        """Draw the walls that a lens sees, by a variant of their shader."""
         parts = self._parts.seen(lens.matrix, lens.eye)
         if not np.array_equal(parts, self._chosen):
             self._chosen = parts
             indices, self._textured = self._parts.choose(parts)
             self._walls.choose(indices)
         self._painted.bind()
-        uniforms |= {"glass": seen.glass, "cut": float(seen.cut), **self._light}
-        if seen.robot is not None:
-            uniforms["robot"] = seen.robot
+        uniforms |= {"glass": seen.glass, "cut": float(seen.cut), "robot": seen.robot}
+        blend = variant in (":DIM", ":PEEP:VEIL")
+        how = {"blend": blend, "solid": not blend, "cull": variant != ":LIT"}
         # Those that cost more come last, so that fewer of them are drawn where others hide them.
         plain = self._textured, self._walls.count - self._textured
-        for variant in variants:
-            blend = variant in (":DIM", ":PEEP:VEIL")
-            how = {"blend": blend, "solid": not blend, "cull": variant != ":LIT"}
-            for program, span in (("walls:PLAIN", plain), ("walls", (0, self._textured))):
-                self._paint(program + variant, self._walls, span=span, **how, **uniforms)
+        for program, span in (("walls:PLAIN", plain), ("walls", (0, self._textured))):
+            values = {**how, **self._light, **uniforms}
+            self._paint(program + variant, self._walls, span=span, **values)
 
     def _draw_mark(self, name: str, mark: Mark, focus: float) -> None:
         mode = GL.GL_POINTS if isinstance(mark, Points) else GL.GL_TRIANGLES

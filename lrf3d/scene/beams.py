@@ -44,8 +44,8 @@ its path: a beam does not meet again what it leaves."""
 
 _LAMP_BEAMS, _LAMP_SIDE, _LAMP_HEIGHT = 60, float(np.radians(28.0)), 0.012
 _LAMP_RINGS = np.array([0.0, 0.25, 1.0])
-"""About how many beams light the ground, the angle over which that ends at the sides of the field of
-view [rad], its height [m], and the shares of a beam between which it fades."""
+"""About how many beams light the ground, the angle over which that ends at the sides of the field
+of view [rad], its height [m], and the shares of a beam between which it fades."""
 
 _LEFT = np.array([[0.0, 1.0], [-1.0, 0.0]])
 """Turns rows of vectors to the left by a right angle."""

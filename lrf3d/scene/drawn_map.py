@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 import trimesh
 
-from lrf3d.geometry import Float, Int, lengths
+from lrf3d.geometry import Bool, Float, Int, lengths
 from lrf3d.run import Run
 from lrf3d.scene.look import PALE_FROM, PALE_OBJECT, object_tints
 from lrf3d.scene.shapes import Faces, Lines, Soft, level_lines, single
@@ -57,6 +57,17 @@ class DrawnMap:
         opacities = np.full((len(self.segments), 2), opacity)
         starts, ends = np.hsplit(self.segments, 2)
         return level_lines(height, starts, ends, self.colours, opacities, width)
+
+    def tints(self, places: Float, tolerance: float) -> tuple[Float, Bool]:
+        """Its colours (n, 3) at places (n, 2), and whether (n,) it is within a tolerance [m]."""
+        tints, near = np.zeros((len(places), 3)), np.zeros(len(places), dtype=bool)
+        if len(self.segments):
+            tree = shapely.STRtree(shapely.linestrings(self.segments.reshape(-1, 2, 2)))
+            found, segment = tree.query_nearest(
+                shapely.points(places), max_distance=tolerance, all_matches=False
+            )
+            tints[found], near[found] = self.colours[segment], True
+        return tints, near
 
     def bands(self, eye: Float, *, least: float) -> Faces:
         """Bands on the walls, for an eye (3,).

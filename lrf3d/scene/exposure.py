@@ -6,17 +6,19 @@ that the robot had to go by: where its estimate is wrong, so is the light.
 """
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from PIL import Image, ImageDraw
 from scipy.ndimage import binary_closing, distance_transform_edt, gaussian_filter
 
-from lrf3d.geometry import Bool, Float, Single
+from lrf3d.geometry import Bool, Float, Int, Single
 from lrf3d.laser import LaserScan, beam_directions
 from lrf3d.run import Run
 from lrf3d.scene.beams import folded, turning_walls
 from lrf3d.scene.shapes import Painted, single
 from lrf3d.scene.structures import Structures
+from lrf3d.world import World
 
 _CELL, _CELL_INDOOR, _MOST_CELLS = 0.25, 0.08, 1_500_000
 """Side of a cell outdoors and in rooms [m], which is longer where there would be more cells."""
@@ -43,6 +45,9 @@ _SOFT, _CLOSED = 1.3, 3
 _COVERS, _TOLERANCE = 3.2, 1.6
 """Half the width of the strip in which a segment sets the time of its cells, and how far from a
 wall it may lie to colour it [cells]."""
+
+_MOVED = 1e-3
+"""A robot that has moved by less [m, rad] sees nothing new."""
 
 _GAP = 0.3
 """Least time between the light and the map's colour at one place [s]."""
@@ -101,7 +106,7 @@ class Exposure:
         reach[scan.ranges == -np.inf] = 0.0
         if len(mirrors):
             legs, beams, gone = folded(place, place + reach[:, None] * ways, mirrors)
-            for a, b in zip(legs[:-1], legs[1:], strict=True):
+            for a, b in pairwise(legs):
                 # Behind a mirror neighbouring beams light what lies between them.
                 if np.hypot(*(a[:2] - b[:2])) < 1.0 and not (a[:2] == place).all():
                     fill(np.array([a[:2], a[2:], b[2:], b[:2]]))
@@ -145,43 +150,82 @@ def expose(run: Run, structures: Structures, low: Float, high: Float) -> Exposur
     length = max(float(times[-1] - times[0]), 1e-3)
     exposure = Exposure(bare.times, low, bare.cell, float(times[0]), length)
     size = bare.times.shape[1::-1]
-    first, mirrors = Image.new("I", size), mirrors_of(run, origin)
+    first, mirrors = Image.new("I", size), _mirrors(run.world, origin)
     # From the last scan to the first: what was seen first lies on top.
     step = 1 + (len(poses) - 1) // _MOST_SCANS
     for number in range(0, len(poses), step)[::-1]:
-        exposure.fan(placed(run.scan(number), poses[number]), mirrors, first, number + 1)
-    number = np.asarray(first)
-    seen = number > 0
+        exposure.fan(replace(run.scan(number), pose=poses[number]), mirrors, first, number + 1)
+    seen: Bool = np.asarray(first) > 0
     near = distance_transform_edt(~seen, return_distances=False, return_indices=True)
-    number = np.maximum(number[tuple(near)] - 1, 0)
+    scans = np.maximum(np.asarray(first)[tuple(near)] - 1, 0)
     share = (times - times[0]) / length
     found = bare.times
-    found[..., 0] = gaussian_filter(share[number].astype(np.float32), _SOFT)
+    found[..., 0] = gaussian_filter(share[scans].astype(np.float32), _SOFT)
     found[..., 1] = soft_rim(seen)
     covered = Image.new("I", size)
-    for number_, line_map in reversed(list(zip(run.snapshot_scans, run.maps, strict=True))):
-        exposure.strips(line_map.segments - np.tile(origin, 2), covered, number_ + 1)
+    for number, line_map in reversed(list(zip(run.snapshot_scans, run.maps, strict=True))):
+        exposure.strips(line_map.segments - np.tile(origin, 2), covered, number + 1)
     mapped = np.append(_NEVER, share)[np.asarray(covered)]
     found[..., 2] = np.maximum(mapped, found[..., 0] + _GAP / length)
-    found[..., 3] = gaussian_filter(wave(exposure, poses[number, :2], structures.indoor), _SOFT)
+    found[..., 3] = gaussian_filter(wave(exposure, poses[scans, :2], structures.indoor), _SOFT)
     # Beyond the picture nothing is seen.
     found[[0, -1], :, 1] = found[:, [0, -1], 1] = 0.0
     return exposure
 
 
-def placed(scan: LaserScan, pose: Float) -> LaserScan:
-    """A scan at another pose (3,)."""
-    return replace(scan, pose=pose)
+class LiveExposure:
+    """The times of a drive that goes on, lit by each scan as it comes, from those before it."""
+
+    def __init__(self, exposure: Exposure, structures: Structures, world: World) -> None:
+        self.exposure = replace(exposure, times=exposure.times.copy())
+        self._structures = structures
+        self._mirrors = _mirrors(world, structures.origin)
+        self._pose: Float | None = None
+        self._fresh: tuple[Int, Int] | None = None
+
+    def see(self, scan: LaserScan, time: float) -> None:
+        """Light what the beams of a scan pass at a time [s], if the robot has moved."""
+        pose = np.array(scan.pose) - [*self._structures.origin, 0.0]
+        if self._pose is not None and (np.abs(pose - self._pose) < _MOVED).all():
+            return
+        self._pose, whole = pose, self.exposure
+        far = np.max(scan.ranges, initial=min(scan.range_max, _FREE), where=scan.hits) + whole.cell
+        size = np.array(whole.times.shape[1::-1])
+        low, high = (
+            np.clip(((pose[:2] + side * far - whole.corner) / whole.cell).astype(int), 1, size - 1)
+            for side in (-1.0, 1.0)
+        )
+        if (high <= low).any():
+            return
+        times = whole.times[low[1] : high[1], low[0] : high[0]]
+        part = replace(whole, times=times, corner=whole.corner + low * whole.cell)
+        picture = Image.new("L", (high - low).tolist())
+        part.fan(replace(scan, pose=pose), self._mirrors, picture, 255)
+        cover = soft_rim((np.asarray(picture) > 0) | (times[..., 1] > 0.5))
+        first = (cover > 0.0) & (times[..., 1] == 0.0)
+        times[first, 0], times[first, 2] = time, time + _GAP
+        times[first, 3] = wave(part, pose[:2], self._structures.indoor)[first]
+        np.maximum(times[..., 1], cover, out=times[..., 1])
+        if self._fresh is not None:
+            low, high = np.minimum(low, self._fresh[0]), np.maximum(high, self._fresh[1])
+        self._fresh = low, high
+
+    def fresh(self) -> tuple[Single, int, int] | None:
+        """The part of the times (h, w, 4) that is new since the last call; its column and row."""
+        if self._fresh is None:
+            return None
+        (left, low), (right, high) = (each.tolist() for each in self._fresh)
+        self._fresh = None
+        return self.exposure.times[low:high, left:right], left, low
 
 
-def mirrors_of(run: Run, origin: Float) -> Float:
-    """The mirrors (m, 4) of a run's world in the film's frame."""
-    return run.world.segments[turning_walls(run.world)] - np.tile(origin, 2)
+def _mirrors(world: World, origin: Float) -> Float:
+    """The mirrors (m, 4) of a world in the film's frame."""
+    return world.segments[turning_walls(world)] - np.tile(origin, 2)
 
 
 def soft_rim(seen: Bool) -> Float:
-    """How surely cells (h, w) were seen, 0…1: teeth between beams are closed, and the rim is soft.
-    """
+    """How surely cells (h, w) were seen, 0…1: teeth between beams close, and the rim is soft."""
     closed = binary_closing(np.pad(seen, 4), iterations=_CLOSED)[4:-4, 4:-4]
     soft = gaussian_filter(closed.astype(np.float32), 0.8 * _SOFT)
     return np.asarray(np.clip(1.6 * soft - 0.3, 0.0, 1.0))
@@ -221,4 +265,4 @@ def sampled(exposure: Exposure, places: Float) -> Single:
     """The times (n, 4) at places (n, 2)."""
     cells = np.floor((places - exposure.corner) / exposure.cell).astype(int)
     columns, rows = np.clip(cells, 0, np.array(exposure.times.shape[1::-1]) - 1).T
-    return exposure.times[rows, columns]
+    return np.asarray(exposure.times[rows, columns])

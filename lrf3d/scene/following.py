@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from lrf3d.scene.camera import Look, Rig, SmoothPath, Track, Tracked
 from lrf3d.scene.beams import turning_walls
+from lrf3d.scene.camera import Look, Rig, SmoothPath, Track, Tracked
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline, interpolated
 from lrf3d.world.cameras import FixedCamera

@@ -3,8 +3,8 @@
 Faces and what stands in a world enter; light leaves, as what a white surface sends on, linear in
 red, green and blue. From each point Embree casts rays over its half of space: what leaves for the
 sky brings the sky's light, what meets a face or the ground brings what that sends on, for as many
-bounces as matter (Goral et al., 1984, with rays in place of form factors). The sky is brighter on one
-side, which gives things a form and no hard shadows.
+bounces as matter (Goral et al., 1984, with rays in place of form factors). The sky is brighter on
+one side, which gives things a form and no hard shadows.
 """
 
 from typing import NamedTuple

@@ -42,7 +42,11 @@ PAINT = np.array(
 HAZE, ZENITH = (0.055, 0.078, 0.125), (0.039, 0.055, 0.09)
 """Colours of what is far away, and of the sky overhead."""
 
-NIGHT_LOW, NIGHT_HIGH, NIGHT_HIGH_INDOOR = (0.039, 0.059, 0.094), (0.149, 0.2, 0.286), (0.122, 0.165, 0.243)
+NIGHT_LOW, NIGHT_HIGH, NIGHT_HIGH_INDOOR = (
+    (0.039, 0.059, 0.094),
+    (0.149, 0.2, 0.286),
+    (0.122, 0.165, 0.243),
+)
 """What black and white become where no beam has been: a model at night."""
 
 COOL, COOL_INDOOR = (1.02, 1.10, 1.24), (0.74, 0.82, 0.95)
@@ -125,6 +129,7 @@ _TINT_START, _TINT_STEP = 0.85, 0.5698402910
 """Hue of the first object of a map and the step to the next [turns]: a step of Roberts' sequence,
 which with five tones and this start leaves the nearest two of sixty objects furthest apart; with
 the golden step every 21st looks the same."""
+
 
 class _Palette(NamedTuple):
     """Colours of the objects of maps in Oklch."""

@@ -25,13 +25,15 @@ from lrf3d.scene.bodies import (
 from lrf3d.scene.camera import Look
 from lrf3d.scene.drawn_map import BAND, DrawnMap
 from lrf3d.scene.estimate import DrawnEstimate, trail_lines
+from lrf3d.scene.exposure import LiveExposure
 from lrf3d.scene.shapes import Body, Lens, Lines, Mark, Plan, Points, Seen, Soft, Tints
 from lrf3d.scene.stage import Stage, stage_of
 from lrf3d.scene.structures import SIGHT_DISTANCE, outlines_of
 from lrf3d.scene.timeline import Moment, Timeline, drive_keys
 
 LAYERS = (
-    "outlines", "shadow", "goal", "trail", "estimate", "beams", "map", "points", "marker", "inset", "hud",
+    "outlines", "shadow", "goal", "trail", "estimate", "beams", "map", "points", "marker", "inset",
+    "hud",
 )  # fmt: skip
 """What can be left out of a picture; what is left out costs nothing."""
 
@@ -89,17 +91,24 @@ largest in a picture of 720 lines [pixels], and the most scans that they are of.
 class Scene:
     """All that can be seen of a run, with a goal on the ground where one is given.
 
-    What stands in the run's world may have been painted already.
+    What stands in the run's world may have been painted already. A live one is lit by scans as they
+    come.
     """
 
     def __init__(
-        self, timeline: Timeline, goal: Goal | None = None, stage: Stage | None = None
+        self,
+        timeline: Timeline,
+        goal: Goal | None = None,
+        stage: Stage | None = None,
+        *,
+        live: bool = False,
     ) -> None:
         run = self.run = timeline.run
         self.timeline = timeline
         self.stage = stage or stage_of(run)
         structures = self.structures = self.stage.structures
         self.exposure = self.stage.exposure
+        self.live = LiveExposure(self.exposure, structures, run.world) if live else None
         self.origin = structures.origin
         self.obstacles = Obstacles(run.obstacles, self.origin, indoor=structures.indoor)
         self.robot = Body(robot_body(run.lrf.height), np.eye(4))

@@ -1,4 +1,4 @@
-"""What films say: a caption with one number, all numbers where they are asked for, a card at the end.
+"""What films say: a caption with one number, all numbers if asked for, a card at the end.
 
 A run and a moment of it enter, lines of text leave.
 """
@@ -71,7 +71,7 @@ def reflected(run: Run, moment: Moment) -> bool:
         int((run.maps[number].kinds == "mirror").sum()) if number >= 0 else 0
         for number in (before, newest)
     ]
-    return mirrors[1] > mirrors[0]
+    return mirrors[0] == 0 < mirrors[1]
 
 
 def _laser(run: Run) -> str:

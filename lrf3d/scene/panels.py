@@ -54,8 +54,11 @@ def cut_small(quads: Painted, step: float, most: int) -> Painted:
     found = []
     for columns, rows in np.unique(counts, axis=0).tolist():
         chosen = np.flatnonzero((counts == (columns, rows)).all(axis=1))
-        corners = (_cut(values[chosen], columns, rows) for values in quads[:4])
-        found.append(Painted(*corners, np.repeat(quads.objects[chosen], columns * rows)))
+        places, normals, texture, colours = (
+            _cut(values[chosen], columns, rows) for values in quads[:4]
+        )
+        objects = np.repeat(quads.objects[chosen], columns * rows)
+        found.append(Painted(places, normals, texture, colours, objects))
     return joined(*found) if found else quads
 
 

@@ -81,7 +81,9 @@ def paint_stage(
     ground = paint_ground(structures, canvas, light.ground)
     exposure = unexposed(structures, *box) if run is None else expose(run, structures, *box)
     looked_at = before(faces, exposure, structures)
-    faces = faces._replace(light=single(screen(light.faces).mean(axis=2, keepdims=True)), before=looked_at)
+    faces = faces._replace(
+        light=single(screen(light.faces).mean(axis=2, keepdims=True)), before=looked_at
+    )
     progress(1, 1)
     mirrors = np.zeros((0, 5)) if run is None else _mirrors(run.world, structures.origin)
     return Stage(structures, faces, ground, exposure, mirrors)

@@ -1,8 +1,8 @@
 """The film that shows a run as a story, in shots of some seconds.
 
-It opens at the robot in the dark, and rises to show its first scan as a wave of light; then come the
-chase, a rising shot, a look from near and one from high up, again and again in long runs; at the end
-the whole is seen, and what the robot never saw becomes glass.
+It opens at the robot in the dark, and rises to show its first scan as a wave of light; then come
+the chase, a rising shot, a look from near and one from high up, again and again in long runs; at
+the end the whole is seen, and what the robot never saw becomes glass.
 """
 
 from functools import cache
@@ -28,8 +28,8 @@ HELD = 3.2
 
 _FIRST, _DARK, _DARK_TURN = 2.6, Rig(2.9, 13.0, 46.0, -0.25), 0.7
 _WAVE, _WAVE_INDOOR = Rig(44.0, 62.0, 46.0), Rig(11.0, 60.0, 46.0)
-"""Time after the start in which the first scan is seen [s of the film]; how the eye looks at the robot
-in the dark, how far that turns round it [rad], and how it looks down on the wave of light."""
+"""Time after the start in which the first scan is seen [s of the film]; how the eye looks at the
+robot in the dark, how far that turns round it [rad], and how it looks down on the wave of light."""
 
 _INTO_STREETS = float(np.radians(25.0))
 """How much steeper an eye looks down that goes to where the whole is seen from [rad]: into streets,
@@ -51,10 +51,10 @@ class Story:
     """Shows a run in shots."""
 
     def __init__(self, timeline: Timeline, structures: Structures) -> None:
-        self._timeline = timeline
+        self._timeline, self._structures = timeline, structures
         self._into_streets = 0.0 if structures.indoor else _INTO_STREETS
         self._path = SmoothPath.of(timeline)
-        self._indoor, self._mirrors = structures.indoor, has_mirrors(timeline, structures)
+        self._mirrors = has_mirrors(timeline, structures)
         end = timeline.end + (CLOSING - 0.5 * HELD) * timeline.playback
         self._whole = overview(timeline, structures, CARD, at=end)
         self._chase = chase(timeline, structures).track(1.0)
@@ -97,11 +97,13 @@ class Story:
             # The smoothed path of a fast film begins ahead of the robot.
             places = self._timeline.poses(np.maximum(times, self._timeline.start))[:, :2]
             path = SmoothPath(times, places - self._timeline.origin, turns)
-            dark = Track.along(path, turns, _DARK)
-            rig = _WAVE_INDOOR if self._indoor else _WAVE
+            dark = Track.along(path, turns, _DARK).past_walls(self._structures, path.places)
+            rig = _WAVE_INDOOR if self._structures.indoor else _WAVE
             away = min(rig.away, _ABOVE_SHARE * whole.aways[0])
             wave = Track.along(path, turns, rig._replace(away=away))
-            return self._between(dark, wave, _eased((passed - 0.3 * begin) / (0.6 * end - 0.3 * begin)))
+            return self._between(
+                dark, wave, _eased((passed - 0.3 * begin) / (0.6 * end - 0.3 * begin))
+            )
         if shot == "end":
             last = self._track(number - 1, aspect).at(times)
             return self._between(last, whole, _eased((passed - begin) / (CLOSING - HELD)))

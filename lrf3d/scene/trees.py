@@ -48,4 +48,3 @@ def crowns_of(structures: Structures) -> Painted:
     colours = np.repeat(leaf, len(ball.faces), axis=0) * patch
     objects = np.repeat(structures.solid_objects[trees], len(ball.faces))
     return panels(corners, normals, colours[:, None], objects)
-

@@ -7,9 +7,9 @@ import shapely
 
 from lrf3d.geometry import Float
 from lrf3d.scene.camera import Track, Tracked
+from lrf3d.scene.ground import STREET
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline
-from lrf3d.scene.ground import STREET
 
 _FREE_ABOVE, _FREE_BELOW, CARD = 0.05, 0.06, 0.10
 """Shares of the picture's height that are free above, and below for text, more for a card."""
