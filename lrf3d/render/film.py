@@ -30,7 +30,7 @@ RENDERERS = ("embree", "gl")
 _SMALLEST, _LARGEST = 16, 8192
 """Sides of pictures [pixels] that can be drawn."""
 
-_INSET, _WIDEST, _LEAST_SIDE = 0.25, 0.34, 40
+_INSET, _WIDEST, _LEAST_SIDE = 0.25, 0.34, 30
 """Side of a square as large as the inset, in shorter sides of the picture; its largest width, in
 those of the picture, and the least side [pixels]."""
 

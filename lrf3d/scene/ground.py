@@ -108,13 +108,6 @@ def paint_ground(structures: Structures, canvas: Canvas, light: Float) -> Ground
     return GroundPicture(np.asarray(picture), canvas.corner, canvas.extent, far)
 
 
-def bare_ground(structures: Structures) -> tuple[Canvas, Float, Float]:
-    """Where the ground's picture lies, what covers it (h, w, 3) in no light, and the land (3,)."""
-    canvas = canvas_of(structures)
-    cover = _cover(structures, canvas)
-    return canvas, np.asarray(cover) / 255.0 / _BRIGHTEST, _land(indoor=structures.indoor)
-
-
 def _cover(structures: Structures, canvas: Canvas) -> Image.Image:
     """What covers the ground of a world, in no light."""
     cover = Image.new("RGB", canvas.size)

@@ -32,8 +32,8 @@ from lrf3d.scene.structures import SIGHT_DISTANCE, outlines_of
 from lrf3d.scene.timeline import Moment, Timeline, drive_keys
 
 LAYERS = (
-    "outlines", "shadow", "goal", "trail", "estimate", "beams", "map", "points", "marker", "inset",
-    "hud",
+    "outlines", "shadow", "goal", "trail", "estimate", "lamp", "beams", "map", "points", "marker",
+    "inset", "hud",
 )  # fmt: skip
 """What can be left out of a picture; what is left out costs nothing."""
 
@@ -178,7 +178,7 @@ class Scene:
         yield from self._trails(moment.time)
         beams = self._beams(moment.scan, *moment.pose) if moment.scanning else None
         if beams is not None:
-            yield "beams", "lamp", self._lamp(moment.scan, *moment.pose)
+            yield "lamp", "lamp", self._lamp(moment.scan, *moment.pose)
             yield "beams", "beams", beams[0]
         drawn = self._map(self.run.snapshot_after(moment.mapped))
         if view.shows_map:

@@ -57,7 +57,7 @@ def caption(facts: Facts, moment: Moment, shot: str) -> str:
     return _laser(run) if shot in _SHOTS else shot
 
 
-_SHOTS = ("chase", "close", "rise", "high", "whole", "end")
+_SHOTS = ("wave", "chase", "close", "rise", "high", "whole", "end")
 """Shots of the film's own cameras."""
 
 

@@ -79,7 +79,10 @@ def paint_stage(
         faces, *box, indoor=indoor, progress=lambda done, count: progress(done, count + 1)
     )
     ground = paint_ground(structures, canvas, light.ground)
-    exposure = unexposed(structures, *box) if run is None else expose(run, structures, *box)
+    # What is driven by hand has no scans yet: they light it as they come.
+    exposure = unexposed(structures, *box)
+    if isinstance(run, Run):
+        exposure = expose(run, structures, *box)
     looked_at = before(faces, exposure, structures)
     faces = faces._replace(
         light=single(screen(light.faces).mean(axis=2, keepdims=True)), before=looked_at

@@ -76,7 +76,7 @@ class Story:
         number = int(np.clip(np.searchsorted(self._cuts, passed, "right") - 1, 0, last))
         shot, track = self._shots[number], self._track(number, aspect)
         if shot == "opening":
-            return track.look(time, cuts=True, opens=passed > 0.0, shot="chase")
+            return track.look(time, cuts=True, opens=passed > 0.0, shot="wave")
         if shot == "end":
             # Glass from the first picture on: what is lit is then seen from both sides.
             glass = max(float(_eased((passed - self._length) / (CLOSING - HELD))), 1e-3)

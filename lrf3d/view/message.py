@@ -110,8 +110,8 @@ def stage_message(stage: Stage) -> bytes:
 def times_part(times: NDArray[np.float32], column: int, row: int) -> Part:
     """A part (h, w, 4) of the picture of times, in half floats, which begins at a cell."""
     rows, columns, _ = times.shape
-    box = {"box": [column, row, columns, rows]}
-    return box, {"0": np.ascontiguousarray(times, np.float16)}
+    halves = np.ascontiguousarray(times, np.float16).reshape(-1, 4)
+    return {"box": [column, row, columns, rows]}, {"0": halves.view(np.float32)}
 
 
 def _part(kind: str, *columns: NDArray[Any]) -> Part:
