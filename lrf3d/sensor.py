@@ -111,9 +111,7 @@ class Sensor:
         ]  # fmt: skip
         return LaserScan.unchecked(lrf, begin, *arrays).at_time(time)
 
-    def _among(
-        self, lrf: LaserRangeFinder, pose: Sequence[float] | Float, time: float
-    ) -> LaserScan:
+    def _among(self, lrf: LaserRangeFinder, pose: Any, time: float) -> LaserScan:
         """The scan of one moment, in which each beam ends at the nearer of wall and obstacle.
 
         Obstacles have the index −1; in a world with materials they are of dark cloth.

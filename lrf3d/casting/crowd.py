@@ -56,7 +56,7 @@ class Crowd:
     def stop_scans(
         self, lrf: LaserRangeFinder, poses: Float, time: float, own: Int, ranges: Float, walls: Int
     ) -> None:
-        """Shorten ranges (k, beams) of scans from poses (k, 3) at a time [s]; their walls become −1.
+        """Shorten ranges (k, beams) of scans from poses (k, 3) at a time [s]; walls become −1.
 
         Own (k,) are the obstacles that the scans do not see, or −1.
         """

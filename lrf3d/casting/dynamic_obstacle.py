@@ -80,7 +80,7 @@ class DynamicObstacle(Value):
         """Its sides (n, 4) in the world at a time [s]."""
         x, y, theta = self.path.at(np.array([time]))[0].tolist()
         # A product of matrices would have other last bits on other processors.
-        ahead, left = turn(*self.outline.T, math.cos(theta), math.sin(theta))
+        ahead, left = turn(self.outline[:, 0], self.outline[:, 1], math.cos(theta), math.sin(theta))
         corners = np.column_stack([ahead + x, left + y])
         return np.hstack([corners, np.roll(corners, -1, axis=0)])
 

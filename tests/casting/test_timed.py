@@ -107,7 +107,7 @@ def test_beams_of_a_sweep_among_moving_obstacles_are_exact(seed):
 
     def wandering(count):
         steps = np.cumsum(rng.uniform(-1.5, 1.5, (count, 3)), axis=0)
-        return Trajectory(np.cumsum(rng.uniform(0.1, 0.4, count)), [40, 32, 0] + steps)
+        return Trajectory(np.cumsum(rng.uniform(0.1, 0.4, count)), np.array([40, 32, 0]) + steps)
 
     robot = Trajectory([0.0, 0.5, 1.0], [(40, 32, 0.1), (40.5, 32.2, 2.4), (41, 32.5, 5.5)])
     paths = [wandering(5), wandering(2), Patrol([(38, 30), (42, 34)], 3.0), wandering(1)]

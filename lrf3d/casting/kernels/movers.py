@@ -31,27 +31,22 @@ from lrf3d.geometry import TINY, Float, Int
 RINGS = 64
 """Number of distance classes in which obstacles are sorted: near ones hide those behind."""
 
-NUMBER, WHOLE = np.float64, np.int64
-
-MOVER = np.dtype(
-    [("first", WHOLE), ("stop", WHOLE), ("leg", WHOLE), ("last", WHOLE)]
-    + [("reach", NUMBER), ("period", NUMBER), ("fastest", NUMBER), ("disc", NUMBER)],
-    align=True,
-)
+ROWS, MEASURES = ("first", "stop", "leg", "last"), ("reach", "period", "fastest", "disc")
+MOVER = np.dtype([*((n, np.int64) for n in ROWS), *((n, np.float64) for n in MEASURES)], align=True)
 """An obstacle: its corners and the legs of its path, from the first to before the last; its largest
 distance from its origin to a corner [m]; after which time its path begins again [s], 0 for never;
 its largest speed [m/s]; and its radius [m] if it touches others as a disc, or 0."""
 
-CORNER = np.dtype([("x", NUMBER), ("y", NUMBER)], align=True)
+CORNER = np.dtype([("x", np.float64), ("y", np.float64)], align=True)
 """A corner [m] in the frame of its obstacle."""
 
-LEG = np.dtype([(name, NUMBER) for name in ("time", "x", "y", "theta")], align=True)
+LEG = np.dtype([(name, np.float64) for name in ("time", "x", "y", "theta")], align=True)
 """A pose of a path [m, rad] and its time [s]."""
 
-PLACED = np.dtype([("x", NUMBER), ("y", NUMBER), ("reach", NUMBER)], align=True)
+PLACED = np.dtype([(name, np.float64) for name in ("x", "y", "reach")], align=True)
 """The origin of an obstacle at a moment [m], and its reach."""
 
-SIDE = np.dtype([(name, NUMBER) for name in ("px", "py", "qx", "qy")], align=True)
+SIDE = np.dtype([(name, np.float64) for name in ("px", "py", "qx", "qy")], align=True)
 """A side of an obstacle in the world [m]."""
 
 
@@ -200,7 +195,7 @@ def by_rings(placed: Records, x: float, y: float, own: int, farthest: float, que
         counts[ring[j] + 1] += 1
     for k in range(RINGS):
         counts[k + 1] += counts[k]
-    met = counts[RINGS]
+    met = int(counts[RINGS])
     for j in range(len(placed)):
         if ring[j] >= 0:
             order[counts[ring[j]]] = j
