@@ -21,7 +21,7 @@ from lrf3d.laser import LaserRangeFinder, Noise, ProportionalNoise, imperfect
 from lrf3d.laser.noise import SIGMA, as_noise, at_sigma, spread_of
 from lrf3d.planning.free_space import Side
 from lrf3d.pose import Pose
-from lrf3d.robot import Trajectory, check_drive, find_collision, follow_route
+from lrf3d.robot import Trajectory, follow_route
 from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, SCAN_INTERVAL, SPEED
 from lrf3d.robot.laps import Patrol, chain_laps, drive_laps
 from lrf3d.robot.unicycle import RADIUS
@@ -71,6 +71,7 @@ class Scenario(Value):
         scan_interval: Time between two scans [s].
         lookahead: Distance [m] along the route to the point that the robot steers at.
         radius: Radius of the robot [m].
+        outline: (n, 2) its outline [m] instead, x ahead; the radius is then that around it.
         mapper: Keyword arguments of the LineMapper.
         film: The default settings of its film.
 
@@ -97,12 +98,18 @@ class Scenario(Value):
     scan_interval: float = SCAN_INTERVAL
     lookahead: float = LOOKAHEAD
     radius: float = RADIUS
+    outline: Float | None = None
     mapper: Mapping[str, Any] = field(default_factory=dict)
     film: FilmPlan = USUAL_FILM
     name: str = ""
 
     def __post_init__(self) -> None:
-        self._hold(*(name for name in ("route", "poses") if getattr(self, name) is not None))
+        arrays = ("route", "poses", "outline")
+        self._hold(*(name for name in arrays if getattr(self, name) is not None))
+        if self.outline is not None:
+            from lrf3d.collision import Body
+
+            object.__setattr__(self, "radius", Body(outline=self.outline).reach)
         object.__setattr__(self, "noise", as_noise(self.noise))
         object.__setattr__(self, "obstacles", tuple(self.obstacles))
 
@@ -190,14 +197,26 @@ class Scenario(Value):
         else:
             most = (scans - 1) * commands + 1
             laps = drive_laps(self.route, start=self.start, most=most, **settings)
-        for lap in laps:
+        # Imported here, so that films and figures do not load the compiler.
+        from lrf3d.collision import Body, check_drive, find_collision
+
+        body = Body(self.radius, self.outline)
+
+        def checked(drive: Trajectory, obstacles: tuple[DynamicObstacle, ...] = ()) -> bool:
             if on_collision is None:
-                check_drive(lap, self.world, self.radius)
-            elif (collision := find_collision(lap, self.world, self.radius)) is not None:
+                check_drive(drive, self.world, body, obstacles)
+            elif (collision := find_collision(drive, self.world, body, obstacles)) is not None:
                 on_collision(str(collision))
-                break
+                return False
+            return True
+
+        fine = all(checked(lap) for lap in laps)
         laps = tuple(lap.every(commands) for lap in laps)
-        return laps[0] if scans is None else chain_laps(laps, scans)
+        path = laps[0] if scans is None else chain_laps(laps, scans)
+        # Walls are checked at each command, dynamic obstacles between scans, as long as it drives.
+        if fine and self.obstacles:
+            checked(path, self.obstacles)
+        return path
 
     def simulation(
         self,
@@ -246,6 +265,7 @@ class Scenario(Value):
                 "start": start if scenario.start is None else scenario.start,
                 "scan_interval": scenario.scan_interval,
                 "radius": scenario.radius if on_collision is None else None,
+                "outline": scenario.outline if on_collision is None else None,
             }
         usual = scenario.noise if sigma is None else at_sigma(scenario.noise, sigma)
         if mapper is None:
