@@ -180,9 +180,16 @@ class Scenario(Value):
         return max(1, round(self.scan_interval / CONTROL_STEP))
 
     def trajectory(
-        self, *, scans: int | None = None, on_collision: Callable[[str], None] | None = None
+        self,
+        *,
+        scans: int | None = None,
+        on_collision: Callable[[str], None] | None = None,
+        say: Callable[[str], None] = lambda note: None,
     ) -> Trajectory:
-        """The drive along the route, or the single poses; for the arguments see `simulation`."""
+        """The drive along the route, or the single poses; for the arguments see `simulation`.
+
+        ``say`` is called with the first collision with a dynamic obstacle, which ends no drive.
+        """
         scans = None if scans is None else whole_number(scans, "scans", most=MOST_SCANS)
         if self.poses is not None:
             stops = np.arange(len(self.poses) if scans is None else scans)
@@ -201,21 +208,18 @@ class Scenario(Value):
         from lrf3d.collision import Body, check_drive, find_collision
 
         body = Body(self.radius, self.outline)
-
-        def checked(drive: Trajectory, obstacles: tuple[DynamicObstacle, ...] = ()) -> bool:
+        for lap in laps:
             if on_collision is None:
-                check_drive(drive, self.world, body, obstacles)
-            elif (collision := find_collision(drive, self.world, body, obstacles)) is not None:
+                check_drive(lap, self.world, body)
+            elif (collision := find_collision(lap, self.world, body)) is not None:
                 on_collision(str(collision))
-                return False
-            return True
-
-        fine = all(checked(lap) for lap in laps)
+                break
         laps = tuple(lap.every(commands) for lap in laps)
         path = laps[0] if scans is None else chain_laps(laps, scans)
-        # Walls are checked at each command, dynamic obstacles between scans, as long as it drives.
-        if fine and self.obstacles:
-            checked(path, self.obstacles)
+        if self.obstacles:
+            nothing = World(np.empty((0, 4)))
+            if (collision := find_collision(path, nothing, body, self.obstacles)) is not None:
+                say(f"{collision}; the robot's route takes no notice of it")
         return path
 
     def simulation(
@@ -229,7 +233,7 @@ class Scenario(Value):
         mapper: "Mapper | Mapping[str, Any] | None" = None,
         caster: "Caster | str" = "embree",
         scans: int | None = None,
-        on_collision: Callable[[str], None] | None = None,
+        on_collision: Callable[[str], None] | str | None = None,
         **changes: Any,
     ) -> "Simulation":
         """The simulation of ``lrf3d run``; the same seed gives the same numbers.
@@ -245,7 +249,9 @@ class Scenario(Value):
             caster: ``embree``, ``planar``, or a caster.
             scans: Number of scans, for which the route is driven there and back.
             on_collision: Called with the message of a collision, after which the drive continues;
-                walls do not stop a controller then. If not given, a collision is an error.
+                walls do not stop a controller then. ``stop`` lets the robot rest where it touches a
+                wall or a dynamic obstacle, ``raise`` makes this an error; if not given, it is one
+                with a wall, and for a controller.
             **changes: Other values of any field of the Scenario.
         """
         # Imported here, so that films and figures do not load the compiler.
@@ -254,9 +260,11 @@ class Scenario(Value):
         if isinstance(mapper, Mapping):
             mapper, changes = None, {**changes, "mapper": mapper}
         scenario, controlled = self.changed(**changes), dict[str, Any]()
+        checks = isinstance(on_collision, str)
         if drive is None:
             scenario = scenario.with_route()
-            drive = scenario.trajectory(scans=scans, on_collision=on_collision)
+            ignored = (lambda note: None) if isinstance(on_collision, str) else on_collision
+            drive = scenario.trajectory(scans=scans, on_collision=ignored)
         elif callable(getattr(drive, "command", None)):
             scans = CONTROLLED_SCANS if scans is None else scans
             scans = whole_number(scans, "scans", most=MOST_SCANS)
@@ -264,9 +272,11 @@ class Scenario(Value):
             controlled = {
                 "start": start if scenario.start is None else scenario.start,
                 "scan_interval": scenario.scan_interval,
-                "radius": scenario.radius if on_collision is None else None,
-                "outline": scenario.outline if on_collision is None else None,
             }
+            checks = checks or on_collision is None
+        if checks:
+            controlled |= {"radius": scenario.radius, "outline": scenario.outline}
+            controlled["on_collision"] = "raise" if on_collision is None else on_collision
         usual = scenario.noise if sigma is None else at_sigma(scenario.noise, sigma)
         if mapper is None:
             # It is set up for the noise whose spread is known: that of the sigma, if given.
