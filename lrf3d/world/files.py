@@ -34,9 +34,6 @@ WRITERS = {
 }
 """The module and the function that write a world, by the ending of the file."""
 
-BY_LIBRARY = ("drawings:", "mesh:")
-"""Modules that parse by a library, which raises anything where a file is damaged."""
-
 
 def load_world(
     name_or_path: str | Path, *, trees: bool = False, resolution: float | None = None
@@ -74,7 +71,7 @@ def load_world(
         except Exception as error:
             if isinstance(error, OSError) and error.errno is not None:
                 raise WorldError(f"cannot be read: {error.strerror}") from None
-            if not target.startswith(BY_LIBRARY):
+            if isinstance(error, MemoryError):
                 raise
             # What a library raises depends on the damage.
             reason = f"{type(error).__name__}: {' '.join(str(error).split())}"[:120].strip(": ")

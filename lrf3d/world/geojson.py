@@ -10,6 +10,7 @@ a map of lrf3d walls meet at the corners, and those that touch are one object.
 
 import json
 import re
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -38,6 +39,9 @@ from lrf3d.world.schema import at, made, several
 
 DEGREES = {"4326", "4258", "4269"}
 """EPSG codes of longitude and latitude: WGS 84, ETRS89 and NAD83, centimetres to metres apart."""
+
+LONGEST_REFERENCE = 10_000
+"""Longest ``crs`` [characters]: descriptions in words have some thousand."""
 
 WEB_MERCATOR = {"3857", "900913", "3785", "102100", "102113"}
 """EPSG's and ESRI's codes of the projection of web maps, which enlarges Delft by 1.6."""
@@ -76,6 +80,8 @@ def read_geojson(path: Path) -> World:
 def _code_of(reference: object) -> str:
     """The EPSG code of a ``crs``; 4326 for CRS84, empty without one."""
     text = json.dumps(reference)
+    if len(text) > LONGEST_REFERENCE:
+        raise WorldError(f"crs: {len(text):,} characters, expected at most {LONGEST_REFERENCE:,}")
     match = re.search(r"(?:EPSG|ESRI)\D.*?(\d{4,6})\b", text)
     return "4326" if "CRS84" in text else match.group(1) if match else ""
 
@@ -117,8 +123,8 @@ def _parse(path: Path) -> dict[str, Any]:
         raise WorldError(f"not JSON: {error}") from None
     if not isinstance(data, dict):
         raise WorldError(f"expected a GeoJSON object, found a JSON {type(data).__name__}")
-    if data.get("type") in _FOREIGN:
-        raise WorldError(_FOREIGN[data["type"]])
+    if isinstance(kind := data.get("type"), str) and kind in _FOREIGN:
+        raise WorldError(_FOREIGN[kind])
     return data
 
 
@@ -126,8 +132,8 @@ def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """A JSON object; which of two values of one key is meant, nobody knows."""
     found = dict(pairs)
     if len(found) < len(pairs):
-        keys = [key for key, _ in pairs]
-        twice = next(key for key in keys if keys.count(key) > 1)
+        counts = Counter(key for key, _ in pairs)
+        twice = counts.most_common(1)[0][0]
         raise ValueError(f"the key {shown(twice)} stands twice in one object; remove one")
     return found
 
