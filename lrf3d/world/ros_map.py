@@ -65,7 +65,11 @@ def read_ros_map(path: Path) -> World:
         data = loader.construct_document(node) if node else None
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise WorldError(f"not YAML: {' '.join(str(error).split())[:120]}") from None
-    if not isinstance(data, dict) or not {"image", "resolution", "origin"} <= set(data):
+    if (
+        node is None
+        or not isinstance(data, dict)
+        or not {"image", "resolution", "origin"} <= set(data)
+    ):
         raise WorldError("expected the description of a ROS map: image, resolution, origin")
     lines: dict[str, int] = {}
     for key, _ in node.value:
@@ -75,7 +79,10 @@ def read_ros_map(path: Path) -> World:
             raise WorldError(f"{key} stands in line {first}, too; remove one")
     texts = ("image", "mode")
     given = {key: value if key in texts else _plain(value) for key, value in data.items()}
-    values = {**USUAL, **{key: KEYS[key](value, key) for key, value in given.items() if key in KEYS}}
+    values = {
+        **USUAL,
+        **{key: KEYS[key](value, key) for key, value in given.items() if key in KEYS},
+    }
     name = re.split(r"[/\\]", values["image"])[-1]
     if name != values["image"].removeprefix("./") or not name.strip("."):
         elsewhere = f"image is {shown(values['image'])}"
