@@ -41,7 +41,10 @@ UNITS = {
     **dict.fromkeys(("", "m", "metre", "metres", "meter", "meters"), 1.0),
     **dict.fromkeys(("ft", "foot", "feet", "'", "′"), 0.3048),
     **dict.fromkeys(("in", "inch", "inches", '"', "″"), 0.0254),
-    **{"mm": 1e-3, "cm": 1e-2, "km": 1e3, "yd": 0.9144},
+    "mm": 1e-3,
+    "cm": 1e-2,
+    "km": 1e3,
+    "yd": 0.9144,
 }
 """Metres in the units of heights."""
 

@@ -4,9 +4,9 @@ The point (0, 0) is the middle of the buildings; ``place`` is where on Earth tha
 closed ways and relations with a tag ``building``; their height is ``height``, or three metres for
 each of ``building:levels``. Where a ``building:part`` stands on the ground it takes the place of
 its building, with its own height. Elements that an extract of Overpass holds twice, as ``out body``
-and ``out skel``, are merged; places may stand in the ways (``out geom``). Where they are asked for, nodes ``natural=tree`` become
-trunks, slender blocks of bark as high as the tree. Tags are free text, which OpenStreetMap's wiki
-defines; a value that cannot be read counts as not given.
+and ``out skel``, are merged; places may stand in the ways (``out geom``). Where they are asked for,
+nodes ``natural=tree`` become trunks, slender blocks of bark as high as the tree. Tags are free
+text, which OpenStreetMap's wiki defines; a value that cannot be read counts as not given.
 """
 
 from collections.abc import Iterator
