@@ -39,7 +39,6 @@ from lrf3d.io.laser_log import (
     A_POSE,
     MOST_READINGS,
     NAMED,
-    TOO_MANY,
     BadLine,
     LaserLog,
     log_name,
@@ -95,7 +94,7 @@ def load_bag(path: str | Path, *, poses: str = "auto", scan_topic: str | None = 
                 # A damaged message may raise any exception.
                 contents.refuse(number, _short(error), "message")
             if contents.readings > MOST_READINGS:
-                raise InputError(f"{path}: {TOO_MANY}; cut it into parts")
+                raise InputError(f"{path}: more than {MOST_READINGS:,} readings; cut it into parts")
     if not contents.scans:
         why = f"; first {contents.bad[0]}" if contents.bad else ""
         raise InputError(f"{path}: no scan on {topic} that can be used{why}")

@@ -43,7 +43,6 @@ from lrf3d.io.laser_log import (
     MOST_LINES,
     MOST_READINGS,
     NAMED,
-    TOO_MANY,
     BadLine,
     LaserLog,
     WheelRecord,
@@ -96,7 +95,10 @@ def load_carmen(
             bad_count += 1
             bad += [BadLine(number, str(error))] if len(bad) < NAMED else []
         if reading.readings > MOST_READINGS:
-            raise InputError(f"{path}: line {number}: {TOO_MANY}; cut the log into parts")
+            raise InputError(
+                f"{path}: line {number}: more than {MOST_READINGS:,} readings; cut the log into"
+                " parts"
+            )
     if not reading.scans:
         why = f"; {bad_count} bad lines, first {bad[0]}" if bad else ""
         raise InputError(f"{path}: no laser scan in it, expected FLASER or ROBOTLASER1 lines{why}")

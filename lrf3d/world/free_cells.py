@@ -70,7 +70,9 @@ class FreeCells:
         try:
             rows = [np.array(row) for row in values["rows"]]
             # Each run is bounded before any sum: in 64 bits, sums of large ones wrap around.
-            if not all(row.dtype.kind == "i" and 0 <= row.min() <= row.max() <= MOST_CELLS for row in rows):
+            if not all(
+                row.dtype.kind == "i" and 0 <= row.min() <= row.max() <= MOST_CELLS for row in rows
+            ):
                 raise ValueError
             columns = {int(row.sum()) for row in rows}
             fits = len(values) == 3 and len(columns) == 1 and sum(columns) * len(rows) <= MOST_CELLS

@@ -170,7 +170,9 @@ def pairs_within(shapes: Any, distance: float, what: str) -> tuple[Int, Int]:
         known += pairs[-1].shape[1]
         # Found both ways, and that each touches a few is usual.
         if known > 2 * MOST_PAIRS + 8 * count or boxes > MOST_BOXES:
-            raise WorldError(f"more than {MOST_PAIRS:,} pairs of {what} touch; remove repeated ones")
+            raise WorldError(
+                f"more than {MOST_PAIRS:,} pairs of {what} touch; remove repeated ones"
+            )
     one, other = np.concatenate(pairs, axis=1)
     return one, other
 
