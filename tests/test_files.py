@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 import lrf3d
-
 from lrf3d import InputError, OutputError, WorldError, load_log, load_map, load_run, load_world
 from lrf3d.files import locked, make_folder, own_name, replacing, unfinished_folder
 from lrf3d.io.reading import is_run

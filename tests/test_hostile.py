@@ -54,7 +54,7 @@ WORLDS = {
     "keys.yaml": (MAP + ALIASES + "? *a11\n: 1\n", "."),
     "tag.yaml": (MAP + "negate: !!bool foo\n", "negate"),
     "empty_tag.yaml": ('image: a.png\nresolution: !!int ""\norigin: [0, 0, 0]\n', "resolution"),
-    "type.geojson": ('{"type": [], "features": []}', "Feature|wall"),
+    "type.geojson": ('{"type": [], "features": []}', "unknown geometry"),
     "deep.geojson": ('{"type": "Polygon", "coordinates": ' + "[" * 900 + "]" * 900 + "}", "."),
     "crs.geojson": (collection(square(0), crs="EPSG:" * 60_000).replace("units", "u"), "crs is"),
     "keys.geojson": (

@@ -166,8 +166,10 @@ def pairs_within(shapes: Any, distance: float, what: str) -> tuple[Int, Int]:
         check()
         part = shapes[first : first + step]
         boxes += tree.query(part).shape[1]
-        pairs.append(tree.query(part, predicate="dwithin", distance=distance) + [[first], [0]])
-        known += pairs[-1].shape[1]
+        found = tree.query(part, predicate="dwithin", distance=distance)
+        found[0] += first
+        pairs.append(found)
+        known += found.shape[1]
         # Found both ways, and that each touches a few is usual.
         if known > 2 * MOST_PAIRS + 8 * count or boxes > MOST_BOXES:
             raise WorldError(
