@@ -105,6 +105,6 @@ def _ground(structures: Structures) -> Mesh:
 
 
 def _robot(laser_height: float) -> Mesh:
-    places, ups, colours = (each.reshape(-1, 3) for each in robot_body(laser_height))
+    places, ups, colours = (each.reshape(-1, 3) for each in robot_body(laser_height, run.radius))
     colour = np.column_stack([colours, np.ones(len(colours))])
     return Mesh([pyrender.Primitive(positions=places, normals=ups, color_0=colour)])
