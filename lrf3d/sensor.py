@@ -16,7 +16,7 @@ from lrf3d.errors import InputError, expect, shown
 from lrf3d.geometry import Float, wrap_angle
 from lrf3d.laser import Chain, LaserRangeFinder, LaserScan, Noise
 from lrf3d.laser.scan import LIGHT
-from lrf3d.pose import as_pose
+from lrf3d.pose import as_pose, between
 from lrf3d.robot import Trajectory
 from lrf3d.world import World
 from lrf3d.world.materials import BUILT_IN
@@ -75,29 +75,35 @@ class Sensor:
                 f"noise {self.noise!r} returned {shown(scan)}; expected a LaserScan of"
                 f" {self.lrf.beams} beams"
             )
+        if scan.mount != true_scan.mount or scan.motion is not true_scan.motion:
+            # A noise may make a scan of its own, without what it knows nothing of.
+            kept: dict[str, Any] = {"mount": true_scan.mount, "laser": true_scan.laser}
+            scan = replace(scan, motion=true_scan.motion, **kept)
         return scan
 
     def cast(self, pose: Float, time: float) -> LaserScan:
-        """The true scan that begins at a pose (3,) and a time [s].
+        """The true scan that begins at a time [s], where the robot is at a pose (3,).
 
         Along a path each beam is cast from the pose at its own time. For a robot at rest this is
         the scan of the caster, bit for bit.
         """
         path, lrf = self._path, self.lrf
         if path is None:
-            return self._among(lrf, pose, time)
+            return self._among(lrf, lrf.placed(pose), time)
         times: Float = time + lrf.time_increment * np.arange(lrf.beams, dtype=np.float64)
         places = path.at(times)
         poses = places + (np.asarray(pose) - places[0])
         # The turn is added to the given heading, which may lie beyond a full turn.
         poses[:, 2] = pose[2] + wrap_angle(places[:, 2] - places[0, 2])
+        motion, poses = between(poses[0], poses[-1]), lrf.placed(poses)
         beams = [
             self._among(single, place, at)
             for single, place, at in zip(lrf.single_beams, poses, times.tolist(), strict=True)
         ]
         parts = [[getattr(beam, name) for beam in beams] for name in ("ranges", "walls", *LIGHT)]
         arrays: Any = [None if part[0] is None else np.concatenate(part) for part in parts]
-        return LaserScan.unchecked(lrf, as_pose(pose), *arrays).at_time(time)
+        place = as_pose(lrf.placed(np.asarray(pose)))
+        return LaserScan.unchecked(lrf, place, *arrays).at_time(time, motion)
 
     def _among(self, lrf: LaserRangeFinder, pose: Float, time: float) -> LaserScan:
         """The scan of one moment, in which each beam ends at the nearer of wall and obstacle.
