@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -111,7 +111,7 @@ class LaserRangeFinder(Value):
 
     def placed(self, poses: Float) -> Float:
         """Poses (…, 3) of the laser in the world, where its robot is at poses (…, 3)."""
-        return poses if self.mount == CENTRE else compose(poses, np.array(self.mount))
+        return poses if self.mount == CENTRE else compose(np.asarray(poses), np.array(self.mount))
 
     @cached_property
     def angles(self) -> Float:
@@ -128,17 +128,6 @@ class LaserRangeFinder(Value):
     def time_increment(self) -> float:
         """Time from one beam to the next [s]."""
         return self.scan_duration / (self.beams - 1) if self.beams > 1 else 0.0
-
-    @cached_property
-    def single_beams(self) -> tuple["LaserRangeFinder", ...]:
-        """A range finder for each beam, which sends only this beam."""
-        settings: dict[str, Any] = {"beams": 1, "scan_duration": 0.0}
-        angles = self.angles.tolist()
-        singles = [replace(self, angle_min=at, angle_max=at, **settings) for at in angles]
-        for beam, single in enumerate(singles):
-            # The same numbers, so that the beam is the same to the last bit.
-            single.__dict__["fan"] = self.fan[:, beam : beam + 1]
-        return tuple(singles)
 
     @cached_property
     def spread(self) -> tuple[float, float]:
