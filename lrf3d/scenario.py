@@ -268,7 +268,7 @@ class Scenario(Value):
             noise=noises if noise is None else noise, mapper=mapper,
             obstacles=scenario.obstacles, **controlled,
         )  # fmt: skip
-        made.film = scenario.film
+        made.film, made.radius = scenario.film, scenario.radius
         return made
 
     def run(

@@ -24,6 +24,7 @@ from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.pose import Pose, as_pose
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.robot.following import SCAN_INTERVAL
+from lrf3d.robot.unicycle import RADIUS
 from lrf3d.run import Run, is_snapshot
 from lrf3d.sensor import Caster, Sensor, caster_of
 from lrf3d.steering import ControlledDrive, Controller
@@ -175,6 +176,8 @@ class Simulation:
         )
         self.film: FilmPlan = USUAL_FILM
         """The default settings of the film."""
+        self.radius = RADIUS if radius is None else radius
+        """Radius of the robot [m]."""
         self.scans, self.done, self._seconds = scans, 0, 0.0
         self._returned: Any = None
 
@@ -332,6 +335,7 @@ def collect(
         maps=tuple(maps.values()),
         obstacles=simulation.obstacles,
         film=simulation.film,
+        radius=simulation.radius,
         estimate=simulation.estimate,
         further=simulation.lasers[1:],
         **rows,

@@ -22,6 +22,7 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.laser.scan import LIGHT
 from lrf3d.mapping import LineMap
 from lrf3d.robot import EstimatedTrajectory, Trajectory
+from lrf3d.robot.unicycle import RADIUS
 from lrf3d.run import Run
 from lrf3d.world import World
 from lrf3d.world.cameras import FilmPlan, FixedCamera
@@ -73,6 +74,7 @@ def run_arrays(
         "laser": asdict(run.lasers[0]),
         **({"further": [asdict(each) for each in run.lasers[1:]]} if len(run.lasers) > 1 else {}),
         "film": asdict(run.film),
+        "radius": run.radius,
         "obstacle_heights": [each.height for each in run.obstacles],
     }
     arrays: dict[str, Any] = {
@@ -208,6 +210,7 @@ def _run(arrays: dict[str, Any]) -> Run:
         tuple(obstacles),
         FilmPlan(**settings["film"]),
         estimate,
+        radius=settings.get("radius", RADIUS),
         **{name: arrays[name] for name in (*LIGHT, "motions") if name in arrays},
         further=tuple(further),
     )
