@@ -14,6 +14,8 @@ from scipy.ndimage import binary_closing, distance_transform_edt, gaussian_filte
 
 from lrf3d.geometry import Bool, Float, Int, Single
 from lrf3d.laser import LaserScan, beam_directions
+from lrf3d.laser.unrolling import unrolled
+from lrf3d.pose import as_pose
 from lrf3d.run import Run
 from lrf3d.scene.beams import folded, turning_walls
 from lrf3d.scene.shapes import Painted, single
@@ -154,7 +156,9 @@ def expose(run: Run, structures: Structures, low: Float, high: Float) -> Exposur
     # From the last scan to the first: what was seen first lies on top.
     step = 1 + (len(poses) - 1) // _MOST_SCANS
     for number in range(0, len(poses), step)[::-1]:
-        exposure.fan(replace(run.scan(number), pose=poses[number]), mirrors, first, number + 1)
+        for lrf, scan in zip(run.lasers, run.scans_at(number), strict=True):
+            placed = replace(unrolled(scan), pose=as_pose(lrf.placed(poses[number])))
+            exposure.fan(placed, mirrors, first, number + 1)
     seen: Bool = np.asarray(first) > 0
     near = distance_transform_edt(~seen, return_distances=False, return_indices=True)
     scans = np.maximum(np.asarray(first)[tuple(near)] - 1, 0)
@@ -200,7 +204,7 @@ class LiveExposure:
         times = whole.times[low[1] : high[1], low[0] : high[0]]
         part = replace(whole, times=times, corner=whole.corner + low * whole.cell)
         picture = Image.new("L", (high - low).tolist())
-        part.fan(replace(scan, pose=pose), self._mirrors, picture, 255)
+        part.fan(replace(scan, pose=as_pose(pose)), self._mirrors, picture, 255)
         cover = soft_rim((np.asarray(picture) > 0) | (times[..., 1] > 0.5))
         first = (cover > 0.0) & (times[..., 1] == 0.0)
         times[first, 0], times[first, 2] = time, time + _GAP

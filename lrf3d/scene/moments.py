@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lrf3d.geometry import Float, Single
+from lrf3d.laser.unrolling import unrolled
 from lrf3d.scene import look
 from lrf3d.scene.beams import REACH, REACH_INDOOR, draw_beams, lamp, turning_walls
 from lrf3d.scene.bodies import (
@@ -80,6 +81,11 @@ _PLAN_SHAPES = (0.22, 1.6)
 _ROBOT_MIDDLE = 0.4
 """Height of the robot's middle [m], which is kept in sight."""
 
+_LASER_TINTS = np.array(
+    [(1.0, 1.0, 1.0), (0.5, 1.2, 3.0), (0.6, 2.0, 0.9), (1.0, 0.7, 3.0)], np.float32
+)
+"""By what the colour of beams is multiplied, laser by laser."""
+
 _TRAIL_FADE = 15.0
 """Time of the film [s] in which the trail fades."""
 
@@ -111,7 +117,7 @@ class Scene:
         self.live = LiveExposure(self.exposure, structures, run.world) if live else None
         self.origin = structures.origin
         self.obstacles = Obstacles(run.obstacles, self.origin, indoor=structures.indoor)
-        self.robot = Body(robot_body(run.lrf.height), np.eye(4))
+        self.robot = Body(robot_body(run.lrf.height, run.radius), np.eye(4))
         self.keys = drive_keys(timeline).thinned()
         self._goal = None if goal is None else goal_disc(np.array(goal) - [*self.origin, 0.0])
         self._turning = turning_walls(run.world)
@@ -172,7 +178,7 @@ class Scene:
         """Layer, name and mark, in the order in which they are drawn."""
         if view.cuts or not self.structures.indoor:
             yield "outlines", "outlines", self._outlines
-        yield "shadow", "shadow", robot_shadow(pose, indoor=self.structures.indoor)
+        yield "shadow", "shadow", robot_shadow(pose, self.run.radius, indoor=self.structures.indoor)
         yield "shadow", "shadows", self.obstacles.shadows(moment.time)
         yield "goal", "goal", self._goal
         yield from self._trails(moment.time)
@@ -219,26 +225,48 @@ class Scene:
         return tuple(found)
 
     def _drawn_beams(self, number: int, *pose: float) -> tuple[Lines, Points]:
-        """The beams and hits of a scan, from where the robot is now, if given."""
-        scan, origin, lrf = self.run.scan(number), np.array([*self.origin, 0.0]), self.run.lrf
-        place = np.array(scan.pose) - origin
-        apex = np.array(pose) - origin if pose else place
-        return draw_beams(
-            replace(scan, pose=place),
-            self._walls,
-            apex[:2],
-            self._turning,
-            height=lrf.height,
-            reach=self._reach,
-            by=self.run.film.points_by,
+        """The beams and hits of all lasers at a scan, from where the robot is now, if given."""
+        run, origin = self.run, np.array([*self.origin, 0.0])
+        robot = np.array(pose) if pose else run.trajectory.poses[number]
+        drawn = []
+        for laser, (lrf, scan) in enumerate(zip(run.lasers, run.scans_at(number), strict=True)):
+            scan = unrolled(scan)
+            lines, points = draw_beams(
+                replace(scan, pose=np.array(scan.pose) - origin),
+                self._walls,
+                (lrf.placed(robot) - origin)[:2],
+                self._turning,
+                height=lrf.height,
+                reach=self._reach,
+                by=run.film.points_by,
+            )
+            tint = _LASER_TINTS[laser % len(_LASER_TINTS)]
+            colours = np.minimum(lines.colours * tint, np.float32(1.0))
+            drawn.append((lines._replace(colours=colours), points))
+        if len(drawn) == 1:
+            return drawn[0]
+        lines, points = (
+            first._replace(
+                **{
+                    name: np.concatenate([getattr(each, name) for each in (first, *others)])
+                    for name in first._fields
+                    if isinstance(getattr(first, name), np.ndarray)
+                }
+            )
+            for first, *others in zip(*drawn, strict=True)
         )
+        return lines, points
 
     def _drawn_lamp(self, number: int, *pose: float) -> Soft:
-        """The light of a scan on the ground round the robot."""
-        scan, origin = self.run.scan(number), np.array([*self.origin, 0.0])
+        """The light of the scans of all lasers on the ground round the robot."""
+        run, origin, drawn = self.run, np.array([*self.origin, 0.0]), []
         reach = look.LAMP_REACH_INDOOR if self.structures.indoor else look.LAMP_REACH
-        placed = replace(scan, pose=np.array(scan.pose) - origin)
-        return lamp(placed, self._walls[self._turning], (np.array(pose) - origin)[:2], reach)
+        for lrf, scan in zip(run.lasers, run.scans_at(number), strict=True):
+            scan = unrolled(scan)
+            placed = replace(scan, pose=np.array(scan.pose) - origin)
+            apex = (lrf.placed(np.array(pose)) - origin)[:2]
+            drawn.append(lamp(placed, self._walls[self._turning], apex, reach))
+        return Soft(*(np.concatenate(column) for column in zip(*drawn, strict=True)))
 
     def _recent_hits(self, moment: Moment) -> Points:
         """The hits of the last seconds, which fade."""

@@ -63,7 +63,7 @@ _SHOTS = ("wave", "chase", "close", "rise", "high", "whole", "end")
 
 def reflected(run: Run, moment: Moment) -> bool:
     """Whether a mirror has been recognised in the map in the last seconds."""
-    newest, lasting = run.snapshot_after(moment.mapped), _TOLD * run.film.playback
+    newest, lasting = run.snapshot_after(moment.mapped), _TOLD * run.playback
     before = run.snapshot_after(
         int(np.searchsorted(run.trajectory.times, moment.time - lasting)) - 1
     )
@@ -77,7 +77,7 @@ def reflected(run: Run, moment: Moment) -> bool:
 def _laser(run: Run) -> str:
     """How much the laser sends out."""
     gaps = np.diff(run.trajectory.times)
-    beams = f"{run.lrf.beams} laser beams"
+    beams = f"{run.ranges.shape[1]} laser beams"
     rate = 1.0 / float(np.median(gaps)) if len(gaps) and np.median(gaps) > 0.0 else 0.0
     return f"{beams}, {rate:.3g} times a second" if rate >= 1.0 else f"{beams} a scan"
 

@@ -6,13 +6,13 @@ from typing import cast
 
 import numpy as np
 
+from lrf3d.collision import CollisionChecker
 from lrf3d.geometry import Float, Int, generator
 from lrf3d.laser import LaserScan
 from lrf3d.mapping import LineMap
 from lrf3d.mapping.tracking import ObjectTracker
 from lrf3d.pose import Pose, as_pose
 from lrf3d.robot import Unicycle
-from lrf3d.robot.collision import CollisionChecker
 from lrf3d.run import Run
 from lrf3d.scenario import Scenario
 from lrf3d.scene.timeline import DriveKeys, Moment, Timeline
@@ -54,9 +54,9 @@ class HandDrive(Timeline):
 
     def __init__(self, scenario: Scenario, *, rng: int = 0) -> None:
         self.world, self.lrf, self.obstacles = scenario.world, scenario.lrf, scenario.obstacles
-        self.name = scenario.name
+        self.name, self.lasers = scenario.name, (scenario.lrf,)
         self.film = replace(USUAL_FILM, points_by=scenario.film.points_by)
-        self._fastest = scenario.speed
+        self._fastest, self.radius = scenario.speed, scenario.radius
         self._collisions = CollisionChecker(scenario.world)
         self._robot = Unicycle(scenario.radius)
         # Where the hand will drive while a beam turns nobody knows: a scan takes no time.
@@ -129,6 +129,10 @@ class HandDrive(Timeline):
         """A mapped scan by its number; the last one is that of now."""
         return self._scans.get(number, self.latest)
 
+    def scans_at(self, number: int) -> tuple[LaserScan, ...]:
+        """The scans of all lasers, of which it has one."""
+        return (self.scan(number),)
+
     def snapshot_after(self, scan: int) -> int:
         """The number of the map, which changes with it; −1 for none."""
         return max(self.maps, default=-1)
@@ -142,7 +146,7 @@ class HandDrive(Timeline):
         goal = self._robot.move(self.pose, self.speed, self.turning, seconds)
         if goal[:2] != self.pose[:2]:
             here, there = np.array([self.pose[:2]]), np.array([goal[:2]])
-            if len(self._collisions.hit(here, there, self._robot.radius)[0]):
+            if self._collisions.hit(here, there, self._robot.radius)[0] >= 0:
                 # A round robot can still turn on the spot.
                 self.bumped, self.speed = True, 0.0
                 goal = Pose(self.pose.x, self.pose.y, goal.theta)
