@@ -6,6 +6,7 @@ next to the package in a checkout, and inside it in a wheel.
 """
 
 import os
+import re
 import shutil
 import stat
 from collections.abc import Iterator
@@ -24,6 +25,9 @@ GENERAL = frozenset(
     " sweep untitled world".split()
 )
 """File names that say only what kind of file it is; the name of the folder is put before them."""
+
+LONGEST_NAME = 60
+"""Largest length of a folder's name: file systems allow 255 bytes, and suffixes are added."""
 
 _PRIVATE, _UNFINISHED = ".lrf3d-", ".unfinished"
 """Beginning and end of the names of the private folders in which files are written."""
@@ -99,6 +103,16 @@ def own_name(path: str | Path, given: object = None, *, stem: str | None = None)
     name = full_path.stem if stem is None else stem
     folder = full_path.parent.name
     return f"{folder}_{name}" if folder and name.lower() in GENERAL else name
+
+
+def folder_name(name: str) -> str:
+    """A name for a folder, of letters, digits, dots, hyphens and underscores.
+
+    Example:
+        >>> folder_name("Lab 3/west"), folder_name("../..")
+        ('Lab_3_west', 'world')
+    """
+    return re.sub(r"[^\w.+-]+", "_", name)[:LONGEST_NAME].strip("._") or "world"
 
 
 def data_folder(name: str) -> Path:

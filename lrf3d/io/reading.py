@@ -4,6 +4,7 @@ from pathlib import Path
 
 from lrf3d.errors import InputError
 from lrf3d.files import own_name
+from lrf3d.interrupts import reading
 from lrf3d.io.laser_log import LaserLog
 from lrf3d.world import world_names
 
@@ -32,6 +33,7 @@ def odometry_of(path: str | Path) -> str:
     return "auto" if str(path).lower().endswith(CARMEN_ENDINGS) else "odom"
 
 
+@reading()
 def load_log(
     path: str | Path,
     *,

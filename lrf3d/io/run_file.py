@@ -17,6 +17,7 @@ import numpy as np
 
 from lrf3d.errors import InputError
 from lrf3d.files import check_ordinary
+from lrf3d.interrupts import reading
 from lrf3d.io.npz import DAMAGES, Array, read_arrays, write_npz
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.laser.scan import LIGHT
@@ -103,6 +104,7 @@ def _obstacle(number: int) -> list[str]:
     return [f"obstacle_{number}_{name}" for name in ("outline", "times", "poses")]
 
 
+@reading()
 def load_run(path: str | Path) -> Run:
     """Read a run from a file or from the folder that ``lrf3d run`` wrote it to.
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from lrf3d.errors import Lrf3dError, OutputError, WorldError
 from lrf3d.files import check_ordinary, data_folder
+from lrf3d.interrupts import reading
 from lrf3d.world.model import World
 from lrf3d.world.schema import at
 
@@ -63,7 +64,7 @@ def load_world(
         options["resolution"] = resolution
         if not is_picture(path):
             raise WorldError(f"{path}: a resolution is for a picture (.png, .pgm) alone")
-    with at(str(path)):
+    with reading(), at(str(path)):
         try:
             world: World = _function(target)(path, **options)
         except (Lrf3dError, MemoryError):
