@@ -15,7 +15,7 @@ from pathlib import Path
 from tempfile import mkdtemp
 from typing import BinaryIO
 
-from lrf3d.errors import InputError, OutputError
+from lrf3d.errors import InputError, OutputError, shown
 
 LARGEST_TEXT = 1 << 28
 """Largest text file [bytes]: about two million walls as TOML."""
@@ -33,6 +33,14 @@ _PRIVATE, _UNFINISHED = ".lrf3d-", ".unfinished"
 """Beginning and end of the names of the private folders in which files are written."""
 
 
+def as_path(path: object) -> Path:
+    """A path that comes from outside; a number would be an open file, such as the output."""
+    name = os.fspath(path) if isinstance(path, str | os.PathLike) else None
+    if not isinstance(name, str):
+        raise InputError(f"path {shown(path)}: expected the name of a file, as a text or a Path")
+    return Path(name)
+
+
 def check_ordinary(
     path: str | Path,
     *,
@@ -45,6 +53,7 @@ def check_ordinary(
 
     Messages say what is expected there, or ``missing`` if nothing is there.
     """
+    path = as_path(path)
     try:
         # Opening a pipe would wait for a writer, so its kind is checked before.
         status = os.stat(path)
@@ -142,7 +151,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
     If writing fails or is interrupted, an older file at ``path`` stays. A symbolic link at ``path``
     is replaced, not followed.
     """
-    path = Path(path)
+    path = as_path(path)
     with writing(path), unfinished_folder(path) as folder:
         unfinished = folder / path.name
         yield unfinished
@@ -157,7 +166,7 @@ def unfinished_folder(path: str | Path) -> Iterator[Path]:
     would lead what is written elsewhere. It is removed afterwards, and so are those that processes
     left there when they were killed.
     """
-    place = Path(path).parent
+    place = as_path(path).parent
     with writing(path):
         for left in place.glob(f"{_PRIVATE}*{_UNFINISHED}"):
             with suppress(OSError), _hold(left):
@@ -218,7 +227,7 @@ def write_text(path: str | Path, text: str) -> None:
 
 def make_folder(path: str | Path) -> Path:
     """Make a folder and its parents, and check that it can be written to."""
-    path = Path(path)
+    path = as_path(path)
     with writing(path, "choose another with --out"):
         path.mkdir(parents=True, exist_ok=True)
     if not os.access(path, os.W_OK | os.X_OK):

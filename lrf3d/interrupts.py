@@ -70,7 +70,7 @@ def handle_signals(name: str) -> None:
             os._exit(128 + _asked)
 
     usual = sys.unraisablehook
-    # An interrupt that cannot be raised where it comes, such as in a destructor, is seen by a check.
+    # An interrupt that cannot be raised where it comes, as in a destructor, is seen by a check.
     sys.unraisablehook = lambda what: None if _asked else usual(what)
     for number in SIGNALS:
         # A program in the background, or under nohup, goes on ignoring these signals.

@@ -19,8 +19,8 @@ from typing import Any
 
 from lrf3d.casting import PlanarCaster
 from lrf3d.cores import core_count, process_pool, results
-from lrf3d.errors import InputError, Lrf3dError, missing_extra
-from lrf3d.files import locked, make_folder, opened_own, read_text, writing
+from lrf3d.errors import InputError, Lrf3dError, missing_extra, shown
+from lrf3d.files import as_path, locked, make_folder, opened_own, read_text, writing
 from lrf3d.geometry import is_finite
 from lrf3d.interrupts import Progress, check, noting, silent, stoppable
 from lrf3d.scenario import read_scenario_file
@@ -83,14 +83,24 @@ def sweep(
         >>> [row["mapper"] for row in table.rows]
         ['robust', 'robust']
     """
+    varied = axes.items() if isinstance(axes, Mapping) else ()
+    for name, value, kinds in (
+        ("worlds", worlds, str | list | tuple),
+        ("mappers", mappers, Mapping | list | tuple | None),
+        ("axes", axes, Mapping | None),
+        *((f"axes {key}", each, list | tuple) for key, each in varied),
+    ):
+        if not isinstance(value, kinds):
+            raise InputError(f"sweep: {name} {shown(value)}: expected a list, or a dict of lists")
     if not isinstance(mappers, Mapping):
         mappers = USUAL if mappers is None else {label: label for label in mappers}
     files = [read_scenario_file(each) for each in ([worlds] if isinstance(worlds, str) else worlds)]
     plan = make_plan(files, axes, mappers, seeds)
     with ExitStack() as stack:
-        place = folder or stack.enter_context(TemporaryDirectory(ignore_cleanup_errors=True))
+        if folder is None:
+            folder = stack.enter_context(TemporaryDirectory(ignore_cleanup_errors=True))
         used = stack.enter_context(executor_of(workers)) if executor is None else executor
-        return run_plan(plan, Path(place), used, resume=resume, progress=progress)
+        return run_plan(plan, as_path(folder), used, resume=resume, progress=progress)
 
 
 def run_plan(
