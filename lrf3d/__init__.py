@@ -36,11 +36,14 @@ if TYPE_CHECKING:
     from lrf3d.planning.planner import plan_route
     from lrf3d.pose import Pose
     from lrf3d.recorded import map_log, slam_log
+    from lrf3d.recorder import Recorder
     from lrf3d.render.video import render_video
     from lrf3d.robot import (
         EstimatedTrajectory,
+        Imu,
         Trajectory,
         Unicycle,
+        WheelOdometry,
         check_drive,
         drive,
         follow_route,
@@ -70,8 +73,10 @@ else:
             "mapping": "LineMap LineMapper load_map save_map",
             "pose": "Pose",
             "recorded": "map_log slam_log",
+            "recorder": "Recorder",
             "render.video": "render_video",
-            "robot": "EstimatedTrajectory Trajectory Unicycle check_drive drive follow_route",
+            "robot": "EstimatedTrajectory Imu Trajectory Unicycle WheelOdometry check_drive drive"
+            " follow_route",
             "planning.planner": "plan_route",
             "run": "Run",
             "scenario": "Scenario load_scenario",
@@ -86,12 +91,12 @@ else:
     )
 
 __all__ = [
-    "CollisionError", "DynamicObstacle", "EmbreeCaster", "EstimatedTrajectory", "InputError",
+    "CollisionError", "DynamicObstacle", "EmbreeCaster", "EstimatedTrajectory", "Imu", "InputError",
     "KnownLines", "LaserRangeFinder", "LaserScan", "LineMap", "LineMapper", "Localiser",
     "Lrf3dError", "MissingLibraryError", "OdometryNoise", "OutputError", "PlanarCaster", "Pose",
-    "PoseEstimate", "ProportionalNoise", "Run", "Scenario", "Simulation", "Slam", "Step",
-    "SweepTable", "Trajectory", "Unicycle", "World", "WorldError", "check_drive", "crosscheck",
-    "drive", "export_run", "follow_route", "load_log", "load_map", "load_run", "load_scenario",
+    "PoseEstimate", "ProportionalNoise", "Recorder", "Run", "Scenario", "Simulation", "Slam", "Step",
+    "SweepTable", "Trajectory", "Unicycle", "WheelOdometry", "World", "WorldError", "check_drive",
+    "crosscheck", "drive", "export_run", "follow_route", "load_log", "load_map", "load_run", "load_scenario",
     "load_world", "localise", "map_log", "odometry_increments", "plan_route", "plot", "record",
     "render_video", "save_map", "save_run", "save_world", "score_map", "score_run", "simulate",
     "simulate_fleet", "slam_log", "sweep", "world_names",

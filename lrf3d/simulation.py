@@ -24,6 +24,7 @@ from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.pose import Pose, as_pose
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.robot.following import SCAN_INTERVAL
+from lrf3d.robot.odometry import Imu, ImuRecord, InertialUnit, Odometer, WheelOdometry
 from lrf3d.robot.unicycle import RADIUS
 from lrf3d.run import Run, is_snapshot
 from lrf3d.sensor import Caster, Sensor, caster_of
@@ -38,8 +39,9 @@ class Mapper(Protocol):
     The map after a scan is the mapper's attribute ``map``, a LineMap or anything else. A mapper
     without it returns the map from `update`. A mapper that estimates the poses may have the
     attribute ``estimate``, an EstimatedTrajectory, which pictures and films show next to the truth.
-    It gets the scans of several lasers one by one, or, if its attribute ``several`` is true, those
-    of a moment as a tuple.
+    One with a method ``drive(increment)`` gets the odometry increment before each scan, if there is
+    odometry. It gets the scans of several lasers one by one, or, if its attribute ``several`` is
+    true, those of a moment as a tuple.
     """
 
     def update(self, scan: LaserScan) -> Any:
@@ -52,7 +54,9 @@ class Step:
     """One step of a simulation: the measured scans and the true ones, and the map after them.
 
     There is a scan for each laser. The ``index`` counts from 0; the ``time`` [s] is that of the
-    first beams, and the ``pose`` that of the robot then.
+    first beams, and the ``pose`` that of the robot then. Where the robot has them, ``odometry``
+    (3,) is its pose by the wheels, and ``imu`` (m, 4) what its IMU measured since the step before:
+    times [s], turn rates [rad/s], accelerations ahead and to the left [m/s²].
 
     Examples:
         >>> import lrf3d
@@ -68,6 +72,8 @@ class Step:
     scans: tuple[LaserScan, ...]
     true_scans: tuple[LaserScan, ...]
     _simulation: "Simulation" = field(repr=False)
+    odometry: Float = field(repr=False)
+    imu: Float = field(repr=False)
 
     @property
     def scan(self) -> LaserScan:
@@ -115,6 +121,9 @@ class Simulation:
             controller ends the drive.
         radius: Radius [m] of a controller's robot, which may not hit a wall; if not given, it
             drives through walls.
+        odometry: The errors of the wheels, if odometry is to be measured.
+        imu: The errors of the IMU, if the robot has one. Both draw random numbers of their own, so
+            that scans stay the same.
 
     Examples:
         >>> import lrf3d
@@ -139,6 +148,8 @@ class Simulation:
         scan_interval: float = SCAN_INTERVAL,
         scans: int | None = None,
         radius: float | None = None,
+        odometry: WheelOdometry | None = None,
+        imu: Imu | None = None,
     ) -> None:
         scans = None if scans is None else whole_number(scans, "scans")
         self.world = world
@@ -174,6 +185,13 @@ class Simulation:
             Sensor(world, each, caster=shared, noise=own, obstacles=self.obstacles, path=path)
             for each, own in zip(self.lasers, noises, strict=True)
         )
+        wheels, inertial = self.rng.spawn(2) if odometry or imu else (self.rng, self.rng)
+        self._odometer = None if odometry is None else Odometer(odometry, wheels)
+        self._imu = None if imu is None else InertialUnit(imu, inertial)
+        self.motion_sensors = odometry, imu
+        """The errors of the wheels and of the IMU."""
+        self.odometry, self.inertial = np.zeros(3), np.empty((0, 4))
+        """The pose by odometry at the last scan, and what the IMU measured before it."""
         self.film: FilmPlan = USUAL_FILM
         """The default settings of the film."""
         self.radius = RADIUS if radius is None else radius
@@ -218,14 +236,20 @@ class Simulation:
                 sensor.noisy(scan, self.rng)
                 for sensor, scan in zip(self.sensors, truth, strict=True)
             )
-            self.take(scans)
-            yield Step(index, time, as_pose(pose), scans, truth, self)
+            self.take(scans, pose)
+            yield Step(index, time, as_pose(pose), scans, truth, self, self.odometry, self.inertial)
 
-    def take(self, scans: Sequence[LaserScan]) -> None:
-        """Take the next measured scan of each laser: map them and drive on.
+    def take(self, scans: Sequence[LaserScan], pose: Float) -> None:
+        """Take the next measured scan of each laser, with the robot at (3,): map and drive on.
 
         Taking recorded scans brings a new simulation to the state of an interrupted one.
         """
+        if self._odometer is not None:
+            self.odometry = sealed(self._odometer.drive(pose))
+            if callable(getattr(self.mapper, "drive", None)):
+                self.mapper.drive(self._odometer.increment)  # type: ignore[attr-defined]
+        if self._imu is not None:
+            self.inertial = sealed(self._imu.drive(scans[0].time, pose))
         begin = perf_counter()
         self._returned = update_mapper(self.mapper, scans)
         # The first update is not counted: it may compile or load the mapper.
@@ -323,7 +347,7 @@ def collect(
     rows: dict[str, Any] = {
         name: np.empty((total, *row[name].shape), row[name].base) for name in row.names or ()
     }
-    maps = run_to_end(
+    maps, imu = run_to_end(
         simulation, lambda step: fill_row(rows, step.index, step), progress, snapshots=snapshots
     )
     rows = {name: sealed(values)[: simulation.done] for name, values in rows.items()}
@@ -338,6 +362,7 @@ def collect(
         radius=simulation.radius,
         estimate=simulation.estimate,
         further=simulation.lasers[1:],
+        imu=imu,
         **rows,
     )
 
@@ -348,12 +373,14 @@ def run_to_end(
     progress: Progress,
     *,
     snapshots: int | None = None,
-    recorded: Iterable[Sequence[LaserScan]] = (),
-) -> dict[int, LineMap]:
-    """Call ``keep`` with each step up to the last, and return the map snapshots by their scans.
+    recorded: Iterable[tuple[Sequence[LaserScan], Float]] = (),
+) -> tuple[dict[int, LineMap], ImuRecord | None]:
+    """Call ``keep`` with each step up to the last.
 
-    The recorded scans of an interrupted simulation are taken first.
+    The recorded scans of an interrupted simulation, with poses, are taken first. Returns the map
+    snapshots by their scans, and what the IMU measured.
     """
+    inertial = list[Float]()
     total, maps = simulation.total, dict[int, LineMap]()
     snapshots = None if snapshots is None else whole_number(snapshots, "snapshots")
 
@@ -364,16 +391,18 @@ def run_to_end(
             if isinstance(line_map := simulation.map, LineMap):
                 maps[last] = line_map
 
-    for scans in recorded:
-        simulation.take(scans)
+    for scans, pose in recorded:
+        simulation.take(scans, pose)
+        inertial.append(simulation.inertial)
         keep_map()
     for step in simulation:
         keep(step)
+        inertial.append(step.imu)
         progress(simulation.done, total)
         keep_map()
     # A controller may end before all scans are done.
     keep_map(always=True)
-    return maps
+    return maps, None if simulation.motion_sensors[1] is None else ImuRecord.of(inertial)
 
 
 def update_mapper(mapper: Any, scans: Sequence[LaserScan]) -> Any:
@@ -403,12 +432,16 @@ def row_type(simulation: Simulation) -> np.dtype[Any]:
             fields += [(name, np.float64, each_echo) for name in ("echoes", "echo_intensities")]
     if any(each.scan_duration for each in lasers):
         fields.append(("motions", np.float64, (len(lasers), 3)))
+    if simulation.motion_sensors[0] is not None:
+        fields.append(("wheels", np.float64, 3))
     return np.dtype(fields)
 
 
 def fill_row(rows: Mapping[str, Any], index: int, step: Step) -> None:
     """Write a step into a row of arrays with the fields of `row_type`, laser beside laser."""
     rows["times"][index], rows["poses"][index] = step.time, step.pose
+    if "wheels" in rows:
+        rows["wheels"][index] = step.odometry
     begin = 0
     for number, (scan, truth) in enumerate(zip(step.scans, step.true_scans, strict=True)):
         beams = slice(begin, begin := begin + len(scan.ranges))

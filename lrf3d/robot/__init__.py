@@ -3,13 +3,16 @@
 from lrf3d.robot.collision import check_drive, find_collision
 from lrf3d.robot.estimated_trajectory import EstimatedTrajectory
 from lrf3d.robot.following import follow_route
+from lrf3d.robot.odometry import Imu, WheelOdometry
 from lrf3d.robot.trajectory import Trajectory
 from lrf3d.robot.unicycle import Unicycle, drive
 
 __all__ = [
     "EstimatedTrajectory",
+    "Imu",
     "Trajectory",
     "Unicycle",
+    "WheelOdometry",
     "check_drive",
     "drive",
     "find_collision",
