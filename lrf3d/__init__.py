@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from lrf3d import plot
     from lrf3d.casting import EmbreeCaster, PlanarCaster, crosscheck
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
+    from lrf3d.collecting import simulate
     from lrf3d.errors import (
         CollisionError,
         InputError,
@@ -51,7 +52,7 @@ if TYPE_CHECKING:
     from lrf3d.run import Run
     from lrf3d.scenario import Scenario, load_scenario
     from lrf3d.scoring import score_map, score_run
-    from lrf3d.simulation import Simulation, Step, simulate
+    from lrf3d.simulation import Simulation, Step
     from lrf3d.slam import Slam
     from lrf3d.sweeping import SweepTable, sweep
     from lrf3d.version import __version__ as __version__
@@ -81,7 +82,8 @@ else:
             "run": "Run",
             "scenario": "Scenario load_scenario",
             "scoring": "score_map score_run",
-            "simulation": "Simulation Step simulate",
+            "simulation": "Simulation Step",
+            "collecting": "simulate",
             "slam": "Slam",
             "sweeping": "SweepTable sweep",
             "version": "__version__",
@@ -94,10 +96,10 @@ __all__ = [
     "CollisionError", "DynamicObstacle", "EmbreeCaster", "EstimatedTrajectory", "Imu", "InputError",
     "KnownLines", "LaserRangeFinder", "LaserScan", "LineMap", "LineMapper", "Localiser",
     "Lrf3dError", "MissingLibraryError", "OdometryNoise", "OutputError", "PlanarCaster", "Pose",
-    "PoseEstimate", "ProportionalNoise", "Recorder", "Run", "Scenario", "Simulation", "Slam", "Step",
-    "SweepTable", "Trajectory", "Unicycle", "WheelOdometry", "World", "WorldError", "check_drive",
-    "crosscheck", "drive", "export_run", "follow_route", "load_log", "load_map", "load_run", "load_scenario",
-    "load_world", "localise", "map_log", "odometry_increments", "plan_route", "plot", "record",
-    "render_video", "save_map", "save_run", "save_world", "score_map", "score_run", "simulate",
-    "simulate_fleet", "slam_log", "sweep", "world_names",
+    "PoseEstimate", "ProportionalNoise", "Recorder", "Run", "Scenario", "Simulation", "Slam",
+    "Step", "SweepTable", "Trajectory", "Unicycle", "WheelOdometry", "World", "WorldError",
+    "check_drive", "crosscheck", "drive", "export_run", "follow_route", "load_log", "load_map",
+    "load_run", "load_scenario", "load_world", "localise", "map_log", "odometry_increments",
+    "plan_route", "plot", "record", "render_video", "save_map", "save_run", "save_world",
+    "score_map", "score_run", "simulate", "simulate_fleet", "slam_log", "sweep", "world_names",
 ]  # fmt: skip

@@ -118,13 +118,14 @@ class Recorder:
         if self._estimates:
             none = np.empty(0, np.int64), np.empty((0, 3, 3))
             estimate = EstimatedTrajectory(np.array(self._estimates), *none)
+        columns: dict[str, Any] = {name: np.array(rows) for name, rows in self._columns.items()}
         poses = np.array(self._poses)
         poses[:, 2] = np.unwrap(poses[:, 2])
         return Run(
             self._world,
             self._lasers[0],
             Trajectory(self._times, poses),
-            **{name: np.array(rows) for name, rows in self._columns.items()},
+            **columns,
             snapshot_scans=tuple(sorted(kept)),
             maps=tuple(kept[scan] for scan in sorted(kept)),
             obstacles=tuple(each.until(self._times[-1]) for each in self._obstacles),

@@ -290,7 +290,7 @@ class Scenario(Value):
             >>> run.map.object_count > 0
             True
         """
-        from lrf3d.simulation import collect
+        from lrf3d.collecting import collect
 
         return collect(self.simulation(**changes), progress, snapshots=snapshots)
 

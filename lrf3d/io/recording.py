@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lrf3d.collecting import fill_row, row_type, run_to_end
 from lrf3d.digest import digest, name_of
 from lrf3d.errors import InputError, OutputError
 from lrf3d.files import check_ordinary, locked, opened_own, writing
@@ -30,7 +31,7 @@ from lrf3d.laser.scan import LIGHT
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
 from lrf3d.run import Run
-from lrf3d.simulation import Simulation, Step, fill_row, row_type, run_to_end
+from lrf3d.simulation import Simulation, Step
 
 JOURNAL = ".journal"
 """Ending of the auxiliary file that stands next to a run until it is complete."""

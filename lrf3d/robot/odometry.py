@@ -179,9 +179,8 @@ def twist_of(increment: Float) -> Float:
     x, y, turn = increment.tolist()
     half = 0.5 * turn
     cos, sin = np.cos(half), np.sin(half)
-    return np.array([x * cos + y * sin, y * cos - x * sin, turn]) / [
-        np.sinc(half / np.pi), np.sinc(half / np.pi), 1.0
-    ]  # fmt: skip
+    share = np.sinc(half / np.pi)
+    return np.array([(x * cos + y * sin) / share, (y * cos - x * sin) / share, turn])
 
 
 def increment_of(twist: Float) -> Float:
