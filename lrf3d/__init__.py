@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from lrf3d.casting import EmbreeCaster, PlanarCaster, crosscheck
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
     from lrf3d.collecting import simulate
+    from lrf3d.collision import check_drive
     from lrf3d.errors import (
         CollisionError,
         InputError,
@@ -45,7 +46,6 @@ if TYPE_CHECKING:
         Trajectory,
         Unicycle,
         WheelOdometry,
-        check_drive,
         drive,
         follow_route,
     )
@@ -63,6 +63,7 @@ else:
         {
             "casting": "EmbreeCaster PlanarCaster crosscheck",
             "casting.dynamic_obstacle": "DynamicObstacle",
+            "collision": "check_drive",
             "errors": "CollisionError InputError Lrf3dError MissingLibraryError OutputError"
             " WorldError",
             "exporting": "export_run",
@@ -76,8 +77,7 @@ else:
             "recorded": "map_log slam_log",
             "recorder": "Recorder",
             "render.video": "render_video",
-            "robot": "EstimatedTrajectory Imu Trajectory Unicycle WheelOdometry check_drive drive"
-            " follow_route",
+            "robot": "EstimatedTrajectory Imu Trajectory Unicycle WheelOdometry drive follow_route",
             "planning.planner": "plan_route",
             "run": "Run",
             "scenario": "Scenario load_scenario",
