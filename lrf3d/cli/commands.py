@@ -106,6 +106,7 @@ RUN|WORLD: A run.npz or its folder to play, or a world to drive in. A built-in w
  opens only by this name, an address, or the machine's host name.
 --port PORT: Port; if not given, 8080, or any where that is taken.
 --browser = yes: Open the browser.
+--foxglove: Serve a world to Foxglove or Lichtblick instead, at ws://HOST:8765 or PORT.
 --playback SPEED: Simulated seconds per second.
 {SEED}
 

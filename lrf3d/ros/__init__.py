@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from lrf3d.interrupts import check
+from lrf3d.ros.stream import SecondClockError as SecondClockError
 from lrf3d.ros.stream import Settings
 from lrf3d.scenario import Scenario
 
@@ -25,7 +26,8 @@ def serve(
 
     Raises:
         MissingLibraryError: ROS 2 is not there.
-        InputError: A setting is invalid, or another program publishes the clock.
+        SecondClockError: Another program publishes the clock.
+        InputError: A setting is invalid.
     """
     from lrf3d.ros.node import serve_node
 

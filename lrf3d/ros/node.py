@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.errors import InputError, MissingLibraryError
+from lrf3d.errors import MissingLibraryError
 from lrf3d.interrupts import asked
 from lrf3d.ros.pace import Pace
-from lrf3d.ros.stream import CLOCK, Messages, Settings, Stream, Topic
+from lrf3d.ros.stream import CLOCK, Messages, SecondClockError, Settings, Stream, Topic
 from lrf3d.scenario import Scenario
 
 DISCOVERY = 1.0
@@ -52,7 +52,13 @@ class Node:
             )
             self._executors.append(SingleThreadedExecutor(context=context))
             self._executors[-1].add_node(self._nodes[-1])
-        self._log = self._nodes[0].get_logger()
+        log = self._nodes[0].get_logger()
+        # rclpy lets a line of code log at one level only.
+        self._levels: dict[str, Callable[[str], object]] = {
+            "info": lambda text: log.info(text),
+            "warning": lambda text: log.warning(text),
+            "error": lambda text: log.error(text),
+        }
         self._publishers: dict[Topic, tuple[Any, type]] = {}
         self._said = dict[str, float]()
 
@@ -68,18 +74,18 @@ class Node:
         now = monotonic()
         if level == "info" or now > self._said.get(text, -np.inf) + 5.0:
             self._said[text] = now
-            getattr(self._log, level)(text)
+            self._levels[level](text)
 
     def check_clock(self) -> None:
         """Check that nobody else publishes the simulated time.
 
         Raises:
-            InputError: Somebody does.
+            SecondClockError: Somebody does.
         """
         end, node = monotonic() + DISCOVERY, self._nodes[0]
         while monotonic() < end and not asked():
             if node.count_publishers(CLOCK.name):
-                raise InputError(
+                raise SecondClockError(
                     f"another program publishes {CLOCK.name}; pass --no-clock, or set another"
                     " ROS_DOMAIN_ID"
                 )
@@ -140,8 +146,8 @@ class Node:
     def spin(self, seconds: float) -> None:
         """Serve callbacks for a time [s]; at least those that are waiting."""
         end = monotonic() + seconds
-        self._executors[1].spin_once(timeout_sec=0.0)
-        self._executors[0].spin_once(timeout_sec=0.0)
+        for executor in self._executors:
+            executor.spin_once(timeout_sec=0.0)
         while (left := end - monotonic()) > 0.0 and not asked():
             self._executors[0].spin_once(timeout_sec=min(left, 0.1))
 
@@ -179,7 +185,7 @@ def serve_node(
             if monotonic() > checked + CHECKED_EVERY:
                 checked = monotonic()
                 node.check_topics()
-                if (share := pace.behind()) < 0.97:
+                if speed_up and (share := pace.behind()) < 0.97:
                     node.say("warning", f"behind: only {share:.2f} of the speed; scan less often")
 
 

@@ -40,7 +40,13 @@ LINES_EVERY = 1.0
 Say = Callable[[str, str], None]
 """Reports a message at a level: ``info``, ``warning`` or ``error``."""
 
-Messages = Iterator[tuple["Topic", ros.Fields]]
+
+class SecondClockError(InputError):
+    """Another program publishes the simulated time."""
+
+
+Message = tuple["Topic", ros.Fields]
+Messages = Iterator[Message]
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +132,11 @@ class Stream:
         self.robot.scan()
 
     @property
+    def stamp(self) -> Stamp:
+        """The time of the last tick."""
+        return Stamp.of(self.robot.time)
+
+    @property
     def topics(self) -> list[Topic]:
         """All topics that this stream publishes."""
         given = {CLOCK: self.settings.clock, GRID: self._gives_map, LINES: self.settings.lines}
@@ -138,7 +149,7 @@ class Stream:
 
     def first(self) -> Messages:
         """What is published once: where the laser is mounted, and the map where it is given."""
-        stamp, lrf = Stamp.of(self.robot.time), self.scenario.lrf
+        stamp, lrf = self.stamp, self.scenario.lrf
         mounted = ros.transform(stamp, ros.BASE, ros.LASER, Pose(0.0, 0.0, 0.0), lrf.height)
         yield FIXED, {"transforms": [mounted]}
         if self._gives_map:
@@ -155,7 +166,7 @@ class Stream:
         # Time is counted, not summed.
         robot.time = count * self.interval / self.ticks
         self._count += 1
-        stamp, odometry = Stamp.of(robot.time), Pose(*robot.odometry.tolist())
+        stamp, odometry = self.stamp, Pose(*robot.odometry.tolist())
         speeds = [robot.speed, robot.turning]
         if self.settings.clock:
             yield CLOCK, {"clock": ros.time_fields(stamp)}
