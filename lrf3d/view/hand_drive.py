@@ -51,7 +51,7 @@ class HandDrive(Timeline):
 
     def __init__(self, scenario: Scenario, *, rng: int = 0) -> None:
         self.world, self.lrf, self.obstacles = scenario.world, scenario.lrf, scenario.obstacles
-        self.name = scenario.name
+        self.name, self.radius = scenario.name, scenario.radius
         self.film = replace(USUAL_FILM, points_by=scenario.film.points_by)
         self._fastest, self.robot = scenario.speed, LiveRobot(scenario, rng=rng)
         self._mapper = line_mapper(scenario.noise, **scenario.mapper)
