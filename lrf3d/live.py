@@ -5,18 +5,22 @@ ROS drive it; a simulation, which knows its whole drive, does not need it.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import cast
 
 import numpy as np
 
+from lrf3d.collision import Body, CollisionChecker
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, generator
 from lrf3d.laser import LaserScan
 from lrf3d.pose import Pose, as_pose, between, compose
-from lrf3d.robot import Unicycle
-from lrf3d.robot.collision import CollisionChecker
+from lrf3d.robot.unicycle import Twist, hold
 from lrf3d.scenario import Scenario
-from lrf3d.sensor import Sensor
+from lrf3d.sensor import Sensor, caster_of
+
+GAP = 1e-6
+"""How long before a touch the robot stops [s], so that it can drive away again."""
 
 WheelModel = Callable[[Float, np.random.Generator], Float]
 """What wheels measure of an increment (3,): ahead, to the left [m], turn [rad]."""
@@ -25,8 +29,7 @@ WheelModel = Callable[[Float, np.random.Generator], Float]
 class LiveRobot:
     """A robot from where a scenario with a route or poses starts.
 
-    Nobody knows where it will drive while a beam turns, so a scan takes no time. Without a wheel
-    model the odometry is exact.
+    Without a wheel model the odometry is exact.
     """
 
     def __init__(
@@ -36,15 +39,22 @@ class LiveRobot:
         rng: np.random.Generator | int | None = 0,
         wheels: WheelModel | None = None,
     ) -> None:
-        self.scenario, self.wheels, self._rng = scenario, wheels, generator(rng)
-        self._walls, self._body = CollisionChecker(scenario.world), Unicycle(scenario.radius)
-        self._sensor = Sensor(
-            scenario.world,
-            scenario.lrf,
-            caster="embree",
-            noise=scenario.noise,
-            obstacles=scenario.obstacles,
-        )
+        self.wheels, self._rng = wheels, generator(rng)
+        self._body = Body(scenario.radius, scenario.outline)
+        self._checker = CollisionChecker(scenario.world, scenario.obstacles)
+        # Nobody knows where it will drive while a beam turns, so a scan takes no time.
+        lasers = [(scenario.lrf, scenario.noise), *scenario.further]
+        caster = caster_of("embree", scenario.world)
+        self._sensors = [
+            Sensor(
+                scenario.world,
+                replace(lrf, scan_duration=0.0),
+                caster=caster,
+                noise=noise,
+                obstacles=scenario.obstacles,
+            )
+            for lrf, noise in lasers
+        ]
         self.start = scenario.start or as_pose(cast(Float, scenario.poses)[0])
         self.time, self.speed, self.turning, self.bumped = 0.0, 0.0, 0.0, False
         self.restart()
@@ -58,39 +68,48 @@ class LiveRobot:
         """Put the robot elsewhere, at rest; its wheels do not notice unless they are exact.
 
         Raises:
-            InputError: The robot would stand in a wall.
+            InputError: The robot would stand in a wall or an obstacle.
         """
-        if self._touches(pose, pose):
+        if self._touched(pose, (0.0, 0.0, 0.0), 0.0) is not None:
             raise InputError(f"({pose.x:g}, {pose.y:g}): the robot would stand in a wall")
         self.pose, self.speed, self.turning = pose, 0.0, 0.0
         if self.wheels is None:
             self.odometry = np.array(pose)
 
     def drive(self, seconds: float, speed: float, turning: float) -> None:
-        """Drive an exact arc for a time; where it would touch something, turn on the spot."""
-        last, self.speed, self.turning = self.pose, speed, turning
+        """Drive an exact arc for a time, at most to where the body touches something.
+
+        There a round robot still turns.
+        """
+        last, twist = self.pose, (speed, 0.0, turning)
+        hit = self._touched(last, twist, seconds)
+        self.bumped = hit is not None
+        if hit is None:
+            self.pose = hold(last, twist, seconds)
+        else:
+            free = max(0.0, hit - GAP)
+            self.pose = hold(last, twist, free)
+            speed = 0.0
+            if self._body.outline is None:
+                self.pose = hold(self.pose, (0.0, 0.0, turning), seconds - free)
+            else:
+                turning = 0.0
+        self.speed, self.turning = speed, turning
         self.time += seconds
-        goal = self._body.move(last, speed, turning, seconds)
-        self.bumped = goal[:2] != last[:2] and self._touches(last, goal)
-        if self.bumped:
-            # A round robot can still turn.
-            self.speed, goal = 0.0, Pose(last.x, last.y, goal.theta)
-        self.pose = goal
-        increment = between(np.array(last), np.array(goal))
+        increment = between(np.array(last), np.array(self.pose))
         if self.wheels is None:
-            self.odometry = np.array(goal)
+            self.odometry = np.array(self.pose)
         elif increment.any():
             self.odometry = compose(self.odometry, self.wheels(increment, self._rng))
 
-    def scan(self) -> LaserScan:
-        """Measure from where the robot is now."""
-        true_scan = self._sensor.cast(np.array(self.pose), self.time)
-        return self._sensor.noisy(true_scan, self._rng)
-
-    def _touches(self, here: Pose, there: Pose) -> bool:
-        """Whether the body touches a wall on a straight way, or an obstacle at its end."""
-        start, end = np.array([here[:2]]), np.array([there[:2]])
-        return bool(len(self._walls.hit(start, end, self._body.radius)[0])) or any(
-            one.distances(end, np.array([self.time]))[0] < self._body.radius
-            for one in self.scenario.obstacles
+    def scans(self) -> tuple[LaserScan, ...]:
+        """Measure with each laser from where the robot is now."""
+        return tuple(
+            sensor.noisy(sensor.cast(np.array(self.pose), self.time), self._rng)
+            for sensor in self._sensors
         )
+
+    def _touched(self, pose: Pose, twist: Twist, seconds: float) -> float | None:
+        """After what time [s] the body first touches something; None if it does not."""
+        hit = self._checker.held(self._body, pose, twist, self.time, seconds)
+        return None if hit is None else hit.time - self.time

@@ -22,7 +22,7 @@ from lrf3d.mapping import LineMapper
 from lrf3d.mapping.tracking import ObjectTracker
 from lrf3d.pose import Pose, as_pose
 from lrf3d.scenario import Scenario
-from lrf3d.simulation import line_mapper
+from lrf3d.simulation import line_mapper, update_mapper
 from lrf3d.slam.simulated import WheelErrors
 
 LONGEST_TICK = 0.02
@@ -60,8 +60,7 @@ class Topic:
 
 
 CLOCK = Topic("/clock", "rosgraph_msgs/msg/Clock", depth=1)
-SCANS, ODOM = Topic("scan", SCAN), Topic("odom", ODOMETRY)
-TRUTH = Topic("ground_truth", ODOMETRY)
+ODOM, TRUTH = Topic("odom", ODOMETRY), Topic("ground_truth", ODOMETRY)
 MOVING = Topic("tf", TRANSFORMS, depth=100)
 FIXED = Topic("tf_static", TRANSFORMS, depth=1, latched=True)
 GRID = Topic("map", "nav_msgs/msg/OccupancyGrid", depth=1, latched=True)
@@ -128,8 +127,12 @@ class Stream:
             self._mapper = line_mapper(self.scenario.noise, **self.scenario.mapper)
         self._tracker, self._lines_due = ObjectTracker(), LINES_EVERY
         self._count, self._command, self._until = 0, (0.0, 0.0), inf
+        lasers = self.scenario.lasers
+        self._scans = [
+            Topic("scan" if len(lasers) == 1 else f"scan_{lrf.name}", SCAN) for lrf in lasers
+        ]
         # Compiles kernels and builds search trees before anybody listens.
-        self.robot.scan()
+        self.robot.scans()
 
     @property
     def stamp(self) -> Stamp:
@@ -140,7 +143,7 @@ class Stream:
     def topics(self) -> list[Topic]:
         """All topics that this stream publishes."""
         given = {CLOCK: self.settings.clock, GRID: self._gives_map, LINES: self.settings.lines}
-        always = dict.fromkeys((SCANS, ODOM, TRUTH, MOVING, FIXED), True)
+        always = dict.fromkeys((*self._scans, ODOM, TRUTH, MOVING, FIXED), True)
         return [topic for topic, wanted in (given | always).items() if wanted]
 
     @property
@@ -148,10 +151,12 @@ class Stream:
         return self.settings.give != "none"
 
     def first(self) -> Messages:
-        """What is published once: where the laser is mounted, and the map where it is given."""
-        stamp, lrf = self.stamp, self.scenario.lrf
-        mounted = ros.transform(stamp, ros.BASE, ros.LASER, Pose(0.0, 0.0, 0.0), lrf.height)
-        yield FIXED, {"transforms": [mounted]}
+        """What is published once: where the lasers are mounted, and the map where it is given."""
+        stamp, lasers = self.stamp, self.scenario.lasers
+        mounted = [
+            ros.transform(stamp, ros.BASE, lrf.name, lrf.mount, lrf.height) for lrf in lasers
+        ]
+        yield FIXED, {"transforms": mounted}
         if self._gives_map:
             world = self.scenario.world
             yield GRID, ros.occupancy_grid(world, FINEST_CELL, stamp, Path(world.name))
@@ -181,11 +186,12 @@ class Stream:
             yield from self._scan(stamp)
 
     def _scan(self, stamp: Stamp) -> Messages:
-        scan = self.robot.scan()
-        yield SCANS, scan.as_ros(ros.LASER, scan_time=self.interval)
+        scans = self.robot.scans()
+        for topic, scan in zip(self._scans, scans, strict=True):
+            yield topic, scan.as_ros(scan.laser, scan_time=self.interval)
         if self._mapper is None:
             return
-        self._mapper.update(scan)
+        update_mapper(self._mapper, scans)
         if self.robot.time >= self._lines_due:
             lines = self._mapper.map
             marker = ros.line_marker(lines.segments, self._tracker.follow(lines), stamp)

@@ -14,7 +14,7 @@ from lrf3d.mapping.tracking import ObjectTracker
 from lrf3d.run import Run
 from lrf3d.scenario import Scenario
 from lrf3d.scene.timeline import DriveKeys, Moment, Timeline
-from lrf3d.simulation import line_mapper
+from lrf3d.simulation import line_mapper, update_mapper
 from lrf3d.world.cameras import USUAL_FILM
 
 TURN_RATE = 1.5
@@ -51,6 +51,7 @@ class HandDrive(Timeline):
 
     def __init__(self, scenario: Scenario, *, rng: int = 0) -> None:
         self.world, self.lrf, self.obstacles = scenario.world, scenario.lrf, scenario.obstacles
+        self.lasers = scenario.lasers
         self.name, self.radius = scenario.name, scenario.radius
         self.film = replace(USUAL_FILM, points_by=scenario.film.points_by)
         self._fastest, self.robot = scenario.speed, LiveRobot(scenario, rng=rng)
@@ -63,8 +64,8 @@ class HandDrive(Timeline):
         self._map_due, self._stale = 0.0, True
         self.trajectory = SimpleNamespace(times=np.zeros(0), poses=np.zeros((0, 3)))
         """When and where the mapped scans were taken."""
-        self._scans: dict[int, LaserScan] = {}
-        self.latest = self.robot.scan()
+        self._scans: dict[int, tuple[LaserScan, ...]] = {}
+        self.latest = self.robot.scans()
         self._map_scan()
         super().__init__(cast(Run, self), playback=1.0)
         # A single scan is not a stop here: the robot drives on.
@@ -80,7 +81,7 @@ class HandDrive(Timeline):
         if not moves and aligned and not self._stale and not self.robot.bumped:
             return False
         self._drive(min(seconds, _LONGEST_STEP), forward, turn)
-        self.latest = self.robot.scan()
+        self.latest = self.robot.scans()
         x, y, theta = np.abs(np.array(self.robot.pose) - self.trajectory.poses[-1])
         if np.hypot(x, y) > _MAP_STEP or theta > _MAP_TURN:
             self._map_scan()
@@ -109,7 +110,11 @@ class HandDrive(Timeline):
         return Moment(self.robot.time, np.array(self.robot.pose), number, self.robot.speed, True)
 
     def scan(self, number: int) -> LaserScan:
-        """A mapped scan by its number; the last one is that of now."""
+        """A mapped scan of the first laser by its number; the last one is that of now."""
+        return self.scans_at(number)[0]
+
+    def scans_at(self, number: int) -> tuple[LaserScan, ...]:
+        """The scans of all lasers by their number."""
         return self._scans.get(number, self.latest)
 
     def snapshot_after(self, scan: int) -> int:
@@ -128,7 +133,7 @@ class HandDrive(Timeline):
         self.facing = goal.theta - float(left) * (abs(left) > _ALIGNED)
 
     def _map_scan(self) -> None:
-        self._mapper.update(self.latest)
+        update_mapper(self._mapper, self.latest)
         path, number = self.trajectory, len(self.trajectory.times)
         self._scans[number] = self.latest
         self._scans.pop(number - _KEPT, None)

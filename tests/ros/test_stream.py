@@ -4,17 +4,20 @@ import math
 
 import pytest
 
-from lrf3d import Pose, World
+from lrf3d import LaserRangeFinder, Pose, ProportionalNoise, World
 from lrf3d.errors import InputError
-from lrf3d.ros.stream import CLOCK, GRID, LINES, MOVING, ODOM, SCANS, Settings, Stream
+from lrf3d.ros.stream import CLOCK, GRID, LINES, MOVING, ODOM, Settings, Stream
 from lrf3d.scenario import Scenario
 
 ROOM = World([[-3, -2, 3, -2], [3, -2, 3, 2], [3, 2, -3, 2], [-3, 2, -3, -2]])
 
 
-def stream(**settings):
+def stream(lasers=(), **settings):
     said = []
-    scenario = Scenario(ROOM, route=None, scan_interval=0.1).changed(start=Pose(0.0, 0.0, 0.0))
+    scenario = Scenario(ROOM, scan_interval=0.1, start=Pose(0.0, 0.0, 0.0))
+    if lasers:
+        (lrf, noise), *further = [(lrf, ProportionalNoise(0.0)) for lrf in lasers]
+        scenario = scenario.changed(lrf=lrf, noise=noise, further=tuple(further))
     made = Stream(scenario, Settings(**settings), lambda level, text: said.append((level, text)))
     return made, said
 
@@ -28,7 +31,7 @@ def test_stamps_are_multiples_of_the_interval_and_transforms_come_before_scans()
     messages = [message for _ in range(3) for message in made.step()]
     clock = [nanoseconds(fields["clock"]) for topic, fields in messages if topic is CLOCK]
     assert clock == [round(count * 1e9 / 51) for count in range(51)]
-    scans = [k for k, (topic, _) in enumerate(messages) if topic is SCANS]
+    scans = [k for k, (topic, _) in enumerate(messages) if topic.name == "scan"]
     assert len(scans) == 3
     for k in scans:
         stamp = messages[k][1]["header"]["stamp"]
@@ -91,3 +94,19 @@ def test_what_is_given_of_the_truth_is_chosen():
     grid = dict(given.first())[GRID]
     assert {0, 100} <= set(grid["data"].tolist())
     assert len(dict(hidden.tick())[MOVING]["transforms"]) == 1
+
+
+def test_each_laser_has_its_topic_and_its_frame():
+    lasers = [
+        LaserRangeFinder(beams=3, name="front", mount=(0.2, 0.1, 0.0)),
+        LaserRangeFinder(beams=5, name="rear", mount=(-0.2, 0.0, math.pi)),
+    ]
+    made, _ = stream(lasers)
+    seen = {topic.name: fields for topic, fields in (*made.first(), *made.tick())}
+    fixed = seen["tf_static"]["transforms"]
+    assert [each["child_frame_id"] for each in fixed] == ["front", "rear"]
+    assert fixed[0]["transform"]["translation"] == {"x": 0.2, "y": 0.1, "z": 0.5}
+    assert seen["scan_rear"]["header"]["frame_id"] == "rear"
+    assert [seen["scan_front"]["ranges"][1], seen["scan_rear"]["ranges"][2]] == pytest.approx(
+        [2.8, 2.8]
+    )

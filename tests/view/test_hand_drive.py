@@ -7,7 +7,7 @@ from yard import OBSTACLE, YARD, hand
 
 def test_a_hand_drives_stops_before_walls_and_starts_again_alike(tmp_path):
     drive = hand(YARD, tmp_path, rng=4)
-    first = drive.latest.ranges
+    first = drive.latest[0].ranges
     assert drive.step(0.05) and len(drive.maps[0])
     speeds, bumped = [], False
     for _ in range(200):
@@ -32,11 +32,11 @@ def test_what_moves_is_seen_by_the_laser(tmp_path):
     nearer = 0
     for _ in range(60):
         drive.step(0.1)
-        nearer += int(np.sum(drive.latest.ranges < plain.latest.ranges - 1.0))
+        nearer += int(np.sum(drive.latest[0].ranges < plain.latest.ranges - 1.0))
     assert nearer > 60
 
 
 def test_the_noise_of_the_scenario_is_that_of_the_drive(tmp_path):
     drive = hand(YARD + "\n[noise]\nsigma = 0\nresolution = 0.5\n", tmp_path)
-    hits = drive.latest.ranges[drive.latest.hits]
+    hits = drive.latest[0].ranges[drive.latest[0].hits]
     assert np.array_equal(hits, np.round(2.0 * hits) / 2.0)
