@@ -18,7 +18,7 @@ def test_a_hand_drives_stops_before_walls_and_starts_again_alike(tmp_path):
     # Ten seconds at 2 m/s would lead through the wall at x = 16.
     assert bumped and 15.0 < drive.robot.pose.x < 15.65 + 1e-9
     assert drive.robot.pose.y == 3.0
-    assert np.array_equal(hand(YARD, tmp_path, rng=4).latest.ranges, first)
+    assert np.array_equal(hand(YARD, tmp_path, rng=4).latest[0].ranges, first)
 
 
 def test_a_hand_cannot_ask_for_more_than_the_robot_can_or_for_a_long_step(tmp_path):
@@ -32,7 +32,7 @@ def test_what_moves_is_seen_by_the_laser(tmp_path):
     nearer = 0
     for _ in range(60):
         drive.step(0.1)
-        nearer += int(np.sum(drive.latest[0].ranges < plain.latest.ranges - 1.0))
+        nearer += int(np.sum(drive.latest[0].ranges < plain.latest[0].ranges - 1.0))
     assert nearer > 60
 
 
