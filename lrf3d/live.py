@@ -4,7 +4,6 @@ A scenario and commands enter; true poses, odometry and scans leave. The page an
 ROS drive it; a simulation, which knows its whole drive, does not need it.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import cast
 
@@ -15,6 +14,7 @@ from lrf3d.errors import InputError
 from lrf3d.geometry import Float, generator
 from lrf3d.laser import LaserScan
 from lrf3d.pose import Pose, as_pose, between, compose
+from lrf3d.robot.odometry import InertialUnit, WheelOdometry
 from lrf3d.robot.unicycle import Twist, hold
 from lrf3d.scenario import Scenario
 from lrf3d.sensor import Sensor, caster_of
@@ -22,14 +22,11 @@ from lrf3d.sensor import Sensor, caster_of
 GAP = 1e-6
 """How long before a touch the robot stops [s], so that it can drive away again."""
 
-WheelModel = Callable[[Float, np.random.Generator], Float]
-"""What wheels measure of an increment (3,): ahead, to the left [m], turn [rad]."""
-
 
 class LiveRobot:
     """A robot from where a scenario with a route or poses starts.
 
-    Without a wheel model the odometry is exact.
+    Without errors of the wheels the odometry is exact.
     """
 
     def __init__(
@@ -37,9 +34,9 @@ class LiveRobot:
         scenario: Scenario,
         *,
         rng: np.random.Generator | int | None = 0,
-        wheels: WheelModel | None = None,
+        wheels: WheelOdometry | None = None,
     ) -> None:
-        self.wheels, self._rng = wheels, generator(rng)
+        self.wheels, self._imu, self._rng = wheels, scenario.imu, generator(rng)
         self._body = Body(scenario.radius, scenario.outline)
         self._checker = CollisionChecker(scenario.world, scenario.obstacles)
         # Nobody knows where it will drive while a beam turns, so a scan takes no time.
@@ -63,6 +60,7 @@ class LiveRobot:
         """Put the robot and its odometry back to the start; time goes on."""
         self.pose, self.speed, self.turning = self.start, 0.0, 0.0
         self.odometry = np.array(self.start)
+        self._carried = None if self._imu is None else InertialUnit(self._imu, self._rng)
 
     def place(self, pose: Pose) -> None:
         """Put the robot elsewhere, at rest; its wheels do not notice unless they are exact.
@@ -73,6 +71,7 @@ class LiveRobot:
         if self._touched(pose, (0.0, 0.0, 0.0), 0.0) is not None:
             raise InputError(f"({pose.x:g}, {pose.y:g}): the robot would stand in a wall")
         self.pose, self.speed, self.turning = pose, 0.0, 0.0
+        self._carried = None if self._imu is None else InertialUnit(self._imu, self._rng)
         if self.wheels is None:
             self.odometry = np.array(pose)
 
@@ -108,6 +107,12 @@ class LiveRobot:
             sensor.noisy(sensor.cast(np.array(self.pose), self.time), self._rng)
             for sensor in self._sensors
         )
+
+    def imu(self) -> Float:
+        """What the IMU measured since the last call: rows (m, 4), see `InertialUnit`."""
+        if self._carried is None:
+            return np.empty((0, 4))
+        return self._carried.drive(self.time, np.array(self.pose))
 
     def _touched(self, pose: Pose, twist: Twist, seconds: float) -> float | None:
         """After what time [s] the body first touches something; None if it does not."""

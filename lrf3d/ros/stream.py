@@ -5,7 +5,7 @@ stamps are exact multiples of the interval between two scans, and never run back
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import astuple, dataclass, field
+from dataclasses import dataclass, field
 from math import ceil, inf
 from pathlib import Path
 from typing import Literal
@@ -21,9 +21,9 @@ from lrf3d.live import LiveRobot
 from lrf3d.mapping import LineMapper
 from lrf3d.mapping.tracking import ObjectTracker
 from lrf3d.pose import Pose, as_pose
+from lrf3d.robot.odometry import WheelOdometry
 from lrf3d.scenario import Scenario
 from lrf3d.simulation import line_mapper, update_mapper
-from lrf3d.slam.simulated import WheelErrors
 
 LONGEST_TICK = 0.02
 """Longest tick [s]: the clock, transforms and odometry come at 50 Hz of simulated time or more."""
@@ -61,6 +61,7 @@ class Topic:
 
 CLOCK = Topic("/clock", "rosgraph_msgs/msg/Clock", depth=1)
 ODOM, TRUTH = Topic("odom", ODOMETRY), Topic("ground_truth", ODOMETRY)
+INERTIA = Topic("imu", "sensor_msgs/msg/Imu")
 MOVING = Topic("tf", TRANSFORMS, depth=100)
 FIXED = Topic("tf_static", TRANSFORMS, depth=1, latched=True)
 GRID = Topic("map", "nav_msgs/msg/OccupancyGrid", depth=1, latched=True)
@@ -76,7 +77,7 @@ class Settings:
         speed_up: Simulated seconds per second; 0 is as fast as it goes.
         give: What is given of the truth: ``pose`` (the map and the robot in it), ``map`` or
             ``none``.
-        wheels: Odometry as wheels measure it that slip and drift; otherwise it is exact.
+        wheels: Odometry as wheels measure it, also where the world file does not say how.
         cmd_timeout: Simulated time after the last command at which the robot stops [s]; 0 is never.
         namespace: Namespace of the topics.
         clock: Publish the simulated time.
@@ -120,7 +121,7 @@ class Stream:
         self.interval = self.scenario.scan_interval if rate is None else 1.0 / rate
         self.ticks = ceil(self.interval / LONGEST_TICK - 1e-9)
         """Number of ticks from scan to scan."""
-        wheels = _per_tick(WheelErrors(), self.ticks) if self.settings.wheels else None
+        wheels = self.scenario.odometry or (WheelOdometry() if self.settings.wheels else None)
         self.robot = LiveRobot(self.scenario, rng=self.settings.rng, wheels=wheels)
         self._mapper: LineMapper | None = None
         if self.settings.lines:
@@ -143,6 +144,7 @@ class Stream:
     def topics(self) -> list[Topic]:
         """All topics that this stream publishes."""
         given = {CLOCK: self.settings.clock, GRID: self._gives_map, LINES: self.settings.lines}
+        given[INERTIA] = self.scenario.imu is not None
         always = dict.fromkeys((*self._scans, ODOM, TRUTH, MOVING, FIXED), True)
         return [topic for topic, wanted in (given | always).items() if wanted]
 
@@ -180,6 +182,8 @@ class Stream:
             drift = robot.pose @ odometry.inverse()
             moved.append(ros.transform(stamp, ros.MAP, ros.WORLD, drift))
         yield MOVING, {"transforms": moved}
+        for at, *measured in robot.imu().tolist():
+            yield INERTIA, ros.imu_fields(Stamp.of(at), *measured)
         yield ODOM, ros.odometry(stamp, odometry, speeds)
         yield TRUTH, ros.odometry(stamp, robot.pose, speeds)
         if count % self.ticks == 0:
@@ -241,10 +245,3 @@ class Stream:
         """One interval between two scans, also while time is paused."""
         for _ in range(self.ticks):
             yield from self.tick()
-
-
-def _per_tick(errors: WheelErrors, ticks: int) -> WheelErrors:
-    """The same errors from scan to scan when they are drawn at each tick."""
-    n, (turn, *spreads) = ticks**0.5, astuple(errors)
-    slip, position, heading = spreads
-    return WheelErrors(turn, slip * n, position / n, heading / n)
