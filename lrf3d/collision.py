@@ -14,9 +14,10 @@ from lrf3d.casting.kernels.touch import TIP, touched
 from lrf3d.casting.kernels.tree import Plain, build_tree
 from lrf3d.errors import CollisionError, InputError
 from lrf3d.geometry import Float, Int, Value, as_rows, number
-from lrf3d.pose import Pose
+from lrf3d.pose import Pose, between
+from lrf3d.robot.odometry import twist_of
 from lrf3d.robot.trajectory import Trajectory
-from lrf3d.robot.unicycle import RADIUS, Twist, hold, twists_between
+from lrf3d.robot.unicycle import RADIUS, Twist, hold
 from lrf3d.world import World
 
 
@@ -167,7 +168,7 @@ class CollisionChecker:
             twists = (after - trajectory.poses) / seconds[:, None]
             twists[:, 2] = 0.0
         else:
-            twists = twists_between(poses, after) / seconds[:, None]
+            twists = twist_of(between(poses, after)) / seconds[:, None]
         seconds[-1] = 0.0
         walls = self.touch(body, poses, twists, seconds)[1]
         steps = range(len(poses)) if len(self._crowd) else np.flatnonzero(walls >= 0)[:1]

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from lrf3d.casting.crowd import Crowd
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
+from lrf3d.collecting import gather
 from lrf3d.collision import Body, Collision, CollisionChecker
 from lrf3d.errors import CollisionError, InputError
 from lrf3d.geometry import Float, generator
@@ -21,7 +22,7 @@ from lrf3d.robot import Trajectory
 from lrf3d.robot.unicycle import RADIUS, Twist, hold
 from lrf3d.run import Run
 from lrf3d.sensor import caster_of
-from lrf3d.simulation import Mapper, Simulation, gather
+from lrf3d.simulation import Mapper, Simulation
 from lrf3d.steering import ControlledDrive, Controller, trajectory_of
 from lrf3d.world import World
 
