@@ -13,7 +13,7 @@ from lrf3d.casting.crowd import Crowd
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.collecting import gather
 from lrf3d.collision import Body, Collision, CollisionChecker
-from lrf3d.errors import CollisionError, InputError
+from lrf3d.errors import CollisionError, InputError, expect, shown
 from lrf3d.geometry import Float, generator
 from lrf3d.interrupts import Progress, silent, stoppable
 from lrf3d.laser import LaserRangeFinder
@@ -82,6 +82,9 @@ def simulate_fleet(
         >>> len(runs)
         2
     """
+    expect(world, World, "world")
+    if not isinstance(drives, list | tuple):
+        raise InputError(f"drives {shown(drives)}: expected a list of one a robot")
     body, stops = Body(radius, outline), on_collision == "stop"
     places: list[Pose | None] = [None] * len(drives)
     if starts is not None:
@@ -115,6 +118,7 @@ def simulate_fleet(
     names += [f"dynamic obstacle {k}" for k in range(len(obstacles))]
     touches = _Touches(CollisionChecker(world, crowd, names=names), crowd, body, stops)
     for robot, simulation in enumerate(simulations):
+        simulation.radius = body.reach
         if isinstance(simulation.drive, ControlledDrive):
             touches.add(robot, simulation.drive)
     runs = _drive_all(simulations, touches, progress)
