@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lrf3d.errors import InputError, shown
+from lrf3d.errors import InputError, expect, shown
 from lrf3d.geometry import is_finite, read_only
 from lrf3d.render.gl import gl_available, import_libraries, require_gl
 from lrf3d.render.hud import gap_of, lay_frame, lay_label
@@ -63,6 +63,7 @@ class FilmOptions:
             InputError: An option is invalid.
             MissingLibraryError: OpenGL is asked for and is not there.
         """
+        expect(run, Run, "run")
         view = run.film.view if self.view is None else self.view
         playback = run.playback if self.playback is None else self.playback
         sides = self.size if isinstance(self.size, tuple | list) else ()
@@ -104,7 +105,7 @@ def choose_renderer(wanted: str | None) -> str:
     if wanted is None:
         return "gl" if gl_available() else "embree"
     if wanted not in RENDERERS:
-        raise InputError(f"renderer {wanted!r}: expected one of {', '.join(RENDERERS)}")
+        raise InputError(f"renderer {shown(wanted)}: expected one of {', '.join(RENDERERS)}")
     if wanted == "gl":
         require_gl()
     return wanted

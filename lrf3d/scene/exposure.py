@@ -5,6 +5,7 @@ ground takes its own cell, a wall the cell before it. Light comes from measured 
 that the robot had to go by: where its estimate is wrong, so is the light.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -184,19 +185,25 @@ class LiveExposure:
         self.exposure = replace(exposure, times=exposure.times.copy())
         self._structures = structures
         self._mirrors = _mirrors(world, structures.origin)
-        self._pose: Float | None = None
+        self._poses: Float | None = None
         self._fresh: tuple[Int, Int] | None = None
 
-    def see(self, scan: LaserScan, time: float) -> None:
-        """Light what the beams of a scan pass at a time [s], if the robot has moved."""
-        pose = np.array(scan.pose) - [*self._structures.origin, 0.0]
-        if self._pose is not None and (np.abs(pose - self._pose) < _MOVED).all():
+    def see(self, scans: Sequence[LaserScan], time: float) -> None:
+        """Light what the beams of the scans of a time [s] pass, if the robot has moved."""
+        origin = [*self._structures.origin, 0.0]
+        poses = np.array([scan.pose for scan in scans]) - origin
+        if self._poses is not None and (np.abs(poses - self._poses) < _MOVED).all():
             return
-        self._pose, whole = pose, self.exposure
+        self._poses = poses
+        for pose, scan in zip(poses, scans, strict=True):
+            self._light(replace(scan, pose=as_pose(pose)), time)
+
+    def _light(self, scan: LaserScan, time: float) -> None:
+        place, whole = np.array(scan.pose[:2]), self.exposure
         far = np.max(scan.ranges, initial=min(scan.range_max, _FREE), where=scan.hits) + whole.cell
         size = np.array(whole.times.shape[1::-1])
         low, high = (
-            np.clip(((pose[:2] + side * far - whole.corner) / whole.cell).astype(int), 1, size - 1)
+            np.clip(((place + side * far - whole.corner) / whole.cell).astype(int), 1, size - 1)
             for side in (-1.0, 1.0)
         )
         if (high <= low).any():
@@ -204,11 +211,11 @@ class LiveExposure:
         times = whole.times[low[1] : high[1], low[0] : high[0]]
         part = replace(whole, times=times, corner=whole.corner + low * whole.cell)
         picture = Image.new("L", (high - low).tolist())
-        part.fan(replace(scan, pose=as_pose(pose)), self._mirrors, picture, 255)
+        part.fan(scan, self._mirrors, picture, 255)
         cover = soft_rim((np.asarray(picture) > 0) | (times[..., 1] > 0.5))
         first = (cover > 0.0) & (times[..., 1] == 0.0)
         times[first, 0], times[first, 2] = time, time + _GAP
-        times[first, 3] = wave(part, pose[:2], self._structures.indoor)[first]
+        times[first, 3] = wave(part, place, self._structures.indoor)[first]
         np.maximum(times[..., 1], cover, out=times[..., 1])
         if self._fresh is not None:
             low, high = np.minimum(low, self._fresh[0]), np.maximum(high, self._fresh[1])

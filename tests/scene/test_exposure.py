@@ -69,10 +69,10 @@ def test_scans_that_come_one_by_one_light_what_they_do_in_a_record():
     exposure, structures = exposed(run)
     live = LiveExposure(unexposed(structures, -HALF, HALF), structures, run.world)
     for number, time in enumerate(run.trajectory.times.tolist()):
-        live.see(run.scan(number), time)
+        live.see(run.scans_at(number), time)
         assert live.fresh() is not None and live.fresh() is None
         # A robot that stands sees nothing new.
-        live.see(run.scan(number), time)
+        live.see(run.scans_at(number), time)
         assert live.fresh() is None
     rng = np.random.default_rng(0)
     places = rng.uniform([0.0, 0.0], [8.0, 6.0], (500, 2)) - structures.origin
