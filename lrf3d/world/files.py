@@ -1,6 +1,7 @@
 """World files: built-in worlds by name, others by path; the ending of a file gives its format."""
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
@@ -8,8 +9,8 @@ from typing import Any
 
 from lrf3d.errors import InputError, OutputError, WorldError
 from lrf3d.files import check_ordinary, data_folder
-from lrf3d.world.model import World
-from lrf3d.world.schema import at
+from lrf3d.world.model import World, check_scale
+from lrf3d.world.schema import at, by_library
 
 _MESH = ("mesh:read_mesh", 1 << 27)
 _PICTURE = ("ros_map:read_picture", 1 << 28)
@@ -20,8 +21,8 @@ READERS = {
     ".osm": ("osm:read_osm", 1 << 28),
     **dict.fromkeys((".yaml", ".yml"), ("ros_map:read_ros_map", 1 << 16)),
     **dict.fromkeys((".png", ".pgm"), _PICTURE),
-    ".dxf": ("drawings:read_dxf", 1 << 26),
-    ".svg": ("drawings:read_svg", 1 << 25),
+    ".dxf": ("drawings:read_drawing", 1 << 26),
+    ".svg": ("drawings:read_drawing", 1 << 25),
     **dict.fromkeys((".glb", ".gltf", ".obj", ".off", ".ply", ".stl"), _MESH),
 }
 """The module and the function that read a world, and the largest file [bytes], by its ending."""
@@ -34,12 +35,14 @@ WRITERS = {
 }
 """The module and the function that write a world, by the ending of the file."""
 
-BY_LIBRARY = ("drawings:", "mesh:")
-"""Modules that parse by a library, which raises anything where a file is damaged."""
-
 
 def load_world(
-    name_or_path: str | Path, *, trees: bool = False, resolution: float | None = None
+    name_or_path: str | Path,
+    *,
+    trees: bool = False,
+    resolution: float | None = None,
+    scale: float = 1.0,
+    **drawing: Any,
 ) -> World:
     """Read a world: a built-in one by its name, or a file by its path.
 
@@ -47,6 +50,9 @@ def load_world(
         name_or_path: The name or the path.
         trees: Whether the trunks of the trees in an OpenStreetMap extract are walls, too.
         resolution: Side of a pixel [m], for a bare picture of a floor plan (.png, .pgm).
+        scale: Enlarges the plan, but not the heights: 100 for a drawing of 1:100.
+        drawing: For a drawing, ``layers``, the patterns of the names of the layers that are walls,
+            and ``without``, those of layers to leave out.
 
     Raises:
         WorldError: There is no such world, its file cannot be used, or an option is given that
@@ -60,32 +66,48 @@ def load_world(
     path = find_world(name_or_path)
     target, _ = READERS[path.suffix.lower()]
     options: dict[str, Any] = {"trees": True} if trees else {}
+    check_scale(scale)
     if trees and path.suffix.lower() != ".osm":
         raise WorldError(f"{path}: trees are read from OpenStreetMap extracts (.osm) alone")
     if resolution is not None:
         options["resolution"] = resolution
         if not is_picture(path):
             raise WorldError(f"{path}: a resolution is for a picture (.png, .pgm) alone")
+    if is_drawing(path):
+        options |= {"scale": scale, **drawing}
+    elif drawing:
+        raise WorldError(f"{path}: {', '.join(drawing)}: for a drawing (.dxf, .svg) alone")
     with at(str(path)):
-        try:
-            world: World = _function(target)(path, **options)
-        except InputError:
+        world: World = _read(path, target, options)
+    return world if is_drawing(path) else world.scaled(scale)
+
+
+def load_plan(path: str | Path, **options: Any) -> Any:
+    """The :class:`~lrf3d.world.plan.Plan` of a drawing, by the options of :func:`load_world`."""
+    path = find_world(path)
+    with at(str(path)):
+        return _read(path, "drawings:read_plan", options)
+
+
+def _read(path: Path, target: str, options: dict[str, Any]) -> Any:
+    """What a reader returns."""
+    try:
+        with by_library(path.suffix[1:].lower()) if target == _MESH[0] else nullcontext():
+            return _function(target)(path, **options)
+    except OSError as error:
+        if isinstance(error, InputError) or error.errno is None:
             raise
-        except Exception as error:
-            if isinstance(error, OSError) and error.errno is not None:
-                raise WorldError(f"cannot be read: {error.strerror}") from None
-            if not target.startswith(BY_LIBRARY):
-                raise
-            # What a library raises depends on the damage.
-            reason = f"{type(error).__name__}: {' '.join(str(error).split())}"[:120].strip(": ")
-            kind = path.suffix[1:].lower()
-            raise WorldError(f"damaged, or not a {kind} file ({reason}); save it again") from error
-    return world
+        raise WorldError(f"cannot be read: {error.strerror}") from None
 
 
 def is_picture(path: str | Path) -> bool:
     """Whether a file is a bare picture of a floor plan, which needs a resolution."""
     return READERS.get(Path(path).suffix.lower()) is _PICTURE
+
+
+def is_drawing(path: str | Path) -> bool:
+    """Whether a file is a drawing, which has layers."""
+    return READERS.get(Path(path).suffix.lower(), ("",))[0] == "drawings:read_drawing"
 
 
 def save_world(world: World, path: str | Path, *, resolution: float | None = None) -> None:

@@ -235,3 +235,17 @@ def at(place: str) -> Iterator[None]:
     except InputError as error:
         named = str(error).startswith((f"{place}:", f"{place} "))
         raise WorldError(str(error) if named else f"{place}: {error}") from None
+
+
+@contextmanager
+def by_library(kind: str) -> Iterator[None]:
+    """Let what a library raises, which depends on the damage of a file, be an error of one line."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        if isinstance(error, OSError) and error.errno is not None:
+            raise
+        reason = f"{type(error).__name__}: {' '.join(str(error).split())}"[:120].strip(": ")
+        raise WorldError(f"damaged, or not a {kind} file ({reason}); save it again") from error
