@@ -7,7 +7,6 @@ written as nested dicts and made by the definitions of rosbags.
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from math import cos, sin
 from pathlib import Path
 from typing import Any, Literal
 
@@ -16,15 +15,22 @@ import numpy as np
 from lrf3d.errors import InputError, OutputError
 from lrf3d.files import replacing, unfinished_folder, writing
 from lrf3d.io.bag_reader import ODOMETRY, SCAN, STATIC_FRAMES, TRANSFORMS, missing_rosbags
+from lrf3d.io.ros_messages import (
+    BASE,
+    LASER,
+    MAP,
+    WORLD,
+    Fields,
+    line_marker,
+    occupancy_grid,
+    odometry,
+    time_fields,
+    transform,
+)
 from lrf3d.laser import Stamp
 from lrf3d.pose import Pose
 from lrf3d.run import Run
-from lrf3d.scene.look import object_tints
 from lrf3d.world import World
-from lrf3d.world.ros_map import FREE, OCCUPIED, cell_size, map_cells
-
-MAP, WORLD, BASE, LASER = "map", "odom", "base_link", "laser"
-"""The frames: of the map and of the world, which are the same; of the robot, and of its laser."""
 
 CLOCK, GRID, LINES = "/clock", "/map", "/map_objects"
 """The topics of the time, of the finished map as cells, and of the map as it grows as lines."""
@@ -43,14 +49,6 @@ TOPICS = {
 
 BAG_VERSION: Literal[8] = 8
 """The version of rosbag2's metadata that both older and newer releases of ROS 2 read."""
-
-LINE_WIDTH = 0.1
-"""Width of the lines of the map [m]: to be seen from above a room."""
-
-LINE_LIST = 5
-"""Number of visualization_msgs/Marker for lines between pairs of points."""
-
-Fields = dict[str, Any]
 
 
 def write(run: Run, path: Path) -> None:
@@ -119,9 +117,9 @@ def _messages(run: Run, path: Path, mapped: bool) -> Iterator[tuple[str, Stamp, 
     # The last scan is as far from a next one as the others are.
     steps[-1:] = steps[-2:-1] if len(steps) > 1 else 0.0
     here, start = Pose(0.0, 0.0, 0.0), Stamp.of(float(times[0]))
-    fixed = [_transform(start, BASE, LASER, here, run.lrf.height)]
+    fixed = [transform(start, BASE, LASER, here, run.lrf.height)]
     if run.estimate is None:
-        fixed.append(_transform(start, MAP, WORLD, here))
+        fixed.append(transform(start, MAP, WORLD, here))
     yield STATIC_FRAMES, start, {"transforms": fixed}
     if mapped:
         yield GRID, start, _grid(run, start, path)
@@ -129,15 +127,15 @@ def _messages(run: Run, path: Path, mapped: bool) -> Iterator[tuple[str, Stamp, 
     rows = zip(run.scans, run.odometry, run.trajectory.speeds, steps.tolist(), strict=True)
     for number, (scan, wheels, speed, step) in enumerate(rows):
         stamp, measured = Stamp.of(scan.time), Pose(*wheels.tolist())
-        yield CLOCK, stamp, {"clock": _time(stamp)}
+        yield CLOCK, stamp, {"clock": time_fields(stamp)}
         # The pose of the laser comes before what it measured from there.
-        moved = [_transform(stamp, WORLD, BASE, measured)]
+        moved = [transform(stamp, WORLD, BASE, measured)]
         if run.estimate is not None:
             estimated = Pose(*run.estimate.poses[number].tolist())
-            moved.append(_transform(stamp, MAP, WORLD, estimated @ measured.inverse()))
+            moved.append(transform(stamp, MAP, WORLD, estimated @ measured.inverse()))
         yield "/tf", stamp, {"transforms": moved}
-        yield "/odom", stamp, _odometry(stamp, measured, speed.tolist())
-        yield "/ground_truth", stamp, _odometry(stamp, scan.pose, speed.tolist())
+        yield "/odom", stamp, odometry(stamp, measured, speed.tolist())
+        yield "/ground_truth", stamp, odometry(stamp, scan.pose, speed.tolist())
         yield "/scan", stamp, scan.as_ros(LASER, scan_time=step)
         if mapped and number in snapshots:
             yield LINES, stamp, {"markers": [_lines(run, snapshots[number], stamp)]}
@@ -165,71 +163,16 @@ def _value(store: Any, shape: Any, form: Any, given: Any) -> Any:
     return np.asarray(np.zeros(count) if given is None else given, dtype=inner[0])
 
 
-def _time(stamp: Stamp) -> Fields:
-    return {"sec": stamp.sec, "nanosec": stamp.nanosec}
-
-
-def _header(stamp: Stamp, frame: str) -> Fields:
-    return {"stamp": _time(stamp), "frame_id": frame}
-
-
-def _place(x: float, y: float, z: float = 0.0) -> Fields:
-    return {"x": x, "y": y, "z": z}
-
-
-def _turn(theta: float) -> Fields:
-    """The quaternion of a heading [rad]."""
-    return {"x": 0.0, "y": 0.0, "z": sin(0.5 * theta), "w": cos(0.5 * theta)}
-
-
-def _transform(stamp: Stamp, parent: str, child: str, pose: Pose, height: float = 0.0) -> Fields:
-    """The transform of a frame in its parent, at a height [m] above it."""
-    moved = {"translation": _place(pose.x, pose.y, height), "rotation": _turn(pose.theta)}
-    return {"header": _header(stamp, parent), "child_frame_id": child, "transform": moved}
-
-
-def _odometry(stamp: Stamp, pose: Pose, speed: list[float]) -> Fields:
-    """The robot in the world, and its speed ahead [m/s] and about itself [rad/s]."""
-    where = {"position": _place(pose.x, pose.y), "orientation": _turn(pose.theta)}
-    twist = {"linear": _place(speed[0], 0.0), "angular": _place(0.0, 0.0, speed[1])}
-    return {
-        "header": _header(stamp, WORLD),
-        "child_frame_id": BASE,
-        "pose": {"pose": where},
-        "twist": {"twist": twist},
-    }
-
-
 def _grid(run: Run, stamp: Stamp, path: Path) -> Fields:
     """The finished map as a grid: 100 where a wall is, 0 where beams passed, −1 elsewhere."""
     free = run.free_cells()
     world = World(run.map.segments, free=free)
-    size = cell_size(world, free.resolution)
-    cells, (x, y) = map_cells(world, size, path)
-    data = np.full(cells.shape, -1, np.int8)
-    data[cells == FREE], data[cells == OCCUPIED] = 0, 100
-    rows, columns = cells.shape
-    corner = {"position": _place(x, y), "orientation": _turn(0.0)}
-    info = {"map_load_time": _time(stamp), "resolution": size, "width": columns, "height": rows}
-    return {
-        "header": _header(stamp, MAP), "info": {**info, "origin": corner}, "data": data.ravel()
-    }  # fmt: skip
+    return occupancy_grid(world, free.resolution, stamp, path)
 
 
 def _lines(run: Run, snapshot: int, stamp: Stamp) -> Fields:
     """A map snapshot as lines in the colours of its objects."""
-    ends = run.maps[snapshot].segments.reshape(-1, 2).tolist()
-    tints = np.repeat(object_tints(run.lasting_objects[snapshot]), 2, axis=0).tolist()
-    return {
-        "header": _header(stamp, MAP),
-        "ns": "map",
-        "type": LINE_LIST,
-        "pose": {"orientation": _turn(0.0)},
-        "scale": _place(LINE_WIDTH, 0.0),
-        "points": [_place(x, y) for x, y in ends],
-        "colors": [{"r": r, "g": g, "b": b, "a": 1.0} for r, g, b in tints],
-        "color": {"a": 1.0},
-    }
+    return line_marker(run.maps[snapshot].segments, run.lasting_objects[snapshot], stamp)
 
 
 def _latched(topic: str) -> list[Any]:

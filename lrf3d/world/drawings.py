@@ -15,7 +15,6 @@ from lrf3d.text import counted
 from lrf3d.world.drawing import Canvas
 from lrf3d.world.model import World
 from lrf3d.world.plan import Plan, plan_of
-from lrf3d.world.schema import by_library
 
 FORMATS = {".dxf": "dxf:draw_dxf", ".svg": "svg:draw_svg"}
 """The module and the function that paint a drawing, by the ending of its file."""
@@ -46,6 +45,4 @@ def read_plan(
     """
     module, name = FORMATS[path.suffix.lower()].split(":")
     draw: Callable[[Path, float], Canvas] = getattr(import_module(f"lrf3d.world.{module}"), name)
-    with by_library(path.suffix[1:].lower()):
-        canvas = draw(path, scale)
-    return plan_of(canvas.drawing(), layers, without)
+    return plan_of(draw(path, scale).drawing(), layers, without)

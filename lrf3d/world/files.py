@@ -1,16 +1,15 @@
 """World files: built-in worlds by name, others by path; the ending of a file gives its format."""
 
 from collections.abc import Callable
-from contextlib import nullcontext
 from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from lrf3d.errors import InputError, OutputError, WorldError
+from lrf3d.errors import Lrf3dError, OutputError, WorldError
 from lrf3d.files import check_ordinary, data_folder
 from lrf3d.world.model import World, check_scale
-from lrf3d.world.schema import at, by_library
+from lrf3d.world.schema import at
 
 _MESH = ("mesh:read_mesh", 1 << 27)
 _PICTURE = ("ros_map:read_picture", 1 << 28)
@@ -92,12 +91,16 @@ def load_plan(path: str | Path, **options: Any) -> Any:
 def _read(path: Path, target: str, options: dict[str, Any]) -> Any:
     """What a reader returns."""
     try:
-        with by_library(path.suffix[1:].lower()) if target == _MESH[0] else nullcontext():
-            return _function(target)(path, **options)
-    except OSError as error:
-        if isinstance(error, InputError) or error.errno is None:
-            raise
-        raise WorldError(f"cannot be read: {error.strerror}") from None
+        return _function(target)(path, **options)
+    except (Lrf3dError, MemoryError):
+        raise
+    except Exception as error:
+        if isinstance(error, OSError) and error.errno is not None:
+            raise WorldError(f"cannot be read: {error.strerror}") from None
+        # What a library raises depends on the damage.
+        reason = f"{type(error).__name__}: {' '.join(str(error).split())}"[:120].strip(": ")
+        kind = path.suffix[1:].lower()
+        raise WorldError(f"damaged, or not a {kind} file ({reason}); save it again") from error
 
 
 def is_picture(path: str | Path) -> bool:

@@ -6,6 +6,7 @@ errors begin. Settings on the command line, such as ``laser.range_max=20``, use 
 
 import re
 import tomllib
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import MISSING, fields
@@ -222,9 +223,9 @@ def read_settings(texts: Iterable[str]) -> dict[str, dict[str, Any]]:
 
 def check_unique(place: str, names: Sequence[str]) -> None:
     """Check that no name stands twice at a place."""
-    for name in names:
-        if names.count(name) > 1:
-            raise WorldError(f"{place}: two of the name {name!r}; rename one")
+    for name, count in Counter(names).items():
+        if count > 1:
+            raise WorldError(f"{place}: two of the name {shown(name)}; rename one")
 
 
 @contextmanager
@@ -235,17 +236,3 @@ def at(place: str) -> Iterator[None]:
     except InputError as error:
         named = str(error).startswith((f"{place}:", f"{place} "))
         raise WorldError(str(error) if named else f"{place}: {error}") from None
-
-
-@contextmanager
-def by_library(kind: str) -> Iterator[None]:
-    """Let what a library raises, which depends on the damage of a file, be an error of one line."""
-    try:
-        yield
-    except InputError:
-        raise
-    except Exception as error:
-        if isinstance(error, OSError) and error.errno is not None:
-            raise
-        reason = f"{type(error).__name__}: {' '.join(str(error).split())}"[:120].strip(": ")
-        raise WorldError(f"damaged, or not a {kind} file ({reason}); save it again") from error
