@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from lrf3d.errors import WorldError
 from lrf3d.files import own_name
 from lrf3d.geometry import Float, Int, lengths
 from lrf3d.interrupts import check
