@@ -17,6 +17,7 @@ SCALE = """\
  0.001 for millimetres that were read as metres. Heights stay."""
 RESOLUTION = "--resolution M: Side of a pixel [m], if the world is a bare picture."
 LAYERS = """\
+--page N: Page of a PDF file; 1 if not given.
 --layers LAYER,LAYER,…: Layers of a drawing that are walls, such as A-WALL*; by their names if not
  given.
 --without LAYER,LAYER,…: Layers of a drawing to leave out."""

@@ -19,6 +19,9 @@ CURVE_ERROR = 0.005
 MOST_MARKS, MOST_POINTS = 300_000, 3_000_000
 """Largest numbers of marks and of points: of larger drawings, blocks that hold each other."""
 
+PEN, PAPER_PEN = 0.12, 1.05e-3
+"""Width [m] in the world, or on paper, up to which a line is one; a wider one has two faces."""
+
 HIDDEN = 0.002
 """Distance [m] within an area from which on a line is hidden: on its edge it is half seen."""
 
@@ -89,13 +92,19 @@ class Canvas:
         self._add(area_of(rings, winding), mark, clip)
 
     def _add(self, shape: Any, mark: Mark, clip: Any) -> None:
-        shape = shape if clip is None else shape.intersection(clip)
+        inside = clip is None or clip.covers(shape)
+        shape = shape if inside else shape.intersection(clip)
         if not shape.is_empty:
             self.marks.append(mark._replace(shape=shape))
 
     def drawing(self) -> Drawing:
         """What is seen of all marks."""
         return Drawing(_seen(_on_paper(self.marks)), self.left_out)
+
+
+def pen_of(scale: float) -> float:
+    """Width [m] up to which a line of a drawing on paper was drawn by a pen."""
+    return max(PEN, PAPER_PEN * scale)
 
 
 def area_of(rings: list[Float], winding: bool = False) -> Any:
@@ -153,6 +162,7 @@ def _seen(marks: list[Mark]) -> list[Mark]:
     import shapely
 
     shapes = np.array([mark.shape for mark in marks], dtype=object)
+    whole = shapes.copy()
     hiding = np.flatnonzero([mark.opaque and is_area(mark.shape) for mark in marks])
     if len(hiding):
         covers = shapely.buffer(shapes[hiding], -HIDDEN, join_style="mitre")
@@ -162,8 +172,15 @@ def _seen(marks: list[Mark]) -> list[Mark]:
         for over in np.split(order, np.flatnonzero(np.diff(pairs[0, order])) + 1):
             check()
             for number in pairs[0, over[:1]]:
-                hidden = shapely.union_all(covers[pairs[1, over]])
-                shapes[number] = shapes[number].difference(hidden)
+                solid = is_area(shapes[number])
+                above = pairs[1, over]
+                hidden = shapely.union_all(whole[hiding[above]] if solid else covers[above])
+                left = shapes[number].difference(hidden)
+                if not solid:
+                    # Of a line that ends on the edge of an area no crumb is left.
+                    parts = shapely.get_parts(left)
+                    left = shapely.multilinestrings(parts[shapely.length(parts) > 2.5 * HIDDEN])
+                shapes[number] = left
     return [
         mark._replace(shape=shape)
         for mark, shape in zip(marks, shapes, strict=True)

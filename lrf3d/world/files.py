@@ -22,6 +22,7 @@ READERS = {
     **dict.fromkeys((".png", ".pgm"), _PICTURE),
     ".dxf": ("drawings:read_drawing", 1 << 26),
     ".svg": ("drawings:read_drawing", 1 << 25),
+    ".pdf": ("drawings:read_drawing", 1 << 28),
     **dict.fromkeys((".glb", ".gltf", ".obj", ".off", ".ply", ".stl"), _MESH),
 }
 """The module and the function that read a world, and the largest file [bytes], by its ending."""
@@ -51,7 +52,7 @@ def load_world(
         resolution: Side of a pixel [m], for a bare picture of a floor plan (.png, .pgm).
         scale: Enlarges the plan, but not the heights: 100 for a drawing of 1:100.
         drawing: For a drawing, ``layers``, the patterns of the names of the layers that are walls,
-            and ``without``, those of layers to leave out.
+            ``without``, those of layers to leave out, and ``page``, that of a PDF file.
 
     Raises:
         WorldError: There is no such world, its file cannot be used, or an option is given that
@@ -75,7 +76,7 @@ def load_world(
     if is_drawing(path):
         options |= {"scale": scale, **drawing}
     elif drawing:
-        raise WorldError(f"{path}: {', '.join(drawing)}: for a drawing (.dxf, .svg) alone")
+        raise WorldError(f"{path}: {', '.join(drawing)}: for a drawing (.dxf, .svg, .pdf) alone")
     with at(str(path)):
         world: World = _read(path, target, options)
     return world if is_drawing(path) else world.scaled(scale)

@@ -35,6 +35,12 @@ DARK = 0.45
 OUTLINE = 1e-4
 """Distance [m] up to which a line runs along the outline of an area."""
 
+LEAST_ROOM = 1.5
+"""Least area [m²] of a room: of a closet, or a place for a lavatory."""
+
+CRACK = 0.02
+"""Half of a gap [m] between walls through which two rooms do not become one."""
+
 STANDS = ("wall", "window", "other", "furniture")
 """The roles of what stands; lines of ``other`` layers are walls, too."""
 
@@ -57,6 +63,24 @@ class Plan(NamedTuple):
     layers: list[Layer]
     left_out: str
     """In words: ``12 texts, layers DOORS, TEXT``."""
+
+    def rooms(self) -> list[tuple[float, Float]]:
+        """Areas [m²] of the rooms between walls and closed doors, and points (2,) in them."""
+        import shapely
+
+        walls = self.segments[self.heights > FURNITURE_HEIGHT].reshape(-1, 2, 2)
+        # Openings are measured along the arc of a leaf, and end near their walls.
+        ends = np.array([door.opening for door in self.doors]).reshape(-1, 2, 2)
+        ends = ends + 0.06 * (ends - ends[:, ::-1])
+        lines = shapely.linestrings(np.concatenate([walls, ends]))
+        thick = shapely.union_all(shapely.buffer(lines, CRACK, cap_style="square"))
+        holes = [hole for part in shapely.get_parts(thick) for hole in part.interiors]
+        faces = shapely.buffer(shapely.polygons(holes), CRACK, join_style="mitre")
+        area, edge = shapely.area(faces), shapely.length(faces)
+        rooms = faces[(area > LEAST_ROOM) & (2.0 * area > THICKEST * edge)]
+        rooms = rooms[np.argsort(-shapely.area(rooms))]
+        places = shapely.get_coordinates(shapely.point_on_surface(rooms))
+        return list(zip(shapely.area(rooms).tolist(), places, strict=True))
 
     def world(self, path: Path) -> World:
         """The world of the walls."""

@@ -17,7 +17,7 @@ import numpy as np
 
 from lrf3d.errors import WorldError, shown
 from lrf3d.geometry import LARGEST_COORDINATE, Float
-from lrf3d.world.drawing import CURVE_ERROR, Canvas, Mark, curve_points, is_area
+from lrf3d.world.drawing import CURVE_ERROR, Canvas, Mark, curve_points, is_area, pen_of
 
 PIXEL = 0.0254 / 96.0
 """The unit of numbers without one [m]: 1/96 in."""
@@ -25,9 +25,6 @@ PIXEL = 0.0254 / 96.0
 UNITS = {"": PIXEL, "px": PIXEL, "m": 1.0, "cm": 1e-2, "mm": 1e-3, "q": 0.25e-3}
 UNITS |= {"in": 0.0254, "pt": 0.0254 / 72.0, "pc": 0.0254 / 6.0, "em": 16.0 * PIXEL}
 """Metres in the units of lengths."""
-
-PEN, PAPER_PEN = 0.12, 1.05e-3
-"""Width [m] in the world, or on paper, up to which a line is one; a wider one has two faces."""
 
 INHERITED = frozenset(
     "fill stroke stroke-width stroke-linecap visibility color fill-rule clip-rule fill-opacity"
@@ -66,7 +63,7 @@ def draw_svg(path: Path, scale: float) -> Canvas:
     width, height = _size(root)
     # A drawing on paper is a thousandth of the size of what it shows.
     tolerance = min(CURVE_ERROR, 2e-4 * max(width, height) * PIXEL * scale)
-    painter = _Painter(root, Canvas(tolerance), max(PEN, PAPER_PEN * scale))
+    painter = _Painter(root, Canvas(tolerance), pen_of(scale))
     up = scale * PIXEL * np.array([[1.0, 0.0, 0.0], [0.0, -1.0, height], [0.0, 0.0, 0.0]])
     up[2, 2] = 1.0
     box = root.get("viewBox") and _numbers(root.get("viewBox", ""))
