@@ -28,7 +28,9 @@ def is_lettering(segments: Float) -> Bool:
         np.minimum.at(low, letter, ends)
         np.maximum.at(high, letter, ends)
     size = (high - low).max(axis=1)
-    small = np.flatnonzero(size < LARGEST)
+    # A drawing of the size of its paper shows nothing larger.
+    extent = float((high.max(axis=0) - low.min(axis=0)).max())
+    small = np.flatnonzero(size < min(LARGEST, 0.05 * extent))
     boxes = shapely.box(*low[small].T, *high[small].T)
     reach = shapely.box(*(low - SPACING * size[:, None])[small].T,
                         *(high + SPACING * size[:, None])[small].T)  # fmt: skip

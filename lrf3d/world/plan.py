@@ -75,6 +75,8 @@ class Plan(NamedTuple):
         lines = shapely.linestrings(np.concatenate([walls, ends]))
         thick = shapely.union_all(shapely.buffer(lines, CRACK, cap_style="square"))
         holes = [hole for part in shapely.get_parts(thick) for hole in part.interiors]
+        if not holes:
+            return []
         faces = shapely.buffer(shapely.polygons(holes), CRACK, join_style="mitre")
         area, edge = shapely.area(faces), shapely.length(faces)
         rooms = faces[(area > LEAST_ROOM) & (2.0 * area > THICKEST * edge)]
@@ -116,7 +118,7 @@ def plan_of(drawing: Drawing, layers: Sequence[str] = (), without: Sequence[str]
     letters = loose[is_lettering(segments[loose])]
     stands[letters] = False
     left = Counter(drawing.left_out)
-    left["stroke of letters"] = len(letters)
+    left["letter stroke"] = len(letters)
     left["floor"] = roles.count("floor")
     hidden = {mark.layer for mark, role in zip(marks, roles, strict=True) if role == "left out"}
     named = {mark.layer: role for mark, role in zip(marks, roles, strict=True)}
