@@ -8,6 +8,7 @@ import numpy as np
 
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.collecting import simulate
+from lrf3d.errors import InputError, expect, shown
 from lrf3d.geometry import generator
 from lrf3d.interrupts import Progress, silent
 from lrf3d.laser import LaserRangeFinder
@@ -55,6 +56,9 @@ def simulate_fleet(
         >>> len(runs)
         2
     """
+    expect(world, World, "world")
+    if not isinstance(trajectories, list | tuple):
+        raise InputError(f"trajectories {shown(trajectories)}: expected a list of one a robot")
     settings["caster"] = caster_of(settings.get("caster", "embree"), world)
     outline = round_outline(radius)
     bodies = [DynamicObstacle(outline, trajectory, height) for trajectory in trajectories]

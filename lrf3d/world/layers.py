@@ -7,8 +7,8 @@ WORDS = {
     "annotation": (
         "anno text txt dim bemass cota acot quot note tag symb title titl ttlb legend label schrift"
         " beschrift etiquet rotul testo testi teks iden grid axis axes achs rast hatch patt schraff"
-        " hachur tratteg sombr defpoint vport viewport border clng ceiling roof lite elec flooring tile"
-        " paving pavim fliese parket parquet carpet projec ovhd"
+        " hachur tratteg sombr defpoint vport viewport border clng ceiling roof lite elec"
+        " flooring tile paving pavim fliese parket parquet carpet projec ovhd"
         " текст размер штрих оси 文字 标注 轴 填充 寸法 注記"
     ),
     "furniture": (
