@@ -110,10 +110,10 @@ class Sensor:
         if self._legs is None and self._moving is None:
             return self._among(lrf, begin, time)
         times = time + lrf.time_increment * np.arange(lrf.beams, dtype=np.float64)
-        if self._moving is not None:
-            poses = self._moving.at(times)
-        else:
+        if self._legs is not None:
             poses = poses_along(self._legs, times, np.array(as_pose(pose)))
+        elif self._moving is not None:
+            poses = self._moving.at(times)
         motion, poses = between(poses[0], poses[-1]), lrf.placed(poses)
         if isinstance(self.caster, PlanarCaster) and not self.world.materials:
             rays = np.empty(lrf.beams, RAY)

@@ -62,7 +62,8 @@ class ControlledDrive:
         sweep: float = 0.0,
         robot: Robot | None = None,
     ) -> None:
-        self._sweep, self.robot = sweep, Unicycle() if robot is None else robot
+        self._sweep = sweep
+        self.robot: Any = Unicycle() if robot is None else robot
         self.controller, self.body, self._checker, self._stops = controller, body, checker, stops
         self.interval = number(interval, "scan_interval", "seconds", positive=True)
         self.start = self.pose = as_pose(start)
