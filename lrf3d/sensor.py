@@ -82,7 +82,8 @@ class Sensor:
                 f"noise {self.noise!r} returned {shown(scan)}; expected a LaserScan of"
                 f" {self.lrf.beams} beams"
             )
-        return scan
+        near = scan.ranges < self.lrf.range_min
+        return replace(scan, ranges=np.where(near, -np.inf, scan.ranges)) if near.any() else scan
 
     def cast(self, pose: Float, time: float) -> LaserScan:
         """The true scan that begins at a pose (3,) and a time [s].
