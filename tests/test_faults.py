@@ -50,7 +50,7 @@ def test_no_room_for_the_locks_of_processes_is_one_line(monkeypatch):
         raise DISK_FULL
 
     monkeypatch.setattr("concurrent.futures.ProcessPoolExecutor", full)
-    with pytest.raises(lrf3d.OutputError, match="/dev/shm: .*--workers 1"):
+    with pytest.raises(lrf3d.OutputError, match=r"/dev/shm: .*--workers 1"):
         lrf3d.sweep("paper_room", seeds=2, workers=2)
 
 
