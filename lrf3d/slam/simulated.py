@@ -4,7 +4,7 @@ Scans of a simulation enter; their poses are the true ones, from which wheels wi
 odometry. Only that and the ranges go on to `Slam`, and its map leaves.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,9 @@ a scan does not take longer in the end."""
 class WheelErrors:
     """What wheels measure wrong: ``errors(increment, rng)`` is what they say of an increment.
 
+    The usual ones are those of calibrated wheels: after some hundred metres their poses are 1 to 5 %
+    of the distance off.
+
     Args:
         turn_per_metre: Turn that is measured but not made for each metre [rad/m]: wheels of unequal
             size.
@@ -40,7 +43,7 @@ class WheelErrors:
         InputError: A number is not finite, or a deviation is negative.
     """
 
-    turn_per_metre: float = 0.03
+    turn_per_metre: float = 0.0007
     slip: float = 0.03
     position: float = 0.005
     heading: float = 0.003
@@ -89,15 +92,23 @@ class SlamMapper:
         self._believed: list[Float] = []
         self._covariances: dict[int, Float] = {}
 
-    def update(self, scan: LaserScan) -> None:
+    several = True
+    """It takes the scans of all lasers of a moment at once."""
+
+    def update(self, scan: LaserScan | tuple[LaserScan, ...]) -> None:
         """Take in a scan; of its pose only the increment that the wheels measure is used."""
-        number, true, increment = len(self._true), np.array(scan.pose), np.zeros(3)
+        # How the robot moved during a scan is known only by the wheels, too.
+        scans = tuple(
+            each if each.motion is None else replace(each, motion=None)
+            for each in ((scan,) if isinstance(scan, LaserScan) else scan)
+        )
+        number, true, increment = len(self._true), np.array(scans[0].robot), np.zeros(3)
         if number:
             increment = self._wheels(between(self._true[-1], true), self._rng)
         else:
             # Where the world's origin is no scan can tell, so that the first pose is given.
             self.slam = Slam(start=true)
-        self.slam.update(scan, increment)
+        self.slam.update(scans, increment)
         self._by_wheels.append(compose(self._by_wheels[-1], increment) if number else true)
         self._true.append(true)
         self._believed.append(np.array(self.slam.pose))
