@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
-from lrf3d.errors import InputError, check_names, expect, shown
+from lrf3d.collision import CollisionChecker, body_of, halted
+from lrf3d.errors import CollisionError, InputError, check_names, expect, shown
 from lrf3d.geometry import Float, generator, numbers, sealed, whole_number
 from lrf3d.interrupts import Progress, check, silent, stoppable
 from lrf3d.laser import LaserRangeFinder, LaserScan, ProportionalNoise
@@ -113,8 +114,11 @@ class Simulation:
         scan_interval: Time between two scans [s] of a controller's drive.
         scans: Number of scans; if not given, those of the trajectory, or any number until a
             controller ends the drive.
-        radius: Radius [m] of a controller's robot, which may not hit a wall; if not given, it
-            drives through walls.
+        radius: Radius [m] of the robot, which may not touch a wall or a dynamic obstacle; without
+            it and an outline it drives through them.
+        outline: (n, 2) its outline [m] instead, x ahead.
+        on_collision: ``raise``, or ``stop`` for a robot that rests where it touches something, a
+            controller's up to the next scan, any other for good.
 
     Examples:
         >>> import lrf3d
@@ -139,7 +143,10 @@ class Simulation:
         scan_interval: float = SCAN_INTERVAL,
         scans: int | None = None,
         radius: float | None = None,
+        outline: ArrayLike | None = None,
+        on_collision: str = "raise",
     ) -> None:
+        check_names("on_collision", [str(on_collision)], ("raise", "stop"))
         scans = None if scans is None else whole_number(scans, "scans")
         self.world = world
         self.lasers = lasers_of(LaserRangeFinder() if lrf is None else lrf)
@@ -149,9 +156,15 @@ class Simulation:
             raise InputError(f"mapper {self.mapper!r}: expected an object with update(scan)")
         self.rng = generator(rng)
         self.drive: Trajectory | ControlledDrive
-        path = None
+        path, body, stops = None, body_of(radius, outline), on_collision == "stop"
+        for obstacle in obstacles:
+            expect(obstacle, DynamicObstacle, "obstacle")
+        checker = CollisionChecker(world, obstacles)
         if callable(getattr(drive, "command", None)):
-            self.drive = ControlledDrive(drive, start, scan_interval, world, radius)  # type: ignore[arg-type]
+            self.drive = ControlledDrive(
+                drive,  # type: ignore[arg-type]
+                start, scan_interval, checker, body, stops=stops,
+            )  # fmt: skip
             if any(each.scan_duration for each in self.lasers):
                 raise InputError(
                     "scan_duration: a controller decides after a scan where the robot moves, so"
@@ -162,10 +175,12 @@ class Simulation:
             if not isinstance(drive, Trajectory):
                 poses = numbers(drive, "poses")
                 drive = Trajectory(np.arange(len(np.atleast_1d(poses))), poses)
+            if body is not None and (hit := checker.first(drive, body)) is not None:
+                if not stops:
+                    raise CollisionError(str(hit))
+                drive = halted(drive, hit)
             self.drive = path = drive
             scans, end = min(scans or len(path), len(path)), float(path.times[-1])
-        for obstacle in obstacles:
-            expect(obstacle, DynamicObstacle, "obstacle")
         # A run stores the paths of its obstacles as poses, up to its end; an endless drive is not
         # stored.
         self.obstacles = tuple(each if end is None else each.until(end) for each in obstacles)

@@ -9,7 +9,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from lrf3d.cli.console import Report
+from lrf3d.cli.console import Report, warn
 from lrf3d.cli.folder import results_folder
 from lrf3d.cli.inputs import on_collision, routed
 from lrf3d.cli.plugins import made
@@ -43,7 +43,7 @@ def run(source: tuple[Scenario, dict[str, Any]], args: Namespace, report: Report
         own["drive"] = own.pop("controller")
     else:
         scenario = routed(scenario, args, report)
-        drive = scenario.trajectory(scans=args.scans, on_collision=on_collision(args))
+        drive = scenario.trajectory(scans=args.scans, on_collision=on_collision(args), say=warn)
         own["drive"] = drive
     output = results_folder(report, [args.world], scenario.name, args.out)
     simulations = [

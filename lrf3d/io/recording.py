@@ -120,7 +120,8 @@ def fingerprint_of(simulation: Simulation) -> str:
     if isinstance(drive, Trajectory):
         path = [drive.times, drive.poses]
     else:
-        path = [name_of(drive.controller), drive.start, drive.interval, drive.radius]
+        body = drive.body and [drive.body.radius, drive.body.outline]
+        path = [name_of(drive.controller), drive.start, drive.interval, body]
     bodies = [[each.outline, each.height, each.poses] for each in simulation.obstacles]
     walls = [world.segments, world.objects, world.heights, world.colours, world.name]
     parts = {

@@ -162,6 +162,7 @@ TABLES: Mapping[str, Mapping[str, Converter]] = {
         "start": poses(row("x", "y", "degrees")),
         "route": rows("x", "y"),
         "poses": poses(rows("x", "y", "degrees")),
+        "outline": rows("x", "y", least=3),
         **dict.fromkeys(("speed", "scan_interval", "lookahead", "radius"), _LENGTH),
     },
     "laser": {
