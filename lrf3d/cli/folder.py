@@ -77,7 +77,6 @@ class ResultsFolder:
             written += [("next", following)] if following else []
             print_table(written, max(9, *(len(name) for name, _ in rows)))
 
-
     def _clear(self, written: Collection[str]) -> None:
         """Remove what this command wrote here before, of another source or drive, and not now."""
         before = _summary_of(self.path)

@@ -29,8 +29,8 @@ a scan does not take longer in the end."""
 class WheelErrors:
     """What wheels measure wrong: ``errors(increment, rng)`` is what they say of an increment.
 
-    The usual ones are those of calibrated wheels: after some hundred metres their poses are 1 to 5 %
-    of the distance off.
+    The usual ones are those of calibrated wheels: after some hundred metres their poses are off by
+    1 to 5 % of the distance.
 
     Args:
         turn_per_metre: Turn that is measured but not made for each metre [rad/m]: wheels of unequal
