@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
+from lrf3d.collecting import simulate
+from lrf3d.errors import InputError, expect, shown
 from lrf3d.geometry import generator
 from lrf3d.interrupts import Progress, silent
 from lrf3d.laser import LaserRangeFinder
@@ -14,7 +16,7 @@ from lrf3d.robot import Trajectory
 from lrf3d.robot.unicycle import RADIUS
 from lrf3d.run import Run
 from lrf3d.sensor import caster_of
-from lrf3d.simulation import Mapper, simulate
+from lrf3d.simulation import Mapper
 from lrf3d.world import World
 
 
@@ -54,6 +56,9 @@ def simulate_fleet(
         >>> len(runs)
         2
     """
+    expect(world, World, "world")
+    if not isinstance(trajectories, list | tuple):
+        raise InputError(f"trajectories {shown(trajectories)}: expected a list of one a robot")
     settings["caster"] = caster_of(settings.get("caster", "embree"), world)
     outline = round_outline(radius)
     bodies = [DynamicObstacle(outline, trajectory, height) for trajectory in trajectories]

@@ -147,7 +147,9 @@ class Sensor:
 def caster_of(caster: Caster | str, world: World) -> Caster:
     """The caster for a world, by its name or as given."""
     if not isinstance(caster, str):
+        if not callable(getattr(caster, "cast", None)):
+            raise InputError(f"caster {shown(caster)}: it has no method cast(lrf, pose)")
         return caster
     if caster not in CASTERS:
-        raise InputError(f"caster {caster!r}: expected one of {', '.join(CASTERS)}")
+        raise InputError(f"caster {shown(caster)}: expected one of {', '.join(CASTERS)}")
     return CASTERS[caster](world)

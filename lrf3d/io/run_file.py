@@ -15,13 +15,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lrf3d.errors import InputError
-from lrf3d.files import check_ordinary
+from lrf3d.errors import InputError, expect
+from lrf3d.files import as_path, check_ordinary
+from lrf3d.interrupts import reading
 from lrf3d.io.npz import DAMAGES, Array, read_arrays, write_npz
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.laser.scan import LIGHT
 from lrf3d.mapping import LineMap
 from lrf3d.robot import EstimatedTrajectory, Trajectory
+from lrf3d.robot.odometry import ImuRecord
 from lrf3d.robot.unicycle import RADIUS
 from lrf3d.run import Run
 from lrf3d.world import World
@@ -35,6 +37,9 @@ VERSION = 2
 
 _MAP = ("segments", "objects", "points", "codes")
 """What a file holds of each map snapshot, in the order of `LineMap.of_codes`."""
+
+_MOTION = ("motions", "wheels")
+"""What a file holds of the robot's motion at each scan, where it is known."""
 
 _ESTIMATE = tuple(each.name for each in fields(EstimatedTrajectory))
 """What a file holds of an estimated trajectory."""
@@ -54,15 +59,19 @@ def save_run(run: Run, path: str | Path) -> None:
         >>> len(lrf3d.load_run("run.npz"))
         2
     """
+    expect(run, Run, "run")
     rows: dict[str, Array] = {"times": run.trajectory.times, "poses": run.trajectory.poses}
     rows |= {"ranges": run.ranges, "truth": run.truth, "walls": run.walls, **run.light}
-    rows |= {} if run.motions is None else {"motions": run.motions}
+    rows |= {name: getattr(run, name) for name in _MOTION if getattr(run, name) is not None}
     maps = dict(zip(run.snapshot_scans, run.maps, strict=True))
-    write_npz(path, run_arrays(run, rows, maps))
+    write_npz(path, run_arrays(run, rows, maps, run.imu))
 
 
 def run_arrays(
-    run: "Run | Simulation", rows: Mapping[str, Array], maps: Mapping[int, LineMap]
+    run: "Run | Simulation",
+    rows: Mapping[str, Array],
+    maps: Mapping[int, LineMap],
+    imu: ImuRecord | None = None,
 ) -> dict[str, Array]:
     """The arrays of a run's file, from what it keeps of each scan and the maps after some scans."""
     world = run.world
@@ -95,6 +104,8 @@ def run_arrays(
     arrays["map_sizes"] = np.array([len(each) for each in maps.values()], dtype=np.int64)
     for name in _MAP:
         arrays[f"map_{name}"] = np.concatenate([getattr(each, name) for each in maps_kept])
+    if imu is not None:
+        arrays |= {f"imu_{each.name}": getattr(imu, each.name) for each in fields(imu)}
     if run.estimate is not None:
         arrays |= {f"estimate_{each}": getattr(run.estimate, each) for each in _ESTIMATE}
     return arrays
@@ -105,6 +116,7 @@ def _obstacle(number: int) -> list[str]:
     return [f"obstacle_{number}_{name}" for name in ("outline", "times", "poses")]
 
 
+@reading()
 def load_run(path: str | Path) -> Run:
     """Read a run from a file or from the folder that ``lrf3d run`` wrote it to.
 
@@ -142,7 +154,7 @@ def load_run(path: str | Path) -> Run:
 
 def run_path(path: str | Path) -> Path:
     """The file of a run that is given by its name or by its folder."""
-    path = Path(path)
+    path = as_path(path)
     folder, file = (path, path / "run.npz") if path.is_dir() else (path.parent, path)
     if os.path.lexists(file):
         check_ordinary(file, what="a run.npz")
@@ -196,6 +208,9 @@ def _run(arrays: dict[str, Any]) -> Run:
     estimate = None
     if "estimate_poses" in arrays:
         estimate = EstimatedTrajectory(*(arrays[f"estimate_{each}"] for each in _ESTIMATE))
+    imu = None
+    if "imu_times" in arrays:
+        imu = ImuRecord(*(arrays[f"imu_{each.name}"] for each in fields(ImuRecord)))
     lasers = (settings["laser"], *settings.get("further", ()))
     lrf, *further = (LaserRangeFinder(**each) for each in lasers)
     return Run(
@@ -211,6 +226,7 @@ def _run(arrays: dict[str, Any]) -> Run:
         FilmPlan(**settings["film"]),
         estimate,
         radius=settings.get("radius", RADIUS),
-        **{name: arrays[name] for name in (*LIGHT, "motions") if name in arrays},
+        **{name: arrays[name] for name in (*LIGHT, *_MOTION) if name in arrays},
+        imu=imu,
         further=tuple(further),
     )

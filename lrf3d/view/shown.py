@@ -84,7 +84,7 @@ class Wanted:
             sent = json.loads(text)
             new = {name: float(sent.get(name, getattr(self, name))) for name in _LIMITS}
             view = str(sent.get("view", self.view))
-        except (ArithmeticError, AttributeError, TypeError, ValueError):
+        except (ArithmeticError, AttributeError, RecursionError, TypeError, ValueError):
             return self
         within = all(low <= new[name] <= high for name, (low, high) in _LIMITS.items())
         return Wanted(view, **new) if within else self
