@@ -159,7 +159,9 @@ def draw_noise_levels(
     _head(axes[0], f"(a)  the world and the first scan, $d_{{max}}$ = {runs[0].lrf.range_max:g} m")
     objects = [run.lasting_objects[-1] if run.maps else None for run in runs]
     # An object has one name in all panels.
-    among = np.concatenate([numbers for numbers in objects if numbers is not None] or [[]])
+    among = np.concatenate(
+        [numbers for numbers in objects if numbers is not None] + [np.zeros(0, np.int64)]
+    )
     panels = zip(axes[1:], ascii_lowercase[1:], runs, sigmas, objects, strict=False)
     for ax, letter, run, sigma, numbers in panels:
         plot.world(world, ax, poses=poses, **plot.BELOW)
