@@ -22,8 +22,11 @@ _WAIT = 0.1
 """How often it is checked whether the command is to be stopped [s]."""
 
 
-def start_compiling() -> "Popen[bytes] | None":
-    """Start to compile in the background, if nothing has been compiled for this installation."""
+def start_compiling(*parts: str) -> "Popen[bytes] | None":
+    """Start to compile in the background, if nothing has been compiled for this installation.
+
+    The kernels of SLAM are compiled if ``slam`` is among the parts.
+    """
     package, home = Path(__file__).parents[1], Path(os.path.expanduser("~"))
     writable, cache = [package, home], home / ".cache/numba"
     if given := os.environ.get("NUMBA_CACHE_DIR"):
@@ -38,7 +41,7 @@ def start_compiling() -> "Popen[bytes] | None":
     environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
     environment["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
     return Popen(
-        [sys.executable, "-m", "lrf3d.cli.kernels"], env=environment, stdin=DEVNULL, stdout=PIPE,
+        [sys.executable, "-m", "lrf3d.cli.kernels", *parts], env=environment, stdin=DEVNULL, stdout=PIPE,
         stderr=DEVNULL, start_new_session=True,
     )  # fmt: skip
 
@@ -60,11 +63,13 @@ def wait_for(process: "Popen[bytes]", progress: Progress) -> None:
                 progress(done, total)
 
 
-def main() -> None:
+def main(*parts: str) -> None:
     """Compile all kernels of a small drive, and print how many are done, and of how many."""
     from concurrent.futures import as_completed
 
-    calls = sorted(_calls(), key=lambda call: not call[0].startswith("lrf3d.mapping"))
+    calls = sorted(
+        _calls("slam" in parts), key=lambda call: not call[0].startswith("lrf3d.mapping")
+    )
     # This process runs kernels as plain Python; those that it starts compile.
     del os.environ["NUMBA_DISABLE_JIT"]
     with process_pool(core_count()) as pool:
@@ -74,7 +79,7 @@ def main() -> None:
             os.write(1, f"{done} {len(calls)}\n".encode())
 
 
-def _calls() -> list[tuple[str, str, Any]]:
+def _calls(slam: bool) -> list[tuple[str, str, Any]]:
     """The module, the name and the types of the arguments of each kernel that a drive calls."""
     import numba
 
@@ -97,7 +102,7 @@ def _calls() -> list[tuple[str, str, Any]]:
     world = lrf3d.World([[3, -1, 3, 1], [3, 1, 4, 1], [-2, -3, 2, -3]])
     lrf = lrf3d.LaserRangeFinder(beams=31)
     drive = [(0.6 * step, 0, 0.4 * step) for step in range(3)]
-    for caster, mapper in (("planar", SlamMapper()), ("embree", None)):
+    for caster, mapper in (("planar", None), ("embree", SlamMapper() if slam else None)):
         lrf3d.simulate(world, drive, lrf, caster=caster, mapper=mapper, rng=0)
     return list(calls)
 
@@ -108,4 +113,4 @@ def _compile(module: str, name: str, types: Any) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(*sys.argv[1:])
