@@ -41,8 +41,8 @@ def start_compiling(*parts: str) -> "Popen[bytes] | None":
     environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
     environment["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
     return Popen(
-        [sys.executable, "-m", "lrf3d.cli.kernels", *parts], env=environment, stdin=DEVNULL, stdout=PIPE,
-        stderr=DEVNULL, start_new_session=True,
+        [sys.executable, "-m", "lrf3d.cli.kernels", *parts], env=environment, stdin=DEVNULL,
+        stdout=PIPE, stderr=DEVNULL, start_new_session=True,
     )  # fmt: skip
 
 
