@@ -22,7 +22,7 @@ import math
 from array import array
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,17 @@ from scipy.spatial.transform import Rotation, Slerp
 from lrf3d.errors import InputError, MissingLibraryError, missing_extra, one_line
 from lrf3d.files import check_ordinary
 from lrf3d.geometry import LARGEST_COORDINATE, Float, Int
-from lrf3d.io.laser_log import MOST_READINGS, NAMED, BadLine, LaserLog, log_name
+from lrf3d.interrupts import check
+from lrf3d.io.laser_log import (
+    A_MESSAGE,
+    A_POSE,
+    MOST_READINGS,
+    NAMED,
+    BadLine,
+    LaserLog,
+    log_name,
+)
+from lrf3d.io.unpacking import bounded_bags
 from lrf3d.laser import LaserScan, Stamp
 from lrf3d.pose import Pose
 
@@ -108,22 +118,22 @@ def _opened(path: Path) -> Iterator[tuple[Any, Any]]:
                 check_ordinary(part, what="a file of a ROS 2 bag", largest=largest)
     else:
         check_ordinary(path, what="a ROS 2 bag")
-    try:
-        reader = Reader(path)
-        reader.open()
-    except Exception as error:
-        # A damaged file may raise any exception in the reader.
-        raise _damaged(path, error) from None
-    try:
+    with bounded_bags(), ExitStack() as stack:
+        try:
+            reader = Reader(path)
+            reader.open()
+        except Exception as error:
+            # A damaged file may raise any exception in the reader.
+            raise _damaged(path, error) from None
+        stack.callback(reader.close)
         yield reader, get_typestore(Stores.ROS2_HUMBLE)
-    finally:
-        reader.close()
 
 
 def _messages(path: Path, reader: Any, wanted: list[Any]) -> Iterator[tuple[Any, bytes]]:
     """Connections and packed messages, in the order of the bag."""
     try:
         for connection, _, data in reader.messages(wanted):
+            check()
             yield connection, data
     except Exception as error:
         raise _damaged(path, error) from None
@@ -135,6 +145,8 @@ def missing_rosbags(path: Path) -> MissingLibraryError:
 
 
 def _damaged(path: Path, error: Exception) -> InputError:
+    if isinstance(error, InputError):
+        return InputError(f"{path}: {error}")
     return InputError(f"{path}: not a ROS 2 bag or damaged ({_short(error)})")
 
 
@@ -256,6 +268,7 @@ class _Contents:
         if kind == SCAN:
             self._take_scan(message)
         elif kind == TRANSFORMS:
+            self.readings += A_POSE * len(message.transforms)
             for each in message.transforms:
                 row = _row(each.transform.translation, each.transform.rotation)
                 child, above = _frame(each.child_frame_id), _frame(each.header.frame_id)
@@ -265,6 +278,7 @@ class _Contents:
                 if parent == above:
                     track.add(_stamp(each), row)
         else:
+            self.readings += A_POSE
             pose = message.pose if kind == POSE else message.pose.pose
             self.tracks[topic].add(_stamp(message), _row(pose.position, pose.orientation))
             child = _frame(message.child_frame_id) if kind == ODOMETRY else ""
@@ -278,7 +292,7 @@ class _Contents:
             # Scans with the same angles share one array.
             scan = replace(scan, angles=self.scans[-1].angles)
         self.frame = self.frame or _frame(message.header.frame_id)
-        self.readings += len(scan.ranges)
+        self.readings += len(scan.ranges) + A_MESSAGE
         self.stamps.append(_stamp(message))
         self.scans.append(scan)
 

@@ -35,7 +35,14 @@ NAMED = 5
 """Number of bad lines that are kept; the others are only counted."""
 
 MOST_READINGS = 50_000_000
-"""Largest number of readings in memory: 400 MB."""
+"""Largest number of readings in memory: 400 MB. Scans and poses count as some more."""
+
+A_MESSAGE, A_POSE = 64, 8
+"""What a message, as an object, and a packed pose take in memory, in readings."""
+
+MOST_LINES, LARGEST_LOG = 10_000_000, 1 << 31
+"""Largest numbers of lines and of bytes of a text log, of which a gzipped one may hold a thousand
+for each of its own; a day's log has a tenth."""
 
 
 @dataclass(frozen=True, slots=True)
