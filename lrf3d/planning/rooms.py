@@ -31,7 +31,7 @@ def separate_rooms(ground: Ground, inside: Bool, reached: Bool) -> tuple[Int, In
     areas = np.bincount(parts.ravel(), minlength=count + 1) * ground.size**2
     rooms = (areas >= LEAST_ROOM) & ~np.isin(number, parts[reached]) & (number > 0)
     rooms &= maximum(ground.gaps, parts, number) >= 0.5 * LEAST_WIDTH
-    entrance = binary_dilation(ground.swept, np.ones((3, 3)))
+    entrance = binary_dilation(ground.swept, np.ones((3, 3), dtype=np.bool_))
     rooms &= maximum(np.where(entrance, ground.gaps, 0.0), parts, number) < 0.5 * ENTRANCE
     highest = maximum(heights[ground.walls[ground.nearest]], parts, number)
     return parts, np.flatnonzero(rooms & (highest >= 0.5 * np.median(heights)))
