@@ -131,6 +131,11 @@ class Run(Value, Pictured):
         return estimate is None or not np.array_equal(estimate.poses, self.trajectory.poses)
 
     @property
+    def playback(self) -> float:
+        """Simulated seconds in a second of its film."""
+        return self.film.playback_of(self.trajectory.duration)
+
+    @property
     def odometry(self) -> Float:
         """Poses (k, 3) at the scans by odometry alone; those of the trajectory if it is exact."""
         estimate = self.estimate
