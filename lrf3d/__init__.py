@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from lrf3d import plot
     from lrf3d.casting import EmbreeCaster, PlanarCaster, crosscheck
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
+    from lrf3d.collision import check_drive
     from lrf3d.errors import (
         CollisionError,
         InputError,
@@ -37,14 +38,7 @@ if TYPE_CHECKING:
     from lrf3d.pose import Pose
     from lrf3d.recorded import map_log, slam_log
     from lrf3d.render.video import render_video
-    from lrf3d.robot import (
-        EstimatedTrajectory,
-        Trajectory,
-        Unicycle,
-        check_drive,
-        drive,
-        follow_route,
-    )
+    from lrf3d.robot import EstimatedTrajectory, Trajectory, Unicycle, drive, follow_route
     from lrf3d.run import Run
     from lrf3d.scenario import Scenario, load_scenario
     from lrf3d.scoring import score_map, score_run
@@ -59,6 +53,7 @@ else:
         {
             "casting": "EmbreeCaster PlanarCaster crosscheck",
             "casting.dynamic_obstacle": "DynamicObstacle",
+            "collision": "check_drive",
             "errors": "CollisionError InputError Lrf3dError MissingLibraryError OutputError"
             " WorldError",
             "exporting": "export_run",
@@ -71,7 +66,7 @@ else:
             "pose": "Pose",
             "recorded": "map_log slam_log",
             "render.video": "render_video",
-            "robot": "EstimatedTrajectory Trajectory Unicycle check_drive drive follow_route",
+            "robot": "EstimatedTrajectory Trajectory Unicycle drive follow_route",
             "planning.planner": "plan_route",
             "run": "Run",
             "scenario": "Scenario load_scenario",

@@ -19,9 +19,10 @@ from lrf3d.geometry import Float, Value, whole_number
 from lrf3d.interrupts import Progress, silent
 from lrf3d.laser import LaserRangeFinder, Noise, ProportionalNoise, imperfect
 from lrf3d.laser.noise import SIGMA, as_noise, at_sigma, spread_of
+from lrf3d.laser.range_finder import lasers_of
 from lrf3d.planning.free_space import Side
 from lrf3d.pose import Pose
-from lrf3d.robot import Trajectory, check_drive, find_collision, follow_route
+from lrf3d.robot import Trajectory, follow_route
 from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, SCAN_INTERVAL, SPEED
 from lrf3d.robot.laps import Patrol, chain_laps, drive_laps
 from lrf3d.robot.unicycle import RADIUS
@@ -58,7 +59,7 @@ class Scenario(Value):
 
     Args:
         world: The walls.
-        lrf: The laser range finder.
+        lrf: The laser range finder, the first of several.
         noise: Its noise.
         compared: Standard deviations [m] at range_max of further noise levels, whose maps a figure
             compares with that of the run.
@@ -71,8 +72,10 @@ class Scenario(Value):
         scan_interval: Time between two scans [s].
         lookahead: Distance [m] along the route to the point that the robot steers at.
         radius: Radius of the robot [m].
+        outline: (n, 2) its outline [m] instead, x ahead; the radius is then that around it.
         mapper: Keyword arguments of the LineMapper.
         film: The default settings of its film.
+        further: The other lasers, each with its noise.
 
     Examples:
         >>> import lrf3d
@@ -97,12 +100,19 @@ class Scenario(Value):
     scan_interval: float = SCAN_INTERVAL
     lookahead: float = LOOKAHEAD
     radius: float = RADIUS
+    outline: Float | None = None
     mapper: Mapping[str, Any] = field(default_factory=dict)
     film: FilmPlan = USUAL_FILM
     name: str = ""
+    further: tuple[tuple[LaserRangeFinder, Noise], ...] = ()
 
     def __post_init__(self) -> None:
-        self._hold(*(name for name in ("route", "poses") if getattr(self, name) is not None))
+        arrays = ("route", "poses", "outline")
+        self._hold(*(name for name in arrays if getattr(self, name) is not None))
+        if self.outline is not None:
+            from lrf3d.collision import Body
+
+            object.__setattr__(self, "radius", Body(outline=self.outline).reach)
         object.__setattr__(self, "noise", as_noise(self.noise))
         object.__setattr__(self, "obstacles", tuple(self.obstacles))
 
@@ -113,6 +123,11 @@ class Scenario(Value):
         elif self.route is not None:
             drive = f"a route of {len(self.route)} way-points"
         return f"Scenario({self.name!r}, {self.world!r}, {self.lrf.beams} beams, {drive})"
+
+    @property
+    def lasers(self) -> tuple[LaserRangeFinder, ...]:
+        """All laser range finders of the robot."""
+        return (self.lrf, *(lrf for lrf, _ in self.further))
 
     @property
     def sigmas(self) -> tuple[float, ...]:
@@ -173,9 +188,16 @@ class Scenario(Value):
         return max(1, round(self.scan_interval / CONTROL_STEP))
 
     def trajectory(
-        self, *, scans: int | None = None, on_collision: Callable[[str], None] | None = None
+        self,
+        *,
+        scans: int | None = None,
+        on_collision: Callable[[str], None] | None = None,
+        say: Callable[[str], None] = lambda note: None,
     ) -> Trajectory:
-        """The drive along the route, or the single poses; for the arguments see `simulation`."""
+        """The drive along the route, or the single poses; for the arguments see `simulation`.
+
+        ``say`` is called with the first collision with a dynamic obstacle, which ends no drive.
+        """
         scans = None if scans is None else whole_number(scans, "scans", most=MOST_SCANS)
         if self.poses is not None:
             stops = np.arange(len(self.poses) if scans is None else scans)
@@ -190,14 +212,23 @@ class Scenario(Value):
         else:
             most = (scans - 1) * commands + 1
             laps = drive_laps(self.route, start=self.start, most=most, **settings)
+        # Imported here, so that films and figures do not load the compiler.
+        from lrf3d.collision import Body, check_drive, find_collision
+
+        body = Body(self.radius, self.outline)
         for lap in laps:
             if on_collision is None:
-                check_drive(lap, self.world, self.radius)
-            elif (collision := find_collision(lap, self.world, self.radius)) is not None:
+                check_drive(lap, self.world, body)
+            elif (collision := find_collision(lap, self.world, body)) is not None:
                 on_collision(str(collision))
                 break
         laps = tuple(lap.every(commands) for lap in laps)
-        return laps[0] if scans is None else chain_laps(laps, scans)
+        path = laps[0] if scans is None else chain_laps(laps, scans)
+        if self.obstacles:
+            nothing = World(np.empty((0, 4)))
+            if (collision := find_collision(path, nothing, body, self.obstacles)) is not None:
+                say(f"{collision}; the robot's route takes no notice of it")
+        return path
 
     def simulation(
         self,
@@ -210,7 +241,7 @@ class Scenario(Value):
         mapper: "Mapper | Mapping[str, Any] | None" = None,
         caster: "Caster | str" = "embree",
         scans: int | None = None,
-        on_collision: Callable[[str], None] | None = None,
+        on_collision: Callable[[str], None] | str | None = None,
         **changes: Any,
     ) -> "Simulation":
         """The simulation of ``lrf3d run``; the same seed gives the same numbers.
@@ -226,7 +257,9 @@ class Scenario(Value):
             caster: ``embree``, ``planar``, or a caster.
             scans: Number of scans, for which the route is driven there and back.
             on_collision: Called with the message of a collision, after which the drive continues;
-                walls do not stop a controller then. If not given, a collision is an error.
+                walls do not stop a controller then. ``stop`` lets the robot rest where it touches a
+                wall or a dynamic obstacle, ``raise`` makes this an error; if not given, it is one
+                with a wall, and for a controller.
             **changes: Other values of any field of the Scenario.
         """
         # Imported here, so that films and figures do not load the compiler.
@@ -235,9 +268,11 @@ class Scenario(Value):
         if isinstance(mapper, Mapping):
             mapper, changes = None, {**changes, "mapper": mapper}
         scenario, controlled = self.changed(**changes), dict[str, Any]()
+        checks = isinstance(on_collision, str)
         if drive is None:
             scenario = scenario.with_route()
-            drive = scenario.trajectory(scans=scans, on_collision=on_collision)
+            ignored = (lambda note: None) if isinstance(on_collision, str) else on_collision
+            drive = scenario.trajectory(scans=scans, on_collision=ignored)
         elif callable(getattr(drive, "command", None)):
             scans = CONTROLLED_SCANS if scans is None else scans
             scans = whole_number(scans, "scans", most=MOST_SCANS)
@@ -245,17 +280,22 @@ class Scenario(Value):
             controlled = {
                 "start": start if scenario.start is None else scenario.start,
                 "scan_interval": scenario.scan_interval,
-                "radius": scenario.radius if on_collision is None else None,
             }
-        usual = scenario.noise if sigma is None else at_sigma(scenario.noise, sigma)
+            checks = checks or on_collision is None
+        if checks:
+            controlled |= {"radius": scenario.radius, "outline": scenario.outline}
+            controlled["on_collision"] = "raise" if on_collision is None else on_collision
+        noises = [scenario.noise, *(own for _, own in scenario.further)]
+        noises = noises if sigma is None else [at_sigma(each, sigma) for each in noises]
+        usual = noises[0]
         if mapper is None:
             # It is set up for the noise whose spread is known: that of the sigma, if given.
             known = usual if noise is None or sigma is not None or not spread_of(noise) else noise
             settings = {**scenario.mapper, **({} if mode is None else {"mode": mode})}
             mapper = line_mapper(known, **settings)
         made = Simulation(
-            scenario.world, drive, scenario.lrf, caster=caster, rng=rng, scans=scans,
-            noise=usual if noise is None else noise, mapper=mapper,
+            scenario.world, drive, scenario.lasers, caster=caster, rng=rng, scans=scans,
+            noise=noises if noise is None else noise, mapper=mapper,
             obstacles=scenario.obstacles, **controlled,
         )  # fmt: skip
         made.film, made.radius = scenario.film, scenario.radius
@@ -322,12 +362,7 @@ def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
         start = robot.setdefault("start", start_of(robot["route"]))
         if tuple(robot["route"][0]) != start[:2]:
             robot["route"] = np.vstack([start[:2], robot["route"]])
-    laser: dict[str, Any] = {
-        key.removesuffix("_deg"): math.radians(value) if key.endswith("_deg") else value
-        for key, value in tables["laser"].items()
-    }
-    with file.at("laser"):
-        lrf = LaserRangeFinder(**laser)
+    (lrf, own), *further = _lasers(file, tables["laser"], noise)
     with file.at("film"):
         check_view(film.view, file.world.cameras)
     obstacles = []
@@ -338,16 +373,36 @@ def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
             path = Patrol(given["route"], given.get("speed", 1.0))
             height = given.get("height", DEFAULT_HEIGHT)
             obstacles.append(DynamicObstacle(given.get("points", outline), path, height))
-    sigma = noise.pop("sigma", SIGMA)
-    sigma, *compared = sigma if isinstance(sigma, tuple) else (sigma,)
+    sigmas = noise.get("sigma", SIGMA)
     return Scenario(
         world=file.world,
         lrf=lrf,
-        noise=imperfect(sigma, lrf, **noise),
-        compared=tuple(compared),
+        noise=own,
+        further=tuple(further),
+        compared=sigmas[1:] if isinstance(sigmas, tuple) else (),
         obstacles=tuple(obstacles),
         mapper=tables["mapper"],
         film=film,
         name=own_name(file.path, file.world.name),
         **robot,
     )
+
+
+def _lasers(
+    file: WorldFile, settings: Mapping[str, Any], noise: Mapping[str, Any]
+) -> list[tuple[LaserRangeFinder, Noise]]:
+    """The lasers of a file, each with its own noise or the file's; settings hold for all."""
+    found = []
+    for number, table in enumerate(file.lasers or [{}]):
+        with file.at(f"laser[{number}]" if len(file.lasers) > 1 else "laser"):
+            given: dict[str, Any] = {**table, **settings}
+            errors = {**noise, **given.pop("noise", {})}
+            sigma = errors.pop("sigma", SIGMA)
+            for key in [key for key in given if key.endswith("_deg")]:
+                given[key.removesuffix("_deg")] = math.radians(given.pop(key))
+            lrf = LaserRangeFinder(**given)
+            sigma = sigma[0] if isinstance(sigma, tuple) else sigma
+            found.append((lrf, imperfect(sigma, lrf, **errors)))
+    with file.at("laser"):
+        lasers_of([lrf for lrf, _ in found])
+    return found

@@ -1,6 +1,5 @@
 """The robot: how it moves and where it drives (section 2.1 of Teslić et al.)."""
 
-from lrf3d.robot.collision import check_drive, find_collision
 from lrf3d.robot.estimated_trajectory import EstimatedTrajectory
 from lrf3d.robot.following import follow_route
 from lrf3d.robot.trajectory import Trajectory
@@ -10,8 +9,6 @@ __all__ = [
     "EstimatedTrajectory",
     "Trajectory",
     "Unicycle",
-    "check_drive",
     "drive",
-    "find_collision",
     "follow_route",
 ]
