@@ -340,12 +340,12 @@ def load_scenario(name_or_path: str | Path, settings: Iterable[str] = ()) -> Sce
     return scenario_of(read_scenario_file(name_or_path), settings)
 
 
-def read_scenario_file(name_or_path: str | Path, *, resolution: float | None = None) -> WorldFile:
-    """Read the file of a world, given by its name or its path; a picture needs a resolution [m]."""
+def read_scenario_file(name_or_path: str | Path, **options: Any) -> WorldFile:
+    """Read the file of a world, given by its name or its path, by the options of `load_world`."""
     path = find_world(name_or_path)
-    if path.suffix.lower() == ".toml" and resolution is None:
+    if path.suffix.lower() == ".toml" and not options:
         return read_world_file(path)
-    return WorldFile(load_world(path, resolution=resolution), path=path)
+    return WorldFile(load_world(path, **options), path=path)
 
 
 def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:

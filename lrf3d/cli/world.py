@@ -4,6 +4,7 @@ from argparse import Namespace
 from typing import Any
 
 from lrf3d.cli.console import Report, print_json, print_text
+from lrf3d.cli.inputs import options_of
 from lrf3d.geometry import lengths
 from lrf3d.scenario import Scenario
 from lrf3d.text import counted
@@ -38,9 +39,10 @@ def convert(_: None, args: Namespace, report: Report) -> None:
     """Read a world from one format and write it in another."""
     # The resolution is that of a picture, or of the cells to write.
     bare = is_picture(args.from_)
-    world = load_world(
-        args.from_, trees=args.trees, resolution=args.resolution if bare else None
-    ).scaled(args.scale)
+    options = options_of(args)
+    if not bare:
+        options.pop("resolution", None)
+    world = load_world(args.from_, trees=args.trees, **options).scaled(args.scale)
     cells = args.to.suffix.lower() == ".yaml" or not bare
     save_world(world, args.to, resolution=args.resolution if cells else None)
     written = {"written": str(args.to)}

@@ -19,7 +19,7 @@ READERS = {
     **dict.fromkeys((".geojson", ".json"), ("geojson:read_geojson", 1 << 28)),
     ".osm": ("osm:read_osm", 1 << 28),
     **dict.fromkeys((".yaml", ".yml"), ("ros_map:read_ros_map", 1 << 16)),
-    **dict.fromkeys((".png", ".pgm"), _PICTURE),
+    **dict.fromkeys((".png", ".pgm", ".jpg", ".jpeg", ".bmp"), _PICTURE),
     ".dxf": ("drawings:read_dxf", 1 << 26),
     ".svg": ("drawings:read_svg", 1 << 25),
     **dict.fromkeys((".glb", ".gltf", ".obj", ".off", ".ply", ".stl"), _MESH),
@@ -36,14 +36,20 @@ WRITERS = {
 
 
 def load_world(
-    name_or_path: str | Path, *, trees: bool = False, resolution: float | None = None
+    name_or_path: str | Path,
+    *,
+    trees: bool = False,
+    resolution: float | None = None,
+    threshold: float | None = None,
 ) -> World:
     """Read a world: a built-in one by its name, or a file by its path.
 
     Args:
         name_or_path: The name or the path.
         trees: Whether the trunks of the trees in an OpenStreetMap extract are walls, too.
-        resolution: Side of a pixel [m], for a bare picture of a floor plan (.png, .pgm).
+        resolution: Side of a pixel [m], for a bare picture of a floor plan (.png, .jpg, …).
+        threshold: Grey of its pixels, from 0 to 255, from which on they are paper; found from the
+            picture if not given.
 
     Raises:
         WorldError: There is no such world, its file cannot be used, or an option is given that
@@ -59,10 +65,11 @@ def load_world(
     options: dict[str, Any] = {"trees": True} if trees else {}
     if trees and path.suffix.lower() != ".osm":
         raise WorldError(f"{path}: trees are read from OpenStreetMap extracts (.osm) alone")
-    if resolution is not None:
-        options["resolution"] = resolution
-        if not is_picture(path):
-            raise WorldError(f"{path}: a resolution is for a picture (.png, .pgm) alone")
+    for name, value in (("resolution", resolution), ("threshold", threshold)):
+        if value is not None:
+            options[name] = value
+            if not is_picture(path):
+                raise WorldError(f"{path}: a {name} is for a picture (.png, .jpg, .pgm) alone")
     with at(str(path)):
         try:
             world: World = _function(target)(path, **options)
