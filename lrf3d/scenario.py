@@ -25,6 +25,7 @@ from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory, follow_route
 from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, SCAN_INTERVAL, SPEED
 from lrf3d.robot.laps import Patrol, chain_laps, drive_laps
+from lrf3d.robot.odometry import Imu, WheelOdometry
 from lrf3d.robot.unicycle import RADIUS
 from lrf3d.world import World, load_world
 from lrf3d.world.cameras import USUAL_FILM, FilmPlan, check_view
@@ -76,6 +77,8 @@ class Scenario(Value):
         mapper: Keyword arguments of the LineMapper.
         film: The default settings of its film.
         further: The other lasers, each with its noise.
+        odometry: The errors of the wheels, if odometry is to be measured.
+        imu: The errors of the IMU, if the robot has one.
 
     Examples:
         >>> import lrf3d
@@ -105,6 +108,8 @@ class Scenario(Value):
     film: FilmPlan = USUAL_FILM
     name: str = ""
     further: tuple[tuple[LaserRangeFinder, Noise], ...] = ()
+    odometry: WheelOdometry | None = None
+    imu: Imu | None = None
 
     def __post_init__(self) -> None:
         arrays = ("route", "poses", "outline")
@@ -296,7 +301,8 @@ class Scenario(Value):
         made = Simulation(
             scenario.world, drive, scenario.lasers, caster=caster, rng=rng, scans=scans,
             noise=noises if noise is None else noise, mapper=mapper,
-            obstacles=scenario.obstacles, **controlled,
+            obstacles=scenario.obstacles, odometry=scenario.odometry, imu=scenario.imu,
+            **controlled,
         )  # fmt: skip
         made.film, made.radius = scenario.film, scenario.radius
         return made
@@ -314,7 +320,7 @@ class Scenario(Value):
             >>> run.map.object_count > 0
             True
         """
-        from lrf3d.simulation import collect
+        from lrf3d.collecting import collect
 
         return collect(self.simulation(**changes), progress, snapshots=snapshots)
 
@@ -382,10 +388,21 @@ def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
         compared=sigmas[1:] if isinstance(sigmas, tuple) else (),
         obstacles=tuple(obstacles),
         mapper=tables["mapper"],
+        **_motion_sensors(file, tables),
         film=film,
         name=own_name(file.path, file.world.name),
         **robot,
     )
+
+
+def _motion_sensors(file: WorldFile, tables: Mapping[str, Any]) -> dict[str, Any]:
+    """The wheels and the IMU, where the file or the settings have a table for them."""
+    found = dict[str, Any]()
+    for name, kind in (("odometry", WheelOdometry), ("imu", Imu)):
+        if name in file.tables or tables[name]:
+            with file.at(name):
+                found[name] = kind(**tables[name])
+    return found
 
 
 def _lasers(

@@ -14,6 +14,7 @@ from lrf3d.cli.folder import results_folder
 from lrf3d.cli.inputs import on_collision, routed
 from lrf3d.cli.plugins import made
 from lrf3d.cli.runs import write_film
+from lrf3d.collecting import collect
 from lrf3d.errors import InputError
 from lrf3d.interrupts import noting
 from lrf3d.io import record
@@ -23,7 +24,7 @@ from lrf3d.run import Run
 from lrf3d.scenario import Scenario
 from lrf3d.scoring import seen_share
 from lrf3d.scoring.summary import drawn_part, judged_part, summarise
-from lrf3d.simulation import Simulation, collect, update_mapper
+from lrf3d.simulation import Simulation, update_mapper
 from lrf3d.slam.simulated import SlamMapper
 from lrf3d.text import counted
 

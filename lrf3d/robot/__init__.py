@@ -2,13 +2,16 @@
 
 from lrf3d.robot.estimated_trajectory import EstimatedTrajectory
 from lrf3d.robot.following import follow_route
+from lrf3d.robot.odometry import Imu, WheelOdometry
 from lrf3d.robot.trajectory import Trajectory
 from lrf3d.robot.unicycle import Unicycle, drive
 
 __all__ = [
     "EstimatedTrajectory",
+    "Imu",
     "Trajectory",
     "Unicycle",
+    "WheelOdometry",
     "drive",
     "follow_route",
 ]

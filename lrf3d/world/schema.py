@@ -183,6 +183,17 @@ TABLES: Mapping[str, Mapping[str, Converter]] = {
         **dict.fromkeys(("angle_deg", "beam_deg"), partial(number, most=90.0)),
         **dict.fromkeys(("drop_outs", "drop_outs_far"), partial(number, most=1.0)),
     },
+    "odometry": {
+        **dict.fromkeys(
+            ("scale", "track", "turn_per_metre"), partial(number, least=-10.0, most=10.0)
+        ),
+        **dict.fromkeys(("slip", "swerve", "skid"), partial(number, most=10.0)),
+    },
+    "imu": {
+        "rate": partial(number, positive=True, most=10_000.0),
+        **dict.fromkeys(("gyro_noise", "gyro_walk"), partial(number, most=10.0)),
+        **dict.fromkeys(("accelerometer_noise", "accelerometer_walk"), partial(number, most=100.0)),
+    },
     "mapper": {
         "mode": text("paper", "robust"),
         "min_points": partial(whole_number, least=2),
