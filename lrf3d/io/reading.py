@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
-from lrf3d.errors import InputError
-from lrf3d.files import own_name
+from lrf3d.errors import InputError, shown
+from lrf3d.files import as_path, own_name
+from lrf3d.interrupts import reading
 from lrf3d.io.laser_log import LaserLog
 from lrf3d.world import world_names
 
@@ -32,6 +33,7 @@ def odometry_of(path: str | Path) -> str:
     return "auto" if str(path).lower().endswith(CARMEN_ENDINGS) else "odom"
 
 
+@reading()
 def load_log(
     path: str | Path,
     *,
@@ -63,9 +65,9 @@ def load_log(
         >>> len(log.scans), log.scans[0].pose.x
         (2, 1.0)
     """
-    path = Path(path)
-    if poses not in POSES:
-        raise InputError(f"poses from {poses!r}: expected one of {', '.join(POSES)}")
+    path = as_path(path)
+    if not isinstance(poses, str) or poses not in POSES:
+        raise InputError(f"poses from {shown(poses)}: expected one of {', '.join(POSES)}")
     ending = path.name.lower()
     if ending.endswith(CARMEN_ENDINGS):
         from lrf3d.io.carmen import load_carmen
