@@ -10,6 +10,7 @@ import numpy as np
 from lrf3d.files import own_name
 from lrf3d.geometry import Float, Int, Value, sealed
 from lrf3d.laser import LaserScan
+from lrf3d.laser.unrolling import with_motions
 from lrf3d.pose import Pose
 
 LARGEST_RANGE = 50.0
@@ -81,7 +82,7 @@ class LaserLog(Value):
 
     Args:
         name: Name of the log.
-        scans: The scans in the order of the file.
+        scans: The scans in the order of the file; those that took some time get their motion.
         bad_count: Number of lines that could not be read.
         bad_lines: The first few of them.
         source: Where the poses come from, in words.
@@ -98,6 +99,10 @@ class LaserLog(Value):
     wheels: WheelRecord | None = None
     mount: Pose = Pose(0.0, 0.0, 0.0)  # noqa: RUF009  It is a value that nothing changes.
     not_numbers: int = 0
+
+    def __post_init__(self) -> None:
+        if getattr(self, "placed", True):
+            object.__setattr__(self, "scans", with_motions(self.scans))
 
     def __len__(self) -> int:
         return len(self.scans)
