@@ -19,6 +19,11 @@ THRESHOLD = """\
 --threshold GREY: Grey from which on the pixels of a bare picture are paper, below 255 (white);
  found from the picture if not given."""
 RESOLUTION = f"--resolution M: Side of a pixel [m], if the world is a bare picture.\n{THRESHOLD}"
+LAYERS = """\
+--page N: Page of a PDF file; 1 if not given.
+--layers LAYER,LAYER,…: Layers of a drawing that are walls, such as A-WALL*; by their names if not
+ given.
+--without LAYER,LAYER,…: Layers of a drawing to leave out."""
 ROUTE = """\
 --inside: Plan the route inside the walls, if the world has none; depends on the world if neither
  side is given.
@@ -34,6 +39,7 @@ World and drive:
 --set TABLE.KEY=VALUE: Override a key of the world file; repeatable.
 {SCALE}
 {RESOLUTION}
+{LAYERS}
 {ROUTE}"""
 FILM = f"""\
 Film:
@@ -243,6 +249,7 @@ Describe a world, and draw it.
 -o --out FILE: Draw the world to this .png.
 {SCALE}
 {RESOLUTION}
+{LAYERS}
 
 Example: lrf3d world show city --out city.png""",
     "world convert": f"""\
@@ -253,6 +260,7 @@ TO: The file to write: .toml, .geojson, .glb or .yaml.
 {SCALE}
 --resolution M: Side of a cell [m] of a ROS map (0.05), or of a pixel of a bare picture.
 {THRESHOLD}
+{LAYERS}
 --trees: Make walls of the trunks of trees in a .osm file, too.
 
 Example: lrf3d world convert plan.dxf plan.toml""",
