@@ -136,6 +136,7 @@ Services: pause, reset and step. Ctrl-C ends it. Words after --ros-args are for 
 --wheels: Odometry as of wheels that slip and drift; exact if not given.
 --cmd-timeout S = 0.5: Stop when no command has come for this simulated time [s]; 0 is never.
 --namespace NS: Namespace of the topics.
+--robots N = 1: Number of robots; topics and frames of several begin with robot1, robot2, ….
 --no-clock: Leave /clock to another program.
 --lines: Map while driving, and publish the line map as map_objects.
 {SEED}
