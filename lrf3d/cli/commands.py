@@ -23,8 +23,9 @@ ROUTE = """\
 --ignore-collisions: Only warn if the robot hits a wall."""
 MODE = "--mode robust|paper: Mode of the mapper."
 LOG = """\
---largest-range M: CARMEN: readings [m] of this or more are no return.
---scan-topic TOPIC: Bags: topic of the scans; /scan if not given."""
+--largest-range M: Readings [m] of this or more are no return.
+--scan-topic TOPIC: Bags: topic of the scans; all lasers of the robot of /scan if not given.
+--part N: Bags whose stamps go back: which part is read; the longest one if not given."""
 WORKERS = "--workers PROCESSES: Number of processes; one for each core if not given."
 DRIVE = f"""\
 World and drive:
@@ -147,7 +148,7 @@ root, else odometry. The summary says which.
 
 Writes map.geojson, map.png and summary.json.
 
-LOG: A CARMEN log (.log, .clf, .gz), a ROS 2 bag (.mcap, .db3, a folder), or a run.
+LOG: A CARMEN log (.log, .clf, .gz), a ROS bag (.mcap, .db3, .bag, a folder), or a run.
 {OUT}
 {MODE}
 --sigma M: Noise [m] of the ranges at the largest range.
@@ -164,7 +165,7 @@ estimated.
 
 Writes run.npz, map.geojson, map.png, trajectory.tum and summary.json.
 
-LOG: A CARMEN log (.log, .clf, .gz) or a ROS 2 bag (.mcap, .db3, a folder).
+LOG: A CARMEN log (.log, .clf, .gz) or a ROS bag (.mcap, .db3, .bag, a folder).
 {OUT}
 --relations FILE: Score by known relative poses: lines a b dx dy dtheta of ODOM lines.
 --key-distance M: Distance [m] from one key scan to the next; 0.5 if not given.

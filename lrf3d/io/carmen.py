@@ -79,8 +79,6 @@ def load_carmen(
     says its range finder sees, or 50 m, or less if the largest reading of the log stands out.
     """
     path = Path(path)
-    if largest_range is not None and not largest_range > 0.0:
-        raise InputError(f"largest range {largest_range}: expected metres, more than 0")
     reading, bad, bad_count = _Reading(largest_range), list[BadLine](), 0
     for number, text, fault in _lines(path):
         try:
@@ -99,15 +97,17 @@ def load_carmen(
         why = f"; {bad_count} bad lines, first {bad[0]}" if bad else ""
         raise InputError(f"{path}: no laser scan in it, expected FLASER or ROBOTLASER1 lines{why}")
     wheels = reading.wheels()
+    scans, note = without_no_returns(reading.scans, largest_range)
     log = LaserLog(
         log_name(path),
-        without_no_returns(reading.scans) if largest_range is None else reading.scans,
+        scans,
         bad_count,
         tuple(bad),
         wheels=wheels,
         # Without ODOM lines the poses of the scans are the odometry, and those are the laser's.
         mount=Pose(0.0 if wheels else reading.offset, 0.0, 0.0),
         not_numbers=reading.not_numbers,
+        notes=(note,) if note else (),
     )
     return log if poses == "auto" else _placed_by(log, reading.tracks(), poses, path)
 

@@ -4,13 +4,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from lrf3d.files import own_name
-from lrf3d.geometry import Float, Int, Value, sealed
+from lrf3d.geometry import Bool, Float, Int, Value, sealed
 from lrf3d.laser import LaserScan
 from lrf3d.pose import Pose
+from lrf3d.text import counted
 
 LARGEST_RANGE = 50.0
 """Least reading [m] that means no return: range finders of CARMEN's time then report about 81.9 m
@@ -33,6 +35,9 @@ EQUAL = 0.011
 
 NAMED = 5
 """Number of bad lines that are kept; the others are only counted."""
+
+FINEST, MOST_BEAMS = 1e-4, 100_000
+"""Least step [rad] and most beams of a fan on which scans are resampled."""
 
 MOST_READINGS = 50_000_000
 """Largest number of readings in memory: 400 MB."""
@@ -81,6 +86,10 @@ class LaserLog(Value):
         wheels: The raw odometry; None where the log has none.
         mount: Pose of the laser on the robot's base, where the poses of the scans are the laser's.
         not_numbers: Number of readings that are no number, such as NaN: taken for no return.
+        notes: What was assumed, and what was left out, a sentence each.
+        placed: Whether the poses of the scans are known.
+        mounts: The same for each of several lasers.
+        lasers: Number of the laser of each scan, from 0; None where there is one.
     """
 
     name: str
@@ -91,6 +100,10 @@ class LaserLog(Value):
     wheels: WheelRecord | None = None
     mount: Pose = Pose(0.0, 0.0, 0.0)  # noqa: RUF009  It is a value that nothing changes.
     not_numbers: int = 0
+    notes: tuple[str, ...] = ()
+    placed: bool = True
+    mounts: tuple[Pose, ...] = ()
+    lasers: Int | None = None
 
     def __len__(self) -> int:
         return len(self.scans)
@@ -104,13 +117,32 @@ class LaserLog(Value):
         return self.wheels or WheelRecord(self.times, self.poses, np.arange(len(self)))
 
     @property
-    def counts(self) -> dict[str, int]:
+    def is_odd(self) -> Bool:
+        """Which scans (k,) are the odd ones of their laser, counted from 0."""
+        lasers = np.zeros(len(self), np.int64) if self.lasers is None else self.lasers
+        odd = np.zeros(len(self), np.bool_)
+        for number in np.unique(lasers):
+            odd[np.flatnonzero(lasers == number)[1::2]] = True
+        return odd
+
+    def of_laser(self, number: int) -> "LaserLog":
+        """The log with the scans of one laser; the others are counted in a note."""
+        if self.lasers is None or (own := self.lasers == number).all():
+            return self
+        scans = [scan for scan, mine in zip(self.scans, own, strict=True) if mine]
+        note = f"{counted(int((~own).sum()), 'scan')} of other lasers not used"
+        mount, notes = self.mounts[number], (*self.notes, note)
+        return replace(self, scans=scans, mount=mount, notes=notes, lasers=None)
+
+    @property
+    def counts(self) -> dict[str, Any]:
         """What was read and what was not, for summaries."""
         return {
             "scans": len(self),
-            "beams": len(self.scans[0].ranges),
+            "beams": max(len(scan.ranges) for scan in self.scans),
             "bad_lines": self.bad_count,
             "readings_not_numbers": self.not_numbers,
+            "notes": list(self.notes),
         }
 
     @cached_property
@@ -132,23 +164,60 @@ def log_name(path: Path) -> str:
     return own_name(path, stem=name.rsplit(".", 1)[0] or name)
 
 
-def without_no_returns(scans: Sequence[LaserScan]) -> list[LaserScan]:
-    """The scans of a log whose readings of the largest range are +inf, if that means no return.
+def on_one_fan(scans: Sequence[LaserScan]) -> tuple[Float, Float]:
+    """Rising angles (beams,) [rad] and ranges (k, beams) [m] of scans, whose own angles may differ.
 
-    Range finders write their largest range, such as 4, 8, 30 or 80 m, for beams that met nothing;
-    a log does not name it. Taken for walls, such readings are an arc that moves with the robot.
+    Then it is the finest fan of all, and a range lies at the nearest of its bearings. What a scan
+    did not measure is −inf.
     """
+    rows = [scan.angles.argsort(kind="stable") for scan in scans]
+    sorted_rows = [(s.angles[row], s.ranges[row]) for s, row in zip(scans, rows, strict=True)]
+    angles = sorted_rows[0][0]
+    if all(own is angles or np.array_equal(own, angles) for own, _ in sorted_rows):
+        return angles, np.array([ranges for _, ranges in sorted_rows])
+    first, last = min(own[0] for own, _ in sorted_rows), max(own[-1] for own, _ in sorted_rows)
+    step = min(float(np.ptp(own)) / max(len(own) - 1, 1) for own, _ in sorted_rows)
+    count = min(round((last - first) / max(step, FINEST)) + 1, MOST_BEAMS)
+    angles = np.linspace(first, last, count)
+    resampled = np.full((len(scans), count), -np.inf)
+    for row, (own, ranges) in zip(resampled, sorted_rows, strict=True):
+        at = np.clip(np.searchsorted(own, angles), 1, max(len(own) - 1, 1))
+        nearest = at - (angles - own[at - 1] < own[at] - angles) if len(own) > 1 else 0 * at
+        near = np.abs(own[nearest] - angles) <= 0.51 * max(step, FINEST)
+        row[near] = ranges[nearest][near]
+    return angles, resampled
+
+
+def without_no_returns(
+    scans: Sequence[LaserScan], limit: float | None = None
+) -> tuple[list[LaserScan], str]:
+    """The scans of a laser with +inf for readings that mean no return, and a sentence on these.
+
+    They are those from the limit on, if it is given; else those of the largest reading, if it
+    stands out. Range finders write their largest range, such as 4, 8, 30 or 80 m, for beams that
+    met nothing; a log does not name it. Taken for walls, such readings are an arc that moves with
+    the robot.
+    """
+    note = ""
+    if limit is None:
+        if (limit := _usual_no_return(scans)) == np.inf:
+            return list(scans), ""
+        note = f"readings from {limit:.4g} m on mean no return; --largest-range sets another limit"
+    return [
+        replace(scan, ranges=np.where(scan.ranges >= limit, np.inf, scan.ranges)) for scan in scans
+    ], note
+
+
+def _usual_no_return(scans: Sequence[LaserScan]) -> float:
+    """The least reading [m] that means no return, if the largest one stands out; else +inf."""
     finite = [scan.ranges[np.isfinite(scan.ranges)] for scan in scans]
     largest = max((float(ranges.max()) for ranges in finite if len(ranges)), default=0.0)
     near = np.concatenate([np.empty(0), *(r[r > largest - BELOW] for r in finite)])
     most = int((near > largest - EQUAL).sum())
     least = max(LEAST_READINGS, LEAST_SHARE * sum(map(len, finite)))
     if most < least or most < CROWDED * (len(near) - most):
-        return list(scans)
+        return np.inf
     without = [np.isfinite(scan.ranges) & (scan.ranges > largest - EQUAL) for scan in scans]
     if sum(int((beams[1:] & beams[:-1]).sum()) for beams in without) < BESIDE * most:
-        return list(scans)
-    return [
-        replace(scan, ranges=np.where(beams, np.inf, scan.ranges))
-        for scan, beams in zip(scans, without, strict=True)
-    ]
+        return np.inf
+    return float(near[near > largest - EQUAL].min())

@@ -10,8 +10,8 @@ from lrf3d.world import world_names
 CARMEN_ENDINGS = (".log", ".log.gz", ".clf", ".clf.gz")
 """Endings of CARMEN logs; the last two are what the University of Freiburg calls them."""
 
-BAG_ENDINGS = (".mcap", ".db3")
-"""Endings of the files of ROS 2 bags."""
+BAG_ENDINGS = (".mcap", ".db3", ".bag")
+"""Endings of the files of ROS bags; the last one is that of ROS 1."""
 
 POSES = ("auto", "truth", "tf", "odom")
 """Where the poses of a log may come from."""
@@ -38,17 +38,20 @@ def load_log(
     largest_range: float | None = None,
     poses: str = "auto",
     scan_topic: str | None = None,
+    part: int | None = None,
 ) -> LaserLog:
     """Read the scans of a log; the ending of its name gives the format.
 
     Args:
-        path: A CARMEN log, gzipped or not; a ROS 2 bag, as .mcap, .db3 or a folder; or
+        path: A CARMEN log, gzipped or not; a ROS bag, as .mcap, .db3, .bag or a folder; or
             a run.npz or its folder.
-        largest_range: CARMEN: least reading that means no return [m]; that of the log, or 50, if
-            not given.
+        largest_range: Least reading that means no return [m]; if not given, that of the range
+            finder, or the largest reading where it stands out.
         poses: Source of the poses: ``auto`` for the best that the format has, or ``truth``, ``tf``
             or ``odom``.
-        scan_topic: Bags: the topic of the scans; ``/scan``, or the first one, if not given.
+        scan_topic: Bags: the topic of the scans; if not given, those of all lasers of the robot
+            of ``/scan``, or of the first one.
+        part: Bags whose stamps go back: the part that is read, from 1; the longest if not given.
 
     Raises:
         InputError: The file cannot be read, has an unknown format, or holds no scan.
@@ -64,6 +67,8 @@ def load_log(
         (2, 1.0)
     """
     path = Path(path)
+    if largest_range is not None and not largest_range > 0.0:
+        raise InputError(f"largest range {largest_range}: expected metres, more than 0")
     if poses not in POSES:
         raise InputError(f"poses from {poses!r}: expected one of {', '.join(POSES)}")
     ending = path.name.lower()
@@ -83,6 +88,8 @@ def load_log(
     if ending.endswith(BAG_ENDINGS) or path.is_dir():
         from lrf3d.io.bag_reader import load_bag
 
-        return load_bag(path, poses=poses, scan_topic=scan_topic)
+        return load_bag(
+            path, largest_range=largest_range, poses=poses, scan_topic=scan_topic, part=part
+        )
     known = ", ".join((*CARMEN_ENDINGS, *BAG_ENDINGS, ".npz"))
     raise InputError(f"{path}: not a log by its name; expected a folder or an ending of {known}")

@@ -108,13 +108,13 @@ class Slam:
             f" {len(self._closer.accepted)} closures)"
         )
 
-    def update(self, scan: LaserScan, odometry: Sequence[float] | Float) -> None:
+    def update(self, scan: LaserScan, odometry: Sequence[float] | Float | None = None) -> None:
         """Take in the next scan, whose pose is not looked at.
 
         Args:
             scan: The scan.
             odometry: How the robot moved since the last scan by its wheels: ahead, to the left
-                [m], turn [rad].
+                [m], turn [rad]; None where there is no odometry.
 
         Raises:
             InputError: It is no scan, has no beams or another number than the laser range finder,
@@ -142,7 +142,7 @@ class Slam:
             self._add_key(key, scan)
             self._close_loops()
 
-    def _checked(self, scan: object, odometry: Sequence[float] | Float) -> Float:
+    def _checked(self, scan: object, odometry: Sequence[float] | Float | None) -> Float:
         """The odometry increment (3,), once it and the scan are what they should be."""
         if not isinstance(scan, LaserScan):
             raise InputError(f"slam: {shown(scan)}: expected a LaserScan")
@@ -150,7 +150,8 @@ class Slam:
         if not beams or (self._lrf is not None and beams != self._lrf.beams):
             expected = "at least one" if self._lrf is None else f"{self._lrf.beams}, as its laser"
             raise InputError(f"slam: scan of {beams} beams; expected {expected}")
-        increment = np.array(as_pose(odometry))
+        # Without odometry the robot is looked for where it was.
+        increment = np.zeros(3) if odometry is None else np.array(as_pose(odometry))
         if np.abs(increment).max() > FARTHEST_STEP:
             raise InputError(
                 f"slam: odometry {increment.tolist()}; expected the step from the last scan, at"
