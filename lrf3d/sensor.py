@@ -11,9 +11,13 @@ from typing import Any, Protocol
 import numpy as np
 
 from lrf3d.casting import EmbreeCaster, PlanarCaster
+from lrf3d.casting.crowd import Crowd, legs_of
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
+from lrf3d.casting.kernels.beams import RAY
+from lrf3d.casting.kernels.movers import poses_along
+from lrf3d.casting.kernels.scans import laser_of, rays_from
 from lrf3d.errors import InputError, expect, shown
-from lrf3d.geometry import Float, wrap_angle
+from lrf3d.geometry import Float
 from lrf3d.laser import Chain, LaserRangeFinder, LaserScan, Noise
 from lrf3d.laser.scan import LIGHT
 from lrf3d.pose import as_pose
@@ -55,9 +59,12 @@ class Sensor:
         expect(lrf, LaserRangeFinder, "range finder")
         self.world, self.lrf, self.noise = world, lrf, noise
         self.caster, self.obstacles = caster_of(caster, world), tuple(obstacles)
-        self._noisy, self._path = Chain([noise]), path if lrf.time_increment else None
+        self._noisy, self._crowd = Chain([noise]), Crowd(self.obstacles, lrf.height)
+        self._own, self._legs = np.array([-1]), None
         if path is None:
             return
+        if lrf.time_increment:
+            self._legs = legs_of(path.times, path.poses)
         between = float(np.diff(path.times[:-1]).min(initial=np.inf))
         # Times are sums, so intervals of 0.2 s are not exactly 0.2 s.
         rounding = 4.0 * float(np.spacing(np.abs(path.times).max()))
@@ -83,42 +90,43 @@ class Sensor:
         Along a path each beam is cast from the pose at its own time. For a robot at rest this is
         the scan of the caster, bit for bit.
         """
-        path, lrf = self._path, self.lrf
-        if path is None:
-            return self._among(lrf, pose, time)
-        times: Float = time + lrf.time_increment * np.arange(lrf.beams, dtype=np.float64)
-        places = path.at(times)
-        poses = places + (np.asarray(pose) - places[0])
-        # The turn is added to the given heading, which may lie beyond a full turn.
-        poses[:, 2] = pose[2] + wrap_angle(places[:, 2] - places[0, 2])
-        beams = [
-            self._among(single, place, at)
-            for single, place, at in zip(lrf.single_beams, poses, times.tolist(), strict=True)
-        ]
-        parts = [[getattr(beam, name) for beam in beams] for name in ("ranges", "walls", *LIGHT)]
-        arrays: Any = [None if part[0] is None else np.concatenate(part) for part in parts]
-        return LaserScan.unchecked(lrf, as_pose(pose), *arrays).at_time(time)
+        lrf, begin = self.lrf, as_pose(pose)
+        if self._legs is None:
+            return self._among(lrf, begin, time)
+        times = time + lrf.time_increment * np.arange(lrf.beams, dtype=np.float64)
+        poses = poses_along(self._legs, times, np.array(begin))
+        if isinstance(self.caster, PlanarCaster) and not self.world.materials:
+            rays = np.empty(lrf.beams, RAY)
+            rays_from(laser_of(lrf), poses, times, rays[None])
+            ranges, walls = self.caster.trace(lrf, rays)
+            if len(self._crowd):
+                self._crowd.stop_rays(lrf, rays, int(self._own[0]), ranges, walls)
+            return LaserScan.unchecked(lrf, begin, ranges, walls).at_time(time)
+        # Beam i of the scan of moment i, as casters with only `cast` and light know no single rays.
+        scans = [self._among(lrf, *at) for at in zip(poses, times.tolist(), strict=True)]
+        arrays: Any = [
+            None if getattr(scans[0], name) is None
+            else np.array([getattr(scan, name)[i] for i, scan in enumerate(scans)])
+            for name in ("ranges", "walls", *LIGHT)
+        ]  # fmt: skip
+        return LaserScan.unchecked(lrf, begin, *arrays).at_time(time)
 
-    def _among(self, lrf: LaserRangeFinder, pose: Float, time: float) -> LaserScan:
+    def _among(self, lrf: LaserRangeFinder, pose: Any, time: float) -> LaserScan:
         """The scan of one moment, in which each beam ends at the nearer of wall and obstacle.
 
         Obstacles have the index −1; in a world with materials they are of dark cloth.
         """
         world, scan = self.world, self.caster.cast(lrf, pose).at_time(time)
-        # Mirrors show obstacles that no beam could meet by itself.
-        lit = scan.intensities is not None
-        met = [one for one in self.obstacles if lit or one.may_meet(lrf, pose, time)]
-        if not met:
+        if not len(self._crowd):
             return scan
-        sides = np.concatenate([one.walls(time) for one in met])
-        heights = np.repeat([one.height for one in met], [len(one.outline) for one in met])
-        if not lit:
-            moving = PlanarCaster(World(sides, heights=heights)).cast(lrf, pose).ranges
-            # If both are below range_min, −inf, neither is nearer; the wall is −1 in any case.
-            nearer = moving < scan.ranges
-            ranges = np.where(nearer, moving, scan.ranges)
-            walls = np.where(nearer, -1, scan.walls)
+        if scan.intensities is None:
+            ranges, walls = scan.ranges.copy(), scan.walls.copy()
+            poses = np.array([scan.pose])
+            self._crowd.stop_scans(lrf, poses, time, self._own, ranges[None], walls[None])
             return LaserScan.unchecked(lrf, scan.pose, ranges, walls).at_time(time)
+        sides = np.concatenate([one.walls(time) for one in self.obstacles])
+        corners = [len(one.outline) for one in self.obstacles]
+        heights = np.repeat([one.height for one in self.obstacles], corners)
         among = World(
             np.concatenate([world.segments, sides]),
             np.concatenate([world.objects, np.full(len(sides), world.object_count)]),

@@ -7,7 +7,7 @@ import typing
 from numba.core.dispatcher import Dispatcher
 
 import lrf3d
-from lrf3d.compiling import _KernelCache
+from lrf3d.compiling.cache import KernelCache
 
 ROOMS = tuple(
     f"lrf3d.{room}"
@@ -25,7 +25,7 @@ def kernels():
         if found.name.startswith(ROOMS):
             for value in vars(importlib.import_module(found.name)).values():
                 cache = getattr(value, "_cache", None)
-                if isinstance(value, Dispatcher) and isinstance(cache, _KernelCache):
+                if isinstance(value, Dispatcher) and isinstance(cache, KernelCache):
                     yield value.py_func
 
 

@@ -23,7 +23,7 @@ def make_run():
 
 VALUES = {
     "world": (lambda: World(WALLS), ("lines", "bounds", "origin")),
-    "range finder": (lambda: LaserRangeFinder(beams=31), ("angles", "fan", "single_beams")),
+    "range finder": (lambda: LaserRangeFinder(beams=31), ("angles", "fan")),
     "scan": (lambda: LaserScan((1, 2, 3), np.zeros(3), np.ones(3)), ("hits",)),
     "embree scan": (lambda: lrf3d.EmbreeCaster(World(WALLS)).cast(LRF, POSES[0]), ("hits",)),
     "trajectory": (lambda: Trajectory([0, 1, 2], POSES), ("speeds",)),

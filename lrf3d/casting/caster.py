@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.casting.kernels.scans import NOT_ASKED, cast_scans, laser_of
+from lrf3d.casting.kernels.beams import RAY, Records, cast_rays
+from lrf3d.casting.kernels.scans import NOT_ASKED, cast_scans, laser_of, rays_from
 from lrf3d.casting.kernels.tree import Plain, Tree, build_tree
 from lrf3d.cores import core_count
-from lrf3d.errors import expect
-from lrf3d.geometry import Float, Int
+from lrf3d.errors import InputError, expect
+from lrf3d.geometry import LARGEST_COORDINATE, TINY, Float, Int, as_rows
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.pose import as_pose, as_poses
 from lrf3d.world import World
@@ -22,6 +23,13 @@ from lrf3d.world import World
 if TYPE_CHECKING:
     from lrf3d.casting.kernels.echoes import Lit
     from lrf3d.casting.light import Lighting
+
+
+FEW = 10
+"""Largest number of beams of a scan that are cast one by one: a fan would take longer."""
+
+MANY = 4096
+"""Number of rays above which all cores cast them: threads would take longer to start."""
 
 
 class PlanarCaster:
@@ -76,6 +84,57 @@ class PlanarCaster:
         """Ranges and walls (k, beams) from poses (k, 3), on all cores."""
         return self._batch(lrf, as_poses(poses), keep_walls=True)
 
+    def cast_rays(
+        self, origins: ArrayLike, directions: ArrayLike, lrf: LaserRangeFinder | None = None
+    ) -> tuple[Float, Int]:
+        """Ranges and walls (n,) of single rays, which end at their first wall, on all cores.
+
+        Ranges are in lengths of the directions: metres for unit vectors. Beyond range_max they are
+        +inf, below range_min −inf, and the wall is −1.
+
+        Args:
+            origins: (n, 2) [m].
+            directions: (n, 2), of any length but 0.
+            lrf: Its height, range_min and range_max count; without it rays are 0.5 m high and as
+                long as the world.
+
+        Raises:
+            InputError: A number is not finite, or a direction has no length.
+
+        Examples:
+            >>> import lrf3d
+            >>> caster = lrf3d.PlanarCaster(lrf3d.World([[3, -5, 3, 5]]))
+            >>> ranges, walls = caster.cast_rays([(0, 0), (0, 0)], [(1, 0), (0, 1)])
+            >>> ranges.tolist(), walls.tolist()
+            ([3.0, inf], [0, -1])
+        """
+        starts, ways = as_rows(origins, "origins", 2), as_rows(directions, "directions", 2)
+        if len(starts) != len(ways):
+            raise InputError(f"{len(starts)} origins, {len(ways)} directions: expected as many")
+        if not (long := (np.abs(ways) >= TINY).any(axis=1)).all():
+            raise InputError(f"direction {int(np.argmin(long))}: it has no length")
+        rays = np.empty(len(ways), RAY)
+        for names, columns in (("x", "y"), starts.T), (("dx", "dy"), ways.T):
+            for name, column in zip(names, columns, strict=True):
+                rays[name] = np.where(np.abs(column) < TINY, 0.0, column)
+        return self.trace(lrf or LaserRangeFinder(range_max=LARGEST_COORDINATE), rays)
+
+    def trace(self, lrf: LaserRangeFinder, rays: Records) -> tuple[Float, Int]:
+        """Ranges and walls (n,) of rays (n,) to their first walls, within the laser's limits."""
+        expect(lrf, LaserRangeFinder, "range finder")
+        ranges, walls = np.empty(len(rays)), np.empty(len(rays), np.int64)
+        tree, limits = self.tree(lrf.height)[:], (float(lrf.range_min), float(lrf.range_max))
+
+        def work(start: int, stop: int) -> None:
+            part = slice(start, stop)
+            cast_rays(tree, limits, rays[part], ranges[part], walls[part])
+
+        if len(rays) > MANY:
+            share(work, len(rays))
+        else:
+            work(0, len(rays))
+        return ranges, walls
+
     def chains(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> Int:
         """The walls (beams, k) on the path of each beam of a scan: mirrors, glass, and the last.
 
@@ -108,7 +167,13 @@ class PlanarCaster:
 
         Beams end at the first wall, also at mirrors and glass.
         """
-        cast_scans(self.tree(height)[:], laser, *NOT_ASKED, poses, ranges, walls)
+        if ranges.shape[1] > FEW:
+            cast_scans(self.tree(height)[:], laser, *NOT_ASKED, poses, ranges, walls)
+            return
+        rays = np.empty(ranges.shape, RAY)
+        rays_from(laser, poses, np.zeros(len(poses)), rays)
+        flat = rays.ravel(), ranges.ravel(), walls.ravel()
+        cast_rays(self.tree(height)[:], laser[-2:], *flat)
 
     def _batch(self, lrf: LaserRangeFinder, poses: Float, *, keep_walls: bool) -> tuple[Float, Int]:
         laser, poses = laser_of(lrf), np.ascontiguousarray(poses)

@@ -7,9 +7,8 @@ from functools import cached_property
 import numpy as np
 
 from lrf3d.errors import InputError, shown
-from lrf3d.geometry import Float, Value, as_rows, number, wrap_angle
-from lrf3d.laser import LaserRangeFinder
-from lrf3d.pose import Pose
+from lrf3d.geometry import Float, Value, as_rows, number
+from lrf3d.laser.range_finder import turn
 from lrf3d.robot import Trajectory
 from lrf3d.robot.laps import Patrol
 from lrf3d.world.model import DEFAULT_HEIGHT
@@ -55,20 +54,6 @@ class DynamicObstacle(Value):
         """Largest distance of its corners from its origin [m]."""
         return float(np.hypot(self.outline[:, 0], self.outline[:, 1]).max())
 
-    def may_meet(self, lrf: LaserRangeFinder, pose: Float, time: float) -> bool:
-        """Whether a beam may meet it; False only if no beam can."""
-        x, y, _ = self.path.at(np.array([time]))[0].tolist()
-        ahead, left = x - float(pose[0]), y - float(pose[1])
-        distance = math.hypot(ahead, left)
-        # Widened by more than rounding may be.
-        reach = (1.0 + 1e-6) * self.reach + 1e-12 * (abs(x) + abs(y))
-        if distance <= reach:
-            return True
-        middle, half = lrf.spread
-        bearing = abs(wrap_angle(math.atan2(left, ahead) - float(pose[2]) - middle))
-        beside = half + (1.0 + 1e-6) * math.asin(reach / distance)
-        return bool(distance - reach <= lrf.range_max and bearing <= beside)
-
     @property
     def poses(self) -> Trajectory:
         """The path as a Trajectory; a Patrol has no end, and is none."""
@@ -94,7 +79,9 @@ class DynamicObstacle(Value):
     def walls(self, time: float) -> Float:
         """Its sides (n, 4) in the world at a time [s]."""
         x, y, theta = self.path.at(np.array([time]))[0].tolist()
-        corners = Pose(x, y, theta).apply(self.outline)
+        # A product of matrices would have other last bits on other processors.
+        ahead, left = turn(self.outline[:, 0], self.outline[:, 1], math.cos(theta), math.sin(theta))
+        corners = np.column_stack([ahead + x, left + y])
         return np.hstack([corners, np.roll(corners, -1, axis=0)])
 
 

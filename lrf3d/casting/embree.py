@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.casting.caster import PlanarCaster
+from lrf3d.casting.caster import FEW, PlanarCaster
+from lrf3d.casting.kernels.beams import Records
 from lrf3d.casting.kernels.echoes import Lit
 from lrf3d.casting.kernels.scans import laser_of
 from lrf3d.casting.kernels.tree import Plain
@@ -66,6 +67,15 @@ class EmbreeCaster(PlanarCaster):
         caster, faces = self._cut(lrf.height)
         scan = caster.cast(lrf, pose)
         return LaserScan.unchecked(lrf, scan.pose, scan.ranges, _named(faces, scan.walls))
+
+    def trace(self, lrf: LaserRangeFinder, rays: Records) -> tuple[Float, Int]:
+        """Ranges and walls, or triangles of a mesh, (n,) of rays (n,) to what they meet first."""
+        if self._triangles is None:
+            return super().trace(lrf, rays)
+        laser_of(lrf)
+        caster, faces = self._cut(lrf.height)
+        ranges, walls = caster.trace(lrf, rays)
+        return ranges, _named(faces, walls)
 
     def cast_layers(
         self,
@@ -146,9 +156,10 @@ class EmbreeCaster(PlanarCaster):
         # A scene is built for ranges up to a power of two.
         key = bisect_left(self._levels, height), math.frexp(laser[-1])[1]
         scene = self._scenes.get(key)
-        if scene is None:
+        few = ranges.shape[1] <= FEW
+        if scene is None or few:
             tree = self.tree(height)
-            if not len(tree.walls) or not embreex_installed():
+            if few or not len(tree.walls) or not embreex_installed():
                 super()._fill(height, laser, poses, ranges, walls)
                 return
             scene = self._scenes[key] = WallScene(tree, math.ldexp(1.0, key[1]))

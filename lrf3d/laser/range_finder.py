@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -99,17 +99,6 @@ class LaserRangeFinder(Value):
     def time_increment(self) -> float:
         """Time from one beam to the next [s]."""
         return self.scan_duration / (self.beams - 1) if self.beams > 1 else 0.0
-
-    @cached_property
-    def single_beams(self) -> tuple["LaserRangeFinder", ...]:
-        """A range finder for each beam, which sends only this beam."""
-        settings: dict[str, Any] = {"beams": 1, "scan_duration": 0.0}
-        angles = self.angles.tolist()
-        singles = [replace(self, angle_min=at, angle_max=at, **settings) for at in angles]
-        for beam, single in enumerate(singles):
-            # The same numbers, so that the beam is the same to the last bit.
-            single.__dict__["fan"] = self.fan[:, beam : beam + 1]
-        return tuple(singles)
 
     @cached_property
     def spread(self) -> tuple[float, float]:

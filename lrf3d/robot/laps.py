@@ -1,6 +1,7 @@
 """Routes that are repeated forever: laps of the robot, and patrols of people and carts."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -74,14 +75,24 @@ class Patrol(Value):
         distinct(as_rows(self.route, "patrol: route", 2, row="point"), "patrol")
         self._hold("route")
 
-    def until(self, time: float, *, since: float = 0.0) -> Trajectory:
-        """The laps there and back that are driven from one time [s] to another, as whole ones."""
+    @cached_property
+    def _lap(self) -> tuple[Float, Float, Float, Float]:
+        """Corners of a lap, its legs, how long each takes [s], and when each begins [s]."""
         points = distinct(self.route, "patrol")
         corners = np.vstack([points, points[-2::-1]])
         legs = np.diff(corners, axis=0)
         durations = np.hypot(legs[:, 0], legs[:, 1]) / self.speed
         # A turn on the spot takes half a second.
-        begins = np.append(0.0, np.cumsum(durations + 0.5))
+        return corners, legs, durations, np.append(0.0, np.cumsum(durations + 0.5))
+
+    @property
+    def period(self) -> float:
+        """Duration of a lap [s]."""
+        return float(self._lap[3][-1])
+
+    def until(self, time: float, *, since: float = 0.0) -> Trajectory:
+        """The laps there and back that are driven from one time [s] to another, as whole ones."""
+        corners, legs, durations, begins = self._lap
         laps = np.arange(int(since / begins[-1]), int(time / begins[-1]) + 1)
         # One pose where a leg begins and one where it ends; between legs it turns.
         times = np.column_stack([begins[:-1], begins[:-1] + durations]).ravel()

@@ -9,6 +9,8 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import islice
+from operator import mul
 from typing import Any
 
 import numpy as np
@@ -35,8 +37,18 @@ STRAIGHT = 0.01
 EARTH_RADIUS = 6_371_008.8
 """Mean radius of the Earth [m]."""
 
-_METRES = re.compile(r"\s*(\d+(?:[.,]\d*)?|[.,]\d+)\s*(?:m|metres?|meters?)?\s*")
-_FEET = re.compile(r"""\s*(\d+(?:\.\d+)?)\s*(?:ft|feet|')\s*(?:(\d+(?:\.\d+)?)\s*(?:in|"))?\s*""")
+UNITS = {
+    **dict.fromkeys(("", "m", "metre", "metres", "meter", "meters"), 1.0),
+    **dict.fromkeys(("ft", "foot", "feet", "'", "′"), 0.3048),
+    **dict.fromkeys(("in", "inch", "inches", '"', "″"), 0.0254),
+    "mm": 1e-3,
+    "cm": 1e-2,
+    "km": 1e3,
+    "yd": 0.9144,
+}
+"""Metres in the units of heights."""
+
+_LENGTH = re.compile(r"(\d+(?:[.,]\d*)?|[.,]\d+)\s*([^\s\d.,]*)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,9 +79,9 @@ def moved(features: Sequence[Feature], move: Callable[[Float], Float]) -> list[F
     """Features with all their points (k, 2) moved."""
     import shapely
 
-    return [
-        replace(f, shapes=tuple(shapely.transform(s, move) for s in f.shapes)) for f in features
-    ]
+    shapes = np.array([shape for feature in features for shape in feature.shapes], dtype=object)
+    rest = iter(shapely.transform(shapes, move))
+    return [replace(f, shapes=tuple(islice(rest, len(f.shapes)))) for f in features]
 
 
 def feature_of(item: object) -> Feature:
@@ -151,11 +163,13 @@ def _number(value: object, key: str) -> float:
 
 def metres_of(text: str) -> float | None:
     """A length [m] from a text such as 12, 12,5 m or 40'; None if it is invalid."""
-    if match := _METRES.fullmatch(text):
-        return float(match.group(1).replace(",", "."))
-    if match := _FEET.fullmatch(text):
-        return 0.3048 * float(match.group(1)) + 0.0254 * float(match.group(2) or 0.0)
-    return None
+    parts = _LENGTH.findall(text)
+    # After feet come inches.
+    units = [UNITS.get(unit.lower()) for _, unit in parts]
+    if None in units or units not in ([0.3048, 0.0254], units[:1]) or _LENGTH.sub("", text).strip():
+        return None
+    numbers = [float(number.replace(",", ".")) for number, _ in parts]
+    return sum(map(mul, numbers, units)) if parts else None
 
 
 def looks_geographic(features: Sequence[Feature]) -> bool:

@@ -1,46 +1,31 @@
 """Worlds from GeoJSON: footprints of buildings become blocks, lines become walls.
 
 A file in longitude and latitude, as the standard demands, is recognised by its ``crs`` or by its
-size and projected around its middle; so are the stretched metres of web maps (EPSG:3857). Heights
-above ground (Z) are ignored.
+size and laid flat around its middle; other systems are named by the ``crs``. Elevations (Z) are
+ignored.
 
 A world is written to the last bit, its walls as lines: polygons would be dissolved into blocks. In
 a map of lrf3d walls meet at the corners, and those that touch are one object.
 """
 
 import json
-import re
 from collections.abc import Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from lrf3d.errors import WorldError, shown
 from lrf3d.files import own_name, read_text, write_text
-from lrf3d.geometry import Float, is_finite
+from lrf3d.geometry import is_finite
 from lrf3d.world.cameras import FixedCamera
-from lrf3d.world.features import (
-    Feature,
-    feature_of,
-    laid_flat,
-    looks_geographic,
-    moved,
-    world_of_features,
-)
+from lrf3d.world.crs import in_metres
+from lrf3d.world.features import Feature, feature_of, world_of_features
 from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.gaps import world_of_map
 from lrf3d.world.materials import material_value
 from lrf3d.world.model import World
 from lrf3d.world.pieces import runs_of
 from lrf3d.world.schema import at, made, several
-
-DEGREES = {"4326", "4258", "4269"}
-"""EPSG codes of longitude and latitude: WGS 84, ETRS89 and NAD83, centimetres to metres apart."""
-
-WEB_MERCATOR = {"3857", "900913", "3785", "102100", "102113"}
-"""EPSG's and ESRI's codes of the projection of web maps, which enlarges Delft by 1.6."""
 
 
 def read_geojson(path: Path) -> World:
@@ -57,13 +42,8 @@ def read_geojson(path: Path) -> World:
     known = isinstance(given, list) and len(given) == 2 and is_finite(*given)
     place = (float(given[0]), float(given[1])) if known else None
     if data.get("units") != "m" and not _is_map(data):
-        reference = data.get("crs")
-        code = _code_of(reference)
-        if code in WEB_MERCATOR:
-            features = moved(features, _from_web_mercator)
-        if code in DEGREES | WEB_MERCATOR or (reference is None and looks_geographic(features)):
-            features, centre, _ = laid_flat(features)
-            place = (float(centre[0]), float(centre[1]))
+        features, found = in_metres(features, data.get("crs"))
+        place = found or place
     name = data["name"] if isinstance(data.get("name"), str) else own_name(path)
     world = world_of_features(features, name, place=place)
     free = FreeCells.from_dict(data["free"]) if "free" in data else None
@@ -71,20 +51,6 @@ def read_geojson(path: Path) -> World:
         return world_of_map(world, free)
     cameras = several(made(FixedCamera), "cameras", least=0)(data.get("cameras", []), "cameras")
     return replace(world, cameras=cameras, free=free)
-
-
-def _code_of(reference: object) -> str:
-    """The EPSG code of a ``crs``; 4326 for CRS84, empty without one."""
-    text = json.dumps(reference)
-    match = re.search(r"(?:EPSG|ESRI)\D.*?(\d{4,6})\b", text)
-    return "4326" if "CRS84" in text else match.group(1) if match else ""
-
-
-def _from_web_mercator(points: Float) -> Float:
-    """Longitudes and latitudes (k, 2) [°] of points (k, 2) [m] of a web map."""
-    longitude, north = points.T / 6_378_137.0  # The radius [m] of the sphere of web maps.
-    degrees: Float = np.degrees(np.column_stack([longitude, np.arctan(np.sinh(north))]))
-    return degrees
 
 
 def _features(data: dict[str, Any]) -> Iterator[Feature]:

@@ -1,10 +1,12 @@
 """Worlds from OpenStreetMap extracts (``.osm``): buildings become blocks, laid flat in metres.
 
 The point (0, 0) is the middle of the buildings; ``place`` is where on Earth that is. Buildings are
-closed ways and multipolygon relations with a tag ``building``; their height is ``height``, or three
-metres for each of ``building:levels``. Where they are asked for, nodes ``natural=tree`` become
-trunks, slender blocks of bark as high as the tree. Tags are free text, which OpenStreetMap's wiki
-defines; a value that cannot be read counts as not given.
+closed ways and relations with a tag ``building``; their height is ``height``, or three metres for
+each of ``building:levels``. Where a ``building:part`` stands on the ground it takes the place of
+its building, with its own height. Elements that an extract of Overpass holds twice, as ``out body``
+and ``out skel``, are merged; places may stand in the ways (``out geom``). Where they are asked for,
+nodes ``natural=tree`` become trunks, slender blocks of bark as high as the tree. Tags are free
+text, which OpenStreetMap's wiki defines; a value that cannot be read counts as not given.
 """
 
 from collections.abc import Iterator
@@ -36,7 +38,15 @@ DEFAULT_TREE = 8.0
 CROWN, SLENDER = 0.6, 1.0 / 45.0
 """Width of a crown, and radius of a trunk at the height of a laser, in heights of its tree."""
 
+SLIVER = 1e-7
+"""Half of the width [°], a centimetre, of what rounding leaves between a building and its parts."""
+
 Tags = dict[str, str]
+Place = tuple[float, float]
+Node = int | Place
+
+COMPLETE = 0.95
+"""Share of a building from which on its parts replace it, also where they leave the ground open."""
 
 
 def read_osm(path: Path, *, trees: bool = False) -> World:
@@ -54,24 +64,27 @@ def read_osm(path: Path, *, trees: bool = False) -> World:
     if extent > 2.0:
         raise WorldError(f"buildings {extent:.1f}° apart, expected at most 2°; cut out a part")
     if trees and extract.trees:
-        places = lay_flat(np.array([place for place, _ in extract.trees]), centre)
+        places = lay_flat(np.array([place for place, _ in extract.trees.values()]), centre)
         buildings = [polygon for feature in features for polygon in feature.shapes]
-        features += trunks(places, [tags for _, tags in extract.trees], buildings)
+        features += trunks(places, [tags for _, tags in extract.trees.values()], buildings)
     return world_of_features(features, own_name(path), place=(float(centre[0]), float(centre[1])))
 
 
 class _Extract(NamedTuple):
-    """The places [°] of nodes, the trees, the nodes of ways, and the members of relations."""
+    """The places [°] of nodes, the trees, the nodes of ways, and the ways of relations.
 
-    nodes: dict[int, tuple[float, float]]
-    trees: list[tuple[tuple[float, float], Tags]]
-    ways: dict[int, tuple[list[int], Tags]]
-    relations: list[tuple[list[tuple[int, str]], Tags]]
+    A node without a number, as within a relation, is named by its place.
+    """
+
+    nodes: dict[Node, Place]
+    trees: dict[int, tuple[Place, Tags]]
+    ways: dict[int, tuple[list[Node], Tags]]
+    relations: dict[int, tuple[list[tuple[int, str]], Tags]]
 
 
 def _read(path: Path) -> _Extract:
     """The elements of a file; each is forgotten when it is read."""
-    extract = _Extract({}, [], {}, [])
+    extract = _Extract({}, {}, {}, {})
     elements = ElementTree.iterparse(path, events=("start", "end"))
     try:
         _, root = next(elements)
@@ -95,22 +108,43 @@ def _add(element: Element, extract: _Extract) -> None:
     try:
         number = int(element.get("id", ""))
         if element.tag == "node":
-            place = float(element.get("lon", "")), float(element.get("lat", ""))
-            if not (abs(place[0]) <= 180.0 and abs(place[1]) <= 90.0):
-                raise ValueError(f"longitude and latitude {place}, expected degrees")
-            extract.nodes[number] = place
+            place = extract.nodes[number] = _place(element)
             if tags.get("natural") == "tree" and tags.get("location") != "underground":
-                extract.trees.append((place, tags))
+                extract.trees[number] = place, tags
         elif element.tag == "way":
-            nodes = [int(each.get("ref", "")) for each in element.iter("nd")]
-            extract.ways[number] = nodes, tags
-        elif tags.get("type") == "multipolygon":
-            ways = [each for each in element.iter("member") if each.get("type") == "way"]
-            members = [(int(each.get("ref", "")), each.get("role", "")) for each in ways]
-            extract.relations.append((members, tags))
+            _add_way(number, element, tags, extract)
+        else:
+            members, before = extract.relations.get(number, ([], {}))
+            for each in element.iter("member"):
+                if each.get("type") == "way":
+                    way = int(each.get("ref", ""))
+                    members.append((way, each.get("role", "")))
+                    _add_way(way, each, {}, extract)
+            extract.relations[number] = members, before | tags
     except ValueError as error:
         called = f"{element.tag} {element.get('id', 'without id')[:40]}"
         raise WorldError(f"{called}: {error}; export the extract again") from None
+
+
+def _add_way(number: int, element: Element, tags: Tags, extract: _Extract) -> None:
+    """Add the nodes and the tags of a way to those that are known of it."""
+    nodes = list[Node]()
+    for each in element.iter("nd"):
+        # Beyond the border of an extract places are missing.
+        place = _place(each) if "lat" in each.attrib else None
+        node = int(each.attrib["ref"]) if "ref" in each.attrib else place or (np.nan, np.nan)
+        nodes.append(node)
+        if place is not None:
+            extract.nodes[node] = place
+    before, known = extract.ways.get(number, ([], {}))
+    extract.ways[number] = nodes or before, known | tags
+
+
+def _place(element: Element) -> Place:
+    place = float(element.get("lon", "")), float(element.get("lat", ""))
+    if not (abs(place[0]) <= 180.0 and abs(place[1]) <= 90.0):
+        raise ValueError(f"longitude and latitude {place}, expected degrees")
+    return place
 
 
 def _buildings(extract: _Extract) -> Iterator[Feature]:
@@ -121,25 +155,50 @@ def _buildings(extract: _Extract) -> Iterator[Feature]:
 
     def areas(members: list[tuple[int, str]], inner: bool) -> Any:
         """What the ways of a role enclose together."""
-        own = sorted({number for number, role in members if (role == "inner") == inner})
-        whole = [ways[n][0] for n in own if n in ways and nodes.keys() >= set(ways[n][0])]
+        own = sorted({n for n, role in members if role != "part" and (role == "inner") == inner})
+        whole = [ways[n][0] for n in own if nodes.keys() >= set(ways[n][0])]
         lines = [[nodes[n] for n in refs] for refs in whole if len(refs) > 1]
         enclosed = shapely.polygonize([shapely.LineString(line) for line in lines])
         return shapely.union_all(shapely.get_parts(enclosed))
 
-    outlines: set[int] = set()
-    for members, tags in extract.relations:
-        outer = [ways[n][1] for n, role in members if n in ways and role != "inner"]
+    outlines, found = set[int](), list[tuple[Tags, Any]]()
+    for members, tags in extract.relations.values():
+        if tags.get("type") not in ("multipolygon", "building"):
+            continue
+        outer = [n for n, role in members if role not in ("inner", "part")]
         # Old relations have the tags of the building on an outer way.
-        building = next(filter(is_building, [tags] if "building" in tags else outer), None)
+        own = [tags] if _kind(tags) else [ways[n][1] for n in outer]
+        building = next(filter(is_building, own), None)
+        if any(map(_kind, own)):
+            # A way within that has tags of its own is a building in the courtyard.
+            outlines |= {n for n, _ in members if n in outer or ways[n][1] == building}
         if building is not None:
-            outlines |= {number for number, _ in members}
-            area = shapely.difference(areas(members, False), areas(members, True))
-            yield _feature(building, area)
+            found.append(
+                (building, shapely.difference(areas(members, False), areas(members, True)))
+            )
     for number, (refs, tags) in ways.items():
         closed = len(refs) > 3 and refs[0] == refs[-1] and nodes.keys() >= set(refs)
-        if closed and number not in outlines and is_building(tags):
-            yield _feature(tags, shapely.Polygon([nodes[n] for n in refs]))
+        if closed and number not in outlines and _kind(tags):
+            found.append((tags, shapely.Polygon([nodes[n] for n in refs])))
+    yield from (_feature(tags, area) for tags, area in _with_parts(found) if is_building(tags))
+
+
+def _with_parts(found: list[tuple[Tags, Any]]) -> Iterator[tuple[Tags, Any]]:
+    """Buildings and their parts; a part takes its place from the building around it."""
+    import shapely
+
+    parts = [(tags, shapely.make_valid(area)) for tags, area in found if "building" not in tags]
+    tree = shapely.STRtree([area for _, area in parts])
+    for tags, area in found:
+        own = tree.query(area, predicate="intersects") if parts and "building" in tags else ()
+        if len(own):
+            area = shapely.make_valid(area)
+            stands = shapely.union_all([parts[n][1] for n in own if is_building(parts[n][0])])
+            every = shapely.union_all([parts[n][1] for n in own])
+            whole = shapely.area(shapely.intersection(area, every)) >= COMPLETE * shapely.area(area)
+            rest = shapely.get_parts(shapely.difference(area, every if whole else stands))
+            area = shapely.union_all(rest[~shapely.is_empty(shapely.buffer(rest, -SLIVER))])
+        yield tags, area
 
 
 def _feature(tags: Tags, area: Any) -> Feature:
@@ -156,10 +215,15 @@ def _feature(tags: Tags, area: Any) -> Feature:
     )
 
 
+def _kind(tags: Tags) -> str:
+    """The kind of a building, or of a part of one; empty if it is neither."""
+    kind = tags.get("building", tags.get("building:part", ""))
+    return "" if kind == "no" else kind
+
+
 def is_building(tags: Tags) -> bool:
     """Whether tags describe a building whose walls reach the ground."""
-    without_walls = tags.get("building", "no") in ("no", "roof", "carport")
-    if without_walls or tags.get("location") == "underground":
+    if _kind(tags) in ("", "roof", "carport") or tags.get("location") == "underground":
         return False
     above = metres_of(tags.get("min_height", ""))
     if above is None:

@@ -1,14 +1,16 @@
 """Worlds from ROS maps: a YAML file that describes a picture of occupied cells (map_server).
 
-The world is in the frame of the map. A cell that is darker than ``occupied_thresh`` is occupied;
-walls are the outlines of occupied cells, or the middle of a wall that is one or two cells thick.
-Walls that touch are one object. Free and unknown cells do not affect beams, but are kept for
-planning routes.
+The rules are those of Nav2's map_server. The world is in the frame of the map. A cell at least as
+dark as ``occupied_thresh`` is occupied; walls are the outlines of occupied cells, or the middle of
+a wall that is one or two cells thick. Walls that touch are one object. Free and unknown cells do
+not affect beams, but are kept for planning routes.
 
 A world is written as a picture in which each wall is one cell thick.
 """
 
 import json
+import re
+import warnings
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -17,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.errors import OutputError, WorldError, shown
+from lrf3d.errors import Lrf3dWarning, OutputError, WorldError, shown
 from lrf3d.files import opened, own_name, read_text, replacing
 from lrf3d.geometry import Bool, Float, Int, Single, number
 from lrf3d.pose import Pose
@@ -41,11 +43,13 @@ KEYS: Mapping[str, Converter] = {
     "resolution": partial(number, positive=True, most=1e4),
     "origin": row("x", "y", "yaw"),
     **dict.fromkeys(("occupied_thresh", "free_thresh"), partial(number, most=1.0)),
-    # YAML has true and false, too.
     "negate": accepting("0 or 1", lambda value: value in (0, 1), int),
     "mode": text("trinary", "scale", "raw"),
 }
 """The keys of a description that are read, and the converters of their values."""
+
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+_TRUTH = {**dict.fromkeys(("true", "yes", "on"), 1), **dict.fromkeys(("false", "no", "off"), 0)}
 
 USUAL = {"occupied_thresh": 0.65, "free_thresh": 0.25, "negate": 0, "mode": "trinary"}
 """What a description says where it does not say it, as for map_server."""
@@ -55,27 +59,51 @@ def read_ros_map(path: Path) -> World:
     """Read the occupied cells of a ROS map as walls."""
     import yaml
 
-    content = read_text(path)
+    loader = yaml.BaseLoader(read_text(path))
     try:
-        node = yaml.compose(content, Loader=yaml.SafeLoader)
-        data = yaml.safe_load(content)
+        node = loader.get_single_node()
+        data = loader.construct_document(node) if node else None
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise WorldError(f"not YAML: {' '.join(str(error).split())[:120]}") from None
-    if not isinstance(data, dict) or not {"image", "resolution", "origin"} <= set(data):
+    if (
+        node is None
+        or not isinstance(data, dict)
+        or not {"image", "resolution", "origin"} <= set(data)
+    ):
         raise WorldError("expected the description of a ROS map: image, resolution, origin")
     lines: dict[str, int] = {}
-    for key, _ in node.value if node else ():
+    for key, _ in node.value:
         name, line = str(key.value), key.start_mark.line + 1
         if (first := lines.setdefault(name, line)) != line:
             key = f"line {line}: the key {shown(name)}"
             raise WorldError(f"{key} stands in line {first}, too; remove one")
-    values = {**USUAL, **{key: KEYS[key](value, key) for key, value in data.items() if key in KEYS}}
-    if Path(values["image"]).name != values["image"].removeprefix("./"):
-        name = shown(values["image"])
-        raise WorldError(f"image is {name}; put the picture next to this file and name it so")
+    texts = ("image", "mode")
+    given = {key: value if key in texts else _plain(value) for key, value in data.items()}
+    values = {
+        **USUAL,
+        **{key: KEYS[key](value, key) for key, value in given.items() if key in KEYS},
+    }
+    name = re.split(r"[/\\]", values["image"])[-1]
+    if name != values["image"].removeprefix("./") or not name.strip("."):
+        elsewhere = f"image is {shown(values['image'])}"
+        if not (path.parent / name).is_file():
+            raise WorldError(f"{elsewhere}; put the picture next to this file and name it so")
+        warnings.warn(f"{path}: {elsewhere}; {name} next to it is read", Lrf3dWarning, 4)
     if values["free_thresh"] > values["occupied_thresh"]:
         raise WorldError("free_thresh is above occupied_thresh")
-    return _world(path, path.parent / values["image"], values)
+    return _world(path, path.parent / name, values)
+
+
+def _plain(value: Any) -> Any:
+    """The number of YAML 1.2 that a text is, or those in a list: for PyYAML ``5e-2`` is none."""
+    if isinstance(value, list):
+        # A list within the list stays: aliases may make it endless.
+        return [_plain(each) if isinstance(each, str) else each for each in value]
+    if not isinstance(value, str):
+        return value
+    if not _NUMBER.fullmatch(value):
+        return _TRUTH.get(value.lower(), value)
+    return int(value) if value.isdigit() and len(value) < 16 else float(value)
 
 
 def read_picture(path: Path, *, resolution: float | None = None) -> World:
@@ -112,14 +140,14 @@ def _world(path: Path, picture: Path, values: Mapping[str, Any]) -> World:
 def _cells(picture: Path, values: Mapping[str, Any]) -> tuple[Bool, Bool]:
     """Which cells (rows, columns) are occupied and which free, the first row at the bottom."""
     light, opaque = _light(picture)
-    share = light if values["negate"] else 1.0 - light
-    value = np.round(255.0 * (1.0 - share))
-    # map_saver writes one grey for unknown cells, even if free_thresh is just above it.
-    known = opaque if values["mode"] == "scale" else value != UNKNOWN
+    share, value = light if values["negate"] else 1.0 - light, np.round(255.0 * light)
+    # map_saver writes one grey for unknown cells, even if free_thresh is just above it; read by the
+    # rule alone, they would be free.
+    known = opaque if values["mode"] == "scale" else (value != UNKNOWN) | bool(values["negate"])
     if values["mode"] == "raw":
-        # The value of a pixel is the occupancy in percent; above 100 it is unknown.
+        # The value of a pixel is the occupancy in percent, not negated; above 100 it is unknown.
         known, share = value <= 100.0, value / 100.0
-    occupied = known & (share > values["occupied_thresh"])
+    occupied = known & (share >= values["occupied_thresh"])
     return occupied[::-1], (known & ~occupied & (share <= values["free_thresh"]))[::-1]
 
 

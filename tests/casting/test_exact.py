@@ -2,9 +2,10 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from rational import cast_exact
+from rational import ExactWorld, cast_exact
 
 from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
+from lrf3d.errors import InputError
 
 AHEAD = (1.0, 0.0)
 
@@ -43,6 +44,55 @@ CASES = [
 @pytest.mark.parametrize(("walls", "origin", "direction", "found"), CASES)
 def test_a_beam_meets_a_wall_where_the_fractions_say(walls, origin, direction, found):
     assert cast_exact(np.array(walls, dtype=np.float64), origin, direction) == found
+
+
+@pytest.mark.parametrize(("walls", "origin", "direction", "found"), CASES)
+def test_a_single_ray_meets_a_wall_where_the_fractions_say(walls, origin, direction, found):
+    # Ends of walls below 1e-44 are not kept apart from 0, as for poses.
+    if 0.0 < np.abs(walls)[np.abs(walls) > 0.0].min() < 1e-44:
+        return
+    ranges, hit = PlanarCaster(World(walls)).cast_rays([origin], [direction])
+    assert (hit[0], ranges[0]) == (found[0], np.inf if found[1] is None else float(found[1]))
+
+
+def test_single_rays_are_exact_at_corners_along_walls_and_from_walls():
+    rng = np.random.default_rng(2)
+    walls = rng.integers(-6, 7, (60, 4)).astype(np.float64)
+    walls = walls[(walls[:, :2] != walls[:, 2:]).any(axis=1)]
+    origins = rng.integers(-7, 8, (800, 2)).astype(np.float64)
+    # Half of them are aimed at ends of walls; some run along an axis or along walls.
+    aims = np.where(
+        np.arange(800)[:, None] % 2,
+        rng.integers(-7, 8, (800, 2)),
+        walls[:, 2:][rng.integers(len(walls), size=800)],
+    )
+    ways = aims - origins
+    kept = (ways != 0).any(axis=1)
+    origins, ways = origins[kept], ways[kept]
+    exact = ExactWorld(walls, origins)
+    wanted = [exact.cast(k, way) for k, way in enumerate(ways)]
+    for caster in (PlanarCaster(World(walls)), EmbreeCaster(World(walls))):
+        ranges, found = caster.cast_rays(origins, ways)
+        assert found.tolist() == [wall for wall, _ in wanted]
+        assert ranges.tolist() == [np.inf if t is None else float(t) for _, t in wanted]
+    assert 0 < sum(t == 0 for _, t in wanted) < sum(t is not None for _, t in wanted) < len(ways)
+
+
+def test_single_rays_follow_the_limits_and_the_height_of_a_laser():
+    caster = PlanarCaster(World([[2, -1, 2, 1], [5, -1, 5, 1]], heights=[0.4, 2.0]))
+    lrf, ahead = LaserRangeFinder(range_min=1.0, range_max=4.5, height=0.3), [(1.0, 0.0)]
+    for x, low, high in ((0.0, 2.0, np.inf), (1.5, -np.inf, 3.5)):
+        assert caster.cast_rays([(x, 0)], ahead, lrf)[0] == low
+        tall = LaserRangeFinder(range_max=4.5, height=1.0)
+        assert caster.cast_rays([(x, 0)], ahead, tall)[0] == high
+    assert [len(part) for part in caster.cast_rays(np.empty((0, 2)), np.empty((0, 2)))] == [0, 0]
+    for origins, ways, message in (
+        ([(0, 0)], [(0, 0)], "direction 0: it has no length"),
+        ([(0, 0)], [(1, 0), (0, 1)], "1 origins, 2 directions"),
+        ([(0, np.nan)], [(1, 0)], "origins: row 0"),
+    ):
+        with pytest.raises(InputError, match=message):
+            caster.cast_rays(origins, ways)
 
 
 @pytest.mark.parametrize("caster", [PlanarCaster, EmbreeCaster])

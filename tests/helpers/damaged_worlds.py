@@ -166,10 +166,10 @@ REFUSED: dict[str, tuple[str | bytes, str]] = {
 """Files that must be refused, and what the error says."""
 
 MAPS: dict[str, str] = {
-    "image: ../map.png": "next to this file",
+    "image: ../other.png": "next to this file",
     "image: none.png": "no such file",
     "image: .": "next to this file",
-    "resolution: -1": "resolution -1: expected a finite number, above 0",
+    "resolution: -1": "resolution -1.0: expected a finite number, above 0",
     "origin: [1, 2]": "origin: expected [x, y, yaw]",
     "occupied_thresh: 2": "occupied_thresh 2: expected a finite number",
     "free_thresh: 0.9": "above occupied_thresh",

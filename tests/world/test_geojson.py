@@ -1,11 +1,12 @@
 import json
+import sys
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lrf3d.errors import WorldError
+from lrf3d.errors import MissingLibraryError, WorldError
 from lrf3d.world import load_world
 from lrf3d.world.features import DEFAULT_BUILDING_HEIGHT
 
@@ -184,6 +185,53 @@ def test_the_stretched_metres_of_web_maps_are_laid_flat(crs, tmp_path):
     world = read(tmp_path, polygon(web.tolist()), crs=told)
     assert world.bounds == pytest.approx(flat.bounds, abs=1e-6)
     assert world.place == pytest.approx(flat.place)
+
+
+@pytest.mark.parametrize(
+    ("code", "crs", "flat"),
+    [
+        ("EPSG:2263", "urn:ogc:def:crs:EPSG::2263", False),  # Feet.
+        ("ESRI:102718", "ESRI:102718", False),
+        ("EPSG:32618", "EPSG:32618", False),
+        ("EPSG:32618", "WGS 84 / UTM zone 18N", False),
+        ("EPSG:3395", {"type": "EPSG", "properties": {"code": 3395}}, True),  # Enlarged by 1.3.
+        ("EPSG:4267", {"type": "link", "properties": {"href": "http://x.org/epsg/4267/"}}, True),
+    ],
+)
+def test_other_systems_become_metres(code, crs, flat, tmp_path):
+    pyproj = pytest.importorskip("pyproj")
+    degrees = np.array([[0, 0], [5, 0], [5, 3], [0, 3]]) * 1e-4 + [-73.99, 40.75]
+    geod = pyproj.Geod(ellps="WGS84")
+    around = geod.line_length(*np.vstack([degrees, degrees[:1]]).T)
+    there = pyproj.Transformer.from_crs("OGC:CRS84", code, always_xy=True).transform(*degrees.T)
+    ring = np.column_stack([*there, [7.0, 8.0, 9.0, -1.0]]).tolist()
+    told = {"type": "name", "properties": {"name": crs}} if isinstance(crs, str) else crs
+    world = read(tmp_path, polygon(ring), crs=told)
+    assert lengths(world).sum() == pytest.approx(around, rel=1e-3)
+    assert (world.place is not None) == flat
+
+
+@pytest.mark.parametrize(
+    ("crs", "said"),
+    [
+        ("EPSG:99999", "is not known"),
+        ("EPSG:5773", "no system of places"),
+        ("+proj=utm +zone=33 +nadgrids=/etc/passwd", "names a file"),
+        (["EPSG:4326"], "expected a name"),
+        ("EPSG:27700", "outside of where it is used"),
+    ],
+)
+def test_a_system_that_does_not_fit_is_refused(crs, said, tmp_path):
+    pytest.importorskip("pyproj")
+    with pytest.raises(WorldError, match=rf"crs .*{said}"):
+        read(tmp_path, polygon([[0, 0], [1e8, 0], [1e8, 1e8]]), crs=crs)
+
+
+def test_without_pyproj_a_system_that_needs_it_is_named(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyproj", None)
+    with pytest.raises(MissingLibraryError, match=r"crs 'EPSG:2263' .*install .*geo"):
+        read(tmp_path, polygon(rectangle(0, 0, 5, 5)), crs="EPSG:2263")
+    assert len(read(tmp_path, polygon(rectangle(0, 0, 5, 5)), crs="EPSG:25831").segments) == 4
 
 
 @pytest.mark.parametrize("crs", [None, "urn:ogc:def:crs:OGC:1.3:CRS84"])

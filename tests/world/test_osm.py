@@ -66,6 +66,72 @@ def test_a_multipolygon_keeps_its_courtyard(tmp_path):
     assert len(world.segments) == 8 and world.object_count == 1
 
 
+def test_places_within_ways_and_relations_are_read(tmp_path):
+    """Overpass's ``out geom`` has no nodes: places stand in the ways, in relations without refs."""
+
+    def inline(*nodes, named=True):
+        places = [node(n, NODES[n]).partition("lon")[2].partition(">")[0] for n in nodes]
+        return "".join(
+            f'<nd {f"""ref="{n}" """ * named}lon{place}/>'
+            for n, place in zip(nodes, places, strict=True)
+        )
+
+    tags = of_tags({"building": "yes"})
+    for body in (
+        f'<way id="1">{inline(0, 1, 2, 3, 0)}{tags}</way>',
+        f'<relation id="1"><member type="way" ref="5" role="outer">{inline(0, 1, 2, named=False)}'
+        f'</member><member type="way" ref="6" role="outer">{inline(2, 3, 0, named=False)}</member>'
+        f"{of_tags({'type': 'multipolygon', 'building': 'yes'})}</relation>",
+    ):
+        (tmp_path / "a.osm").write_text(f"<osm>{body}</osm>")
+        world = load_world(tmp_path / "a.osm")
+        assert world.bounds == pytest.approx(np.array([[-15, -10], [15, 10]]), abs=1e-3)
+    cut = f'<way id="1">{inline(0, 1, 2)}<nd/><nd/>{tags}</way>'
+    (tmp_path / "a.osm").write_text(f"<osm>{cut}{HOUSE}</osm>")
+    with pytest.raises(WorldError, match="no whole building"):
+        load_world(tmp_path / "a.osm")
+
+
+def test_elements_that_come_twice_are_merged(tmp_path):
+    """Overpass's ``out body; >; out skel`` repeats elements, the second time without their tags."""
+    oak = tree(10, 40, 5, height="12")
+    ways = way(1, 0, 1, 2) + way(2, 0, 3, 2) + multipolygon((1, "outer"), (2, "outer"))
+    for body in (HOUSE + way(1, 0, 1, 2, 3, 0), way(1) + HOUSE, ways + ways):
+        world = osm(tmp_path, oak + body + oak + node(10, (40, 5)), trees=True)
+        assert world.object_count == 2 and len(world.segments) == 10
+
+
+def test_what_stands_in_a_courtyard_is_a_building_if_it_is_tagged_as_one(tmp_path):
+    ring = way(1, 0, 1, 2, 3, 0)
+    whole = multipolygon((1, "outer"), (3, "inner"))
+    for tags, walls in (({}, 8), ({"building": "yes"}, 4), ({"highway": "pedestrian"}, 8)):
+        assert len(osm(tmp_path, ring + way(3, 4, 5, 6, 7, 4, **tags) + whole).segments) == walls
+
+
+@pytest.mark.parametrize(("part", "walls"), [({}, 4), ({"min_height": "4"}, 8)])
+@pytest.mark.parametrize("grouped", [False, True])
+def test_parts_take_the_place_of_their_building(part, walls, grouped, tmp_path):
+    """A hall of 20 m with a tower of 50 m; in the middle of the tower a passage, or a part."""
+    tall, low = {"building:part": "yes", "height": "50"}, {"building:part": "yes", "height": "20"}
+    nodes = "".join(
+        node(20 + n, place) for n, place in enumerate([(10, 0), (20, 0), (20, 20), (10, 20)])
+    )
+    body = nodes + way(1, 0, 20, 21, 1, 2, 22, 23, 3, 0, building="yes", height="50")
+    body += way(2, 0, 20, 23, 3, 0, **low) + way(3, 21, 1, 2, 22, 21, **low)
+    body += way(4, 20, 21, 22, 23, 20, **tall, **part)
+    if grouped:
+        members = [(1, "outline"), (2, "part"), (3, "part"), (4, "part")]
+        rows = "".join(f'<member type="way" ref="{n}" role="{role}"/>' for n, role in members)
+        body += f'<relation id="1">{rows}{of_tags({"type": "building"})}</relation>'
+    world = osm(tmp_path, body)
+    assert len(world.segments) == walls
+    upright = np.isclose(world.segments[:, 0], world.segments[:, 2], atol=1e-6)
+    assert world.heights[upright].tolist() == [20.0] * (walls // 2)
+    assert set(world.heights[~upright].tolist()) == ({20.0} if part else {50.0})
+    alone = osm(tmp_path, way(2, 0, 1, 2, 3, 0, **low))
+    assert len(alone.segments) == 4
+
+
 def test_a_ring_cut_into_ways_in_any_order_is_closed_again(tmp_path):
     rng = np.random.default_rng(0)
     for _ in range(20):
@@ -80,7 +146,8 @@ def test_a_ring_cut_into_ways_in_any_order_is_closed_again(tmp_path):
 def test_the_height_of_a_building_is_told_by_its_tags():
     assert tag_height({"height": "12"}) == 12.0
     assert tag_height({"height": "12,5 m"}) == 12.5
-    assert tag_height({"height": "10'6\""}) == pytest.approx(3.2004)
+    for text, height in (("10'6\"", 3.2004), ("40 ft", 12.192), ("950 cm", 9.5), ("0.1 km", 100.0)):
+        assert tag_height({"height": text}) == pytest.approx(height)
     assert tag_height({"height": "tall", "building:levels": "4"}) == 12.0
     assert tag_height({"building:levels": "2", "roof:levels": "1"}) == 9.0
     assert tag_height({"height": "-3"}) is None and tag_height({}) is None

@@ -9,6 +9,7 @@ from hypothesis.extra.numpy import arrays
 from PIL import Image
 
 from lrf3d.errors import WorldError
+from lrf3d.pose import Pose
 from lrf3d.world import World, load_world, save_world
 from lrf3d.world.grid_walls import walls_of_grid
 from lrf3d.world.ros_map import write_ros_map
@@ -117,6 +118,43 @@ def test_thresholds_and_negate_tell_what_is_occupied(tmp_path):
     with pytest.raises(ValueError, match="no wall: all cells are alike"):
         load_world(save_map(tmp_path, grey, occupied_thresh=0.65))
     assert len(load_world(save_map(tmp_path, 255 - room(), negate=1)).segments) == 4
+
+
+# The rules of Nav2's map_server: at least occupied_thresh is occupied, at most free_thresh is free.
+# A pixel of "raw" is the percentage, whatever negate says; in "scale" only opaque cells count.
+@pytest.mark.parametrize(
+    ("mode", "negate", "high", "low", "occupied", "free"),
+    [
+        ("trinary", "0", "0.8", "0.2", (0, 51), (204, 255)),
+        ("trinary", "true", "0.8", "0.2", (204, 255), (0, 51)),
+        ("scale", "0", "1.0", "0.0", (0, 0), (255, 255)),
+        ("scale", "no", "1.", "0", (0, 0), (255, 255)),
+        ("scale", "1", "1e0", "0e-1", (255, 255), (0, 0)),
+        ("raw", "0", "1.0", "0.0", (100, 100), (0, 0)),
+        ("raw", "1", "65e-2", ".2", (65, 100), (0, 20)),
+    ],
+)
+def test_cells_are_as_for_the_map_server(mode, negate, high, low, occupied, free, tmp_path):
+    greys = np.array([0, 1, 19, 20, 21, 50, 51, 52, 64, 65, 100, 203, 204, 254, 255])
+    blocks = np.full((9, 9 * len(greys)), 150, dtype=np.uint8)
+    blocks.reshape(9, -1, 9)[3:6, :, 3:6] = greys[:, None]
+    path = tmp_path / "map.yaml"
+    path.write_text(
+        f"image: map.png\nresolution: 5e-2\norigin: [-1e-05, +1., .5]\nnegate: {negate}\n"
+        f"mode: {mode}\noccupied_thresh: {high}\nfree_thresh: {low}\n"
+    )
+    for alpha in (255, 128) if mode == "scale" else (255,):
+        pixels = np.stack([blocks, np.full_like(blocks, alpha)], axis=-1)
+        pixels[0, :9] = (255 if negate in ("1", "true") else 0, 255)
+        Image.fromarray(pixels, "LA").save(tmp_path / "map.png")
+        world = load_world(path)
+        assert world.free is not None and world.free.origin == (-1e-05, 1.0, 0.5)
+        columns = Pose(*world.free.origin).inverse().apply(world.segments.reshape(-1, 2))
+        walled = {int(x) for x, y in columns / (9 * 0.05) if y < 0.4}
+        within = greys[world.free.cells[4, 4::9]]
+        for found, (first, last) in ((greys[sorted(walled)], occupied), (within, free)):
+            expected = greys[(greys >= first) & (greys <= last) & (alpha == 255)]
+            assert found.tolist() == expected.tolist()
 
 
 @pytest.mark.parametrize("name", ["map.pgm", "map.png", "map.bmp"])

@@ -106,7 +106,7 @@ def _enter(
             continue
         start, stop = 0, beams
         if near < np.inf:
-            start, stop = _beams_between(sketch[START + k], sketch[WIDTH + k], fan, beams)
+            start, stop = beams_between(sketch[START + k], sketch[WIDTH + k], fan, beams)
         if start >= stop or _hidden(low, start, stop, near):
             continue
         place = top
@@ -150,7 +150,7 @@ def _view(boxes: Float, first: int, count: int, fan: Fan, sketch: Float) -> None
 
 
 @inner
-def _beams_between(start: float, width: float, fan: Fan, beams: int) -> tuple[int, int]:
+def beams_between(start: float, width: float, fan: Fan, beams: int) -> tuple[int, int]:
     """The beams from the first to before the second that may lie within bearings."""
     half, per_step = fan.half, fan.per_step
     first, stop = beams, 0

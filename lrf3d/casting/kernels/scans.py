@@ -6,14 +6,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lrf3d.casting.kernels.beams import Records, within
 from lrf3d.casting.kernels.buffer import ROOM, Fan, per_step_of
 from lrf3d.casting.kernels.embree import UNSURE, Trust, near_a_wall, prove
 from lrf3d.casting.kernels.fan import trace
 from lrf3d.casting.kernels.predicates import (
     LANES,
     Beam,
-    Wall,
-    compare_limit,
     length,
     lengths,
     wall_at,
@@ -100,6 +99,24 @@ def rays_of(plain: Plain, poses: Float, x: float, y: float) -> tuple[Single, Sin
     return rays[0], rays[1]
 
 
+@compiled
+def rays_from(plain: Plain, poses: Float, times: Float, rays: Records) -> None:
+    """Fill the rays (k, beams) of scans from poses (k, 3), or of one from poses (beams, 3).
+
+    Times [s] go with the poses.
+    """
+    laser = Laser(*plain)
+    fan, (scans, beams) = laser.fan, rays.shape
+    rolling, cos, sin = scans < len(poses), 1.0, 0.0
+    for k in range(scans):
+        for i in range(beams):
+            at, ray = i if rolling else k, rays[k, i]
+            if rolling or i == 0:
+                cos, sin = math.cos(poses[at, 2]), math.sin(poses[at, 2])
+            ray.dx, ray.dy = turn(fan[0, i], fan[1, i], cos, sin)
+            ray.x, ray.y, ray.time = poses[at, 0], poses[at, 1], times[at]
+
+
 @inner
 def aim(laser: Laser, x: float, y: float, theta: float, dx: Float, dy: Float) -> Fan:
     """The fan at a pose; dx and dy are filled with its directions."""
@@ -143,20 +160,6 @@ def measure(tree: Tree, fan: Fan, laser: Laser, ranges: Float, hit: Int) -> None
             beam = Beam(ox, oy, dx[i], dy[i])
             if not t >= 0.0:
                 t = length(beam, wall)
-            ranges[i] = _limited(t, range_min, range_max, beam, wall)
+            ranges[i] = within(t, range_min, range_max, beam, wall)
             if not math.isfinite(ranges[i]):
                 hit[i] = -1
-
-
-@inner
-def _limited(t: float, range_min: float, range_max: float, beam: Beam, wall: Wall) -> float:
-    """The rounded t within the limits, +inf above them and −inf below, decided exactly."""
-    if t >= range_max / ROOM:
-        if compare_limit(range_max, beam, wall) > 0:
-            return np.inf
-        return min(t, range_max)
-    if t <= range_min * ROOM:
-        if compare_limit(range_min, beam, wall) < 0:
-            return -np.inf
-        return max(t, range_min)
-    return t

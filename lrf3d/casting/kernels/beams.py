@@ -1,0 +1,251 @@
+"""Cast beams one by one, each from its own origin, compiled; every decision exact.
+
+A beam passes through the boxes that it meets, near ones first, and skips those that begin beyond
+the nearest wall so far. Walls are sorted out in float64 with bounds on its error; where these
+leave a question open, the exact predicates decide.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrf3d.casting.kernels.buffer import ROOM
+from lrf3d.casting.kernels.predicates import (
+    FILTER,
+    Beam,
+    Wall,
+    area_sign,
+    between,
+    compare,
+    compare_limit,
+    length,
+    meets_in_line,
+    meets_seen,
+    plain_length,
+    wall_at,
+)
+from lrf3d.casting.kernels.tree import STACK, Plain, Tree
+from lrf3d.compiling import borrower, compiled, inner
+from lrf3d.geometry import Float, Int
+
+Records = NDArray[Any]
+
+RAY = np.dtype([(name, np.float64) for name in ("x", "y", "dx", "dy", "time")], align=True)
+"""A beam with its own origin [m], direction, and time [s]."""
+
+LENGTH_SLACK = 16.0 * 2.0**-53
+"""Bound on the relative rounding error of a length, in addition to cancellation."""
+
+CLEAR_LENGTH = 1e-6
+"""Relative error of a length up to which the sign of its float64 value is trusted."""
+
+MISSED, TAKEN, OPEN = 0, 1, 2
+"""Verdicts about a wall: not met before the nearest so far, met, or left open by float64."""
+
+
+class Waiting(NamedTuple):
+    """The boxes that wait on the path through a tree, the nearest on top."""
+
+    nodes: Int  # (STACK,)
+    nears: Float  # (STACK,) at least so far away [m].
+
+
+class Nearest(NamedTuple):
+    """The wall that a beam meets first so far: its row, or −1, and bounds of its distance [m]."""
+
+    row: int
+    low: float
+    high: float
+
+
+class Place(NamedTuple):
+    """A place on the way through a tree: the boxes that wait, and the rest of a leaf."""
+
+    top: int
+    row: int
+    stop: int
+
+
+@compiled
+def cast_rays(
+    plain_tree: Plain, limits: tuple[float, float], rays: Records, ranges: Float, hits: Int
+) -> None:
+    """Fill the ranges (n,) of rays within limits, and hits (n,) unless empty, among walls."""
+    tree, (range_min, range_max) = Tree(*plain_tree), limits
+    waiting, row = Waiting(np.empty(STACK, np.int64), np.empty(STACK)), -1
+    for i in range(len(rays)):
+        beam = beam_of(rays, i)
+        # Walls a little beyond the range may be met.
+        nearest = Nearest(-1, np.inf, range_max * ROOM * ROOM)
+        # The wall of the beam before is often the one.
+        nearest = proposed(tree, beam, row, nearest) if row >= 0 else nearest
+        row = first_wall(tree, beam, nearest, waiting).row
+        ranges[i] = np.inf
+        if row >= 0:
+            wall = wall_at(tree.walls, row)
+            ranges[i] = within(length_of(beam, wall), range_min, range_max, beam, wall)
+        if len(hits) > 0:
+            hits[i] = tree.rows[row] if math.isfinite(ranges[i]) else -1
+
+
+@inner
+def beam_of(rays: Records, i: int) -> Beam:
+    """The beam of a ray."""
+    ray = rays[i]
+    return Beam(ray.x, ray.y, ray.dx, ray.dy)
+
+
+@inner
+def first_wall(tree: Tree, beam: Beam, nearest: Nearest, waiting: Waiting) -> Nearest:
+    """The wall that a beam meets first, if it is not the nearest one so far."""
+    waiting.nodes[0], waiting.nears[0] = 0, 0.0
+    place = Place(1 if len(tree.walls) > 0 else 0, 0, 0)
+    while True:
+        place, nearest = search(tree, beam, nearest, waiting, place)
+        if place.row >= place.stop:
+            return nearest
+        # Of walls met at equal t the first in the world stays.
+        first = nearest.row < 0 or tree.rows[place.row] < tree.rows[nearest.row]
+        wall, other = wall_at(tree.walls, place.row), wall_at(tree.walls, max(nearest.row, 0))
+        nearest = settled(beam, nearest, place.row, wall, other, first)
+        place = Place(place.top, place.row + 1, place.stop)
+
+
+@borrower
+def search(
+    tree: Tree, beam: Beam, nearest: Nearest, waiting: Waiting, place: Place
+) -> tuple[Place, Nearest]:
+    """Search on from a place in the tree up to the next wall that float64 leaves open.
+
+    Without one the row comes back as that behind a leaf.
+    """
+    boxes, links, walls, _ = tree
+    nodes, nears = waiting
+    ox, oy, dx, dy = beam
+    top, row, stop = place
+    across, along = 1.0 / dx, 1.0 / dy
+    # Columns of the sides where a beam enters a box, and where it leaves it.
+    left, low = (0 if across > 0.0 else 2), (1 if along > 0.0 else 3)
+    right, high = 2 - left, 4 - low
+    while True:
+        while row < stop:
+            verdict, least, most = judged(wall_at(walls, row), beam, nearest)
+            if verdict == TAKEN:
+                nearest = Nearest(row, least, most)
+            elif verdict == OPEN and row != nearest.row:
+                return Place(top, row, stop), nearest
+            row += 1
+        if top == 0:
+            return Place(0, row, row), nearest
+        top -= 1
+        if nears[top] > nearest.high * ROOM:
+            continue
+        node = nodes[top]
+        first, count = links[node, 0], links[node, 1]
+        if count > 0:
+            row, stop = first, first + count
+            continue
+        bottom = top
+        for child in range(first, first - count):
+            near, far = 0.0, nearest.high
+            # Along an axis 0 times infinity is no number, and no bound.
+            bound = (boxes[child, left] - ox) * across
+            near = bound if bound > near else near
+            bound = (boxes[child, low] - oy) * along
+            near = bound if bound > near else near
+            bound = (boxes[child, right] - ox) * across
+            far = bound if bound < far else far
+            bound = (boxes[child, high] - oy) * along
+            far = bound if bound < far else far
+            if near > far * ROOM:
+                continue
+            slot = top
+            while slot > bottom and nears[slot - 1] < near:
+                nears[slot], nodes[slot] = nears[slot - 1], nodes[slot - 1]
+                slot -= 1
+            nears[slot], nodes[slot] = near, child
+            top += 1
+
+
+@inner
+def proposed(tree: Tree, beam: Beam, row: int, nearest: Nearest) -> Nearest:
+    """The nearest wall, of that in a row and the nearest so far."""
+    wall = wall_at(tree.walls, row)
+    verdict, low, high = judged(wall, beam, nearest)
+    if verdict == TAKEN:
+        return Nearest(row, low, high)
+    return settled(beam, nearest, row, wall, wall, True) if verdict == OPEN else nearest
+
+
+@borrower
+def judged(wall: Wall, beam: Beam, nearest: Nearest) -> tuple[int, float, float]:
+    """Whether a wall is met before the nearest so far, as float64 tells, and at which distances."""
+    ax, ay = wall.px - beam.ox, wall.py - beam.oy
+    bx, by = wall.qx - beam.ox, wall.qy - beam.oy
+    left, right = beam.dx * ay, beam.dy * ax
+    other_left, other_right = beam.dx * by, beam.dy * bx
+    p, q = left - right, other_left - other_right
+    doubt = FILTER * (abs(left) + abs(right) + abs(other_left) + abs(other_right))
+    if min(p, q) > doubt or max(p, q) < -doubt:
+        return MISSED, 0.0, 0.0
+    ex, ey = wall.qx - wall.px, wall.qy - wall.py
+    left, right = ax * ey, ay * ex
+    other_left, other_right = beam.dx * ey, beam.dy * ex
+    area, slope = left - right, other_left - other_right
+    size, steep = abs(left) + abs(right), abs(other_left) + abs(other_right)
+    t = area / slope
+    slack = LENGTH_SLACK + 2.0 * FILTER * (size / abs(area) + steep / abs(slope))
+    # Not a number where the area or the slope is zero.
+    if not slack < CLEAR_LENGTH:
+        return OPEN, 0.0, 0.0
+    low, high = t * (1.0 - slack), t * (1.0 + slack)
+    if t < 0.0 or low > nearest.high:
+        return MISSED, low, high
+    sure = min(abs(p), abs(q)) > doubt and high < nearest.low
+    return (TAKEN if sure else OPEN), low, high
+
+
+@inner
+def settled(
+    beam: Beam, nearest: Nearest, row: int, wall: Wall, other: Wall, first: bool
+) -> Nearest:
+    """The nearest, of a wall that float64 leaves open and the other, nearest so far; exactly.
+
+    Of walls met at equal t the new one is taken if it comes first.
+    """
+    area = area_sign(beam.ox, beam.oy, wall)
+    if area != 0:
+        met = meets_seen(area, beam, wall)
+    else:
+        met = between(beam.ox, beam.oy, wall) or meets_in_line(beam, wall)
+    if not met:
+        return nearest
+    if nearest.row >= 0:
+        order = compare(beam, wall, other)
+        if order > 0 or (order == 0 and not first):
+            return nearest
+    t = length_of(beam, wall)
+    return Nearest(row, t / ROOM, t * ROOM) if t <= nearest.high else nearest
+
+
+@inner
+def within(t: float, range_min: float, range_max: float, beam: Beam, wall: Wall) -> float:
+    """The rounded t of a wall within the limits, +inf above and −inf below, decided exactly."""
+    if range_min * ROOM < t < range_max / ROOM:
+        return t
+    if t >= range_max / ROOM:
+        if compare_limit(range_max, beam, wall) > 0:
+            return np.inf
+        return min(t, range_max)
+    if compare_limit(range_min, beam, wall) < 0:
+        return -np.inf
+    return max(t, range_min)
+
+
+@inner
+def length_of(beam: Beam, wall: Wall) -> float:
+    """The t of a wall that the beam meets, to within half a unit in its last place."""
+    t, _, good = plain_length(beam, wall)
+    return t if good else length(beam, wall)

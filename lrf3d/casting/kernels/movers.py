@@ -1,0 +1,296 @@
+"""Beams among dynamic obstacles, compiled: where these are at a time, and which beams they stop.
+
+Obstacles are outlines on paths. A scan of one moment meets them by the bearings of circles around
+them; beams that are sent one by one meet them where they are at the time of the beam.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from lrf3d.casting.kernels.beams import (
+    OPEN,
+    TAKEN,
+    Nearest,
+    Records,
+    beam_of,
+    judged,
+    length_of,
+    settled,
+    within,
+)
+from lrf3d.casting.kernels.buffer import ROOM, bearing
+from lrf3d.casting.kernels.fan import beams_between
+from lrf3d.casting.kernels.predicates import Beam, Wall
+from lrf3d.casting.kernels.scans import PADDING, Laser, aim, turn
+from lrf3d.casting.kernels.tree import Plain
+from lrf3d.compiling import compiled, inner
+from lrf3d.geometry import TINY, Float, Int
+
+RINGS = 64
+"""Number of distance classes in which obstacles are sorted: near ones hide those behind."""
+
+ROWS, MEASURES = ("first", "stop", "leg", "last"), ("reach", "period", "fastest", "disc")
+MOVER = np.dtype([*((n, np.int64) for n in ROWS), *((n, np.float64) for n in MEASURES)], align=True)
+"""An obstacle: its corners and the legs of its path, from the first to before the last; its largest
+distance from its origin to a corner [m]; after which time its path begins again [s], 0 for never;
+its largest speed [m/s]; and its radius [m] if it touches others as a disc, or 0."""
+
+CORNER = np.dtype([("x", np.float64), ("y", np.float64)], align=True)
+"""A corner [m] in the frame of its obstacle."""
+
+LEG = np.dtype([(name, np.float64) for name in ("time", "x", "y", "theta")], align=True)
+"""A pose of a path [m, rad] and its time [s]."""
+
+PLACED = np.dtype([(name, np.float64) for name in ("x", "y", "reach")], align=True)
+"""The origin of an obstacle at a moment [m], and its reach."""
+
+SIDE = np.dtype([(name, np.float64) for name in ("px", "py", "qx", "qy")], align=True)
+"""A side of an obstacle in the world [m]."""
+
+
+class Movers(NamedTuple):
+    """Obstacles, with all their corners and legs."""
+
+    movers: Records
+    corners: Records
+    legs: Records
+
+
+class Crowd(NamedTuple):
+    """Obstacles at a moment; the sides are in the order of the corners."""
+
+    movers: Records
+    placed: Records
+    sides: Records
+
+
+class Queue(NamedTuple):
+    """Room to sort obstacles by distance."""
+
+    away: Float  # (m,) at least so far away [m];
+    ring: Int  # (m,) distance classes, −1 for those that no beam can meet;
+    order: Int  # (m,) those that remain, the nearest class first.
+
+
+@inner
+def wrapped(angle: float) -> float:
+    """An angle in (−π, π], as by `wrap_angle`."""
+    if -np.pi < angle <= np.pi:
+        return angle
+    turned = np.pi - (np.pi - angle) % (2.0 * np.pi)
+    return turned if turned > -np.pi else np.pi
+
+
+@inner
+def pose_at(
+    legs: Records, first: int, last: int, period: float, time: float
+) -> tuple[float, float, float]:
+    """The pose at a time on a path, as by `Trajectory.at`."""
+    if last - first == 1:
+        rest = legs[first]
+        return rest.x, rest.y, rest.theta
+    shift = period * int(max(time, 0.0) / period) if period > 0.0 else 0.0
+    low, high = first, last
+    while low < high:
+        middle = (low + high) // 2
+        if shift + legs[middle].time <= time:
+            low = middle + 1
+        else:
+            high = middle
+    after = min(max(low, first + 1), last - 1)
+    begin, end = legs[after - 1], legs[after]
+    start, stop = shift + begin.time, shift + end.time
+    share = min(max((time - start) / (stop - start), 0.0), 1.0)
+    return (
+        begin.x + share * (end.x - begin.x),
+        begin.y + share * (end.y - begin.y),
+        wrapped(begin.theta + share * wrapped(end.theta - begin.theta)),
+    )
+
+
+@inner
+def place(among: Movers, j: int, time: float, crowd: Crowd) -> None:
+    """Place an obstacle's sides where they are at a time."""
+    mover, corners, sides = among.movers[j], among.corners, crowd.sides
+    x, y, theta = pose_at(among.legs, mover.leg, mover.last, mover.period, time)
+    at = crowd.placed[j]
+    at.x, at.y, at.reach = x, y, mover.reach
+    cos, sin = math.cos(theta), math.sin(theta)
+    before = mover.stop - 1
+    for row in range(mover.first, mover.stop):
+        side = sides[row]
+        ahead, left = turn(corners[row].x, corners[row].y, cos, sin)
+        side.px, side.py = ahead + x, left + y
+        sides[before].qx, sides[before].qy = side.px, side.py
+        before = row
+
+
+@compiled
+def place_all(plain: Plain, time: float, placed: Records, sides: Records) -> None:
+    """Place all obstacles where they are at a time."""
+    among = Movers(*plain)
+    for j in range(len(placed)):
+        place(among, j, time, Crowd(among.movers, placed, sides))
+
+
+@inner
+def side_at(sides: Records, row: int) -> Wall:
+    """The side in a row, as a wall."""
+    side = sides[row]
+    return Wall(side.px, side.py, side.qx, side.qy)
+
+
+@inner
+def meet(crowd: Crowd, j: int, beam: Beam, nearest: Nearest) -> Nearest:
+    """The nearest side, of those of an obstacle and the nearest so far."""
+    sides, mover = crowd.sides, crowd.movers[j]
+    for row in range(mover.first, mover.stop):
+        side = side_at(sides, row)
+        verdict, low, high = judged(side, beam, nearest)
+        if verdict == TAKEN:
+            nearest = Nearest(row, low, high)
+        elif verdict == OPEN:
+            # Of sides met at equal t the first one stays.
+            other = side_at(sides, max(nearest.row, 0))
+            nearest = settled(beam, nearest, row, side, other, row < nearest.row)
+    return nearest
+
+
+@inner
+def stop_beam(
+    crowd: Crowd, row: int, beam: Beam, limits: tuple[float, float], ranges: Float, hits: Int,
+    i: int,
+) -> None:  # fmt: skip
+    """Shorten the range of a beam to that of a side, if this is nearer."""
+    side = side_at(crowd.sides, row)
+    t = within(length_of(beam, side), limits[0], limits[1], beam, side)
+    # If both are below range_min, −inf, neither is nearer; the wall is −1 in any case.
+    if t < ranges[i]:
+        ranges[i], hits[i] = t, -1
+
+
+@inner
+def reach_of(reach: float, x: float, y: float) -> float:
+    """A reach around (x, y), widened by more than rounding may be."""
+    return reach * ROOM + 1e-12 * (abs(x) + abs(y))
+
+
+@inner
+def by_rings(placed: Records, x: float, y: float, own: int, farthest: float, queue: Queue) -> int:
+    """Sort the obstacles that beams may meet, roughly the nearest first; returns their number."""
+    away, ring, order = queue
+    counts = np.zeros(RINGS + 1, np.int64)
+    scale = RINGS / (farthest * (1.0 + 1e-6) + 1e-9)
+    for j in range(len(placed)):
+        at = placed[j]
+        east, north, reach = at.x - x, at.y - y, reach_of(at.reach, at.x, at.y)
+        square, limit = east * east + north * north, farthest + reach
+        ring[j] = -1
+        if j == own or square > limit * limit * ROOM:
+            continue
+        away[j] = math.sqrt(square) / ROOM
+        ring[j] = min(int(max(away[j] - reach, 0.0) * scale), RINGS - 1)
+        counts[ring[j] + 1] += 1
+    for k in range(RINGS):
+        counts[k + 1] += counts[k]
+    met = int(counts[RINGS])
+    for j in range(len(placed)):
+        if ring[j] >= 0:
+            order[counts[ring[j]]] = j
+            counts[ring[j]] += 1
+    return met
+
+
+@compiled
+def cast_among(
+    plain_crowd: Plain, plain_laser: Plain, poses: Float, own: Int, ranges: Float, hits: Int
+) -> None:
+    """Let obstacles stop the beams of scans from poses (k, 3) at one moment.
+
+    Own (k,) are the obstacles that the scans do not see, or −1.
+    """
+    crowd, laser = Crowd(*plain_crowd), Laser(*plain_laser)
+    placed, limits = crowd.placed, (laser.range_min, laser.range_max)
+    beams = laser.fan.shape[1]
+    dx, dy = np.empty(beams + PADDING), np.empty(beams + PADDING)
+    row, low, high = np.empty(beams, np.int64), np.empty(beams), np.empty(beams)
+    queue = Queue(
+        np.empty(len(placed)), np.empty(len(placed), np.int64), np.empty(len(placed), np.int64)
+    )
+    for k in range(len(poses)):
+        fan = aim(laser, poses[k, 0], poses[k, 1], poses[k, 2], dx, dy)
+        x, y, farthest = fan.x, fan.y, 0.0
+        for i in range(beams):
+            row[i], low[i], high[i] = -1, np.inf, min(ranges[k, i], laser.range_max * ROOM) * ROOM
+            farthest = max(farthest, high[i])
+        for n in range(by_rings(placed, x, y, own[k], farthest, queue)):
+            j = queue.order[n]
+            at, distance = placed[j], queue.away[j]
+            east, north, reach = at.x - x, at.y - y, reach_of(at.reach, at.x, at.y)
+            start, stop, near, wide = 0, beams, 0.0, reach + 1e-12 * distance
+            if distance > reach:
+                near, share = distance - reach, reach / distance
+                # At least the arc sine of the share.
+                half = share + (0.5 * np.pi - 1.0) * share * share * share
+                ahead = east * fan.ahead_x + north * fan.ahead_y
+                middle = bearing(ahead, north * fan.ahead_x - east * fan.ahead_y)
+                start, stop = beams_between(middle - half, 2.0 * half, fan, beams)
+            for i in range(start, stop):
+                if high[i] < near or abs(dx[i] * north - dy[i] * east) > wide:
+                    continue
+                beam = Beam(x, y, dx[i], dy[i])
+                nearest = meet(crowd, j, beam, Nearest(row[i], low[i], high[i]))
+                row[i], low[i], high[i] = nearest.row, nearest.low, nearest.high
+        for i in range(beams):
+            if row[i] >= 0:
+                beam = Beam(x, y, dx[i], dy[i])
+                stop_beam(crowd, row[i], beam, limits, ranges[k], hits[k], i)
+
+
+@compiled
+def rays_among(
+    plain: Plain, limits: tuple[float, float], rays: Records, own: int, ranges: Float, hits: Int
+) -> None:
+    """Let obstacles stop rays (n,), at least one, each where they are at its time."""
+    among, beams = Movers(*plain), len(rays)
+    movers = among.movers
+    crowd = Crowd(movers, np.empty(len(movers), PLACED), np.empty(len(among.corners), SIDE))
+    # Around where an obstacle is half-way, it is somewhere in this circle all the time.
+    begin, end = rays[0].time, rays[beams - 1].time
+    circles = np.empty(len(movers), PLACED)
+    for j in range(len(movers)):
+        mover, circle = movers[j], circles[j]
+        half = 0.5 * (end + begin)
+        circle.x, circle.y, _ = pose_at(among.legs, mover.leg, mover.last, mover.period, half)
+        reach = mover.reach + mover.fastest * 0.5 * (end - begin)
+        circle.reach = (1.0 + 1e-6) * reach + 1e-12 * (abs(circle.x) + abs(circle.y))
+    for i in range(beams):
+        beam, limit = beam_of(rays, i), min(ranges[i], limits[1] * ROOM) * ROOM
+        nearest = Nearest(-1, np.inf, limit)
+        for j in range(len(movers)):
+            east, north = circles[j].x - beam.ox, circles[j].y - beam.oy
+            reach = circles[j].reach + 1e-12 * (abs(east) + abs(north))
+            across, along = beam.dx * north - beam.dy * east, beam.dx * east + beam.dy * north
+            beside = abs(across) > reach or along < -reach or along - reach > limit
+            if j != own and not beside:
+                place(among, j, rays[i].time, crowd)
+                nearest = meet(crowd, j, beam, nearest)
+        if nearest.row >= 0:
+            stop_beam(crowd, nearest.row, beam, limits, ranges, hits, i)
+
+
+@compiled
+def poses_along(legs: Records, times: Float, pose: Float) -> Float:
+    """Poses (n, 3) at times (n,) [s] on a path that is moved and turned to begin at a pose (3,)."""
+    poses = np.empty((len(times), 3))
+    x0, y0, theta0 = pose_at(legs, 0, len(legs), 0.0, times[0])
+    for i in range(len(times)):
+        x, y, theta = pose_at(legs, 0, len(legs), 0.0, times[i])
+        # The turn is added to the given heading, which may lie beyond a full turn.
+        poses[i, 0], poses[i, 1] = x + (pose[0] - x0), y + (pose[1] - y0)
+        poses[i, 2] = pose[2] + wrapped(theta - theta0)
+        for k in range(3):
+            poses[i, k] = poses[i, k] if abs(poses[i, k]) >= TINY else 0.0
+    return poses

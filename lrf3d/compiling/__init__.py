@@ -1,0 +1,8 @@
+"""Compiling kernels: once, cached on disk, and without Python's lock while they run.
+
+A kernel is a typed Python function of numbers and arrays that numba compiles to machine code.
+"""
+
+from lrf3d.compiling.kernels import borrower, compiled, inner
+
+__all__ = ["borrower", "compiled", "inner"]
