@@ -44,7 +44,7 @@ class StockFilm:
         for mesh in _buildings(structures):
             self._scene.add(mesh)
         self._scene.add(_ground(structures))
-        self._robot = self._scene.add(_robot(run.lrf.height))
+        self._robot = self._scene.add(_robot(run.lrf.height, run.radius))
         sun = np.eye(4)
         sun[:3, 2] = SUN
         sun[:3, 0] = np.cross([0.0, 1.0, 0.0], SUN) / np.hypot(SUN[0], SUN[2])
@@ -104,7 +104,7 @@ def _ground(structures: Structures) -> Mesh:
     return Mesh([pyrender.Primitive(positions=places, normals=up, color_0=colour)])
 
 
-def _robot(laser_height: float) -> Mesh:
-    places, ups, colours = (each.reshape(-1, 3) for each in robot_body(laser_height))
+def _robot(laser_height: float, radius: float) -> Mesh:
+    places, ups, colours = (each.reshape(-1, 3) for each in robot_body(laser_height, radius))
     colour = np.column_stack([colours, np.ones(len(colours))])
     return Mesh([pyrender.Primitive(positions=places, normals=ups, color_0=colour)])

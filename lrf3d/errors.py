@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 LONGEST_MESSAGE = 600
 """Largest number of characters of a message: some lines of a terminal."""
 
+MOST_PARTS = 10_000
+"""Largest number of parts of a value that is shown by all of them."""
+
 
 def one_line(text: str, most: int = LONGEST_MESSAGE) -> str:
     r"""A text as one line of a terminal: control characters escaped, the middle left out if long.
@@ -47,10 +50,28 @@ def shown(value: object, most: int = 40) -> str:
         # Only the part that is shown is escaped.
         value = value[:most] + value[-most:]
     try:
-        return one_line(repr(value), most)
+        return one_line(_text(value), most)
     except ValueError:
         # Python does not convert numbers of more than 4,300 digits.
         return "a number of thousands of digits"
+    except Exception:
+        # It is nested too deeply, or of a class whose text is an error.
+        return f"a value of type {type(value).__name__}"
+
+
+def _text(value: object) -> str:
+    """The text of a value, or of its first parts if it has thousands: they may be all the same."""
+    parts, count = [value], 0
+    while parts and count < MOST_PARTS:
+        part = parts.pop()
+        count += 1
+        parts += part if isinstance(part, list | tuple) else ()
+        parts += part.values() if isinstance(part, dict) else ()
+    if not parts:
+        return repr(value)
+    from reprlib import repr as short_repr
+
+    return short_repr(value)
 
 
 class Lrf3dError(Exception):

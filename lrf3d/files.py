@@ -9,8 +9,9 @@ import os
 import shutil
 import stat
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from tempfile import mkdtemp
 from typing import BinaryIO
 
 from lrf3d.errors import InputError, OutputError
@@ -23,6 +24,9 @@ GENERAL = frozenset(
     " sweep untitled world".split()
 )
 """File names that say only what kind of file it is; the name of the folder is put before them."""
+
+_PRIVATE, _UNFINISHED = ".lrf3d-", ".unfinished"
+"""Beginning and end of the names of the private folders in which files are written."""
 
 
 def check_ordinary(
@@ -119,36 +123,77 @@ def writing(path: str | Path, advice: str = "choose another place") -> Iterator[
 
 @contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
-    """Yield a temporary name next to ``path`` to write to, and rename it to ``path`` afterwards.
+    """Yield a place of the same name in a private folder, and move what is written there to `path`.
 
-    The name has the ending of ``path``, from which libraries derive the format. If writing fails or
-    is interrupted, an older file at ``path`` stays. What a killed process leaves is overwritten.
+    If writing fails or is interrupted, an older file at ``path`` stays. A symbolic link at ``path``
+    is replaced, not followed.
     """
     path = Path(path)
-    unfinished = path.with_name(f".{path.stem}.unfinished{path.suffix}")
-    with writing(path):
-        try:
-            yield unfinished
-            os.replace(unfinished, path)
-        finally:
-            # If nothing could be written, as under too long a name, there is nothing to remove.
-            with suppress(OSError):
-                unfinished.unlink()
+    with writing(path), unfinished_folder(path) as folder:
+        unfinished = folder / path.name
+        yield unfinished
+        os.replace(unfinished, path)
 
 
 @contextmanager
 def unfinished_folder(path: str | Path) -> Iterator[Path]:
-    """Make a temporary folder next to ``path``, for files that are moved there when complete.
+    """Make a private folder next to ``path``, for files that are moved there when complete.
 
-    The folder and what is left in it are removed afterwards.
+    All that lrf3d writes begins in one. Nobody else can guess its name, or put a link into it that
+    would lead what is written elsewhere. It is removed afterwards, and so are those that processes
+    left there when they were killed.
     """
-    folder = Path(path).with_name(f".{Path(path).name}.parts.unfinished")
-    shutil.rmtree(folder, ignore_errors=True)
+    place = Path(path).parent
+    with writing(path):
+        for left in place.glob(f"{_PRIVATE}*{_UNFINISHED}"):
+            with suppress(OSError), _hold(left):
+                shutil.rmtree(left)
+        folder, held = None, ExitStack()
+        # Between its making and its locking another process may take a folder for one that is left.
+        while folder is None or not folder.exists():
+            folder = Path(mkdtemp(_UNFINISHED, _PRIVATE, place))
+            with suppress(FileNotFoundError):
+                held.enter_context(_hold(folder, wait=True))
     try:
-        folder.mkdir()
         yield folder
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+        held.close()
+
+
+@contextmanager
+def _hold(folder: Path, *, wait: bool = False) -> Iterator[None]:
+    """Hold the lock of a private folder, which the system releases however this process ends.
+
+    Where the system has no such locks, it can be held by waiting alone.
+    """
+    try:
+        import fcntl
+    except ImportError:
+        if not wait:
+            raise OSError from None
+        yield
+        return
+    file = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    try:
+        status = os.fstat(file)
+        if status.st_uid != os.geteuid() or stat.S_IMODE(status.st_mode) != stat.S_IRWXU:
+            raise OSError(f"{folder}: of somebody else")
+        fcntl.flock(file, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    finally:
+        os.close(file)
+
+
+def opened_own(path: Path, *, fresh: bool = False, buffering: int = -1) -> BinaryIO:
+    """Open a file of one's own for reading and appending, or make a fresh one in its place.
+
+    A symbolic link is not followed: somebody else may have put it there.
+    """
+    if fresh:
+        path.unlink(missing_ok=True)
+    flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0) | getattr(os, "O_NOFOLLOW", 0)
+    return os.fdopen(os.open(path, flags | (os.O_EXCL if fresh else 0), 0o666), "r+b", buffering)
 
 
 def write_text(path: str | Path, text: str) -> None:

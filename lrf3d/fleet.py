@@ -62,6 +62,7 @@ def simulate_fleet(
     for robot, trajectory in enumerate(trajectories):
         settings["obstacles"] = bodies[:robot] + bodies[robot + 1 :]
         settings["mapper"] = None if mapper is None else mapper()
+        settings["radius"] = radius
         settings["rng"], before = generators[robot], sum(map(len, runs))
         report = partial(lambda before, done, _: progress(before + done, total), before)
         runs.append(simulate(world, trajectory, lrf, progress=report, **settings))

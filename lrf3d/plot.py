@@ -41,7 +41,7 @@ from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.run import Run
 from lrf3d.scene.estimate import BELIEVED, TRUTH, kept_ellipses, outlines
 from lrf3d.scene.look import DART, ESTIMATE_COLOUR, ESTIMATE_FADED, object_tints
-from lrf3d.scene.structures import Sight
+from lrf3d.scene.structures import Sight, enclosed_areas
 from lrf3d.sheet import FAINT, INK, dressed, plain, sheet
 from lrf3d.world import World
 
@@ -287,11 +287,8 @@ def _enclosed(world: World, poses: Float) -> Any:
     """What the walls of each object enclose, without courtyards, as shapely polygons."""
     import shapely
 
-    lines = shapely.linestrings(world.segments.reshape(-1, 2, 2))
-    _, number = np.unique(world.objects, return_inverse=True)
-    order = np.argsort(number, kind="stable")
-    walls = shapely.multilinestrings(lines[order], indices=number[order])
-    areas = shapely.get_parts(shapely.build_area(walls))
+    names, numbers = np.unique(world.objects, return_inverse=True)
+    areas = shapely.get_parts(enclosed_areas(world.segments, numbers, len(names))[1])
     inhabited = shapely.STRtree(areas).query(shapely.points(poses[:, :2]), predicate="within")[1]
     # In normal form courtyards turn against the outer ring, which is what leaves them unfilled.
     return shapely.normalize(np.delete(areas, inhabited))

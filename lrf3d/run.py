@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.errors import InputError, MissingLibraryError, shown
-from lrf3d.geometry import Float, Int, Value, sealed
+from lrf3d.geometry import Float, Int, Value, number, sealed
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.laser.scan import LIGHT
 from lrf3d.lazy import Pictured
@@ -20,6 +20,7 @@ from lrf3d.mapping import LineMap
 from lrf3d.mapping.tracking import ObjectTracker, numbers_by_truth
 from lrf3d.pose import Pose
 from lrf3d.robot import EstimatedTrajectory, Trajectory
+from lrf3d.robot.unicycle import RADIUS
 from lrf3d.world import World
 from lrf3d.world.cameras import USUAL_FILM, FilmPlan
 from lrf3d.world.free_cells import FreeCells
@@ -56,6 +57,7 @@ class Run(Value, Pictured):
         echoes: (k, beams, e) ranges [m] of the echoes of each beam, the nearest first, +inf after
             the last; None if the range finder reports one.
         echo_intensities: (k, beams, e) their intensities.
+        radius: Radius of the robot [m].
 
     Examples:
         >>> import lrf3d
@@ -81,8 +83,10 @@ class Run(Value, Pictured):
     intensities: Float | None = None
     echoes: Float | None = None
     echo_intensities: Float | None = None
+    radius: float = RADIUS
 
     def __post_init__(self) -> None:
+        number(self.radius, "run: radius", "metres")
         self._hold("ranges", "truth", *self.light)
         self._hold("walls", dtype=np.int64)
         scans, beams = shape = len(self.trajectory), self.lrf.beams
@@ -125,6 +129,11 @@ class Run(Value, Pictured):
         """Whether the trajectory is the true one rather than the estimate of a recorded drive."""
         estimate = self.estimate
         return estimate is None or not np.array_equal(estimate.poses, self.trajectory.poses)
+
+    @property
+    def playback(self) -> float:
+        """Simulated seconds in a second of its film."""
+        return self.film.playback_of(self.trajectory.duration)
 
     @property
     def odometry(self) -> Float:

@@ -258,7 +258,7 @@ class Scenario(Value):
             noise=usual if noise is None else noise, mapper=mapper,
             obstacles=scenario.obstacles, **controlled,
         )  # fmt: skip
-        made.film = scenario.film
+        made.film, made.radius = scenario.film, scenario.radius
         return made
 
     def run(

@@ -23,6 +23,7 @@ from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.pose import Pose
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.robot.following import SCAN_INTERVAL
+from lrf3d.robot.unicycle import RADIUS
 from lrf3d.run import Run, is_snapshot
 from lrf3d.sensor import Caster, Sensor
 from lrf3d.steering import ControlledDrive, Controller
@@ -158,6 +159,8 @@ class Simulation:
         )
         self.film: FilmPlan = USUAL_FILM
         """The default settings of the film."""
+        self.radius = RADIUS if radius is None else radius
+        """Radius of the robot [m]."""
         self.scans, self.done, self._seconds = scans, 0, 0.0
         self._returned: Any = None
 
@@ -301,6 +304,7 @@ def collect(
         maps=tuple(maps.values()),
         obstacles=simulation.obstacles,
         film=simulation.film,
+        radius=simulation.radius,
         estimate=simulation.estimate,
         **rows,
     )

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+import lrf3d
 from lrf3d import InputError, OutputError, WorldError, load_log, load_map, load_run, load_world
 from lrf3d.files import locked, make_folder, own_name, replacing, unfinished_folder
 from lrf3d.io.reading import is_run
@@ -144,7 +145,7 @@ def test_a_lock_excludes_others_and_what_a_killed_process_left_is_cleared_up(tmp
         with pytest.raises(InputError, match=r"film\.mp4: another process writes here"):
             locked(target).__enter__()
         process.kill()
-    assert {path.name for path in tmp_path.iterdir()} == {".film.mp4.lock", ".film.unfinished.mp4"}
+    assert len({*tmp_path.glob(".film.mp4.lock"), *tmp_path.glob(".lrf3d-*.unfinished/*.mp4")}) == 2
     with locked(target), replacing(target) as unfinished:
         unfinished.write_text("whole")
         with pytest.raises(InputError, match="writes here"):
@@ -161,8 +162,34 @@ def test_a_folder_is_under_way_to_one_place_and_names_that_are_invalid_are_refus
         os.replace(folder / "part", file)
     assert path.read_text() == "whole" and list(Path().iterdir()) == [path]
     with pytest.raises(OutputError, match="cannot be written: File name too long"):
-        with replacing("a" * 250) as file:
+        with replacing("a" * 300) as file:
             file.write_text("")
     for write in (lambda name: replacing(name).__enter__(), make_folder):
         with pytest.raises(OutputError, match=r"a.x00b: not a file name; remove its NUL"):
             write("a\0b")
+
+
+def test_what_is_written_follows_no_link_that_somebody_put_there(tmp_path):
+    """Names of temporary files cannot be guessed, and a link at a known name is never followed."""
+    victim, out = tmp_path / "victim", tmp_path / "out"
+    victim.write_text("precious")
+    out.mkdir()
+    room = lrf3d.load_world("paper_room")
+    begin = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], rng=0)
+    fixed = [".run.unfinished.npz", ".run.log.unfinished.gz", ".run.npz.lock", "run.journal"]
+    for name in [*fixed, ".run.mcap.parts.unfinished", "run.npz", "run.log.gz", "run.mcap"]:
+        (out / name).symlink_to(victim)
+    with pytest.raises(OutputError, match=r"run\.npz: cannot be written"):
+        lrf3d.record(lrf3d.Simulation(room, [(1, 1, 0), (2, 1, 0)], rng=0), out / "run.npz")
+    (out / ".run.npz.lock").unlink()
+    lrf3d.record(lrf3d.Simulation(room, [(1, 1, 0), (2, 1, 0)], rng=0), out / "run.npz")
+    lrf3d.export_run(begin, "carmen", out / "run.log.gz")
+    lrf3d.export_run(begin, "mcap", out / "run.mcap")
+    (out / "rows").mkdir()
+    (out / "rows" / "sweep.jsonl").symlink_to(tmp_path / "absent")
+    with pytest.raises(InputError, match=r"sweep\.jsonl: no such file"):
+        lrf3d.sweep("paper_room", seeds=1, workers=1, folder=out / "rows")
+    assert victim.read_text() == "precious" and not (tmp_path / "absent").exists()
+    assert not any(path.is_symlink() for path in (out / "run.npz", out / "run.mcap"))
+    with unfinished_folder(out / "a") as first, unfinished_folder(out / "a") as second:
+        assert first != second and first.is_dir() and first.stat().st_mode & 0o777 == 0o700

@@ -40,27 +40,37 @@ class ResultsFolder:
     ) -> None:
         """Write summary.json, print the results, and draw, which may fail or be stopped, last.
 
-        Files and drawings are given by their contents; ``following`` is the command that a user
-        may want next, and ``kept`` is printed if drawing fails or is stopped: how to continue.
+        Files and drawings are given by their contents; a drawing that fails does not keep the
+        others from being drawn. ``following`` is the command that a user may want next, and
+        ``kept`` is printed if drawing fails or is stopped: how to continue.
         """
         made = {**files, "summary": "summary.json"}
         figures = {**summary, "made_by": self.made_by, "files": made}
         write_text(self.path / "summary.json", json_text(figures))
         if self.report.shows:
             self.report.print(summary, rows)
+        failed = []
         try:
             with noting(lambda: kept):
                 for name, (file, draw) in drawings.items():
                     check()
-                    draw(self.path / file)
-                    made[name] = file
-        except Exception as error:
-            what = "" if isinstance(error, Lrf3dError) else f"{type(error).__name__}: "
-            raise DrawingError(f"{self.path / file}: not drawn: {what}{error}; {kept}") from error
+                    try:
+                        draw(self.path / file)
+                    except Exception as error:
+                        why = str(error)
+                        if not isinstance(error, Lrf3dError | OSError):
+                            why = (
+                                f"{type(error).__name__}: {why} (a bug of lrf3d; please report it)"
+                            )
+                        failed.append(f"{self.path / file}: not drawn: {why}")
+                    else:
+                        made[name] = file
         finally:
             write_text(self.path / "summary.json", json_text(figures))
             if self.report.json:
                 print_json(figures)
+        if failed:
+            raise DrawingError(f"{'; '.join(failed)}; {kept}")
         if self.report.shows:
             written = [("files", f"{self.path}: {', '.join(made.values())}")]
             written += [("next", following)] if following else []

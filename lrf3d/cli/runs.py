@@ -1,5 +1,6 @@
 """``lrf3d render``, ``view`` and ``export``: runs as films, in the browser, for other programs."""
 
+import sys
 from argparse import Namespace
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +18,9 @@ from lrf3d.text import counted
 
 _LARGE, _SMALL = (1280, 720), (640, 360)
 """Sizes [pixels] of films for players, and of films that are drawn slowly or shared."""
+
+_NOTED, _LONG = 3.0, 20.0
+"""After this time [s] the frames and the time of a film are printed, if it takes longer [s]."""
 
 _RATE, _GIF_RATE = 25.0, 10.0
 """Frames a second. A GIF of 15 s then has less than 10 MB."""
@@ -72,16 +76,22 @@ def write_film(
     if args.size is None and ending in (".gif", ".webp"):
         look["size"] = _SMALL
     rate = args.fps or (_GIF_RATE if ending == ".gif" else _RATE)
-    began, frames = perf_counter(), 0
+    began, frames, noted = perf_counter(), 0, False
     # The light is baked once, for all that draw.
     with report.progress("light") as progress:
         stage_of(run, progress)
+    first = perf_counter()
     with report.progress("film") as progress:
 
         def note(number: int, total: int) -> None:
-            nonlocal frames
+            nonlocal frames, noted
             frames += 1
             progress(number, total)
+            # A terminal has a bar that shows it.
+            if not noted and (passed := perf_counter() - first) > _NOTED:
+                noted, time = True, passed * total / frames
+                if time > _LONG and not sys.stderr.isatty():
+                    report.note(f"film: {total:,} frames, which take about {time:.0f} s")
 
         render_video(run, path, fps=rate, workers=args.workers, part=part, progress=note, **look)
     figures = {"size": list(look["size"]), "renderer": look["renderer"]}

@@ -331,7 +331,8 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         times, scenario = self.robots.dt * np.arange(len(poses)), self.robots.scenario
         obstacles = tuple(obstacle.until(times[-1]) for obstacle in scenario.obstacles)
         path = Trajectory(times, poses)
-        run = Run(scenario.world, scenario.lrf, path, ranges, truth, walls, (), (), obstacles)
+        drawn = path, ranges, truth, walls, (), (), obstacles
+        run = Run(scenario.world, scenario.lrf, *drawn, radius=scenario.radius)
         goal = (*self.robots.goals[0].tolist(), GOAL_RADIUS)
         return frame(run, float(times[-1]), size=self._size, view=self._view, goal=goal)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from lrf3d.geometry import LARGEST_COORDINATE
 from lrf3d.io.bag_frames import Stamps, Track
-from lrf3d.io.laser_log import NAMED, BadLine
+from lrf3d.io.laser_log import A_MESSAGE, A_POSE, NAMED, BadLine
 from lrf3d.laser import LaserScan, Stamp
 from lrf3d.text import counted
 
@@ -87,6 +87,7 @@ class Contents:
         """Take a message; an error says why it cannot be used."""
         if kind in (TRANSFORMS, OLD_TRANSFORMS):
             edges = self.edges[topic.rpartition("/")[0]]
+            self.readings += A_POSE * len(message.transforms)
             for each in message.transforms:
                 child, above = _frame(each.child_frame_id), _frame(each.header.frame_id)
                 track = Track(is_static=topic.endswith(STATIC_FRAMES))
@@ -102,8 +103,9 @@ class Contents:
             stream = self.by_frame.get((topic, frame)) or Stream(topic, frame)
             stream.add(message, *stamp)
             self.by_frame[topic, frame] = stream
-            self.readings += len(message.ranges)
+            self.readings += len(message.ranges) + A_MESSAGE
         else:
+            self.readings += A_POSE
             pose = message.pose if kind == POSE else message.pose.pose
             self.tracks[topic].add(pose.position, pose.orientation, *stamp)
             self.children[topic] = _frame(message.child_frame_id) if kind == ODOMETRY else ""

@@ -27,10 +27,12 @@ from typing import Any
 
 from lrf3d.errors import InputError, MissingLibraryError, missing_extra, one_line
 from lrf3d.files import check_ordinary
+from lrf3d.interrupts import check
 from lrf3d.io.bag_contents import OLD_TRANSFORMS, SCAN, TRANSFORMS, TYPES, Contents
 from lrf3d.io.bag_poses import log_of
 from lrf3d.io.cut_mcap import whole_part
 from lrf3d.io.laser_log import MOST_READINGS, LaserLog
+from lrf3d.io.unpacking import bounded_bags
 
 FILES = (".mcap", ".db3", ".bag")
 """Endings of the files of bags; the last one is that of ROS 1."""
@@ -112,7 +114,7 @@ def _opened(path: Path, contents: Contents) -> Iterator[tuple[list[Any], Callabl
     if is_old:
         for name in (TRANSFORMS, OLD_TRANSFORMS):
             store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", name))
-    with ExitStack() as stack:
+    with bounded_bags(), ExitStack() as stack:
         try:
             readers = [_reader(kind, path if path.is_dir() else files[0], stack, contents)]
         except InputError:
@@ -133,6 +135,8 @@ def _reader(kind: Any, file: Path, stack: ExitStack, contents: Contents) -> Any:
         try:
             reader = kind(file)
             reader.open()
+        except InputError:
+            raise
         except Exception:
             whole = whole_part(file, stack) if file.suffix.lower() == ".mcap" else None
             if whole is None:
@@ -170,7 +174,11 @@ def _messages(
     for reader in readers:
         wanted = [each for each in reader.connections if each.topic in topics]
         try:
-            yield from reader.messages(wanted) if wanted else ()
+            for connection, received, data in reader.messages(wanted) if wanted else ():
+                check()
+                yield connection, received, data
+        except InputError as error:
+            raise _damaged(reader.path, error) from None
         except Exception as error:
             # What comes before the damage is whole.
             contents.notes.append(
@@ -184,6 +192,8 @@ def missing_rosbags(path: Path) -> MissingLibraryError:
 
 
 def _damaged(path: Path, error: Exception) -> InputError:
+    if isinstance(error, InputError):
+        return InputError(f"{path}: {error}")
     hint = "; rosbag reindex may repair it" if "not indexed" in str(error) else ""
     return InputError(f"{path}: not a ROS bag or damaged ({_short(error)}){hint}")
 

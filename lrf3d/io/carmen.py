@@ -35,8 +35,12 @@ import numpy as np
 from lrf3d.errors import InputError
 from lrf3d.files import opened, replacing
 from lrf3d.geometry import LARGEST_COORDINATE, Float, sealed, wrap_angle
+from lrf3d.interrupts import check
 from lrf3d.io.laser_log import (
+    A_MESSAGE,
+    LARGEST_LOG,
     LARGEST_RANGE,
+    MOST_LINES,
     MOST_READINGS,
     NAMED,
     BadLine,
@@ -114,7 +118,7 @@ def load_carmen(
 
 def _lines(path: Path) -> Iterator[tuple[int, bytes, str]]:
     """The lines of a file, gzipped or not: number, bytes, and what is wrong, if anything."""
-    number = 0
+    number = size = 0
     with opened(path, what="a log") as file:
         packed = file.read(len(GZIP)) == GZIP
         file.seek(0)
@@ -122,6 +126,11 @@ def _lines(path: Path) -> Iterator[tuple[int, bytes, str]]:
         try:
             parts = iter(lambda: stream.readline(LONGEST_LINE), b"")
             for number, text in enumerate(parts, 1):
+                check()
+                size += len(text)
+                if number > MOST_LINES or size > LARGEST_LOG:
+                    most = f"{MOST_LINES:,} lines or {LARGEST_LOG / 1e9:.1f} GB"
+                    raise InputError(f"{path}: line {number}: more than {most}; cut it into parts")
                 yield number, text, ""
         except (EOFError, zlib.error, gzip.BadGzipFile) as error:
             yield number + 1, b"", f"the packed data are damaged from here on ({error})"
@@ -161,6 +170,7 @@ class _Reading:
         if name in TRACKS:
             if len(words) != 10:
                 raise ValueError(f"{len(words)} words, expected 10")
+            self.readings += A_MESSAGE // 2
             self._stamped[TRACKS[name]].append((_number(words, 7, "time"), _pose(words, 1)))
         elif words[:2] == [b"PARAM", b"robot_frontlaser_offset"]:
             offset = _number(words, 2, "robot_frontlaser_offset")
@@ -173,7 +183,7 @@ class _Reading:
                 self._kind = name
                 self.scans.append(scan)
                 self._places.append(len(self._stamped["odom"]) - 1)
-                self.readings += len(scan.ranges)
+                self.readings += len(scan.ranges) + A_MESSAGE
         elif not name.startswith(b"#") and not (name.isupper() and name[:1].isalpha()):
             raise ValueError("not a CARMEN message")
 

@@ -40,7 +40,14 @@ FINEST, MOST_BEAMS = 1e-4, 100_000
 """Least step [rad] and most beams of a fan on which scans are resampled."""
 
 MOST_READINGS = 50_000_000
-"""Largest number of readings in memory: 400 MB."""
+"""Largest number of readings in memory: 400 MB. Scans and poses count as some more."""
+
+A_MESSAGE, A_POSE = 64, 8
+"""What a message, as an object, and a packed pose take in memory, in readings."""
+
+MOST_LINES, LARGEST_LOG = 10_000_000, 1 << 31
+"""Largest numbers of lines and of bytes of a text log, of which a gzipped one may hold a thousand
+for each of its own; a day's log has a tenth."""
 
 
 @dataclass(frozen=True, slots=True)

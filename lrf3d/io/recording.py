@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from lrf3d.digest import digest, name_of
 from lrf3d.errors import InputError, OutputError
-from lrf3d.files import check_ordinary, locked, writing
+from lrf3d.files import check_ordinary, locked, opened_own, writing
 from lrf3d.interrupts import Progress, noting, silent, stoppable
 from lrf3d.io.npz import DAMAGES, read_arrays, write_npz
 from lrf3d.io.run_file import load_run, run_arrays
@@ -148,10 +148,12 @@ class Journal:
         )
         header = fingerprint.encode() + b"\n"
         self._begin = len(header)
-        if not (keep and _is_of(path, fingerprint)):
-            path.write_bytes(header)
+        kept = keep and _is_of(path, fingerprint)
+        self._file = opened_own(path, fresh=not kept, buffering=BUFFER_BYTES)
+        if not kept:
+            self._file.write(header)
+            self._file.flush()
         self.scans = len(self._valid_rows())
-        self._file = path.open("r+b", buffering=BUFFER_BYTES)
         self._file.truncate(self._begin + self.scans * self.dtype.itemsize)
         self._file.seek(0, 2)
         self._row = np.zeros(1, self.dtype)

@@ -22,6 +22,7 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.laser.scan import LIGHT
 from lrf3d.mapping import LineMap
 from lrf3d.robot import EstimatedTrajectory, Trajectory
+from lrf3d.robot.unicycle import RADIUS
 from lrf3d.run import Run
 from lrf3d.world import World
 from lrf3d.world.cameras import FilmPlan, FixedCamera
@@ -71,6 +72,7 @@ def run_arrays(
         "cameras": [asdict(camera) for camera in world.cameras],
         "laser": {each.name: getattr(lrf, each.name) for each in fields(lrf)},
         "film": asdict(run.film),
+        "radius": run.radius,
         "obstacle_heights": [each.height for each in run.obstacles],
     }
     arrays: dict[str, Any] = {
@@ -204,5 +206,6 @@ def _run(arrays: dict[str, Any]) -> Run:
         tuple(obstacles),
         FilmPlan(**settings["film"]),
         estimate,
+        radius=settings.get("radius", RADIUS),
         **{name: arrays[name] for name in LIGHT if name in arrays},
     )

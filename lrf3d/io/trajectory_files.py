@@ -17,6 +17,7 @@ import numpy as np
 from lrf3d.errors import InputError
 from lrf3d.files import read_text, replacing
 from lrf3d.geometry import Float
+from lrf3d.io.laser_log import MOST_LINES
 from lrf3d.scoring.trajectory_score import Relations
 
 
@@ -31,10 +32,11 @@ def load_relations(path: str | Path) -> Relations:
             row = [float(word) for word in words]
         except ValueError:
             row = []
-        whole = row[:2] == [int(value) for value in row[:2] if np.isfinite(value)]
-        if len(row) not in (5, 6) or not np.isfinite(row).all() or not whole or min(row[:2]) < 0:
+        lines = all(0.0 <= value <= MOST_LINES and value == int(value) for value in row[:2])
+        if len(row) not in (5, 6) or not np.isfinite(row).all() or not lines:
             raise InputError(
-                f"{path}:{number}: expected two line numbers, dx, dy, dtheta and perhaps 0 or 1"
+                f"{path}:{number}: expected two line numbers, of at most {MOST_LINES:,}, dx, dy,"
+                " dtheta and perhaps 0 or 1"
             )
         rows.append(row if len(row) == 6 else [*row, 1.0])
     if not rows:

@@ -56,7 +56,7 @@ class FilmOptions:
             MissingLibraryError: OpenGL is asked for and is not there.
         """
         view = run.film.view if self.view is None else self.view
-        playback = run.film.playback if self.playback is None else self.playback
+        playback = run.playback if self.playback is None else self.playback
         sides = self.size if isinstance(self.size, tuple | list) else ()
         if len(sides) != 2 or not all(
             is_finite(side) and side == int(side) and _SMALLEST <= side <= _LARGEST

@@ -8,31 +8,82 @@ import ctypes.util
 import os
 import sys
 import warnings
+from functools import cache
 from typing import Any
 
 from lrf3d.errors import MissingLibraryError
 
-INSTALL_LINE = "apt-get install -y --no-install-recommends libegl1 libgl1"
+_INSTALL = "apt-get install -y --no-install-recommends"
+INSTALL_LINE = f"{_INSTALL} libegl1 libgl1"
 """What brings OpenGL to a bare Debian or Ubuntu; no wheel does."""
+
+DRIVER_LINE = f"{_INSTALL} libegl-mesa0 libgl1-mesa-dri"
+"""What brings its software driver, where its libraries are there and nothing draws."""
+
+_INSTEAD = "or draw with the renderer embree, which needs none"
 
 _LIBRARIES = ("libEGL.so.1", "libGL.so.1")
 
+_DEVICE, _OPENGL = 0x313F, 0x30A2
+"""EGL's numbers for displays that are devices, and for OpenGL."""
+
+_CONTEXT = (0x3098, 4, 0x30FB, 1, 0x30FD, 1, 0x3038)
+"""EGL's numbers for the context that pyrender makes: OpenGL 4.1, core profile."""
+
 
 def gl_available() -> bool:
-    """Whether the OpenGL libraries are there; cheap, for it makes no context."""
-    if not sys.platform.startswith("linux"):
-        return ctypes.util.find_library("GL") is not None or sys.platform == "win32"
-    return not any(_cannot_load(library) for library in _LIBRARIES)
+    """Whether OpenGL can draw: its libraries are there, and a driver starts."""
+    return not _failure()
 
 
 def require_gl() -> None:
-    """See that OpenGL is there.
+    """See that OpenGL can draw.
 
     Raises:
-        MissingLibraryError: It is not.
+        MissingLibraryError: It cannot.
     """
-    if not gl_available():
-        raise MissingLibraryError(f"no OpenGL library on this machine; install it: {INSTALL_LINE}")
+    if failure := _failure():
+        raise MissingLibraryError(f"{failure}; {_INSTEAD}")
+
+
+@cache
+def _failure() -> str:
+    """Why OpenGL cannot draw, and what to install; empty where it can."""
+    if not sys.platform.startswith("linux"):
+        found = ctypes.util.find_library("GL") is not None or sys.platform == "win32"
+        return "" if found else "no OpenGL library on this machine"
+    if any(_cannot_load(library) for library in _LIBRARIES):
+        return f"no OpenGL library on this machine; install it: {INSTALL_LINE}"
+    if not _starts(ctypes.CDLL(_LIBRARIES[0])):
+        return f"OpenGL is installed, but no driver of it starts; install one: {DRIVER_LINE}"
+    return ""
+
+
+def _starts(egl: ctypes.CDLL) -> bool:
+    """Whether EGL makes a context as pyrender does, on the first of its devices.
+
+    The display is not closed: it would end the contexts that others in this process have on it.
+    """
+    pointer = ctypes.c_void_p
+    egl.eglGetProcAddress.restype = egl.eglGetDisplay.restype = egl.eglCreateContext.restype = (
+        pointer
+    )
+    query = egl.eglGetProcAddress(b"eglQueryDevicesEXT")
+    display_of = egl.eglGetProcAddress(b"eglGetPlatformDisplayEXT")
+    device, count = pointer(), ctypes.c_int()
+    if query and display_of:
+        find = ctypes.CFUNCTYPE(ctypes.c_uint, ctypes.c_int, pointer, pointer)(query)
+        if not find(1, ctypes.byref(device), ctypes.byref(count)) or not count.value:
+            return False
+        show = ctypes.CFUNCTYPE(pointer, ctypes.c_uint, pointer, pointer)(display_of)
+        display = pointer(show(_DEVICE, device, None))
+    else:
+        display = pointer(egl.eglGetDisplay(None))
+    if not display or not egl.eglInitialize(display, None, None) or not egl.eglBindAPI(_OPENGL):
+        return False
+    wanted = (ctypes.c_int * len(_CONTEXT))(*_CONTEXT)
+    context = pointer(egl.eglCreateContext(display, None, None, wanted))
+    return bool(context) and bool(egl.eglDestroyContext(display, context))
 
 
 def import_libraries() -> tuple[Any, Any]:
@@ -47,7 +98,8 @@ def import_libraries() -> tuple[Any, Any]:
     require_gl()
     if sys.platform.startswith("linux"):
         # EGL draws with and without a display, so that a film looks the same on both.
-        os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
+        # OSMesa, which is often named here, does not work with the PyOpenGL that pyrender pins.
+        os.environ["PYOPENGL_PLATFORM"] = "egl"
     with warnings.catch_warnings():
         # What these libraries import warns of things that their users cannot mend.
         warnings.simplefilter("ignore")
@@ -66,7 +118,7 @@ def import_libraries() -> tuple[Any, Any]:
             from OpenGL import GL
         except (ImportError, OSError, AttributeError) as error:
             raise MissingLibraryError(
-                f"OpenGL cannot be loaded ({error}); install it: {INSTALL_LINE}"
+                f"OpenGL cannot be loaded ({error}); install it: {INSTALL_LINE}; {_INSTEAD}"
             ) from error
     return GL, pyrender
 

@@ -11,6 +11,7 @@ import trimesh
 
 from lrf3d.files import data_folder
 from lrf3d.geometry import Float, directions
+from lrf3d.robot.unicycle import RADIUS
 from lrf3d.scene.look import DART, ROBOT, SUN
 from lrf3d.scene.panels import triangles
 from lrf3d.scene.shapes import Body, Faces, Soft, single
@@ -37,7 +38,10 @@ _SHADOW, _SHADOW_INDOOR, _LIFT = (0.08, 0.42), (0.35, 0.40), 0.01
 darkness, and its height above the ground [m]."""
 
 _RADIUS, _HEIGHT = 0.27, 0.4
-"""Radius and height [m] of what of the robot casts a shadow."""
+"""Radius and height [m] of what of the usual robot casts a shadow; larger ones are no higher."""
+
+_LEAST_RADIUS = 0.05
+"""Smaller robots, also points, are drawn with this radius [m]."""
 
 _OBSTACLE_COLOURS = np.array(
     [[0.13, 0.48, 0.55], [0.46, 0.36, 0.62], [0.60, 0.58, 0.20], [0.66, 0.28, 0.36]]
@@ -54,8 +58,8 @@ _DART = DART[[0, 1, 2, 0, 2, 3]]
 """Corners (6, 2) of the triangles of the robot as seen from above."""
 
 
-def robot_body(laser_height: float) -> Faces:
-    """The robot, with its laser at a height [m], which the column is stretched to."""
+def robot_body(laser_height: float, radius: float) -> Faces:
+    """The robot, of a radius [m], with its laser at a height [m]; its column is stretched to it."""
     mesh = trimesh.load_mesh(data_folder("assets") / "robot.glb", process=False)
     visual: Any = mesh.visual
     # glTF has y up, films have z up.
@@ -63,8 +67,11 @@ def robot_body(laser_height: float) -> Faces:
         np.asarray(each)[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
         for each in (mesh.vertices, mesh.vertex_normals)
     )
-    above = vertices[:, 2] - _DECK
-    stretch = max(0.3, (laser_height - _DECK) / (_LASER_HEIGHT - _DECK))
+    size = _size(radius)
+    low = min(size, 1.0)
+    vertices *= [size, size, low]
+    above = vertices[:, 2] - low * _DECK
+    stretch = max(0.3, (laser_height / low - _DECK) / (_LASER_HEIGHT - _DECK))
     vertices[:, 2] += np.maximum(above, 0.0) * (stretch - 1.0)
     colours = np.asarray(visual.vertex_colors)[:, :3] / 255.0
     return Faces(*(single(each[mesh.faces]) for each in (vertices, normals, colours)))
@@ -92,9 +99,15 @@ def goal_disc(goal: Float) -> Soft:
     return _rings(outlines, [[inside, inside], [ring, ring]], _GOAL, _GOAL_HEIGHT)
 
 
-def robot_shadow(pose: Float, *, indoor: bool) -> Soft:
-    """The shadow of the robot at a pose."""
-    return _shadow(_RADIUS * _circle(24), _HEIGHT, pose, indoor=indoor)
+def robot_shadow(pose: Float, radius: float, *, indoor: bool) -> Soft:
+    """The shadow of the robot, of a radius [m], at a pose."""
+    size = _size(radius)
+    return _shadow(size * _RADIUS * _circle(24), min(size, 1.0) * _HEIGHT, pose, indoor=indoor)
+
+
+def _size(radius: float) -> float:
+    """Size of a robot of a radius [m], in that of the usual one."""
+    return max(radius, _LEAST_RADIUS) / RADIUS
 
 
 def _shadow(outline: Float, height: float, pose: Float, *, indoor: bool) -> Soft:

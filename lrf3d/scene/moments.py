@@ -94,7 +94,7 @@ class Scene:
         structures = self.structures = self.stage.structures
         self.origin = structures.origin
         self.obstacles = Obstacles(run.obstacles, self.origin, indoor=structures.indoor)
-        self.robot = Body(robot_body(run.lrf.height), np.eye(4))
+        self.robot = Body(robot_body(run.lrf.height, run.radius), np.eye(4))
         self.keys = drive_keys(timeline).thinned()
         self._goal = None if goal is None else goal_disc(np.array(goal) - [*self.origin, 0.0])
         self._turning = turning_walls(run.world)
@@ -148,7 +148,7 @@ class Scene:
         self, moment: Moment, pose: Float, view: Look, lens: Lens, size: tuple[int, int]
     ) -> Iterator[tuple[str, str, Mark | None]]:
         """Layer, name and mark, in the order in which they are drawn."""
-        yield "shadow", "shadow", robot_shadow(pose, indoor=self.structures.indoor)
+        yield "shadow", "shadow", robot_shadow(pose, self.run.radius, indoor=self.structures.indoor)
         yield "shadow", "shadows", self.obstacles.shadows(moment.time)
         yield "goal", "goal", self._goal
         yield from self._trails(moment.time)

@@ -237,14 +237,21 @@ def filled_between(segments: Float, reach: float) -> NDArray[Any]:
     return np.asarray(shapely.polygons(shapely.get_exterior_ring(parts)))
 
 
+def enclosed_areas(segments: Float, objects: Int, count: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    """The walls (count,) of each object, and what they enclose; None for objects without walls."""
+    lines = shapely.linestrings(segments.reshape(-1, 2, 2))
+    order, groups = np.argsort(objects, kind="stable"), np.full(count, None, dtype=object)
+    groups = shapely.multilinestrings(lines[order], indices=objects[order], out=groups)
+    # Areas need an end wherever walls touch or cross, and one wall where two lie on each other.
+    # Ends a millimetre apart are one corner: files round their coordinates.
+    groups = shapely.union(groups, shapely.MultiLineString(), grid_size=1e-3)
+    return groups, shapely.build_area(groups)
+
+
 def _areas(segments: Float, objects: NDArray[Any], count: int) -> NDArray[Any]:
     """The polygon (count,) that each object's walls close round, or None where they do not."""
     areas = np.full(count, None, dtype=object)
-    # Ends a millimetre apart are one corner: files round their coordinates.
-    lines = shapely.linestrings(np.round(segments, 3).reshape(-1, 2, 2))
-    order = np.argsort(objects, kind="stable")
-    groups = shapely.multilinestrings(lines[order], indices=objects[order], out=areas.copy())
-    built = shapely.build_area(groups)
+    groups, built = enclosed_areas(segments, objects, count)
     # Each wall of a solid is a part of its outline; a wall that is not leaves the object open.
     whole = shapely.length(shapely.boundary(built)) >= 0.99 * shapely.length(groups)
     solid = whole & (shapely.area(built) > 1e-4)

@@ -65,7 +65,7 @@ class Timeline:
 
     def __init__(self, run: Run, *, playback: float | None = None) -> None:
         self.run = run
-        self.playback = run.film.playback if playback is None else playback
+        self.playback = run.playback if playback is None else playback
         self.origin = Sight.of_run(run).origin
         times = run.trajectory.times
         gaps = np.diff(times)

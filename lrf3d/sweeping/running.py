@@ -19,7 +19,7 @@ from typing import Any
 from lrf3d.casting import PlanarCaster
 from lrf3d.cores import core_count, process_pool, results
 from lrf3d.errors import InputError, Lrf3dError, missing_extra
-from lrf3d.files import locked, make_folder, writing
+from lrf3d.files import locked, make_folder, opened_own, read_text, writing
 from lrf3d.interrupts import Progress, check, noting, silent, stoppable
 from lrf3d.scenario import read_scenario_file
 from lrf3d.scoring import buildings_seen, score_run, visible_walls
@@ -29,6 +29,9 @@ from lrf3d.world.pieces import joined_objects
 
 ROWS = "sweep{}.jsonl"
 """Name of a file of rows, with the number of the job that writes it."""
+
+LARGEST_ROWS = 1 << 31
+"""Largest file of rows [bytes]: a row has some 600."""
 
 BATCH = 8
 """Runs that are sent together: a crash costs at most these, and sending them next to nothing."""
@@ -112,16 +115,19 @@ def run_plan(
                 f"{folder}: holds {len(kept)} runs of this sweep; go on with it by --resume, or"
                 " choose another folder with --out"
             )
-        if path.exists():
+        with writing(path, "remove it"), opened_own(path) as file:
             # The end of a line that a crash cut off.
-            os.truncate(path, path.read_bytes().rfind(b"\n") + 1)
+            file.truncate(file.read().rfind(b"\n") + 1)
         done = len(mine) - len(missing)
         with noting(lambda: f"{len(kept)} of {len(plan.runs)} runs kept; go on with --resume"):
             progress(done, len(mine))
             for rows in _made(missing, executor):
                 # They stay in the file even if this process is killed afterwards.
-                with writing(path, "make room"), path.open("a", newline="\n") as file:
-                    file.writelines(json.dumps(row, allow_nan=False) + "\n" for row in rows)
+                with writing(path, "make room"), opened_own(path) as file:
+                    file.seek(0, os.SEEK_END)
+                    file.writelines(
+                        f"{json.dumps(row, allow_nan=False)}\n".encode() for row in rows
+                    )
                 kept |= {row["key"]: row for row in rows}
                 done += len(rows)
                 progress(done, len(mine))
@@ -137,7 +143,7 @@ def kept_rows(plan: Plan, folder: Path) -> dict[str, Row]:
     """The rows of all jobs in a folder, by their keys; all have to be of the plan."""
     found: dict[str, Row] = {}
     for path in sorted(folder.glob(ROWS.format("*"))):
-        text = path.read_text(encoding="utf-8", errors="replace")
+        text = read_text(path, what="the rows of a sweep", largest=LARGEST_ROWS)
         for number, line in enumerate(text.split("\n")[:-1], start=1):
             try:
                 row = json.loads(line)

@@ -56,7 +56,7 @@ class HandDrive(Timeline):
         self.world, self.lrf, self.obstacles = scenario.world, scenario.lrf, scenario.obstacles
         self.name = scenario.name
         self.film = replace(USUAL_FILM, points_by=scenario.film.points_by)
-        self._fastest = scenario.speed
+        self._fastest, self.radius = scenario.speed, scenario.radius
         self._collisions = CollisionChecker(scenario.world)
         self._robot = Unicycle(scenario.radius)
         # Where the hand will drive while a beam turns nobody knows: a scan takes no time.

@@ -53,7 +53,7 @@ Make = Callable[[], Shown]
 def run_view(path: str, playback: float | None) -> Make:
     """What pages show of a run that is played."""
     run = load_run(path)
-    return lambda: Shown.played(run, run.film.playback if playback is None else playback)
+    return lambda: Shown.played(run, run.playback if playback is None else playback)
 
 
 def world_view(scenario: Scenario, seed: int) -> Make:

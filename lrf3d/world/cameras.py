@@ -61,21 +61,33 @@ class FixedCamera:
         )
 
 
+_PLAYBACK, _LONGEST = 4.0, 31.0
+"""Usual playback, and how long a run takes in a film at the most [s of the film]: with the opening
+and the end of a story that makes 40 s, also for a log of an hour."""
+
+
 @dataclass(frozen=True, slots=True)
 class FilmPlan:
     """The default settings of a film.
 
     Its view is a camera that every world has, or one of the world's; its playback is the number of
-    simulated seconds in a second. The colour of hit points shows their ``range`` or ``intensity``.
+    simulated seconds in a second, None for 4 or, of long runs, as many as keep the film short. The
+    colour of hit points shows their ``range`` or ``intensity``.
     """
 
     view: str = "story"
-    playback: float = 4.0
+    playback: float | None = None
     points_by: str = "range"
 
     def __post_init__(self) -> None:
         expect(self.view, str, "film: view")
-        number(self.playback, "film: playback", positive=True)
+        if self.playback is not None:
+            number(self.playback, "film: playback", positive=True)
+
+    def playback_of(self, duration: float) -> float:
+        """The playback of a run that takes some time [s]."""
+        usual = max(_PLAYBACK, duration / _LONGEST)
+        return usual if self.playback is None else self.playback
 
 
 USUAL_FILM = FilmPlan()

@@ -19,7 +19,15 @@ from lrf3d.errors import WorldError, shown
 from lrf3d.geometry import LARGEST_COORDINATE, Float, is_finite
 from lrf3d.world.materials import Material, material_of
 from lrf3d.world.model import DEFAULT_HEIGHT, World
-from lrf3d.world.pieces import Part, from_corner, groups, walls, world_of_parts
+from lrf3d.world.pieces import (
+    Part,
+    check_crossings,
+    from_corner,
+    groups,
+    pairs_within,
+    walls,
+    world_of_parts,
+)
 from lrf3d.world.schema import MOST_OBJECTS, parse_colour
 
 LEVEL_HEIGHT = 3.0
@@ -30,6 +38,9 @@ DEFAULT_BUILDING_HEIGHT = 8.0
 
 CLOSING = 0.05
 """Widest gap [m] between footprints that touch: surveys leave hairline gaps."""
+
+MOST_CROSSINGS = 200
+"""How often an outline may cross itself; surveyors let it cross once or twice."""
 
 STRAIGHT = 0.01
 """Largest distance [m] from a straight façade of a corner that is left out."""
@@ -111,9 +122,9 @@ def _shapes(geometry: Any) -> Iterator[Any]:
 
     if geometry is None:
         return
-    if not isinstance(geometry, dict) or "type" not in geometry:
+    if not isinstance(geometry, dict) or not isinstance(geometry.get("type"), str):
         raise WorldError(f"unknown geometry {shown(geometry)}, expected that of GeoJSON")
-    kind = str(geometry["type"])[:40]
+    kind = geometry["type"][:40]
     try:
         whole = shape(_flat(geometry))
     except Exception as error:
@@ -124,11 +135,21 @@ def _shapes(geometry: Any) -> Iterator[Any]:
     # A collection may hold several polygons in one.
     for part in shapely.get_parts(shapely.get_parts([whole])):
         if part.geom_type in ("LineString", "Polygon") and not part.is_empty:
-            if part.geom_type == "Polygon" and not shapely.make_valid(part).area > 0.0:
+            if part.geom_type == "Polygon" and not encloses(part):
                 raise WorldError(f"{kind}: lies on one line and encloses nothing")
             if not part.length > 0.0:
                 raise WorldError(f"{kind} of no length: expected two different points")
             yield shapely.remove_repeated_points(part)
+
+
+def encloses(polygon: Any) -> bool:
+    """Whether a polygon encloses anything; one that crosses itself time and again is an error."""
+    import shapely
+
+    if not shapely.is_valid(polygon):
+        check_crossings(polygon, MOST_CROSSINGS, "lines of one outline")
+        polygon = shapely.make_valid(polygon)
+    return bool(polygon.area > 0.0)
 
 
 def _flat(value: Any) -> Any:
@@ -258,12 +279,13 @@ def _blocks(features: Sequence[Feature]) -> Iterator[Part]:
     # An outline that crosses itself is made valid; lines there and back enclose nothing.
     crossed = ~shapely.is_valid(local)
     local[crossed] = shapely.buffer(shapely.make_valid(local[crossed]), 0.0)
-    first, second = shapely.STRtree(local).query(local, predicate="dwithin", distance=CLOSING)
-    label = groups(first, second, len(local))
+    label = groups(*pairs_within(local, CLOSING, "footprints"), len(local))
     number = 0
     # Labels are numbered by their first members, so blocks keep the order of the source.
     for members in np.split(np.argsort(label, kind="stable"), np.cumsum(np.bincount(label))[:-1]):
         rings = []
+        if len(members) > 1:
+            check_crossings(local[members], 100 * MOST_CROSSINGS, "footprints")
         for index, points in _rings(local[members]):
             # Corners that came from the source, and not from closing a gap, are as in the source.
             gaps, nearest = map(np.asarray, source.query(points))

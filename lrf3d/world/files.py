@@ -6,7 +6,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from lrf3d.errors import InputError, OutputError, WorldError
+from lrf3d.errors import Lrf3dError, OutputError, WorldError
 from lrf3d.files import check_ordinary, data_folder
 from lrf3d.world.model import World
 from lrf3d.world.schema import at
@@ -33,9 +33,6 @@ WRITERS = {
     ".glb": "mesh:write_glb",
 }
 """The module and the function that write a world, by the ending of the file."""
-
-BY_LIBRARY = ("drawings:", "mesh:")
-"""Modules that parse by a library, which raises anything where a file is damaged."""
 
 
 def load_world(
@@ -69,13 +66,11 @@ def load_world(
     with at(str(path)):
         try:
             world: World = _function(target)(path, **options)
-        except InputError:
+        except (Lrf3dError, MemoryError):
             raise
         except Exception as error:
             if isinstance(error, OSError) and error.errno is not None:
                 raise WorldError(f"cannot be read: {error.strerror}") from None
-            if not target.startswith(BY_LIBRARY):
-                raise
             # What a library raises depends on the damage.
             reason = f"{type(error).__name__}: {' '.join(str(error).split())}"[:120].strip(": ")
             kind = path.suffix[1:].lower()

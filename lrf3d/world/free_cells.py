@@ -68,14 +68,21 @@ class FreeCells:
     def from_dict(cls, values: Any, key: str = "free") -> "FreeCells":
         """The grid that :meth:`as_dict` wrote, at a key of a file."""
         try:
-            rows = [np.array(row, dtype=np.int64) for row in values["rows"]]
+            rows = [np.array(row) for row in values["rows"]]
+            # Each run is bounded before any sum: in 64 bits, sums of large ones wrap around.
+            if not all(
+                row.dtype.kind == "i" and 0 <= row.min() <= row.max() <= MOST_CELLS for row in rows
+            ):
+                raise ValueError
             columns = {int(row.sum()) for row in rows}
             fits = len(values) == 3 and len(columns) == 1 and sum(columns) * len(rows) <= MOST_CELLS
-            if not fits or any((row < 0).any() for row in rows):
+            if not fits:
                 raise ValueError
-            # Runs are not free and free in turn.
-            cells = [np.repeat(np.arange(len(row)) % 2 == 1, row) for row in rows]
-            return cls(np.array(cells), values["resolution"], values["origin"])
+            cells = np.empty((len(rows), columns.pop()), dtype=np.bool_)
+            for place, row in enumerate(rows):
+                # Runs are not free and free in turn.
+                cells[place] = np.repeat(np.arange(len(row)) % 2 == 1, row)
+            return cls(cells, values["resolution"], values["origin"])
         except (KeyError, TypeError, ValueError, OverflowError):
             expected = f"rows of run lengths, of equal sums, of at most {MOST_CELLS:,} cells"
             raise InputError(f"{key}: expected resolution, origin and {expected}") from None

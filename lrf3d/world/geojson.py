@@ -9,6 +9,7 @@ a map of lrf3d walls meet at the corners, and those that touch are one object.
 """
 
 import json
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -83,8 +84,8 @@ def _parse(path: Path) -> dict[str, Any]:
         raise WorldError(f"not JSON: {error}") from None
     if not isinstance(data, dict):
         raise WorldError(f"expected a GeoJSON object, found a JSON {type(data).__name__}")
-    if data.get("type") in _FOREIGN:
-        raise WorldError(_FOREIGN[data["type"]])
+    if isinstance(kind := data.get("type"), str) and kind in _FOREIGN:
+        raise WorldError(_FOREIGN[kind])
     return data
 
 
@@ -92,8 +93,8 @@ def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """A JSON object; which of two values of one key is meant, nobody knows."""
     found = dict(pairs)
     if len(found) < len(pairs):
-        keys = [key for key, _ in pairs]
-        twice = next(key for key in keys if keys.count(key) > 1)
+        counts = Counter(key for key, _ in pairs)
+        twice = counts.most_common(1)[0][0]
         raise ValueError(f"the key {shown(twice)} stands twice in one object; remove one")
     return found
 

@@ -14,10 +14,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lrf3d.errors import WorldError
 from lrf3d.geometry import Bool, Float, Int, lengths
 from lrf3d.world.pieces import from_corner
 
 Complex = NDArray[np.complex128]
+
+MOST_BORDERS = 500_000
+"""Largest number of sides between an occupied cell and another: each takes about a kilobyte. The
+map of a hall of 100 m at 5 cm has some ten thousand."""
 
 AROUND = [(0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)]
 """Rows and columns to the neighbours of a cell, counter-clockwise from the east."""
@@ -31,6 +36,12 @@ def walls_of_grid(occupied: Bool) -> Float:
     """
     from scipy.ndimage import maximum_filter
 
+    borders = sum(np.count_nonzero(np.diff(occupied, axis=axis)) for axis in (0, 1))
+    if borders > MOST_BORDERS:
+        raise WorldError(
+            f"{borders:,} borders between occupied cells and others, over {MOST_BORDERS:,}: a"
+            " pattern, or noise; clean the picture, or cut it"
+        )
     double = _opened(occupied, 2)
     # A slanted wall of two and a half cells has parts of three, about which nothing is thinned.
     double &= ~maximum_filter(_opened(occupied, 3), 13, mode="constant")

@@ -23,6 +23,7 @@ from lrf3d.geometry import Float
 from lrf3d.world.features import (
     LEVEL_HEIGHT,
     Feature,
+    encloses,
     laid_flat,
     lay_flat,
     metres_of,
@@ -30,6 +31,7 @@ from lrf3d.world.features import (
 )
 from lrf3d.world.materials import BUILT_IN, material_of
 from lrf3d.world.model import World
+from lrf3d.world.pieces import pairs_within
 from lrf3d.world.schema import parse_colour
 
 DEFAULT_TREE = 8.0
@@ -207,7 +209,7 @@ def _feature(tags: Tags, area: Any) -> Feature:
     parts = shapely.get_parts([area]).tolist()
     address = f"{tags.get('addr:street', '')} {tags.get('addr:housenumber', '')}".strip()
     return Feature(
-        tuple(part for part in parts if shapely.make_valid(part).area > 0.0),
+        tuple(part for part in parts if encloses(part)),
         tag_height(tags),
         tags.get("name") or address,
         parse_colour(tags.get("building:colour")),
@@ -264,13 +266,18 @@ def trunks(places: Float, tags: list[Tags], buildings: list[Any]) -> list[Featur
     # Maps are not as exact as a decimetre, and what touches a wall would be a part of it.
     houses = shapely.STRtree(shapely.make_valid(np.array(buildings)))
     near = houses.query(points, predicate="dwithin", distance=radii + 0.1)[0]
-    # Of a tree that is mapped twice, the first one counts.
-    circles = shapely.buffer(points, radii)
-    first, second = shapely.STRtree(circles).query(circles, predicate="intersects")
+    # Of a tree that is mapped twice, the first one counts. Of trunks of one size class whose
+    # centres are in one square as wide as the least of them, the second touches the first.
+    side = 2.0 ** np.floor(np.log2(radii))
+    squares = np.column_stack([side, np.floor(places / side[:, None])])
+    single = np.sort(np.unique(squares, axis=0, return_index=True)[1])
+    circles = shapely.buffer(points[single], radii[single])
+    first, second = pairs_within(circles, 0.0, "trees")
+    once = {*single.tolist()} - {*single[second[first < second]].tolist()}
     turn = np.arange(7) % 6 * (2.0 * np.pi / 6)
     circle = np.column_stack([np.cos(turn), np.sin(turn)])
     found = []
-    for number in sorted({*range(len(tags))} - {*near} - {*second[first < second]}):
+    for number in sorted(once - {*near.tolist()}):
         own = tags[number]
         outline = shapely.LineString(places[number] + radii[number] * circle)
         name = own.get("name") or own.get("species") or own.get("genus") or ""

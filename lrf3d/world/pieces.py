@@ -10,9 +10,14 @@ import numpy as np
 from lrf3d.errors import WorldError
 from lrf3d.files import own_name
 from lrf3d.geometry import LARGEST_COORDINATE, Float, Int, lengths
+from lrf3d.interrupts import check
 from lrf3d.world.materials import Material
 from lrf3d.world.model import World
 from lrf3d.world.schema import colour_value
+
+MOST_PAIRS, MOST_BOXES = 1_000_000, 100_000_000
+"""Largest numbers of pairs of shapes that touch, beyond four of each, and of pairs of boxes that
+do: seconds of work. A town with 100,000 buildings has some 200,000."""
 
 TOUCHING = 0.001
 """Largest gap [m] between walls that touch: no beam can separate them, so they are one object."""
@@ -144,8 +149,53 @@ def connected(segments: Float, gap: float = TOUCHING) -> Int:
 
     middle = segments.reshape(-1, 2).mean(axis=0)
     lines = shapely.linestrings(segments.reshape(-1, 2, 2) - middle)
-    one, other = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=gap)
-    return groups(one, other, len(segments))
+    return groups(*pairs_within(lines, gap, "walls"), len(segments))
+
+
+def pairs_within(shapes: Any, distance: float, what: str) -> tuple[Int, Int]:
+    """Pairs (k,), (k,) of shapes within a distance [m], each both ways, and each with itself.
+
+    Raises:
+        WorldError: Far more of what they are lie at one place than in any plan or town.
+    """
+    import shapely
+
+    tree, count = shapely.STRtree(shapes), len(shapes)
+    pairs, boxes, known = [np.empty((2, 0), np.int64)], 0, 0
+    for first in range(0, count, step := 1 + MOST_PAIRS // (count + 1)):
+        check()
+        part = shapes[first : first + step]
+        boxes += tree.query(part).shape[1]
+        found = tree.query(part, predicate="dwithin", distance=distance)
+        found[0] += first
+        pairs.append(found)
+        known += found.shape[1]
+        # Found both ways, and that each touches a few is usual.
+        if known > 2 * MOST_PAIRS + 8 * count or boxes > MOST_BOXES:
+            raise WorldError(
+                f"more than {MOST_PAIRS:,} pairs of {what} touch; remove repeated ones"
+            )
+    one, other = np.concatenate(pairs, axis=1)
+    return one, other
+
+
+def check_crossings(outlines: Any, most: int, what: str) -> None:
+    """Check that polygons do not cross themselves and each other more often than a number.
+
+    To resolve crossings takes time and memory that grow with their square.
+    """
+    import shapely
+
+    points, owner = shapely.get_coordinates(shapely.boundary(outlines), return_index=True)
+    ring = np.flatnonzero((owner[1:] == owner[:-1]) & (points[1:] != points[:-1]).any(axis=1))
+    lines = shapely.linestrings(np.stack([points[ring], points[ring + 1]], axis=1))
+    tree, found = shapely.STRtree(lines), 0
+    for first in range(0, len(lines), step := 1 + MOST_PAIRS // (len(lines) + 1)):
+        check()
+        found += tree.query(lines[first : first + step], predicate="intersects").shape[1]
+        # Each line meets itself and its neighbours, and lines of neighbours meet at corners.
+        if found > 2 * most + 10 * len(lines):
+            raise WorldError(f"{what} cross more than {most:,} times; draw them without crossings")
 
 
 def groups(one: Int, other: Int, count: int) -> Int:

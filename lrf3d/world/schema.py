@@ -6,6 +6,7 @@ errors begin. Settings on the command line, such as ``laser.range_max=20``, use 
 
 import re
 import tomllib
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import MISSING, fields
@@ -222,9 +223,9 @@ def read_settings(texts: Iterable[str]) -> dict[str, dict[str, Any]]:
 
 def check_unique(place: str, names: Sequence[str]) -> None:
     """Check that no name stands twice at a place."""
-    for name in names:
-        if names.count(name) > 1:
-            raise WorldError(f"{place}: two of the name {name!r}; rename one")
+    for name, count in Counter(names).items():
+        if count > 1:
+            raise WorldError(f"{place}: two of the name {shown(name)}; rename one")
 
 
 @contextmanager

@@ -54,13 +54,15 @@ def test_a_picture_that_fails_loses_nothing_and_says_so_in_one_line(room, tmp_pa
     out = tmp_path / "an out"
     # A folder stands where the picture should go.
     (out / "world.png" / "full").mkdir(parents=True)
-    done = lrf3d("run", room, "--out", out, "--scans", 3, "--json")
+    done = lrf3d("run", room, "--out", out, "--scans", 3, "--json", "--size", "64x64", "--fps", 2)
     assert done.returncode == 1
     assert done.stderr.count("\n") == 1 and f"{out / 'world.png'}: not drawn: " in done.stderr
     assert "all scans kept; go on with --resume" in done.stderr
     summary = json.loads((out / "summary.json").read_text())
     assert json.loads(done.stdout) == summary and "map picture" in summary["files"]
     assert "world picture" not in summary["files"] and (out / "run.npz").exists()
+    # What comes after it is drawn.
+    assert (out / summary["files"]["video"]).exists()
 
 
 def test_a_plan_as_large_as_paper_has_no_walls_to_find_and_a_small_file(tmp_path):

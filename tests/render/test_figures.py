@@ -56,6 +56,15 @@ def texts(figure):
     return [line for text in found for line in text.split("\n") if line]
 
 
+def test_walls_that_cross_and_touch_without_a_common_end_are_drawn():
+    # Thick walls as drawings have them: closed lines that abut, and one that crosses another.
+    corner = ring([(0, 0), (6, 0), (6, 0.3), (0.3, 0.3), (0.3, 8), (0, 8)])
+    walls = corner, box(0.3, 3, 4, 0.3), box(0, 9, 0.3, 4), box(2, -1, 0.3, 5)
+    world = World(make_world(*walls).segments, np.zeros(18, int))
+    figure = draw_map(make_run(world, around(-2, -2, 9, 6), LaserRangeFinder(beams=19)))
+    assert shows(figure, INSIDE, at_least=1000)
+
+
 def test_each_object_is_drawn_in_its_colour(run):
     figure = draw_map(run)
     for colour in object_tints(np.unique(run.map.objects)):

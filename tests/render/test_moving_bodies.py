@@ -41,10 +41,19 @@ def same(first, second):
 
 
 def test_a_run_keeps_what_moves_and_how_it_is_filmed(tmp_path):
-    run = replace(room_run(), obstacles=ALL, film=FilmPlan("top", 3.5, "intensity"))
+    run = replace(room_run(), obstacles=ALL, film=FilmPlan("top", 3.5, "intensity"), radius=0.18)
     save_run(run, tmp_path / "run.npz")
     back = load_run(tmp_path)
-    assert same(back.obstacles, ALL) and back.film == run.film
+    assert same(back.obstacles, ALL) and back.film == run.film and back.radius == 0.18
+
+
+def test_a_run_keeps_the_radius_that_its_robot_was_planned_with_and_is_drawn_so():
+    # In a passage of 0.5 m the usual robot of 0.35 m would stand in its walls.
+    passage = lrf3d.World([[0, 0, 8, 0], [8, 0, 8, 0.5], [8, 0.5, 0, 0.5], [0, 0.5, 0, 0]])
+    run = lrf3d.Scenario(passage, route=[[1, 0.25], [7, 0.25]], radius=0.2).run(scans=3, rng=0)
+    assert run.radius == 0.2
+    corners = Film(run, size=SIZE, renderer="embree").scene.robot.faces[0]
+    assert 0.15 < np.abs(np.asarray(corners)[..., :2]).max() < 0.25
 
 
 def test_simulations_and_recordings_keep_what_moves(tmp_path):

@@ -92,6 +92,24 @@ def test_without_opengl_a_film_is_drawn_and_one_line_says_what_to_install(tmp_pa
         assert np.array_equal(np.array(read), alone[1])
 
 
+@pytest.mark.parametrize(
+    "broken",
+    [{"__EGL_VENDOR_LIBRARY_FILENAMES": "/nonexistent.json"}, {"PYOPENGL_PLATFORM": "osmesa"}],
+)
+def test_opengl_that_does_not_start_draws_nothing_and_embree_does(tmp_path, broken):
+    run, picture = tmp_path / "run.npz", tmp_path / "at.png"
+    save_run(room_run(), run)
+    command = [sys.executable, "-m", "lrf3d", "render", str(run), "--size", "64x64", "--at", "1"]
+    done = subprocess.run(
+        [*command, "--out", str(picture)], env={**os.environ, **broken},
+        capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+    assert done.returncode == 0 and picture.exists(), done.stderr
+    assert done.stderr.count("\n") <= 1 and (
+        "Embree draws instead" in done.stderr or not done.stderr
+    )
+
+
 def test_without_opengl_asking_for_it_is_refused_in_one_line(tmp_path, without_gl):
     run = tmp_path / "run.npz"
     save_run(room_run(), run)

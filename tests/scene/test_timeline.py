@@ -1,10 +1,27 @@
 """The robot's path as all pictures show it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from synthetic_run import box, make_run, make_world
 
+from lrf3d.laser import LaserRangeFinder
+from lrf3d.robot import Trajectory
+from lrf3d.scene.cameras import margins
 from lrf3d.scene.estimate import trail_lines
-from lrf3d.scene.timeline import DriveKeys
+from lrf3d.scene.timeline import DriveKeys, Timeline
+from lrf3d.world.cameras import FilmPlan
+
+
+@pytest.mark.parametrize(("minutes", "seconds"), [(1, 24), (3, 40), (45, 40)])
+def test_a_story_takes_forty_seconds_at_most_however_long_the_run(minutes, seconds):
+    poses = [(20.0, 5.0, 3.0 + 0.001 * number) for number in range(3 * 60 * minutes + 1)]
+    run = make_run(make_world(box(0, 0, 9, 9)), np.array(poses), LaserRangeFinder(beams=9))
+    run = replace(run, trajectory=Trajectory(np.arange(len(poses)) / 3.0, poses))
+    assert len(Timeline(run).frame_times(10.0, margins("story"))) == pytest.approx(10 * seconds, 1)
+    own = replace(run, film=FilmPlan(playback=2.0))
+    assert Timeline(own).playback == 2.0
 
 
 def test_the_trail_ends_at_the_robot_and_pales_with_its_age():

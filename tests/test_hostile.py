@@ -1,0 +1,150 @@
+"""Files of strangers: small ones that crash, hang or fill the memory are refused in one line."""
+
+import gzip
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import lrf3d
+from lrf3d.errors import shown
+from lrf3d.io import unpacking
+from lrf3d.io.trajectory_files import load_relations
+
+WALL = "[[object]]\npoints = [[0, 0], [4, 0], [4, 3]]\n"
+FREE = "[free]\nresolution = 1.0\norigin = [0, 0, 0]\nrows = "
+MAP = "image: a.png\nresolution: 1.0\norigin: [0, 0, 0]\n"
+ALIASES = "a0: &a0 [1, 1]\n" + "".join(
+    f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]\n" for n in range(1, 12)
+)
+
+
+def collection(*rings, kind="Polygon", **more):
+    """A GeoJSON file of a feature for each ring."""
+    shapes = [{"type": kind, "coordinates": [ring]} for ring in rings]
+    features = [{"type": "Feature", "properties": {}, "geometry": each} for each in shapes]
+    return json.dumps({"type": "FeatureCollection", "units": "m", "features": features, **more})
+
+
+def star(corners):
+    points = np.random.default_rng(0).uniform(0, 100, (corners, 2)).tolist()
+    return [*points, points[0]]
+
+
+def comb(teeth, turned):
+    """An outline of which each tooth crosses each of another comb that is turned."""
+    ring = [[0, -2], [teeth + 1, -2]]
+    for x in range(teeth, 0, -1):
+        ring += [[x + 0.3, -1], [x + 0.3, teeth + 1], [x, teeth + 1], [x, -1]]
+    ring += [[0, -1], [0, -2]]
+    return [[y, x] for x, y in ring] if turned else ring
+
+
+def square(x):
+    return [[x, x], [x + 9, x], [x + 9, x + 9], [x, x + 9], [x, x]]
+
+
+WORLDS = {
+    "wraps.toml": (WALL + FREE + f"[[{2**62}, {2**62}, {2**62}, {2**62 + 5}]]", "run lengths"),
+    "negative.toml": (WALL + FREE + "[[5, -1]]", "run lengths"),
+    "empty.toml": (WALL + FREE + "[[]]", "run lengths"),
+    "texts.toml": (WALL + FREE + '[["5", "1"]]', "run lengths"),
+    "aliases.yaml": (MAP + ALIASES + "negate: *a11\n", "negate: expected 0 or 1"),
+    "keys.yaml": (MAP + ALIASES + "? *a11\n: 1\n", "."),
+    "tag.yaml": (MAP + "negate: !!bool foo\n", "negate"),
+    "empty_tag.yaml": ('image: a.png\nresolution: !!int ""\norigin: [0, 0, 0]\n', "resolution"),
+    "type.geojson": ('{"type": [], "features": []}', "unknown geometry"),
+    "deep.geojson": ('{"type": "Polygon", "coordinates": ' + "[" * 900 + "]" * 900 + "}", "."),
+    "crs.geojson": (collection(square(0), crs="EPSG:" * 60_000).replace("units", "u"), "crs is"),
+    "keys.geojson": (
+        "{" + ", ".join(f'"k{n}": 1' for n in [*range(60_000), 59_999]) + "}",
+        "twice",
+    ),
+    "star.geojson": (collection(star(600)), "cross more than 200 times"),
+    "combs.geojson": (collection(comb(300, False), comb(300, True)), "more than 20,000 times"),
+    "stack.geojson": (collection(*(square(0.001 * n) for n in range(1900))), "touch; remove"),
+}
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_a_small_file_that_would_crash_or_hang_a_reader_is_an_error(name, tmp_path):
+    text, said = WORLDS[name]
+    (tmp_path / name).write_text(text)
+    Image.new("L", (4, 4), 255).save(tmp_path / "a.png")
+    with pytest.raises(lrf3d.WorldError, match=said) as caught:
+        lrf3d.load_world(tmp_path / name)
+    assert str(caught.value).startswith(str(tmp_path / name)) and len(str(caught.value)) < 700
+
+
+def test_pictures_of_patterns_and_plans_of_stars_are_refused_by_what_they_would_cost(tmp_path):
+    cells = np.indices((800, 800)).sum(axis=0) % 2 == 0
+    Image.fromarray(cells).save(tmp_path / "checks.png")
+    with pytest.raises(lrf3d.WorldError, match="1,278,400 borders between occupied cells"):
+        lrf3d.load_world(tmp_path / "checks.png", resolution=0.05)
+
+
+def test_trees_at_one_place_are_one_and_others_all_stand(tmp_path):
+    """Whatever their sizes are, the work grows as their number."""
+    rng = np.random.default_rng(0)
+    corners = [(0, 0), (1e-4, 0), (1e-4, 1e-4), (0, 1e-4)]
+    same = [(0.001, 0.001, 10.0)] * 8000
+    near = [(0.002 + 1e-6 * x, 0.001 + 1e-6 * y, h) for x, y, h in rng.random((8000, 3)) * 100]
+    lines = [f'<node id="{n}" lon="{x}" lat="{y}"/>' for n, (x, y) in enumerate(corners)]
+    lines += [
+        f'<node id="{n}" lon="{x}" lat="{y}"><tag k="natural" v="tree"/>'
+        f'<tag k="height" v="{h}"/></node>'
+        for n, (x, y, h) in enumerate([*same, *near, (0.003, 0.001, 10.0)], 10)
+    ]
+    way = "".join(f'<nd ref="{n}"/>' for n in (0, 1, 2, 3, 0)) + '<tag k="building" v="yes"/>'
+    (tmp_path / "a.osm").write_text(f"<osm>{''.join(lines)}<way id='1'>{way}</way></osm>")
+    world = lrf3d.load_world(tmp_path / "a.osm", trees=True)
+    middles = world.segments[world.heights == 10.0].reshape(-1, 12, 2).mean(axis=1)
+    assert len(middles) == 2 and 10 < world.object_count < 8000
+
+
+def test_a_gzipped_log_of_lines_that_hold_nothing_ends_at_a_limit(tmp_path, monkeypatch):
+    monkeypatch.setattr("lrf3d.io.carmen.MOST_LINES", 1000)
+    odom = b"ODOM 0 0 0 0 0 0 1.0 h 1.0\n"
+    for name, line in (("empty", b"\n"), ("odom", odom)):
+        (tmp_path / f"{name}.log.gz").write_bytes(gzip.compress(line * 2000))
+        with pytest.raises(lrf3d.InputError, match=r"line 1001: more than 1,000 lines or 2\.1 GB"):
+            lrf3d.load_log(tmp_path / f"{name}.log.gz")
+    monkeypatch.setattr("lrf3d.io.carmen.MOST_READINGS", 10_000)
+    with pytest.raises(lrf3d.InputError, match=r"line 313: more than .* readings"):
+        lrf3d.load_log(tmp_path / "odom.log.gz")
+
+
+def test_what_a_bag_unpacks_to_is_bounded(tmp_path, monkeypatch):
+    """A chunk, and chunks that overlap in time, are unpacked up to a limit."""
+    pytest.importorskip("rosbags")
+    room = lrf3d.load_world("paper_room")
+    run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], rng=0)
+    lrf3d.export_run(run, "mcap", tmp_path / "a.mcap")
+    assert len(lrf3d.load_log(tmp_path / "a.mcap")) == 2
+    monkeypatch.setattr(unpacking, "MOST_UNPACKED", 1000)
+    with pytest.raises(lrf3d.InputError, match=r"a\.mcap: .*more than the 0 MB that are unpacked"):
+        lrf3d.load_log(tmp_path / "a.mcap")
+    from rosbags.rosbag2 import storage_mcap
+
+    assert storage_mcap.DECOMPRESSORS["zstd"].__module__ == storage_mcap.__name__
+
+
+@pytest.mark.parametrize("line", ["1e21 3 0 0 0", f"{2**63} 3 0 0 0", "inf 3 0 0 0", "0.5 3 0 0 0"])
+def test_line_numbers_of_relations_are_bounded(line, tmp_path):
+    (tmp_path / "a.relations").write_text(f"{line}\n")
+    with pytest.raises(lrf3d.InputError, match=r"a\.relations:1: expected two line numbers"):
+        load_relations(tmp_path / "a.relations")
+
+
+def test_a_message_shows_no_more_of_a_value_than_it_can():
+    value = [1]
+    for _ in range(60):
+        value = [value, value]
+    assert len(shown(value)) == 40
+
+    class Broken:
+        def __repr__(self):
+            raise KeyError
+
+    assert shown(Broken()) == "a value of type Broken"
