@@ -15,10 +15,10 @@ from lrf3d.errors import InputError, MissingLibraryError, shown
 from lrf3d.geometry import Float, Int, Value, number, sealed
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.laser.scan import LIGHT
+from lrf3d.laser.unrolling import unrolled
 from lrf3d.lazy import Pictured
 from lrf3d.mapping import LineMap
 from lrf3d.mapping.tracking import ObjectTracker, numbers_by_truth
-from lrf3d.pose import Pose
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.robot.unicycle import RADIUS
 from lrf3d.world import World
@@ -40,8 +40,8 @@ class Run(Value, Pictured):
 
     Args:
         world: The walls.
-        lrf: The laser range finder.
-        trajectory: Times (k,) and poses (k, 3) of the scans.
+        lrf: The laser range finder, the first of several.
+        trajectory: Times (k,) and poses (k, 3) of the robot at the scans.
         ranges: (k, beams) measured ranges [m], with noise.
         truth: (k, beams) true ranges [m].
         walls: (k, beams) index of the segment that each beam hit, or −1.
@@ -58,6 +58,9 @@ class Run(Value, Pictured):
             the last; None if the range finder reports one.
         echo_intensities: (k, beams, e) their intensities.
         radius: Radius of the robot [m].
+        further: The other lasers; their beams follow those of the first in each of these arrays.
+        motions: (k, lasers, 3) motion of the robot during each scan, see `LaserScan`; None where
+            all beams of a scan are sent at once.
 
     Examples:
         >>> import lrf3d
@@ -84,12 +87,14 @@ class Run(Value, Pictured):
     echoes: Float | None = None
     echo_intensities: Float | None = None
     radius: float = RADIUS
+    further: tuple[LaserRangeFinder, ...] = ()
+    motions: Float | None = None
 
     def __post_init__(self) -> None:
         number(self.radius, "run: radius", "metres")
-        self._hold("ranges", "truth", *self.light)
+        self._hold("ranges", "truth", *self.light, *(() if self.motions is None else ("motions",)))
         self._hold("walls", dtype=np.int64)
-        scans, beams = shape = len(self.trajectory), self.lrf.beams
+        scans, beams = shape = len(self.trajectory), sum(each.beams for each in self.lasers)
         echoes = (*shape, *self.echoes.shape[2:3]) if self.echoes is not None else shape
         for name in ("ranges", "truth", "walls", *self.light):
             expected = echoes if name.startswith("echo") else shape
@@ -104,19 +109,26 @@ class Run(Value, Pictured):
                 f"run: snapshot_scans {shown(self.snapshot_scans)} of {len(self.maps)} maps;"
                 f" expected an ascending scan from 0 to {scans - 1} for each"
             )
+        if self.motions is not None and self.motions.shape != (scans, len(self.lasers), 3):
+            raise InputError(f"run: motions {self.motions.shape} of {scans} scans")
         if self.estimate is not None and len(self.estimate) != scans:
             raise InputError(f"run: estimate of {len(self.estimate)} scans; expected {scans}")
 
     def __repr__(self) -> str:
         name = f"{self.world.name!r}, " if self.world.name else ""
         return (
-            f"Run({name}{len(self)} scans of {self.lrf.beams} beams,"
+            f"Run({name}{len(self)} scans of {self.ranges.shape[1]} beams,"
             f" {self.trajectory.length:.1f} m in {self.trajectory.duration:.1f} s,"
             f" {len(self.map)} segments in {self.map.object_count} objects)"
         )
 
     def __len__(self) -> int:
         return len(self.trajectory)
+
+    @property
+    def lasers(self) -> tuple[LaserRangeFinder, ...]:
+        """All laser range finders of the robot."""
+        return (self.lrf, *self.further)
 
     @property
     def light(self) -> dict[str, Any]:
@@ -186,30 +198,42 @@ class Run(Value, Pictured):
             snapshot_scans=(len(scans) - 1,) if self.maps else (),
             maps=self.maps[-1:],
             estimate=None if self.estimate is None else self.estimate.part(scans),
+            motions=None if self.motions is None else self.motions[scans],
             **light,
         )
         # Its map is that of the whole run, and so are the numbers of the objects in it.
         part.__dict__["lasting_objects"] = self.lasting_objects[-1:]
         return part
 
-    def scan(self, index: int) -> LaserScan:
-        """The measured scan with an index from 0."""
+    def scan(self, index: int, *, laser: int = 0) -> LaserScan:
+        """The measured scan with an index from 0, of one of the lasers by its number."""
+        lrf, begin = self.lasers[laser], sum(each.beams for each in self.lasers[:laser])
+        beams, motions = slice(begin, begin + lrf.beams), self.motions
         return LaserScan(
-            Pose(*self.trajectory.poses[index].tolist()),
-            self.lrf.angles,
-            self.ranges[index],
-            self.walls[index],
-            range_min=self.lrf.range_min,
-            range_max=self.lrf.range_max,
+            lrf.placed(self.trajectory.poses[index]),
+            lrf.angles,
+            self.ranges[index, beams],
+            self.walls[index, beams],
+            range_min=lrf.range_min,
+            range_max=lrf.range_max,
             time=float(self.trajectory.times[index]),
-            time_increment=self.lrf.time_increment,
-            **{name: values[index] for name, values in self.light.items()},
+            time_increment=lrf.time_increment,
+            mount=lrf.mount,
+            laser=lrf.name,
+            motion=None if motions is None or not lrf.scan_duration else motions[index, laser],
+            **{name: values[index, beams] for name, values in self.light.items()},
         )
 
-    def true_scan(self, index: int) -> LaserScan:
+    def scans_at(self, index: int) -> tuple[LaserScan, ...]:
+        """The measured scans with an index from 0, one of each laser."""
+        return tuple(self.scan(index, laser=number) for number in range(len(self.lasers)))
+
+    def true_scan(self, index: int, *, laser: int = 0) -> LaserScan:
         """The scan with an index from 0, without noise; intensities are kept of measured ones."""
         unlit: dict[str, Any] = dict.fromkeys(self.light)
-        return replace(self.scan(index), ranges=self.truth[index], **unlit)
+        scan = self.scan(index, laser=laser)
+        begin = sum(each.beams for each in self.lasers[:laser])
+        return replace(scan, ranges=self.truth[index, begin : begin + len(scan.ranges)], **unlit)
 
     def free_cells(self) -> FreeCells:
         """The cells that the measured scans show to be free, for `save_map`."""
@@ -217,7 +241,8 @@ class Run(Value, Pictured):
         from lrf3d.laser.free_space import distinct_poses, free_cells
 
         chosen = distinct_poses(self.trajectory.poses)
-        return free_cells([self.scan(index) for index in chosen.tolist()])
+        scans = [scan for index in chosen.tolist() for scan in self.scans_at(index)]
+        return free_cells([unrolled(scan) for scan in scans])
 
     def frame(self, time: float, **options: Any) -> NDArray[np.uint8]:
         """One picture (h, w, 3) uint8 of the run's film, at a time [s], row 0 at the top.
@@ -255,9 +280,16 @@ class Run(Value, Pictured):
             return film(file.read_bytes(), embed=True, width=size[0], **settings)
 
     @property
+    def true_scans(self) -> Iterator[LaserScan]:
+        """The scans without noise, unrolled, in the order of `scans`."""
+        for index in range(len(self)):
+            for laser in range(len(self.lasers)):
+                yield unrolled(self.true_scan(index, laser=laser))
+
+    @property
     def scans(self) -> Iterator[LaserScan]:
-        """The measured scans in their order."""
-        return (self.scan(index) for index in range(len(self)))
+        """The measured scans in their order, of each moment those of all lasers."""
+        return (scan for index in range(len(self)) for scan in self.scans_at(index))
 
 
 def is_snapshot(scan: int, scans: int, snapshots: int | None = None) -> bool:

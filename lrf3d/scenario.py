@@ -19,6 +19,7 @@ from lrf3d.geometry import Float, Value, whole_number
 from lrf3d.interrupts import Progress, silent
 from lrf3d.laser import LaserRangeFinder, Noise, ProportionalNoise, imperfect
 from lrf3d.laser.noise import SIGMA, as_noise, at_sigma, spread_of
+from lrf3d.laser.range_finder import lasers_of
 from lrf3d.planning.free_space import Side
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory, check_drive, find_collision, follow_route
@@ -58,7 +59,7 @@ class Scenario(Value):
 
     Args:
         world: The walls.
-        lrf: The laser range finder.
+        lrf: The laser range finder, the first of several.
         noise: Its noise.
         compared: Standard deviations [m] at range_max of further noise levels, whose maps a figure
             compares with that of the run.
@@ -73,6 +74,7 @@ class Scenario(Value):
         radius: Radius of the robot [m].
         mapper: Keyword arguments of the LineMapper.
         film: The default settings of its film.
+        further: The other lasers, each with its noise.
 
     Examples:
         >>> import lrf3d
@@ -100,6 +102,7 @@ class Scenario(Value):
     mapper: Mapping[str, Any] = field(default_factory=dict)
     film: FilmPlan = USUAL_FILM
     name: str = ""
+    further: tuple[tuple[LaserRangeFinder, Noise], ...] = ()
 
     def __post_init__(self) -> None:
         self._hold(*(name for name in ("route", "poses") if getattr(self, name) is not None))
@@ -113,6 +116,11 @@ class Scenario(Value):
         elif self.route is not None:
             drive = f"a route of {len(self.route)} way-points"
         return f"Scenario({self.name!r}, {self.world!r}, {self.lrf.beams} beams, {drive})"
+
+    @property
+    def lasers(self) -> tuple[LaserRangeFinder, ...]:
+        """All laser range finders of the robot."""
+        return (self.lrf, *(lrf for lrf, _ in self.further))
 
     @property
     def sigmas(self) -> tuple[float, ...]:
@@ -247,15 +255,17 @@ class Scenario(Value):
                 "scan_interval": scenario.scan_interval,
                 "radius": scenario.radius if on_collision is None else None,
             }
-        usual = scenario.noise if sigma is None else at_sigma(scenario.noise, sigma)
+        noises = [scenario.noise, *(own for _, own in scenario.further)]
+        noises = noises if sigma is None else [at_sigma(each, sigma) for each in noises]
+        usual = noises[0]
         if mapper is None:
             # It is set up for the noise whose spread is known: that of the sigma, if given.
             known = usual if noise is None or sigma is not None or not spread_of(noise) else noise
             settings = {**scenario.mapper, **({} if mode is None else {"mode": mode})}
             mapper = line_mapper(known, **settings)
         made = Simulation(
-            scenario.world, drive, scenario.lrf, caster=caster, rng=rng, scans=scans,
-            noise=usual if noise is None else noise, mapper=mapper,
+            scenario.world, drive, scenario.lasers, caster=caster, rng=rng, scans=scans,
+            noise=noises if noise is None else noise, mapper=mapper,
             obstacles=scenario.obstacles, **controlled,
         )  # fmt: skip
         made.film, made.radius = scenario.film, scenario.radius
@@ -322,12 +332,7 @@ def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
         start = robot.setdefault("start", start_of(robot["route"]))
         if tuple(robot["route"][0]) != start[:2]:
             robot["route"] = np.vstack([start[:2], robot["route"]])
-    laser: dict[str, Any] = {
-        key.removesuffix("_deg"): math.radians(value) if key.endswith("_deg") else value
-        for key, value in tables["laser"].items()
-    }
-    with file.at("laser"):
-        lrf = LaserRangeFinder(**laser)
+    (lrf, own), *further = _lasers(file, tables["laser"], noise)
     with file.at("film"):
         check_view(film.view, file.world.cameras)
     obstacles = []
@@ -338,16 +343,36 @@ def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
             path = Patrol(given["route"], given.get("speed", 1.0))
             height = given.get("height", DEFAULT_HEIGHT)
             obstacles.append(DynamicObstacle(given.get("points", outline), path, height))
-    sigma = noise.pop("sigma", SIGMA)
-    sigma, *compared = sigma if isinstance(sigma, tuple) else (sigma,)
+    sigmas = noise.get("sigma", SIGMA)
     return Scenario(
         world=file.world,
         lrf=lrf,
-        noise=imperfect(sigma, lrf, **noise),
-        compared=tuple(compared),
+        noise=own,
+        further=tuple(further),
+        compared=sigmas[1:] if isinstance(sigmas, tuple) else (),
         obstacles=tuple(obstacles),
         mapper=tables["mapper"],
         film=film,
         name=own_name(file.path, file.world.name),
         **robot,
     )
+
+
+def _lasers(
+    file: WorldFile, settings: Mapping[str, Any], noise: Mapping[str, Any]
+) -> list[tuple[LaserRangeFinder, Noise]]:
+    """The lasers of a file, each with its own noise or the file's; settings hold for all."""
+    found = []
+    for number, table in enumerate(file.lasers or [{}]):
+        with file.at(f"laser[{number}]" if len(file.lasers) > 1 else "laser"):
+            given: dict[str, Any] = {**table, **settings}
+            errors = {**noise, **given.pop("noise", {})}
+            sigma = errors.pop("sigma", SIGMA)
+            for key in [key for key in given if key.endswith("_deg")]:
+                given[key.removesuffix("_deg")] = math.radians(given.pop(key))
+            lrf = LaserRangeFinder(**given)
+            sigma = sigma[0] if isinstance(sigma, tuple) else sigma
+            found.append((lrf, imperfect(sigma, lrf, **errors)))
+    with file.at("laser"):
+        lasers_of([lrf for lrf, _ in found])
+    return found

@@ -20,7 +20,7 @@ from lrf3d.errors import InputError, expect, shown
 from lrf3d.geometry import Float
 from lrf3d.laser import Chain, LaserRangeFinder, LaserScan, Noise
 from lrf3d.laser.scan import LIGHT
-from lrf3d.pose import as_pose
+from lrf3d.pose import as_pose, between
 from lrf3d.robot import Trajectory
 from lrf3d.world import World
 from lrf3d.world.materials import BUILT_IN
@@ -65,12 +65,12 @@ class Sensor:
             return
         if lrf.time_increment:
             self._legs = legs_of(path.times, path.poses)
-        between = float(np.diff(path.times[:-1]).min(initial=np.inf))
+        interval = float(np.diff(path.times[:-1]).min(initial=np.inf))
         # Times are sums, so intervals of 0.2 s are not exactly 0.2 s.
         rounding = 4.0 * float(np.spacing(np.abs(path.times).max()))
-        if lrf.scan_duration > between + rounding:
+        if lrf.scan_duration > interval + rounding:
             raise InputError(
-                f"scan_duration {lrf.scan_duration:g} s: longer than the {between:g} s between two"
+                f"scan_duration {lrf.scan_duration:g} s: longer than the {interval:g} s between two"
                 " scans; scan less often or faster"
             )
 
@@ -82,26 +82,31 @@ class Sensor:
                 f"noise {self.noise!r} returned {shown(scan)}; expected a LaserScan of"
                 f" {self.lrf.beams} beams"
             )
+        if scan.mount != true_scan.mount or scan.motion is not true_scan.motion:
+            # A noise may make a scan of its own, without what it knows nothing of.
+            kept: dict[str, Any] = {"mount": true_scan.mount, "laser": true_scan.laser}
+            scan = replace(scan, motion=true_scan.motion, **kept)
         return scan
 
     def cast(self, pose: Float, time: float) -> LaserScan:
-        """The true scan that begins at a pose (3,) and a time [s].
+        """The true scan that begins at a time [s], where the robot is at a pose (3,).
 
         Along a path each beam is cast from the pose at its own time. For a robot at rest this is
         the scan of the caster, bit for bit.
         """
-        lrf, begin = self.lrf, as_pose(pose)
+        lrf, begin = self.lrf, as_pose(self.lrf.placed(pose))
         if self._legs is None:
             return self._among(lrf, begin, time)
         times = time + lrf.time_increment * np.arange(lrf.beams, dtype=np.float64)
-        poses = poses_along(self._legs, times, np.array(begin))
+        poses = poses_along(self._legs, times, np.array(as_pose(pose)))
+        motion, poses = between(poses[0], poses[-1]), lrf.placed(poses)
         if isinstance(self.caster, PlanarCaster) and not self.world.materials:
             rays = np.empty(lrf.beams, RAY)
             rays_from(laser_of(lrf), poses, times, rays[None])
             ranges, walls = self.caster.trace(lrf, rays)
             if len(self._crowd):
                 self._crowd.stop_rays(lrf, rays, int(self._own[0]), ranges, walls)
-            return LaserScan.unchecked(lrf, begin, ranges, walls).at_time(time)
+            return LaserScan.unchecked(lrf, begin, ranges, walls).at_time(time, motion)
         # Beam i of the scan of moment i, as casters with only `cast` and light know no single rays.
         scans = [self._among(lrf, *at) for at in zip(poses, times.tolist(), strict=True)]
         arrays: Any = [
@@ -109,7 +114,7 @@ class Sensor:
             else np.array([getattr(scan, name)[i] for i, scan in enumerate(scans)])
             for name in ("ranges", "walls", *LIGHT)
         ]  # fmt: skip
-        return LaserScan.unchecked(lrf, begin, *arrays).at_time(time)
+        return LaserScan.unchecked(lrf, begin, *arrays).at_time(time, motion)
 
     def _among(self, lrf: LaserRangeFinder, pose: Any, time: float) -> LaserScan:
         """The scan of one moment, in which each beam ends at the nearer of wall and obstacle.

@@ -17,15 +17,16 @@ from lrf3d.errors import InputError, check_names, expect, shown
 from lrf3d.geometry import Float, generator, numbers, sealed, whole_number
 from lrf3d.interrupts import Progress, check, silent, stoppable
 from lrf3d.laser import LaserRangeFinder, LaserScan, ProportionalNoise
-from lrf3d.laser.noise import FLOOR, SIGMA, Noise, as_noise, spread_of
+from lrf3d.laser.noise import FLOOR, SIGMA, Noise, noises_of, spread_of
+from lrf3d.laser.range_finder import lasers_of
 from lrf3d.laser.scan import LIGHT
 from lrf3d.mapping import LineMap, LineMapper
-from lrf3d.pose import Pose
+from lrf3d.pose import Pose, as_pose
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.robot.following import SCAN_INTERVAL
 from lrf3d.robot.unicycle import RADIUS
 from lrf3d.run import Run, is_snapshot
-from lrf3d.sensor import Caster, Sensor
+from lrf3d.sensor import Caster, Sensor, caster_of
 from lrf3d.steering import ControlledDrive, Controller
 from lrf3d.world import World
 from lrf3d.world.cameras import USUAL_FILM, FilmPlan
@@ -37,6 +38,8 @@ class Mapper(Protocol):
     The map after a scan is the mapper's attribute ``map``, a LineMap or anything else. A mapper
     without it returns the map from `update`. A mapper that estimates the poses may have the
     attribute ``estimate``, an EstimatedTrajectory, which pictures and films show next to the truth.
+    It gets the scans of several lasers one by one, or, if its attribute ``several`` is true, those
+    of a moment as a tuple.
     """
 
     def update(self, scan: LaserScan) -> Any:
@@ -46,9 +49,10 @@ class Mapper(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Step:
-    """One step of a simulation: the measured scan and the true one, and the map after it.
+    """One step of a simulation: the measured scans and the true ones, and the map after them.
 
-    The ``index`` counts from 0; the ``time`` [s] and the ``pose`` are those of the scan.
+    There is a scan for each laser. The ``index`` counts from 0; the ``time`` [s] is that of the
+    first beams, and the ``pose`` that of the robot then.
 
     Examples:
         >>> import lrf3d
@@ -61,9 +65,19 @@ class Step:
     index: int
     time: float
     pose: Pose
-    scan: LaserScan
-    true_scan: LaserScan
+    scans: tuple[LaserScan, ...]
+    true_scans: tuple[LaserScan, ...]
     _simulation: "Simulation" = field(repr=False)
+
+    @property
+    def scan(self) -> LaserScan:
+        """The measured scan of the first laser."""
+        return self.scans[0]
+
+    @property
+    def true_scan(self) -> LaserScan:
+        """The true scan of the first laser."""
+        return self.true_scans[0]
 
     @property
     def map(self) -> Any:
@@ -77,7 +91,7 @@ class Step:
 
 
 class Simulation:
-    """A robot with a laser range finder that drives through a world, step by step.
+    """A robot with one or several laser range finders that drives through a world, step by step.
 
     Each iteration of ``for step in simulation`` scans, maps and drives on. The loop may be left and
     continued at any time. Earlier steps are not kept, so a simulation can run forever.
@@ -86,12 +100,13 @@ class Simulation:
         world: The walls.
         drive: A Trajectory, poses (k, 3) a second apart, or a controller: anything with
             ``command(time, pose, scan) -> (v, w)``, speed [m/s] and turn rate [rad/s] up to the
-            next scan, or None to end the drive.
-        lrf: The laser range finder; 181 beams over 180° up to 80 m if not given.
+            next scan, or None to end the drive. With several lasers it gets a tuple of their scans.
+        lrf: The laser range finder, or several; 181 beams over 180° up to 80 m if not given.
         caster: Casts the beams: ``embree``, ``planar``, or an object with ``cast``.
-        noise: Turns true scans into measured ones, ``noise(scan, rng)``; none if not given.
-        mapper: Builds the map, anything with ``update(scan)``; a LineMapper set up for the noise
-            if not given.
+        noise: Turns true scans into measured ones, ``noise(scan, rng)``, or one for each laser;
+            none if not given.
+        mapper: Builds the map, anything with ``update(scan)``, which is called for each laser; a
+            LineMapper set up for the noise if not given.
         rng: A generator for the noise, or a seed.
         obstacles: The dynamic obstacles.
         start: Initial pose of a controller's drive.
@@ -113,10 +128,10 @@ class Simulation:
         self,
         world: World,
         drive: Trajectory | ArrayLike | Controller,
-        lrf: LaserRangeFinder | None = None,
+        lrf: LaserRangeFinder | Sequence[LaserRangeFinder] | None = None,
         *,
         caster: Caster | str = "embree",
-        noise: Noise | None = None,
+        noise: Noise | Sequence[Noise] | None = None,
         mapper: Mapper | None = None,
         rng: np.random.Generator | int | None = None,
         obstacles: Sequence[DynamicObstacle] = (),
@@ -127,9 +142,9 @@ class Simulation:
     ) -> None:
         scans = None if scans is None else whole_number(scans, "scans")
         self.world = world
-        self.lrf = LaserRangeFinder() if lrf is None else lrf
-        noise = ProportionalNoise(0.0) if noise is None else as_noise(noise)
-        self.mapper: Mapper = line_mapper(noise) if mapper is None else mapper
+        self.lasers = lasers_of(LaserRangeFinder() if lrf is None else lrf)
+        noises = noises_of(ProportionalNoise(0.0) if noise is None else noise, self.lasers)
+        self.mapper: Mapper = line_mapper(noises[0]) if mapper is None else mapper
         if not callable(getattr(self.mapper, "update", None)):
             raise InputError(f"mapper {self.mapper!r}: expected an object with update(scan)")
         self.rng = generator(rng)
@@ -137,7 +152,7 @@ class Simulation:
         path = None
         if callable(getattr(drive, "command", None)):
             self.drive = ControlledDrive(drive, start, scan_interval, world, radius)  # type: ignore[arg-type]
-            if self.lrf.scan_duration:
+            if any(each.scan_duration for each in self.lasers):
                 raise InputError(
                     "scan_duration: a controller decides after a scan where the robot moves, so"
                     " that its scans take no time; set it to 0"
@@ -154,8 +169,10 @@ class Simulation:
         # A run stores the paths of its obstacles as poses, up to its end; an endless drive is not
         # stored.
         self.obstacles = tuple(each if end is None else each.until(end) for each in obstacles)
-        self.sensor = Sensor(
-            world, self.lrf, caster=caster, noise=noise, obstacles=self.obstacles, path=path
+        shared = caster_of(caster, world)
+        self.sensors = tuple(
+            Sensor(world, each, caster=shared, noise=own, obstacles=self.obstacles, path=path)
+            for each, own in zip(self.lasers, noises, strict=True)
         )
         self.film: FilmPlan = USUAL_FILM
         """The default settings of the film."""
@@ -163,6 +180,16 @@ class Simulation:
         """Radius of the robot [m]."""
         self.scans, self.done, self._seconds = scans, 0, 0.0
         self._returned: Any = None
+
+    @property
+    def lrf(self) -> LaserRangeFinder:
+        """The first laser."""
+        return self.lasers[0]
+
+    @property
+    def sensor(self) -> Sensor:
+        """The first laser among the walls, with its noise."""
+        return self.sensors[0]
 
     @property
     def map(self) -> Any:
@@ -186,22 +213,26 @@ class Simulation:
                 time, pose = drive.time, np.array(drive.pose)
             else:
                 return
-            true_scan = self.sensor.cast(pose, time)
-            self.take(scan := self.sensor.noisy(true_scan, self.rng))
-            yield Step(index, time, true_scan.pose, scan, true_scan, self)
+            truth = tuple(sensor.cast(pose, time) for sensor in self.sensors)
+            scans = tuple(
+                sensor.noisy(scan, self.rng)
+                for sensor, scan in zip(self.sensors, truth, strict=True)
+            )
+            self.take(scans)
+            yield Step(index, time, as_pose(pose), scans, truth, self)
 
-    def take(self, scan: LaserScan) -> None:
-        """Take the next measured scan: map it and drive on.
+    def take(self, scans: Sequence[LaserScan]) -> None:
+        """Take the next measured scan of each laser: map them and drive on.
 
         Taking recorded scans brings a new simulation to the state of an interrupted one.
         """
         begin = perf_counter()
-        self._returned = self.mapper.update(scan)
+        self._returned = update_mapper(self.mapper, scans)
         # The first update is not counted: it may compile or load the mapper.
         if self.done:
             self._seconds += perf_counter() - begin
         if isinstance(self.drive, ControlledDrive):
-            self.drive.after(scan)
+            self.drive.after(scans[0] if len(scans) == 1 else scans)
         self.done += 1
 
     @property
@@ -306,6 +337,7 @@ def collect(
         film=simulation.film,
         radius=simulation.radius,
         estimate=simulation.estimate,
+        further=simulation.lasers[1:],
         **rows,
     )
 
@@ -316,7 +348,7 @@ def run_to_end(
     progress: Progress,
     *,
     snapshots: int | None = None,
-    recorded: Iterable[LaserScan] = (),
+    recorded: Iterable[Sequence[LaserScan]] = (),
 ) -> dict[int, LineMap]:
     """Call ``keep`` with each step up to the last, and return the map snapshots by their scans.
 
@@ -332,8 +364,8 @@ def run_to_end(
             if isinstance(line_map := simulation.map, LineMap):
                 maps[last] = line_map
 
-    for scan in recorded:
-        simulation.take(scan)
+    for scans in recorded:
+        simulation.take(scans)
         keep_map()
     for step in simulation:
         keep(step)
@@ -344,29 +376,50 @@ def run_to_end(
     return maps
 
 
+def update_mapper(mapper: Any, scans: Sequence[LaserScan]) -> Any:
+    """Update a mapper by the scans of a moment: one by one, or all at once where it takes several.
+
+    It returns what the mapper does.
+    """
+    if len(scans) > 1 and getattr(mapper, "several", False):
+        return mapper.update(tuple(scans))
+    returned = None
+    for scan in scans:
+        returned = mapper.update(scan)
+    return returned
+
+
 def row_type(simulation: Simulation) -> np.dtype[Any]:
     """What a run keeps of each scan: a field for each of the Run's attributes."""
-    lrf, beams = simulation.lrf, (simulation.lrf.beams,)
+    lasers = simulation.lasers
+    beams, echoes = (sum(each.beams for each in lasers),), lasers[0].echoes
     fields: list[Any] = [("times", np.float64), ("poses", np.float64, 3)]
     fields += [("ranges", np.float64, beams), ("truth", np.float64, beams)]
     fields.append(("walls", np.int64, beams))
     if simulation.world.materials:
         fields.append(("intensities", np.float64, beams))
-        if lrf.echoes > 1:
-            echoes = (*beams, lrf.echoes)
-            fields += [("echoes", np.float64, echoes), ("echo_intensities", np.float64, echoes)]
+        if echoes > 1:
+            each_echo = (*beams, echoes)
+            fields += [(name, np.float64, each_echo) for name in ("echoes", "echo_intensities")]
+    if any(each.scan_duration for each in lasers):
+        fields.append(("motions", np.float64, (len(lasers), 3)))
     return np.dtype(fields)
 
 
 def fill_row(rows: Mapping[str, Any], index: int, step: Step) -> None:
-    """Write a step into a row of arrays with the fields of `row_type`."""
+    """Write a step into a row of arrays with the fields of `row_type`, laser beside laser."""
     rows["times"][index], rows["poses"][index] = step.time, step.pose
-    rows["ranges"][index], rows["truth"][index] = step.scan.ranges, step.true_scan.ranges
-    rows["walls"][index] = step.true_scan.walls
-    for name in rows.keys() & set(LIGHT):
-        # Scans of users' own parts may have no intensities.
-        light = getattr(step.scan, name)
-        rows[name][index] = np.nan if light is None else light
+    begin = 0
+    for number, (scan, truth) in enumerate(zip(step.scans, step.true_scans, strict=True)):
+        beams = slice(begin, begin := begin + len(scan.ranges))
+        rows["ranges"][index, beams], rows["truth"][index, beams] = scan.ranges, truth.ranges
+        rows["walls"][index, beams] = truth.walls
+        if "motions" in rows:
+            rows["motions"][index, number] = 0.0 if truth.motion is None else truth.motion
+        for name in rows.keys() & set(LIGHT):
+            # Scans of users' own parts may have no intensities.
+            light = getattr(scan, name)
+            rows[name][index, beams] = np.nan if light is None else light
 
 
 def line_mapper(noise: object, **settings: Any) -> LineMapper:

@@ -1,7 +1,7 @@
 """Steering: a controller decides after each scan how the robot drives on."""
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -18,8 +18,11 @@ from lrf3d.world import World
 class Controller(Protocol):
     """Anything that decides after each scan how the robot drives."""
 
-    def command(self, time: float, pose: Pose, scan: LaserScan) -> tuple[float, float] | None:
-        """Speed [m/s] and turn rate [rad/s] up to the next scan, or None to end the drive."""
+    def command(self, time: float, pose: Pose, scan: Any) -> tuple[float, float] | None:
+        """Speed [m/s] and turn rate [rad/s] up to the next scan, or None to end the drive.
+
+        The scan is a LaserScan, or a tuple of those of several lasers.
+        """
         ...
 
 
@@ -45,7 +48,7 @@ class ControlledDrive:
         self._commands = 0
         self._checker = None if radius is None else CollisionChecker(world)
 
-    def after(self, scan: LaserScan) -> None:
+    def after(self, scan: LaserScan | Sequence[LaserScan]) -> None:
         """Get the next command of the controller, and drive."""
         time, start = self.time, self.pose
         command = self.controller.command(time, start, scan)

@@ -24,7 +24,7 @@ from lrf3d.run import Run
 from lrf3d.scenario import Scenario
 from lrf3d.scoring import visible_walls
 from lrf3d.scoring.summary import drawn_part, judged_part, summarise
-from lrf3d.simulation import Simulation, collect
+from lrf3d.simulation import Simulation, collect, update_mapper
 from lrf3d.slam.simulated import SlamMapper
 from lrf3d.text import counted
 
@@ -112,8 +112,8 @@ def _figures(main: Simulation, run: Run, folder: Path) -> dict[str, Any]:
         return figures
     if not main.done:
         # The run was finished before, so this mapper has no scans yet.
-        for scan in run.scans:
-            mapper.update(scan)
+        for index in range(len(run)):
+            update_mapper(mapper, run.scans_at(index))
     report = mapper.report(run, folder)
     try:
         return {**figures, "report": dict(json.loads(json.dumps(report, allow_nan=False)))}
@@ -126,7 +126,7 @@ def _figures(main: Simulation, run: Run, folder: Path) -> dict[str, Any]:
 def _rows(runs: Sequence[Run], summary: dict[str, Any]) -> list[tuple[str, str]]:
     """What most users ask of the runs, as a table."""
     run, drive, score = runs[0], summary["drive"], summary["score"]
-    scans = f"{counted(drive['scans'], 'scan')} of {counted(run.lrf.beams, 'beam')}"
+    scans = f"{counted(drive['scans'], 'scan')} of {counted(run.ranges.shape[1], 'beam')}"
     rows = [("drive", f"{drive['length_m']:.1f} m in {drive['duration_s']:.1f} s, {scans}")]
     if not drive["length_m"]:
         rows = [("scans", f"{scans}, from single poses")]

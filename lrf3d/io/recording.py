@@ -9,7 +9,7 @@ byte for byte, as without the interruption. Rows are mapped from the file, not h
 """
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from time import monotonic
@@ -24,7 +24,7 @@ from lrf3d.files import check_ordinary, locked, opened_own, writing
 from lrf3d.interrupts import Progress, noting, silent, stoppable
 from lrf3d.io.npz import DAMAGES, read_arrays, write_npz
 from lrf3d.io.run_file import load_run, run_arrays
-from lrf3d.laser import LaserScan
+from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.laser.scan import LIGHT
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
@@ -125,13 +125,13 @@ def fingerprint_of(simulation: Simulation) -> str:
     walls = [world.segments, world.objects, world.heights, world.colours, world.name]
     parts = {
         "world": [*walls, world.materials],
-        "range finder": simulation.lrf,
+        "range finder": simulation.lasers,
         "drive": path,
         "dynamic obstacles": bodies,
         "seed": _rng_state(simulation.rng).decode(),
         "scans": simulation.scans,
         "caster": type(simulation.sensor.caster).__name__,
-        "noise": name_of(simulation.sensor.noise),
+        "noise": [name_of(sensor.noise) for sensor in simulation.sensors],
         "mapper": name_of(simulation.mapper),
     }
     return json.dumps({name: digest(part)[:16] for name, part in parts.items()}, sort_keys=True)
@@ -180,7 +180,7 @@ class Journal:
             )
         return {name: rows[name] for name in self._fields}
 
-    def recorded(self, simulation: Simulation) -> Iterator[LaserScan]:
+    def recorded(self, simulation: Simulation) -> Iterator[tuple[LaserScan, ...]]:
         """The scans of an interrupted run; the random numbers go on after the last of them."""
         rows = self._valid_rows()
         if not len(rows):
@@ -193,14 +193,20 @@ class Journal:
                 " damaged; leave out --resume to begin again"
             ) from None
         for row in rows:
-            ranges = row["ranges"].copy()
+            yield tuple(self._scans(simulation.lasers, row))
+
+    def _scans(self, lasers: Sequence[LaserRangeFinder], row: Any) -> Iterator[LaserScan]:
+        begin, pose = 0, row["poses"]
+        for number, lrf in enumerate(lasers):
+            beams = slice(begin, begin := begin + lrf.beams)
+            ranges = row["ranges"][beams].copy()
             # The journal holds the walls of the true scan; a beam without return has none.
-            walls = np.where(np.isfinite(ranges), row["walls"], -1)
-            light = [row[name].copy() for name in LIGHT if name in self._fields]
-            scan = LaserScan.unchecked(
-                simulation.lrf, Pose(*row["poses"].tolist()), ranges, walls, *light
-            )
-            yield scan.at_time(float(row["times"]))
+            walls = np.where(np.isfinite(ranges), row["walls"][beams], -1)
+            light = [row[name][beams].copy() for name in LIGHT if name in self._fields]
+            place = Pose(*lrf.placed(pose).tolist())
+            scan = LaserScan.unchecked(lrf, place, ranges, walls, *light)
+            motion = row["motions"][number].copy() if lrf.scan_duration else None
+            yield scan.at_time(float(row["times"]), motion)
 
     def kept(self) -> int:
         """The number of scans in the file."""

@@ -56,6 +56,7 @@ def save_run(run: Run, path: str | Path) -> None:
     """
     rows: dict[str, Array] = {"times": run.trajectory.times, "poses": run.trajectory.poses}
     rows |= {"ranges": run.ranges, "truth": run.truth, "walls": run.walls, **run.light}
+    rows |= {} if run.motions is None else {"motions": run.motions}
     maps = dict(zip(run.snapshot_scans, run.maps, strict=True))
     write_npz(path, run_arrays(run, rows, maps))
 
@@ -64,13 +65,14 @@ def run_arrays(
     run: "Run | Simulation", rows: Mapping[str, Array], maps: Mapping[int, LineMap]
 ) -> dict[str, Array]:
     """The arrays of a run's file, from what it keeps of each scan and the maps after some scans."""
-    world, lrf = run.world, run.lrf
+    world = run.world
     settings = {
         "name": world.name,
         "object_names": world.object_names,
         "materials": [one and material_value(one) for one in world.materials],
         "cameras": [asdict(camera) for camera in world.cameras],
-        "laser": {each.name: getattr(lrf, each.name) for each in fields(lrf)},
+        "laser": asdict(run.lasers[0]),
+        **({"further": [asdict(each) for each in run.lasers[1:]]} if len(run.lasers) > 1 else {}),
         "film": asdict(run.film),
         "radius": run.radius,
         "obstacle_heights": [each.height for each in run.obstacles],
@@ -194,9 +196,11 @@ def _run(arrays: dict[str, Any]) -> Run:
     estimate = None
     if "estimate_poses" in arrays:
         estimate = EstimatedTrajectory(*(arrays[f"estimate_{each}"] for each in _ESTIMATE))
+    lasers = (settings["laser"], *settings.get("further", ()))
+    lrf, *further = (LaserRangeFinder(**each) for each in lasers)
     return Run(
         world,
-        LaserRangeFinder(**settings["laser"]),
+        lrf,
         Trajectory(arrays["times"], arrays["poses"]),
         arrays["ranges"],
         arrays["truth"],
@@ -207,5 +211,6 @@ def _run(arrays: dict[str, Any]) -> Run:
         FilmPlan(**settings["film"]),
         estimate,
         radius=settings.get("radius", RADIUS),
-        **{name: arrays[name] for name in LIGHT if name in arrays},
+        **{name: arrays[name] for name in (*LIGHT, "motions") if name in arrays},
+        further=tuple(further),
     )

@@ -13,7 +13,7 @@ that is the same at every distance, and of the part that grows with the distance
 
 import inspect
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, NamedTuple, Protocol
 
@@ -21,7 +21,7 @@ import numpy as np
 
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import Float, generator, number
-from lrf3d.laser.range_finder import within_limits
+from lrf3d.laser.range_finder import LaserRangeFinder, within_limits
 from lrf3d.laser.scan import LaserScan
 
 Rng = np.random.Generator | int
@@ -93,6 +93,16 @@ def as_noise(noise: Any) -> Noise:
     except (TypeError, ValueError):
         raise InputError(f"noise {shown(noise)}: expected a function of a scan and rng") from None
     return noise  # type: ignore[no-any-return]
+
+
+def noises_of(noise: Any, lasers: Sequence[LaserRangeFinder]) -> tuple[Noise, ...]:
+    """The noise of each laser: one for all of them, or one for each."""
+    if not isinstance(noise, list | tuple):
+        return (as_noise(noise),) * len(lasers)
+    if len(noise) != len(lasers):
+        found = f"noise: {len(noise)} of them for {len(lasers)} lasers"
+        raise InputError(f"{found}; expected one, or one for each")
+    return tuple(as_noise(each) for each in noise)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,7 @@
 """LaserRangeFinder: the fan of beams of a laser range finder (section 2.3)."""
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -8,8 +9,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from lrf3d.errors import check_names
+from lrf3d.errors import InputError, check_names, expect, shown
 from lrf3d.geometry import LARGEST_COORDINATE, TINY, Float, Value, number, sealed, whole_number
+from lrf3d.pose import Pose, as_pose, between, compose
 
 MOST_BEAMS = 1_000_000
 """Largest number of beams of a scan, some hundred times that of any range finder."""
@@ -19,13 +21,19 @@ ECHO_CHOICES = ("first", "last", "strongest")
 
 Number = TypeVar("Number", float, Float)
 
+FARTHEST_MOUNT = 100.0
+"""How far a laser may be from its robot's centre [m]: farther, the mount is in other units."""
+
+CENTRE = Pose(0.0, 0.0, 0.0)
+"""The mount of a laser in the middle of its robot, facing ahead."""
+
 LARGEST_ANGLE = 63.0
 """Largest angle [rad] of a beam: ten turns. Far beyond it float64 does not resolve beams."""
 
 
 @dataclass(frozen=True)
 class LaserRangeFinder(Value):
-    """A planar laser range finder at the centre of the robot, facing ahead.
+    """A planar laser range finder on a robot.
 
     Args:
         angle_min: Angle of the first beam [rad], 0 ahead, counter-clockwise.
@@ -42,10 +50,14 @@ class LaserRangeFinder(Value):
             none.
         echo: Which echo of a beam is its range: ``first``, ``last`` or ``strongest``.
         echoes: Number of echoes that are reported of each beam, the strongest ones, 1 to 5.
+        mount: Pose x, y [m], theta [rad] on the robot, whose centre is the origin and whose x axis
+            points ahead. Casters take the pose of the laser; a `Simulation` that of the robot.
+        name: Name among the lasers of a robot, and of its frame: letters, digits and underscores.
 
     Raises:
         InputError: There are no beams or over 1,000,000, or a limit is not finite, out of order,
-            or an angle of more than ten turns.
+            or an angle of more than ten turns; the mount is farther than 100 m from the centre, or
+            the name is invalid.
 
     Examples:
         >>> import lrf3d
@@ -67,6 +79,8 @@ class LaserRangeFinder(Value):
     near_field: float = field(default=0.0, repr=False)
     echo: str = field(default="strongest", repr=False)
     echoes: int = field(default=1, repr=False)
+    mount: Pose = field(default=CENTRE, repr=False)
+    name: str = field(default="laser", repr=False)
 
     def __post_init__(self) -> None:
         def check(name: str, unit: str = "", **limits: Any) -> None:
@@ -83,6 +97,21 @@ class LaserRangeFinder(Value):
         for name, most in (("beams", MOST_BEAMS), ("echoes", 5)):
             count = whole_number(getattr(self, name), f"range finder: {name}", most=most)
             object.__setattr__(self, name, count)
+        if not isinstance(self.name, str) or not re.fullmatch(r"[A-Za-z]\w*", self.name, re.A):
+            found = f"range finder: name {shown(self.name)}"
+            raise InputError(f"{found}: expected letters, digits and underscores, a letter first")
+        try:
+            mount = as_pose(self.mount)
+        except InputError as error:
+            raise InputError(f"{self.name}: mount: {error}") from None
+        if math.hypot(mount.x, mount.y) > FARTHEST_MOUNT or abs(mount.theta) > LARGEST_ANGLE:
+            found = f"{self.name}: mount {tuple(mount)}"
+            raise InputError(f"{found}: expected x, y up to {FARTHEST_MOUNT:g} m and radians")
+        object.__setattr__(self, "mount", mount)
+
+    def placed(self, poses: Float) -> Float:
+        """Poses (…, 3) of the laser in the world, where its robot is at poses (…, 3)."""
+        return poses if self.mount == CENTRE else compose(np.asarray(poses), np.array(self.mount))
 
     @cached_property
     def angles(self) -> Float:
@@ -108,6 +137,30 @@ class LaserRangeFinder(Value):
     def directions(self, pose: Sequence[float] | Float) -> Float:
         """Unit vectors (beams, 2) of the beams in the world, for the laser at a pose."""
         return turned(self.fan, float(pose[2]))
+
+
+def lasers_of(
+    lasers: "LaserRangeFinder | Sequence[LaserRangeFinder]",
+) -> "tuple[LaserRangeFinder, ...]":
+    """The lasers of a robot, one or several, whose names must differ."""
+    found = (lasers,) if isinstance(lasers, LaserRangeFinder) else tuple(lasers)
+    if not found:
+        raise InputError("lasers: none; expected at least one range finder")
+    for each in found:
+        expect(each, LaserRangeFinder, "range finder")
+    names = [each.name for each in found]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise InputError(f"lasers: two of the name {twice[0]!r}; give each its own name=")
+    if len({each.echoes for each in found}) > 1:
+        raise InputError("lasers: of different numbers of echoes; give all the same")
+    return found
+
+
+def robot_pose(laser: Pose, mount: Pose) -> Pose:
+    """The pose of a robot whose laser, on a mount, is at a pose."""
+    if mount == CENTRE:
+        return laser
+    return Pose(*compose(np.array(laser), between(np.array(mount), np.zeros(3))).tolist())
 
 
 def beam_directions(theta: float, angles: Float) -> Float:

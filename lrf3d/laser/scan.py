@@ -11,7 +11,14 @@ from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import LARGEST_COORDINATE, Bool, Float, Int, Value, number, read_only, sealed
-from lrf3d.laser.range_finder import LARGEST_ANGLE, LaserRangeFinder, beam_directions, within_limits
+from lrf3d.laser.range_finder import (
+    CENTRE,
+    LARGEST_ANGLE,
+    LaserRangeFinder,
+    beam_directions,
+    robot_pose,
+    within_limits,
+)
 from lrf3d.laser.ros_scan import Stamp, even_spread, read_ros_scan
 from lrf3d.lazy import Pictured
 from lrf3d.pose import Pose, as_pose
@@ -43,6 +50,10 @@ class LaserScan(Value, Pictured):
         pose_covariance: (3, 3) covariance of the pose's x, y [m] and theta [rad]; None if the pose
             is exact or its error is unknown. The larger it is, the farther apart two views of one
             wall may lie for the mapper.
+        mount: Pose of the laser on its robot; that of the robot is ``pose @ mount.inverse()``.
+        laser: Name of the laser.
+        motion: (3,) motion of the robot from the first beam to the last, as seen from where the
+            first was sent: ahead, to the left [m], turn [rad]. None if it is unknown.
 
     Raises:
         InputError: The arrays do not fit together, or a number is invalid.
@@ -70,6 +81,9 @@ class LaserScan(Value, Pictured):
     intensities: Float | None = None
     echoes: Float | None = None
     echo_intensities: Float | None = None
+    mount: Pose = CENTRE
+    laser: str = "laser"
+    motion: Float | None = None
 
     def __init__(
         self,
@@ -86,6 +100,9 @@ class LaserScan(Value, Pictured):
         intensities: ArrayLike | None = None,
         echoes: ArrayLike | None = None,
         echo_intensities: ArrayLike | None = None,
+        mount: Sequence[float] | Float = CENTRE,
+        laser: str = "laser",
+        motion: ArrayLike | None = None,
     ) -> None:
         # Drivers write the largest float32 for a range finder whose reach they do not know.
         far = np.inf if range_max == np.inf else number(range_max, "scan: range_max", positive=True)
@@ -114,6 +131,9 @@ class LaserScan(Value, Pictured):
             time=number(time, "scan: time", "seconds", least=-1e12),
             time_increment=number(time_increment, "scan: time_increment", least=-1e12),
             pose_covariance=None if pose_covariance is None else _covariance(pose_covariance),
+            mount=as_pose(mount),
+            laser=laser,
+            motion=None if motion is None else _motion(motion),
         )
 
     def __repr__(self) -> str:
@@ -142,6 +162,8 @@ class LaserScan(Value, Pictured):
             range_min=lrf.range_min,
             range_max=lrf.range_max,
             time_increment=lrf.time_increment,
+            mount=lrf.mount,
+            laser=lrf.name,
         )
         if light:
             for name, values in zip(LIGHT, light, strict=False):
@@ -149,11 +171,26 @@ class LaserScan(Value, Pictured):
                     scan.__dict__[name] = sealed(values)
         return scan
 
-    def at_time(self, time: float) -> "LaserScan":
-        """The same scan with another time of its first beam [s]; nothing is checked or copied."""
+    def at_time(self, time: float, motion: Float | None = None) -> "LaserScan":
+        """The same scan at another time of its first beam [s], with the motion of its robot.
+
+        Nothing is checked or copied.
+        """
         scan = object.__new__(type(self))
         scan.__dict__.update(self.__dict__, time=time)
+        if motion is not None:
+            scan.__dict__["motion"] = sealed(motion)
         return scan
+
+    @property
+    def duration(self) -> float:
+        """Time from the first beam to the last [s]."""
+        return self.time_increment * (len(self.ranges) - 1)
+
+    @property
+    def robot(self) -> Pose:
+        """The pose of the robot that carries the laser, at the first beam."""
+        return robot_pose(self.pose, self.mount)
 
     @classmethod
     def from_ros(cls, message: Any, pose: Sequence[float] = (0.0, 0.0, 0.0)) -> "LaserScan":
@@ -210,6 +247,13 @@ def _of_beams(values: Any, beams: int, name: str) -> Float | None:
         found = f"scan with {name} {array.shape}"
         raise InputError(f"{found}: expected a row for each of {beams} beams")
     return sealed(np.where(np.isnan(array), nothing, array)) if np.isnan(array).any() else array
+
+
+def _motion(values: Any) -> Float:
+    """A motion (3,), which copies of a scan share."""
+    motion: Float = read_only(values, "motion")
+    as_pose(motion)
+    return motion
 
 
 def _covariance(values: Any) -> Float:

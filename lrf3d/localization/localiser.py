@@ -5,7 +5,7 @@ an increment; the correction uses pairs of lines, as in the localisation for whi
 build their map. The pose that is stored in a scan is never used.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from lrf3d.errors import InputError, expect, shown
 from lrf3d.geometry import Bool, Float, Int, Value, generator, is_finite, read_only, wrap_angle
 from lrf3d.laser import LaserScan, RangeNoise
+from lrf3d.laser.unrolling import unrolled
 from lrf3d.localization.pairing import (
     GATE,
     STRATEGIES,
@@ -258,13 +259,13 @@ class Localiser:
         return self.estimate
 
     def see(self, scan: LaserScan) -> PoseEstimate:
-        """Correct the pose by a scan.
+        """Correct the pose by a scan, unrolled if its motion is known.
 
         Raises:
             InputError: It is not a scan.
         """
         expect(scan, LaserScan, "scan")
-        local = LocalLines.from_scan(scan, self._range_noise)
+        local = LocalLines.from_scan(unrolled(scan), self._range_noise)
         pose, covariance = self.estimate.pose, self.estimate.covariance
         pairs = pair_lines(local, self.known, pose, covariance, self._seen)
         self.comparisons = pairs.comparisons
@@ -276,11 +277,13 @@ class Localiser:
         return self.estimate
 
 
-def localise(localiser: Localiser, scans: Iterable[LaserScan], steps: ArrayLike) -> Track:
+def localise(
+    localiser: Localiser, scans: Iterable[LaserScan | Sequence[LaserScan]], steps: ArrayLike
+) -> Track:
     """Localise the robot at every scan of a drive, from the one that the localiser starts at.
 
-    A run has its scans (k) as ``run.scans``; the steps (k − 1, 3) are the odometry increments from
-    each scan to the next.
+    A run has its scans (k) as ``run.scans``, those of several lasers as ``run.scans_at(index)``;
+    the steps (k − 1, 3) are the odometry increments from each scan to the next.
 
     Raises:
         InputError: There is not one increment from each scan to the next.
@@ -303,7 +306,8 @@ def localise(localiser: Localiser, scans: Iterable[LaserScan], steps: ArrayLike)
         # The robot moves between scans, so the first one has no increment before it.
         if 0 < count <= len(steps):
             localiser.move(steps[count - 1])
-        now = localiser.see(scan)
+        for each in (scan,) if isinstance(scan, LaserScan) else scan:
+            now = localiser.see(each)
         rows.append((now.pose, now.covariance, localiser.used, localiser.comparisons))
     if len(rows) != len(steps) + 1:
         raise InputError(f"{len(steps)} steps of odometry for {len(rows)} scans")

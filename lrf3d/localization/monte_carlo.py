@@ -119,5 +119,9 @@ def follow_drive(
         known, start, range_noise=ranges, odometry_noise=odometry, strategy=strategy
     )
     steps = odometry(odometry_increments(poses), rng)
-    scans = (noise(run.true_scan(index), rng) for index in range(len(run)))
+    lasers = range(len(run.lasers))
+    scans = (
+        [noise(run.true_scan(index, laser=laser), rng) for laser in lasers]
+        for index in range(len(run))
+    )
     return localise(localiser, scans, steps)

@@ -14,6 +14,7 @@ import numpy as np
 from lrf3d.errors import expect
 from lrf3d.geometry import Bool, Float, Int, Value, directions, lengths, normal_lines, wrap_angle
 from lrf3d.laser import LaserScan, RangeNoise
+from lrf3d.laser.range_finder import CENTRE
 from lrf3d.mapping.line_map import LineMap
 from lrf3d.mapping.robust.extraction import LikelihoodExtractor
 from lrf3d.pose import Pose
@@ -50,7 +51,7 @@ class LocalLines(NamedTuple):
 
     @classmethod
     def from_scan(cls, scan: LaserScan, noise: RangeNoise) -> "LocalLines":
-        """The lines of a scan whose ranges have a noise.
+        """The lines of a scan whose ranges have a noise, seen from the robot's centre.
 
         A change of a line moves it sideways by t·δα − δp at the distance t along it from the foot
         of the robot's perpendicular, so the moments of its points are its information.
@@ -63,6 +64,12 @@ class LocalLines(NamedTuple):
         along_x, along_y = -np.sin(lines[:, 0]), np.cos(lines[:, 0])
         mean = along_x * x + along_y * y
         turn = 1.0 / (along_x**2 * xx + 2.0 * along_x * along_y * xy + along_y**2 * yy)
+        if scan.mount != CENTRE:
+            # A line that turns about the foot of the laser's perpendicular, and not of the robot's.
+            segments = scan.mount.apply(segments.reshape(-1, 2)).reshape(-1, 4)
+            lines = normal_lines(segments)
+            aside = np.array([-np.sin(lines[:, 0]), np.cos(lines[:, 0])])
+            mean = mean + scan.mount[:2] @ aside
         covariances = np.array([[turn, mean * turn], [mean * turn, 1.0 / weight + mean**2 * turn]])
         return cls(segments, lines, covariances.transpose(2, 0, 1))
 

@@ -4,6 +4,7 @@ from lrf3d.errors import InputError, shown
 from lrf3d.geometry import is_finite, whole_number
 from lrf3d.laser import LaserScan
 from lrf3d.laser.noise import FLOOR, SIGMA
+from lrf3d.laser.unrolling import motion_since, unrolled
 from lrf3d.mapping.line_map import LineMap
 from lrf3d.mapping.paper import PaperMapper, SplitMergeExtractor
 from lrf3d.mapping.robust.extraction import LikelihoodExtractor
@@ -101,6 +102,7 @@ class LineMapper:
             f" {min_points=}"
         )
         self.mode = mode
+        self._last: LaserScan | None = None
         self._extract: SplitMergeExtractor | LikelihoodExtractor
         self._mapper: PaperMapper | RobustMapper
         if paper:
@@ -118,12 +120,16 @@ class LineMapper:
     def update(self, scan: LaserScan) -> None:
         """Unite the map with what a scan shows.
 
+        A scan that took some time is unrolled by its motion; where that is unknown the robot is
+        taken to move on as since the scan before.
+
         Raises:
             InputError: It is no scan.
         """
         if not isinstance(scan, LaserScan):
             raise InputError(f"mapper: expected a LaserScan, found {shown(scan)}")
-        self._mapper.update(scan)
+        self._last, before = scan, self._last
+        self._mapper.update(unrolled(scan, motion_since(before, scan)))
 
     def local_map(self, scan: LaserScan) -> LineMap:
         """The local map of one scan alone: each polyline is an object."""

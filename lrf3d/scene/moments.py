@@ -11,6 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from lrf3d.geometry import Float, Single
+from lrf3d.laser.unrolling import unrolled
 from lrf3d.scene import look
 from lrf3d.scene.beams import REACH, REACH_INDOOR, draw_beams, turning_walls
 from lrf3d.scene.bodies import (
@@ -70,6 +71,11 @@ and the opacity of that."""
 _PLAN_WIDTH, _DART_SHARE, _PALER, _LEAST_PLAN = 2.6, 0.034, 0.35, 4.0
 """Width of the map in the plan [pixels of 720 lines], the robot's size as a share of what it shows,
 how much paler colours are on its dark ground, and its least size [m]: there may be no wall."""
+
+_LASER_TINTS = np.array(
+    [(1.0, 1.0, 1.0), (0.5, 1.2, 3.0), (0.6, 2.0, 0.9), (1.0, 0.7, 3.0)], np.float32
+)
+"""By what the colour of beams is multiplied, laser by laser."""
 
 _TRAIL_FADE = 15.0
 """Time of the film [s] in which the trail fades."""
@@ -187,19 +193,37 @@ class Scene:
         return tuple(found)
 
     def _drawn_beams(self, number: int, *pose: float) -> tuple[Lines, Points]:
-        """The beams and hits of a scan, from where the robot is now, if given."""
-        scan, origin, lrf = self.run.scan(number), np.array([*self.origin, 0.0]), self.run.lrf
-        place = np.array(scan.pose) - origin
-        apex = np.array(pose) - origin if pose else place
-        return draw_beams(
-            replace(scan, pose=place),
-            self._walls,
-            apex[:2],
-            self._turning,
-            height=lrf.height,
-            reach=self._reach,
-            by=self.run.film.points_by,
+        """The beams and hits of all lasers at a scan, from where the robot is now, if given."""
+        run, origin = self.run, np.array([*self.origin, 0.0])
+        robot = np.array(pose) if pose else run.trajectory.poses[number]
+        drawn = []
+        for laser, (lrf, scan) in enumerate(zip(run.lasers, run.scans_at(number), strict=True)):
+            scan = unrolled(scan)
+            lines, points = draw_beams(
+                replace(scan, pose=np.array(scan.pose) - origin),
+                self._walls,
+                (lrf.placed(robot) - origin)[:2],
+                self._turning,
+                height=lrf.height,
+                reach=self._reach,
+                by=run.film.points_by,
+            )
+            tint = _LASER_TINTS[laser % len(_LASER_TINTS)]
+            colours = np.minimum(lines.colours * tint, np.float32(1.0))
+            drawn.append((lines._replace(colours=colours), points))
+        if len(drawn) == 1:
+            return drawn[0]
+        lines, points = (
+            first._replace(
+                **{
+                    name: np.concatenate([getattr(each, name) for each in (first, *others)])
+                    for name in first._fields
+                    if isinstance(getattr(first, name), np.ndarray)
+                }
+            )
+            for first, *others in zip(*drawn, strict=True)
         )
+        return lines, points
 
     def _recent_hits(self, moment: Moment) -> Points:
         """The hits of the last seconds, which fade."""

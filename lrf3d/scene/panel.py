@@ -55,7 +55,7 @@ def caption(run: Run, shot: str) -> str:
 def _laser(run: Run) -> str:
     """How much the laser sends out."""
     gaps = np.diff(run.trajectory.times)
-    beams = f"{run.lrf.beams} laser beams"
+    beams = f"{run.ranges.shape[1]} laser beams"
     rate = 1.0 / float(np.median(gaps)) if len(gaps) and np.median(gaps) > 0.0 else 0.0
     return f"{beams}, {rate:.3g} times a second" if rate >= 1.0 else f"{beams} a scan"
 

@@ -32,15 +32,15 @@ def visible_walls(run: Run) -> tuple[Float, Int]:
     Returns:
         (v, 4) the parts longer than 0.5 m, and (v,) their walls, in ascending order.
     """
-    segments, angles = run.world.segments, run.lrf.angles
+    segments = run.world.segments
     along, size = directions(segments), lengths(segments)
     low, high = np.full(len(segments), np.inf), np.full(len(segments), -np.inf)
-    for pose, ranges, hit in zip(run.trajectory.poses, run.truth, run.walls, strict=True):
-        returned = (hit >= 0) & np.isfinite(ranges)
-        wall = hit[returned]
+    for scan in run.true_scans:
+        returned = (scan.walls >= 0) & scan.hits
+        wall = scan.walls[returned]
         # Relative to the end of the wall, so that no digits are lost far from the origin.
-        reach = ranges[returned, None] * beam_directions(pose[2], angles[returned])
-        offset = pose[:2] - segments[wall, :2] + reach
+        ahead = beam_directions(scan.pose.theta, scan.angles[returned])
+        offset = np.array(scan.pose[:2]) - segments[wall, :2] + scan.ranges[returned, None] * ahead
         # What came by way of a mirror shows an image of the wall, elsewhere.
         station = (offset * along[wall]).sum(axis=1)
         direct = np.abs(cross(along[wall], offset)) < DIRECT
@@ -102,7 +102,7 @@ def score_run(run: Run) -> MapScore:
     """
     expect(run, Run, "run")
     segments, walls = visible_walls(run)
-    in_reach = run.world.heights >= run.lrf.height
+    in_reach = run.world.heights >= min(lrf.height for lrf in run.lasers)
     return score_map(
         run.map, segments, joined_objects(run.world)[walls], walls=run.world.segments[in_reach]
     )

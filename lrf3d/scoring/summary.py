@@ -32,7 +32,7 @@ def summarise(run: Run) -> dict[str, Any]:
             "length_m": run.trajectory.length,
         },
         "laser": {
-            "beams": run.lrf.beams,
+            "beams": run.ranges.shape[1],
             "range_max_m": run.lrf.range_max,
             "returned": returned,
             "returned_share": returned / run.ranges.size,

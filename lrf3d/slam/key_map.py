@@ -4,7 +4,7 @@ Poses of the key scans enter after each scan; the map leaves whenever it is read
 take a scan out of its map: once key scans have moved, all are mapped again.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
@@ -42,9 +42,10 @@ class KeyMap:
         else:
             self._poses = np.concatenate([self._poses, poses[known:]])
 
-    def map(self, placed: Callable[[int, Float], LaserScan]) -> LineMap:
-        """The map now; ``placed(number, pose)`` is a key scan as it was seen from a pose (3,)."""
+    def map(self, placed: Callable[[int, Float], Iterable[LaserScan]]) -> LineMap:
+        """The map now; ``placed(number, pose)`` are key scans as seen from a pose (3,)."""
         for number in range(self._drawn, len(self._poses)):
-            self._mapper.update(placed(number, self._poses[number]))
+            for scan in placed(number, self._poses[number]):
+                self._mapper.update(scan)
         self._drawn = len(self._poses)
         return self._mapper.map

@@ -64,8 +64,9 @@ def field_of(keys: Sequence[Key], poses: Float) -> Field:
     columns, rows = ((high - low) / CELL).astype(np.int64).tolist()
     field = Field(np.zeros((rows, columns), np.int8), low)
     for key, pose in zip(keys, poses, strict=True):
-        laser = compose(pose, np.array([*key.laser, 0.0]))
-        _clear(field, laser, key.angles, key.ranges, BEHIND + 3.0 * key.noise)
+        for fan in key.fans:
+            laser = compose(pose, np.array([*fan.laser, 0.0]))
+            _clear(field, laser, fan.angles, fan.ranges, BEHIND + 3.0 * key.noise)
     for key, pose in zip(keys, poses, strict=True):
         _mark(field, pose, key.hits)
     return field

@@ -4,7 +4,7 @@ Scans of a simulation enter; their poses are the true ones, from which wheels wi
 odometry. Only that and the ranges go on to `Slam`, and its map leaves.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -89,15 +89,23 @@ class SlamMapper:
         self._believed: list[Float] = []
         self._covariances: dict[int, Float] = {}
 
-    def update(self, scan: LaserScan) -> None:
+    several = True
+    """It takes the scans of all lasers of a moment at once."""
+
+    def update(self, scan: LaserScan | tuple[LaserScan, ...]) -> None:
         """Take in a scan; of its pose only the increment that the wheels measure is used."""
-        number, true, increment = len(self._true), np.array(scan.pose), np.zeros(3)
+        # How the robot moved during a scan is known only by the wheels, too.
+        scans = tuple(
+            each if each.motion is None else replace(each, motion=None)
+            for each in ((scan,) if isinstance(scan, LaserScan) else scan)
+        )
+        number, true, increment = len(self._true), np.array(scans[0].robot), np.zeros(3)
         if number:
             increment = self._wheels(between(self._true[-1], true), self._rng)
         else:
             # Where the world's origin is no scan can tell, so that the first pose is given.
             self.slam = Slam(start=true)
-        self.slam.update(scan, increment)
+        self.slam.update(scans, increment)
         self._by_wheels.append(compose(self._by_wheels[-1], increment) if number else true)
         self._true.append(true)
         self._believed.append(np.array(self.slam.pose))

@@ -11,9 +11,10 @@ from dataclasses import replace
 import numpy as np
 
 from lrf3d.errors import InputError, shown
-from lrf3d.geometry import Float, Int, is_finite, sealed, whole_number
+from lrf3d.geometry import Float, Int, is_finite, whole_number
 from lrf3d.laser import LaserRangeFinder, LaserScan
-from lrf3d.laser.range_finder import beam_directions
+from lrf3d.laser.range_finder import CENTRE, beam_directions, lasers_of
+from lrf3d.laser.unrolling import unrolled
 from lrf3d.mapping import LineMap
 from lrf3d.pose import Pose, as_pose, bent, between, compose, turned
 from lrf3d.robot import EstimatedTrajectory
@@ -25,7 +26,7 @@ from lrf3d.slam.known_places import Anchor, in_known_place
 from lrf3d.slam.pose_graph import Edges, optimised, pose_covariances, variance_factor
 from lrf3d.slam.scan_matching import SIGMA
 from lrf3d.slam.surface import LEAST_NOISE, range_noise, surface_of_scan, thinned
-from lrf3d.slam.views import Key
+from lrf3d.slam.views import Fan, Key
 from lrf3d.slam.violation import SelfCheck, self_check
 from lrf3d.slam.wheels import Wheels
 
@@ -47,13 +48,19 @@ FARTHEST_STEP = 1000.0
 """Longest step of the odometry [m], and largest turn [rad]: no robot moves as far between scans."""
 
 
+Moment = tuple[LaserScan, ...]
+"""The scans of all lasers at one moment."""
+
+
 class Slam:
     """Follows a robot and maps its world, from scans and odometry increments alone.
 
     Args:
-        lrf: The laser range finder; if given, a scan with another number of beams is refused.
+        lrf: The laser range finder, or several; if given, a scan with another number of beams is
+            refused.
         start: Pose of the robot at its first scan.
-        laser_offset: How far the laser stands ahead of the robot's centre [m].
+        laser_offset: How far the laser stands ahead of the robot's centre [m], for scans whose
+            laser has no mount.
         key_distance: Distance from one key scan to the next [m].
         wheels: The wheels' errors as found in an earlier drive, of which a copy is kept.
 
@@ -74,7 +81,7 @@ class Slam:
 
     def __init__(
         self,
-        lrf: LaserRangeFinder | None = None,
+        lrf: LaserRangeFinder | Sequence[LaserRangeFinder] | None = None,
         *,
         start: Sequence[float] | Float = (0.0, 0.0, 0.0),
         laser_offset: float = 0.0,
@@ -87,9 +94,10 @@ class Slam:
                 f"slam: laser_offset and key_distance are {shown(values)}; expected finite numbers,"
                 " the second one positive"
             )
-        self._lrf = lrf
+        self._lasers = () if lrf is None else lasers_of(lrf)
+        self._time: float | None = None
         self._start = np.array(as_pose(start))
-        self._laser = sealed(np.array([laser_offset, 0.0]))
+        self._laser = Pose(float(laser_offset), 0.0, 0.0)
         self._front = FrontEnd(key_distance=key_distance, wheels=wheels)
         self._closer = LoopCloser()
         self._tracked: list[Tracked] = []
@@ -99,7 +107,7 @@ class Slam:
         # relative poses that were measured between them.
         self._key_poses = np.empty((0, 3))
         self._edges = Edges.none()
-        self._key_scans: list[LaserScan] = []
+        self._key_scans: list[Moment] = []
         self._map = KeyMap()
 
     def __repr__(self) -> str:
@@ -108,11 +116,17 @@ class Slam:
             f" {len(self._closer.accepted)} closures)"
         )
 
-    def update(self, scan: LaserScan, odometry: Sequence[float] | Float | None = None) -> None:
+    def update(
+        self,
+        scan: LaserScan | Sequence[LaserScan],
+        odometry: Sequence[float] | Float | None = None,
+    ) -> None:
         """Take in the next scan, whose pose is not looked at.
 
+        A scan that took some time is unrolled by its own motion, or by that of the odometry.
+
         Args:
-            scan: The scan.
+            scan: The scan, or those of several lasers at one moment.
             odometry: How the robot moved since the last scan by its wheels: ahead, to the left
                 [m], turn [rad]; None where there is no odometry.
 
@@ -120,16 +134,16 @@ class Slam:
             InputError: It is no scan, has no beams or another number than the laser range finder,
                 or the odometry is not three finite numbers that a robot can have moved by.
         """
-        increment = self._checked(scan, odometry)
-        key = self.seen(scan)
+        scans, increment = self._checked(scan, odometry)
+        key = self.seen(scans)
         self._tracked.append(self._front.track(key, increment))
         if self._front.key_due():
             key = self._front.key(key)
             self._front.add_key(key)
-            self._add(key, scan)
+            self._add(key, scans)
         self._map.update(self._key_poses)
 
-    def _add(self, key: Key, scan: LaserScan) -> None:
+    def _add(self, key: Key, scans: Moment) -> None:
         """Attach a scan to a known place, or add it to the graph and close loops."""
         place = None
         if self._anchors:
@@ -139,17 +153,25 @@ class Slam:
         if place:
             self._anchors.append(place)
         else:
-            self._add_key(key, scan)
+            self._add_key(key, scans)
             self._close_loops()
 
-    def _checked(self, scan: object, odometry: Sequence[float] | Float | None) -> Float:
-        """The odometry increment (3,), once it and the scan are what they should be."""
-        if not isinstance(scan, LaserScan):
+    def _checked(
+        self, scan: object, odometry: Sequence[float] | Float | None
+    ) -> tuple[Moment, Float]:
+        """The unrolled scans and the increment (3,), once they are what they should be."""
+        scans = tuple(scan) if isinstance(scan, list | tuple) else (scan,)
+        if not scans or not all(isinstance(each, LaserScan) for each in scans):
             raise InputError(f"slam: {shown(scan)}: expected a LaserScan")
-        beams = len(scan.ranges)
-        if not beams or (self._lrf is not None and beams != self._lrf.beams):
-            expected = "at least one" if self._lrf is None else f"{self._lrf.beams}, as its laser"
-            raise InputError(f"slam: scan of {beams} beams; expected {expected}")
+        if self._lasers and len(scans) != len(self._lasers):
+            raise InputError(f"slam: {len(scans)} scans of {len(self._lasers)} lasers")
+        for number, each in enumerate(scans):
+            beams = len(each.ranges)
+            if not beams or (self._lasers and beams != self._lasers[number].beams):
+                expected = "at least one"
+                if self._lasers:
+                    expected = f"{self._lasers[number].beams}, as its laser"
+                raise InputError(f"slam: scan of {beams} beams; expected {expected}")
         # Without odometry the robot is looked for where it was.
         increment = np.zeros(3) if odometry is None else np.array(as_pose(odometry))
         if np.abs(increment).max() > FARTHEST_STEP:
@@ -157,23 +179,45 @@ class Slam:
                 f"slam: odometry {increment.tolist()}; expected the step from the last scan, at"
                 f" most {FARTHEST_STEP:g} m and rad"
             )
-        return increment
+        since = 0.0 if self._time is None else scans[0].time - self._time
+        self._time = scans[0].time
+        rate = increment / since if since > 0.0 else np.zeros(3)
+        return tuple(
+            unrolled(each, each.duration * rate if each.motion is None else None) for each in scans
+        ), increment
 
-    def seen(self, scan: LaserScan) -> Key:
-        """What a scan saw, by the noise that is known by now, at the pose 0."""
-        seen = range_noise(scan)
-        kept = LEARNED_NOISE if self._noise else 0.0
-        self._noise = kept * self._noise + (1.0 - kept) * seen
-        surface = surface_of_scan(scan, self._laser, max(self._noise, LEAST_NOISE))
-        # A laser that is mounted upside down turns clockwise.
-        order = -1 if scan.angles[0] > scan.angles[-1] else 1
-        beams = scan.angles[::order], scan.ranges[::order]
-        number, walls, noise = len(self._tracked), thinned(surface), self._noise
-        met = scan.hits
-        hits = scan.ranges[met, None] * beam_directions(0.0, scan.angles[met]) + self._laser
-        return Key(number, np.zeros(3), surface, walls, hits, *beams, self._laser, noise)
+    def seen(self, scan: LaserScan | Moment) -> Key:
+        """What the scans of a moment saw, by the noise that is known by now, at the pose 0."""
+        scans = (scan,) if isinstance(scan, LaserScan) else scan
+        for each in scans:
+            kept = LEARNED_NOISE if self._noise else 0.0
+            self._noise = kept * self._noise + (1.0 - kept) * range_noise(each)
+        number, surface = len(self._tracked), self._surface(scans)
+        fans, hits = list[Fan](), list[Float]()
+        for each in scans:
+            mount, met = self._mount(each), each.hits
+            place, angles = np.array(mount[:2]), each.angles + mount.theta
+            # A laser that is mounted upside down turns clockwise.
+            order = -1 if angles[0] > angles[-1] else 1
+            fans.append(Fan(place, angles[::order], each.ranges[::order]))
+            hits.append(each.ranges[met, None] * beam_directions(0.0, angles[met]) + place)
+        walls, points = thinned(surface), np.concatenate(hits)
+        return Key(number, np.zeros(3), surface, walls, points, tuple(fans), self._noise)
 
-    def _add_key(self, key: Key, scan: LaserScan) -> None:
+    def _mount(self, scan: LaserScan) -> Pose:
+        """The pose of a scan's laser on the robot."""
+        return self._laser if scan.mount == CENTRE else scan.mount
+
+    def _surface(self, scans: Moment) -> Float:
+        """The surface (m, 4) that the scans of a moment show, in the frame of the robot."""
+        noise = max(self._noise, LEAST_NOISE)
+        parts = []
+        for each in scans:
+            x, y, heading = self._mount(each)
+            parts.append(surface_of_scan(each, np.array([x, y]), noise, heading))
+        return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+    def _add_key(self, key: Key, scans: Moment) -> None:
         """Add a vertex to the pose graph, and an edge to it."""
         closer, number, pose, apart = self._closer, len(self._key_scans), self._robot, False
         if self._anchors:
@@ -182,7 +226,7 @@ class Slam:
             self._edges = Edges.joined([self._edges, edge])
             closer.link(edge, last.drifted + closer.distance - last.driven)
         self._key_poses = np.vstack([self._key_poses, pose])
-        self._key_scans.append(scan)
+        self._key_scans.append(scans)
         closer.add_key(key, apart=apart)
         self._anchors.append(Anchor(key.scan, number, np.zeros(3), key.pose, closer.distance))
 
@@ -262,10 +306,13 @@ class Slam:
         """The map of the key scans, computed when it is read: see `lrf3d.slam.key_map`."""
         return self._map.map(self._placed)
 
-    def _placed(self, number: int, pose: Float) -> LaserScan:
-        """A key scan with the pose of its laser, where the robot is at a pose (3,) since start."""
-        laser = compose(compose(self._start, pose), np.array([*self._laser, 0.0]))
-        return replace(self._key_scans[number], pose=Pose(*laser.tolist()))
+    def _placed(self, number: int, pose: Float) -> list[LaserScan]:
+        """Key scans with the poses of their lasers, where the robot is at (3,) since the start."""
+        robot = compose(self._start, pose)
+        return [
+            replace(scan, pose=Pose(*compose(robot, np.array(self._mount(scan))).tolist()))
+            for scan in self._key_scans[number]
+        ]
 
     def trajectory(self) -> Float:
         """Poses (k, 3) of the robot at all scans, by the current estimate; theta is continuous."""
@@ -333,8 +380,10 @@ class Slam:
             self._key_poses = optimised(self._key_poses, self._edges, FINAL_ITERATIONS)
             self._map.redraw(self._key_poses)
 
-    def refined(self, scans: Sequence[LaserScan]) -> Float:
+    def refined(self, scans: Sequence[LaserScan | Moment]) -> Float:
         """Poses (k, 3) of the robot at all scans (k,), matched with all key scans around them.
+
+        Scans of a robot that moved meanwhile need their motion.
 
         Raises:
             InputError: These are not as many scans as were taken in.
@@ -343,8 +392,8 @@ class Slam:
             raise InputError(
                 f"slam: {len(scans)} scans to refine; expected all {len(self._tracked)}"
             )
-        noise = max(self._noise, LEAST_NOISE)
-        surfaces = [surface_of_scan(scan, self._laser, noise) for scan in scans]
+        moments = [(scan,) if isinstance(scan, LaserScan) else scan for scan in scans]
+        surfaces = [self._surface(tuple(map(unrolled, moment))) for moment in moments]
         poses, keys = self._scan_poses(), self._closer.keys
         found = refined(surfaces, poses, keys, self._key_poses, self._anchored)
         return self._in_world(found)

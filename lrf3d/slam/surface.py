@@ -71,12 +71,17 @@ def range_noise(scan: LaserScan) -> float:
     return float(1.4826 * np.median(known) / np.sqrt(6.0)) if len(known) else 0.0
 
 
-def surface_of_scan(scan: LaserScan, laser: Float, noise: float = LEAST_NOISE) -> Float:
-    """The surface (m, 4) that a scan shows, in the frame of a robot with its laser at (2,) [m]."""
-    hits = scan.hits
-    angles, ranges = scan.angles[hits], scan.ranges[hits]
+def surface_of_scan(
+    scan: LaserScan, laser: Float, noise: float = LEAST_NOISE, heading: float = 0.0
+) -> Float:
+    """The surface (m, 4) that a scan shows, in the frame of a robot.
+
+    Its laser is at (2,) [m] on the robot, and has a heading [rad] there.
+    """
+    hits, directions = scan.hits, scan.angles + heading
+    angles, ranges = directions[hits], scan.ranges[hits]
     points = ranges[:, None] * beam_directions(0.0, angles)
-    step = abs(float(scan.angles[-1] - scan.angles[0])) / max(len(scan.angles) - 1, 1)
+    step = abs(float(directions[-1] - directions[0])) / max(len(directions) - 1, 1)
     found = np.vstack([_posts(points, ranges, angles, step, noise), _walls(points, step, noise)])
     found[:, :2] += laser
     return found

@@ -7,6 +7,7 @@ hit was hit by others, or is new, and hardly any of it lies where their beams we
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,13 +35,21 @@ APART, TURNED_APART = 0.3, 0.1
 """Two poses that differ by more [m], [rad] are different places."""
 
 
+class Fan(NamedTuple):
+    """The beams of one laser, whose place on the robot is (2,): rising angles [rad], ranges [m]."""
+
+    laser: Float
+    angles: Float
+    ranges: Float
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Key:
     """A key scan: its number among all scans, and its pose (3,) in the front end's drifting frame.
 
     It is recognised by its surface (m, 4), points and normals in the frame of the robot, and adds
-    walls (w, 4) to a map; its hits (h, 2) are all that its beams met. These have rising angles
-    [rad] and ranges [m] with a noise [m], from the laser's place (2,) on the robot.
+    walls (w, 4) to a map; its hits (h, 2) are all that its beams met. Each laser has a fan of them,
+    whose ranges have a noise [m].
     """
 
     scan: int
@@ -48,9 +57,7 @@ class Key:
     surface: Float
     walls: Float
     hits: Float
-    angles: Float
-    ranges: Float
-    laser: Float
+    fans: tuple[Fan, ...]
     noise: float
 
 
@@ -64,7 +71,11 @@ def views_of(points: Float, poses: Float, keys: Sequence[Key]) -> NDArray[np.uin
     views = np.empty((len(keys), len(points)), np.uint8)
     for row, key in enumerate(keys):
         limits = np.array([BEHIND, AT]) + 3.0 * key.noise
-        _view(points, poses[row], key.laser, key.angles, key.ranges, limits, views[row])
+        for number, fan in enumerate(key.fans):
+            seen = np.empty(len(points), np.uint8) if number else views[row]
+            _view(points, poses[row], *fan, limits, seen)
+            # What one laser hit, another may have missed, and so on down to out of view.
+            np.maximum(views[row], seen, out=views[row])
     return views
 
 

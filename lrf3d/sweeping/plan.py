@@ -107,7 +107,8 @@ def make_plan(
                 drives[driven] = routed(scenario).trajectory(on_collision=collision)
             drive = drives[driven]
             held = (digest((*walls, *file.world.materials)), scenario.lrf, scenario.obstacles)
-            place = digest((*held, scenario.radius, drive.times, drive.poses))
+            others = [(lrf, repr(noise)) for lrf, noise in scenario.further]
+            place = digest((*held, scenario.radius, drive.times, drive.poses, *others))
             known: Row = {"sigma_m": scenario.sigmas[0], "beams": scenario.lrf.beams}
             known |= {COLUMNS.get(key, key): value for key, value in settings.items()}
             bare = replace(scenario, mapper={})

@@ -123,10 +123,12 @@ def made(kind: type) -> Converter:
     return table({each.name: lambda found, key: found for each in fields(kind)}, needs, kind)
 
 
-def tables(convert: Converter) -> Converter:
-    """Tables ``[[key]]``."""
+def tables(convert: Converter, *, alone: bool = False) -> Converter:
+    """Tables ``[[key]]``; or, where ``alone``, one table ``[key]``."""
 
     def convert_all(found: Any, key: str) -> list[Any]:
+        if alone and isinstance(found, dict):
+            return [convert(found, key)]
         if not isinstance(found, list):
             raise InputError(f"{key}: expected tables [[{key}]]")
         return [convert(each, f"{key}[{place}]") for place, each in enumerate(found)]
@@ -171,6 +173,8 @@ TABLES: Mapping[str, Mapping[str, Converter]] = {
         ),
         "echo": text("first", "last", "strongest"),
         "echoes": partial(whole_number, most=5),
+        "mount": poses(row("x", "y", "degrees")),
+        "name": text(),
     },
     "noise": {
         "sigma": several(_NOT_NEGATIVE, "sigmas", alone=True),
@@ -185,6 +189,10 @@ TABLES: Mapping[str, Mapping[str, Converter]] = {
     },
     "film": {"view": text(), "playback": _LENGTH, "points_by": text("range", "intensity")},
 }
+
+
+LASER: Mapping[str, Converter] = {**TABLES["laser"], "noise": table(TABLES["noise"])}
+"""A laser of several, each with its noise."""
 
 
 def value_of(text: str) -> Any:

@@ -30,6 +30,7 @@ KEYS: Mapping[str, schema.Converter] = {
     "place": schema.row("longitude", "latitude"),
     "object": schema.tables(schema.table(schema.OBJECT)),
     **{name: schema.table(keys) for name, keys in schema.TABLES.items()},
+    "laser": schema.tables(schema.table(schema.LASER), alone=True),
     "obstacle": schema.tables(schema.table(schema.OBSTACLE, needs=["route"])),
     "camera": schema.tables(schema.made(FixedCamera)),
     "material": schema.tables(schema.made(Material)),
@@ -40,12 +41,13 @@ KEYS: Mapping[str, schema.Converter] = {
 
 @dataclass(frozen=True)
 class WorldFile:
-    """The walls of a world file, and its tables on the robot, the laser, … and the obstacles."""
+    """The walls of a world file, its tables on the robot, the noise, …, lasers and obstacles."""
 
     world: World
     tables: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     obstacles: tuple[Mapping[str, Any], ...] = ()
     path: Path = Path()
+    lasers: tuple[Mapping[str, Any], ...] = ()
 
     def scaled(self, factor: float) -> "WorldFile":
         """The file with its plan and its routes scaled by a factor; heights stay the same."""
@@ -87,8 +89,9 @@ def read_world_file(path: Path) -> WorldFile:
         for place, obstacle in enumerate(obstacles):
             if "radius" in obstacle and "points" in obstacle:
                 raise InputError(f"obstacle[{place}]: expected a radius or points, found both")
+        lasers = tuple(values.pop("laser", ()))
         settings = {key: values[key] for key in schema.TABLES if key in values}
-        return WorldFile(_world(values, path), settings, tuple(obstacles), path)
+        return WorldFile(_world(values, path), settings, tuple(obstacles), path, lasers)
 
 
 def _world(values: Mapping[str, Any], path: Path) -> World:

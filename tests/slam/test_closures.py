@@ -2,7 +2,7 @@ import numpy as np
 
 from lrf3d.pose import between
 from lrf3d.slam.closures import Closure, LoopCloser
-from lrf3d.slam.views import Key
+from lrf3d.slam.views import Fan, Key
 
 NOTHING, LASER = np.empty((0, 4)), np.zeros(2)
 INFORMATION = np.diag([1e3, 1e3, 1e4])
@@ -10,7 +10,7 @@ INFORMATION = np.diag([1e3, 1e3, 1e4])
 
 def key(number, pose):
     beams = np.linspace(-1.0, 1.0, 3), np.ones(3)
-    return Key(number, pose, NOTHING, NOTHING, NOTHING[:, :2], *beams, LASER, 0.01)
+    return Key(number, pose, NOTHING, NOTHING, NOTHING[:, :2], (Fan(LASER, *beams),), 0.01)
 
 
 def driven(poses, jump):

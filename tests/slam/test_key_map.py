@@ -25,7 +25,7 @@ def drawn(monkeypatch):
 
 def drawing(key_map):
     """The key scans in a map, by number and y."""
-    return key_map.map(lambda number, pose: (number, pose[1]))
+    return key_map.map(lambda number, pose: [(number, pose[1])])
 
 
 def test_after_a_loop_the_map_is_drawn_again_but_not_too_often():

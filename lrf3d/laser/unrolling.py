@@ -1,0 +1,94 @@
+"""Unrolling: a scan that took some time, as one that all beams were sent at once for.
+
+A scan of a robot that moved meanwhile enters, with its motion; a scan from the pose of its first
+beam leaves, in which each return is where it was measured. Only the paths of the beams differ from
+the true ones, by as much as the laser moved.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from lrf3d.geometry import Float, wrap_angle
+from lrf3d.laser.scan import LIGHT, LaserScan
+from lrf3d.pose import between, compose
+
+LONGEST_GAP = 1.0
+"""Scans that are farther apart [s] say nothing of how the robot moved during one of them."""
+
+
+def unrolled(scan: LaserScan, motion: Float | None = None) -> LaserScan:
+    """The scan as it would be if all beams had been sent where and when the first was.
+
+    Without a motion (3,) it is the scan's own; a scan whose motion is unknown stays as it is.
+
+    Examples:
+        >>> import lrf3d
+        >>> from lrf3d.laser.unrolling import unrolled
+        >>> wall = lrf3d.World([[3, -9, 3, 9]])
+        >>> lrf = lrf3d.LaserRangeFinder(-1, 1, 101, scan_duration=0.1)
+        >>> drive = lrf3d.drive((0, 0, 0), 1.0, 1.0, duration=0.2)
+        >>> run = lrf3d.simulate(wall, drive, lrf, rng=0)
+        >>> scans = run.scan(0), unrolled(run.scan(0))
+        >>> [abs(scan.points()[:, 0] - 3).max().round(2) for scan in scans]
+        [0.22, 0.0]
+    """
+    motion = scan.motion if motion is None else motion
+    if motion is None or scan.time_increment == 0.0 or not np.any(motion):
+        return scan
+    share = np.linspace(0.0, 1.0, len(scan.ranges))[:, None]
+    # Each laser as seen from where it was at its first beam.
+    mount = np.array(scan.mount)
+    places = between(mount, compose(share * motion, mount))
+    headings = scan.angles + places[:, 2]
+    away = np.where(scan.hits, scan.ranges, 0.0)
+    x = places[:, 0] + away * np.cos(headings)
+    y = places[:, 1] + away * np.sin(headings)
+    turn = np.where(scan.hits, wrap_angle(np.arctan2(y, x) - headings), 0.0)
+    # What was measured stays a return, though it may be a little farther from the first beam.
+    most = math.nextafter(scan.range_max, 0.0)
+    ranges = np.where(scan.hits, np.minimum(np.hypot(x, y), most), scan.ranges)
+    angles = headings + turn
+    values: dict[str, Any] = {"angles": angles, "ranges": ranges, "walls": scan.walls}
+    values |= {name: getattr(scan, name) for name in LIGHT if getattr(scan, name) is not None}
+    if scan.echoes is not None:
+        farther = np.where(scan.hits, ranges - away, 0.0)
+        values["echoes"] = np.maximum(scan.echoes + farther[:, None], 0.0)
+    # A near edge and what is behind it may have changed their order.
+    order = np.argsort(angles if scan.angles[-1] >= scan.angles[0] else -angles, kind="stable")
+    values = {name: each[order] for name, each in values.items()}
+    return replace(scan, **values, time_increment=0.0, motion=None)
+
+
+def motion_since(before: LaserScan | None, scan: LaserScan) -> Float | None:
+    """The motion (3,) during a scan if the robot moves on as since the scan before, or its own."""
+    if before is None or scan.motion is not None or not scan.time_increment:
+        return scan.motion
+    since = scan.time - before.time
+    if not 0.0 < since <= LONGEST_GAP:
+        return None
+    return scan.duration / since * between(np.array(before.robot), np.array(scan.robot))
+
+
+def with_motions(scans: Sequence[LaserScan], poses: Float | None = None) -> list[LaserScan]:
+    """Recorded scans with the motion of the robot during each, from one scan to the next.
+
+    The scans are in the order of time; poses (k, 3) of the robot replace those of the scans. The
+    last of them moves on as before it. Scans that took no time stay as they are.
+    """
+    if not any(scan.time_increment for scan in scans):
+        return list(scans)
+    robots = [np.array(scan.robot) for scan in scans] if poses is None else poses
+    found, rate = list[LaserScan](), np.zeros(3)
+    for number, scan in enumerate(scans):
+        if number + 1 < len(scans):
+            gap = scans[number + 1].time - scan.time
+            if gap > LONGEST_GAP:
+                rate = np.zeros(3)
+            elif gap > 0.0:
+                rate = between(robots[number], robots[number + 1]) / gap
+        found.append(replace(scan, motion=scan.duration * rate) if scan.time_increment else scan)
+    return found

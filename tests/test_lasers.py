@@ -1,0 +1,122 @@
+"""Several lasers on mounts: driven, mapped, kept, resumed, localised and followed."""
+
+import numpy as np
+import pytest
+
+import lrf3d
+from lrf3d.errors import InputError
+from lrf3d.laser.unrolling import unrolled
+from lrf3d.slam import SlamMapper
+
+WIDE = np.radians(135.0)
+SETTINGS = {"beams": 271, "range_max": 20.0}
+FRONT = lrf3d.LaserRangeFinder(-WIDE, WIDE, mount=(0.3, 0.3, np.pi / 4), name="front", **SETTINGS)
+REAR = lrf3d.LaserRangeFinder(
+    -WIDE, WIDE, mount=(-0.3, -0.3, -0.75 * np.pi), name="rear", scan_duration=0.1, **SETTINGS
+)
+ROOM = lrf3d.load_world("paper_room")
+ROUTE = lrf3d.follow_route([[1, 1], [4, 1], [4, 2.5]], speed=1.0)
+QUIET = lrf3d.ProportionalNoise(0.01)
+
+
+@pytest.fixture(scope="module")
+def run():
+    return lrf3d.simulate(ROOM, ROUTE, [FRONT, REAR], rng=0, noise=[QUIET, QUIET])
+
+
+def off_walls(points):
+    """How far points (n, 2) lie from the nearest wall's line segment."""
+    a, b = ROOM.segments[:, :2], ROOM.segments[:, 2:]
+    along = b - a
+    share = ((points[:, None] - a) * along).sum(2) / (along**2).sum(1)
+    nearest = a + np.clip(share, 0, 1)[..., None] * along
+    return np.hypot(*(points[:, None] - nearest).transpose(2, 0, 1)).min(axis=1)
+
+
+def test_the_beams_of_each_laser_leave_from_its_mount_and_end_at_walls(run):
+    for index in (0, 7, len(run) - 1):
+        for laser, lrf in enumerate(run.lasers):
+            scan = run.true_scan(index, laser=laser)
+            robot = lrf3d.Pose(*run.trajectory.poses[index].tolist())
+            assert scan.pose == pytest.approx(robot @ lrf3d.Pose(*lrf.mount))
+            assert scan.robot == pytest.approx(robot) and scan.laser == lrf.name
+            assert off_walls(unrolled(scan).points()).max() < 1e-9
+
+
+def test_a_file_holds_all_lasers_and_a_stopped_run_goes_on(run, tmp_path):
+    def simulation():
+        return lrf3d.Simulation(ROOM, ROUTE, [FRONT, REAR], rng=0, noise=[QUIET, QUIET])
+
+    whole = lrf3d.record(simulation(), tmp_path / "whole.npz")
+    assert whole.lasers == run.lasers and np.array_equal(whole.ranges, run.ranges)
+    assert np.array_equal(whole.motions, run.motions) and whole.map.segments.shape[1] == 4
+
+    def stop(done, total):
+        if done == 9:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        lrf3d.record(simulation(), tmp_path / "cut.npz", progress=stop)
+    lrf3d.record(simulation(), tmp_path / "cut.npz", resume=True)
+    assert (tmp_path / "cut.npz").read_bytes() == (tmp_path / "whole.npz").read_bytes()
+
+
+def test_two_lasers_map_as_one_that_sees_all_around(run):
+    around = lrf3d.LaserRangeFinder(-np.pi, np.pi, 541, range_max=20.0)
+    one = lrf3d.simulate(ROOM, ROUTE, around, rng=0, noise=QUIET)
+    two, single = lrf3d.score_run(run), lrf3d.score_run(one)
+    assert two.length_f1 > single.length_f1 - 0.01
+    assert two.perpendicular_rms < single.perpendicular_rms + 0.002
+
+
+def test_a_robot_of_two_lasers_is_localised_and_finds_its_own_way(run):
+    start = lrf3d.PoseEstimate(lrf3d.Pose(*run.trajectory.poses[0]), np.diag([0.01, 0.01, 0.001]))
+    localiser = lrf3d.Localiser(lrf3d.KnownLines.from_world(ROOM), start)
+    steps = lrf3d.odometry_increments(run.trajectory.poses)
+    track = lrf3d.localise(localiser, map(run.scans_at, range(len(run))), steps)
+    assert np.abs(track.errors(run.trajectory.poses)).max() < 0.01
+    mapper = SlamMapper(rng=0)
+    lrf3d.simulate(ROOM, ROUTE, [FRONT, REAR], rng=0, noise=QUIET, mapper=mapper)
+    assert mapper.errors().max() < 0.02
+
+
+WORLD = """
+[[object]]
+points = [[0, 0], [5, 0], [5, 4]]
+[noise]
+sigma = 0.02
+[[laser]]
+name = "front"
+beams = 11
+mount = [0.2, 0, 90]
+[[laser]]
+name = "rear"
+mount = [-0.2, 0, 180]
+noise = {sigma = 0.1}
+[robot]
+poses = [[1, 1, 0]]
+"""
+
+
+def test_a_world_file_has_several_lasers_each_with_its_noise(tmp_path):
+    (tmp_path / "two.toml").write_text(WORLD)
+    scenario = lrf3d.load_scenario(tmp_path / "two.toml", ["laser.range_max=12"])
+    assert [each.name for each in scenario.lasers] == ["front", "rear"]
+    assert scenario.lasers[0].mount == pytest.approx((0.2, 0.0, np.pi / 2))
+    assert {each.range_max for each in scenario.lasers} == {12.0}
+    assert scenario.further[0][1] == lrf3d.ProportionalNoise(0.1)
+    assert scenario.run(rng=0).ranges.shape == (1, 11 + 181)
+    (tmp_path / "two.toml").write_text(WORLD.replace('"rear"', '"front"'))
+    with pytest.raises(InputError, match="two of the name 'front'"):
+        lrf3d.load_scenario(tmp_path / "two.toml")
+
+
+@pytest.mark.parametrize(
+    ("mount", "expected"),
+    [((np.nan, 0, 0), "finite"), ((1e9, 0, 0), "100 m"), ((1, 2), "three numbers")],
+)
+def test_a_mount_that_makes_no_sense_is_reported(mount, expected):
+    with pytest.raises(InputError, match=expected):
+        lrf3d.LaserRangeFinder(mount=mount)
+    with pytest.raises(InputError, match="two of the name 'laser'"):
+        lrf3d.Simulation(ROOM, ROUTE, [lrf3d.LaserRangeFinder()] * 2)
