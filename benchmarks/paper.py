@@ -17,13 +17,13 @@ from benchmarks.report import Report, duration
 from benchmarks.storage import Storage, storage
 from benchmarks.timing import time_updates
 from lrf3d.casting import EmbreeCaster, PlanarCaster
+from lrf3d.collecting import collect
 from lrf3d.files import make_folder
 from lrf3d.geometry import Float
 from lrf3d.localization.monte_carlo import score_localisation
 from lrf3d.run import Run
 from lrf3d.scenario import load_scenario
 from lrf3d.scoring import buildings_seen
-from lrf3d.simulation import collect
 from lrf3d.sweeping import sweep
 
 ROOM, OBJECTS = "paper_room", 3

@@ -15,6 +15,7 @@ import numpy as np
 from benchmarks.report import Report, numbers
 from benchmarks.timing import time_updates
 from lrf3d.casting import PlanarCaster
+from lrf3d.collecting import simulate
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float
 from lrf3d.io import load_log
@@ -23,7 +24,6 @@ from lrf3d.mapping import LineMapper
 from lrf3d.mapping.mapper import MODES
 from lrf3d.planning.free_space import free_places
 from lrf3d.scoring import score_log, score_run
-from lrf3d.simulation import simulate
 from lrf3d.world import World, load_world
 
 CLEARANCE = 1.0

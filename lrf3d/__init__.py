@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from lrf3d import plot
     from lrf3d.casting import EmbreeCaster, PlanarCaster, crosscheck
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
+    from lrf3d.collecting import simulate
+    from lrf3d.collision import check_drive
     from lrf3d.errors import (
         CollisionError,
         InputError,
@@ -36,19 +38,21 @@ if TYPE_CHECKING:
     from lrf3d.planning.planner import plan_route
     from lrf3d.pose import Pose
     from lrf3d.recorded import map_log, slam_log
+    from lrf3d.recorder import Recorder
     from lrf3d.render.video import render_video
     from lrf3d.robot import (
         EstimatedTrajectory,
+        Imu,
         Trajectory,
         Unicycle,
-        check_drive,
+        WheelOdometry,
         drive,
         follow_route,
     )
     from lrf3d.run import Run
     from lrf3d.scenario import Scenario, load_scenario
     from lrf3d.scoring import score_map, score_run
-    from lrf3d.simulation import Simulation, Step, simulate
+    from lrf3d.simulation import Simulation, Step
     from lrf3d.slam import Slam
     from lrf3d.sweeping import SweepTable, sweep
     from lrf3d.version import __version__ as __version__
@@ -59,6 +63,7 @@ else:
         {
             "casting": "EmbreeCaster PlanarCaster crosscheck",
             "casting.dynamic_obstacle": "DynamicObstacle",
+            "collision": "check_drive",
             "errors": "CollisionError InputError Lrf3dError MissingLibraryError OutputError"
             " WorldError",
             "exporting": "export_run",
@@ -70,13 +75,15 @@ else:
             "mapping": "LineMap LineMapper load_map save_map",
             "pose": "Pose",
             "recorded": "map_log slam_log",
+            "recorder": "Recorder",
             "render.video": "render_video",
-            "robot": "EstimatedTrajectory Trajectory Unicycle check_drive drive follow_route",
+            "robot": "EstimatedTrajectory Imu Trajectory Unicycle WheelOdometry drive follow_route",
             "planning.planner": "plan_route",
             "run": "Run",
             "scenario": "Scenario load_scenario",
             "scoring": "score_map score_run",
-            "simulation": "Simulation Step simulate",
+            "simulation": "Simulation Step",
+            "collecting": "simulate",
             "slam": "Slam",
             "sweeping": "SweepTable sweep",
             "version": "__version__",
@@ -86,13 +93,13 @@ else:
     )
 
 __all__ = [
-    "CollisionError", "DynamicObstacle", "EmbreeCaster", "EstimatedTrajectory", "InputError",
+    "CollisionError", "DynamicObstacle", "EmbreeCaster", "EstimatedTrajectory", "Imu", "InputError",
     "KnownLines", "LaserRangeFinder", "LaserScan", "LineMap", "LineMapper", "Localiser",
     "Lrf3dError", "MissingLibraryError", "OdometryNoise", "OutputError", "PlanarCaster", "Pose",
-    "PoseEstimate", "ProportionalNoise", "Run", "Scenario", "Simulation", "Slam", "Step",
-    "SweepTable", "Trajectory", "Unicycle", "World", "WorldError", "check_drive", "crosscheck",
-    "drive", "export_run", "follow_route", "load_log", "load_map", "load_run", "load_scenario",
-    "load_world", "localise", "map_log", "odometry_increments", "plan_route", "plot", "record",
-    "render_video", "save_map", "save_run", "save_world", "score_map", "score_run", "simulate",
-    "simulate_fleet", "slam_log", "sweep", "world_names",
+    "PoseEstimate", "ProportionalNoise", "Recorder", "Run", "Scenario", "Simulation", "Slam",
+    "Step", "SweepTable", "Trajectory", "Unicycle", "WheelOdometry", "World", "WorldError",
+    "check_drive", "crosscheck", "drive", "export_run", "follow_route", "load_log", "load_map",
+    "load_run", "load_scenario", "load_world", "localise", "map_log", "odometry_increments",
+    "plan_route", "plot", "record", "render_video", "save_map", "save_run", "save_world",
+    "score_map", "score_run", "simulate", "simulate_fleet", "slam_log", "sweep", "world_names",
 ]  # fmt: skip

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
+from lrf3d.collecting import simulate
 from lrf3d.geometry import generator
 from lrf3d.interrupts import Progress, silent
 from lrf3d.laser import LaserRangeFinder
@@ -14,7 +15,7 @@ from lrf3d.robot import Trajectory
 from lrf3d.robot.unicycle import RADIUS
 from lrf3d.run import Run
 from lrf3d.sensor import caster_of
-from lrf3d.simulation import Mapper, simulate
+from lrf3d.simulation import Mapper
 from lrf3d.world import World
 
 

@@ -20,6 +20,7 @@ from lrf3d.lazy import Pictured
 from lrf3d.mapping import LineMap
 from lrf3d.mapping.tracking import ObjectTracker, numbers_by_truth
 from lrf3d.robot import EstimatedTrajectory, Trajectory
+from lrf3d.robot.odometry import ImuRecord
 from lrf3d.robot.unicycle import RADIUS
 from lrf3d.world import World
 from lrf3d.world.cameras import USUAL_FILM, FilmPlan
@@ -61,6 +62,8 @@ class Run(Value, Pictured):
         further: The other lasers; their beams follow those of the first in each of these arrays.
         motions: (k, lasers, 3) motion of the robot during each scan, see `LaserScan`; None where
             all beams of a scan are sent at once.
+        wheels: (k, 3) poses by odometry at the scans, the first as it was; None without odometry.
+        imu: What the IMU measured; None without one.
 
     Examples:
         >>> import lrf3d
@@ -89,10 +92,13 @@ class Run(Value, Pictured):
     radius: float = RADIUS
     further: tuple[LaserRangeFinder, ...] = ()
     motions: Float | None = None
+    wheels: Float | None = None
+    imu: ImuRecord | None = None
 
     def __post_init__(self) -> None:
         number(self.radius, "run: radius", "metres")
-        self._hold("ranges", "truth", *self.light, *(() if self.motions is None else ("motions",)))
+        others = [name for name in ("motions", "wheels") if getattr(self, name) is not None]
+        self._hold("ranges", "truth", *self.light, *others)
         self._hold("walls", dtype=np.int64)
         scans, beams = shape = len(self.trajectory), sum(each.beams for each in self.lasers)
         echoes = (*shape, *self.echoes.shape[2:3]) if self.echoes is not None else shape
@@ -109,8 +115,10 @@ class Run(Value, Pictured):
                 f"run: snapshot_scans {shown(self.snapshot_scans)} of {len(self.maps)} maps;"
                 f" expected an ascending scan from 0 to {scans - 1} for each"
             )
-        if self.motions is not None and self.motions.shape != (scans, len(self.lasers), 3):
-            raise InputError(f"run: motions {self.motions.shape} of {scans} scans")
+        shapes = {"motions": (scans, len(self.lasers), 3), "wheels": (scans, 3)}
+        for name in others:
+            if (found := getattr(self, name).shape) != shapes[name]:
+                raise InputError(f"run: {name} {found}; expected {shapes[name]}")
         if self.estimate is not None and len(self.estimate) != scans:
             raise InputError(f"run: estimate of {len(self.estimate)} scans; expected {scans}")
 
@@ -151,6 +159,8 @@ class Run(Value, Pictured):
     def odometry(self) -> Float:
         """Poses (k, 3) at the scans by odometry alone; those of the trajectory if it is exact."""
         estimate = self.estimate
+        if self.wheels is not None:
+            return self.wheels
         if estimate is None or not len(estimate.odometry):
             return self.trajectory.poses
         return estimate.odometry
@@ -199,6 +209,7 @@ class Run(Value, Pictured):
             maps=self.maps[-1:],
             estimate=None if self.estimate is None else self.estimate.part(scans),
             motions=None if self.motions is None else self.motions[scans],
+            wheels=None if self.wheels is None else self.wheels[scans],
             **light,
         )
         # Its map is that of the whole run, and so are the numbers of the objects in it.

@@ -22,9 +22,10 @@ from lrf3d.laser.noise import SIGMA, as_noise, at_sigma, spread_of
 from lrf3d.laser.range_finder import lasers_of
 from lrf3d.planning.free_space import Side
 from lrf3d.pose import Pose
-from lrf3d.robot import Trajectory, check_drive, find_collision, follow_route
+from lrf3d.robot import Trajectory, follow_route
 from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, SCAN_INTERVAL, SPEED
 from lrf3d.robot.laps import Patrol, chain_laps, drive_laps
+from lrf3d.robot.odometry import Imu, WheelOdometry
 from lrf3d.robot.unicycle import RADIUS
 from lrf3d.world import World, load_world
 from lrf3d.world.cameras import USUAL_FILM, FilmPlan, check_view
@@ -72,9 +73,12 @@ class Scenario(Value):
         scan_interval: Time between two scans [s].
         lookahead: Distance [m] along the route to the point that the robot steers at.
         radius: Radius of the robot [m].
+        outline: (n, 2) its outline [m] instead, x ahead; the radius is then that around it.
         mapper: Keyword arguments of the LineMapper.
         film: The default settings of its film.
         further: The other lasers, each with its noise.
+        odometry: The errors of the wheels, if odometry is to be measured.
+        imu: The errors of the IMU, if the robot has one.
 
     Examples:
         >>> import lrf3d
@@ -99,13 +103,21 @@ class Scenario(Value):
     scan_interval: float = SCAN_INTERVAL
     lookahead: float = LOOKAHEAD
     radius: float = RADIUS
+    outline: Float | None = None
     mapper: Mapping[str, Any] = field(default_factory=dict)
     film: FilmPlan = USUAL_FILM
     name: str = ""
     further: tuple[tuple[LaserRangeFinder, Noise], ...] = ()
+    odometry: WheelOdometry | None = None
+    imu: Imu | None = None
 
     def __post_init__(self) -> None:
-        self._hold(*(name for name in ("route", "poses") if getattr(self, name) is not None))
+        arrays = ("route", "poses", "outline")
+        self._hold(*(name for name in arrays if getattr(self, name) is not None))
+        if self.outline is not None:
+            from lrf3d.collision import Body
+
+            object.__setattr__(self, "radius", Body(outline=self.outline).reach)
         object.__setattr__(self, "noise", as_noise(self.noise))
         object.__setattr__(self, "obstacles", tuple(self.obstacles))
 
@@ -181,9 +193,16 @@ class Scenario(Value):
         return max(1, round(self.scan_interval / CONTROL_STEP))
 
     def trajectory(
-        self, *, scans: int | None = None, on_collision: Callable[[str], None] | None = None
+        self,
+        *,
+        scans: int | None = None,
+        on_collision: Callable[[str], None] | None = None,
+        say: Callable[[str], None] = lambda note: None,
     ) -> Trajectory:
-        """The drive along the route, or the single poses; for the arguments see `simulation`."""
+        """The drive along the route, or the single poses; for the arguments see `simulation`.
+
+        ``say`` is called with the first collision with a dynamic obstacle, which ends no drive.
+        """
         scans = None if scans is None else whole_number(scans, "scans", most=MOST_SCANS)
         if self.poses is not None:
             stops = np.arange(len(self.poses) if scans is None else scans)
@@ -198,14 +217,23 @@ class Scenario(Value):
         else:
             most = (scans - 1) * commands + 1
             laps = drive_laps(self.route, start=self.start, most=most, **settings)
+        # Imported here, so that films and figures do not load the compiler.
+        from lrf3d.collision import Body, check_drive, find_collision
+
+        body = Body(self.radius, self.outline)
         for lap in laps:
             if on_collision is None:
-                check_drive(lap, self.world, self.radius)
-            elif (collision := find_collision(lap, self.world, self.radius)) is not None:
+                check_drive(lap, self.world, body)
+            elif (collision := find_collision(lap, self.world, body)) is not None:
                 on_collision(str(collision))
                 break
         laps = tuple(lap.every(commands) for lap in laps)
-        return laps[0] if scans is None else chain_laps(laps, scans)
+        path = laps[0] if scans is None else chain_laps(laps, scans)
+        if self.obstacles:
+            nothing = World(np.empty((0, 4)))
+            if (collision := find_collision(path, nothing, body, self.obstacles)) is not None:
+                say(f"{collision}; the robot's route takes no notice of it")
+        return path
 
     def simulation(
         self,
@@ -218,7 +246,7 @@ class Scenario(Value):
         mapper: "Mapper | Mapping[str, Any] | None" = None,
         caster: "Caster | str" = "embree",
         scans: int | None = None,
-        on_collision: Callable[[str], None] | None = None,
+        on_collision: Callable[[str], None] | str | None = None,
         **changes: Any,
     ) -> "Simulation":
         """The simulation of ``lrf3d run``; the same seed gives the same numbers.
@@ -234,7 +262,9 @@ class Scenario(Value):
             caster: ``embree``, ``planar``, or a caster.
             scans: Number of scans, for which the route is driven there and back.
             on_collision: Called with the message of a collision, after which the drive continues;
-                walls do not stop a controller then. If not given, a collision is an error.
+                walls do not stop a controller then. ``stop`` lets the robot rest where it touches a
+                wall or a dynamic obstacle, ``raise`` makes this an error; if not given, it is one
+                with a wall, and for a controller.
             **changes: Other values of any field of the Scenario.
         """
         # Imported here, so that films and figures do not load the compiler.
@@ -243,9 +273,11 @@ class Scenario(Value):
         if isinstance(mapper, Mapping):
             mapper, changes = None, {**changes, "mapper": mapper}
         scenario, controlled = self.changed(**changes), dict[str, Any]()
+        checks = isinstance(on_collision, str)
         if drive is None:
             scenario = scenario.with_route()
-            drive = scenario.trajectory(scans=scans, on_collision=on_collision)
+            ignored = (lambda note: None) if isinstance(on_collision, str) else on_collision
+            drive = scenario.trajectory(scans=scans, on_collision=ignored)
         elif callable(getattr(drive, "command", None)):
             scans = CONTROLLED_SCANS if scans is None else scans
             scans = whole_number(scans, "scans", most=MOST_SCANS)
@@ -253,8 +285,11 @@ class Scenario(Value):
             controlled = {
                 "start": start if scenario.start is None else scenario.start,
                 "scan_interval": scenario.scan_interval,
-                "radius": scenario.radius if on_collision is None else None,
             }
+            checks = checks or on_collision is None
+        if checks:
+            controlled |= {"radius": scenario.radius, "outline": scenario.outline}
+            controlled["on_collision"] = "raise" if on_collision is None else on_collision
         noises = [scenario.noise, *(own for _, own in scenario.further)]
         noises = noises if sigma is None else [at_sigma(each, sigma) for each in noises]
         usual = noises[0]
@@ -266,7 +301,8 @@ class Scenario(Value):
         made = Simulation(
             scenario.world, drive, scenario.lasers, caster=caster, rng=rng, scans=scans,
             noise=noises if noise is None else noise, mapper=mapper,
-            obstacles=scenario.obstacles, **controlled,
+            obstacles=scenario.obstacles, odometry=scenario.odometry, imu=scenario.imu,
+            **controlled,
         )  # fmt: skip
         made.film, made.radius = scenario.film, scenario.radius
         return made
@@ -284,7 +320,7 @@ class Scenario(Value):
             >>> run.map.object_count > 0
             True
         """
-        from lrf3d.simulation import collect
+        from lrf3d.collecting import collect
 
         return collect(self.simulation(**changes), progress, snapshots=snapshots)
 
@@ -352,10 +388,21 @@ def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
         compared=sigmas[1:] if isinstance(sigmas, tuple) else (),
         obstacles=tuple(obstacles),
         mapper=tables["mapper"],
+        **_motion_sensors(file, tables),
         film=film,
         name=own_name(file.path, file.world.name),
         **robot,
     )
+
+
+def _motion_sensors(file: WorldFile, tables: Mapping[str, Any]) -> dict[str, Any]:
+    """The wheels and the IMU, where the file or the settings have a table for them."""
+    found = dict[str, Any]()
+    for name, kind in (("odometry", WheelOdometry), ("imu", Imu)):
+        if name in file.tables or tables[name]:
+            with file.at(name):
+                found[name] = kind(**tables[name])
+    return found
 
 
 def _lasers(

@@ -59,7 +59,7 @@ class Sensor:
         expect(lrf, LaserRangeFinder, "range finder")
         self.world, self.lrf, self.noise = world, lrf, noise
         self.caster, self.obstacles = caster_of(caster, world), tuple(obstacles)
-        self._noisy, self._crowd = Chain([noise]), Crowd(self.obstacles, lrf.height)
+        self._noisy, self._crowd = Chain([noise]), Crowd(self.obstacles)
         self._own, self._legs = np.array([-1]), None
         if path is None:
             return

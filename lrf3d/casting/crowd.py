@@ -18,32 +18,41 @@ from lrf3d.casting.kernels.movers import (
     rays_among,
 )
 from lrf3d.casting.kernels.scans import laser_of
-from lrf3d.geometry import Float, Int
+from lrf3d.casting.kernels.touch import touched_among
+from lrf3d.casting.kernels.tree import Plain
+from lrf3d.geometry import Float, Int, wrap_angle
 from lrf3d.laser import LaserRangeFinder
+from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
 from lrf3d.robot.laps import Patrol
 
 
 class Crowd:
-    """The obstacles that reach up to the height of the beams [m], as kernels take them.
+    """Dynamic obstacles as kernels take them.
 
-    Where they are at the last time is kept, as all robots of a fleet scan at the same times.
+    Where they are at the last time is kept, as all robots of a fleet scan at the same times. Those
+    with a disc [m], a radius for each, touch others as one of this size.
     """
 
-    def __init__(self, obstacles: Sequence[DynamicObstacle], height: float) -> None:
-        tall = [one for one in obstacles if one.height >= height]
-        laps = [one.path.until(0.0) if isinstance(one.path, Patrol) else one.path for one in tall]
-        outlines = [np.empty((0, 2)), *(one.outline for one in tall)]
+    def __init__(
+        self, obstacles: Sequence[DynamicObstacle], discs: Sequence[float] | float = 0.0
+    ) -> None:
+        paths = [one.path for one in obstacles]
+        laps = [path.until(0.0) if isinstance(path, Patrol) else path for path in paths]
+        outlines = [np.empty((0, 2)), *(one.outline for one in obstacles)]
         times = np.concatenate([np.empty(0), *(lap.times for lap in laps)])
         poses = np.concatenate([np.empty((0, 3)), *(lap.poses for lap in laps)])
-        movers = np.zeros(len(tall), MOVER)
+        movers = np.zeros(len(obstacles), MOVER)
         movers["stop"], movers["last"] = (
             np.cumsum([len(one) for one in rows]) for rows in (outlines[1:], laps)
         )
         movers["first"][1:], movers["leg"][1:] = movers["stop"][:-1], movers["last"][:-1]
-        movers["reach"] = [one.reach for one in tall]
-        movers["fastest"] = [_fastest(lap) for lap in laps]
-        paths = [one.path for one in tall]
+        movers["reach"] = [one.reach for one in obstacles]
+        movers["height"] = [one.height for one in obstacles]
+        movers["disc"] = discs
+        fastest = np.array([_fastest(lap) for lap in laps]).reshape(-1, 2)
+        movers["fastest"], movers["rim"] = fastest[:, 0], fastest[:, 0]
+        movers["rim"] += fastest[:, 1] * movers["reach"]
         movers["period"] = [path.period if isinstance(path, Patrol) else 0.0 for path in paths]
         corners = records(CORNER, *np.concatenate(outlines).T)
         self._movers = movers, corners, legs_of(times, poses)
@@ -52,6 +61,14 @@ class Crowd:
 
     def __len__(self) -> int:
         return len(self._movers[0])
+
+    def touch(
+        self, body: Plain, pose: Pose, twist: tuple[float, float, float], begin: float,
+        seconds: float, own: int,
+    ) -> tuple[float, int]:  # fmt: skip
+        """The seconds after which a body first touches an obstacle, and this; or +inf and −1."""
+        found = touched_among(self._movers, body, pose[:], twist, begin, seconds, own)
+        return float(found[0]), int(found[1])
 
     def stop_scans(
         self, lrf: LaserRangeFinder, poses: Float, time: float, own: Int, ranges: Float, walls: Int
@@ -63,14 +80,14 @@ class Crowd:
         if time != self._time:
             self._time = time
             place_all(self._movers, time, *self._placed[1:])
-        cast_among(self._placed, laser_of(lrf), poses, own, ranges, walls)
+        cast_among(self._placed, laser_of(lrf), float(lrf.height), poses, own, ranges, walls)
 
     def stop_rays(
         self, lrf: LaserRangeFinder, rays: Records, own: int, ranges: Float, walls: Int
     ) -> None:
         """Shorten the ranges (n,) of rays (n,), each among obstacles at its own time."""
         limits = float(lrf.range_min), float(lrf.range_max)
-        rays_among(self._movers, limits, rays, own, ranges, walls)
+        rays_among(self._movers, limits, float(lrf.height), rays, own, ranges, walls)
 
 
 def legs_of(times: Float, poses: Float) -> Records:
@@ -86,7 +103,9 @@ def records(kind: "np.dtype[np.void]", *columns: Float) -> Records:
     return rows
 
 
-def _fastest(path: Trajectory) -> float:
-    """The largest speed on a path [m/s]."""
-    steps = np.diff(path.poses[:, :2], axis=0)
-    return float((np.hypot(*steps.T) / np.diff(path.times)).max(initial=0.0))
+def _fastest(path: Trajectory) -> tuple[float, float]:
+    """The largest speed on a path [m/s], and the largest turn rate [rad/s]."""
+    steps, seconds = np.diff(path.poses, axis=0), np.diff(path.times)
+    speeds = np.hypot(steps[:, 0], steps[:, 1]) / seconds
+    turns = np.abs(wrap_angle(steps[:, 2])) / seconds
+    return float(speeds.max(initial=0.0)), float(turns.max(initial=0.0))

@@ -9,11 +9,12 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from lrf3d.cli.console import Report
+from lrf3d.cli.console import Report, warn
 from lrf3d.cli.folder import results_folder
 from lrf3d.cli.inputs import on_collision, routed
 from lrf3d.cli.plugins import made
 from lrf3d.cli.runs import write_film
+from lrf3d.collecting import collect
 from lrf3d.errors import InputError
 from lrf3d.geometry import lengths
 from lrf3d.interrupts import noting
@@ -24,7 +25,7 @@ from lrf3d.run import Run
 from lrf3d.scenario import Scenario
 from lrf3d.scoring import visible_walls
 from lrf3d.scoring.summary import drawn_part, judged_part, summarise
-from lrf3d.simulation import Simulation, collect, update_mapper
+from lrf3d.simulation import Simulation, update_mapper
 from lrf3d.slam.simulated import SlamMapper
 from lrf3d.text import counted
 
@@ -43,7 +44,7 @@ def run(source: tuple[Scenario, dict[str, Any]], args: Namespace, report: Report
         own["drive"] = own.pop("controller")
     else:
         scenario = routed(scenario, args, report)
-        drive = scenario.trajectory(scans=args.scans, on_collision=on_collision(args))
+        drive = scenario.trajectory(scans=args.scans, on_collision=on_collision(args), say=warn)
         own["drive"] = drive
     output = results_folder(report, [args.world], scenario.name, args.out)
     simulations = [

@@ -15,6 +15,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from lrf3d.casting import PlanarCaster
+from lrf3d.collision import CollisionChecker
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import Float, Int, is_finite, numbers, wrap_angle
 from lrf3d.laser import LaserScan, ProportionalNoise
@@ -23,7 +24,6 @@ from lrf3d.planning.free_space import free_places
 from lrf3d.pose import Pose, as_pose
 from lrf3d.render.window import Window
 from lrf3d.robot import Trajectory
-from lrf3d.robot.collision import CollisionChecker
 from lrf3d.robot.unicycle import arcs
 from lrf3d.run import Run
 from lrf3d.scenario import Scenario, load_scenario
@@ -157,8 +157,7 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         v, omega = (np.clip(given, -1.0, 1.0) * (self.scenario.speed, ACTION_TURN_RATE)).T
         moved = arcs(self.poses, v, omega, np.full(self.num_envs, self.dt))
         moved[:, 2] = wrap_angle(moved[:, 2])
-        hits, _ = self._checker.hit(self.poses[:, :2], moved[:, :2], radius)
-        collided = np.isin(np.arange(self.num_envs), hits)
+        collided = self._checker.hit(self.poses[:, :2], moved[:, :2], radius) >= 0
         self._times += self.dt
         for obstacle in self.scenario.obstacles:
             collided |= obstacle.distances(moved[:, :2], self._times) < radius

@@ -18,17 +18,18 @@ from lrf3d.io.bag_contents import ODOMETRY, SCAN, STATIC_FRAMES, TRANSFORMS
 from lrf3d.io.bag_reader import missing_rosbags
 from lrf3d.io.ros_messages import (
     BASE,
-    LASER,
     MAP,
     WORLD,
     Fields,
+    beam_truth,
+    imu_fields,
     line_marker,
     occupancy_grid,
     odometry,
     time_fields,
     transform,
 )
-from lrf3d.laser import Stamp
+from lrf3d.laser import LaserRangeFinder, Stamp
 from lrf3d.pose import Pose
 from lrf3d.run import Run
 from lrf3d.world import World
@@ -44,9 +45,12 @@ TOPICS = {
     "/tf": TRANSFORMS,
     "/odom": ODOMETRY,
     "/ground_truth": ODOMETRY,
-    "/scan": SCAN,
+    "/imu": "sensor_msgs/msg/Imu",
 }
-"""The topics of a bag and their types."""
+"""The topics of a bag and their types, but for those of the lasers."""
+
+BEAM_TRUTH = "std_msgs/msg/Float64MultiArray"
+"""The type of what each beam met; its topics are those of the scans under ``/ground_truth``."""
 
 BAG_VERSION: Literal[8] = 8
 """The version of rosbag2's metadata that both older and newer releases of ROS 2 read."""
@@ -101,7 +105,7 @@ def _fill(run: Run, folder: Path) -> None:
             topic: bag.add_connection(
                 topic, kind, typestore=store, offered_qos_profiles=_latched(topic)
             )
-            for topic, kind in TOPICS.items()
+            for topic, kind in _topics(run).items()
             if mapped or topic not in (GRID, LINES)
         }
         for topic, stamp, fields in _messages(run, folder, mapped):
@@ -111,6 +115,26 @@ def _fill(run: Run, folder: Path) -> None:
             bag.write(connection, stamp.nanoseconds, data)
 
 
+def _topics(run: Run) -> dict[str, str]:
+    """The topics of a run and their types."""
+    topics = {topic: kind for topic, kind in TOPICS.items() if run.imu or topic != "/imu"}
+    for lrf in run.lasers:
+        topics[scan_topic(run, lrf)] = SCAN
+        if _is_simulated(run):
+            topics[f"/ground_truth{scan_topic(run, lrf)}"] = BEAM_TRUTH
+    return topics
+
+
+def scan_topic(run: Run, lrf: LaserRangeFinder) -> str:
+    """The topic of a laser's scans: its name is in it where there are several."""
+    return f"/scan_{lrf.name}" if run.further else "/scan"
+
+
+def _is_simulated(run: Run) -> bool:
+    """Whether it is known what beams met: not in a recorded drive."""
+    return run.knows_truth and bool((run.walls[:1] >= 0).any())
+
+
 def _messages(run: Run, path: Path, mapped: bool) -> Iterator[tuple[str, Stamp, Fields]]:
     """The messages of a run in the order of time: topic, stamp and fields."""
     times = run.trajectory.times
@@ -118,16 +142,23 @@ def _messages(run: Run, path: Path, mapped: bool) -> Iterator[tuple[str, Stamp, 
     # The last scan is as far from a next one as the others are.
     steps[-1:] = steps[-2:-1] if len(steps) > 1 else 0.0
     here, start = Pose(0.0, 0.0, 0.0), Stamp.of(float(times[0]))
-    fixed = [transform(start, BASE, LASER, here, run.lrf.height)]
-    if run.estimate is None:
+    fixed = [transform(start, BASE, each.name, each.mount, each.height) for each in run.lasers]
+    if run.estimate is None and run.wheels is None:
         fixed.append(transform(start, MAP, WORLD, here))
     yield STATIC_FRAMES, start, {"transforms": fixed}
     if mapped:
         yield GRID, start, _grid(run, start, path)
     snapshots = dict(zip(run.snapshot_scans, range(len(run.maps)), strict=True))
-    rows = zip(run.scans, run.odometry, run.trajectory.speeds, steps.tolist(), strict=True)
-    for number, (scan, wheels, speed, step) in enumerate(rows):
-        stamp, measured = Stamp.of(scan.time), Pose(*wheels.tolist())
+    simulated, inertial = _is_simulated(run), 0
+    rows = zip(times.tolist(), run.odometry, run.trajectory.speeds, steps.tolist(), strict=True)
+    for number, (time, wheels, speed, step) in enumerate(rows):
+        while run.imu is not None and inertial < len(run.imu.times):
+            if (at := float(run.imu.times[inertial])) > time:
+                break
+            values = run.imu.turn_rates[inertial], *run.imu.accelerations[inertial]
+            yield "/imu", Stamp.of(at), imu_fields(Stamp.of(at), *map(float, values))
+            inertial += 1
+        stamp, measured = Stamp.of(time), Pose(*wheels.tolist())
         yield CLOCK, stamp, {"clock": time_fields(stamp)}
         # The pose of the laser comes before what it measured from there.
         moved = [transform(stamp, WORLD, BASE, measured)]
@@ -136,8 +167,13 @@ def _messages(run: Run, path: Path, mapped: bool) -> Iterator[tuple[str, Stamp, 
             moved.append(transform(stamp, MAP, WORLD, estimated @ measured.inverse()))
         yield "/tf", stamp, {"transforms": moved}
         yield "/odom", stamp, odometry(stamp, measured, speed.tolist())
-        yield "/ground_truth", stamp, odometry(stamp, scan.pose, speed.tolist())
-        yield "/scan", stamp, scan.as_ros(LASER, scan_time=step)
+        truth = Pose(*run.trajectory.poses[number].tolist())
+        yield "/ground_truth", stamp, odometry(stamp, truth, speed.tolist())
+        for laser, (lrf, scan) in enumerate(zip(run.lasers, run.scans_at(number), strict=True)):
+            topic = scan_topic(run, lrf)
+            yield topic, stamp, scan.as_ros(lrf.name, scan_time=step)
+            if simulated:
+                yield f"/ground_truth{topic}", stamp, beam_truth(run, number, laser)
         if mapped and number in snapshots:
             yield LINES, stamp, {"markers": [_lines(run, snapshots[number], stamp)]}
 

@@ -50,7 +50,7 @@ from lrf3d.io.laser_log import (
     without_no_returns,
 )
 from lrf3d.laser import LaserScan
-from lrf3d.pose import Pose
+from lrf3d.pose import Pose, as_pose
 from lrf3d.robot import Trajectory
 
 if TYPE_CHECKING:
@@ -305,20 +305,29 @@ def _messages(run: "Run") -> Iterator[str]:
     yield "#   x y theta robot_x robot_y robot_theta v w safety safety turn time host logger_time"
     speeds = run.trajectory.speeds.tolist()
     wheels = run.odometry.tolist()
-    for scan, measured, (v, w) in zip(run.scans, wheels, speeds, strict=True):
-        pose, odometry = (" ".join(map(repr, each)) for each in (scan.pose, measured))
-        end = f"{scan.time!r} {HOST} {scan.time!r}"
-        yield f"TRUEPOS {pose} {odometry} {end}"
+    rows = zip(run.trajectory.times.tolist(), run.trajectory.poses, wheels, speeds, strict=True)
+    for index, (time, true, measured, (v, w)) in enumerate(rows):
+        robot = " ".join(map(repr, as_pose(true)))
+        odometry, end = " ".join(map(repr, measured)), f"{time!r} {HOST} {time!r}"
+        yield f"TRUEPOS {robot} {odometry} {end}"
         yield f"ODOM {odometry} {v!r} {w!r} 0.0 {end}"
-        ranges = _readings(scan)
-        start, stop, count = float(scan.angles[0]), float(scan.angles[-1]), len(scan.angles)
-        step = (stop - start) / (count - 1) if count > 1 else 0.0
-        yield (
-            f"ROBOTLASER1 0 {start!r} {stop - start!r} {step!r} {scan.range_max!r} 0.0 0"
-            f" {count} {ranges} 0 {pose} {pose} {v!r} {w!r} 0.0 0.0 0.0 {end}"
-        )
-        if _is_front(scan.angles):
-            yield f"FLASER {count} {ranges} {pose} {odometry} {end}"
+        for laser, scan in enumerate(run.scans_at(index)):
+            yield from _scan_messages(scan, laser, robot, odometry, f"{v!r} {w!r}", end)
+
+
+def _scan_messages(
+    scan: LaserScan, laser: int, robot: str, odometry: str, speeds: str, end: str
+) -> Iterator[str]:
+    """The messages of a scan; the first laser is that in front, the second that at the rear."""
+    pose, ranges = " ".join(map(repr, scan.pose)), _readings(scan)
+    start, stop, count = float(scan.angles[0]), float(scan.angles[-1]), len(scan.angles)
+    step = (stop - start) / (count - 1) if count > 1 else 0.0
+    yield (
+        f"ROBOTLASER{laser + 1} 0 {start!r} {stop - start!r} {step!r} {scan.range_max!r} 0.0 0"
+        f" {count} {ranges} 0 {pose} {robot} {speeds} 0.0 0.0 0.0 {end}"
+    )
+    if laser < 2 and _is_front(scan.angles):
+        yield f"{'FR'[laser]}LASER {count} {ranges} {pose} {odometry} {end}"
 
 
 def _readings(scan: LaserScan) -> str:

@@ -18,9 +18,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lrf3d.collecting import fill_row, row_type, run_to_end
 from lrf3d.digest import digest, name_of
 from lrf3d.errors import InputError, OutputError
 from lrf3d.files import check_ordinary, locked, opened_own, writing
+from lrf3d.geometry import Float
 from lrf3d.interrupts import Progress, noting, silent, stoppable
 from lrf3d.io.npz import DAMAGES, read_arrays, write_npz
 from lrf3d.io.run_file import load_run, run_arrays
@@ -29,7 +31,7 @@ from lrf3d.laser.scan import LIGHT
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
 from lrf3d.run import Run
-from lrf3d.simulation import Simulation, Step, fill_row, row_type, run_to_end
+from lrf3d.simulation import Simulation, Step
 
 JOURNAL = ".journal"
 """Ending of the auxiliary file that stands next to a run until it is complete."""
@@ -100,9 +102,9 @@ def record(
                 journal = Journal(journal_path, fingerprint, simulation, keep=resume)
                 try:
                     recorded = journal.recorded(simulation)
-                    maps = run_to_end(simulation, journal.add, progress, recorded=recorded)
+                    maps, imu = run_to_end(simulation, journal.add, progress, recorded=recorded)
                     # Columns are copied from the rows some megabytes at a time.
-                    arrays = run_arrays(simulation, journal.rows(), maps)
+                    arrays = run_arrays(simulation, journal.rows(), maps, imu)
                     write_npz(path, arrays | {"origin": np.array(fingerprint)})
                 finally:
                     # An error of closing would replace the one that ended the run.
@@ -120,7 +122,8 @@ def fingerprint_of(simulation: Simulation) -> str:
     if isinstance(drive, Trajectory):
         path = [drive.times, drive.poses]
     else:
-        path = [name_of(drive.controller), drive.start, drive.interval, drive.radius]
+        body = drive.body and [drive.body.radius, drive.body.outline]
+        path = [name_of(drive.controller), drive.start, drive.interval, body]
     bodies = [[each.outline, each.height, each.poses] for each in simulation.obstacles]
     walls = [world.segments, world.objects, world.heights, world.colours, world.name]
     parts = {
@@ -133,6 +136,7 @@ def fingerprint_of(simulation: Simulation) -> str:
         "caster": type(simulation.sensor.caster).__name__,
         "noise": [name_of(sensor.noise) for sensor in simulation.sensors],
         "mapper": name_of(simulation.mapper),
+        "odometry and IMU": [each and name_of(each) for each in simulation.motion_sensors],
     }
     return json.dumps({name: digest(part)[:16] for name, part in parts.items()}, sort_keys=True)
 
@@ -180,7 +184,7 @@ class Journal:
             )
         return {name: rows[name] for name in self._fields}
 
-    def recorded(self, simulation: Simulation) -> Iterator[tuple[LaserScan, ...]]:
+    def recorded(self, simulation: Simulation) -> Iterator[tuple[tuple[LaserScan, ...], Float]]:
         """The scans of an interrupted run; the random numbers go on after the last of them."""
         rows = self._valid_rows()
         if not len(rows):
@@ -193,7 +197,7 @@ class Journal:
                 " damaged; leave out --resume to begin again"
             ) from None
         for row in rows:
-            yield tuple(self._scans(simulation.lasers, row))
+            yield tuple(self._scans(simulation.lasers, row)), row["poses"]
 
     def _scans(self, lasers: Sequence[LaserRangeFinder], row: Any) -> Iterator[LaserScan]:
         begin, pose = 0, row["poses"]

@@ -13,6 +13,8 @@ import numpy as np
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import Stamp
 from lrf3d.pose import Pose
+from lrf3d.robot.odometry import GRAVITY
+from lrf3d.run import Run
 from lrf3d.scene.look import object_tints
 from lrf3d.world import World
 from lrf3d.world.ros_map import FREE, OCCUPIED, cell_size, map_cells
@@ -65,6 +67,34 @@ def odometry(stamp: Stamp, pose: Pose, speed: list[float]) -> Fields:
         "pose": {"pose": where},
         "twist": {"twist": twist},
     }
+
+
+def imu_fields(stamp: Stamp, turn_rate: float, ahead: float, left: float) -> Fields:
+    """A sensor_msgs/Imu: turn rate [rad/s], accelerations [m/s²]; the orientation is unknown."""
+    return {
+        "header": header_fields(stamp, BASE),
+        "orientation_covariance": [-1.0] + 8 * [0.0],
+        "angular_velocity": place(0.0, 0.0, turn_rate),
+        "linear_acceleration": place(ahead, left, GRAVITY),
+    }
+
+
+def beam_truth(run: Run, index: int, laser: int) -> Fields:
+    """What each beam of a scan met, a row each: true range [m], wall, object, material, or −1.
+
+    The material is its number among those of the world, counted from 0 as the objects have them.
+    """
+    scan, world = run.true_scan(index, laser=laser), run.world
+    objects = np.where(scan.walls >= 0, world.objects[scan.walls], -1)
+    kinds = list(dict.fromkeys(world.materials))
+    numbers = np.array([kinds.index(each) for each in world.materials] or [-1])
+    materials = np.where(objects >= 0, numbers[np.minimum(objects, len(numbers) - 1)], -1)
+    rows = np.column_stack([scan.ranges, scan.walls, objects, materials])
+    layout = [
+        {"label": label, "size": size, "stride": stride}
+        for label, size, stride in (("beam", len(rows), rows.size), ("value", 4, 4))
+    ]
+    return {"layout": {"dim": layout}, "data": rows.ravel()}
 
 
 def occupancy_grid(world: World, finest: float, stamp: Stamp, path: Path) -> Fields:

@@ -22,6 +22,7 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.laser.scan import LIGHT
 from lrf3d.mapping import LineMap
 from lrf3d.robot import EstimatedTrajectory, Trajectory
+from lrf3d.robot.odometry import ImuRecord
 from lrf3d.robot.unicycle import RADIUS
 from lrf3d.run import Run
 from lrf3d.world import World
@@ -35,6 +36,9 @@ VERSION = 2
 
 _MAP = ("segments", "objects", "points", "codes")
 """What a file holds of each map snapshot, in the order of `LineMap.of_codes`."""
+
+_MOTION = ("motions", "wheels")
+"""What a file holds of the robot's motion at each scan, where it is known."""
 
 _ESTIMATE = tuple(each.name for each in fields(EstimatedTrajectory))
 """What a file holds of an estimated trajectory."""
@@ -56,13 +60,16 @@ def save_run(run: Run, path: str | Path) -> None:
     """
     rows: dict[str, Array] = {"times": run.trajectory.times, "poses": run.trajectory.poses}
     rows |= {"ranges": run.ranges, "truth": run.truth, "walls": run.walls, **run.light}
-    rows |= {} if run.motions is None else {"motions": run.motions}
+    rows |= {name: getattr(run, name) for name in _MOTION if getattr(run, name) is not None}
     maps = dict(zip(run.snapshot_scans, run.maps, strict=True))
-    write_npz(path, run_arrays(run, rows, maps))
+    write_npz(path, run_arrays(run, rows, maps, run.imu))
 
 
 def run_arrays(
-    run: "Run | Simulation", rows: Mapping[str, Array], maps: Mapping[int, LineMap]
+    run: "Run | Simulation",
+    rows: Mapping[str, Array],
+    maps: Mapping[int, LineMap],
+    imu: ImuRecord | None = None,
 ) -> dict[str, Array]:
     """The arrays of a run's file, from what it keeps of each scan and the maps after some scans."""
     world = run.world
@@ -95,6 +102,8 @@ def run_arrays(
     arrays["map_sizes"] = np.array([len(each) for each in maps.values()], dtype=np.int64)
     for name in _MAP:
         arrays[f"map_{name}"] = np.concatenate([getattr(each, name) for each in maps_kept])
+    if imu is not None:
+        arrays |= {f"imu_{each.name}": getattr(imu, each.name) for each in fields(imu)}
     if run.estimate is not None:
         arrays |= {f"estimate_{each}": getattr(run.estimate, each) for each in _ESTIMATE}
     return arrays
@@ -196,6 +205,9 @@ def _run(arrays: dict[str, Any]) -> Run:
     estimate = None
     if "estimate_poses" in arrays:
         estimate = EstimatedTrajectory(*(arrays[f"estimate_{each}"] for each in _ESTIMATE))
+    imu = None
+    if "imu_times" in arrays:
+        imu = ImuRecord(*(arrays[f"imu_{each.name}"] for each in fields(ImuRecord)))
     lasers = (settings["laser"], *settings.get("further", ()))
     lrf, *further = (LaserRangeFinder(**each) for each in lasers)
     return Run(
@@ -211,6 +223,7 @@ def _run(arrays: dict[str, Any]) -> Run:
         FilmPlan(**settings["film"]),
         estimate,
         radius=settings.get("radius", RADIUS),
-        **{name: arrays[name] for name in (*LIGHT, "motions") if name in arrays},
+        **{name: arrays[name] for name in (*LIGHT, *_MOTION) if name in arrays},
+        imu=imu,
         further=tuple(further),
     )

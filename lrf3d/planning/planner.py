@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lrf3d.collision import CollisionChecker
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import LARGEST_COORDINATE, Float, Int, is_finite, numbers
 from lrf3d.planning.doors import USUAL_RADII, narrow_doors
 from lrf3d.planning.free_space import COMFORT, MARGIN, FreeSpace, Ground, Side, find_free_space
 from lrf3d.planning.tour import find_tour
 from lrf3d.pose import as_pose
-from lrf3d.robot.collision import CollisionChecker
 from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, SPEED
 from lrf3d.robot.laps import drive_laps
 from lrf3d.robot.unicycle import MOST_POSES, RADIUS
@@ -143,7 +143,7 @@ def find_route(
             waypoints, start=pose, speed=pace, lookahead=lookahead, dt=dt, most=MOST_POSES
         )
         drive = np.vstack([lap.poses[:, :2] for lap in laps])
-        if not len(checker.hit(drive[:-1], drive[1:], radius)[0]) or lookahead <= LEAST_LOOKAHEAD:
+        if (checker.hit(drive[:-1], drive[1:], radius) < 0).all() or lookahead <= LEAST_LOOKAHEAD:
             break
         lookahead = max(0.5 * lookahead, LEAST_LOOKAHEAD)
     if space.side == "inside":
@@ -159,7 +159,7 @@ def _checked_start(
     if position.shape not in ((2,), (3,)) or not (np.abs(position) <= LARGEST_COORDINATE).all():
         raise InputError(f"start {shown(start)}: expected finite numbers x, y or x, y, theta")
     x, y = position = position[:2]
-    if len(checker.hit(position[None], position[None], radius)[0]):
+    if checker.hit(position[None], position[None], radius)[0] >= 0:
         near = f"nearer to a wall than the robot's radius of {radius:g} m"
         raise InputError(f"start ({x:g}, {y:g}): {near}; move it")
     return position

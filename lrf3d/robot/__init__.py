@@ -1,17 +1,17 @@
 """The robot: how it moves and where it drives (section 2.1 of Teslić et al.)."""
 
-from lrf3d.robot.collision import check_drive, find_collision
 from lrf3d.robot.estimated_trajectory import EstimatedTrajectory
 from lrf3d.robot.following import follow_route
+from lrf3d.robot.odometry import Imu, WheelOdometry
 from lrf3d.robot.trajectory import Trajectory
 from lrf3d.robot.unicycle import Unicycle, drive
 
 __all__ = [
     "EstimatedTrajectory",
+    "Imu",
     "Trajectory",
     "Unicycle",
-    "check_drive",
+    "WheelOdometry",
     "drive",
-    "find_collision",
     "follow_route",
 ]

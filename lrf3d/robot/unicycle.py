@@ -3,6 +3,7 @@
 The inputs v and ω over time enter; a trajectory leaves.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -11,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import Float, is_finite, number, numbers
-from lrf3d.pose import Pose, as_pose
+from lrf3d.pose import Pose, as_pose, between
 from lrf3d.robot.trajectory import Trajectory
 
 RADIUS = 0.35
@@ -19,6 +20,9 @@ RADIUS = 0.35
 
 MOST_POSES = 10_000_000
 """Largest number of poses of a drive."""
+
+Twist = tuple[float, float, float]
+"""Speeds ahead and to the left [m/s], and about itself [rad/s]."""
 
 Input = float | ArrayLike | Callable[[float], float]
 """A speed over time: a number, one number for each time interval, or a function of time [s]."""
@@ -67,6 +71,29 @@ def sinc(x: float) -> float:
     """The same number as `np.sinc`, which takes ten times as long for one."""
     angle = np.pi * (x or 1e-20)
     return float(np.sin(angle)) / angle
+
+
+def hold(pose: Sequence[float], twist: Twist, seconds: float) -> Pose:
+    """The pose after a twist was held for some seconds: an exact arc."""
+    (x, y, theta), (ahead, left, turn) = pose, twist
+    half = 0.5 * turn * seconds
+    chord = seconds * sinc(half / np.pi)
+    cos, sin = chord * math.cos(theta + half), chord * math.sin(theta + half)
+    return Pose(x + cos * ahead - sin * left, y + cos * left + sin * ahead, theta + 2.0 * half)
+
+
+def twists_between(first: Float, second: Float) -> Float:
+    """The twists (k, 3) that lead from poses (k, 3) to others in a second, by half a turn at most.
+
+    They are speeds ahead and to the left [m/s], and about itself [rad/s].
+    """
+    twists = between(first, second)
+    half = 0.5 * twists[:, 2]
+    share = 1.0 / np.sinc(half / np.pi)
+    cos, sin = share * np.cos(half), share * np.sin(half)
+    x, y = twists[:, 0].copy(), twists[:, 1].copy()
+    twists[:, 0], twists[:, 1] = cos * x + sin * y, cos * y - sin * x
+    return twists
 
 
 def arcs(poses: Float, v: Float, omega: Float, durations: Float) -> Float:

@@ -63,7 +63,7 @@ class SlamMapper:
     """A mapper for simulations that finds the robot's poses itself; ``lrf3d run --slam`` uses it.
 
     Args:
-        wheels: What makes odometry of true increments.
+        wheels: What makes odometry of true increments, in simulations without odometry.
         rng: The source of the wheels' noise, or a seed of it.
 
     Examples:
@@ -83,6 +83,7 @@ class SlamMapper:
         self.slam = Slam()
         self._wheels = WheelErrors() if wheels is None else wheels
         self._rng = generator(rng)
+        self._measured: Float | None = None
         # Poses at all scans: true ones, by the wheels, and as believed when the scan was in.
         self._true: list[Float] = []
         self._by_wheels: list[Float] = []
@@ -100,7 +101,9 @@ class SlamMapper:
             for each in ((scan,) if isinstance(scan, LaserScan) else scan)
         )
         number, true, increment = len(self._true), np.array(scans[0].robot), np.zeros(3)
-        if number:
+        if number and self._measured is not None:
+            increment = self._measured
+        elif number:
             increment = self._wheels(between(self._true[-1], true), self._rng)
         else:
             # Where the world's origin is no scan can tell, so that the first pose is given.
@@ -112,6 +115,10 @@ class SlamMapper:
         last = max(self._covariances, default=-COVARIANCE_INTERVAL)
         if number >= last + max(COVARIANCE_INTERVAL, last // COVARIANCE_SHARE):
             self._covariances[number] = self.slam.covariance()
+
+    def drive(self, increment: Float) -> None:
+        """Take the odometry increment (3,) up to the next scan instead of that of own wheels."""
+        self._measured = increment
 
     @property
     def map(self) -> LineMap:

@@ -6,13 +6,13 @@ from typing import cast
 
 import numpy as np
 
+from lrf3d.collision import CollisionChecker
 from lrf3d.geometry import Float, Int, generator
 from lrf3d.laser import LaserScan
 from lrf3d.mapping import LineMap
 from lrf3d.mapping.tracking import ObjectTracker
 from lrf3d.pose import Pose, as_pose
 from lrf3d.robot import Unicycle
-from lrf3d.robot.collision import CollisionChecker
 from lrf3d.run import Run
 from lrf3d.scenario import Scenario
 from lrf3d.scene.timeline import DriveKeys, Moment, Timeline
@@ -142,7 +142,7 @@ class HandDrive(Timeline):
         goal = self._robot.move(self.pose, self.speed, self.turning, seconds)
         if goal[:2] != self.pose[:2]:
             here, there = np.array([self.pose[:2]]), np.array([goal[:2]])
-            if len(self._collisions.hit(here, there, self._robot.radius)[0]):
+            if self._collisions.hit(here, there, self._robot.radius)[0] >= 0:
                 # A round robot can still turn on the spot.
                 self.bumped, self.speed = True, 0.0
                 goal = Pose(self.pose.x, self.pose.y, goal.theta)

@@ -162,6 +162,7 @@ TABLES: Mapping[str, Mapping[str, Converter]] = {
         "start": poses(row("x", "y", "degrees")),
         "route": rows("x", "y"),
         "poses": poses(rows("x", "y", "degrees")),
+        "outline": rows("x", "y", least=3),
         **dict.fromkeys(("speed", "scan_interval", "lookahead", "radius"), _LENGTH),
     },
     "laser": {
@@ -181,6 +182,17 @@ TABLES: Mapping[str, Mapping[str, Converter]] = {
         **dict.fromkeys(("constant", "resolution"), _NOT_NEGATIVE),
         **dict.fromkeys(("angle_deg", "beam_deg"), partial(number, most=90.0)),
         **dict.fromkeys(("drop_outs", "drop_outs_far"), partial(number, most=1.0)),
+    },
+    "odometry": {
+        **dict.fromkeys(
+            ("scale", "track", "turn_per_metre"), partial(number, least=-10.0, most=10.0)
+        ),
+        **dict.fromkeys(("slip", "swerve", "skid"), partial(number, most=10.0)),
+    },
+    "imu": {
+        "rate": partial(number, positive=True, most=10_000.0),
+        **dict.fromkeys(("gyro_noise", "gyro_walk"), partial(number, most=10.0)),
+        **dict.fromkeys(("accelerometer_noise", "accelerometer_walk"), partial(number, most=100.0)),
     },
     "mapper": {
         "mode": text("paper", "robust"),

@@ -116,7 +116,7 @@ def test_a_robot_that_runs_into_a_wall_stands_before_it():
         if ended:
             break
     assert info["collided"] and reward == pytest.approx(-10.01)
-    assert 0.25 < info["pose"][1] < 0.55
+    assert 0.25 <= info["pose"][1] < 0.55
 
 
 def test_an_action_that_is_no_number_is_refused_and_the_next_ones_drive_on():

@@ -8,12 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from synthetic_run import around, box, make_run, make_world
 
+from lrf3d.collecting import simulate
 from lrf3d.errors import InputError
 from lrf3d.exporting import export_run
 from lrf3d.geometry import wrap_angle
 from lrf3d.io import LaserLog, carmen, load_log
 from lrf3d.laser import LaserRangeFinder
-from lrf3d.simulation import simulate
 
 
 def front(readings, pose=(1.0, -2.0, 0.5), time=3.25):

@@ -80,6 +80,7 @@ def test_other_programs_find_what_they_need(run, kind, tmp_path):
         "/scan": SCAN,
         "/odom": ODOMETRY,
         "/ground_truth": ODOMETRY,
+        "/ground_truth/scan": "std_msgs/msg/Float64MultiArray",
         "/tf": TRANSFORMS,
         "/tf_static": TRANSFORMS,
         "/clock": "rosgraph_msgs/msg/Clock",
@@ -164,6 +165,31 @@ def planar(moved):
     """The pose in the plane of a stamped transform."""
     shift, turn = moved.transform.translation, moved.transform.rotation
     return Pose(shift.x, shift.y, 2.0 * math.atan2(turn.z, turn.w))
+
+
+def test_a_bag_holds_all_lasers_the_wheels_the_imu_and_what_each_beam_met(tmp_path):
+    lasers = [
+        LaserRangeFinder(-1, 1, 21, name="front", mount=(0.3, 0.1, 0.5), scan_duration=0.2),
+        LaserRangeFinder(-2, 2, 31, name="rear", mount=(-0.3, 0, math.pi)),
+    ]
+    world = make_world([[-9, -9, 9, -9], [9, -9, 9, 9], [9, 9, -9, 9], [-9, 9, -9, -9]])
+    drive = lrf3d.drive((0, 0, 0), 1.0, 0.5, duration=3.0, dt=1.0)
+    sensors = {"odometry": lrf3d.WheelOdometry(), "imu": lrf3d.Imu(rate=10.0)}
+    run = lrf3d.simulate(world, drive, lasers, rng=0, **sensors)
+    export_run(run, "mcap", tmp_path / "run.mcap")
+    front, rear = (messages_of(tmp_path / "run.mcap", f"/scan_{lrf.name}") for lrf in lasers)
+    assert len(front) == len(rear) == len(run)
+    assert front[1].time_increment == pytest.approx(0.01) and rear[1].time_increment == 0.0
+    (fixed,) = messages_of(tmp_path / "run.mcap", "/tf_static")
+    mounts = {each.child_frame_id: each.transform.translation.x for each in fixed.transforms}
+    assert mounts == {"front": 0.3, "rear": -0.3}
+    wheels = messages_of(tmp_path / "run.mcap", "/odom")
+    assert [each.pose.pose.position.x for each in wheels] == run.wheels[:, 0].tolist()
+    inertial = messages_of(tmp_path / "run.mcap", "/imu")
+    assert [each.angular_velocity.z for each in inertial] == run.imu.turn_rates.tolist()
+    met = messages_of(tmp_path / "run.mcap", "/ground_truth/scan_rear")[2].data.reshape(-1, 4)
+    assert np.array_equal(met[:, 0], run.true_scan(2, laser=1).ranges)
+    assert np.array_equal(met[:, 1], run.walls[2, 21:]) and (met[:, 3] == -1).all()
 
 
 def test_layouts_for_other_programs_show_topics_that_a_bag_has(mcap):

@@ -6,10 +6,11 @@ import pytest
 import shapely
 
 from lrf3d.casting import PlanarCaster
+from lrf3d.collision import find_collision
 from lrf3d.errors import InputError
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.planning.planner import find_route, plan_route
-from lrf3d.robot import find_collision, follow_route
+from lrf3d.robot import follow_route
 from lrf3d.scenario import Scenario
 from lrf3d.world import World, load_world, save_world
 from lrf3d.world.free_cells import FreeCells

@@ -20,7 +20,7 @@ from lrf3d.casting.kernels.beams import (
     settled,
     within,
 )
-from lrf3d.casting.kernels.buffer import ROOM, bearing
+from lrf3d.casting.kernels.buffer import ROOM, Fan, bearing
 from lrf3d.casting.kernels.fan import beams_between
 from lrf3d.casting.kernels.predicates import Beam, Wall
 from lrf3d.casting.kernels.scans import PADDING, Laser, aim, turn
@@ -31,11 +31,15 @@ from lrf3d.geometry import TINY, Float, Int
 RINGS = 64
 """Number of distance classes in which obstacles are sorted: near ones hide those behind."""
 
-ROWS, MEASURES = ("first", "stop", "leg", "last"), ("reach", "period", "fastest", "disc")
+ROWS, MEASURES = (
+    ("first", "stop", "leg", "last"),
+    ("reach", "height", "period", "fastest", "rim", "disc"),
+)
 MOVER = np.dtype([*((n, np.int64) for n in ROWS), *((n, np.float64) for n in MEASURES)], align=True)
 """An obstacle: its corners and the legs of its path, from the first to before the last; its largest
-distance from its origin to a corner [m]; after which time its path begins again [s], 0 for never;
-its largest speed [m/s]; and its radius [m] if it touches others as a disc, or 0."""
+distance from its origin to a corner [m] and its height [m]; after which time its path begins again
+[s], 0 for never; the largest speeds of its origin and of a corner [m/s]; and its radius [m] if it
+touches others as a disc, or 0."""
 
 CORNER = np.dtype([("x", np.float64), ("y", np.float64)], align=True)
 """A corner [m] in the frame of its obstacle."""
@@ -178,9 +182,9 @@ def reach_of(reach: float, x: float, y: float) -> float:
 
 
 @inner
-def by_rings(placed: Records, x: float, y: float, own: int, farthest: float, queue: Queue) -> int:
+def by_rings(crowd: Crowd, height: float, fan: Fan, own: int, farthest: float, queue: Queue) -> int:
     """Sort the obstacles that beams may meet, roughly the nearest first; returns their number."""
-    away, ring, order = queue
+    (away, ring, order), placed, x, y = queue, crowd.placed, fan.x, fan.y
     counts = np.zeros(RINGS + 1, np.int64)
     scale = RINGS / (farthest * (1.0 + 1e-6) + 1e-9)
     for j in range(len(placed)):
@@ -188,7 +192,7 @@ def by_rings(placed: Records, x: float, y: float, own: int, farthest: float, que
         east, north, reach = at.x - x, at.y - y, reach_of(at.reach, at.x, at.y)
         square, limit = east * east + north * north, farthest + reach
         ring[j] = -1
-        if j == own or square > limit * limit * ROOM:
+        if j == own or square > limit * limit * ROOM or crowd.movers[j].height < height:
             continue
         away[j] = math.sqrt(square) / ROOM
         ring[j] = min(int(max(away[j] - reach, 0.0) * scale), RINGS - 1)
@@ -205,9 +209,10 @@ def by_rings(placed: Records, x: float, y: float, own: int, farthest: float, que
 
 @compiled
 def cast_among(
-    plain_crowd: Plain, plain_laser: Plain, poses: Float, own: Int, ranges: Float, hits: Int
-) -> None:
-    """Let obstacles stop the beams of scans from poses (k, 3) at one moment.
+    plain_crowd: Plain, plain_laser: Plain, height: float, poses: Float, own: Int, ranges: Float,
+    hits: Int,
+) -> None:  # fmt: skip
+    """Let obstacles of a height stop the beams of scans from poses (k, 3) at one moment.
 
     Own (k,) are the obstacles that the scans do not see, or −1.
     """
@@ -225,7 +230,7 @@ def cast_among(
         for i in range(beams):
             row[i], low[i], high[i] = -1, np.inf, min(ranges[k, i], laser.range_max * ROOM) * ROOM
             farthest = max(farthest, high[i])
-        for n in range(by_rings(placed, x, y, own[k], farthest, queue)):
+        for n in range(by_rings(crowd, height, fan, own[k], farthest, queue)):
             j = queue.order[n]
             at, distance = placed[j], queue.away[j]
             east, north, reach = at.x - x, at.y - y, reach_of(at.reach, at.x, at.y)
@@ -251,9 +256,10 @@ def cast_among(
 
 @compiled
 def rays_among(
-    plain: Plain, limits: tuple[float, float], rays: Records, own: int, ranges: Float, hits: Int
-) -> None:
-    """Let obstacles stop rays (n,), at least one, each where they are at its time."""
+    plain: Plain, limits: tuple[float, float], height: float, rays: Records, own: int,
+    ranges: Float, hits: Int,
+) -> None:  # fmt: skip
+    """Let obstacles of a height stop rays (n,), at least one, each where they are at its time."""
     among, beams = Movers(*plain), len(rays)
     movers = among.movers
     crowd = Crowd(movers, np.empty(len(movers), PLACED), np.empty(len(among.corners), SIDE))
@@ -274,7 +280,7 @@ def rays_among(
             reach = circles[j].reach + 1e-12 * (abs(east) + abs(north))
             across, along = beam.dx * north - beam.dy * east, beam.dx * east + beam.dy * north
             beside = abs(across) > reach or along < -reach or along - reach > limit
-            if j != own and not beside:
+            if j != own and not beside and movers[j].height >= height:
                 place(among, j, rays[i].time, crowd)
                 nearest = meet(crowd, j, beam, nearest)
         if nearest.row >= 0:

@@ -1,0 +1,390 @@
+"""When a body that moves along an arc first touches walls or dynamic obstacles, compiled.
+
+A body is a disc or an outline, and holds its speed ahead, to the left, and about itself. Each of
+its points then turns about one centre, and so do the ends of walls as the body sees them. With
+w = tan(ωt / 2) / (ω / 2), which is t for a straight way, the distance of such a point from a line,
+and the square of that from another point, times 1 + (ωw / 2)², is a quadratic a w² + b w + c: its
+roots are the times of contact. What only grazes, no deeper than GRAZE, does not touch.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from lrf3d.casting.kernels.beams import Records
+from lrf3d.casting.kernels.movers import (
+    PLACED,
+    SIDE,
+    Crowd,
+    Movers,
+    place,
+    side_at,
+)
+from lrf3d.casting.kernels.predicates import Wall, wall_at
+from lrf3d.casting.kernels.tree import STACK, Plain, Tree
+from lrf3d.compiling import compiled, inner
+from lrf3d.geometry import Float, Int
+
+GRAZE = 1e-9
+"""Depth up to which a body that meets something does not touch it [m]: more than rounding."""
+
+DEEPER = 1e-6
+"""Depth at which it is decided on which side of a corner a point has passed [m]."""
+
+LONGEST_TURN = 1.5
+"""Longest turn that is decided at once [rad]: w is finite up to half a turn."""
+
+STEP = 2e-5
+"""Shortest step towards a dynamic obstacle [m]: cuts of corners that are shorter may be passed."""
+
+TIP = np.dtype([(n, np.float64) for n in ("x", "y", "inner_x", "inner_y", "reflex")], align=True)
+"""A corner of a body [m], the direction into the body, and whether it is a notch, 0 or 1."""
+
+
+class Body(NamedTuple):
+    """An outline, counter-clockwise around the origin, or a disc: one corner with a radius [m]."""
+
+    tips: Records
+    radius: float
+    reach: float  # Largest distance of a point of the body from the origin [m].
+
+
+class Twist(NamedTuple):
+    """Speeds ahead and to the left [m/s], and about itself [rad/s], of a body that holds them."""
+
+    ahead: float
+    left: float
+    turn: float
+
+
+class Motion(NamedTuple):
+    """A point [m] of which the velocity [m/s] turns at a rate [rad/s]."""
+
+    x: float
+    y: float
+    ux: float
+    uy: float
+    turn: float
+
+
+class Line(NamedTuple):
+    """A segment: where it begins [m], its direction, its length, and where on it points count."""
+
+    x: float
+    y: float
+    ex: float
+    ey: float
+    length: float
+    low: float
+    high: float
+
+
+@compiled
+def touched(
+    plain_tree: Plain, plain_body: Plain, poses: Float, twists: Float, seconds: Float, times: Float,
+    walls: Int,
+) -> None:  # fmt: skip
+    """Fill the times (k,) [s] at which bodies first touch walls, and these; or +inf and −1.
+
+    They move from poses (k, 3), each with a twist (k, 3), for some seconds (k,).
+    """
+    tree, body, stack = Tree(*plain_tree), Body(*plain_body), np.empty(STACK, np.int64)
+    for k in range(len(poses)):
+        pose = poses[k, 0], poses[k, 1], poses[k, 2]
+        twist = Twist(twists[k, 0], twists[k, 1], twists[k, 2])
+        times[k], walls[k] = _first_touch(tree, body, pose, twist, seconds[k], stack)
+
+
+@inner
+def _first_touch(
+    tree: Tree, body: Body, pose: tuple[float, float, float], twist: Twist, seconds: float,
+    stack: Int,
+) -> tuple[float, int]:  # fmt: skip
+    """The time at which a body first touches a wall, and the wall; +inf and −1 for none."""
+    # After a whole turn it is where it was.
+    turned = min(abs(twist.turn) * seconds, 2.0 * np.pi)
+    seconds = turned / abs(twist.turn) if turned > 0.0 else seconds
+    pieces = 1 + int(turned / LONGEST_TURN)
+    step = seconds / pieces
+    half = 0.5 * twist.turn * step
+    end = step * math.tan(half) / half if half != 0.0 else step
+    sweep = math.hypot(twist.ahead, twist.left) * step
+    room = body.reach + min(sweep, 0.125 * sweep * abs(twist.turn) * step) + 1e-6
+    for piece in range(pieces):
+        x, y, theta = moved(pose, twist, piece * step)
+        x1, y1, _ = moved(pose, twist, (piece + 1) * step)
+        low_x, high_x, low_y, high_y = min(x, x1), max(x, x1), min(y, y1), max(y, y1)
+        cos, sin, best, found = math.cos(theta), math.sin(theta), np.inf, -1
+        stack[0], top = 0, 1 if len(tree.walls) > 0 else 0
+        while top > 0:
+            top -= 1
+            first, count = tree.links[stack[top], 0], tree.links[stack[top], 1]
+            for row in range(first, first + count):
+                px, py, qx, qy = wall_at(tree.walls, row)
+                if max(min(px, qx) - high_x, low_x - max(px, qx)) > room:
+                    continue
+                if max(min(py, qy) - high_y, low_y - max(py, qy)) > room:
+                    continue
+                px, py, qx, qy = px - x, py - y, qx - x, qy - y
+                seen = Wall(
+                    cos * px + sin * py,
+                    cos * py - sin * px,
+                    cos * qx + sin * qy,
+                    cos * qy - sin * qx,
+                )
+                w = 0.0 if piece == 0 and _overlap(body, seen) else _contact(body, twist, end, seen)
+                if w < best or (w == best < np.inf and tree.rows[row] < found):
+                    best, found = w, tree.rows[row]
+            for child in range(first, first - count):
+                x0, y0, x2, y2 = wall_at(tree.boxes, child)
+                if max(x0 - high_x, low_x - x2, y0 - high_y, low_y - y2) <= room:
+                    stack[top] = child
+                    top += 1
+        if found >= 0:
+            angle = 0.5 * twist.turn * best
+            time = best * math.atan(angle) / angle if angle != 0.0 else best
+            return max(piece * step + time, 0.0), found
+    return np.inf, -1
+
+
+@inner
+def moved(
+    pose: tuple[float, float, float], twist: Twist, time: float
+) -> tuple[float, float, float]:
+    """The pose after a twist was held for a time."""
+    x, y, theta = pose
+    half = 0.5 * twist.turn * time
+    chord = time * math.sin(half) / half if half != 0.0 else time
+    cos, sin = chord * math.cos(theta + half), chord * math.sin(theta + half)
+    return (
+        x + cos * twist.ahead - sin * twist.left,
+        y + cos * twist.left + sin * twist.ahead,
+        theta + twist.turn * time,
+    )
+
+
+@inner
+def _contact(body: Body, twist: Twist, end: float, wall: Wall) -> float:
+    """The w up to an end at which a body touches a wall, which it sees from its pose at w = 0."""
+    tips, (ahead, left, turn) = body.tips, twist
+    first, best = tips[0], np.inf
+    line = _line(wall, 0.0, 0.0)
+    if len(tips) == 1:
+        motion = Motion(first.x, first.y, ahead - turn * first.y, left + turn * first.x, turn)
+        side = 1.0 if _beside(line, first.x, first.y) >= 0.0 else -1.0
+        best = _crossing(motion, line, side, body.radius, end)
+        if body.radius > 0.0:
+            best = min(best, _nearing(motion, wall.px, wall.py, body.radius, end))
+            best = min(best, _nearing(motion, wall.qx, wall.qy, body.radius, end))
+        return best
+    start = Motion(wall.px, wall.py, turn * wall.py - ahead, -turn * wall.px - left, -turn)
+    stop = Motion(wall.qx, wall.qy, turn * wall.qy - ahead, -turn * wall.qx - left, -turn)
+    for k in range(len(tips)):
+        tip, after = tips[k], tips[k + 1 if k + 1 < len(tips) else 0]
+        motion = Motion(tip.x, tip.y, ahead - turn * tip.y, left + turn * tip.x, turn)
+        side = _beside(line, tip.x, tip.y)
+        if abs(side) <= GRAZE:
+            side = line.ex * tip.inner_y - line.ey * tip.inner_x
+        best = min(best, _crossing(motion, line, 1.0 if side >= 0.0 else -1.0, 0.0, end))
+        # What comes to an edge comes from the right of it.
+        edge = _line(Wall(tip.x, tip.y, after.x, after.y), tip.reflex, after.reflex)
+        best = min(best, _crossing(start, edge, -1.0, 0.0, end))
+        best = min(best, _crossing(stop, edge, -1.0, 0.0, end))
+    return best
+
+
+@inner
+def _line(wall: Wall, opened: float, open_after: float) -> Line:
+    """The line of a wall; at ends that are open, points beyond them count, too."""
+    ex, ey = wall.qx - wall.px, wall.qy - wall.py
+    length = math.sqrt(ex * ex + ey * ey)
+    low = -np.inf if opened > 0.0 else GRAZE
+    high = np.inf if open_after > 0.0 else length - GRAZE
+    return Line(wall.px, wall.py, ex / length, ey / length, length, low, high)
+
+
+@inner
+def _beside(line: Line, x: float, y: float) -> float:
+    """How far to the left of a line a point lies [m]."""
+    return line.ex * (y - line.y) - line.ey * (x - line.x)
+
+
+@inner
+def _along(motion: Motion, line: Line, w: float) -> float:
+    """How far along a line a point is at w [m]."""
+    half = 0.5 * motion.turn * w
+    share = w / (1.0 + half * half)
+    x = motion.x + share * (motion.ux - half * motion.uy) - line.x
+    y = motion.y + share * (motion.uy + half * motion.ux) - line.y
+    return x * line.ex + y * line.ey
+
+
+@inner
+def _crossing(motion: Motion, line: Line, side: float, radius: float, end: float) -> float:
+    """The w at which a point comes from a side as near as a radius to a segment."""
+    c = side * _beside(line, motion.x, motion.y) - radius
+    b = side * (line.ex * motion.uy - line.ey * motion.ux)
+    bend = side * (line.ex * motion.ux + line.ey * motion.uy)
+    turn = motion.turn
+    root, lowest, depth = _descent(0.25 * turn * turn * c + 0.5 * turn * bend, b, c, turn, end)
+    if depth <= GRAZE:
+        return np.inf
+    place = _along(motion, line, root)
+    if radius == 0.0 and not GRAZE < place < line.length - GRAZE:
+        # At a corner it counts on which side of it the point goes on.
+        if not -GRAZE <= place <= line.length + GRAZE:
+            return np.inf
+        later = root + (lowest - root) * min(1.0, math.sqrt(DEEPER / depth))
+        return root if line.low < _along(motion, line, later) < line.high else np.inf
+    return root if 0.0 <= place <= line.length else np.inf
+
+
+@inner
+def _nearing(motion: Motion, x: float, y: float, radius: float, end: float) -> float:
+    """The w at which a point comes as near as a radius to another one."""
+    dx, dy, ux, uy, turn = motion.x - x, motion.y - y, motion.ux, motion.uy, motion.turn
+    away, scale = math.sqrt(dx * dx + dy * dy), 0.5 / radius
+    c = (away - radius) * (away + radius) * scale
+    b = 2.0 * (dx * ux + dy * uy) * scale
+    a = 0.25 * turn * turn * c + (turn * (dy * ux - dx * uy) + ux * ux + uy * uy) * scale
+    root, _, depth = _descent(a, b, c, turn, end)
+    return root if depth > GRAZE else np.inf
+
+
+@inner
+def _descent(a: float, b: float, c: float, turn: float, end: float) -> tuple[float, float, float]:
+    """Where a w² + b w + c falls below zero, where it is lowest up to an end, and how low."""
+    square = b * b - 4.0 * a * c
+    if (b >= 0.0 and a >= 0.0) or (square < 0.0 and a >= 0.0):
+        return np.inf, np.inf, 0.0
+    # What starts below zero, no deeper than GRAZE, fell there just before.
+    root = 0.0
+    if square >= 0.0:
+        size = math.sqrt(square)
+        root = 2.0 * c / (size - b) if b < 0.0 else -(b + size) / (2.0 * a)
+    if root > end or (root <= 0.0 and c < -GRAZE):
+        return np.inf, np.inf, 0.0
+    lowest = min(-0.5 * b / a, end) if a > 0.0 else end
+    lowest = max(lowest, root, 0.0)
+    half = 0.5 * turn * lowest
+    return root, lowest, -((a * lowest + b) * lowest + c) / (1.0 + half * half)
+
+
+@inner
+def _overlap(body: Body, wall: Wall) -> bool:
+    """Whether a body overlaps a wall by more than GRAZE from the start."""
+    tips = body.tips
+    if len(tips) == 1:
+        near = Wall(tips[0].x, tips[0].y, tips[0].x, tips[0].y)
+        return separation(near, wall) < body.radius - GRAZE
+    inside, nearest = False, np.inf
+    for k in range(len(tips)):
+        tip, after = tips[k], tips[k + 1 if k + 1 < len(tips) else 0]
+        edge = Wall(tip.x, tip.y, after.x, after.y)
+        gap = separation(edge, wall)
+        if gap < -GRAZE:
+            return True
+        nearest = min(nearest, gap)
+        inside = inside != _under(edge, wall.px, wall.py)
+    return inside and nearest > GRAZE
+
+
+@inner
+def _under(edge: Wall, x: float, y: float) -> bool:
+    """Whether an edge is crossed by the ray from a point along the x axis."""
+    px, py, qx, qy = edge
+    return (py > y) != (qy > y) and x < px + (y - py) / (qy - py) * (qx - px)
+
+
+@inner
+def separation(one: Wall, other: Wall) -> float:
+    """The distance of two segments [m]; where they cross, minus by how much."""
+    p, q = _off(one, other.px, other.py), _off(one, other.qx, other.qy)
+    a, b = _off(other, one.px, one.py), _off(other, one.qx, one.qy)
+    if min(p[1], q[1]) < 0.0 < max(p[1], q[1]) and min(a[1], b[1]) < 0.0 < max(a[1], b[1]):
+        return -min(min(abs(p[1]), abs(q[1])), min(abs(a[1]), abs(b[1])))
+    return min(min(p[0], q[0]), min(a[0], b[0]))
+
+
+@inner
+def _off(wall: Wall, x: float, y: float) -> tuple[float, float]:
+    """The distance of a point from a segment, and from its line, to the left positive [m]."""
+    ex, ey, ax, ay = wall.qx - wall.px, wall.qy - wall.py, x - wall.px, y - wall.py
+    length = math.sqrt(ex * ex + ey * ey)
+    if length == 0.0:
+        return math.sqrt(ax * ax + ay * ay), 0.0
+    along, beside = (ax * ex + ay * ey) / length, (ex * ay - ey * ax) / length
+    beyond = max(-along, along - length, 0.0)
+    return math.sqrt(beyond * beyond + beside * beside), beside
+
+
+@compiled
+def touched_among(
+    plain: Plain, plain_body: Plain, pose: tuple[float, float, float],
+    plain_twist: tuple[float, float, float], begin: float, seconds: float, own: int,
+) -> tuple[float, int]:  # fmt: skip
+    """The seconds after which a body first touches an obstacle, and this one; or +inf and −1."""
+    among, body, twist = Movers(*plain), Body(*plain_body), Twist(*plain_twist)
+    movers, sides = among.movers, np.empty(len(body.tips), SIDE)
+    crowd = Crowd(movers, np.empty(len(movers), PLACED), np.empty(len(among.corners), SIDE))
+    fastest = math.hypot(twist.ahead, twist.left) + abs(twist.turn) * body.reach
+    best, found = seconds, -1
+    for j in range(len(movers)):
+        if j == own:
+            continue
+        rate, time = fastest + movers[j].rim, 0.0
+        gap = _gap_at(among, j, begin, crowd, body, pose, sides)
+        if gap < -GRAZE:
+            return 0.0, j
+        while time < best and gap < np.inf and rate > 0.0:
+            before, free = time, gap > 0.0
+            time = min(time + max(gap, STEP) / rate, best)
+            gap = _gap_at(among, j, begin + time, crowd, body, moved(pose, twist, time), sides)
+            if gap >= -GRAZE:
+                continue
+            # Where it was in contact before, without a depth, it touched there.
+            low, high = before, time if free else before
+            for _ in range(60):
+                middle = 0.5 * (low + high)
+                at = moved(pose, twist, middle)
+                if _gap_at(among, j, begin + middle, crowd, body, at, sides) > 0.0:
+                    low = middle
+                else:
+                    high = middle
+            best, found = high, j
+    return (best, found) if found >= 0 else (np.inf, -1)
+
+
+@inner
+def _gap_at(
+    among: Movers, j: int, time: float, crowd: Crowd, body: Body, pose: tuple[float, float, float],
+    sides: Records,
+) -> float:  # fmt: skip
+    """The distance [m] of a body at a pose from an obstacle at a time, negative where they overlap.
+
+    From far away it is that of the circles around them.
+    """
+    place(among, j, time, crowd)
+    (x, y, theta), at, mover = pose, crowd.placed[j], among.movers[j]
+    away = math.hypot(at.x - x, at.y - y)
+    reach = max(at.reach, mover.disc) + body.reach
+    if away > 2.0 * reach:
+        return float(away - reach)
+    cos, sin, count = math.cos(theta), math.sin(theta), len(sides)
+    for k in range(count):
+        tip, after = body.tips[k], body.tips[k + 1 if k + 1 < count else 0]
+        side = sides[k]
+        side.px, side.py = x + cos * tip.x - sin * tip.y, y + sin * tip.x + cos * tip.y
+        side.qx, side.qy = x + cos * after.x - sin * after.y, y + sin * after.x + cos * after.y
+    gap, inside, around = np.inf, False, False
+    for row in range(mover.first, mover.first + 1 if mover.disc > 0.0 else mover.stop):
+        there = Wall(at.x, at.y, at.x, at.y) if mover.disc > 0.0 else side_at(crowd.sides, row)
+        inside = inside != _under(there, sides[0].px, sides[0].py)
+        for k in range(count):
+            here = side_at(sides, k)
+            gap = min(gap, separation(here, there))
+            if row == mover.first:
+                around = around != _under(here, there.px, there.py)
+    gap = -abs(gap) if inside or around else gap
+    return float(gap - body.radius - mover.disc)

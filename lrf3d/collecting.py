@@ -1,0 +1,195 @@
+"""Collecting: a simulation is run to its end, and all of it is kept as a Run.
+
+A simulation enters, or its parts; a Run in memory leaves. `lrf3d.io.recording` keeps the same rows
+in a file.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from inspect import signature
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lrf3d.errors import InputError, check_names, shown
+from lrf3d.geometry import Float, sealed, whole_number
+from lrf3d.interrupts import Progress, check, silent, stoppable
+from lrf3d.laser import LaserRangeFinder, LaserScan
+from lrf3d.laser.scan import LIGHT
+from lrf3d.mapping import LineMap
+from lrf3d.robot import Trajectory
+from lrf3d.robot.odometry import ImuRecord
+from lrf3d.run import Run, is_snapshot
+from lrf3d.simulation import Simulation, Step
+from lrf3d.steering import Controller
+from lrf3d.world import World
+
+
+class Runnable(Protocol):
+    """Anything that can be simulated, such as a Scenario."""
+
+    def simulation(self, **changes: Any) -> Simulation:
+        """Its simulation, with the given changes."""
+        ...
+
+
+def simulate(
+    world: World | Runnable,
+    drive: Trajectory | ArrayLike | Controller | None = None,
+    lrf: LaserRangeFinder | None = None,
+    *,
+    snapshots: int | None = None,
+    progress: Progress = silent,
+    **settings: Any,
+) -> Run:
+    """Drive through a world, scan, map, and keep all of it in memory.
+
+    `Simulation` does the same step by step, and its other arguments are the settings, such as
+    ``rng``, ``noise`` and ``mapper``. Those of a Scenario are the arguments of
+    `Scenario.simulation`; the run then equals that of ``lrf3d run``.
+
+    Args:
+        world: A Scenario, or the walls alone, for which a drive is required.
+        drive: A Trajectory, poses (k, 3) a second apart, or a controller.
+        lrf: The laser range finder.
+        snapshots: Largest number of map snapshots that the run keeps, for films; 100 if not given.
+            With 1 only the final map is computed, which is faster.
+        progress: Called with the number of finished scans, and of all.
+        **settings: All others.
+
+    Raises:
+        InputError: An argument is invalid, a scan takes longer than the interval to the next, or a
+            controller's drive has no number of scans.
+        CollisionError: A robot with a radius would hit a wall.
+
+    Examples:
+        >>> import lrf3d
+        >>> room = lrf3d.load_world("paper_room")
+        >>> noise = lrf3d.ProportionalNoise(sigma=0.02)
+        >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], noise=noise, rng=0)
+        >>> len(run), len(run.map) > 0
+        (2, True)
+        >>> len(lrf3d.simulate(lrf3d.load_scenario("city"), scans=3, rng=0))
+        3
+    """
+    given = {"lrf": lrf, **settings}
+    settings = {name: value for name, value in given.items() if value is not None}
+    if isinstance(world, World):
+        if drive is None:
+            raise InputError(
+                "drive: not given, and a world alone has none; give one, or a scenario"
+            )
+        check_names("simulate", settings, list(signature(Simulation).parameters))
+        simulation = Simulation(world, drive, **settings)
+    elif hasattr(world, "simulation"):
+        simulation = world.simulation(drive=drive, **settings)
+    else:
+        raise InputError(
+            f"simulate: {shown(world)}: expected a World or a Scenario, such as"
+            " load_scenario('city')"
+        )
+    return collect(simulation, progress, snapshots=snapshots)
+
+
+@stoppable()
+def collect(
+    simulation: Simulation, progress: Progress = silent, *, snapshots: int | None = None
+) -> Run:
+    """Run a simulation to its end and keep it in memory; `record` writes it to a file."""
+    total, row = simulation.total, row_type(simulation)
+    rows: dict[str, Any] = {
+        name: np.empty((total, *row[name].shape), row[name].base) for name in row.names or ()
+    }
+    maps, imu = run_to_end(
+        simulation, lambda step: fill_row(rows, step.index, step), progress, snapshots=snapshots
+    )
+    rows = {name: sealed(values)[: simulation.done] for name, values in rows.items()}
+    return Run(
+        simulation.world,
+        simulation.lrf,
+        Trajectory(rows.pop("times"), rows.pop("poses")),
+        snapshot_scans=tuple(maps),
+        maps=tuple(maps.values()),
+        obstacles=simulation.obstacles,
+        film=simulation.film,
+        radius=simulation.radius,
+        estimate=simulation.estimate,
+        further=simulation.lasers[1:],
+        imu=imu,
+        **rows,
+    )
+
+
+def run_to_end(
+    simulation: Simulation,
+    keep: Callable[[Step], None],
+    progress: Progress,
+    *,
+    snapshots: int | None = None,
+    recorded: Iterable[tuple[Sequence[LaserScan], Float]] = (),
+) -> tuple[dict[int, LineMap], ImuRecord | None]:
+    """Call ``keep`` with each step up to the last.
+
+    The recorded scans of an interrupted simulation, with poses, are taken first. Returns the map
+    snapshots by their scans, and what the IMU measured.
+    """
+    inertial = list[Float]()
+    total, maps = simulation.total, dict[int, LineMap]()
+    snapshots = None if snapshots is None else whole_number(snapshots, "snapshots")
+
+    def keep_map(always: bool = False) -> None:
+        check()
+        last = simulation.done - 1
+        if (always or is_snapshot(last, total, snapshots)) and last not in maps:
+            if isinstance(line_map := simulation.map, LineMap):
+                maps[last] = line_map
+
+    for scans, pose in recorded:
+        simulation.take(scans, pose)
+        inertial.append(simulation.inertial)
+        keep_map()
+    for step in simulation:
+        keep(step)
+        inertial.append(step.imu)
+        progress(simulation.done, total)
+        keep_map()
+    # A controller may end before all scans are done.
+    keep_map(always=True)
+    return maps, None if simulation.motion_sensors[1] is None else ImuRecord.of(inertial)
+
+
+def row_type(simulation: Simulation) -> np.dtype[Any]:
+    """What a run keeps of each scan: a field for each of the Run's attributes."""
+    lasers = simulation.lasers
+    beams, echoes = (sum(each.beams for each in lasers),), lasers[0].echoes
+    fields: list[Any] = [("times", np.float64), ("poses", np.float64, 3)]
+    fields += [("ranges", np.float64, beams), ("truth", np.float64, beams)]
+    fields.append(("walls", np.int64, beams))
+    if simulation.world.materials:
+        fields.append(("intensities", np.float64, beams))
+        if echoes > 1:
+            each_echo = (*beams, echoes)
+            fields += [(name, np.float64, each_echo) for name in ("echoes", "echo_intensities")]
+    if any(each.scan_duration for each in lasers):
+        fields.append(("motions", np.float64, (len(lasers), 3)))
+    if simulation.motion_sensors[0] is not None:
+        fields.append(("wheels", np.float64, 3))
+    return np.dtype(fields)
+
+
+def fill_row(rows: Mapping[str, Any], index: int, step: Step) -> None:
+    """Write a step into a row of arrays with the fields of `row_type`, laser beside laser."""
+    rows["times"][index], rows["poses"][index] = step.time, step.pose
+    if "wheels" in rows:
+        rows["wheels"][index] = step.odometry
+    begin = 0
+    for number, (scan, truth) in enumerate(zip(step.scans, step.true_scans, strict=True)):
+        beams = slice(begin, begin := begin + len(scan.ranges))
+        rows["ranges"][index, beams], rows["truth"][index, beams] = scan.ranges, truth.ranges
+        rows["walls"][index, beams] = truth.walls
+        if "motions" in rows:
+            rows["motions"][index, number] = 0.0 if truth.motion is None else truth.motion
+        for name in rows.keys() & set(LIGHT):
+            # Scans of users' own parts may have no intensities.
+            light = getattr(scan, name)
+            rows[name][index, beams] = np.nan if light is None else light

@@ -1,0 +1,228 @@
+"""Collisions of a robot's body with walls, dynamic obstacles and other robots."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lrf3d.casting.crowd import Crowd, records
+from lrf3d.casting.dynamic_obstacle import DynamicObstacle
+from lrf3d.casting.kernels.touch import TIP, touched
+from lrf3d.casting.kernels.tree import Plain, build_tree
+from lrf3d.errors import CollisionError, InputError
+from lrf3d.geometry import Float, Int, Value, as_rows, number
+from lrf3d.pose import Pose
+from lrf3d.robot.trajectory import Trajectory
+from lrf3d.robot.unicycle import RADIUS, Twist, hold, twists_between
+from lrf3d.world import World
+
+
+@dataclass(frozen=True, eq=False)
+class Body(Value):
+    """The body of a robot: a disc of a radius [m], or an outline (n, 2) [m], x ahead.
+
+    Raises:
+        InputError: A number is invalid, or the outline crosses itself or is not around the origin.
+
+    Examples:
+        >>> from lrf3d.collision import Body
+        >>> Body(0.3).reach, Body(outline=[(-0.2, -0.2), (0.4, 0.0), (-0.2, 0.2)]).reach
+        (0.3, 0.4)
+    """
+
+    radius: float = RADIUS
+    outline: ArrayLike | None = None
+
+    def __post_init__(self) -> None:
+        number(self.radius, "radius", "metres")
+        if self.outline is None:
+            return
+        from shapely import Point, Polygon
+
+        corners = as_rows(self.outline, "robot: outline", 2, least=3, row="corner")
+        shape = Polygon(corners)
+        if not shape.is_valid or not shape.contains(Point(0.0, 0.0)):
+            what = "contain the robot's centre (0, 0)" if shape.is_valid else "be free of crossings"
+            raise InputError(f"robot: outline: expected to {what}")
+        if not shape.exterior.is_ccw:
+            object.__setattr__(self, "outline", corners[::-1])
+        self._hold("outline")
+
+    @property
+    def reach(self) -> float:
+        """Largest distance of a point of the body from its origin [m]."""
+        return self.plain[2]  # type: ignore[no-any-return]
+
+    @cached_property
+    def plain(self) -> Plain:
+        """The body as kernels take it."""
+        if self.outline is None:
+            return np.zeros(1, TIP), float(self.radius), float(self.radius)
+        tips: Float = np.asarray(self.outline)
+        edges = np.roll(tips, -1, axis=0) - tips
+        normals = np.column_stack([-edges[:, 1], edges[:, 0]])
+        normals /= np.hypot(*edges.T)[:, None]
+        before = np.roll(edges, 1, axis=0)
+        notch = before[:, 0] * edges[:, 1] - before[:, 1] * edges[:, 0] < 0.0
+        inner = normals + np.roll(normals, 1, axis=0)
+        reach = float(np.hypot(*tips.T).max())
+        return records(TIP, *tips.T, *inner.T, notch.astype(np.float64)), 0.0, reach
+
+
+def body_of(radius: float | None, outline: ArrayLike | None) -> Body | None:
+    """The body of a radius [m] or an outline (n, 2) [m]; None where neither is given."""
+    if outline is not None:
+        return Body(outline=outline)
+    return None if radius is None else Body(radius)
+
+
+@dataclass(frozen=True, slots=True)
+class Collision:
+    """When [s] and where [m] a robot first touches something: a wall, or an obstacle or robot.
+
+    The wall and the obstacle are indices, one of them −1; the name says what it is.
+    """
+
+    time: float
+    x: float
+    y: float
+    wall: int
+    name: str
+    obstacle: int = -1
+
+    def __str__(self) -> str:
+        return (
+            f"the robot runs into {self.name} at t = {self.time:.2f} s near"
+            f" ({self.x:.2f}, {self.y:.2f})"
+        )
+
+
+class CollisionChecker:
+    """Finds what bodies touch among the walls of a world and dynamic obstacles.
+
+    The obstacles may be given as a crowd, with a name for each; own is that which is the robot.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        obstacles: Sequence[DynamicObstacle] | Crowd = (),
+        *,
+        names: Sequence[str] | None = None,
+        own: int = -1,
+    ) -> None:
+        self.world, self._tree, self._own = world, build_tree(world.segments), own
+        self._crowd = obstacles if isinstance(obstacles, Crowd) else Crowd(obstacles)
+        self._names = names
+
+    def touch(self, body: Body, poses: Float, twists: Float, seconds: Float) -> tuple[Float, Int]:
+        """When bodies that hold twists (k, 3) from poses (k, 3) on touch walls: seconds and walls.
+
+        They are +inf and −1 (k,) where nothing is touched within so many seconds (k,).
+        """
+        times, walls = np.empty(len(poses)), np.empty(len(poses), np.int64)
+        touched(self._tree[:], body.plain, poses, twists, seconds, times, walls)
+        return times, walls
+
+    def hit(self, starts: Float, ends: Float, radius: float) -> Int:
+        """The walls (k,) that discs touch on straight ways from starts to ends (k, 2), or −1."""
+        still = np.zeros((len(starts), 1))
+        ways = np.hstack([ends - starts, still])
+        return self.touch(Body(radius), np.hstack([starts, still]), ways, np.ones(len(starts)))[1]
+
+    def held(
+        self, body: Body, pose: Pose, twist: Twist, begin: float, seconds: float
+    ) -> Collision | None:
+        """The first collision while a twist is held from a pose and a time [s] on, or None."""
+        rows = np.array([pose]), np.array([twist]), np.array([seconds])
+        time, wall = (found[0] for found in self.touch(body, *rows))
+        if len(self._crowd):
+            most = min(seconds, float(time))
+            at, met = self._crowd.touch(body.plain, pose, twist, begin, most, self._own)
+            if met >= 0:
+                return self._collision(pose, twist, begin, at, obstacle=met)
+        return (
+            None if wall < 0 else self._collision(pose, twist, begin, float(time), wall=int(wall))
+        )
+
+    def first(self, trajectory: Trajectory, body: Body) -> Collision | None:
+        """The first collision of a body on a trajectory, or None.
+
+        A disc drives straight from pose to pose, an outline on the arc that leads there.
+        """
+        poses, times = trajectory.poses, trajectory.times
+        # At the last pose it rests.
+        after = np.concatenate([poses[1:], poses[-1:]])
+        seconds = np.append(np.diff(times), 1.0)
+        if body.outline is None:
+            poses = np.column_stack([poses[:, :2], np.zeros(len(poses))])
+            twists = (after - trajectory.poses) / seconds[:, None]
+            twists[:, 2] = 0.0
+        else:
+            twists = twists_between(poses, after) / seconds[:, None]
+        seconds[-1] = 0.0
+        walls = self.touch(body, poses, twists, seconds)[1]
+        steps = range(len(poses)) if len(self._crowd) else np.flatnonzero(walls >= 0)[:1]
+        for step in steps:
+            pose, twist = Pose(*poses[step].tolist()), tuple(twists[step].tolist())
+            hit = self.held(body, pose, twist, float(times[step]), float(seconds[step]))
+            if hit is not None:
+                return hit
+        return None
+
+    def _collision(
+        self, pose: Pose, twist: Twist, begin: float, after: float, **what: int
+    ) -> Collision:
+        x, y, _ = hold(pose, twist, after)
+        wall, obstacle = what.get("wall", -1), what.get("obstacle", -1)
+        if obstacle >= 0:
+            name = self._names[obstacle] if self._names else f"dynamic obstacle {obstacle}"
+        else:
+            names, owner = self.world.object_names, int(self.world.objects[wall])
+            name = f"wall {wall}" + (f" of {names[owner]}" if owner < len(names) else "")
+        return Collision(begin + after, x, y, wall, name, obstacle)
+
+
+def find_collision(
+    trajectory: Trajectory,
+    world: World,
+    radius: float | Body,
+    obstacles: Sequence[DynamicObstacle] = (),
+) -> Collision | None:
+    """The first collision of a robot of a radius [m], or with a body, or None.
+
+    Raises:
+        InputError: The radius is negative or not finite.
+    """
+    body = radius if isinstance(radius, Body) else Body(radius)
+    return CollisionChecker(world, obstacles).first(trajectory, body)
+
+
+def check_drive(
+    trajectory: Trajectory,
+    world: World,
+    radius: float | Body,
+    obstacles: Sequence[DynamicObstacle] = (),
+) -> None:
+    """Check that a drive touches no wall, and no dynamic obstacle.
+
+    Raises:
+        CollisionError: It does; the message gives the time, the position and what is touched.
+
+    Examples:
+        >>> import lrf3d
+        >>> wall = lrf3d.World([[2, -1, 2, 1]])
+        >>> lrf3d.check_drive(lrf3d.follow_route([[0, 0], [1, 0]]), wall, radius=0.35)
+    """
+    collision = find_collision(trajectory, world, radius, obstacles)
+    if collision is not None:
+        raise CollisionError(f"{collision}; move the route or pass --ignore-collisions")
+
+
+def halted(trajectory: Trajectory, collision: Collision) -> Trajectory:
+    """The trajectory of a robot that stays where it first touches something."""
+    poses = trajectory.poses.copy()
+    poses[trajectory.times > collision.time, :2] = collision.x, collision.y
+    return Trajectory(trajectory.times, poses)

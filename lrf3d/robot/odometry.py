@@ -1,0 +1,191 @@
+"""What a robot measures of its own motion: odometry by its wheels, and an inertial unit (IMU).
+
+True poses enter one after the other; what the wheels and the IMU make of the motion between them
+leaves. Between two poses a robot drives an arc.
+"""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from lrf3d.errors import InputError
+from lrf3d.geometry import Float, Value, is_finite, number
+from lrf3d.pose import between, compose
+
+GRAVITY = 9.80665
+"""[m/s²] What the vertical accelerometer of a robot at rest measures."""
+
+MOST_RATE = 10_000.0
+"""Highest rate of an IMU [Hz]."""
+
+
+@dataclass(frozen=True, slots=True)
+class WheelOdometry:
+    """The errors of wheel odometry; the usual ones put a robot 1 to 3 % of its path off.
+
+    Args:
+        scale: Share of the distance that is measured too much: a wrong circumference.
+        track: Share of each turn that is measured too much: a wrong distance between the wheels.
+        turn_per_metre: Turn that is measured but not made, for each metre [rad/m]: unequal wheels.
+        slip: Standard deviation of the distance after 1 m [m]; after 4 m it is twice as much.
+        swerve: Standard deviation of the heading after 1 m [rad], which grows likewise.
+        skid: Standard deviation of the heading after a turn of 1 rad [rad], which grows likewise.
+
+    Raises:
+        InputError: A number is not finite, a share is −1 or less, or a deviation negative.
+
+    Examples:
+        >>> import lrf3d
+        >>> wheels = lrf3d.WheelOdometry(scale=0.1, slip=0, swerve=0, track=0, turn_per_metre=0)
+        >>> room = lrf3d.load_world("paper_room")
+        >>> drive = [(1, 1, 0), (2, 1, 0)]
+        >>> run = lrf3d.simulate(room, drive, odometry=wheels, rng=0)
+        >>> run.odometry[-1].round(6).tolist()
+        [2.1, 1.0, 0.0]
+    """
+
+    scale: float = 0.005
+    track: float = 0.005
+    turn_per_metre: float = 0.0005
+    slip: float = 0.01
+    swerve: float = 0.002
+    skid: float = 0.005
+
+    def __post_init__(self) -> None:
+        values = [getattr(self, each.name) for each in fields(self)]
+        if not is_finite(*values) or min(values[:2]) <= -1.0 or min(values[3:]) < 0.0:
+            raise InputError(f"{self}: expected finite numbers, deviations of at least 0")
+
+    def __call__(self, increment: Float, rng: np.random.Generator) -> Float:
+        """What the wheels measure of an increment (3,): ahead, to the left [m], turn [rad]."""
+        ahead, left, turn = twist_of(increment).tolist()
+        distance = float(np.hypot(ahead, left))
+        stretched, turned = rng.normal(size=2).tolist()
+        longer = 1.0 + self.scale
+        if distance > 0.0:
+            longer += self.slip * stretched / np.sqrt(distance)
+        spread = np.sqrt(self.swerve**2 * distance + self.skid**2 * abs(turn))
+        measured = turn * (1.0 + self.track) + self.turn_per_metre * ahead + spread * turned
+        return increment_of(np.array([ahead * longer, left * longer, measured]))
+
+
+@dataclass(frozen=True, slots=True)
+class Imu:
+    """The errors of an IMU: a gyro about the vertical, and accelerometers ahead and to the left.
+
+    Args:
+        rate: Measurements a second [Hz].
+        gyro_noise: Noise density of the gyro [rad/s/√Hz].
+        gyro_walk: Random walk of its bias [rad/s²/√Hz].
+        accelerometer_noise: Noise density of the accelerometers [m/s²/√Hz].
+        accelerometer_walk: Random walk of their biases [m/s³/√Hz].
+
+    Raises:
+        InputError: A number is negative or not finite, or the rate not positive.
+    """
+
+    rate: float = 100.0
+    gyro_noise: float = 0.0005
+    gyro_walk: float = 0.00002
+    accelerometer_noise: float = 0.005
+    accelerometer_walk: float = 0.0002
+
+    def __post_init__(self) -> None:
+        number(self.rate, "imu: rate", "measurements a second", positive=True, most=MOST_RATE)
+        for each in fields(self)[1:]:
+            number(getattr(self, each.name), f"imu: {each.name}")
+
+
+class Odometer:
+    """Wheels that count on: the pose by odometry, current after every `drive`."""
+
+    def __init__(self, wheels: WheelOdometry, rng: np.random.Generator) -> None:
+        self._wheels, self._rng = wheels, rng
+        self._true: Float | None = None
+        self.pose, self.increment = np.zeros(3), np.zeros(3)
+
+    def drive(self, pose: Float) -> Float:
+        """The pose (3,) by odometry where the robot is now at a pose (3,); the first is known."""
+        if self._true is None:
+            self.pose = np.array(pose)
+        else:
+            self.increment = self._wheels(between(self._true, np.asarray(pose)), self._rng)
+            self.pose = compose(self.pose, self.increment)
+        self._true = np.array(pose)
+        return self.pose
+
+
+class InertialUnit:
+    """An IMU that is carried along: measurements up to now, at its own rate."""
+
+    def __init__(self, imu: Imu, rng: np.random.Generator) -> None:
+        self._imu, self._rng, self._count = imu, rng, 0
+        self._last: tuple[float, Float] | None = None
+        self._speed, self._bias = np.zeros(2), np.zeros(3)
+
+    def drive(self, time: float, pose: Float) -> Float:
+        """Rows (m, 4) since the last call, now that the robot is at a pose (3,) at a time [s].
+
+        Each has a time [s], a turn rate [rad/s], and accelerations ahead and to the left [m/s²].
+        """
+        imu, last, self._last = self._imu, self._last, (time, np.array(pose))
+        if last is None:
+            self._begin = time
+            return np.empty((0, 4))
+        gap = time - last[0]
+        ahead, left, turn = (twist_of(between(last[1], self._last[1])) / gap).tolist()
+        speed = np.array([ahead, left])
+        # The speed of this stretch is reached evenly; a turn adds the centripetal part.
+        pull = (speed - self._speed) / gap + turn * np.array([-left, ahead])
+        self._speed = speed
+        count = int(np.floor((time - self._begin) * imu.rate + 1e-9)) - self._count
+        times = self._begin + (self._count + 1.0 + np.arange(count)) / imu.rate
+        self._count += count
+        densities = np.array([imu.gyro_noise, *2 * [imu.accelerometer_noise]])
+        walks = np.array([imu.gyro_walk, *2 * [imu.accelerometer_walk]])
+        noise, steps = self._rng.normal(size=(2, count, 3))
+        biases = self._bias + np.cumsum(steps * walks / np.sqrt(imu.rate), axis=0)
+        self._bias = biases[-1] if count else self._bias
+        true = np.array([turn, *pull])
+        return np.column_stack([times, true + biases + noise * densities * np.sqrt(imu.rate)])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ImuRecord(Value):
+    """The measurements of an IMU in a run.
+
+    Times (m,) [s], turn rates (m,) [rad/s], and accelerations (m, 2) ahead and to the left [m/s²].
+    """
+
+    times: Float
+    turn_rates: Float
+    accelerations: Float
+
+    def __post_init__(self) -> None:
+        self._hold("times", "turn_rates", "accelerations")
+        shapes = self.times.shape, self.turn_rates.shape, self.accelerations.shape
+        if shapes != ((len(self.times),), (len(self.times),), (len(self.times), 2)):
+            raise InputError(f"imu: arrays of {shapes}; expected (m,), (m,) and (m, 2)")
+
+    @classmethod
+    def of(cls, rows: list[Float]) -> "ImuRecord":
+        """The record of the rows that an `InertialUnit` returned."""
+        table = np.concatenate([np.empty((0, 4)), *rows])
+        return cls(table[:, 0], table[:, 1], table[:, 2:])
+
+
+def twist_of(increment: Float) -> Float:
+    """The distances ahead and to the left [m] and the turn [rad] along the arc of an increment."""
+    x, y, turn = increment.tolist()
+    half = 0.5 * turn
+    cos, sin = np.cos(half), np.sin(half)
+    share = np.sinc(half / np.pi)
+    return np.array([(x * cos + y * sin) / share, (y * cos - x * sin) / share, turn])
+
+
+def increment_of(twist: Float) -> Float:
+    """The increment (3,) of an arc: `twist_of` the other way round."""
+    ahead, left, turn = twist.tolist()
+    half = 0.5 * turn
+    cos, sin, chord = np.cos(half), np.sin(half), np.sinc(half / np.pi)
+    return np.array([chord * (ahead * cos - left * sin), chord * (ahead * sin + left * cos), turn])
