@@ -186,7 +186,8 @@ class SolvedLog:
     def run(self) -> Run:
         """The drive as a run, in the walls that its key scans show."""
         slam, keys = self.slam, self.slam.key_scans
-        poses = compose(self.poses, np.array([self.log.odometry.laser_offset, 0.0, 0.0]))
+        mount = np.array([self.log.odometry.laser_offset, 0.0, 0.0])
+        poses = compose(self.poses, mount if mount[0] else np.array(self.log.mount))
         poses[:, 2] = np.unwrap(poses[:, 2])
         chosen = np.unique(np.linspace(0, len(keys) - 1, MOST_COVARIANCES).astype(np.int64))
         estimate = slam.estimate(poses, keys[chosen], slam.covariances(chosen))
@@ -235,7 +236,8 @@ def solve_log(
     """
     if not isinstance(log, LaserLog):
         log = load_log(log, poses=odometry_of(log))
-    log = _readable(log).of_laser(0)
+    log = _readable(log)
+    log = log.of_laser(log.lasers[0])
     offset = log.odometry.laser_offset
     try:
         recording = _checked(log)
@@ -268,8 +270,6 @@ def solve_log(
     # Now that the poses of all scans are known, all of them show the lag.
     lag = fitted_lag(np.diff(poses[:, 2]), path, places)
     lines = line_poses(path, places, lag, poses)[recording.rows]
-    # Where the poses of the scans are the odometry, these are those of the laser.
-    lines = compose(lines, np.array(log.mount.inverse()))
     lines[:, 2] = np.unwrap(lines[:, 2])
     found = recording.repairs, slam.self_check()
     return SolvedLog(log, slam, scans, poses, lines, lag, *found, passes)

@@ -56,7 +56,7 @@ def read_log(args: Namespace) -> LaserLog:
     poses = args.poses if args.command == "map" else odometry_of(args.log)
     return load_log(
         args.log, largest_range=args.largest_range, poses=poses, scan_topic=args.scan_topic,
-        part=args.part,
+        part=args.part, format=args.format,
     )  # fmt: skip
 
 

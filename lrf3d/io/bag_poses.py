@@ -55,22 +55,16 @@ def log_of(
         contents.notes.append(f"left out: {one_line(', '.join(left), 200)}; see --scan-topic")
     if len(used) > 1:
         contents.notes.append("lasers: " + ", ".join(each.words for each in used.values()))
-    lasers = [robot.placed(path, each, largest_range) for each in used.values()]
-    scans = [scan for each, _ in lasers for scan in each]
+    scans = [s for each in used.values() for s in robot.placed(path, each, largest_range)]
     if not scans:
         raise InputError(f"{path}: no scan within the time of the poses from {robot.words}")
-    number = np.repeat(np.arange(len(lasers)), [len(each) for each, _ in lasers])
-    order = np.argsort([scan.time for scan in scans], kind="stable")
     return LaserLog(
         log_name(path),
-        [scans[k] for k in order.tolist()],
+        sorted(scans, key=lambda scan: scan.time),
         contents.bad_count,
         tuple(contents.bad),
         robot.words if robot.source else f"none: {there}",
         placed=bool(robot.source),
-        mount=lasers[0][1],
-        mounts=tuple(mount for _, mount in lasers),
-        lasers=number[order],
         notes=tuple(contents.notes),
     )
 
@@ -192,10 +186,8 @@ class _Robot:
         mine = self._frames.base(self._stream.frame)
         return bool(self.source) and self._frames.carries(mine, stream.frame)
 
-    def placed(
-        self, path: Path, stream: Stream, largest_range: float | None
-    ) -> tuple[list[LaserScan], Pose]:
-        """The scans of a stream with their poses, and where the laser is mounted."""
+    def placed(self, path: Path, stream: Stream, largest_range: float | None) -> list[LaserScan]:
+        """The scans of a stream with their poses and where the laser is mounted."""
         contents, frames = self._contents, self._frames
         times, inside = self.part.times(stream.stamps)
         mounted = frames.poses(stream.frame, self._base, times)
@@ -208,6 +200,7 @@ class _Robot:
         else:
             laser = frames.poses(stream.frame, self.source, times)
         # The cosine of the tilt is 1 for an upright laser and −1 for one upside down.
+        mounts = in_the_plane(mounted)
         poses, upright, known = in_the_plane(laser), laser[:, 2, 2], np.isfinite(laser[:, 0, 0])
         askew = np.abs(upright[known & inside & ~(np.abs(upright) >= LEAST_UPRIGHT)])
         if len(askew):
@@ -226,14 +219,15 @@ class _Robot:
             scan = replace(
                 scan,
                 pose=Pose(*poses[number].tolist()),
+                mount=Pose(*mounts[number].tolist()),
+                laser=stream.frame,
                 angles=scan.angles if upright[number] > 0.0 else -scan.angles,
                 time=1e-9 * times[number] if self.part.by_receipt else scan.time,
             )
             scans.append(scan)
         scans, note = without_no_returns(scans, largest_range)
-        contents.notes += [note] if note else []
-        mount = in_the_plane(mounted[known][:1]) if known.any() else np.zeros((1, 3))
-        return scans, Pose(*mount[0].tolist())
+        contents.notes += [note] * bool(note)
+        return scans
 
 
 def _edges(contents: Contents, topic: str) -> dict[str, tuple[str, Track]]:

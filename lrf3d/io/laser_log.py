@@ -1,5 +1,6 @@
 """LaserLog: the scans of a recorded drive, from any format."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -50,6 +51,10 @@ MOST_LINES, LARGEST_LOG = 10_000_000, 1 << 31
 for each of its own; a day's log has a tenth."""
 
 
+GZIPPED = b"\x1f\x8b"
+"""First bytes of gzipped files, whatever their name is."""
+
+
 @dataclass(frozen=True, slots=True)
 class BadLine:
     """A line, a message or a scan that could not be read, by its kind and its number from 1."""
@@ -91,12 +96,9 @@ class LaserLog(Value):
         bad_lines: The first few of them.
         source: Where the poses come from, in words.
         wheels: The raw odometry; None where the log has none.
-        mount: Pose of the laser on the robot's base, where the poses of the scans are the laser's.
         not_numbers: Number of readings that are no number, such as NaN: taken for no return.
         notes: What was assumed, and what was left out, a sentence each.
         placed: Whether the poses of the scans are known.
-        mounts: The same for each of several lasers.
-        lasers: Number of the laser of each scan, from 0; None where there is one.
     """
 
     name: str
@@ -105,12 +107,9 @@ class LaserLog(Value):
     bad_lines: tuple[BadLine, ...] = ()
     source: str = "as logged"
     wheels: WheelRecord | None = None
-    mount: Pose = Pose(0.0, 0.0, 0.0)  # noqa: RUF009  It is a value that nothing changes.
     not_numbers: int = 0
     notes: tuple[str, ...] = ()
     placed: bool = True
-    mounts: tuple[Pose, ...] = ()
-    lasers: Int | None = None
 
     def __len__(self) -> int:
         return len(self.scans)
@@ -120,26 +119,39 @@ class LaserLog(Value):
 
     @property
     def odometry(self) -> WheelRecord:
-        """The raw odometry; the poses of the scans where the log has none."""
-        return self.wheels or WheelRecord(self.times, self.poses, np.arange(len(self)))
+        """The raw odometry; the poses of the robot at the scans where the log has none."""
+        if self.wheels is not None:
+            return self.wheels
+        robots = np.array([scan.robot for scan in self.scans]).reshape(-1, 3)
+        return WheelRecord(self.times, robots, np.arange(len(self)))
+
+    @property
+    def mount(self) -> Pose:
+        """Pose of the first laser on its robot."""
+        return self.scans[0].mount
+
+    @property
+    def lasers(self) -> list[str]:
+        """The names of the lasers, the first one first."""
+        return list(dict.fromkeys(scan.laser for scan in self.scans))
 
     @property
     def is_odd(self) -> Bool:
         """Which scans (k,) are the odd ones of their laser, counted from 0."""
-        lasers = np.zeros(len(self), np.int64) if self.lasers is None else self.lasers
-        odd = np.zeros(len(self), np.bool_)
-        for number in np.unique(lasers):
-            odd[np.flatnonzero(lasers == number)[1::2]] = True
-        return odd
+        seen: Counter[str] = Counter()
+        odd = []
+        for scan in self.scans:
+            odd.append(seen[scan.laser] % 2 == 1)
+            seen[scan.laser] += 1
+        return np.array(odd, dtype=np.bool_)
 
-    def of_laser(self, number: int) -> "LaserLog":
+    def of_laser(self, name: str) -> "LaserLog":
         """The log with the scans of one laser; the others are counted in a note."""
-        if self.lasers is None or (own := self.lasers == number).all():
+        scans = [scan for scan in self.scans if scan.laser == name]
+        if not (others := len(self) - len(scans)):
             return self
-        scans = [scan for scan, mine in zip(self.scans, own, strict=True) if mine]
-        note = f"{counted(int((~own).sum()), 'scan')} of other lasers not used"
-        mount, notes = self.mounts[number], (*self.notes, note)
-        return replace(self, scans=scans, mount=mount, notes=notes, lasers=None)
+        note = f"{counted(others, 'scan')} of other lasers not used"
+        return replace(self, scans=scans, notes=(*self.notes, note))
 
     @property
     def counts(self) -> dict[str, Any]:

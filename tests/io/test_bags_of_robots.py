@@ -84,7 +84,11 @@ def test_each_scan_has_the_mount_of_its_own_frame(topics, tmp_path):
     )
     log = load_log(bag)
     assert log.poses == pytest.approx(np.array([[0.9, 0, 0], [0.6, 0, np.pi], [1.9, 0, 0]]))
-    assert log.lasers.tolist() == [0, 1, 0] and log.is_odd.tolist() == [False, False, True]
+    assert [scan.laser for scan in log.scans] == [
+        "front",
+        "rear",
+        "front",
+    ] and log.is_odd.tolist() == [False, False, True]
     assert "lasers: 2 scans of" in log.notes[0]
     # Another topic of the same frame has the same scans, filtered.
     again = write(tmp_path / "again", *wheels(3), *scans(0.5), *seen("/filtered", "laser", 0.5))
