@@ -4,9 +4,9 @@ A simulation enters, or its parts; a Run in memory leaves. `lrf3d.io.recording` 
 in a file.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from inspect import signature
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,6 +23,8 @@ from lrf3d.run import Run, is_snapshot
 from lrf3d.simulation import Simulation, Step
 from lrf3d.steering import Controller
 from lrf3d.world import World
+
+Result = TypeVar("Result")
 
 
 class Runnable(Protocol):
@@ -96,11 +98,18 @@ def collect(
     simulation: Simulation, progress: Progress = silent, *, snapshots: int | None = None
 ) -> Run:
     """Run a simulation to its end and keep it in memory; `record` writes it to a file."""
+    return drained(gather(simulation, progress, snapshots=snapshots))
+
+
+def gather(
+    simulation: Simulation, progress: Progress = silent, *, snapshots: int | None = None
+) -> Generator[None, None, Run]:
+    """Run a simulation, kept in memory, a step each time; the generator returns the run."""
     total, row = simulation.total, row_type(simulation)
     rows: dict[str, Any] = {
         name: np.empty((total, *row[name].shape), row[name].base) for name in row.names or ()
     }
-    maps, imu = run_to_end(
+    maps, imu = yield from step_by_step(
         simulation, lambda step: fill_row(rows, step.index, step), progress, snapshots=snapshots
     )
     rows = {name: sealed(values)[: simulation.done] for name, values in rows.items()}
@@ -133,6 +142,28 @@ def run_to_end(
     The recorded scans of an interrupted simulation, with poses, are taken first. Returns the map
     snapshots by their scans, and what the IMU measured.
     """
+    settings: dict[str, Any] = {"snapshots": snapshots, "recorded": recorded}
+    return drained(step_by_step(simulation, keep, progress, **settings))
+
+
+def drained(steps: Generator[None, None, Result]) -> Result:
+    """What a generator returns at its end."""
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            return end.value  # type: ignore[no-any-return]
+
+
+def step_by_step(
+    simulation: Simulation,
+    keep: Callable[[Step], None],
+    progress: Progress,
+    *,
+    snapshots: int | None = None,
+    recorded: Iterable[tuple[Sequence[LaserScan], Float]] = (),
+) -> Generator[None, None, tuple[dict[int, LineMap], ImuRecord | None]]:
+    """Do as `run_to_end`, a step each time."""
     inertial = list[Float]()
     total, maps = simulation.total, dict[int, LineMap]()
     snapshots = None if snapshots is None else whole_number(snapshots, "snapshots")
@@ -153,6 +184,7 @@ def run_to_end(
         inertial.append(step.imu)
         progress(simulation.done, total)
         keep_map()
+        yield
     # A controller may end before all scans are done.
     keep_map(always=True)
     return maps, None if simulation.motion_sensors[1] is None else ImuRecord.of(inertial)

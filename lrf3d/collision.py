@@ -1,6 +1,7 @@
 """Collisions of a robot's body with walls, dynamic obstacles and other robots."""
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -13,9 +14,10 @@ from lrf3d.casting.kernels.touch import TIP, touched
 from lrf3d.casting.kernels.tree import Plain, build_tree
 from lrf3d.errors import CollisionError, InputError
 from lrf3d.geometry import Float, Int, Value, as_rows, number
-from lrf3d.pose import Pose
+from lrf3d.pose import Pose, between
+from lrf3d.robot.odometry import twist_of
 from lrf3d.robot.trajectory import Trajectory
-from lrf3d.robot.unicycle import RADIUS, Twist, hold, twists_between
+from lrf3d.robot.unicycle import RADIUS, Twist, hold
 from lrf3d.world import World
 
 
@@ -102,7 +104,7 @@ class Collision:
 class CollisionChecker:
     """Finds what bodies touch among the walls of a world and dynamic obstacles.
 
-    The obstacles may be given as a crowd, with a name for each; own is that which is the robot.
+    The obstacles may be given as a crowd, with a name for each.
     """
 
     def __init__(
@@ -111,11 +113,16 @@ class CollisionChecker:
         obstacles: Sequence[DynamicObstacle] | Crowd = (),
         *,
         names: Sequence[str] | None = None,
-        own: int = -1,
     ) -> None:
-        self.world, self._tree, self._own = world, build_tree(world.segments), own
+        self.world, self._tree = world, build_tree(world.segments)
         self._crowd = obstacles if isinstance(obstacles, Crowd) else Crowd(obstacles)
         self._names = names
+
+    def without(self, own: int) -> "CollisionChecker":
+        """The same checker for a robot that is one of the obstacles itself."""
+        other = copy(self)
+        other._crowd = self._crowd.without(own)
+        return other
 
     def touch(self, body: Body, poses: Float, twists: Float, seconds: Float) -> tuple[Float, Int]:
         """When bodies that hold twists (k, 3) from poses (k, 3) on touch walls: seconds and walls.
@@ -140,7 +147,7 @@ class CollisionChecker:
         time, wall = (found[0] for found in self.touch(body, *rows))
         if len(self._crowd):
             most = min(seconds, float(time))
-            at, met = self._crowd.touch(body.plain, pose, twist, begin, most, self._own)
+            at, met = self._crowd.touch(body.plain, pose, twist, begin, most)
             if met >= 0:
                 return self._collision(pose, twist, begin, at, obstacle=met)
         return (
@@ -161,7 +168,7 @@ class CollisionChecker:
             twists = (after - trajectory.poses) / seconds[:, None]
             twists[:, 2] = 0.0
         else:
-            twists = twists_between(poses, after) / seconds[:, None]
+            twists = twist_of(between(poses, after)) / seconds[:, None]
         seconds[-1] = 0.0
         walls = self.touch(body, poses, twists, seconds)[1]
         steps = range(len(poses)) if len(self._crowd) else np.flatnonzero(walls >= 0)[:1]
@@ -171,6 +178,21 @@ class CollisionChecker:
             if hit is not None:
                 return hit
         return None
+
+    def checked(self, trajectory: Trajectory, body: Body, stops: bool) -> Trajectory:
+        """A trajectory without a collision; one that ends where the body touches, if it stops.
+
+        Raises:
+            CollisionError: The body touches something, and does not stop.
+        """
+        collision = self.first(trajectory, body)
+        if collision is None:
+            return trajectory
+        if not stops:
+            raise CollisionError(str(collision))
+        poses = trajectory.poses.copy()
+        poses[trajectory.times > collision.time, :2] = collision.x, collision.y
+        return Trajectory(trajectory.times, poses)
 
     def _collision(
         self, pose: Pose, twist: Twist, begin: float, after: float, **what: int
@@ -219,10 +241,3 @@ def check_drive(
     collision = find_collision(trajectory, world, radius, obstacles)
     if collision is not None:
         raise CollisionError(f"{collision}; move the route or pass --ignore-collisions")
-
-
-def halted(trajectory: Trajectory, collision: Collision) -> Trajectory:
-    """The trajectory of a robot that stays where it first touches something."""
-    poses = trajectory.poses.copy()
-    poses[trajectory.times > collision.time, :2] = collision.x, collision.y
-    return Trajectory(trajectory.times, poses)

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lrf3d.errors import InputError
-from lrf3d.files import replacing
+from lrf3d.errors import InputError, expect, shown
+from lrf3d.files import as_path, replacing
 from lrf3d.run import Run
 
 EXPORTERS = {
@@ -39,9 +39,10 @@ def export_run(run: Run, to: str, path: str | Path, *, every: int = 1) -> None:
         >>> len(lrf3d.load_log("run.log.gz").scans)
         2
     """
-    if to not in EXPORTERS:
-        raise InputError(f"--to {to}: expected one of {', '.join(EXPORTERS)}")
-    path = Path(path)
+    expect(run, Run, "run")
+    if not isinstance(to, str) or to not in EXPORTERS:
+        raise InputError(f"--to {shown(to)}: expected one of {', '.join(EXPORTERS)}")
+    path = as_path(path)
     _, dot, ending = EXPORTERS[to].partition(".")
     endings = (f".{ending}", f".{ending.removesuffix('.gz')}") if dot else ("",)
     if not path.name.lower().endswith(endings):

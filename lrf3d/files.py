@@ -6,6 +6,7 @@ next to the package in a checkout, and inside it in a wheel.
 """
 
 import os
+import re
 import shutil
 import stat
 from collections.abc import Iterator
@@ -14,7 +15,7 @@ from pathlib import Path
 from tempfile import mkdtemp
 from typing import BinaryIO
 
-from lrf3d.errors import InputError, OutputError
+from lrf3d.errors import InputError, OutputError, shown
 
 LARGEST_TEXT = 1 << 28
 """Largest text file [bytes]: about two million walls as TOML."""
@@ -25,8 +26,19 @@ GENERAL = frozenset(
 )
 """File names that say only what kind of file it is; the name of the folder is put before them."""
 
+LONGEST_NAME = 60
+"""Largest length of a folder's name: file systems allow 255 bytes, and suffixes are added."""
+
 _PRIVATE, _UNFINISHED = ".lrf3d-", ".unfinished"
 """Beginning and end of the names of the private folders in which files are written."""
+
+
+def as_path(path: object) -> Path:
+    """A path that comes from outside; a number would be an open file, such as the output."""
+    name = os.fspath(path) if isinstance(path, str | os.PathLike) else None
+    if not isinstance(name, str):
+        raise InputError(f"path {shown(path)}: expected the name of a file, as a text or a Path")
+    return Path(name)
 
 
 def check_ordinary(
@@ -41,6 +53,7 @@ def check_ordinary(
 
     Messages say what is expected there, or ``missing`` if nothing is there.
     """
+    path = as_path(path)
     try:
         # Opening a pipe would wait for a writer, so its kind is checked before.
         status = os.stat(path)
@@ -101,6 +114,16 @@ def own_name(path: str | Path, given: object = None, *, stem: str | None = None)
     return f"{folder}_{name}" if folder and name.lower() in GENERAL else name
 
 
+def folder_name(name: str) -> str:
+    """A name for a folder, of letters, digits, dots, hyphens and underscores.
+
+    Example:
+        >>> folder_name("Lab 3/west"), folder_name("../..")
+        ('Lab_3_west', 'world')
+    """
+    return re.sub(r"[^\w.+-]+", "_", name)[:LONGEST_NAME].strip("._") or "world"
+
+
 def data_folder(name: str) -> Path:
     """The folder ``worlds``, one TOML file each, or ``assets``, the robot's mesh and pictures."""
     installed = Path(__file__).parent / name
@@ -128,7 +151,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
     If writing fails or is interrupted, an older file at ``path`` stays. A symbolic link at ``path``
     is replaced, not followed.
     """
-    path = Path(path)
+    path = as_path(path)
     with writing(path), unfinished_folder(path) as folder:
         unfinished = folder / path.name
         yield unfinished
@@ -143,7 +166,7 @@ def unfinished_folder(path: str | Path) -> Iterator[Path]:
     would lead what is written elsewhere. It is removed afterwards, and so are those that processes
     left there when they were killed.
     """
-    place = Path(path).parent
+    place = as_path(path).parent
     with writing(path):
         for left in place.glob(f"{_PRIVATE}*{_UNFINISHED}"):
             with suppress(OSError), _hold(left):
@@ -204,7 +227,7 @@ def write_text(path: str | Path, text: str) -> None:
 
 def make_folder(path: str | Path) -> Path:
     """Make a folder and its parents, and check that it can be written to."""
-    path = Path(path)
+    path = as_path(path)
     with writing(path, "choose another with --out"):
         path.mkdir(parents=True, exist_ok=True)
     if not os.access(path, os.W_OK | os.X_OK):

@@ -1,31 +1,50 @@
-"""Several robots at once: each drives, scans and maps, and sees the others."""
+"""Several robots at once: each drives, scans and maps, and sees and touches the others."""
 
+import math
 from collections.abc import Callable, Sequence
-from functools import partial
+from dataclasses import replace
+from heapq import heapify, heappop, heappush
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from lrf3d.casting.crowd import Crowd
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
-from lrf3d.collecting import simulate
-from lrf3d.geometry import generator
-from lrf3d.interrupts import Progress, silent
+from lrf3d.collecting import gather
+from lrf3d.collision import Body, Collision, CollisionChecker
+from lrf3d.errors import CollisionError, InputError, expect, shown
+from lrf3d.geometry import Float, generator
+from lrf3d.interrupts import Progress, silent, stoppable
 from lrf3d.laser import LaserRangeFinder
+from lrf3d.pose import Pose, as_pose
 from lrf3d.robot import Trajectory
-from lrf3d.robot.unicycle import RADIUS
+from lrf3d.robot.unicycle import RADIUS, Twist, hold
 from lrf3d.run import Run
 from lrf3d.sensor import caster_of
-from lrf3d.simulation import Mapper
+from lrf3d.simulation import Mapper, Simulation
+from lrf3d.steering import ControlledDrive, Controller, trajectory_of
 from lrf3d.world import World
 
+STILL = (0.0, 0.0, 0.0)
+"""The twist of a robot at rest."""
 
+TOGETHER = 1e-12
+"""Time [s] within which two robots touch each other at once: more than rounding."""
+
+
+@stoppable()
 def simulate_fleet(
     world: World,
-    trajectories: Sequence[Trajectory],
-    lrf: LaserRangeFinder | None = None,
+    drives: Sequence[Trajectory | ArrayLike | Controller],
+    lrf: LaserRangeFinder | Sequence[LaserRangeFinder] | None = None,
     *,
+    starts: Sequence[Sequence[float]] | Float | None = None,
     radius: float = RADIUS,
+    outline: ArrayLike | None = None,
     height: float = 1.0,
+    obstacles: Sequence[DynamicObstacle] = (),
+    on_collision: str = "raise",
     mapper: Callable[[], Mapper] | None = None,
     rng: np.random.Generator | int | None = None,
     progress: Progress = silent,
@@ -35,17 +54,25 @@ def simulate_fleet(
 
     Args:
         world: The walls.
-        trajectories: The drive of each robot; before and after it the robot is at rest.
-        lrf: The laser range finder of each robot; it does not see its own robot.
-        radius: Radius of the robots as others see them [m].
+        drives: The drive of each robot: a Trajectory, before and after which the robot is at rest,
+            poses (k, 3) a second apart, or a controller, as for a `Simulation`.
+        lrf: The laser range finder of each robot, or several; it does not see its own robot.
+        starts: Initial poses (n, 3), required where there are controllers.
+        radius: Radius of the robots [m].
+        outline: (n, 2) their outline [m] instead, x ahead.
         height: Height of the robots [m].
+        obstacles: The dynamic obstacles.
+        on_collision: What ends a controller's robot that touches a wall, an obstacle or another
+            robot: ``raise``, or ``stop``, which lets it rest up to its next scan. Other drives are
+            not checked; `check_drive` does.
         mapper: Makes the mapper of each robot; a LineMapper set up for the noise if not given.
         rng: A generator for the noise, or a seed; each robot has its own noise.
         progress: Called with the number of finished scans, and of all.
-        **settings: ``caster``, ``noise`` and other arguments of `Simulation`.
+        **settings: ``caster``, ``noise``, ``scans`` and other arguments of `Simulation`.
 
     Raises:
-        InputError: A scan takes longer than the interval to the next.
+        InputError: A scan takes longer than the interval to the next, or a controller has no start.
+        CollisionError: A controller drives its robot into something.
 
     Examples:
         >>> import lrf3d
@@ -55,16 +82,130 @@ def simulate_fleet(
         >>> len(runs)
         2
     """
-    settings["caster"] = caster_of(settings.get("caster", "embree"), world)
-    outline = round_outline(radius)
-    bodies = [DynamicObstacle(outline, trajectory, height) for trajectory in trajectories]
-    generators = generator(rng).spawn(len(trajectories))
-    total, runs = sum(map(len, trajectories)), list[Run]()
-    for robot, trajectory in enumerate(trajectories):
-        settings["obstacles"] = bodies[:robot] + bodies[robot + 1 :]
-        settings["mapper"] = None if mapper is None else mapper()
-        settings["radius"] = radius
-        settings["rng"], before = generators[robot], sum(map(len, runs))
-        report = partial(lambda before, done, _: progress(before + done, total), before)
-        runs.append(simulate(world, trajectory, lrf, progress=report, **settings))
-    return runs
+    expect(world, World, "world")
+    if not isinstance(drives, list | tuple):
+        raise InputError(f"drives {shown(drives)}: expected a list of one a robot")
+    body, stops = Body(radius, outline), on_collision == "stop"
+    places: list[Pose | None] = [None] * len(drives)
+    if starts is not None:
+        places = [as_pose(start) for start in starts]
+    if len(places) != len(drives):
+        raise InputError(f"{len(places)} starts of {len(drives)} robots: expected as many")
+    paths, kept = list[Trajectory](), list[Any]()
+    for robot, (drive, start) in enumerate(zip(drives, places, strict=True)):
+        controlled = callable(getattr(drive, "command", None))
+        if controlled and start is None:
+            raise InputError(
+                f"robot {robot}: a controller without a pose to start at; give starts="
+            )
+        kept.append(drive if controlled else trajectory_of(drive))
+        paths.append(Trajectory([0.0], [start or STILL]) if controlled else kept[-1])
+    shape = round_outline(radius) if body.outline is None else body.outline
+    bodies = [DynamicObstacle(np.asarray(shape), path, height) for path in paths]
+    discs = [radius if body.outline is None else 0.0] * len(bodies) + [0.0] * len(obstacles)
+    crowd = Crowd([*bodies, *obstacles], discs)
+    settings |= {"caster": caster_of(settings.get("caster", "embree"), world), "lrf": lrf}
+    simulations = [
+        Simulation(
+            world, drive, rng=own, obstacles=crowd.without(robot), start=start or STILL,
+            mapper=None if mapper is None else mapper(), on_collision=on_collision, **settings,
+        )
+        for robot, (drive, start, own) in enumerate(
+            zip(kept, places, generator(rng).spawn(len(kept)), strict=True)
+        )
+    ]  # fmt: skip
+    names = [f"robot {k}" for k in range(len(bodies))]
+    names += [f"dynamic obstacle {k}" for k in range(len(obstacles))]
+    touches = _Touches(CollisionChecker(world, crowd, names=names), crowd, body, stops)
+    for robot, simulation in enumerate(simulations):
+        simulation.radius = body.reach
+        if isinstance(simulation.drive, ControlledDrive):
+            touches.add(robot, simulation.drive)
+    runs = _drive_all(simulations, touches, progress)
+    # Controllers end anywhere: what was driven is what the others saw.
+    driven = [
+        replace(body, path=run.trajectory) if simulation.drive is not body.path else body
+        for body, run, simulation in zip(bodies, runs, simulations, strict=True)
+    ]
+    last = max((float(run.trajectory.times[-1]) for run in runs), default=0.0)
+    seen = tuple(obstacle.until(last) for obstacle in obstacles)
+    return [
+        replace(run, obstacles=(*driven[:robot], *driven[robot + 1 :], *seen))
+        for robot, run in enumerate(runs)
+    ]
+
+
+def _drive_all(
+    simulations: Sequence[Simulation], touches: "_Touches", progress: Progress
+) -> list[Run]:
+    """Run simulations to their ends, always that with the earliest scan; in their order."""
+    steps = [gather(simulation) for simulation in simulations]
+    total, done, runs = sum(each.total for each in simulations), 0, dict[int, Run]()
+    waiting = [(each.next_time, robot) for robot, each in enumerate(simulations)]
+    heapify(waiting)
+    while waiting:
+        time, robot = heappop(waiting)
+        if time < math.inf:
+            touches.drive_until(time)
+        try:
+            next(steps[robot])
+        except StopIteration as end:
+            runs[robot] = end.value
+            continue
+        done += 1
+        progress(done, total)
+        touches.hold(robot)
+        heappush(waiting, (simulations[robot].next_time, robot))
+    return [runs[robot] for robot in range(len(simulations))]
+
+
+class _Touches:
+    """What the robots of controllers touch, found when all know how they drive."""
+
+    def __init__(self, checker: CollisionChecker, crowd: Crowd, body: Body, stops: bool) -> None:
+        self._checker, self._crowd, self._body, self._stops = checker, crowd, body, stops
+        self._drives = dict[int, tuple[ControlledDrive, CollisionChecker]]()
+        self._held = dict[int, tuple[float, Pose, Twist]]()
+        self._now = 0.0
+
+    def add(self, robot: int, drive: ControlledDrive) -> None:
+        """Take care of the robot of a controller."""
+        self._drives[robot] = drive, self._checker.without(robot)
+        self._hold(robot, 0.0, drive.pose, STILL)
+
+    def hold(self, robot: int) -> None:
+        """Let a robot drive as its controller said last."""
+        if robot in self._drives:
+            drive, _ = self._drives[robot]
+            self._hold(robot, *drive.since, drive.twist)
+
+    def drive_until(self, time: float) -> None:
+        """Find what is touched up to a time [s], the earliest first."""
+        while self._now < time and self._drives:
+            hits = {robot: hit for robot in self._drives if (hit := self._hit(robot, time))}
+            self._now = min((hit.time for hit in hits.values()), default=time)
+            for robot, hit in hits.items():
+                if hit.time > self._now + TOGETHER:
+                    continue
+                if not self._stops:
+                    raise CollisionError(f"robot {robot}: {hit}; its controller drove it there")
+                drive, _ = self._drives[robot]
+                drive.collision, drive.pose = hit, self._at(robot, hit.time)
+                self._hold(robot, hit.time, drive.pose, STILL)
+
+    def _hit(self, robot: int, time: float) -> Collision | None:
+        """What a robot touches up to a time [s]; one that rests may be driven into."""
+        twist = self._held[robot][2]
+        if self._stops and twist == STILL:
+            return None
+        pose = self._at(robot, self._now)
+        _, checker = self._drives[robot]
+        return checker.held(self._body, pose, twist, self._now, time - self._now)
+
+    def _at(self, robot: int, time: float) -> Pose:
+        begin, pose, twist = self._held[robot]
+        return hold(pose, twist, time - begin) if time > begin else pose
+
+    def _hold(self, robot: int, time: float, pose: Pose, twist: Twist) -> None:
+        self._held[robot] = time, pose, twist
+        self._crowd.hold(robot, time, pose, twist)

@@ -113,7 +113,8 @@ def generator(rng: Any) -> "np.random.Generator":
     """The source of random numbers that a user gives: a generator, or what seeds one."""
     try:
         return np.random.default_rng(rng)
-    except (TypeError, ValueError):
+    except Exception:
+        # What NumPy raises depends on what was given.
         raise InputError(
             f"rng {shown(rng)}: expected a whole number that seeds a generator, or a"
             " numpy.random.Generator"

@@ -27,8 +27,8 @@ SAME = 0.1
 """Time [s] within which a second signal counts as the first: programs that start others, such as
 ``uv run``, forward a Ctrl-C that the terminal has sent to all."""
 
-_asked, _since = 0, 0.0
-"""The signal that asked to stop, 0 for none, and when it came [s]."""
+_asked, _since, _reads = 0, 0.0, False
+"""The signal that asked to stop, 0 for none, when it came [s], and whether a file is being read."""
 
 
 def silent(done: int, total: int) -> None:
@@ -60,6 +60,8 @@ def handle_signals(name: str) -> None:
         global _asked, _since
         if not _asked:
             _asked, _since = number, monotonic()
+            if _reads:
+                raise KeyboardInterrupt
             if sys.stderr is not None and sys.stderr.isatty():
                 write(f"\n{name}: stopping; Ctrl-C again ends it at once\n")
         elif monotonic() > _since + SAME:
@@ -67,6 +69,9 @@ def handle_signals(name: str) -> None:
             # Processes that it has started end with it; what is half-written is replaced later.
             os._exit(128 + _asked)
 
+    usual = sys.unraisablehook
+    # An interrupt that cannot be raised where it comes, as in a destructor, is seen by a check.
+    sys.unraisablehook = lambda what: None if _asked else usual(what)
     for number in SIGNALS:
         # A program in the background, or under nohup, goes on ignoring these signals.
         if signal.getsignal(number) is not signal.SIG_IGN:
@@ -77,6 +82,25 @@ def ignore_signals() -> None:
     """Ignore signals from here on: the program has done its work and ends."""
     for number in SIGNALS:
         signal.signal(number, signal.SIG_IGN)
+
+
+@contextmanager
+def reading() -> Iterator[None]:
+    """Let a signal stop the program at once in this block, which reads a file and writes nothing.
+
+    The parsers of libraries check for no signal. What they make of an interrupt is one.
+    """
+    global _reads
+    check()
+    before, _reads = _reads, True
+    try:
+        yield
+    except Exception:
+        check()
+        raise
+    finally:
+        _reads = before
+    check()
 
 
 @contextmanager
@@ -95,7 +119,7 @@ def stoppable() -> Iterator[None]:
 
     def handle(number: int, where: "FrameType | None") -> None:
         global _asked
-        if _asked:
+        if _asked or _reads:
             usual(number, where)
         _asked = number
 

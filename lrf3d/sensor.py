@@ -53,14 +53,13 @@ class Sensor:
         *,
         caster: Caster | str,
         noise: Noise,
-        obstacles: Sequence[DynamicObstacle] = (),
+        obstacles: Sequence[DynamicObstacle] | Crowd = (),
         path: Trajectory | None = None,
     ) -> None:
         expect(lrf, LaserRangeFinder, "range finder")
         self.world, self.lrf, self.noise = world, lrf, noise
-        self.caster, self.obstacles = caster_of(caster, world), tuple(obstacles)
-        self._noisy, self._crowd = Chain([noise]), Crowd(self.obstacles)
-        self._own, self._legs = np.array([-1]), None
+        self.caster, self._noisy, self._legs = caster_of(caster, world), Chain([noise]), None
+        self._crowd = obstacles if isinstance(obstacles, Crowd) else Crowd(obstacles)
         if path is None:
             return
         if lrf.time_increment:
@@ -105,7 +104,7 @@ class Sensor:
             rays_from(laser_of(lrf), poses, times, rays[None])
             ranges, walls = self.caster.trace(lrf, rays)
             if len(self._crowd):
-                self._crowd.stop_rays(lrf, rays, int(self._own[0]), ranges, walls)
+                self._crowd.stop_rays(lrf, rays, ranges, walls)
             return LaserScan.unchecked(lrf, begin, ranges, walls).at_time(time, motion)
         # Beam i of the scan of moment i, as casters with only `cast` and light know no single rays.
         scans = [self._among(lrf, *at) for at in zip(poses, times.tolist(), strict=True)]
@@ -127,11 +126,9 @@ class Sensor:
         if scan.intensities is None:
             ranges, walls = scan.ranges.copy(), scan.walls.copy()
             poses = np.array([scan.pose])
-            self._crowd.stop_scans(lrf, poses, time, self._own, ranges[None], walls[None])
+            self._crowd.stop_scans(lrf, poses, time, ranges[None], walls[None])
             return LaserScan.unchecked(lrf, scan.pose, ranges, walls).at_time(time)
-        sides = np.concatenate([one.walls(time) for one in self.obstacles])
-        corners = [len(one.outline) for one in self.obstacles]
-        heights = np.repeat([one.height for one in self.obstacles], corners)
+        sides, heights = self._crowd.sides(time)
         among = World(
             np.concatenate([world.segments, sides]),
             np.concatenate([world.objects, np.full(len(sides), world.object_count)]),
@@ -146,7 +143,9 @@ class Sensor:
 def caster_of(caster: Caster | str, world: World) -> Caster:
     """The caster for a world, by its name or as given."""
     if not isinstance(caster, str):
+        if not callable(getattr(caster, "cast", None)):
+            raise InputError(f"caster {shown(caster)}: it has no method cast(lrf, pose)")
         return caster
     if caster not in CASTERS:
-        raise InputError(f"caster {caster!r}: expected one of {', '.join(CASTERS)}")
+        raise InputError(f"caster {shown(caster)}: expected one of {', '.join(CASTERS)}")
     return CASTERS[caster](world)

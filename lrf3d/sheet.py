@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from lrf3d.errors import OutputError
-from lrf3d.files import replacing
+from lrf3d.files import as_path, replacing
 
 INK, FAINT, GRID, SPINE = "#20262e", "#68727f", "#e8ebef", "#c9ced6"
 """Colours of titles and walls, of small text, of the grid, and of the frame around axes."""
@@ -88,7 +88,7 @@ def save_figure(figure: Figure, path: str | Path | None) -> Figure:
     """Write a figure, if there is a path, and return it."""
     if path is not None:
         known = figure.canvas.get_supported_filetypes()
-        if Path(path).suffix[1:].lower() not in known:
+        if as_path(path).suffix[1:].lower() not in known:
             raise OutputError(f"{path}: no picture format of that ending; use .png or .pdf")
         with replacing(path) as unfinished:
             figure.savefig(unfinished, dpi=DOTS_PER_INCH)

@@ -3,6 +3,7 @@
 The input is a world and a drive; steps are yielded one by one, and only the mapper keeps anything.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from time import perf_counter
@@ -11,10 +12,11 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from lrf3d.casting.crowd import Crowd
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
-from lrf3d.collision import CollisionChecker, body_of, halted
-from lrf3d.errors import CollisionError, InputError, check_names, expect
-from lrf3d.geometry import Float, generator, numbers, sealed, whole_number
+from lrf3d.collision import CollisionChecker, body_of
+from lrf3d.errors import InputError, check_names, expect
+from lrf3d.geometry import Float, generator, sealed, whole_number
 from lrf3d.laser import LaserRangeFinder, LaserScan, ProportionalNoise
 from lrf3d.laser.noise import FLOOR, SIGMA, Noise, noises_of, spread_of
 from lrf3d.laser.range_finder import lasers_of
@@ -25,7 +27,7 @@ from lrf3d.robot.following import SCAN_INTERVAL
 from lrf3d.robot.odometry import Imu, InertialUnit, Odometer, WheelOdometry
 from lrf3d.robot.unicycle import RADIUS
 from lrf3d.sensor import Caster, Sensor, caster_of
-from lrf3d.steering import ControlledDrive, Controller
+from lrf3d.steering import ControlledDrive, Controller, trajectory_of
 from lrf3d.world import World
 from lrf3d.world.cameras import USUAL_FILM, FilmPlan
 
@@ -143,7 +145,7 @@ class Simulation:
         noise: Noise | Sequence[Noise] | None = None,
         mapper: Mapper | None = None,
         rng: np.random.Generator | int | None = None,
-        obstacles: Sequence[DynamicObstacle] = (),
+        obstacles: Sequence[DynamicObstacle] | Crowd = (),
         start: Sequence[float] | Float = (0.0, 0.0, 0.0),
         scan_interval: float = SCAN_INTERVAL,
         scans: int | None = None,
@@ -162,16 +164,8 @@ class Simulation:
         if not callable(getattr(self.mapper, "update", None)):
             raise InputError(f"mapper {self.mapper!r}: expected an object with update(scan)")
         self.rng = generator(rng)
-        self.drive: Trajectory | ControlledDrive
-        path, body, stops = None, body_of(radius, outline), on_collision == "stop"
-        for obstacle in obstacles:
-            expect(obstacle, DynamicObstacle, "obstacle")
-        checker = CollisionChecker(world, obstacles)
-        if callable(getattr(drive, "command", None)):
-            self.drive = ControlledDrive(
-                drive,  # type: ignore[arg-type]
-                start, scan_interval, checker, body, stops=stops,
-            )  # fmt: skip
+        path, controlled = None, callable(getattr(drive, "command", None))
+        if controlled:
             if any(each.scan_duration for each in self.lasers):
                 raise InputError(
                     "scan_duration: a controller decides after a scan where the robot moves, so"
@@ -179,21 +173,30 @@ class Simulation:
                 )
             end = None if scans is None else scans * scan_interval
         else:
-            if not isinstance(drive, Trajectory):
-                poses = numbers(drive, "poses")
-                drive = Trajectory(np.arange(len(np.atleast_1d(poses))), poses)
-            if body is not None and (hit := checker.first(drive, body)) is not None:
-                if not stops:
-                    raise CollisionError(str(hit))
-                drive = halted(drive, hit)
-            self.drive = path = drive
+            path = trajectory_of(drive)
             scans, end = min(scans or len(path), len(path)), float(path.times[-1])
-        # A run stores the paths of its obstacles as poses, up to its end; an endless drive is not
-        # stored.
-        self.obstacles = tuple(each if end is None else each.until(end) for each in obstacles)
+        self.obstacles, crowd = tuple[DynamicObstacle, ...](), obstacles
+        if not isinstance(crowd, Crowd):
+            for obstacle in crowd:
+                expect(obstacle, DynamicObstacle, "obstacle")
+            # A run stores the paths of its obstacles as poses, up to its end; an endless drive is
+            # not stored.
+            self.obstacles = tuple(each if end is None else each.until(end) for each in crowd)
+            crowd = Crowd(self.obstacles)
+        body, stops = body_of(radius, outline), on_collision == "stop"
+        checker = CollisionChecker(world, crowd) if body else None
+        if path is not None and body is not None and checker is not None:
+            path = checker.checked(path, body, stops)
+        if path is None:
+            self.drive: Trajectory | ControlledDrive = ControlledDrive(
+                drive,  # type: ignore[arg-type]
+                start, scan_interval, checker, body, stops=stops,
+            )  # fmt: skip
+        else:
+            self.drive = path
         shared = caster_of(caster, world)
         self.sensors = tuple(
-            Sensor(world, each, caster=shared, noise=own, obstacles=self.obstacles, path=path)
+            Sensor(world, each, caster=shared, noise=own, obstacles=crowd, path=path)
             for each, own in zip(self.lasers, noises, strict=True)
         )
         wheels, inertial = self.rng.spawn(2) if odometry or imu else (self.rng, self.rng)
@@ -269,6 +272,16 @@ class Simulation:
         if isinstance(self.drive, ControlledDrive):
             self.drive.after(scans[0] if len(scans) == 1 else scans)
         self.done += 1
+
+    @property
+    def next_time(self) -> float:
+        """The time of the next scan [s]; infinity after the last."""
+        drive = self.drive
+        if self.done == self.scans:
+            return math.inf
+        if isinstance(drive, Trajectory):
+            return float(drive.times[self.done])
+        return drive.time if drive.goes_on else math.inf
 
     @property
     def total(self) -> int:

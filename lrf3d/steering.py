@@ -7,11 +7,11 @@ import numpy as np
 
 from lrf3d.collision import Body, Collision, CollisionChecker
 from lrf3d.errors import CollisionError, InputError, shown
-from lrf3d.geometry import Float, is_finite, number
+from lrf3d.geometry import Float, is_finite, number, numbers
 from lrf3d.laser import LaserScan
 from lrf3d.pose import Pose, as_pose
-from lrf3d.robot import Unicycle
-from lrf3d.robot.unicycle import hold
+from lrf3d.robot import Trajectory, Unicycle
+from lrf3d.robot.unicycle import Twist, hold
 
 
 class Controller(Protocol):
@@ -38,7 +38,7 @@ class ControlledDrive:
         controller: Controller,
         start: Sequence[float] | Float,
         interval: float,
-        checker: CollisionChecker,
+        checker: CollisionChecker | None,
         body: Body | None,
         *,
         stops: bool = False,
@@ -48,14 +48,18 @@ class ControlledDrive:
         self.start = self.pose = as_pose(start)
         self.time, self.goes_on = 0.0, True
         self.collision: Collision | None = None
+        self.twist: Twist = (0.0, 0.0, 0.0)
+        self.since = 0.0, self.pose
+        """When the twist began [s], and where."""
         self._commands = 0
 
     def after(self, scan: LaserScan | Sequence[LaserScan]) -> None:
         """Get the next command of the controller, and drive."""
-        time, start = self.time, self.pose
+        self.since = time, start = self.time, self.pose
+        self.collision = None
         command = self.controller.command(time, start, scan)
         if command is None:
-            self.goes_on = False
+            self.goes_on, self.twist = False, (0.0, 0.0, 0.0)
             return
         try:
             v, omega = (float(value) for value in command)
@@ -69,11 +73,20 @@ class ControlledDrive:
         self._commands += 1
         self.time = self._commands * self.interval
         self.pose = Unicycle().move(start, v, omega, self.interval)
-        if self.body is None:
+        self.twist = v, 0.0, omega
+        if self.body is None or self._checker is None:
             return
-        held = start, (v, 0.0, omega), time, self.interval
+        held = start, self.twist, time, self.interval
         self.collision = self._checker.held(self.body, *held)
         if self.collision is not None and not self._stops:
             raise CollisionError(f"{self.collision}; the controller drove it there")
         if self.collision is not None:
-            self.pose = hold(start, (v, 0.0, omega), self.collision.time - time)
+            self.pose = hold(start, self.twist, self.collision.time - time)
+
+
+def trajectory_of(drive: Any) -> Trajectory:
+    """A Trajectory, or that through poses (k, 3) a second apart."""
+    if isinstance(drive, Trajectory):
+        return drive
+    poses = numbers(drive, "poses")
+    return Trajectory(np.arange(len(np.atleast_1d(poses))), poses)

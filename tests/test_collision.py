@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
@@ -15,6 +17,7 @@ from lrf3d import (
 )
 from lrf3d.casting.dynamic_obstacle import round_outline
 from lrf3d.collision import Body, CollisionChecker
+from lrf3d.fleet import simulate_fleet
 from lrf3d.robot.unicycle import hold
 from lrf3d.scenario import Scenario
 
@@ -208,3 +211,60 @@ def test_an_outline_that_is_no_body_is_refused(outline, message):
             make()
     with pytest.raises(InputError, match="on_collision"):
         Simulation(WALL, Ahead(), on_collision="bounce")
+
+
+def fleet(drives, starts=None, **settings):
+    world = World([[90.0, 0, 90, 1]])
+    lrf = LaserRangeFinder(-np.pi, np.pi, 73)
+    usual = {"mapper": NoMap, "caster": "planar", "radius": 0.5}
+    if "scans" in settings:
+        usual["scan_interval"] = 0.5
+    return simulate_fleet(
+        world or World([[90.0, 0, 90, 1]]), drives, lrf, starts=starts, **usual | settings
+    )
+
+
+def test_controllers_of_a_fleet_see_and_touch_each_other_where_they_meet():
+    starts, drives = [(0.0, 0, 0), (4.0, 0, np.pi)], [Ahead(1.0), Ahead(0.5)]
+    with pytest.raises(CollisionError, match=r"robot 0: the robot runs into robot 1 at t = 2\.00"):
+        fleet(drives, starts, scans=9)
+    one, other = fleet(drives, starts, scans=9, on_collision="stop")
+    assert one.trajectory.poses[:, 0] == pytest.approx([0, 0.5, 1, 1.5, 2, 2, 2, 2, 2], abs=1e-9)
+    assert other.trajectory.poses[-1] == pytest.approx([3, 0, np.pi], abs=1e-9)
+    # What one sees ahead is where the other is, at each scan.
+    gaps = other.trajectory.poses[:, 0] - one.trajectory.poses[:, 0] - 0.5
+    assert one.truth[:, 36] == pytest.approx(gaps, abs=1e-9)
+    assert one.obstacles[0].path is other.trajectory
+    # One that drives on as fast is not touched, though it stands where the other will be.
+    away = fleet([Ahead(1.0), Ahead(1.0)], [(0.0, 0, 0), (1.0, 0, 0)], scans=6)
+    assert away[0].trajectory.poses[-1, 0] == 2.5
+
+
+def test_a_fleet_of_controllers_given_drives_and_obstacles_is_one_scene():
+    walk = Trajectory([0.0, 4.0], [(3.0, -2.0, 1.57), (3.0, 2.0, 1.57)])
+    post = DynamicObstacle(round_outline(0.2), Trajectory([0.0], [(6.0, 0, 0)]))
+    given = [Trajectory(0.5 * np.arange(9), np.tile([(3.0, 9.0, 0)], (9, 1))), Ahead(1.0)]
+    with pytest.raises(CollisionError, match=r"robot 1: .* dynamic obstacle 1 at t = 5\.30"):
+        met = [replace(post, path=walk), post]
+        fleet(given, [(3, 9, 0), (0.0, 0, 0)], obstacles=met, scans=20)
+    with pytest.raises(InputError, match=r"robot 1: a controller without a pose"):
+        fleet(given)
+    with pytest.raises(InputError, match="1 starts of 2 robots"):
+        fleet(given, [(0, 0, 0)])
+
+
+def test_a_fleet_of_given_drives_is_that_of_each_among_the_others():
+    rng = np.random.default_rng(3)
+    drives = [Trajectory(0.3 * np.arange(5), rng.uniform(-3, 3, (5, 3))) for _ in range(4)]
+    runs = fleet(drives)
+    for k, run in enumerate(runs):
+        others = [
+            DynamicObstacle(round_outline(0.5), each, 1.0)
+            for each in drives
+            if each is not drives[k]
+        ]
+        alone = Simulation(
+            run.world, drives[k], run.lrf, caster="planar", mapper=NoMap(), obstacles=others
+        )
+        assert np.array_equal([step.true_scan.ranges for step in alone], run.truth)
+        assert run.walls.max() < 0 < np.isfinite(run.truth).sum()

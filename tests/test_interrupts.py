@@ -171,3 +171,27 @@ def test_a_pool_that_is_left_early_ends_without_a_word(monkeypatch):
         raise KeyboardInterrupt
     assert all(isinstance(each.exception(0.0), BrokenProcessPool) for each in futures)
     assert raised == []
+
+
+def test_a_signal_stops_what_reads_a_file_at_once():
+    """Parsers check for no signal, and may make something else of what it raises."""
+    code = """
+import os, signal
+from lrf3d.interrupts import handle_signals, reading
+for wrong in (False, True):
+    handle_signals("test")
+    try:
+        with reading():
+            try:
+                os.kill(os.getpid(), signal.SIGINT)
+                while True:
+                    pass
+            except KeyboardInterrupt:
+                if wrong:
+                    raise ValueError("damaged") from None
+                raise
+    except KeyboardInterrupt:
+        print("stopped", flush=True)
+"""
+    made = subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=60, text=True)
+    assert (made.stdout, made.stderr) == ("stopped\n" * 2, "")

@@ -62,6 +62,10 @@ class PlanarCaster:
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.world!r})"
 
+    def __reduce__(self) -> tuple[object, ...]:
+        # What it holds of compiled code and of Embree is made again from the world.
+        return type(self), (self.world,)
+
     def cast(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> LaserScan:
         """The true scan from a pose."""
         laser, pose = laser_of(lrf), as_pose(pose)

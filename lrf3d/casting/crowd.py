@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from copy import copy
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.casting.kernels.beams import Records
 from lrf3d.casting.kernels.movers import (
     CORNER,
+    HELD,
     LEG,
     MOVER,
     PLACED,
@@ -25,18 +27,23 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
 from lrf3d.robot.laps import Patrol
+from lrf3d.robot.unicycle import Twist
 
 
 class Crowd:
     """Dynamic obstacles as kernels take them.
 
-    Where they are at the last time is kept, as all robots of a fleet scan at the same times. Those
-    with a disc [m], a radius for each, touch others as one of this size.
+    Where they are at the last time is kept, as all robots of a fleet scan at the same times. With
+    discs [m], a radius for each, they touch others as discs; 0 is an outline.
     """
+
+    own = -1
+    """The obstacle that is the robot itself, which it neither sees nor touches."""
 
     def __init__(
         self, obstacles: Sequence[DynamicObstacle], discs: Sequence[float] | float = 0.0
     ) -> None:
+        self.obstacles = tuple(obstacles)
         paths = [one.path for one in obstacles]
         laps = [path.until(0.0) if isinstance(path, Patrol) else path for path in paths]
         outlines = [np.empty((0, 2)), *(one.outline for one in obstacles)]
@@ -57,42 +64,65 @@ class Crowd:
         corners = records(CORNER, *np.concatenate(outlines).T)
         self._movers = movers, corners, legs_of(times, poses)
         self._placed = movers, np.empty(len(movers), PLACED), np.empty(len(corners), SIDE)
-        self._time = math.nan
+        self._moment = [math.nan]
 
     def __len__(self) -> int:
         return len(self._movers[0])
 
+    def without(self, own: int) -> "Crowd":
+        """The same crowd as one of its obstacles sees it."""
+        other = copy(self)
+        other.own = own
+        return other
+
+    def hold(self, obstacle: int, time: float, pose: Pose, twist: Twist) -> None:
+        """Let an obstacle hold a twist from a pose at a time [s] on, whatever its path was."""
+        movers, _, legs = self._movers
+        mover, speed = movers[obstacle], math.hypot(*twist[:2])
+        mover["period"], mover["fastest"] = HELD, speed
+        mover["rim"] = speed + abs(twist[2]) * mover["reach"]
+        legs[mover["leg"]] = time, *pose, *twist
+        self._moment[0] = math.nan
+
+    def sides(self, time: float) -> tuple[Float, Float]:
+        """Sides (n, 4) [m] of the obstacles at a time [s], but for its own, and their heights."""
+        self._place(time)
+        movers, _, sides = self._placed
+        of_sides = np.repeat(np.arange(len(movers)), movers["stop"] - movers["first"])
+        others = of_sides != self.own
+        rows: Float = sides.view(np.float64).reshape(-1, 4)
+        return rows[others], movers["height"][of_sides[others]]
+
+    def _place(self, time: float) -> None:
+        if time != self._moment[0]:
+            self._moment[0] = time
+            place_all(self._movers, time, *self._placed[1:])
+
     def touch(
-        self, body: Plain, pose: Pose, twist: tuple[float, float, float], begin: float,
-        seconds: float, own: int,
-    ) -> tuple[float, int]:  # fmt: skip
+        self, body: Plain, pose: Pose, twist: Twist, begin: float, seconds: float
+    ) -> tuple[float, int]:
         """The seconds after which a body first touches an obstacle, and this; or +inf and −1."""
-        found = touched_among(self._movers, body, pose[:], twist, begin, seconds, own)
+        found = touched_among(self._movers, body, pose[:], twist, begin, seconds, self.own)
         return float(found[0]), int(found[1])
 
     def stop_scans(
-        self, lrf: LaserRangeFinder, poses: Float, time: float, own: Int, ranges: Float, walls: Int
+        self, lrf: LaserRangeFinder, poses: Float, time: float, ranges: Float, walls: Int
     ) -> None:
-        """Shorten ranges (k, beams) of scans from poses (k, 3) at a time [s]; walls become −1.
+        """Shorten ranges (k, beams) of scans from poses (k, 3) at a time [s]; walls become −1."""
+        self._place(time)
+        own, laser = np.full(len(poses), self.own), laser_of(lrf)
+        cast_among(self._placed, laser, float(lrf.height), poses, own, ranges, walls)
 
-        Own (k,) are the obstacles that the scans do not see, or −1.
-        """
-        if time != self._time:
-            self._time = time
-            place_all(self._movers, time, *self._placed[1:])
-        cast_among(self._placed, laser_of(lrf), float(lrf.height), poses, own, ranges, walls)
-
-    def stop_rays(
-        self, lrf: LaserRangeFinder, rays: Records, own: int, ranges: Float, walls: Int
-    ) -> None:
+    def stop_rays(self, lrf: LaserRangeFinder, rays: Records, ranges: Float, walls: Int) -> None:
         """Shorten the ranges (n,) of rays (n,), each among obstacles at its own time."""
-        limits = float(lrf.range_min), float(lrf.range_max)
-        rays_among(self._movers, limits, float(lrf.height), rays, own, ranges, walls)
+        limits, height = (float(lrf.range_min), float(lrf.range_max)), float(lrf.height)
+        rays_among(self._movers, limits, height, rays, self.own, ranges, walls)
 
 
 def legs_of(times: Float, poses: Float) -> Records:
     """The legs (k,) of a path with poses (k, 3) at times (k,), as kernels take them."""
-    return records(LEG, times, *poses.T)
+    still = np.zeros(len(times))
+    return records(LEG, times, *poses.T, still, still, still)
 
 
 def records(kind: "np.dtype[np.void]", *columns: Float) -> Records:

@@ -109,12 +109,34 @@ RUN|WORLD: A run.npz or its folder to play, or a world to drive in. A built-in w
  opens only by this name, an address, or the machine's host name.
 --port PORT: Port; if not given, 8080, or any where that is taken.
 --browser = yes: Open the browser.
+--foxglove: Serve a world to Foxglove or Lichtblick instead, at ws://HOST:8765 or PORT.
 --playback SPEED: Simulated seconds per second.
 {SEED}
 
 {DRIVE}
 
 Example: lrf3d view city""",
+    "ros": f"""\
+Serve a robot in ROS 2: other programs see its scans and drive it.
+
+Topics: scan, odom, tf, tf_static, map, ground_truth and /clock; cmd_vel and set_pose are obeyed.
+Services: pause, reset and step. Ctrl-C ends it. Words after --ros-args are for ROS, such as
+-r scan:=base_scan.
+
+{WORLD}
+--rate RATE: Scans per second; that of the world file if not given.
+--speed-up FACTOR = 1.0: Simulated seconds per second; 0 is as fast as it goes.
+--give pose|map|none = pose: What is given of the truth: map and pose, the map alone, or nothing.
+--wheels: Odometry as of wheels that slip and drift; exact if not given.
+--cmd-timeout S = 0.5: Stop when no command has come for this simulated time [s]; 0 is never.
+--namespace NS: Namespace of the topics.
+--no-clock: Leave /clock to another program.
+--lines: Map while driving, and publish the line map as map_objects.
+{SEED}
+
+{DRIVE}
+
+Example: lrf3d ros city --rate 10""",
     "export": f"""\
 Write a run for another program.
 

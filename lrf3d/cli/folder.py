@@ -10,12 +10,9 @@ from typing import Any
 
 from lrf3d.cli.console import Report, Rows, json_text, print_json, print_table
 from lrf3d.errors import DrawingError, InputError, Lrf3dError
-from lrf3d.files import locked, make_folder, read_text, write_text
+from lrf3d.files import folder_name, locked, make_folder, read_text, write_text
 from lrf3d.interrupts import check, noting
 from lrf3d.world import world_names
-
-LONGEST_NAME = 60
-"""Largest length of a folder's name: file systems allow 255 bytes, and suffixes are added."""
 
 _ENDING = re.compile(r"(?<=[^/.])\.[^/]*$")
 
@@ -116,13 +113,3 @@ def results_folder(
                 f"{folder}: holds results of {' '.join(others)}; choose another folder with --out"
             )
     return ResultsFolder(folder, made_by, report)
-
-
-def folder_name(name: str) -> str:
-    """A name for a folder, of letters, digits, dots, hyphens and underscores.
-
-    Example:
-        >>> folder_name("Lab 3/west"), folder_name("../..")
-        ('Lab_3_west', 'world')
-    """
-    return re.sub(r"[^\w.+-]+", "_", name)[:LONGEST_NAME].strip("._") or "world"

@@ -98,6 +98,7 @@ COMMANDS: dict[str, tuple[Callable[[Namespace], Any], str]] = {
     "run": (read_run_parts, "run:run"),
     "render": (lambda args: load_run(args.run), "runs:render"),
     "view": (read_world, "runs:view"),
+    "ros": (read_world, "live:ros"),
     "export": (lambda args: load_run(args.run), "runs:export"),
     "crosscheck": (read_world, "accuracy:crosscheck"),
     "map": (read_log, "logs:map_"),

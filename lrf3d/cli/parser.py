@@ -52,6 +52,7 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     if name is None:
         _without_command(words)
     parser, options = _parser(name)
+    words, ros_words = _split(words) if name == "ros" else (words, [])
     several = [flag for option in options if option.value.endswith(",…") for flag in option.names]
     joined: list[str] = []
     for word in words[len(name.split()) :]:
@@ -60,12 +61,19 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
             joined[-1] += f",{word}"
         else:
             joined.append(word)
-    given, rest = parser.parse_known_intermixed_args(joined, argparse.Namespace(command=name))
+    named = argparse.Namespace(command=name, ros_words=ros_words)
+    given, rest = parser.parse_known_intermixed_args(joined, named)
     unknown = [word.partition("=")[0] for word in rest if word.startswith("-")]
     check_names(name, unknown, [flag for option in options for flag in option.names])
     if rest:
         parser.error(f"unexpected {' '.join(rest)}")
     return given
+
+
+def _split(words: Sequence[str]) -> tuple[Sequence[str], Sequence[str]]:
+    """The words for lrf3d, and those for ROS, which begin with --ros-args."""
+    end = list(words).index("--ros-args") if "--ros-args" in words else len(words)
+    return words[:end], words[end:]
 
 
 class _Parser(argparse.ArgumentParser):

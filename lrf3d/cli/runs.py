@@ -125,6 +125,22 @@ def view(scenario: Scenario | None, args: Namespace, report: Report) -> None:
         text = f"{args.world} is shown at {address}; Ctrl-C ends it"
         report.print({"address": address}, [("view", text)])
 
+    if args.foxglove:
+        from lrf3d.ros.foxglove import PORT, serve_foxglove
+
+        if scenario is None:
+            raise InputError(
+                f"--foxglove: {args.world} is a run; lrf3d export RUN --to mcap plays it"
+            )
+        serve_foxglove(
+            routed(scenario, args, report),
+            host=args.host,
+            port=args.port or PORT,
+            rng=args.seed,
+            say=lambda level, text: report.note(text),
+            started=say,
+        )
+        return
     # A wrong address is refused before the work.
     with bound(args.host, args.port) as door:
         if scenario is None:

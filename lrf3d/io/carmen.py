@@ -36,7 +36,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.files import opened, replacing
+from lrf3d.files import as_path, opened, replacing
 from lrf3d.geometry import LARGEST_COORDINATE, Float, sealed, wrap_angle
 from lrf3d.interrupts import check
 from lrf3d.io.laser_log import (
@@ -89,7 +89,7 @@ def load_carmen(
     Readings from the largest range on are no return: if not given, the farthest that the message
     says its range finder sees, or 50 m, or less if the largest reading of the log stands out.
     """
-    path = Path(path)
+    path = as_path(path)
     reading, bad, bad_count = _Reading(largest_range), list[BadLine](), 0
     for number, text, fault in lines_of(path):
         try:

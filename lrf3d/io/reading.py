@@ -5,8 +5,9 @@ import zlib
 from contextlib import suppress
 from pathlib import Path
 
-from lrf3d.errors import InputError
-from lrf3d.files import opened, own_name
+from lrf3d.errors import InputError, shown
+from lrf3d.files import as_path, opened, own_name
+from lrf3d.interrupts import reading
 from lrf3d.io.array_log import is_foreign
 from lrf3d.io.laser_log import GZIPPED, LaserLog
 from lrf3d.world import world_names
@@ -52,6 +53,7 @@ def odometry_of(path: str | Path) -> str:
     return "odom" if is_bag else "auto"
 
 
+@reading()
 def load_log(
     path: str | Path,
     *,
@@ -88,11 +90,11 @@ def load_log(
         >>> len(log.scans), log.scans[0].pose.x
         (2, 1.0)
     """
-    path = Path(path)
+    path = as_path(path)
     if largest_range is not None and not largest_range > 0.0:
         raise InputError(f"largest range {largest_range}: expected metres, more than 0")
-    if poses not in POSES:
-        raise InputError(f"poses from {poses!r}: expected one of {', '.join(POSES)}")
+    if not isinstance(poses, str) or poses not in POSES:
+        raise InputError(f"poses from {shown(poses)}: expected one of {', '.join(POSES)}")
     kind = "text" if format else _kind(path)
     if kind == "CARMEN":
         from lrf3d.io.carmen import load_carmen

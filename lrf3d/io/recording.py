@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from lrf3d.collecting import fill_row, row_type, run_to_end
 from lrf3d.digest import digest, name_of
-from lrf3d.errors import InputError, OutputError
-from lrf3d.files import check_ordinary, locked, opened_own, writing
+from lrf3d.errors import InputError, OutputError, expect
+from lrf3d.files import as_path, check_ordinary, locked, opened_own, writing
 from lrf3d.geometry import Float
 from lrf3d.interrupts import Progress, noting, silent, stoppable
 from lrf3d.io.npz import DAMAGES, read_arrays, write_npz
@@ -79,7 +79,8 @@ def record(
         >>> len(run), len(lrf3d.load_run("run.npz"))
         (2, 2)
     """
-    path = Path(path)
+    expect(simulation, Simulation, "simulation")
+    path = as_path(path)
     if path.suffix != ".npz":
         raise InputError(f"{path}: expected a name that ends in .npz")
     total, journal_path = simulation.total, path.with_suffix(JOURNAL)

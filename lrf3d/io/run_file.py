@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lrf3d.errors import InputError
-from lrf3d.files import check_ordinary
+from lrf3d.errors import InputError, expect
+from lrf3d.files import as_path, check_ordinary
+from lrf3d.interrupts import reading
 from lrf3d.io.npz import DAMAGES, Array, read_arrays, write_npz
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.laser.scan import LIGHT
@@ -58,6 +59,7 @@ def save_run(run: Run, path: str | Path) -> None:
         >>> len(lrf3d.load_run("run.npz"))
         2
     """
+    expect(run, Run, "run")
     rows: dict[str, Array] = {"times": run.trajectory.times, "poses": run.trajectory.poses}
     rows |= {"ranges": run.ranges, "truth": run.truth, "walls": run.walls, **run.light}
     rows |= {name: getattr(run, name) for name in _MOTION if getattr(run, name) is not None}
@@ -114,6 +116,7 @@ def _obstacle(number: int) -> list[str]:
     return [f"obstacle_{number}_{name}" for name in ("outline", "times", "poses")]
 
 
+@reading()
 def load_run(path: str | Path) -> Run:
     """Read a run from a file or from the folder that ``lrf3d run`` wrote it to.
 
@@ -151,7 +154,7 @@ def load_run(path: str | Path) -> Run:
 
 def run_path(path: str | Path) -> Path:
     """The file of a run that is given by its name or by its folder."""
-    path = Path(path)
+    path = as_path(path)
     folder, file = (path, path / "run.npz") if path.is_dir() else (path.parent, path)
     if os.path.lexists(file):
         check_ordinary(file, what="a run.npz")

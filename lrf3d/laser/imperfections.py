@@ -10,7 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from lrf3d.errors import check_names
+from lrf3d.errors import check_names, expect
 from lrf3d.geometry import Bool, Float, generator, number
 from lrf3d.laser.noise import (
     NO_SPREAD,
@@ -84,6 +84,7 @@ class AngleNoise:
 
     def __call__(self, scan: LaserScan, rng: Rng) -> LaserScan:
         """Return the scan that beams at the deviating angles measure."""
+        expect(scan, LaserScan, "scan")
         if self.sigma == 0.0 or len(scan.angles) < 2:
             return scan
         angles = scan.angles + generator(rng).normal(0.0, self.sigma, len(scan.angles))
@@ -122,6 +123,7 @@ class DropOuts:
 
     def __call__(self, scan: LaserScan, rng: Rng) -> LaserScan:
         """Return the scan without the returns that are lost: +inf after REP 117."""
+        expect(scan, LaserScan, "scan")
         kept = np.full(len(scan.ranges), 1.0 - self.share)
         if self.far:
             kept *= 1.0 - self.far * np.clip(scan.ranges / known_range_max(scan), 0.0, 1.0) ** 2
@@ -179,6 +181,7 @@ class MixedPixels:
 
     def __call__(self, scan: LaserScan, rng: Rng) -> LaserScan:
         """Return the scan with mixed ranges, or two echoes, at its edges."""
+        expect(scan, LaserScan, "scan")
         gaps = np.abs(np.diff(scan.angles))
         offsets = generator(rng).random(len(scan.ranges))[1:] * gaps
         returned = np.isfinite(scan.ranges)

@@ -19,7 +19,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
-from lrf3d.errors import InputError, shown
+from lrf3d.errors import InputError, expect, shown
 from lrf3d.geometry import Float, generator, number
 from lrf3d.laser.range_finder import LaserRangeFinder, within_limits
 from lrf3d.laser.scan import LaserScan
@@ -137,6 +137,7 @@ class ProportionalNoise:
 
     def __call__(self, scan: LaserScan, rng: Rng) -> LaserScan:
         """Return the scan with noise on each range."""
+        expect(scan, LaserScan, "scan")
         if self.sigma == 0.0:
             return scan
         draws = generator(rng).normal(0.0, self.sigma, len(scan.ranges))
@@ -163,6 +164,7 @@ class ConstantNoise:
 
     def __call__(self, scan: LaserScan, rng: Rng) -> LaserScan:
         """Return the scan with noise on each range; a beam without return stays without."""
+        expect(scan, LaserScan, "scan")
         if self.sigma == 0.0:
             return scan
         return _measured(scan, scan.ranges + generator(rng).normal(0, self.sigma, len(scan.ranges)))
@@ -250,6 +252,7 @@ class Chain:
 
     def __call__(self, scan: LaserScan, rng: Rng) -> LaserScan:
         """Return the scan after all noises."""
+        expect(scan, LaserScan, "scan")
         rng = generator(rng)
         for noise in self.noises:
             before, scan = scan, noise(scan, rng)

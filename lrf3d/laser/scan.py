@@ -105,7 +105,8 @@ class LaserScan(Value, Pictured):
         motion: ArrayLike | None = None,
     ) -> None:
         # Drivers write the largest float32 for a range finder whose reach they do not know.
-        far = np.inf if range_max == np.inf else number(range_max, "scan: range_max", positive=True)
+        unknown = isinstance(range_max, float) and range_max == np.inf
+        far = np.inf if unknown else number(range_max, "scan: range_max", positive=True)
         reach = min(far, LARGEST_COORDINATE)
         below = math.nextafter(reach, 0.0)
         near = number(range_min, "scan: range_min", "metres below range_max", most=below)

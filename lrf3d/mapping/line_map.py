@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.errors import InputError
-from lrf3d.files import read_text, write_text
+from lrf3d.errors import InputError, expect
+from lrf3d.files import as_path, read_text, write_text
 from lrf3d.geometry import LARGEST_COORDINATE, Float, Int, Value, lengths, normal_lines, sealed
 from lrf3d.lazy import Pictured
 from lrf3d.text import counted
@@ -160,7 +160,8 @@ def save_map(line_map: LineMap, path: str | Path, *, free: FreeCells | None = No
         >>> len(lrf3d.load_map("map.geojson"))
         0
     """
-    if Path(path).suffix.lower() in OTHER_FORMATS:
+    expect(line_map, LineMap, "map")
+    if as_path(path).suffix.lower() in OTHER_FORMATS:
         raise InputError(
             f"{path}: a map is written as .geojson; load_world reads that, and save_world writes"
             " other formats"

@@ -70,8 +70,8 @@ class LineMapper:
         floor: float = FLOOR,
         min_points: int | None = None,
     ) -> None:
-        if mode not in MODES:
-            raise InputError(f"mapper mode {mode!r}: expected one of {', '.join(MODES)}")
+        if not isinstance(mode, str) or mode not in MODES:
+            raise InputError(f"mapper mode {shown(mode)}: expected one of {', '.join(MODES)}")
         paper = mode == "paper"
         sigma = SIGMA if sigma is None else sigma
         if not (is_finite(sigma) and 0.0 <= sigma <= MOST["sigma"]):

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrf3d.collision import CollisionChecker
-from lrf3d.errors import InputError, shown
+from lrf3d.errors import InputError, expect, shown
 from lrf3d.geometry import LARGEST_COORDINATE, Float, Int, is_finite, numbers
 from lrf3d.planning.doors import USUAL_RADII, narrow_doors
 from lrf3d.planning.free_space import COMFORT, MARGIN, FreeSpace, Ground, Side, find_free_space
@@ -118,6 +118,7 @@ def find_route(
         )
     if where not in (None, "inside", "outside"):
         raise InputError(f"where {where!r}: expected 'inside', 'outside' or None")
+    expect(world, World, "world")
     check_size(world)
     checker = CollisionChecker(world)
     position = None if start is None else _checked_start(checker, start, radius or RADIUS)

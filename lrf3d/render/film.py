@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lrf3d.errors import InputError, shown
+from lrf3d.errors import InputError, expect, shown
 from lrf3d.geometry import is_finite, read_only
 from lrf3d.render.gl import gl_available, import_libraries, require_gl
 from lrf3d.render.hud import gap_of, lay_frame, lay_labels
@@ -55,6 +55,7 @@ class FilmOptions:
             InputError: An option is invalid.
             MissingLibraryError: OpenGL is asked for and is not there.
         """
+        expect(run, Run, "run")
         view = run.film.view if self.view is None else self.view
         playback = run.playback if self.playback is None else self.playback
         sides = self.size if isinstance(self.size, tuple | list) else ()

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lrf3d.errors import InputError, shown
-from lrf3d.files import replacing, unfinished_folder
+from lrf3d.files import as_path, replacing, unfinished_folder
 from lrf3d.geometry import Float, is_finite, whole_number
 from lrf3d.interrupts import Progress, silent, stoppable
 from lrf3d.render.film import Film, FilmOptions
@@ -75,7 +75,7 @@ def render_video(
     """
     from lrf3d.render.encode import encode, format_of
 
-    path, chosen = Path(path), FilmOptions(**options).of(run)
+    path, chosen = as_path(path), FilmOptions(**options).of(run)
     if not (is_finite(fps) and fps > 0.0):
         raise InputError(f"fps {shown(fps)}: expected a number of more than 0")
     if workers is not None:

@@ -174,13 +174,13 @@ class ImuRecord(Value):
         return cls(table[:, 0], table[:, 1], table[:, 2:])
 
 
-def twist_of(increment: Float) -> Float:
-    """The distances ahead and to the left [m] and the turn [rad] along the arc of an increment."""
-    x, y, turn = increment.tolist()
+def twist_of(increments: Float) -> Float:
+    """Distances ahead and to the left [m] and turns [rad] (…, 3) along the arcs of increments."""
+    x, y, turn = np.moveaxis(increments, -1, 0)
     half = 0.5 * turn
     cos, sin = np.cos(half), np.sin(half)
     share = np.sinc(half / np.pi)
-    return np.array([(x * cos + y * sin) / share, (y * cos - x * sin) / share, turn])
+    return np.stack([(x * cos + y * sin) / share, (y * cos - x * sin) / share, turn], axis=-1)
 
 
 def increment_of(twist: Float) -> Float:

@@ -80,6 +80,8 @@ class Trajectory(Value):
     def at(self, times: ArrayLike) -> Float:
         """Poses (m, 3) at times (m,) [s]: straight between two poses, at rest before and after."""
         times = np.asarray(numbers(times, "times"), dtype=np.float64)
+        if times.ndim != 1 or np.isnan(times).any():
+            raise InputError(f"times of shape {times.shape}: expected (m,), without NaN")
         if len(self) == 1:
             return np.tile(self.poses, (len(times), 1))
         # Only the neighbouring poses are used, so that long drives take no longer.

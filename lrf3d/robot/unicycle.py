@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import Float, is_finite, number, numbers
-from lrf3d.pose import Pose, as_pose, between
+from lrf3d.pose import Pose, as_pose
 from lrf3d.robot.trajectory import Trajectory
 
 RADIUS = 0.35
@@ -80,20 +80,6 @@ def hold(pose: Sequence[float], twist: Twist, seconds: float) -> Pose:
     chord = seconds * sinc(half / np.pi)
     cos, sin = chord * math.cos(theta + half), chord * math.sin(theta + half)
     return Pose(x + cos * ahead - sin * left, y + cos * left + sin * ahead, theta + 2.0 * half)
-
-
-def twists_between(first: Float, second: Float) -> Float:
-    """The twists (k, 3) that lead from poses (k, 3) to others in a second, by half a turn at most.
-
-    They are speeds ahead and to the left [m/s], and about itself [rad/s].
-    """
-    twists = between(first, second)
-    half = 0.5 * twists[:, 2]
-    share = 1.0 / np.sinc(half / np.pi)
-    cos, sin = share * np.cos(half), share * np.sin(half)
-    x, y = twists[:, 0].copy(), twists[:, 1].copy()
-    twists[:, 0], twists[:, 1] = cos * x + sin * y, cos * y - sin * x
-    return twists
 
 
 def arcs(poses: Float, v: Float, omega: Float, durations: Float) -> Float:

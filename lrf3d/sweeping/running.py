@@ -12,19 +12,21 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, contextmanager
 from copy import deepcopy
 from functools import lru_cache
+from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 from lrf3d.casting import PlanarCaster
 from lrf3d.cores import core_count, process_pool, results
-from lrf3d.errors import InputError, Lrf3dError, missing_extra
-from lrf3d.files import locked, make_folder, opened_own, read_text, writing
+from lrf3d.errors import InputError, Lrf3dError, missing_extra, shown
+from lrf3d.files import as_path, locked, make_folder, opened_own, read_text, writing
+from lrf3d.geometry import is_finite
 from lrf3d.interrupts import Progress, check, noting, silent, stoppable
 from lrf3d.scenario import read_scenario_file
 from lrf3d.scoring import buildings_seen, score_run, visible_walls
 from lrf3d.sweeping.plan import USUAL, Plan, PlannedRun, Row, SettingValue, make_plan
-from lrf3d.sweeping.table import SweepTable
+from lrf3d.sweeping.table import MEASURES, SweepTable
 from lrf3d.world.pieces import joined_objects
 
 ROWS = "sweep{}.jsonl"
@@ -81,14 +83,24 @@ def sweep(
         >>> [row["mapper"] for row in table.rows]
         ['robust', 'robust']
     """
+    varied = axes.items() if isinstance(axes, Mapping) else ()
+    for name, value, kinds in (
+        ("worlds", worlds, str | list | tuple),
+        ("mappers", mappers, Mapping | list | tuple | None),
+        ("axes", axes, Mapping | None),
+        *((f"axes {key}", each, list | tuple) for key, each in varied),
+    ):
+        if not isinstance(value, kinds):
+            raise InputError(f"sweep: {name} {shown(value)}: expected a list, or a dict of lists")
     if not isinstance(mappers, Mapping):
         mappers = USUAL if mappers is None else {label: label for label in mappers}
     files = [read_scenario_file(each) for each in ([worlds] if isinstance(worlds, str) else worlds)]
     plan = make_plan(files, axes, mappers, seeds)
     with ExitStack() as stack:
-        place = folder or stack.enter_context(TemporaryDirectory(ignore_cleanup_errors=True))
+        if folder is None:
+            folder = stack.enter_context(TemporaryDirectory(ignore_cleanup_errors=True))
         used = stack.enter_context(executor_of(workers)) if executor is None else executor
-        return run_plan(plan, Path(place), used, resume=resume, progress=progress)
+        return run_plan(plan, as_path(folder), used, resume=resume, progress=progress)
 
 
 def run_plan(
@@ -141,23 +153,44 @@ def table_of(plan: Plan, kept: Mapping[str, Row], made: int = 0) -> SweepTable:
 
 def kept_rows(plan: Plan, folder: Path) -> dict[str, Row]:
     """The rows of all jobs in a folder, by their keys; all have to be of the plan."""
-    found: dict[str, Row] = {}
+    found, planned = dict[str, Row](), {run.key: run.columns for run in plan.runs}
     for path in sorted(folder.glob(ROWS.format("*"))):
         text = read_text(path, what="the rows of a sweep", largest=LARGEST_ROWS)
         for number, line in enumerate(text.split("\n")[:-1], start=1):
             try:
                 row = json.loads(line)
                 found[row["key"]] = row
+                fits = row["key"] not in planned or _fits(row, planned[row["key"]])
             except (ValueError, TypeError, KeyError, RecursionError):
-                raise InputError(
-                    f"{path}: line {number} is not a row of a sweep; remove the line"
-                ) from None
+                fits = False
+            if not fits:
+                raise InputError(f"{path}: line {number} is not a row of a sweep; remove the line")
     if foreign := len(found.keys() - {run.key for run in plan.runs}):
         raise InputError(
             f"{folder}: holds {foreign} runs that this sweep does not ask for; give all options"
             " that it was started with, or choose another folder with --out"
         )
     return found
+
+
+def _fits(row: Row, columns: Row) -> bool:
+    """Whether a row from a file is of a run with these columns, with measures that can be."""
+    measures = {name: each for name, each in row.items() if name not in ("key", *columns)}
+    return (
+        columns.items() <= row.items()
+        and MEASURES.keys() <= measures.keys()
+        and all(
+            value is None
+            or (type(value) in (int, float, bool) and is_finite(value) and _can_be(name, value))
+            for name, value in measures.items()
+        )
+    )
+
+
+def _can_be(name: str, value: float) -> bool:
+    """Whether a measure can have a value: shares lie from 0 to 1, an adjusted index from −1."""
+    share = name.endswith(("_precision", "_recall", "_f1", "_purity"))
+    return (-1.0 if name == "object_purity" else 0.0) <= value <= (1.0 if share else inf)
 
 
 @contextmanager

@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.files import write_text
+from lrf3d.errors import one_line
+from lrf3d.files import folder_name, write_text
 from lrf3d.sweeping.plan import Plan, Row
 from lrf3d.text import counted, table
 
@@ -124,11 +125,11 @@ class SweepTable:
         head, lines = self._cells(r" \pm ")
         known = len(head) - len(MEASURES)
         columns = "l" * known + "r" * len(MEASURES)
-        text = [rf"\begin{{tabular}}{{{columns}}}", r"\hline", " & ".join(head), r"\hline"]
+        text = [rf"\begin{{tabular}}{{{columns}}}", r"\hline"]
+        text += [" & ".join(map(_in_latex, head)) + r" \\", r"\hline"]
         for line in lines:
             figures = [f"${cell}$" if cell != "–" else "--" for cell in line[known:]]
-            text.append(" & ".join([*line[:known], *figures]))
-        text = [line.replace("_", r"\_") + r" \\" * (" & " in line) for line in text]
+            text.append(" & ".join([*map(_in_latex, line[:known]), *figures]) + r" \\")
         write_text(path, "\n".join([*text, r"\hline", r"\end{tabular}", ""]))
 
     def _cells(self, sign: str) -> tuple[list[str], list[list[str]]]:
@@ -148,11 +149,30 @@ class SweepTable:
         return head + [heading for heading, *_ in MEASURES.values()], lines
 
 
+def _in_latex(words: str) -> str:
+    """Words that a file may have given, as LaTeX prints them: none of them is a command."""
+    return one_line(words, len(words)).translate(_LATEX)
+
+
+_LATEX = str.maketrans(
+    {each: rf"\{each}" for each in "&%$#_{}"}
+    | {each: f"{{{each}}}" for each in "[]*"}  # Behind a row's end they are an argument.
+    | {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
+)
+"""The characters that mean something to LaTeX, and what prints them."""
+
+
+def _as_cell(value: Any) -> Any:
+    """A value as a cell of a table: spreadsheets run a text that begins like a formula."""
+    formula = isinstance(value, str) and value.lstrip()[:1] in tuple("=+-@|%＝＋－＠")
+    return f"'{value}" if formula else value
+
+
 def _write_csv(lines: Sequence[Row], path: str | Path) -> None:
     text = StringIO()
     writer = csv.DictWriter(text, lines[0], lineterminator="\n")
     writer.writeheader()
-    writer.writerows(lines)
+    writer.writerows({key: _as_cell(each) for key, each in row.items()} for row in lines)
     write_text(path, text.getvalue())
 
 
@@ -181,5 +201,5 @@ def figures_of(result: SweepTable) -> dict[str, tuple[str, Callable[[Path], obje
             axis=AXIS_LABELS.get(column, column),
             titles=(f"{world}: maps over {name}", seeds),
         )
-        figures[f"{world} over {name}"] = f"{world}_{name}.png", draw
+        figures[f"{world} over {name}"] = f"{folder_name(world)}_{folder_name(name)}.png", draw
     return figures

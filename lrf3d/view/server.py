@@ -20,6 +20,7 @@ import webbrowser
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from weakref import WeakSet
 
 from PIL import Image
 
@@ -42,6 +43,16 @@ _STEP = 1.0 / 30.0
 
 _PATIENCE = 60.0
 """How long a page may take to load a file [s]."""
+
+GUARDS = {
+    "Content-Security-Policy": "frame-ancestors 'none'; base-uri 'none'; object-src 'none'",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+}
+"""Headers of all answers: no other site may frame the page or load its files."""
 
 _PAGE = Path(__file__).parent / "page"
 
@@ -81,16 +92,25 @@ def serve(
         MissingLibraryError: The libraries of the extra ``view`` are not installed.
     """
     try:
+        from websockets.asyncio.server import ServerConnection
         from websockets.asyncio.server import serve as listen
     except ImportError as error:
         raise missing_extra(f"the view needs a server ({error})", "view") from None
     port = door.getsockname()[1]
     address = f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
 
+    transports: WeakSet[Any] = WeakSet()
+
+    class Page(ServerConnection):
+        def connection_made(self, transport: Any) -> None:
+            transports.add(transport)
+            super().connection_made(transport)
+
     async def run() -> None:
         server = await listen(
             lambda page: _show(make, page),
             sock=door,
+            create_connection=Page,
             process_request=_answers(make(), host),
             max_size=MESSAGE_SIZE,
             # A short message could unpack to gigabytes.
@@ -108,7 +128,10 @@ def serve(
             await asyncio.sleep(0.05)
         server.close()
         with contextlib.suppress(TimeoutError):
-            await asyncio.wait_for(server.wait_closed(), 1.0)
+            await asyncio.wait_for(server.wait_closed(), 0.5)
+        # Pages that have stopped reading, as on a laptop that sleeps, would not let the end come.
+        for transport in [*transports]:
+            transport.abort()
 
     with door:
         asyncio.run(run())
@@ -143,11 +166,23 @@ def _answers(shown: Shown, host: str) -> Callable[[Any, Any], Any]:
         files[f"/lrf3d/{name}"] = kind, (_PAGE / name).read_bytes()
 
     def answer(connection: Any, request: Any) -> Any:
+        response = answer_to(connection, request)
+        if response is not None:
+            for name, value in GUARDS.items():
+                response.headers[name] = value
+        return response
+
+    def answer_to(connection: Any, request: Any) -> Any:
         named, origin = (request.headers.get_all(name) for name in ("Host", "Origin"))
         if len(named) != 1 or not is_own(re.sub(r":\d+$", "", named[0]), host):
             return connection.respond(400, "the page does not open by this name\n")
         if origin not in ([], [f"http://{named[0]}"]):
             return connection.respond(403, "pages of other sites may not use this one\n")
+        # Older versions of the library refuse other methods themselves.
+        if (method := getattr(request, "method", "GET")) not in ("GET", "HEAD"):
+            refusal = connection.respond(405, "the page is only read\n")
+            refusal.headers["Allow"] = "GET, HEAD"
+            return refusal
         path = request.path.partition("?")[0]
         if path == "/lrf3d/moments":
             return None
@@ -157,7 +192,7 @@ def _answers(shown: Shown, host: str) -> Callable[[Any, Any], Any]:
         headers = Headers({"Content-Type": kind, "Content-Length": str(len(body))})
         if path == "/lrf3d/world":
             headers["Content-Encoding"] = "gzip"
-        return Response(200, "OK", headers, body)
+        return Response(200, "OK", headers, b"" if method == "HEAD" else body)
 
     return answer
 

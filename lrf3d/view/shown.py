@@ -84,7 +84,7 @@ class Wanted:
             sent = json.loads(text)
             new = {name: float(sent.get(name, getattr(self, name))) for name in _LIMITS}
             view = str(sent.get("view", self.view))
-        except (ArithmeticError, AttributeError, TypeError, ValueError):
+        except (ArithmeticError, AttributeError, RecursionError, TypeError, ValueError):
             return self
         within = all(low <= new[name] <= high for name, (low, high) in _LIMITS.items())
         return Wanted(view, **new) if within else self
@@ -123,7 +123,7 @@ class Shown:
         structures = scene.structures
 
         def track(aspect: float) -> Track:
-            places = np.array([drive.pose[:2]]) - scene.origin
+            places = np.array([drive.robot.pose[:2]]) - scene.origin
             now = SmoothPath(np.zeros(1), places, np.array([drive.facing]))
             return behind(now, structures).past_walls(structures, places, 1.0)
 
@@ -163,7 +163,7 @@ class Shown:
         self._last = wanted
         time = scene.timeline.start + wanted.time
         if drive is not None:
-            time, scene.keys = drive.time, drive.driven()
+            time, scene.keys = drive.robot.time, drive.driven()
         moment, size = scene.timeline.moment(time), (round(wanted.width), round(wanted.height))
         view = self._look(time, wanted)
         seen = scene.seen(moment, view, size)
@@ -217,7 +217,7 @@ class Shown:
         hits = ranges[np.isfinite(ranges)]
         nearest = f"{hits.min():.2f} m" if len(hits) else "none"
         beams = f"{len(hits)} / {len(ranges)} beams hit, min {nearest}"
-        bumped = self.drive is not None and self.drive.bumped
+        bumped = self.drive is not None and self.drive.robot.bumped
         words = {
             "t": f"{moment.time:.1f}",
             "v": f"{moment.speed:z.2f}",

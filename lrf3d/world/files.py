@@ -6,8 +6,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from lrf3d.errors import Lrf3dError, OutputError, WorldError
-from lrf3d.files import check_ordinary, data_folder
+from lrf3d.errors import Lrf3dError, OutputError, WorldError, expect
+from lrf3d.files import as_path, check_ordinary, data_folder
+from lrf3d.interrupts import reading
 from lrf3d.world.model import World
 from lrf3d.world.schema import at
 
@@ -63,7 +64,7 @@ def load_world(
         options["resolution"] = resolution
         if not is_picture(path):
             raise WorldError(f"{path}: a resolution is for a picture (.png, .pgm) alone")
-    with at(str(path)):
+    with reading(), at(str(path)):
         try:
             world: World = _function(target)(path, **options)
         except (Lrf3dError, MemoryError):
@@ -106,7 +107,8 @@ def save_world(world: World, path: str | Path, *, resolution: float | None = Non
         >>> lrf3d.load_world(path).segments.tolist()
         [[0.0, 0.0, 4.0, 0.0]]
     """
-    path = Path(path)
+    path = as_path(path)
+    expect(world, World, "world")
     ending = path.suffix.lower()
     if ending not in WRITERS:
         raise OutputError(f"{path}: unknown ending; a world is written as {', '.join(WRITERS)}")
@@ -142,7 +144,7 @@ def find_world(name_or_path: str | Path) -> Path:
     names, known = world_names(), ", ".join(READERS)
     if isinstance(name_or_path, str) and name_or_path in names:
         return data_folder("worlds") / f"{name_or_path}.toml"
-    path = Path(name_or_path)
+    path = as_path(name_or_path)
     near = get_close_matches(path.stem, names, n=1)
     suggestion = f"; did you mean {near[0]!r}?" if near else ""
     if (reader := READERS.get(path.suffix.lower())) is not None:

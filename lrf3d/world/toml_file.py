@@ -18,6 +18,7 @@ import numpy as np
 from lrf3d.errors import InputError, check_names
 from lrf3d.files import own_name, read_text, write_text
 from lrf3d.geometry import Float
+from lrf3d.interrupts import reading
 from lrf3d.world import schema
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.free_cells import FreeCells
@@ -75,7 +76,7 @@ def read_toml(path: Path) -> World:
 
 def read_world_file(path: Path) -> WorldFile:
     """Read a world file; errors name it and the key."""
-    with schema.at(str(path)):
+    with reading(), schema.at(str(path)):
         content = read_text(path)
         try:
             data = tomllib.loads(content)

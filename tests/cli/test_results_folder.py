@@ -7,8 +7,7 @@ import pytest
 from program import lrf3d, refused
 from test_cli import ROOM
 
-from lrf3d.cli.folder import folder_name
-from lrf3d.files import locked
+from lrf3d.files import folder_name, locked
 
 
 @pytest.mark.parametrize(

@@ -153,6 +153,43 @@ def test_a_damaged_file_of_rows_is_refused_with_the_line(room, tmp_path):
         run_plan(tiny(room), tmp_path, None, resume=True)
 
 
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *[("segment_f1", each) for each in ('"1"', "[1]", "777", "1e999", "NaN", "{}", "-0.1")],
+        ("object_purity", "-1.5"),
+        ("perpendicular_rms", "-1"),
+        ("world", '"another"'),
+        ("map_objects", '"<svg>"'),
+        ("segment_ratio", None),
+    ],
+)
+def test_a_row_whose_measures_cannot_be_is_refused(name, value, room, tmp_path):
+    plan = tiny(room, seeds=1)
+    run_plan(plan, tmp_path, None)
+    path = tmp_path / "sweep.jsonl"
+    row = json.loads(path.read_text().splitlines()[0])
+    text = json.dumps({key: each for key, each in row.items() if key != name})
+    path.write_text(text + "\n" if value is None else f'{text[:-1]}, "{name}": {value}}}\n')
+    with pytest.raises(InputError, match=r"sweep\.jsonl: line 1 is not a row"):
+        run_plan(plan, tmp_path, None, resume=True)
+
+
+def test_no_name_is_a_command_in_a_table_or_leads_out_of_the_folder(room, tmp_path):
+    for number, name in enumerate(["=1+1\\\\input{x}$^&_#%~", "[2cm]*", "../../-x\\n\\n@y"]):
+        path = tmp_path / f"{number}.toml"
+        path.write_text(f'name = "{name}"\n{ROOM}')
+        result = run_plan(tiny(str(path), seeds=1), tmp_path / str(number), None)
+        result.to_latex(tmp_path / "a.tex")
+        result.to_csv(tmp_path / "a.csv")
+        cell = (tmp_path / "a.tex").read_text().splitlines()[4].split(" & ")[0]
+        plain = re.sub(r"\\text\w+\{\}|\\[&%$#_{}]|\{[\[\]*]\}", "", cell)
+        assert not set(plain) & set("\\&%$#_{}~^[]*"), cell
+        with (tmp_path / "a.csv").open(newline="") as file:
+            assert next(csv.DictReader(file))["world"][0] in "'[."
+        assert not any("/" in name for name, _ in figures_of(result).values())
+
+
 def test_own_mappers_are_scored_beside_ours(room, tmp_path):
     mappers = {"ours": {"mode": "robust"}, "a class": OneWall, "an object": OneWall()}
     table = lrf3d.sweep(room, mappers=mappers, axes={SIGMA: (0.1,)}, seeds=2, workers=1)

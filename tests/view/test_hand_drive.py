@@ -7,24 +7,24 @@ from yard import OBSTACLE, YARD, hand
 
 def test_a_hand_drives_stops_before_walls_and_starts_again_alike(tmp_path):
     drive = hand(YARD, tmp_path, rng=4)
-    first = drive.latest.ranges
+    first = drive.latest[0].ranges
     assert drive.step(0.05) and len(drive.maps[0])
     speeds, bumped = [], False
     for _ in range(200):
         drive.step(0.05, forward=1.0)
-        speeds.append(drive.speed)
-        bumped |= drive.bumped
+        speeds.append(drive.robot.speed)
+        bumped |= drive.robot.bumped
     assert max(speeds) == pytest.approx(2.0)
     # Ten seconds at 2 m/s would lead through the wall at x = 16.
-    assert bumped and 15.0 < drive.pose.x < 15.65 + 1e-9
-    assert drive.pose.y == 3.0
-    assert np.array_equal(hand(YARD, tmp_path, rng=4).latest.ranges, first)
+    assert bumped and 15.0 < drive.robot.pose.x < 15.65 + 1e-9
+    assert drive.robot.pose.y == 3.0
+    assert np.array_equal(hand(YARD, tmp_path, rng=4).latest[0].ranges, first)
 
 
 def test_a_hand_cannot_ask_for_more_than_the_robot_can_or_for_a_long_step(tmp_path):
     drive = hand(YARD, tmp_path)
     drive.step(1e6, forward=1.0)
-    assert drive.pose.x < 2.0 + 2.0 * 0.1 + 1e-9
+    assert drive.robot.pose.x < 2.0 + 2.0 * 0.1 + 1e-9
 
 
 def test_what_moves_is_seen_by_the_laser(tmp_path):
@@ -32,11 +32,11 @@ def test_what_moves_is_seen_by_the_laser(tmp_path):
     nearer = 0
     for _ in range(60):
         drive.step(0.1)
-        nearer += int(np.sum(drive.latest.ranges < plain.latest.ranges - 1.0))
+        nearer += int(np.sum(drive.latest[0].ranges < plain.latest[0].ranges - 1.0))
     assert nearer > 60
 
 
 def test_the_noise_of_the_scenario_is_that_of_the_drive(tmp_path):
     drive = hand(YARD + "\n[noise]\nsigma = 0\nresolution = 0.5\n", tmp_path)
-    hits = drive.latest.ranges[drive.latest.hits]
+    hits = drive.latest[0].ranges[drive.latest[0].hits]
     assert np.array_equal(hits, np.round(2.0 * hits) / 2.0)

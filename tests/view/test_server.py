@@ -3,6 +3,7 @@
 import http.client
 import json
 import socket
+from contextlib import ExitStack
 from urllib.parse import urlsplit
 
 import pytest
@@ -98,7 +99,15 @@ def test_files_beside_those_of_the_page_stay_here(address):
 
 def test_malformed_messages_do_not_stop_a_drive(address):
     with page(address) as opened:
-        for text in ("[]", "[8, 9]", "drive", '{"forward": 1e300, "turn": 0}', '{"forward": NaN}'):
+        for text in (
+            "[" * 9_000,
+            '{"view": ' * 1_000,
+            "[]",
+            "[8, 9]",
+            "drive",
+            '{"forward": 1e300, "turn": 0}',
+            '{"forward": NaN}',
+        ):
             opened.send(text)
             opened.recv(PATIENCE)
         for _ in range(9):
@@ -106,6 +115,51 @@ def test_malformed_messages_do_not_stop_a_drive(address):
             data = opened.recv(PATIENCE)
         words = json.loads(data[4 : 4 + int.from_bytes(data[:4], "little")])["words"]
         assert float(words["v"]) > 0.0
+
+
+def asked(address, method, path="/"):
+    """The answer to a request, and its body."""
+    connection = http.client.HTTPConnection(urlsplit(address).netloc, timeout=PATIENCE)
+    connection.request(method, path)
+    response = connection.getresponse()
+    body = response.read()
+    connection.close()
+    return response, body
+
+
+def test_no_other_site_may_frame_the_page_or_load_its_files(address):
+    for path in ("/", "/lrf3d/ground.jpg", "/lrf3d/world", "/lrf3d/page.js", "/nowhere"):
+        response, _ = asked(address, "GET", path)
+        assert "frame-ancestors 'none'" in response.headers["Content-Security-Policy"]
+        assert response.headers["Cross-Origin-Resource-Policy"] == "same-origin"
+        assert response.headers["X-Content-Type-Options"] == "nosniff"
+
+
+def test_a_page_is_only_read(address):
+    length = asked(address, "GET")[0].headers["Content-Length"]
+    response, body = asked(address, "HEAD")
+    assert (response.status, body, response.headers["Content-Length"]) == (200, b"", length)
+    for method in ("POST", "DELETE", "PUT", "OPTIONS", "TRACE"):
+        for path in ("/", "/lrf3d/world", SOCKET):
+            response, body = asked(address, method, path)
+            assert (response.status, response.headers["Allow"]) == (405, "GET, HEAD")
+
+
+def test_pages_that_have_stopped_reading_do_not_hold_the_program():
+    """Nor do those that never ask, as of a laptop that sleeps; `served` waits for the end."""
+    opening = (
+        f"GET {SOCKET} HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+    )
+    with ExitStack() as pages, served("paper_room") as address:
+        place = "127.0.0.1", urlsplit(address).port
+        _silent, asking = (pages.enter_context(socket.create_connection(place)) for _ in "12")
+        asking.sendall(opening.encode())
+        assert asking.recv(12) == b"HTTP/1.1 101"
+        # Each message asks for a drive of its own, whose answer nobody reads.
+        for number in range(50):
+            words = json.dumps({"drive": number}).encode()
+            asking.sendall(bytes([0x81, 0x80 | len(words), 0, 0, 0, 0]) + words)
 
 
 def test_too_long_a_message_ends_its_page_alone(address):

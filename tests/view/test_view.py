@@ -254,7 +254,7 @@ def test_a_world_is_warm_before_its_page_is_offered(yard, monkeypatch):
     step = HandDrive.step
     monkeypatch.setattr(HandDrive, "step", lambda *of: steps.append(of) or step(*of))
     shown = world_view(load_scenario(yard), seed=0)()
-    assert len(steps) == 1 and shown.drive.pose == (2.0, 3.0, 0.0)
+    assert len(steps) == 1 and shown.drive.robot.pose == (2.0, 3.0, 0.0)
     assert (shown.setup()["title"], shown.setup()["mode"]) == ("yard", "drives")
 
 

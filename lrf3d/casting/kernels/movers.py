@@ -44,8 +44,13 @@ touches others as a disc, or 0."""
 CORNER = np.dtype([("x", np.float64), ("y", np.float64)], align=True)
 """A corner [m] in the frame of its obstacle."""
 
-LEG = np.dtype([(name, np.float64) for name in ("time", "x", "y", "theta")], align=True)
-"""A pose of a path [m, rad] and its time [s]."""
+STAMPED, RATES = ("time", "x", "y", "theta"), ("ahead", "left", "turn")
+LEG = np.dtype([(name, np.float64) for name in (*STAMPED, *RATES)], align=True)
+"""A pose of a path [m, rad] and its time [s], and the speeds ahead, to the left [m/s] and about
+itself [rad/s] that are held from then on, where the period of the obstacle is HELD."""
+
+HELD = -1.0
+"""The period of an obstacle that holds its speeds."""
 
 PLACED = np.dtype([(name, np.float64) for name in ("x", "y", "reach")], align=True)
 """The origin of an obstacle at a moment [m], and its reach."""
@@ -68,6 +73,14 @@ class Crowd(NamedTuple):
     movers: Records
     placed: Records
     sides: Records
+
+
+class Twist(NamedTuple):
+    """Speeds ahead and to the left [m/s], and about itself [rad/s], of a body that holds them."""
+
+    ahead: float
+    left: float
+    turn: float
 
 
 class Queue(NamedTuple):
@@ -115,10 +128,37 @@ def pose_at(
 
 
 @inner
+def moved(
+    pose: tuple[float, float, float], twist: Twist, time: float
+) -> tuple[float, float, float]:
+    """The pose after a twist was held for a time."""
+    x, y, theta = pose
+    half = 0.5 * twist.turn * time
+    chord = time * math.sin(half) / half if half != 0.0 else time
+    cos, sin = chord * math.cos(theta + half), chord * math.sin(theta + half)
+    return (
+        x + cos * twist.ahead - sin * twist.left,
+        y + cos * twist.left + sin * twist.ahead,
+        theta + twist.turn * time,
+    )
+
+
+@inner
+def mover_at(among: Movers, j: int, time: float) -> tuple[float, float, float]:
+    """The pose of an obstacle at a time."""
+    mover, legs = among.movers[j], among.legs
+    if mover.period != HELD:
+        return pose_at(legs, mover.leg, mover.last, mover.period, time)
+    leg = legs[mover.leg]
+    twist = Twist(leg.ahead, leg.left, leg.turn)
+    return moved((leg.x, leg.y, leg.theta), twist, max(time - leg.time, 0.0))
+
+
+@inner
 def place(among: Movers, j: int, time: float, crowd: Crowd) -> None:
     """Place an obstacle's sides where they are at a time."""
     mover, corners, sides = among.movers[j], among.corners, crowd.sides
-    x, y, theta = pose_at(among.legs, mover.leg, mover.last, mover.period, time)
+    x, y, theta = mover_at(among, j, time)
     at = crowd.placed[j]
     at.x, at.y, at.reach = x, y, mover.reach
     cos, sin = math.cos(theta), math.sin(theta)
@@ -269,7 +309,7 @@ def rays_among(
     for j in range(len(movers)):
         mover, circle = movers[j], circles[j]
         half = 0.5 * (end + begin)
-        circle.x, circle.y, _ = pose_at(among.legs, mover.leg, mover.last, mover.period, half)
+        circle.x, circle.y, _ = mover_at(among, j, half)
         reach = mover.reach + mover.fastest * 0.5 * (end - begin)
         circle.reach = (1.0 + 1e-6) * reach + 1e-12 * (abs(circle.x) + abs(circle.y))
     for i in range(beams):

@@ -18,6 +18,8 @@ from lrf3d.casting.kernels.movers import (
     SIDE,
     Crowd,
     Movers,
+    Twist,
+    moved,
     place,
     side_at,
 )
@@ -48,14 +50,6 @@ class Body(NamedTuple):
     tips: Records
     radius: float
     reach: float  # Largest distance of a point of the body from the origin [m].
-
-
-class Twist(NamedTuple):
-    """Speeds ahead and to the left [m/s], and about itself [rad/s], of a body that holds them."""
-
-    ahead: float
-    left: float
-    turn: float
 
 
 class Motion(NamedTuple):
@@ -146,22 +140,6 @@ def _first_touch(
             time = best * math.atan(angle) / angle if angle != 0.0 else best
             return max(piece * step + time, 0.0), found
     return np.inf, -1
-
-
-@inner
-def moved(
-    pose: tuple[float, float, float], twist: Twist, time: float
-) -> tuple[float, float, float]:
-    """The pose after a twist was held for a time."""
-    x, y, theta = pose
-    half = 0.5 * twist.turn * time
-    chord = time * math.sin(half) / half if half != 0.0 else time
-    cos, sin = chord * math.cos(theta + half), chord * math.sin(theta + half)
-    return (
-        x + cos * twist.ahead - sin * twist.left,
-        y + cos * twist.left + sin * twist.ahead,
-        theta + twist.turn * time,
-    )
 
 
 @inner
