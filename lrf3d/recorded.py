@@ -19,6 +19,7 @@ from lrf3d.io import LaserLog, load_log
 from lrf3d.io.laser_log import on_one_fan
 from lrf3d.io.reading import odometry_of
 from lrf3d.laser import LaserRangeFinder, LaserScan, doubtful_ranges
+from lrf3d.laser.unrolling import unrolled
 from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.pose import Pose, compose
 from lrf3d.robot import EstimatedTrajectory, Trajectory
@@ -325,7 +326,8 @@ def _right_handed(recording: Recording, path: WheelPath, offset: float) -> tuple
     turns = turns_between(lambda number: slam.seen(scans[number]), path, recording.places)
     if not is_mirrored(turns, path, recording.places):
         return recording, turns
-    scans = [replace(scan, ranges=scan.ranges[::-1]) for scan in scans]
+    # The order of the beams in time is lost with that of their angles.
+    scans = [replace(scan, ranges=scan.ranges[::-1], time_increment=0.0) for scan in scans]
     repairs = replace(recording.repairs, mirrored=True)
     return replace(recording, scans=scans, repairs=repairs), -turns
 
@@ -345,6 +347,7 @@ def _run_of(
 
     Maps of the scans before the last key scan are kept as in a simulated run.
     """
+    scans = [unrolled(scan) for scan in scans]
     maps: dict[int, LineMap] = {}
     for done, number in enumerate(keys, 1):
         mapper.update(replace(scans[number], pose=Pose(*poses[number].tolist())))

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from lrf3d.casting.crowd import Crowd
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.collision import CollisionChecker, body_of
-from lrf3d.errors import InputError, check_names, expect
+from lrf3d.errors import InputError, check_names, expect, shown
 from lrf3d.geometry import Float, generator, sealed, whole_number
 from lrf3d.laser import LaserRangeFinder, LaserScan, ProportionalNoise
 from lrf3d.laser.noise import FLOOR, SIGMA, Noise, noises_of, spread_of
@@ -157,12 +157,13 @@ class Simulation:
     ) -> None:
         check_names("on_collision", [str(on_collision)], ("raise", "stop"))
         scans = None if scans is None else whole_number(scans, "scans")
+        expect(world, World, "world")
         self.world = world
         self.lasers = lasers_of(LaserRangeFinder() if lrf is None else lrf)
         noises = noises_of(ProportionalNoise(0.0) if noise is None else noise, self.lasers)
         self.mapper: Mapper = line_mapper(noises[0]) if mapper is None else mapper
         if not callable(getattr(self.mapper, "update", None)):
-            raise InputError(f"mapper {self.mapper!r}: expected an object with update(scan)")
+            raise InputError(f"mapper {shown(self.mapper)}: expected an object with update(scan)")
         self.rng = generator(rng)
         path, controlled = None, callable(getattr(drive, "command", None))
         if controlled:

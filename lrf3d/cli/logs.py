@@ -124,6 +124,9 @@ def _log_rows(log: LaserLog, poses: str = "") -> list[tuple[str, str]]:
         bad = counted(log.bad_count, f"bad {log.bad_lines[0].kind}")
         rows.append(("", f"{bad} left out, the first {log.bad_lines[0]}"))
         rows += [("", str(line)) for line in log.bad_lines[1:]]
+    if times := [scan.duration for scan in log.scans if scan.motion is not None]:
+        taken = f"{counted(len(times), 'scan')} of up to {max(times):.3g} s unrolled"
+        rows.append(("", f"{taken}: each beam by its own time"))
     if log.not_numbers:
         rows.append(("", f"{counted(log.not_numbers, 'reading')} NaN: no return"))
     return [*rows, *(("", note) for note in log.notes)]

@@ -12,6 +12,7 @@ import numpy as np
 from lrf3d.files import own_name
 from lrf3d.geometry import Bool, Float, Int, Value, sealed
 from lrf3d.laser import LaserScan
+from lrf3d.laser.unrolling import with_motions
 from lrf3d.pose import Pose
 from lrf3d.text import counted
 
@@ -91,7 +92,7 @@ class LaserLog(Value):
 
     Args:
         name: Name of the log.
-        scans: The scans in the order of the file.
+        scans: The scans in the order of the file; those that took some time get their motion.
         bad_count: Number of lines that could not be read.
         bad_lines: The first few of them.
         source: Where the poses come from, in words.
@@ -110,6 +111,10 @@ class LaserLog(Value):
     not_numbers: int = 0
     notes: tuple[str, ...] = ()
     placed: bool = True
+
+    def __post_init__(self) -> None:
+        if getattr(self, "placed", True):
+            object.__setattr__(self, "scans", with_motions(self.scans))
 
     def __len__(self) -> int:
         return len(self.scans)

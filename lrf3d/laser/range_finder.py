@@ -143,7 +143,7 @@ def lasers_of(
     lasers: "LaserRangeFinder | Sequence[LaserRangeFinder]",
 ) -> "tuple[LaserRangeFinder, ...]":
     """The lasers of a robot, one or several, whose names must differ."""
-    found = (lasers,) if isinstance(lasers, LaserRangeFinder) else tuple(lasers)
+    found = tuple(lasers) if isinstance(lasers, list | tuple) else (lasers,)
     if not found:
         raise InputError("lasers: none; expected at least one range finder")
     for each in found:

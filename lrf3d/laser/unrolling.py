@@ -20,6 +20,10 @@ LONGEST_GAP = 1.0
 """Scans that are farther apart [s] say nothing of how the robot moved during one of them."""
 
 
+TOO_LONG = 1.1
+"""Share of the time to the next scan that the beams of one may take: more is a mistaken driver."""
+
+
 def unrolled(scan: LaserScan, motion: Float | None = None) -> LaserScan:
     """The scan as it would be if all beams had been sent where and when the first was.
 
@@ -73,22 +77,23 @@ def motion_since(before: LaserScan | None, scan: LaserScan) -> Float | None:
     return scan.duration / since * between(np.array(before.robot), np.array(scan.robot))
 
 
-def with_motions(scans: Sequence[LaserScan], poses: Float | None = None) -> list[LaserScan]:
-    """Recorded scans with the motion of the robot during each, from one scan to the next.
+def with_motions(scans: Sequence[LaserScan]) -> list[LaserScan]:
+    """Recorded scans with the motion of the robot during each, by the poses of its laser's scans.
 
-    The scans are in the order of time; poses (k, 3) of the robot replace those of the scans. The
-    last of them moves on as before it. Scans that took no time stay as they are.
+    The scans are in the order of time. The last of a laser moves on as before it, and a scan whose
+    beams would take longer than the time to the next keeps its motion unknown.
     """
-    if not any(scan.time_increment for scan in scans):
+    if not any(scan.time_increment and scan.motion is None for scan in scans):
         return list(scans)
-    robots = [np.array(scan.robot) for scan in scans] if poses is None else poses
-    found, rate = list[LaserScan](), np.zeros(3)
-    for number, scan in enumerate(scans):
-        if number + 1 < len(scans):
-            gap = scans[number + 1].time - scan.time
-            if gap > LONGEST_GAP:
-                rate = np.zeros(3)
-            elif gap > 0.0:
-                rate = between(robots[number], robots[number + 1]) / gap
-        found.append(replace(scan, motion=scan.duration * rate) if scan.time_increment else scan)
+    found, rate = list(scans), np.zeros(3)
+    for laser in dict.fromkeys(scan.laser for scan in scans):
+        own = [number for number, scan in enumerate(scans) if scan.laser == laser]
+        for number, following in zip(own, [*own[1:], None], strict=True):
+            scan, gap = scans[number], LONGEST_GAP
+            if following is not None:
+                gap = scans[following].time - scan.time
+                step = between(np.array(scan.robot), np.array(scans[following].robot))
+                rate = step / gap if 0.0 < gap <= LONGEST_GAP else np.zeros(3)
+            if scan.motion is None and 0.0 < scan.duration <= TOO_LONG * gap:
+                found[number] = replace(scan, motion=scan.duration * rate)
     return found

@@ -117,7 +117,7 @@ def find_route(
             " expected positive numbers"
         )
     if where not in (None, "inside", "outside"):
-        raise InputError(f"where {where!r}: expected 'inside', 'outside' or None")
+        raise InputError(f"where {shown(where)}: expected 'inside', 'outside' or None")
     expect(world, World, "world")
     check_size(world)
     checker = CollisionChecker(world)

@@ -97,7 +97,7 @@ def choose_renderer(wanted: str | None) -> str:
     if wanted is None:
         return "gl" if gl_available() else "embree"
     if wanted not in RENDERERS:
-        raise InputError(f"renderer {wanted!r}: expected one of {', '.join(RENDERERS)}")
+        raise InputError(f"renderer {shown(wanted)}: expected one of {', '.join(RENDERERS)}")
     if wanted == "gl":
         require_gl()
     return wanted

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrf3d.casting import PlanarCaster
-from lrf3d.errors import InputError, expect
+from lrf3d.errors import expect
 from lrf3d.geometry import Float, lengths
-from lrf3d.laser import LaserRangeFinder, LaserScan, reflection_points
+from lrf3d.laser import LaserScan, beam_directions, reflection_points
+from lrf3d.laser.unrolling import unrolled
 from lrf3d.mapping import LineMap
 from lrf3d.scoring.report import Report
 from lrf3d.world import World
@@ -22,12 +23,6 @@ EXPLAINED_WITHIN = 0.1
 
 VIOLATED_BEYOND = 0.2
 """Distance [m] between map and return above which a beam violates the map."""
-
-CAST_RANGE = 80.0
-"""Range of beams cast at the map if a scan has no range_max [m]."""
-
-UNEVEN = 1e-6
-"""Largest difference [rad] of neighbouring spacings of evenly spaced beams: logs round angles."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,11 +48,7 @@ class LogScore(Report):
 def score_log(line_map: LineMap, scans: Iterable[LaserScan]) -> LogScore:
     """Score a map by test scans; usually the even scans build the map and the odd ones test it.
 
-    The test scans are others than those that the map was built from, with evenly spaced beams; they
-    are read once.
-
-    Raises:
-        InputError: The beams of a scan are not evenly spaced.
+    The test scans are others than those that the map was built from; they are read once.
     """
     import shapely
 
@@ -66,7 +57,7 @@ def score_log(line_map: LineMap, scans: Iterable[LaserScan]) -> LogScore:
     tree = shapely.STRtree(shapely.linestrings(solid.reshape(-1, 2, 2)))
     caster = PlanarCaster(World(solid))
     explained, beyond = [0], [np.empty(0)]
-    for scan in scans:
+    for scan in map(unrolled, scans):
         judged = (scan.ranges > NEAREST_RETURN) & (scan.ranges < FARTHEST_RETURN)
         places = reflection_points(scan.pose, scan.angles[judged], scan.ranges[judged])
         near, _ = tree.query(shapely.points(places), "dwithin", EXPLAINED_WITHIN)
@@ -87,11 +78,6 @@ def score_log(line_map: LineMap, scans: Iterable[LaserScan]) -> LogScore:
 
 def _map_ranges(caster: PlanarCaster, scan: LaserScan) -> Float:
     """Ranges (beams,) [m] to the map; +inf where it is not hit."""
-    angles = scan.angles
-    if not np.allclose(np.diff(angles, 2), 0.0, atol=UNEVEN):
-        raise InputError("scan with beams at uneven angles: score_log needs them evenly spaced")
-    farthest = scan.range_max if np.isfinite(scan.range_max) else CAST_RANGE
-    lrf = LaserRangeFinder(angles.min(), angles.max(), len(angles), 0.0, farthest)
-    ranges: Float = caster.cast(lrf, scan.pose).ranges
-    # A laser that is mounted upside down turns clockwise.
-    return ranges if angles[0] <= angles[-1] else ranges[::-1]
+    ways = beam_directions(scan.pose.theta, scan.angles)
+    ranges, _ = caster.cast_rays(np.tile(scan.pose[:2], (len(ways), 1)), ways)
+    return np.where(ranges > scan.range_max, np.inf, ranges)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from synthetic_run import as_map, box, make_run, make_world, ring
 
-from lrf3d.errors import InputError
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapping import LineMap
 from lrf3d.pose import Pose
@@ -69,7 +68,7 @@ def test_a_log_without_map_or_returns_has_no_figures():
     assert score_log(LineMap.empty(), []).as_dict()["explained"] is None
 
 
-def test_uneven_beams_are_refused():
-    scan = LaserScan(Pose(0, 0, 0), np.array([0.0, 0.1, 0.5]), np.ones(3))
-    with pytest.raises(InputError, match="evenly"):
-        score_log(as_map(np.array([[1.0, -1.0, 1.0, 1.0]])), [scan])
+def test_uneven_beams_are_judged_one_by_one():
+    scan = LaserScan(Pose(0, 0, 0), np.array([0.0, 0.1, 0.5]), np.array([1.0, 1.5, 1.0]))
+    score = score_log(as_map(np.array([[1.0, -1.0, 1.0, 1.0]])), [scan])
+    assert (score.explained, score.violation) == (1 / 3, 1 / 3)
