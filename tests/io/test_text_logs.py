@@ -137,8 +137,11 @@ def test_bad_lines_are_counted_and_short_ones_are_filled(drive, tmp_path):
     path.write_text("\n".join(lines))
     log = load_log(path)
     assert log.bad_count == 2 and [line.number for line in log.bad_lines] == [4, 6]
-    counted = [f"S {k} {n} " + " ".join(f"{r:.3f}" for r in row[:n])
-               for k, (n, row) in enumerate(zip([BEAMS, 170] * 20, ranges, strict=True))]  # fmt: skip
+    counts = [BEAMS, 170] * 20
+    counted = [
+        " ".join(["S", str(k), str(n), *map(str, row[:n])])
+        for k, (n, row) in enumerate(zip(counts, ranges.tolist(), strict=True))
+    ]
     path.write_text("\n".join(counted))
     log = load_log(path)
     assert not log.placed and "20 scans with fewer than 181" in " ".join(log.notes)
