@@ -26,6 +26,7 @@ from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.run import Run, is_snapshot
 from lrf3d.slam import Slam
 from lrf3d.slam.front_end import KEY_DISTANCE
+from lrf3d.slam.mounting import doubtful_mount
 from lrf3d.slam.odometry import (
     Recording,
     Repairs,
@@ -91,7 +92,7 @@ def map_log(
             scans show no wall.
 
     Warns:
-        Lrf3dWarning: The ranges are hardly in metres.
+        Lrf3dWarning: The ranges are hardly in metres, or the laser is mounted otherwise.
 
     Examples:
         >>> import lrf3d
@@ -111,8 +112,9 @@ def map_log(
     scans, poses = [log.scans[k] for k in chosen], log.poses[chosen]
     keys = range(len(scans))
     run = _run_of(log.name, scans, poses, keys, mapper, snapshots=1, progress=progress)
-    if doubt := doubtful_ranges(log.scans):
-        warnings.warn(f"map: {log.name}: {doubt}", Lrf3dWarning, stacklevel=2)
+    for doubt in (doubtful_ranges(log.scans), doubtful_mount(log.scans)):
+        if doubt:
+            warnings.warn(f"map: {log.name}: {doubt}", Lrf3dWarning, stacklevel=2)
     return run
 
 
@@ -174,7 +176,8 @@ class SolvedLog:
     def warnings(self) -> list[str]:
         """What users should know of the solution, a sentence each."""
         mirrored = self.repairs.sentences()[:1] if self.repairs.mirrored else []
-        return [*mirrored, *self.check.sentences()]
+        mount = doubtful_mount(self.log.scans, mirrored=False)
+        return [*mirrored, *([mount] if mount else []), *self.check.sentences()]
 
     @property
     def odometry(self) -> str:

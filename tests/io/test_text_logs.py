@@ -82,7 +82,7 @@ def test_columns_are_found_in_whatever_form(kind, drive, tmp_path):
 
 
 def test_a_format_names_columns_and_a_preset_is_one(drive, tmp_path):
-    times, poses, ranges = drive
+    _, poses, ranges = drive
     path = tmp_path / "drive.dat.gz"
     clockwise = 100.0 * ranges[:, ::-1]
     path.write_bytes(
