@@ -110,6 +110,10 @@ class Lrf3dWarning(UserWarning):
     """Something is done in another way than usual; the results are those that were asked for."""
 
 
+class Lrf3dNote(Lrf3dWarning):
+    """What was assumed, or left out, in reading a file."""
+
+
 class DrawingError(Lrf3dError):
     """A picture or a film that could not be drawn after the data were written."""
 

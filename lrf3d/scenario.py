@@ -346,12 +346,12 @@ def load_scenario(name_or_path: str | Path, settings: Iterable[str] = ()) -> Sce
     return scenario_of(read_scenario_file(name_or_path), settings)
 
 
-def read_scenario_file(name_or_path: str | Path, *, resolution: float | None = None) -> WorldFile:
-    """Read the file of a world, given by its name or its path; a picture needs a resolution [m]."""
+def read_scenario_file(name_or_path: str | Path, scale: float = 1.0, **options: Any) -> WorldFile:
+    """Read the file of a world, given by its name or its path, by the options of `load_world`."""
     path = find_world(name_or_path)
-    if path.suffix.lower() == ".toml" and resolution is None:
-        return read_world_file(path)
-    return WorldFile(load_world(path, resolution=resolution), path=path)
+    if path.suffix.lower() == ".toml" and not options:
+        return read_world_file(path).scaled(scale)
+    return WorldFile(load_world(path, scale=scale, **options), path=path)
 
 
 def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:

@@ -16,6 +16,11 @@ SCALE = """\
 --scale FACTOR = 1.0: Enlarge the plan and its route by this factor: 100 for a drawing of 1:100,
  0.001 for millimetres that were read as metres. Heights stay."""
 RESOLUTION = "--resolution M: Side of a pixel [m], if the world is a bare picture."
+LAYERS = """\
+--page N: Page of a PDF file; 1 if not given.
+--layers LAYER,LAYER,…: Layers of a drawing that are walls, such as A-WALL*; by their names if not
+ given.
+--without LAYER,LAYER,…: Layers of a drawing to leave out."""
 ROUTE = """\
 --inside: Plan the route inside the walls, if the world has none; depends on the world if neither
  side is given.
@@ -34,6 +39,7 @@ World and drive:
 --set TABLE.KEY=VALUE: Override a key of the world file; repeatable.
 {SCALE}
 {RESOLUTION}
+{LAYERS}
 {ROUTE}"""
 FILM = f"""\
 Film:
@@ -245,6 +251,7 @@ Describe a world, and draw it.
 -o --out FILE: Draw the world to this .png.
 {SCALE}
 {RESOLUTION}
+{LAYERS}
 
 Example: lrf3d world show city --out city.png""",
     "world convert": f"""\
@@ -254,6 +261,7 @@ FROM: A built-in world, or a file.
 TO: The file to write: .toml, .geojson, .glb or .yaml.
 {SCALE}
 --resolution M: Side of a cell [m] of a ROS map (0.05), or of a pixel of a bare picture.
+{LAYERS}
 --trees: Make walls of the trunks of trees in a .osm file, too.
 
 Example: lrf3d world convert plan.dxf plan.toml""",

@@ -9,7 +9,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from lrf3d.errors import Lrf3dWarning, one_line
+from lrf3d.errors import Lrf3dNote, Lrf3dWarning, one_line
 from lrf3d.interrupts import Progress, check
 from lrf3d.text import table
 
@@ -83,7 +83,9 @@ def quiet_libraries() -> None:
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
         warnings.simplefilter("default", Lrf3dWarning)
-        warnings.showwarning = lambda message, *_, **__: warn(str(message))
+        warnings.showwarning = lambda message, kind, *_, **__: (
+            say(str(message)) if issubclass(kind, Lrf3dNote) else warn(str(message))
+        )
     # Without a handler, Python prints log messages of libraries from warnings on.
     logging.lastResort = logging.NullHandler()
 

@@ -25,13 +25,20 @@ def read_world(args: Namespace) -> Scenario | None:
     """Read a world with its settings; None if none is named, or a run."""
     if args.world is None or (args.command == "view" and is_run(args.world)):
         return None
-    file = read_file(args.world, args.resolution, args.scale)
+    file = read_file(args.world, **options_of(args))
     return scenario_of(file, getattr(args, "set", None) or ())
 
 
-def read_file(name: str, resolution: float | None = None, scale: float = 1.0) -> WorldFile:
+def options_of(args: Namespace) -> dict[str, Any]:
+    """How a file is read, as far as that was given."""
+    names = ("scale", "resolution", "page", "layers", "without")
+    given = {name: getattr(args, name, None) for name in names}
+    return {name: value for name, value in given.items() if value is not None}
+
+
+def read_file(name: str, **options: Any) -> WorldFile:
     """Read a world file, and warn if its size is implausible."""
-    file = read_scenario_file(name, resolution=resolution).scaled(scale)
+    file = read_scenario_file(name, **options)
     if warning := size_warning(file.world):
         warn(f"{name}: {warning}")
     return file
@@ -43,7 +50,7 @@ def read_run_parts(args: Namespace) -> tuple[Scenario, dict[str, Any]]:
         raise InputError("--inside, --outside: a controller drives, so no route is planned")
     if args.slam and (args.mapper or args.mode):
         raise InputError("--slam: it is a mapper itself; leave out --mapper and --mode")
-    scenario = scenario_of(read_file(args.world, args.resolution, args.scale), args.set or ())
+    scenario = scenario_of(read_file(args.world, **options_of(args)), args.set or ())
     check_view(args.view or scenario.film.view, scenario.world.cameras)
     kinds = [kind for kind in ("mapper", "controller", "noise") if vars(args)[kind] is not None]
     return scenario, {kind: load_plugin(kind, vars(args)[kind]) for kind in kinds}

@@ -4,12 +4,14 @@ from argparse import Namespace
 from typing import Any
 
 from lrf3d.cli.console import Report, print_json, print_text
+from lrf3d.cli.inputs import options_of
 from lrf3d.geometry import lengths
 from lrf3d.scenario import Scenario
 from lrf3d.text import counted
 from lrf3d.world import World, load_world, save_world, world_names
-from lrf3d.world.files import is_picture
+from lrf3d.world.files import is_drawing, is_picture, load_plan
 from lrf3d.world.generators import generate as generate_world
+from lrf3d.world.plan import Plan
 
 
 def show(scenario: Scenario | None, args: Namespace, report: Report) -> None:
@@ -25,22 +27,50 @@ def show(scenario: Scenario | None, args: Namespace, report: Report) -> None:
     }
     rows = [] if route is None else [("route", counted(len(route), "way-point"))]
     rows += [] if poses is None else [("poses", str(len(poses)))]
+    plan = load_plan(args.world, **options_of(args)) if is_drawing(args.world) else None
+    if plan is not None:
+        rows += _plan_rows(plan)
+        figures["layers"] = [layer._asdict() for layer in plan.layers]
+        figures["doors_m"] = [door.width for door in plan.doors]
+        figures["rooms_m2"] = [area for area, _ in plan.rooms()]
+        figures["left_out"] = plan.left_out
     if args.out is not None:
         from lrf3d.render.figures import draw_world
 
-        draw_world(scenario.world, args.out, route=route, poses=poses)
+        draw_world(scenario.world, args.out, route=route, poses=poses, plan=plan)
         figures["picture"] = str(args.out)
         rows.append(("picture", str(args.out)))
     _describe(report, scenario.world, {"name": scenario.name}, figures, rows)
+
+
+def _plan_rows(plan: Plan) -> list[tuple[str, str]]:
+    """What a drawing was taken for."""
+    layers = [
+        ("layer" if number == 0 else "", f"{name or '(none)'}  {length:.1f} m: {roles}")
+        for number, (name, length, roles) in enumerate(plan.layers)
+    ]
+    doors = [
+        f"{door.width:.2f} m at ({x:.1f}, {y:.1f})"
+        for door in plan.doors
+        for x, y in [door.opening.mean(axis=0)]
+    ]
+    rooms = [f"{area:.1f}" for area, _ in plan.rooms()]
+    return [
+        *layers,
+        ("doors", ", ".join([str(len(doors)), *doors[:20]])),
+        ("rooms", f"{len(rooms)}: {', '.join(rooms[:20])} m²" if rooms else "0"),
+        ("left out", plan.left_out or "nothing"),
+    ]
 
 
 def convert(_: None, args: Namespace, report: Report) -> None:
     """Read a world from one format and write it in another."""
     # The resolution is that of a picture, or of the cells to write.
     bare = is_picture(args.from_)
-    world = load_world(
-        args.from_, trees=args.trees, resolution=args.resolution if bare else None
-    ).scaled(args.scale)
+    options = options_of(args)
+    if not bare:
+        options.pop("resolution", None)
+    world = load_world(args.from_, trees=args.trees, **options)
     cells = args.to.suffix.lower() == ".yaml" or not bare
     save_world(world, args.to, resolution=args.resolution if cells else None)
     written = {"written": str(args.to)}

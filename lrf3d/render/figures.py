@@ -23,6 +23,7 @@ from lrf3d.scene.structures import Sight
 from lrf3d.sheet import FAINT, INK, MARGIN, add_legend, dressed, plain, save_figure, sheet
 from lrf3d.text import counted
 from lrf3d.world import World
+from lrf3d.world.plan import Plan
 
 AREA = 54.0
 """Area of all panels together [square inches], whatever the shape of the world."""
@@ -51,6 +52,7 @@ def draw_world(
     lrf: LaserRangeFinder | None = None,
     route: Float | None = None,
     poses: Float | None = None,
+    plan: Plan | None = None,
 ) -> Figure:
     """Draw a world, and in it a scan with its robot, a route and poses (Fig. 5a).
 
@@ -61,6 +63,7 @@ def draw_world(
         lrf: The range finder; with it, beams without return are drawn up to its range.
         route: (n, 2) way-points to join by a line.
         poses: (k, 3) poses; few are drawn as robots by name, many as a path.
+        plan: The plan of the drawing from which it was read: doors, rooms and what was left out.
 
     Raises:
         OutputError: The picture cannot be written.
@@ -74,8 +77,12 @@ def draw_world(
     title = world.name or "world"
     world = Sight.of(world, np.vstack([legs, stops[:, :2], where[:, :2]])).world
     robots = np.vstack([where, stops])
-    figure, (ax,) = metre_sheet([_ends(world.segments), legs, robots[:, :2]], 1, title, words)
+    places = [_ends(world.segments), legs, robots[:, :2]]
+    places += [_ends(plan.rest)] if plan is not None else []
+    figure, (ax,) = metre_sheet(places, 1, title, words)
     plot.world(world, ax, poses=robots, linewidth=1.6)
+    if plan is not None:
+        _draw_plan(plan, ax)
     if len(legs):
         ax.plot(
             *legs.T, color=plot.PATH, linewidth=1.2, linestyle=(0.0, (4.0, 2.0)), label="route",
@@ -85,6 +92,26 @@ def draw_world(
         plot.scan(scan, ax, lrf=lrf)
     plot.trajectory(stops, ax)
     return finished(figure, [ax], path)
+
+
+def _draw_plan(plan: Plan, ax: Axes) -> None:
+    """Draw the doors and the rooms of a plan, what was left out, and a scale bar."""
+    rest = LineCollection(
+        list(plan.rest.reshape(-1, 2, 2)), colors=FAINT, linewidths=0.6, label="left out", zorder=1
+    )
+    ax.add_collection(rest, autolim=False)
+    for number, door in enumerate(plan.doors):
+        label = "doors that stand open" if number == 0 else "_"
+        ax.plot(*door.opening.T, color=plot.PATH, linewidth=1.6, label=label, zorder=3)
+        ax.annotate(f"{door.width:.2f}", door.opening.mean(axis=0), color=plot.PATH, fontsize=6)
+    for area, place in plan.rooms()[:200]:
+        ax.annotate(f"{area:.1f} m²", (place[0], place[1]), ha="center", color=INK, fontsize=8)
+    left, right = ax.get_xlim()
+    low, high = ax.get_ylim()
+    bar = 10.0 ** np.floor(np.log10((right - left) / 4.0))
+    x, y = left + 0.02 * (right - left), low + 0.02 * (high - low)
+    ax.plot([x, x + bar], [y, y], color=INK, linewidth=4, solid_capstyle="butt", zorder=5)
+    ax.annotate(f" {bar:g} m", (x + bar, y), va="center", color=INK, fontsize=8)
 
 
 def draw_map(

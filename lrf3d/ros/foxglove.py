@@ -1,6 +1,5 @@
 """The stream of a live robot for Foxglove and Lichtblick, without ROS: the same messages as CDR."""
 
-import json
 from collections.abc import Callable, Iterable
 from queue import SimpleQueue
 from time import monotonic, sleep
@@ -53,7 +52,7 @@ class Channels:
                 host=host,
                 port=port,
                 capabilities=[Capability.ClientPublish, Capability.Time],
-                supported_encodings=["cdr", "json"],
+                supported_encodings=["cdr"],
                 server_listener=listener,
                 context=context,
             )
@@ -92,20 +91,15 @@ class Channels:
         if known is None or known.topic.strip("/") != "cmd_vel":
             return
         try:
-            speed, turn, left = self._twist(known.encoding, known.schema_name or TWIST, data)
+            speed, turn, left = self._twist(known.schema_name, data)
         except Exception as error:
             reason = f"cmd_vel of a client cannot be read ({error}); ignored"
             self.asked.put(lambda stream: stream.say("warning", reason))
             return
         self.asked.put(lambda stream: stream.command(speed, turn, left))
 
-    def _twist(self, encoding: str, kind: str, data: bytes) -> tuple[float, float, float]:
-        """Speed, turn rate and sideways speed of a Twist or TwistStamped in CDR or JSON."""
-        if encoding == "json":
-            fields = json.loads(data)
-            twist = fields.get("twist", fields)
-            linear, angular = twist["linear"], twist["angular"]
-            return float(linear["x"]), float(angular["z"]), float(linear.get("y", 0.0))
+    def _twist(self, kind: str, data: bytes) -> tuple[float, float, float]:
+        """Speed, turn rate and sideways speed of a Twist or TwistStamped in CDR."""
         kind = TWIST_STAMPED if kind.endswith("Stamped") else TWIST
         message: Any = self._store.deserialize_cdr(data, kind)
         twist = getattr(message, "twist", message)
@@ -143,8 +137,7 @@ def serve_foxglove(
                 channels.asked.get()(stream)
             messages = [*stream.tick()]
             channels.publish(messages, stream.stamp.nanoseconds)
-            pace.done()
-            end = monotonic() + max(0.0, pace.left())
+            end = monotonic() + pace.next()
             while (left := end - monotonic()) > 0.0 and not asked():
                 sleep(min(left, 0.05))
     finally:

@@ -176,16 +176,13 @@ def serve_node(
         pace = Pace(stream.interval / stream.ticks / speed_up if speed_up else 0.0)
         checked = monotonic()
         while not asked():
-            if stream.paused:
-                pace.rest(0.01)
-            else:
+            if not stream.paused:
                 node.publish(stream.tick())
-                pace.done()
-            node.spin(pace.left())
+            node.spin(pace.next(0.01 if stream.paused else None))
             if monotonic() > checked + CHECKED_EVERY:
                 checked = monotonic()
                 node.check_topics()
-                if speed_up and (share := pace.behind()) < 0.97:
+                if speed_up and (share := pace.share()) < 0.97:
                     node.say("warning", f"behind: only {share:.2f} of the speed; scan less often")
 
 

@@ -1,4 +1,4 @@
-"""Keeps simulated time next to the wall clock, and measures how well that works."""
+"""Keeps simulated time next to the wall clock, and reports how well that works."""
 
 from time import monotonic
 
@@ -14,32 +14,20 @@ class Pace:
     """
 
     def __init__(self, tick: float) -> None:
-        self.tick, self._due, self._lost, self._ticks = tick, monotonic(), 0.0, 0
-        self._since = self._due
+        self.tick, self._lost = tick, 0.0
+        self._due = self._since = monotonic()
 
-    def left(self) -> float:
-        """Time until the next tick is due [s]."""
-        return self._due - monotonic()
-
-    def done(self) -> None:
-        """Count a tick."""
+    def next(self, seconds: float | None = None) -> float:
+        """Time until the next tick is due [s], one tick after the last, or after some seconds."""
         now = monotonic()
-        self._due += self.tick
-        self._ticks += 1
+        self._due += self.tick if seconds is None else seconds
         if now > self._due + PATIENCE:
             self._lost += now - self._due
             self._due = now
+        return self._due - now
 
-    def rest(self, seconds: float) -> None:
-        """Let time stand for a while."""
-        self._due = max(self._due, monotonic()) + seconds
-
-    def behind(self) -> float:
-        """The share of real time that was reached since the last call, if less than it should be.
-
-        1 is in time.
-        """
-        now = monotonic()
-        elapsed, lost = now - self._since, self._lost
-        self._since, self._lost, self._ticks = now, 0.0, 0
+    def share(self) -> float:
+        """The share of the wanted speed that was reached since the last call."""
+        elapsed, lost = monotonic() - self._since, self._lost
+        self._since, self._lost = monotonic(), 0.0
         return 1.0 - lost / elapsed if elapsed > 0.0 else 1.0

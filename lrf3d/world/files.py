@@ -9,7 +9,7 @@ from typing import Any
 from lrf3d.errors import Lrf3dError, OutputError, WorldError, expect
 from lrf3d.files import as_path, check_ordinary, data_folder
 from lrf3d.interrupts import reading
-from lrf3d.world.model import World
+from lrf3d.world.model import World, check_scale
 from lrf3d.world.schema import at
 
 _MESH = ("mesh:read_mesh", 1 << 27)
@@ -21,8 +21,9 @@ READERS = {
     ".osm": ("osm:read_osm", 1 << 28),
     **dict.fromkeys((".yaml", ".yml"), ("ros_map:read_ros_map", 1 << 16)),
     **dict.fromkeys((".png", ".pgm"), _PICTURE),
-    ".dxf": ("drawings:read_dxf", 1 << 26),
-    ".svg": ("drawings:read_svg", 1 << 25),
+    ".dxf": ("drawings:read_drawing", 1 << 26),
+    ".svg": ("drawings:read_drawing", 1 << 25),
+    ".pdf": ("drawings:read_drawing", 1 << 28),
     **dict.fromkeys((".glb", ".gltf", ".obj", ".off", ".ply", ".stl"), _MESH),
 }
 """The module and the function that read a world, and the largest file [bytes], by its ending."""
@@ -37,7 +38,12 @@ WRITERS = {
 
 
 def load_world(
-    name_or_path: str | Path, *, trees: bool = False, resolution: float | None = None
+    name_or_path: str | Path,
+    *,
+    trees: bool = False,
+    resolution: float | None = None,
+    scale: float = 1.0,
+    **drawing: Any,
 ) -> World:
     """Read a world: a built-in one by its name, or a file by its path.
 
@@ -45,6 +51,9 @@ def load_world(
         name_or_path: The name or the path.
         trees: Whether the trunks of the trees in an OpenStreetMap extract are walls, too.
         resolution: Side of a pixel [m], for a bare picture of a floor plan (.png, .pgm).
+        scale: Enlarges the plan, but not the heights: 100 for a drawing of 1:100.
+        drawing: For a drawing, ``layers``, the patterns of the names of the layers that are walls,
+            ``without``, those of layers to leave out, and ``page``, that of a PDF file.
 
     Raises:
         WorldError: There is no such world, its file cannot be used, or an option is given that
@@ -58,30 +67,52 @@ def load_world(
     path = find_world(name_or_path)
     target, _ = READERS[path.suffix.lower()]
     options: dict[str, Any] = {"trees": True} if trees else {}
+    check_scale(scale)
     if trees and path.suffix.lower() != ".osm":
         raise WorldError(f"{path}: trees are read from OpenStreetMap extracts (.osm) alone")
     if resolution is not None:
         options["resolution"] = resolution
         if not is_picture(path):
             raise WorldError(f"{path}: a resolution is for a picture (.png, .pgm) alone")
+    if is_drawing(path):
+        options |= {"scale": scale, **drawing}
+    elif drawing:
+        raise WorldError(f"{path}: {', '.join(drawing)}: for a drawing (.dxf, .svg, .pdf) alone")
     with reading(), at(str(path)):
-        try:
-            world: World = _function(target)(path, **options)
-        except (Lrf3dError, MemoryError):
-            raise
-        except Exception as error:
-            if isinstance(error, OSError) and error.errno is not None:
-                raise WorldError(f"cannot be read: {error.strerror}") from None
-            # What a library raises depends on the damage.
-            reason = f"{type(error).__name__}: {' '.join(str(error).split())}"[:120].strip(": ")
-            kind = path.suffix[1:].lower()
-            raise WorldError(f"damaged, or not a {kind} file ({reason}); save it again") from error
-    return world
+        world: World = _read(path, target, options)
+    return world if is_drawing(path) else world.scaled(scale)
+
+
+def load_plan(path: str | Path, **options: Any) -> Any:
+    """The :class:`~lrf3d.world.plan.Plan` of a drawing, by the options of :func:`load_world`."""
+    path = find_world(path)
+    with reading(), at(str(path)):
+        return _read(path, "drawings:read_plan", options)
+
+
+def _read(path: Path, target: str, options: dict[str, Any]) -> Any:
+    """What a reader returns."""
+    try:
+        return _function(target)(path, **options)
+    except (Lrf3dError, MemoryError):
+        raise
+    except Exception as error:
+        if isinstance(error, OSError) and error.errno is not None:
+            raise WorldError(f"cannot be read: {error.strerror}") from None
+        # What a library raises depends on the damage.
+        reason = f"{type(error).__name__}: {' '.join(str(error).split())}"[:120].strip(": ")
+        kind = path.suffix[1:].lower()
+        raise WorldError(f"damaged, or not a {kind} file ({reason}); save it again") from error
 
 
 def is_picture(path: str | Path) -> bool:
     """Whether a file is a bare picture of a floor plan, which needs a resolution."""
     return READERS.get(Path(path).suffix.lower()) is _PICTURE
+
+
+def is_drawing(path: str | Path) -> bool:
+    """Whether a file is a drawing, which has layers."""
+    return READERS.get(Path(path).suffix.lower(), ("",))[0] == "drawings:read_drawing"
 
 
 def save_world(world: World, path: str | Path, *, resolution: float | None = None) -> None:

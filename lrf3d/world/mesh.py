@@ -100,7 +100,7 @@ def _joined(segments: Float, tolerance: float) -> Float:
     """Segments (n, 4) joined where they go straight on."""
     import shapely
 
-    lines = shapely.linestrings(without_repeats(segments).reshape(-1, 2, 2))
+    lines = shapely.linestrings(segments[without_repeats(segments)].reshape(-1, 2, 2))
     joined = []
     for chain in shapely.get_parts(shapely.line_merge(shapely.multilinestrings(lines))):
         opened = shapely.linestrings(from_corner(shapely.get_coordinates(chain)))

@@ -29,6 +29,12 @@ DEFAULT_HEIGHT = 2.5
 """Height of a wall [m] if none is given: a room's storey."""
 
 
+def check_scale(factor: float) -> None:
+    """Check a factor by which a plan is enlarged."""
+    if not (is_finite(factor) and 1e-6 <= factor <= 1e6):
+        raise WorldError(f"scale {shown(factor)}: expected 0.000001 to 1000000")
+
+
 @dataclass(frozen=True, eq=False)
 class World(Value, Pictured):
     """Walls: line segments with a height, each a part of an object.
@@ -153,8 +159,7 @@ class World(Value, Pictured):
 
     def scaled(self, factor: float) -> "World":
         """The world with x and y scaled about (0, 0) by 0.000001 to 1000000; heights stay."""
-        if not (is_finite(factor) and 1e-6 <= factor <= 1e6):
-            raise WorldError(f"scale {shown(factor)}: expected 0.000001 to 1000000")
+        check_scale(factor)
         if factor == 1.0:
             return self
         return replace(

@@ -9,7 +9,7 @@ import numpy as np
 
 from lrf3d.errors import WorldError
 from lrf3d.files import own_name
-from lrf3d.geometry import LARGEST_COORDINATE, Float, Int, lengths
+from lrf3d.geometry import Float, Int, lengths
 from lrf3d.interrupts import check
 from lrf3d.world.materials import Material
 from lrf3d.world.model import World
@@ -118,29 +118,25 @@ def runs_of(world: World) -> Iterator[tuple[int, dict[str, Any], list[Any], Any]
             yield number, looks(number), lines, heights[0] if len(set(heights)) == 1 else heights
 
 
-def world_of_strokes(strokes: Sequence[Float], path: Path) -> World:
-    """The world of strokes (k, 2) [m]; repeated ones count once."""
-    pieces = [walls(stroke) for stroke in strokes if len(stroke) > 1]
-    segments = np.concatenate(pieces) if pieces else np.empty((0, 4))
-    if not (np.abs(segments) <= LARGEST_COORDINATE).all():
-        raise WorldError(f"holds a line that is not finite, or over {LARGEST_COORDINATE:g} m away")
-    segments = without_repeats(segments[lengths(segments) > 1e-9])
-    if not len(segments):
-        raise WorldError("holds no line and no outline, so there is no wall")
+def world_of_walls(segments: Float, heights: Float, path: Path) -> World:
+    """The world of segments (n, 4), with heights (n,), of which repeated ones count once."""
+    kept = np.flatnonzero(lengths(segments) > 1e-9)
+    kept = kept[without_repeats(segments[kept])]
+    segments, heights = segments[kept], heights[kept]
     extent = float(np.ptp(segments.reshape(-1, 2), axis=0).max())
     # Drawings may have the size of their paper.
     gap = min(TOUCHING, 1e-4 * extent)
-    return World(segments, connected(segments, gap), name=own_name(path))
+    return World(segments, connected(segments, gap), heights, own_name(path))
 
 
-def without_repeats(segments: Float) -> Float:
-    """The segments (n, 4) without repeated ones, in either direction."""
+def without_repeats(segments: Float) -> Int:
+    """The numbers of the segments (n, 4) without repeated ones, in either direction."""
     turned = (segments[:, 0] > segments[:, 2]) | (
         (segments[:, 0] == segments[:, 2]) & (segments[:, 1] > segments[:, 3])
     )
     either = np.where(turned[:, None], segments[:, [2, 3, 0, 1]], segments)
     _, kept = np.unique(either, axis=0, return_index=True)
-    return np.asarray(segments[np.sort(kept)], dtype=np.float64)
+    return np.sort(kept)
 
 
 def connected(segments: Float, gap: float = TOUCHING) -> Int:

@@ -146,7 +146,7 @@ REFUSED: dict[str, tuple[str | bytes, str]] = {
     "wide.osm": (OSM.replace('lon="4.0"', 'lon="-100"'), "apart"),
     "entity.svg": (_ENTITY.format("svg"), "not XML|entity"),
     "root.svg": ("<html></html>", "<svg> was expected"),
-    "itself.svg": (SVG.replace("<defs>", '<g id="u"><use href="#u"/></g><defs>'), "damaged"),
+    "itself.svg": (SVG.replace("<defs>", '<g id="u"><use href="#u"/></g><defs>'), "100 deep"),
     "outside.svg": (SVG.replace("#r", "../secret.svg#r"), "outside this file"),
     "unit.svg": (SVG.replace("100mm", "100furlong"), "width is '100furlong'"),
     "box.svg": (SVG.replace("0 0 1000 500", "0 0 0 0"), "viewBox is"),

@@ -133,6 +133,37 @@ def push(kind="Twist"):
         time.sleep(0.05)
 
 
+def record(folder, scans):
+    """Record topics into a bag, as ros2 bag record does, until it has so many scans."""
+    from rosbags.rosbag2 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    rclpy.init()
+    node, count = rclpy.create_node("record"), 0
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    with Writer(folder, version=8) as bag:
+
+        def listen(kind, topic, quality):
+            name = f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"
+            connection = bag.add_connection(f"/{topic}", name, typestore=store)
+
+            def write(data):
+                nonlocal count
+                bag.write(connection, time.time_ns(), data)
+                count += topic == "scan"
+
+            node.create_subscription(kind, topic, write, quality, raw=True)
+
+        listen(LaserScan, "scan", 50)
+        listen(Odometry, "odom", 500)
+        listen(TFMessage, "tf", 500)
+        listen(TFMessage, "tf_static", LATCHED)
+        end = time.monotonic() + 60
+        while count < int(scans) and time.monotonic() < end:
+            rclpy.spin_once(node, timeout_sec=0.1)
+    print(json.dumps({"scans": count}))
+
+
 def orders(x, y):
     """Call each service, send valid and invalid poses and commands; a wall is at (x, y)."""
     watcher = Watcher()
@@ -183,4 +214,5 @@ def orders(x, y):
 
 
 if __name__ == "__main__":
-    {each.__name__: each for each in (watch, square, push, orders)}[sys.argv[1]](*sys.argv[2:])
+    name, *words = sys.argv[1:]
+    {each.__name__: each for each in (watch, square, push, record, orders)}[name](*words)

@@ -7,6 +7,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from program import lrf3d as called
 
 from lrf3d import load_world
 
@@ -17,6 +18,7 @@ if PYTHON is None:
 DOMAIN = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_DOMAIN_ID": "77"}
 RUNNING = {"stderr": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
 CLIENT = Path(__file__).with_name("client.py")
+ROOT = Path(__file__).parents[2]
 RUNNING["env"] = os.environ | DOMAIN
 FRAMES = [["base_link", "laser"], ["map", "odom"], ["odom", "base_link"]]
 
@@ -117,3 +119,15 @@ def test_commands_of_a_wrong_type_are_reported(start, started):
     started(CLIENT, "push", "PoseStamped")
     assert client("watch", "3")["speed"] == 0.0
     assert "PoseStamped: expected geometry_msgs/msg/Twist" in ended(simulator)
+
+
+def test_a_node_follows_walls_and_what_is_recorded_is_mapped_as_it_was_driven(
+    start, started, tmp_path
+):
+    start("corridor", "--rate", "10", "--speed-up", "2")
+    follower = started(ROOT / "examples/ros_wall_follower.py")
+    assert client("record", tmp_path / "bag", "150")["scans"] >= 150
+    follower.send_signal(signal.SIGINT)
+    assert "segments" in follower.communicate(timeout=20)[0]
+    mapped = called("map", str(tmp_path / "bag"), "--out", str(tmp_path / "map"), "--json")
+    assert json.loads(mapped.stdout)["score"]["explained"] >= 0.99

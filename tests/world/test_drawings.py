@@ -7,11 +7,17 @@ import numpy as np
 import pytest
 import shapely
 from ezdxf import units
+from ezdxf.math import Vec2
+from ezdxf.xclip import XClip
 
-from lrf3d.errors import WorldError
+from lrf3d.errors import Lrf3dNote, WorldError
+from lrf3d.geometry import lengths
 from lrf3d.world import World, load_world
-from lrf3d.world.drawings import CURVE_ERROR
+from lrf3d.world.drawing import CURVE_ERROR
+from lrf3d.world.files import load_plan
 from lrf3d.world.pieces import connected, joined_objects, without_repeats
+
+pytestmark = pytest.mark.filterwarnings("ignore::lrf3d.errors.Lrf3dNote")
 
 
 def svg(folder, body, head='width="1000mm" height="1000mm" viewBox="0 0 10 10"'):
@@ -77,6 +83,27 @@ def test_transforms_uses_and_the_view_box_are_followed_and_y_points_up(tmp_path)
         ('<svg x="1" y="2"><path d="M0 0h3v4"/></svg>', (1, 2), (4, 6)),
         ('<symbol id="s"><path d="M0 0h4v4"/></symbol><use href="#s" x="1" y="2"/>',
          (1, 2), (5, 6)),
+        # Symbols are fitted into their use, and clip what is outside of it.
+        ('<symbol id="s" viewBox="0 0 4 4"><path d="M0 0h4v8" stroke="red" fill="none"/></symbol>'
+         '<use href="#s" x="1" y="2" width="2" height="2"/>', (1, 2), (3, 4)),
+        # Style sheets, also those of groups, and origins of transforms.
+        ('<style>.a .b {display: none} rect.c {fill: none; stroke: none}</style>'
+         '<g class="a"><rect class="b" width="9" height="9"/></g><rect class="c" width="9"'
+         ' height="9"/><rect x="1" y="1" width="2" height="1"/>', (1, 1), (3, 2)),
+        ('<rect style="transform: rotate(90deg); transform-origin: 3px 3px" x="1" y="1" width="4"'
+         ' height="1"/>', (4, 1), (5, 5)),
+        ('<rect style="transform: rotate(90deg); transform-origin: center" x="4" y="1" width="2"'
+         ' height="1"/>', (8, 4), (9, 6)),
+        # What later areas cover is not seen, nor is what a clip or a mask cuts off.
+        ('<path d="M0 1h9" stroke="#000" stroke-width=".1"/>'
+         '<rect x="5" width="5" height="5" fill="white"/>',
+         (0, 1), (5, 1)),
+        ('<clipPath id="c"><rect width="3" height="9"/></clipPath>'
+         '<g clip-path="url(#c)"><path d="M1 1h8" stroke="#000" stroke-width=".1"/></g>',
+         (1, 1), (3, 1)),
+        ('<mask id="m"><rect width="9" height="9" fill="#fff"/><rect x="4" width="5" height="9"/>'
+         '</mask><path mask="url(#m)" d="M1 1h8" stroke="#000" stroke-width=".1"/>',
+         (1, 1), (4, 1)),
         # What clips, masks, fills and marks is no outline.
         ('<clipPath id="c"><path d="M0 0h9v9"/></clipPath><mask><path d="M0 0h9v9"/></mask>'
          '<pattern><path d="M0 0h9v9"/></pattern><marker><path d="M0 0h9v9"/></marker>'
@@ -87,12 +114,6 @@ def test_an_svg_drawing_is_read_as_browsers_draw_it(body, low, high, tmp_path):
     world = svg(tmp_path, body, 'width="10m" height="10m" viewBox="0 0 10 10"')
     drawn = np.array([[low[0], 10 - high[1]], [high[0], 10 - low[1]]])
     assert world.bounds == pytest.approx(drawn, abs=0.01)
-
-
-def test_a_symbol_that_would_have_to_be_fitted_is_refused(tmp_path):
-    body = '<symbol id="s" viewBox="0 0 4 4"><path d="M0 0h4v4"/></symbol><use href="#s"/>'
-    with pytest.raises(WorldError, match="uses '#s', a symbol with a viewBox; draw it"):
-        svg(tmp_path, body)
 
 
 def test_a_sheet_without_a_height_keeps_its_proportions(tmp_path):
@@ -150,9 +171,110 @@ def test_the_lines_of_a_multiline_are_walls(tmp_path):
     assert world.bounds == pytest.approx(np.array([[0, -1], [11, 5]]))
 
 
+def test_what_a_dxf_drawing_hides_is_no_wall(tmp_path):
+    def draw(space):
+        doc = space.doc
+        block = doc.blocks.new("hall")
+        block.add_line((0, 0), (10, 0))
+        block.add_line((8, -1), (8, 1))
+        XClip(space.add_blockref("hall", (0, 0))).set_block_clipping_path([(-1, -1), (6, 2)])
+        space.add_line((0, 5), (10, 5))
+        space.add_wipeout([(4, 4), (5, 6)])
+        space.add_text("hall")
+        space.add_linear_dim((0, 7), (0, 0), (10, 0)).render()
+        doc.layers.add("OFF").off()
+        hidden = doc.blocks.new("hidden")
+        hidden.add_line((0, 30), (1, 30), dxfattribs={"layer": "OFF"})
+        space.add_blockref("hidden", (0, 0))
+
+    with pytest.warns(Lrf3dNote, match="left out: 1 dimension, 1 hidden part, 1 text"):
+        world = dxf(tmp_path, draw)
+    assert sorted(np.round(lengths(world.segments), 2)) == [4.0, 5.0, 6.0]
+
+
+def test_walls_with_a_thickness_have_two_faces(tmp_path):
+    def draw(space):
+        space.add_lwpolyline([(0, 0), (10, 0), (10, 6), (0, 6)], close=True).dxf.const_width = 0.3
+        hatch = space.add_hatch()
+        hatch.paths.add_polyline_path([(20, 0), (24, 0), (24, 0.2), (20, 0.2)])
+        hatch.paths.add_polyline_path([(21, 0.05), (22, 0.05), (22, 0.15), (21, 0.15)])
+        space.add_lwpolyline([(20, 0), (24, 0), (24, 0.2), (20, 0.2)], close=True)
+
+    world = dxf(tmp_path, draw)
+    # The outline of the hatch counts once, with its hole.
+    total = 2 * (9.7 + 5.7 + 10.3 + 6.3 + 4.2 + 1.1)
+    assert lengths(world.segments).sum() == pytest.approx(total, abs=1e-3)
+    assert world.bounds == pytest.approx(np.array([[-0.15, -0.15], [24, 6.15]]))
+    thick = '<path d="M1 1h8v8h-8z" fill="none" stroke="#222" stroke-width=".3"/>'
+    faces = svg(tmp_path, thick, 'width="10m" height="10m" viewBox="0 0 10 10"')
+    assert lengths(faces.segments).sum() == pytest.approx(4 * (7.7 + 8.3))
+
+
+@pytest.mark.parametrize("unit", [1.0, 0.001])
+def test_a_leaf_and_its_arc_are_a_door_that_stands_open(unit, tmp_path):
+    def draw(space):
+        ends = [(0, 0), (2, 0)], [(2.9, 0), (6, 0)], [(2, 0), (2, 0.9)]
+        for one, two in ends:
+            space.add_line(Vec2(one) / unit, Vec2(two) / unit)
+        space.add_arc(Vec2(2, 0) / unit, 0.9 / unit, 0, 90)
+        # A round corner has no leaf.
+        space.add_arc(Vec2(6, 1) / unit, 1 / unit, 270, 360)
+
+    dxf(tmp_path, draw, units.M if unit == 1.0 else units.MM)
+    plan = load_plan(tmp_path / "a.dxf")
+    (door,) = plan.doors
+    assert door.width == pytest.approx(0.9, abs=1e-3)
+    assert door.opening == pytest.approx(np.array([[2, 0], [2.9, 0]]), abs=1e-3)
+    assert lengths(plan.segments).sum() == pytest.approx(5.1 + np.pi / 2, abs=0.01)
+
+
+def test_layers_are_taken_by_their_names_or_as_chosen(tmp_path):
+    def draw(space):
+        for number, layer in enumerate(("A-WALL", "Türen", "Möbel", "A-ANNO-DIMS", "plan 7")):
+            space.add_line((0, number), (4 + number, number), dxfattribs={"layer": layer})
+
+    world = dxf(tmp_path, draw)
+    assert world.segments[:, 2].tolist() == [4, 6, 8]
+    assert world.heights.tolist() == [2.5, 0.8, 2.5]
+    path = tmp_path / "a.dxf"
+    assert load_world(path, layers=["a-*", "türen"]).segments[:, 2].tolist() == [4, 5, 7]
+    assert load_world(path, without=["möb*"]).segments[:, 2].tolist() == [4, 8]
+    with pytest.raises(WorldError, match=r"no layer is called A-GLAZ; .* A-WALL, Türen"):
+        load_world(path, layers=["A-GLAZ"])
+
+
+def test_words_that_are_drawn_as_lines_are_no_walls(tmp_path):
+    letters = " M1 5v-.3h.2 M1.3 5v-.3 M1.4 5h.2v-.3h-.2z M1.7 5v-.3h.15v.15h-.15"
+    columns = "".join(f"M{x} 8h.3v.3h-.3z" for x in (1, 1.4, 1.8, 2.2))
+    looks = 'style="fill: none; stroke: red; stroke-width: .1"'
+    walls = f'<path d="M0 0h9v9h-9z{letters}{columns}" {looks}/>'
+    world = svg(tmp_path, walls, 'width="10m" height="10m" viewBox="0 0 10 10"')
+    assert lengths(world.segments).sum() == pytest.approx(36 + 4 * 1.2)
+
+
+@pytest.mark.parametrize("kind", ["dxf", "svg"])
+def test_the_work_for_a_drawing_is_bounded(kind, tmp_path, monkeypatch):
+    monkeypatch.setattr("lrf3d.world.drawing.MOST_MARKS", 2000)
+
+    def draw(space):
+        for level in range(9):
+            block = space.doc.blocks.new(f"b{level}")
+            for number in range(10):
+                if level:
+                    block.add_blockref(f"b{level - 1}", (number, 0))
+        space.add_blockref("b8", (0, 0))
+
+    groups = "".join(f'<g id="b{n}">{10 * f"""<use href="#b{n - 1}"/>"""}</g>' for n in range(1, 9))
+    with pytest.raises(WorldError, match="draws more than 2,000 lines"):
+        if kind == "dxf":
+            dxf(tmp_path, draw)
+        else:
+            svg(tmp_path, f'<defs><g id="b0"/>{groups}</defs><use href="#b8"/>')
+
+
 def test_lines_drawn_twice_count_once():
     segments = np.array([[0, 0, 1, 1], [1, 1, 0, 0], [0, 0, 1, 1], [0, 0, 0, 1]], dtype=float)
-    assert without_repeats(segments).tolist() == [[0, 0, 1, 1], [0, 0, 0, 1]]
+    assert without_repeats(segments).tolist() == [0, 3]
 
 
 def test_walls_that_touch_are_one_object_also_far_from_the_origin():
@@ -165,3 +287,61 @@ def test_objects_that_touch_count_as_one_by_their_lowest_number():
     segments = [[0, 0, 4, 0], [2, 0, 2, 3], [9, 9, 8, 9], [20, 0, 21, 0], [8, 9, 8, 5]]
     world = World(segments, objects=[3, 1, 2, 2, 4])
     assert joined_objects(world).tolist() == [1, 1, 2, 2, 2]
+
+
+def pdf(folder, content, page="", forms="", root=""):
+    """A file of a page of 144 by 72 points, with what is drawn on it, and a form F."""
+    stream = "<</Length {0}{1}>>\nstream\n{2}\nendstream"
+    objects = [
+        f"<</Type/Catalog/Pages 2 0 R{root}>>",
+        "<</Type/Pages/Kids[3 0 R]/Count 1>>",
+        "<</Type/Page/Parent 2 0 R/MediaBox[0 0 144 72]/Contents 4 0 R/Resources<</XObject<</F 5 0"
+        f" R>>/Properties<</L 6 0 R/M 7 0 R>>>>{page}>>",
+        stream.format(len(content), "", content),
+        stream.format(len(forms), "/Type/XObject/Subtype/Form/BBox[0 0 50 50]", forms),
+        "<</Type/OCG/Name(A-WALL)>>",
+        "<</Type/OCG/Name(hidden)>>",
+    ]
+    text, places = "%PDF-1.7\n", []
+    for number, body in enumerate(objects, 1):
+        places.append(f"{len(text):010} 00000 n \n")
+        text += f"{number} 0 obj\n{body}\nendobj\n"
+    table = f"xref\n0 {len(objects) + 1}\n0000000000 65535 f \n{''.join(places)}"
+    end = f"trailer\n<</Size {len(objects) + 1}/Root 1 0 R>>\nstartxref\n{len(text)}\n%%EOF"
+    (folder / "a.pdf").write_text(text + table + end)
+    return load_world(folder / "a.pdf", scale=100.0)
+
+
+INCH = 2.54
+"""An inch of a drawing of 1:100 [m]."""
+
+
+@pytest.mark.parametrize(
+    ("content", "page", "low", "high"),
+    [
+        ("0 0 m 72 36 l S", "", (0, 0), (1, 0.5)),
+        ("q 2 0 0 1 72 0 cm 0 0 m 36 36 l S Q", "", (1, 0), (2, 0.5)),
+        ("0 0 m 72 36 l S", "/Rotate 90", (0, 1), (0.5, 2)),
+        ("0 0 m 72 36 l S", "/Rotate 270", (0.5, 0), (1, 1)),
+        ("0 36 m 144 36 l S", "/CropBox[36 18 108 72]", (0, 0.25), (1, 0.25)),
+        ("0 0 m 72 36 l S", "/UserUnit 2", (0, 0), (2, 1)),
+        ("0 0 36 72 re W n 0 36 m 144 36 l S", "", (0, 0.5), (0.5, 0.5)),
+        ("q 1 0 0 1 36 0 cm /F Do Q", "", (0.5, 0.25), (0.5 + 50 / 72, 0.25)),
+        ("0 36 m 144 36 l S 1 g 72 0 72 72 re f", "", (0, 0.5), (1, 0.5)),
+        ("/OC /M BDC 0 0 m 144 72 l S EMC /OC /L BDC 36 0 m 36 72 l S EMC", "", (0.5, 0), (0.5, 1)),
+    ],
+)
+def test_a_page_of_pdf_is_read_as_it_is_shown(content, page, low, high, tmp_path):
+    layers = "/OCProperties<</OCGs[6 0 R 7 0 R]/D<</OFF[7 0 R]>>>>"
+    world = pdf(tmp_path, content, page, forms="0 18 m 100 18 l S", root=layers)
+    assert world.bounds / INCH == pytest.approx(np.array([low, high]), abs=1e-3)
+
+
+def test_a_scanned_page_is_read_as_a_picture(tmp_path):
+    # Four pixels of 36 points: the first is black.
+    pixels = "q 72 0 0 72 0 0 cm BI /W 2 /H 2 /BPC 8 /CS /G /F /AHx ID 00FFFFFF> EI Q"
+    world = pdf(tmp_path, pixels)
+    black = np.array([[0, 0.5], [0.5, 1]])
+    assert world.bounds / INCH == pytest.approx(black, abs=0.02)
+    with pytest.raises(WorldError, match="has no page 2; --page is 1 to 1"):
+        load_world(tmp_path / "a.pdf", page=2)

@@ -1,0 +1,149 @@
+"""Drawings in DXF, as ezdxf draws them: blocks, clips, wipeouts, layers, widths and hatches.
+
+``$INSUNITS`` gives the unit; a drawing without one is in metres. Heights (z) and what is off or
+frozen are ignored; paper space is read if model space is empty. Hatches with a pattern, texts,
+dimensions, leaders, pictures and endless lines are counted.
+"""
+
+from collections.abc import Iterable
+from contextlib import redirect_stdout
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lrf3d.errors import WorldError
+from lrf3d.geometry import LARGEST_COORDINATE, Float
+from lrf3d.world.drawing import CURVE_ERROR, Canvas, Mark
+
+# It prints where it cannot keep a list of the fonts that it finds, which no wall needs.
+with redirect_stdout(StringIO()):
+    from ezdxf import units
+    from ezdxf.addons.drawing.backend import Backend
+    from ezdxf.addons.drawing.config import BackgroundPolicy, Configuration, LinePolicy
+    from ezdxf.addons.drawing.frontend import Frontend
+    from ezdxf.addons.drawing.properties import RenderContext
+    from ezdxf.enums import InsertUnits
+    from ezdxf.filemanagement import readfile
+
+PAPER = "#fefdfb"
+"""A white that no drawing uses: just wipeouts have it."""
+
+LEFT_OUT = {
+    **dict.fromkeys(("TEXT", "MTEXT", "ATTRIB", "ATTDEF", "RTEXT", "ARCALIGNEDTEXT"), "text"),
+    **dict.fromkeys(("DIMENSION", "ARC_DIMENSION", "LARGE_RADIAL_DIMENSION"), "dimension"),
+    **dict.fromkeys(("LEADER", "MULTILEADER", "MLEADER", "TOLERANCE"), "leader"),
+    **dict.fromkeys(("IMAGE", "OLE2FRAME", "PDFUNDERLAY", "DWFUNDERLAY", "DGNUNDERLAY"), "picture"),
+    **dict.fromkeys(("XLINE", "RAY"), "endless line"),
+    "ACAD_TABLE": "table",
+    "POINT": "point",
+    "VIEWPORT": "viewport",
+}
+"""Entities that are no walls, by what they are called in the line that counts them."""
+
+
+def draw_dxf(path: Path, scale: float) -> Canvas:
+    """The marks of a DXF drawing, enlarged by a scale."""
+    file = readfile(path)
+    # The frame of a clip is shown, but not plotted.
+    file.header["$XCLIPFRAME"] = 0
+    code = file.header.get("$INSUNITS", 0)
+    if code not in range(25):
+        raise WorldError(f"$INSUNITS is {code!r}, expected 0 to 24")
+    unit = units.conversion_factor(InsertUnits(code), InsertUnits.Meters) if code else 1.0
+    canvas = Canvas(CURVE_ERROR / (unit * scale))
+    filled = [layout for layout in file.layouts if any(e.dxftype() != "VIEWPORT" for e in layout)]
+    config = Configuration(
+        max_flattening_distance=canvas.tolerance,
+        line_policy=LinePolicy.SOLID,
+        background_policy=BackgroundPolicy.CUSTOM,
+        custom_bg_color=PAPER,
+    )
+    # Model space is the first.
+    for layout in filled[:1]:
+        with redirect_stdout(StringIO()):
+            _Walker(RenderContext(file), canvas, unit * scale, config).draw_layout(layout)
+    return canvas
+
+
+class _Walker(Frontend):
+    """Leaves out and counts what is no wall."""
+
+    def __init__(
+        self, context: RenderContext, canvas: Canvas, scale: float, config: Configuration
+    ) -> None:
+        super().__init__(context, _Painter(canvas, scale), config)
+        self.canvas = canvas
+
+    def draw_entity(self, entity: Any, properties: Any) -> None:
+        kind, canvas = entity.dxftype(), self.canvas
+        canvas.count(entity.mcount if kind == "INSERT" else 1)
+        if kind in ("HATCH", "MPOLYGON") and not entity.has_solid_fill:
+            canvas.left_out["hatch with a pattern"] += 1
+        elif kind in LEFT_OUT:
+            canvas.left_out[LEFT_OUT[kind]] += 1
+        else:
+            super().draw_entity(entity, properties)
+
+    def skip_entity(self, entity: Any, msg: str) -> None:
+        hidden = msg == "invisible"
+        self.canvas.count()
+        self.canvas.left_out["hidden part" if hidden else entity.dxftype()] += 1
+
+
+class _Painter(Backend):
+    """Paints on a canvas what ezdxf draws."""
+
+    def __init__(self, canvas: Canvas, scale: float) -> None:
+        super().__init__()
+        self.canvas, self.scale = canvas, scale
+
+    def _mark(self, properties: Any, contrast: float = 1.0) -> Mark:
+        names = (e.dxf.name for e, _ in reversed(self.entity_stack) if e.dxftype() == "INSERT")
+        own = (properties.layer, next(names, ""))
+        return Mark(None, properties.layer, own, contrast=contrast)
+
+    def draw_line(self, start: Any, end: Any, properties: Any) -> None:
+        self.canvas.line(np.array([tuple(start), tuple(end)]) * self.scale, self._mark(properties))
+
+    def draw_path(self, path: Any, properties: Any) -> None:
+        mark = self._mark(properties)
+        for part in path.sub_paths():
+            self.canvas.line(self._points(part), mark)
+
+    def draw_filled_paths(self, paths: Iterable[Any], properties: Any) -> None:
+        rings = [self._points(part) for path in paths for part in path.sub_paths()]
+        self._fill(rings, properties)
+
+    def draw_filled_polygon(self, points: Any, properties: Any) -> None:
+        self._fill([np.array(points.to_tuples()) * self.scale], properties)
+
+    def _fill(self, rings: list[Float], properties: Any) -> None:
+        red, green, blue = bytes.fromhex(properties.color[1:7])
+        contrast = max(0.1, 1.0 - min(red, green, blue) / 255.0)
+        mark = self._mark(properties, 0.0 if properties.color == PAPER else contrast)
+        opaque = properties.color[7:].lower() in ("", "ff")
+        self.canvas.area(rings, mark._replace(opaque=opaque))
+
+    def _points(self, path: Any) -> Float:
+        corners = np.array([tuple(point) for point in path.control_vertices()])
+        extent = float(np.ptp(corners, axis=0).max())
+        if not extent * self.scale <= LARGEST_COORDINATE:
+            raise WorldError("holds a curve that is not finite, or far too large")
+        if path.has_curves:
+            distance = min(self.canvas.tolerance, max(extent / 2000.0, 1e-12))
+            corners = np.array([tuple(p) for p in path.flattening(distance, segments=4)])
+        return corners * self.scale
+
+    def draw_point(self, pos: Any, properties: Any) -> None:
+        pass
+
+    def draw_image(self, image_data: Any, properties: Any) -> None:
+        pass
+
+    def set_background(self, color: Any) -> None:
+        pass
+
+    def clear(self) -> None:
+        pass

@@ -1,0 +1,217 @@
+"""A plan: what of a drawing stands as a wall, and what are doors, furniture, text and floors.
+
+A drawing enters; walls (segments with heights) and doors leave, with what was left out and why. A
+layer whose name says what it holds is taken at its word. Elsewhere a leaf and its quarter arc are
+a door that stands open, and rows of small strokes are text. What has a thickness is two faces.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from fnmatch import fnmatch
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lrf3d.errors import WorldError
+from lrf3d.geometry import Float
+from lrf3d.text import counted
+from lrf3d.world.drawing import Drawing, Mark, is_area
+from lrf3d.world.layers import role_of
+from lrf3d.world.lettering import is_lettering
+from lrf3d.world.model import DEFAULT_HEIGHT, World
+from lrf3d.world.openings import Door, find_doors
+from lrf3d.world.pieces import world_of_walls
+
+FURNITURE_HEIGHT = 0.8
+"""Height of furniture [m]: that of tables and of kitchen units."""
+
+THICKEST = 0.6
+"""Mean thickness [m] up to which an area is a wall, and not a floor, whatever its colour."""
+
+DARK = 0.45
+"""Contrast from which on a thick area stands, such as a solid house: floors are paler."""
+
+OUTLINE = 1e-4
+"""Distance [m] up to which a line runs along the outline of an area."""
+
+LEAST_ROOM = 1.5
+"""Least area [m²] of a room: of a closet, or a place for a lavatory."""
+
+CRACK = 0.02
+"""Half of a gap [m] between walls through which two rooms do not become one."""
+
+STANDS = ("wall", "window", "other", "furniture")
+"""The roles of what stands; lines of ``other`` layers are walls, too."""
+
+
+class Layer(NamedTuple):
+    """A layer: its name, the length of its lines [m], and what they are taken for."""
+
+    name: str
+    length: float
+    roles: str
+
+
+class Plan(NamedTuple):
+    """Walls (n, 4) with heights (n,) [m], doors, what was left out (k, 4), and the layers."""
+
+    segments: Float
+    heights: Float
+    doors: list[Door]
+    rest: Float
+    layers: list[Layer]
+    left_out: str
+    """In words: ``12 texts, layers DOORS, TEXT``."""
+
+    def rooms(self) -> list[tuple[float, Float]]:
+        """Areas [m²] of the rooms between walls and closed doors, and points (2,) in them."""
+        import shapely
+
+        walls = self.segments[self.heights > FURNITURE_HEIGHT].reshape(-1, 2, 2)
+        # Openings are measured along the arc of a leaf, and end near their walls.
+        ends = np.array([door.opening for door in self.doors]).reshape(-1, 2, 2)
+        ends = ends + 0.06 * (ends - ends[:, ::-1])
+        lines = shapely.linestrings(np.concatenate([walls, ends]))
+        thick = shapely.union_all(shapely.buffer(lines, CRACK, cap_style="square"))
+        holes = [hole for part in shapely.get_parts(thick) for hole in part.interiors]
+        if not holes:
+            return []
+        faces = shapely.buffer(shapely.polygons(holes), CRACK, join_style="mitre")
+        area, edge = shapely.area(faces), shapely.length(faces)
+        rooms = faces[(area > LEAST_ROOM) & (2.0 * area > THICKEST * edge)]
+        rooms = rooms[np.argsort(-shapely.area(rooms))]
+        places = shapely.get_coordinates(shapely.point_on_surface(rooms))
+        return list(zip(shapely.area(rooms).tolist(), places, strict=True))
+
+    def world(self, path: Path) -> World:
+        """The world of the walls."""
+        if not len(self.segments):
+            known = ", ".join(layer.name for layer in self.layers[:20] if layer.name)
+            held = f"; it holds {self.left_out}" if self.left_out else ""
+            remedy = f"; --layers takes layers as walls: {known}" if known else ""
+            raise WorldError(f"there is no wall in it{held}{remedy}")
+        return world_of_walls(self.segments, self.heights, path)
+
+
+def plan_of(drawing: Drawing, layers: Sequence[str] = (), without: Sequence[str] = ()) -> Plan:
+    """Decide what of a drawing stands; of some layers alone, or without some, by patterns."""
+    import shapely
+
+    marks = drawing.marks
+    roles = _without_floors(marks, _roles(marks, layers, without))
+    solids = _solids(marks, roles)
+    flat = [(mark.shape, role) for mark, role in zip(marks, roles, strict=True)
+            if not (is_area(mark.shape) and role in STANDS)]  # fmt: skip
+    solid = shapely.union_all([shape for shape, _ in solids]).buffer(OUTLINE)
+    shapely.prepare(solid)
+    pieces = [
+        (shape.difference(solid) if role in STANDS and solid.intersects(shape) else shape, role)
+        for shape, role in flat
+    ]
+    pieces += [(shape.boundary, role) for shape, role in solids]
+    segments, line, role = _segments(pieces)
+    drawn = np.isin(role, [*STANDS, "door"])
+    doors, opened = find_doors(segments, line, drawn)
+    stands = np.isin(role, STANDS) & ~opened
+    loose = np.flatnonzero(stands & (role == "other"))
+    letters = loose[is_lettering(segments[loose])]
+    stands[letters] = False
+    left = Counter(drawing.left_out)
+    left["letter stroke"] = len(letters)
+    left["floor"] = roles.count("floor")
+    hidden = {mark.layer for mark, role in zip(marks, roles, strict=True) if role == "left out"}
+    named = {mark.layer: role for mark, role in zip(marks, roles, strict=True)}
+    hidden |= {name for name, role in named.items() if role in ("annotation", "door")}
+    words = [counted(number, noun) for noun, number in sorted(left.items()) if number]
+    words += [f"layers {', '.join(sorted(hidden))}"] if hidden else []
+    return Plan(
+        segments[stands],
+        np.where(role[stands] == "furniture", FURNITURE_HEIGHT, DEFAULT_HEIGHT),
+        doors,
+        segments[~stands],
+        _listed(marks, roles),
+        ", ".join(words),
+    )
+
+
+def _roles(marks: list[Mark], layers: Sequence[str], without: Sequence[str]) -> list[str]:
+    """What each mark is, by the name of its layer and of its block, and by what was chosen."""
+    names = list(dict.fromkeys((mark.layer, mark.names) for mark in marks))
+    for pattern in (*layers, *without):
+        if not any(_fits(name, [pattern]) for name in names):
+            known = ", ".join(dict.fromkeys(layer or "(none)" for layer, _ in names[:100]))
+            raise WorldError(f"no layer is called {pattern}; with lines are {known}")
+    kinds = dict[Any, str]()
+    for name in names:
+        role = role_of(*name[1])
+        if layers and role in ("annotation", "door", "other"):
+            role = "wall"
+        chosen = (not layers or _fits(name, layers)) and not _fits(name, without)
+        kinds[name] = role if chosen else "left out"
+    return [kinds[mark.layer, mark.names] for mark in marks]
+
+
+def _fits(name: tuple[str, tuple[str, ...]], patterns: Sequence[str]) -> bool:
+    """Whether a layer, or another name of it, fits one of some patterns."""
+    each = [word.casefold() for word in (name[0], *name[1])]
+    return any(fnmatch(word, pattern.casefold()) for word in each for pattern in patterns)
+
+
+def _without_floors(marks: list[Mark], roles: list[str]) -> list[str]:
+    """The roles, where areas that are floors are said to be that: thick, and pale or drawn on."""
+    import shapely
+
+    shapes = [mark.shape for mark in marks]
+    tree, roles = shapely.STRtree(shapes), list(roles)
+    for number, (mark, role) in enumerate(zip(marks, roles, strict=True)):
+        area, edge = mark.shape.area, mark.shape.length
+        stands = role in STANDS and role != "furniture" and is_area(mark.shape)
+        if stands and 2.0 * area > THICKEST * edge:
+            pale = mark.contrast < DARK and role != "wall"
+            if pale or (tree.query(mark.shape, predicate="contains_properly") > number).any():
+                roles[number] = "floor"
+    return roles
+
+
+def _solids(marks: list[Mark], roles: list[str]) -> list[tuple[Any, str]]:
+    """The areas that stand, joined where they touch, each with its role."""
+    import shapely
+
+    solids = list[tuple[Any, str]]()
+    areas = np.array([is_area(mark.shape) for mark in marks], dtype=bool)
+    kinds = np.where(areas, np.array(roles, dtype=object), "")
+    shapes = np.array([mark.shape for mark in marks], dtype=object)
+    for group in (("wall", "window", "other"), ("furniture",)):
+        members = np.flatnonzero(np.isin(kinds, group))
+        parts = shapely.get_parts(shapely.union_all(shapes[members]))
+        part, member = shapely.STRtree(shapes[members]).query(parts, predicate="intersects")
+        named = np.zeros(len(parts), dtype=bool)
+        named[part[kinds[members[member]] != "other"]] = True
+        solids += [
+            (shape, ("wall" if known else "other") if "wall" in group else "furniture")
+            for shape, known in zip(parts, named, strict=True)
+            if is_area(shape)
+        ]
+    return solids
+
+
+def _segments(pieces: list[tuple[Any, str]]) -> tuple[Float, Any, Any]:
+    """The segments (n, 4) of geometries, the number of the line and the role (n,) of each."""
+    import shapely
+
+    shapes = [shape.boundary if is_area(shape) else shape for shape, _ in pieces]
+    lines, piece = shapely.get_parts(shapes, return_index=True)
+    points, line = shapely.get_coordinates(lines, return_index=True)
+    joined = np.flatnonzero((line[1:] == line[:-1]) & (points[1:] != points[:-1]).any(axis=1))
+    role = np.array([role for _, role in pieces] or [""], dtype=object)
+    return np.hstack([points[joined], points[joined + 1]]), line[joined], role[piece[line[joined]]]
+
+
+def _listed(marks: list[Mark], roles: list[str]) -> list[Layer]:
+    """The layers, the longest first."""
+    long, held = Counter[str](), dict[str, dict[str, None]]()
+    for mark, role in zip(marks, roles, strict=True):
+        long[mark.layer] += mark.shape.length
+        held.setdefault(mark.layer, {})[role] = None
+    return [Layer(name, length, ", ".join(held[name])) for name, length in long.most_common()]

@@ -1,0 +1,79 @@
+"""A world for Foxglove, with a client that speaks its protocol."""
+
+import json
+import struct
+import threading
+import time
+
+import pytest
+
+from lrf3d import interrupts, load_scenario
+
+pytest.importorskip("foxglove")
+connect = pytest.importorskip("websockets.sync.client").connect
+
+
+@pytest.fixture
+def server():
+    """The address of a server in a thread, and what it said."""
+    from lrf3d.ros.foxglove import serve_foxglove
+
+    scenario, said, ready = load_scenario("paper_room"), [], threading.Event()
+    addresses = []
+
+    def started(address):
+        addresses.append(address)
+        ready.set()
+
+    def run():
+        # As Ctrl-C ends a command.
+        with pytest.raises(KeyboardInterrupt):
+            serve_foxglove(scenario, port=0, say=lambda *line: said.append(line), started=started)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    assert ready.wait(60)
+    yield addresses[0], said
+    interrupts._asked = 2
+    thread.join(20)
+    assert not thread.is_alive()
+
+
+def twist(speed):
+    """A Twist in CDR."""
+    return struct.pack("<4B6d", 0, 1, 0, 0, speed, 0, 0, 0, 0, 0)
+
+
+def test_a_client_gets_the_topics_and_drives_the_robot(server):
+    address, said = server
+    with connect(address, subprotocols=["foxglove.sdk.v1"], max_size=None) as client:
+        topics, seen = {}, {}
+
+        def command(data):
+            client.send(b"\1" + struct.pack("<I", 7) + data)
+
+        advertised = {"id": 7, "topic": "/cmd_vel", "encoding": "cdr",
+                      "schemaName": "geometry_msgs/msg/Twist"}  # fmt: skip
+        client.send(json.dumps({"op": "advertise", "channels": [advertised]}))
+        command(b"\0")
+        end, positions = time.monotonic() + 60, []
+        while time.monotonic() < end and len({*positions}) < 3:
+            message = client.recv(timeout=30)
+            if isinstance(message, str):
+                for each in json.loads(message).get("channels", ()):
+                    topics[each["id"]] = each
+                    wanted = [{"id": each["id"], "channelId": each["id"]}]
+                    client.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
+                continue
+            if message[0] == 1:
+                topic = topics[struct.unpack_from("<I", message, 1)[0]]
+                data = message[13:]
+                seen[topic["topic"]] = topic["schemaName"]
+                if topic["topic"] == "/odom":
+                    # The position follows the header, two frames and their padding.
+                    positions.append(data[44:68])
+                    command(twist(0.4))
+    assert len({*positions}) >= 3
+    assert {"/scan", "/odom", "/tf", "/tf_static", "/map", "/clock"} <= set(seen)
+    assert seen["/scan"] == "sensor_msgs/msg/LaserScan"
+    assert said[0][0] == "warning" and "cannot be read" in said[0][1]
