@@ -41,8 +41,11 @@ if TYPE_CHECKING:
     from lrf3d.recorder import Recorder
     from lrf3d.render.video import render_video
     from lrf3d.robot import (
+        AckermannDrive,
+        DifferentialDrive,
         EstimatedTrajectory,
         Imu,
+        OmniDrive,
         Trajectory,
         Unicycle,
         WheelOdometry,
@@ -77,7 +80,8 @@ else:
             "recorded": "map_log slam_log",
             "recorder": "Recorder",
             "render.video": "render_video",
-            "robot": "EstimatedTrajectory Imu Trajectory Unicycle WheelOdometry drive follow_route",
+            "robot": "AckermannDrive DifferentialDrive EstimatedTrajectory Imu OmniDrive Trajectory"
+            " Unicycle WheelOdometry drive follow_route",
             "planning.planner": "plan_route",
             "run": "Run",
             "scenario": "Scenario load_scenario",
@@ -93,13 +97,14 @@ else:
     )
 
 __all__ = [
-    "CollisionError", "DynamicObstacle", "EmbreeCaster", "EstimatedTrajectory", "Imu", "InputError",
-    "KnownLines", "LaserRangeFinder", "LaserScan", "LineMap", "LineMapper", "Localiser",
-    "Lrf3dError", "MissingLibraryError", "OdometryNoise", "OutputError", "PlanarCaster", "Pose",
-    "PoseEstimate", "ProportionalNoise", "Recorder", "Run", "Scenario", "Simulation", "Slam",
-    "Step", "SweepTable", "Trajectory", "Unicycle", "WheelOdometry", "World", "WorldError",
-    "check_drive", "crosscheck", "drive", "export_run", "follow_route", "load_log", "load_map",
-    "load_run", "load_scenario", "load_world", "localise", "map_log", "odometry_increments",
-    "plan_route", "plot", "record", "render_video", "save_map", "save_run", "save_world",
-    "score_map", "score_run", "simulate", "simulate_fleet", "slam_log", "sweep", "world_names",
+    "AckermannDrive", "CollisionError", "DifferentialDrive", "DynamicObstacle", "EmbreeCaster",
+    "EstimatedTrajectory", "Imu", "InputError", "KnownLines", "LaserRangeFinder", "LaserScan",
+    "LineMap", "LineMapper", "Localiser", "Lrf3dError", "MissingLibraryError", "OdometryNoise",
+    "OmniDrive", "OutputError", "PlanarCaster", "Pose", "PoseEstimate", "ProportionalNoise",
+    "Recorder", "Run", "Scenario", "Simulation", "Slam", "Step", "SweepTable", "Trajectory",
+    "Unicycle", "WheelOdometry", "World", "WorldError", "check_drive", "crosscheck", "drive",
+    "export_run", "follow_route", "load_log", "load_map", "load_run", "load_scenario", "load_world",
+    "localise", "map_log", "odometry_increments", "plan_route", "plot", "record", "render_video",
+    "save_map", "save_run", "save_world", "score_map", "score_run", "simulate", "simulate_fleet",
+    "slam_log", "sweep", "world_names",
 ]  # fmt: skip

@@ -17,6 +17,7 @@ from lrf3d.errors import CollisionError, InputError, expect, shown
 from lrf3d.geometry import Float, generator
 from lrf3d.interrupts import Progress, silent, stoppable
 from lrf3d.laser import LaserRangeFinder
+from lrf3d.laser.range_finder import lasers_of
 from lrf3d.pose import Pose, as_pose
 from lrf3d.robot import Trajectory
 from lrf3d.robot.unicycle import RADIUS, Twist, hold
@@ -87,6 +88,7 @@ def simulate_fleet(
         raise InputError(f"drives {shown(drives)}: expected a list of one a robot")
     body, stops = Body(radius, outline), on_collision == "stop"
     places: list[Pose | None] = [None] * len(drives)
+    lasers = () if lrf is None else lasers_of(lrf)
     if starts is not None:
         places = [as_pose(start) for start in starts]
     if len(places) != len(drives):
@@ -94,6 +96,10 @@ def simulate_fleet(
     paths, kept = list[Trajectory](), list[Any]()
     for robot, (drive, start) in enumerate(zip(drives, places, strict=True)):
         controlled = callable(getattr(drive, "command", None))
+        if controlled and any(each.scan_duration for each in lasers):
+            raise InputError(
+                "scan_duration: scans of a fleet's controllers take no time; set it to 0"
+            )
         if controlled and start is None:
             raise InputError(
                 f"robot {robot}: a controller without a pose to start at; give starts="

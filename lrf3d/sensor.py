@@ -34,6 +34,16 @@ class Caster(Protocol):
         ...
 
 
+class Moving(Protocol):
+    """Anything that knows where a robot is while it scans, every interval [s]."""
+
+    interval: float
+
+    def at(self, times: Float) -> Float:
+        """Poses (n, 3) of the robot at times (n,) [s] of the scan that it begins."""
+        ...
+
+
 CASTERS: dict[str, Callable[[World], Caster]] = {"embree": EmbreeCaster, "planar": PlanarCaster}
 """Casters by name."""
 
@@ -54,19 +64,22 @@ class Sensor:
         caster: Caster | str,
         noise: Noise,
         obstacles: Sequence[DynamicObstacle] | Crowd = (),
-        path: Trajectory | None = None,
+        path: "Trajectory | Moving | None" = None,
     ) -> None:
         expect(lrf, LaserRangeFinder, "range finder")
         self.world, self.lrf, self.noise = world, lrf, noise
         self.caster, self._noisy, self._legs = caster_of(caster, world), Chain([noise]), None
+        self._moving = None if isinstance(path, Trajectory) or not lrf.time_increment else path
         self._crowd = obstacles if isinstance(obstacles, Crowd) else Crowd(obstacles)
         if path is None:
             return
-        if lrf.time_increment:
-            self._legs = legs_of(path.times, path.poses)
-        interval = float(np.diff(path.times[:-1]).min(initial=np.inf))
-        # Times are sums, so intervals of 0.2 s are not exactly 0.2 s.
-        rounding = 4.0 * float(np.spacing(np.abs(path.times).max()))
+        interval, rounding = getattr(path, "interval", np.inf), 0.0
+        if isinstance(path, Trajectory):
+            if lrf.time_increment:
+                self._legs = legs_of(path.times, path.poses)
+            interval = float(np.diff(path.times[:-1]).min(initial=np.inf))
+            # Times are sums, so intervals of 0.2 s are not exactly 0.2 s.
+            rounding = 4.0 * float(np.spacing(np.abs(path.times).max()))
         if lrf.scan_duration > interval + rounding:
             raise InputError(
                 f"scan_duration {lrf.scan_duration:g} s: longer than the {interval:g} s between two"
@@ -94,10 +107,13 @@ class Sensor:
         the scan of the caster, bit for bit.
         """
         lrf, begin = self.lrf, as_pose(self.lrf.placed(pose))
-        if self._legs is None:
+        if self._legs is None and self._moving is None:
             return self._among(lrf, begin, time)
         times = time + lrf.time_increment * np.arange(lrf.beams, dtype=np.float64)
-        poses = poses_along(self._legs, times, np.array(as_pose(pose)))
+        if self._legs is not None:
+            poses = poses_along(self._legs, times, np.array(as_pose(pose)))
+        elif self._moving is not None:
+            poses = self._moving.at(times)
         motion, poses = between(poses[0], poses[-1]), lrf.placed(poses)
         if isinstance(self.caster, PlanarCaster) and not self.world.materials:
             rays = np.empty(lrf.beams, RAY)

@@ -27,7 +27,7 @@ from lrf3d.robot.following import SCAN_INTERVAL
 from lrf3d.robot.odometry import Imu, InertialUnit, Odometer, WheelOdometry
 from lrf3d.robot.unicycle import RADIUS
 from lrf3d.sensor import Caster, Sensor, caster_of
-from lrf3d.steering import ControlledDrive, Controller, trajectory_of
+from lrf3d.steering import ControlledDrive, Controller, Robot, trajectory_of
 from lrf3d.world import World
 from lrf3d.world.cameras import USUAL_FILM, FilmPlan
 
@@ -106,6 +106,7 @@ class Simulation:
         drive: A Trajectory, poses (k, 3) a second apart, or a controller: anything with
             ``command(time, pose, scan) -> (v, w)``, speed [m/s] and turn rate [rad/s] up to the
             next scan, or None to end the drive. With several lasers it gets a tuple of their scans.
+            Where a scan takes some time it decides at the end of the scan.
         lrf: The laser range finder, or several; 181 beams over 180° up to 80 m if not given.
         caster: Casts the beams: ``embree``, ``planar``, or an object with ``cast``.
         noise: Turns true scans into measured ones, ``noise(scan, rng)``, or one for each laser;
@@ -126,6 +127,8 @@ class Simulation:
         odometry: The errors of the wheels, if odometry is to be measured.
         imu: The errors of the IMU, if the robot has one. Both draw random numbers of their own, so
             that scans stay the same.
+        robot: How a controller's robot moves: a Unicycle if not given, a DifferentialDrive, an
+            AckermannDrive or an OmniDrive.
 
     Examples:
         >>> import lrf3d
@@ -154,6 +157,7 @@ class Simulation:
         on_collision: str = "raise",
         odometry: WheelOdometry | None = None,
         imu: Imu | None = None,
+        robot: Robot | None = None,
     ) -> None:
         check_names("on_collision", [str(on_collision)], ("raise", "stop"))
         scans = None if scans is None else whole_number(scans, "scans")
@@ -167,11 +171,6 @@ class Simulation:
         self.rng = generator(rng)
         path, controlled = None, callable(getattr(drive, "command", None))
         if controlled:
-            if any(each.scan_duration for each in self.lasers):
-                raise InputError(
-                    "scan_duration: a controller decides after a scan where the robot moves, so"
-                    " that its scans take no time; set it to 0"
-                )
             end = None if scans is None else scans * scan_interval
         else:
             path = trajectory_of(drive)
@@ -192,12 +191,13 @@ class Simulation:
             self.drive: Trajectory | ControlledDrive = ControlledDrive(
                 drive,  # type: ignore[arg-type]
                 start, scan_interval, checker, body, stops=stops,
+                sweep=max(each.scan_duration for each in self.lasers), robot=robot,
             )  # fmt: skip
         else:
             self.drive = path
         shared = caster_of(caster, world)
         self.sensors = tuple(
-            Sensor(world, each, caster=shared, noise=own, obstacles=crowd, path=path)
+            Sensor(world, each, caster=shared, noise=own, obstacles=crowd, path=self.drive)
             for each, own in zip(self.lasers, noises, strict=True)
         )
         wheels, inertial = self.rng.spawn(2) if odometry or imu else (self.rng, self.rng)

@@ -6,6 +6,7 @@ The inputs v and ω over time enter; a trajectory leaves.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -44,6 +45,7 @@ class Unicycle:
     """
 
     radius: float = RADIUS
+    commands: ClassVar[str] = "speed [m/s] and turn rate [rad/s]"
 
     def __post_init__(self) -> None:
         number(self.radius, "robot of radius", "metres")
@@ -51,6 +53,10 @@ class Unicycle:
     def derivative(self, state: Float, v: float, omega: float) -> Float:
         """Time derivative (3,) of the state x, y, theta (Eq. 2)."""
         return np.array([v * np.cos(state[2]), v * np.sin(state[2]), omega])
+
+    def twist(self, v: float, omega: float) -> Twist:
+        """The twist at v and ω."""
+        return v, 0.0, omega
 
     def move(self, pose: Sequence[float], v: float, omega: float, duration: float) -> Pose:
         """Where the robot is after it held v and ω for a time [s]: the exact arc of Eq. 2."""

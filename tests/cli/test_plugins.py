@@ -15,6 +15,7 @@ from test_cli import ROOM
 import lrf3d
 from lrf3d import CollisionError, InputError, LaserRangeFinder, Simulation, World
 from lrf3d.cli.plugins import load_plugin
+from lrf3d.laser.unrolling import unrolled
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 BOX = World(np.array([[0, 0, 10, 0], [10, 0, 10, 8], [10, 8, 0, 8], [0, 8, 0, 0.0]]))
@@ -160,13 +161,27 @@ def test_a_wall_is_met_between_two_scans_of_a_round_drive():
         list(Simulation(walls, Round(), LRF, radius=0.3, **settings))
 
 
-def test_scans_that_take_time_need_a_known_path():
-    class Still:
-        def command(self, time, pose, scan):
-            return 0.0, 0.0
+def test_a_controller_decides_when_a_scan_that_takes_time_is_complete():
+    asked = []
 
-    with pytest.raises(InputError, match="scan_duration"):
-        Simulation(BOX, Still(), LaserRangeFinder(scan_duration=0.05))
+    class Turning:
+        def command(self, time, pose, scan):
+            asked.append((time, pose))
+            return 1.0, 1.5
+
+    lrf = LaserRangeFinder(-3.0, 3.0, 61, range_max=30.0, scan_duration=0.1)
+    steps = list(Simulation(BOX, Turning(), lrf, start=(3, 3, 0), scan_interval=0.25, scans=4))
+    assert [time for time, _ in asked] == pytest.approx([0.1, 0.35, 0.6, 0.85])
+    # It stands during the first scan, and is on its way for 0.15 s at the second.
+    assert steps[1].pose.theta == pytest.approx(1.5 * 0.15)
+    assert asked[1][1].theta == pytest.approx(1.5 * 0.25)
+    assert steps[2].true_scan.motion == pytest.approx([0.0998, 0.0075, 0.15], abs=1e-3)
+    for step in steps:
+        points = unrolled(step.true_scan).points()
+        off = [np.abs(points[:, k, None] - BOX.segments[:, k::2].ravel()).min(1) for k in (0, 1)]
+        assert np.minimum(*off).max() < 0.003
+    with pytest.raises(InputError, match=r"longer than the 0\.25 s"):
+        Simulation(BOX, Turning(), LaserRangeFinder(scan_duration=0.3), scan_interval=0.25)
 
 
 @pytest.fixture
