@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.casting.crowd import Crowd, records
+from lrf3d.casting.crowd import Crowd, moves_of, records
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.casting.kernels.touch import TIP, touched
 from lrf3d.casting.kernels.tree import Plain, build_tree
@@ -146,10 +146,10 @@ class CollisionChecker:
         rows = np.array([pose]), np.array([twist]), np.array([seconds])
         time, wall = (found[0] for found in self.touch(body, *rows))
         if len(self._crowd):
-            most = min(seconds, float(time))
-            at, met = self._crowd.touch(body.plain, pose, twist, begin, most)
-            if met >= 0:
-                return self._collision(pose, twist, begin, at, obstacle=met)
+            most = np.array([min(seconds, float(time))])
+            at, met = self._crowd.touch(body.plain, moves_of(begin, *rows[:2]), most)
+            if met[0] >= 0:
+                return self._collision(pose, twist, begin, float(at[0]), obstacle=int(met[0]))
         return (
             None if wall < 0 else self._collision(pose, twist, begin, float(time), wall=int(wall))
         )

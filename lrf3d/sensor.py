@@ -5,6 +5,7 @@ that move as well. By default all beams are sent at once, among walls alone.
 """
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import replace
 from typing import Any, Protocol
 
@@ -85,6 +86,12 @@ class Sensor:
                 f"scan_duration {lrf.scan_duration:g} s: longer than the {interval:g} s between two"
                 " scans; scan less often or faster"
             )
+
+    def without(self, own: int) -> "Sensor":
+        """The same sensor on a robot that is one of the obstacles itself; −1 is none."""
+        other = copy(self)
+        other._crowd = self._crowd.without(own)
+        return other
 
     def noisy(self, true_scan: LaserScan, rng: np.random.Generator) -> LaserScan:
         """The measured scan of a true one."""

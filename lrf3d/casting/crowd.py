@@ -6,6 +6,7 @@ from copy import copy
 
 import numpy as np
 
+from lrf3d.casting.caster import share
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.casting.kernels.beams import Records
 from lrf3d.casting.kernels.movers import (
@@ -84,6 +85,15 @@ class Crowd:
         legs[mover["leg"]] = time, *pose, *twist
         self._moment[0] = math.nan
 
+    def hold_all(self, moves: Records) -> None:
+        """Let the first obstacles (k,) hold moves (k,)."""
+        movers, _, legs = self._movers
+        first, speeds = movers[: len(moves)], np.hypot(moves["ahead"], moves["left"])
+        first["period"], first["fastest"] = HELD, speeds
+        first["rim"] = speeds + np.abs(moves["turn"]) * first["reach"]
+        legs[first["leg"]] = moves
+        self._moment[0] = math.nan
+
     def sides(self, time: float) -> tuple[Float, Float]:
         """Sides (n, 4) [m] of the obstacles at a time [s], but for its own, and their heights."""
         self._place(time)
@@ -99,24 +109,47 @@ class Crowd:
             place_all(self._movers, time, *self._placed[1:])
 
     def touch(
-        self, body: Plain, pose: Pose, twist: Twist, begin: float, seconds: float
-    ) -> tuple[float, int]:
-        """The seconds after which a body first touches an obstacle, and this; or +inf and −1."""
-        found = touched_among(self._movers, body, pose[:], twist, begin, seconds, self.own)
-        return float(found[0]), int(found[1])
+        self, body: Plain, moves: Records, seconds: Float, own: Int | None = None
+    ) -> tuple[Float, Int]:
+        """When bodies that hold moves (k,) for some seconds (k,) touch obstacles, and which.
+
+        Seconds and obstacles (k,) are +inf and −1 for none. Own (k,) are the bodies themselves.
+        """
+        times, met = np.empty(len(moves)), np.empty(len(moves), np.int64)
+        own = np.full(len(moves), self.own) if own is None else own
+        touched_among(self._movers, body, moves, seconds, own, times, met)
+        return times, met
 
     def stop_scans(
-        self, lrf: LaserRangeFinder, poses: Float, time: float, ranges: Float, walls: Int
-    ) -> None:
-        """Shorten ranges (k, beams) of scans from poses (k, 3) at a time [s]; walls become −1."""
+        self, lrf: LaserRangeFinder, poses: Float, time: float, ranges: Float, walls: Int,
+        own: Int | None = None,
+    ) -> None:  # fmt: skip
+        """Shorten ranges (k, beams) of scans from poses (k, 3) at a time [s]; walls become −1.
+
+        Own (k,) are the obstacles that the scans do not see, if they differ.
+        """
         self._place(time)
-        own, laser = np.full(len(poses), self.own), laser_of(lrf)
-        cast_among(self._placed, laser, float(lrf.height), poses, own, ranges, walls)
+        own = np.full(len(poses), self.own) if own is None else own
+        asked = self._placed, laser_of(lrf), float(lrf.height)
+
+        def work(start: int, stop: int) -> None:
+            part = slice(start, stop)
+            cast_among(*asked, poses[part], own[part], ranges[part], walls[part])
+
+        if len(poses) > 1:
+            share(work, len(poses))
+        else:
+            work(0, 1)
 
     def stop_rays(self, lrf: LaserRangeFinder, rays: Records, ranges: Float, walls: Int) -> None:
         """Shorten the ranges (n,) of rays (n,), each among obstacles at its own time."""
         limits, height = (float(lrf.range_min), float(lrf.range_max)), float(lrf.height)
         rays_among(self._movers, limits, height, rays, self.own, ranges, walls)
+
+
+def moves_of(times: Float | float, poses: Float, twists: Float) -> Records:
+    """Moves (k,) that hold twists (k, 3) from poses (k, 3) at times [s] on, for kernels."""
+    return records(LEG, np.broadcast_to(times, len(poses)), *poses.T, *twists.T)
 
 
 def legs_of(times: Float, poses: Float) -> Records:

@@ -65,17 +65,6 @@ class DynamicObstacle(Value):
         """The obstacle on a Trajectory up to a time [s]."""
         return replace(self, path=self.path.until(time)) if isinstance(self.path, Patrol) else self
 
-    def distances(self, points: Float, times: Float) -> Float:
-        """Distances (k,) [m] from points (k, 2) at times (k,) [s]; 0 inside the obstacle."""
-        import shapely
-
-        x, y, theta = self.path.at(times).T
-        east, north = points[:, 0] - x, points[:, 1] - y
-        ahead = np.cos(theta) * east + np.sin(theta) * north
-        left = np.cos(theta) * north - np.sin(theta) * east
-        body = shapely.Polygon(self.outline)
-        return np.asarray(shapely.distance(body, shapely.points(ahead, left)))
-
     def walls(self, time: float) -> Float:
         """Its sides (n, 4) in the world at a time [s]."""
         x, y, theta = self.path.at(np.array([time]))[0].tolist()

@@ -172,13 +172,20 @@ class Document:
         self.animate(node, "translation", times, poses * [1.0, 1.0, 0.0])
         self.animate(node, "rotation", times, turned(poses[:, 2]))
 
-    def show(self, node: int, begin: float, end: float | None = None) -> None:
-        """Give a node its size only from one time to another [s], or to the end."""
+    def show(
+        self, node: int, begin: float, end: float | None = None, *, rests: bool | None = None
+    ) -> None:
+        """Give a node its size only from one time to another [s], or to the end.
+
+        What does not play an animation shows it as it is at the start, or as told.
+        """
         times, sizes = ([0.0, begin], [0.0, 1.0]) if begin > 0.0 else ([0.0], [1.0])
         if end is not None and end < self._length:
             times, sizes = [*times, end], [*sizes, 0.0]
         if len(times) > 1:
             self.animate(node, "scale", np.array(times), np.tile(sizes, (3, 1)).T, step=True)
+        if rests is not None:
+            self._parts["nodes"][node]["scale"] = [float(rests)] * 3
 
     def glb(self) -> bytes:
         """The finished file."""

@@ -19,6 +19,7 @@ from lrf3d.render.packing import lit
 from lrf3d.run import Run
 from lrf3d.scene import look
 from lrf3d.scene.camera import Look, SmoothPath
+from lrf3d.scene.drawn_map import DrawnMap
 from lrf3d.scene.estimate import DrawnEstimate, outlines
 from lrf3d.scene.following import behind
 from lrf3d.scene.moments import Scene
@@ -59,7 +60,8 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
     timeline = scene.timeline
     about = {"origin": scene.origin.tolist(), "world": run.world.name}
     document = Document(run.world.name or "world", about, timeline.end - timeline.start)
-    add_stage(document, scene.stage)
+    last = DrawnMap.from_snapshot(run, len(run.maps) - 1, scene.structures)
+    add_stage(document, scene.stage, last)
     keys = drive_keys(timeline)
     paths = [keys, *(obstacle_keys(each, timeline) for each in run.obstacles)]
     bodies = _seen(scene, timeline.start).bodies

@@ -1,19 +1,23 @@
-"""What stands in a scene, as glTF: ground, walls and roofs in the light that is baked for films.
+"""What stands in a scene, as glTF: ground, walls and roofs, dark and as the laser has lit them.
 
-All stands in a local frame, whose origin the root node keeps as ``origin``: glTF counts in
-float32, which knows no centimetres far away.
+No viewer of glTF knows the film's shaders. So what was seen is written twice, in the dark and in
+the light and the map's colours of the end, and in some steps one takes the other's place. What
+plays no animation shows the end. All stands in a local frame, whose origin the root node keeps as
+``origin``: glTF counts in float32, which knows no centimetres far away.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from lrf3d.geometry import Single
+from lrf3d.geometry import Float, Int, Single, quad_indices
 from lrf3d.gltf.document import Document
-from lrf3d.render.packing import land_of, lit, rectangle
+from lrf3d.render.packing import GREY, exposed, land_of, lit, rectangle
+from lrf3d.scene import look
+from lrf3d.scene.drawn_map import DrawnMap
+from lrf3d.scene.exposure import Exposure, sampled
 from lrf3d.scene.facades import BAYS, BLANK, ROWS, layers
-from lrf3d.scene.look import CLAY
-from lrf3d.scene.shapes import Faces, GroundPicture
+from lrf3d.scene.shapes import Faces
 from lrf3d.scene.stage import Stage
 
 _HORIZON = 800.0
@@ -22,78 +26,146 @@ _HORIZON = 800.0
 _LARGEST = 2048
 """Largest side of the ground's picture [pixels]: old graphics cards take no larger ones."""
 
+_STEPS = 12
+"""Steps in which a run's world is lit."""
+
+_COARSE, _OVER = 4, 0.004
+"""Side of the squares in which the ground is lit [cells], and how high they lie [m]."""
+
 _PALE = 0.86
-"""How bright a bare wall is in textures: what is whiter, such as frames, still stands out."""
+"""How bright a bare wall is in textures: what is whiter still stands out."""
 
 
-def add_stage(document: Document, stage: Stage) -> None:
-    """Add ground, walls and roofs."""
-    _add_ground(document, stage.ground)
-    # Place, texture, colour, light in the sun, in its shadow, and how far under.
-    rows = stage.faces.rows()[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 16)
-    whole = (rows[:, 1, :3] != rows[:, 2, :3]).any(axis=1)
-    triangles = _cut_at_shadows(rows[whole])
-    if len(triangles):
-        _add_walls(document, triangles, layers(stage.structures.indoor)[0])
+def add_stage(document: Document, stage: Stage, drawn: DrawnMap) -> None:
+    """Add ground, walls and roofs, and the map's colours on them."""
+    _add_ground(document, stage)
+    rows = stage.faces.rows()[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 13)
+    rows = rows[(rows[:, 1, :3] != rows[:, 2, :3]).any(axis=1)]
+    if len(rows):
+        _add_walls(document, rows, stage, drawn)
 
 
-def _add_ground(document: Document, ground: GroundPicture) -> None:
-    """The painted ground, and a plain one round it as far as one sees."""
+def _step_of(exposure: Exposure, when: Float) -> Int:
+    """The step (n,) in which places of times (n, 4) are lit; −1 for never."""
+    step = np.ceil(np.clip(when[:, 0], 0.0, 1.0) * (_STEPS - 1)).astype(int)
+    return np.where(when[:, 1] > 0.05, step, -1)
+
+
+def _begin(exposure: Exposure, step: int) -> float:
+    """When a step begins [s from the start of the run]."""
+    return exposure.length * step / (_STEPS - 1)
+
+
+def _add_ground(document: Document, stage: Stage) -> None:
+    """The painted ground in the dark, what of it is lit, and the land as far as one sees."""
+    ground, exposure, indoor = stage.ground, stage.exposure, stage.structures.indoor
     picture = Image.fromarray(ground.picture)
     picture.thumbnail((_LARGEST, _LARGEST), Image.Resampling.LANCZOS)
-    texture = document.texture("ground", picture, "JPEG")
+    day = np.asarray(picture) / 255.0
+    x, y = (
+        low + (np.arange(count) + 0.5) / count * size
+        for low, count, size in zip(ground.corner, day.shape[1::-1], ground.size, strict=True)
+    )
+    places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    on = sampled(exposure, places)[:, 1].reshape(day.shape[:2])
+    dark, seen = (
+        Image.fromarray(np.round(255.0 * np.clip(each, 0.0, 1.0)).astype(np.uint8))
+        for each in (exposed(day, share, 0.0, indoor=indoor) for share in (np.zeros_like(on), on))
+    )
     # The first row of a picture lies at v = 0, here at the smallest y.
-    places, land = rectangle((0.0, 0.0), (1.0, 1.0)), land_of(ground, _HORIZON)
-    corners = np.column_stack([ground.corner + places * ground.size, np.zeros(len(places))])
+    whole, land = rectangle((0.0, 0.0), (1.0, 1.0)), land_of(stage, _HORIZON)
+    corners = np.column_stack([ground.corner + whole * ground.size, np.zeros(len(whole))])
+    texture = document.texture("ground", dark, "JPEG")
     parts = [
-        document.part(document.material("ground", texture=texture), corners, texture=places),
+        document.part(document.material("ground", texture=texture), corners, texture=whole),
         document.part(document.material("land"), land.corners, land.colours),
     ]
     document.node("ground", document.root, *parts)
+    rows, columns = (np.arange(0, side, _COARSE) for side in exposure.times.shape[:2])
+    low = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
+    squares = low[:, None] + _COARSE * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    squares = exposure.corner + exposure.cell * squares
+    cells = exposure.times[: len(rows) * _COARSE, : len(columns) * _COARSE]
+    covered = np.maximum.reduceat(np.maximum.reduceat(cells[..., 1], rows, 0), columns, 1)
+    first = np.minimum.reduceat(np.minimum.reduceat(cells[..., 0], rows, 0), columns, 1)
+    step = _step_of(exposure, np.column_stack([first.ravel(), covered.ravel()]))
+    material = document.material("lit ground", texture=document.texture("lit ground", seen, "JPEG"))
+    group = document.node("lit ground", document.root)
+    for number in np.unique(step[step >= 0]).tolist():
+        chosen = squares[step == number].reshape(-1, 2)[quad_indices((step == number).sum())]
+        level = np.column_stack([chosen, np.full(len(chosen), _OVER)])
+        uv = (chosen - ground.corner) / ground.size
+        part = document.part(material, level, texture=uv)
+        node = document.node(f"ground lit in step {number + 1}", group, part)
+        document.show(node, _begin(exposure, number), rests=True)
 
 
-def _cut_at_shadows(rows: Single) -> Single:
-    """Triangles (t, 3, 16), cut where shadows end: each is in the sun or in the shadow as a whole.
+def _add_walls(document: Document, rows: Single, stage: Stage, drawn: DrawnMap) -> None:
+    """Walls and roofs, dark and lit: of each step, one part for each layer of the texture."""
+    exposure, indoor = stage.exposure, stage.structures.indoor
+    wall = rows[..., 12]
+    when = sampled(exposure, rows[..., 10:12].reshape(-1, 2).astype(float)).reshape(*wall.shape, 4)
+    day = rows[..., 6:9] * rows[..., 9:10]
+    on, height = wall * when[..., 1], rows[..., 2]
+    dark = exposed(day, np.zeros_like(on), height, indoor=indoor)
+    places = np.where(wall[..., None] > 0.5, rows[..., :2], rows[..., 10:12]).mean(axis=1)
+    tints, found = drawn.tints(places, exposure.tolerance)
+    share = np.where(wall > 0.5, look.MAP_SHARE, look.ROOF_SHARE) * found[:, None]
+    share *= np.where(wall > 0.5, np.minimum(2.0 * when[..., 1], 1.0), 1.0)
+    low, more = look.MAP_LIGHT
+    mapped = tints[:, None] * (low + more * (day @ GREY))[..., None]
+    shown = exposed(day, on, height, indoor=indoor)
+    shown += share[..., None] * (mapped - shown)
+    first = np.column_stack([when[..., 0].min(axis=1), np.maximum(on, share).max(axis=1)])
+    step = _step_of(exposure, first)
+    textures = _Textures(document, layers(indoor)[0])
+    document.node("walls", document.root, *textures.parts(rows[step < 0], dark[step < 0]))
+    group = document.node("lit walls", document.root)
+    for number in np.unique(step[step >= 0]).tolist():
+        chosen, begin = step == number, _begin(exposure, number)
+        if begin > 0.0:
+            parts = textures.parts(rows[chosen], dark[chosen])
+            node = document.node(f"walls dark until step {number + 1}", group, *parts)
+            document.show(node, 0.0, begin, rests=False)
+        parts = textures.parts(rows[chosen], shown[chosen])
+        node = document.node(f"walls lit in step {number + 1}", group, *parts)
+        document.show(node, begin, rests=True)
 
-    The last column of the corners is positive in the shadow.
-    """
-    crossed = (rows[..., 15].min(axis=1) < 0.0) & (rows[..., 15].max(axis=1) > 0.0)
-    mixed = rows[crossed]
-    shadow = mixed[..., 15] > 0.0
-    # The corner that is alone on its side comes first.
-    alone = np.where(shadow.sum(axis=1) == 1, shadow.argmax(axis=1), shadow.argmin(axis=1))
-    turn = (alone[:, None] + [0, 1, 2]) % 3
-    a, b, c = np.moveaxis(np.take_along_axis(mixed, turn[..., None], axis=1), 1, 0)
-    ab, ac = (a + (a[:, 15:] / (a[:, 15:] - other[:, 15:])) * (other - a) for other in (b, c))
-    pieces = [np.stack(corners, axis=1) for corners in ((a, ab, ac), (ab, b, c), (ab, c, ac))]
-    return np.concatenate([rows[~crossed], *pieces])
 
+class _Textures:
+    """The layers of the texture of walls that are used, each once."""
 
-def _add_walls(document: Document, rows: Single, picture: NDArray[np.uint8]) -> None:
-    """Walls and roofs: of each layer of the texture that is used, one part of the mesh."""
-    in_shadow = rows[..., 15].mean(axis=1) > 0.0
-    colours = rows[..., 6:9] * np.where(in_shadow[:, None, None], rows[..., 12:15], rows[..., 9:12])
-    layer_of = rows[:, 0, 5].astype(int)
-    parts = []
-    for layer in np.unique(layer_of).tolist():
-        chosen = layer_of == layer
-        texture, places, shares = None, None, np.clip(colours[chosen], 0.0, 1.0)
-        if layer != BLANK:
-            texture = _layer(document, layer, picture[layer])
-            shares = np.clip(colours[chosen] / _PALE, 0.0, 1.0)
-            # The first row of a picture is its upper one.
-            places = [0.0, 1.0] + rows[chosen][..., 3:5] / [BAYS, -ROWS]
-        material = document.material(f"walls {layer}", texture=texture)
-        corners = rows[chosen][..., :3]
-        parts.append(document.part(material, corners, shares, kind=np.uint16, texture=places))
-    document.node("walls", document.root, *parts)
+    def __init__(self, document: Document, picture: NDArray[np.uint8]) -> None:
+        self._document, self._picture = document, picture
+        self._materials: dict[int, int] = {}
+
+    def parts(self, rows: Single, colours: Float) -> list[dict[str, object]]:
+        """Parts of a mesh of triangles (t, 3, 13) in colours (t, 3, 3)."""
+        layer_of, found = rows[:, 0, 5].astype(int), []
+        for layer in np.unique(layer_of).tolist():
+            chosen = layer_of == layer
+            places, shares = None, np.clip(colours[chosen], 0.0, 1.0)
+            if layer != BLANK:
+                shares = np.clip(colours[chosen] / _PALE, 0.0, 1.0)
+                # The first row of a picture is its upper one.
+                places = [0.0, 1.0] + rows[chosen][..., 3:5] / [BAYS, -ROWS]
+            if layer not in self._materials:
+                texture = None
+                if layer != BLANK:
+                    texture = _layer(self._document, layer, self._picture[layer])
+                name = f"walls {layer}"
+                self._materials[layer] = self._document.material(name, texture=texture)
+            corners, material = rows[chosen][..., :3], self._materials[layer]
+            part = self._document.part(material, corners, shares, kind=np.uint16, texture=places)
+            found.append(part)
+        return found
 
 
 def _layer(document: Document, layer: int, picture: NDArray[np.uint8]) -> int:
     """A layer of the texture, over a pale wall: a colour laid over it gives a house its own."""
     texels = picture.astype(np.float64)
     # That colour also dims what is painted, such as windows, which is brighter here for it.
-    painted = texels[:, :, :3] * _PALE / CLAY
+    painted = texels[:, :, :3] * _PALE / look.CLAY
     seen = np.clip(np.round(painted + _PALE * texels[:, :, 3:]), 0.0, 255.0).astype(np.uint8)
     upright = Image.fromarray(np.ascontiguousarray(seen[::-1]))
     return document.texture(f"walls {layer}", upright, "PNG", tiles=True)

@@ -1,7 +1,7 @@
 """Environments of Gymnasium in which robots drive to goals: many at once, or one with pictures.
 
 Actions of all robots enter; observations, rewards, and which robots have finished leave. The robots
-are in one world but do not see each other: each is a separate attempt.
+are in one world, where each is a separate attempt, or where they see and touch each other.
 """
 
 from pathlib import Path
@@ -15,7 +15,9 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from lrf3d.casting import PlanarCaster
-from lrf3d.collision import CollisionChecker
+from lrf3d.casting.crowd import Crowd, moves_of
+from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
+from lrf3d.collision import Body, CollisionChecker
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import Float, Int, is_finite, numbers, wrap_angle
 from lrf3d.laser import LaserScan, ProportionalNoise
@@ -45,6 +47,9 @@ AT_GOAL, AT_WALL, EACH_STEP = 10.0, -10.0, -0.01
 ACTION_TURN_RATE = 1.5
 """Largest turn rate of an action [rad/s], equal to that of the route follower."""
 
+ROBOT_HEIGHT = 1.0
+"""Height of the robots [m] as others see them."""
+
 GOAL_MARGIN = 0.1
 """Clearance of a robot from walls at its start, in addition to its radius [m]."""
 
@@ -53,7 +58,7 @@ Array = NDArray[Any]
 
 
 class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
-    """Robots that each drive to a goal, as in DriveEnv, in one world without seeing each other.
+    """Robots that each drive to a goal, as in DriveEnv, in one world.
 
     A robot whose episode has ended is placed again in the step after (autoreset ``NextStep``);
     its action in that step is ignored. ``poses`` (k, 3) and ``goals`` (k, 2) are the current ones.
@@ -63,6 +68,8 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         world: A built-in world or a world file, or a Scenario.
         sigma: Noise of the ranges [m] at range_max; the noise of the scenario if not given.
         max_steps: Steps after which an episode is cut off.
+        together: Whether the robots see and touch each other, and share the time of the dynamic
+            obstacles; without it each is alone with these.
         render_mode: None; pictures are DriveEnv's.
 
     Raises:
@@ -79,6 +86,7 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         *,
         sigma: float | None = None,
         max_steps: int = MAX_STEPS,
+        together: bool = False,
         render_mode: str | None = None,
     ) -> None:
         if num_envs < 1 or max_steps < 1:
@@ -88,22 +96,33 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
                 f"render_mode {render_mode!r}: not available for many robots; use DriveEnv"
             )
         self.scenario = scenario = world if isinstance(world, Scenario) else load_scenario(world)
-        noise = scenario.noise
+        noises = [scenario.noise, *(noise for _, noise in scenario.further)]
         if sigma is not None:
-            noise = at_sigma(noise, sigma) if sigma else ProportionalNoise(sigma)
+            noises = [at_sigma(each, sigma) if sigma else ProportionalNoise(0.0) for each in noises]
         self.num_envs, self.max_steps, self.render_mode = num_envs, max_steps, None
-        self.lrf, self.dt = scenario.lrf, scenario.scan_interval
+        self.lrf, self.lasers, self.dt = scenario.lrf, scenario.lasers, scenario.scan_interval
+        self.together = bool(together)
         # A scan takes no time, because the robot decides on its motion after it.
         self._caster = PlanarCaster(scenario.world)
-        self._sensor = Sensor(
-            scenario.world, self.lrf, caster=self._caster, noise=noise,
-            obstacles=scenario.obstacles,
-        )  # fmt: skip
+        self._body = body = Body(scenario.radius, scenario.outline)
+        shape = round_outline(body.radius) if body.outline is None else np.asarray(body.outline)
+        robot = DynamicObstacle(shape, Trajectory([0.0], [(0.0, 0.0, 0.0)]), ROBOT_HEIGHT)
+        others = num_envs if together else 0
+        discs = [0.0 if body.outline is not None else body.radius] * others
+        obstacles = scenario.obstacles
+        self._crowd = Crowd([robot] * others + [*obstacles], discs + [0.0] * len(obstacles))
+        self._own = np.arange(num_envs) if together else np.full(num_envs, -1)
+        self._sensors = [
+            Sensor(scenario.world, each, caster=self._caster, noise=noise, obstacles=self._crowd)
+            for each, noise in zip(self.lasers, noises, strict=True)
+        ]
         self._checker = CollisionChecker(scenario.world)
         self._cells = free_places(scenario.world, scenario.radius + GOAL_MARGIN)
         self._farthest = float(np.hypot(*np.ptp(self._cells, axis=0))) + GOAL_FAR
         low, high = np.array([[0.0, -1.0, -1.0], [self._farthest, 1.0, 1.0]], np.float32)
-        seen = spaces.Box(np.float32(0.0), np.float32(self.lrf.range_max), (self.lrf.beams,))
+        reach = [np.full(each.beams, each.range_max, np.float32) for each in self.lasers]
+        self._reach = np.concatenate(reach)
+        seen = spaces.Box(np.zeros_like(self._reach), self._reach)
         self.single_observation_space = spaces.Dict({"goal": spaces.Box(low, high), "ranges": seen})
         self.single_action_space = spaces.Box(np.float32(-1.0), np.float32(1.0), (2,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -152,15 +171,20 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
                 f"action of robot {robot}: {given[robot].tolist()}; expected finite numbers from -1"
                 " to 1"
             )
-        before, radius = self.distances(), self.scenario.radius
+        before = self.distances()
         # Actions are shares of the scenario's speed and of the fastest turn, left positive.
         v, omega = (np.clip(given, -1.0, 1.0) * (self.scenario.speed, ACTION_TURN_RATE)).T
-        moved = arcs(self.poses, v, omega, np.full(self.num_envs, self.dt))
+        seconds = np.full(self.num_envs, self.dt)
+        moved = arcs(self.poses, v, omega, seconds)
         moved[:, 2] = wrap_angle(moved[:, 2])
-        collided = self._checker.hit(self.poses[:, :2], moved[:, :2], radius) >= 0
+        twists = np.column_stack([v, np.zeros(self.num_envs), omega])
+        collided = self._checker.touch(self._body, self.poses, twists, seconds)[1] >= 0
+        if len(self._crowd):
+            moves = moves_of(self._times, self.poses, twists)
+            if self.together:
+                self._crowd.hold_all(moves)
+            collided |= self._crowd.touch(self._body.plain, moves, seconds, self._own)[1] >= 0
         self._times += self.dt
-        for obstacle in self.scenario.obstacles:
-            collided |= obstacle.distances(moved[:, :2], self._times) < radius
         collided &= ~again
         self.poses = np.where(collided[:, None], self.poses, moved)
         after = self.distances()
@@ -186,32 +210,62 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         rng = self.np_random
         cells = self._cells[rng.integers(len(self._cells), size=(len(robots), CANDIDATES + 1))]
         starts, goals = cells[:, 0], cells[:, 1:]
+        if self.together:
+            starts = self._apart(robots, starts, goals)
         distances = np.hypot(*np.moveaxis(goals - starts[:, None], 2, 0))
         # Distance of each candidate from the limits; argmin takes the first of those within them.
         misfit = np.maximum(GOAL_NEAR - distances, distances - GOAL_FAR).clip(min=0.0)
         self.goals[robots] = goals[np.arange(len(robots)), misfit.argmin(axis=1)]
         headings = rng.uniform(-np.pi, np.pi, len(robots))
         self.poses[robots] = np.column_stack([starts, headings])
-        self._times[robots], self._steps[robots] = 0.0, 0
+        self._steps[robots] = 0
+        if not self.together:
+            self._times[robots] = 0.0
+
+    def _apart(self, robots: Int, starts: Float, others: Float) -> Float:
+        """Starts (k, 2) of robots, or others of (k, n, 2), away from where other robots are."""
+        places, room = self.poses[:, :2].copy(), 2.0 * self._body.reach + GOAL_MARGIN
+        places[robots] = np.inf
+        for robot, start, candidates in zip(robots, starts, others, strict=True):
+            choices = np.vstack([start, candidates])
+            away = np.hypot(*(choices[:, None] - places).transpose(2, 0, 1)).min(axis=1)
+            places[robot] = choices[
+                np.argmax(away >= room) if (away >= room).any() else away.argmax()
+            ]
+        return places[robots]
 
     def _scan(self) -> tuple[Float, Float, Int]:
-        """Measured and true ranges, and walls, (k, beams) each, after REP 117."""
-        sensor, scenario = self._sensor, self.scenario
-        places = zip(self.poses, self._times.tolist(), strict=True)
-        # Intensities are of single scans, as are the places of dynamic obstacles.
-        if scenario.obstacles or scenario.world.materials:
-            scans = [sensor.cast(pose, time) for pose, time in places]
-            truth = np.array([scan.ranges for scan in scans])
-            walls = np.array([scan.walls for scan in scans])
+        """Measured and true ranges, and walls, (k, beams) each, after REP 117, laser by laser."""
+        if self.together:
+            self._crowd.hold_all(moves_of(self._times, self.poses, np.zeros((self.num_envs, 3))))
+        columns = zip(*(self._scan_of(sensor) for sensor in self._sensors), strict=True)
+        measured, truth, walls = (
+            each[0] if len(each) == 1 else np.hstack(each) for each in columns
+        )
+        return measured, truth, walls
+
+    def _scan_of(self, sensor: Sensor) -> tuple[Float, Float, Int]:
+        lrf, rng = sensor.lrf, self.np_random
+        if self.scenario.world.materials:
+            # Intensities are of single scans.
+            places = zip(self._own.tolist(), self.poses, self._times.tolist(), strict=True)
+            scans = [sensor.without(own).cast(pose, time) for own, pose, time in places]
+            truth, walls = (np.array([getattr(s, n) for s in scans]) for n in ("ranges", "walls"))
         else:
-            truth, walls = self._caster.scan_batch(self.lrf, self.poses)
+            poses = lrf.placed(self.poses)
+            truth, walls = self._caster.scan_batch(lrf, poses)
+            for time in np.unique(self._times) if len(self._crowd) else ():
+                now = np.flatnonzero(self._times == time)
+                ranges, met, own = truth[now], walls[now], self._own[now]
+                self._crowd.stop_scans(lrf, poses[now], time, ranges, met, own)
+                truth[now], walls[now] = ranges, met
             if sensor.noise == ProportionalNoise(0.0):
                 return truth, truth, walls
             scans = [
-                LaserScan.unchecked(self.lrf, Pose(*pose.tolist()), *row).at_time(time)
-                for (pose, time), *row in zip(places, truth, walls, strict=True)
+                LaserScan.unchecked(lrf, Pose(*pose.tolist()), *row).at_time(time)
+                for pose, time, *row in zip(poses, self._times, truth, walls, strict=True)
             ]
-        return np.array([sensor.noisy(scan, self.np_random).ranges for scan in scans]), truth, walls
+        return np.array([sensor.noisy(scan, rng).ranges for scan in scans]), truth, walls
 
     def _observe(self) -> Observation:
         """The observations of the robots, in finite float32 numbers.
@@ -225,7 +279,7 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         bearings = np.arctan2(away[:, 1], away[:, 0]) - self.poses[:, 2]
         near = np.minimum(distances, self._farthest)
         goal = np.column_stack([near, np.cos(bearings), np.sin(bearings)])
-        ranges = np.clip(self.scan[0], 0.0, self.lrf.range_max)
+        ranges = np.clip(self.scan[0], 0.0, self._reach)
         return {"goal": goal.astype(np.float32), "ranges": ranges.astype(np.float32)}
 
 
@@ -331,7 +385,13 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         obstacles = tuple(obstacle.until(times[-1]) for obstacle in scenario.obstacles)
         path = Trajectory(times, poses)
         drawn = path, ranges, truth, walls, (), (), obstacles
-        run = Run(scenario.world, scenario.lrf, *drawn, radius=scenario.radius)
+        run = Run(
+            scenario.world,
+            scenario.lrf,
+            *drawn,
+            radius=scenario.radius,
+            further=scenario.lasers[1:],
+        )
         goal = (*self.robots.goals[0].tolist(), GOAL_RADIUS)
         return frame(run, float(times[-1]), size=self._size, view=self._view, goal=goal)
 

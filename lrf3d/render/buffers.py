@@ -99,6 +99,65 @@ class Texture:
         GL.glDeleteTextures([self._id])
 
 
+class TimeTexture:
+    """Times (h, w, 4) that shaders read, on a unit of its own."""
+
+    UNIT = 2
+
+    def __init__(self, times: NDArray[np.float32]) -> None:
+        self._id = GL.glGenTextures(1)
+        self.bind()
+        GL.glActiveTexture(GL.GL_TEXTURE0 + self.UNIT)
+        size, data = times.shape[1::-1], np.ascontiguousarray(times)
+        GL.glTexImage2D(GL.GL_TEXTURE_2D, 0, GL.GL_RGBA16F, *size, 0, GL.GL_RGBA, GL.GL_FLOAT, data)
+        smooth()
+        GL.glActiveTexture(GL.GL_TEXTURE0)
+
+    def bind(self) -> None:
+        """Make it what shaders read."""
+        GL.glActiveTexture(GL.GL_TEXTURE0 + self.UNIT)
+        GL.glBindTexture(GL.GL_TEXTURE_2D, self._id)
+        GL.glActiveTexture(GL.GL_TEXTURE0)
+
+    def delete(self) -> None:
+        """Free it."""
+        GL.glDeleteTextures([self._id])
+
+
+class TintTexture(TimeTexture):
+    """The colours of the map on the same cells (h, w), which are drawn into it."""
+
+    UNIT = 3
+
+    def __init__(self, times: NDArray[np.float32]) -> None:
+        super().__init__(np.zeros_like(times))
+        self.size = times.shape[1::-1]
+        self._frame = GL.glGenFramebuffers(1)
+        GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._frame)
+        place = GL.GL_COLOR_ATTACHMENT0
+        GL.glFramebufferTexture2D(GL.GL_FRAMEBUFFER, place, GL.GL_TEXTURE_2D, self._id, 0)
+
+    def begin(self) -> None:
+        """Clear it, and draw into it from now on."""
+        GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._frame)
+        GL.glViewport(0, 0, *self.size)
+        GL.glClearColor(0.0, 0.0, 0.0, 0.0)
+        GL.glClear(GL.GL_COLOR_BUFFER_BIT)
+
+    def delete(self) -> None:
+        """Free it."""
+        GL.glDeleteFramebuffers(1, [self._frame])
+        super().delete()
+
+
+def smooth() -> None:
+    """Have the texture that is bound read between its texels, and not beyond its edges."""
+    for name in (GL.GL_TEXTURE_MIN_FILTER, GL.GL_TEXTURE_MAG_FILTER):
+        GL.glTexParameteri(GL.GL_TEXTURE_2D, name, GL.GL_LINEAR)
+    for axis in (GL.GL_TEXTURE_WRAP_S, GL.GL_TEXTURE_WRAP_T):
+        GL.glTexParameteri(GL.GL_TEXTURE_2D, axis, GL.GL_CLAMP_TO_EDGE)
+
+
 class Buffer(pyrender.Primitive):  # type: ignore[misc]
     """Vertices, whose attributes are rewritten where their arrays have changed.
 

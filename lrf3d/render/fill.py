@@ -6,20 +6,32 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.compiling import compiled, inner
+from lrf3d.compiling import borrower, compiled, inner
 from lrf3d.geometry import Float, Single
 from lrf3d.scene.facades import BAY, TILE
-from lrf3d.scene.look import SHADOW_RIM
+from lrf3d.scene.look import (
+    CLIMB,
+    DAWN,
+    EMBER,
+    EMBER_SHARE,
+    FALL,
+    FRONT,
+    LEAST_FALL,
+    MAP_LIGHT,
+    MAP_SHARE,
+    NIGHT_LOW,
+    ROOF_SHARE,
+)
 
 _SLANT = 0.35
 """How coarse copies of the ground's picture are, in lengths of a pixel: it is seen at a slant."""
 
 
 class Surfaces(NamedTuple):
-    """What rays see: triangles, two textures and the sky."""
+    """What rays see: triangles, two textures and their tones."""
 
     corners: Single
-    """(t, 3, 16) place, texture, colour, light in the sun and without it, and under its shadow."""
+    """(t, 3, 13) place, texture, colour, light, place before it, and whether it is a wall."""
     painted: NDArray[np.uint8]
     painted_levels: NDArray[np.int64]
     """Texels of the walls' texture, and (n, 3) where each level starts, its width and height."""
@@ -28,8 +40,21 @@ class Surfaces(NamedTuple):
     """The same of the ground's picture."""
     area: Float
     """(7,) corner and size of that picture [m], and the colour of the land around."""
-    sky: Float
-    """(6,) colours of the haze and of the sky overhead."""
+    tones: Float
+    """(4, 3) colours of the haze, of the sky overhead, of white at night; factors of the lit."""
+
+
+class LaserLight(NamedTuple):
+    """What the laser has lit by now: see :mod:`lrf3d.scene.exposure`."""
+
+    times: Single
+    """(h, w, 4) the picture of times."""
+    tints: Single
+    """(h, w, 4) the map in the same cells, and how much of each it covers."""
+    area: Float
+    """(4,) corner of both [m], and one over their size [1/m]."""
+    clock: Float
+    """(2,) what time it is, and how fast that passes."""
 
 
 @inner
@@ -45,19 +70,57 @@ def cross_dot(a: Float, b: Float, c: Float) -> float:
     return float(x * c[0] + y * c[1] + (a[0] * b[1] - a[1] * b[0]) * c[2])
 
 
+@borrower
+def sample(picture: Single, x: float, y: float, area: Float, found: Float) -> None:
+    """Read a picture (h, w, 4) at a place [m], between its cells; nothing is beyond its edges."""
+    height, width = picture.shape[:2]
+    u = min(max((x - area[0]) * area[2] * width - 0.5, 0.0), width - 1.0)
+    v = min(max((y - area[1]) * area[3] * height - 0.5, 0.0), height - 1.0)
+    column, row = min(int(u), width - 2), min(int(v), height - 2)
+    a, b = u - column, v - row
+    for k in range(4):
+        low = picture[row, column, k] * (1.0 - a) + picture[row, column + 1, k] * a
+        high = picture[row + 1, column, k] * (1.0 - a) + picture[row + 1, column + 1, k] * a
+        found[k] = low + b * (high - low)
+
+
+@borrower
+def grey(colour: Single) -> float:
+    """How bright a colour is."""
+    bright: float = 0.3 * colour[0] + 0.55 * colour[1] + 0.15 * colour[2]
+    return bright
+
+
+@borrower
+def expose(seen: Single, when: Float, clock: Float, height: float, tones: Float) -> float:
+    """Put a colour into the light of the laser, as ``common.glsl`` does; returns how lit it is."""
+    age = (clock[0] - when[0]) * clock[1] - when[3]
+    share = min(max(age / DAWN, 0.0), 1.0)
+    on = when[1] * share * share * (3.0 - 2.0 * share)
+    bright, hot = grey(seen), on / (1.0 + 2.0 * age * age)
+    share = on * max(1.0 - FALL * height, LEAST_FALL)
+    for k in range(3):
+        dark = NIGHT_LOW[k] + bright * (tones[2, k] - NIGHT_LOW[k])
+        cool = seen[k] * tones[3, k] * (1.0 - EMBER_SHARE[0] * hot)
+        lit = cool + EMBER[k] * hot * (EMBER_SHARE[1] + EMBER_SHARE[2] * bright)
+        seen[k] = dark + share * (lit - dark)
+    return float(on)
+
+
 @compiled
 def shade(
-    ways: Single, hits: NDArray[np.int32], fixed: Float, surfaces: Surfaces
-) -> tuple[Single, Single]:
-    """Colours (n, 3), and one over the depth, of what rays of directions (n, 3) from an eye see.
+    ways: Single, hits: NDArray[np.int32], fixed: Float, surfaces: Surfaces, laser: LaserLight
+) -> tuple[Single, Single, Single]:
+    """Colours (n, 3), one over the depth, and how lit it is, of what rays (n, 3) from an eye see.
 
     They meet triangles by number (n,), or −1. Fixed are the eye, the pixels of a metre at a
     distance of one, and the air.
     """
-    corners, painted, painted_levels, ground, ground_levels, area, sky = surfaces
-    eye, focus, thick = fixed[:3], fixed[3], fixed[4]
+    corners, painted, painted_levels, ground, ground_levels, area, tones = surfaces
+    eye, focus, thick, clock = fixed[:3], fixed[3], fixed[4], laser.clock
     colours, near = np.empty((len(ways), 3), np.float32), np.zeros(len(ways), np.float32)
-    value, way = np.empty(16), np.empty(3)
+    lit = np.ones(len(ways), np.float32)
+    value, way, when, tint = np.empty(13), np.empty(3), np.empty(4), np.empty(4)
     first, second, start = np.empty(3), np.empty(3), np.empty(3)
     for n in range(len(ways)):
         seen, hit = colours[n], hits[n]
@@ -69,38 +132,53 @@ def shade(
             volume = cross_dot(way, second, first)
             u, v = cross_dot(way, second, start) / volume, cross_dot(start, first, way) / volume
             away = cross_dot(start, first, second) / volume
-            for k in range(3, 16):
+            for k in range(13):
                 value[k] = a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k])
             level = level_of(away * TILE / (BAY * focus), painted_levels)
             begin, wide, high = painted_levels[level]
             column = math.floor(value[3] * TILE / 2.0**level) % wide
             row = math.floor(value[4] * TILE / 2.0**level) % high
             texel = begin + 4 * ((int(a[5]) * high + row) * wide + column)
-            shadowed = min(max(value[15] / (away / focus + SHADOW_RIM) + 0.5, 0.0), 1.0)
             for k in range(3):
-                light = value[9 + k] + shadowed * (value[12 + k] - value[9 + k])
-                seen[k] = (value[6 + k] * painted[texel + 3] + painted[texel + k]) / 255.0 * light
+                paint = (value[6 + k] * painted[texel + 3] + painted[texel + k]) / 255.0
+                seen[k] = paint * value[9]
+            wall = value[12]
+            sample(laser.times, value[10], value[11], laser.area, when)
+            bright, sure = grey(seen), min(2.0 * when[1], 1.0)
+            when[1] *= wall
+            lit[n] = expose(seen, when, clock, value[2], tones)
+            x, y = (value[0], value[1]) if wall > 0.5 else (value[10], value[11])
+            sample(laser.tints, x, y, laser.area, tint)
+            climbed = (clock[0] - when[2]) * clock[1] * CLIMB - value[2]
+            found = min(max(1.5 * climbed + 0.5, 0.0), 1.0) * (1.0 + wall * (sure - 1.0))
+            share = found * (ROOF_SHARE + wall * (MAP_SHARE - ROOF_SHARE))
+            front = 0.5 * wall * found * min(max(1.0 - climbed / FRONT, 0.0), 1.0)
+            for k in range(3):
+                light = share * (MAP_LIGHT[0] + MAP_LIGHT[1] * bright) + front
+                seen[k] += tint[k] * light - seen[k] * share * tint[3]
         elif way[2] < 0.0:
             away = -eye[2] / way[2]
-            x = (eye[0] + away * way[0] - area[0]) / area[2]
-            y = (eye[1] + away * way[1] - area[1]) / area[3]
+            x, y = eye[0] + away * way[0], eye[1] + away * way[1]
+            u, v = (x - area[0]) / area[2], (y - area[1]) / area[3]
             seen[:] = area[4:]
-            if 0.0 <= x < 1.0 and 0.0 <= y < 1.0:
+            if 0.0 <= u < 1.0 and 0.0 <= v < 1.0:
                 long = _SLANT * away * max(away / eye[2], 1.0) / focus
                 level = level_of(long * ground_levels[0, 1] / area[2], ground_levels)
                 begin, wide, high = ground_levels[level]
-                texel = begin + 3 * (int(y * high) * wide + int(x * wide))
+                texel = begin + 3 * (int(v * high) * wide + int(u * wide))
                 for k in range(3):
                     seen[k] = ground[texel + k] / 255.0
+            sample(laser.times, x, y, laser.area, when)
+            expose(seen, when, clock, 0.0, tones)
         else:
             rise = way[2] / math.sqrt(way[0] ** 2 + way[1] ** 2 + way[2] ** 2)
-            seen[:] = sky[:3] + (1.0 - (1.0 - rise) ** 2.6) * (sky[3:] - sky[:3])
+            seen[:] = tones[0] + (1.0 - (1.0 - rise) ** 2.6) * (tones[1] - tones[0])
             continue
         near[n] = 1.0 / max(away, 1e-6)
-        far = (away * thick) ** 2 * (way[0] ** 2 + way[1] ** 2 + way[2] ** 2)
+        far = (away * thick) ** 2
         for k in range(3):
-            seen[k] += far / (1.0 + far) * (sky[k] - seen[k])
-    return colours, near
+            seen[k] += far / (1.0 + far) * (tones[0, k] - seen[k])
+    return colours, near, lit
 
 
 @compiled

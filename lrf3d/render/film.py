@@ -2,6 +2,7 @@
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from lrf3d.errors import InputError, expect, shown
 from lrf3d.geometry import is_finite, read_only
 from lrf3d.render.gl import gl_available, import_libraries, require_gl
-from lrf3d.render.hud import gap_of, lay_frame, lay_labels
+from lrf3d.render.hud import gap_of, lay_frame, lay_label
 from lrf3d.run import Run
 from lrf3d.scene import panel
 from lrf3d.scene.cameras import make_camera
@@ -29,8 +30,15 @@ RENDERERS = ("embree", "gl")
 _SMALLEST, _LARGEST = 16, 8192
 """Sides of pictures [pixels] that can be drawn."""
 
-_SIDE, _LEAST_SIDE = 0.30, 40
-"""Side of the inset, as a share of the shorter side of the picture, and the least [pixels]."""
+_INSET, _WIDEST, _LEAST_SIDE = 0.25, 0.34, 30
+"""Side of a square as large as the inset, in shorter sides of the picture; its largest width, in
+those of the picture, and the least side [pixels]."""
+
+_CARD_FROM = 0.9
+"""How far what was never seen has become glass when the card comes."""
+
+_SETTLED = 4.0
+"""Time after the end in which light still fades and colours climb [s of the film]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,33 +132,35 @@ class Film:
         self.camera = make_camera(str(chosen.view), self.timeline, structures)
         self._size, self._layers = chosen.size, chosen.layers
         self._facts = panel.Facts(run, structures, self.timeline.playback, chosen.panel)
-        self._side = round(_SIDE * min(chosen.size))
         self._window = self.scene.plan_window()
+        wide = _INSET * min(chosen.size) / self._window.aspect**0.5
+        wide = round(min(wide, _WIDEST * chosen.size[0]))
+        gap, high = gap_of(chosen.size), round(wide * self._window.aspect)
+        self._box = chosen.size[0] - gap - wide, gap, wide, high
         self._key: object = None
+        self._card = cache(lambda: panel.card(self._facts))
         self._picture: Pixels = np.zeros((0, 0, 4), np.uint8)
 
     def draw(self, time: float) -> Pixels:
         """The picture (h, w, 4) uint8 at a time of the run [s]; the next one writes over it."""
         moment = self.timeline.moment(time)
         view = self.camera.look(time, self._size[0] / self._size[1])
-        if (moment.time, view.key) == self._key:
+        key = min(moment.now, self.timeline.end + _SETTLED * self.timeline.playback), view.key
+        if key == self._key:
             # Nothing has moved: the last picture is this one.
             return self._picture
-        self._key = (moment.time, view.key)
+        self._key = key
         seen = self.scene.seen(moment, view, self._size, self._layers)
-        gap = gap_of(self._size)
-        box = self._size[0] - gap - self._side, gap, self._side
-        inset = view.plan and "inset" in self._layers and self._side >= _LEAST_SIDE
+        inset = view.plan and "inset" in self._layers and min(self._box[2:]) >= _LEAST_SIDE
         if inset:
-            seen = seen._replace(plan=self.scene.plan(moment, box, *self._window))
-        if "hud" in self._layers:
-            said = panel.panel(self._facts, moment, view.shot)
-            card = (panel.card(self._facts),) if view.raised >= 1.0 else ()
-            seen = seen._replace(labels=(said, *card))
+            seen = seen._replace(plan=self.scene.plan(moment, self._box, self._window))
         self._picture = self.renderer.draw(seen)
         if inset:
-            lay_frame(self._picture, box, self._window[1])
-        lay_labels(self._picture, seen.labels, self._side if inset else 0)
+            lay_frame(self._picture, self._box, self._window.width)
+        if "hud" in self._layers:
+            ended = view.shot == "end" and view.glass >= _CARD_FROM
+            said = self._card() if ended else panel.panel(self._facts, moment, view.shot)
+            lay_label(self._picture, said)
         return self._picture
 
     def forget(self) -> None:

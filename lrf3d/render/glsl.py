@@ -12,27 +12,42 @@ _SHADERS = Path(__file__).parent / "shaders"
 
 _CONSTANTS: dict[str, Any] = {
     "BODY_LIGHT": look.BODY_LIGHT,
+    "CLIMB": look.CLIMB,
     "DASH": look.DASH,
+    "DAWN": look.DAWN,
+    "EMBER": look.EMBER,
+    "EMBER_SHARE": look.EMBER_SHARE,
+    "EXPLORED_COLOUR": look.EXPLORED,
+    "FALL": look.FALL,
+    "FRONT": look.FRONT,
     "GHOST": (*look.GHOST, look.GHOST_STRENGTH),
+    "HAZE": look.HAZE,
+    "LEAST_FALL": look.LEAST_FALL,
+    "MAP_LIGHT": look.MAP_LIGHT,
+    "MAP_SHARE": look.MAP_SHARE,
+    "NIGHT_LOW": look.NIGHT_LOW,
+    "PEEP_DEPTH": look.VEIL,
+    "PEEP_WIDTH": look.PEEP,
     "POINT_HALO": look.POINT_HALO,
     "POINT_HALO_STRENGTH": look.POINT_HALO_STRENGTH,
-    "RIM": look.SHADOW_RIM,
+    "REFLECTED": look.REFLECTED,
+    "ROOF_SHARE": look.ROOF_SHARE,
     "SHARPNESS": look.GROUND_SHARPNESS,
     "SIZE": (float(facades.BAYS * facades.TILE), float(facades.ROWS * facades.TILE)),
     "SLANTS": facades.SLANTS,
     "SUN": look.SUN,
     "TILE": float(facades.TILE),
     "WINDOWED": facades.WINDOWED,
+    "ZENITH": look.ZENITH,
 }
 """Constants of the look that shaders know by these names."""
 
 
-def air(*, indoor: bool) -> dict[str, Any]:
-    """Constants of the air, outdoors and in rooms."""
+def night(*, indoor: bool) -> dict[str, Any]:
+    """Constants of what is dark and what is lit, outdoors and in rooms."""
     return {
-        "HAZE": look.HAZE_INDOOR if indoor else look.HAZE,
-        "ZENITH": look.ZENITH_INDOOR if indoor else look.ZENITH,
-        "GLOW": (0.0, 0.0, 0.0) if indoor else look.GLOW,
+        "COOL": look.COOL_INDOOR if indoor else look.COOL,
+        "NIGHT_HIGH": look.NIGHT_HIGH_INDOOR if indoor else look.NIGHT_HIGH,
     }
 
 

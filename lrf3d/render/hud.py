@@ -6,16 +6,17 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from lrf3d.geometry import Int, Single
 from lrf3d.scene.shapes import Label, Pixels, single
 
-_BACK, _LINE = 13, 1.36
-"""What panels add to a quarter of the brightness under them, 0…255; height of a line in letters."""
+_LINE, _LESSER = 1.36, 0.8
+"""Height of a line in letters, and the size of all lines but the first."""
 
-_PAD, _GAP = 12, 16
-"""Border in panels, and free border round them [pixels of 720 lines]."""
+_GAP = 16
+"""Free border round text and the inset [pixels of 720 lines]."""
 
 _LEAST_SCALE, _LEAST_LETTER = 0.47, 6.5
 """Text is at least this number of times its size at 720 lines; smaller letters [pixels] are left
@@ -23,13 +24,14 @@ out.
 """
 
 _MOST_COVERED = 0.5
-"""A panel that would cover more of the height of a picture is left out."""
+"""Text that would cover more of the height of a picture is left out."""
 
-_WIDTH = 0.61
-"""Width of a letter, in its height."""
+_DARKEST, _SHADED = 0.62, 1.6
+"""How much the picture is darkened in the corner under text, and how far, in the text's size."""
 
-_RIM, _BAR = (120, 130, 145), (190, 200, 215)
-"""Colours of the frame of the inset and of its scale."""
+_RIM, _BAR, _SCALE_LETTER = (38, 50, 72), (150, 166, 192), 20
+"""Colours of the frame of the inset and of its scale, and the height of the letters of that [pixels
+of 720 lines]."""
 
 
 def scale_of(size: tuple[int, int]) -> float:
@@ -44,11 +46,11 @@ def gap_of(size: tuple[int, int]) -> int:
 
 @cache
 def _font(size: int) -> ImageFont.FreeTypeFont:
-    """A font whose letters are equally wide, which comes with matplotlib; that is not imported."""
+    """The sans face of the page, which comes with matplotlib; that is not imported."""
     spec = find_spec("matplotlib")
     assert spec is not None and spec.origin is not None
     folder = Path(spec.origin).parent / "mpl-data" / "fonts" / "ttf"
-    return ImageFont.truetype(folder / "DejaVuSansMono-Bold.ttf", size)
+    return ImageFont.truetype(folder / "DejaVuSans.ttf", size)
 
 
 class Words(NamedTuple):
@@ -71,43 +73,54 @@ def _words(text: str, size: int) -> Words:
     return Words(picture.width, places, single(pixels[places][:, None] / 255.0))
 
 
-def lay_labels(picture: Pixels, labels: tuple[Label, ...], taken: int) -> None:
-    """Lay labels over a picture whose upper right corner is taken for so many pixels."""
+def lay_label(picture: Pixels, label: Label) -> None:
+    """Lay text over the lower left corner of a picture, on a soft gradient."""
     size, gap = (picture.shape[1], picture.shape[0]), gap_of(picture.shape[1::-1])
-    scale = scale_of(size)
-    pad = round(_PAD * scale)
-    for label in labels:
-        room = size[0] - 2 * gap - (taken + gap if label.place == "top" and taken else 0)
-        longest = max(len(line) for line in label.text)
-        letters = int(min(scale * label.size, (room - 2 * pad) / (_WIDTH * longest)))
-        high = 2 * pad + round(_LINE * letters * len(label.text))
-        if letters < _LEAST_LETTER or high > _MOST_COVERED * size[1]:
-            continue
-        wide = 2 * pad + max(_words(line, letters).width for line in label.text)
-        left, top = gap, gap
-        if label.place == "middle":
-            left, top = (size[0] - wide) // 2, size[1] - 2 * gap - high
-        part = picture[top : top + high, left : left + wide]
-        np.right_shift(part, 2, out=part)
-        np.add(part, _BACK, out=part)
-        for row, (line, colour) in enumerate(zip(label.text, label.colours, strict=True)):
-            _write(part, line, letters, (pad, pad + round(row * _LINE * letters)), colour)
+    left, letters = round(1.4 * gap), [scale_of(size) * label.size]
+    letters += [_LESSER * letters[0]] * (len(label.text) - 1)
+    wide = max(
+        _font(100).getlength(line) * high / 100
+        for line, high in zip(label.text, letters, strict=True)
+    )
+    fits = min(1.0, (size[0] - 2 * left) / max(wide, 1.0))
+    heights = [int(fits * high) for high in letters]
+    high = sum(round(_LINE * each) for each in heights)
+    if min(heights) < _LEAST_LETTER or high > _MOST_COVERED * size[1]:
+        return
+    shading = _shading(round(_SHADED * fits * wide), round(_SHADED * high) + gap)
+    part = picture[-len(shading) :, : shading.shape[1], :3]
+    part[:] = (part * shading[-len(part) :, : part.shape[1]]) >> 8
+    top = size[1] - round(1.2 * gap) - high
+    for line, colour, each in zip(label.text, label.colours, heights, strict=True):
+        _write(picture, line, each, (left, top), colour)
+        top += round(_LINE * each)
 
 
-def lay_frame(picture: Pixels, box: tuple[int, int, int], window: float) -> None:
-    """Frame the inset in a box, left, top and side [pixels], which shows a window [m]."""
-    left, top, side = box
+@lru_cache(maxsize=8)
+def _shading(wide: int, high: int) -> NDArray[np.uint16]:
+    """What is left of the light (high, wide, 1) under text, of 256."""
+    x, y = 1.0 - np.arange(wide) / wide, np.arange(high) / high
+    dark = _DARKEST * np.outer(y * y * (3.0 - 2.0 * y), x * x * (3.0 - 2.0 * x))
+    return np.round(256.0 * (1.0 - dark)).astype(np.uint16)[..., None]
+
+
+def lay_frame(picture: Pixels, box: tuple[int, int, int, int], window: float) -> None:
+    """Frame the inset in a box, left, top, width and height [pixels]; it shows a width [m]."""
+    left, top, wide, high = box
     scale = scale_of(picture.shape[1::-1])
-    rim, pad = max(1, round(2 * scale)), round(10 * scale)
-    part = picture[top : top + side, left : left + side, :3]
+    rim, pad = max(1, round(1.2 * scale)), round(10 * scale)
+    part = picture[top : top + high, left : left + wide, :3]
     part[:rim] = part[-rim:] = part[:, :rim] = part[:, -rim:] = _RIM
-    # The longest of 1, 2 and 5 times a power of ten that takes up to a third of the side.
+    # The longest of 1, 2 and 5 times a power of ten that takes up to a third of the width.
     power = 10.0 ** np.floor(np.log10(window / 3.0))
     metres = power * max(step for step in (1.0, 2.0, 5.0) if step * power <= window / 3.0)
-    part[-pad - rim : -pad, pad : pad + round(metres / window * side)] = _BAR
-    letters = max(round(20 * scale), 7)
-    place = pad, side - pad - rim - round(_LINE * letters)
-    _write(part, f"{metres:g} m", letters, place, _BAR)
+    # Under the inset, so that it hides nothing of the map.
+    letters = max(round(_SCALE_LETTER * scale), 9)
+    below, length = top + high + pad // 2, round(metres / window * wide)
+    right, words = left + wide, f"{metres:g} m"
+    picture[below : below + 2 * rim, right - length : right, :3] = _BAR
+    place = right - length - _words(words, letters).width - pad // 2, below - round(0.6 * letters)
+    _write(picture, words, letters, place, _BAR)
 
 
 def _write(

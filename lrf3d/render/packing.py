@@ -8,12 +8,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.geometry import Single
-from lrf3d.scene.look import BODY_LIGHT, SUN
-from lrf3d.scene.shapes import Faces, GroundPicture, Mark, Painted, single
+from lrf3d.geometry import Float, Single
+from lrf3d.scene.look import (
+    BODY_LIGHT,
+    COOL,
+    COOL_INDOOR,
+    FALL,
+    LEAST_FALL,
+    NIGHT_HIGH,
+    NIGHT_HIGH_INDOOR,
+    NIGHT_LOW,
+    SUN,
+)
+from lrf3d.scene.shapes import Faces, Mark, Painted, single
+from lrf3d.scene.stage import Stage
 
 _LAND_REACH = 3000.0
 """How far the ground goes [m]: to the horizon."""
+
+GREY = np.array([0.3, 0.55, 0.15])
+"""Shares of the colours in how bright something is."""
 
 _UNTURNED = np.eye(3)
 
@@ -25,12 +39,12 @@ def columns_of(mark: Mark | Faces) -> dict[str, NDArray[Any]]:
 
 def walls_of(faces: Painted) -> tuple[Single, ...]:
     """The arrays of walls and roofs."""
-    columns = faces.places, faces.texture, faces.colours, faces.lit, faces.shaded
-    return *columns, faces.under[..., None]
+    return faces.places, faces.texture, faces.colours, faces.light, faces.before
 
 
-def land_of(ground: GroundPicture, reach: float = _LAND_REACH) -> Faces:
-    """The land so far [m] around the ground's picture: four sides, whose corners leave no seam."""
+def land_of(stage: Stage, reach: float = _LAND_REACH) -> Faces:
+    """The dark land so far [m] around the ground's picture: four sides that leave no seam."""
+    ground, indoor = stage.ground, stage.structures.indoor
     low, high = ground.corner, ground.corner + ground.size
     outer, inner = (
         np.array([a, [b[0], a[1]], b, [a[0], b[1]]])
@@ -39,7 +53,8 @@ def land_of(ground: GroundPicture, reach: float = _LAND_REACH) -> Faces:
     quads = np.stack([outer, np.roll(outer, -1, axis=0), np.roll(inner, -1, axis=0), inner], axis=1)
     corners = np.zeros((8, 3, 3), np.float32)
     corners[..., :2] = quads[:, [0, 1, 2, 0, 2, 3]].reshape(8, 3, 2)
-    colours = np.broadcast_to(ground.land.astype(np.float32), corners.shape)
+    dark = single(exposed(ground.land, np.zeros(()), 0.0, indoor=indoor))
+    colours = np.broadcast_to(dark, corners.shape)
     return Faces(corners, np.zeros_like(corners), colours)
 
 
@@ -49,6 +64,17 @@ def lit(faces: Faces, turn: Any = _UNTURNED) -> Single:
     up = faces.normals @ turn.T
     light = everywhere + sunny * np.maximum(up @ SUN, 0.0) + upward * up[..., 2]
     return single(faces.colours * np.where((up == 0.0).all(axis=2), 1.0, light)[..., None])
+
+
+def exposed(day: Any, on: Any, height: Any, *, indoor: bool) -> Float:
+    """Colours (…, 3) in the laser's light, long after it came, as ``common.glsl`` has them.
+
+    How lit they are (…), and how high they lie [m].
+    """
+    high, cool = (NIGHT_HIGH_INDOOR, COOL_INDOOR) if indoor else (NIGHT_HIGH, COOL)
+    dark = NIGHT_LOW + (day @ GREY)[..., None] * (np.array(high) - NIGHT_LOW)
+    share = on * np.maximum(1.0 - FALL * height, LEAST_FALL)
+    return np.asarray(dark + share[..., None] * (day * cool - dark))
 
 
 def rectangle(low: Any, high: Any) -> Single:

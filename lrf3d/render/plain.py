@@ -12,12 +12,13 @@ from PIL import Image
 
 from lrf3d.casting.triangle_rays import TriangleRays
 from lrf3d.geometry import Float, Single
-from lrf3d.render.fill import Surfaces, fill_discs, fill_triangles, shade
-from lrf3d.render.glsl import air
+from lrf3d.render.fill import LaserLight, Surfaces, fill_discs, fill_triangles, shade
+from lrf3d.render.glsl import night
+from lrf3d.render.mirrors import Reflection, reflections
 from lrf3d.render.packing import lit
 from lrf3d.scene import look
 from lrf3d.scene.facades import layers
-from lrf3d.scene.shapes import Body, Lens, Lines, Mark, Pixels, Points, Seen, Soft, single
+from lrf3d.scene.shapes import Body, Lens, Lines, Mark, Pixels, Points, Seen, Soft, Tints, single
 from lrf3d.scene.stage import Stage
 
 _LIFTED = 0.02
@@ -25,6 +26,13 @@ _LIFTED = 0.02
 
 _NEAR = 0.2
 """Depth [m] before which lines are cut and other marks are left out."""
+
+
+_MOST_LAYERS = 6
+"""Most walls that a ray passes where these are open or glass."""
+
+_AT_MIRROR = 0.03
+"""How far from a mirror what rays meet is the mirror [m]."""
 
 
 class _Canvas(NamedTuple):
@@ -41,54 +49,145 @@ class PlainRenderer:
         self._size = size
         self._scale = max(min(size) / 720.0, look.LEAST_SCALE)
         quads = stage.faces.rows()
-        self._corners = single(quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 16))
+        self._corners = single(quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 13))
         self._cut = np.inf
         self._rays = TriangleRays(single(self._corners[..., :3]))
         indoor, ground = stage.structures.indoor, stage.ground
-        sky = air(indoor=indoor)
+        tones = night(indoor=indoor)
         self._surfaces = Surfaces(
             self._corners,
             *_texels(layers(indoor)),
             *_texels(_halved(ground.picture)),
             np.array([*ground.corner, *ground.size, *ground.land]),
-            np.array([*sky["HAZE"], *sky["ZENITH"]]),
+            np.array([look.HAZE, look.ZENITH, tones["NIGHT_HIGH"], tones["COOL"]]),
         )
+        times, self._mirrors = stage.exposure.times, stage.mirrors
+        area, clock = np.array(stage.exposure.area), np.zeros(2)
+        self._laser = LaserLight(times, np.zeros_like(times), area, clock)
+        self._tinted: Tints | None = None
         self._picture: Pixels = np.full((size[1], size[0], 4), 255, np.uint8)
 
     def draw(self, seen: Seen) -> Pixels:
         """The picture (h, w, 4) uint8 of what is to be seen; the next one writes over it."""
-        width, height = self._size
-        lens, ghost = seen.lens, seen.ghost
+        lens = seen.lens
         ways = _ways(lens, self._size)
-        fixed = np.array([*lens.eye, lens.focus, lens.thick])
+        self._laser = self._laser._replace(clock=np.array(seen.clock))
+        self._tint(seen.tints)
         if seen.cut != self._cut:
             self._cut, corners = seen.cut, self._corners.copy()
             corners[..., 2] = np.minimum(corners[..., 2], seen.cut)
             self._surfaces = self._surfaces._replace(corners=corners)
             self._rays = TriangleRays(single(corners[..., :3]))
-        hits = self._rays.first(np.tile(single(lens.eye), (len(ways), 1)), ways)
-        none = np.full(len(ways), -1, np.int32)
-        colours, near = shade(ways, none if ghost else hits, fixed, self._surfaces)
-        canvas = _Canvas(colours.reshape(height, width, 3), near.reshape(height, width))
+        canvas = self._look(seen, lens, ways, None)
+        for reflection in reflections(seen, self._mirrors):
+            self._reflect(seen, reflection, canvas, ways)
         for _, body in seen.bodies:
             self._draw_body(canvas, lens, body)
-        if ghost:
-            # Walls that fade are laid over all that stands in them.
-            walls, depth = shade(ways, hits, fixed, self._surfaces)
-            walls += ghost * (np.array(look.GHOST, np.float32) - walls)
-            shown = (hits >= 0) & (depth > near)
-            colours[shown] += (1.0 - ghost * look.GHOST_STRENGTH) * (walls - colours)[shown]
         for _, mark in seen.marks:
             self._draw_mark(canvas, lens, mark)
         if seen.plan is not None:
-            left, top, side = seen.plan.box
-            part = canvas.colours[top : top + side, left : left + side]
-            part[:] = np.array(look.PLAN_BACK) / 255.0
+            left, top, wide, high = seen.plan.box
+            part = canvas.colours[top : top + high, left : left + wide]
+            part[:] = self._explored(seen.plan.lens, (wide, high))
             inset = _Canvas(part, np.zeros(part.shape[:2], np.float32))
             for _, mark in seen.plan.marks:
                 self._draw_mark(inset, seen.plan.lens, mark)
         self._picture[..., :3] = 255.0 * np.clip(canvas.colours, 0.0, 1.0) + 0.5
         return self._picture
+
+    def _tint(self, tints: Tints | None) -> None:
+        """Draw the map into the picture that walls take its colours from, where it has changed."""
+        if tints is self._tinted:
+            return
+        self._tinted = tints
+        found = np.zeros_like(self._laser.tints)
+        if tints is not None:
+            # Their lines are of a width in cells, whatever the size of the picture.
+            lines = tints.lines._replace(width=tints.lines.width / self._scale)
+            white = lines._replace(colours=np.ones_like(lines.colours))
+            for part, each in ((slice(0, 3), lines), (slice(3, 4), white)):
+                canvas = _Canvas(np.zeros((*found.shape[:2], 3), np.float32), found[..., 3].copy())
+                canvas.near[:] = 0.0
+                self._draw_lines(canvas, tints.lens, each)
+                found[..., part] = canvas.colours[..., : part.stop - part.start]
+        self._laser = self._laser._replace(tints=found)
+
+    def _look(self, seen: Seen, lens: Lens, ways: Single, starts: Single | None) -> _Canvas:
+        """What rays of directions (n, 3) see of what stands, from the eye or from their starts.
+
+        What was never seen, where it is glass, and what hides the robot let rays pass.
+        """
+        fixed = np.array([*lens.eye, lens.focus, lens.thick])
+        origins = np.tile(single(lens.eye), (len(ways), 1)) if starts is None else starts
+        hits = self._rays.first(origins, ways)
+        colours, near, lit = shade(ways, hits, fixed, self._surfaces, self._laser)
+        rest, left = np.arange(len(ways)), np.ones(len(ways), np.float32)
+        found, depth = np.zeros_like(colours), near.copy()
+        for _ in range(_MOST_LAYERS if seen.glass or seen.robot else 0):
+            solid = _solid(seen, lens, ways[rest], near, lit)
+            passes = np.flatnonzero((hits >= 0) & (solid < 1.0))
+            share = left[rest]
+            if seen.glass:
+                colours[passes] += seen.glass * (np.array(look.GHOST, np.float32) - colours[passes])
+            share[passes] *= solid[passes]
+            found[rest] += share[:, None] * colours
+            depth[rest] = near
+            if not len(passes):
+                rest, colours, near = rest[:0], colours[:0], near[:0]
+                break
+            left[rest] -= share
+            away = (1.0 / near[passes] + _LIFTED)[:, None]
+            rest = rest[passes]
+            starts = single(lens.eye + away * ways[rest])
+            hits = self._rays.first(starts, ways[rest])
+            colours, near, lit = shade(ways[rest], hits, fixed, self._surfaces, self._laser)
+        found[rest] += left[rest, None] * colours
+        depth[rest] = near
+        shape = self._size[::-1] if len(ways) == self._picture[..., 0].size else (len(ways), 1)
+        return _Canvas(found.reshape(*shape, 3), depth.reshape(shape))
+
+    def _reflect(self, seen: Seen, reflection: Reflection, canvas: _Canvas, ways: Single) -> None:
+        """Replace what a mirror covers by what it shows."""
+        start, far = reflection.seal[0, 0].astype(float), reflection.seal[0, 2].astype(float)
+        along = (far - start)[:2]
+        length = float(np.hypot(*along))
+        along /= length
+        normal = np.array([-along[1], along[0]])
+        near = canvas.near.ravel()
+        places = seen.lens.eye + ways / np.maximum(near, 1e-9)[:, None] - start
+        off, there = np.abs(places[:, :2] @ normal), places[:, :2] @ along
+        mirrored = (off < _AT_MIRROR) & (there >= 0.0) & (there <= length) & (near > 0.0)
+        chosen = np.flatnonzero(mirrored)
+        turned = ways[chosen].copy()
+        turned[:, :2] -= 2.0 * (turned[:, :2] @ normal)[:, None] * normal
+        starts = single(places[chosen] + start + _AT_MIRROR * turned)
+        shown = self._look(seen._replace(robot=None), reflection.lens, turned, starts)
+        whole = _Canvas(np.zeros_like(canvas.colours), np.full_like(canvas.near, 1e9))
+        whole.colours.reshape(-1, 3)[chosen] = shown.colours.reshape(-1, 3)
+        whole.near.ravel()[chosen] = shown.near.ravel()
+        for _, body in seen.bodies:
+            self._draw_body(whole, reflection.lens, body)
+        tinted = whole.colours.reshape(-1, 3)[chosen] * np.array(look.REFLECTED, np.float32)
+        canvas.colours.reshape(-1, 3)[chosen] = tinted
+
+    def _explored(self, lens: Lens, size: tuple[int, int]) -> Single:
+        """What was seen by now (h, w, 3), in a plan of a size [pixels]."""
+        scale = np.diag(lens.matrix)[:2]
+        x, y = (
+            (2.0 * (np.arange(side) + 0.5) / side - 1.0 - shift) / zoom
+            for side, shift, zoom in zip(size, lens.matrix[:2, 3], scale, strict=True)
+        )
+        laser = self._laser
+        high, wide = laser.times.shape[:2]
+        rows = np.clip((y - laser.area[1]) * laser.area[3] * high, 0, high - 1).astype(int)
+        columns = np.clip((x - laser.area[0]) * laser.area[2] * wide, 0, wide - 1).astype(int)
+        when = laser.times[rows[:, None], columns]
+        age = (laser.clock[0] - when[..., 0]) * laser.clock[1] - when[..., 3]
+        on = when[..., 1] * np.clip(age / look.DAWN, 0.0, 1.0)
+        hot = (0.55 / (1.0 + 2.0 * age**2))[..., None]
+        seen = look.EXPLORED + hot * (np.array(look.EMBER) - look.EXPLORED)
+        back = np.array(look.PLAN_BACK) / 255.0
+        return single(back + on[..., None] * (seen - back))
 
     def close(self) -> None:
         """Nothing is held that needs to be freed."""
@@ -145,6 +244,21 @@ class PlainRenderer:
         triangles = np.stack([corners[k] for k in (0, 1, 3, 0, 3, 2)], axis=1).reshape(-1, 3, 7)
         shown = np.repeat(depths.max(axis=0) > _NEAR, 2)
         fill_triangles(triangles[shown], lines.hidden, False, canvas.colours, canvas.near)
+
+
+def _solid(seen: Seen, lens: Lens, ways: Single, near: Single, lit: Single) -> Single:
+    """The opacity (n,) of what rays (n, 3) meet at one over a depth (n,), which is so lit (n,)."""
+    if seen.glass:
+        return np.where(lit < 0.5, np.float32(1.0 - seen.glass * look.GHOST_STRENGTH), 1.0)
+    toward = np.array(seen.robot) - lens.eye
+    reach = float(np.linalg.norm(toward))
+    places = ways / np.maximum(near, 1e-9)[:, None]
+    along = places @ (toward / reach)
+    off = np.linalg.norm(places - along[:, None] * toward / reach, axis=1)
+    wide = off / np.maximum(along, 0.1) / look.PEEP
+    rise = np.clip((wide - 0.55) / 0.45, 0.0, 1.0)
+    opened = (1.0 - rise * rise * (3.0 - 2.0 * rise)) * (along < reach - 1.0)
+    return single(1.0 - look.VEIL * opened)
 
 
 def _ways(lens: Lens, size: tuple[int, int]) -> Single:

@@ -62,7 +62,10 @@ class ShaderProgram:
 
 
 def _uniforms(program: int) -> dict[str, int]:
-    """The names of a program's own uniforms but its picture, and their places."""
+    """The names of a program's own uniforms but its picture, and their places.
+
+    Its pictures of times and of the map have units of their own.
+    """
     count = GL.glGetProgramiv(program, GL.GL_ACTIVE_UNIFORMS)
     names = [GL.glGetActiveUniform(program, number)[0] for number in range(count)]
     places = {name.decode(): GL.glGetUniformLocation(program, name.decode()) for name in names}

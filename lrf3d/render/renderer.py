@@ -5,18 +5,20 @@ cost ten times what the drawing does.
 """
 
 import ctypes
+from typing import Any
 
 import numpy as np
 
 from lrf3d.geometry import Single
-from lrf3d.render.buffers import GL, Buffer, Texture, make_current
-from lrf3d.render.glsl import air
+from lrf3d.render.buffers import GL, Buffer, Texture, TimeTexture, TintTexture, make_current
+from lrf3d.render.glsl import night
+from lrf3d.render.mirrors import Reflection, reflections
 from lrf3d.render.packing import columns_of, land_of, mesh, rectangle, walls_of
 from lrf3d.render.parts import Parts
-from lrf3d.render.programs import CameraBlock, ShaderProgram, Uniform
+from lrf3d.render.programs import CameraBlock, ShaderProgram
 from lrf3d.scene import look
 from lrf3d.scene.facades import layers
-from lrf3d.scene.shapes import Lines, Mark, Pixels, Plan, Points, Seen
+from lrf3d.scene.shapes import Lens, Lines, Mark, Pixels, Plan, Points, Seen, Tints
 from lrf3d.scene.stage import Stage
 
 
@@ -42,7 +44,7 @@ class Renderer:
             self._sampled, self._samples_taken = _framebuffer(size, samples)
             corners = np.array([[-1.0, -1.0], [3.0, -1.0], [-1.0, 3.0]], np.float32)
             self._resolving = self._filled("resolve", corners)
-        self._constants = air(indoor=indoor)
+        self._constants = night(indoor=indoor)
         self._programs: dict[str, ShaderProgram] = {}
         self._picture: Pixels = np.zeros((size[1], size[0], 4), np.uint8)
         self._scale = max(min(size) / 720.0, look.LEAST_SCALE)
@@ -55,26 +57,40 @@ class Renderer:
         corners = rectangle(ground.corner, ground.corner + ground.size)
         self._ground = self._filled("ground", corners)
         self._area = (*ground.corner.tolist(), *(1.0 / ground.size).tolist())
-        self._land = self._filled("land", *land_of(ground))
+        self._land = self._filled("land", *land_of(stage))
         self._sky = self._filled("sky", mesh(10, 10))
         self._painted = Texture(layers(indoor))
         self._pavement = Texture((ground.picture,))
+        exposure, self._mirrors = stage.exposure, stage.mirrors
+        self._times, self._tints = TimeTexture(exposure.times), TintTexture(exposure.times)
+        self._tinted: Tints | None = None
+        # What shaders that know of the laser's light read it with.
+        self._light: dict[str, Any] = {
+            "grid": exposure.area, "times": TimeTexture.UNIT, "tints": TintTexture.UNIT,
+        }  # fmt: skip
 
     def draw(self, seen: Seen) -> Pixels:
         """The picture (h, w, 4) uint8 of what is to be seen; the next one writes over it."""
+        make_current()
+        self._light["clock"] = seen.clock
+        self._draw_tints(seen.tints)
         self._begin()
+        for reflection in reflections(seen, self._mirrors):
+            self._reflect(seen, reflection)
         self._camera.fill(seen.lens, *self._size)
-        for name, body in seen.bodies:
-            self._paint("faces", self._filled(name, *body.faces), cull=True, pose=body.pose)
-        if seen.ghost == 0.0:
-            self._draw_walls(seen)
-        self._pavement.bind()
-        self._paint("ground", self._ground, area=self._area)
+        self._draw_bodies(seen)
+        solid, veil = "", ""
+        if seen.glass > 0.0:
+            # What is lit is seen from both sides; what is not becomes glass over all else.
+            solid, veil = ":LIT", ":DIM"
+        elif seen.robot is not None:
+            solid, veil = ":PEEP", ":PEEP:VEIL"
+        self._draw_walls(seen, seen.lens, solid)
+        self._draw_ground("ground")
         self._paint("faces", self._land, pose=np.eye(4))
         self._paint("sky", self._sky, ray_from_corner=np.linalg.inv(seen.lens.matrix))
-        if seen.ghost > 0.0:
-            # Houses become glass over what stands in them: near ones first, which hide others.
-            self._draw_walls(seen)
+        if veil:
+            self._draw_walls(seen, seen.lens, veil)
         self._flatten()
         for name, mark in seen.marks:
             self._draw_mark(name, mark, seen.lens.focus)
@@ -90,7 +106,7 @@ class Renderer:
             program.delete()
         for buffer in self._buffers.values():
             buffer.delete()
-        for texture in (self._painted, self._pavement):
+        for texture in (self._painted, self._pavement, self._times, self._tints):
             texture.delete()
         self._camera.delete()
         frames = [each for each in (self._frame, self._sampled) if each is not None]
@@ -101,13 +117,14 @@ class Renderer:
 
     def _begin(self) -> None:
         """Clear and set up."""
-        make_current()
         GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._sampled or self._frame)
         GL.glDisable(GL.GL_SCISSOR_TEST)
         GL.glViewport(0, 0, *self._size)
         GL.glDepthMask(GL.GL_TRUE)
         # The sky covers what nothing else does, so that only the depth needs clearing.
         GL.glClear(GL.GL_DEPTH_BUFFER_BIT)
+        self._times.bind()
+        self._tints.bind()
         GL.glEnable(GL.GL_DEPTH_TEST)
         GL.glDepthFunc(GL.GL_LEQUAL)
         GL.glBlendFunc(GL.GL_SRC_ALPHA, GL.GL_ONE_MINUS_SRC_ALPHA)
@@ -132,7 +149,7 @@ class Renderer:
         cull: bool = False,
         solid: bool = True,
         span: tuple[int, int] | None = None,
-        **uniforms: Uniform,
+        **uniforms: Any,
     ) -> None:
         """Draw a buffer, or a span of it, with a program and its uniforms."""
         first, count = span or (0, buffer.count)
@@ -146,26 +163,64 @@ class Renderer:
         self._programs[program].use(uniforms)
         buffer.draw(first, count)
 
-    def _draw_walls(self, seen: Seen) -> None:
-        parts = self._parts.seen(seen.lens.matrix, seen.lens.eye)
+    def _draw_tints(self, tints: Tints | None) -> None:
+        """Draw the map into the picture that walls take its colours from, where it has changed."""
+        if tints is self._tinted:
+            return
+        self._tinted = tints
+        self._tints.begin()
+        if tints is not None:
+            GL.glDisable(GL.GL_DEPTH_TEST)
+            GL.glDisable(GL.GL_SCISSOR_TEST)
+            self._camera.fill(tints.lens, *self._tints.size)
+            # How much of a cell is covered adds up to its opacity.
+            one = GL.GL_ONE, GL.GL_ONE_MINUS_SRC_ALPHA
+            GL.glBlendFuncSeparate(GL.GL_SRC_ALPHA, GL.GL_ONE_MINUS_SRC_ALPHA, *one)
+            columns = columns_of(tints.lines).values()
+            buffer = self._filled("tints", *columns, corners=4)
+            self._paint("lines", buffer, blend=True, solid=False, width=tints.lines.width)
+
+    def _reflect(self, seen: Seen, reflection: Reflection) -> None:
+        """Draw what a mirror shows, and close it with its depth."""
+        self._camera.fill(reflection.lens, *self._size)
+        GL.glFrontFace(GL.GL_CCW)
+        self._draw_bodies(seen, ":MIRRORED", **reflection.uniforms)
+        self._draw_walls(seen, reflection.lens, ":MIRRORED", **reflection.uniforms)
+        self._draw_ground("ground:MIRRORED", **reflection.uniforms)
+        GL.glFrontFace(GL.GL_CW)
+        self._camera.fill(seen.lens, *self._size)
+        GL.glColorMask(False, False, False, False)
+        GL.glDepthFunc(GL.GL_ALWAYS)
+        bare = np.zeros_like(reflection.seal)
+        self._paint("faces", self._filled("seal", reflection.seal, bare, bare), pose=np.eye(4))
+        GL.glDepthFunc(GL.GL_LEQUAL)
+        GL.glColorMask(True, True, True, True)
+
+    def _draw_bodies(self, seen: Seen, defined: str = "", **uniforms: Any) -> None:
+        for name, body in seen.bodies:
+            buffer = self._filled(name, *body.faces)
+            self._paint(f"faces{defined}", buffer, cull=True, pose=body.pose, **uniforms)
+
+    def _draw_ground(self, program: str, **how: Any) -> None:
+        self._pavement.bind()
+        self._paint(program, self._ground, area=self._area, **self._light, **how)
+
+    def _draw_walls(self, seen: Seen, lens: Lens, variant: str, **uniforms: Any) -> None:
+        """Draw the walls that a lens sees, by a variant of their shader."""
+        parts = self._parts.seen(lens.matrix, lens.eye)
         if not np.array_equal(parts, self._chosen):
             self._chosen = parts
             indices, self._textured = self._parts.choose(parts)
             self._walls.choose(indices)
-        defined = ":FADED" * (seen.ghost > 0.0)
         self._painted.bind()
+        uniforms |= {"glass": seen.glass, "cut": float(seen.cut), "robot": seen.robot}
+        blend = variant in (":DIM", ":PEEP:VEIL")
+        how = {"blend": blend, "solid": not blend, "cull": variant != ":LIT"}
         # Those that cost more come last, so that fewer of them are drawn where others hide them.
         plain = self._textured, self._walls.count - self._textured
         for program, span in (("walls:PLAIN", plain), ("walls", (0, self._textured))):
-            self._paint(
-                program + defined,
-                self._walls,
-                blend=seen.ghost > 0.0,
-                cull=True,
-                span=span,
-                ghost=float(seen.ghost),
-                cut=float(seen.cut),
-            )
+            values = {**how, **self._light, **uniforms}
+            self._paint(program + variant, self._walls, span=span, **values)
 
     def _draw_mark(self, name: str, mark: Mark, focus: float) -> None:
         mode = GL.GL_POINTS if isinstance(mark, Points) else GL.GL_TRIANGLES
@@ -186,14 +241,15 @@ class Renderer:
 
     def _draw_plan(self, plan: Plan) -> None:
         """The map in its corner, on a dark ground."""
-        left, top, side = plan.box
+        left, top, wide, high = plan.box
         GL.glDisable(GL.GL_DEPTH_TEST)
         GL.glEnable(GL.GL_SCISSOR_TEST)
         for place in (GL.glScissor, GL.glViewport):
-            place(left, top, side, side)
+            place(left, top, wide, high)
         GL.glClearColor(*(part / 255.0 for part in look.PLAN_BACK), 1.0)
         GL.glClear(GL.GL_COLOR_BUFFER_BIT)
-        self._camera.fill(plan.lens, side, side)
+        self._camera.fill(plan.lens, wide, high)
+        self._draw_ground("ground:EXPLORED", blend=True, solid=False)
         for name, mark in plan.marks:
             self._draw_mark(name, mark, plan.lens.focus)
 

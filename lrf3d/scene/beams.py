@@ -8,12 +8,13 @@ import numpy as np
 
 from lrf3d.geometry import Bool, Float, Int, cross, directions, lengths
 from lrf3d.laser import LaserScan, beam_directions
-from lrf3d.scene.shapes import Lines, Points, level_lines, single
+from lrf3d.scene.look import EMBER, LAMP
+from lrf3d.scene.shapes import Lines, Points, Soft, level_lines, single
 from lrf3d.world import World
 
-_COLOUR, _STRENGTH, _WIDTH, _DRAWN = (1.0, 0.36, 0.26), 0.55, 1.1, 30
+_COLOUR, _STRENGTH, _WIDTH, _DRAWN = (1.0, 0.74, 0.42), 0.40, 1.1, 30
 """Colour of a beam, its opacity at the robot, its width [pixels of 720 lines], and about how many
-are drawn: more would run into one red."""
+are drawn: more would run into one plane."""
 
 REACH, REACH_INDOOR = 42.0, 14.0
 """Range [m] at which beams have faded to nothing, as farther ones would only tint the street; the
@@ -21,11 +22,11 @@ same in rooms."""
 
 RANGE_COLOURS = np.array(
     [
-        [1.00, 0.93, 0.50],
-        [1.00, 0.70, 0.20],
-        [1.00, 0.42, 0.14],
-        [0.90, 0.20, 0.30],
-        [0.68, 0.20, 0.62],
+        [1.00, 0.95, 0.80],
+        [1.00, 0.85, 0.63],
+        [1.00, 0.74, 0.42],
+        [1.00, 0.62, 0.28],
+        [0.95, 0.50, 0.22],
     ]
 )
 """Colours of hit points from near to far."""
@@ -40,6 +41,11 @@ _POINT_SIZE, _POINT_PIXELS = 0.08, (2.6, 8.0)
 _MOST_LEGS, _LEAST_LEG = 9, 1e-9
 """Legs of a beam: casters turn it up to eight times; and the shortest, as a share of the rest of
 its path: a beam does not meet again what it leaves."""
+
+_LAMP_BEAMS, _LAMP_SIDE, _LAMP_HEIGHT = 60, float(np.radians(28.0)), 0.012
+_LAMP_RINGS = np.array([0.0, 0.25, 1.0])
+"""About how many beams light the ground, the angle over which that ends at the sides of the field
+of view [rad], its height [m], and the shares of a beam between which it fades."""
 
 _LEFT = np.array([[0.0, 1.0], [-1.0, 0.0]])
 """Turns rows of vectors to the left by a right angle."""
@@ -94,6 +100,32 @@ def draw_beams(
     return level_lines(
         height, starts, stops, np.full((len(gone), 3), _COLOUR), opacities, _WIDTH
     ), points
+
+
+def lamp(scan: LaserScan, mirrors: Float, apex: Float, reach: float) -> Soft:
+    """The light of a scan on the ground round an apex (2,), which fades to nothing at a reach [m].
+
+    It ends where beams do, and softly at the sides of the field of view.
+    """
+    step = max(1, len(scan.angles) // _LAMP_BEAMS)
+    angles, ranges = scan.angles[::step], scan.ranges[::step]
+    far = np.clip(np.where(ranges == -np.inf, 0.0, ranges), 0.0, reach)
+    ways, place = beam_directions(scan.pose.theta, angles), np.array([scan.pose.x, scan.pose.y])
+    if len(mirrors):
+        legs, beams, gone = folded(place, place + far[:, None] * ways, mirrors)
+        far[beams[gone == 0.0]] = lengths(legs[gone == 0.0])
+    shares = _LAMP_RINGS[:, None] * far
+    corners = apex + shares[..., None] * ways
+    edge = np.minimum(angles - angles[0], angles[-1] - angles) / _LAMP_SIDE
+    alpha = LAMP * (1.0 - shares / reach) ** 2
+    if np.ptp(angles) < 6.1:
+        alpha = alpha * np.clip(edge, 0.0, 1.0)
+    level = np.full((*alpha.shape, 1), _LAMP_HEIGHT)
+    tint = np.broadcast_to(EMBER, (*alpha.shape, 3))
+    vertices = np.concatenate([corners, level, tint, alpha[..., None]], axis=2)
+    a, b, c, d = vertices[:-1, :-1], vertices[1:, :-1], vertices[1:, 1:], vertices[:-1, 1:]
+    triangles = np.stack([a, b, c, a, c, d], axis=2).reshape(-1, 3, 7)
+    return Soft(single(triangles[..., :3]), single(triangles[..., 3:]))
 
 
 def _point_colours(scan: LaserScan, by: str) -> Float:

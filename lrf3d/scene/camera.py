@@ -63,10 +63,10 @@ class Look:
     """Whether the map is also shown in a corner."""
     cuts: bool = False
     """Whether the walls of rooms are cut level, so that one looks into them."""
-    ghost: float = 0.0
-    """How far houses have faded to pale ghosts, 0…1."""
-    raised: float = 0.0
-    """How far the walls of the map stand up, 0…1."""
+    glass: float = 0.0
+    """How far what was never seen has become glass, 0…1."""
+    opens: bool = False
+    """Whether what hides the robot is opened."""
     shot: str = ""
     """What is shown, which a caption says: a key of :mod:`lrf3d.scene.panel`."""
 
@@ -74,7 +74,7 @@ class Look:
     def key(self) -> tuple[object, ...]:
         """What distinguishes this look from others of its camera."""
         place = self.eye.tobytes(), self.target.tobytes(), self.field
-        return *place, self.ghost, self.raised, self.shot
+        return *place, self.glass, self.shot
 
     @property
     def away(self) -> float:

@@ -1,32 +1,35 @@
-"""The map as it is drawn: lines, and slim bands on the mapped walls, which at the end stand up."""
+"""The map as it is drawn: lines, bands on the mapped walls, and ghosts where it has no wall."""
 
+import sys
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 import trimesh
 
-from lrf3d.geometry import Float, lengths
+from lrf3d.geometry import Bool, Float, Int, lengths
 from lrf3d.run import Run
-from lrf3d.scene.look import object_tints
-from lrf3d.scene.shapes import Faces, Lines, level_lines, single
+from lrf3d.scene.look import PALE_FROM, PALE_OBJECT, object_tints
+from lrf3d.scene.shapes import Faces, Lines, Soft, level_lines, single
 from lrf3d.scene.structures import Structures
 
-BAND = (0.62, 0.74)
+BAND = (0.67, 0.73)
 """Heights between which the map is a band along the walls, above the beams [m]."""
 
-_WIDTH, _WIDEST = 0.07, 3.0
+_WIDTH, _WIDEST = 0.05, 3.0
 """Width of a band [m], which stands out of its line to both sides, so that no wall hides it; bands
 that are far away are drawn higher, and at most this number of times as thick."""
 
-_LOWEST, STANDING = 0.02, 2.5
-"""Height above the ground that bands keep, and that of a mapped wall which stands up where the
-world has none [m]."""
+_LOWEST = 0.02
+"""Height above the ground that bands keep [m]."""
+
+_GHOST_HEIGHT, _GHOST_STRENGTH, _GHOST_STEP = 1.8, 0.55, 0.4
+"""Height of what the map has and the world has not [m], its opacity at its foot, and the length of
+its pieces [m]."""
 
 _BOX = trimesh.creation.box()
-_SEEN = _BOX.face_normals[:, 2] > -0.5
-_PLACES, _NORMALS = _BOX.triangles[_SEEN].reshape(-1, 3), _BOX.face_normals[_SEEN].repeat(3, axis=0)
-"""Corners (3 t, 3) of the triangles of a unit box round the origin, without its bottom, and
-their normals."""
+_PLACES = _BOX.triangles[_BOX.face_normals[:, 2] > -0.5].reshape(-1, 3)
+"""Corners (3 t, 3) of the triangles of a unit box round the origin, without its bottom."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -45,9 +48,8 @@ class DrawnMap:
         """Take a map snapshot of a run; −1 is the empty map before the first."""
         if number < 0:
             return cls(np.zeros((0, 4)), np.zeros((0, 3)), np.zeros(0))
-        # The numbers of objects last while a map grows.
-        colours = object_tints(run.lasting_objects[number])
         segments = run.maps[number].segments - np.tile(structures.origin, 2)
+        colours = _colours(run, run.lasting_objects[number])
         return cls(segments, colours, structures.tops(segments))
 
     def lines(self, height: float, width: float, opacity: float = 1.0) -> Lines:
@@ -56,8 +58,19 @@ class DrawnMap:
         starts, ends = np.hsplit(self.segments, 2)
         return level_lines(height, starts, ends, self.colours, opacities, width)
 
-    def bands(self, eye: Float, *, least: float, raised: float = 0.0) -> Faces:
-        """Bands on the walls, for an eye (3,); raised by a share 0…1 they stand up to their tops.
+    def tints(self, places: Float, tolerance: float) -> tuple[Float, Bool]:
+        """Its colours (n, 3) at places (n, 2), and whether (n,) it is within a tolerance [m]."""
+        tints, near = np.zeros((len(places), 3)), np.zeros(len(places), dtype=bool)
+        if len(self.segments):
+            tree = shapely.STRtree(shapely.linestrings(self.segments.reshape(-1, 2, 2)))
+            found, segment = tree.query_nearest(
+                shapely.points(places), max_distance=tolerance, all_matches=False
+            )
+            tints[found], near[found] = self.colours[segment], True
+        return tints, near
+
+    def bands(self, eye: Float, *, least: float) -> Faces:
+        """Bands on the walls, for an eye (3,).
 
         They are at least so high [m] for each metre that they are away from the eye.
         """
@@ -68,21 +81,44 @@ class DrawnMap:
         size = np.maximum(1.0, least * away / half)
         low = np.maximum(middle - half * size, _LOWEST)
         high = np.minimum(middle + half * size, self.tops)
-        standing = np.where(np.isfinite(self.tops), self.tops, STANDING)
-        low, high = low + raised * (_LOWEST - low), high + raised * (standing - high)
-        thick = _WIDTH * np.minimum(size, _WIDEST) * (1.0 + raised)
         # Each band is the unit box in a frame of its own: along, across and up.
         frames = np.zeros((len(size), 3, 3))
         frames[:, 0, :2] = along = end - start
-        side = thick / np.maximum(lengths(self.segments), 1e-9)
+        side = _WIDTH * np.minimum(size, _WIDEST) / np.maximum(lengths(self.segments), 1e-9)
         frames[:, 1, :2] = side[:, None] * np.column_stack([-along[:, 1], along[:, 0]])
         frames[:, 2, 2] = high - low
         middles = np.column_stack([0.5 * (start + end), 0.5 * (low + high)])
-        corners = single(middles[:, None] + _PLACES @ frames)
-        normals = np.zeros_like(corners)
-        if raised > 0.0:
-            # Standing walls are lit, so that their sides differ; bands shine by themselves.
-            sizes = np.linalg.norm(frames, axis=2, keepdims=True)
-            normals[:] = _NORMALS @ (frames / np.maximum(sizes, 1e-9))
-        colours = np.broadcast_to(self.colours[:, None], corners.shape)
-        return Faces(*(single(each).reshape(-1, 3, 3) for each in (corners, normals, colours)))
+        corners = single(middles[:, None] + _PLACES @ frames).reshape(-1, 3, 3)
+        colours = np.repeat(self.colours, len(_PLACES) // 3, axis=0)[:, None]
+        return Faces(corners, np.zeros_like(corners), single(np.tile(colours, (1, 3, 1))))
+
+    def ghosts(self, structures: Structures, tolerance: float) -> Soft:
+        """What of its segments lies on no wall within a tolerance [m], standing free."""
+        count = np.maximum(1, np.ceil(lengths(self.segments) / _GHOST_STEP)).astype(int)
+        owner = np.repeat(np.arange(len(count)), count)
+        number = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+        start, way = self.segments[owner, :2], (self.segments[:, 2:] - self.segments[:, :2])[owner]
+        low, high = number / count[owner], (number + 1) / count[owner]
+        middles = shapely.points(start + (0.5 * (low + high))[:, None] * way)
+        near = structures.tree.query(middles, predicate="dwithin", distance=tolerance)[0]
+        loose = np.setdiff1d(np.arange(len(owner)), near)
+        ends = (start + share[:, None] * way for share in (low, high))
+        a, b = (np.column_stack([end, np.zeros(len(end))])[loose] for end in ends)
+        up = np.array([0.0, 0.0, _GHOST_HEIGHT])
+        corners = np.stack([a, b, b + up, a, b + up, a + up], axis=1).reshape(-1, 3, 3)
+        strength = _GHOST_STRENGTH * np.tile([1.0, 1.0, 0.0, 1.0, 0.0, 0.0], len(loose))
+        tints = np.repeat(self.colours[owner[loose]], 6, axis=0)
+        return Soft(single(corners), single(np.column_stack([tints, strength]).reshape(-1, 3, 4)))
+
+
+def _colours(run: Run, objects: Int) -> Float:
+    """Colours (m, 3) of objects of a run's map: their numbers last while it grows.
+
+    What most of the last map belongs to, such as the walls of a house, is pale.
+    """
+    last = run.snapshot_after(sys.maxsize)
+    colours = object_tints(objects, dark=True)
+    sums = np.bincount(run.lasting_objects[last], weights=lengths(run.maps[last].segments))
+    if sums.max(initial=0.0) > PALE_FROM * sums.sum():
+        colours[objects == int(sums.argmax())] = PALE_OBJECT
+    return colours

@@ -36,15 +36,10 @@ GROUND, UPPER = WINDOWED, WINDOWED + SLANTS * len(STYLES)
 
 _WOOD = np.array([[0.30, 0.20, 0.15], [0.16, 0.24, 0.22], [0.30, 0.20, 0.15]])
 _DARK_PANE, _LIGHT_PANE = np.array([0.20, 0.27, 0.38]), np.array([0.42, 0.53, 0.68])
-_FRAME = np.array([0.4185, 0.4185, 0.4185, 0.55])
-"""Colours of doors by style, of panes, and of frames, which are pale and take on some of the
-wall's colour."""
+"""Colours of doors by style, and of panes."""
 
-_MIDDLE, _RIM, _DOOR = 35, 2, (13, 45)
-"""Height of a window's middle, width of frames, and half the width and height of doors [texels]."""
-
-_SILL, _SILL_PAINT = (5, 5), np.array([0.56, 0.55, 0.53, 0.25])
-"""How far a sill reaches to both sides of its window and below it [texels], and its colour."""
+_MIDDLE, _DOOR = 35, (13, 45)
+"""Height of a window's middle, and half the width and height of doors [texels]."""
 
 
 @cache
@@ -85,19 +80,13 @@ def _windows(style: int, rng: np.random.Generator, *, ground: bool) -> Float:
             tile = layer[row * TILE : (row + 1) * TILE, bay * TILE : (bay + 1) * TILE]
             if ground and bay == 0:
                 half, top = _DOOR
-                _box(tile, half + _RIM, 0, top + _RIM)[:] = _FRAME
                 _box(tile, half, 0, top)[:] = [*_WOOD[style], 0.0]
                 continue
             pane = np.zeros((TILE, 1, 4))
             share = 0.65 * rng.random() + 0.35 * height
             pane[..., :3] = _DARK_PANE + share * (_LIGHT_PANE - _DARK_PANE)
             low, high = _MIDDLE - tall, _MIDDLE + tall
-            _box(tile, wide + _RIM, low - _RIM, high + _RIM)[:] = _FRAME
-            _box(tile, wide + _SILL[0], low - _SILL[1], low - _RIM)[:] = _SILL_PAINT
             _box(tile, wide, low, high)[:] = pane[low:high]
-            _box(tile, 1, low, high)[:] = 0.8 * _FRAME + 0.2 * pane[low:high]
-            bar = low + 2 * (high - low) // 3
-            _box(tile, wide, bar, bar + 1)[:] = 0.8 * _FRAME + 0.2 * pane[bar]
     return layer
 
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from lrf3d.scene.beams import turning_walls
 from lrf3d.scene.camera import Look, Rig, SmoothPath, Track, Tracked
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline, interpolated
@@ -11,6 +12,10 @@ from lrf3d.world.cameras import FixedCamera
 
 _CHASE, _CHASE_INDOOR = Rig(4.1, 24.0, 50.0, -0.45), Rig(4.4, 33.0, 50.0, -0.3)
 """How the chase goes behind the robot, which is in the lower half of its picture."""
+
+_CHASE_MIRRORS = Rig(3.4, 15.0, 56.0, -0.25)
+"""How it goes where mirrors stand in rooms: so low, in walls that are not cut, they show the robot.
+"""
 
 _ORBIT, _ORBIT_INDOOR = Rig(7.0, 20.0, 46.0, -0.3), Rig(7.0, 38.0, 42.0)
 """How an orbit goes round it."""
@@ -33,8 +38,17 @@ def chase(timeline: Timeline, structures: Structures) -> Tracked:
     Among houses the eye comes nearer where a wall hides the robot; in rooms walls are cut.
     """
     path = SmoothPath.of(timeline)
+    if has_mirrors(timeline, structures):
+        track = Track.along(path, path.headings + np.pi, _CHASE_MIRRORS)
+        track = track.past_walls(replace(structures, indoor=False), path.places)
+        return Tracked(lambda aspect: track, {"shot": "chase"})
     track = behind(path, structures).past_walls(structures, path.places)
     return Tracked(lambda aspect: track, {"cuts": True, "shot": "chase"})
+
+
+def has_mirrors(timeline: Timeline, structures: Structures) -> bool:
+    """Whether mirrors stand in these rooms, whose walls are then not cut before a low eye."""
+    return structures.indoor and bool(turning_walls(timeline.run.world).any())
 
 
 def behind(path: SmoothPath, structures: Structures) -> Track:

@@ -1,4 +1,4 @@
-"""The ground as a picture, painted once in its light: pavement, streets, lawns and floors."""
+"""The ground as a picture, painted once in its light: streets and floors."""
 
 from typing import Any, NamedTuple
 
@@ -7,13 +7,9 @@ import shapely
 from PIL import Image, ImageChops, ImageDraw, ImageFilter
 
 from lrf3d.geometry import Float
-from lrf3d.scene.light import open_light, screen, sunlight
-from lrf3d.scene.look import SUN
-from lrf3d.scene.shadows import swept
+from lrf3d.scene.light import open_light, screen
 from lrf3d.scene.shapes import GroundPicture
 from lrf3d.scene.structures import Structures, filled_between
-from lrf3d.scene.town import KERB, PAVEMENT, STREET, plan_town
-from lrf3d.scene.trees import crowns_of, shadows
 
 _PIXELS = 3072
 """Longest side of the picture [pixels]; larger ones take longer to paint than a second."""
@@ -21,25 +17,20 @@ _PIXELS = 3072
 _FINEST, _FINEST_INDOOR = 0.06, 0.02
 """Smallest size of a pixel [m]: finer ones show no more of a small place."""
 
-_COARSE = 0.25
-"""Size of a pixel [m] above which kerbs would be too narrow to be seen, and slow to plan."""
+STREET, PAVEMENT = 8.0, 1.7
+"""How far a street reaches past the houses of a town, and the width of the pavement round them [m].
+"""
 
-_MARGIN, _MARGIN_INDOOR = STREET + 2.0 * PAVEMENT + 6.0, 3.0
-"""How far the picture reaches past walls [m], or past their shadows if these reach farther: a town
-ends within it."""
+_MARGIN, _MARGIN_INDOOR = 30.0, 3.0
+"""How far the picture, and with it light on the ground, reaches past walls [m]."""
 
 _FINER, _BLUR = 2, 0.6
 """Pixels to a side that shapes are painted with in place of one, and how far they are smoothed
 [pixels]: steps in their edges would show."""
 
-_ASPHALT, _KERB, _PAVEMENT, _LAWN = (
-    (0.47, 0.47, 0.475),
-    (0.74, 0.73, 0.70),
-    (0.63, 0.615, 0.585),
-    (0.50, 0.545, 0.43),
-)
+_ASPHALT, _PAVEMENT = (0.47, 0.47, 0.475), (0.58, 0.575, 0.565)
 _AROUND_HOUSE, _EDGE, _JOINT, _TILE = (
-    (0.74, 0.75, 0.755),
+    (0.40, 0.42, 0.45),
     (0.70, 0.69, 0.67),
     (0.70, 0.67, 0.62),
     (0.775, 0.74, 0.685),
@@ -48,9 +39,6 @@ _AROUND_HOUSE, _EDGE, _JOINT, _TILE = (
 
 _TILES, _JOINT_WIDTH = 1.0, 0.015
 """Side of a floor's tiles and width of the joints between them [m]."""
-
-_LEAVES = 0.86
-"""How much of the sun leaves hide: some of it comes through."""
 
 _BRIGHTEST = 1.3
 """What light, as a factor of a screen's colours, the largest value of a picture of light stands
@@ -103,9 +91,7 @@ def canvas_of(structures: Structures) -> Canvas:
     ends = structures.places if len(structures.places) else np.zeros((1, 2))
     if indoor:
         ends = np.concatenate([ends, structures.path])
-    # The longest shadow reaches so far along x or y.
-    reach = float(structures.heights.max(initial=0.0) * np.abs(SUN[:2]).max() / SUN[2])
-    margin = _MARGIN_INDOOR if indoor else max(_MARGIN, 2.0 + reach)
+    margin = _MARGIN_INDOOR if indoor else _MARGIN
     low, high = ends.min(axis=0) - margin, ends.max(axis=0) + margin
     pixel = max(float((high - low).max()) / _PIXELS, _FINEST_INDOOR if indoor else _FINEST)
     width, height = np.ceil((high - low) / pixel).astype(int).tolist()
@@ -113,28 +99,13 @@ def canvas_of(structures: Structures) -> Canvas:
 
 
 def paint_ground(structures: Structures, canvas: Canvas, light: Float) -> GroundPicture:
-    """Paint the ground of a world in the light (rows, columns, 3) that is not the sun's."""
+    """Paint the ground of a world in its light (rows, columns, 3)."""
     indoor = structures.indoor
-    open_sky, sun = open_light(indoor=indoor), sunlight(np.array([0.0, 0.0, 1.0]), indoor=indoor)
-    shining = _as_light(light, canvas)
-    if not indoor:
-        # The walls of a solid sweep what it hides, but for the ground under it.
-        shadow = canvas.mask(shapely.polygons(swept(structures.segments, structures.heights)))
-        leaves = canvas.mask(shadows(crowns_of(structures))).point(lambda cover: _LEAVES * cover)
-        shadow = ImageChops.lighter(shadow, leaves)
-        shining = Image.composite(shining, _as_light(light + sun, canvas), shadow)
-    far = np.clip(_land(indoor=indoor) * screen(open_sky + sun), 0.0, 1.0)
-    seen = ImageChops.multiply(_cover(structures, canvas), shining)
+    far = np.clip(_land(indoor=indoor) * screen(open_light(indoor=indoor)), 0.0, 1.0)
+    seen = ImageChops.multiply(_cover(structures, canvas), _as_light(light, canvas))
     around = Image.new("RGB", seen.size, tuple(np.round(255.0 * far).astype(int).tolist()))
     picture = Image.composite(seen, around, _fading(*canvas.size))
     return GroundPicture(np.asarray(picture), canvas.corner, canvas.extent, far)
-
-
-def bare_ground(structures: Structures) -> tuple[Canvas, Float, Float]:
-    """Where the ground's picture lies, what covers it (h, w, 3) in no light, and the land (3,)."""
-    canvas = canvas_of(structures)
-    cover = _cover(structures, canvas)
-    return canvas, np.asarray(cover) / 255.0 / _BRIGHTEST, _land(indoor=structures.indoor)
 
 
 def _cover(structures: Structures, canvas: Canvas) -> Image.Image:
@@ -151,19 +122,9 @@ Paints = list[tuple[Image.Image | None, tuple[float, ...]]]
 
 
 def _town(structures: Structures, canvas: Canvas) -> Paints:
-    """What covers the ground of a town: lawns, pavements, kerbs and asphalt."""
-    if canvas.pixel <= _COARSE:
-        plan = plan_town(structures)
-        paved, streets = canvas.mask(plan.paved), canvas.mask(plan.streets)
-        kerbs = canvas.mask(shapely.buffer(plan.streets, KERB))
-    else:
-        # From so far away, a street is what lies between houses.
-        paved, wide, narrow = (
-            canvas.mask(shapely.buffer(structures.houses, reach, quad_segs=4))
-            for reach in (STREET + PAVEMENT, STREET, PAVEMENT)
-        )
-        kerbs = streets = ImageChops.subtract(wide, narrow)
-    return [(None, _LAWN), (paved, _PAVEMENT), (kerbs, _KERB), (streets, _ASPHALT)]
+    """What covers the ground of a town: asphalt, and a pavement round its houses."""
+    pavement = shapely.buffer(structures.houses, PAVEMENT, join_style="mitre")
+    return [(None, _ASPHALT), (canvas.mask(pavement), _PAVEMENT)]
 
 
 def _floor(structures: Structures, canvas: Canvas) -> Paints:
@@ -184,7 +145,7 @@ def _floor(structures: Structures, canvas: Canvas) -> Paints:
 
 
 def _land(*, indoor: bool) -> Float:
-    return np.array(_AROUND_HOUSE if indoor else _LAWN)
+    return np.array(_AROUND_HOUSE if indoor else _ASPHALT)
 
 
 def _fading(width: int, height: int) -> Image.Image:

@@ -3,8 +3,8 @@
 Faces and what stands in a world enter; light leaves, as what a white surface sends on, linear in
 red, green and blue. From each point Embree casts rays over its half of space: what leaves for the
 sky brings the sky's light, what meets a face or the ground brings what that sends on, for as many
-bounces as matter (Goral et al., 1984, with rays in place of form factors). The light of the sun
-itself is added where it is drawn, as its shadows have sharp edges.
+bounces as matter (Goral et al., 1984, with rays in place of form factors). The sky is brighter on
+one side, which gives things a form and no hard shadows.
 """
 
 from typing import NamedTuple
@@ -24,7 +24,6 @@ from lrf3d.scene.look import (
     SKYSHINE,
     SKYSHINE_INDOOR,
     SUN,
-    SUNSHINE,
 )
 from lrf3d.scene.shapes import Painted, single
 
@@ -59,7 +58,7 @@ _MOST_FACES = 400_000
 
 
 class Light(NamedTuple):
-    """The light of a world without that of the sun, linear."""
+    """The light of a world, linear."""
 
     faces: Float
     """(n, 4, 3) at the corners of faces."""
@@ -69,17 +68,9 @@ class Light(NamedTuple):
 
 def sky_light(directions: Float, *, indoor: bool) -> Float:
     """What comes from the sky in directions (n, 3) of unit length: light (n, 3), linear."""
-    if not indoor:
-        return np.broadcast_to(SKYSHINE, directions.shape)
-    # A large lamp on the sun's side of an even ceiling gives rooms a bright and a dark side.
+    # A large lamp on one side of an even sky gives things a bright and a dark side.
     toward = np.maximum(directions @ SUN, 0.0)[:, None]
-    return np.asarray(SKYSHINE_INDOOR * (0.72 + 0.75 * toward**3))
-
-
-def sunlight(normals: Float | Single, *, indoor: bool) -> Float:
-    """The light (n, 3) of the sun on faces by their normals (n, 3), where nothing hides it."""
-    shine = np.maximum(normals @ SUN, 0.0)[..., None] * SUNSHINE
-    return np.asarray(shine * (not indoor))
+    return np.asarray((SKYSHINE_INDOOR if indoor else SKYSHINE) * (0.72 + 0.75 * toward**3))
 
 
 def screen(light: Float) -> Float:
@@ -117,16 +108,14 @@ def bake_light(
     places = np.concatenate([places, middles[count:]])
     normals = np.concatenate([normals, facing[count:-1]])
     seen, sky = _gather(rays, facing, places, normals, indoor, progress)
-    sun = sunlight(facing[:-1], indoor=indoor)
-    sun[rays.first(single(middles), single(np.broadcast_to(SUN, middles.shape))) >= 0] = 0.0
     albedo = np.concatenate([_albedo(faces, indoor), np.tile(_ground(indoor), (len(cells), 1))])
     sent = np.zeros((len(facing) + 2, 3), np.float32)
-    sent[-3] = _ground(indoor) * (open_sky + sunlight(_UP, indoor=indoor))
+    sent[-3] = _ground(indoor) * open_sky
     for bounce in range(_BOUNCES + 1):
         light = sky + _mean_of(sent, seen)
         at_corners = light[owner].reshape(-1, 4, 3)
         if bounce < _BOUNCES:
-            sent[:-3] = albedo * (np.concatenate([at_corners.mean(axis=1), light[corners:]]) + sun)
+            sent[:-3] = albedo * np.concatenate([at_corners.mean(axis=1), light[corners:]])
     # No light gets between the two lines of a wall, which is seen where it is cut off.
     at_corners[at_corners.max(axis=-1) < _DARK * open_sky.max()] = 0.5 * open_sky
     inside = (seen[corners:] == len(facing)).mean(axis=1).reshape(rows, columns) >= _INSIDE

@@ -3,6 +3,8 @@
 Colours are red, green, blue in 0…1, as a screen shows them.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from lrf3d.geometry import Float, Int
@@ -10,16 +12,13 @@ from lrf3d.world import World
 from lrf3d.world.materials import Material
 
 SUN = np.array([0.33, -0.37, 0.868])
-"""Direction to the sun, of unit length: high, so that shadows leave streets some light."""
+"""Direction to the brightest part of the sky, of unit length."""
 
 GAMMA = 2.2
 """The power that screens show colours with: light is reckoned in linear values."""
 
-SUNSHINE, SKYSHINE = np.array([1.22, 1.10, 0.92]), np.array([0.42, 0.47, 0.56])
-"""What a white face sends on that looks at the sun, and one that sees nothing but sky, linear."""
-
-SKYSHINE_INDOOR = np.array([1.12, 1.105, 1.08])
-"""The same for the ceiling of rooms, which is one large lamp."""
+SKYSHINE, SKYSHINE_INDOOR = np.array([0.96, 0.98, 1.00]), np.array([1.12, 1.105, 1.08])
+"""What a white face sends on that sees nothing but sky, or nothing but the ceiling, linear."""
 
 GROUND_ALBEDO, GROUND_ALBEDO_INDOOR = np.array([0.17, 0.168, 0.162]), np.array([0.50, 0.46, 0.40])
 """What share of light the ground sends on to houses and walls, linear."""
@@ -40,18 +39,57 @@ PAINT = np.array(
 )
 """Walls and things in rooms: pale paint."""
 
-HAZE, HAZE_INDOOR = (0.83, 0.88, 0.935), (0.80, 0.825, 0.85)
-"""Colour of what is far away."""
+HAZE, ZENITH = (0.055, 0.078, 0.125), (0.039, 0.055, 0.09)
+"""Colours of what is far away, and of the sky overhead."""
 
-ZENITH, ZENITH_INDOOR = (0.33, 0.53, 0.85), (0.60, 0.66, 0.74)
-GLOW = (1.0, 0.93, 0.80)
-"""Colours of the sky overhead, and of the air round the sun."""
+NIGHT_LOW, NIGHT_HIGH, NIGHT_HIGH_INDOOR = (
+    (0.039, 0.059, 0.094),
+    (0.149, 0.2, 0.286),
+    (0.122, 0.165, 0.243),
+)
+"""What black and white become where no beam has been: a model at night."""
+
+COOL, COOL_INDOOR = (1.02, 1.10, 1.24), (0.74, 0.82, 0.95)
+"""Factors of the colours of what a beam has met."""
+
+EMBER, EMBER_SHARE = (1.0, 0.749, 0.451), (0.45, 0.16, 0.72)
+"""Colour of fresh light; the share of the surface that it covers, what it adds to black, and what
+it adds for the brightness of the surface: pure mixing is brown mud, pure adding burns out."""
+
+DAWN, FALL, LEAST_FALL = 0.6, 0.04, 0.30
+"""Time in which a place becomes lit [s of the film]; how light fades with the height [1/m], and its
+least share."""
+
+MAP_SHARE, MAP_LIGHT, ROOF_SHARE = 0.84, (0.26, 1.10), 0.30
+"""Share of the map's colour in a mapped wall, how bright that is on black and on white, and its
+share in a roof."""
+
+CLIMB, FRONT = 14.0, 1.6
+"""Speed at which the map's colour climbs a wall [m/s of the film], and how high its bright front is
+[m]."""
+
+PEEP, VEIL = 0.10, 0.80
+"""Radius of the opening round the robot in what hides it, as a share of the distance, and the share
+of the walls that is left out there."""
+
+LAMP, LAMP_REACH, LAMP_REACH_INDOOR = 0.28, 13.0, 5.0
+"""Opacity of a scan's light on the ground at the robot, and how far it goes [m]."""
+
+OUTLINE, OUTLINE_STRENGTH = (0.435, 0.561, 0.769), 0.42
+"""Colour and opacity of the edges of houses."""
+
+REFLECTED = (0.70, 0.78, 0.90)
+"""What mirrors leave of light."""
+
+PALE_OBJECT, PALE_FROM = (0.765, 0.812, 0.886), 0.4
+"""Colour of the object that has more than this share of a map's length: the walls of a house that
+hold everything else."""
 
 BODY_LIGHT = (0.56, 0.36, 0.06)
 """How bright a body is everywhere, how much brighter in the sun, and on what looks up."""
 
-GHOST, GHOST_STRENGTH = (0.95, 0.96, 0.98), 0.80
-"""Colour of houses that have faded to ghosts, and what of their opacity they have lost."""
+GHOST, GHOST_STRENGTH = (0.055, 0.078, 0.125), 0.86
+"""Colour of what was never seen once it has become glass, and the share of opacity it loses."""
 
 SECTION = 0.8
 """Height [m] at which the walls of rooms are cut, as architects draw them: just above the bands of
@@ -60,16 +98,13 @@ the map."""
 DASH = 0.8
 """Length of a dash with its gap [m]."""
 
-SHADOW_RIM = 0.04
-"""Width of the rim of the sun's light on a wall [m]."""
-
 GROUND_SHARPNESS = 0.6
 """By how much finer copies of the ground's picture are taken: streets are seen at a slant."""
 
 POINT_HALO, POINT_HALO_STRENGTH = 2.6, 0.34
 """Size of the bloom round a hit point, in its diameters, and its opacity at the point."""
 
-TRAIL_COLOUR, TRAIL_HEIGHT = (0.16, 0.56, 1.00), 0.015
+TRAIL_COLOUR, TRAIL_HEIGHT = (1.0, 0.702, 0.353), 0.015
 """Colour of the robot's trail, and its height over the ground [m]."""
 
 ESTIMATE_COLOUR, ESTIMATE_FADED = (0.93, 0.09, 0.60), 0.45
@@ -78,13 +113,13 @@ ESTIMATE_COLOUR, ESTIMATE_FADED = (0.93, 0.09, 0.60), 0.45
 LEAST_SCALE = 0.62
 """Lines and points are at least this number of times their size at 720 lines."""
 
-PLAN_BACK = (24, 28, 36)
-"""Colour of the inset where nothing is known, 0…255."""
+PLAN_BACK, EXPLORED = (11, 16, 26), (0.153, 0.204, 0.294)
+"""Colour of the inset where nothing is known, 0…255, and of what was seen in it."""
 
 ROBOT = (0.98, 0.46, 0.06)
 """Colour of the robot as a dart."""
 
-INSET_WHOLE, INSET_FOLLOWED = 140.0, 110.0
+INSET_WHOLE, INSET_FOLLOWED = 1400.0, 110.0
 """The largest world [m] that the inset shows whole, and what it shows of a larger one."""
 
 DART = np.array([[1.1, 0.0], [-0.8, 0.75], [-0.4, 0.0], [-0.8, -0.75]])
@@ -95,11 +130,22 @@ _TINT_START, _TINT_STEP = 0.85, 0.5698402910
 which with five tones and this start leaves the nearest two of sixty objects furthest apart; with
 the golden step every 21st looks the same."""
 
-_TRAIL_HUE, _FREE_HUES = np.radians(255.0), np.radians(20.0)
-"""Hue of the trail in Oklch, and how far off it those of all objects are [rad]."""
 
-_TONES, _CHROMA = np.array([0.44, 0.628, 0.503, 0.69, 0.565]), 0.17
-"""Lightness and colourfulness in Oklch of the objects of maps: legible on white, none shouts."""
+class _Palette(NamedTuple):
+    """Colours of the objects of maps in Oklch."""
+
+    taken: float
+    """Hue that no object has [turns]: that of the laser, or of the trail."""
+    free: float
+    """How far off it those of all objects are [turns]."""
+    tones: Float
+    """Lightness of one object after the other."""
+    chroma: float
+
+
+_ON_PAPER = _Palette(0.708, 0.056, np.array([0.44, 0.628, 0.503, 0.69, 0.565]), 0.17)
+_ON_DARK = _Palette(0.189, 0.1, np.array([0.66, 0.78, 0.70, 0.83, 0.74]), 0.105)
+"""Those of figures, legible on white, and those of films, legible in the dark."""
 
 _LMS_FROM_LAB = np.array(
     [
@@ -155,15 +201,16 @@ def object_colours(world: World, *, indoor: bool) -> Float:
     return np.clip(np.where(np.isnan(given), chosen, given), 0.0, 1.0)
 
 
-def object_tints(objects: Int) -> Float:
-    """Colours (n, 3) of the objects of a map, strong on white, the same for the same number."""
+def object_tints(objects: Int, *, dark: bool = False) -> Float:
+    """Colours (n, 3) of the objects of a map on white or on dark, the same for the same number."""
+    palette = _ON_DARK if dark else _ON_PAPER
     number = np.asarray(objects, dtype=np.float64)
     # Hues such a step apart never come round; five tones part those that come near.
     turn = np.mod(_TINT_START - number * _TINT_STEP, 1.0)
-    hue = _TRAIL_HUE + _FREE_HUES + turn * 2.0 * (np.pi - _FREE_HUES)
-    lightness = _TONES[number.astype(np.int64) % len(_TONES)]
+    hue = 2.0 * np.pi * (palette.taken + palette.free + turn * (1.0 - 2.0 * palette.free))
+    lightness = palette.tones[number.astype(np.int64) % len(palette.tones)]
     # In Oklch (Ottosson, 2020) all hues look equally bright.
-    lab = np.column_stack([lightness, _CHROMA * np.cos(hue), _CHROMA * np.sin(hue)])
+    lab = np.column_stack([lightness, palette.chroma * np.cos(hue), palette.chroma * np.sin(hue)])
     linear = np.clip((lab @ _LMS_FROM_LAB.T) ** 3 @ _RGB_FROM_LMS.T, 0.0, 1.0)
     curved = 1.055 * linear ** (1.0 / 2.4) - 0.055
     colours: Float = np.where(linear <= 0.0031308, 12.92 * linear, curved)

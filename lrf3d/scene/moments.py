@@ -7,13 +7,14 @@ moment before is the same object again, so that nothing is made or sent twice.
 from collections.abc import Collection, Iterator
 from dataclasses import replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
 from lrf3d.geometry import Float, Single
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.scene import look
-from lrf3d.scene.beams import REACH, REACH_INDOOR, draw_beams, turning_walls
+from lrf3d.scene.beams import REACH, REACH_INDOOR, draw_beams, lamp, turning_walls
 from lrf3d.scene.bodies import (
     Obstacles,
     flat_dart,
@@ -25,13 +26,15 @@ from lrf3d.scene.bodies import (
 from lrf3d.scene.camera import Look
 from lrf3d.scene.drawn_map import BAND, DrawnMap
 from lrf3d.scene.estimate import DrawnEstimate, trail_lines
-from lrf3d.scene.shapes import Body, Lens, Lines, Mark, Plan, Points, Seen, Soft
+from lrf3d.scene.exposure import LiveExposure
+from lrf3d.scene.shapes import Body, Lens, Lines, Mark, Plan, Points, Seen, Soft, Tints
 from lrf3d.scene.stage import Stage, stage_of
-from lrf3d.scene.structures import SIGHT_DISTANCE
+from lrf3d.scene.structures import SIGHT_DISTANCE, outlines_of
 from lrf3d.scene.timeline import Moment, Timeline, drive_keys
 
 LAYERS = (
-    "shadow", "goal", "trail", "estimate", "beams", "map", "points", "marker", "inset", "hud",
+    "outlines", "shadow", "goal", "trail", "estimate", "lamp", "beams", "map", "points", "marker",
+    "inset", "hud",
 )  # fmt: skip
 """What can be left out of a picture; what is left out costs nothing."""
 
@@ -61,16 +64,22 @@ but not where the map is laid over all."""
 _PAST_GROUND = 3.0
 """How far an eye far above the ground sees, in its heights: past all of it, at a slant too."""
 
-_BAND_PIXELS = 5.0
+_BAND_PIXELS = 3.0
 """Least height of the map's bands in a picture of 720 lines [pixels]: they show from far away."""
 
 _MAP_WIDTH, _HIDDEN_WIDTH, _HIDDEN_STRENGTH = 4.0, 2.6, 0.25
 """Width of the map as lines from above, and of what of its bands is hidden [pixels of 720 lines],
 and the opacity of that."""
 
-_PLAN_WIDTH, _DART_SHARE, _PALER, _LEAST_PLAN = 2.6, 0.034, 0.35, 4.0
+_PLAN_WIDTH, _DART_SHARE, _LEAST_PLAN = 2.6, 0.034, 4.0
 """Width of the map in the plan [pixels of 720 lines], the robot's size as a share of what it shows,
-how much paler colours are on its dark ground, and its least size [m]: there may be no wall."""
+and its least size [m]: there may be no wall."""
+
+_PLAN_SHAPES = (0.22, 1.6)
+"""Least and largest height of the plan, in its width."""
+
+_ROBOT_MIDDLE = 0.4
+"""Height of the robot's middle [m], which is kept in sight."""
 
 _LASER_TINTS = np.array(
     [(1.0, 1.0, 1.0), (0.5, 1.2, 3.0), (0.6, 2.0, 0.9), (1.0, 0.7, 3.0)], np.float32
@@ -88,16 +97,24 @@ largest in a picture of 720 lines [pixels], and the most scans that they are of.
 class Scene:
     """All that can be seen of a run, with a goal on the ground where one is given.
 
-    What stands in the run's world may have been painted already.
+    What stands in the run's world may have been painted already. A live one is lit by scans as they
+    come.
     """
 
     def __init__(
-        self, timeline: Timeline, goal: Goal | None = None, stage: Stage | None = None
+        self,
+        timeline: Timeline,
+        goal: Goal | None = None,
+        stage: Stage | None = None,
+        *,
+        live: bool = False,
     ) -> None:
         run = self.run = timeline.run
         self.timeline = timeline
         self.stage = stage or stage_of(run)
         structures = self.structures = self.stage.structures
+        self.exposure = self.stage.exposure
+        self.live = LiveExposure(self.exposure, structures, run.world) if live else None
         self.origin = structures.origin
         self.obstacles = Obstacles(run.obstacles, self.origin, indoor=structures.indoor)
         self.robot = Body(robot_body(run.lrf.height, run.radius), np.eye(4))
@@ -106,8 +123,10 @@ class Scene:
         self._turning = turning_walls(run.world)
         self._walls = run.world.segments - np.tile(self.origin, 2)
         self._reach = min(run.lrf.range_max, REACH_INDOOR if structures.indoor else REACH)
+        self._outlines = outlines_of(structures)
         self._map = lru_cache(1)(self._drawn_map)
         self._beams = lru_cache(1)(self._drawn_beams)
+        self._lamp = lru_cache(1)(self._drawn_lamp)
         self._trails = lru_cache(1)(self._drawn_trails)
         self._hits = lru_cache(2 * _OLD_SCANS)(lambda number: self._drawn_beams(number)[1])
         self._recent = lru_cache(1)(self._hits_together)
@@ -123,19 +142,22 @@ class Scene:
         bodies += self.obstacles.bodies(moment.time)
         if "map" in layers and not view.shows_map:
             least = 0.5 * _BAND_PIXELS * min(size) / 720.0 / lens.focus
-            drawn, *_ = self._map(self.run.snapshot_after(moment.scan))
-            bands = drawn.bands(lens.eye, least=least, raised=view.raised)
+            drawn = self._map(self.run.snapshot_after(moment.mapped)).drawn
+            bands = drawn.bands(lens.eye, least=least)
             bodies.append(("map", Body(bands, np.eye(4))))
         marks = tuple(
             (name, mark)
             for layer, name, mark in self._marks(moment, pose, view, lens, size)
             if layer in layers and mark is not None
         )
-        seen = Seen(lens, tuple(bodies), marks, view.ghost)
+        clock = self.exposure.clock(moment.now, self.timeline.playback)
+        seen = Seen(lens, tuple(bodies), marks, clock, glass=view.glass)
+        if "map" in layers:
+            seen = seen._replace(tints=self._map(self.run.snapshot_after(moment.mapped)).tints)
+        if view.opens:
+            seen = seen._replace(robot=(float(pose[0]), float(pose[1]), _ROBOT_MIDDLE))
         if view.cuts and self.structures.indoor:
-            # Ghosts are as high as the walls of the map that stand up in them.
-            highest = float(self.structures.heights.max(initial=0.0))
-            seen = seen._replace(cut=look.SECTION + view.ghost * highest)
+            seen = seen._replace(cut=look.SECTION)
         return seen
 
     def _lens(self, view: Look, size: tuple[int, int]) -> Lens:
@@ -154,31 +176,41 @@ class Scene:
         self, moment: Moment, pose: Float, view: Look, lens: Lens, size: tuple[int, int]
     ) -> Iterator[tuple[str, str, Mark | None]]:
         """Layer, name and mark, in the order in which they are drawn."""
+        if view.cuts or not self.structures.indoor:
+            yield "outlines", "outlines", self._outlines
         yield "shadow", "shadow", robot_shadow(pose, self.run.radius, indoor=self.structures.indoor)
         yield "shadow", "shadows", self.obstacles.shadows(moment.time)
         yield "goal", "goal", self._goal
         yield from self._trails(moment.time)
         beams = self._beams(moment.scan, *moment.pose) if moment.scanning else None
         if beams is not None:
+            yield "lamp", "lamp", self._lamp(moment.scan, *moment.pose)
             yield "beams", "beams", beams[0]
-        _, above, hidden, _ = self._map(self.run.snapshot_after(moment.scan))
+        drawn = self._map(self.run.snapshot_after(moment.mapped))
         if view.shows_map:
-            yield "map", "map lines", above
-        elif view.raised == 0.0:
-            yield "map", "hidden", hidden
+            yield "map", "map lines", drawn.above
+        else:
+            yield "map", "ghosts", drawn.ghosts
+            if not view.glass:
+                yield "map", "hidden", drawn.hidden
         yield "points", "recent", self._recent_hits(moment)
         if beams is not None:
             yield "points", "points", beams[1]
         yield "marker", "marker", self._marker(pose, view, lens, size)
 
-    def _drawn_map(self, stage: int) -> tuple[DrawnMap, Lines, Lines, Lines]:
-        """A map snapshot, and its lines from above, where they are hidden, and in the plan."""
+    def _drawn_map(self, stage: int) -> "_Snapshot":
+        exposure = self.exposure
         drawn = DrawnMap.from_snapshot(self.run, stage, self.structures)
-        above = drawn.lines(self.run.lrf.height, _MAP_WIDTH)
         hidden = drawn.lines(float(np.mean(BAND)), _HIDDEN_WIDTH, _HIDDEN_STRENGTH)
-        plan = drawn.lines(0.0, _PLAN_WIDTH)
-        pale = plan.colours + np.float32(_PALER) * (1.0 - plan.colours)
-        return drawn, above, hidden._replace(hidden=True), plan._replace(colours=pale)
+        flat = _from_above(exposure.corner + 0.5 * exposure.size, exposure.size)
+        return _Snapshot(
+            drawn,
+            drawn.lines(self.run.lrf.height, _MAP_WIDTH),
+            hidden._replace(hidden=True),
+            drawn.lines(0.0, _PLAN_WIDTH),
+            drawn.ghosts(self.structures, exposure.tolerance),
+            Tints(flat, drawn.lines(0.0, 2.0 * exposure.tolerance / exposure.cell)),
+        )
 
     def _drawn_trails(self, time: float) -> tuple[tuple[str, str, Lines], ...]:
         """Layer, name and lines of the trails up to a time [s]."""
@@ -225,11 +257,23 @@ class Scene:
         )
         return lines, points
 
+    def _drawn_lamp(self, number: int, *pose: float) -> Soft:
+        """The light of the scans of all lasers on the ground round the robot."""
+        run, origin, drawn = self.run, np.array([*self.origin, 0.0]), []
+        reach = look.LAMP_REACH_INDOOR if self.structures.indoor else look.LAMP_REACH
+        for lrf, scan in zip(run.lasers, run.scans_at(number), strict=True):
+            scan = unrolled(scan)
+            placed = replace(scan, pose=np.array(scan.pose) - origin)
+            apex = (lrf.placed(np.array(pose)) - origin)[:2]
+            drawn.append(lamp(placed, self._walls[self._turning], apex, reach))
+        return Soft(*(np.concatenate(column) for column in zip(*drawn, strict=True)))
+
     def _recent_hits(self, moment: Moment) -> Points:
         """The hits of the last seconds, which fade."""
         times, lasting = self.run.trajectory.times, _HITS_FADE * self.timeline.playback
         first = int(np.searchsorted(times, moment.time - lasting))
-        last = moment.scan if moment.scanning else moment.scan + 1
+        last = moment.scan if moment.scanning else moment.mapped + 1
+        first = min(first, last)
         step = 1 + (last - first) // _OLD_SCANS
         chosen = tuple(number for number in range(first, last) if number % step == 0)
         hits, counts = self._recent(chosen)
@@ -259,37 +303,65 @@ class Scene:
         corners = lens.eye + share * (dart.corners - lens.eye)
         return dart._replace(corners=corners.astype(np.float32))
 
-    def plan(
-        self, moment: Moment, box: tuple[int, int, int], middle: Float | None, window: float
-    ) -> Plan:
-        """The map so far from straight above, on nothing: what is not known yet is empty.
+    def plan(self, moment: Moment, box: tuple[int, int, int, int], window: "Window") -> Plan:
+        """The map so far from straight above, on what was seen: what is not known is dark.
 
-        The box is its left, top and side [pixels]; it shows a window [m] round a middle (2,), or
-        round the robot.
+        The box is its left, top, width and height [pixels].
         """
         pose = moment.pose - [*self.origin, 0.0]
-        x, y = pose[:2] if middle is None else middle
-        zoom = 2.0 / window
-        matrix = np.diag([zoom, -zoom, 0.0, 1.0])
-        matrix[:2, 3] = -zoom * x, zoom * y
-        lens = Lens(matrix, np.array([x, y, _ON_TOP]), 1.0, 0.0, 0.0, _ON_TOP)
-        *_, lines = self._map(self.run.snapshot_after(moment.scan))
+        middle = pose[:2] if window.middle is None else window.middle
+        lens = _from_above(middle, window.width * np.array([1.0, -window.aspect]))
+        lines = self._map(self.run.snapshot_after(moment.mapped)).plan
         marks: list[tuple[str, Mark | None]] = [("map", lines)]
         if moment.scanning:
             _, hits = self._beams(moment.scan, *moment.pose)
             marks.append(("points", hits._replace(glows=False)))
         marks += [(name, line) for _, name, line in self._trails(moment.time)]
-        marks.append(("obstacles", self.obstacles.plans(moment.time, window / box[2])))
-        marks.append(("robot", flat_dart(pose, _DART_SHARE * window, 0.0)))
+        marks.append(("obstacles", self.obstacles.plans(moment.time, window.width / box[2])))
+        marks.append(("robot", flat_dart(pose, _DART_SHARE * window.width, 0.0)))
         return Plan(box, lens, tuple((f"plan {name}", mark) for name, mark in marks if mark))
 
-    def plan_window(self) -> tuple[Float | None, float]:
-        """The middle (2,) of what the plan shows and its size [m]; no middle where it follows."""
+    def plan_window(self) -> "Window":
+        """What the plan shows: the whole world, or of a larger one what is round the robot."""
         path = self.run.trajectory.poses[:, :2] - self.origin
         points = np.concatenate([self.structures.places, path])
         low, high = points.min(axis=0), points.max(axis=0)
-        size = float((high - low).max())
-        if size > look.INSET_WHOLE:
-            return None, look.INSET_FOLLOWED
         # A room needs less of a rim than a city.
-        return 0.5 * (low + high), max(1.04 * size + 2.0 * min(1.0, size / 40.0), _LEAST_PLAN)
+        wide, tall = 1.04 * (high - low) + 2.0 * np.minimum(1.0, (high - low) / 40.0)
+        aspect = float(np.clip(tall / max(wide, 1e-9), *_PLAN_SHAPES))
+        size = max(float(wide), float(tall) / aspect, _LEAST_PLAN)
+        if size > look.INSET_WHOLE:
+            return Window(None, look.INSET_FOLLOWED, 1.0)
+        return Window(0.5 * (low + high), size, aspect)
+
+
+class Window(NamedTuple):
+    """What the plan shows."""
+
+    middle: Float | None
+    """(2,) its middle; None where it follows the robot."""
+    width: float
+    """How wide it is [m]."""
+    aspect: float
+    """Its height in its width."""
+
+
+class _Snapshot(NamedTuple):
+    """What is drawn of a map snapshot: bands, lines from above, where hidden and in the plan."""
+
+    drawn: DrawnMap
+    above: Lines
+    hidden: Lines
+    plan: Lines
+    ghosts: Soft
+    tints: Tints
+
+
+def _from_above(middle: Float, size: Float) -> Lens:
+    """A lens straight above a middle (2,), which shows a width and height (2,) [m].
+
+    A negative height puts what has the largest y into the first row.
+    """
+    matrix = np.diag([*2.0 / size, 0.0, 1.0])
+    matrix[:2, 3] = -2.0 * middle / size
+    return Lens(matrix, np.array([*middle, _ON_TOP]), 1.0, 0.0, 0.0, _ON_TOP)

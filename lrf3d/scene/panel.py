@@ -1,12 +1,12 @@
-"""What films say: a caption and two facts, all numbers where they are asked for, a card at the end.
+"""What films say: a caption with one number, all numbers if asked for, a card at the end.
 
-A run and a moment of it enter, lines of text leave. Numbers keep their places: text that trembles
-cannot be read in a film.
+A run and a moment of it enter, lines of text leave.
 """
 
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 
 from lrf3d.run import Run
 from lrf3d.scene import look
@@ -14,26 +14,22 @@ from lrf3d.scene.estimate import TRUTH, estimate_words
 from lrf3d.scene.shapes import Label
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Moment
-from lrf3d.scoring import score_run
 from lrf3d.text import counted
 
 PANELS = ("full", "short")
 """What a panel may say: all numbers, or three facts."""
 
-_SIZE, _FULL_SIZE, _CARD_SIZE = 34.0, 19.0, 38.0
+_SIZE, _FULL_SIZE = 30.0, 19.0
 """Heights of letters [pixels of 720 lines]: a film that is shown 390 pixels wide is legible."""
 
-_INK, _PALE = (255, 255, 255), (196, 216, 242)
+_INK, _PALE = (236, 240, 247), (150, 166, 192)
 
-_CAPTIONS = {
-    "unknown": "Nothing is known yet",
-    "rise": "The map draws itself",
-    "close": "Each hit is a point on a wall",
-    "high": "Points become walls, walls become objects",
-    "whole": "The map so far",
-    "end": "The finished map",
-}
-"""What each shot shows; of the chase, what the laser does."""
+
+_TOLD = 3.0
+"""How long a recognised mirror is spoken of [s of the film]."""
+
+_FOUND, _FOUND_SHARE = 0.1, 0.5
+"""How far from a wall the map may lie [m], and along what share of it the map must have it."""
 
 
 class Facts(NamedTuple):
@@ -45,11 +41,37 @@ class Facts(NamedTuple):
     panel: str
 
 
-def caption(run: Run, shot: str) -> str:
-    """What a shot shows; a world's own camera is named."""
-    if shot == "chase":
-        return _laser(run)
-    return _CAPTIONS.get(shot, shot)
+def caption(facts: Facts, moment: Moment, shot: str) -> str:
+    """What a shot shows, with one number; a world's own camera is named."""
+    run, line_map = facts.run, facts.run.map_after(moment.mapped)
+    if moment.mapped < 0:
+        return "Nothing is known yet"
+    if shot in _SHOTS and reflected(run, moment):
+        return "That room is a reflection"
+    if shot == "close":
+        return f"{np.isfinite(run.ranges[: moment.scan + 1]).sum():,} ranges measured"
+    if shot in ("rise", "whole", "end") and len(line_map):
+        return f"{counted(len(line_map), 'wall')} in the map"
+    if shot == "high" and len(line_map):
+        return f"Walls become {counted(line_map.object_count, 'object')}"
+    return _laser(run) if shot in _SHOTS else shot
+
+
+_SHOTS = ("wave", "chase", "close", "rise", "high", "whole", "end")
+"""Shots of the film's own cameras."""
+
+
+def reflected(run: Run, moment: Moment) -> bool:
+    """Whether a mirror has been recognised in the map in the last seconds."""
+    newest, lasting = run.snapshot_after(moment.mapped), _TOLD * run.playback
+    before = run.snapshot_after(
+        int(np.searchsorted(run.trajectory.times, moment.time - lasting)) - 1
+    )
+    mirrors = [
+        int((run.maps[number].kinds == "mirror").sum()) if number >= 0 else 0
+        for number in (before, newest)
+    ]
+    return mirrors[0] == 0 < mirrors[1]
 
 
 def _laser(run: Run) -> str:
@@ -62,38 +84,48 @@ def _laser(run: Run) -> str:
 
 def panel(facts: Facts, moment: Moment, shot: str) -> Label:
     """The panel of a moment."""
-    run, line_map = facts.run, facts.run.map_after(moment.scan)
-    walls = f"{len(line_map):>4} walls found" if run.maps else ""
-    if shot == "unknown" and len(line_map):
-        shot = "chase"
-    lines = [(caption(run, shot), _INK), (f"{moment.time:4.0f} s  {walls}".rstrip(), _PALE)]
+    run, line_map = facts.run, facts.run.map_after(moment.mapped)
+    walls = counted(len(line_map), "wall") if run.maps else ""
+    time = f"{moment.time - run.trajectory.times[0]:.0f} s"
+    lines = [(caption(facts, moment, shot), _INK), (f"{time}  ·  {walls}".rstrip(" ·"), _PALE)]
     if facts.panel == "short":
-        lines += [(words, colour) for words, colour in _trails(run, moment.scan)]
-        return _label(lines, _SIZE, "top")
+        return _label([*lines, *_trails(run, moment.scan)], _SIZE)
     x, y, turn = *moment.pose[:2], np.degrees(moment.pose[2])
     scan = run.scan(moment.scan)
-    nearest = f"min {scan.ranges[scan.hits].min():6.2f} m" if scan.hits.any() else "nothing near"
+    nearest = f"min {scan.ranges[scan.hits].min():.2f} m" if scan.hits.any() else "nothing near"
     beams = f"{int(scan.hits.sum())} / {len(scan.ranges)} beams hit   {nearest}"
     lines[1:] = [
-        (f"t {moment.time:8.1f} s     v {moment.speed:6.2f} m/s   {facts.playback:g} x", _PALE),
-        (f"x {x:8.2f} m  y {y:8.2f} m  θ {turn:7.1f}°", _PALE),
-        (beams if moment.scanning else "driving on, beams off", (255, 168, 140)),
+        (f"t {moment.time:.1f} s   v {moment.speed:.2f} m/s   {facts.playback:g} x", _PALE),
+        (f"x {x:.2f} m   y {y:.2f} m   θ {turn:.1f}°", _PALE),
+        (beams if moment.scanning else "beams off", _PALE),
         *_trails(run, moment.scan),
         (line_map.counts if run.maps else "", _PALE),
     ]
-    return _label(lines, _FULL_SIZE, "top")
+    return _label(lines, _FULL_SIZE)
 
 
 def card(facts: Facts) -> Label:
-    """What was found in the end."""
-    run = facts.run
-    structures = facts.structures
+    """What was found in the end: of the walls of the world, if they are known."""
+    run, structures = facts.run, facts.structures
     town = not structures.indoor and len(structures.houses) > 0
-    found = counted(run.map.object_count, "building" if town else "object")
-    words = [found, counted(len(run.map), "wall")]
-    if run.knows_truth:
-        words.append(f"{100.0 * score_run(run).length_recall:.0f} % found")
-    return _label([(", ".join(words), _INK)], _CARD_SIZE, "middle")
+    objects = counted(run.map.object_count, "building" if town else "object")
+    words = [f"{counted(len(run.map), 'wall')}, {objects}"]
+    if run.knows_truth and len(run.world.segments):
+        found, count = walls_found(run), len(run.world.segments)
+        words.insert(0, f"{found} of {counted(count, 'wall')} found, {100 * found / count:.0f} %")
+        words[1] = f"{len(run.map)} segments in the map, {objects}"
+    return _label([(words[0], _INK), *((each, _PALE) for each in words[1:])], _SIZE)
+
+
+def walls_found(run: Run) -> int:
+    """How many walls of a run's world have a segment of its map along most of their length."""
+    walls, found = (
+        shapely.linestrings(each.segments.reshape(-1, 2, 2)) for each in (run.world, run.map)
+    )
+    near = shapely.union_all(shapely.buffer(found, _FOUND, cap_style="flat"))
+    shapely.prepare(near)
+    along = shapely.length(shapely.intersection(walls, near))
+    return int((along >= _FOUND_SHARE * shapely.length(walls)).sum())
 
 
 def _trails(run: Run, scan: int) -> list[tuple[str, tuple[int, int, int]]]:
@@ -101,14 +133,12 @@ def _trails(run: Run, scan: int) -> list[tuple[str, tuple[int, int, int]]]:
     found = []
     for name, apart in estimate_words(run, scan):
         colour = look.TRAIL_COLOUR if name == TRUTH else look.ESTIMATE_COLOUR
-        # On a dark panel colours are read more easily when they are paler.
+        # On a dark ground colours are read more easily when they are paler.
         red, green, blue = (round(255 * (0.65 * part + 0.35)) for part in colour)
         found.append((f"━ {name}  {apart}".rstrip(), (red, green, blue)))
     return found
 
 
-def _label(lines: list[tuple[str, tuple[int, int, int]]], size: float, place: str) -> Label:
+def _label(lines: list[tuple[str, tuple[int, int, int]]], size: float) -> Label:
     shown = [(words[:60], colour) for words, colour in lines if words]
-    return Label(
-        tuple(words for words, _ in shown), tuple(colour for _, colour in shown), size, place
-    )
+    return Label(tuple(words for words, _ in shown), tuple(colour for _, colour in shown), size)

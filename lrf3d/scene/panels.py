@@ -11,14 +11,11 @@ import shapely
 from lrf3d.geometry import Float, Int
 from lrf3d.scene.shapes import Painted, single
 
-LIT = -1e3
-"""How far under the shadow's edge a corner lies that is in the sun [m]: not at all."""
-
 _LEAST = 1e-7
 """Triangles below this area [m²] are left out: of outlines that touch themselves there are some."""
 
 
-def panels(places: Float, normals: Float, colours: Float, under: Float, objects: Int) -> Painted:
+def panels(places: Float, normals: Float, colours: Float, objects: Int) -> Painted:
     """Quads or triangles (n, c, 3) that have nothing painted on them; the rest is spread to fit."""
     quad = [0, 1, 2, places.shape[1] - 1]
     return Painted(
@@ -26,19 +23,16 @@ def panels(places: Float, normals: Float, colours: Float, under: Float, objects:
         single(np.broadcast_to(normals, places.shape)[:, quad]),
         np.zeros((len(places), 4, 3), np.float32),
         single(np.broadcast_to(colours, places.shape)[:, quad]),
-        single(np.broadcast_to(under, places.shape[:2])[:, quad]),
         objects,
     )
 
 
-def level_panels(
-    corners: Float, heights: Float, colours: Float, under: Float, objects: Int
-) -> Painted:
+def level_panels(corners: Float, heights: Float, colours: Float, objects: Int) -> Painted:
     """Faces with corners (n, c, 2) that lie at heights (n,) [m] and look up."""
     high = np.broadcast_to(heights[:, None, None], (*corners.shape[:2], 1))
     places = np.concatenate([corners, high], axis=2)
     up = np.array([0.0, 0.0, 1.0])
-    return panels(places, up, colours[:, None], under[:, None], objects)
+    return panels(places, up, colours[:, None], objects)
 
 
 def joined(*each: Painted) -> Painted:
@@ -60,11 +54,11 @@ def cut_small(quads: Painted, step: float, most: int) -> Painted:
     found = []
     for columns, rows in np.unique(counts, axis=0).tolist():
         chosen = np.flatnonzero((counts == (columns, rows)).all(axis=1))
-        places, normals, texture, colours, under = (
-            _cut(values[chosen], columns, rows) for values in quads[:5]
+        places, normals, texture, colours = (
+            _cut(values[chosen], columns, rows) for values in quads[:4]
         )
         objects = np.repeat(quads.objects[chosen], columns * rows)
-        found.append(Painted(places, normals, texture, colours, under, objects))
+        found.append(Painted(places, normals, texture, colours, objects))
     return joined(*found) if found else quads
 
 

@@ -30,19 +30,18 @@ class Painted(NamedTuple):
     """(n, 4, 3) bays along and storeys up the texture of :mod:`lrf3d.scene.facades`; its layer."""
     colours: Single
     """(n, 4, 3) colour of the wall itself."""
-    under: Single
-    """(n, 4) how far under the edge of its shadow a corner lies [m]; negative in the sun."""
     objects: NDArray[np.int64]
     """(n,) the object of each."""
-    lit: Single = np.zeros((0, 4, 3), np.float32)
-    """(n, 4, 3) factor of a screen's colours in the sun, once its light is known."""
-    shaded: Single = np.zeros((0, 4, 3), np.float32)
-    """(n, 4, 3) the same where the sun is hidden."""
+    light: Single = np.zeros((0, 4, 1), np.float32)
+    """(n, 4, 1) factor of a screen's colours, once its light is known."""
+    before: Single = np.zeros((0, 4, 3), np.float32)
+    """(n, 4, 3) the place on the ground whose first-seen time a corner has, x and y [m], and 1; of
+    a roof, which no beam meets, the wall whose colour it takes, and 0."""
 
     def rows(self) -> Single:
-        """Corners (n, 4, 16): place, texture, colour, light in the sun, in its shadow, under it."""
-        columns = self.places, self.texture, self.colours, self.lit, self.shaded
-        return np.concatenate([*columns, self.under[..., None]], axis=2)
+        """Corners (n, 4, 13): place, texture, colour, light, place before it."""
+        columns = self.places, self.texture, self.colours, self.light, self.before
+        return np.concatenate(columns, axis=2)
 
 
 class GroundPicture(NamedTuple):
@@ -121,7 +120,7 @@ class Points(NamedTuple):
 
 
 class Label(NamedTuple):
-    """Lines of text in a panel."""
+    """Lines of text in the lower left corner, of which the first is the largest."""
 
     text: tuple[str, ...]
     """Its lines."""
@@ -129,8 +128,6 @@ class Label(NamedTuple):
     """The colour of each, 0…255."""
     size: float
     """Height of letters [pixels of 720 lines]."""
-    place: str
-    """Where it goes: ``top`` for the upper left corner, ``middle`` for the middle below."""
 
 
 Mark = Soft | Lines | Points
@@ -156,10 +153,18 @@ class Lens(NamedTuple):
 class Plan(NamedTuple):
     """A map in a corner of the picture, seen from straight above."""
 
-    box: tuple[int, int, int]
-    """Left, top and side [pixels]."""
+    box: tuple[int, int, int, int]
+    """Left, top, width and height [pixels]."""
     lens: Lens
     marks: tuple[tuple[str, Mark], ...]
+
+
+class Tints(NamedTuple):
+    """The map of a moment as a picture over the cells of an exposure: walls take its colours."""
+
+    lens: Lens
+    lines: Lines
+    """Its segments, whose width is in cells."""
 
 
 class Seen(NamedTuple):
@@ -170,12 +175,16 @@ class Seen(NamedTuple):
     """Opaque bodies by name."""
     marks: tuple[tuple[str, Mark], ...]
     """Marks by name, in the order in which they are drawn."""
-    ghost: float = 0.0
-    """How far houses have faded to pale ghosts, 0…1."""
+    clock: tuple[float, float] = (0.0, 1.0)
+    """What time it is, and how fast that passes: see :meth:`Exposure.clock`."""
+    tints: Tints | None = None
+    glass: float = 0.0
+    """How far what was never seen has become glass, 0…1."""
+    robot: tuple[float, float, float] | None = None
+    """The robot, where what hides it is opened."""
     cut: float = 1e4
     """Height that walls are cut at [m]; no wall is as high as the default."""
     plan: Plan | None = None
-    labels: tuple[Label, ...] = ()
 
 
 def single(values: Any) -> Single:

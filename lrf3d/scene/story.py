@@ -1,8 +1,8 @@
 """The film that shows a run as a story, in shots of some seconds.
 
-It opens from above, when nothing is known yet; then come the chase, a rising shot in which the map
-draws itself, a look from near and one from high up, again and again in long runs; at the end houses
-fade to ghosts and the walls of the map stand up.
+It opens at the robot in the dark, and rises to show its first scan as a wave of light; then come
+the chase, a rising shot, a look from near and one from high up, again and again in long runs; at
+the end the whole is seen, and what the robot never saw becomes glass.
 """
 
 from functools import cache
@@ -11,13 +11,14 @@ import numpy as np
 
 from lrf3d.geometry import Float
 from lrf3d.scene.camera import STEP, Look, Rig, SmoothPath, Track
-from lrf3d.scene.following import PHASE, chase, orbit
+from lrf3d.scene.following import PHASE, chase, has_mirrors, orbit
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline, interpolated
 from lrf3d.scene.whole import CARD, overview
 
-OPENING, CLOSING = 3.0, 6.0
-"""How long a story shows the whole before the run starts and after it has ended [s of the film]."""
+OPENING, CLOSING = 1.6, 6.0
+"""How long a story shows the robot before the run starts and the whole after it has ended [s of the
+film]."""
 
 SHOTS, _SHOT = ("chase", "rise", "close", "high"), 4.8
 """Shots of the run, in their order, and about how long each is [s of the film]."""
@@ -25,20 +26,23 @@ SHOTS, _SHOT = ("chase", "rise", "close", "high"), 4.8
 HELD = 3.2
 """How long the finished map and its card are held at the end [s of the film]."""
 
-_DOWN = 1.5
-"""Time after the start in which the eye goes down to the robot [s of the film]."""
+_FIRST, _DARK, _DARK_TURN = 2.6, Rig(2.9, 13.0, 46.0, -0.25), 0.7
+_WAVE, _WAVE_INDOOR = Rig(44.0, 62.0, 46.0), Rig(11.0, 60.0, 46.0)
+"""Time after the start in which the first scan is seen [s of the film]; how the eye looks at the
+robot in the dark, how far that turns round it [rad], and how it looks down on the wave of light."""
 
-_UNKNOWN = 0.2
-"""Time after the start in which hardly anything is known yet [s of the film]."""
+_INTO_STREETS = float(np.radians(25.0))
+"""How much steeper an eye looks down that goes to where the whole is seen from [rad]: into streets,
+over the houses beside the robot."""
 
-_RISEN, _INTO_STREETS = 0.85, float(np.radians(25.0))
-"""Share of the distance to the view of the whole that a rising shot covers, and how much steeper it
-looks down on its way [rad]: into streets, over the houses beside the robot."""
+_ABOVE, _ABOVE_SHARE, _ABOVE_TURN = Rig(92.0, 66.0, 40.0), 0.6, 0.5
+"""Where a rising shot ends, over the robot, how far off that is at the most, as a share of the
+distance to where the whole is seen from, and what share of the robot's turns it follows."""
 
 _CLOSE, _CLOSE_SIDES = Rig(4.6, 20.0, 42.0, -0.35), 6
 """How a shot from near looks at the robot, and from how many sides it may begin."""
 
-_HIGH, _HIGH_SHARE = Rig(50.0, 60.0, 34.0), 0.55
+_HIGH, _HIGH_SHARE = Rig(64.0, 68.0, 34.0), 0.55
 """How a shot from high up does, and how far off it is at the most, as a share of the distance to
 where the whole is seen from."""
 
@@ -47,21 +51,20 @@ class Story:
     """Shows a run in shots."""
 
     def __init__(self, timeline: Timeline, structures: Structures) -> None:
-        self._timeline = timeline
+        self._timeline, self._structures = timeline, structures
         self._into_streets = 0.0 if structures.indoor else _INTO_STREETS
         self._path = SmoothPath.of(timeline)
-        begin = timeline.start - 0.5 * OPENING * timeline.playback
+        self._mirrors = has_mirrors(timeline, structures)
         end = timeline.end + (CLOSING - 0.5 * HELD) * timeline.playback
-        self._opening = overview(timeline, structures, at=begin)
         self._whole = overview(timeline, structures, CARD, at=end)
         self._chase = chase(timeline, structures).track(1.0)
         turns = PHASE + np.linspace(0.0, 2.0 * np.pi, _CLOSE_SIDES, endpoint=False)
         self._close = [orbit(timeline, structures, _CLOSE, turn).track(1.0) for turn in turns]
         self._length = (timeline.end - timeline.start) / timeline.playback
-        down = min(_DOWN, 0.4 * self._length)
-        count = max(1, round((self._length - down) / _SHOT))
+        first = min(_FIRST, 0.4 * self._length)
+        count = max(1, round((self._length - first) / _SHOT))
         self._shots = ["opening", *(SHOTS[shot % len(SHOTS)] for shot in range(count)), "end"]
-        cuts = np.linspace(down, self._length, count + 1)
+        cuts = np.linspace(first, self._length, count + 1)
         self._cuts = np.array([-OPENING, *cuts, self._length + CLOSING])
         self._track = cache(self._made)
 
@@ -73,13 +76,13 @@ class Story:
         number = int(np.clip(np.searchsorted(self._cuts, passed, "right") - 1, 0, last))
         shot, track = self._shots[number], self._track(number, aspect)
         if shot == "opening":
-            return track.look(
-                time, plan=False, cuts=True, shot="unknown" if passed <= _UNKNOWN else "chase"
-            )
+            return track.look(time, cuts=True, opens=passed > 0.0, shot="wave")
         if shot == "end":
-            faded = float(_eased((passed - self._length) / (CLOSING - HELD)))
-            return track.look(time, plan=False, cuts=True, ghost=faded, raised=faded, shot=shot)
-        return track.look(time, plan=shot in ("chase", "close"), cuts=True, shot=shot)
+            # Glass from the first picture on: what is lit is then seen from both sides.
+            glass = max(float(_eased((passed - self._length) / (CLOSING - HELD))), 1e-3)
+            return track.look(time, cuts=True, glass=glass, shot=shot)
+        cuts = shot != "chase" or not self._mirrors
+        return track.look(time, cuts=cuts, opens=shot in ("rise", "high"), shot=shot)
 
     def _made(self, number: int, aspect: float) -> Track:
         """The looks of a shot by its number."""
@@ -89,13 +92,27 @@ class Story:
         near, whole = self._chase.at(times), self._whole.track(aspect).at(times)
         shot = self._shots[number]
         if shot == "opening":
-            opening = self._opening.track(aspect).at(times)
-            return self._between(near, opening, _eased(1.0 - passed / end))
+            share = (passed - begin) / (end - begin)
+            turns = near.turns[0] + _DARK_TURN * (1.0 - _eased(share))
+            # The smoothed path of a fast film begins ahead of the robot.
+            places = self._timeline.poses(np.maximum(times, self._timeline.start))[:, :2]
+            path = SmoothPath(times, places - self._timeline.origin, turns)
+            dark = Track.along(path, turns, _DARK).past_walls(self._structures, path.places)
+            rig = _WAVE_INDOOR if self._structures.indoor else _WAVE
+            away = min(rig.away, _ABOVE_SHARE * whole.aways[0])
+            wave = Track.along(path, turns, rig._replace(away=away))
+            return self._between(
+                dark, wave, _eased((passed - 0.3 * begin) / (0.6 * end - 0.3 * begin))
+            )
         if shot == "end":
             last = self._track(number - 1, aspect).at(times)
             return self._between(last, whole, _eased((passed - begin) / (CLOSING - HELD)))
         if shot == "rise":
-            return self._between(near, whole, _RISEN * _eased((passed - begin) / (end - begin)))
+            turns = near.turns[0] + _ABOVE_TURN * (near.turns - near.turns[0])
+            path = SmoothPath(times, self._places(times), turns)
+            away = min(_ABOVE.away, _ABOVE_SHARE * whole.aways[0])
+            far = Track.along(path, turns, _ABOVE._replace(away=away))
+            return self._between(near, far, _eased(1.15 * (passed - begin) / (end - begin)))
         if shot == "close":
             # The side from which it has the most room, and low walls hide the least.
             sides = [track.at(times) for track in self._close]

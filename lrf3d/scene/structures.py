@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from lrf3d.geometry import Bool, Float, Int, directions, lengths
 from lrf3d.run import Run
-from lrf3d.scene.look import object_colours
+from lrf3d.scene.look import OUTLINE, OUTLINE_STRENGTH, SECTION, object_colours
+from lrf3d.scene.shapes import Lines, single
 from lrf3d.world import World
 
 SIGHT_DISTANCE = 4000.0
@@ -90,6 +91,9 @@ nor the map from an eye behind it."""
 
 _PROBE = 0.005
 """How far beside a wall [m] its inside is felt for: less than any wall is thick."""
+
+_OUTLINE_WIDTH = 1.1
+"""Width of the edges of houses [pixels of 720 lines]."""
 
 _NEAR = 0.2
 """A wall farther than this from a segment of a map [m] is another one."""
@@ -203,6 +207,21 @@ class Structures:
     def houses(self) -> NDArray[Any]:
         """Polygons of the solids that are no trees."""
         return np.delete(self.solids, self.trees)
+
+
+def outlines_of(structures: Structures) -> Lines:
+    """The upper edges and corners of houses as faint lines; of rooms, where walls are cut."""
+    walls, tops = structures.segments, structures.heights
+    if structures.indoor:
+        tops = np.minimum(tops, SECTION)
+    else:
+        walls, tops = walls[structures.closed], tops[structures.closed]
+    a, b = (np.column_stack([ends, tops]) for ends in np.hsplit(walls, 2))
+    starts, ends = np.concatenate([a, a * [1.0, 1.0, 0.0]]), np.concatenate([b, a])
+    opacities = np.full((len(starts), 2), OUTLINE_STRENGTH)
+    opacities[len(walls) :, 0] *= 0.2
+    colours = np.broadcast_to(OUTLINE, (len(starts), 3))
+    return Lines(single(starts), single(ends), single(colours), single(opacities), _OUTLINE_WIDTH)
 
 
 def _of_materials(world: World, names: Collection[str]) -> Bool:

@@ -46,6 +46,13 @@ class Moment:
     """Speed of the robot [m/s]."""
     scanning: bool
     """Whether the beams are on."""
+    now: float
+    """The time asked for [s], also before the start and after the end, where nothing moves."""
+
+    @property
+    def mapped(self) -> int:
+        """The newest scan that the map may be of; −1 before the start."""
+        return self.scan if self.now > self.time - 1e-9 else -1
 
 
 class Timeline:
@@ -99,14 +106,15 @@ class Timeline:
 
     def moment(self, time: float) -> Moment:
         """What is to be seen at a time [s]; before the start it is the start, and so at the end."""
-        times = self.run.trajectory.times
+        times, now = self.run.trajectory.times, time
         time = min(max(time, self.start), self.end)
         scan = max(int(np.searchsorted(times, time + 1e-9, side="right")) - 1, 0)
         before, pose, after = self.poses(time + _SPEED_STEP * np.array([-1.0, 0.0, 1.0]))
         step = 0.0 if self.dwells else float(np.hypot(*(after - before)[:2]))
         since, until = time - times[scan], times[scan + 1 : scan + 2] - times[scan]
         scanning = not (self.dwells and bool((since > _STANDING * until).any()))
-        return Moment(float(time), pose, scan, step / (2.0 * _SPEED_STEP), scanning)
+        scanning &= now >= self.start - 1e-9
+        return Moment(float(time), pose, scan, step / (2.0 * _SPEED_STEP), scanning, float(now))
 
 
 def _stops(times: Float, through_walls: Bool) -> tuple[Float, Float]:

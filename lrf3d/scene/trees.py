@@ -1,17 +1,15 @@
 """Trees: solids of bark, with crowns over them.
 
 The trunk, which is as high as its tree, is a wall like others, that beams meet; its crown is drawn
-round its upper part, above a laser that looks ahead, and hides the sun from the ground.
+round its upper part, above a laser that looks ahead.
 """
-
-from typing import Any
 
 import numpy as np
 import shapely
 import trimesh
 
-from lrf3d.scene.look import LEAF_COLOURS, SUN, spread
-from lrf3d.scene.panels import LIT, panels
+from lrf3d.scene.look import LEAF_COLOURS, spread
+from lrf3d.scene.panels import panels
 from lrf3d.scene.shapes import Painted
 from lrf3d.scene.structures import Structures
 
@@ -49,12 +47,4 @@ def crowns_of(structures: Structures) -> Painted:
     patch = 1.0 + _PATCHES * rng.uniform(-1.0, 1.0, (len(corners), 1))
     colours = np.repeat(leaf, len(ball.faces), axis=0) * patch
     objects = np.repeat(structures.solid_objects[trees], len(ball.faces))
-    return panels(corners, normals, colours[:, None], np.array(LIT), objects)
-
-
-def shadows(crowns: Painted) -> Any:
-    """What each crown hides from the sun on the ground, as shapely geometries."""
-    count = len(np.unique(crowns.objects))
-    slide = crowns.places[..., 2:] * (SUN[:2] / SUN[2])
-    corners = (crowns.places[..., :2] - slide).reshape(count, -1 if count else 0, 2)
-    return shapely.convex_hull(shapely.multipoints(corners))
+    return panels(corners, normals, colours[:, None], objects)

@@ -1,4 +1,4 @@
-"""Walls as panels: cut where shadows and storeys end, and laid on the texture of façades."""
+"""Walls as panels: cut where storeys end, and laid on the texture of façades."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -20,8 +20,7 @@ from lrf3d.scene.facades import (
     WINDOWED,
 )
 from lrf3d.scene.look import spread
-from lrf3d.scene.panels import LIT, joined, level_panels, triangles
-from lrf3d.scene.shadows import shade_walls
+from lrf3d.scene.panels import joined, level_panels, triangles
 from lrf3d.scene.shapes import Painted, single
 from lrf3d.scene.structures import Structures
 
@@ -80,7 +79,6 @@ def _free_walls(structures: Structures) -> tuple[Int, Float]:
 def lay_walls(structures: Structures) -> Painted:
     """All walls and the tops of free ones: ground floors, upper floors and cornices of houses."""
     number, segments = wall_sides(structures)
-    strips = shade_walls(structures, segments)
     length, along = lengths(segments), directions(segments)
     bays = np.maximum(1.0, np.floor(length / BAY))
     normals = np.column_stack([along[:, 1], -along[:, 0], np.zeros(len(along))])
@@ -90,19 +88,16 @@ def lay_walls(structures: Structures) -> Painted:
     way = segments[:, 2:] - segments[:, :2]
     found = []
     for chosen, *columns in _rows(structures, number, length, bays):
-        strip = np.flatnonzero(chosen[strips.face])
-        side = strips.face[strip]
+        side = np.flatnonzero(chosen)
         below, above, layer, first, storey, unit, bright = (
             np.broadcast_to(column, number.shape)[side, None] for column in columns
         )
-        begin, end = strips.start[strip], strips.end[strip]
-        share = np.column_stack([begin, end, end, begin]) / np.maximum(length[side], 1e-9)[:, None]
+        share = np.tile([0.0, 1.0, 1.0, 0.0], (len(side), 1))
         up = np.hstack([below, below, above, above])
         level = starts[side, None] + share[..., None] * way[side, None]
         # Along the wall, only windows differ from place to place.
         bay = np.where(layer >= WINDOWED, first + share * bays[side, None], 0.0)
         texture = np.stack([bay, storey + (up - below) / unit, layer + 0.0 * up], axis=2)
-        low, high = strips.low[strip], strips.high[strip]
         wall, shape = number[side], texture.shape
         found.append(
             Painted(
@@ -110,7 +105,6 @@ def lay_walls(structures: Structures) -> Painted:
                 single(np.broadcast_to(normals[side, None], shape)),
                 single(texture),
                 single(np.broadcast_to((bright * structures.colours[wall])[:, None], shape)),
-                single(np.column_stack([low, high, high, low]) - up),
                 structures.objects[wall],
             )
         )
@@ -119,9 +113,8 @@ def lay_walls(structures: Structures) -> Painted:
         lids, nearest = _lids(structures)
         corners, wall = np.concatenate([corners, lids]), np.append(wall, nearest)
     colours = (0.55 if structures.indoor else 0.85) * structures.colours[wall]
-    lit = np.full(len(wall), LIT)
     heights, objects = structures.heights[wall], structures.objects[wall]
-    return joined(*found, level_panels(corners, heights, colours, lit, objects))
+    return joined(*found, level_panels(corners, heights, colours, objects))
 
 
 def _rows(

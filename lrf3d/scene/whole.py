@@ -7,13 +7,12 @@ import shapely
 
 from lrf3d.geometry import Float
 from lrf3d.scene.camera import Track, Tracked
+from lrf3d.scene.ground import STREET
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline
-from lrf3d.scene.town import STREET
 
-_FREE_ABOVE, _FREE_BELOW, CARD = 0.19, 0.03, 0.15
-"""Shares of the picture's height that the panel above has to itself, and what is below, which is
-more where there is a card."""
+_FREE_ABOVE, _FREE_BELOW, CARD = 0.05, 0.06, 0.10
+"""Shares of the picture's height that are free above, and below for text, more for a card."""
 
 _FILL = 0.94
 """Share of what is left that the world fills."""
@@ -72,7 +71,7 @@ def overview(
         side = min(tracks, key=lambda track: float(track.aways[0])).turns[0]
         return _fit(corners, times, side + _DRIFT * passed, *shape)
 
-    return Tracked(track, {"cuts": True, "plan": False, "shot": "whole"})
+    return Tracked(track, {"cuts": True, "shot": "whole"})
 
 
 def top(timeline: Timeline, structures: Structures) -> Tracked:

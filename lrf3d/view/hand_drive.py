@@ -107,7 +107,9 @@ class HandDrive(Timeline):
     def moment(self, time: float) -> Moment:
         """What is to be seen now; the latest scan has no number of its own."""
         number = len(self.trajectory.times)
-        return Moment(self.robot.time, np.array(self.robot.pose), number, self.robot.speed, True)
+        robot = self.robot
+        pose, time = np.array(robot.pose), robot.time
+        return Moment(time, pose, number, robot.speed, True, time)
 
     def scan(self, number: int) -> LaserScan:
         """A mapped scan of the first laser by its number; the last one is that of now."""

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.render.glsl import air, shader_source
+from lrf3d.render.glsl import night, shader_source
 from lrf3d.render.packing import columns_of, land_of, mesh, rectangle, walls_of
 from lrf3d.scene.facades import BLANK, layers
 from lrf3d.scene.look import PLAN_BACK
@@ -22,10 +22,12 @@ from lrf3d.scene.shapes import Faces, Mark
 from lrf3d.scene.stage import Stage
 
 _PROGRAMS = (
-    "walls", "walls:PLAIN", "walls:FADED", "walls:PLAIN:FADED", "faces", "ground", "sky", "soft",
+    *(f"walls{plain}{variant}" for plain in ("", ":PLAIN")
+      for variant in ("", ":LIT", ":DIM", ":PEEP", ":PEEP:VEIL", ":MIRRORED")),
+    "faces", "faces:MIRRORED", "ground", "ground:EXPLORED", "ground:MIRRORED", "sky", "soft",
     "lines", "lines:DASHED", "points", "points:GLOW_ROUND",
 )  # fmt: skip
-"""The shaders that the page draws with."""
+"""The shaders that the page draws with, which it compiles when they are first used."""
 
 Part = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 """How something is drawn, and its arrays by name, in the order of the shader's locations."""
@@ -55,6 +57,8 @@ class Sender:
                 if array is before:
                     continue
                 rows = _bytes(array, colours=key == "colours")
+                # A picture of times is a part of the whole one, another one each time.
+                known = None if name == "times" else known
                 self._columns[name, key] = array, rows
                 first = 0 if known is None else _same(rows, known)
                 if known is not None and first == len(rows) == len(known):
@@ -78,7 +82,8 @@ def stage_message(stage: Stage) -> bytes:
     faces, ground, indoor = stage.faces, stage.ground, stage.structures.indoor
     plain = faces.texture[:, 0, 2] == BLANK
     corners = rectangle(ground.corner, ground.corner + ground.size)
-    texels, (style, land) = layers(indoor)[0], part_of(land_of(ground))
+    texels, (style, land) = layers(indoor)[0], part_of(land_of(stage))
+    times = stage.exposure.times
     parts = {
         "plain": _part("walls", *(_triangles(each[plain]) for each in walls_of(faces))),
         "walls": _part("walls", *(_triangles(each[~plain]) for each in walls_of(faces))),
@@ -86,17 +91,27 @@ def stage_message(stage: Stage) -> bytes:
         "sky": _part("sky", mesh(10, 10)),
         "land": ({**style, "pose": np.eye(4).ravel().tolist()}, land),
         "facades": ({"size": texels.shape[2::-1]}, {"0": texels}),
+        "times": times_part(times, 0, 0),
     }
     programs = {
-        name: [shader_source(name, vertex=v, constants=air(indoor=indoor)) for v in (True, False)]
+        name: [shader_source(name, vertex=v, constants=night(indoor=indoor)) for v in (True, False)]
         for name in _PROGRAMS
     }
     values = {
         "programs": programs,
         "area": [*ground.corner.tolist(), *(1.0 / ground.size).tolist()],
+        "grid": stage.exposure.area,
+        "cells": times.shape[1::-1],
         "back": [share / 255 for share in PLAN_BACK],
     }
     return Sender().message(parts, values)
+
+
+def times_part(times: NDArray[np.float32], column: int, row: int) -> Part:
+    """A part (h, w, 4) of the picture of times, in half floats, which begins at a cell."""
+    rows, columns, _ = times.shape
+    halves = np.ascontiguousarray(times, np.float16).reshape(-1, 4)
+    return {"box": [column, row, columns, rows]}, {"0": halves.view(np.float32)}
 
 
 def _part(kind: str, *columns: NDArray[Any]) -> Part:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.geometry import Float
+from lrf3d.render.mirrors import reflections
 from lrf3d.run import Run
 from lrf3d.scene import look
 from lrf3d.scene.camera import Camera, Look, SmoothPath, Track, Tracked
@@ -19,13 +20,13 @@ from lrf3d.scene.cameras import margins
 from lrf3d.scene.estimate import TRUTH, estimate_words
 from lrf3d.scene.following import First, behind, chase
 from lrf3d.scene.moments import Scene
-from lrf3d.scene.shapes import Faces, Lens
+from lrf3d.scene.shapes import Faces, Lens, Seen
 from lrf3d.scene.stage import Stage
 from lrf3d.scene.story import Story
 from lrf3d.scene.timeline import Moment, Timeline
 from lrf3d.scene.whole import overview, top
 from lrf3d.view.hand_drive import HandDrive
-from lrf3d.view.message import Part, Sender, part_of
+from lrf3d.view.message import Part, Sender, part_of, times_part
 
 _LIMITS = {
     "time": (-1e9, 1e9),
@@ -44,8 +45,8 @@ _LIMITS = {
 _LOWEST, _STEEPEST = math.radians(4.0), math.radians(88.0)
 """How steeply a look that a hand has turned goes down."""
 
-_PLAN_SIDE = 0.3
-"""Side of the plan in the corner, as a share of the shorter side of the picture."""
+_PLAN_WIDTH = 0.3
+"""Width of the plan in the corner, as a share of the shorter side of the picture."""
 
 _COARSE = 0.5
 """Bands of the map are made again when the eye has moved by this share of its height, or by four
@@ -119,7 +120,7 @@ class Shown:
     @classmethod
     def driven(cls, drive: HandDrive, stage: Stage | None = None) -> "Shown":
         """A robot that is driven by hand, which is followed as the film's camera does it."""
-        scene = Scene(drive, stage=stage)
+        scene = Scene(drive, stage=stage, live=True)
         structures = scene.structures
 
         def track(aspect: float) -> Track:
@@ -139,7 +140,7 @@ class Shown:
         before, after = margins("story")
         end = 0.0 if drive else timeline.end - timeline.start
         # The longest of 1, 2 and 5 times a power of ten that takes up to a third of the plan.
-        most = self._window[1] / 3.0
+        most = self._window.width / 3.0
         power = 10.0 ** math.floor(math.log10(most))
         metres = power * max(n for n in (1, 2, 5) if n * power <= most)
         return {
@@ -152,12 +153,15 @@ class Shown:
             "estimate": _legend(look.ESTIMATE_COLOUR),
             "metres": f"{metres:g}",
             "share": 100.0 / 3.0 * metres / most,
+            "aspect": 1.0 / self._window.aspect,
         }
 
     def answer(self, wanted: Wanted, seconds: float) -> bytes | None:
         """The message for a page that wants this, after some seconds; None if it has all."""
         scene, drive = self.scene, self.drive
         moved = drive is not None and drive.step(seconds, wanted.forward, wanted.turn)
+        if drive is not None and scene.live is not None:
+            scene.live.see(drive.latest, drive.robot.time)
         if not moved and wanted == self._last:
             return None
         self._last = wanted
@@ -174,19 +178,39 @@ class Shown:
             parts[name] = {**style, "pose": _numbers(body.pose)}, columns
         marks = seen.marks
         if view.plan:
-            box = (0, 0, max(1, round(_PLAN_SIDE * min(size))))
-            shown = scene.plan(moment, box, *self._window)
+            wide = max(1, round(_PLAN_WIDTH * min(size)))
+            box = (0, 0, wide, max(1, round(self._window.aspect * wide)))
+            shown = scene.plan(moment, box, self._window)
             marks, plan = (*marks, *shown.marks), _camera(shown.lens)
         parts |= {name: part_of(mark) for name, mark in marks}
         camera = {
             **_camera(seen.lens),
             "scale": max(min(size) / 720.0, look.LEAST_SCALE),
             "ray": _numbers(np.linalg.inv(_upright(seen.lens))),
-            "ghost": seen.ghost,
+            "clock": seen.clock,
+            "glass": seen.glass,
+            "robot": seen.robot,
             "cut": seen.cut,
         }
         values = {"camera": camera, "plan": plan, "words": self._words(moment)}
+        values |= self._laser(seen, parts)
         return self._sender.message(parts, values)
+
+    def _laser(self, seen: Seen, parts: dict[str, Part]) -> dict[str, Any]:
+        """What a page needs to draw the map on walls, and mirrors, whose parts are added."""
+        mirrors = []
+        for number, reflection in enumerate(reflections(seen, self.scene.stage.mirrors)):
+            name, bare = f"seal {number}", np.zeros_like(reflection.seal)
+            parts[name] = part_of(Faces(reflection.seal, bare, bare))
+            mirrors.append({**_camera(reflection.lens), **reflection.uniforms, "seal": name})
+        if seen.tints is None:
+            return {"mirrors": mirrors, "tints": None}
+        parts["tints"] = part_of(seen.tints.lines)
+        fresh = self.scene.live.fresh() if self.scene.live else None
+        if fresh is not None:
+            parts["times"] = times_part(*fresh)
+        lens = seen.tints.lens
+        return {"mirrors": mirrors, "tints": {**_camera(lens), "matrix": _numbers(lens.matrix)}}
 
     def _look(self, time: float, wanted: Wanted) -> Look:
         # What is looked at is framed into the part of the picture that no controls cover.
@@ -202,8 +226,8 @@ class Shown:
     def _coarse(self, bands: Faces, moment: Moment, view: Look) -> Faces:
         """The bands of the map, as an eye sees them that moves in steps."""
         step = max(4.0, _COARSE * float(view.eye[2]))
-        stage = self.scene.run.snapshot_after(moment.scan)
-        key = stage, np.round(view.eye / step).tobytes(), view.field, view.raised
+        stage = self.scene.run.snapshot_after(moment.mapped)
+        key = stage, np.round(view.eye / step).tobytes(), view.field
         if self._bands is None or self._bands[0] != key:
             self._bands = key, bands
         return self._bands[1]
@@ -213,7 +237,7 @@ class Shown:
         run, timeline, (x, y, theta) = self.scene.run, self.scene.timeline, moment.pose
         before, after = timeline.poses(moment.time + np.array([-_TURN_STEP, _TURN_STEP]))[:, 2]
         turned = 0.0 if timeline.dwells else math.remainder(after - before, math.tau)
-        ranges, stage = run.scan(moment.scan).ranges, run.snapshot_after(moment.scan)
+        ranges, stage = run.scan(moment.scan).ranges, run.snapshot_after(moment.mapped)
         hits = ranges[np.isfinite(ranges)]
         nearest = f"{hits.min():.2f} m" if len(hits) else "none"
         beams = f"{len(hits)} / {len(ranges)} beams hit, min {nearest}"

@@ -72,7 +72,7 @@ class Canvas:
         self._points += len(points)
         self.count()
         points = points[np.append(True, (points[1:] != points[:-1]).any(axis=1))]
-        if len(points) < 2 or (mark.contrast < 0.08 and not mark.width):
+        if len(points) < 2:
             return
         if not (np.abs(points) <= LARGEST_COORDINATE).all():
             raise WorldError(
@@ -121,7 +121,7 @@ def area_of(rings: list[Float], winding: bool = False) -> Any:
     kept = shapely.area(parts) > 0.0
     parts, turns = parts[kept], turns[kept]
     tree = shapely.STRtree(parts)
-    inner, outer = tree.query(shapely.point_on_surface(parts), predicate="within")
+    inner, outer = tree.query(parts, predicate="covered_by")
     depth = np.bincount(inner, minlength=len(parts))
     number = np.bincount(inner, turns[outer], len(parts)) if winding else depth % 2
     area = shapely.union_all(parts[(depth == 1) & (number != 0)])
@@ -145,7 +145,10 @@ def curve_points(controls: Float, tolerance: float) -> Float:
 
 
 def _on_paper(marks: list[Mark]) -> list[Mark]:
-    """The marks without a first area that is larger than all others together: it is the paper."""
+    """The marks without a first area that is larger than all others together: it is the paper.
+
+    On dark paper what is light stands out.
+    """
     import shapely
 
     first = marks[:1]
@@ -154,7 +157,10 @@ def _on_paper(marks: list[Mark]) -> list[Mark]:
     sheet = shapely.box(*first[0].shape.bounds)
     others = shapely.box(*shapely.total_bounds([mark.shape for mark in marks[1:]]))
     paper = first[0].opaque and first[0].shape.area > 0.99 * sheet.area and sheet.covers(others)
-    return marks[1:] if paper else marks
+    if not paper:
+        return marks
+    dark = first[0].contrast > 0.5
+    return [m._replace(contrast=1.0 - m.contrast) if dark else m for m in marks[1:]]
 
 
 def _seen(marks: list[Mark]) -> list[Mark]:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import shapely
 
 from lrf3d.errors import WorldError
 from lrf3d.geometry import LARGEST_COORDINATE, Float
@@ -132,8 +133,11 @@ class _Painter(Backend):
         if not extent * self.scale <= LARGEST_COORDINATE:
             raise WorldError("holds a curve that is not finite, or far too large")
         if path.has_curves:
-            distance = min(self.canvas.tolerance, max(extent / 2000.0, 1e-12))
+            distance = 0.5 * min(self.canvas.tolerance, max(extent / 200.0, 1e-12))
             corners = np.array([tuple(p) for p in path.flattening(distance, segments=4)])
+            # Pieces of splines may be smaller than the distance.
+            line = shapely.simplify(shapely.linestrings(corners), distance, preserve_topology=False)
+            corners = shapely.get_coordinates(line)
         return corners * self.scale
 
     def draw_point(self, pos: Any, properties: Any) -> None:

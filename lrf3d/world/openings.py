@@ -84,7 +84,7 @@ def _arcs(segments: Float, line: Int) -> list[tuple[Int, Float, float]]:
     wanted &= (long > WIDTHS[0] * SWEEP[0]) & (long < WIDTHS[1] * 2.0)
     found = []
     for number in np.flatnonzero(wanted):
-        chords = np.flatnonzero(run == number)
+        chords = np.arange(*np.searchsorted(run, [number, number + 1]))
         points = np.vstack([segments[chords, :2], segments[chords[-1:], 2:]])
         about = points[0]
         x, y = (points - about).T

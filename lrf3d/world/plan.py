@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lrf3d.errors import WorldError
-from lrf3d.geometry import Float
+from lrf3d.geometry import Float, lengths
 from lrf3d.text import counted
 from lrf3d.world.drawing import Drawing, Mark, is_area
 from lrf3d.world.layers import role_of
@@ -37,6 +37,9 @@ OUTLINE = 1e-4
 
 LEAST_ROOM = 1.5
 """Least area [m²] of a room: of a closet, or a place for a lavatory."""
+
+LONGEST_LEAF = 2.2
+"""Length [m] above which a line on a layer of doors is no leaf, but a wall."""
 
 CRACK = 0.02
 """Half of a gap [m] between walls through which two rooms do not become one."""
@@ -113,7 +116,9 @@ def plan_of(drawing: Drawing, layers: Sequence[str] = (), without: Sequence[str]
     segments, line, role = _segments(pieces)
     drawn = np.isin(role, [*STANDS, "door"])
     doors, opened = find_doors(segments, line, drawn)
-    stands = np.isin(role, STANDS) & ~opened
+    # Partitions are found on layers of doors, too.
+    stands = np.isin(role, STANDS) | ((role == "door") & (lengths(segments) > LONGEST_LEAF))
+    stands &= ~opened
     loose = np.flatnonzero(stands & (role == "other"))
     letters = loose[is_lettering(segments[loose])]
     stands[letters] = False

@@ -9,13 +9,9 @@ from lrf3d.world.model import World
 
 def size_warning(world: World) -> str | None:
     """A warning, with the remedy, if the size of a world is implausible; otherwise None."""
-    width, height = np.ptp(world.bounds, axis=0).tolist()
-    # No robot drives in less; the largest sheets are 1.2 m long.
-    if len(world.segments) and max(width, height) < 2.0:
-        return (
-            f"the world is {width:.3g} m by {height:.3g} m, a drawing on paper? --scale 100 makes"
-            " one of 1:100 as large as the house"
-        )
+    # The largest sheets of paper are 1.2 m long.
+    if small := _small(world, 2.0):
+        return small
     try:
         check_size(world)
     except WorldError as error:
@@ -23,13 +19,27 @@ def size_warning(world: World) -> str | None:
     return None
 
 
+def _small(world: World, least: float) -> str | None:
+    """What is said of a world that is smaller than the least size [m]; otherwise None."""
+    width, height = np.ptp(world.bounds, axis=0).tolist()
+    if not len(world.segments) or max(width, height) >= least:
+        return None
+    return (
+        f"the world is {width:.3g} m by {height:.3g} m, a drawing on paper? --scale 100 makes"
+        " one of 1:100 as large as the house"
+    )
+
+
 def check_size(world: World) -> None:
-    """Check that a world is not so large that its plan must be in other units than metres.
+    """Check that a world is not so large or small that it must be in other units than metres.
 
     The message gives the scale that would fit.
     """
     if not len(world.segments):
         return
+    # There is no room for a robot.
+    if small := _small(world, 0.5):
+        raise WorldError(f"{world.name or 'world'}: {small}, or give a route")
     # Half of all wall length is of walls of this length or more.
     long = np.sort(lengths(world.segments))
     usual = float(long[np.searchsorted(np.cumsum(long), 0.5 * long.sum())])

@@ -217,10 +217,3 @@ def test_outlines_and_heights_that_are_no_body_are_refused(outline, height, mess
         DynamicObstacle(np.array(outline), DRIVE, height)
     with pytest.raises(InputError, match=r"radius .*: expected a finite number of metres, above 0"):
         round_outline(-height if np.isfinite(height) else height)
-
-
-def test_distances_are_those_from_where_the_body_is_at_the_time():
-    walk = Trajectory([0, 2], [(0, 0, 0), (4, 0, 0)])
-    points, times = np.array([[4.0, 0.0], [4.0, 3.0], [4.0, 0.2]]), np.array([0.0, 1.0, 2.0])
-    far = DynamicObstacle(SQUARE, walk).distances(points, times)
-    assert far == pytest.approx([3.6, np.hypot(1.6, 2.7), 0.0])

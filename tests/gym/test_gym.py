@@ -16,7 +16,7 @@ import lrf3d.gym
 from lrf3d.gym import DriveEnv, DriveVectorEnv
 from lrf3d.render import film
 from lrf3d.render.gl import gl_available
-from lrf3d.scenario import load_scenario
+from lrf3d.scenario import Scenario, load_scenario
 
 CORRIDOR = load_scenario("corridor")
 
@@ -243,3 +243,42 @@ def test_dynamic_obstacles_are_seen_and_run_into():
         if ended:
             break
     assert info["collided"] and 5.0 < info["pose"][0] < 5.7 - scenario.radius
+
+
+def test_robots_that_are_together_see_and_touch_each_other():
+    world = lrf3d.World([[-9.0, -9, 9, -9], [9, -9, 9, 9], [9, 9, -9, 9], [-9, 9, -9, -9]])
+    lasers = {"lrf": lrf3d.LaserRangeFinder(-np.pi, np.pi, 73, range_max=20.0)}
+    scenario = Scenario(world, **lasers, noise=lrf3d.ProportionalNoise(0.0), radius=0.5, speed=1.0)
+    both = DriveVectorEnv(2, scenario, together=True)
+    both.reset(seed=0)
+    assert np.hypot(*(both.poses[0] - both.poses[1])[:2]) > 1.0
+    both.poses[:] = [(0.0, 0, 0), (3.0, 0, np.pi)]
+    still = np.zeros((2, 2))
+    seen, *_ = both.step(still)
+    assert seen["ranges"][:, 36] == pytest.approx([2.5, 2.5])
+    for gap in (2.0, 1.5, 1.0, 0.5):
+        seen, _, ended, *_ = both.step(np.array([[1.0, 0], [1.0, 0]]))
+        assert seen["ranges"][:, 36] == pytest.approx([gap, gap]) and not ended.any()
+    # Now they stand next to each other, and would overlap after the next step.
+    infos = both.step(np.array([[1.0, 0], [1.0, 0]]))[4]
+    assert infos["collided"].all() and both.poses[:, 0] == pytest.approx([1.0, 2.0])
+    alone = DriveVectorEnv(2, scenario)
+    alone.reset(seed=0)
+    alone.poses[:] = [(0.0, 0, 0), (3.0, 0, np.pi)]
+    assert alone.step(still)[0]["ranges"][0, 36] == pytest.approx(9.0)
+
+
+def test_several_lasers_are_one_observation_and_moving_obstacles_are_touched_on_the_way():
+    world = lrf3d.World([[-9.0, -9, 9, -9], [9, -9, 9, 9], [9, 9, -9, 9], [-9, 9, -9, -9]])
+    front = lrf3d.LaserRangeFinder(0.0, 0.0, 1, range_max=20.0, mount=(0.5, 0, 0), name="front")
+    rear = lrf3d.LaserRangeFinder(0.0, 0.0, 1, range_max=8.0, mount=(-0.5, 0, np.pi), name="rear")
+    silent = lrf3d.ProportionalNoise(0.0)
+    # The ball is past the robot at both ends of the step, and goes through it in between.
+    ball = lrf3d.Trajectory([0.0, 0.25], [(0.0, -2.0, 0), (0.0, 2.0, 0)])
+    thrown = lrf3d.DynamicObstacle([[-0.1, -0.1], [0.1, -0.1], [0.0, 0.1]], ball)
+    scenario = Scenario(world, front, silent, further=((rear, silent),), obstacles=(thrown,))
+    env = DriveVectorEnv(1, scenario)
+    observation, _ = env.reset(seed=1, options={"pose": (0.0, 0.0, 0.0), "goal": (8.0, 8.0)})
+    assert observation["ranges"].tolist() == [[8.5, 8.0]]
+    assert env.observation_space.contains(observation)
+    assert env.step(np.zeros((1, 2)))[4]["collided"].all()

@@ -27,7 +27,7 @@ def drawn(run, time, *, view="chase", renderer="gl"):
         pictures.append(film.draw(time)[:, :, :3].astype(int))
     red, green, blue = np.moveaxis(pictures[1], 2, 0)
     changed = np.abs(pictures[1] - pictures[0]).max(axis=2) > 20
-    return changed & (red > green + 60) & (blue > green + 30), changed & (blue > red + 60)
+    return changed & (red > green + 60) & (blue > green + 30), changed & (green > blue + 50)
 
 
 @pytest.mark.parametrize("renderer", RENDERERS)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lrf3d.scene.drawn_map import BAND, STANDING, DrawnMap
+from lrf3d.scene.drawn_map import BAND, DrawnMap
 from lrf3d.scene.structures import Structures
 from lrf3d.world import World
 
@@ -12,9 +12,9 @@ COLOURS = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 EYE = np.array([3.0, -2.0, 1.5])
 
 
-def levels(heights, *, eye=EYE, least=0.0, raised=0.0):
+def levels(heights, *, eye=EYE, least=0.0):
     """The lowest and highest corner (2, 2) of the band of each of two walls."""
-    faces = DrawnMap(WALLS, COLOURS, np.array(heights)).bands(eye, least=least, raised=raised)
+    faces = DrawnMap(WALLS, COLOURS, np.array(heights)).bands(eye, least=least)
     up = faces.corners[..., 2].reshape(2, -1)
     return np.column_stack([up.min(axis=1), up.max(axis=1)])
 
@@ -30,12 +30,6 @@ def test_a_band_far_away_is_higher_but_stays_between_the_ground_and_the_top_of_i
     assert far.min() > 0.0 and far.max() <= 2.5
 
 
-def test_raised_bands_stand_up_to_the_tops_of_their_walls():
-    standing = levels([1.5, 8.0], raised=1.0)
-    assert standing[:, 1] == pytest.approx([1.5, 8.0]) and (standing[:, 0] < 0.05).all()
-    assert levels([1.5, np.inf], raised=1.0)[:, 1] == pytest.approx([1.5, STANDING])
-
-
 def test_a_segment_of_the_map_has_the_height_of_the_wall_that_it_lies_on():
     structures = Structures.from_world(World(WALLS, heights=[1.5, 8.0]))
     here = WALLS - np.tile(structures.origin, 2)
@@ -45,8 +39,21 @@ def test_a_segment_of_the_map_has_the_height_of_the_wall_that_it_lies_on():
 
 def test_faces_of_bands_look_outward():
     drawn = DrawnMap(WALLS[:1], COLOURS[:1], np.full(1, 2.5))
-    faces = drawn.bands(EYE, least=0.0, raised=1.0)
+    faces = drawn.bands(EYE, least=0.0)
     a, b, c = np.moveaxis(faces.corners.astype(float), 1, 0)
-    out = faces.corners.mean(axis=1) - [3.0, 0.0, 1.25]
+    out = faces.corners.mean(axis=1) - [3.0, 0.0, np.mean(BAND)]
     assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), out) > 0.0).all()
-    assert (np.einsum("ij,ij->i", faces.normals[:, 0], out) > 0.0).all()
+
+
+def test_what_of_the_map_lies_on_no_wall_stands_free_and_colours_none():
+    structures = Structures.from_world(World(WALLS, heights=[1.5, 8.0]))
+    here = WALLS - np.tile(structures.origin, 2)
+    # One lies on its wall, the other leaves its own half-way and is 1 m off at its end.
+    here[1, 3] += 1.0
+    drawn = DrawnMap(here, COLOURS, structures.tops(here))
+    ghosts = drawn.ghosts(structures, 0.5)
+    x = ghosts.corners[..., 0] + structures.origin[0]
+    assert (ghosts.colours[..., :3] == COLOURS[1]).all() and 2.8 < x.min() < 3.5 < x.max()
+    middles = 0.5 * (here[:, :2] + here[:, 2:])
+    tints, found = drawn.tints(np.vstack([middles, [[13.0, -12.0]]]), 0.6)
+    assert found.tolist() == [True, True, False] and (tints[:2] == COLOURS).all()

@@ -6,17 +6,10 @@ import shapely
 from test_render import box
 
 from lrf3d.geometry import lengths
-from lrf3d.scene import shadows
 from lrf3d.scene.facades import BAYS, BLANK, WINDOWED
 from lrf3d.scene.structures import Structures
 from lrf3d.scene.walls import NARROW, lay_walls
 from lrf3d.world import World
-
-
-@pytest.fixture(autouse=True)
-def whole_walls(monkeypatch):
-    """Walls are cut by their pattern alone, not where shadows end."""
-    monkeypatch.setattr(shadows, "_MOST_WALLS", 0)
 
 
 def town():

@@ -19,14 +19,24 @@ def said(run, kind, shot="chase"):
 def test_a_short_panel_says_what_is_shown_when_and_what_is_found_and_a_full_one_all():
     _, short = said(city_run(), "short")
     _, full = said(city_run(), "full")
-    assert len(short) == 2 and "beams" in short[0] and "walls found" in short[1]
+    assert len(short) == 2 and "beams" in short[0] and " walls" in short[1]
     assert len(full) > 3 and full[0] == short[0] and any("beams hit" in line for line in full)
 
 
 @pytest.mark.parametrize(("make", "word"), [(city_run, "building"), (room_run, "object")])
 def test_the_card_counts_buildings_only_where_there_are_some(make, word):
     facts, _ = said(make(), "short")
-    assert word in card(facts).text[0]
+    found, rest = card(facts).text
+    assert word in rest
+    # Of all walls of the world, also of those that were never in sight.
+    seen, count = len(facts.run.map), len(facts.run.world.segments)
+    assert found == f"{seen} of {count} walls found, {100 * seen / count:.0f} %"
+
+
+def test_before_the_start_nothing_is_known():
+    run = city_run()
+    facts = Facts(run, Structures.from_run(run), 1.0, "short")
+    assert panel(facts, Timeline(run).moment(-0.5), "wave").text[0] == "Nothing is known yet"
 
 
 def test_a_panel_of_another_kind_is_refused():

@@ -121,7 +121,7 @@ def test_every_view_is_looked_through_and_nothing_comes_where_nothing_changes():
         eyes.append(read(played.answer(wanted, 0.0))["camera"]["eye"])
         assert played.answer(wanted, 0.0) is None
     assert len(set(map(tuple, eyes))) == len(views)
-    assert read(played.answer(Wanted(view="story", time=1e6), 0.0))["camera"]["ghost"] == 1.0
+    assert read(played.answer(Wanted(view="story", time=1e6), 0.0))["camera"]["glass"] == 1.0
 
 
 @pytest.mark.parametrize("size", [(390.0, 844.0), (1280.0, 720.0)])

@@ -94,6 +94,9 @@ def test_transforms_uses_and_the_view_box_are_followed_and_y_points_up(tmp_path)
          ' height="1"/>', (4, 1), (5, 5)),
         ('<rect style="transform: rotate(90deg); transform-origin: center" x="4" y="1" width="2"'
          ' height="1"/>', (8, 4), (9, 6)),
+        # The paper may be dark.
+        ('<rect width="10" height="10" fill="#123"/><path d="M1 1h4v4" fill="none" stroke="#fff"'
+         ' stroke-width=".1"/>', (1, 0.95), (5.05, 5)),
         # What later areas cover is not seen, nor is what a clip or a mask cuts off.
         ('<path d="M0 1h9" stroke="#000" stroke-width=".1"/>'
          '<rect x="5" width="5" height="5" fill="white"/>',
@@ -197,12 +200,12 @@ def test_walls_with_a_thickness_have_two_faces(tmp_path):
         space.add_lwpolyline([(0, 0), (10, 0), (10, 6), (0, 6)], close=True).dxf.const_width = 0.3
         hatch = space.add_hatch()
         hatch.paths.add_polyline_path([(20, 0), (24, 0), (24, 0.2), (20, 0.2)])
-        hatch.paths.add_polyline_path([(21, 0.05), (22, 0.05), (22, 0.15), (21, 0.15)])
+        hatch.paths.add_polyline_path([(20.1, 0.05), (23.9, 0.05), (23.9, 0.15), (20.1, 0.15)])
         space.add_lwpolyline([(20, 0), (24, 0), (24, 0.2), (20, 0.2)], close=True)
 
     world = dxf(tmp_path, draw)
     # The outline of the hatch counts once, with its hole.
-    total = 2 * (9.7 + 5.7 + 10.3 + 6.3 + 4.2 + 1.1)
+    total = 2 * (9.7 + 5.7 + 10.3 + 6.3 + 4.2 + 3.9)
     assert lengths(world.segments).sum() == pytest.approx(total, abs=1e-3)
     assert world.bounds == pytest.approx(np.array([[-0.15, -0.15], [24, 6.15]]))
     thick = '<path d="M1 1h8v8h-8z" fill="none" stroke="#222" stroke-width=".3"/>'
@@ -231,14 +234,16 @@ def test_a_leaf_and_its_arc_are_a_door_that_stands_open(unit, tmp_path):
 def test_layers_are_taken_by_their_names_or_as_chosen(tmp_path):
     def draw(space):
         for number, layer in enumerate(("A-WALL", "Türen", "Möbel", "A-ANNO-DIMS", "plan 7")):
-            space.add_line((0, number), (4 + number, number), dxfattribs={"layer": layer})
+            space.add_line((0, number), (1 + number / 4, number), dxfattribs={"layer": layer})
+        # No leaf is that long.
+        space.add_line((0, 9), (4, 9), dxfattribs={"layer": "Türen"})
 
     world = dxf(tmp_path, draw)
-    assert world.segments[:, 2].tolist() == [4, 6, 8]
-    assert world.heights.tolist() == [2.5, 0.8, 2.5]
+    assert world.segments[:, 2].tolist() == [1, 1.5, 2, 4]
+    assert world.heights.tolist() == [2.5, 0.8, 2.5, 2.5]
     path = tmp_path / "a.dxf"
-    assert load_world(path, layers=["a-*", "türen"]).segments[:, 2].tolist() == [4, 5, 7]
-    assert load_world(path, without=["möb*"]).segments[:, 2].tolist() == [4, 8]
+    assert load_world(path, layers=["a-*", "türen"]).segments[:, 2].tolist() == [1, 1.25, 1.75, 4]
+    assert load_world(path, without=["möb*"]).segments[:, 2].tolist() == [1, 2, 4]
     with pytest.raises(WorldError, match=r"no layer is called A-GLAZ; .* A-WALL, Türen"):
         load_world(path, layers=["A-GLAZ"])
 

@@ -8,7 +8,7 @@ roots are the times of contact. What only grazes, no deeper than GRAZE, does not
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from lrf3d.casting.kernels.movers import (
     Movers,
     Twist,
     moved,
+    mover_at,
     place,
     side_at,
 )
@@ -299,39 +300,65 @@ def _off(wall: Wall, x: float, y: float) -> tuple[float, float]:
 
 @compiled
 def touched_among(
-    plain: Plain, plain_body: Plain, pose: tuple[float, float, float],
-    plain_twist: tuple[float, float, float], begin: float, seconds: float, own: int,
-) -> tuple[float, int]:  # fmt: skip
-    """The seconds after which a body first touches an obstacle, and this one; or +inf and −1."""
-    among, body, twist = Movers(*plain), Body(*plain_body), Twist(*plain_twist)
+    plain: Plain, plain_body: Plain, moves: Records, seconds: Float, own: Int, times: Float,
+    met: Int,
+) -> None:  # fmt: skip
+    """Fill the times (k,) [s] after which bodies first touch obstacles, and these; or +inf and −1.
+
+    They hold moves (k,), which are legs, for some seconds (k,). Own (k,) are the obstacles that are
+    the bodies themselves, or −1.
+    """
+    among, body = Movers(*plain), Body(*plain_body)
     movers, sides = among.movers, np.empty(len(body.tips), SIDE)
     crowd = Crowd(movers, np.empty(len(movers), PLACED), np.empty(len(among.corners), SIDE))
-    fastest = math.hypot(twist.ahead, twist.left) + abs(twist.turn) * body.reach
-    best, found = seconds, -1
-    for j in range(len(movers)):
-        if j == own:
-            continue
-        rate, time = fastest + movers[j].rim, 0.0
-        gap = _gap_at(among, j, begin, crowd, body, pose, sides)
-        if gap < -GRAZE:
-            return 0.0, j
-        while time < best and gap < np.inf and rate > 0.0:
-            before, free = time, gap > 0.0
-            time = min(time + max(gap, STEP) / rate, best)
-            gap = _gap_at(among, j, begin + time, crowd, body, moved(pose, twist, time), sides)
-            if gap >= -GRAZE:
+    begin, places = np.nan, np.empty((len(movers), 2))
+    for k in range(len(moves)):
+        move = moves[k]
+        if begin != move.time:
+            begin = move.time
+            for j in range(len(movers)):
+                places[j, 0], places[j, 1], _ = mover_at(among, j, begin)
+        fastest = math.hypot(move.ahead, move.left) + abs(move.turn) * body.reach
+        times[k], met[k] = np.inf, -1
+        for j in range(len(movers)):
+            mover, rate = movers[j], fastest + movers[j].rim
+            best = min(times[k], seconds[k])
+            room = rate * best + max(mover.reach, mover.disc) + body.reach + 1e-6
+            east, north = places[j, 0] - move.x, places[j, 1] - move.y
+            if j == own[k] or east * east + north * north > room * room:
                 continue
-            # Where it was in contact before, without a depth, it touched there.
-            low, high = before, time if free else before
-            for _ in range(60):
-                middle = 0.5 * (low + high)
-                at = moved(pose, twist, middle)
-                if _gap_at(among, j, begin + middle, crowd, body, at, sides) > 0.0:
-                    low = middle
-                else:
-                    high = middle
-            best, found = high, j
-    return (best, found) if found >= 0 else (np.inf, -1)
+            time = _first_meeting(among, j, crowd, body, move, best, sides)
+            if time < np.inf:
+                times[k], met[k] = time, j
+
+
+@inner
+def _first_meeting(
+    among: Movers, j: int, crowd: Crowd, body: Body, move: Any, seconds: float, sides: Records
+) -> float:
+    """The seconds after which a body touches an obstacle, or infinity."""
+    pose, twist = (move.x, move.y, move.theta), Twist(move.ahead, move.left, move.turn)
+    rate = math.hypot(twist.ahead, twist.left) + abs(twist.turn) * body.reach + among.movers[j].rim
+    time, gap = 0.0, _gap_at(among, j, move.time, crowd, body, pose, sides)
+    if gap < -GRAZE:
+        return 0.0
+    while time < seconds and rate > 0.0:
+        before, free = time, gap > 0.0
+        time = min(time + max(gap, STEP) / rate, seconds)
+        gap = _gap_at(among, j, move.time + time, crowd, body, moved(pose, twist, time), sides)
+        if gap >= -GRAZE:
+            continue
+        # Where it was in contact before, without a depth, it touched there.
+        low, high = before, time if free else before
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            at = moved(pose, twist, middle)
+            if _gap_at(among, j, move.time + middle, crowd, body, at, sides) > 0.0:
+                low = middle
+            else:
+                high = middle
+        return high
+    return np.inf
 
 
 @inner

@@ -1,5 +1,6 @@
-// What all shaders know: the camera of the picture, and its air. In fragment shaders each uniform
-// takes time for each block of pixels; what is the same in all pictures of a film is a constant.
+// What all shaders know: the camera of the picture, its air, and what the laser has lit. In fragment
+// shaders each uniform takes time for each block of pixels; what is the same in all pictures of a
+// film is a constant.
 layout(std140) uniform Camera {
     mat4 view_projection;
     vec3 eye;
@@ -9,12 +10,15 @@ layout(std140) uniform Camera {
     float nearer;       // how much nearer to the eye the depth of marks is [m]
 };
 
-// A colour seen at a distance from the eye, which is in units of the haze.
-vec3 hazed(vec3 colour, vec3 way) {
+#ifndef VERTEX
+// A colour seen through the air, by its depth in the picture.
+vec3 hazed(vec3 colour) {
     // Grows with the square of the distance and needs neither a root nor an exponential.
-    float far = dot(way, way);
+    float far = thick / gl_FragCoord.w;
+    far *= far;
     return mix(colour, HAZE, far / (1.0 + far));
 }
+#endif
 
 // Where a point is drawn whose depth is that of a point nearer to the eye by so many metres: what
 // lies on a surface then shows, and what lies behind one does not.
@@ -31,3 +35,44 @@ vec4 raised(vec3 place, float metres) {
 bool shown(vec3 place, vec2 side) {
     return nearer > 1e3 || dot(eye.xy - place.xy, side) >= 0.0;
 }
+
+float grey(vec3 colour) {
+    return dot(colour, vec3(0.3, 0.55, 0.15));
+}
+
+// Time since a place was first seen [s of the film], from the picture of times.
+float age(vec4 when, vec2 clock) {
+    return (clock.x - when.r) * clock.y - when.a;
+}
+
+// How much of the light a place has got by an age.
+float lit(vec4 when, float age) {
+    float share = clamp(age / DAWN, 0.0, 1.0);
+    return when.g * share * share * (3.0 - 2.0 * share);
+}
+
+// A colour in the light of the laser: dark before it came, aglow with it, cool and bright after.
+vec3 exposed(vec3 day, float on, float age, float height) {
+    float bright = grey(day);
+    // Light of a lamp so low fades up high walls.
+    float share = on * max(1.0 - FALL * height, LEAST_FALL);
+    float hot = on / (1.0 + 2.0 * age * age);
+    vec3 cool = day * COOL * (1.0 - EMBER_SHARE.x * hot);
+    vec3 seen = cool + EMBER * (hot * (EMBER_SHARE.y + EMBER_SHARE.z * bright));
+    return mix(mix(NIGHT_LOW, NIGHT_HIGH, bright), seen, share);
+}
+
+#if defined(MIRRORED) && !defined(VERTEX)
+// Drawn from the mirrored eye: only what rays meet past the mirror, through its rectangle.
+uniform vec4 mirror;        // one end of it, and the direction to the other
+uniform vec3 mirror_size;   // length, height, and the distance of the mirrored eye behind it [m]
+// The way is that from the eye.
+void through_mirror(vec3 way) {
+    vec2 normal = vec2(-mirror.w, mirror.z) * sign(mirror_size.z);
+    float rise = dot(normal, way.xy), behind = abs(mirror_size.z);
+    vec3 met = eye + way * (behind / rise);
+    float along = dot(met.xy - mirror.xy, mirror.zw);
+    bool past = rise > behind;
+    if (!past || along < 0.0 || along > mirror_size.x || met.z < 0.0 || met.z > mirror_size.y) discard;
+}
+#endif

@@ -20,6 +20,9 @@ in vec3 facing;
 flat in vec3 paint;
 out vec4 colour;
 void main() {
+#ifdef MIRRORED
+    through_mirror(-to_eye);
+#endif
     vec3 shaded = paint;
     if (dot(facing, facing) > 0.0) {
         vec3 up = normalize(facing);
@@ -31,6 +34,9 @@ void main() {
         float rim = 1.0 - max(dot(up, back), 0.0);
         shaded = paint * light + 0.22 * shine + 0.07 * rim * rim * rim;
     }
-    colour = vec4(hazed(shaded, to_eye * thick), 1.0);
+#ifdef MIRRORED
+    shaded *= REFLECTED;
+#endif
+    colour = vec4(hazed(shaded), 1.0);
 }
 #endif

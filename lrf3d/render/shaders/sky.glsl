@@ -7,7 +7,6 @@ void main() {
     vec4 far = ray_from_corner * vec4(corner, 1.0, 1.0);
     vec3 look = normalize(far.xyz / far.w - eye);
     sky = mix(HAZE, ZENITH, 1.0 - pow(1.0 - clamp(look.z, 0.0, 1.0), 2.6));
-    sky += GLOW * (0.16 * pow(max(dot(look, SUN), 0.0), 10.0));
     gl_Position = vec4(corner, 1.0, 1.0);
 }
 #else

@@ -3,6 +3,7 @@
 const HEAD = `#version 300 es
 precision highp float;
 precision highp int;
+precision highp sampler2D;
 precision highp sampler2DArray;
 `;
 
@@ -29,9 +30,9 @@ export class Scene {
   }
 
   // What stands in the world, and the picture of its ground.
-  load({ programs, area, back, marks: { facades, ...marks } }, block, picture) {
+  load({ programs, area, grid, cells, back, marks: { facades, ...marks } }, block, picture) {
     const { gl } = this;
-    for (const [name, sources] of Object.entries(programs)) this.programs[name] = this.program(sources);
+    Object.assign(this, { sources: programs, back, cells, area, grid });
     const [wide, high, count] = facades.size;
     const texels = block.subarray(facades.columns[0][1]);
     this.facades = this.texture(gl.TEXTURE_2D_ARRAY, gl.REPEAT);
@@ -40,16 +41,26 @@ export class Scene {
     this.pavement = this.texture(gl.TEXTURE_2D, gl.CLAMP_TO_EDGE);
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB8, gl.RGB, gl.UNSIGNED_BYTE, picture);
     gl.generateMipmap(gl.TEXTURE_2D);
-    gl.clearColor(...back, 1);
-    this.area = area;
+    // When each cell of the ground was first seen, and the map in the same cells, on units of their own.
+    [this.times, this.tintMap] = [gl.RGBA16F, gl.RGBA8].map((kind, i) => {
+      gl.activeTexture(gl.TEXTURE2 + i);
+      const made = this.texture(gl.TEXTURE_2D, gl.CLAMP_TO_EDGE, gl.LINEAR);
+      gl.texStorage2D(gl.TEXTURE_2D, 1, kind, ...cells);
+      return made;
+    });
+    gl.activeTexture(gl.TEXTURE0);
+    this.frame = gl.createFramebuffer();
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.frame);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, this.tintMap, 0);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     this.take({ marks }, block);
   }
 
-  texture(kind, wrap) {
+  texture(kind, wrap, filter = this.gl.LINEAR_MIPMAP_NEAREST) {
     const { gl } = this;
     const made = gl.createTexture();
     gl.bindTexture(kind, made);
-    gl.texParameteri(kind, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_NEAREST);
+    gl.texParameteri(kind, gl.TEXTURE_MIN_FILTER, filter);
     for (const axis of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(kind, axis, wrap);
     return made;
   }
@@ -67,9 +78,11 @@ export class Scene {
     return made;
   }
 
-  // The uniforms of a program, which is asked for them when it is first used: until then drivers compile.
-  uniforms(made) {
+  // A program of a name, compiled when it is first used.
+  use(name) {
     const { gl } = this;
+    const made = (this.programs[name] ??= this.program(this.sources[name]));
+    gl.useProgram(made);
     if (made.places) return made.places;
     if (!gl.getProgramParameter(made, gl.LINK_STATUS)) {
       const logs = gl.getAttachedShaders(made).map((shader) => gl.getShaderInfoLog(shader));
@@ -77,11 +90,16 @@ export class Scene {
     }
     const count = gl.getProgramParameter(made, gl.ACTIVE_UNIFORMS);
     const names = Array.from({ length: count }, (_, i) => gl.getActiveUniform(made, i).name);
-    return (made.places = names.map((name) => [name, gl.getUniformLocation(made, name)]));
+    const places = names.map((name) => [name, gl.getUniformLocation(made, name)]);
+    const units = { picture: 0, times: 2, tints: 3 };
+    for (const [name, place] of places) if (name in units) gl.uniform1i(place, units[name]);
+    return (made.places = places.filter(([name]) => !(name in units)));
   }
 
   // Take a message of the server: marks in the order in which they are drawn, the rest of its header, and its arrays.
-  take({ marks, ...state }, block) {
+  take({ marks: { times, ...marks }, ...state }, block) {
+    if (times) this.light(times, block);
+    if (marks.tints?.columns.length) this.tinted = false;
     for (const [name, { columns, ...style }] of Object.entries(marks)) {
       const mark = (this.marks[name] ??= { vertices: this.gl.createVertexArray(), columns: [], count: 0 });
       Object.assign(mark, style);
@@ -90,6 +108,15 @@ export class Scene {
     Object.assign(this, state, { order: Object.keys(marks) });
     this.inset.hidden = !this.plan;
     this.stale = true;
+  }
+
+  // Take the times of a box of cells, in half floats.
+  light({ box, columns: [[, start]] }, block) {
+    const { gl } = this;
+    const halves = new Uint16Array(block.slice(start, start + 8 * box[2] * box[3]).buffer);
+    gl.activeTexture(gl.TEXTURE2);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, ...box, gl.RGBA, gl.HALF_FLOAT, halves);
+    gl.activeTexture(gl.TEXTURE0);
   }
 
   // Rewrite an attribute: its rows before the first new one stay. Each has some floats, or a colour in four bytes (size 0).
@@ -125,9 +152,7 @@ export class Scene {
     (blend ? gl.enable : gl.disable).call(gl, gl.BLEND);
     (cull ? gl.enable : gl.disable).call(gl, gl.CULL_FACE);
     gl.depthMask(solid);
-    const places = this.uniforms(this.programs[name]);
-    gl.useProgram(this.programs[name]);
-    for (const [uniform, place] of places) {
+    for (const [uniform, place] of this.use(name)) {
       const value = uniforms[uniform];
       if (value?.length === 16) gl.uniformMatrix4fv(place, false, value);
       else if (value?.length) gl[`uniform${value.length}fv`](place, value);
@@ -141,36 +166,84 @@ export class Scene {
   render() {
     const { gl, canvas, camera, marks, plan } = this;
     if (!camera) return;
-    this.see(camera, [0, 0, canvas.width, canvas.height]);
+    this.laser = { grid: this.grid, area: this.area, clock: camera.clock };
+    this.paintTints();
+    const box = [0, 0, canvas.width, canvas.height];
     gl.depthMask(true);
+    gl.clearColor(...this.back, 1);
     gl.clear(gl.DEPTH_BUFFER_BIT);
-    const bodies = this.shown(false).filter(({ kind }) => kind === "faces");
-    for (const body of [...bodies, marks.land]) this.paint("faces", body, body);
-    gl.bindTexture(gl.TEXTURE_2D, this.pavement);
-    this.paint("ground", marks.ground, { area: this.area });
+    for (const mirror of this.mirrors) this.reflect(mirror, box);
+    this.see(camera, box);
+    this.paintBodies("faces");
+    this.paint("faces", marks.land, marks.land);
+    // What is lit is seen from both sides at the end, what is not becomes glass; else what hides the robot is open.
+    const [solid, veil] = camera.glass ? [":LIT", ":DIM"] : camera.robot ? [":PEEP", ":PEEP:VEIL"] : ["", null];
+    this.paintWalls(solid, camera);
+    this.paintGround("ground");
     this.paint("sky", marks.sky, { ray_from_corner: camera.ray });
-    // The nearest walls alone are seen through where they fade.
-    gl.colorMask(!camera.ghost, !camera.ghost, !camera.ghost, true);
-    this.paintWalls();
-    gl.colorMask(true, true, true, true);
-    if (camera.ghost) this.paintWalls();
-    for (const mark of this.shown(false)) this.paintMark(mark);
+    if (veil) this.paintWalls(veil, camera, true);
+    for (const mark of this.shown(false)) if (mark.kind !== "faces") this.paintMark(mark);
     if (plan) this.paintPlan();
     this.stale = false;
   }
 
   // The marks of the scene or of the plan, in their order.
   shown(plan) {
-    return this.order.filter((name) => name.startsWith("plan ") === plan).map((name) => this.marks[name]);
+    const own = (name) => name !== "tints" && !name.startsWith("seal ");
+    return this.order.filter((name) => own(name) && name.startsWith("plan ") === plan).map((name) => this.marks[name]);
   }
 
-  paintWalls() {
+  // Draw the map into the picture that walls take its colours from, where it has changed.
+  paintTints() {
+    const { gl, tints, marks } = this;
+    if (this.tinted || !tints) return;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.frame);
+    gl.disable(gl.DEPTH_TEST);
+    gl.clearColor(0, 0, 0, 0);
+    gl.clear(gl.COLOR_BUFFER_BIT);
+    this.see(tints, [0, 0, ...this.cells]);
+    gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+    this.paint("lines", marks.tints, { width: marks.tints.width }, { blend: true });
+    gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
+    gl.enable(gl.DEPTH_TEST);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    this.tinted = true;
+  }
+
+  // Draw what a mirror shows, and close it with its depth.
+  reflect(mirror, box) {
     const { gl, camera, marks } = this;
-    const how = { cull: true, blend: camera.ghost > 0, solid: true };
-    const faded = camera.ghost ? ":FADED" : "";
+    this.see({ ...camera, ...mirror }, box);
+    gl.frontFace(gl.CW);
+    this.paintBodies("faces:MIRRORED", mirror);
+    this.paintWalls(":MIRRORED", { ...camera, ...mirror });
+    this.paintGround("ground:MIRRORED", mirror);
+    gl.frontFace(gl.CCW);
+    this.see(camera, box);
+    gl.colorMask(false, false, false, false);
+    gl.depthFunc(gl.ALWAYS);
+    const pose = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
+    this.paint("faces", marks[mirror.seal], { pose });
+    gl.depthFunc(gl.LEQUAL);
+    gl.colorMask(true, true, true, true);
+  }
+
+  paintBodies(program, uniforms = {}) {
+    for (const body of this.shown(false)) if (body.kind === "faces") this.paint(program, body, { ...body, ...uniforms }, { cull: true });
+  }
+
+  paintGround(program, uniforms = {}, how = {}) {
+    const { gl, laser, marks } = this;
+    gl.bindTexture(gl.TEXTURE_2D, this.pavement);
+    this.paint(program, marks.ground, { ...laser, ...uniforms }, how);
+  }
+
+  paintWalls(variant, uniforms, blend = false) {
+    const { gl, laser, marks } = this;
+    const how = { cull: variant !== ":LIT", blend };
     gl.bindTexture(gl.TEXTURE_2D_ARRAY, this.facades);
-    this.paint(`walls:PLAIN${faded}`, marks.plain, camera, how);
-    this.paint(`walls${faded}`, marks.walls, camera, how);
+    this.paint(`walls:PLAIN${variant}`, marks.plain, { ...uniforms, ...laser }, how);
+    this.paint(`walls${variant}`, marks.walls, { ...uniforms, ...laser }, how);
   }
 
   paintMark(mark) {
@@ -190,13 +263,14 @@ export class Scene {
   // The map from above, in a corner of the picture.
   paintPlan() {
     const { gl, canvas, ratio, plan } = this;
-    const { left, top, width: side } = this.inset.getBoundingClientRect();
-    const box = [left, canvas.clientHeight - top - side, side, side].map((value) => Math.round(ratio * value));
+    const { left, top, width, height } = this.inset.getBoundingClientRect();
+    const box = [left, canvas.clientHeight - top - height, width, height].map((value) => Math.round(ratio * value));
     gl.disable(gl.DEPTH_TEST);
     gl.enable(gl.SCISSOR_TEST);
     gl.scissor(...box);
     gl.clear(gl.COLOR_BUFFER_BIT);
     this.see(plan, box);
+    this.paintGround("ground:EXPLORED", {}, { blend: true });
     for (const mark of this.shown(true)) this.paintMark(mark);
     gl.disable(gl.SCISSOR_TEST);
     gl.enable(gl.DEPTH_TEST);
