@@ -35,7 +35,7 @@ SYNONYMS = {
     "stamp": "stamp time timestamp t ts sec secs seconds nsec", "x": "x px posx", "y": "y py posy",
     "theta": "theta th yaw heading phi", "left": "left leftticks enc_left", "right": "right",
     "dx": "dx", "dy": "dy", "dtheta": "dtheta dyaw dth",
-    "angles": "angles bearings", "poses": "poses pose trajectory odometry odom",
+    "angles": "angle bearing azimuth", "poses": "poses pose trajectory odometry odom",
     "ranges": "ranges range r distances distance dist d scan laser lidar readings",
 }  # fmt: skip
 """Words for columns in headers."""
@@ -213,6 +213,8 @@ def _by_header(header: list[str], length: int) -> Layout | None:
         layout.beams = extra + 1
         for role, other in layout.columns.items():
             layout.columns[role] = other + extra if other > place else other
+    elif {"angles", "ranges"} <= layout.columns.keys():
+        layout.beams = 1
     return layout if layout.beams else None
 
 

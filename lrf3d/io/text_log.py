@@ -19,7 +19,7 @@ import numpy as np
 
 from lrf3d.errors import InputError
 from lrf3d.io.carmen import lines_of
-from lrf3d.io.columns import Columns
+from lrf3d.io.columns import ANGLES, Columns
 from lrf3d.io.laser_log import MOST_READINGS, NAMED, BadLine, LaserLog, log_name
 from lrf3d.io.text_layout import PRESETS, Form, Layout, found_layout, is_number, plain
 
@@ -43,6 +43,8 @@ def load_text(path: Path, format: str | None, largest_range: float | None) -> La
     if not rows["ranges"]:
         why = f"; {count} bad lines, first {bad[0]}" if bad else ""
         raise InputError(f"{path}: no scan in it, expected a scan of numbers a line{why}")
+    if "angles" in rows:
+        _gather(rows, layout, notes)
     beams = max(map(len, rows["ranges"]))
     if beams < 2:
         raise InputError(f"{path}: one beam in each scan; name the columns of ranges by --format")
@@ -54,7 +56,7 @@ def load_text(path: Path, format: str | None, largest_range: float | None) -> La
         notes.append(
             f"{short} scans with fewer than {beams} ranges: what is missing is not measured"
         )
-    values = {role: np.array(column) for role, column in rows.items() if role != "ranges"}
+    values = {role: np.array(each) for role, each in rows.items() if role != "ranges"}
     columns = Columns(
         log_name(path), values | {"ranges": ranges}, layout.units, layout.settings, notes,
         layout.clockwise,
@@ -99,13 +101,50 @@ def _read(
     return rows, bad, count
 
 
+def _gather(rows: dict[str, list[Any]], layout: Layout, notes: list[str]) -> None:
+    """Make scans of lines that hold a reading each, at bearings that differ from scan to scan.
+
+    A scan begins with another stamp, or where the bearings start again. The beams are those of a
+    fan; what was not measured is −inf.
+    """
+    angles = np.array(rows.pop("angles"))
+    unit = layout.units.pop("angles", "deg" if np.abs(angles).max() > 2.1 * np.pi else "rad")
+    angles = angles * ANGLES[unit]
+    stamps = np.array(rows.get("stamp", []))
+    again = np.abs(np.diff(angles)) > np.pi
+    if len(stamps) and 2 * len(np.unique(stamps)) < len(stamps):
+        again = np.diff(stamps) != 0.0
+    begins = np.concatenate([[0], np.flatnonzero(again) + 1, [len(angles)]])
+    sizes = np.diff(begins)
+    beams = int(np.median(sizes))
+    kept = np.flatnonzero(2 * sizes > beams).tolist()
+    low, wide = float(angles.min()), float(np.ptp(angles))
+    step = 2.0 * np.pi / beams if wide > 1.9 * np.pi else wide / max(beams - 1, 1)
+    readings, scans = np.concatenate(rows["ranges"]), []
+    for number in kept:
+        own = slice(begins[number], begins[number + 1])
+        scan = np.full(beams, -np.inf)
+        scan[np.rint((angles[own] - low) / max(step, 1e-9)).astype(np.int64) % beams] = readings[
+            own
+        ]
+        scans.append(scan)
+    for role in rows:
+        rows[role] = scans if role == "ranges" else [rows[role][begins[k]] for k in kept]
+    layout.angles = np.asarray(low + step * np.arange(beams), dtype=np.float64)
+    layout.units["angles"] = "rad"
+    notes.append(
+        f"a reading a line: gathered to {len(kept)} scans of {beams} beams from {unit},"
+        f" counter-clockwise; {len(sizes) - len(kept)} partial scans left out"
+    )
+
+
 def _add_motors(columns: Columns, path: Path) -> None:
     """Add what the motors did by the file of them beside that of the scans, if it is there."""
     partner = path.with_name(path.name.replace("scan", "motors"))
     if partner == path or not partner.exists():
         columns.notes.append(f"no odometry: there is no {partner.name} beside it")
         return
-    layout = Layout.parsed(f"{MOTORS},ranges@1", [])
+    layout = Layout.parsed(f"{MOTORS}, ranges*1@4", [])
     rows, *_ = _read(partner, Form.of(partner), layout)
     stamps = np.array(rows["stamp"])
     for side in ("left", "right"):

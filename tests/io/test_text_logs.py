@@ -148,6 +148,38 @@ def test_bad_lines_are_counted_and_short_ones_are_filled(drive, tmp_path):
     assert np.isneginf(log.scans[1].ranges[170:]).all()
 
 
+def test_the_motors_of_a_robot_are_in_a_file_beside_its_scans(tmp_path):
+    ranges = " ".join(map(str, range(1000, 1660)))
+    scans = [f"S {100 * k} 660 {ranges}" for k in range(10)]
+    motors = [f"M {100 * k} {20 * k} 0 0 0 {30 * k} 0 0" for k in range(10)]
+    (tmp_path / "a_scan.txt").write_text("\n".join(scans))
+    assert "no odometry" in " ".join(load_log(tmp_path / "a_scan.txt").notes)
+    (tmp_path / "a_motors.txt").write_text("\n".join(motors))
+    log = load_log(tmp_path / "a_scan.txt")
+    assert log.odometry.poses[-1, 2] == pytest.approx(9 * 10 * 0.349e-3 / 0.15)
+    assert log.placed and "a_motors.txt" in " ".join(log.notes)
+
+
+def test_a_reading_a_line_makes_scans(drive, tmp_path):
+    times, _, ranges = drive
+    rng = np.random.default_rng(0)
+    for stamped in (True, False):
+        lines = ["t,angle_deg,dist_mm" if stamped else "angle_deg;dist_mm"]
+        for time, row in zip(times, ranges, strict=True):
+            for bearing in np.flatnonzero(rng.random(360) < 0.9):
+                reading = f"{bearing + 0.1:.2f}", f"{1e3 * row[bearing % BEAMS]:.0f}"
+                lines.append(",".join([f"{time:.3f}", *reading]) if stamped else ";".join(reading))
+        path = tmp_path / "lidar.csv"
+        path.write_text("\n".join(lines))
+        log = load_log(path)
+        assert len(log) == 40 and not log.placed and "a reading a line" in " ".join(log.notes)
+        for scan, row in zip(log.scans, ranges, strict=True):
+            found = scan.hits & (np.degrees(scan.angles) < 90)
+            expected = row[np.rint(np.degrees(scan.angles[found]) - 0.1).astype(int)]
+            # A fan has as many beams as most scans, a tenth fewer than there are bearings.
+            assert np.abs(scan.ranges[found] - expected).max() < 0.6 and found.sum() > 60
+
+
 def test_arrays_are_read_by_their_names(drive, tmp_path):
     times, poses, ranges = drive
     np.savez(tmp_path / "drive.npz", ranges=ranges, angles=ANGLES, stamps_s=times, poses=poses)
