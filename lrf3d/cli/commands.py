@@ -15,7 +15,10 @@ SEED = "--seed SEED = 0: Seed; the same seed gives the same results."
 SCALE = """\
 --scale FACTOR = 1.0: Enlarge the plan and its route by this factor: 100 for a drawing of 1:100,
  0.001 for millimetres that were read as metres. Heights stay."""
-RESOLUTION = "--resolution M: Side of a pixel [m], if the world is a bare picture."
+THRESHOLD = """\
+--threshold GREY: Grey from which on the pixels of a bare picture are paper, below 255 (white);
+ found from the picture if not given."""
+RESOLUTION = f"--resolution M: Side of a pixel [m], if the world is a bare picture.\n{THRESHOLD}"
 LAYERS = """\
 --page N: Page of a PDF file; 1 if not given.
 --layers LAYER,LAYER,…: Layers of a drawing that are walls, such as A-WALL*; by their names if not
@@ -261,6 +264,7 @@ FROM: A built-in world, or a file.
 TO: The file to write: .toml, .geojson, .glb or .yaml.
 {SCALE}
 --resolution M: Side of a cell [m] of a ROS map (0.05), or of a pixel of a bare picture.
+{THRESHOLD}
 {LAYERS}
 --trees: Make walls of the trunks of trees in a .osm file, too.
 

@@ -31,7 +31,7 @@ def read_world(args: Namespace) -> Scenario | None:
 
 def options_of(args: Namespace) -> dict[str, Any]:
     """How a file is read, as far as that was given."""
-    names = ("scale", "resolution", "page", "layers", "without")
+    names = ("scale", "resolution", "threshold", "page", "layers", "without")
     given = {name: getattr(args, name, None) for name in names}
     return {name: value for name, value in given.items() if value is not None}
 

@@ -16,18 +16,20 @@ from lrf3d.cli.plugins import made
 from lrf3d.cli.runs import write_film
 from lrf3d.collecting import collect
 from lrf3d.errors import InputError
-from lrf3d.geometry import lengths
 from lrf3d.interrupts import noting
 from lrf3d.io import record
 from lrf3d.mapping import save_map
 from lrf3d.render.figures import draw_map, draw_noise_levels, draw_world
 from lrf3d.run import Run
 from lrf3d.scenario import Scenario
-from lrf3d.scoring import visible_walls
+from lrf3d.scoring import seen_share
 from lrf3d.scoring.summary import drawn_part, judged_part, summarise
 from lrf3d.simulation import Simulation, update_mapper
 from lrf3d.slam.simulated import SlamMapper
 from lrf3d.text import counted
+
+FEW = 0.6
+"""Share of the walls below which a run says that it saw few of them."""
 
 KEPT = "all scans kept; go on with --resume"
 """The note on a run that is stopped after its last scan."""
@@ -106,9 +108,8 @@ def run(source: tuple[Scenario, dict[str, Any]], args: Namespace, report: Report
 def _figures(main: Simulation, run: Run, folder: Path) -> dict[str, Any]:
     """The figures of a run, and what a user's mapper reports of it, in JSON's types."""
     mapper: Any = main.mapper
-    parts, _ = visible_walls(judged_part(run))
-    seen = float(lengths(parts).sum() / lengths(run.world.segments).sum())
-    figures = {"mode": getattr(mapper, "mode", None), **summarise(run), "walls_seen": seen}
+    seen = seen_share(judged_part(run))
+    figures = {"mode": getattr(mapper, "mode", None), **summarise(run), "seen_share": seen}
     if not callable(getattr(mapper, "report", None)):
         return figures
     if not main.done:
@@ -131,12 +132,18 @@ def _rows(runs: Sequence[Run], summary: dict[str, Any]) -> list[tuple[str, str]]
     rows = [("drive", f"{drive['length_m']:.1f} m in {drive['duration_s']:.1f} s, {scans}")]
     if not drive["length_m"]:
         rows = [("scans", f"{scans}, from single poses")]
-    rows.append(("seen", f"{100 * summary['walls_seen']:.0f} % of the walls' length"))
+    if (share := summary["seen_share"]) is not None:
+        side = f"{summary['planned'] or 'there'}"
+        few = "; the map shows the smaller part: see the doors above, or drive on with more --scans"
+        rows.append(("seen", f"{100 * share:.0f} % of the walls {side}{few * (share < FEW)}"))
     if score is not None:
         found = "no wall is long enough to be looked for"
         if score["visible_segments"]:
-            found = f"{score['matched_segments']} of {score['visible_segments']} walls found"
+            found = (
+                f"{score['matched_segments']} of {score['visible_segments']} visible walls found"
+            )
             found += f", {100 * score['length_recall']:.1f} % of their length"
+            found += f"; the world has {summary['world']['walls']:,} walls"
         rows.append(("map", f"{run.map.counts}: {found}"))
     for level, other in zip(summary.get("noise_levels", ()), runs, strict=False):
         rows.append((f"σ {level['sigma_m']:g} m", other.map.counts))

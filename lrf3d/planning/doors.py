@@ -1,9 +1,10 @@
-"""Doors that are too narrow: what a route does not reach, and why."""
+"""Rooms that a route does not reach, and why: doors that are too narrow, or none."""
 
 import numpy as np
 
 from lrf3d.geometry import Float
 from lrf3d.planning.free_space import MARGIN, THINNEST, FreeSpace, connected, find_free_space
+from lrf3d.planning.rooms import separate_rooms
 from lrf3d.planning.tour import path_to
 from lrf3d.robot.unicycle import RADIUS
 
@@ -14,8 +15,37 @@ USUAL_RADII = (RADIUS, 0.28, 0.22, 0.18, 0.15, THINNEST)
 """Radii of common robots [m], of which one is tried or proposed."""
 
 
-def narrow_doors(space: FreeSpace) -> list[str]:
-    """One line that names the doors behind which rooms are not reached, or none.
+def unreached_rooms(space: FreeSpace) -> list[str]:
+    """Lines that name the rooms which a drive inside does not reach: at most two."""
+    ground, small = space.ground, space
+    where = space.side if ground.world.free is None else None
+    if space.radius > THINNEST:
+        start = space.places[0] + ground.world.origin
+        small = find_free_space(ground, THINNEST, where=where, start=start)
+    return _narrow_doors(space, small) + (_without_door(small) if where else [])
+
+
+def _without_door(small: FreeSpace) -> list[str]:
+    """A line that names the rooms into which not even a small robot gets, or none."""
+    ground = small.ground
+    parts, rooms = separate_rooms(ground, ground.on_side("inside", None), small.allowed)
+    if not len(rooms):
+        return []
+    areas = np.bincount(parts.ravel())[rooms] * ground.size**2
+    named = []
+    for room in rooms[np.argsort(-areas)][:3]:
+        inside = np.flatnonzero(parts == room)
+        widest = inside[np.argmax(ground.gaps.ravel()[inside])]
+        x, y = ground.places.reshape(-1, 2)[widest] + ground.world.origin
+        named.append(f"{len(inside) * ground.size**2:.1f} m² at ({x:.1f}, {y:.1f})")
+    more = f" and {len(rooms) - 3} more" if len(rooms) > 3 else ""
+    what = "1 room is" if len(rooms) == 1 else f"{len(rooms)} rooms are"
+    why = "no door leads there, or one that is drawn shut; `lrf3d world show` draws what was read"
+    return [f"{what} not reached, {', '.join(named)}{more}: {why}"]
+
+
+def _narrow_doors(space: FreeSpace, small: FreeSpace) -> list[str]:
+    """A line that names the doors behind which rooms are not reached, or none.
 
     Only what is narrower than the robot needs is a reason; what is closed is no door.
     """
@@ -23,12 +53,8 @@ def narrow_doors(space: FreeSpace) -> list[str]:
     from scipy.sparse.csgraph import dijkstra
 
     ground, radius = space.ground, space.radius
-    if radius <= THINNEST:
+    if small is space:
         return []
-    where = space.side if ground.world.free is None else None
-    small = find_free_space(
-        ground, THINNEST, where=where, start=space.places[0] + ground.world.origin
-    )
     # The land around the walls of a map is no room.
     other = small.allowed & ~space.allowed & ~ground.swept
     parts, count = connected(other & (ground.gaps >= radius + MARGIN))

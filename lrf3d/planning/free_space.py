@@ -46,7 +46,7 @@ class Ground:
 
     A place (columns, rows, 2) [m] in each cell, in the world's local frame, has a gap to the walls
     [m], 0 where a map does not know it to be free; nearest is the number of the nearest of the
-    pieces of walls (k, 2). Large worlds are cut around a start (2,) [m].
+    pieces (k, 2), which are of the walls (k,). Large worlds are cut around a start (2,) [m].
     """
 
     def __init__(self, world: World, start: Float | None = None) -> None:
@@ -62,8 +62,9 @@ class Ground:
         if not len(pieces):
             near = " near the start" if len(segments) else ""
             raise InputError(f"{world.name or 'world'}: no walls{near}, so no route can be found")
-        self.world, self.pieces, self._walls = world, pieces, walls
+        self.world, self.pieces, self.walls = world, pieces, walls
         self.size = max(float(np.sqrt(np.prod(high - low) / CELLS)), SMALLEST_CELL)
+        self._corner = low + world.origin
         shape = tuple(np.ceil((high - low) / self.size).astype(int).tolist())
         self.places = low + self.size * (np.moveaxis(np.indices(shape), 0, -1) + 0.5)
         self.tree = cKDTree(pieces)
@@ -73,6 +74,13 @@ class Ground:
         if world.free is not None:
             known = world.free.contain(self.places.reshape(-1, 2) + world.origin)
             self.gaps[~known.reshape(self.gaps.shape)] = 0.0
+
+    def cells_at(self, points: Float) -> Bool:
+        """The cells (columns, rows) in which some points (k, 2) [m] lie."""
+        cells = np.zeros(self.gaps.shape, dtype=np.bool_)
+        place = np.floor((points - self._corner) / self.size).astype(np.int64)
+        cells[tuple(place[((place >= 0) & (place < cells.shape)).all(axis=1)].T)] = True
+        return cells
 
     def _leave_walls(self) -> None:
         """Move places near walls away from them within their cells: doors are passed mid-way."""
@@ -110,7 +118,7 @@ class Ground:
         # Neighbouring places that are farther than this from walls have none between them.
         world, free = self.world, self.gaps >= max(THINNEST, 1.25 * self.size)
         parts, count = connected(free)
-        number, wall = np.arange(count + 1), self._walls[self.nearest]
+        number, wall = np.arange(count + 1), self.walls[self.nearest]
         objects = world.objects[wall]
         is_open = np.bincount(parts[self.swept], minlength=count + 1) > 0
         owner = minimum(objects, parts, number).astype(int)

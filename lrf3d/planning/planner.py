@@ -13,7 +13,7 @@ import numpy as np
 from lrf3d.collision import CollisionChecker
 from lrf3d.errors import InputError, expect, shown
 from lrf3d.geometry import LARGEST_COORDINATE, Float, Int, is_finite, numbers
-from lrf3d.planning.doors import USUAL_RADII, narrow_doors
+from lrf3d.planning.doors import USUAL_RADII, unreached_rooms
 from lrf3d.planning.free_space import COMFORT, MARGIN, FreeSpace, Ground, Side, find_free_space
 from lrf3d.planning.tour import find_tour
 from lrf3d.pose import as_pose
@@ -38,7 +38,7 @@ LEAST_LOOKAHEAD = 0.1
 class PlannedRoute:
     """Way-points (m, 2) [m], the side of the walls, and the robot's radius, speed and look-ahead.
 
-    The notes are what the user should know: doors that are too narrow.
+    The notes are what the user should know: the rooms that are not reached, and why.
     """
 
     waypoints: Float
@@ -148,7 +148,7 @@ def find_route(
             break
         lookahead = max(0.5 * lookahead, LEAST_LOOKAHEAD)
     if space.side == "inside":
-        notes += narrow_doors(space)
+        notes += unreached_rooms(space)
     return PlannedRoute(waypoints, space.side, radius, pace, lookahead, tuple(notes))
 
 

@@ -6,6 +6,7 @@ from lrf3d.scoring.map_score import (
     buildings_seen,
     score_map,
     score_run,
+    seen_share,
     visible_walls,
 )
 from lrf3d.scoring.matching import match_segments
@@ -20,5 +21,6 @@ __all__ = [
     "score_map",
     "score_run",
     "score_trajectory",
+    "seen_share",
     "visible_walls",
 ]

@@ -8,6 +8,7 @@ from lrf3d.errors import expect
 from lrf3d.geometry import Float, Int, cross, directions, lengths
 from lrf3d.laser import beam_directions
 from lrf3d.mapping import LineMap
+from lrf3d.planning.rooms import shown_share
 from lrf3d.run import Run
 from lrf3d.scoring.matching import match_segments, sample_offsets
 from lrf3d.scoring.report import Report
@@ -26,11 +27,11 @@ LEAST_VISIBLE = 0.5
 """Length [m] above which the visible part of a wall counts."""
 
 
-def visible_walls(run: Run) -> tuple[Float, Int]:
+def visible_walls(run: Run, least: float = LEAST_VISIBLE) -> tuple[Float, Int]:
     """The part of each wall between the outermost noise-free returns of a run.
 
     Returns:
-        (v, 4) the parts longer than 0.5 m, and (v,) their walls, in ascending order.
+        (v, 4) the parts longer than a least length [m], and (v,) their walls, in ascending order.
     """
     segments = run.world.segments
     along, size = directions(segments), lengths(segments)
@@ -48,10 +49,22 @@ def visible_walls(run: Run) -> tuple[Float, Int]:
         wall, station = wall[direct], station[direct]
         np.minimum.at(low, wall, station)
         np.maximum.at(high, wall, station)
-    visible = np.flatnonzero(high - low > LEAST_VISIBLE)
+    visible = np.flatnonzero(high - low > least)
     start, unit = segments[visible, :2], along[visible]
     first = start + low[visible, None] * unit
     return np.hstack([first, start + high[visible, None] * unit]), visible
+
+
+def seen_share(run: Run) -> float | None:
+    """The visible share of the walls that face the drive's side, those of unreached rooms included.
+
+    Examples:
+        >>> import lrf3d
+        >>> run = lrf3d.simulate("paper_room", [(1, 1, 0), (2, 1, 0)], rng=0)
+        >>> round(seen_share(run), 1)
+        0.5
+    """
+    return shown_share(run.world, run.trajectory.poses[:, :2], *visible_walls(run, 0.0))
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ READERS = {
     **dict.fromkeys((".geojson", ".json"), ("geojson:read_geojson", 1 << 28)),
     ".osm": ("osm:read_osm", 1 << 28),
     **dict.fromkeys((".yaml", ".yml"), ("ros_map:read_ros_map", 1 << 16)),
-    **dict.fromkeys((".png", ".pgm"), _PICTURE),
+    **dict.fromkeys((".png", ".pgm", ".jpg", ".jpeg", ".bmp"), _PICTURE),
     ".dxf": ("drawings:read_drawing", 1 << 26),
     ".svg": ("drawings:read_drawing", 1 << 25),
     ".pdf": ("drawings:read_drawing", 1 << 28),
@@ -42,6 +42,7 @@ def load_world(
     *,
     trees: bool = False,
     resolution: float | None = None,
+    threshold: float | None = None,
     scale: float = 1.0,
     **drawing: Any,
 ) -> World:
@@ -50,7 +51,9 @@ def load_world(
     Args:
         name_or_path: The name or the path.
         trees: Whether the trunks of the trees in an OpenStreetMap extract are walls, too.
-        resolution: Side of a pixel [m], for a bare picture of a floor plan (.png, .pgm).
+        resolution: Side of a pixel [m], for a bare picture of a floor plan (.png, .jpg, …).
+        threshold: Grey of its pixels, from 0 to 255, from which on they are paper; found from the
+            picture if not given.
         scale: Enlarges the plan, but not the heights: 100 for a drawing of 1:100.
         drawing: For a drawing, ``layers``, the patterns of the names of the layers that are walls,
             ``without``, those of layers to leave out, and ``page``, that of a PDF file.
@@ -70,10 +73,11 @@ def load_world(
     check_scale(scale)
     if trees and path.suffix.lower() != ".osm":
         raise WorldError(f"{path}: trees are read from OpenStreetMap extracts (.osm) alone")
-    if resolution is not None:
-        options["resolution"] = resolution
-        if not is_picture(path):
-            raise WorldError(f"{path}: a resolution is for a picture (.png, .pgm) alone")
+    for name, value in (("resolution", resolution), ("threshold", threshold)):
+        if value is not None:
+            options[name] = value
+            if not is_picture(path):
+                raise WorldError(f"{path}: a {name} is for a picture (.png, .jpg, .pgm) alone")
     if is_drawing(path):
         options |= {"scale": scale, **drawing}
     elif drawing:

@@ -9,13 +9,14 @@ a map of lrf3d walls meet at the corners, and those that touch are one object.
 """
 
 import json
+import warnings
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from lrf3d.errors import WorldError, shown
+from lrf3d.errors import Lrf3dNote, WorldError, shown
 from lrf3d.files import own_name, read_text, write_text
 from lrf3d.geometry import is_finite
 from lrf3d.world.cameras import FixedCamera
@@ -45,6 +46,9 @@ def read_geojson(path: Path) -> World:
     if data.get("units") != "m" and not _is_map(data):
         features, found = in_metres(features, data.get("crs"))
         place = found or place
+        if found is None and data.get("crs") is None:
+            assumed = "coordinates without a crs, too large for degrees, are taken as metres"
+            warnings.warn(f"{path}: {assumed}", Lrf3dNote, stacklevel=2)
     name = data["name"] if isinstance(data.get("name"), str) else own_name(path)
     world = world_of_features(features, name, place=place)
     free = FreeCells.from_dict(data["free"]) if "free" in data else None

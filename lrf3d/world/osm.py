@@ -9,6 +9,8 @@ nodes ``natural=tree`` become trunks, slender blocks of bark as high as the tree
 text, which OpenStreetMap's wiki defines; a value that cannot be read counts as not given.
 """
 
+import warnings
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,7 +19,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from lrf3d.errors import WorldError
+from lrf3d.errors import Lrf3dNote, WorldError
 from lrf3d.files import own_name
 from lrf3d.geometry import Float
 from lrf3d.world.features import (
@@ -31,7 +33,7 @@ from lrf3d.world.features import (
 )
 from lrf3d.world.materials import BUILT_IN, material_of
 from lrf3d.world.model import World
-from lrf3d.world.pieces import pairs_within
+from lrf3d.world.pieces import MOST_PAIRS, pairs_within
 from lrf3d.world.schema import parse_colour
 
 DEFAULT_TREE = 8.0
@@ -58,7 +60,8 @@ def read_osm(path: Path, *, trees: bool = False) -> World:
     left out, and so are outlines of which the extract holds a part only.
     """
     extract = _read(path)
-    features = [feature for feature in _buildings(extract) if feature.shapes]
+    left_out = Counter[str]()
+    features = [feature for feature in _buildings(extract, left_out) if feature.shapes]
     if not features:
         raise WorldError("holds no whole building, so there is no wall")
     features, centre, extent = laid_flat(features)
@@ -69,6 +72,9 @@ def read_osm(path: Path, *, trees: bool = False) -> World:
         places = lay_flat(np.array([place for place, _ in extract.trees.values()]), centre)
         buildings = [polygon for feature in features for polygon in feature.shapes]
         features += trunks(places, [tags for _, tags in extract.trees.values()], buildings)
+    if left_out:
+        words = ", ".join(f"{number} {what}" for what, number in left_out.items())
+        warnings.warn(f"{path}: buildings left out: {words}", Lrf3dNote, stacklevel=2)
     return world_of_features(features, own_name(path), place=(float(centre[0]), float(centre[1])))
 
 
@@ -149,8 +155,8 @@ def _place(element: Element) -> Place:
     return place
 
 
-def _buildings(extract: _Extract) -> Iterator[Feature]:
-    """The buildings, in degrees of longitude and latitude."""
+def _buildings(extract: _Extract, left_out: Counter[str]) -> Iterator[Feature]:
+    """The buildings, in degrees of longitude and latitude; counts those that are left out."""
     import shapely
 
     nodes, ways = extract.nodes, extract.ways
@@ -179,21 +185,36 @@ def _buildings(extract: _Extract) -> Iterator[Feature]:
                 (building, shapely.difference(areas(members, False), areas(members, True)))
             )
     for number, (refs, tags) in ways.items():
+        if number in outlines or not _kind(tags):
+            continue
         closed = len(refs) > 3 and refs[0] == refs[-1] and nodes.keys() >= set(refs)
-        if closed and number not in outlines and _kind(tags):
+        left_out["that are not whole"] += not closed
+        if closed:
             found.append((tags, shapely.Polygon([nodes[n] for n in refs])))
-    yield from (_feature(tags, area) for tags, area in _with_parts(found) if is_building(tags))
+    for tags, area in _with_parts(found):
+        if is_building(tags):
+            yield _feature(tags, area)
+        elif "building" in tags:
+            left_out["that leave the ground open"] += 1
+    left_out += Counter()  # Counts of 0 go.
 
 
 def _with_parts(found: list[tuple[Tags, Any]]) -> Iterator[tuple[Tags, Any]]:
     """Buildings and their parts; a part takes its place from the building around it."""
     import shapely
 
-    parts = [(tags, shapely.make_valid(area)) for tags, area in found if "building" not in tags]
+    parts = [
+        (tags, shapely.make_valid(area))
+        for tags, area in found
+        if "building" not in tags and encloses(area)
+    ]
+    pairs = 0
     tree = shapely.STRtree([area for _, area in parts])
     for tags, area in found:
         own = tree.query(area, predicate="intersects") if parts and "building" in tags else ()
-        if len(own):
+        if (pairs := pairs + len(own)) > MOST_PAIRS:
+            raise WorldError(f"more than {MOST_PAIRS:,} parts in buildings; remove repeated ones")
+        if len(own) and encloses(area):
             area = shapely.make_valid(area)
             stands = shapely.union_all([parts[n][1] for n in own if is_building(parts[n][0])])
             every = shapely.union_all([parts[n][1] for n in own])

@@ -26,6 +26,7 @@ from lrf3d.pose import Pose
 from lrf3d.world.free_cells import MOST_CELLS, FreeCells
 from lrf3d.world.grid_walls import walls_of_grid
 from lrf3d.world.model import World
+from lrf3d.world.pictures import walls_of_picture
 from lrf3d.world.pieces import connected
 from lrf3d.world.schema import Converter, accepting, row, text
 
@@ -106,10 +107,13 @@ def _plain(value: Any) -> Any:
     return int(value) if value.isdigit() and len(value) < 16 else float(value)
 
 
-def read_picture(path: Path, *, resolution: float | None = None) -> World:
-    """Read the dark pixels of a picture of a floor plan as walls, from its lower left corner.
+def read_picture(
+    path: Path, *, resolution: float | None = None, threshold: float | None = None
+) -> World:
+    """Read a picture of a floor plan, from its lower left corner.
 
-    Light pixels may be outside the house, so none is known to be free.
+    The threshold is the grey from which on a pixel is paper; it is found if it is not given. Light
+    pixels may be outside the house, so none is known to be free.
     """
     if resolution is None:
         known, what = path.with_suffix(".yaml"), "a picture does not say how large it is; give"
@@ -120,11 +124,17 @@ def read_picture(path: Path, *, resolution: float | None = None) -> World:
             f"{what} --resolution, the metres per pixel, or write {known.name} next to it: {keys}"
         )
     side = KEYS["resolution"](resolution, "resolution")
-    return _world(path, path, {**USUAL, "resolution": side, "origin": np.zeros(3)})
+    pixels = pixels_of(path)
+    # What is transparent is paper.
+    alpha = pixels[..., -1:] / np.float32(255.0)
+    colours = np.round(255.0 - alpha * (255 - pixels[..., :-1])).astype(np.uint8)
+    return walls_of_picture(
+        np.broadcast_to(colours, (*colours.shape[:2], 3)), path, side, threshold
+    )
 
 
 def _world(path: Path, picture: Path, values: Mapping[str, Any]) -> World:
-    """The world of a picture, and of the description at another path if there is one."""
+    """The world of a picture and of the description at another path."""
     occupied, free = _cells(picture, values)
     resolution, origin = values["resolution"], Pose(*values["origin"].tolist())
     local = walls_of_grid(occupied).reshape(-1, 2) * resolution
@@ -133,8 +143,7 @@ def _world(path: Path, picture: Path, values: Mapping[str, Any]) -> World:
     segments = origin.apply(local).reshape(-1, 4)
     # Ends meet up to rounding; half a cell is the resolution of the map.
     objects = connected(segments, 0.5 * resolution)
-    known = None if picture == path else FreeCells(free, resolution, origin)
-    return World(segments, objects, name=own_name(path), free=known)
+    return World(segments, objects, name=own_name(path), free=FreeCells(free, resolution, origin))
 
 
 def _cells(picture: Path, values: Mapping[str, Any]) -> tuple[Bool, Bool]:
@@ -153,26 +162,38 @@ def _cells(picture: Path, values: Mapping[str, Any]) -> tuple[Bool, Bool]:
 
 def _light(picture: Path) -> tuple[Single, Bool]:
     """How light the pixels of a picture are on white paper, from 0 to 1, and which are opaque."""
-    from PIL import Image
+    pixels = pixels_of(picture, deep=True)
+    most = np.float32(np.iinfo(pixels.dtype).max)
+    alpha = pixels[..., -1] / most
+    light = pixels[..., :-1].mean(axis=2, dtype=np.float32) / most
+    return np.asarray(1.0 - alpha * (1.0 - light)), np.asarray(alpha == 1.0)
+
+
+def pixels_of(picture: Path, *, deep: bool = False) -> Any:
+    """The colours and the opacity of the pixels of a picture (rows, columns, 2 or 4).
+
+    They are numbers of 8 bits; of 16 bits, where it has them and deep ones are asked for.
+    """
+    from PIL import Image, ImageOps
 
     with opened(picture, what="a picture", largest=1 << 28) as file:
         try:
-            with Image.open(file, formats=["PNG", "PPM", "BMP"]) as image:
+            with Image.open(file, formats=["PNG", "PPM", "BMP", "JPEG"]) as image:
                 if image.width * image.height > MOST_CELLS:
                     raise WorldError(f"{picture}: {image.size} cells, over {MOST_CELLS:,}; cut it")
                 _check_size(picture, image)
                 if image.mode.startswith("I"):
-                    light = np.asarray(image).astype(np.float32) / np.float32(65535.0)
-                    return light, np.ones(light.shape, dtype=np.bool_)
-                pixels = np.asarray(image.convert("LA" if image.mode == "L" else "RGBA"))
+                    grey = np.asarray(image).clip(0, 65535).astype(np.uint16)
+                    grey = grey if deep else (grey >> 8).astype(np.uint8)
+                    return np.stack([grey, np.full_like(grey, np.iinfo(grey.dtype).max)], axis=-1)
+                plain = image.convert("RGB") if image.mode in ("CMYK", "YCbCr", "LAB") else image
+                upright = ImageOps.exif_transpose(plain)
+                return np.asarray(upright.convert("LA" if upright.mode in ("1", "L") else "RGBA"))
         except WorldError:
             raise
         except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
             reason = (str(error).splitlines() or [type(error).__name__])[0][:80]
-            raise WorldError(f"{picture}: not a PGM, PNG or BMP picture ({reason})") from None
-    alpha = pixels[..., -1] / np.float32(255.0)
-    light = pixels[..., :-1].mean(axis=2, dtype=np.float32) / np.float32(255.0)
-    return np.asarray(1.0 - alpha * (1.0 - light)), np.asarray(alpha == 1.0)
+            raise WorldError(f"{picture}: not a PGM, PNG, JPEG or BMP picture ({reason})") from None
 
 
 def _check_size(picture: Path, image: Any) -> None:

@@ -202,9 +202,21 @@ def test_a_corridor_with_centimetres_on_both_sides_is_driven_to_its_end(
     assert np.ptp(drive.poses[:, :2] @ [np.cos(turn), np.sin(turn)]) > 19.0
 
 
-def test_what_is_closed_or_wide_enough_or_leads_outside_is_no_narrow_door(tmp_path):
-    for door, entrance in ((0.0, 0.0), (0.2, 0.0), (0.98, 0.3)):
-        assert find_route(house(door, entrance), radius=0.35, lookahead=0.4).notes == ()
+def test_rooms_without_a_door_are_named(tmp_path):
+    for door in (0.0, 0.2):
+        (note,) = find_route(house(door, 0.0), radius=0.35, lookahead=0.4).notes
+        assert re.match(r"3 rooms are not reached, 2\d\.\d m² at \(.+\): no door", note)
+    # A flat that one enters from outside alone is one, a table and a pillar are none.
+    doors = [[0, 0, 2.5, 0], [3.5, 0, 8.5, 0], [9.5, 0, 12, 0], [6, 0, 6, 9]]
+    (note,) = find_route(World(np.vstack([doors, box(0, 0, 12, 9)[1:]]))).notes
+    assert note.startswith("1 room is not reached, 4")
+    hall = [box(0, 0, 12, 9), box(2, 2, 3, 2), box(8, 4, 0.6, 0.6)]
+    furnished = World(np.concatenate(hall), heights=[2.5] * 4 + [0.8] * 4 + [2.5] * 4)
+    assert find_route(furnished).notes == ()
+
+
+def test_what_is_wide_enough_or_leads_outside_is_no_narrow_door(tmp_path):
+    assert find_route(house(0.98, 0.3), radius=0.35, lookahead=0.4).notes == ()
     save_world(house(1.2, 1.2), tmp_path / "map.yaml")
     assert find_route(load_world(tmp_path / "map.yaml"), lookahead=0.4).notes == ()
 

@@ -18,6 +18,7 @@ from lrf3d.scoring import (
     buildings_seen,
     match_segments,
     score_map,
+    seen_share,
     visible_walls,
 )
 from lrf3d.world import World
@@ -40,6 +41,19 @@ def truth(blocks):
 
 
 # Visible walls
+
+
+def test_what_is_seen_counts_what_faces_the_drive_and_rooms_that_it_does_not_reach():
+    """A house with walls that have two faces; the second room is as large as the first."""
+    outer, rooms = box(-0.3, -0.3, 10.6, 5.6), [*box(0, 0, 4.9, 5), *box(5.1, 0, 4.9, 5)]
+    within, around = np.array([[2.0, 2.0, 0.0], [3.0, 3.0, 2.0]]), np.array([[-2.0, -2.0, 0.0]])
+    for walls, drive, share in (
+        ([*box(-0.3, -0.3, 5.5, 5.6), *rooms[:4]], within, 1.0),
+        ([*outer, *rooms], within, 0.5),
+        ([*outer, *rooms], around, 0.5),
+    ):
+        run = make_run(make_world(np.array(walls)), drive, ROUND)
+        assert seen_share(run) == pytest.approx(share, abs=0.03)
 
 
 def test_visible_part_lies_between_the_outermost_returns():

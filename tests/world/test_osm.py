@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from lrf3d.errors import WorldError
+from lrf3d.errors import Lrf3dNote, WorldError
 from lrf3d.world import World, load_world, save_world
 from lrf3d.world.features import EARTH_RADIUS
 from lrf3d.world.osm import DEFAULT_TREE, is_building, tag_height, tree_height, trunk_radius
@@ -151,6 +151,12 @@ def test_the_height_of_a_building_is_told_by_its_tags():
     assert tag_height({"height": "tall", "building:levels": "4"}) == 12.0
     assert tag_height({"building:levels": "2", "roof:levels": "1"}) == 9.0
     assert tag_height({"height": "-3"}) is None and tag_height({}) is None
+
+
+def test_what_is_left_out_is_counted(tmp_path):
+    carport = way(2, 4, 5, 6, 7, 4, building="carport")
+    with pytest.warns(Lrf3dNote, match="left out: 1 that are not whole, 1 that leave the ground"):
+        osm(tmp_path, HOUSE + carport + way(3, 4, 5, 99, 4, building="yes"))
 
 
 def test_what_stands_over_the_robot_is_no_building():

@@ -1,0 +1,261 @@
+"""Worlds from pictures of floor plans: what differs from the paper, without what is no wall.
+
+A wall has any colour that is far from the paper's, by a threshold that is found from the picture
+(Otsu 1979). Thick areas that are pale or coloured are floors. Two lines close to each other are the
+faces of one wall. Where walls are thick, thin strokes are doors, furniture and lettering: small
+ones are left out, long ones stay, as thin walls from wall to wall, else as furniture. Small loose
+parts are left out, too, but for pillars and chairs that stand alone.
+"""
+
+import warnings
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lrf3d.errors import Lrf3dNote, WorldError
+from lrf3d.files import own_name
+from lrf3d.geometry import Bool, Float, Int, Single, directions, lengths
+from lrf3d.text import counted
+from lrf3d.world.grid_walls import walls_of_grid
+from lrf3d.world.model import DEFAULT_HEIGHT, World
+from lrf3d.world.pieces import connected
+
+FURNITURE_HEIGHT = 0.8
+"""Height of furniture [m]: that of tables and of kitchen units."""
+
+THICKEST = 0.6
+"""Thickness [m] up to which the space between two lines is a wall, and an area no floor."""
+
+THIN, LEAST = 0.07, 3
+"""Thickness of the thinnest walls [m] and [pixels] in a plan that has thick ones; leaves of doors
+and outlines of furniture are drawn thinner."""
+
+DOOR, LONG = 1.4, 0.7
+"""Largest size [m] of a door's leaf and arc together, and length from which on a side of larger
+strokes stays."""
+
+LETTER, PILLAR = 0.6, 0.12
+"""Largest size [m] of a letter, and least width of a pillar."""
+
+FULL = 0.7
+"""Share of dark pixels in its box from which on a part is solid."""
+
+PALE = 0.5
+"""Difference in lightness from the paper's up to which a thick area may be a floor."""
+
+MOST_PIXELS = 1 << 24
+"""Number of pixels above which a picture is made smaller."""
+
+
+def walls_of_picture(colours: Any, path: Path, resolution: float, threshold: float | None) -> World:
+    """The world of a picture in colours (rows, columns, 3) from 0 to 255, the first row on top.
+
+    The threshold is the grey, from 0 to 255, from which on a pixel is paper; found if not given.
+    """
+    colours = colours[::-1]
+    while colours[..., 0].size > MOST_PIXELS:
+        colours, resolution = colours[::2, ::2], 2.0 * resolution
+    contrast, lightness, key = contrast_of(colours)
+    found = threshold_of(contrast) if threshold is None else (255.0 - threshold) / 255.0
+    dark = contrast > found
+    pixels, left_out = 1.0 / resolution, Counter[str]()
+    drawn = dark & ~_floors(dark & (lightness < PALE), key, pixels, left_out)
+    walls, furniture, thin = _cleaned(drawn, pixels, left_out)
+    parts = [walls_of_grid(walls), *thin, walls_of_grid(furniture)]
+    segments = np.concatenate(parts) * resolution
+    if not len(segments):
+        raise WorldError(
+            f"no wall: nothing, or all, is darker than grey {255.0 * (1.0 - found):.0f} of 255;"
+            " --threshold sets that grey"
+        )
+    heights = np.repeat([DEFAULT_HEIGHT] * 2 + [FURNITURE_HEIGHT] * 2, list(map(len, parts)))
+    how = "" if threshold is not None else ", found from the picture; --threshold sets it"
+    words = [counted(number, what) for what, number in left_out.items() if number]
+    left = f"; left out: {', '.join(words)}" if words else ""
+    said = f"{path}: walls are darker than grey {255.0 * (1.0 - found):.0f} of 255{how}{left}"
+    warnings.warn(f"{said}; `lrf3d world show` draws what is left", Lrf3dNote, stacklevel=2)
+    objects = connected(segments, 0.5 * resolution)
+    return World(segments, objects, heights, own_name(path))
+
+
+def contrast_of(colours: Any) -> tuple[Single, Single, Int]:
+    """The differences (rows, columns) from the paper, from 0 to 1, and numbers of the colours.
+
+    The differences are the largest of a channel's, and that of the lightness.
+    """
+    # Sixteen steps of each channel: the noise of a scan is one colour.
+    red, green, blue = (colours[..., channel].astype(np.uint16) >> 4 for channel in range(3))
+    key = red << 8 | green << 4 | blue
+    light = np.minimum(np.minimum(red, green), blue) >= 11
+    # The paper of a blueprint is dark.
+    usual = int(np.argmax(np.bincount(key[light] if light.mean() > 0.2 else key.ravel())))
+    paper = np.median(colours[key == usual], axis=0).astype(np.float32)
+    channels = [np.abs(colours[..., each] - paper[each]) for each in range(3)]
+    lightness = np.abs(colours.mean(axis=2, dtype=np.float32) - paper.mean())
+    scale = np.float32(255.0)
+    most = np.maximum(np.maximum(channels[0], channels[1]), channels[2])
+    return most / scale, lightness / scale, key
+
+
+def threshold_of(contrast: Single) -> float:
+    """The contrast that separates walls best from paper and floors.
+
+    While what is above it is much of the picture, and of two colours, it holds floors and is
+    separated again.
+    """
+    counts = np.bincount(np.round(contrast * 255.0).astype(np.int64).ravel(), minlength=256)
+    first, _ = _separated(counts)
+    while counts[first:].sum() > 0.2 * counts.sum():
+        more, apart = _separated(counts[first:])
+        if apart < 40.0:
+            break
+        first += more
+    return (first - 0.5) / 255.0
+
+
+def _separated(counts: Int) -> tuple[int, float]:
+    """The first of the upper of two groups of levels, and the difference of their means.
+
+    The variance between the groups is the largest; between two colours it is the middle.
+    """
+    levels = np.arange(len(counts))
+    below, sums = np.cumsum(counts)[:-1], np.cumsum(counts * levels)[:-1]
+    with np.errstate(all="ignore"):
+        apart = (counts @ levels - sums) / (counts.sum() - below) - sums / below
+    variance = np.nan_to_num((counts.sum() - below) * below.astype(np.float64) * apart**2)
+    best = round(float(np.flatnonzero(variance == variance.max()).mean()))
+    return best + 1, float(np.nan_to_num(apart)[best])
+
+
+def _floors(pale: Bool, key: Int, pixels: float, left_out: Counter[str]) -> Bool:
+    """Which of the pale pixels are floors: thick areas, and their colours around lettering."""
+    floors = _opened(pale, 0.5 * THICKEST * pixels)
+    left_out["floor"] = _parts(floors)[1]
+    if not floors.any():
+        return floors
+    usual = np.bincount(key[floors], minlength=1 << 12) > 0.02 * floors.sum()
+    return np.asarray(floors | (pale & usual[key] & _grown(floors, THICKEST * pixels)))
+
+
+def _cleaned(drawn: Bool, pixels: float, left_out: Counter[str]) -> tuple[Bool, Bool, list[Float]]:
+    """Which pixels are walls and which furniture, and thin walls and sides of furniture (n, 4).
+
+    There are so many pixels in a metre.
+    """
+    dark = _filled(drawn, pixels, left_out)
+    solid = _opened(dark, max(0.5 * THIN * pixels, 0.5 * LEAST))
+    thin = [np.empty((0, 4)), np.empty((0, 4))]
+    if not (_extent(solid) > 0.7 * _extent(dark) and solid.sum() > 0.4 * dark.sum()):
+        solid = dark
+    elif (strokes := dark & ~_grown(solid, 1.5)).any():
+        thin = _thin_walls(strokes, solid, pixels, left_out)
+    furniture = _loose(solid, drawn, pixels, left_out)
+    return solid & ~furniture, furniture, thin
+
+
+def _thin_walls(strokes: Bool, solid: Bool, pixels: float, left_out: Counter[str]) -> list[Float]:
+    """Long sides (n, 4) [pixels] of thin strokes, first those from wall to wall."""
+    from scipy.ndimage import distance_transform_edt
+
+    parts, count = _parts(strokes)
+    box = _sides(parts)
+    meets = np.isin(np.arange(1, count + 1), parts[_grown(solid, 3.0)])
+    # A line for itself is one of a dimension.
+    large = (box.max(axis=1) > DOOR * pixels) & (meets | (box.min(axis=1) > LONG * pixels))
+    left_out["thin stroke"] = int((~large & (box.max(axis=1) > THIN * pixels)).sum())
+    sides = walls_of_grid(np.append(False, large)[parts])
+    sides = sides[lengths(sides) >= LONG * pixels]
+    # They end a pixel or two off the walls.
+    along = directions(sides)
+    sides = sides + 2.5 * np.hstack([-along, along])
+    gaps = distance_transform_edt(~solid)
+    ends = np.clip(np.floor(sides.reshape(-1, 2)).astype(int), 0, np.array(solid.shape)[::-1] - 1)
+    meets = (gaps[ends[:, 1], ends[:, 0]] < 0.1 * pixels).reshape(-1, 2)
+    return [sides[meets.all(axis=1)], sides[~meets.all(axis=1)]]
+
+
+def _loose(solid: Bool, drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
+    """Take small loose parts out of the solid ones; returns those that are furniture."""
+    parts, count = _parts(solid)
+    sides = _sides(parts)
+    area, inked = (
+        np.bincount(parts.ravel(), w, count + 1)[1:]
+        for w in (solid.ravel(), (solid & drawn).ravel())
+    )
+    space = sides.prod(axis=1)
+    small = sides.max(axis=1) <= min(LETTER * pixels, 0.04 * _extent(solid))
+    # Letters stand close to each other.
+    words, _ = _parts(_grown(np.append(False, small)[parts], 0.1 * pixels))
+    word = np.zeros(count + 1, dtype=np.int64)
+    word[parts[parts > 0]] = words[parts > 0]
+    word = word[1:]
+    alone = np.bincount(word, minlength=1)[word] == 1
+    stands = (area >= FULL * space) & (sides.min(axis=1) >= PILLAR * pixels) & alone
+    hollow = inked < FULL * area
+    far = sides.max(axis=1) > 0.3 * _extent(solid)
+    out = small & ~stands
+    left_out["small part"] = int(out.sum())
+    solid &= ~np.append(False, out)[parts]
+    return np.asarray(np.append(False, ~far & ~out & hollow)[parts])
+
+
+def _filled(dark: Bool, pixels: float, left_out: Counter[str]) -> Bool:
+    """The pixels with the space between the two faces of walls, and without patterns of floors."""
+    from scipy.ndimage import distance_transform_edt, label, maximum
+
+    parts, count = label(~dark)
+    radius = np.append(
+        np.inf, maximum(distance_transform_edt(~dark), parts, np.arange(1, count + 1))
+    )
+    radius[np.unique(np.concatenate([parts[0], parts[-1], parts[:, 0], parts[:, -1]]))] = np.inf
+    within = (radius <= 0.5 * THICKEST * pixels)[parts]
+    rows, columns = (np.flatnonzero(dark.any(axis=axis)) for axis in (1, 0))
+    # In a maze for mice all space is as narrow as a wall.
+    if not len(rows) or within.sum() > 0.3 * np.ptp(rows) * np.ptp(columns):
+        return dark
+    # Tiles and hatches that fill a room are no wall.
+    room = _opened(dark | within, 0.55 * THICKEST * pixels)
+    pattern = room & ~_grown(_opened(dark, 0.5 * THIN * pixels), 1.5)
+    left_out["pattern of a floor"] = _parts(pattern)[1]
+    return (dark | within) & ~pattern
+
+
+def _opened(cells: Bool, radius: float) -> Bool:
+    """Which cells are in a disc of a radius [pixels] of such cells."""
+    from scipy.ndimage import distance_transform_edt
+
+    core = distance_transform_edt(np.pad(cells, 1, mode="edge")) > radius
+    return _grown(core, radius)[1:-1, 1:-1] & cells
+
+
+def _grown(cells: Bool, radius: float) -> Bool:
+    """Which cells are within a radius [pixels] of some cells."""
+    from scipy.ndimage import distance_transform_edt
+
+    if not cells.any():
+        return cells
+    return np.asarray(distance_transform_edt(~cells) <= radius)
+
+
+def _parts(cells: Bool) -> tuple[Int, int]:
+    """The part of each cell, from 1, and their number; cells that touch at a corner touch."""
+    from scipy.ndimage import label
+
+    parts, count = label(cells, np.ones((3, 3)))
+    return np.asarray(parts, dtype=np.int64), int(count)
+
+
+def _sides(parts: Int) -> Int:
+    """Height and width (count, 2) [pixels] of the box around each part."""
+    from scipy.ndimage import find_objects
+
+    boxes = [[part.stop - part.start for part in box] for box in find_objects(parts)]
+    return np.array(boxes, dtype=np.int64).reshape(-1, 2)
+
+
+def _extent(cells: Bool) -> float:
+    """The larger side [pixels] of the box around some cells."""
+    sides = (np.flatnonzero(cells.any(axis=axis)) for axis in (0, 1))
+    return float(max((np.ptp(side) + 1 for side in sides if len(side)), default=0))
