@@ -39,7 +39,7 @@ GROSS = 0.01
 """A range is grossly wrong when it is off by more than this [m]: lasers err by as much."""
 
 MOST_WALLS = 10_000
-"""Walls up to which NumPy is asked: among more it takes too long."""
+"""Walls up to which NumPy and MuJoCo are asked: among more they take too long."""
 
 Cast = Callable[[LaserRangeFinder, Float], Float]
 """What casts scans from poses (k, 3)."""
@@ -81,6 +81,7 @@ def methods(world: World) -> dict[str, Callable[[], tuple[Cast, Ready]]]:
         "bare Embree": lambda: bare_embree(world),
         NUMPY: lambda: plain(partial(determinants, world.segments)),
         "Open3D": lambda: plain(open3d_ranges(world)),
+        "MuJoCo": lambda: plain(mujoco_ranges(world)),
     }
 
 
@@ -92,7 +93,7 @@ def bench(
 ) -> Report:
     """Cast scans with lrf3d and with its peers: run time against error.
 
-    Open3D takes part where it is installed: .venv/bin/pip install -e '.[bench]'.
+    Open3D and MuJoCo take part where installed: .venv/bin/pip install -e '.[bench]' 'mujoco<4'.
     """
     report = Report(__doc__.splitlines()[0])
     for count in numbers("--walls", walls, least=4):
@@ -125,7 +126,7 @@ def measure(report: Report, count: int, seconds: float) -> None:
         except ImportError as error:
             report.notes.append(f"left out: {error}")
             continue
-        if name != NUMPY or count <= MOST_WALLS:
+        if name not in (NUMPY, "MuJoCo") or count <= MOST_WALLS:
             built[name] = cast, ready, time.perf_counter() - begin
     singles = take_turns(
         {name: partial(_scan, list(map(ready, poses))) for name, (_, ready, _) in built.items()},
@@ -250,6 +251,31 @@ def open3d_ranges(world: World) -> Cast:
         found = scene.cast_rays(library.core.Tensor(np.hstack(rays(world, lrf, poses))))
         distances = found["t_hit"].numpy().astype(np.float64)
         return limited(distances.reshape(len(poses), lrf.beams), lrf)
+
+    return cast
+
+
+def mujoco_ranges(world: World) -> Cast:
+    """MuJoCo's ``mj_multiRay`` at walls as thin boxes: in float64 as lrf3d."""
+    library: Any = import_module("mujoco")
+    spec, kind = library.MjSpec(), library.mjtGeom.mjGEOM_BOX
+    for x, y, u, v in (world.segments - np.tile(world.origin, 2)).tolist():
+        turn, size = 0.5 * np.arctan2(v - y, u - x), [0.5 * np.hypot(u - x, v - y), 1e-12, 3.0]
+        quat, place = [np.cos(turn), 0.0, 0.0, np.sin(turn)], [0.5 * (x + u), 0.5 * (y + v), 0.0]
+        spec.worldbody.add_geom(type=kind, size=size, pos=place, quat=quat)
+    model = spec.compile()
+    data = library.MjData(model)
+    library.mj_forward(model, data)
+
+    def cast(lrf: LaserRangeFinder, poses: Float) -> Float:
+        found, met = np.empty((len(poses), lrf.beams)), np.empty(lrf.beams, np.int32)
+        for row, pose in zip(found, poses, strict=True):
+            beams = np.pad(np.asarray(lrf.directions(pose)), ((0, 0), (0, 1))).ravel()
+            eye = np.append(pose[:2] - world.origin, 0.0)
+            library.mj_multiRay(
+                model, data, eye, beams, None, 1, -1, met, row, None, lrf.beams, lrf.range_max
+            )
+        return limited(np.where(found < 0.0, np.inf, found), lrf)
 
     return cast
 

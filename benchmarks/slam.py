@@ -69,7 +69,7 @@ def simulated(report: Report, spacing: float, scans: int) -> None:
     """A drive through a built-in world, with wheels that slip and drift."""
     run = lrf3d.load_scenario(WORLD).run(rng=0, scans=scans, mapper={"mode": "paper"}, snapshots=1)
     true, rng = run.trajectory.poses, np.random.default_rng(0)
-    errors = WheelErrors()
+    errors = WheelErrors(turn_per_metre=0.03)
     increments = [errors(step, rng) for step in odometry_increments(true)]
     first, second = np.hstack([[np.arange(len(true) - apart), np.arange(apart, len(true))]
                                for apart in APART])  # fmt: skip

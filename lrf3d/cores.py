@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, TypeVar
 
+from lrf3d.errors import OutputError
 from lrf3d.interrupts import check
 
 if TYPE_CHECKING:
@@ -30,7 +31,14 @@ def process_pool(processes: int) -> Iterator["ProcessPoolExecutor"]:
     from multiprocessing import active_children, get_context, resource_tracker
 
     others = active_children()
-    pool = ProcessPoolExecutor(processes, mp_context=get_context("spawn"), initializer=_watch)
+    try:
+        pool = ProcessPoolExecutor(processes, mp_context=get_context("spawn"), initializer=_watch)
+    except OSError as error:
+        # Its locks are files in memory, of which containers have 64 MB.
+        raise OutputError(
+            f"/dev/shm: {error.strerror}, and processes that work side by side need some; make room"
+            " there, or use one process: --workers 1"
+        ) from error
     try:
         # A process is started for each task for which none is idle, and inherits what is blocked.
         # The resource tracker, which Python starts with the first process, would unblock it.

@@ -95,12 +95,17 @@ def world(world: World, ax: Axes | None = None, *, poses: Any = None, **style: A
 
 
 def map(
-    line_map: LineMap, ax: Axes | None = None, *, objects: Int | None = None, **style: Any
+    line_map: LineMap,
+    ax: Axes | None = None,
+    *,
+    objects: Int | None = None,
+    among: Int | None = None,
+    **style: Any,
 ) -> Axes:
     """Plot the segments of a map, a colour for each object; few objects are named G1, G2, ….
 
-    Colours and names are chosen by the numbers (m,) of the objects, such as those of films,
-    ``run.lasting_objects[-1]``.
+    Colours are chosen by the numbers (m,) of the objects, such as those of films,
+    ``run.lasting_objects[-1]``. Names count these, or all numbers that they are ``among``.
     """
     ax = _axes(ax)
     if objects is None:
@@ -111,12 +116,13 @@ def map(
     usual = {"color": colours, "linewidth": width, "label": words, "zorder": 4.0}
     _draw_walls(ax, line_map.segments, line_map.kinds, _styled(usual, style))
     numbers = np.unique(objects)
-    for number in numbers if len(numbers) <= FEW_OBJECTS else []:
+    places = np.searchsorted(numbers if among is None else np.unique(among), numbers)
+    for place, number in zip(places, numbers, strict=True) if len(numbers) <= FEW_OBJECTS else ():
         members = np.flatnonzero(objects == number)
         longest = members[lengths(line_map.segments[members]).argmax()]
         x, y = line_map.segments[longest].reshape(2, 2).mean(axis=0).tolist()
         box = {"boxstyle": "round,pad=0.22", "facecolor": "white", "edgecolor": "none"}
-        name = ax.text(x, y, f"G{number + 1}", ha="center", va="center", bbox=box, clip_on=True)
+        name = ax.text(x, y, f"G{place + 1}", ha="center", va="center", bbox=box, clip_on=True)
         name.set(color=colours[longest], fontsize=9, weight="bold", zorder=6)
     return _shown(ax)
 

@@ -30,6 +30,10 @@ class Pose(NamedTuple):
     y: float
     theta: float
 
+    def __repr__(self) -> str:
+        # NumPy's numbers would show their types.
+        return f"Pose(x={float(self.x)!r}, y={float(self.y)!r}, theta={float(self.theta)!r})"
+
     def __matmul__(self, other: "Pose") -> "Pose":
         """Compose: ``world_from_robot @ robot_from_laser`` is ``world_from_laser``."""
         x, y = self.apply(np.array([[other.x, other.y]]))[0]

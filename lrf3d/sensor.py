@@ -105,7 +105,8 @@ class Sensor:
             # A noise may make a scan of its own, without what it knows nothing of.
             kept: dict[str, Any] = {"mount": true_scan.mount, "laser": true_scan.laser}
             scan = replace(scan, motion=true_scan.motion, **kept)
-        return scan
+        near = scan.ranges < self.lrf.range_min
+        return replace(scan, ranges=np.where(near, -np.inf, scan.ranges)) if near.any() else scan
 
     def cast(self, pose: Float, time: float) -> LaserScan:
         """The true scan that begins at a time [s], where the robot is at a pose (3,).

@@ -1,11 +1,31 @@
 """The examples in the docstrings of public names: each name has one, and does what it shows."""
 
 import doctest
+import re
 import warnings
+from pathlib import Path
 
 import pytest
+from program import lrf3d as called
 
 import lrf3d
+
+ROOT = Path(__file__).parents[1]
+
+TYPED = re.findall(r"`lrf3d ([^`]*examples/[^`]*)`", (ROOT / "README.md").read_text("utf-8"))
+"""Commands of the README's table on files that lie in the repository."""
+
+
+@pytest.mark.parametrize("words", TYPED)
+def test_a_command_of_the_readme_can_be_typed_as_it_is_shown(words, tmp_path):
+    settings = {
+        "run": ("--no-video", "--scans", 3, "--out", "out"),
+        "map": ("--out", "out"),
+        "slam": ("--out", "out"),
+    }
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    done = called(*words.split(), *settings.get(words.split()[0], ()), cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.parametrize(

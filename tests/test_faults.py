@@ -44,6 +44,16 @@ def poses_to(folder, which):
     save_tum(drive.times, drive.poses, folder / "poses.tum")
 
 
+def test_no_room_for_the_locks_of_processes_is_one_line(monkeypatch):
+    # As in a container whose /dev/shm is full.
+    def full(*_, **__):
+        raise DISK_FULL
+
+    monkeypatch.setattr("concurrent.futures.ProcessPoolExecutor", full)
+    with pytest.raises(lrf3d.OutputError, match=r"/dev/shm: .*--workers 1"):
+        lrf3d.sweep("paper_room", seeds=2, workers=2)
+
+
 WRITERS = {
     "text": lambda folder, which: write_text(folder / "a.txt", "new" if which else "old"),
     "toml": world_to("world.toml"),

@@ -44,6 +44,11 @@ def test_a_bent_path_meets_the_known_poses_and_goes_with_them_before_and_after()
     assert bent(path, np.array([1, 3]), known)[:, 1] == pytest.approx([1.0, 1.0, 1.5, 2.0, 2.0])
 
 
+def test_the_text_of_a_pose_is_python_whatever_its_numbers_are():
+    numpy, plain = Pose(*np.array([1.5, -2.0, 0.0])), Pose(1.5, -2.0, 0.0)
+    assert repr(numpy) == repr(plain) == "Pose(x=1.5, y=-2.0, theta=0.0)"
+
+
 @pytest.mark.parametrize("bad", [(1, 2), (1, 2, np.nan), "abc", 3, (1, 2, 3, 4)])
 def test_what_is_no_pose_is_refused_by_name(bad):
     with pytest.raises(InputError, match="pose"):

@@ -3,7 +3,7 @@
 import json
 import os
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -42,6 +42,7 @@ class ResultsFolder:
         ``kept`` is printed if drawing fails or is stopped: how to continue.
         """
         made = {**files, "summary": "summary.json"}
+        self._clear({*made.values(), *(file for file, _ in drawings.values())})
         figures = {**summary, "made_by": self.made_by, "files": made}
         write_text(self.path / "summary.json", json_text(figures))
         if self.report.shows:
@@ -73,6 +74,28 @@ class ResultsFolder:
             written += [("next", following)] if following else []
             print_table(written, max(9, *(len(name) for name, _ in rows)))
 
+    def _clear(self, written: Collection[str]) -> None:
+        """Remove what this command wrote here before, of another source or drive, and not now."""
+        before = _summary_of(self.path)
+        files = before.get("files", {})
+        if not isinstance(files, dict) or before["made_by"].get("command") != self.report.command:
+            return
+        for name in sorted(set(map(str, files.values())) - set(written)):
+            # Only plain files of the folder are its results.
+            if name == os.path.basename(name) and (self.path / name).is_file():
+                (self.path / name).unlink()
+                self.report.note(f"{self.path / name}: removed, as it was of the run before")
+
+
+def _summary_of(folder: Path) -> dict[str, Any]:
+    """The summary in a folder, or what stands for one that cannot be read."""
+    try:
+        found: dict[str, Any] = json.loads(read_text(folder / "summary.json"))
+        _ = [str(source) for source in found["made_by"]["sources"]]
+        return found
+    except (OSError, InputError, ValueError, LookupError, TypeError, RecursionError):
+        return {"made_by": {"sources": ["something else"]}}
+
 
 def results_folder(
     report: Report,
@@ -102,11 +125,7 @@ def results_folder(
             # What is written before a command is stopped has its origin, too.
             write_text(summary, json_text({"made_by": made_by}))
     if out is None and summary.exists():
-        try:
-            found = json.loads(read_text(summary))["made_by"]["sources"]
-            others = [str(source) for source in found]
-        except (ValueError, LookupError, TypeError, RecursionError):
-            others = ["something else"]
+        others = [str(source) for source in _summary_of(folder)["made_by"]["sources"]]
         # The same drive may be a log and a bag, whose names differ in their endings.
         if [_ENDING.sub("", each) for each in others] != [_ENDING.sub("", each) for each in named]:
             raise InputError(

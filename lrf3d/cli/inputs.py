@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from lrf3d.cli.console import Report, warn
+from lrf3d.cli.kernels import start_compiling, wait_for
 from lrf3d.cli.plugins import load_plugin
 from lrf3d.errors import InputError
 from lrf3d.files import check_ordinary
@@ -120,13 +121,24 @@ COMMANDS: dict[str, tuple[Callable[[Namespace], Any], str]] = {
 with the options and the report."""
 
 
+COMPILED = ("run", "map", "slam", "sweep", "localise")
+"""Commands that need the kernels of casting, mapping or SLAM."""
+
+
 def start(args: Namespace) -> int | None:
     """Read the input of a command and run it; returns its exit status."""
     read, target = COMMANDS[args.command]
-    source = read(args)
-    module, _, function = target.partition(":")
-    command = getattr(import_module(f"lrf3d.cli.{module}"), function)
     with ExitStack() as stack:
         report = Report(args.command, args.json, args.quiet, args.verbose, stack)
+        parts = ["slam"] if args.command == "slam" or vars(args).get("slam") else []
+        compiling = start_compiling(*parts) if args.command in COMPILED else None
+        if compiling is not None:
+            stack.callback(compiling.kill)
+        source = read(args)
+        module, _, function = target.partition(":")
+        command = getattr(import_module(f"lrf3d.cli.{module}"), function)
+        if compiling is not None:
+            with report.progress("compiling") as progress:
+                wait_for(compiling, progress)
         status: int | None = command(source, args, report)
     return status

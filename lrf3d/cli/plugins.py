@@ -40,9 +40,10 @@ def load_plugin(kind: str, name: str) -> Any:
     except ModuleNotFoundError as error:
         if error.name != plain and not plain.startswith(f"{error.name}."):
             raise
-        raise InputError(
-            f"{place}: no module {module_name!r} in {Path.cwd()} or installed"
-        ) from None
+        missing = f"no module {module_name!r} in {Path.cwd()} or installed"
+        if file.suffix == ".py" and not module_name.isidentifier():
+            missing = f"no such file in {Path.cwd()}"
+        raise InputError(f"{place}: {missing}") from None
     if is_file and Path(found.__file__ or "").resolve() != file.resolve():
         raise InputError(f"{place}: another module is called {plain}; rename the file")
     for part in path.split("."):

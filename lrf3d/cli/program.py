@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 def main(program: "Callable[[list[str]], int | None] | None" = None, name: str = "lrf3d") -> None:
     """Run a program, lrf3d if not given; a known error ends it with one line and exit status 1."""
+    _open_streams()
     handle_signals(name)
     status = 1
     try:
@@ -36,6 +37,19 @@ def main(program: "Callable[[list[str]], int | None] | None" = None, name: str =
         # Python gives signals their default action while it ends, which would be a death by signal.
         ignore_signals()
     sys.exit(128 + asked() if asked() and status else status)
+
+
+def _open_streams() -> None:
+    """Open streams that the shell has closed, as with ``2>&-``, so that they take and give nothing.
+
+    Otherwise the next file that is opened would become the standard output or the standard error.
+    """
+    while (opened := os.open(os.devnull, os.O_RDWR)) < 3:
+        os.set_inheritable(opened, True)
+    os.close(opened)
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(number, "r" if number == 0 else "w", closefd=False))
 
 
 def _run(program: "Callable[[list[str]], int | None] | None") -> int:

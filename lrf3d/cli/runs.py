@@ -80,16 +80,16 @@ def write_film(
     # The light is baked once, for all that draw.
     with report.progress("light") as progress:
         stage_of(run, progress)
-    first = perf_counter()
+    first = 0.0
     with report.progress("film") as progress:
 
         def note(number: int, total: int) -> None:
-            nonlocal frames, noted
-            frames += 1
+            nonlocal frames, noted, first
+            frames, first = frames + 1, first or perf_counter()
             progress(number, total)
             # A terminal has a bar that shows it.
             if not noted and (passed := perf_counter() - first) > _NOTED:
-                noted, time = True, passed * total / frames
+                noted, time = True, passed * total / max(frames - 1, 1)
                 if time > _LONG and not sys.stderr.isatty():
                     report.note(f"film: {total:,} frames, which take about {time:.0f} s")
 

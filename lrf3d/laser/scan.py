@@ -35,7 +35,8 @@ class LaserScan(Value, Pictured):
         pose: Pose x, y [m], theta [rad] of the laser in the world.
         angles: (beams,) angles of the beams [rad], 0 ahead, counter-clockwise.
         ranges: (beams,) distances [m]; +inf where nothing returned, −inf where the wall is
-            nearer than range_min (REP 117). NaN, and range_max or more, count as no return.
+            nearer than range_min (REP 117). NaN, and range_max or more, count as no return, and
+            what is negative as too near.
         walls: (beams,) index of the segment that was hit; −1 for beams without a range or that
             hit no wall.
         range_min: Nearest distance that the range finder measures [m].
@@ -226,16 +227,15 @@ class LaserScan(Value, Pictured):
 
 
 def _within(ranges: Float, range_max: float) -> Float:
-    """Ranges, in which NaN and what is not within range_max stand for no return: +inf."""
+    """Ranges, in which NaN and what is not within range_max are no return, +inf.
+
+    Negative ones, which noise makes of short ones, are too near, −inf.
+    """
     beyond = ~(ranges < range_max) & (ranges != np.inf)
     if beyond.any():
         ranges = sealed(np.where(beyond, np.inf, ranges))
     negative = (ranges < 0.0) & (ranges != -np.inf)
-    if negative.any():
-        beam = int(np.argmax(negative))
-        found = f"the range {ranges[beam]:g} m of beam {beam}"
-        raise InputError(f"scan with {found}: expected 0 or more, inf, or -inf where too near")
-    return ranges
+    return sealed(np.where(negative, -np.inf, ranges)) if negative.any() else ranges
 
 
 def _of_beams(values: Any, beams: int, name: str) -> Float | None:

@@ -184,11 +184,16 @@ def draw_noise_levels(
     plot.scan(runs[0].true_scan(0), axes[0])
     plot.trajectory(poses, axes[0])
     _head(axes[0], f"(a)  the world and the first scan, $d_{{max}}$ = {runs[0].lrf.range_max:g} m")
-    panels = zip(axes[1:], ascii_lowercase[1:], runs, sigmas, strict=False)
-    for ax, letter, run, sigma in panels:
+    objects = [run.lasting_objects[-1] if run.maps else None for run in runs]
+    # An object has one name in all panels.
+    among = np.concatenate(
+        [numbers for numbers in objects if numbers is not None] + [np.zeros(0, np.int64)]
+    )
+    panels = zip(axes[1:], ascii_lowercase[1:], runs, sigmas, objects, strict=False)
+    for ax, letter, run, sigma, numbers in panels:
         plot.world(world, ax, poses=poses, **plot.BELOW)
         plot.points(_reflections(run), ax)
-        plot.map(run.map, ax, objects=run.lasting_objects[-1] if run.maps else None)
+        plot.map(run.map, ax, objects=numbers, among=among)
         plot.trajectory(poses, ax)
         _head(ax, f"({letter})  σ = {sigma:g} m", run.map.counts)
     return finished(figure, axes, path)

@@ -22,7 +22,7 @@ PANELS = (
 """What the panels show: a measure, its name, and what its values are multiplied by."""
 
 SHARES = ("length_f1", "segment_f1", "object_purity")
-"""Measures from 0 to 1, which have one scale in all figures."""
+"""Measures up to 1, which have one scale in all figures unless one is below 0."""
 
 STYLES = ("-", "--", ":", "-.")
 """Styles of lines for the choices of what else is varied; the mapper has the colour."""
@@ -87,7 +87,8 @@ def _scales(axes: Axes, values: Sequence[float], measure: str) -> None:
     axes.xaxis.set_minor_locator(NullLocator())
     axes.set_xticks(values, [f"{value:g}" for value in values], rotation=45 * (len(values) > 5))
     if measure in SHARES:
-        axes.set_ylim(-0.02, 1.03)
+        # Chance gives a purity of 0, so that one may be worse.
+        axes.set_ylim(min(-0.02, axes.get_ylim()[0]), 1.03)
         return
     if measure.endswith("_ratio"):
         axes.axhline(1.0, color=FAINT, lw=1.0, ls=(0, (4, 3)), zorder=2)

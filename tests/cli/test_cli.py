@@ -50,6 +50,15 @@ def test_run_writes_its_files_and_json_is_the_only_output(room, tmp_path):
     assert summary["map"]["segments"] == 4 and summary["buildings"]["whole"] == 1
 
 
+@pytest.mark.skipif(os.name != "posix", reason="closes streams as a shell does")
+@pytest.mark.parametrize("closed", ["2>&-", "<&-", ">&- 2>&-"])
+def test_streams_that_the_shell_has_closed_lose_nothing(room, tmp_path, closed):
+    words = f'"{sys.executable}" -m lrf3d run {room} --scans 2 --no-video --out out {closed}'
+    assert subprocess.run(["sh", "-c", words], cwd=tmp_path).returncode == 0
+    written = {path.name for path in (tmp_path / "out").iterdir()}
+    assert written == {"run.npz", "map.geojson", "map.png", "world.png", "summary.json"}
+
+
 def test_a_picture_that_fails_loses_nothing_and_says_so_in_one_line(room, tmp_path):
     out = tmp_path / "an out"
     # A folder stands where the picture should go.

@@ -100,7 +100,7 @@ def test_a_report_that_json_cannot_hold_is_refused_in_one_line(folder):
         ("mapper", "own_parts:Straight", "expected a method update"),
         ("controller", "own_parts:Points", "expected a method command"),
         ("noise", "own_parts:number", "expected a function"),
-        ("mapper", "missing.py:Points", "no module 'missing.py'"),
+        ("mapper", "missing.py:Points", "missing.py:Points: no such file in "),
         ("mapper", "..:x", "no module '..'"),
     ],
 )

@@ -25,6 +25,20 @@ def test_a_name_becomes_the_name_of_one_folder(name, folder):
     assert folder_name(name) == folder
 
 
+def test_a_folder_holds_one_run_and_what_the_next_does_not_write_is_removed(tmp_path):
+    (tmp_path / "box.toml").write_text(ROOM)
+    run = ("run", "box.toml", "--no-video", "--scans", 2)
+    assert lrf3d(*run, "--sigma", 0.1, 0.2, cwd=tmp_path).returncode == 0
+    out = tmp_path / "out" / "box"
+    (out / "mine.txt").write_text("kept")
+    assert (out / "noise.png").exists()
+    (tmp_path / "box.toml").rename(tmp_path / "box.flat.toml")
+    ended = lrf3d("run", "box.flat.toml", *run[2:], cwd=tmp_path)
+    assert "noise.png: removed" in ended.stderr and not (out / "noise.png").exists()
+    files = set(json.loads((out / "summary.json").read_text())["files"].values())
+    assert {path.name for path in out.iterdir()} == {*files, "mine.txt"}
+
+
 def test_commands_write_to_folders_of_their_own_and_to_no_others(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     run = ("run", "a/box.toml", "--no-video", "--scans", 3, "-q")

@@ -72,7 +72,6 @@ def test_a_range_max_beyond_all_coordinates_is_unknown(largest):
     [
         ({"angles": [0.0, np.nan]}, "angle nan of beam 1"),
         ({"angles": [0.0, 100.0]}, "angle 100 of beam 1"),
-        ({"ranges": [1.0, -0.5]}, "range -0.5 m of beam 1"),
         ({"walls": [np.nan, 1]}, "walls: expected whole numbers"),
         ({"time": "a"}, "time 'a'"),
         ({"time_increment": np.nan}, "time_increment nan"),

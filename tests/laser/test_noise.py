@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -179,6 +181,18 @@ def test_no_noise_gives_the_scan_itself_and_draws_nothing(off):
     rng = np.random.default_rng(1)
     assert off(WALL, rng) is WALL
     assert rng.normal() == np.random.default_rng(1).normal()
+
+
+def test_own_noise_below_the_nearest_range_is_too_near_as_with_any_laser():
+    near = World([[0.7, -5, 0.7, 5], [4.0, -5, 4.0, 5]])
+
+    def own(scan, rng):
+        return dataclasses.replace(scan, ranges=scan.ranges + np.linspace(-2.0, 0.0, 101))
+
+    run = simulate(near, [(0, 0, 0)], LRF, noise=own, mapper=LineMapper())
+    moved = run.truth[0] + np.linspace(-2.0, 0.0, 101)
+    assert np.array_equal(run.ranges[0], np.where(moved < 0.5, -np.inf, moved))
+    assert (moved < 0.0).any() and (run.ranges[0] > 0.0).any()
 
 
 WRONG = {

@@ -11,6 +11,7 @@ from matplotlib.text import Text
 from synthetic_run import around, box, make_run, make_world, ring
 
 import lrf3d
+from lrf3d import plot
 from lrf3d.errors import OutputError
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.mapping import LineMap
@@ -86,6 +87,12 @@ def test_an_object_has_one_label_and_one_colour_at_all_noises(room_run):
         for axes in figure.axes[1:]
     )
     assert first == second and len(first) == 2
+
+
+def test_the_names_of_few_objects_have_no_gaps(run):
+    line_map = LineMap(run.world.segments, np.repeat([0, 8, 9, 13], 2), np.ones(8))
+    named = [text.get_text() for text in plot.map(line_map, objects=line_map.objects).texts]
+    assert named == ["G1", "G2", "G3", "G4"]
 
 
 def test_legends_name_only_what_is_there(run):

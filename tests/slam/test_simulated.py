@@ -16,7 +16,8 @@ def corridor():
 
 def test_a_drive_is_mapped_without_true_poses(corridor):
     run, mapper = corridor
-    assert mapper.report(run, None)["odometry_largest_error_m"] > 3.0
+    # 1 to 5 % of the way, as wheels have it.
+    assert 0.005 < mapper.report(run, None)["odometry_largest_error_m"] / 75.5 < 0.05
     assert mapper.errors().max() < 0.15
     assert lrf3d.score_run(run).length_precision > 0.95
 

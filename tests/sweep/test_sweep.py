@@ -18,6 +18,7 @@ from program import refused
 import lrf3d
 from lrf3d.digest import digest, seed_of
 from lrf3d.errors import InputError, Lrf3dError
+from lrf3d.render.sweep_figure import draw_sweep
 from lrf3d.scenario import load_scenario, read_scenario_file
 from lrf3d.sweeping.plan import SIGMA, USUAL, make_plan
 from lrf3d.sweeping.running import executor_of, run_plan
@@ -293,6 +294,11 @@ def test_summary_figures_and_table_have_every_combination(room, tmp_path):
     panel = drawn["box_sigma.png"].axes[0]
     assert [line.get_xdata().tolist() for line in panel.lines] == 4 * [[0.0, 0.3]]
     assert len(str(result).splitlines()) == 1 + 8 + 2
+    # A purity below that of chance is shown.
+    low = [{**mean, "object_purity": dict.fromkeys(("mean", "low", "high"), -0.4)}
+           for mean in result.means]  # fmt: skip
+    figure = draw_sweep(low, column="sigma_m", choices=["beams"], axis="σ", titles=("", ""))
+    assert figure.axes[2].get_ylim()[0] < -0.4
 
 
 def test_the_command_writes_its_files_and_prints_one_value(room, tmp_path):
