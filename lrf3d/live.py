@@ -5,19 +5,26 @@ ROS drive it; a simulation, which knows its whole drive, does not need it.
 """
 
 from dataclasses import replace
+from itertools import combinations
 from typing import cast
 
 import numpy as np
 
+from lrf3d.casting.crowd import Crowd
+from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.collision import Body, CollisionChecker
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, generator
 from lrf3d.laser import LaserScan
 from lrf3d.pose import Pose, as_pose, between, compose
+from lrf3d.robot import Trajectory
 from lrf3d.robot.odometry import InertialUnit, WheelOdometry
 from lrf3d.robot.unicycle import Twist, hold
 from lrf3d.scenario import Scenario
 from lrf3d.sensor import Sensor, caster_of
+
+HEIGHT = 1.0
+"""Height of a robot [m], as others see it."""
 
 GAP = 1e-6
 """How long before a touch the robot stops [s], so that it can drive away again."""
@@ -35,10 +42,12 @@ class LiveRobot:
         *,
         rng: np.random.Generator | int | None = 0,
         wheels: WheelOdometry | None = None,
+        crowd: Crowd | None = None,
     ) -> None:
+        self._crowd = Crowd(scenario.obstacles) if crowd is None else crowd
         self.wheels, self._imu, self._rng = wheels, scenario.imu, generator(rng)
         self._body = Body(scenario.radius, scenario.outline)
-        self._checker = CollisionChecker(scenario.world, scenario.obstacles)
+        self._checker = CollisionChecker(scenario.world, self._crowd)
         # Nobody knows where it will drive while a beam turns, so a scan takes no time.
         lasers = [(scenario.lrf, scenario.noise), *scenario.further]
         caster = caster_of("embree", scenario.world)
@@ -48,7 +57,7 @@ class LiveRobot:
                 replace(lrf, scan_duration=0.0),
                 caster=caster,
                 noise=noise,
-                obstacles=scenario.obstacles,
+                obstacles=self._crowd,
             )
             for lrf, noise in lasers
         ]
@@ -108,6 +117,11 @@ class LiveRobot:
             for sensor in self._sensors
         )
 
+    def show(self, speed: float, turning: float) -> None:
+        """Show the other robots of a fleet where this one is, and how it drives from now on."""
+        if self._crowd.own >= 0:
+            self._crowd.hold(self._crowd.own, self.time, self.pose, (speed, 0.0, turning))
+
     def imu(self) -> Float:
         """What the IMU measured since the last call: rows (m, 4), see `InertialUnit`."""
         if self._carried is None:
@@ -118,3 +132,30 @@ class LiveRobot:
         """After what time [s] the body first touches something; None if it does not."""
         hit = self._checker.held(self._body, pose, twist, self.time, seconds)
         return None if hit is None else hit.time - self.time
+
+
+def live_fleet(
+    scenario: Scenario, count: int, *, rng: int = 0, wheels: WheelOdometry | None = None
+) -> list[LiveRobot]:
+    """Robots that see and touch each other, spread along the route of a scenario.
+
+    Raises:
+        InputError: The route is too short for them.
+    """
+    if count == 1:
+        return [LiveRobot(scenario, rng=rng, wheels=wheels)]
+    poses = scenario.with_route().trajectory().poses
+    starts = [Pose(*pose) for pose in poses[np.arange(count) * len(poses) // count].tolist()]
+    body = Body(scenario.radius, scenario.outline)
+    near = min(np.hypot(a.x - b.x, a.y - b.y) for a, b in combinations(starts, 2))
+    if near <= 2.0 * body.reach:
+        raise InputError(f"{count} robots: they would stand {near:.2f} m apart on the route")
+    outline = round_outline(body.reach) if body.outline is None else np.asarray(body.outline)
+    bodies = [DynamicObstacle(outline, Trajectory([0.0], [start]), HEIGHT) for start in starts]
+    disc = body.reach if body.outline is None else 0.0
+    discs = [disc] * count + [0.0] * len(scenario.obstacles)
+    crowd = Crowd([*bodies, *scenario.obstacles], discs)
+    return [
+        LiveRobot(replace(scenario, start=start), rng=own, wheels=wheels, crowd=crowd.without(k))
+        for k, (start, own) in enumerate(zip(starts, generator(rng).spawn(count), strict=True))
+    ]

@@ -19,6 +19,7 @@ from lrf3d.io import LaserLog, load_log
 from lrf3d.io.laser_log import on_one_fan
 from lrf3d.io.reading import odometry_of
 from lrf3d.laser import LaserRangeFinder, LaserScan, doubtful_ranges
+from lrf3d.laser.range_finder import CENTRE
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.pose import Pose, compose
@@ -190,8 +191,10 @@ class SolvedLog:
     def run(self) -> Run:
         """The drive as a run, in the walls that its key scans show."""
         slam, keys = self.slam, self.slam.key_scans
-        mount = np.array([self.log.odometry.laser_offset, 0.0, 0.0])
-        poses = compose(self.poses, mount if mount[0] else np.array(self.log.mount))
+        mount = self.scans[0].mount
+        if mount == CENTRE:
+            mount = Pose(self.log.odometry.laser_offset, 0.0, 0.0)
+        poses = compose(self.poses, np.array(mount))
         poses[:, 2] = np.unwrap(poses[:, 2])
         chosen = np.unique(np.linspace(0, len(keys) - 1, MOST_COVARIANCES).astype(np.int64))
         estimate = slam.estimate(poses, keys[chosen], slam.covariances(chosen))

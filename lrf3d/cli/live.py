@@ -6,7 +6,7 @@ from lrf3d.cli.console import Report, say
 from lrf3d.cli.inputs import routed
 from lrf3d.scenario import Scenario
 
-_OPTIONS = "rate speed_up give wheels cmd_timeout lines"
+_OPTIONS = "rate robots speed_up give wheels cmd_timeout lines"
 
 
 def ros(scenario: Scenario, args: Namespace, report: Report) -> int | None:

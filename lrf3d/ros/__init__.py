@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from lrf3d.interrupts import check
+from lrf3d.ros.settings import Settings
 from lrf3d.ros.stream import SecondClockError as SecondClockError
-from lrf3d.ros.stream import Settings
 from lrf3d.scenario import Scenario
 
 
@@ -22,7 +22,7 @@ def serve(
         scenario: The world, and its robot and laser; a route is not needed.
         arguments: Arguments of ROS, such as ``--ros-args -r scan:=base_scan``.
         started: Called with a line once the topics are there.
-        **settings: The fields of :class:`lrf3d.ros.stream.Settings`.
+        **settings: The fields of :class:`lrf3d.ros.settings.Settings`.
 
     Raises:
         MissingLibraryError: ROS 2 is not there.

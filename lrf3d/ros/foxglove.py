@@ -8,8 +8,10 @@ from typing import Any
 from lrf3d.errors import OutputError, missing_extra
 from lrf3d.interrupts import asked, check
 from lrf3d.io.bag_writer import made
+from lrf3d.ros.driven import Message, Topic
 from lrf3d.ros.pace import Pace
-from lrf3d.ros.stream import Message, Settings, Stream, Topic
+from lrf3d.ros.settings import Settings
+from lrf3d.ros.stream import Stream
 from lrf3d.scenario import Scenario
 
 PORT = 8765
@@ -96,7 +98,7 @@ class Channels:
             reason = f"cmd_vel of a client cannot be read ({error}); ignored"
             self.asked.put(lambda stream: stream.say("warning", reason))
             return
-        self.asked.put(lambda stream: stream.command(speed, turn, left))
+        self.asked.put(lambda stream: stream.robots[0].command(speed, turn, left))
 
     def _twist(self, kind: str, data: bytes) -> tuple[float, float, float]:
         """Speed, turn rate and sideways speed of a Twist or TwistStamped in CDR."""

@@ -14,8 +14,10 @@ import numpy as np
 
 from lrf3d.errors import MissingLibraryError
 from lrf3d.interrupts import asked
+from lrf3d.ros.driven import DrivenRobot, Messages, Topic
 from lrf3d.ros.pace import Pace
-from lrf3d.ros.stream import CLOCK, Messages, SecondClockError, Settings, Stream, Topic
+from lrf3d.ros.settings import Settings
+from lrf3d.ros.stream import CLOCK, SecondClockError, Stream
 from lrf3d.scenario import Scenario
 
 DISCOVERY = 1.0
@@ -25,7 +27,7 @@ tenth."""
 CHECKED_EVERY = 2.0
 """Wall time from one check of pace and of foreign topics to the next [s]."""
 
-COMMANDS = {"geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"}
+COMMANDS = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
 """Types of commands that are obeyed."""
 
 
@@ -60,7 +62,7 @@ class Node:
             "error": lambda text: log.error(text),
         }
         self._publishers: dict[Topic, tuple[Any, type]] = {}
-        self._said = dict[str, float]()
+        self._said, self._commanded = dict[str, float](), list[str]()
 
     def close(self) -> None:
         """Leave the network."""
@@ -96,7 +98,7 @@ class Node:
         """Make the publishers of a stream, and let it hear commands and services."""
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
-        node, stamped = self._nodes
+        node = self._nodes[0]
         for topic in stream.topics:
             # Reliable publishers serve subscribers of either kind.
             quality = QoSProfile(depth=topic.depth)
@@ -105,19 +107,8 @@ class Node:
             kind = _type(topic.type)
             self._publishers[topic] = node.create_publisher(kind, topic.name, quality), kind
 
-        def obey(twist: Any) -> None:
-            stream.command(twist.linear.x, twist.angular.z, twist.linear.y)
-
-        def place(message: Any) -> None:
-            where, turn = message.pose.position, message.pose.orientation
-            theta = 2.0 * np.arctan2(turn.z, turn.w)
-            stream.set_pose(message.header.frame_id, (where.x, where.y, float(theta)))
-
-        twist, pose = _type("geometry_msgs/msg/Twist"), _type("geometry_msgs/msg/PoseStamped")
-        node.create_subscription(twist, "cmd_vel", obey, 5)
-        kind = _type("geometry_msgs/msg/TwistStamped")
-        stamped.create_subscription(kind, "cmd_vel", lambda message: obey(message.twist), 5)
-        node.create_subscription(pose, "set_pose", place, 1)
+        for robot in stream.robots:
+            self._hear(robot)
 
         def pause(request: Any, answer: Any) -> Any:
             stream.paused = request.data
@@ -137,6 +128,25 @@ class Node:
         node.create_service(trigger, "reset", service(stream.reset))
         node.create_service(trigger, "step", service(lambda: self.publish(stream.step())))
 
+    def _hear(self, robot: DrivenRobot) -> None:
+        """Let a robot obey the topics of its commands."""
+
+        def obey(twist: Any) -> None:
+            robot.command(twist.linear.x, twist.angular.z, twist.linear.y)
+
+        def place(message: Any) -> None:
+            where, turn = message.pose.position, message.pose.orientation
+            theta = 2.0 * np.arctan2(turn.z, turn.w)
+            robot.set_pose(message.header.frame_id, (where.x, where.y, float(theta)))
+
+        name = f"{robot.prefix}cmd_vel"
+        for node, kind in zip(self._nodes, COMMANDS, strict=True):
+            hear = obey if kind == COMMANDS[0] else lambda message: obey(message.twist)
+            node.create_subscription(_type(kind), name, hear, 5)
+        kind = _type("geometry_msgs/msg/PoseStamped")
+        self._nodes[0].create_subscription(kind, f"{robot.prefix}set_pose", place, 1)
+        self._commanded.append(name)
+
     def publish(self, messages: Messages) -> None:
         """Publish messages in their order."""
         for topic, fields in messages:
@@ -154,10 +164,11 @@ class Node:
     def check_topics(self) -> None:
         """Warn about commands of a type that nobody hears."""
         node = self._nodes[0]
-        for each in node.get_publishers_info_by_topic(node.resolve_topic_name("cmd_vel")):
-            if each.topic_type not in COMMANDS:
-                expected = " or ".join(sorted(COMMANDS))
-                self.say("warning", f"cmd_vel of type {each.topic_type}: expected {expected}")
+        for name in map(node.resolve_topic_name, self._commanded):
+            for each in node.get_publishers_info_by_topic(name):
+                if each.topic_type not in COMMANDS:
+                    expected = " or ".join(COMMANDS)
+                    self.say("warning", f"{name} of type {each.topic_type}: expected {expected}")
 
 
 def serve_node(
