@@ -74,9 +74,12 @@ def cross_dot(a: Float, b: Float, c: Float) -> float:
 def sample(picture: Single, x: float, y: float, area: Float, found: Float) -> None:
     """Read a picture (h, w, 4) at a place [m], between its cells; nothing is beyond its edges."""
     height, width = picture.shape[:2]
-    u = min(max((x - area[0]) * area[2] * width - 0.5, 0.0), width - 1.0)
-    v = min(max((y - area[1]) * area[3] * height - 0.5, 0.0), height - 1.0)
-    column, row = min(int(u), width - 2), min(int(v), height - 2)
+    u, v = (x - area[0]) * area[2] * width - 0.5, (y - area[1]) * area[3] * height - 0.5
+    # What a sliver of a triangle gives may be no number.
+    u = u if 0.0 <= u else 0.0
+    v = v if 0.0 <= v else 0.0
+    u, v = min(u, width - 1.001), min(v, height - 1.001)
+    column, row = int(u), int(v)
     a, b = u - column, v - row
     for k in range(4):
         low = picture[row, column, k] * (1.0 - a) + picture[row, column + 1, k] * a

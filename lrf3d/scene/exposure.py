@@ -133,7 +133,7 @@ def unexposed(structures: Structures, low: Float, high: Float) -> Exposure:
     """The times of a world in a box from low to high (2,) [m] before anything has been seen."""
     least = _CELL_INDOOR if structures.indoor else _CELL
     cell = max(least, float(np.sqrt(np.prod(high - low) / _MOST_CELLS)))
-    columns, rows = np.ceil((high - low) / cell).astype(int).tolist()
+    columns, rows = np.maximum(np.ceil((high - low) / cell), 2).astype(int).tolist()
     times = np.full((rows, columns, 4), _NEVER, np.float32)
     times[..., 1] = times[..., 3] = 0.0
     return Exposure(times, low, cell, 0.0, 1.0)
