@@ -27,6 +27,9 @@ _GHOST_HEIGHT, _GHOST_STRENGTH, _GHOST_STEP = 1.8, 0.55, 0.4
 """Height of what the map has and the world has not [m], its opacity at its foot, and the length of
 its pieces [m]."""
 
+_MOST_PIECES = 500
+"""Most pieces of a segment that are looked for on walls: segments may be as long as the world."""
+
 _BOX = trimesh.creation.box()
 _PLACES = _BOX.triangles[_BOX.face_normals[:, 2] > -0.5].reshape(-1, 3)
 """Corners (3 t, 3) of the triangles of a unit box round the origin, without its bottom."""
@@ -94,7 +97,8 @@ class DrawnMap:
 
     def ghosts(self, structures: Structures, tolerance: float) -> Soft:
         """What of its segments lies on no wall within a tolerance [m], standing free."""
-        count = np.maximum(1, np.ceil(lengths(self.segments) / _GHOST_STEP)).astype(int)
+        pieces = np.ceil(lengths(self.segments) / _GHOST_STEP)
+        count = np.clip(pieces, 1, _MOST_PIECES).astype(int)
         owner = np.repeat(np.arange(len(count)), count)
         number = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
         start, way = self.segments[owner, :2], (self.segments[:, 2:] - self.segments[:, :2])[owner]
