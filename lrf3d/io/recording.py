@@ -155,8 +155,8 @@ class Journal:
         self._begin = len(header)
         kept = keep and _is_of(path, fingerprint)
         if not kept:
-            # Unbuffered: what does not fit on the disk is not written again when it is closed.
-            with opened_own(path, fresh=True, buffering=0) as file:
+            # Closed at once, also where the disk is full.
+            with opened_own(path, fresh=True) as file:
                 file.write(header)
         self._file = opened_own(path, buffering=BUFFER_BYTES)
         self.scans = len(self._valid_rows())
