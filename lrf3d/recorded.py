@@ -18,6 +18,7 @@ from lrf3d.interrupts import Progress, check, silent, stoppable
 from lrf3d.io import LaserLog, load_log
 from lrf3d.io.reading import odometry_of
 from lrf3d.laser import LaserRangeFinder, LaserScan, doubtful_ranges
+from lrf3d.laser.range_finder import CENTRE
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.pose import Pose, compose
@@ -177,7 +178,10 @@ class SolvedLog:
     def run(self) -> Run:
         """The drive as a run, in the walls that its key scans show."""
         slam, keys = self.slam, self.slam.key_scans
-        poses = compose(self.poses, np.array([self.log.odometry.laser_offset, 0.0, 0.0]))
+        mount = self.scans[0].mount
+        if mount == CENTRE:
+            mount = Pose(self.log.odometry.laser_offset, 0.0, 0.0)
+        poses = compose(self.poses, np.array(mount))
         poses[:, 2] = np.unwrap(poses[:, 2])
         chosen = np.unique(np.linspace(0, len(keys) - 1, MOST_COVARIANCES).astype(np.int64))
         estimate = slam.estimate(poses, keys[chosen], slam.covariances(chosen))

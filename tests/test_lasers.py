@@ -120,3 +120,18 @@ def test_a_mount_that_makes_no_sense_is_reported(mount, expected):
         lrf3d.LaserRangeFinder(mount=mount)
     with pytest.raises(InputError, match="two of the name 'laser'"):
         lrf3d.Simulation(ROOM, ROUTE, [lrf3d.LaserRangeFinder()] * 2)
+
+
+def test_a_carmen_log_says_where_its_laser_is_mounted(tmp_path):
+    wheels = lrf3d.WheelOdometry(scale=0.02)
+    run = lrf3d.simulate(ROOM, ROUTE, [FRONT, REAR], rng=0, noise=QUIET, odometry=wheels)
+    lrf3d.export_run(run, "carmen", tmp_path / "drive.log")
+    text = (tmp_path / "drive.log").read_text()
+    assert text.count("\nROBOTLASER1 ") == text.count("\nROBOTLASER2 ") == len(run)
+    log = lrf3d.load_log(tmp_path / "drive.log")
+    assert log.scans[3].mount == pytest.approx(FRONT.mount, abs=1e-9)
+    truth = lrf3d.load_log(tmp_path / "drive.log", poses="truth")
+    assert truth.scans[3].pose == pytest.approx(run.scan(3).pose, abs=1e-9)
+    found = lrf3d.slam_log(log).trajectory.poses
+    true = np.array([run.scan(k).pose for k in range(len(run))])
+    assert np.hypot(*(found - true)[:, :2].T).max() < 0.03

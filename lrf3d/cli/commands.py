@@ -99,6 +99,7 @@ The ending of --out selects the kind.
 --from S: Begin the film at this time of the run [s].
 --to S: End the film at this time of the run [s].
 --points-by range|intensity: What the colour of hit points shows; that of the run if not given.
+--trajectory FILE: Show this estimate, a TUM file, beside the truth.
 
 {FILM}
 
@@ -144,6 +145,20 @@ Services: pause, reset and step. Ctrl-C ends it. Words after --ros-args are for 
 {DRIVE}
 
 Example: lrf3d ros city --rate 10""",
+    "score": f"""\
+Score somebody else's trajectory and map of a run against the truth.
+
+Absolute and relative errors are those of evo_ape and evo_rpe: poses are matched by their stamps,
+which are those of the run, and the trajectory is aligned with the true one. A map is moved along.
+
+Writes score.png and summary.json.
+
+{RUN}
+--trajectory FILE: The estimate, a TUM file: lines t x y z qx qy qz qw.
+--map FILE: Its map: .geojson, .toml or the .yaml of a ROS map.
+-o --out FOLDER: Folder for the results; that of the run and _score if not given.
+
+Example: lrf3d score out/city --trajectory theirs.tum""",
     "export": f"""\
 Write a run for another program.
 

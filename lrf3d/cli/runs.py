@@ -36,6 +36,11 @@ def render(run: Run, args: Namespace, report: Report) -> None:
             else f"--out {args.out}: a .png is one picture; give its time with --at TIME"
         )
     path = _output(args, "run.png" if picture else "run.mp4")
+    if args.trajectory is not None:
+        from lrf3d.cli.scores import with_trajectory
+        from lrf3d.io.trajectory_files import load_tum
+
+        run = with_trajectory(run, load_tum(args.trajectory))
     if args.points_by is not None:
         run = replace(run, film=replace(run.film, points_by=args.points_by))
     if picture:

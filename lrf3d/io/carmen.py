@@ -50,7 +50,8 @@ from lrf3d.io.laser_log import (
     without_no_returns,
 )
 from lrf3d.laser import LaserScan
-from lrf3d.pose import Pose, as_pose
+from lrf3d.laser.range_finder import CENTRE
+from lrf3d.pose import Pose, as_pose, between
 from lrf3d.robot import Trajectory
 
 if TYPE_CHECKING:
@@ -66,6 +67,9 @@ GZIP = b"\x1f\x8b"
 """First bytes of gzipped files, whatever their name is."""
 
 TRACKS = {b"ODOM": "odom", b"TRUEPOS": "truth"}
+
+STEADY = 1e-3
+"""How far mounts of one laser may differ [m], [rad]: logs round their numbers."""
 
 HOST = "lrf3d"
 """The host name in messages."""
@@ -102,7 +106,9 @@ def load_carmen(
     if not reading.scans:
         why = f"; {bad_count} bad lines, first {bad[0]}" if bad else ""
         raise InputError(f"{path}: no laser scan in it, expected FLASER or ROBOTLASER1 lines{why}")
-    wheels = reading.wheels()
+    wheels, mount = reading.wheels(), reading.mount()
+    if wheels and mount != CENTRE:
+        reading.scans = [replace(scan, mount=mount) for scan in reading.scans]
     log = LaserLog(
         log_name(path),
         without_no_returns(reading.scans) if largest_range is None else reading.scans,
@@ -146,7 +152,11 @@ def _placed_by(log: LaserLog, tracks: Mapping[str, Trajectory], name: str, path:
     if not inside.any():
         raise InputError(f"{path}: no scan within the time of the poses from {name}")
     rows = zip(log.scans, track.at(log.times).tolist(), inside, strict=True)
-    scans = [replace(scan, pose=Pose(*pose)) for scan, pose, known in rows if known]
+    scans = [
+        replace(scan, pose=Pose(*pose) if scan.mount == CENTRE else Pose(*pose) @ scan.mount)
+        for scan, pose, known in rows
+        if known
+    ]
     wheels = log.wheels and replace(log.wheels, places=log.wheels.places[inside])
     source = "ODOM messages" if name == "odom" else "TRUEPOS messages"
     return replace(log, scans=scans, source=source, wheels=wheels)
@@ -160,7 +170,7 @@ class _Reading:
         self.readings = self.not_numbers = 0
         self.offset = 0.0
         self._largest_range = largest_range
-        self._kind = b""
+        self._kind, self._robots = b"", list[Pose]()
         self._places: list[int] = []
         self._stamped: dict[str, list[tuple[float, Pose]]] = {"odom": [], "truth": []}
 
@@ -223,8 +233,21 @@ class _Reading:
         ranges[~(ranges < farthest)] = inf
         ranges[ranges == 0.0] = -inf
         stamp, pose = _number(words, time, "time"), _pose(words, place)
+        self._robots.append(pose if is_front else _pose(words, place + 3))
         angles = _angles(count, start, step)
         return LaserScan(pose, angles, ranges, range_max=farthest, time=stamp)
+
+    def mount(self) -> Pose:
+        """The pose of the laser on the robot, if all scans agree on one; else the centre."""
+        lasers = np.array([scan.pose for scan in self.scans])
+        mounts = between(np.array(self._robots), lasers)
+        apart = mounts - mounts[0]
+        apart[:, 2] = wrap_angle(apart[:, 2])
+        far = float(np.hypot(*mounts[0, :2]))
+        if np.abs(apart).max() > STEADY or far > FARTHEST_LASER:
+            return CENTRE
+        mount: Float = np.where(np.abs(mounts[0]) > STEADY, np.median(mounts, axis=0), 0.0)
+        return Pose(*mount.tolist())
 
     def tracks(self) -> dict[str, Trajectory]:
         """The trajectories of ODOM and TRUEPOS messages.

@@ -18,6 +18,7 @@ from lrf3d.errors import InputError
 from lrf3d.files import read_text, replacing
 from lrf3d.geometry import Float
 from lrf3d.io.laser_log import MOST_LINES
+from lrf3d.robot import Trajectory
 from lrf3d.scoring.trajectory_score import Relations
 
 
@@ -56,3 +57,32 @@ def save_tum(times: Float, poses: Float, path: str | Path) -> None:
     table = np.column_stack([times, poses[:, :2], np.sin(half), np.cos(half)])
     with replacing(path) as unfinished:
         np.savetxt(unfinished, table, fmt="%.6f %.6f %.6f 0 0 0 %.9f %.9f")
+
+
+def load_tum(path: str | Path) -> Trajectory:
+    """Read the trajectory in a TUM file; its stamps must rise.
+
+    Raises:
+        InputError: A line is not eight finite numbers with a unit quaternion, or stamps do not
+            rise; the message names the line.
+    """
+    rows = list[list[float]]()
+    for number, line in enumerate(read_text(path).split("\n"), 1):
+        words = line.partition("#")[0].replace(",", " ").split()
+        if not words:
+            continue
+        try:
+            row = [float(word) for word in words]
+        except ValueError:
+            row = []
+        if len(row) != 8 or not np.isfinite(row).all() or not 0.5 < np.linalg.norm(row[4:]) < 2.0:
+            raise InputError(f"{path}:{number}: expected t x y z and a quaternion qx qy qz qw")
+        if rows and row[0] <= rows[-1][0]:
+            raise InputError(f"{path}:{number}: the stamp {row[0]:.6f} s is not after the last")
+        rows.append(row)
+    if not rows:
+        raise InputError(f"{path}: no pose in it, expected lines t x y z qx qy qz qw")
+    table = np.array(rows)
+    x, y, z, w = table[:, 4:].T
+    theta = np.unwrap(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+    return Trajectory(table[:, 0], np.column_stack([table[:, 1:3], theta]))

@@ -55,8 +55,13 @@ def walls_of_picture(colours: Any, path: Path, resolution: float, threshold: flo
     The threshold is the grey, from 0 to 255, from which on a pixel is paper; found if not given.
     """
     colours = colours[::-1]
+    # Of four pixels the darkest stays, on dark paper the lightest: thin lines are not lost.
+    stays = np.minimum if colours[::16, ::16].mean() > 127.0 else np.maximum
+    coarse = ""
     while colours[..., 0].size > MOST_PIXELS:
-        colours, resolution = colours[::2, ::2], 2.0 * resolution
+        rows = stays(colours[:-1:2], colours[1::2])
+        colours, resolution = stays(rows[:, :-1:2], rows[:, 1::2]), 2.0 * resolution
+        coarse = f"; read at {resolution:g} m a pixel"
     contrast, lightness, key = contrast_of(colours)
     found = threshold_of(contrast) if threshold is None else (255.0 - threshold) / 255.0
     dark = contrast > found
@@ -74,7 +79,9 @@ def walls_of_picture(colours: Any, path: Path, resolution: float, threshold: flo
     how = "" if threshold is not None else ", found from the picture; --threshold sets it"
     words = [counted(number, what) for what, number in left_out.items() if number]
     left = f"; left out: {', '.join(words)}" if words else ""
-    said = f"{path}: walls are darker than grey {255.0 * (1.0 - found):.0f} of 255{how}{left}"
+    said = (
+        f"{path}: walls are darker than grey {255.0 * (1.0 - found):.0f} of 255{how}{coarse}{left}"
+    )
     warnings.warn(f"{said}; `lrf3d world show` draws what is left", Lrf3dNote, stacklevel=2)
     objects = connected(segments, 0.5 * resolution)
     return World(segments, objects, heights, own_name(path))

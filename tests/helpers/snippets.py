@@ -25,6 +25,8 @@ from benchmarks import paper
 from benchmarks.__main__ import PARTS, bench
 from benchmarks.report import program
 from lrf3d.cli.parser import parse
+from lrf3d.io import load_run
+from lrf3d.io.trajectory_files import save_tum
 from lrf3d.scenario import load_scenario
 from stress import command as stress
 
@@ -110,6 +112,8 @@ class Workshop:
         for name, to in (("drive.log.gz", "carmen"), ("drive.mcap", "mcap")):
             self.call(f"lrf3d export out/city --to {to} --out {name}")
         self.call("lrf3d export out/city --to rosbag2 --out rosbag2_2026_01_31")
+        run = load_run("out/city")
+        save_tum(run.trajectory.times, run.trajectory.poses, "theirs.tum")
         Path("drive.relations").write_text("0 1 1.0 0.0 0.0\n")
         Path("examples").symlink_to(ROOT / "examples")
         worlds = damaged_worlds.valid()

@@ -152,6 +152,17 @@ def test_what_is_small_and_loose_is_no_wall_but_pillars_are(tmp_path):
     assert len(pillar) == 4 and pillar[:, ::2].min() > 5.9
 
 
+@pytest.mark.parametrize("paper", [0, 255])
+def test_a_very_large_picture_is_read_coarser_and_keeps_its_lines(paper, tmp_path, monkeypatch):
+    monkeypatch.setattr("lrf3d.world.pictures.MOST_PIXELS", 1 << 17)
+    sheet = Sheet((paper, paper, paper))
+    sheet.draw.line(sheet.at((0, 0), (9, 0), (9, 6)), fill=(255 - paper,) * 3)
+    with pytest.warns(Lrf3dNote, match=r"read at 0\.04 m a pixel"):
+        world = sheet.read(tmp_path)
+    assert len(world.segments) == 2
+    assert world.bounds == pytest.approx(np.array([[1, 1], [10, 7]]), abs=0.06)
+
+
 def test_a_maze_of_centimetres_is_no_hatching(tmp_path):
     sheet = Sheet()
     for x in range(10):
