@@ -16,7 +16,7 @@ from lrf3d.interrupts import check
 CURVE_ERROR = 0.005
 """Largest distance [m] of chords from their curve: about the width of a laser beam."""
 
-MOST_MARKS, MOST_POINTS = 300_000, 3_000_000
+MOST_MARKS, MOST_POINTS = 150_000, 2_000_000
 """Largest numbers of marks and of points: of larger drawings, blocks that hold each other."""
 
 PEN, PAPER_PEN = 0.12, 1.05e-3
@@ -123,6 +123,7 @@ def area_of(rings: list[Float], winding: bool = False) -> Any:
     tree = shapely.STRtree(parts)
     inner, outer = tree.query(parts, predicate="covered_by")
     depth = np.bincount(inner, minlength=len(parts))
+    _check_overlaps(len(inner) - len(parts))
     number = np.bincount(inner, turns[outer], len(parts)) if winding else depth % 2
     area = shapely.union_all(parts[(depth == 1) & (number != 0)])
     for level in range(2, int(depth.max(initial=1)) + 1):
@@ -174,6 +175,7 @@ def _seen(marks: list[Mark]) -> list[Mark]:
         covers = shapely.buffer(shapes[hiding], -HIDDEN, join_style="mitre")
         cover, under = shapely.STRtree(shapes).query(covers, predicate="intersects")
         pairs = np.stack([under, cover])[:, under < hiding[cover]]
+        _check_overlaps(pairs.shape[1])
         order = np.argsort(pairs[0], kind="stable")
         for over in np.split(order, np.flatnonzero(np.diff(pairs[0, order])) + 1):
             check()
@@ -192,6 +194,12 @@ def _seen(marks: list[Mark]) -> list[Mark]:
         for mark, shape in zip(marks, shapes, strict=True)
         if mark.contrast >= 0.08 and not shape.is_empty
     ]
+
+
+def _check_overlaps(count: int) -> None:
+    """Bound the pairs of areas and lines that lie on each other: each pair is work."""
+    if count > MOST_MARKS:
+        raise WorldError(f"has more than {MOST_MARKS:,} areas and lines that lie on each other")
 
 
 def is_area(shape: Any) -> bool:

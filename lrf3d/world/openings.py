@@ -15,6 +15,9 @@ SWEEP = np.radians([40.0, 100.0])
 WIDTHS = 0.4, 1.7
 """Least and largest width [m] of a leaf."""
 
+MOST_DOORS = 5000
+"""Most arcs that are looked at."""
+
 NEAR = 0.12
 """How far a leaf may be from hinge and arc, as a share of its width: it has a thickness."""
 
@@ -35,7 +38,7 @@ def find_doors(segments: Float, line: Int, free: Bool) -> tuple[list[Door], Bool
     from scipy.spatial import cKDTree
 
     part = np.zeros(len(segments), dtype=bool)
-    arcs = [arc for arc in _arcs(segments, line) if free[arc[0]].all()]
+    arcs = [arc for arc in _arcs(segments, line) if free[arc[0]].all()][:MOST_DOORS]
     if not arcs:
         return [], part
     for run, *_ in arcs:

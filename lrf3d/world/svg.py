@@ -18,13 +18,16 @@ import numpy as np
 from lrf3d.errors import WorldError, shown
 from lrf3d.geometry import LARGEST_COORDINATE, Float
 from lrf3d.world.drawing import CURVE_ERROR, Canvas, Mark, curve_points, is_area, pen_of
-
-PIXEL = 0.0254 / 96.0
-"""The unit of numbers without one [m]: 1/96 in."""
-
-UNITS = {"": PIXEL, "px": PIXEL, "m": 1.0, "cm": 1e-2, "mm": 1e-3, "q": 0.25e-3}
-UNITS |= {"in": 0.0254, "pt": 0.0254 / 72.0, "pc": 0.0254 / 6.0, "em": 16.0 * PIXEL}
-"""Metres in the units of lengths."""
+from lrf3d.world.svg_values import (
+    PIXEL,
+    colour_of,
+    declarations,
+    length,
+    numbers,
+    share,
+    style_sheet,
+    tag,
+)
 
 INHERITED = frozenset(
     "fill stroke stroke-width stroke-linecap visibility color fill-rule clip-rule fill-opacity"
@@ -58,15 +61,15 @@ def draw_svg(path: Path, scale: float) -> Canvas:
         root = ElementTree.parse(path).getroot()
     except ElementTree.ParseError as error:
         raise WorldError(f"not XML: {error}") from None
-    if _name(root) != "svg":
-        raise WorldError(f"<{_name(root)[:40]}> where <svg> was expected: not an SVG drawing")
+    if tag(root) != "svg":
+        raise WorldError(f"<{tag(root)[:40]}> where <svg> was expected: not an SVG drawing")
     width, height = _size(root)
     # A drawing on paper is a thousandth of the size of what it shows.
     tolerance = min(CURVE_ERROR, 2e-4 * max(width, height) * PIXEL * scale)
     painter = _Painter(root, Canvas(tolerance), pen_of(scale))
     up = scale * PIXEL * np.array([[1.0, 0.0, 0.0], [0.0, -1.0, height], [0.0, 0.0, 0.0]])
     up[2, 2] = 1.0
-    box = root.get("viewBox") and _numbers(root.get("viewBox", ""))
+    box = root.get("viewBox") and numbers(root.get("viewBox", ""))
     matrix = _fitted(root, (0.0, 0.0, width, height), box or None)
     size = (box[2], box[3]) if box else (width, height)
     painter.children(root, painter.state(root, State(up @ matrix, size), transformed=False))
@@ -78,13 +81,13 @@ class _Painter:
 
     def __init__(self, root: Element, canvas: Canvas, pen: float) -> None:
         self.canvas, self.pen = canvas, pen
-        self.sheet = _sheet(root)
+        self.sheet = style_sheet(root)
         self.by_id = {each.get("id"): each for each in root.iter() if each.get("id")}
 
     def state(self, element: Element, outer: State, transformed: bool = True) -> State:
         """The state of what is in an element."""
         own = {key: value.strip() for key, value in element.attrib.items()}
-        own |= self.sheet.get(element, {}) | _declarations(element.get("style", ""))
+        own |= self.sheet.get(element, {}) | declarations(element.get("style", ""))
         style = {k: v for k, v in outer.style.items() if k in INHERITED}
         style |= {k: v for k, v in own.items() if v != "inherit"}
         matrix = outer.matrix
@@ -97,9 +100,9 @@ class _Painter:
         state = outer._replace(
             matrix=matrix,
             style=style,
-            alpha=outer.alpha * _share(style.get("opacity", "1")),
+            alpha=outer.alpha * share(style.get("opacity", "1")),
             names=tuple(filter(None, names)) + outer.names,
-            layer=chosen or outer.layer or (named if _name(element) in GROUPS else ""),
+            layer=chosen or outer.layer or (named if tag(element) in GROUPS else ""),
             depth=outer.depth + 1,
         )
         for key in ("clip-path", "mask"):
@@ -111,13 +114,13 @@ class _Painter:
         """Paint what is in an element."""
         if state.depth > DEEPEST:
             raise WorldError(f"has groups or uses within each other, more than {DEEPEST} deep")
-        for child in list(element)[:1] if _name(element) == "switch" else element:
+        for child in list(element)[:1] if tag(element) == "switch" else element:
             self.paint(child, state)
 
     def paint(self, element: Element, outer: State) -> None:
         """Paint an element."""
         self.canvas.count()
-        name = _name(element)
+        name = tag(element)
         if name in COUNTED:
             self.canvas.left_out[COUNTED[name]] += 1
         if name not in SHAPES and name not in GROUPS:
@@ -142,10 +145,10 @@ class _Painter:
         if target is None:
             self.canvas.left_out["use of what is not there"] += 1
             return
-        x = _length(element.get("x", "0"), state.size[0])
-        y = _length(element.get("y", "0"), state.size[1])
+        x = length(element.get("x", "0"), state.size[0])
+        y = length(element.get("y", "0"), state.size[1])
         state = state._replace(matrix=state.matrix @ _moved(x, y))
-        if _name(target) == "symbol":
+        if tag(target) == "symbol":
             inner = self.state(target, state)
             self.children(target, _viewport(target, element, inner, placed=True))
         else:
@@ -188,14 +191,14 @@ class _Painter:
             return
         if "url(" in style.get("fill", ""):
             canvas.left_out["pattern or gradient"] += 1
-        contrast, alpha = _colour(style, "fill", "black", state.alpha)
+        contrast, alpha = colour_of(style, "fill", "black", state.alpha)
         rule = style.get("clip-rule" if "clip-path" in style else "fill-rule", "nonzero")
-        if alpha > 0.02 and _name(element) != "line":
+        if alpha > 0.02 and tag(element) != "line":
             solid = mark._replace(contrast=contrast, opaque=alpha > 0.98)
             canvas.area(rings, solid, state.clip, winding=rule != "evenodd")
-        contrast, alpha = _colour(style, "stroke", "none", state.alpha)
+        contrast, alpha = colour_of(style, "stroke", "none", state.alpha)
         size = math.hypot(*state.size) / math.sqrt(2.0)
-        width = _length(style.get("stroke-width", "1"), size)
+        width = length(style.get("stroke-width", "1"), size)
         width *= math.sqrt(abs(np.linalg.det(state.matrix[:2, :2])))
         if alpha > 0.02 and width > 0.0:
             wide = width if width > self.pen or contrast < 0.08 else 0.0
@@ -213,9 +216,9 @@ def _outline(element: Element, state: State, tolerance: float) -> list[Float]:
     diagonal = math.hypot(wide, high) / math.sqrt(2.0)
 
     def number(key: str, whole: float = diagonal, usual: str = "0") -> float:
-        return _length(state.style.get(key, usual), whole)
+        return length(state.style.get(key, usual), whole)
 
-    kind = _name(element)
+    kind = tag(element)
     if kind == "path":
         path = svg.Path(element.get("d", state.style.get("d", "")))
     elif kind == "rect":
@@ -232,7 +235,7 @@ def _outline(element: Element, state: State, tolerance: float) -> list[Float]:
         one, two = [(number(f"x{n}", wide), number(f"y{n}", high)) for n in (1, 2)]
         path = svg.Path(svg.Move(one), svg.Line(one, two))
     else:
-        points = _numbers(element.get("points", ""))
+        points = numbers(element.get("points", ""))
         path = svg.Path(f"M{' '.join(map(str, points[: len(points) // 2 * 2]))}" if points else "")
         if kind == "polygon" and points:
             path.closed()
@@ -268,11 +271,11 @@ def _viewport(element: Element, sized: Element, state: State, placed: bool = Fal
     import shapely
 
     wide, high = state.size
-    x = 0.0 if placed else _length(element.get("x", "0"), wide)
-    y = 0.0 if placed else _length(element.get("y", "0"), high)
-    width = _length(sized.get("width", element.get("width", "100%")), wide)
-    height = _length(sized.get("height", element.get("height", "100%")), high)
-    box = _numbers(element.get("viewBox", "")) or None
+    x = 0.0 if placed else length(element.get("x", "0"), wide)
+    y = 0.0 if placed else length(element.get("y", "0"), high)
+    width = length(sized.get("width", element.get("width", "100%")), wide)
+    height = length(sized.get("height", element.get("height", "100%")), high)
+    box = numbers(element.get("viewBox", "")) or None
     clip = state.clip
     if state.style.get("overflow", "hidden") not in ("visible", "auto"):
         corners = np.array(shapely.box(x, y, x + width, y + height).exterior.coords)
@@ -295,8 +298,8 @@ def _fitted(element: Element, frame: tuple[float, ...], box: list[float] | None)
     sx, sy = width / box[2], height / box[3]
     if how[0] != "none":
         sx = sy = max(sx, sy) if "slice" in how else min(sx, sy)
-    share = {"Min": 0.0, "Mid": 0.5, "Max": 1.0}
-    ax, ay = share.get(how[0][1:4], 0.5), share.get(how[0][5:8], 0.5)
+    rest = {"Min": 0.0, "Mid": 0.5, "Max": 1.0}
+    ax, ay = rest.get(how[0][1:4], 0.5), rest.get(how[0][5:8], 0.5)
     x += ax * (width - sx * box[2]) - sx * box[0]
     y += ay * (height - sy * box[3]) - sy * box[1]
     return np.array([[sx, 0.0, x], [0.0, sy, y], [0.0, 0.0, 1.0]])
@@ -314,7 +317,7 @@ def _transform(style: dict[str, str], size: tuple[float, float]) -> Float:
     sides = {"left": "0%", "top": "0%", "center": "50%", "right": "100%", "bottom": "100%"}
     if words[0] in ("top", "bottom"):
         words = [*words[1:], "center"][:1] + words[:1]
-    x, y = (_length(sides.get(w, w), side) for w, side in zip([*words, "50%"], size, strict=False))
+    x, y = (length(sides.get(w, w), side) for w, side in zip([*words, "50%"], size, strict=False))
     about: Float = _moved(x, y) @ matrix @ _moved(-x, -y)
     return about
 
@@ -323,61 +326,18 @@ def _moved(x: float, y: float) -> Float:
     return np.array([[1.0, 0.0, x], [0.0, 1.0, y], [0.0, 0.0, 1.0]])
 
 
-def _colour(style: dict[str, str], key: str, usual: str, alpha: float) -> tuple[float, float]:
-    """How far a colour is from white, and how opaque it is, both from 0 to 1."""
-    from svgelements import Color
-
-    text = style.get(key, usual)
-    text = style.get("color", "black") if text.lower() == "currentcolor" else text
-    if "url(" in text:
-        return 0.3, alpha
-    colour = Color(text)
-    if text == "none" or colour.value is None:
-        return 0.0, 0.0
-    alpha *= colour.alpha / 255.0 * _share(style.get(f"{key}-opacity", "1"))
-    return alpha * (1.0 - min(colour.red, colour.green, colour.blue) / 255.0), alpha
-
-
-def _sheet(root: Element) -> dict[Element, dict[str, str]]:
-    """What the style sheets of a drawing say of its elements."""
-    import cssselect2
-    import tinycss2
-
-    matcher = cssselect2.Matcher()
-    texts = ["".join(each.itertext()) for each in root.iter() if _name(each) == "style"]
-    for rule in tinycss2.parse_stylesheet("\n".join(texts), True, True):
-        if rule.type == "qualified-rule":
-            content = _declarations(tinycss2.serialize(rule.content))
-            try:
-                for selector in cssselect2.compile_selector_list(rule.prelude):
-                    matcher.add_selector(selector, content)
-            except cssselect2.SelectorError:
-                continue
-    said = dict[Element, dict[str, str]]()
-    for each in cssselect2.ElementWrapper.from_xml_root(root).iter_subtree():
-        # From the least specific rule on.
-        for *_, content in matcher.match(each):
-            said.setdefault(each.etree_element, {}).update(content)
-    return said
-
-
-def _declarations(text: str) -> dict[str, str]:
-    parts = (part.partition(":") for part in re.sub(r"/\*.*?\*/", "", text).split(";"))
-    return {key.strip().lower(): value.replace("!important", "").strip() for key, _, value in parts}
-
-
 def _size(root: Element) -> tuple[float, float]:
     """Width and height of a sheet [px]; a side that is not given follows from the ``viewBox``."""
     sides: list[float | None] = []
     for key in ("width", "height"):
         text = root.get(key, "").strip()
         given = text not in ("", "auto") and not text.endswith("%")
-        length = _length(text, math.nan) if given else math.nan
-        if given and not 0.0 < length <= LARGEST_COORDINATE:
+        side = length(text, math.nan) if given else None
+        if side is not None and not 0.0 < side <= LARGEST_COORDINATE:
             raise WorldError(f"{key} is {shown(text)}, expected a length above 0 such as 120mm")
-        sides.append(length if given else None)
+        sides.append(side)
     width, height = sides
-    box = _numbers(root.get("viewBox", "0 0 1 1"))
+    box = numbers(root.get("viewBox", "0 0 1 1"))
     wide, high = box[2:] if len(box) == 4 else (math.nan, math.nan)
     if not (min(wide, high) > 1e-9 and max(wide, high) <= LARGEST_COORDINATE):
         found = shown(root.get("viewBox"))
@@ -385,28 +345,3 @@ def _size(root: Element) -> tuple[float, float]:
     if width is None:
         width = wide if height is None else height * wide / high
     return width, width * high / wide if height is None else height
-
-
-def _length(text: str, whole: float) -> float:
-    """A length [px], or a part of the whole; NaN if it is none."""
-    match = re.fullmatch(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*([a-zA-Z]*|%)\s*", text)
-    if not match:
-        return math.nan
-    if match[2] == "%":
-        return float(match[1]) * whole / 100.0
-    unit = match[2].lower()
-    return float(match[1]) * UNITS[unit] / PIXEL if unit in UNITS else math.nan
-
-
-def _share(text: str) -> float:
-    share = _length(text, 1.0)
-    return min(max(share, 0.0), 1.0) if share == share else 1.0
-
-
-def _numbers(text: str) -> list[float]:
-    return [float(each) for each in re.findall(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", text)]
-
-
-def _name(element: Element) -> str:
-    name = str(element.tag)
-    return name.rpartition("}")[2] if "}" not in name or "/svg}" in name else ""
