@@ -43,11 +43,11 @@ class Body(Value):
             return
         from shapely import Point, Polygon
 
-        corners = as_rows(self.outline, "robot: outline", 2, least=3, row="corner")
+        corners = as_rows(self.outline, "outline", 2, least=3, row="corner")
         shape = Polygon(corners)
         if not shape.is_valid or not shape.contains(Point(0.0, 0.0)):
             what = "contain the robot's centre (0, 0)" if shape.is_valid else "be free of crossings"
-            raise InputError(f"robot: outline: expected to {what}")
+            raise InputError(f"outline: expected to {what}")
         if not shape.exterior.is_ccw:
             object.__setattr__(self, "outline", corners[::-1])
         self._hold("outline")

@@ -380,19 +380,20 @@ def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
             height = given.get("height", DEFAULT_HEIGHT)
             obstacles.append(DynamicObstacle(given.get("points", outline), path, height))
     sigmas = noise.get("sigma", SIGMA)
-    return Scenario(
-        world=file.world,
-        lrf=lrf,
-        noise=own,
-        further=tuple(further),
-        compared=sigmas[1:] if isinstance(sigmas, tuple) else (),
-        obstacles=tuple(obstacles),
-        mapper=tables["mapper"],
-        **_motion_sensors(file, tables),
-        film=film,
-        name=own_name(file.path, file.world.name),
-        **robot,
-    )
+    with file.at("robot"):
+        return Scenario(
+            world=file.world,
+            lrf=lrf,
+            noise=own,
+            further=tuple(further),
+            compared=sigmas[1:] if isinstance(sigmas, tuple) else (),
+            obstacles=tuple(obstacles),
+            mapper=tables["mapper"],
+            **_motion_sensors(file, tables),
+            film=film,
+            name=own_name(file.path, file.world.name),
+            **robot,
+        )
 
 
 def _motion_sensors(file: WorldFile, tables: Mapping[str, Any]) -> dict[str, Any]:

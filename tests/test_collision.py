@@ -14,12 +14,13 @@ from lrf3d import (
     Simulation,
     Trajectory,
     World,
+    WorldError,
 )
 from lrf3d.casting.dynamic_obstacle import round_outline
 from lrf3d.collision import Body, CollisionChecker
 from lrf3d.fleet import simulate_fleet
 from lrf3d.robot.unicycle import hold
-from lrf3d.scenario import Scenario
+from lrf3d.scenario import Scenario, load_scenario
 
 BOX = [(-0.3, -0.2), (0.3, -0.2), (0.3, 0.2), (-0.3, 0.2)]
 WALL = World([[2.0, -5.0, 2.0, 5.0]])
@@ -211,6 +212,16 @@ def test_an_outline_that_is_no_body_is_refused(outline, message):
             make()
     with pytest.raises(InputError, match="on_collision"):
         Simulation(WALL, Ahead(), on_collision="bounce")
+
+
+def test_an_outline_in_a_world_file_is_the_body_or_an_error_that_names_the_file(tmp_path):
+    path = tmp_path / "yard.toml"
+    wall = "[[object]]\npoints = [[9, 0], [9, 1]]\n[robot]\noutline = "
+    path.write_text(wall + "[[-0.3, -0.2], [0.4, -0.2], [0.0, 0.3]]")
+    assert load_scenario(path).radius == pytest.approx(np.hypot(0.4, 0.2))
+    path.write_text(wall + "[[1, 1], [2, 1], [2, 2]]")
+    with pytest.raises(WorldError, match=r"yard.toml: robot.*outline: expected to contain"):
+        load_scenario(path)
 
 
 def fleet(drives, starts=None, **settings):
