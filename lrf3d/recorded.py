@@ -16,6 +16,7 @@ from lrf3d.errors import InputError, Lrf3dWarning
 from lrf3d.geometry import Float, lengths
 from lrf3d.interrupts import Progress, check, silent, stoppable
 from lrf3d.io import LaserLog, load_log
+from lrf3d.io.laser_log import on_one_fan
 from lrf3d.io.reading import odometry_of
 from lrf3d.laser import LaserRangeFinder, LaserScan, doubtful_ranges
 from lrf3d.laser.range_finder import CENTRE
@@ -26,6 +27,7 @@ from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.run import Run, is_snapshot
 from lrf3d.slam import Slam
 from lrf3d.slam.front_end import KEY_DISTANCE
+from lrf3d.slam.mounting import doubtful_mount
 from lrf3d.slam.odometry import (
     Recording,
     Repairs,
@@ -87,11 +89,11 @@ def map_log(
         The mapped scans as a run, in the walls that they show.
 
     Raises:
-        InputError: There is no such mode, the noise is invalid, the scans are of several lasers, or
-            they show no wall.
+        InputError: There is no such mode, the noise is invalid, the poses are not known, or the
+            scans show no wall.
 
     Warns:
-        Lrf3dWarning: The ranges are hardly in metres.
+        Lrf3dWarning: The ranges are hardly in metres, or the laser is mounted otherwise.
 
     Examples:
         >>> import lrf3d
@@ -104,13 +106,16 @@ def map_log(
         >>> len(mapped), score_log(mapped.map, odd).explained > 0.9
         (5, True)
     """
-    log = _of_one_laser(log if isinstance(log, LaserLog) else load_log(log))
-    every, mapper = slice(None, None, 1 if all_scans else 2), LineMapper(mode, sigma=sigma)
-    scans, poses = log.scans[every], log.poses[every]
+    log = _readable(log if isinstance(log, LaserLog) else load_log(log))
+    if not log.placed:
+        raise InputError(f"{log.name}: no poses in it ({log.source}); lrf3d slam finds them")
+    chosen, mapper = np.flatnonzero(~log.is_odd | all_scans), LineMapper(mode, sigma=sigma)
+    scans, poses = [log.scans[k] for k in chosen], log.poses[chosen]
     keys = range(len(scans))
     run = _run_of(log.name, scans, poses, keys, mapper, snapshots=1, progress=progress)
-    if doubt := doubtful_ranges(log.scans):
-        warnings.warn(f"map: {log.name}: {doubt}", Lrf3dWarning, stacklevel=2)
+    for doubt in (doubtful_ranges(log.scans), doubtful_mount(log.scans)):
+        if doubt:
+            warnings.warn(f"map: {log.name}: {doubt}", Lrf3dWarning, stacklevel=2)
     return run
 
 
@@ -172,7 +177,15 @@ class SolvedLog:
     def warnings(self) -> list[str]:
         """What users should know of the solution, a sentence each."""
         mirrored = self.repairs.sentences()[:1] if self.repairs.mirrored else []
-        return [*mirrored, *self.check.sentences()]
+        mount = doubtful_mount(self.log.scans, mirrored=False)
+        return [*mirrored, *([mount] if mount else []), *self.check.sentences()]
+
+    @property
+    def odometry(self) -> str:
+        """Where the odometry comes from, in words."""
+        if not self.log.placed:
+            return "none: by the laser alone"
+        return "the poses of the scans" if self.log.wheels is None else "ODOM lines"
 
     @cached_property
     def run(self) -> Run:
@@ -197,7 +210,7 @@ class SolvedLog:
             "log": {
                 **log.counts,
                 "odometry_lines": len(self.line_poses),
-                "odometry": "the poses of the scans" if log.wheels is None else "ODOM lines",
+                "odometry": self.odometry,
                 **asdict(self.repairs),
             },
             "map": {"segments": len(line_map), "objects": line_map.object_count},
@@ -230,7 +243,8 @@ def solve_log(
     """
     if not isinstance(log, LaserLog):
         log = load_log(log, poses=odometry_of(log))
-    log = _of_one_laser(log)
+    log = _readable(log)
+    log = log.of_laser(log.lasers[0])
     offset = log.odometry.laser_offset
     try:
         recording = _checked(log)
@@ -239,7 +253,9 @@ def solve_log(
     except InputError as error:
         raise InputError(f"{log.name}: {error}") from None
     scans, places = recording.scans, recording.places
-    increments = path.increments(places - fitted_lag(turns, path, places))
+    increments: Sequence[Float | None] = [None] * len(scans)
+    if log.placed:
+        increments = list(path.increments(places - fitted_lag(turns, path, places)))
     start = path.at(places[:1].astype(np.float64))[0]
     # The beginning is followed twice: at first the errors of the wheels are not known.
     slam = Slam(laser_offset=offset)
@@ -261,29 +277,31 @@ def solve_log(
     # Now that the poses of all scans are known, all of them show the lag.
     lag = fitted_lag(np.diff(poses[:, 2]), path, places)
     lines = line_poses(path, places, lag, poses)[recording.rows]
-    # Where the poses of the scans are the odometry, these are those of the laser.
-    lines = compose(lines, np.array(log.mount.inverse()))
     lines[:, 2] = np.unwrap(lines[:, 2])
     found = recording.repairs, slam.self_check()
     return SolvedLog(log, slam, scans, poses, lines, lag, *found, passes)
 
 
-def _of_one_laser(log: LaserLog) -> LaserLog:
-    """A log with its scans at the angles of the first, refused if they are of several lasers."""
+def _readable(log: LaserLog) -> LaserLog:
+    """A log whose scans share the angles where they hardly differ, refused if it is useless."""
     if not log.scans:
         raise InputError(f"{log.name}: a log without scans; expected at least one")
-    first = log.scans[0].angles
-    for number, scan in enumerate(log.scans):
-        if scan.angles.shape != first.shape or np.abs(scan.angles - first).max() > JITTER:
-            raise InputError(
-                f"{log.name}: scan {number} has {len(scan.ranges)} beams at other angles than the"
-                " first; expected scans of one laser range finder"
-            )
     stamps = np.concatenate([log.odometry.times, log.times])
     if (latest := np.abs(stamps).max()) > LATEST:
         raise InputError(f"{log.name}: a stamp of {latest:g} s; expected seconds")
-    even = [scan if scan.angles is first else replace(scan, angles=first) for scan in log.scans]
+    first = log.scans[0].angles
+    even = [replace(scan, angles=first) if _alike(scan, first) else scan for scan in log.scans]
     return replace(log, scans=even)
+
+
+def _alike(scan: LaserScan, angles: Float) -> bool:
+    """Whether a scan has other angles, which differ from these by rounding."""
+    own = scan.angles
+    return (
+        own is not angles
+        and own.shape == angles.shape
+        and bool(np.abs(own - angles).max() <= JITTER)
+    )
 
 
 def _checked(log: LaserLog) -> Recording:
@@ -351,19 +369,18 @@ def _run_of(
         raise InputError(
             f"{name}: {len(scans)} scans show no wall, so that there is no map; {reason}"
         )
-    first, usual = scans[0], LaserRangeFinder().range_max
-    # A laser that is mounted upside down turns clockwise; the range finder of a run does not.
-    order = -1 if first.angles[0] > first.angles[-1] else 1
-    begin, end = first.angles[::order][[0, -1]].tolist()
-    ranges = np.array([scan.ranges[::order] for scan in scans])
-    # Some drivers give no limit: it is the usual one, or what was measured beyond it.
-    beyond = float(ranges.max(initial=usual, where=np.isfinite(ranges)))
-    farthest = first.range_max if np.isfinite(first.range_max) else beyond
+    angles, ranges = on_one_fan(scans)
+    begin, end = angles[[0, -1]].tolist()
+    nearest, farthest = min(s.range_min for s in scans), max(s.range_max for s in scans)
+    if farthest == np.inf:
+        # Some drivers give no limit: it is the usual one, or what was measured beyond it.
+        usual = LaserRangeFinder().range_max
+        farthest = float(ranges.max(initial=usual, where=np.isfinite(ranges)))
     # Stamps count from 1970; the clock of a run begins with it.
     times = rising(np.array([scan.time for scan in scans]))
     return Run(
         World(line_map.segments[solid], line_map.objects[solid], name=name),
-        LaserRangeFinder(begin, end, len(first.angles), first.range_min, farthest),
+        LaserRangeFinder(begin, end, len(angles), nearest, farthest),
         Trajectory(times - times[0], poses),
         ranges,
         ranges,

@@ -31,8 +31,11 @@ ROUTE = """\
 --ignore-collisions: Only warn if the robot hits a wall."""
 MODE = "--mode robust|paper: Mode of the mapper."
 LOG = """\
---largest-range M: CARMEN: readings [m] of this or more are no return.
---scan-topic TOPIC: Bags: topic of the scans; /scan if not given."""
+--largest-range M: Readings [m] of this or more are no return.
+--scan-topic TOPIC: Bags: topic of the scans; all lasers of the robot of /scan if not given.
+--format FORMAT: Text: its columns, such as stamp:us,x,y,theta,ranges:mm@25,first=-120deg,
+ last=120deg, or minesrover or lego; found if not given.
+--part N: Bags whose stamps go back: which part is read; the longest one if not given."""
 WORKERS = "--workers PROCESSES: Number of processes; one for each core if not given."
 DRIVE = f"""\
 World and drive:
@@ -194,7 +197,8 @@ root, else odometry. The summary says which.
 
 Writes map.geojson, map.png and summary.json.
 
-LOG: A CARMEN log (.log, .clf, .gz), a ROS 2 bag (.mcap, .db3, a folder), or a run.
+LOG: A CARMEN log or a text of a scan a line, also gzipped, a ROS bag (.mcap, .db3, .bag, a folder),
+ arrays (.npz, .mat), or a run.
 {OUT}
 {MODE}
 --sigma M: Noise [m] of the ranges at the largest range.
@@ -211,7 +215,8 @@ estimated.
 
 Writes run.npz, map.geojson, map.png, trajectory.tum and summary.json.
 
-LOG: A CARMEN log (.log, .clf, .gz) or a ROS 2 bag (.mcap, .db3, a folder).
+LOG: A CARMEN log or a text of a scan a line, also gzipped, a ROS bag (.mcap, .db3, .bag, a folder),
+ or arrays (.npz, .mat).
 {OUT}
 --relations FILE: Score by known relative poses: lines a b dx dy dtheta of ODOM lines.
 --key-distance M: Distance [m] from one key scan to the next; 0.5 if not given.

@@ -63,8 +63,9 @@ def read_log(args: Namespace) -> LaserLog:
         check_ordinary(args.relations)
     poses = args.poses if args.command == "map" else odometry_of(args.log)
     return load_log(
-        args.log, largest_range=args.largest_range, poses=poses, scan_topic=args.scan_topic
-    )
+        args.log, largest_range=args.largest_range, poses=poses, scan_topic=args.scan_topic,
+        part=args.part, format=args.format,
+    )  # fmt: skip
 
 
 def read_sweep(args: Namespace) -> tuple[list[WorldFile], dict[str, Any]]:

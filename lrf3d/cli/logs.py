@@ -26,7 +26,8 @@ def map_(log: LaserLog, args: Namespace, report: Report) -> None:
     with report.progress("scans") as progress:
         progress, milliseconds = _timed(progress)
         run = map_log(log, **settings, all_scans=args.all, progress=progress)
-    score = score_log(run.map, [] if args.all else log.scans[1::2])
+    tests = [scan for scan, is_odd in zip(log.scans, log.is_odd, strict=True) if is_odd]
+    score = score_log(run.map, [] if args.all else tests)
     bad = [{line.kind: line.number, "reason": line.reason} for line in log.bad_lines]
     summary = {
         "name": log.name,
@@ -115,7 +116,9 @@ def _finish(
 
 def _log_rows(log: LaserLog, poses: str = "") -> list[tuple[str, str]]:
     """What a log held, and what was left out of it."""
-    beams = counted(len(log.scans[0].ranges), "beam")
+    sizes = [len(scan.ranges) for scan in log.scans]
+    least, most = min(sizes), max(sizes)
+    beams = (f"{least:,} to " if least < most else "") + counted(most, "beam")
     rows = [("log", f"{counted(len(log), 'scan')} of {beams}{poses}")]
     if log.bad_count:
         bad = counted(log.bad_count, f"bad {log.bad_lines[0].kind}")
@@ -126,13 +129,14 @@ def _log_rows(log: LaserLog, poses: str = "") -> list[tuple[str, str]]:
         rows.append(("", f"{taken}: each beam by its own time"))
     if log.not_numbers:
         rows.append(("", f"{counted(log.not_numbers, 'reading')} NaN: no return"))
-    return rows
+    return [*rows, *(("", note) for note in log.notes)]
 
 
 def _slam_rows(solved: SolvedLog, summary: dict[str, Any]) -> list[tuple[str, str]]:
     """What most users ask of a solved log, as a table."""
     found, poses = summary["slam"], counted(summary["log"]["odometry_lines"], "pose")
-    rows = _log_rows(solved.log, f", {poses} by odometry")
+    rows = _log_rows(solved.log, f", {poses} by odometry" if solved.log.placed else "")
+    rows += [] if solved.log.placed else [("odometry", solved.odometry)]
     rows += [("", sentence) for sentence in solved.repairs.sentences()]
     closed = counted(found["loop_closures"], "loop closure")
     rows.append(("drive", f"{found['length_m']:.0f} m, {closed}"))

@@ -2,7 +2,8 @@
 
 A log may be gzipped. Its scans have the logged poses, or those of odometry or ground truth at their
 times. In a log that a SLAM system has corrected, the logged poses are the corrected ones. These
-messages are read::
+messages are read, of which old and related programs leave out the end of FLASER, from the stamp or
+from odom_x on; DP-SLAM calls them Laser and Odometry::
 
     FLASER n r1 … rn  x y theta  odom_x odom_y odom_theta  time host logger_time
     ROBOTLASER1 type start fov step max_range accuracy mode  n r1 … rn  m s1 … sm  x y theta
@@ -10,6 +11,8 @@ messages are read::
     ODOM x y theta  v w acceleration  time host logger_time
     TRUEPOS x y theta  odom_x odom_y odom_theta  time host logger_time
     PARAM robot_frontlaser_offset metres  time host logger_time
+    Odometry x y theta
+    Laser n r1 … rn
 
 Lines that cannot be read are skipped and reported. If a log holds each scan twice, as an old and as
 a new message, only the kind that comes first is read.
@@ -28,7 +31,7 @@ from dataclasses import replace
 from functools import lru_cache
 from math import inf, isfinite, pi
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -38,6 +41,7 @@ from lrf3d.geometry import LARGEST_COORDINATE, Float, sealed, wrap_angle
 from lrf3d.interrupts import check
 from lrf3d.io.laser_log import (
     A_MESSAGE,
+    GZIPPED,
     LARGEST_LOG,
     LARGEST_RANGE,
     MOST_LINES,
@@ -63,8 +67,11 @@ FARTHEST_LASER = 10.0
 LONGEST_LINE = 1 << 20
 """Bytes that are read of a line, enough for 100,000 beams; what is left counts as more lines."""
 
-GZIP = b"\x1f\x8b"
-"""First bytes of gzipped files, whatever their name is."""
+SHORT_ENDS = {b"Laser": (0,), b"FLASER": (3, 6, 7, 8, 9)}
+"""Words after the ranges: up to the pose, the pose by odometry, the stamp, the host, or all."""
+
+UNTIMED = 0.1
+"""Time between scans that have no stamp [s]."""
 
 TRACKS = {b"ODOM": "odom", b"TRUEPOS": "truth"}
 
@@ -87,10 +94,8 @@ def load_carmen(
     says its range finder sees, or 50 m, or less if the largest reading of the log stands out.
     """
     path = as_path(path)
-    if largest_range is not None and not largest_range > 0.0:
-        raise InputError(f"largest range {largest_range}: expected metres, more than 0")
     reading, bad, bad_count = _Reading(largest_range), list[BadLine](), 0
-    for number, text, fault in _lines(path):
+    for number, text, fault in lines_of(path):
         try:
             if fault:
                 raise ValueError(fault)
@@ -107,26 +112,31 @@ def load_carmen(
         why = f"; {bad_count} bad lines, first {bad[0]}" if bad else ""
         raise InputError(f"{path}: no laser scan in it, expected FLASER or ROBOTLASER1 lines{why}")
     wheels, mount = reading.wheels(), reading.mount()
-    if wheels and mount != CENTRE:
-        reading.scans = [replace(scan, mount=mount) for scan in reading.scans]
+    scans, note = without_no_returns(reading.scans, largest_range)
+    notes = [note] * bool(note)
+    if reading.untimed:
+        notes.append(f"no stamps on {reading.untimed} scans: one each {UNTIMED:g} s assumed")
+    # Without ODOM lines the poses of the scans are the odometry, and those are the laser's.
+    mount = mount if wheels else Pose(reading.offset, 0.0, 0.0)
+    if mount != CENTRE:
+        scans = [replace(scan, mount=mount) for scan in scans]
     log = LaserLog(
         log_name(path),
-        without_no_returns(reading.scans) if largest_range is None else reading.scans,
+        scans,
         bad_count,
         tuple(bad),
         wheels=wheels,
-        # Without ODOM lines the poses of the scans are the odometry, and those are the laser's.
-        mount=Pose(0.0 if wheels else reading.offset, 0.0, 0.0),
         not_numbers=reading.not_numbers,
+        notes=tuple(notes),
     )
     return log if poses == "auto" else _placed_by(log, reading.tracks(), poses, path)
 
 
-def _lines(path: Path) -> Iterator[tuple[int, bytes, str]]:
+def lines_of(path: Path) -> Iterator[tuple[int, bytes, str]]:
     """The lines of a file, gzipped or not: number, bytes, and what is wrong, if anything."""
     number = size = 0
     with opened(path, what="a log") as file:
-        packed = file.read(len(GZIP)) == GZIP
+        packed = file.read(len(GZIPPED)) == GZIPPED
         file.seek(0)
         stream: Any = gzip.open(file) if packed else file
         try:
@@ -167,7 +177,8 @@ class _Reading:
 
     def __init__(self, largest_range: float | None) -> None:
         self.scans: list[LaserScan] = []
-        self.readings = self.not_numbers = 0
+        self.readings = self.not_numbers = self.untimed = 0
+        self._pose, self._end = Pose(0.0, 0.0, 0.0), cast("int | None", None)
         self.offset = 0.0
         self._largest_range = largest_range
         self._kind, self._robots = b"", list[Pose]()
@@ -177,7 +188,9 @@ class _Reading:
     def take(self, words: list[bytes]) -> None:
         """Read a message; a ValueError says why it cannot be read."""
         name = words[0] if words else b"#"
-        if name in TRACKS:
+        if name == b"Odometry":
+            self._pose = _pose(words, 1)
+        elif name in TRACKS:
             if len(words) != 10:
                 raise ValueError(f"{len(words)} words, expected 10")
             self.readings += A_MESSAGE // 2
@@ -187,7 +200,7 @@ class _Reading:
             if abs(offset) > FARTHEST_LASER:
                 raise ValueError(f"robot_frontlaser_offset {offset:g} m, expected at most 10 m")
             self.offset = offset
-        elif name in (b"FLASER", b"ROBOTLASER1"):
+        elif name in (b"FLASER", b"ROBOTLASER1", b"Laser"):
             if self._kind in (b"", name):
                 scan = self._scan(words)
                 self._kind = name
@@ -202,14 +215,20 @@ class _Reading:
 
         The pose follows the readings, in the newer message after the remissions.
         """
-        is_front = words[0] == b"FLASER"
+        is_front = words[0] != b"ROBOTLASER1"
         first = 2 if is_front else 9
         count = _count(words, first - 1)
         place = last = first + count
         if not is_front:
             place += 1 + _count(words, last, least=0)
-        time, length = (place + 6, place + 9) if is_front else (place + 11, place + 14)
-        if len(words) != length:
+        time, length = place + (6 if is_front else 11), place + 14
+        if is_front:
+            # All lines of a log are alike; one that ends before is cut.
+            ends = SHORT_ENDS.get(words[0], (9,)) if self._end is None else (self._end,)
+            if (end := len(words) - place) not in ends:
+                raise ValueError(f"{len(words)} words, expected {place + ends[-1]}")
+            self._end = end
+        elif len(words) != length:
             raise ValueError(f"{len(words)} words, expected {length}")
         (start, step), range_max = _front(count), 0.0
         if not is_front:
@@ -232,7 +251,10 @@ class _Reading:
         self.not_numbers += int(np.isnan(ranges).sum())
         ranges[~(ranges < farthest)] = inf
         ranges[ranges == 0.0] = -inf
-        stamp, pose = _number(words, time, "time"), _pose(words, place)
+        pose = self._pose if words[0] == b"Laser" else _pose(words, place)
+        is_timed = len(words) > time
+        self.untimed += not is_timed
+        stamp = _number(words, time, "time") if is_timed else UNTIMED * len(self.scans)
         self._robots.append(pose if is_front else _pose(words, place + 3))
         angles = _angles(count, start, step)
         return LaserScan(pose, angles, ranges, range_max=farthest, time=stamp)

@@ -1,17 +1,20 @@
 """LaserLog: the scans of a recorded drive, from any format."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from lrf3d.files import own_name
-from lrf3d.geometry import Float, Int, Value, sealed
+from lrf3d.geometry import Bool, Float, Int, Value, sealed
 from lrf3d.laser import LaserScan
 from lrf3d.laser.unrolling import with_motions
 from lrf3d.pose import Pose
+from lrf3d.text import counted
 
 LARGEST_RANGE = 50.0
 """Least reading [m] that means no return: range finders of CARMEN's time then report about 81.9 m
@@ -35,6 +38,9 @@ EQUAL = 0.011
 NAMED = 5
 """Number of bad lines that are kept; the others are only counted."""
 
+FINEST, MOST_BEAMS = 1e-4, 100_000
+"""Least step [rad] and most beams of a fan on which scans are resampled."""
+
 MOST_READINGS = 50_000_000
 """Largest number of readings in memory: 400 MB. Scans and poses count as some more."""
 
@@ -44,6 +50,10 @@ A_MESSAGE, A_POSE = 64, 8
 MOST_LINES, LARGEST_LOG = 10_000_000, 1 << 31
 """Largest numbers of lines and of bytes of a text log, of which a gzipped one may hold a thousand
 for each of its own; a day's log has a tenth."""
+
+
+GZIPPED = b"\x1f\x8b"
+"""First bytes of gzipped files, whatever their name is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,8 +97,9 @@ class LaserLog(Value):
         bad_lines: The first few of them.
         source: Where the poses come from, in words.
         wheels: The raw odometry; None where the log has none.
-        mount: Pose of the laser on the robot's base, where the poses of the scans are the laser's.
         not_numbers: Number of readings that are no number, such as NaN: taken for no return.
+        notes: What was assumed, and what was left out, a sentence each.
+        placed: Whether the poses of the scans are known.
     """
 
     name: str
@@ -97,8 +108,9 @@ class LaserLog(Value):
     bad_lines: tuple[BadLine, ...] = ()
     source: str = "as logged"
     wheels: WheelRecord | None = None
-    mount: Pose = Pose(0.0, 0.0, 0.0)  # noqa: RUF009  It is a value that nothing changes.
     not_numbers: int = 0
+    notes: tuple[str, ...] = ()
+    placed: bool = True
 
     def __post_init__(self) -> None:
         if getattr(self, "placed", True):
@@ -112,17 +124,49 @@ class LaserLog(Value):
 
     @property
     def odometry(self) -> WheelRecord:
-        """The raw odometry; the poses of the scans where the log has none."""
-        return self.wheels or WheelRecord(self.times, self.poses, np.arange(len(self)))
+        """The raw odometry; the poses of the robot at the scans where the log has none."""
+        if self.wheels is not None:
+            return self.wheels
+        robots = np.array([scan.robot for scan in self.scans]).reshape(-1, 3)
+        return WheelRecord(self.times, robots, np.arange(len(self)))
 
     @property
-    def counts(self) -> dict[str, int]:
+    def mount(self) -> Pose:
+        """Pose of the first laser on its robot."""
+        return self.scans[0].mount
+
+    @property
+    def lasers(self) -> list[str]:
+        """The names of the lasers, the first one first."""
+        return list(dict.fromkeys(scan.laser for scan in self.scans))
+
+    @property
+    def is_odd(self) -> Bool:
+        """Which scans (k,) are the odd ones of their laser, counted from 0."""
+        seen: Counter[str] = Counter()
+        odd = []
+        for scan in self.scans:
+            odd.append(seen[scan.laser] % 2 == 1)
+            seen[scan.laser] += 1
+        return np.array(odd, dtype=np.bool_)
+
+    def of_laser(self, name: str) -> "LaserLog":
+        """The log with the scans of one laser; the others are counted in a note."""
+        scans = [scan for scan in self.scans if scan.laser == name]
+        if not (others := len(self) - len(scans)):
+            return self
+        note = f"{counted(others, 'scan')} of other lasers not used"
+        return replace(self, scans=scans, notes=(*self.notes, note))
+
+    @property
+    def counts(self) -> dict[str, Any]:
         """What was read and what was not, for summaries."""
         return {
             "scans": len(self),
-            "beams": len(self.scans[0].ranges),
+            "beams": max(len(scan.ranges) for scan in self.scans),
             "bad_lines": self.bad_count,
             "readings_not_numbers": self.not_numbers,
+            "notes": list(self.notes),
         }
 
     @cached_property
@@ -144,23 +188,60 @@ def log_name(path: Path) -> str:
     return own_name(path, stem=name.rsplit(".", 1)[0] or name)
 
 
-def without_no_returns(scans: Sequence[LaserScan]) -> list[LaserScan]:
-    """The scans of a log whose readings of the largest range are +inf, if that means no return.
+def on_one_fan(scans: Sequence[LaserScan]) -> tuple[Float, Float]:
+    """Rising angles (beams,) [rad] and ranges (k, beams) [m] of scans, whose own angles may differ.
 
-    Range finders write their largest range, such as 4, 8, 30 or 80 m, for beams that met nothing;
-    a log does not name it. Taken for walls, such readings are an arc that moves with the robot.
+    Then it is the finest fan of all, and a range lies at the nearest of its bearings. What a scan
+    did not measure is −inf.
     """
+    rows = [scan.angles.argsort(kind="stable") for scan in scans]
+    sorted_rows = [(s.angles[row], s.ranges[row]) for s, row in zip(scans, rows, strict=True)]
+    angles = sorted_rows[0][0]
+    if all(own is angles or np.array_equal(own, angles) for own, _ in sorted_rows):
+        return angles, np.array([ranges for _, ranges in sorted_rows])
+    first, last = min(own[0] for own, _ in sorted_rows), max(own[-1] for own, _ in sorted_rows)
+    step = min(float(np.ptp(own)) / max(len(own) - 1, 1) for own, _ in sorted_rows)
+    count = min(round((last - first) / max(step, FINEST)) + 1, MOST_BEAMS)
+    angles = np.linspace(first, last, count)
+    resampled = np.full((len(scans), count), -np.inf)
+    for row, (own, ranges) in zip(resampled, sorted_rows, strict=True):
+        at = np.clip(np.searchsorted(own, angles), 1, max(len(own) - 1, 1))
+        nearest = at - (angles - own[at - 1] < own[at] - angles) if len(own) > 1 else 0 * at
+        near = np.abs(own[nearest] - angles) <= 0.51 * max(step, FINEST)
+        row[near] = ranges[nearest][near]
+    return angles, resampled
+
+
+def without_no_returns(
+    scans: Sequence[LaserScan], limit: float | None = None
+) -> tuple[list[LaserScan], str]:
+    """The scans of a laser with +inf for readings that mean no return, and a sentence on these.
+
+    They are those from the limit on, if it is given; else those of the largest reading, if it
+    stands out. Range finders write their largest range, such as 4, 8, 30 or 80 m, for beams that
+    met nothing; a log does not name it. Taken for walls, such readings are an arc that moves with
+    the robot.
+    """
+    note = ""
+    if limit is None:
+        if (limit := _usual_no_return(scans)) == np.inf:
+            return list(scans), ""
+        note = f"readings from {limit:.4g} m on mean no return; --largest-range sets another limit"
+    return [
+        replace(scan, ranges=np.where(scan.ranges >= limit, np.inf, scan.ranges)) for scan in scans
+    ], note
+
+
+def _usual_no_return(scans: Sequence[LaserScan]) -> float:
+    """The least reading [m] that means no return, if the largest one stands out; else +inf."""
     finite = [scan.ranges[np.isfinite(scan.ranges)] for scan in scans]
     largest = max((float(ranges.max()) for ranges in finite if len(ranges)), default=0.0)
     near = np.concatenate([np.empty(0), *(r[r > largest - BELOW] for r in finite)])
     most = int((near > largest - EQUAL).sum())
     least = max(LEAST_READINGS, LEAST_SHARE * sum(map(len, finite)))
     if most < least or most < CROWDED * (len(near) - most):
-        return list(scans)
+        return np.inf
     without = [np.isfinite(scan.ranges) & (scan.ranges > largest - EQUAL) for scan in scans]
     if sum(int((beams[1:] & beams[:-1]).sum()) for beams in without) < BESIDE * most:
-        return list(scans)
-    return [
-        replace(scan, ranges=np.where(beams, np.inf, scan.ranges))
-        for scan, beams in zip(scans, without, strict=True)
-    ]
+        return np.inf
+    return float(near[near > largest - EQUAL].min())

@@ -1,18 +1,37 @@
-"""Reading logs: the name of a file or a folder selects the reader."""
+"""Reading logs: the name of a file or a folder, or else its content, selects the reader."""
 
+import re
+import zlib
+from contextlib import suppress
 from pathlib import Path
 
 from lrf3d.errors import InputError, shown
-from lrf3d.files import as_path, own_name
+from lrf3d.files import as_path, opened, own_name
 from lrf3d.interrupts import reading
-from lrf3d.io.laser_log import LaserLog
+from lrf3d.io.array_log import is_foreign
+from lrf3d.io.laser_log import GZIPPED, LaserLog
 from lrf3d.world import world_names
 
 CARMEN_ENDINGS = (".log", ".log.gz", ".clf", ".clf.gz")
 """Endings of CARMEN logs; the last two are what the University of Freiburg calls them."""
 
-BAG_ENDINGS = (".mcap", ".db3")
-"""Endings of the files of ROS 2 bags."""
+BAG_ENDINGS = (".mcap", ".db3", ".bag")
+"""Endings of the files of ROS bags; the last one is that of ROS 1."""
+
+LOOKS = {
+    b"\x89MCAP0": "a ROS 2 bag: name it .mcap", b"SQLite": "a ROS 2 bag: name it .db3",
+    b"#ROSBAG": "a ROS 1 bag: name it .bag", b"PK": "arrays of NumPy or a zip: name it .npz",
+    b"MATLAB 5": "a .mat file: name it .mat", b"ply": "a point cloud without scans",
+    b"LASF": "a point cloud without scans", b"# .PCD": "a point cloud without scans",
+    b"\x89PNG": "a picture", b"{": "JSON", b"<": "XML", b"%PDF": "a document",
+}  # fmt: skip
+"""What files look like that are no text of a log, by their first bytes."""
+
+CARMEN_WORDS = rb"(?m)^(FLASER|ROBOTLASER1|RAWLASER1|ODOM|PARAM|TRUEPOS|Laser|Odometry) "
+"""What CARMEN's messages, or those of its relatives, begin with."""
+
+HEAD = 1 << 16
+"""Bytes at the beginning of a file that say what it is."""
 
 POSES = ("auto", "truth", "tf", "odom")
 """Where the poses of a log may come from."""
@@ -29,8 +48,9 @@ def is_run(name: str) -> bool:
 
 
 def odometry_of(path: str | Path) -> str:
-    """The source of poses for SLAM: a bag may know the truth, CARMEN keeps the odometry apart."""
-    return "auto" if str(path).lower().endswith(CARMEN_ENDINGS) else "odom"
+    """The source of poses for SLAM: a bag may know the truth, others keep the odometry apart."""
+    is_bag = Path(path).is_dir() or str(path).lower().endswith((*BAG_ENDINGS, ".npz"))
+    return "odom" if is_bag else "auto"
 
 
 @reading()
@@ -40,17 +60,22 @@ def load_log(
     largest_range: float | None = None,
     poses: str = "auto",
     scan_topic: str | None = None,
+    part: int | None = None,
+    format: str | None = None,
 ) -> LaserLog:
     """Read the scans of a log; the ending of its name gives the format.
 
     Args:
-        path: A CARMEN log, gzipped or not; a ROS 2 bag, as .mcap, .db3 or a folder; or
-            a run.npz or its folder.
-        largest_range: CARMEN: least reading that means no return [m]; that of the log, or 50, if
-            not given.
+        path: A CARMEN log or a text of a scan a line, gzipped or not; a ROS bag, as .mcap, .db3,
+            .bag or a folder; a .npz or .mat file of arrays; or a run.npz or its folder.
+        largest_range: Least reading that means no return [m]; if not given, that of the range
+            finder, or the largest reading where it stands out.
         poses: Source of the poses: ``auto`` for the best that the format has, or ``truth``, ``tf``
             or ``odom``.
-        scan_topic: Bags: the topic of the scans; ``/scan``, or the first one, if not given.
+        scan_topic: Bags: the topic of the scans; if not given, those of all lasers of the robot
+            of ``/scan``, or of the first one.
+        format: Text: its columns, or a preset; found if not given.
+        part: Bags whose stamps go back: the part that is read, from 1; the longest if not given.
 
     Raises:
         InputError: The file cannot be read, has an unknown format, or holds no scan.
@@ -66,14 +91,16 @@ def load_log(
         (2, 1.0)
     """
     path = as_path(path)
+    if largest_range is not None and not largest_range > 0.0:
+        raise InputError(f"largest range {largest_range}: expected metres, more than 0")
     if not isinstance(poses, str) or poses not in POSES:
         raise InputError(f"poses from {shown(poses)}: expected one of {', '.join(POSES)}")
-    ending = path.name.lower()
-    if ending.endswith(CARMEN_ENDINGS):
+    kind = "text" if format else _kind(path)
+    if kind == "CARMEN":
         from lrf3d.io.carmen import load_carmen
 
         return load_carmen(path, largest_range=largest_range, poses=poses)
-    if ending.endswith(".npz") or (path / "run.npz").exists():
+    if kind == "run":
         from lrf3d.io.run_file import load_run
 
         if poses not in ("auto", "truth"):
@@ -82,9 +109,45 @@ def load_log(
         # Another name than the run's, so that its map does not replace that of the run.
         name = own_name(path.resolve().parent if path.name == "run.npz" else path)
         return LaserLog(f"{name}_map", list(run.scans), source="the run")
-    if ending.endswith(BAG_ENDINGS) or path.is_dir():
+    if kind == "bag":
         from lrf3d.io.bag_reader import load_bag
 
-        return load_bag(path, poses=poses, scan_topic=scan_topic)
-    known = ", ".join((*CARMEN_ENDINGS, *BAG_ENDINGS, ".npz"))
-    raise InputError(f"{path}: not a log by its name; expected a folder or an ending of {known}")
+        return load_bag(
+            path, largest_range=largest_range, poses=poses, scan_topic=scan_topic, part=part
+        )
+    if poses not in ("auto", "odom"):
+        raise InputError(f"{path}: no poses from {poses} in it; there are auto, odom")
+    if kind == "arrays":
+        from lrf3d.io.array_log import load_arrays
+
+        return load_arrays(path, largest_range)
+    from lrf3d.io.text_log import load_text
+
+    return load_text(path, format, largest_range)
+
+
+def _kind(path: Path) -> str:
+    """The kind of a log, by its name, or else by what it looks like."""
+    ending = path.name.lower()
+    if (path / "run.npz").exists():
+        return "run"
+    if ending.endswith(BAG_ENDINGS) or path.is_dir():
+        return "bag"
+    with opened(path, what="a log") as file:
+        head = file.read(HEAD)
+    if ending.endswith((".npz", ".mat")):
+        return "arrays" if ending.endswith(".mat") or is_foreign(path) else "run"
+    if head.startswith(GZIPPED):
+        # What a packed file begins with is enough.
+        with suppress(zlib.error):
+            head = zlib.decompressobj(31).decompress(head, HEAD)
+    is_text = b"\0" not in head and not head.startswith(tuple(LOOKS))
+    if is_text and re.search(CARMEN_WORDS, head):
+        return "CARMEN"
+    if ending.endswith(CARMEN_ENDINGS) and not re.match(rb"\s*[-+.\d]", head):
+        return "CARMEN"
+    if is_text:
+        return "text"
+    looks = next((what for magic, what in LOOKS.items() if head.startswith(magic)), "no text")
+    known = ", ".join((*CARMEN_ENDINGS, *BAG_ENDINGS, ".npz", ".mat"))
+    raise InputError(f"{path}: not a log: it looks like {looks}; expected text, or {known}")

@@ -9,7 +9,7 @@ import numpy as np
 from lrf3d.errors import InputError
 from lrf3d.geometry import is_finite
 from lrf3d.io import ros_messages as ros
-from lrf3d.io.bag_reader import ODOMETRY, SCAN, TRANSFORMS
+from lrf3d.io.bag_contents import ODOMETRY, SCAN, TRANSFORMS
 from lrf3d.laser import Stamp
 from lrf3d.live import LiveRobot
 from lrf3d.mapping.tracking import ObjectTracker

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from lrf3d.errors import InputError
 from lrf3d.io import ros_messages as ros
-from lrf3d.io.bag_reader import TRANSFORMS
+from lrf3d.io.bag_contents import TRANSFORMS
 from lrf3d.laser import Stamp
 from lrf3d.live import live_fleet
 from lrf3d.robot.odometry import WheelOdometry

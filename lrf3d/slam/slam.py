@@ -117,7 +117,9 @@ class Slam:
         )
 
     def update(
-        self, scan: LaserScan | Sequence[LaserScan], odometry: Sequence[float] | Float
+        self,
+        scan: LaserScan | Sequence[LaserScan],
+        odometry: Sequence[float] | Float | None = None,
     ) -> None:
         """Take in the next scan, whose pose is not looked at.
 
@@ -126,7 +128,7 @@ class Slam:
         Args:
             scan: The scan, or those of several lasers at one moment.
             odometry: How the robot moved since the last scan by its wheels: ahead, to the left
-                [m], turn [rad].
+                [m], turn [rad]; None where there is no odometry.
 
         Raises:
             InputError: It is no scan, has no beams or another number than the laser range finder,
@@ -154,7 +156,9 @@ class Slam:
             self._add_key(key, scans)
             self._close_loops()
 
-    def _checked(self, scan: object, odometry: Sequence[float] | Float) -> tuple[Moment, Float]:
+    def _checked(
+        self, scan: object, odometry: Sequence[float] | Float | None
+    ) -> tuple[Moment, Float]:
         """The unrolled scans and the increment (3,), once they are what they should be."""
         scans = tuple(scan) if isinstance(scan, list | tuple) else (scan,)
         if not scans or not all(isinstance(each, LaserScan) for each in scans):
@@ -168,7 +172,8 @@ class Slam:
                 if self._lasers:
                     expected = f"{self._lasers[number].beams}, as its laser"
                 raise InputError(f"slam: scan of {beams} beams; expected {expected}")
-        increment = np.array(as_pose(odometry))
+        # Without odometry the robot is looked for where it was.
+        increment = np.zeros(3) if odometry is None else np.array(as_pose(odometry))
         if np.abs(increment).max() > FARTHEST_STEP:
             raise InputError(
                 f"slam: odometry {increment.tolist()}; expected the step from the last scan, at"

@@ -1,0 +1,237 @@
+"""Which poses the scans of a bag have: whose odometry, by which clock, in which part of the bag."""
+
+from dataclasses import replace
+from os.path import basename, commonpath, dirname
+from pathlib import Path
+
+import numpy as np
+
+from lrf3d.errors import InputError, one_line
+from lrf3d.io.bag_contents import Contents, Stream
+from lrf3d.io.bag_frames import BACK, Frames, Part, Track, in_the_plane
+from lrf3d.io.laser_log import LaserLog, log_name, without_no_returns
+from lrf3d.laser import LaserScan
+from lrf3d.pose import Pose
+
+LEAST_UPRIGHT = np.cos(np.radians(15.0))
+"""Least cosine of the tilt of a laser; one that is tilted more does not scan in the plane."""
+
+BASE, DRIFTING = "base_link", "odom"
+"""Frames of the robot and of its odometry, as REP 105 calls them."""
+
+CLOCKS_APART = 2e9
+"""Clocks that differ by more than this [ns] are not the same: transforms are published up to a
+second ahead, and scans some tenths late."""
+
+STANDING = np.eye(4)
+"""The pose of a laser that nothing is known of."""
+
+MOST_PARTS = 20
+"""Parts that a recording may have; where stamps go back more often, they are useless."""
+
+AIMS = ("goal", "initialpose")
+"""Words in the names of topics of poses where no robot is."""
+
+
+def log_of(
+    path: Path, contents: Contents, wanted: str, largest_range: float | None, part: int | None
+) -> LaserLog:
+    """The scans of the robot of the first stream, with the poses of the wanted source."""
+    first = contents.streams[0]
+    robot = _Robot(contents, first, _part(path, contents, first, part), wanted)
+    if doubt := robot.doubt():
+        contents.notes.append(f"{doubt}: times of receipt count")
+        robot = _Robot(contents, first, replace(robot.part, by_receipt=True), wanted)
+    there = ", ".join(robot.there) or "no ground truth, no transforms, no odometry"
+    if not robot.source and wanted not in ("auto", "odom"):
+        raise InputError(f"{path}: no poses from {wanted} in it; there are {there}")
+    used: dict[str, Stream] = {}
+    for stream in contents.streams:
+        # Of several versions of the scans of a frame the first counts.
+        if stream is first or robot.has(stream):
+            used.setdefault(stream.frame, stream)
+    left = [each.words for each in contents.streams if each is not used.get(each.frame)]
+    if left:
+        contents.notes.append(f"left out: {one_line(', '.join(left), 200)}; see --scan-topic")
+    if len(used) > 1:
+        contents.notes.append("lasers: " + ", ".join(each.words for each in used.values()))
+    scans = [s for each in used.values() for s in robot.placed(path, each, largest_range)]
+    if not scans:
+        raise InputError(f"{path}: no scan within the time of the poses from {robot.words}")
+    return LaserLog(
+        log_name(path),
+        sorted(scans, key=lambda scan: scan.time),
+        contents.bad_count,
+        tuple(contents.bad),
+        robot.words if robot.source else f"none: {there}",
+        placed=bool(robot.source),
+        notes=tuple(contents.notes),
+    )
+
+
+def _part(path: Path, contents: Contents, stream: Stream, wanted: int | None) -> Part:
+    """The part that was chosen, or the longest one, of a recording whose stamps go back."""
+    sent, _, numbers = (np.array(each, dtype=np.int64) for each in stream.stamps.columns)
+    back = np.flatnonzero(np.diff(sent) < -BACK) + 1
+    count = len(back) + 1
+    if wanted is not None and not 1 <= wanted <= count:
+        raise InputError(f"{path}: no part {wanted}: the stamps of its scans make {count} of them")
+    if not len(back):
+        return Part(back, 0)
+    found = f"the stamps of {stream.topic} go back at message {numbers[back[0]]}"
+    found += f" from {1e-9 * sent[back[0] - 1]:.10g} to {1e-9 * sent[back[0]]:.10g} s"
+    if count > MOST_PARTS:
+        contents.notes.append(f"{found}, and {count - 2} times more: times of receipt count")
+        return Part(back[:0], 0, by_receipt=True)
+    sizes = np.diff([0, *back, len(sent)])
+    chosen = int(sizes.argmax()) if wanted is None else wanted - 1
+    contents.notes.append(
+        f"{found}: part {chosen + 1} of {count} was read, {sizes[chosen]} of {len(sent)} scans;"
+        " --part reads another"
+    )
+    return Part(numbers[back], chosen)
+
+
+class _Robot:
+    """The robot of a stream of scans: its frames, its tracks, and the source of its poses.
+
+    ``sources`` are the names of the sources that the bag has, each with its topic, or the frame in
+    which the laser's pose is found; ``words`` describe the one that is chosen.
+    """
+
+    def __init__(self, contents: Contents, stream: Stream, part: Part, wanted: str) -> None:
+        self.part, self._stream, self._contents = part, stream, contents
+        edges = _edges(contents, stream.topic)
+        self._edges = {child: track for child, (_, track) in edges.items()}
+        moving = {child: (parent, track.within(part)) for child, (parent, track) in edges.items()}
+        self._frames = Frames({k: (above, m) for k, (above, m) in moving.items() if m is not None})
+        self._children, self._tracks = contents.children, contents.tracks
+        chain = self._frames.chain(stream.frame)
+        moves = [self._frames.moves(frame) for frame in chain]
+        drifting = next((frame for frame in chain if basename(frame) == DRIFTING), "")
+        topics = [topic for topic in self._own(contents) if len(contents.tracks[topic].stamps) > 1]
+        truths = [topic for topic in topics if "ground_truth" in topic]
+        drives = [topic for topic in topics if topic not in truths]
+        driven = [topic for topic in drives if contents.children[topic]]
+        if not driven and drifting and any(moves[: chain.index(drifting)]):
+            driven = [drifting]
+        odom = (driven or drives)[:1]
+        sources = {"truth": truths[:1], "tf": chain[-1:] if any(moves[:-1]) else [], "odom": odom}
+        self.there = [name for name, found in sources.items() if found]
+        name = self.there[0] if wanted == "auto" and self.there else wanted
+        self.source = sources.get(name, [])[0] if name in self.there else ""
+        self._base, self.words = self._carrier()
+
+    def _own(self, contents: Contents) -> list[str]:
+        """The topics of poses that may be this robot's, the likeliest first."""
+        frame, topic, frames = self._stream.frame, self._stream.topic, self._frames
+        own = []
+        for name, child in contents.children.items():
+            spaces = dirname(child), dirname(frame)
+            there = dirname(name)
+            foreign = (
+                (all(spaces) and spaces[0] != spaces[1])
+                or (child in frames and frame in frames and not frames.carries(child, frame))
+                # Another robot's scans are beside it.
+                or (there in map(dirname, contents.scan_topics) and not topic.startswith(there))
+            )
+            if not foreign and not any(word in name for word in AIMS):
+                own.append(name)
+
+        def rank(name: str) -> tuple[bool, int, bool, str]:
+            linked = frames.carries(contents.children[name], frame)
+            return not linked, -len(commonpath([name, topic])), basename(name) != DRIFTING, name
+
+        return sorted(own, key=rank)
+
+    def _carrier(self) -> tuple[str, str]:
+        """The frame that the source gives the poses of, and the source in words."""
+        frame, frames, source = self._stream.frame, self._frames, self.source
+        base = frames.base(frame)
+        if source not in self._tracks:
+            return base, f"/tf, {frame} in {source}"
+        child = self._children[source] or base
+        if frames.carries(child, frame):
+            return child, source
+        if base == frame:
+            return (
+                base,
+                f"{source}, with the laser in the middle of {child} for want of a transform",
+            )
+        return base, f"{source}, with {base} taken for {child}"
+
+    def doubt(self) -> str:
+        """What is wrong with the stamps of this robot's scans or poses; "" if nothing is."""
+        if self.part.by_receipt:
+            return ""
+        chain = self._frames.chain(self._stream.frame)
+        tracks = {f"/tf of {frame}": self._edges[frame] for frame in chain if frame in self._edges}
+        tracks |= {name: track for name, track in self._tracks.items() if name == self.source}
+        tracks = {name: track for name, track in tracks.items() if not track.is_static}
+        own, frozen = self._stream.stamps, [name for name in tracks if tracks[name].is_frozen]
+        if own.frozen or frozen:
+            name = self._stream.topic if own.frozen else frozen[0]
+            stamps = own if own.frozen else tracks[name].stamps
+            return f"the stamps of {name} are all {1e-9 * stamps.columns[0][0]:g} s"
+        for name, track in tracks.items():
+            if abs(apart := own.ahead() - track.stamps.ahead()) > CLOCKS_APART:
+                way = "ahead of" if apart > 0 else "behind"
+                return (
+                    f"the stamps of {self._stream.topic} are {1e-9 * abs(apart):.3g} s {way} {name}"
+                )
+        return ""
+
+    def has(self, stream: Stream) -> bool:
+        """Whether another stream is of a laser of this robot, whose poses are known, too."""
+        mine = self._frames.base(self._stream.frame)
+        return bool(self.source) and self._frames.carries(mine, stream.frame)
+
+    def placed(self, path: Path, stream: Stream, largest_range: float | None) -> list[LaserScan]:
+        """The scans of a stream with their poses and where the laser is mounted."""
+        contents, frames = self._contents, self._frames
+        times, inside = self.part.times(stream.stamps)
+        mounted = frames.poses(stream.frame, self._base, times)
+        if not self.source:
+            laser = np.where(np.isfinite(mounted), STANDING, np.nan)
+            laser[:, 2, 2] = mounted[:, 2, 2]
+        elif self.source in self._tracks:
+            motion = self._tracks[self.source].within(self.part)
+            laser = mounted * np.nan if motion is None else motion.at(times) @ mounted
+        else:
+            laser = frames.poses(stream.frame, self.source, times)
+        # The cosine of the tilt is 1 for an upright laser and −1 for one upside down.
+        mounts = in_the_plane(mounted)
+        poses, upright, known = in_the_plane(laser), laser[:, 2, 2], np.isfinite(laser[:, 0, 0])
+        askew = np.abs(upright[known & inside & ~(np.abs(upright) >= LEAST_UPRIGHT)])
+        if len(askew):
+            tilt = np.degrees(np.arccos(min(askew[0], 1.0)))
+            raise InputError(
+                f"{path}: the laser {stream.frame} is tilted by {tilt:.0f}°, expected one that"
+                " scans in the plane"
+            )
+        scans = []
+        for number in np.flatnonzero(inside).tolist():
+            if not known[number]:
+                why = f"scan {number + 1} lies outside the time that poses are known for"
+                contents.refuse(number + 1, why, "scan")
+                continue
+            scan = stream.scans[number]
+            scan = replace(
+                scan,
+                pose=Pose(*poses[number].tolist()),
+                mount=Pose(*mounts[number].tolist()),
+                laser=stream.frame,
+                angles=scan.angles if upright[number] > 0.0 else -scan.angles,
+                time=1e-9 * times[number] if self.part.by_receipt else scan.time,
+            )
+            scans.append(scan)
+        scans, note = without_no_returns(scans, largest_range)
+        contents.notes += [note] * bool(note)
+        return scans
+
+
+def _edges(contents: Contents, topic: str) -> dict[str, tuple[str, Track]]:
+    """The transforms of the namespaces that a topic is in, or of all if there are none of these."""
+    spaces = sorted(contents.edges, key=len)
+    own = [space for space in spaces if topic.startswith(f"{space}/")]
+    return {k: edge for space in own or spaces for k, edge in contents.edges[space].items()}

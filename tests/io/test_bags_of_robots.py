@@ -1,0 +1,182 @@
+"""Bags as robots write them: several robots and lasers, clocks that differ, files that are cut."""
+
+import numpy as np
+import pytest
+from bags import STORE, odometry, of_scan, scan, scans, transform, wheels, write
+from rosbags.rosbag1 import Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+import lrf3d
+from lrf3d.errors import InputError
+from lrf3d.io import load_log
+from lrf3d.io.bag_contents import ODOMETRY, SCAN, TRANSFORMS
+from lrf3d.laser import Stamp
+
+HALF = (0, 0, 1, 0)
+"""The quaternion of half a turn."""
+
+
+def driven(topic, child, y, times=range(3), received=None):
+    """Odometry of a robot that drives a metre a second along x."""
+    for k, t in enumerate(times):
+        arrived = t if received is None else received[k]
+        yield topic, arrived, ODOMETRY, odometry(float(t), (t, y, 0.0), child)
+
+
+def mount(base, laser, place=(0.2, 0, 0), turn=(0, 0, 0, 1)):
+    return "/tf_static", 0.0, TRANSFORMS, transform(0.0, base, laser, place, turn)
+
+
+def seen(topic, frame, *times, received=None):
+    for k, t in enumerate(times):
+        arrived = t if received is None else received[k]
+        yield topic, arrived, SCAN, scan(float(t), frame)
+
+
+def test_of_two_robots_each_has_its_own_odometry(tmp_path):
+    bag = write(
+        tmp_path / "bag",
+        mount("a/base", "a/laser"),
+        mount("b/base", "b/laser", (0.5, 0, 0)),
+        *driven("/a/odom", "a/base", 0.0),
+        *driven("/b/odom", "b/base", 7.0),
+        *seen("/a/scan", "a/laser", 0.5),
+        *seen("/b/scan", "b/laser", 0.5),
+    )
+    first, second = load_log(bag), load_log(bag, scan_topic="/b/scan")
+    assert first.source == "/a/odom" and first.poses == pytest.approx(np.array([[0.7, 0, 0]]))
+    assert second.source == "/b/odom" and second.poses == pytest.approx(np.array([[1.0, 7, 0]]))
+    assert first.notes == ("left out: 1 scan of /b/scan (b/laser); see --scan-topic",)
+    # Another robot's odometry is none.
+    alone = write(
+        tmp_path / "alone",
+        mount("a/base", "a/laser"),
+        mount("b/base", "b/laser"),
+        *driven("/b/odom", "b/base", 7.0),
+        *seen("/a/scan", "a/laser", 0.5),
+    )
+    assert not load_log(alone).placed
+
+
+def test_robots_may_have_frames_of_the_same_names_in_their_namespaces(tmp_path):
+    def robot(name, y):
+        for t in range(3):
+            moved = transform(float(t), "odom", "base_link", (t, y, 0))
+            yield f"/{name}/tf", t, TRANSFORMS, moved
+        yield f"/{name}/tf_static", 0, TRANSFORMS, transform(0.0, "base_link", "laser")
+        yield from seen(f"/{name}/scan", "laser", 0.5)
+
+    bag = write(tmp_path / "bag", *robot("a", 1.0), *robot("b", 2.0))
+    for name, y in (("a", 1.0), ("b", 2.0)):
+        log = load_log(bag, scan_topic=f"/{name}/scan")
+        assert log.poses == pytest.approx(np.array([[0.5, y, 0]]))
+
+
+@pytest.mark.parametrize("topics", [("/scan", "/scan"), ("/front", "/rear")])
+def test_each_scan_has_the_mount_of_its_own_frame(topics, tmp_path):
+    bag = write(
+        tmp_path / "bag",
+        mount("base_link", "front", (0.4, 0, 0)),
+        mount("base_link", "rear", (-0.4, 0, 0), HALF),
+        *driven("/odom", "base_link", 0.0),
+        *seen(topics[0], "front", 0.5, 1.5),
+        *seen(topics[1], "rear", 1.0),
+    )
+    log = load_log(bag)
+    assert log.poses == pytest.approx(np.array([[0.9, 0, 0], [0.6, 0, np.pi], [1.9, 0, 0]]))
+    assert [scan.laser for scan in log.scans] == [
+        "front",
+        "rear",
+        "front",
+    ] and log.is_odd.tolist() == [False, False, True]
+    assert "lasers: 2 scans of" in log.notes[0]
+    # Another topic of the same frame has the same scans, filtered.
+    again = write(tmp_path / "again", *wheels(3), *scans(0.5), *seen("/filtered", "laser", 0.5))
+    assert len(load_log(again)) == 1 and "/filtered" in load_log(again).notes[0]
+
+
+def test_stamps_that_go_back_split_the_recording(tmp_path):
+    times, received = [5, 6, 7, 5, 6], [300, 301, 302, 303, 304]
+    # The odometry starts again a message later than the scans.
+    late = [5, 6, 7, 8, 5, 6]
+    bag = write(
+        tmp_path / "bag",
+        *seen("/scan", "laser", *times, received=received),
+        *driven("/odom", "base_link", 0.0, late, [299.9, 300.9, 301.9, 302.95, 303.05, 304.05]),
+    )
+    log, second = load_log(bag), load_log(bag, part=2)
+    assert log.times.tolist() == [5, 6, 7] and second.times.tolist() == [5, 6]
+    assert log.poses[:, 0].tolist() == [5, 6, 7]
+    [note] = log.notes
+    assert "go back at message" in note and "from 7 to 5 s: part 1 of 2 was read, 3 of 5" in note
+    with pytest.raises(InputError, match="no part 3"):
+        load_log(bag, part=3)
+
+
+@pytest.mark.parametrize("clock", [0.0, 100.0])
+def test_by_other_clocks_the_times_of_receipt_count(clock, tmp_path):
+    times = [0.5, 1.0, 1.5]
+    stamps = [clock + t if clock else 0.0 for t in times]
+    bag = write(tmp_path / "bag", *wheels(3), *seen("/scan", "laser", *stamps, received=times))
+    log = load_log(bag)
+    assert log.times == pytest.approx(times) and log.poses[:, 0] == pytest.approx(times)
+    [note] = log.notes
+    assert "the stamps of /scan are" in note and note.endswith("times of receipt count")
+
+
+def test_readings_just_below_range_max_are_no_return(tmp_path):
+    rng, messages = np.random.default_rng(0), list(wheels(10))
+    for t in np.linspace(0.0, 9.0, 60):
+        ranges = np.where(np.arange(40) < 10, 9.99, rng.uniform(1.0, 6.0, 40))
+        message = of_scan(lrf3d.LaserScan((0, 0, 0), np.linspace(-1, 1, 40), ranges, time=t))
+        message.range_max = 10.0
+        messages.append(("/scan", t, SCAN, message))
+    bag = write(tmp_path / "bag", *messages)
+    log, kept, near = load_log(bag), load_log(bag, largest_range=20), load_log(bag, largest_range=3)
+    assert np.isinf([scan.ranges[:10] for scan in log.scans]).all() and "9.99 m" in log.notes[0]
+    assert np.isfinite([scan.ranges for scan in kept.scans]).all()
+    assert max(scan.ranges[scan.hits].max() for scan in near.scans) < 3.0
+
+
+@pytest.mark.parametrize("storage", ["MCAP", "SQLITE3"])
+def test_a_folder_that_a_killed_recorder_left_is_read(storage, tmp_path):
+    bag = write(tmp_path / "bag", *wheels(3), *scans(0.5), storage=storage)
+    (bag / "metadata.yaml").unlink()
+    log = load_log(bag)
+    assert log.poses[:, 0].tolist() == [0.5] and "metadata.yaml is missing" in log.notes[0]
+
+
+@pytest.mark.parametrize("share", [0.7, 0.9, 0.9999])
+@pytest.mark.parametrize("packed", [None, "STORAGE"])
+def test_what_is_whole_in_a_file_that_was_cut_short_is_read(packed, share, tmp_path):
+    rng = np.random.default_rng(0)
+    beams = rng.uniform(1.0, 6.0, (300, 720))
+    fans = [lrf3d.LaserScan((0, 0, 0), np.linspace(-1, 1, 720), row) for row in beams]
+    times = np.linspace(0.0, 9.0, len(fans))
+    messages = [("/scan", t, SCAN, of_scan(s.at_time(t))) for t, s in zip(times, fans, strict=True)]
+    in_turn = sorted([*wheels(10), *messages], key=lambda message: message[1])
+    bag = write(tmp_path / "bag", *in_turn, packed=packed)
+    [file] = bag.glob("*.mcap")
+    data = file.read_bytes()
+    file.write_bytes(data[: int(share * len(data))])
+    for path in (file, bag):
+        log = load_log(path)
+        # The drive ends with the last odometry that is whole.
+        assert 0.5 * share * 300 < len(log) <= 300 and log.bad_count < 40
+        assert any("was cut short" in note for note in log.notes)
+        for read, row in zip(log.scans, beams, strict=False):
+            assert read.ranges == pytest.approx(row, rel=1e-6)
+
+
+def test_bags_of_ros_1_are_read(tmp_path):
+    store = get_typestore(Stores.ROS1_NOETIC)
+    store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TRANSFORMS))
+    with Writer(tmp_path / "drive.bag") as bag:
+        topics = {}
+        for topic, time, kind, message in [mount("/base_link", "/laser"), *wheels(3), *scans(0.5)]:
+            if topic not in topics:
+                topics[topic] = bag.add_connection(topic, kind, typestore=store)
+            data = STORE.cdr_to_ros1(STORE.serialize_cdr(message, kind), kind)
+            bag.write(topics[topic], Stamp.of(time).nanoseconds, data)
+    log = load_log(tmp_path / "drive.bag")
+    assert log.source == "/odom" and log.poses[:, 0] == pytest.approx([0.7])

@@ -1,0 +1,220 @@
+"""Scans in text and array files: the same drive, written as people write it, is the same log."""
+
+import gzip
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from lrf3d import map_log
+from lrf3d.errors import InputError
+from lrf3d.io import load_log
+
+BEAMS = 181
+ANGLES = np.radians(np.linspace(-90, 90, BEAMS))
+
+
+@pytest.fixture(scope="module")
+def drive():
+    """Stamps (k,) [s], poses (k, 3) and ranges (k, n) [m] of a robot in a room of 8 m by 6 m."""
+    times = 1700000000.0 + 0.1 * np.arange(40)
+    poses = np.column_stack([np.linspace(-2, 2, 40), np.zeros(40), np.linspace(-1, 9, 40)])
+    ranges = np.empty((40, BEAMS))
+    for row, (x, y, theta) in zip(ranges, poses, strict=True):
+        heading = ANGLES + theta
+        with np.errstate(divide="ignore"):
+            along = np.where(np.cos(heading) > 0, 4.0 - x, -4.0 - x) / np.cos(heading)
+            across = np.where(np.sin(heading) > 0, 3.0 - y, -3.0 - y) / np.sin(heading)
+        row[:] = np.minimum(along, across)
+    return times, poses, ranges
+
+
+def text(columns, separator=" ", header=None, form="{:.6f}"):
+    lines = [
+        separator.join(form.format(value) for value in row) for row in np.column_stack(columns)
+    ]
+    return "\n".join([*([] if header is None else [header]), *lines]) + "\n"
+
+
+def named(mark, separator, *names):
+    return separator.join([*names, *(mark.format(k) for k in range(BEAMS))])
+
+
+KINDS = {
+    "bare": lambda t, p, r: text([t, p, r]),
+    "commas": lambda t, p, r: text([t, p, r], ","),
+    "tabs": lambda t, p, r: text([t, p, r], "\t"),
+    "semicolons, decimal commas": lambda t, p, r: text([t, p, r], ";").replace(".", ","),
+    "spaces, decimal commas": lambda t, p, r: text([t, p, r]).replace(".", ","),
+    "a header": lambda t, p, r: text(
+        [1e3 * t, r, p], ",", ",".join([named("range_{}", ",", "time_ms"), "x", "y", "yaw"])
+    ),
+    "a comment": lambda t, p, r: text([t, p, r], " ", "# t x y theta " + "r " * BEAMS),
+    "millimetres, degrees": lambda t, p, r: text(
+        [1e6 * t, 1e3 * p[:, :2], np.degrees(p[:, 2:]), 1e3 * r],
+        ";", named("r[{}] (mm)", ";", "stamp_us", "x [mm]", "y [mm]", "theta (deg)"),
+    ),
+    "nanoseconds": lambda t, p, r: text([1e9 * (t - t[0]), p, 1e3 * r], " ", None, "{:.3f}"),
+    "one column of ranges": lambda t, p, r: "time,ranges,x,y,theta\n" + "\n".join(
+        f'{a},"[{", ".join(map(str, c))}]",{",".join(map(str, b))}'
+        for a, b, c in zip(t, p.tolist(), r.tolist(), strict=True)
+    ),
+    "ROS": lambda t, p, r: text(
+        [1e9 * t, np.arange(len(t)), r, p], ",",
+        ",".join([named("field.ranges{}", ",", "%time", "field.header.seq"), "x", "y", "theta"]),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_columns_are_found_in_whatever_form(kind, drive, tmp_path):
+    times, poses, ranges = drive
+    path = tmp_path / "drive.csv"
+    path.write_text(KINDS[kind](times, poses, ranges))
+    log = load_log(path)
+    assert log.bad_count == 0 and log.placed and log.notes
+    assert np.diff(log.times) == pytest.approx(np.diff(times), abs=1e-3)
+    assert log.poses[:, :2] == pytest.approx(poses[:, :2], abs=1e-3)
+    assert np.cos(log.poses[:, 2] - poses[:, 2]).min() > 1 - 1e-5
+    for scan, row in zip(log.scans, ranges, strict=True):
+        assert scan.angles == pytest.approx(ANGLES) and scan.ranges == pytest.approx(row, abs=1e-3)
+    assert len(map_log(log).map) == 4
+
+
+def test_a_format_names_columns_and_a_preset_is_one(drive, tmp_path):
+    _, poses, ranges = drive
+    path = tmp_path / "drive.dat.gz"
+    clockwise = 100.0 * ranges[:, ::-1]
+    path.write_bytes(
+        gzip.compress(text([clockwise, np.degrees(poses[:, 2]), poses[:, :2]]).encode())
+    )
+    spec = f"ranges:cm*{BEAMS}, theta:deg, x, y, first=90deg, step=-1deg"
+    for form in (
+        spec,
+        spec.replace("first=90deg, step=-1deg", "first=-90deg, last=90deg, clockwise"),
+    ):
+        log = load_log(path, format=form)
+        assert len(map_log(log).map) == 4
+        assert any("no stamps" in note for note in log.notes)
+    ticks = np.cumsum(np.full((40, 2), [100.0, 110.0]), axis=0) % 65536
+    lines = np.column_stack([1e5 * np.arange(40), np.zeros(40), ticks, np.zeros((40, 20)),
+                             np.full((40, 682), 2000.0) + np.arange(682)])  # fmt: skip
+    path.write_bytes(gzip.compress(text([lines], form="{:.0f}").encode()))
+    log = load_log(path)
+    assert "minesrover" in log.notes[0] and log.odometry.laser_offset == pytest.approx(0.145)
+    assert log.odometry.poses[-1, 2] == pytest.approx(39 * 10 * 0.00024190263 / 0.33, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "lines, form, reason",
+    [
+        ("1 2 3\n4 5 6\n", None, r"text of 3 columns.*--format"),
+        ("hello\nworld\n", None, "no lines of numbers"),
+        ("1 5\n2 5\n", "stamp,ranges", "one beam"),
+        ("1 5 5 5\n2 5 5 5\n", "stamp,ranges", "all are 5"),
+        ("1 5 6 7\n2 5 6 8\n", "stamp,ranges:m", "3 beams at unknown bearings.*first="),
+        ("1 5 6 7\n2 5 6 8\n", "stamp,ranges:m,first=0deg,step=200deg", "over 400°"),
+        ("1 5 6 7\n2 5 6 8\n", "stamp,rangs:m", "did you mean 'ranges'"),
+        ("1 5 6 7\n2 5 6 8\n", "stamp,ranges:inch", "inch"),
+        ("1 50 60 70\n2 50 60 80\n", "stamp,ranges,first=0deg,step=1deg", "name their unit"),
+        ("1 5 6 7\n2 5 6 8\n", "left,right,ranges:m,first=0deg,step=1deg", "tick="),
+        ("1 5 6 7\n2 5 6 8\n", "ranges:m@9", "2 bad lines, first line 1: 4 columns"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_read_gets_one_line(lines, form, reason, tmp_path):
+    path = tmp_path / "drive.txt"
+    path.write_text(lines)
+    with pytest.raises(InputError, match=reason):
+        load_log(path, format=form)
+
+
+def test_bad_lines_are_counted_and_short_ones_are_filled(drive, tmp_path):
+    times, poses, ranges = drive
+    lines = text([times, poses, ranges]).splitlines()
+    lines[3] = lines[3].replace(" ", " x", 1)
+    lines[5] = lines[5].rpartition(" ")[0]
+    path = tmp_path / "drive.txt"
+    path.write_text("\n".join(lines))
+    log = load_log(path)
+    assert log.bad_count == 2 and [line.number for line in log.bad_lines] == [4, 6]
+    counts = [BEAMS, 170] * 20
+    counted = [
+        " ".join(["S", str(k), str(n), *map(str, row[:n])])
+        for k, (n, row) in enumerate(zip(counts, ranges.tolist(), strict=True))
+    ]
+    path.write_text("\n".join(counted))
+    log = load_log(path)
+    assert not log.placed and "20 scans with fewer than 181" in " ".join(log.notes)
+    assert np.isneginf(log.scans[1].ranges[170:]).all()
+
+
+def test_the_motors_of_a_robot_are_in_a_file_beside_its_scans(tmp_path):
+    ranges = " ".join(map(str, range(1000, 1660)))
+    scans = [f"S {100 * k} 660 {ranges}" for k in range(10)]
+    motors = [f"M {100 * k} {20 * k} 0 0 0 {30 * k} 0 0" for k in range(10)]
+    (tmp_path / "a_scan.txt").write_text("\n".join(scans))
+    assert "no odometry" in " ".join(load_log(tmp_path / "a_scan.txt").notes)
+    (tmp_path / "a_motors.txt").write_text("\n".join(motors))
+    log = load_log(tmp_path / "a_scan.txt")
+    assert log.odometry.poses[-1, 2] == pytest.approx(9 * 10 * 0.349e-3 / 0.15)
+    assert log.placed and "a_motors.txt" in " ".join(log.notes)
+
+
+def test_a_reading_a_line_makes_scans(drive, tmp_path):
+    times, _, ranges = drive
+    rng = np.random.default_rng(0)
+    for stamped in (True, False):
+        lines = ["t,angle_deg,dist_mm" if stamped else "angle_deg;dist_mm"]
+        for time, row in zip(times, ranges, strict=True):
+            for bearing in np.flatnonzero(rng.random(360) < 0.9):
+                reading = f"{bearing + 0.1:.2f}", f"{1e3 * row[bearing % BEAMS]:.0f}"
+                lines.append(",".join([f"{time:.3f}", *reading]) if stamped else ";".join(reading))
+        path = tmp_path / "lidar.csv"
+        path.write_text("\n".join(lines))
+        log = load_log(path)
+        assert len(log) == 40 and not log.placed and "a reading a line" in " ".join(log.notes)
+        for scan, row in zip(log.scans, ranges, strict=True):
+            found = scan.hits & (np.degrees(scan.angles) < 90)
+            expected = row[np.rint(np.degrees(scan.angles[found]) - 0.1).astype(int)]
+            # A fan has as many beams as most scans, a tenth fewer than there are bearings.
+            assert np.abs(scan.ranges[found] - expected).max() < 0.6 and found.sum() > 60
+
+
+def test_arrays_are_read_by_their_names(drive, tmp_path):
+    times, poses, ranges = drive
+    np.savez(tmp_path / "drive.npz", ranges=ranges, angles=ANGLES, stamps_s=times, poses=poses)
+    savemat(tmp_path / "drive.mat", {"data": {"Ranges": ranges, "Angles": np.degrees(ANGLES),
+                                              "time": times, "pose": poses}})  # fmt: skip
+    for name in ("drive.npz", "drive.mat"):
+        log = load_log(tmp_path / name)
+        assert log.times == pytest.approx(times) and len(map_log(log).map) == 4
+    np.savez(tmp_path / "other.npz", picture=ranges)
+    with pytest.raises(InputError, match=r"no ranges .*picture \(40, 181\)"):
+        load_log(tmp_path / "other.npz")
+
+
+def test_relatives_of_carmen_logs_are_read(drive, tmp_path):
+    _, poses, ranges = drive
+    rows = [
+        (" ".join(map(str, p)), " ".join(map(str, r))) for p, r in zip(poses, ranges, strict=True)
+    ]
+    for name, lines in {
+        "short": [f"FLASER {BEAMS} {r} {p} {p}" for p, r in rows],
+        "old": [f"FLASER {BEAMS} {r} {p} {p} {k}.5" for k, (p, r) in enumerate(rows)],
+        "other": [f"Odometry {p}\nLaser {BEAMS} {r}" for p, r in rows],
+    }.items():
+        path = tmp_path / f"{name}.txt"
+        path.write_text("\n".join(lines) + "\n")
+        log = load_log(path)
+        assert len(log) == 40 and log.bad_count == 0 and len(map_log(log).map) == 4
+        assert np.diff(log.times) == pytest.approx(1.0 if name == "old" else 0.1)
+        assert any("no stamps" in note for note in log.notes) == (name != "old")
+
+
+def test_a_file_that_is_no_log_gets_a_line_that_says_what_it_looks_like(tmp_path):
+    for data, reason in ((b"\x89PNG\r\n", "a picture"), (b"ply\nformat", "a point cloud"),
+                         (b"\x89MCAP0\r\n", "name it .mcap"), (b"\0\1\2", "no text")):  # fmt: skip
+        path = tmp_path / "what.xyz"
+        path.write_bytes(data)
+        with pytest.raises(InputError, match=f"what.xyz: not a log: it looks like .*{reason}"):
+            load_log(path)
