@@ -85,7 +85,7 @@ _DOOR, _ENCLOSED, _AS_HIGH = 2.0, 0.9, 0.4
 """Half the width of openings in the walls of a hall [m], the share of all walls that lie within
 them, and how high they are, beside the highest wall, at the least."""
 
-_RECORDED_HEIGHT = 1.2
+_RECORDED_HEIGHT = 0.7
 """Height [m] of walls in recorded drives, of which scans say nothing: these hide neither the robot
 nor the map from an eye behind it."""
 
