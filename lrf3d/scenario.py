@@ -3,7 +3,6 @@
 It is read from a world file and run as a simulation. Everything but the walls has a default.
 """
 
-import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -13,13 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
+from lrf3d.equipment import lasers_with_noise, motion_sensors
 from lrf3d.errors import InputError, WorldError, check_names
 from lrf3d.files import own_name
 from lrf3d.geometry import Float, Value, whole_number
 from lrf3d.interrupts import Progress, silent
-from lrf3d.laser import LaserRangeFinder, Noise, ProportionalNoise, imperfect
+from lrf3d.laser import LaserRangeFinder, Noise, ProportionalNoise
 from lrf3d.laser.noise import SIGMA, as_noise, at_sigma, spread_of
-from lrf3d.laser.range_finder import lasers_of
 from lrf3d.planning.free_space import Side
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory, follow_route
@@ -368,7 +367,7 @@ def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
         start = robot.setdefault("start", start_of(robot["route"]))
         if tuple(robot["route"][0]) != start[:2]:
             robot["route"] = np.vstack([start[:2], robot["route"]])
-    (lrf, own), *further = _lasers(file, tables["laser"], noise)
+    (lrf, own), *further = lasers_with_noise(file, tables["laser"], noise)
     with file.at("film"):
         check_view(film.view, file.world.cameras)
     obstacles = []
@@ -389,38 +388,8 @@ def scenario_of(file: WorldFile, settings: Iterable[str] = ()) -> Scenario:
             compared=sigmas[1:] if isinstance(sigmas, tuple) else (),
             obstacles=tuple(obstacles),
             mapper=tables["mapper"],
-            **_motion_sensors(file, tables),
+            **motion_sensors(file, tables),
             film=film,
             name=own_name(file.path, file.world.name),
             **robot,
         )
-
-
-def _motion_sensors(file: WorldFile, tables: Mapping[str, Any]) -> dict[str, Any]:
-    """The wheels and the IMU, where the file or the settings have a table for them."""
-    found = dict[str, Any]()
-    for name, kind in (("odometry", WheelOdometry), ("imu", Imu)):
-        if name in file.tables or tables[name]:
-            with file.at(name):
-                found[name] = kind(**tables[name])
-    return found
-
-
-def _lasers(
-    file: WorldFile, settings: Mapping[str, Any], noise: Mapping[str, Any]
-) -> list[tuple[LaserRangeFinder, Noise]]:
-    """The lasers of a file, each with its own noise or the file's; settings hold for all."""
-    found = []
-    for number, table in enumerate(file.lasers or [{}]):
-        with file.at(f"laser[{number}]" if len(file.lasers) > 1 else "laser"):
-            given: dict[str, Any] = {**table, **settings}
-            errors = {**noise, **given.pop("noise", {})}
-            sigma = errors.pop("sigma", SIGMA)
-            for key in [key for key in given if key.endswith("_deg")]:
-                given[key.removesuffix("_deg")] = math.radians(given.pop(key))
-            lrf = LaserRangeFinder(**given)
-            sigma = sigma[0] if isinstance(sigma, tuple) else sigma
-            found.append((lrf, imperfect(sigma, lrf, **errors)))
-    with file.at("laser"):
-        lasers_of([lrf for lrf, _ in found])
-    return found

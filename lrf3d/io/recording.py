@@ -154,10 +154,11 @@ class Journal:
         header = fingerprint.encode() + b"\n"
         self._begin = len(header)
         kept = keep and _is_of(path, fingerprint)
-        self._file = opened_own(path, fresh=not kept, buffering=BUFFER_BYTES)
         if not kept:
-            self._file.write(header)
-            self._file.flush()
+            # Closed at once, also where the disk is full.
+            with opened_own(path, fresh=True) as file:
+                file.write(header)
+        self._file = opened_own(path, buffering=BUFFER_BYTES)
         self.scans = len(self._valid_rows())
         self._file.truncate(self._begin + self.scans * self.dtype.itemsize)
         self._file.seek(0, 2)

@@ -82,6 +82,13 @@ class Imu:
 
     Raises:
         InputError: A number is negative or not finite, or the rate not positive.
+
+    Examples:
+        >>> import lrf3d
+        >>> room, drive = lrf3d.load_world("paper_room"), [(1, 1, 0), (2, 1, 0)]
+        >>> run = lrf3d.simulate(room, drive, imu=lrf3d.Imu(rate=50.0), rng=0)
+        >>> len(run.imu.times)
+        50
     """
 
     rate: float = 100.0

@@ -81,7 +81,7 @@ class _Walker(Frontend):
         kind, canvas = entity.dxftype(), self.canvas
         canvas.count(entity.mcount if kind == "INSERT" else 1)
         if kind in ("HATCH", "MPOLYGON") and not entity.has_solid_fill:
-            canvas.left_out["hatch with a pattern"] += 1
+            canvas.left_out["hatching pattern"] += 1
         elif kind in LEFT_OUT:
             canvas.left_out[LEFT_OUT[kind]] += 1
         else:

@@ -133,7 +133,7 @@ class _Painter:
             elif kind == raw.FPDF_PAGEOBJ_PATH:
                 self._path(each, layer, matrix, self._clip(each, matrix, clip))
             else:
-                self.canvas.left_out[COUNTED.get(kind - 0, "object of another kind")] += 1
+                self.canvas.left_out[COUNTED.get(kind - 0, "unknown object")] += 1
 
     def _path(self, each: Any, layer: str, outer: Float, clip: Any) -> None:
         raw, canvas = self.raw, self.canvas

@@ -129,7 +129,7 @@ def plan_of(drawing: Drawing, layers: Sequence[str] = (), without: Sequence[str]
     named = {mark.layer: role for mark, role in zip(marks, roles, strict=True)}
     hidden |= {name for name, role in named.items() if role in ("annotation", "door")}
     words = [counted(number, noun) for noun, number in sorted(left.items()) if number]
-    words += [f"layers {', '.join(sorted(hidden))}"] if hidden else []
+    words += [f"layers {', '.join(name or '(none)' for name in sorted(hidden))}"] if hidden else []
     return Plan(
         segments[stands],
         np.where(role[stands] == "furniture", FURNITURE_HEIGHT, DEFAULT_HEIGHT),

@@ -143,7 +143,7 @@ class _Painter:
             raise WorldError(f"uses {shown(href)}, which is outside this file; put it in")
         target = self.by_id.get(href[1:])
         if target is None:
-            self.canvas.left_out["use of what is not there"] += 1
+            self.canvas.left_out["unresolved use"] += 1
             return
         x = length(element.get("x", "0"), state.size[0])
         y = length(element.get("y", "0"), state.size[1])
@@ -163,7 +163,7 @@ class _Painter:
         match = re.match(r"""url\(\s*["']?#([^"')]+)""", text)
         target = self.by_id.get(match[1]) if match else None
         if target is None or "objectBoundingBox" in target.attrib.values():
-            self.canvas.left_out[f"{key} that is not read"] += 1
+            self.canvas.left_out[f"unread {key}"] += 1
             return state.clip
         inner = _Painter(target, Canvas(self.canvas.tolerance), self.pen)
         inner.sheet, inner.by_id = self.sheet, self.by_id
@@ -190,7 +190,7 @@ class _Painter:
                 canvas.line(ring, mark, state.clip)
             return
         if "url(" in style.get("fill", ""):
-            canvas.left_out["pattern or gradient"] += 1
+            canvas.left_out["gradient or pattern"] += 1
         contrast, alpha = colour_of(style, "fill", "black", state.alpha)
         rule = style.get("clip-rule" if "clip-path" in style else "fill-rule", "nonzero")
         if alpha > 0.02 and tag(element) != "line":
