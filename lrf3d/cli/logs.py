@@ -89,8 +89,9 @@ def degrade(log: LaserLog, args: Namespace, report: Report) -> None:
     kept = log.scans[:: args.every]
     there = sum(int(scan.hits[:: args.beams_every].sum()) for scan in kept)
     lost = there - sum(int(scan.hits.sum()) for scan in worse.scans)
+    thinned = f", one of {args.beams_every} beams" if args.beams_every > 1 else ""
     done = (
-        f"{len(worse):,} of {counted(len(log), 'scan')} kept, 1 of {args.beams_every} beams;"
+        f"{len(worse):,} of {counted(len(log), 'scan')} kept{thinned};"
         f" {lost:,} of {there:,} returns lost, noise of {args.noise:g} m added to the others"
     )
     timed = sum(scan.time_increment != 0.0 for scan in log.scans)

@@ -79,7 +79,9 @@ def _log_messages(log: LaserLog) -> Iterator[str]:
     end = f"{float(log.times[0])!r} {HOST} {float(log.times[0])!r}"
     if wheels is not None and wheels.laser_offset:
         yield f"PARAM robot_frontlaser_offset {wheels.laser_offset!r} {end}"
-    rows = [] if wheels is None else list(zip(wheels.times.tolist(), wheels.poses.tolist()))
+    rows = []
+    if wheels is not None:
+        rows = list(zip(wheels.times.tolist(), wheels.poses.tolist(), strict=True))
     places = [-1] * len(log) if wheels is None else wheels.places.tolist()
     largest = max(float(scan.ranges[scan.hits].max(initial=0.0)) for scan in log.scans)
     unknown, written = max(LARGEST_RANGE, math.nextafter(largest, math.inf)), 0
