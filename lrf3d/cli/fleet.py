@@ -105,7 +105,8 @@ def _check(scenario: Scenario, own: dict[str, Any], args: Namespace) -> None:
 def _drives(scenario: Scenario, args: Namespace) -> list[Any]:
     """The drives of all robots, cut where two first touch, which a warning says."""
     body = Body(scenario.radius, scenario.outline)
-    once = len(scenario.trajectory(on_collision=on_collision(args)))
+    # What the route touches is found on the whole path.
+    once = len(scenario.trajectory(on_collision=lambda note: None))
     scans = args.scans or once
     path = scenario.trajectory(scans=once + scans, on_collision=on_collision(args))
     places = places_along(path, args.robots, body, once=once)
