@@ -45,6 +45,7 @@ DOORS = {
     "load_map": lambda run, wrong: lrf3d.load_map(wrong),
     "load_run": lambda run, wrong: lrf3d.load_run(wrong),
     "load_log": lambda run, wrong: lrf3d.load_log(wrong),
+    "largest_range": lambda run, wrong: lrf3d.load_log("a.log", largest_range=wrong),
     "export_run": lambda run, wrong: lrf3d.export_run(wrong, "carmen", "a.log"),
     "export_run to": lambda run, wrong: lrf3d.export_run(run, wrong, "a.log"),
     "record": lambda run, wrong: lrf3d.record(wrong, "a.npz"),
@@ -55,6 +56,7 @@ DOORS = {
     "at": lambda run, wrong: run.trajectory.at(wrong),
     "LaserScan": lambda run, wrong: lrf3d.LaserScan((0, 0, 0), [0.0], [1.0], range_max=wrong),
     "LineMapper": lambda run, wrong: lrf3d.LineMapper(wrong),
+    "noises": lambda run, wrong: lrf3d.simulate(ROOM, [(1, 1, 0)], noise=wrong),
     "noise": lambda run, wrong: lrf3d.ProportionalNoise(0.1)(wrong, 0),
     "sweep": lambda run, wrong: lrf3d.sweep("paper_room", axes=wrong, seeds=0),
     "mappers": lambda run, wrong: lrf3d.sweep("paper_room", mappers=wrong, seeds=0),
@@ -64,7 +66,7 @@ DOORS = {
 @pytest.mark.parametrize("door", DOORS)
 def test_a_thing_of_the_wrong_kind_is_one_line(door, run, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    fits = {"at": (list,), "LaserScan": (int,), "caster": (type(None),)}.get(door, ())
+    fits = {"at": (list,), "LaserScan": (int,), "caster": (type(None),), "noises": (type(None),)}.get(door, ())
     for wrong in WRONG:
         if type(wrong) not in fits:
             with pytest.raises(lrf3d.Lrf3dError) as caught:
