@@ -62,13 +62,18 @@ DOORS = {
     "mappers": lambda run, wrong: lrf3d.sweep("paper_room", mappers=wrong, seeds=0),
 }
 
+FITS = {
+    "at": list,
+    "LaserScan": int,
+    **dict.fromkeys(("caster", "noises", "largest_range"), type(None)),
+}
+
 
 @pytest.mark.parametrize("door", DOORS)
 def test_a_thing_of_the_wrong_kind_is_one_line(door, run, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    fits = {"at": (list,), "LaserScan": (int,), "caster": (type(None),), "noises": (type(None),)}.get(door, ())
     for wrong in WRONG:
-        if type(wrong) not in fits:
+        if type(wrong) is not FITS.get(door):
             with pytest.raises(lrf3d.Lrf3dError) as caught:
                 DOORS[door](run, wrong)
             assert "\n" not in str(caught.value) and not list(tmp_path.iterdir())
