@@ -50,7 +50,7 @@ def is_run(name: str) -> bool:
 
 def odometry_of(path: str | Path) -> str:
     """The source of poses for SLAM: a bag may know the truth, others keep the odometry apart."""
-    is_bag = Path(path).is_dir() or str(path).lower().endswith((*BAG_ENDINGS, ".npz"))
+    is_bag = as_path(path).is_dir() or str(path).lower().endswith((*BAG_ENDINGS, ".npz"))
     return "odom" if is_bag else "auto"
 
 
