@@ -310,8 +310,8 @@ def localise(
         >>> bool(abs(track.errors(run.trajectory.poses)).max() < 0.05)
         True
     """
-    steps = numbers(steps, "steps")
-    steps = as_poses(steps if steps.size else steps.reshape(-1, 3))
+    given = numbers(steps, "steps")
+    steps = as_poses(given if given.size else given.reshape(-1, 3))
     expect(localiser, Localiser, "localiser")
     rows = []
     for count, scan in enumerate(each_of(scans, object, "scans")):
