@@ -24,6 +24,7 @@ LAYERS = """\
 --layers LAYER,LAYER,…: Layers of a drawing that are walls, such as A-WALL*; by their names if not
  given.
 --without LAYER,LAYER,…: Layers of a drawing to leave out."""
+TREES = "--trees: Make walls of the trunks of trees in a .osm file, too."
 ROUTE = """\
 --inside: Plan the route inside the walls, if the world has none; depends on the world if neither
  side is given.
@@ -290,6 +291,7 @@ Describe a world, and draw it.
 {SCALE}
 {RESOLUTION}
 {LAYERS}
+{TREES}
 
 Example: lrf3d world show city --out city.png""",
     "world convert": f"""\
@@ -301,7 +303,7 @@ TO: The file to write: .toml, .geojson, .glb or .yaml.
 --resolution M: Side of a cell [m] of a ROS map (0.05), or of a pixel of a bare picture.
 {THRESHOLD}
 {LAYERS}
---trees: Make walls of the trunks of trees in a .osm file, too.
+{TREES}
 
 Example: lrf3d world convert plan.dxf plan.toml""",
     "world generate": f"""\

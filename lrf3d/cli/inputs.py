@@ -32,9 +32,9 @@ def read_world(args: Namespace) -> Scenario | None:
 
 def options_of(args: Namespace) -> dict[str, Any]:
     """How a file is read, as far as that was given."""
-    names = ("scale", "resolution", "threshold", "page", "layers", "without")
+    names = ("scale", "resolution", "threshold", "page", "layers", "without", "trees")
     given = {name: getattr(args, name, None) for name in names}
-    return {name: value for name, value in given.items() if value is not None}
+    return {k: value for k, value in given.items() if value is not None and value is not False}
 
 
 def read_file(name: str, **options: Any) -> WorldFile:
