@@ -34,8 +34,8 @@ def run_fleet(
     """Drive several robots along the route of a world, scan it, map it, and draw the results."""
     _check(scenario, own, args)
     scenario = routed(scenario, args, report)
-    output = results_folder(report, [args.world], scenario.name, args.out)
     drives = _drives(scenario, args)
+    output = results_folder(report, [args.world], scenario.name, args.out)
     sigma, noise = (args.sigma or [None])[0], made(own.get("noise"))
 
     def mapper() -> Any:
