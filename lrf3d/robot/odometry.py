@@ -89,9 +89,9 @@ class Imu:
     Examples:
         >>> import lrf3d
         >>> room, drive = lrf3d.load_world("paper_room"), [(1, 1, 0), (2, 1, 0)]
-        >>> run = lrf3d.simulate(room, drive, imu=lrf3d.Imu(rate=50.0), rng=0)
-        >>> len(run.imu.times)
-        50
+        >>> *_, last = lrf3d.Simulation(room, drive, imu=lrf3d.Imu(rate=50.0), rng=0)
+        >>> last.imu.shape
+        (50, 4)
     """
 
     rate: float = 100.0
