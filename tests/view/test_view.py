@@ -15,6 +15,7 @@ from test_render import city_run
 from yard import OBSTACLE, YARD
 
 from lrf3d.errors import MissingLibraryError, OutputError
+from lrf3d.exporting import export_run
 from lrf3d.io import save_run
 from lrf3d.scenario import load_scenario
 from lrf3d.scene.timeline import Timeline
@@ -119,6 +120,33 @@ def test_the_page_lists_its_keys_and_saves_pictures(played, chromium):
         until(lambda: page.evaluate("Boolean(document.fullscreenElement)"))
         page.click("[data-do=full]")
         until(lambda: not page.evaluate("Boolean(document.fullscreenElement)"))
+
+
+@needs_browser
+def test_a_run_as_one_file_shows_what_its_page_shows_without_a_server(
+    recorded, played, chromium, tmp_path
+):
+    run, _ = recorded
+    path = tmp_path / "run.html"
+    export_run(run, "html", path)
+    assert path.stat().st_size < 3e6
+    seen = {}
+    for address in (played, path.as_uri()):
+        with opened(chromium, address) as page:
+            until(lambda: number(page, "t") > 0.0)
+            page.click("[aria-label=pause]")
+            for key in ("Home", "End"):
+                page.keyboard.press(key)
+                at = {"Home": 0.0, "End": page_end(run)}[key]
+                until(lambda: number(page, "t") == pytest.approx(at, abs=0.06))
+                for view in ("follow", "first", "top"):
+                    page.click(f"[data-view={view}]")
+                    seen[address, key, view] = until(lambda: still(page))
+    for key in ("Home", "End"):
+        for view in ("follow", "first", "top"):
+            one, other = seen[played, key, view], seen[path.as_uri(), key, view]
+            assert np.abs(one - other).mean() < 2.0, (key, view)
+            assert other.std() > 20.0
 
 
 def page_end(run):
