@@ -17,9 +17,9 @@ from lrf3d.run import Run
 from lrf3d.scene import drawn_map
 from lrf3d.scene.camera import Look
 from lrf3d.scene.look import LEAST_SCALE
-from lrf3d.scene.shapes import Faces
+from lrf3d.scene.shapes import Faces, single
 from lrf3d.scene.timeline import Moment
-from lrf3d.view.message import Part, stage_message, times_part
+from lrf3d.view.message import Part, Sender, stage_message, times_part
 from lrf3d.view.server import PAGE, page_text
 from lrf3d.view.shown import Shown, Wanted
 
@@ -108,13 +108,14 @@ class _Recorded(Shown):
         # The page makes the bands itself, for its own eye: from segments, tops and colours.
         drawn = self.scene.drawn_map(moment)
         tops = np.minimum(drawn.tops, _HIGHEST)[:, None]
-        return Faces(drawn.segments, tops, drawn.colours)
+        return Faces(single(drawn.segments), single(tops), single(drawn.colours))
 
 
-class _Record:
+class _Record(Sender):
     """Keeps messages instead of packing them, and each array once."""
 
     def __init__(self) -> None:
+        super().__init__()
         self.views: dict[str, list[Any]] = {}
         self.blocks: dict[str, bytearray] = {}
         """The arrays of each column of a mark: what is alike lies together, and packs well."""
@@ -127,18 +128,21 @@ class _Record:
 
     def message(self, parts: Mapping[str, Part], values: Mapping[str, Any]) -> bytes:
         """Keep a message."""
-        marks = {
-            name: {**style, "columns": [self.number(each, name, key) for key, each in columns.items()]}
-            for name, (style, columns) in parts.items()
-        }
+        marks = dict[str, Any]()
+        for name, (style, columns) in parts.items():
+            numbers = [self.number(each, name, key) for key, each in columns.items()]
+            marks[name] = {**style, "columns": numbers}
         # The page turns cameras itself.
         camera = {key: each for key, each in values["camera"].items() if key != "ray"}
         self._moments.append({**values, "camera": camera, "marks": marks})
         return b""
 
     def places(self) -> list[list[int]]:
-        """Where each array starts, its rows and columns, the bytes of a number, and the exponent
-        of its unit; 0 bytes are whole numbers of two."""
+        """Places of arrays in the blocks, one after another.
+
+        Each is where the array starts, its rows and columns, the bytes of a number, and the
+        exponent of its unit; 0 bytes are whole numbers of two.
+        """
         sizes = [len(block) for block in self.blocks.values()]
         starts = dict(zip(self.blocks, np.cumsum([0, *sizes]).tolist(), strict=False))
         return [[starts[name] + start, *others] for name, (start, *others) in self._arrays]

@@ -1,5 +1,7 @@
 // What the page shows lies in its file: the world, and recorded moments, which are seen with the page's own camera.
 
+import { unpacked } from "./scene.js";
+
 const GLIDE = 0.05; // How far an eye moves between two moments, in its distance, if what it sees glides: near ones would leave the beams behind.
 const LOWEST = 0.07, STEEPEST = 1.536; // How steeply a look that a hand has turned goes down [rad].
 
@@ -89,8 +91,6 @@ export async function source(take) {
   const { step, views, arrays, times, sizes, leastScale, band } = JSON.parse(new TextDecoder().decode(text));
   const bytes = new Uint8Array(block);
   const sent = {}; // The number of the array that each column of a mark has.
-  const length = new DataView(data).getUint32(0, true);
-  const world = [JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length))), new Uint8Array(data, 4 + length)];
 
   // The new columns of a mark, which are put after other arrays.
   function columnsOf(name, numbers, lists, camera) {
@@ -152,5 +152,5 @@ export async function source(take) {
     }
     take({ ...moment, camera: own, mirrors: moment.mirrors.map((mirror) => mirrored(mirror, own)), marks }, arraysNow);
   }
-  return { world, ground: await createImageBitmap(new Blob([picture])), ask };
+  return { world: unpacked(data), ground: await createImageBitmap(new Blob([picture])), ask };
 }

@@ -1,10 +1,6 @@
 // What the page shows comes from its server: the world, and moments as answers to its questions.
 
-// The header and the arrays of a message.
-function unpacked(data) {
-  const length = new DataView(data).getUint32(0, true);
-  return [JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length))), new Uint8Array(data, 4 + length)];
-}
+import { unpacked } from "./scene.js";
 
 // Answers go to a function: a header and arrays, or nothing where nothing has changed.
 export async function source(take, ended) {
