@@ -12,7 +12,7 @@ from lrf3d.casting.crowd import Crowd, moves_of, records
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.casting.kernels.touch import TIP, touched
 from lrf3d.casting.kernels.tree import Plain, build_tree
-from lrf3d.errors import CollisionError, InputError
+from lrf3d.errors import CollisionError, InputError, each_of, expect
 from lrf3d.geometry import Float, Int, Value, as_rows, number
 from lrf3d.pose import Pose, between
 from lrf3d.robot.odometry import twist_of
@@ -238,6 +238,9 @@ def check_drive(
         >>> wall = lrf3d.World([[2, -1, 2, 1]])
         >>> lrf3d.check_drive(lrf3d.follow_route([[0, 0], [1, 0]]), wall, radius=0.35)
     """
+    expect(trajectory, Trajectory, "trajectory")
+    expect(world, World, "world")
+    obstacles = tuple(each_of(obstacles, DynamicObstacle, "obstacle"))
     collision = find_collision(trajectory, world, radius, obstacles)
     if collision is not None:
         raise CollisionError(f"{collision}; move the route or pass --ignore-collisions")

@@ -16,7 +16,8 @@ from pathlib import Path
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Iterator
+    from typing import Any
 
 LONGEST_MESSAGE = 600
 """Largest number of characters of a message: some lines of a terminal."""
@@ -126,10 +127,11 @@ def check_names(place: str, given: "Iterable[str]", known: "Iterable[str]") -> N
     """Check that names are known; for one that is not, the nearest known one is proposed."""
     known = list(known)
     for name in given:
-        if name not in known:
+        if not isinstance(name, str) or name not in known:
             from difflib import get_close_matches
 
-            near = get_close_matches("rng" if name == "seed" else name, known, n=1, cutoff=0.5)
+            word = name if isinstance(name, str) else ""
+            near = get_close_matches("rng" if word == "seed" else word, known, n=1, cutoff=0.5)
             hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
             raise InputError(f"{place}: there is no {shown(name)}; {hint}")
 
@@ -149,3 +151,14 @@ def expect(value: object, kind: type, name: str) -> None:
     """Check the kind of an argument that comes from outside."""
     if not isinstance(value, kind):
         raise InputError(f"{name} {shown(value)}: expected a {kind.__name__}")
+
+
+def each_of(values: "Any", kind: type, name: str) -> "Iterator[Any]":
+    """Yield the values of an argument that comes from outside, each checked to be of a kind."""
+    try:
+        found = iter(values)
+    except TypeError:
+        raise InputError(f"{name} {shown(values)}: expected a list of {kind.__name__}") from None
+    for each in found:
+        expect(each, kind, name)
+        yield each

@@ -59,7 +59,7 @@ def export_run(run: Run, to: str, path: str | Path, *, every: int = 1) -> None:
     if every > 1:
         run = run.part(np.arange(0, len(run), every))
     if to == "carmen":
-        from lrf3d.io.carmen import write_carmen
+        from lrf3d.io.carmen_writer import write_carmen
 
         write_carmen(run, path)
     else:

@@ -13,12 +13,12 @@ from lrf3d.casting.crowd import Crowd
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.collecting import gather
 from lrf3d.collision import Body, Collision, CollisionChecker
-from lrf3d.errors import CollisionError, InputError, expect, shown
+from lrf3d.errors import CollisionError, InputError, check_names, each_of, expect, shown
 from lrf3d.geometry import Float, generator
 from lrf3d.interrupts import Progress, silent, stoppable
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.laser.range_finder import lasers_of
-from lrf3d.pose import Pose, as_pose
+from lrf3d.pose import Pose, as_pose, as_poses
 from lrf3d.robot import Trajectory
 from lrf3d.robot.unicycle import RADIUS, Twist, hold
 from lrf3d.run import Run
@@ -86,11 +86,15 @@ def simulate_fleet(
     expect(world, World, "world")
     if not isinstance(drives, list | tuple):
         raise InputError(f"drives {shown(drives)}: expected a list of one a robot")
+    if mapper is not None and not callable(mapper):
+        raise InputError(f"mapper {shown(mapper)}: expected a function that makes that of a robot")
+    check_names("on_collision", [on_collision], ("raise", "stop"))
+    obstacles = tuple(each_of(obstacles, DynamicObstacle, "obstacle"))
     body, stops = Body(radius, outline), on_collision == "stop"
     places: list[Pose | None] = [None] * len(drives)
     lasers = () if lrf is None else lasers_of(lrf)
     if starts is not None:
-        places = [as_pose(start) for start in starts]
+        places = [as_pose(start) for start in as_poses(starts)]
     if len(places) != len(drives):
         raise InputError(f"{len(places)} starts of {len(drives)} robots: expected as many")
     paths, kept = list[Trajectory](), list[Any]()

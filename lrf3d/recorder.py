@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
-from lrf3d.errors import InputError, expect, shown
+from lrf3d.errors import InputError, each_of, expect, shown
 from lrf3d.geometry import Float, number
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.laser.range_finder import lasers_of
@@ -51,7 +51,8 @@ class Recorder:
         obstacles: Sequence[DynamicObstacle] = (),
     ) -> None:
         expect(world, World, "recorder: world")
-        self._world, self._lasers, self._obstacles = world, lasers_of(lrf), tuple(obstacles)
+        self._world, self._lasers = world, lasers_of(lrf)
+        self._obstacles = tuple(each_of(obstacles, DynamicObstacle, "recorder: obstacle"))
         self._times, self._poses = list[float](), list[Any]()
         self._columns: dict[str, list[Float]] = {name: [] for name in ("ranges", "truth", "walls")}
         self._maps, self._estimates = dict[int, LineMap](), list[Any]()
@@ -135,10 +136,9 @@ class Recorder:
 
     def _scans(self, given: Any) -> tuple[LaserScan, ...]:
         """Scans of these lasers, one of each."""
-        scans = (given,) if isinstance(given, LaserScan) else tuple(given)
+        scans = (given,) if isinstance(given, LaserScan) else given
+        scans = tuple(each_of(scans, LaserScan, "recorder: scan"))
         beams = [each.beams for each in self._lasers]
-        if not all(isinstance(each, LaserScan) for each in scans) or beams != [
-            len(each.ranges) for each in scans
-        ]:
+        if beams != [len(each.ranges) for each in scans]:
             raise InputError(f"recorder: {shown(given)}: expected a scan of {beams} beams")
         return scans

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from lrf3d.casting.crowd import Crowd
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.collision import CollisionChecker, body_of
-from lrf3d.errors import InputError, check_names, expect, shown
+from lrf3d.errors import InputError, check_names, each_of, expect, shown
 from lrf3d.geometry import Float, generator, sealed, whole_number
 from lrf3d.laser import LaserRangeFinder, LaserScan, ProportionalNoise
 from lrf3d.laser.noise import FLOOR, SIGMA, Noise, noises_of, spread_of
@@ -159,7 +159,7 @@ class Simulation:
         imu: Imu | None = None,
         robot: Robot | None = None,
     ) -> None:
-        check_names("on_collision", [str(on_collision)], ("raise", "stop"))
+        check_names("on_collision", [on_collision], ("raise", "stop"))
         scans = None if scans is None else whole_number(scans, "scans")
         expect(world, World, "world")
         self.world = world
@@ -177,8 +177,7 @@ class Simulation:
             scans, end = min(scans or len(path), len(path)), float(path.times[-1])
         self.obstacles, crowd = tuple[DynamicObstacle, ...](), obstacles
         if not isinstance(crowd, Crowd):
-            for obstacle in crowd:
-                expect(obstacle, DynamicObstacle, "obstacle")
+            crowd = tuple(each_of(crowd, DynamicObstacle, "obstacle"))
             # A run stores the paths of its obstacles as poses, up to its end; an endless drive is
             # not stored.
             self.obstacles = tuple(each if end is None else each.until(end) for each in crowd)

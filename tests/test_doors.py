@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import lrf3d
+from lrf3d import ros, scoring
 
 
 class Odd:
@@ -45,6 +46,7 @@ DOORS = {
     "load_map": lambda run, wrong: lrf3d.load_map(wrong),
     "load_run": lambda run, wrong: lrf3d.load_run(wrong),
     "load_log": lambda run, wrong: lrf3d.load_log(wrong),
+    "largest_range": lambda run, wrong: lrf3d.load_log("a.log", largest_range=wrong),
     "export_run": lambda run, wrong: lrf3d.export_run(wrong, "carmen", "a.log"),
     "export_run to": lambda run, wrong: lrf3d.export_run(run, wrong, "a.log"),
     "record": lambda run, wrong: lrf3d.record(wrong, "a.npz"),
@@ -55,18 +57,57 @@ DOORS = {
     "at": lambda run, wrong: run.trajectory.at(wrong),
     "LaserScan": lambda run, wrong: lrf3d.LaserScan((0, 0, 0), [0.0], [1.0], range_max=wrong),
     "LineMapper": lambda run, wrong: lrf3d.LineMapper(wrong),
+    "noises": lambda run, wrong: lrf3d.simulate(ROOM, [(1, 1, 0)], noise=wrong),
     "noise": lambda run, wrong: lrf3d.ProportionalNoise(0.1)(wrong, 0),
+    "Recorder": lambda run, wrong: lrf3d.Recorder(wrong, run.lrf),
+    "recorded scan": lambda run, wrong: lrf3d.Recorder(ROOM, run.lrf).add(wrong),
+    "recorded obstacles": lambda run, wrong: lrf3d.Recorder(ROOM, run.lrf, obstacles=wrong),
+    "obstacles": lambda run, wrong: lrf3d.simulate(ROOM, [(1, 1, 0)], obstacles=wrong),
+    "on_collision": lambda run, wrong: lrf3d.simulate(ROOM, [(1, 1, 0)], on_collision=wrong),
+    "fleet's starts": lambda run, wrong: lrf3d.simulate_fleet(ROOM, [[(1, 1, 0)]], starts=wrong),
+    "fleet's mapper": lambda run, wrong: lrf3d.simulate_fleet(ROOM, [[(1, 1, 0)]], mapper=wrong),
+    "fleet's obstacles": lambda run, wrong: lrf3d.simulate_fleet(ROOM, [], obstacles=wrong),
+    "WheelOdometry": lambda run, wrong: lrf3d.WheelOdometry(wrong),
+    "increment": lambda run, wrong: lrf3d.WheelOdometry()(wrong, np.random.default_rng(0)),
+    "wheels' rng": lambda run, wrong: lrf3d.WheelOdometry()((1, 0, 0), wrong),
+    "Imu": lambda run, wrong: lrf3d.Imu(wrong),
+    "DifferentialDrive": lambda run, wrong: lrf3d.DifferentialDrive(0.5).twist(wrong, 1.0),
+    "AckermannDrive": lambda run, wrong: lrf3d.AckermannDrive(2.0).move((0, 0, 0), 1.0, wrong, 1.0),
+    "OmniDrive": lambda run, wrong: lrf3d.OmniDrive().twist(wrong, 0.0, 0.0),
+    "check_drive": lambda run, wrong: lrf3d.check_drive(wrong, ROOM, 0.1),
+    "crosscheck": lambda run, wrong: lrf3d.crosscheck(ROOM, wrong, [(1, 1, 0)]),
+    "score_run": lambda run, wrong: lrf3d.score_run(wrong),
+    "score_map": lambda run, wrong: lrf3d.score_map(run.map, wrong, ROOM.objects),
+    "score_map by": lambda run, wrong: lrf3d.score_map(run.map, ROOM.segments, wrong),
+    "score_log": lambda run, wrong: scoring.score_log(run.map, wrong),
+    "score_trajectory": lambda run, wrong: scoring.score_trajectory([(0, 0, 0)], wrong),
+    "match_segments": lambda run, wrong: scoring.match_segments(ROOM.segments, wrong),
+    "buildings_seen": lambda run, wrong: scoring.buildings_seen(wrong),
+    "LineMap": lambda run, wrong: lrf3d.LineMap(wrong, [0], [9]),
+    "slam_log": lambda run, wrong: lrf3d.slam_log(wrong),
+    "serve": lambda run, wrong: ros.serve(wrong),
     "sweep": lambda run, wrong: lrf3d.sweep("paper_room", axes=wrong, seeds=0),
     "mappers": lambda run, wrong: lrf3d.sweep("paper_room", mappers=wrong, seeds=0),
+}
+
+FITS = {
+    "at": (list,),
+    "LaserScan": (int,),
+    **dict.fromkeys(("caster", "noises", "largest_range", "on_collision"), (type(None),)),
+    **dict.fromkeys(("fleet's starts", "fleet's mapper"), (type(None),)),
+    **dict.fromkeys(("recorded obstacles", "fleet's obstacles", "score_log"), (list,)),
+    "obstacles": (list, type(None)),
+    **dict.fromkeys(("WheelOdometry", "DifferentialDrive", "AckermannDrive"), (int, bool)),
+    "OmniDrive": (int, bool),
+    "Imu": (int,),
 }
 
 
 @pytest.mark.parametrize("door", DOORS)
 def test_a_thing_of_the_wrong_kind_is_one_line(door, run, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    fits = {"at": (list,), "LaserScan": (int,), "caster": (type(None),)}.get(door, ())
     for wrong in WRONG:
-        if type(wrong) not in fits:
+        if type(wrong) not in FITS.get(door, ()):
             with pytest.raises(lrf3d.Lrf3dError) as caught:
                 DOORS[door](run, wrong)
             assert "\n" not in str(caught.value) and not list(tmp_path.iterdir())

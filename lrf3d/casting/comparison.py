@@ -121,6 +121,7 @@ def crosscheck(
     """
     require_embreex("a cross-check")
     expect(world, World, "world")
+    expect(lrf, LaserRangeFinder, "range finder")
     poses = as_poses(poses)
     world = World(world.segments, world.objects, world.heights)
     planar, embree = PlanarCaster(world), BareEmbree(world)

@@ -24,6 +24,7 @@ LAYERS = """\
 --layers LAYER,LAYER,…: Layers of a drawing that are walls, such as A-WALL*; by their names if not
  given.
 --without LAYER,LAYER,…: Layers of a drawing to leave out."""
+TREES = "--trees: Make walls of the trunks of trees in a .osm file, too."
 ROUTE = """\
 --inside: Plan the route inside the walls, if the world has none; depends on the world if neither
  side is given.
@@ -208,6 +209,23 @@ LOG: A CARMEN log or a text of a scan a line, also gzipped, a ROS bag (.mcap, .d
 {LOG}
 
 Example: lrf3d map drive.log.gz --out out/drive""",
+    "degrade": f"""\
+Make a recorded log worse on purpose, to find out what a mapper or a SLAM bears.
+
+The scans of the first laser, with their poses and the odometry, are written as a CARMEN log, which
+holds no light and no times of beams.
+
+LOG: A log, as for map.
+-o --out FILE: The log to write: .log, .clf, or gzipped .log.gz, .clf.gz (required).
+--drop SHARE = 0: Share of the returns that are lost, at random.
+--noise M = 0: Standard deviation [m] of the noise that is added to each range.
+--every N = 1: Keep every n-th scan.
+--beams-every N = 1: Keep every n-th beam.
+--seed SEED = 0: Seed; the same seed gives the same log.
+--poses auto|truth|tf|odom: Source of the poses; those of a bag are its odometry if not given.
+{LOG}
+
+Example: lrf3d degrade drive.log.gz --drop 0.3 --noise 0.05 --every 2 --out worse.log.gz""",
     "slam": f"""\
 Find poses and map of a log from odometry and scans.
 
@@ -272,6 +290,7 @@ Describe a world, and draw it.
 {SCALE}
 {RESOLUTION}
 {LAYERS}
+{TREES}
 
 Example: lrf3d world show city --out city.png""",
     "world convert": f"""\
@@ -283,7 +302,7 @@ TO: The file to write: .toml, .geojson, .glb or .yaml.
 --resolution M: Side of a cell [m] of a ROS map (0.05), or of a pixel of a bare picture.
 {THRESHOLD}
 {LAYERS}
---trees: Make walls of the trunks of trees in a .osm file, too.
+{TREES}
 
 Example: lrf3d world convert plan.dxf plan.toml""",
     "world generate": f"""\

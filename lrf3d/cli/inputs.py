@@ -32,9 +32,9 @@ def read_world(args: Namespace) -> Scenario | None:
 
 def options_of(args: Namespace) -> dict[str, Any]:
     """How a file is read, as far as that was given."""
-    names = ("scale", "resolution", "threshold", "page", "layers", "without")
+    names = ("scale", "resolution", "threshold", "page", "layers", "without", "trees")
     given = {name: getattr(args, name, None) for name in names}
-    return {name: value for name, value in given.items() if value is not None}
+    return {k: value for k, value in given.items() if value is not None and value is not False}
 
 
 def read_file(name: str, **options: Any) -> WorldFile:
@@ -61,7 +61,7 @@ def read_log(args: Namespace) -> LaserLog:
     """Read a log, for SLAM with the odometry as its poses."""
     if args.command == "slam" and args.relations is not None:
         check_ordinary(args.relations)
-    poses = args.poses if args.command == "map" else odometry_of(args.log)
+    poses = getattr(args, "poses", None) or odometry_of(args.log)
     return load_log(
         args.log, largest_range=args.largest_range, poses=poses, scan_topic=args.scan_topic,
         part=args.part, format=args.format,
@@ -112,6 +112,7 @@ COMMANDS: dict[str, tuple[Callable[[Namespace], Any], str]] = {
     "crosscheck": (read_world, "accuracy:crosscheck"),
     "map": (read_log, "logs:map_"),
     "slam": (read_log, "logs:slam"),
+    "degrade": (read_log, "logs:degrade"),
     "localise": (read_world, "accuracy:localise"),
     "sweep": (read_sweep, "sweep:sweep"),
     "world show": (read_world, "world:show"),

@@ -10,8 +10,13 @@ import numpy as np
 
 from lrf3d.cli.console import Report, warn
 from lrf3d.cli.folder import results_folder
+from lrf3d.degrading import degrade_log
+from lrf3d.errors import InputError
+from lrf3d.files import make_folder
 from lrf3d.interrupts import Progress
 from lrf3d.io import LaserLog, save_run
+from lrf3d.io.carmen_writer import write_log
+from lrf3d.io.reading import CARMEN_ENDINGS
 from lrf3d.io.trajectory_files import load_relations, save_tum
 from lrf3d.mapping import save_map
 from lrf3d.recorded import SolvedLog, map_log, solve_log
@@ -67,6 +72,39 @@ def slam(log: LaserLog, args: Namespace, report: Report) -> None:
             "trajectory.tum": lambda path: save_tum(log.odometry.times, solved.line_poses, path),
         },
     )  # fmt: skip
+
+
+def degrade(log: LaserLog, args: Namespace, report: Report) -> None:
+    """Make a log worse on purpose, and write it."""
+    out: Path = args.out
+    if not out.name.lower().endswith(CARMEN_ENDINGS):
+        raise InputError(f"--out {out}: expected a name that ends in {', '.join(CARMEN_ENDINGS)}")
+    if out.exists() and out.samefile(args.log):
+        raise InputError(f"--out {out}: is the log itself; choose another name")
+    changes = {name: vars(args)[name] for name in ("drop", "noise", "every", "beams_every")}
+    log = log.of_laser(log.lasers[0])
+    worse = degrade_log(log, **changes, rng=args.seed)
+    make_folder(out.parent)
+    write_log(worse, out)
+    kept = log.scans[:: args.every]
+    there = sum(int(scan.hits[:: args.beams_every].sum()) for scan in kept)
+    lost = there - sum(int(scan.hits.sum()) for scan in worse.scans)
+    thinned = f", one of {args.beams_every} beams" if args.beams_every > 1 else ""
+    done = (
+        f"{len(worse):,} of {counted(len(log), 'scan')} kept{thinned};"
+        f" {lost:,} of {there:,} returns lost, noise of {args.noise:g} m added to the others"
+    )
+    timed = sum(scan.time_increment != 0.0 for scan in log.scans)
+    rows = _log_rows(worse)
+    if timed:
+        rows.append(("", f"{counted(timed, 'scan')} with times of beams, which are not kept"))
+    rows += [("poses", log.source), ("worse", done), ("file", str(out))]
+    figures = {
+        "file": str(out), "log": log.counts, "poses": log.source, **changes, "seed": args.seed,
+        "scans": len(worse), "returns": there,
+        "returns_lost": lost,
+    }  # fmt: skip
+    report.print(figures, rows)
 
 
 def _timed(progress: Progress) -> tuple[Progress, Callable[[], float]]:

@@ -203,6 +203,7 @@ KINDS: dict[str, tuple[Callable[[str], Any], str]] = {
     "RATE": _number(float, 0.1, 1000.0),
     "SPEED": _number(float, 0.01),
     "GREY": _number(float, 1.0, 254.0),
+    "SHARE": _number(float, 0.0, 1.0),
     **dict.fromkeys(("DEG", "FACTOR", "M", "S"), _number(float, 0.0)),
     **dict.fromkeys(("FILE", "FOLDER", "LOG", "RUN", "TO"), (Path, "a path")),
     "WxH": (_size, "WIDTHxHEIGHT, such as 1280x720, even numbers from 64 to 7680"),

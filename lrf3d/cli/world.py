@@ -70,7 +70,7 @@ def convert(_: None, args: Namespace, report: Report) -> None:
     options = options_of(args)
     if not bare:
         options.pop("resolution", None)
-    world = load_world(args.from_, trees=args.trees, **options)
+    world = load_world(args.from_, **options)
     cells = args.to.suffix.lower() == ".yaml" or not bare
     save_world(world, args.to, resolution=args.resolution if cells else None)
     written = {"written": str(args.to)}

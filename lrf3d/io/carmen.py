@@ -16,12 +16,6 @@ from odom_x on; DP-SLAM calls them Laser and Odometry::
 
 Lines that cannot be read are skipped and reported. If a log holds each scan twice, as an old and as
 a new message, only the kind that comes first is read.
-
-A run is written as four messages for each scan: the true pose, the odometry (the same, unless the
-run knows what its wheels measured), the scan with its angles and range_max, and, if its fan is that
-of FLASER messages, the scan again for tools that read only those. Numbers have all their digits, so
-a log that is read back is the same bit for bit, as far as the format can express it. A beam without
-return is written as range_max, one below range_min as 0.
 """
 
 import gzip
@@ -31,12 +25,12 @@ from dataclasses import replace
 from functools import lru_cache
 from math import inf, isfinite, pi
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.files import as_path, opened, replacing
+from lrf3d.files import as_path, opened
 from lrf3d.geometry import LARGEST_COORDINATE, Float, sealed, wrap_angle
 from lrf3d.interrupts import check
 from lrf3d.io.laser_log import (
@@ -55,11 +49,8 @@ from lrf3d.io.laser_log import (
 )
 from lrf3d.laser import LaserScan
 from lrf3d.laser.range_finder import CENTRE
-from lrf3d.pose import Pose, as_pose, between
+from lrf3d.pose import Pose, between
 from lrf3d.robot import Trajectory
-
-if TYPE_CHECKING:
-    from lrf3d.run import Run
 
 FARTHEST_LASER = 10.0
 """How far a laser may stand from its robot's centre [m]: farther, the number is in other units."""
@@ -77,12 +68,6 @@ TRACKS = {b"ODOM": "odom", b"TRUEPOS": "truth"}
 
 STEADY = 1e-3
 """How far mounts of one laser may differ [m], [rad]: logs round their numbers."""
-
-HOST = "lrf3d"
-"""The host name in messages."""
-
-SAME = 1e-9
-"""Largest difference [rad] of angles that count as equal."""
 
 
 def load_carmen(
@@ -230,7 +215,7 @@ class _Reading:
             self._end = end
         elif len(words) != length:
             raise ValueError(f"{len(words)} words, expected {length}")
-        (start, step), range_max = _front(count), 0.0
+        (start, step), range_max = front_fan(count), 0.0
         if not is_front:
             start, step, range_max = (_number(words, k) for k in (2, 4, 5))
             if not 0.0 < step * (count - 1) < 2.1 * pi:
@@ -256,7 +241,7 @@ class _Reading:
         self.untimed += not is_timed
         stamp = _number(words, time, "time") if is_timed else UNTIMED * len(self.scans)
         self._robots.append(pose if is_front else _pose(words, place + 3))
-        angles = _angles(count, start, step)
+        angles = even_angles(count, start, step)
         return LaserScan(pose, angles, ranges, range_max=farthest, time=stamp)
 
     def mount(self) -> Pose:
@@ -293,7 +278,7 @@ class _Reading:
         return WheelRecord(np.array(times), np.array(poses), np.array(self._places), self.offset)
 
 
-def _front(count: int) -> tuple[float, float]:
+def front_fan(count: int) -> tuple[float, float]:
     """First angle and step [rad] of a FLASER message's beams.
 
     An odd fan reaches both −90° and +90°; an even one leaves +90° out.
@@ -302,7 +287,7 @@ def _front(count: int) -> tuple[float, float]:
 
 
 @lru_cache(maxsize=4)
-def _angles(count: int, start: float, step: float) -> Float:
+def even_angles(count: int, start: float, step: float) -> Float:
     """Angles (count,) [rad] of a message's beams; successive scans share the array."""
     return sealed(np.asarray(start + step * np.arange(count), dtype=np.float64))
 
@@ -331,59 +316,3 @@ def _number(words: list[bytes], place: int, what: str = "a value") -> float:
         shown = word[:40].decode("ascii", "backslashreplace")
         raise ValueError(f"{what} is {shown!r}, expected a finite number")
     return value
-
-
-def write_carmen(run: "Run", path: Path) -> None:
-    """Write a run to a CARMEN log, completely or not at all."""
-    text = "\n".join(_messages(run)).encode("ascii") + b"\n"
-    with replacing(path) as unfinished:
-        # Without the time of day in it, the same run is the same file.
-        packed = path.suffix.lower() == ".gz"
-        unfinished.write_bytes(gzip.compress(text, mtime=0) if packed else text)
-
-
-def _messages(run: "Run") -> Iterator[str]:
-    yield "# CARMEN log of a run of lrf3d; x, y and ranges in metres, angles in radians"
-    yield "# TRUEPOS x y theta odom_x odom_y odom_theta time host logger_time"
-    yield "# ODOM x y theta v w acceleration time host logger_time"
-    yield "# ROBOTLASER1 type start fov step max_range accuracy mode n r1 ... rn m s1 ... sm"
-    yield "#   x y theta robot_x robot_y robot_theta v w safety safety turn time host logger_time"
-    speeds = run.trajectory.speeds.tolist()
-    wheels = run.odometry.tolist()
-    rows = zip(run.trajectory.times.tolist(), run.trajectory.poses, wheels, speeds, strict=True)
-    for index, (time, true, measured, (v, w)) in enumerate(rows):
-        robot = " ".join(map(repr, as_pose(true)))
-        odometry, end = " ".join(map(repr, measured)), f"{time!r} {HOST} {time!r}"
-        yield f"TRUEPOS {robot} {odometry} {end}"
-        yield f"ODOM {odometry} {v!r} {w!r} 0.0 {end}"
-        for laser, scan in enumerate(run.scans_at(index)):
-            yield from _scan_messages(scan, laser, robot, odometry, f"{v!r} {w!r}", end)
-
-
-def _scan_messages(
-    scan: LaserScan, laser: int, robot: str, odometry: str, speeds: str, end: str
-) -> Iterator[str]:
-    """The messages of a scan; the first laser is that in front, the second that at the rear."""
-    pose, ranges = " ".join(map(repr, scan.pose)), _readings(scan)
-    start, stop, count = float(scan.angles[0]), float(scan.angles[-1]), len(scan.angles)
-    step = (stop - start) / (count - 1) if count > 1 else 0.0
-    yield (
-        f"ROBOTLASER{laser + 1} 0 {start!r} {stop - start!r} {step!r} {scan.range_max!r} 0.0 0"
-        f" {count} {ranges} 0 {pose} {robot} {speeds} 0.0 0.0 0.0 {end}"
-    )
-    if laser < 2 and _is_front(scan.angles):
-        yield f"{'FR'[laser]}LASER {count} {ranges} {pose} {odometry} {end}"
-
-
-def _readings(scan: LaserScan) -> str:
-    """The ranges as readings of CARMEN."""
-    ranges = np.where(scan.ranges > scan.range_max, scan.range_max, scan.ranges)
-    return " ".join(map(repr, np.where(ranges < 0.0, 0.0, ranges).tolist()))
-
-
-def _is_front(angles: Float) -> bool:
-    """Whether a fan is that of FLASER messages with the same number of beams."""
-    if len(angles) < 2:
-        return False
-    expected = _angles(len(angles), *_front(len(angles)))
-    return bool((np.abs(angles - expected) <= SAME).all())

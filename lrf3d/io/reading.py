@@ -7,6 +7,7 @@ from pathlib import Path
 
 from lrf3d.errors import InputError, shown
 from lrf3d.files import as_path, opened, own_name
+from lrf3d.geometry import number
 from lrf3d.interrupts import reading
 from lrf3d.io.array_log import is_foreign
 from lrf3d.io.laser_log import GZIPPED, LaserLog
@@ -49,7 +50,7 @@ def is_run(name: str) -> bool:
 
 def odometry_of(path: str | Path) -> str:
     """The source of poses for SLAM: a bag may know the truth, others keep the odometry apart."""
-    is_bag = Path(path).is_dir() or str(path).lower().endswith((*BAG_ENDINGS, ".npz"))
+    is_bag = as_path(path).is_dir() or str(path).lower().endswith((*BAG_ENDINGS, ".npz"))
     return "odom" if is_bag else "auto"
 
 
@@ -91,8 +92,8 @@ def load_log(
         (2, 1.0)
     """
     path = as_path(path)
-    if largest_range is not None and not largest_range > 0.0:
-        raise InputError(f"largest range {largest_range}: expected metres, more than 0")
+    if largest_range is not None:
+        number(largest_range, "largest range", "metres", positive=True)
     if not isinstance(poses, str) or poses not in POSES:
         raise InputError(f"poses from {shown(poses)}: expected one of {', '.join(POSES)}")
     kind = "text" if format else _kind(path)

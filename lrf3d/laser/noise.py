@@ -89,6 +89,8 @@ def spread_of(noise: object) -> tuple[float, float] | None:
 def as_noise(noise: Any) -> Noise:
     """A noise that comes from outside, checked to be a function of a scan and an rng."""
     try:
+        if not callable(noise):
+            raise TypeError
         inspect.signature(noise).bind("scan", "rng")
     except (TypeError, ValueError):
         raise InputError(f"noise {shown(noise)}: expected a function of a scan and rng") from None

@@ -11,8 +11,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.errors import InputError, expect, shown
-from lrf3d.geometry import Bool, Float, Int, Value, generator, is_finite, read_only, wrap_angle
+from lrf3d.errors import InputError, each_of, expect, shown
+from lrf3d.geometry import (
+    Bool,
+    Float,
+    Int,
+    Value,
+    generator,
+    is_finite,
+    numbers,
+    read_only,
+    wrap_angle,
+)
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.localization.pairing import (
@@ -300,13 +310,15 @@ def localise(
         >>> bool(abs(track.errors(run.trajectory.poses)).max() < 0.05)
         True
     """
-    steps = as_poses(np.reshape(steps, (-1, 3)) if np.size(steps) == 0 else steps)
+    given = numbers(steps, "steps")
+    steps = as_poses(given if given.size else given.reshape(-1, 3))
+    expect(localiser, Localiser, "localiser")
     rows = []
-    for count, scan in enumerate(scans):
+    for count, scan in enumerate(each_of(scans, object, "scans")):
         # The robot moves between scans, so the first one has no increment before it.
         if 0 < count <= len(steps):
             localiser.move(steps[count - 1])
-        for each in (scan,) if isinstance(scan, LaserScan) else scan:
+        for each in (scan,) if isinstance(scan, LaserScan) else each_of(scan, LaserScan, "scan"):
             now = localiser.see(each)
         rows.append((now.pose, now.covariance, localiser.used, localiser.comparisons))
     if len(rows) != len(steps) + 1:

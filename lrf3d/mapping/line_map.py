@@ -61,10 +61,7 @@ class LineMap(Value, Pictured):
         self._hold("segments")
         self._hold("objects", "points", dtype=np.int64)
         segments, objects, points = self.segments, self.objects, self.points
-        if not (
-            segments.shape == (len(segments), 4)
-            and objects.shape == points.shape == segments.shape[:1]
-        ):
+        if not (segments.shape[1:] == (4,) and objects.shape == points.shape == segments.shape[:1]):
             raise InputError(
                 f"map of segments {segments.shape}, objects {objects.shape} and points"
                 f" {points.shape}: expected shapes (m, 4), (m,) and (m,)"

@@ -131,7 +131,7 @@ class Film:
         structures = self.scene.structures
         self.camera = make_camera(str(chosen.view), self.timeline, structures)
         self._size, self._layers = chosen.size, chosen.layers
-        self._facts = panel.Facts(run, structures, self.timeline.playback, chosen.panel)
+        self._facts = panel.Facts(run, self.timeline.playback, chosen.panel)
         self._window = self.scene.plan_window()
         wide = _INSET * min(chosen.size) / self._window.aspect**0.5
         wide = round(min(wide, _WIDEST * chosen.size[0]))

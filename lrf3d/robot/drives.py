@@ -18,10 +18,15 @@ STEEPEST = math.radians(85.0)
 """Largest steering angle [rad]: at 90° a car would turn about its own rear axle."""
 
 
+def checked(name: str, *command: float) -> None:
+    """Check that a command that comes from outside is finite numbers."""
+    if not is_finite(*command):
+        raise InputError(f"{name} {shown(command)}: expected finite numbers")
+
+
 def moved(twist: Twist, pose: Sequence[float], seconds: float) -> Pose:
     """Where a robot is after it held a twist for some seconds."""
-    if not is_finite(*twist, seconds):
-        raise InputError(f"move {shown((*twist, seconds))}: expected finite numbers")
+    checked("move", *twist, seconds)
     return hold(as_pose(pose), twist, seconds)
 
 
@@ -50,6 +55,7 @@ class DifferentialDrive:
 
     def twist(self, left: float, right: float) -> Twist:
         """The twist at speeds of the left wheel and of the right one."""
+        checked("differential drive:", left, right)
         return (
             0.5 * self.radius * (left + right), 0.0, self.radius * (right - left) / self.track
         )  # fmt: skip
@@ -88,6 +94,7 @@ class AckermannDrive:
 
     def twist(self, speed: float, steering: float) -> Twist:
         """The twist at a speed and a steering angle, positive to the left."""
+        checked("ackermann drive:", speed, steering)
         angle = min(max(steering, -self.most), self.most)
         return speed, 0.0, speed * math.tan(angle) / self.wheelbase
 
@@ -110,6 +117,7 @@ class OmniDrive:
 
     def twist(self, ahead: float, left: float, turn: float) -> Twist:
         """The twist itself."""
+        checked("omni drive:", ahead, left, turn)
         return ahead, left, turn
 
     def move(

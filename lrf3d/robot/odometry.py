@@ -8,8 +8,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Value, is_finite, number
+from lrf3d.errors import InputError, expect, shown
+from lrf3d.geometry import Float, Value, as_rows, is_finite, number
 from lrf3d.pose import between, compose
 
 GRAVITY = 9.80665
@@ -54,11 +54,14 @@ class WheelOdometry:
     def __post_init__(self) -> None:
         values = [getattr(self, each.name) for each in fields(self)]
         if not is_finite(*values) or min(values[:2]) <= -1.0 or min(values[3:]) < 0.0:
-            raise InputError(f"{self}: expected finite numbers, deviations of at least 0")
+            raise InputError(
+                f"wheel odometry {shown(values)}: expected finite numbers, deviations of at least 0"
+            )
 
     def __call__(self, increment: Float, rng: np.random.Generator) -> Float:
         """What the wheels measure of an increment (3,): ahead, to the left [m], turn [rad]."""
-        ahead, left, turn = twist_of(increment).tolist()
+        expect(rng, np.random.Generator, "wheel odometry: rng")
+        ahead, left, turn = twist_of(as_rows([increment], "increments", 3)[0]).tolist()
         distance = float(np.hypot(ahead, left))
         stretched, turned = rng.normal(size=2).tolist()
         longer = 1.0 + self.scale

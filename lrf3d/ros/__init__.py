@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from lrf3d.errors import expect
 from lrf3d.interrupts import check
 from lrf3d.ros.settings import Settings
 from lrf3d.ros.stream import SecondClockError as SecondClockError
@@ -29,6 +30,7 @@ def serve(
         SecondClockError: Another program publishes the clock.
         InputError: A setting is invalid.
     """
+    expect(scenario, Scenario, "scenario")
     from lrf3d.ros.node import serve_node
 
     serve_node(scenario.with_route(), Settings(**settings), arguments, started)

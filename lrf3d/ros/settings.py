@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from lrf3d.errors import InputError
+from lrf3d.errors import check_names, expect
 from lrf3d.geometry import number, whole_number
 
 
@@ -42,5 +42,5 @@ class Settings:
         whole_number(self.robots, "robots")
         if self.rate is not None:
             number(self.rate, "rate", "scans per second", positive=True)
-        if self.give not in ("pose", "map", "none"):
-            raise InputError(f"give {self.give!r}: expected pose, map or none")
+        check_names("give", [self.give], ("pose", "map", "none"))
+        expect(self.namespace, str, "namespace")

@@ -12,7 +12,6 @@ from lrf3d.run import Run
 from lrf3d.scene import look
 from lrf3d.scene.estimate import TRUTH, estimate_words
 from lrf3d.scene.shapes import Label
-from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Moment
 from lrf3d.text import counted
 
@@ -36,7 +35,6 @@ class Facts(NamedTuple):
     """What is the same in a whole film."""
 
     run: Run
-    structures: Structures
     playback: float
     panel: str
 
@@ -106,9 +104,9 @@ def panel(facts: Facts, moment: Moment, shot: str) -> Label:
 
 def card(facts: Facts) -> Label:
     """What was found in the end: of the walls of the world, if they are known."""
-    run, structures = facts.run, facts.structures
-    town = not structures.indoor and len(structures.houses) > 0
-    objects = counted(run.map.object_count, "building" if town else "object")
+    run = facts.run
+    # A building of several colours is several objects.
+    objects = counted(run.map.object_count, "object")
     words = [f"{counted(len(run.map), 'wall')}, {objects}"]
     if run.knows_truth and len(run.world.segments):
         found, count = walls_found(run), len(run.world.segments)

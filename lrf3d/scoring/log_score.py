@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lrf3d.casting import PlanarCaster
-from lrf3d.errors import expect
+from lrf3d.errors import each_of, expect
 from lrf3d.geometry import Float, lengths
 from lrf3d.laser import LaserScan, beam_directions, reflection_points
 from lrf3d.laser.unrolling import unrolled
@@ -57,7 +57,7 @@ def score_log(line_map: LineMap, scans: Iterable[LaserScan]) -> LogScore:
     tree = shapely.STRtree(shapely.linestrings(solid.reshape(-1, 2, 2)))
     caster = PlanarCaster(World(solid))
     explained, beyond = [0], [np.empty(0)]
-    for scan in map(unrolled, scans):
+    for scan in map(unrolled, each_of(scans, LaserScan, "scan")):
         judged = (scan.ranges > NEAREST_RETURN) & (scan.ranges < FARTHEST_RETURN)
         places = reflection_points(scan.pose, scan.angles[judged], scan.ranges[judged])
         near, _ = tree.query(shapely.points(places), "dwithin", EXPLAINED_WITHIN)

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrf3d.errors import expect
-from lrf3d.geometry import Float, Int, cross, directions, lengths
+from lrf3d.errors import InputError, expect
+from lrf3d.geometry import Float, Int, as_rows, cross, directions, lengths, numbers
 from lrf3d.laser import beam_directions
 from lrf3d.mapping import LineMap
 from lrf3d.planning.rooms import shown_share
@@ -33,6 +33,7 @@ def visible_walls(run: Run, least: float = LEAST_VISIBLE) -> tuple[Float, Int]:
     Returns:
         (v, 4) the parts longer than a least length [m], and (v,) their walls, in ascending order.
     """
+    expect(run, Run, "run")
     segments = run.world.segments
     along, size = directions(segments), lengths(segments)
     low, high = np.full(len(segments), np.inf), np.full(len(segments), -np.inf)
@@ -113,7 +114,6 @@ def score_run(run: Run) -> MapScore:
         >>> bool(lrf3d.score_run(run).length_precision > 0.9)
         True
     """
-    expect(run, Run, "run")
     segments, walls = visible_walls(run)
     in_reach = run.world.heights >= min(lrf.height for lrf in run.lasers)
     return score_map(
@@ -144,9 +144,14 @@ def score_map(
         (1.0, 0.57)
     """
     expect(line_map, LineMap, "map")
-    found, visible = line_map.segments, visible_segments
+    found, visible = line_map.segments, as_rows(visible_segments, "visible segments", 4)
+    walls = visible if walls is None else as_rows(walls, "walls", 4)
+    if (visible_objects := numbers(visible_objects, "visible objects")).shape != visible.shape[:1]:
+        raise InputError(
+            f"visible objects of shape {visible_objects.shape}: expected one a segment"
+        )
     near = {"reach": SAMPLE_TOLERANCE, "angle": SAMPLE_ANGLE}
-    offsets = sample_offsets(found, visible if walls is None else walls, **near)
+    offsets = sample_offsets(found, walls, **near)
     right, recalled = np.isfinite(offsets), np.isfinite(sample_offsets(visible, found, **near))
     precision, recall = _share(right.sum(), len(right)), _share(recalled.sum(), len(recalled))
     pairs = match_segments(found, visible)
@@ -215,6 +220,7 @@ class BuildingCount(Report):
 
 def buildings_seen(run: Run) -> BuildingCount:
     """Count the buildings of a run that were seen on all sides, and those mapped whole."""
+    expect(run, Run, "run")
     objects = joined_objects(run.world)
     walls_of = np.bincount(objects)
     parts, walls = visible_walls(run)

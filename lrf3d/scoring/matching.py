@@ -5,7 +5,7 @@ A spatial index finds the neighbours, so that large maps need no table of all pa
 
 import numpy as np
 
-from lrf3d.geometry import Float, Int, cross, directions, lengths
+from lrf3d.geometry import Float, Int, as_rows, cross, directions, lengths
 
 LEAST_OVERLAP = 0.5
 """Intersection over union along the true line that a match must exceed."""
@@ -33,6 +33,7 @@ def match_segments(segments: Float, walls: Float) -> Int:
     """
     import shapely
 
+    segments, walls = as_rows(segments, "segments", 4), as_rows(walls, "walls", 4)
     # Segments without length have no direction to compare.
     mine, theirs = (np.flatnonzero(lengths(each) > 0.0) for each in (segments, walls))
     tree = shapely.STRtree(shapely.linestrings(walls[theirs].reshape(-1, 2, 2)))

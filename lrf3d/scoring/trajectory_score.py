@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lrf3d.errors import InputError
+from lrf3d.errors import InputError, expect
 from lrf3d.geometry import Bool, Float, Int, Value, wrap_angle
 from lrf3d.pose import as_poses, between
 from lrf3d.scoring.report import Report
@@ -59,6 +59,7 @@ def score_trajectory(poses: Float, relations: Relations) -> TrajectoryScore:
         0.5
     """
     poses = as_poses(poses)
+    expect(relations, Relations, "relations")
     last = int(max(relations.first.max(), relations.second.max()))
     if last >= len(poses):
         raise InputError(

@@ -118,3 +118,18 @@ def test_scale_enlarges_the_way_through_a_world_too(tmp_path):
     assert scenario.route.tolist() == [[2.0, 6.0], [4.0, 6.0]]
     assert scenario.obstacles[0].path.route.tolist() == [[0.0, 6.0], [2.0, 6.0]]
     assert scenario.world.bounds.tolist() == [[0.0, 0.0], [8.0, 8.0]]
+
+
+def test_trees_are_shown_as_they_are_converted(tmp_path):
+    places = [(0, 0), (1e-4, 0), (1e-4, 1e-4), (0, 1e-4), (1e-3, 0)]
+    nodes = "".join(f'<node id="{k}" lon="{x}" lat="{y}"/>' for k, (x, y) in enumerate(places))
+    house = "".join(f'<nd ref="{k}"/>' for k in (0, 1, 2, 3, 0))
+    (tmp_path / "a.osm").write_text(
+        f"<osm>{nodes[:-2]}><tag k='natural' v='tree'/></node>"
+        f"<way id='1'>{house}<tag k='building' v='yes'/></way></osm>"
+    )
+    for command in (["show"], ["convert", tmp_path / "a.toml"]):
+        words = ["world", command[0], tmp_path / "a.osm", *command[1:], "--json"]
+        for more, objects in ([], 1), (["--trees"], 2):
+            assert json.loads(lrf3d(*words, *more).stdout)["objects"] == objects
+    assert refused("world", "show", tmp_path / "a.toml", "--trees")

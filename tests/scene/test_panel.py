@@ -7,12 +7,12 @@ from test_render import SIZE, city_run, room_run
 
 from lrf3d.errors import InputError
 from lrf3d.scene.panel import Facts, card, panel
-from lrf3d.scene.structures import Structures
 from lrf3d.scene.timeline import Timeline
+from lrf3d.text import counted
 
 
 def said(run, kind, shot="chase"):
-    facts = Facts(run, Structures.from_run(run), 1.0, kind)
+    facts = Facts(run, 1.0, kind)
     return facts, panel(facts, Timeline(run).moment(1.0), shot).text
 
 
@@ -23,11 +23,11 @@ def test_a_short_panel_says_what_is_shown_when_and_what_is_found_and_a_full_one_
     assert len(full) > 3 and full[0] == short[0] and any("beams hit" in line for line in full)
 
 
-@pytest.mark.parametrize(("make", "word"), [(city_run, "building"), (room_run, "object")])
-def test_the_card_counts_buildings_only_where_there_are_some(make, word):
+@pytest.mark.parametrize("make", [city_run, room_run])
+def test_the_card_counts_the_walls_found_and_the_objects_of_the_map(make):
     facts, _ = said(make(), "short")
     found, rest = card(facts).text
-    assert word in rest
+    assert rest.endswith(counted(facts.run.map.object_count, "object"))
     # Of all walls of the world, also of those that were never in sight.
     seen, count = len(facts.run.map), len(facts.run.world.segments)
     assert found == f"{seen} of {count} walls found, {100 * seen / count:.0f} %"
@@ -35,7 +35,7 @@ def test_the_card_counts_buildings_only_where_there_are_some(make, word):
 
 def test_before_the_start_nothing_is_known():
     run = city_run()
-    facts = Facts(run, Structures.from_run(run), 1.0, "short")
+    facts = Facts(run, 1.0, "short")
     assert panel(facts, Timeline(run).moment(-0.5), "wave").text[0] == "Nothing is known yet"
 
 

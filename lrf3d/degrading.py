@@ -1,0 +1,51 @@
+"""A recorded log that is made worse on purpose, to find out what a mapper or a SLAM bears."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from lrf3d.geometry import generator, whole_number
+from lrf3d.io import LaserLog
+from lrf3d.laser import Chain, ConstantNoise, DropOuts, LaserScan
+
+
+def degrade_log(
+    log: LaserLog,
+    *,
+    drop: float = 0.0,
+    noise: float = 0.0,
+    every: int = 1,
+    beams_every: int = 1,
+    rng: np.random.Generator | int | None = 0,
+) -> LaserLog:
+    """Return a log with fewer scans, beams and returns, and with noise; the odometry stays.
+
+    Of several lasers only the first is kept, which a note says.
+
+    Args:
+        log: The log.
+        drop: Share of the returns that are lost, at random.
+        noise: Standard deviation [m] of the noise that is added to each range.
+        every: Keep every n-th scan.
+        beams_every: Keep every n-th beam.
+        rng: A generator, or a seed.
+
+    Raises:
+        InputError: A share is over 1, a deviation negative, or a number below 1.
+    """
+    keep, beams = whole_number(every, "every"), whole_number(beams_every, "beams_every")
+    worse, draws = Chain([DropOuts(drop), ConstantNoise(noise)]), generator(rng)
+    log = log.of_laser(log.lasers[0])
+    scans = [worse(_thinned(scan, beams), draws) for scan in log.scans[::keep]]
+    wheels = log.wheels and replace(log.wheels, places=log.wheels.places[::keep])
+    return replace(log, scans=scans, wheels=wheels)
+
+
+def _thinned(scan: LaserScan, every: int) -> LaserScan:
+    """Every n-th beam of a scan, without the light, which a text log does not hold."""
+    part = slice(None, None, every)
+    return LaserScan(
+        scan.pose, scan.angles[part], scan.ranges[part], scan.walls[part],
+        range_min=scan.range_min, range_max=scan.range_max, time=scan.time,
+        mount=scan.mount, laser=scan.laser,
+    )  # fmt: skip
