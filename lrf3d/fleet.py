@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from heapq import heapify, heappop, heappush
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike
 from lrf3d.casting.crowd import Crowd
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.collecting import gather
-from lrf3d.collision import Body, Collision, CollisionChecker
+from lrf3d.collision import Body, Collision, CollisionChecker, find_collision
 from lrf3d.errors import CollisionError, InputError, check_names, each_of, expect, shown
 from lrf3d.geometry import Float, generator
 from lrf3d.interrupts import Progress, silent, stoppable
@@ -110,8 +111,7 @@ def simulate_fleet(
             )
         kept.append(drive if controlled else trajectory_of(drive))
         paths.append(Trajectory([0.0], [start or STILL]) if controlled else kept[-1])
-    shape = round_outline(radius) if body.outline is None else body.outline
-    bodies = [DynamicObstacle(np.asarray(shape), path, height) for path in paths]
+    bodies = [DynamicObstacle(shape_of(body), path, height, is_robot=True) for path in paths]
     discs = [radius if body.outline is None else 0.0] * len(bodies) + [0.0] * len(obstacles)
     crowd = Crowd([*bodies, *obstacles], discs)
     settings |= {"caster": caster_of(settings.get("caster", "embree"), world), "lrf": lrf}
@@ -143,6 +143,48 @@ def simulate_fleet(
         replace(run, obstacles=(*driven[:robot], *driven[robot + 1 :], *seen))
         for robot, run in enumerate(runs)
     ]
+
+
+def places_along(path: Trajectory, count: int, body: Body, *, once: int | None = None) -> list[int]:
+    """The poses of a path, of the first ones if given, at which robots start, evenly spread.
+
+    Raises:
+        InputError: The path is too short for them.
+    """
+    length = len(path) if once is None else once
+    places = [length * robot // count for robot in range(count)]
+    spots = path.poses[places, :2]
+    near = min((math.dist(a, b) for a, b in combinations(spots.tolist(), 2)), default=math.inf)
+    if near <= 2.0 * body.reach:
+        raise InputError(f"{count} robots: they would stand {near:.2f} m apart on the route")
+    return places
+
+
+def drives_along(path: Trajectory, places: Sequence[int], scans: int) -> list[Trajectory]:
+    """The drives of robots that start at some poses of a path, at the time 0."""
+    return [
+        Trajectory(path.times[k : k + scans] - path.times[k], path.poses[k : k + scans])
+        for k in places
+    ]
+
+
+def before_touching(drives: Sequence[Trajectory], body: Body) -> tuple[list[Trajectory], str]:
+    """Drives up to where two robots first touch each other, and a sentence that says so, if any."""
+    robots = [DynamicObstacle(shape_of(body), drive) for drive in drives]
+    nothing, time, text = World(np.empty((0, 4))), math.inf, ""
+    for robot, drive in enumerate(drives):
+        hit = find_collision(drive, nothing, body, robots[robot + 1 :])
+        if hit is not None and hit.time < time:
+            other, time = robot + 1 + hit.obstacle, hit.time
+            text = f"robot{robot + 1} and robot{other + 1} would touch after {time:.1f} s, at"
+            text += f" ({hit.x:.2f}, {hit.y:.2f})"
+    most = [max(1, int(np.searchsorted(drive.times, time))) for drive in drives]
+    return [Trajectory(d.times[:k], d.poses[:k]) for d, k in zip(drives, most, strict=True)], text
+
+
+def shape_of(body: Body) -> Float:
+    """The outline (n, 2) of a robot [m] as others see it."""
+    return round_outline(body.radius) if body.outline is None else np.asarray(body.outline)
 
 
 def _drive_all(

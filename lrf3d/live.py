@@ -5,15 +5,15 @@ ROS drive it; a simulation, which knows its whole drive, does not need it.
 """
 
 from dataclasses import replace
-from itertools import combinations
 from typing import cast
 
 import numpy as np
 
 from lrf3d.casting.crowd import Crowd
-from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
+from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.collision import Body, CollisionChecker
 from lrf3d.errors import InputError
+from lrf3d.fleet import places_along, shape_of
 from lrf3d.geometry import Float, generator
 from lrf3d.laser import LaserScan
 from lrf3d.pose import Pose, as_pose, between, compose
@@ -144,14 +144,13 @@ def live_fleet(
     """
     if count == 1:
         return [LiveRobot(scenario, rng=rng, wheels=wheels)]
-    poses = scenario.with_route().trajectory().poses
-    starts = [Pose(*pose) for pose in poses[np.arange(count) * len(poses) // count].tolist()]
+    path = scenario.with_route().trajectory()
     body = Body(scenario.radius, scenario.outline)
-    near = min(np.hypot(a.x - b.x, a.y - b.y) for a, b in combinations(starts, 2))
-    if near <= 2.0 * body.reach:
-        raise InputError(f"{count} robots: they would stand {near:.2f} m apart on the route")
-    outline = round_outline(body.reach) if body.outline is None else np.asarray(body.outline)
-    bodies = [DynamicObstacle(outline, Trajectory([0.0], [start]), HEIGHT) for start in starts]
+    starts = [Pose(*pose) for pose in path.poses[places_along(path, count, body)].tolist()]
+    bodies = [
+        DynamicObstacle(shape_of(body), Trajectory([0.0], [start]), HEIGHT, is_robot=True)
+        for start in starts
+    ]
     disc = body.reach if body.outline is None else 0.0
     discs = [disc] * count + [0.0] * len(scenario.obstacles)
     crowd = Crowd([*bodies, *scenario.obstacles], discs)

@@ -267,7 +267,7 @@ class Scenario(Value):
             **changes: Other values of any field of the Scenario.
         """
         # Imported here, so that films and figures do not load the compiler.
-        from lrf3d.simulation import Simulation, line_mapper
+        from lrf3d.simulation import Simulation
 
         if isinstance(mapper, Mapping):
             mapper, changes = None, {**changes, "mapper": mapper}
@@ -289,22 +289,26 @@ class Scenario(Value):
         if checks:
             controlled |= {"radius": scenario.radius, "outline": scenario.outline}
             controlled["on_collision"] = "raise" if on_collision is None else on_collision
-        noises = [scenario.noise, *(own for _, own in scenario.further)]
-        noises = noises if sigma is None else [at_sigma(each, sigma) for each in noises]
-        usual = noises[0]
-        if mapper is None:
-            # It is set up for the noise whose spread is known: that of the sigma, if given.
-            known = usual if noise is None or sigma is not None or not spread_of(noise) else noise
-            settings = {**scenario.mapper, **({} if mode is None else {"mode": mode})}
-            mapper = line_mapper(known, **settings)
+        noises, usual = scenario.measuring(sigma, noise, mode)
         made = Simulation(
             scenario.world, drive, scenario.lasers, caster=caster, rng=rng, scans=scans,
-            noise=noises if noise is None else noise, mapper=mapper,
+            noise=noises, mapper=usual if mapper is None else mapper,
             obstacles=scenario.obstacles, odometry=scenario.odometry, imu=scenario.imu,
             **controlled,
         )  # fmt: skip
         made.film, made.radius = scenario.film, scenario.radius
         return made
+
+    def measuring(self, sigma: float | None, noise: Any, mode: str | None) -> "tuple[Any, Mapper]":
+        """The noises of the lasers, or the one given, and a LineMapper set up for them."""
+        from lrf3d.simulation import line_mapper
+
+        noises = [self.noise, *(own for _, own in self.further)]
+        noises = noises if sigma is None else [at_sigma(each, sigma) for each in noises]
+        # It is set up for the noise whose spread is known: that of the sigma, if given.
+        known = noises[0] if noise is None or sigma is not None or not spread_of(noise) else noise
+        settings = self.mapper if mode is None else {**self.mapper, "mode": mode}
+        return noises if noise is None else noise, line_mapper(known, **settings)
 
     def run(
         self, *, snapshots: int | None = None, progress: Progress = silent, **changes: Any

@@ -1,7 +1,7 @@
 """DynamicObstacle: another robot, a person or a car that moves among the walls."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -23,6 +23,7 @@ class DynamicObstacle(Value):
         path: Its poses over time: a Trajectory, before and after which it is at rest, or a Patrol,
             which runs there and back along a route forever.
         height: Its height [m].
+        is_robot: Whether it is another robot, and drawn as one.
 
     Raises:
         InputError: The outline has fewer than three corners, or a number is not finite.
@@ -39,6 +40,7 @@ class DynamicObstacle(Value):
     outline: Float
     path: Trajectory | Patrol
     height: float = DEFAULT_HEIGHT
+    is_robot: bool = field(default=False, repr=False)
 
     def __post_init__(self) -> None:
         if not isinstance(self.path, Trajectory | Patrol):

@@ -80,6 +80,8 @@ from a file, the current folder or the installed modules.
 --caster embree|planar = embree: Caster of the beams.
 --scans N: Number of scans; the route is driven there and back until then.
 --resume: Continue this run where it was stopped.
+--robots N = 1: Number of robots, which start spread along the route and see each other; they have
+ a folder each, robot1, robot2, …, and the film is that of the first.
 --video = yes: Make the film.
 
 {DRIVE}

@@ -41,6 +41,11 @@ def run(source: tuple[Scenario, dict[str, Any]], args: Namespace, report: Report
     named = {kind: vars(args)[kind] for kind in own if kind != "noise"}
     if args.slam:
         own["mapper"], named["mapper"] = partial(SlamMapper, rng=args.seed), "SLAM"
+    if args.robots > 1:
+        from lrf3d.cli.fleet import run_fleet
+
+        run_fleet(scenario, own, named, args, report)
+        return
     # All noise levels have the same drive, which is computed and checked once.
     if "controller" in own:
         own["drive"] = own.pop("controller")

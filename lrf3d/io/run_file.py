@@ -74,7 +74,7 @@ def run_arrays(
     imu: ImuRecord | None = None,
 ) -> dict[str, Array]:
     """The arrays of a run's file, from what it keeps of each scan and the maps after some scans."""
-    world = run.world
+    world, robots = run.world, [each.is_robot for each in run.obstacles]
     settings = {
         "name": world.name,
         "object_names": world.object_names,
@@ -85,6 +85,7 @@ def run_arrays(
         "film": asdict(run.film),
         "radius": run.radius,
         "obstacle_heights": [each.height for each in run.obstacles],
+        **({"robots": robots} if any(robots) else {}),
     }
     arrays: dict[str, Any] = {
         "version": np.array(VERSION),
@@ -198,13 +199,14 @@ def _run(arrays: dict[str, Any]) -> Run:
     )
     # np.split gives a part more than there are ends.
     columns = [np.split(arrays[f"map_{name}"], np.cumsum(sizes))[: len(sizes)] for name in _MAP]
-    obstacles = []
-    for number, height in enumerate(settings["obstacle_heights"]):
+    obstacles, heights = [], settings["obstacle_heights"]
+    robots = settings.get("robots", [False] * len(heights))
+    for number, (height, is_robot) in enumerate(zip(heights, robots, strict=True)):
         # Casting loads the compiler, which takes time that most runs need not spend.
         from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 
         outline, times, poses = (arrays[name] for name in _obstacle(number))
-        obstacles.append(DynamicObstacle(outline, Trajectory(times, poses), height))
+        obstacles.append(DynamicObstacle(outline, Trajectory(times, poses), height, is_robot))
     estimate = None
     if "estimate_poses" in arrays:
         estimate = EstimatedTrajectory(*(arrays[f"estimate_{each}"] for each in _ESTIMATE))

@@ -48,6 +48,9 @@ _OBSTACLE_COLOURS = np.array(
 )
 """Colours of dynamic obstacles: strong, and none is the robot's orange."""
 
+_OWN = 0.05
+"""How far from the robot's colour a colour counts as it: the file rounds."""
+
 _FOOT = 0.10
 """Height of the dark foot of an obstacle [m]."""
 
@@ -122,11 +125,16 @@ def _shadow(outline: Float, height: float, pose: Float, *, indoor: bool) -> Soft
 class Obstacles:
     """The dynamic obstacles of a run, in a frame with an origin (2,) in the world [m].
 
-    Indoors no sun shines on them.
+    Indoors no sun shines on them. Other robots have their laser at a height [m], too.
     """
 
     def __init__(
-        self, obstacles: "tuple[DynamicObstacle, ...]", origin: Float, *, indoor: bool
+        self,
+        obstacles: "tuple[DynamicObstacle, ...]",
+        origin: Float,
+        *,
+        indoor: bool,
+        laser_height: float,
     ) -> None:
         self._obstacles, self._indoor = obstacles, indoor
         self._origin = np.array([*origin, 0.0])
@@ -136,7 +144,9 @@ class Obstacles:
             for each in obstacles
         ]
         self._bodies = [
-            _prism(each.outline, top, each.height, colour)
+            _tinted(robot_body(laser_height, each.reach), colour)
+            if each.is_robot
+            else _prism(each.outline, top, each.height, colour)
             for each, top, colour in zip(obstacles, self._tops, self._colours, strict=True)
         ]
 
@@ -172,6 +182,12 @@ class Obstacles:
             level = _placed(size * top.reshape(-1, 2), pose)
             plans.append(_flat(level, 0.0, np.tile([*colour, 1.0], (len(level), 1))))
         return _joined(plans)
+
+
+def _tinted(robot: Faces, colour: Float) -> Faces:
+    """The robot with another colour in place of its own."""
+    own = np.abs(robot.colours - ROBOT).max(axis=2) < _OWN
+    return robot._replace(colours=np.where(own[..., None], single(colour), robot.colours))
 
 
 def _joined(parts: list[Soft]) -> Soft | None:

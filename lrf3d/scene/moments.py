@@ -116,7 +116,9 @@ class Scene:
         self.exposure = self.stage.exposure
         self.live = LiveExposure(self.exposure, structures, run.world) if live else None
         self.origin = structures.origin
-        self.obstacles = Obstacles(run.obstacles, self.origin, indoor=structures.indoor)
+        self.obstacles = Obstacles(
+            run.obstacles, self.origin, indoor=structures.indoor, laser_height=run.lrf.height
+        )
         self.robot = Body(robot_body(run.lrf.height, run.radius), np.eye(4))
         self.keys = drive_keys(timeline).thinned()
         self._goal = None if goal is None else goal_disc(np.array(goal) - [*self.origin, 0.0])
