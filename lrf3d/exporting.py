@@ -13,6 +13,7 @@ EXPORTERS = {
     "mcap": "run.mcap",
     "rosbag2": "run_bag",
     "glb": "run.glb",
+    "html": "run.html",
 }
 """The formats, with default names of their files; what follows the first dot is the ending."""
 
@@ -24,7 +25,7 @@ def export_run(run: Run, to: str, path: str | Path, *, every: int = 1) -> None:
         run: The run.
         to: Name of the format, of :data:`EXPORTERS`.
         path: The file, or the folder.
-        every: Keep every n-th scan.
+        every: Keep every n-th scan, or moment of a page.
 
     Raises:
         InputError: There is no such format, or the ending of the file does not match it.
@@ -47,11 +48,13 @@ def export_run(run: Run, to: str, path: str | Path, *, every: int = 1) -> None:
     endings = (f".{ending}", f".{ending.removesuffix('.gz')}") if dot else ("",)
     if not path.name.lower().endswith(endings):
         raise InputError(f"--out {path}: expected a name that ends in {endings[0]}")
-    if to == "glb":
-        from lrf3d.gltf import run_glb
-
+    if to in ("glb", "html"):
+        if to == "glb":
+            from lrf3d.gltf import run_glb as written
+        else:
+            from lrf3d.view.page_file import page_file as written
         with replacing(path) as unfinished:
-            unfinished.write_bytes(run_glb(run, every=every))
+            unfinished.write_bytes(written(run, every=every))
         return
     if every > 1:
         run = run.part(np.arange(0, len(run), every))

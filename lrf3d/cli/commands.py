@@ -170,12 +170,13 @@ Write a run for another program.
 
 carmen is a text log; mcap is a ROS 2 bag in one file, for Foxglove; rosbag2 is a ROS 2 bag as a
 folder, for ros2 bag play, rviz and slam_toolbox; glb is an animated 3D scene for Blender and web
-viewers: the world, the robot, its beams and its map as it grows.
+viewers: the world, the robot, its beams and its map as it grows; html is the page of lrf3d view in
+one file, which plays in any browser.
 
 {RUN}
---to carmen|mcap|rosbag2|glb: The format (required).
+--to carmen|mcap|rosbag2|glb|html: The format (required).
 -o --out FILE: The file; in the run's folder if not given.
---every N = 1: Keep every n-th scan.
+--every N = 1: Keep every n-th scan, or moment of a page.
 
 Example: lrf3d export out/city --to mcap""",
     "crosscheck": f"""\

@@ -162,9 +162,11 @@ def export(run: Run, args: Namespace, report: Report) -> None:
     files = [path] if path.is_file() else sorted(path.iterdir())
     scans, size = len(range(0, len(run), args.every)), sum(file.stat().st_size for file in files)
     shown = f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.1f} kB"
+    # A page has moments, not scans.
+    kept = {} if args.to == "html" else {"scans": scans}
     report.print(
-        {"file": str(path), "format": args.to, "scans": scans, "bytes": size},
-        [(args.to, str(path)), ("scans", f"{scans:,}"), ("size", shown)],
+        {"file": str(path), "format": args.to, **kept, "bytes": size},
+        [(args.to, str(path)), *((n, f"{each:,}") for n, each in kept.items()), ("size", shown)],
     )
 
 

@@ -2,6 +2,7 @@
 
 import sys
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import shapely
@@ -33,6 +34,12 @@ _MOST_PIECES = 500
 _BOX = trimesh.creation.box()
 _PLACES = _BOX.triangles[_BOX.face_normals[:, 2] > -0.5].reshape(-1, 3)
 """Corners (3 t, 3) of the triangles of a unit box round the origin, without its bottom."""
+
+
+def band_shape() -> dict[str, Any]:
+    """What bands are made of, as values for JSON: whoever plays a recorded map makes its own."""
+    places = {"places": _PLACES.tolist(), "low": BAND[0], "high": BAND[1]}
+    return {**places, "width": _WIDTH, "widest": _WIDEST, "lowest": _LOWEST}
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -144,8 +144,7 @@ class Scene:
         bodies += self.obstacles.bodies(moment.time)
         if "map" in layers and not view.shows_map:
             least = 0.5 * _BAND_PIXELS * min(size) / 720.0 / lens.focus
-            drawn = self._map(self.run.snapshot_after(moment.mapped)).drawn
-            bands = drawn.bands(lens.eye, least=least)
+            bands = self.drawn_map(moment).bands(lens.eye, least=least)
             bodies.append(("map", Body(bands, np.eye(4))))
         marks = tuple(
             (name, mark)
@@ -199,6 +198,10 @@ class Scene:
         if beams is not None:
             yield "points", "points", beams[1]
         yield "marker", "marker", self._marker(pose, view, lens, size)
+
+    def drawn_map(self, moment: Moment) -> DrawnMap:
+        """The map of a moment as it is drawn."""
+        return self._map(self.run.snapshot_after(moment.mapped)).drawn
 
     def _drawn_map(self, stage: int) -> "_Snapshot":
         exposure = self.exposure

@@ -77,13 +77,16 @@ class Sender:
         return len(text).to_bytes(4, "little") + text + bytes(block)
 
 
-def stage_message(stage: Stage) -> bytes:
-    """What never changes: shaders, walls, roofs and ground, whose picture goes apart."""
+def stage_message(stage: Stage, *, times: bool = True) -> bytes:
+    """What never changes: shaders, walls, roofs and ground, whose picture goes apart.
+
+    The picture of times can be left out.
+    """
     faces, ground, indoor = stage.faces, stage.ground, stage.structures.indoor
     plain = faces.texture[:, 0, 2] == BLANK
     corners = rectangle(ground.corner, ground.corner + ground.size)
     texels, (style, land) = layers(indoor)[0], part_of(land_of(stage))
-    times = stage.exposure.times
+    seen = stage.exposure.times
     parts = {
         "plain": _part("walls", *(_triangles(each[plain]) for each in walls_of(faces))),
         "walls": _part("walls", *(_triangles(each[~plain]) for each in walls_of(faces))),
@@ -91,8 +94,9 @@ def stage_message(stage: Stage) -> bytes:
         "sky": _part("sky", mesh(10, 10)),
         "land": ({**style, "pose": np.eye(4).ravel().tolist()}, land),
         "facades": ({"size": texels.shape[2::-1]}, {"0": texels}),
-        "times": times_part(times, 0, 0),
     }
+    if times:
+        parts["times"] = times_part(seen, 0, 0)
     programs = {
         name: [shader_source(name, vertex=v, constants=night(indoor=indoor)) for v in (True, False)]
         for name in _PROGRAMS
@@ -101,7 +105,7 @@ def stage_message(stage: Stage) -> bytes:
         "programs": programs,
         "area": [*ground.corner.tolist(), *(1.0 / ground.size).tolist()],
         "grid": stage.exposure.area,
-        "cells": times.shape[1::-1],
+        "cells": seen.shape[1::-1],
         "back": [share / 255 for share in PLAN_BACK],
     }
     return Sender().message(parts, values)

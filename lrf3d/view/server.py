@@ -54,7 +54,8 @@ GUARDS = {
 }
 """Headers of all answers: no other site may frame the page or load its files."""
 
-_PAGE = Path(__file__).parent / "page"
+PAGE = Path(__file__).parent / "page"
+"""The files of the page."""
 
 
 Make = Callable[[], Shown]
@@ -149,21 +150,17 @@ def _answers(shown: Shown, host: str) -> Callable[[Any, Any], Any]:
     from websockets.http11 import Response
 
     setup, stage = shown.setup(), shown.scene.stage
-    page = (_PAGE / "index.html").read_text(encoding="utf-8")
-    words = {name: html.escape(str(value)) for name, value in setup.items()}
-    words["setup"] = json.dumps(setup).replace("<", "\\u003c")
-    page = re.sub(r"\{(\w+)\}", lambda found: words[found[1]], page)
     # Row 0 of the ground's picture is at the smallest y, as textures have it.
     ground = io.BytesIO()
     Image.fromarray(stage.ground.picture).save(ground, "JPEG", quality=90)
     files = {
-        "/": ("text/html; charset=utf-8", page.encode()),
+        "/": ("text/html; charset=utf-8", page_text(setup).encode()),
         "/lrf3d/world": ("application/octet-stream", gzip.compress(stage_message(stage), 1)),
         "/lrf3d/ground.jpg": ("image/jpeg", ground.getvalue()),
     }
-    for name in ("page.css", "page.js", "scene.js"):
+    for name in ("page.css", "page.js", "scene.js", "served.js"):
         kind = "text/css" if name.endswith("css") else "text/javascript"
-        files[f"/lrf3d/{name}"] = kind, (_PAGE / name).read_bytes()
+        files[f"/lrf3d/{name}"] = kind, (PAGE / name).read_bytes()
 
     def answer(connection: Any, request: Any) -> Any:
         response = answer_to(connection, request)
@@ -195,6 +192,14 @@ def _answers(shown: Shown, host: str) -> Callable[[Any, Any], Any]:
         return Response(200, "OK", headers, b"" if method == "HEAD" else body)
 
     return answer
+
+
+def page_text(setup: dict[str, Any]) -> str:
+    """The page's HTML, with what it is given once."""
+    page = (PAGE / "index.html").read_text(encoding="utf-8")
+    words = {name: html.escape(str(value)) for name, value in setup.items()}
+    words["setup"] = json.dumps(setup).replace("<", "\\u003c")
+    return re.sub(r"\{(\w+)\}", lambda found: words[found[1]], page)
 
 
 async def _show(make: Make, page: Any) -> None:

@@ -99,7 +99,7 @@ class Shown:
     ) -> None:
         self.scene, self.drive = scene, drive
         timeline, structures = scene.timeline, scene.structures
-        self._cameras: dict[str, Camera] = {
+        self.cameras: dict[str, Camera] = {
             **cameras,
             "orbit": overview(timeline, structures),
             "top": top(timeline, structures),
@@ -191,6 +191,7 @@ class Shown:
             "glass": seen.glass,
             "robot": seen.robot,
             "cut": seen.cut,
+            "target": _numbers(view.target),
         }
         values = {"camera": camera, "plan": plan, "words": self._words(moment)}
         values |= self._laser(seen, parts)
@@ -215,7 +216,7 @@ class Shown:
     def _look(self, time: float, wanted: Wanted) -> Look:
         # What is looked at is framed into the part of the picture that no controls cover.
         free = 1.0 - wanted.below
-        camera = self._cameras.get(wanted.view, self._cameras["follow"])
+        camera = self.cameras.get(wanted.view, self.cameras["follow"])
         view = camera.look(time, wanted.width / (wanted.height * free))
         field = 2.0 * math.atan(math.tan(0.5 * view.field) / free)
         view = replace(view, field=field, shift=wanted.below + free * view.shift)

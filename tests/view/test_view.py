@@ -3,6 +3,7 @@
 import re
 import sys
 from dataclasses import replace
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -15,6 +16,7 @@ from test_render import city_run
 from yard import OBSTACLE, YARD
 
 from lrf3d.errors import MissingLibraryError, OutputError
+from lrf3d.exporting import export_run
 from lrf3d.io import save_run
 from lrf3d.scenario import load_scenario
 from lrf3d.scene.timeline import Timeline
@@ -119,6 +121,38 @@ def test_the_page_lists_its_keys_and_saves_pictures(played, chromium):
         until(lambda: page.evaluate("Boolean(document.fullscreenElement)"))
         page.click("[data-do=full]")
         until(lambda: not page.evaluate("Boolean(document.fullscreenElement)"))
+
+
+@needs_browser
+def test_a_run_as_one_file_shows_what_its_page_shows_without_a_server(
+    recorded, played, chromium, tmp_path
+):
+    run, _ = recorded
+    path = tmp_path / "run.html"
+    export_run(run, "html", path)
+    assert path.stat().st_size < 3e6
+    seen = {}
+    for address in (played, path.as_uri()):
+        with opened(chromium, address) as page:
+            until(lambda: number(page, "t") > 0.0)
+            page.click("[aria-label=pause]")
+            for key in ("Home", "End"):
+                page.keyboard.press(key)
+                end = pytest.approx(page_end(run) if key == "End" else 0.0, abs=0.06)
+                until(partial(lambda page, end: number(page, "t") == end, page, end))
+                for view in ("first", "top", "follow"):
+                    page.click(f"[data-view={view}]")
+                    seen[address, key, view] = until(partial(still, page))
+                # Turned by hand, upward too.
+                page.mouse.move(330, 110)
+                page.mouse.down()
+                page.mouse.move(420, 150, steps=4)
+                page.mouse.up()
+                page.mouse.wheel(0, 200)
+                seen[address, key, "turned"] = until(partial(still, page))
+    for (address, *what), pixels in seen.items():
+        assert np.abs(pixels - seen[played, *what]).mean() < 2.0, (address, what)
+        assert pixels.std() > 20.0
 
 
 def page_end(run):

@@ -1,6 +1,7 @@
-// The page: asks the server for moments of a run or has the robot drive, and shows what comes.
+// The page: asks for moments of a run or has the robot drive, and shows what comes.
 
 import { Scene } from "./scene.js";
+import { source } from "./served.js";
 
 const SPEEDS = [0.5, 1, 2, 4, 8, 16];
 const STEP = 2; // Seconds that an arrow key skips.
@@ -23,7 +24,7 @@ let drive = 0; // The number of the drive by hand: another one starts again.
 let asked = ""; // The last question.
 let waiting = false; // For the answer to it.
 let last = performance.now(); // When the last frame began [ms].
-let view, scene, socket;
+let view, scene, answers;
 
 // What buttons and keys do.
 const ACTIONS = {
@@ -65,19 +66,12 @@ function ask() {
   const text = JSON.stringify({ view, width, height, below, ...hand, ...wish });
   if (waiting || text === asked) return;
   [asked, waiting] = [text, true];
-  socket.send(text);
+  answers.ask(text);
 }
 
-// The header and the arrays of a message.
-function unpacked(data) {
-  const length = new DataView(data).getUint32(0, true);
-  return [JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length))), new Uint8Array(data, 4 + length)];
-}
-
-function take(data) {
+function take(header, block) {
   waiting = false;
-  if (!data.byteLength) return;
-  const [header, block] = unpacked(data);
+  if (!header) return;
   scene.take(header, block);
   for (const [name, words] of Object.entries(header.words)) part(name).textContent = words;
   part("failure")?.remove();
@@ -196,17 +190,10 @@ async function start() {
   connect();
   // The page is painted before the scene is made ready.
   await new Promise((done) => requestAnimationFrame(() => setTimeout(done)));
-  socket = new WebSocket(`ws://${location.host}/lrf3d/moments`);
-  socket.binaryType = "arraybuffer";
-  socket.onmessage = (event) => take(event.data);
-  socket.onclose = () => (part("stop").textContent = "the server has ended");
+  const coming = source(take, (words) => (part("stop").textContent = words));
   scene = new Scene(part("scene"), part("inset"));
-  const [world, ground] = await Promise.all([
-    fetch("/lrf3d/world").then((answer) => answer.arrayBuffer()),
-    fetch("/lrf3d/ground.jpg").then(async (answer) => createImageBitmap(await answer.blob())),
-    new Promise((done) => (socket.onopen = done)),
-  ]);
-  scene.load(...unpacked(world), ground);
+  answers = await coming;
+  scene.load(...answers.world, answers.ground);
   choose("follow");
   if (plays) play(true);
   requestAnimationFrame(frame);

@@ -7,6 +7,12 @@ precision highp sampler2D;
 precision highp sampler2DArray;
 `;
 
+// The header and the arrays of a message.
+export function unpacked(data) {
+  const length = new DataView(data).getUint32(0, true);
+  return [JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length))), new Uint8Array(data, 4 + length)];
+}
+
 export class Scene {
   constructor(canvas, inset) {
     const gl = canvas.getContext("webgl2", { alpha: false, antialias: true });

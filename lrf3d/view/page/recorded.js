@@ -1,0 +1,156 @@
+// What the page shows lies in its file: the world, and recorded moments, which are seen with the page's own camera.
+
+import { unpacked } from "./scene.js";
+
+const GLIDE = 0.05; // How far an eye moves between two moments, in its distance, if what it sees glides: near ones would leave the beams behind.
+const LOWEST = 0.07, STEEPEST = 1.536; // How steeply a look that a hand has turned goes down [rad].
+
+async function bytesOf(id, open = true) {
+  const element = document.querySelector(`#${id}`);
+  const bytes = Uint8Array.from(atob(element.textContent), (letter) => letter.charCodeAt(0));
+  element.remove();
+  const stream = new Blob([bytes]).stream();
+  return new Response(open ? stream.pipeThrough(new DecompressionStream("gzip")) : stream).arrayBuffer();
+}
+
+// An array of the record: differences of its rows, column by column, low bytes first.
+function decoded(bytes, [start, rows, columns, size, exponent]) {
+  const numbers = new (size === 1 ? Uint8Array : size ? Float32Array : Uint16Array)(rows * columns);
+  const wide = size || 2, shift = 32 - 8 * wide, unit = 2 ** exponent;
+  for (let column = 0; column < columns; column++) {
+    for (let row = 0, sum = 0, at = start + column * rows * wide; row < rows; row++, at++) {
+      for (let plane = 0; plane < wide; plane++) sum += bytes[at + plane * rows] << (8 * plane);
+      sum |= 0;
+      numbers[row * columns + column] = ((sum << shift) >> shift) * unit;
+    }
+  }
+  return numbers;
+}
+
+// Bands on the walls of segments (n, 4), as lrf3d.scene.drawn_map makes them.
+function bands(segments, tops, colours, eye, least, { places, low, high, width, widest, lowest }) {
+  const count = tops.length, length = places.length, half = (high - low) / 2;
+  const corners = new Float32Array(3 * count * length), tints = new Uint8Array(4 * count * length);
+  for (let i = 0; i < count; i++) {
+    const [x1, y1, x2, y2] = segments.subarray(4 * i, 4 * i + 4);
+    const x = (x1 + x2) / 2, y = (y1 + y2) / 2, middle = Math.min(tops[i], high) - half;
+    const size = Math.max(1, (least * Math.hypot(x - eye[0], y - eye[1], middle - eye[2])) / half);
+    const foot = Math.max(middle - half * size, lowest), top = Math.min(middle + half * size, tops[i]);
+    const side = (width * Math.min(size, widest)) / Math.max(Math.hypot(x2 - x1, y2 - y1), 1e-9);
+    places.forEach(([along, across, up], k) => {
+      const at = i * length + k;
+      corners[3 * at] = x + along * (x2 - x1) - across * side * (y2 - y1);
+      corners[3 * at + 1] = y + along * (y2 - y1) + across * side * (x2 - x1);
+      corners[3 * at + 2] = (foot + top) / 2 + up * (top - foot);
+      tints.set(colours.subarray(4 * i, 4 * i + 4), 4 * at);
+    });
+  }
+  return [corners, new Float32Array(corners.length), tints];
+}
+
+// Numbers between two, and lists of them.
+function between(one, other, share) {
+  return Array.isArray(one) ? one.map((each, i) => between(each, other[i], share)) : one + share * (other - one);
+}
+
+// A recorded camera as the page wants it: fitted into its picture, over its controls, and turned by hand.
+function turned(camera, wish, [width, height]) {
+  const { target } = camera, zoom = wish.zoom, free = 1 - wish.below;
+  const away = camera.eye.map((each, i) => each - target[i]);
+  const level = Math.hypot(away[0], away[1]);
+  const steep = Math.atan2(away[2], level);
+  const over = wish.over ? Math.min(Math.max(steep + wish.over, LOWEST), STEEPEST) - steep : 0;
+  const degrees = 180 / Math.PI;
+  const world = new DOMMatrix().translate(...target).rotateAxisAngle(0, 0, 1, wish.around * degrees);
+  world.rotateAxisAngleSelf(away[1], -away[0], 0, level ? over * degrees : 0);
+  world.scaleSelf(zoom, zoom, zoom).translateSelf(...target.map((each) => -each));
+  const aspect = wish.width / (wish.height * free), own = width / height;
+  const [wide, tall] = aspect > own ? [own / aspect, 1] : [1, aspect / own];
+  const fit = new DOMMatrix([wide * zoom, 0, 0, 0, 0, free * tall * zoom, 0, 0, 0, 0, zoom, 0, 0, wish.below * zoom, 0, zoom]);
+  const matrix = fit.multiply(new DOMMatrix(camera.matrix)).multiply(world.inverse());
+  const { x, y, z } = world.transformPoint(new DOMPoint(...camera.eye));
+  const focus = (camera.focus * free * tall * wish.height) / height;
+  return { ...camera, eye: [x, y, z], focus, fit: matrix, matrix: [...matrix.toFloat64Array()], ray: [...matrix.inverse().toFloat64Array()] };
+}
+
+// What is seen in a mirror from a camera.
+function mirrored({ mirror, mirror_size: [length, top], ...others }, { eye, fit }) {
+  const [x, y, along, across] = mirror;
+  const [nx, ny] = [-across, along];
+  const off = nx * (eye[0] - x) + ny * (eye[1] - y), shift = 2 * (nx * x + ny * y);
+  const turn = [1 - 2 * nx * nx, -2 * nx * ny, 0, 0, -2 * nx * ny, 1 - 2 * ny * ny, 0, 0, 0, 0, 1, 0, nx * shift, ny * shift, 0, 1];
+  const seen = [eye[0] - 2 * off * nx, eye[1] - 2 * off * ny, eye[2]];
+  return { ...others, mirror, mirror_size: [length, top, off], eye: seen, matrix: [...fit.multiply(new DOMMatrix(turn)).toFloat64Array()] };
+}
+
+// Answers go to a function: a header and arrays.
+export async function source(take) {
+  const [text, block, data, picture] = await Promise.all(
+    ["recording", "arrays", "world", "ground"].map((id) => bytesOf(id, id !== "ground")),
+  );
+  const { step, views, arrays, times, sizes, leastScale, band } = JSON.parse(new TextDecoder().decode(text));
+  const bytes = new Uint8Array(block);
+  const sent = {}; // The number of the array that each column of a mark has.
+
+  // The new columns of a mark, which are put after other arrays.
+  function columnsOf(name, numbers, lists, camera) {
+    const step = Math.max(4, 0.5 * camera.eye[2]);
+    const place = name === "map" ? [...camera.eye.map((each) => Math.round(each / step)), camera.focus].join() : "";
+    const key = `${numbers}|${place}`;
+    if (sent[name] === key) return [];
+    const before = sent[name]?.split("|")[0].split(",") ?? [];
+    sent[name] = key;
+    let made = numbers.map((number, i) => (place || before[i] !== `${number}` ? decoded(bytes, arrays[number]) : null));
+    if (place) made = bands(...made, camera.eye, (1.5 * camera.scale) / camera.focus, band);
+    return made.flatMap((array, i) => {
+      if (!array) return [];
+      const { size } = lists;
+      const colours = array instanceof Uint8Array;
+      const wide = colours ? 4 : place ? 3 : arrays[numbers[i]][2];
+      lists.push(new Uint8Array(array.buffer));
+      lists.size = size + array.byteLength;
+      return [[i, size, colours ? 0 : wide, 0, array.length / wide]];
+    });
+  }
+
+  function ask(question) {
+    const wish = JSON.parse(question);
+    const shape = wish.width < wish.height * (1 - wish.below) ? "tall" : "wide";
+    const moments = views[`${wish.view} ${shape}`];
+    // A story begins before the run.
+    const first = wish.view === "story" ? Math.floor(JSON.parse(document.querySelector("#setup").textContent).story[0] / step) : 0;
+    const at = Math.min(Math.max(wish.time / step - first, 0), moments.length - 1);
+    const moment = moments[Math.floor(at)];
+    const next = moments[Math.min(Math.floor(at) + 1, moments.length - 1)];
+    const moved = Math.hypot(...moment.camera.eye.map((each, i) => each - next.camera.eye[i]));
+    const away = Math.hypot(...moment.camera.eye.map((each, i) => each - moment.camera.target[i]));
+    const share = moved < GLIDE * away ? at % 1 : 0;
+    const camera = { ...moment.camera };
+    for (const name of ["matrix", "eye", "target", "focus", "clock", "thick", ...(camera.robot && next.camera.robot ? ["robot"] : [])]) {
+      camera[name] = between(camera[name], next.camera[name], share);
+    }
+    camera.scale = Math.max(Math.min(wish.width, wish.height) / 720, leastScale);
+    const own = turned(camera, wish, sizes[shape]);
+    const lists = Object.assign([], { size: 0 });
+    const marks = {};
+    for (const [name, { columns, ...style }] of Object.entries(moment.marks)) {
+      const pose = style.pose && next.marks[name] ? { pose: between(style.pose, next.marks[name].pose, share) } : {};
+      marks[name] = { ...style, ...pose, columns: columnsOf(name, columns, lists, own) };
+    }
+    if (!sent.times) {
+      const light = decoded(bytes, arrays[times[1]]);
+      marks.times = { ...times[0], columns: [[0, lists.size]] };
+      lists.push(new Uint8Array(light.buffer));
+      lists.size += light.byteLength;
+      sent.times = true;
+    }
+    const arraysNow = new Uint8Array(lists.size);
+    let end = 0;
+    for (const list of lists) {
+      arraysNow.set(list, end);
+      end += list.length;
+    }
+    take({ ...moment, camera: own, mirrors: moment.mirrors.map((mirror) => mirrored(mirror, own)), marks }, arraysNow);
+  }
+  return { world: unpacked(data), ground: await createImageBitmap(new Blob([picture])), ask };
+}

@@ -1,0 +1,179 @@
+"""A run as one HTML file: the page, with recorded moments in place of its server."""
+
+import base64
+import gzip
+import io
+import json
+import re
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from lrf3d.interrupts import check
+from lrf3d.run import Run
+from lrf3d.scene import drawn_map
+from lrf3d.scene.camera import Look
+from lrf3d.scene.look import LEAST_SCALE
+from lrf3d.scene.shapes import Faces, single
+from lrf3d.scene.timeline import Moment
+from lrf3d.view.message import Part, Sender, stage_message, times_part
+from lrf3d.view.server import PAGE, page_text
+from lrf3d.view.shown import Shown, Wanted
+
+RATE, MOST = 10.0, 400
+"""Moments a second of the film, and the most of a run: longer ones are recorded in larger steps."""
+
+_VIEWS = ("story", "follow", "orbit", "top", "first")
+
+_SIZES = {"wide": (1280.0, 720.0), "tall": (720.0, 1280.0)}
+"""The pictures that cameras are recorded for: the page fits the nearer one into its own."""
+
+_SHARES = np.array([1024.0, 256.0, 2048.0, 256.0], np.float32)
+"""Steps in one of the first-seen times: a thousandth of the run is less than a moment."""
+
+_FAR = 500.0
+"""From this size on [m] numbers take four bytes: two are within a centimetre up to there."""
+
+_HIGHEST = 400.0
+"""Height of the walls of segments that lie on none [m]: no band is as high."""
+
+
+def page_file(run: Run, *, every: int = 1) -> bytes:
+    """A run as HTML that opens from a disk and loads nothing; every n-th moment is kept."""
+    shown = _Recorded(run)
+    setup, stage = shown.setup(), shown.scene.stage
+    (begin, end), record = setup["story"], shown.record
+    step = max(setup["speed"] / RATE, (end - begin) / MOST) * every
+    # The end of the run is one of the times.
+    step = setup["end"] / np.ceil(setup["end"] / step) if setup["end"] else step
+    for view in _VIEWS:
+        low, high = (begin, end) if view == "story" else (0.0, setup["end"])
+        for shape, (width, height) in _SIZES.items():
+            record.begin(f"{view} {shape}")
+            # All views have their moments at the same times, and share what is seen then.
+            for number in range(int(np.floor(low / step)), int(np.ceil(high / step)) + 1):
+                check()
+                time = float(np.clip(number * step, low, high))
+                shown.answer(Wanted(view, time, width, height), 0.0)
+    times = np.round(stage.exposure.times * _SHARES) / _SHARES
+    style, halves = times_part(times.astype(np.float32), 0, 0)
+    recording = {
+        "step": step,
+        "views": record.views,
+        "times": [style, record.number(halves["0"].view(np.uint16), "times", "times")],
+        "arrays": record.places(),
+        "sizes": _SIZES,
+        "leastScale": LEAST_SCALE,
+        "band": drawn_map.band_shape(),
+    }
+    ground = io.BytesIO()
+    Image.fromarray(stage.ground.picture).save(ground, "WEBP", quality=85)
+    texts = {
+        "recording": gzip.compress(json.dumps(recording, separators=(",", ":")).encode(), 9),
+        "arrays": gzip.compress(b"".join(record.blocks.values()), 9),
+        "world": gzip.compress(stage_message(stage, times=False), 9),
+        "ground": ground.getvalue(),
+    }
+    data = "".join(
+        f'<script type="text/plain" id="{name}">{base64.b64encode(text).decode()}</script>\n'
+        for name, text in texts.items()
+    )
+    # Modules of a page from a disk import no others, so that they are one.
+    modules = [(PAGE / name).read_text("utf-8") for name in ("scene.js", "recorded.js", "page.js")]
+    script = re.sub(r"^import .*$|^export ", "", "\n".join(modules), flags=re.M)
+    style_sheet = (PAGE / "page.css").read_text("utf-8")
+    page = re.sub(r'<link rel="modulepreload".*\n', "", page_text(setup))
+    parts = {
+        '<link rel="stylesheet" href="/lrf3d/page.css">': f"<style>\n{style_sheet}</style>",
+        '<script type="module" src="/lrf3d/page.js"></script>': "",
+        "</body>": f'{data}<script type="module">\n{script}</script>\n</body>',
+    }
+    for old, new in parts.items():
+        page = page.replace(old, new)
+    return page.encode()
+
+
+class _Recorded(Shown):
+    """A run whose answers are recorded."""
+
+    def __init__(self, run: Run) -> None:
+        made = Shown.played(run, run.playback)
+        super().__init__(made.scene, made.cameras)
+        self._sender = self.record = _Record()
+
+    def _coarse(self, bands: Faces, moment: Moment, view: Look) -> Faces:
+        # The page makes the bands itself, for its own eye: from segments, tops and colours.
+        drawn = self.scene.drawn_map(moment)
+        tops = np.minimum(drawn.tops, _HIGHEST)[:, None]
+        return Faces(single(drawn.segments), single(tops), single(drawn.colours))
+
+
+class _Record(Sender):
+    """Keeps messages instead of packing them, and each array once."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.views: dict[str, list[Any]] = {}
+        self.blocks: dict[str, bytearray] = {}
+        """The arrays of each column of a mark: what is alike lies together, and packs well."""
+        self._arrays: list[tuple[str, tuple[int, ...]]] = []
+        self._known: dict[bytes, int] = {}
+
+    def begin(self, view: str) -> None:
+        """Begin the record of a view."""
+        self._moments = self.views[view] = list[Any]()
+
+    def message(self, parts: Mapping[str, Part], values: Mapping[str, Any]) -> bytes:
+        """Keep a message."""
+        marks = dict[str, Any]()
+        for name, (style, columns) in parts.items():
+            numbers = [self.number(each, name, key) for key, each in columns.items()]
+            marks[name] = {**style, "columns": numbers}
+        # The page turns cameras itself.
+        camera = {key: each for key, each in values["camera"].items() if key != "ray"}
+        self._moments.append({**values, "camera": camera, "marks": marks})
+        return b""
+
+    def places(self) -> list[list[int]]:
+        """Places of arrays in the blocks, one after another.
+
+        Each is where the array starts, its rows and columns, the bytes of a number, and the
+        exponent of its unit; 0 bytes are whole numbers of two.
+        """
+        sizes = [len(block) for block in self.blocks.values()]
+        starts = dict(zip(self.blocks, np.cumsum([0, *sizes]).tolist(), strict=False))
+        return [[starts[name] + start, *others] for name, (start, *others) in self._arrays]
+
+    def number(self, array: NDArray[Any], name: str, key: str) -> int:
+        """The number of an array of a mark in the record."""
+        rows = array.reshape(-1, array.shape[-1])
+        text = key.encode() + np.array(rows.shape).tobytes() + rows.tobytes()
+        if text not in self._known:
+            self._known[text] = len(self._arrays)
+            self._keep(rows, f"{name} {key}", key)
+        return self._known[text]
+
+    def _keep(self, rows: NDArray[Any], name: str, key: str) -> None:
+        """Keep an array as differences of its rows, column by column, low bytes first."""
+        size, exponent = 2, 0
+        if key == "colours":
+            whole = np.full((len(rows), 4), 255, np.uint8)
+            whole[:, : rows.shape[1]] = np.round(255.0 * np.clip(rows, 0.0, 1.0))
+            size = 1
+        elif key == "times":
+            whole, size = rows, 0
+        else:
+            # In the unit, a power of two, in which the largest number has 15 bits, or 24.
+            most = float(np.abs(rows).max(initial=1e-6))
+            size, bits = (2, 15) if most < _FAR else (4, 24)
+            exponent = int(np.floor(np.log2(most))) + 1 - bits
+            whole = np.round(np.ldexp(rows, -exponent)).clip(max=2**bits - 1)
+            whole = whole.astype(f"<i{size}").view(f"<u{size}")
+        block = self.blocks.setdefault(name, bytearray())
+        self._arrays.append((name, (len(block), *whole.shape, size, exponent)))
+        steps = np.diff(whole, axis=0, prepend=np.zeros_like(whole[:1]))
+        planes = steps.T[..., None].copy().view(np.uint8).transpose(0, 2, 1)
+        block += planes.tobytes()
