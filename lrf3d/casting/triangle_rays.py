@@ -100,5 +100,7 @@ class TriangleRays:
             return np.asarray(self._embree.run(origins, directions), np.int32)
         if self._mesh is None:
             return np.full(len(origins), -1, np.int32)
-        rays = origins.astype(np.float64), directions.astype(np.float64)
-        return self._mesh.cast(*rays, np.inf)[1].astype(np.int32)
+        # The mesh takes beams, which are unit vectors; rays of pictures are not.
+        ways = directions.astype(np.float64)
+        ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+        return self._mesh.cast(origins.astype(np.float64), ways, np.inf)[1].astype(np.int32)
