@@ -79,6 +79,9 @@ class Channels:
         if any(topic.latched and f"/{topic.name}" == channel.topic for topic in self._channels):
             self.asked.put(lambda stream: self.publish(stream.first(), stream.stamp.nanoseconds))
 
+    def on_unsubscribe(self, client: Any, channel: Any) -> None:
+        """Do nothing: the server sends to those that are left."""
+
     def on_client_advertise(self, client: Any, channel: Any) -> None:
         """Remember what a client will publish."""
         self._clients[client.id, channel.id] = channel
