@@ -57,11 +57,13 @@ def as_pose(pose: Sequence[float] | Float) -> Pose:
         x, y, theta = float(x), float(y), float(theta)
     except (TypeError, ValueError, OverflowError):
         raise InputError(f"pose {shown(pose)}: expected three numbers x, y, theta") from None
-    if TINY <= abs(x) <= LARGEST and TINY <= abs(y) <= LARGEST and TINY <= abs(theta) <= LARGEST:
-        return Pose(x, y, theta)
-    if not all(abs(value) <= LARGEST for value in (x, y, theta)):
+    if not (abs(x) <= LARGEST and abs(y) <= LARGEST and abs(theta) <= LARGEST):
         raise InputError(f"pose {(x, y, theta)}: expected finite numbers of at most {LARGEST:g}")
-    return Pose(*(0.0 if abs(value) < TINY else value for value in (x, y, theta)))
+    return Pose(
+        x if abs(x) >= TINY else 0.0,
+        y if abs(y) >= TINY else 0.0,
+        theta if abs(theta) >= TINY else 0.0,
+    )
 
 
 def as_poses(poses: object) -> Float:

@@ -105,7 +105,9 @@ class Sensor:
             # A noise may make a scan of its own, without what it knows nothing of.
             kept: dict[str, Any] = {"mount": true_scan.mount, "laser": true_scan.laser}
             scan = replace(scan, motion=true_scan.motion, **kept)
-        near = scan.ranges < self.lrf.range_min
+        if scan.ranges.min() >= self.lrf.range_min:
+            return scan
+        near = (scan.ranges < self.lrf.range_min) & (scan.ranges > -np.inf)
         return replace(scan, ranges=np.where(near, -np.inf, scan.ranges)) if near.any() else scan
 
     def cast(self, pose: Float, time: float) -> LaserScan:
@@ -114,9 +116,10 @@ class Sensor:
         Along a path each beam is cast from the pose at its own time. For a robot at rest this is
         the scan of the caster, bit for bit.
         """
-        lrf, begin = self.lrf, as_pose(self.lrf.placed(pose))
+        lrf = self.lrf
         if self._legs is None and self._moving is None:
-            return self._among(lrf, begin, time)
+            return self._among(lrf, lrf.placed(pose), time)
+        begin = as_pose(lrf.placed(pose))
         times = time + lrf.time_increment * np.arange(lrf.beams, dtype=np.float64)
         if self._legs is not None:
             poses = poses_along(self._legs, times, np.array(as_pose(pose)))

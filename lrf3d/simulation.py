@@ -21,7 +21,7 @@ from lrf3d.laser import LaserRangeFinder, LaserScan, ProportionalNoise
 from lrf3d.laser.noise import FLOOR, SIGMA, Noise, noises_of, spread_of
 from lrf3d.laser.range_finder import lasers_of
 from lrf3d.mapping import LineMapper
-from lrf3d.pose import Pose, as_pose
+from lrf3d.pose import Pose
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.robot.following import SCAN_INTERVAL
 from lrf3d.robot.odometry import Imu, InertialUnit, Odometer, WheelOdometry
@@ -241,8 +241,9 @@ class Simulation:
             index = self.done
             if isinstance(drive, Trajectory):
                 time, pose = float(drive.times[index]), drive.poses[index]
+                place = Pose(*pose.tolist())
             elif drive.goes_on:
-                time, pose = drive.time, np.array(drive.pose)
+                time, pose, place = drive.time, np.array(drive.pose), drive.pose
             else:
                 return
             truth = tuple(sensor.cast(pose, time) for sensor in self.sensors)
@@ -251,7 +252,7 @@ class Simulation:
                 for sensor, scan in zip(self.sensors, truth, strict=True)
             )
             self.take(scans, pose)
-            yield Step(index, time, as_pose(pose), scans, truth, self, self.odometry, self.inertial)
+            yield Step(index, time, place, scans, truth, self, self.odometry, self.inertial)
 
     def take(self, scans: Sequence[LaserScan], pose: Float) -> None:
         """Take the next measured scan of each laser, with the robot at (3,): map and drive on.
