@@ -33,6 +33,10 @@ this radius [m]."""
 LEAST_LOOKAHEAD = 0.1
 """Least look-ahead [m]: with it the robot keeps within centimetres of the route, and slowly."""
 
+LEAST_SPEED = 0.25
+"""A robot that would still touch something in a turn looks less far ahead and drives slower, down
+to about this [m/s]."""
+
 
 @dataclass(frozen=True, slots=True)
 class PlannedRoute:
@@ -144,9 +148,14 @@ def find_route(
             waypoints, start=pose, speed=pace, lookahead=lookahead, dt=dt, most=MOST_POSES
         )
         drive = np.vstack([lap.poses[:, :2] for lap in laps])
-        if (checker.hit(drive[:-1], drive[1:], radius) < 0).all() or lookahead <= LEAST_LOOKAHEAD:
+        if (checker.hit(drive[:-1], drive[1:], radius) < 0).all():
             break
-        lookahead = max(0.5 * lookahead, LEAST_LOOKAHEAD)
+        if lookahead > LEAST_LOOKAHEAD:
+            lookahead = max(0.5 * lookahead, LEAST_LOOKAHEAD)
+        elif speed is None and pace > LEAST_SPEED:
+            pace, lookahead = 0.5 * pace, 0.5 * lookahead
+        else:
+            break
     if space.side == "inside":
         notes += unreached_rooms(space)
     return PlannedRoute(waypoints, space.side, radius, pace, lookahead, tuple(notes))

@@ -225,7 +225,7 @@ def _filled(dark: Bool, pixels: float, left_out: Counter[str]) -> Bool:
     # Tiles and hatches that fill a room are no wall.
     room = _opened(dark | within, 0.55 * THICKEST * pixels)
     pattern = room & ~_grown(_opened(dark, 0.5 * THIN * pixels), 1.5)
-    left_out["pattern of a floor"] = _parts(pattern)[1]
+    left_out["floor pattern"] = _parts(pattern)[1]
     return (dark | within) & ~pattern
 
 

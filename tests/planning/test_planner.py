@@ -1,5 +1,6 @@
 import functools
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -310,3 +311,10 @@ def test_a_plan_in_other_units_is_refused_with_the_scale_that_fits(unit, scale):
         plan_route(flat.scaled(unit))
     town = np.vstack([STREETS.segments + np.tile([x, 0.0], 2) for x in (0.0, 4000.0)])
     assert len(plan_route(World(town))) > 2
+
+
+def test_a_tip_close_to_a_wall_is_turned_in_without_touching_it():
+    picture = Path(__file__).parents[2] / "examples/flat.png"
+    scenario = Scenario(load_world(picture, resolution=0.02)).with_route()
+    assert scenario.speed < 1.0
+    assert find_collision(scenario.trajectory(), scenario.world, scenario.radius) is None
