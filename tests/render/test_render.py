@@ -27,7 +27,7 @@ kept_for_users = stage._in_memory
 
 
 @functools.lru_cache(8)
-def painted(world, path, knows_truth):
+def painted(*what_it_depends_on):
     """What is painted of a drive in a world; baking its light takes seconds, so tests share it."""
     return []
 
@@ -36,7 +36,8 @@ def kept(run):
     """The same for runs; other things that drive are kept as for users."""
     if not isinstance(run, Run):
         return kept_for_users(run)
-    return painted(run.world, run.trajectory, run.knows_truth)
+    # When the laser first lit a place also depends on where the robot believed itself to be.
+    return painted(run.world, run.trajectory, run.lrf, run.knows_truth, run.estimate, run.maps)
 
 
 stage._in_memory = kept
