@@ -1,7 +1,6 @@
 """The plain renderer, for machines without OpenGL: rays by Embree, and triangles over them.
 
-It draws the same values as OpenGL does, with one sample a pixel, colours as they were baked, and
-nothing of what shaders add to them, such as shine.
+It draws the same values as OpenGL does, with one sample a pixel, and nothing of what shaders add to them, such as shine.
 """
 
 from typing import Any, NamedTuple
