@@ -1,6 +1,7 @@
 """The plain renderer, for machines without OpenGL: rays by Embree, and triangles over them.
 
-It draws the same values as OpenGL does, with one sample a pixel, and nothing of what shaders add to them, such as shine.
+It draws the same values as OpenGL does, with one sample a pixel, and nothing of what
+shaders add to them, such as shine.
 """
 
 from typing import Any, NamedTuple
