@@ -13,18 +13,17 @@ from typing import Any
 import numpy as np
 
 from lrf3d.errors import InputError, Lrf3dWarning
-from lrf3d.geometry import Float, lengths
+from lrf3d.geometry import Float
 from lrf3d.interrupts import Progress, check, silent, stoppable
-from lrf3d.io import LaserLog, load_log
-from lrf3d.io.laser_log import on_one_fan
+from lrf3d.io import LaserLog, load_log, load_run
 from lrf3d.io.reading import odometry_of
-from lrf3d.laser import LaserRangeFinder, LaserScan, doubtful_ranges
+from lrf3d.laser import LaserScan, doubtful_ranges
 from lrf3d.laser.range_finder import CENTRE
-from lrf3d.laser.unrolling import unrolled
-from lrf3d.mapping import LineMap, LineMapper
+from lrf3d.localization.joining import Joined, joined
+from lrf3d.log_run import joint_run, run_of
+from lrf3d.mapping import LineMapper
 from lrf3d.pose import Pose, compose
-from lrf3d.robot import EstimatedTrajectory, Trajectory
-from lrf3d.run import Run, is_snapshot
+from lrf3d.run import Run
 from lrf3d.slam import Slam
 from lrf3d.slam.front_end import KEY_DISTANCE
 from lrf3d.slam.mounting import doubtful_mount
@@ -39,7 +38,6 @@ from lrf3d.slam.odometry import (
     turns_between,
 )
 from lrf3d.slam.violation import SelfCheck
-from lrf3d.world import World
 
 CALIBRATED = 400
 """Scans at the beginning of a log that give the first estimate of its wheels' errors. With it a
@@ -112,7 +110,7 @@ def map_log(
     chosen, mapper = np.flatnonzero(~log.is_odd | all_scans), LineMapper(mode, sigma=sigma)
     scans, poses = [log.scans[k] for k in chosen], log.poses[chosen]
     keys = range(len(scans))
-    run = _run_of(log.name, scans, poses, keys, mapper, snapshots=1, progress=progress)
+    run = run_of(log.name, scans, poses, keys, mapper, snapshots=1, progress=progress)
     for doubt in (doubtful_ranges(log.scans), doubtful_mount(log.scans)):
         if doubt:
             warnings.warn(f"map: {log.name}: {doubt}", Lrf3dWarning, stacklevel=2)
@@ -120,18 +118,26 @@ def map_log(
 
 
 @stoppable()
-def slam_log(log: LaserLog | str | Path, *, key_distance: float = KEY_DISTANCE) -> Run:
+def slam_log(
+    log: LaserLog | str | Path,
+    *,
+    key_distance: float = KEY_DISTANCE,
+    on: Run | str | Path | None = None,
+) -> Run:
     """Find the poses and the map of a recorded drive from its scans and its odometry.
 
     Args:
         log: The log, or its path.
         key_distance: Distance driven from one key scan to the next [m].
+        on: The run of an earlier drive, or its path, that this one continues: it is found on its
+            map without a guess, and closes loops with it.
 
     Returns:
-        The drive as a run, in the walls that it mapped.
+        The drive as a run, in the walls that it mapped, after the one that it continues.
 
     Raises:
-        InputError: The log is no drive that SLAM can solve; the line says why.
+        InputError: The log is no drive that SLAM can solve, or it is not found on the map of the
+            earlier one; the line says why.
 
     Warns:
         Lrf3dWarning: Scans contradict each other, so that the map or a part of it is wrong.
@@ -144,7 +150,7 @@ def slam_log(log: LaserLog | str | Path, *, key_distance: float = KEY_DISTANCE) 
         >>> lrf3d.slam_log("drive.log").trajectory.poses[-1, :2].round(1).tolist()
         [1.9, 1.0]
     """
-    solved = solve_log(log, key_distance=key_distance)
+    solved = solve_log(log, key_distance=key_distance, on=on)
     for sentence in solved.warnings:
         warnings.warn(f"slam: {solved.log.name}: {sentence}", Lrf3dWarning, stacklevel=2)
     return solved.run
@@ -157,7 +163,8 @@ class SolvedLog:
     ``poses`` (k, 3) are those at the ``scans`` (k,), which are in the order in which they were
     taken, each once; ``line_poses`` (n, 3) are those at the odometry lines, as logged. The laser's
     clock is ``lag`` lines behind that of the odometry. The drive was solved ``passes`` times: again
-    where its wheels' errors turned out to differ.
+    where its wheels' errors turned out to differ. If it was joined with an earlier drive, all of
+    them are in its frame, and the run is that of both.
     """
 
     log: LaserLog
@@ -169,6 +176,7 @@ class SolvedLog:
     repairs: Repairs
     check: SelfCheck
     passes: int
+    joined: Joined | None = None
 
     def __repr__(self) -> str:
         return f"SolvedLog({self.log.name}, {self.slam}, {len(self.line_poses)} odometry lines)"
@@ -196,10 +204,12 @@ class SolvedLog:
             mount = Pose(self.log.odometry.laser_offset, 0.0, 0.0)
         poses = compose(self.poses, np.array(mount))
         poses[:, 2] = np.unwrap(poses[:, 2])
+        if self.joined is not None:
+            return joint_run(self.joined, slam, self.scans, poses, self.log.name)
         chosen = np.unique(np.linspace(0, len(keys) - 1, MOST_COVARIANCES).astype(np.int64))
         estimate = slam.estimate(poses, keys[chosen], slam.covariances(chosen))
         scans, keys = self.scans, keys.tolist()
-        return _run_of(self.log.name, scans, poses, keys, LineMapper(), estimate=estimate)
+        return run_of(self.log.name, scans, poses, keys, LineMapper(), estimate=estimate)
 
     def summary(self) -> dict[str, Any]:
         """The figures, in JSON's types."""
@@ -228,6 +238,7 @@ class SolvedLog:
                 "scans_with_a_weak_direction": sum(scan.weak for scan in tracked),
             },
             "self_check": {"passed": self.check.passed, **self.check._asdict()},
+            "joined": None if self.joined is None else self.joined.summary(),
         }
 
 
@@ -235,12 +246,14 @@ def solve_log(
     log: LaserLog | str | Path,
     *,
     key_distance: float = KEY_DISTANCE,
+    on: Run | str | Path | None = None,
     progress: Progress = silent,
 ) -> SolvedLog:
     """Find the poses of a recorded drive; arguments are those of `slam_log`.
 
     Progress is called with the number of finished scans, and of all.
     """
+    known = on if on is None or isinstance(on, Run) else load_run(on)
     if not isinstance(log, LaserLog):
         log = load_log(log, poses=odometry_of(log))
     log = readable(log)
@@ -264,22 +277,26 @@ def solve_log(
     passes, learned = 0, True
     while learned and passes < MOST_PASSES:
         passes += 1
-        known = slam.wheels
-        slam = Slam(start=start, laser_offset=offset, key_distance=key_distance, wheels=known)
+        wheels = slam.wheels
+        slam = Slam(start=start, laser_offset=offset, key_distance=key_distance, wheels=wheels)
         for number, (scan, increment) in enumerate(zip(scans, increments, strict=True), 1):
             slam.update(scan, increment)
             progress(number, len(scans))
             check()
-        change = np.abs((1.0 + slam.wheels.biases) / (1.0 + known.biases) - 1.0)
+        change = np.abs((1.0 + slam.wheels.biases) / (1.0 + wheels.biases) - 1.0)
         learned = change[2] > LEARNED or change[0] > LEARNED_TURN
     slam.finish()
     poses = slam.refined(scans)
     # Now that the poses of all scans are known, all of them show the lag.
     lag = fitted_lag(np.diff(poses[:, 2]), path, places)
+    both = None
+    if known is not None:
+        both = joined(known, slam, slam.surfaces(scans), poses, log.name)
+        poses = both.poses
     lines = line_poses(path, places, lag, poses)[recording.rows]
     lines[:, 2] = np.unwrap(lines[:, 2])
-    found = recording.repairs, slam.self_check()
-    return SolvedLog(log, slam, scans, poses, lines, lag, *found, passes)
+    found = recording.repairs, slam.self_check() if both is None else both.check
+    return SolvedLog(log, slam, scans, poses, lines, lag, *found, passes, both)
 
 
 def readable(log: LaserLog) -> LaserLog:
@@ -336,68 +353,3 @@ def _right_handed(recording: Recording, path: WheelPath, offset: float) -> tuple
     scans = [replace(scan, ranges=scan.ranges[::-1], time_increment=0.0) for scan in scans]
     repairs = replace(recording.repairs, mirrored=True)
     return replace(recording, scans=scans, repairs=repairs), -turns
-
-
-def _run_of(
-    name: str,
-    scans: Sequence[LaserScan],
-    poses: Float,
-    keys: Sequence[int],
-    mapper: LineMapper,
-    *,
-    snapshots: int | None = None,
-    estimate: EstimatedTrajectory | None = None,
-    progress: Progress = silent,
-) -> Run:
-    """The scans (k,) of one laser at poses (k, 3) as a run, whose world is the map of some of them.
-
-    Maps of the scans before the last key scan are kept as in a simulated run.
-    """
-    scans = [unrolled(scan) for scan in scans]
-    maps: dict[int, LineMap] = {}
-    for done, number in enumerate(keys, 1):
-        mapper.update(replace(scans[number], pose=Pose(*poses[number].tolist())))
-        if is_snapshot(done - 1, len(keys), snapshots):
-            maps[number] = mapper.map
-        progress(done, len(keys))
-        check()
-    # The last map is that of all scans: those after the last key scan show nothing new.
-    maps[len(scans) - 1] = line_map = maps.pop(keys[-1])
-    solid = lengths(line_map.segments) > 0.0
-    if not solid.any():
-        reason = doubtful_ranges(scans) or "expected walls within the laser's range"
-        raise InputError(
-            f"{name}: {len(scans)} scans show no wall, so that there is no map; {reason}"
-        )
-    angles, ranges = on_one_fan(scans)
-    begin, end = angles[[0, -1]].tolist()
-    nearest, farthest = min(s.range_min for s in scans), max(s.range_max for s in scans)
-    if farthest == np.inf:
-        # Some drivers give no limit: it is the usual one, or what was measured beyond it.
-        usual = LaserRangeFinder().range_max
-        farthest = float(ranges.max(initial=usual, where=np.isfinite(ranges)))
-    # Stamps count from 1970; the clock of a run begins with it.
-    times = rising(np.array([scan.time for scan in scans]))
-    return Run(
-        World(line_map.segments[solid], line_map.objects[solid], name=name),
-        LaserRangeFinder(begin, end, len(angles), nearest, farthest),
-        Trajectory(times - times[0], poses),
-        ranges,
-        ranges,
-        np.full(ranges.shape, -1),
-        tuple(maps),
-        tuple(maps.values()),
-        estimate=estimate,
-    )
-
-
-def rising(stamps: Float) -> Float:
-    """Stamps (k,) [s] as times that rise: one that does not lies evenly between those around it."""
-    latest = np.maximum.accumulate(stamps)
-    knots = np.flatnonzero(np.concatenate([[True], np.diff(latest) > 0.0]))
-    steps = np.diff(stamps)
-    usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
-    number = np.arange(len(stamps), dtype=np.float64)
-    times = np.interp(number, knots, latest[knots])
-    times[knots[-1] :] = latest[knots[-1]] + usual * (number[knots[-1] :] - knots[-1])
-    return np.asarray(times)

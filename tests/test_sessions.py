@@ -7,6 +7,7 @@ from drives import drive, recorded
 from program import lrf3d as program
 
 import lrf3d
+from lrf3d.errors import InputError
 from lrf3d.geometry import wrap_angle
 from lrf3d.pose import between, compose
 
@@ -86,3 +87,24 @@ def test_localise_writes_poses_and_a_picture(tmp_path):
     assert len(table) == summary["scans_localised"] > 0.8 * len(run)
     assert np.hypot(*(table[-1, 1:3] - run.trajectory.poses[-1, :2])) < 0.1
     assert (tmp_path / "out/map.png").exists()
+
+
+def test_a_second_drive_continues_the_map_of_the_first(tmp_path):
+    first = drive(ROOMS, [*ROUTE, *BACK[1:4]], seed=5, bias=0.0)
+    second = drive(ROOMS, [*ROUTE[2:], *BACK], seed=6, bias=0.0)
+    log = recorded(*second[:2], name="second")
+    before = lrf3d.slam_log(recorded(*first[:2], name="first"))
+    with pytest.raises(InputError, match="found nowhere on the map of first with certainty"):
+        lrf3d.slam_log(recorded(*drive(ELSEWHERE, [(1, 1), (4, 3), (5.5, 7)])[:2]), on=before)
+    lrf3d.save_run(before, tmp_path / "run.npz")
+    run = lrf3d.slam_log(log, on=tmp_path)
+    true = np.concatenate([first[2], second[2]])
+    assert len(run) == len(true) and len(run.trajectory) == len(before) + len(log)
+    # Both start where the wheels of the first say, which is where it was.
+    apart = np.hypot(*(run.trajectory.poses - true)[:, :2].T)
+    assert apart.max() < 0.15
+    ties = run.estimate.closures
+    assert ((ties[:, 0] < len(before)) & (ties[:, 1] >= len(before))).any()
+    # A third one continues both.
+    third = lrf3d.slam_log(recorded(*drive(ROOMS, BACK, seed=7)[:2]), on=run)
+    assert len(third) > len(run) and np.allclose(third.trajectory.poses[0], true[0], atol=0.05)

@@ -239,6 +239,8 @@ Writes run.npz, map.geojson, map.png, trajectory.tum and summary.json.
 LOG: A CARMEN log or a text of a scan a line, also gzipped, a ROS bag (.mcap, .db3, .bag, a folder),
  or arrays (.npz, .mat).
 {OUT}
+--on RUN: An earlier drive, a run.npz or its folder, that this one continues: it is found on its map
+ without a guess, closes loops with it, and the results are those of both in one frame.
 --relations FILE: Score by known relative poses: lines a b dx dy dtheta of ODOM lines.
 --key-distance M: Distance [m] from one key scan to the next; 0.5 if not given.
 {LOG}

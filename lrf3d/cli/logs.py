@@ -14,7 +14,7 @@ from lrf3d.degrading import degrade_log
 from lrf3d.errors import InputError
 from lrf3d.files import make_folder
 from lrf3d.interrupts import Progress
-from lrf3d.io import LaserLog, save_run
+from lrf3d.io import LaserLog, load_run, save_run
 from lrf3d.io.carmen_writer import write_log
 from lrf3d.io.reading import CARMEN_ENDINGS
 from lrf3d.io.trajectory_files import load_relations, save_tum
@@ -56,16 +56,19 @@ def slam(log: LaserLog, args: Namespace, report: Report) -> None:
     """Find poses and map of a log from odometry and scans."""
     known = None if args.relations is None else load_relations(args.relations)
     chosen = {} if args.key_distance is None else {"key_distance": args.key_distance}
+    on = None if args.on is None else load_run(args.on)
     with report.progress("scans") as progress:
         progress, milliseconds = timed(progress)
-        solved = solve_log(log, progress=progress, **chosen)
+        solved = solve_log(log, on=on, progress=progress, **chosen)
     score = None if known is None else score_trajectory(solved.line_poses, known).as_dict()
     for sentence in solved.warnings:
         warn(sentence)
     summary = {**solved.summary(), "score": score, "milliseconds_a_scan": milliseconds()}
-    run = solved.run
+    run, keys = solved.run, solved.slam.key_scans
+    if (both := solved.joined) is not None:
+        keys = np.concatenate([both.keys, len(both.run) + keys])
     _finish(
-        args, report, run, run.part(solved.slam.key_scans), summary, _slam_rows(solved, summary),
+        args, report, run, run.part(keys), summary, _slam_rows(solved, summary),
         "view {}",
         {
             "run.npz": lambda path: save_run(run, path),
@@ -180,6 +183,10 @@ def _slam_rows(solved: SolvedLog, summary: dict[str, Any]) -> list[tuple[str, st
     rows.append(("drive", f"{found['length_m']:.0f} m, {closed}"))
     if lost := found["scans_by_odometry_alone"]:
         rows.append(("", f"{counted(lost, 'scan')} matched nothing: placed by odometry"))
+    if (both := summary["joined"]) is not None:
+        words = f"{both['on']}: found at scan {both['found_at']}, probability"
+        words += f" {both['probability']:.4f}; {counted(both['ties'], 'loop closure')} with it"
+        rows.append(("on", words))
     rows.append(("map", solved.run.map.counts))
     rows += [("check", sentence) for sentence in solved.check.sentences()]
     if score := summary["score"]:

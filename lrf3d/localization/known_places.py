@@ -5,7 +5,7 @@ enters. All of its free cells and all headings are searched for a scan; the plac
 met the walls of the map, and passed through no others, leave.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -64,11 +64,12 @@ class Candidate(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class KnownPlaces:
-    """Key scans (k,) at poses (k, 3), which show a map."""
+    """Key scans (k,) at poses (k, 3), which show a map; those of a run by their numbers (k,)."""
 
     name: str
     keys: list[Key]
     poses: Float = field(repr=False)
+    numbers: Int = field(default_factory=lambda: np.empty(0, np.int64))
 
     @classmethod
     def from_run(cls, run: Run) -> "KnownPlaces":
@@ -79,8 +80,8 @@ class KnownPlaces:
             if np.hypot(x, y) >= APART or turn >= TURNED:
                 chosen.append(number)
         slam = Slam()
-        keys = [slam.seen(run.scans_at(number)) for number in chosen]
-        return cls(run.world.name, keys, poses[chosen])
+        keys = [replace(slam.seen(run.scans_at(number)), scan=number) for number in chosen]
+        return cls(run.world.name, keys, poses[chosen], np.array(chosen))
 
     @classmethod
     def from_world(cls, world: World) -> "KnownPlaces":

@@ -241,7 +241,7 @@ class LoopCloser:
         if contradicted(around, self.keys[new], between(seen_from, match.pose)):
             return None
         relative = np.array([*match.pose[:2], wrap_angle(match.pose[2])])
-        return Closure(old, new, relative, CLOSURE_SHARE * _fixed(match.information) + FLOOR)
+        return Closure(old, new, relative, CLOSURE_SHARE * fixed(match.information) + FLOOR)
 
     def _submap(self, old: int, new: int) -> tuple[list[Key], Float]:
         """The key scans of the map that a new one is matched with where it meets an old one.
@@ -314,7 +314,7 @@ def _bounded(spread: Float) -> Float:
     return bounded
 
 
-def _fixed(information: Float) -> Float:
+def fixed(information: Float) -> Float:
     """Information (3, 3) of a match without that on a direction which its walls do not fix.
 
     What it says of the distance along a corridor comes from the noise of normals.

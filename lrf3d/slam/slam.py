@@ -342,6 +342,21 @@ class Slam:
         return np.array([key.scan for key in self._closer.keys], dtype=np.int64)
 
     @property
+    def keys(self) -> list[Key]:
+        """The key scans (m,)."""
+        return list(self._closer.keys)
+
+    @property
+    def key_poses(self) -> Float:
+        """Poses (m, 3) of the key scans by the current estimate."""
+        return compose(self._start, self._key_poses)
+
+    @property
+    def edges(self) -> Edges:
+        """The relative poses between key scans that were measured."""
+        return self._edges
+
+    @property
     def closures(self) -> list[Closure]:
         """The loops that were closed, by the numbers of key scans."""
         return list(self._closer.accepted)
@@ -392,11 +407,14 @@ class Slam:
             raise InputError(
                 f"slam: {len(scans)} scans to refine; expected all {len(self._tracked)}"
             )
-        moments = [(scan,) if isinstance(scan, LaserScan) else scan for scan in scans]
-        surfaces = [self._surface(tuple(map(unrolled, moment))) for moment in moments]
         poses, keys = self._scan_poses(), self._closer.keys
-        found = refined(surfaces, poses, keys, self._key_poses, self._anchored)
+        found = refined(self.surfaces(scans), poses, keys, self._key_poses, self._anchored)
         return self._in_world(found)
+
+    def surfaces(self, scans: Sequence[LaserScan | Moment]) -> list[Float]:
+        """The surfaces (m, 4) that scans show, each in the frame of the robot."""
+        moments = [(scan,) if isinstance(scan, LaserScan) else scan for scan in scans]
+        return [self._surface(tuple(map(unrolled, moment))) for moment in moments]
 
     def self_check(self) -> SelfCheck:
         """Compare the key scans, at their current poses, where the robot came by again."""
