@@ -198,7 +198,8 @@ class PlainRenderer:
     def _draw_mark(self, canvas: _Canvas, lens: Lens, mark: Mark) -> None:
         if isinstance(mark, Soft):
             nearer = lens.nearer if lens.nearer > 1.0 else _LIFTED
-            self._fill(canvas, lens, mark.corners, mark.colours, nearer, False)
+            shown = canvas._replace(near=np.zeros_like(canvas.near)) if mark.on_top else canvas
+            self._fill(shown, lens, mark.corners, mark.colours, nearer, False)
         elif isinstance(mark, Points):
             self._draw_points(canvas, lens, mark)
         else:
@@ -264,7 +265,7 @@ def _solid(seen: Seen, lens: Lens, ways: Single, near: Single, lit: Single) -> S
     wide = off / np.maximum(along, 0.1) / look.PEEP
     rise = np.clip((wide - 0.55) / 0.45, 0.0, 1.0)
     opened = (1.0 - rise * rise * (3.0 - 2.0 * rise)) * (along < reach - 1.0)
-    return single(1.0 - look.VEIL * opened)
+    return single(1.0 - look.VEIL_SHARE * opened)
 
 
 def _ways(lens: Lens, size: tuple[int, int]) -> Single:

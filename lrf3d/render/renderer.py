@@ -222,7 +222,9 @@ class Renderer:
             self._paint(program, buffer, blend=True, solid=False, width=width)
             GL.glDepthFunc(GL.GL_LEQUAL)
         else:
+            GL.glDepthFunc(GL.GL_ALWAYS if mark.on_top else GL.GL_LEQUAL)
             self._paint("soft", buffer, blend=True, solid=False)
+            GL.glDepthFunc(GL.GL_LEQUAL)
 
     def _draw_plan(self, plan: Plan) -> None:
         """The map in its corner, on a dark ground."""
@@ -234,7 +236,7 @@ class Renderer:
         GL.glClearColor(*(part / 255.0 for part in look.PLAN_BACK), 1.0)
         GL.glClear(GL.GL_COLOR_BUFFER_BIT)
         self._camera.fill(plan.lens, wide, high)
-        self._draw_ground("ground:EXPLORED", blend=True, solid=False)
+        self._draw_ground("ground:PLAN", blend=True, solid=False)
         for name, mark in plan.marks:
             self._draw_mark(name, mark, plan.lens.focus)
 
