@@ -90,7 +90,8 @@ class PlainRenderer:
             inset = _Canvas(part, np.zeros(part.shape[:2], np.float32))
             for _, mark in seen.plan.marks:
                 self._draw_mark(inset, seen.plan.lens, mark)
-        self._picture[..., :3] = 255.0 * np.clip(canvas.colours, 0.0, 1.0) + 0.5
+        np.clip(canvas.colours, 0.0, 1.0, out=canvas.colours)
+        self._picture[..., :3] = 255.0 * canvas.colours + 0.5
         return self._picture
 
     def _tint(self, tints: Tints | None) -> None:
@@ -118,31 +119,37 @@ class PlainRenderer:
         fixed = np.array([*lens.eye, lens.focus, lens.thick])
         origins = np.tile(single(lens.eye), (len(ways), 1)) if starts is None else starts
         hits = self._rays.first(origins, ways)
-        colours, near, lit = shade(ways, hits, fixed, self._surfaces, self._laser)
-        rest, left = np.arange(len(ways)), np.ones(len(ways), np.float32)
-        found, depth = np.zeros_like(colours), near.copy()
-        for _ in range(_MOST_LAYERS if seen.glass or seen.robot else 0):
-            solid = _solid(seen, lens, ways[rest], near, lit)
-            passes = np.flatnonzero((hits >= 0) & (solid < 1.0))
-            share = left[rest]
-            if seen.glass:
-                colours[passes] += seen.glass * (np.array(look.GHOST, np.float32) - colours[passes])
-            share[passes] *= solid[passes]
-            found[rest] += share[:, None] * colours
-            depth[rest] = near
-            if not len(passes):
-                rest, colours, near = rest[:0], colours[:0], near[:0]
-                break
-            left[rest] -= share
-            away = (1.0 / near[passes] + _LIFTED)[:, None]
-            rest = rest[passes]
-            starts = single(lens.eye + away * ways[rest])
-            hits = self._rays.first(starts, ways[rest])
-            colours, near, lit = shade(ways[rest], hits, fixed, self._surfaces, self._laser)
-        found[rest] += left[rest, None] * colours
-        depth[rest] = near
+        found, depth, lit = shade(ways, hits, fixed, self._surfaces, self._laser)
+        if seen.glass or seen.robot:
+            self._look_through(seen, lens, ways, hits, (found, depth, lit))
         shape = self._size[::-1] if len(ways) == self._picture[..., 0].size else (len(ways), 1)
         return _Canvas(found.reshape(*shape, 3), depth.reshape(shape))
+
+    def _look_through(
+        self, seen: Seen, lens: Lens, ways: Single, hits: Any, met: tuple[Single, Single, Single]
+    ) -> None:
+        """Let rays pass what they met first, and what is behind it, where these are open or glass.
+
+        The colours and depths that they met are changed.
+        """
+        fixed = np.array([*lens.eye, lens.focus, lens.thick])
+        (found, depth, lit), rest, left = met, np.arange(len(ways)), np.ones(len(ways), np.float32)
+        colours, near = found, depth
+        for _ in range(_MOST_LAYERS):
+            solid = _solid(seen, lens, ways[rest], near, lit)
+            passes = np.flatnonzero((hits >= 0) & (solid < 1.0))
+            if not len(passes):
+                break
+            rest, colours, solid = rest[passes], colours[passes], solid[passes, None]
+            starts = single(lens.eye + (1.0 / near[passes] + _LIFTED)[:, None] * ways[rest])
+            hits = self._rays.first(starts, ways[rest])
+            behind, near, lit = shade(ways[rest], hits, fixed, self._surfaces, self._laser)
+            # What was met shines through as much as it is solid, what lies behind as the rest.
+            ghost = colours + seen.glass * (np.array(look.GHOST, np.float32) - colours)
+            shown = solid * ghost + (1.0 - solid) * behind
+            found[rest] += left[rest, None] * (shown - colours)
+            left[rest] *= 1.0 - solid[:, 0]
+            colours, depth[rest] = behind, near
 
     def _reflect(self, seen: Seen, reflection: Reflection, canvas: _Canvas, ways: Single) -> None:
         """Replace what a mirror covers by what it shows."""

@@ -195,7 +195,7 @@ export class Scene {
       const value = uniforms[uniform];
       if (value?.length === 16) gl.uniformMatrix4fv(place, false, value);
       else if (value?.length) gl[`uniform${value.length}fv`](place, value);
-      else if (value !== undefined) gl.uniform1f(place, value);
+      else if (value != null) gl.uniform1f(place, value);
     }
     gl.bindVertexArray(mark.vertices);
     if (mark.kind === "lines") gl.drawArraysInstanced(gl.TRIANGLE_FAN, 0, 4, mark.count);
