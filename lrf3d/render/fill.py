@@ -22,6 +22,9 @@ from lrf3d.scene.look import (
     ROOF_SHARE,
 )
 
+NEAREST = 0.05
+"""Depth [m] from which on walls are drawn."""
+
 _SLANT = 0.35
 """How coarse copies of the ground's picture are, in lengths of a pixel: it is seen at a slant."""
 
@@ -57,6 +60,65 @@ class LaserLight(NamedTuple):
 def level_of(texels: float, levels: NDArray[np.int64]) -> int:
     """The level of a texture whose texels are as large as a pixel, given in texels."""
     return min(max(int(math.log2(max(texels, 1.0)) + 0.5), 0), len(levels) - 1)
+
+
+@borrower
+def project(place: Float, matrix: Float, height: int, width: int, found: Float) -> None:
+    """Pixels and one over the depth of a place that a matrix (3, 4) shows as x, y and depth."""
+    x, y, depth = matrix[0, 3], matrix[1, 3], matrix[2, 3]
+    for k in range(3):
+        x += matrix[0, k] * place[k]
+        y += matrix[1, k] * place[k]
+        depth += matrix[2, k] * place[k]
+    found[0], found[1] = (0.5 + 0.5 * x / depth) * width, (0.5 + 0.5 * y / depth) * height
+    found[2] = 1.0 / depth
+
+
+@compiled
+def number_nearest(corners: Single, matrix: Float, hits: NDArray[np.int32], near: Single) -> None:
+    """Number in hits (h, w) which of triangles (t, 3, …) a matrix (3, 4) shows in each pixel.
+
+    One over their depths is kept in near.
+    """
+    height, width = hits.shape
+    place, outline, depths = np.empty(3), np.empty((6, 3)), np.empty(3)
+    for t in range(len(corners)):
+        for i in range(3):
+            depths[i] = matrix[2, 3]
+            for k in range(3):
+                depths[i] += matrix[2, k] * corners[t, i, k]
+        # What lies before the eye is cut off: of a triangle, three or four corners are left.
+        count = 0
+        for i in range(3):
+            j = (i + 1) % 3
+            for share in (0.0, (NEAREST - depths[i]) / (depths[j] - depths[i] + 1e-12)):
+                crosses = (depths[i] >= NEAREST) != (depths[j] >= NEAREST)
+                if (depths[i] >= NEAREST) if share == 0.0 else crosses:
+                    for k in range(3):
+                        place[k] = corners[t, i, k] + share * (corners[t, j, k] - corners[t, i, k])
+                    project(place, matrix, height, width, outline[count])
+                    count += 1
+        if count < 3:
+            continue
+        low, high = outline[:count, 1].min(), outline[:count, 1].max()
+        for row in range(max(math.ceil(low - 0.5), 0), min(math.ceil(high - 0.5), height)):
+            y = row + 0.5
+            left, right, begin, end = math.inf, -math.inf, 0.0, 0.0
+            for i in range(count):
+                p, q = outline[i], outline[(i + 1) % count]
+                if (p[1] <= y) != (q[1] <= y):
+                    share = (y - p[1]) / (q[1] - p[1])
+                    x, depth = p[0] + share * (q[0] - p[0]), p[2] + share * (q[2] - p[2])
+                    if x < left:
+                        left, begin = x, depth
+                    if x > right:
+                        right, end = x, depth
+            step = (end - begin) / max(right - left, 1e-9)
+            first, last = max(left - 0.5, 0.0), min(right - 0.5, float(width))
+            for column in range(math.ceil(first), math.ceil(last)):
+                depth = begin + (column + 0.5 - left) * step
+                if depth > near[row, column]:
+                    hits[row, column], near[row, column] = t, depth
 
 
 @borrower
@@ -151,15 +213,16 @@ def shade(
             bright, sure = grey(seen), min(2.0 * when[1], 1.0)
             when[1] *= wall
             lit[n] = expose(seen, when, clock, value[2], tones)
-            x, y = (value[0], value[1]) if wall > 0.5 else (value[6], value[7])
-            sample(laser.tints, x, y, laser.area, tint)
             climbed = (clock[0] - when[2]) * clock[1] * CLIMB - value[2]
             found = min(max(1.5 * climbed + 0.5, 0.0), 1.0) * (1.0 + wall * (sure - 1.0))
-            share = found * (ROOF_SHARE + wall * (MAP_SHARE - ROOF_SHARE))
-            front = 0.5 * wall * found * min(max(1.0 - climbed / FRONT, 0.0), 1.0)
-            for k in range(3):
+            if found > 0.0:
+                x, y = (value[0], value[1]) if wall > 0.5 else (value[6], value[7])
+                sample(laser.tints, x, y, laser.area, tint)
+                share = found * (ROOF_SHARE + wall * (MAP_SHARE - ROOF_SHARE))
+                front = 0.5 * wall * found * min(max(1.0 - climbed / FRONT, 0.0), 1.0)
                 light = share * (MAP_LIGHT[0] + MAP_LIGHT[1] * bright) + front
-                seen[k] += tint[k] * light - seen[k] * share * tint[3]
+                for k in range(3):
+                    seen[k] += tint[k] * light - seen[k] * share * tint[3]
         elif way[2] < 0.0:
             away = -eye[2] / way[2]
             x, y = eye[0] + away * way[0], eye[1] + away * way[1]

@@ -205,7 +205,15 @@ class Renderer:
         # What is lit is seen from both sides at the end.
         how = {"blend": veil, "solid": not veil, "cull": veil or not seen.glass}
         uniforms |= {"glass": seen.glass, "cut": seen.cut, "robot": seen.robot or (0.0, 0.0, 0.0)}
+        if veil and seen.robot and not seen.glass:
+            # What is open is a circle round the robot.
+            x, y, _, depth = seen.lens.matrix @ [*seen.robot, 1.0]
+            half = 1.5 * look.PEEP * seen.lens.focus
+            corner = (0.5 + 0.5 * np.array([x, y]) / depth) * self._size - half
+            GL.glEnable(GL.GL_SCISSOR_TEST)
+            GL.glScissor(*map(int, [*corner, 2.0 * half, 2.0 * half]))
         self._paint(f"walls{variant}", self._walls, **how, **self._light, **uniforms)
+        GL.glDisable(GL.GL_SCISSOR_TEST)
 
     def _draw_mark(self, name: str, mark: Mark, focus: float) -> None:
         mode = GL.GL_POINTS if isinstance(mark, Points) else GL.GL_TRIANGLES
