@@ -303,7 +303,7 @@ def _ways(lens: Lens, size: tuple[int, int]) -> Single:
     first = (corner + columns[:, None] * across).ravel()
     ways = np.multiply.outer(rows, np.tile(down, size[0]))
     ways += first
-    return ways.reshape(-1, 3)
+    return single(ways.reshape(-1, 3))
 
 
 def _projected(places: Any, lens: Lens, nearer: float, canvas: _Canvas) -> tuple[Float, Float]:
