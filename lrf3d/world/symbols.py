@@ -104,18 +104,18 @@ def find_leaves(segments: Float, line: Int, free: Bool) -> tuple[list[Door], Boo
     doors, found, long = list[Door](), np.zeros(len(segments), dtype=bool), lengths(segments)
     alone = np.bincount(line, minlength=1)[line] == 1 if len(line) else found
     leaves = np.flatnonzero(free & alone & (long > WIDTHS[0]) & (long < WIDTHS[1]))
-    walls = np.flatnonzero(free & ~np.isin(np.arange(len(segments)), leaves))
-    if not len(leaves) or not len(walls):
+    walls = np.flatnonzero(free)
+    if not len(leaves):
         return doors, found
     ends = segments[walls].reshape(-1, 2)
     tree, along = cKDTree(ends), directions(segments[walls])
     around = shapely.STRtree(shapely.linestrings(segments[walls].reshape(-1, 2, 2)))
     for leaf in leaves[:MOST_DOORS]:
         near = [tree.query_ball_point(end, 0.02) for end in segments[leaf].reshape(2, 2)]
-        # The hinge is at a corner, the tip stands free.
-        if sorted(len(each) > 1 for each in near) != [False, True] or min(map(len, near)):
+        # The hinge is at a corner of two others, the tip stands free.
+        at = int(len(near[1]) > 2)
+        if len(near[at]) < 3 or len(near[1 - at]) > 1:
             continue
-        at = int(len(near[1]) > 1)
         hinge, tip = segments[leaf].reshape(2, 2)[[at, 1 - at]]
         for end in tree.query_ball_point(hinge, 1.08 * long[leaf]):
             gap = ends[end] - hinge
@@ -126,7 +126,7 @@ def find_leaves(segments: Float, line: Int, free: Bool) -> tuple[list[Door], Boo
             # The face goes on at both sides, and nothing stands between.
             away = ends[end ^ 1] - ends[end]
             on = abs(gap[0] * away[1] - gap[1] * away[0]) < 0.02 * width and gap @ away > 0.0
-            back = any(abs(along[each // 2] @ gap) > 0.99 * width for each in near[at])
+            back = max(abs(along[each // 2] @ gap) for each in near[at]) > 0.99 * width
             between = shapely.linestrings([hinge + 0.05 * gap, hinge + 0.95 * gap])
             if on and back and not len(around.query(between, predicate="intersects")):
                 doors.append(Door(np.stack([hinge, ends[end]]), width))
