@@ -63,8 +63,8 @@ _LENGTH = re.compile(r"(\d+(?:[.,]\d*)?|[.,]\d+)\s*([^\s\d.,]*)")
 
 
 FLAT = frozenset(
-    "highway railway waterway aeroway route boundary admin_level landuse natural water leisure power"
-    " place parking public_transport".split()
+    "highway railway waterway aeroway route boundary admin_level landuse natural water leisure"
+    " power place parking public_transport".split()
 )
 STANDS = frozenset("building building:part barrier wall height object indoor room level".split())
 """Properties of roads, water and land, on which nothing stands; and of what is built."""
