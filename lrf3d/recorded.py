@@ -248,6 +248,8 @@ def solve_log(
     offset = log.odometry.laser_offset
     try:
         recording = _checked(log)
+        # Odometry that never moves is none.
+        log = replace(log, placed=log.placed and bool(np.ptp(recording.wheels, axis=0).any()))
         path = WheelPath(recording.wheels)
         recording, turns = _right_handed(recording, path, offset)
     except InputError as error:
