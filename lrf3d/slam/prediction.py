@@ -60,22 +60,27 @@ def slip_deviations(step: Float) -> Float:
 class Excess:
     """How large squared errors of predictions are in units of their variance: a running mean.
 
-    Its values (2,) are those of places and of headings, which never fall below a floor (2,):
-    predictions that were right for a while may still be wrong.
+    The scale (2,) is that of places and of headings. It never falls below a floor (2,): predictions
+    that were right for a while may still be wrong.
     """
 
     def __init__(self, heading: float = 1.0) -> None:
         self.floor = np.array([1.0, heading])
-        self.values = self.floor.copy()
+        self._mean = np.ones(2)
+
+    @property
+    def scale(self) -> Float:
+        """Factors (2,) on the variances of places and of headings."""
+        return np.maximum(self._mean, self.floor)
 
     def update(self, prediction: Prediction, found: Float) -> None:
         """Take in a prediction and the motion (3,) that was found."""
         error = found - prediction.step
-        square = error**2 / prediction.covariance.diagonal() * self.values[[0, 0, 1]]
+        square = error**2 / prediction.covariance.diagonal() * self.scale[[0, 0, 1]]
         now = np.array([0.5 * (square[0] + square[1]), square[2]])
         # A slip counts as at most ten deviations, so that its effect fades.
-        now = np.minimum(now, 100.0 * self.values)
-        self.values = np.maximum(FORGETTING * self.values + (1.0 - FORGETTING) * now, self.floor)
+        now = np.minimum(now, 100.0 * self._mean)
+        self._mean = np.maximum(FORGETTING * self._mean + (1.0 - FORGETTING) * now, 1.0)
 
 
 class Coasting:
@@ -93,7 +98,7 @@ class Coasting:
         """The motion up to the next scan."""
         length, turn = float(np.hypot(self._step[0], self._step[1])), abs(float(self._step[2]))
         place, heading = COAST + COAST_SHARE * length, COAST_TURN + COAST_SHARE * turn
-        variances = np.array([place, place, heading]) ** 2 * self._excess.values[[0, 0, 1]]
+        variances = np.array([place, place, heading]) ** 2 * self._excess.scale[[0, 0, 1]]
         window = np.maximum(slip_deviations(self._step), np.sqrt(variances))
         spread = np.diag(variances)
         window = np.minimum(window, COAST_WINDOW)

@@ -94,7 +94,7 @@ class Wheels:
         length, turn = float(np.hypot(step[0], step[1])), abs(float(step[2]))
         place = STILL_POSITION + SLIP * length + SKID * turn
         heading = STILL_HEADING + SWERVE * length + SLIP_TURN * turn
-        place, heading = self._excess.values * np.array([place, heading]) ** 2
+        place, heading = self._excess.scale * np.array([place, heading]) ** 2
         # Wheels may slip anywhere on the path: the rest of it is turned by the slip.
         lever = length / 2.0
         aside = place + heading * length**2 / 3.0
