@@ -71,7 +71,7 @@ class Excess:
     @property
     def scale(self) -> Float:
         """Factors (2,) on the variances of places and of headings."""
-        return np.maximum(self._mean, self.floor)
+        return np.asarray(np.maximum(self._mean, self.floor))
 
     def update(self, prediction: Prediction, found: Float) -> None:
         """Take in a prediction and the motion (3,) that was found."""

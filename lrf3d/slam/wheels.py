@@ -86,7 +86,7 @@ class Wheels:
         unlearned = np.diag([0.0, 0.0, row @ np.linalg.solve(self._known, row)])
         # Encoders that stand still may have failed: then they say nothing.
         return Prediction(
-            step, covariance, covariance + unlearned, slip_deviations(step), trusted=step.any()
+            step, covariance, covariance + unlearned, slip_deviations(step), trusted=bool(step.any())
         )
 
     def _covariance(self, step: Float) -> Float:
