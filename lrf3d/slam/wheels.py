@@ -85,9 +85,8 @@ class Wheels:
         row = np.array([increment[2], increment[0], 0.0])
         unlearned = np.diag([0.0, 0.0, row @ np.linalg.solve(self._known, row)])
         # Encoders that stand still may have failed: then they say nothing.
-        return Prediction(
-            step, covariance, covariance + unlearned, slip_deviations(step), trusted=bool(step.any())
-        )
+        moved, window = bool(step.any()), slip_deviations(step)
+        return Prediction(step, covariance, covariance + unlearned, window, trusted=moved)
 
     def _covariance(self, step: Float) -> Float:
         """Covariance (3, 3) of a step's random errors."""
