@@ -39,6 +39,7 @@ from lrf3d.slam.odometry import (
     turns_between,
 )
 from lrf3d.slam.violation import SelfCheck
+from lrf3d.text import counted
 from lrf3d.world import World
 
 CALIBRATED = 400
@@ -53,6 +54,9 @@ a corridor, so that only large errors of turns matter."""
 
 MOST_PASSES = 3
 """Times that a drive is solved, at most."""
+
+MOST_UNSEEN = 1.0
+"""Distance [m] along bare walls from which on a drive by the laser alone may be wrong."""
 
 MOST_LOST = 0.1
 """Share of the scans that may match nothing where there is no odometry. Of those a metre apart a
@@ -182,7 +186,19 @@ class SolvedLog:
         """What users should know of the solution, a sentence each."""
         mirrored = self.repairs.sentences()[:1] if self.repairs.mirrored else []
         mount = doubtful_mount(self.log.scans, mirrored=False)
-        return [*mirrored, *([mount] if mount else []), *self.check.sentences()]
+        doubts = [*([mount] if mount else []), *self._unseen(), *self.check.sentences()]
+        return [*mirrored, *doubts]
+
+    def _unseen(self) -> list[str]:
+        """What the laser alone does not show of the drive, in a sentence."""
+        weak = np.array([0, *(scan.weak for scan in self.slam.tracked[1:]), 0], dtype=np.int64)
+        steps = np.hypot(*np.diff(self.poses[:, :2], axis=0).T)
+        if self.log.placed or weak.sum() * steps.mean() < MOST_UNSEEN:
+            return []
+        starts, ends = np.flatnonzero(np.diff(weak)).reshape(-1, 2).T
+        longest = int((ends - starts).argmax())
+        where = f"{counted(int(weak.sum()), 'scan')}, as {starts[longest] + 1} to {ends[longest]}"
+        return [f"{where}, see bare walls and not how far the robot moved: the map may be wrong"]
 
     @property
     def odometry(self) -> str:

@@ -174,12 +174,16 @@ def _slam_rows(solved: SolvedLog, summary: dict[str, Any]) -> list[tuple[str, st
     """What most users ask of a solved log, as a table."""
     found, poses = summary["slam"], counted(summary["log"]["odometry_lines"], "pose")
     rows = _log_rows(solved.log, f", {poses} by odometry" if solved.log.placed else "")
-    rows += [] if solved.log.placed else [("odometry", solved.odometry)]
+    rows += (
+        []
+        if solved.log.placed
+        else [("odometry", f"{solved.odometry}; if that is mirrored, so is the map")]
+    )
     rows += [("", sentence) for sentence in solved.repairs.sentences()]
     closed = counted(found["loop_closures"], "loop closure")
     rows.append(("drive", f"{found['length_m']:.0f} m, {closed}"))
     if lost := found["scans_by_odometry_alone"]:
-        rows.append(("", f"{counted(lost, 'scan')} matched nothing: placed by odometry"))
+        rows.append(("", f"{counted(lost, 'scan')} matched nothing: placed as predicted"))
     rows.append(("map", solved.run.map.counts))
     rows += [("check", sentence) for sentence in solved.check.sentences()]
     if score := summary["score"]:
