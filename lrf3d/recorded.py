@@ -38,6 +38,7 @@ from lrf3d.slam.odometry import (
     turns_between,
 )
 from lrf3d.slam.violation import SelfCheck
+from lrf3d.text import counted
 
 CALIBRATED = 400
 """Scans at the beginning of a log that give the first estimate of its wheels' errors. With it a
@@ -51,6 +52,13 @@ a corridor, so that only large errors of turns matter."""
 
 MOST_PASSES = 3
 """Times that a drive is solved, at most."""
+
+MOST_UNSEEN = 1.0
+"""Distance [m] along bare walls from which on a drive by the laser alone may be wrong."""
+
+MOST_LOST = 0.1
+"""Share of the scans that may match nothing where there is no odometry. Of those a metre apart a
+quarter or more do, of those to be followed hardly one in a thousand."""
 
 LEAST_BEAMS = 3
 """Beams that a scan must have to show a wall."""
@@ -186,7 +194,19 @@ class SolvedLog:
         """What users should know of the solution, a sentence each."""
         mirrored = self.repairs.sentences()[:1] if self.repairs.mirrored else []
         mount = doubtful_mount(self.log.scans, mirrored=False)
-        return [*mirrored, *([mount] if mount else []), *self.check.sentences()]
+        doubts = [*([mount] if mount else []), *self._unseen(), *self.check.sentences()]
+        return [*mirrored, *doubts]
+
+    def _unseen(self) -> list[str]:
+        """What the laser alone does not show of the drive, in a sentence."""
+        weak = np.array([0, *(scan.weak for scan in self.slam.tracked[1:]), 0], dtype=np.int64)
+        steps = np.hypot(*np.diff(self.poses[:, :2], axis=0).T)
+        if self.log.placed or weak.sum() * steps.mean() < MOST_UNSEEN:
+            return []
+        starts, ends = np.flatnonzero(np.diff(weak)).reshape(-1, 2).T
+        longest = int((ends - starts).argmax())
+        where = f"{counted(int(weak.sum()), 'scan')}, as {starts[longest] + 1} to {ends[longest]}"
+        return [f"{where}, see bare walls and not how far the robot moved: the map may be wrong"]
 
     @property
     def odometry(self) -> str:
@@ -261,6 +281,9 @@ def solve_log(
     offset = log.odometry.laser_offset
     try:
         recording = _checked(log)
+        if not np.ptp(recording.wheels, axis=0).any():
+            # Odometry that never moves is none.
+            log = replace(log, placed=False)
         path = WheelPath(recording.wheels)
         recording, turns = _right_handed(recording, path, offset)
     except InputError as error:
@@ -272,7 +295,8 @@ def solve_log(
     start = path.at(places[:1].astype(np.float64))[0]
     # The beginning is followed twice: at first the errors of the wheels are not known.
     slam = Slam(laser_offset=offset)
-    for scan, increment in zip(scans[:CALIBRATED], increments, strict=False):
+    first = scans[: CALIBRATED * log.placed]
+    for scan, increment in zip(first, increments, strict=False):
         slam.update(scan, increment)
     passes, learned = 0, True
     while learned and passes < MOST_PASSES:
@@ -285,6 +309,12 @@ def solve_log(
             check()
         change = np.abs((1.0 + slam.wheels.biases) / (1.0 + wheels.biases) - 1.0)
         learned = change[2] > LEARNED or change[0] > LEARNED_TURN
+    lost = sum(not scan.matched for scan in slam.tracked[1:])
+    if not log.placed and lost > MOST_LOST * len(scans):
+        raise InputError(
+            f"{log.name}: {lost} of {len(scans)} scans match nothing before them, too far apart to"
+            " be followed without odometry; expected scans every 0.3 m and 20°, or odometry"
+        )
     slam.finish()
     poses = slam.refined(scans)
     # Now that the poses of all scans are known, all of them show the lag.
