@@ -12,10 +12,11 @@ import stat
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from tempfile import mkdtemp
+from tempfile import TemporaryDirectory, mkdtemp
 from typing import BinaryIO
 
 from lrf3d.errors import InputError, OutputError, shown
+from lrf3d.interrupts import unfinished as unfinished_folders
 
 LARGEST_TEXT = 1 << 28
 """Largest text file [bytes]: about two million walls as TOML."""
@@ -175,13 +176,24 @@ def unfinished_folder(path: str | Path) -> Iterator[Path]:
         # Between its making and its locking another process may take a folder for one that is left.
         while folder is None or not folder.exists():
             folder = Path(mkdtemp(_UNFINISHED, _PRIVATE, place))
+            unfinished_folders.add(str(folder))
             with suppress(FileNotFoundError):
                 held.enter_context(_hold(folder, wait=True))
     try:
         yield folder
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+        unfinished_folders.discard(str(folder))
         held.close()
+
+
+@contextmanager
+def scratch_folder() -> Iterator[Path]:
+    """Make a folder for what a library wants to read from a file."""
+    with TemporaryDirectory() as folder:
+        unfinished_folders.add(folder)
+        yield Path(folder)
+    unfinished_folders.discard(folder)
 
 
 @contextmanager

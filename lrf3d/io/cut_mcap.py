@@ -6,10 +6,11 @@ a chunk that is cut, the records that unpack are copied.
 
 import io
 import shutil
-import tempfile
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
+
+from lrf3d.files import scratch_folder
 
 MAGIC = b"\x89MCAP0\r\n"
 END = b"\x02" + (20).to_bytes(8, "little") + bytes(20) + MAGIC
@@ -33,8 +34,7 @@ def whole_part(path: Path, stack: ExitStack) -> Path | None:
         end = _whole_records(file)
         file.seek(end)
         rest = _unpacked(file) if file.read(1) == bytes([CHUNK]) else b""
-        folder = stack.enter_context(tempfile.TemporaryDirectory())
-        whole = Path(folder, path.name)
+        whole = stack.enter_context(scratch_folder()) / path.name
         with whole.open("wb") as copy:
             file.seek(0)
             copy.write(file.read(len(MAGIC)))

@@ -5,8 +5,8 @@ from typing import Any
 
 from lrf3d.errors import expect
 from lrf3d.interrupts import check
+from lrf3d.ros.node import SecondClockError as SecondClockError
 from lrf3d.ros.settings import Settings
-from lrf3d.ros.stream import SecondClockError as SecondClockError
 from lrf3d.scenario import Scenario
 
 

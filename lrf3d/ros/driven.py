@@ -1,10 +1,8 @@
 """A live robot as other programs see it: its topics, the commands that it obeys, its messages."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from math import inf
-
-import numpy as np
+from typing import NamedTuple
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import is_finite
@@ -18,7 +16,7 @@ from lrf3d.ros.settings import Settings
 from lrf3d.scenario import Scenario
 from lrf3d.simulation import line_mapper, update_mapper
 
-FASTEST, FASTEST_TURN = 20.0, 20.0
+FASTEST = 20.0
 """Commands beyond are clipped [m/s], [rad/s]."""
 
 LINES_EVERY = 1.0
@@ -31,8 +29,7 @@ Say = Callable[[str, str], None]
 """Reports a message at a level: ``info``, ``warning`` or ``error``."""
 
 
-@dataclass(frozen=True, slots=True)
-class Topic:
+class Topic(NamedTuple):
     """A topic with its type, the depth of its queue, and whether late subscribers get the last."""
 
     name: str
@@ -41,8 +38,7 @@ class Topic:
     latched: bool = False
 
 
-Message = tuple[Topic, ros.Fields]
-Messages = Iterator[Message]
+Messages = Iterator[tuple[Topic, ros.Fields]]
 
 MOVING = Topic("tf", TRANSFORMS, depth=100)
 
@@ -65,19 +61,22 @@ class DrivenRobot:
             Topic(prefix + ("scan" if len(lasers) == 1 else f"scan_{lrf.name}"), SCAN)
             for lrf in lasers
         ]
-        self._odom, self._truth = (
-            Topic(prefix + name, ODOMETRY) for name in ("odom", "ground_truth")
-        )
+        self._odom = Topic(f"{prefix}odom", ODOMETRY)
+        self._truth = Topic(f"{prefix}ground_truth", ODOMETRY)
         self._imu = Topic(f"{prefix}imu", "sensor_msgs/msg/Imu", depth=50)
         marker = "visualization_msgs/msg/MarkerArray"
         self._lines = Topic(f"{prefix}map_objects", marker, depth=1, latched=True)
         self.topics = [*self._scans, self._odom, self._truth, MOVING]
-        self.topics += [self._imu] if scenario.imu else []
-        self.topics += [self._lines] if settings.lines else []
+        self.topics += [self._imu] * (scenario.imu is not None) + [self._lines] * settings.lines
         self.mounts = [
             (prefix + ros.BASE, prefix + lrf.name, lrf.mount, lrf.height) for lrf in lasers
         ]
         """Frames, pose and height [m] of the lasers."""
+
+    @property
+    def odometry(self) -> Pose:
+        """Where the robot is by its wheels."""
+        return Pose(*self.robot.odometry.tolist())
 
     def show(self) -> None:
         """Show the other robots how this one drives from now on."""
@@ -91,36 +90,27 @@ class DrivenRobot:
 
     def messages(self, stamp: Stamp, *, scan_time: float | None) -> Messages:
         """Where the robot is, and, if the time from scan to scan [s] is given, its scans."""
-        robot, prefix = self.robot, self.prefix
-        odometry, speeds = Pose(*robot.odometry.tolist()), [robot.speed, robot.turning]
+        robot, prefix, odometry = self.robot, self.prefix, self.odometry
         moved = [ros.transform(stamp, prefix + ros.WORLD, prefix + ros.BASE, odometry)]
         if self._settings.give == "pose":
             drift = robot.pose @ odometry.inverse()
             moved.append(ros.transform(stamp, ros.MAP, prefix + ros.WORLD, drift))
         yield MOVING, {"transforms": moved}
         for at, *measured in robot.imu().tolist():
-            fields = ros.imu_fields(Stamp.of(at), *measured)
-            fields["header"]["frame_id"] = prefix + ros.BASE
-            yield self._imu, fields
+            yield self._imu, ros.imu_fields(Stamp.of(at), *measured, prefix=prefix)
         for topic, pose in ((self._odom, odometry), (self._truth, robot.pose)):
-            fields = ros.odometry(stamp, pose, speeds)
-            fields["header"]["frame_id"] = prefix + ros.WORLD
-            fields["child_frame_id"] = prefix + ros.BASE
-            yield topic, fields
-        if scan_time is not None:
-            yield from self._scanned(stamp, scan_time)
-
-    def _scanned(self, stamp: Stamp, scan_time: float) -> Messages:
-        scans = self.robot.scans()
+            yield topic, ros.odometry(stamp, pose, [robot.speed, robot.turning], prefix=prefix)
+        if scan_time is None:
+            return
+        scans = robot.scans()
         for topic, scan in zip(self._scans, scans, strict=True):
-            yield topic, scan.as_ros(self.prefix + scan.laser, scan_time=scan_time)
+            yield topic, scan.as_ros(prefix + scan.laser, scan_time=scan_time)
         if self._mapper is None:
             return
         update_mapper(self._mapper, scans)
-        if self.robot.time >= self._lines_due:
-            lines = self._mapper.map
+        if robot.time >= self._lines_due:
+            lines, self._lines_due = self._mapper.map, robot.time + LINES_EVERY
             marker = ros.line_marker(lines.segments, self._tracker.follow(lines), stamp)
-            self._lines_due = self.robot.time + LINES_EVERY
             yield self._lines, {"markers": [marker]}
 
     def command(self, speed: float, turning: float, sideways: float = 0.0) -> None:
@@ -130,10 +120,8 @@ class DrivenRobot:
             return
         if sideways:
             self._say("warning", "linear.y is ignored: this robot cannot drive sideways")
-        self._command = (
-            float(np.clip(speed, -FASTEST, FASTEST)),
-            float(np.clip(turning, -FASTEST_TURN, FASTEST_TURN)),
-        )
+        speed, turning = (max(-FASTEST, min(FASTEST, float(each))) for each in (speed, turning))
+        self._command = speed, turning
         self._until = self.robot.time + (self._settings.cmd_timeout or inf)
 
     def _stop(self, why: str) -> None:
@@ -143,19 +131,19 @@ class DrivenRobot:
 
     def set_pose(self, frame: str, pose: tuple[float, float, float]) -> None:
         """Put the robot at a pose in ``map`` or ``odom``; report an invalid one."""
+        own = self.prefix + ros.WORLD
         try:
-            if frame not in ("", ros.MAP, self.prefix + ros.WORLD):
-                raise InputError(f"frame {frame!r}: expected {ros.MAP} or {self.prefix}{ros.WORLD}")
+            if frame not in ("", ros.MAP, own):
+                raise InputError(f"frame {frame!r}: expected {ros.MAP} or {own}")
             asked = as_pose(pose)
-            if frame == self.prefix + ros.WORLD:
+            if frame == own:
                 # The odometry's frame has drifted.
-                odometry = Pose(*self.robot.odometry.tolist())
-                asked = self.robot.pose @ odometry.inverse() @ asked
+                asked = self.robot.pose @ self.odometry.inverse() @ asked
             self.robot.place(asked)
         except InputError as error:
             self._say("error", f"set_pose: {error}; ignored")
-            return
-        self._say("info", f"set_pose: the robot is at {asked}")
+        else:
+            self._say("info", f"set_pose: the robot is at {asked}")
 
     def reset(self) -> None:
         """Put the robot back to its start."""

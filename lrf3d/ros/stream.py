@@ -4,10 +4,12 @@ Commands enter; messages leave as dicts with the fields of ROS. Time advances in
 exact multiples of the interval between two scans, and never run back.
 """
 
+from collections.abc import Callable
 from math import ceil
 from pathlib import Path
+from time import monotonic
 
-from lrf3d.errors import InputError
+from lrf3d.interrupts import asked
 from lrf3d.io import ros_messages as ros
 from lrf3d.io.bag_contents import TRANSFORMS
 from lrf3d.laser import Stamp
@@ -23,13 +25,13 @@ LONGEST_TICK = 0.02
 FINEST_CELL = 0.1
 """Least side of a cell of the published grid [m]: a whole city is then some megabytes."""
 
+LATE, IDLE, CHECKED_EVERY = 0.25, 0.01, 2.0
+"""How far ticks may be behind before they count as late, how long clients are served at a time
+while time is paused, and from one check of the pace to the next [s]."""
+
 CLOCK = Topic("/clock", "rosgraph_msgs/msg/Clock", depth=1)
 FIXED = Topic("tf_static", TRANSFORMS, depth=1, latched=True)
 GRID = Topic("map", "nav_msgs/msg/OccupancyGrid", depth=1, latched=True)
-
-
-class SecondClockError(InputError):
-    """Another program publishes the simulated time."""
 
 
 class Stream:
@@ -61,6 +63,27 @@ class Stream:
     def stamp(self) -> Stamp:
         """The time of the last tick."""
         return Stamp.of(self.robots[0].robot.time)
+
+    def run(self, publish: Callable[[Messages], None], serve: Callable[[float], None]) -> None:
+        """Drive and publish until the program is interrupted; serve clients between two ticks.
+
+        After a standstill of the program, such as a suspended machine, time does not hurry.
+        """
+        publish(self.first())
+        speed_up, lost = self.settings.speed_up, 0.0
+        tick = self.interval / self.ticks / speed_up if speed_up else 0.0
+        due = checked = monotonic()
+        while not asked():
+            if not self.paused:
+                publish(self.tick())
+            due, now = due + (IDLE if self.paused else tick), monotonic()
+            if now > due + LATE:
+                lost, due = lost + now - due, now
+            serve(due - now)
+            if (passed := now - checked) > CHECKED_EVERY:
+                if speed_up and (share := 1.0 - lost / passed) < 0.97:
+                    self.say("warning", f"behind: only {share:.2f} of the speed; scan less often")
+                checked, lost = now, 0.0
 
     def first(self) -> Messages:
         """What is published once: where lasers are mounted, and the map where it is given."""

@@ -9,13 +9,12 @@ import ctypes
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from lrf3d.errors import WorldError, missing_extra
-from lrf3d.files import own_name
+from lrf3d.files import own_name, scratch_folder
 from lrf3d.geometry import Float
 from lrf3d.world.drawing import CURVE_ERROR, Canvas, Mark, area_of, curve_points, pen_of
 from lrf3d.world.model import World
@@ -66,8 +65,8 @@ def read_scan(path: Path, scale: float, page: int) -> World:
     shown = _page(path, scale, page)
     side = max(PIXEL, max(shown.size) / LARGEST_SIDE)
     picture = shown.handle.render(scale=shown.scale / side).to_pil().convert("RGB")
-    with TemporaryDirectory() as folder:
-        file = Path(folder, f"{path.stem}.png")
+    with scratch_folder() as folder:
+        file = folder / f"{path.stem}.png"
         picture.save(file)
         return replace(read_picture(file, resolution=side), name=own_name(path))
 
