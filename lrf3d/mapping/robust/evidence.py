@@ -4,7 +4,7 @@ Enter walls and the cells of all beams; leave, for each piece of a wall, how man
 how many are free-space violations.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -103,7 +103,7 @@ def gather_evidence(
     # What belongs to the walls before is free, so that all of it is claimed again.
     for k in range(len(lines.rows)):
         fresh.stamps[lines.rows[k]] += 1
-    claimed, found = np.empty(cells.used[2], np.int64), 0
+    claimed, found = np.empty(cells.counters[0].clusters, np.int64), 0
     for k in range(len(lines.rows)):
         _count_violations(lines, k, cells, counts)
         found = _claim(lines, k, cells, fresh, near, counts, claimed, found)
@@ -115,33 +115,30 @@ def gather_evidence(
         places[lines.rows[k]] = k
     owned = np.empty((found, 2), np.int64)
     for k in range(found):
-        cluster = claimed[k]
-        piece = cells.pieces[cluster] - 1
-        cells.pieces[cluster] = 0
-        owned[k, 0], owned[k, 1] = cluster, piece
-        line = lines.ends[places[cells.owners[cluster]]]
-        _add_cluster(cells, cluster, line, counts[piece], sums[piece])
+        cluster = cells.clusters[claimed[k]]
+        piece, cluster.piece = cluster.piece - 1, 0
+        owned[k, 0], owned[k, 1] = claimed[k], piece
+        _add_cluster(cluster, lines.ends[places[cluster.owner]], counts[piece], sums[piece])
     return counts, sums, owned
 
 
 @borrower
-def _add_cluster(cells: Cells, cluster: int, line: Float, count: Float, total: Float) -> None:
+def _add_cluster(cluster: Any, line: Float, count: Float, total: Float) -> None:
     """Add a cluster to the counts (7,) and sums (6,) of the piece of a line (4,) that it hit."""
     ux, uy, _ = unit_of(line)
-    moments = cells.moments[cluster]
-    hits, weights = moments[0], moments[1]
+    hits, weights = cluster.hits, cluster.weight
     count[0] += hits
     count[2] -= hits
-    count[3] += moments[9]
-    count[4] += moments[10]
+    count[3] += cluster.scans
+    count[4] += cluster.passes_between
     # Of these two, those of a piece are the hits' mean and the longest of its cells.
-    count[5] += hits * moments[11]
-    count[6] = max(count[6], cells.seen[cluster] - moments[12] + 1.0)
-    ox, oy = moments[2] - line[0], moments[3] - line[1]
+    count[5] += hits * cluster.passes_before
+    count[6] = max(count[6], cluster.last_scan - cluster.first_scan + 1.0)
+    ox, oy = cluster.x - line[0], cluster.y - line[1]
     along, aside = ox * ux + oy * uy, oy * ux - ox * uy
-    slope = max(abs(moments[7] * uy - moments[8] * ux), LEAST_INCIDENCE)
+    slope = max(abs(cluster.toward_x * uy - cluster.toward_y * ux), LEAST_INCIDENCE)
     factor = 1.0 / (slope * slope)
-    xx, xy, yy = moments[4], moments[5], moments[6]
+    xx, xy, yy = cluster.xx, cluster.xy, cluster.yy
     across = xx * uy * uy - 2.0 * xy * ux * uy + yy * ux * ux
     # Returns spread wider than by noise are of two walls in one cell, or of poses that err:
     # the mean of any number of them is no better than they are spread.
@@ -191,7 +188,7 @@ def _claim(
     found: int,
 ) -> int:
     """Claim the clusters that lie nearest to a line; how many are claimed by now."""
-    band = near + min(HIT_DEVIATIONS * cells.widest[0], WIDEST_BAND)
+    band = near + min(HIT_DEVIATIONS * cells.counters[0].widest, WIDEST_BAND)
     x1, y1, x2, y2 = lines.ends[k, 0], lines.ends[k, 1], lines.ends[k, 2], lines.ends[k, 3]
     ux, uy, _ = unit_of(lines.ends[k])
     steep = abs(uy) > abs(ux)
@@ -216,7 +213,7 @@ def _claim(
                 found = _claim_one(
                     lines, k, cells, cluster, fresh, near, band, counts, claimed, found
                 )
-                cluster = cells.following[cluster]
+                cluster = cells.clusters[cluster].next
     return found
 
 
@@ -234,15 +231,15 @@ def _claim_one(
     found: int,
 ) -> int:
     """Claim a cluster if it may be of a line and lies nearer to it than to what it is of."""
-    moments, ends = cells.moments[cluster], lines.ends[k]
+    found_cluster, ends = cells.clusters[cluster], lines.ends[k]
     ux, uy, length = unit_of(ends)
-    ox, oy = moments[2] - ends[0], moments[3] - ends[1]
+    ox, oy = found_cluster.x - ends[0], found_cluster.y - ends[1]
     place, away = ox * ux + oy * uy, abs(oy * ux - ox * uy)
     if away > band or place < 0.0 or place > length:
         return found
-    incidence = moments[7] * uy - moments[8] * ux
-    slope, hits = abs(incidence), moments[0]
-    off = near + HIT_DEVIATIONS * np.sqrt(hits / moments[1]) * slope
+    incidence = found_cluster.toward_x * uy - found_cluster.toward_y * ux
+    slope, hits = abs(incidence), found_cluster.hits
+    off = near + HIT_DEVIATIONS * np.sqrt(hits / found_cluster.weight) * slope
     # What continues a wall lies on its line, and takes what no wall has.
     continues = place < FOLLOWED - ROUNDING or place > length - FOLLOWED + ROUNDING
     allowed = CONTINUATION_STRICTNESS * off if continues else off
@@ -256,16 +253,15 @@ def _claim_one(
     # A wall seen from its back does not end a beam.
     if incidence < 0.0:
         away += off
-    owner = cells.owners[cluster]
-    if fresh.stamps[owner] == cells.stamps[cluster]:
-        if away >= cells.apart[cluster]:
+    if fresh.stamps[found_cluster.owner] == found_cluster.owner_version:
+        if away >= found_cluster.distance:
             return found
-        fresh.counts[owner] += hits
-    cells.owners[cluster], cells.stamps[cluster] = lines.rows[k], fresh.stamps[lines.rows[k]]
-    cells.apart[cluster] = away
+        fresh.counts[found_cluster.owner] += hits
+    found_cluster.owner, found_cluster.distance = lines.rows[k], away
+    found_cluster.owner_version = fresh.stamps[lines.rows[k]]
     # Another of these walls may have claimed it before: then it is in the list already.
-    if cells.pieces[cluster] == 0:
+    if found_cluster.piece == 0:
         claimed[found] = cluster
         found += 1
-    cells.pieces[cluster] = piece + 1
+    found_cluster.piece = piece + 1
     return found

@@ -58,14 +58,14 @@ def _count_unowned_hits(
     """Count clusters that are hits of no wall as new evidence of all walls that may reach them."""
     point = np.empty(4)
     for k in range(fresh.numbers[1]):
-        moments = cells.moments[fresh.unowned[k]]
-        if moments[0] == 0.0:
+        cluster = cells.clusters[fresh.unowned[k]]
+        if cluster.hits == 0.0:
             # It was an image in a mirror.
             continue
-        x, y = moments[2], moments[3]
+        x, y = cluster.x, cluster.y
         point[0] = point[2] = x
         point[1] = point[3] = y
-        off = near_by + HIT_DEVIATIONS * np.sqrt(moments[0] / moments[1])
+        off = near_by + HIT_DEVIATIONS * np.sqrt(cluster.hits / cluster.weight)
         for i in range(near(grid, point, FOLLOWED)):
             wall = grid.found[i]
             if walls.points[wall] == 0:
@@ -121,10 +121,10 @@ def replace_walls(
     for k in range(len(clusters)):
         cluster, part = clusters[k]
         if part < 0:
-            cells.stamps[cluster] = 0
+            cells.clusters[cluster].owner_version = 0
         else:
-            cells.owners[cluster] = places[part]
-            cells.stamps[cluster] = walls.stamps[places[part]]
+            cells.clusters[cluster].owner = places[part]
+            cells.clusters[cluster].owner_version = walls.stamps[places[part]]
     return fresh[:added]
 
 
