@@ -7,7 +7,7 @@ Each cluster is divided into the likeliest walls; a full circle has no seam.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.laser.noise import USUAL_RANGE
 from lrf3d.mapping.line_map import LineMap, solid_map
 from lrf3d.mapping.robust.beams import MOST_RANGE, in_order, longest_loss, plain, range_deviation
+from lrf3d.mapping.robust.records import MOMENTS, Records
 from lrf3d.mapping.robust.segmentation import LEAST_POINTS, fit_wall, segment_cluster
 
 GRAZING_ANGLE = np.radians(8.0)
@@ -54,12 +55,13 @@ SCAN_CORNER_DEVIATIONS = 4.0
 class LocalWalls(NamedTuple):
     """The walls (n, 4) [m] of one scan, seen from their left.
 
-    The moments (n, 6) of their points, and the number of points and the cluster (n, 2) of each.
+    The :data:`MOMENTS` (n,) of their points, the number of these, and the cluster of each.
     """
 
     ends: Float
-    moments: Float
-    labels: Int
+    moments: Records
+    points: Int
+    clusters: Int
 
 
 @inner
@@ -142,7 +144,7 @@ def extract_walls(
     Of the ranges (n,) along rising angles (n,) those above 0 and up to range_max count; a gap [m]
     parts clusters however far they are.
     """
-    ends, moments, labels = local
+    ends, moments, points, clusters_of = local
     beams, reaches, deviations, joined = _joined_returns(
         theta, angles, ranges, range_max, noise, gap
     )
@@ -166,9 +168,9 @@ def extract_walls(
         run = beams[first:last], reaches[first:last], deviations[first:last]
         first = last
         parts = segment_cluster(*run, walls) if len(run[1]) >= LEAST_POINTS else 0
-        size = _polyline(*run, walls[:parts], ends[found:], moments[found:], labels[found:])
+        size = _polyline(*run, walls[:parts], ends[found:], moments[found:], points[found:])
         for row in range(found, found + size):
-            labels[row, 1] = clusters
+            clusters_of[row] = clusters
         clusters += size > 0
         found += size
     return found
@@ -181,8 +183,8 @@ def _polyline(
     deviations: Float,
     walls: Int,
     ends: Float,
-    moments: Float,
-    labels: Int,
+    moments: Records,
+    points: Int,
 ) -> int:
     """Segments of one cluster's walls (m, 2), joined at corners where two of them meet."""
     inverses = np.empty((len(walls), 2))
@@ -196,13 +198,13 @@ def _polyline(
         _measure(beams, ranges, deviations, first, last, x, y, moments[rows])
         size = np.sqrt(x * x + y * y)
         nx, ny = x / size, y / size
-        spread = moments[rows, 3] * ny * ny + moments[rows, 5] * nx * nx
-        spread -= 2.0 * moments[rows, 4] * nx * ny
+        spread = moments[rows].xx * ny * ny + moments[rows].yy * nx * nx
+        spread -= 2.0 * moments[rows].xy * nx * ny
         if not spread * WEAKEST_DIRECTION**2 > 1.0:
             continue
         inverses[rows, 0], inverses[rows, 1] = x, y
         spans[rows, 0], spans[rows, 1] = first, last
-        labels[rows, 0] = last - first + 1
+        points[rows] = last - first + 1
         for k in range(2):
             beam = spans[rows, k]
             # A noisy end goes along its beam onto the wall; near-parallel ones stay put.
@@ -238,9 +240,9 @@ def _measure(
     last: int,
     x: float,
     y: float,
-    moments: Float,
+    moments: Any,
 ) -> None:
-    """Fill in moments (6,) of the points of a wall n/c = (x, y), each with its own variance."""
+    """Fill in the moments of the points of a wall n/c = (x, y), each with its own variance."""
     size = np.sqrt(x * x + y * y)
     total = mx = my = xx = xy = yy = 0.0
     for i in range(first, last + 1):
@@ -257,8 +259,8 @@ def _measure(
         xx += spread * dx * dx
         xy += spread * dx * dy
         yy += spread * dy * dy
-    moments[0], moments[1], moments[2] = total, mx, my
-    moments[3], moments[4], moments[5] = xx, xy, yy
+    moments.weight, moments.x, moments.y = total, mx, my
+    moments.xx, moments.xy, moments.yy = xx, xy, yy
 
 
 @dataclass(frozen=True, slots=True)
@@ -281,16 +283,18 @@ class LikelihoodExtractor:
     def walls(self, scan: LaserScan, heading: float, noise: RangeNoise) -> LocalWalls:
         """Walls of a scan around the laser's place, in a frame where it has a heading [rad]."""
         most = len(scan.ranges) // LEAST_POINTS
-        ends, moments = np.empty((most, 4)), np.empty((most, 6))
-        local = LocalWalls(ends, moments, np.empty((most, 2), np.int64))
+        points, clusters = np.empty((2, most), np.int64)
+        local = LocalWalls(np.empty((most, 4)), np.empty(most, MOMENTS), points, clusters)
         range_max = min(float(scan.range_max), MOST_RANGE)
         angles, ranges = in_order(scan)
         count = extract_walls(
             heading, plain(angles), plain(ranges), range_max, noise, self.gap, local
         )
-        return LocalWalls(ends[:count], moments[:count], local.labels[:count])
+        return LocalWalls(
+            local.ends[:count], local.moments[:count], points[:count], clusters[:count]
+        )
 
     def local_map(self, scan: LaserScan) -> LineMap:
         """The walls of one scan in the world; those of a cluster are an object."""
-        ends, _, labels = self.walls(scan, float(scan.pose.theta), self.noise(scan))
-        return solid_map(ends + np.tile(scan.pose[:2], 2), labels[:, 1], labels[:, 0])
+        found = self.walls(scan, float(scan.pose.theta), self.noise(scan))
+        return solid_map(found.ends + np.tile(scan.pose[:2], 2), found.clusters, found.points)

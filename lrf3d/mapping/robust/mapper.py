@@ -79,7 +79,7 @@ class RobustMapper:
 
     def _merge_walls(self, found: LocalWalls, place: Place) -> tuple[Int, Int]:
         """Merge the walls of a scan with those of the map; returns those that changed or went."""
-        new = found.ends, found.moments, found.labels[:, 0].copy()
+        new = found.ends, found.moments, found.points
         waiting, self._waiting = self._waiting, self._waiting[:0]
         return merge_walls(self._walls, self._grid, new, place, waiting, self._cells, self._rule)
 

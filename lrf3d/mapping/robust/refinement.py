@@ -110,7 +110,7 @@ def replace_walls(
         moved = places[part] < 0
         row = places[part] = take_row(walls) if moved else places[part]
         put_row(walls.ends, row, ends[part])
-        put_row(walls.moments, row, moments[part])
+        walls.moments[row] = moments[part]
         walls.points[row], walls.real[row] = points[part], real[part]
         walls.evidence[row], walls.fresh[row] = evidence[part], 0.0
         insert(grid, row, walls.ends[row])

@@ -5,12 +5,15 @@ real where the beams that hit it outweigh those that went through it or hit a ne
 split where its points bend by more than a map can be trusted.
 """
 
+from typing import Any
+
 import numpy as np
 
 from lrf3d.compiling import borrower, compiled, inner
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.mapping.robust.cells import OPEN_WEIGHT, Cells, NewEvidence
 from lrf3d.mapping.robust.evidence import FOLLOWED, PIECE, follow, gather_evidence, unit_of
+from lrf3d.mapping.robust.records import MOMENTS, Records
 from lrf3d.mapping.robust.segmentation import WALL_COST
 
 VIOLATION_WEIGHT = 0.01
@@ -70,7 +73,7 @@ SHORT_WALL = 0.5
 clutter, and what moves, makes short ones of any few returns."""
 
 
-Parts = tuple[Float, Float, Int, Bool, Float, Int]
+Parts = tuple[Float, Records, Int, Bool, Float, Int]
 """Parts (n,) of walls, in their order: where they are (n, 4) [m], the moments and numbers of their
 points, whether they are enough to be shown, and their hits and weighed violations; and the clusters
 (c, 2) that hit any of the walls, with the part that each hit, or −1."""
@@ -90,7 +93,7 @@ def refit_walls(
     counts, sums, clusters = gather_evidence(lines, cells, fresh, near)
     parts_of = np.full(first[count], -1)
     most = first[count]
-    parts, moments = np.empty((most, 4)), np.empty((most, 6))
+    parts, moments = np.empty((most, 4)), np.empty(most, MOMENTS)
     points, real, evidence = np.empty(most, np.int64), np.empty(most, np.bool_), np.empty(most)
     breaks, spare = np.empty(most + 1, np.int64), int(FOLLOWED / PIECE)
     found = 0
@@ -287,9 +290,9 @@ def place_part(
     sums: Float,
     run: tuple[int, int, int, int],
     part: Float,
-    moments: Float,
+    moments: Any,
 ) -> None:
-    """Fill in the ends (4,) and the moments (6,) of a part of a wall that is followed (4,) [m].
+    """Fill in the ends (4,) and the moments of a part of a wall that is followed (4,) [m].
 
     Counts (n, 7) and sums (n, 6) are those of its pieces; the run is the first piece of a run of
     real ones, the first of the part, the first behind it, and the first behind the run.
@@ -322,9 +325,9 @@ def place_part(
     x, y = ends[0], ends[1]
     part[0], part[1] = x + a * ux - da * uy, y + a * uy + da * ux
     part[2], part[3] = x + b * ux - db * uy, y + b * uy + db * ux
-    moments[0] = w
-    moments[1] = x + s * ux - d * uy
-    moments[2] = y + s * uy + d * ux
-    moments[3] = ss * ux * ux - 2 * sd * ux * uy + dd * uy * uy
-    moments[4] = (ss - dd) * ux * uy + sd * (ux * ux - uy * uy)
-    moments[5] = ss * uy * uy + 2 * sd * ux * uy + dd * ux * ux
+    moments.weight = w
+    moments.x = x + s * ux - d * uy
+    moments.y = y + s * uy + d * ux
+    moments.xx = ss * ux * ux - 2 * sd * ux * uy + dd * uy * uy
+    moments.xy = (ss - dd) * ux * uy + sd * (ux * ux - uy * uy)
+    moments.yy = ss * uy * uy + 2 * sd * ux * uy + dd * ux * ux

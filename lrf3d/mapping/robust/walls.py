@@ -20,6 +20,7 @@ from lrf3d.geometry import Bool, Float, Int
 from lrf3d.mapping.grid import Grid, insert, near, remove
 from lrf3d.mapping.robust.cells import FREE_DEPTH, Cells
 from lrf3d.mapping.robust.crossing import WALL_SINE, is_crossed
+from lrf3d.mapping.robust.records import MOMENTS, Records
 
 SAME_DIRECTION = 0.5
 """[cosine] Largest angle between two segments that may be one wall. Far more than noise explains;
@@ -57,7 +58,7 @@ class Walls(NamedTuple):
 
     Args:
         ends: (rows, 4) x1 y1 x2 y2 [m]; the laser saw the wall from its left.
-        moments: (rows, 6) weight, mean and scatter of its points.
+        moments: (rows,) of :data:`MOMENTS`.
         points: (rows,) number of its points; 0 where the row is free.
         real: (rows,) whether the beams showed enough of it: the map is these.
         placed: (rows, 4) where it was when it was linked with others [m].
@@ -71,7 +72,7 @@ class Walls(NamedTuple):
     """
 
     ends: Float
-    moments: Float
+    moments: Records
     points: Int
     real: Bool
     placed: Float
@@ -86,7 +87,7 @@ class Walls(NamedTuple):
     def of_size(cls, rows: int) -> "Walls":
         """Free rows."""
         return cls(
-            np.zeros((rows, 4)), np.zeros((rows, 6)), np.zeros(rows, np.int64),
+            np.zeros((rows, 4)), np.zeros(rows, MOMENTS), np.zeros(rows, np.int64),
             np.zeros(rows, np.bool_), np.full((rows, 4), UNLINKED), np.zeros(rows), np.zeros(rows),
             np.zeros(rows, np.int64), np.ones(rows, np.int32), np.zeros(rows, np.int64),
             np.zeros(3, np.int64),
@@ -165,7 +166,7 @@ def give_back(walls: Walls, row: int) -> None:
 def merge_walls(
     walls: Walls,
     grid: Grid,
-    new: tuple[Float, Float, Int],
+    new: tuple[Float, Records, Int],
     place: tuple[float, float],
     waiting: Int,
     cells: Cells,
@@ -190,9 +191,9 @@ def merge_walls(
         row = take_row(walls)
         for side in range(4):
             walls.ends[row, side] = ends[k, side] + place[side % 2]
-        put_row(walls.moments, row, moments[k])
-        walls.moments[row, 1] += place[0]
-        walls.moments[row, 2] += place[1]
+        walls.moments[row] = moments[k]
+        walls.moments[row].x += place[0]
+        walls.moments[row].y += place[1]
         walls.points[row] = points[k]
         if _is_covered(walls, grid, row, rule):
             give_back(walls, row)
@@ -297,7 +298,7 @@ def _span(one: Float, other: Float, line: Float) -> float:
 
 
 @compiled
-def misfit(ends: Float, moments: Float, other_ends: Float, other: Float, rule: Rule) -> float:
+def misfit(ends: Float, moments: Any, other_ends: Float, other: Any, rule: Rule) -> float:
     """How far the shorter of two segments lies off the longer one's line; 1 is the most allowed."""
     x, y = ends[2] - ends[0], ends[3] - ends[1]
     u, v = other_ends[2] - other_ends[0], other_ends[3] - other_ends[1]
@@ -310,23 +311,23 @@ def misfit(ends: Float, moments: Float, other_ends: Float, other: Float, rule: R
         moments, other = other, moments
         x, y, size, u, v, length = u, v, length, x, y, size
     x, y, u, v = x / size, y / size, u / length, v / length
-    low = (other_ends[0] - other[1]) * u + (other_ends[1] - other[2]) * v
-    high = (other_ends[2] - other[1]) * u + (other_ends[3] - other[2]) * v
-    first = (ends[0] - other[1]) * u + (ends[1] - other[2]) * v
-    last = (ends[2] - other[1]) * u + (ends[3] - other[2]) * v
+    low = (other_ends[0] - other.x) * u + (other_ends[1] - other.y) * v
+    high = (other_ends[2] - other.x) * u + (other_ends[3] - other.y) * v
+    first = (ends[0] - other.x) * u + (ends[1] - other.y) * v
+    last = (ends[2] - other.x) * u + (ends[3] - other.y) * v
     if max(first - high, low - last) > rule.length:
         return np.inf
     shared = min(last, high) - max(first, low)
     apart = rule.distance if shared > 0.5 * (last - first) else rule.bend
-    own_spread = moments[3] * x * x + 2.0 * moments[4] * x * y + moments[5] * y * y
-    spread = other[3] * u * u + 2.0 * other[4] * u * v + other[5] * v * v
+    own_spread = moments.xx * x * x + 2.0 * moments.xy * x * y + moments.yy * y * y
+    spread = other.xx * u * u + 2.0 * other.xy * u * v + other.yy * v * v
     worst = 0.0
     for k in range(0, 4, 2):
-        dx, dy = ends[k] - other[1], ends[k + 1] - other[2]
+        dx, dy = ends[k] - other.x, ends[k + 1] - other.y
         along = dx * u + dy * v
-        own = (ends[k] - moments[1]) * x + (ends[k + 1] - moments[2]) * y
-        variance = 1.0 / moments[0] + own * own / own_spread
-        variance += 1.0 / other[0] + along * along / spread
+        own = (ends[k] - moments.x) * x + (ends[k + 1] - moments.y) * y
+        variance = 1.0 / moments.weight + own * own / own_spread
+        variance += 1.0 / other.weight + along * along / spread
         allowed = apart + min(MERGE_DEVIATIONS * np.sqrt(variance), rule.most_explained)
         worst = max(worst, abs(u * dy - v * dx) / allowed)
     return worst
@@ -335,22 +336,22 @@ def misfit(ends: Float, moments: Float, other_ends: Float, other: Float, rule: R
 @compiled
 def merge(walls: Walls, kept: int, gone: int) -> None:
     """Make the first row the exact fit to the points of both, as long as both reach."""
-    ends, moments = walls.ends, walls.moments
-    total = moments[kept, 0] + moments[gone, 0]
-    share = moments[gone, 0] / total
-    dx, dy = moments[gone, 1] - moments[kept, 1], moments[gone, 2] - moments[kept, 2]
-    spread = moments[kept, 0] * share
-    moments[kept, 0] = total
-    moments[kept, 1] += share * dx
-    moments[kept, 2] += share * dy
-    moments[kept, 3] += moments[gone, 3] + spread * dx * dx
-    moments[kept, 4] += moments[gone, 4] + spread * dx * dy
-    moments[kept, 5] += moments[gone, 5] + spread * dy * dy
-    angle = 0.5 * np.arctan2(2.0 * moments[kept, 4], moments[kept, 3] - moments[kept, 5])
+    ends, own, its = walls.ends, walls.moments[kept], walls.moments[gone]
+    total = own.weight + its.weight
+    share = its.weight / total
+    dx, dy = its.x - own.x, its.y - own.y
+    spread = own.weight * share
+    own.weight = total
+    own.x += share * dx
+    own.y += share * dy
+    own.xx += its.xx + spread * dx * dx
+    own.xy += its.xy + spread * dx * dy
+    own.yy += its.yy + spread * dy * dy
+    angle = 0.5 * np.arctan2(2.0 * own.xy, own.xx - own.yy)
     u, v = np.cos(angle), np.sin(angle)
     if u * (ends[kept, 2] - ends[kept, 0]) + v * (ends[kept, 3] - ends[kept, 1]) < 0.0:
         u, v = -u, -v
-    x, y = moments[kept, 1], moments[kept, 2]
+    x, y = own.x, own.y
     low, high = np.inf, -np.inf
     for row in (kept, gone):
         for k in range(0, 4, 2):
