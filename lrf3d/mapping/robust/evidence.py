@@ -21,6 +21,7 @@ from lrf3d.mapping.robust.cells import (
 )
 from lrf3d.mapping.robust.crossing import WALL_SINE, count_beams, ways_across
 from lrf3d.mapping.robust.extraction import LEAST_INCIDENCE
+from lrf3d.mapping.robust.records import PIECE_COUNTS, PIECE_SUMS, Records
 
 PIECE = 0.1
 """[m] Length of a piece of a wall, within which its evidence is counted."""
@@ -84,22 +85,18 @@ def follow(rows: Int, ends: Float) -> Lines:
 @inner
 def gather_evidence(
     lines: Lines, cells: Cells, fresh: NewEvidence, near: float
-) -> tuple[Float, Float, Int]:
+) -> tuple[Records, Records, Int]:
     """Count the hits and the free-space violations of each piece of each line.
 
     A cluster of returns hits the wall that it lies nearest to, and no other; what other walls lose
     to these is new evidence of them.
 
     Returns:
-        (pieces, 7) numbers of hits, of free-space violations, of beams that would be hits had they
-        not hit another wall more nearly, of scans that hit, and of beams that went through between
-        them; the sum over the hits of beams that went through before the first; and the scans from
-        the first to the last. (pieces, 6) sums over the hits, of their weight, times place along
-        the wall, offset from it, and the products of the two. (c, 2) the clusters that hit them,
-        each with its piece.
+        The :data:`PIECE_COUNTS` and :data:`PIECE_SUMS` of each piece; and the clusters (c, 2) that
+        hit them, each with its piece.
     """
     pieces = lines.first[-1]
-    counts, sums = np.zeros((pieces, 7)), np.zeros((pieces, 6))
+    counts, sums = np.zeros(pieces, PIECE_COUNTS), np.zeros(pieces, PIECE_SUMS)
     # What belongs to the walls before is free, so that all of it is claimed again.
     for k in range(len(lines.rows)):
         fresh.stamps[lines.rows[k]] += 1
@@ -123,17 +120,17 @@ def gather_evidence(
 
 
 @borrower
-def _add_cluster(cluster: Any, line: Float, count: Float, total: Float) -> None:
-    """Add a cluster to the counts (7,) and sums (6,) of the piece of a line (4,) that it hit."""
+def _add_cluster(cluster: Any, line: Float, count: Any, total: Any) -> None:
+    """Add a cluster to the counts and the sums of the piece of a line (4,) that it hit."""
     ux, uy, _ = unit_of(line)
     hits, weights = cluster.hits, cluster.weight
-    count[0] += hits
-    count[2] -= hits
-    count[3] += cluster.scans
-    count[4] += cluster.passes_between
+    count.hits += hits
+    count.nearer -= hits
+    count.scans += cluster.scans
+    count.passes_between += cluster.passes_between
     # Of these two, those of a piece are the hits' mean and the longest of its cells.
-    count[5] += hits * cluster.passes_before
-    count[6] = max(count[6], cluster.last_scan - cluster.first_scan + 1.0)
+    count.passes_before += hits * cluster.passes_before
+    count.spell = max(count.spell, cluster.last_scan - cluster.first_scan + 1.0)
     ox, oy = cluster.x - line[0], cluster.y - line[1]
     along, aside = ox * ux + oy * uy, oy * ux - ox * uy
     slope = max(abs(cluster.toward_x * uy - cluster.toward_y * ux), LEAST_INCIDENCE)
@@ -146,18 +143,18 @@ def _add_cluster(cluster: Any, line: Float, count: Float, total: Float) -> None:
     if excess > 0.0:
         factor /= 1.0 + factor * weights * excess
     weight = factor * weights
-    total[0] += weight
-    total[1] += weight * along
-    total[2] += weight * aside
-    total[3] += weight * along * along
-    total[3] += factor * (xx * ux * ux + 2.0 * xy * ux * uy + yy * uy * uy)
-    total[4] += weight * along * aside
-    total[4] += factor * ((yy - xx) * ux * uy + xy * (ux * ux - uy * uy))
-    total[5] += weight * aside * aside + factor * across
+    total.weight += weight
+    total.along += weight * along
+    total.aside += weight * aside
+    total.along_along += weight * along * along
+    total.along_along += factor * (xx * ux * ux + 2.0 * xy * ux * uy + yy * uy * uy)
+    total.along_aside += weight * along * aside
+    total.along_aside += factor * ((yy - xx) * ux * uy + xy * (ux * ux - uy * uy))
+    total.aside_aside += weight * aside * aside + factor * across
 
 
 @borrower
-def _count_violations(lines: Lines, k: int, cells: Cells, counts: Float) -> None:
+def _count_violations(lines: Lines, k: int, cells: Cells, counts: Records) -> None:
     """Count the beams that went through each piece of a line."""
     x1, y1 = lines.ends[k, 0], lines.ends[k, 1]
     ux, uy, length = unit_of(lines.ends[k])
@@ -173,7 +170,7 @@ def _count_violations(lines: Lines, k: int, cells: Cells, counts: Float) -> None
             at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
             block = block_at(cells, column, row)
         beams = count_beams(cells, block, cell_in(column, row), ways, x, y, 0.0)
-        counts[begin + piece, 1] = beams * (PIECE / CELL)
+        counts[begin + piece].violations = beams * (PIECE / CELL)
 
 
 @borrower
@@ -183,7 +180,7 @@ def _claim(
     cells: Cells,
     fresh: NewEvidence,
     near: float,
-    counts: Float,
+    counts: Records,
     claimed: Int,
     found: int,
 ) -> int:
@@ -226,7 +223,7 @@ def _claim_one(
     fresh: NewEvidence,
     near: float,
     band: float,
-    counts: Float,
+    counts: Records,
     claimed: Int,
     found: int,
 ) -> int:
@@ -247,7 +244,7 @@ def _claim_one(
         return found
     pieces = lines.first[k + 1] - lines.first[k]
     piece = lines.first[k] + min(int(place / length * pieces), pieces - 1)
-    counts[piece, 2] += hits
+    counts[piece].nearer += hits
     if continues:
         away += CONTINUATION_PENALTY * off
     # A wall seen from its back does not end a beam.
