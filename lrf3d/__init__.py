@@ -4,11 +4,13 @@ The public names are loaded when they are first used, so that ``import lrf3d`` c
 nothing and loads no more than a program needs.
 """
 
-from lrf3d.lazy import loading
+from lrf3d.lazy import PAINTERS, loading
 
 # Importing it from typing would take as long as all that is needed to handle Ctrl-C.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from typing import Any
+
     from lrf3d import plot
     from lrf3d.casting import EmbreeCaster, PlanarCaster, crosscheck
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
@@ -108,3 +110,25 @@ __all__ = [
     "save_map", "save_run", "save_world", "score_map", "score_run", "simulate", "simulate_fleet",
     "slam_log", "sweep", "world_names",
 ]  # fmt: skip
+
+
+def _figure(value: "Any") -> bytes:
+    from lrf3d.plot import png
+
+    return png(value)
+
+
+def _frame(run: "Run", *args: "Any", **options: "Any") -> "Any":
+    from lrf3d.render.video import frame
+
+    return frame(run, *args, **options)
+
+
+def _film(run: "Run", *args: "Any", **options: "Any") -> "Any":
+    from lrf3d.render.video import render_video
+
+    return render_video(run, *args, **options)
+
+
+# Values are drawn by layers above them, which are loaded when a picture is asked for.
+PAINTERS.update(figure=_figure, frame=_frame, film=_film)

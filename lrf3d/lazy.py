@@ -30,14 +30,16 @@ def loading(
     return get, lambda: sorted(module_globals["__all__"])
 
 
-class Pictured:
-    """Base of values that a notebook shows as a small figure, see :func:`lrf3d.plot.png`.
+PAINTERS: "dict[str, Callable[..., Any]]" = {}
+"""What draws the figure of a value, and a frame and the film of a run, by these words: no value
+knows what draws it, so the head of the package enters them."""
 
-    Drawing is the work of layers above the value, so the module is named here.
-    """
+
+class Pictured:
+    """Base of values that a notebook shows as a small figure, see :func:`lrf3d.plot.png`."""
 
     __slots__ = ()
 
     def _repr_png_(self) -> bytes:
-        picture: bytes = import_module("lrf3d.plot").png(self)
+        picture: bytes = PAINTERS["figure"](self)
         return picture

@@ -16,8 +16,8 @@ SCALE = """\
 --scale FACTOR = 1.0: Enlarge the plan and its route by this factor: 100 for a drawing of 1:100,
  0.001 for millimetres that were read as metres. Heights stay."""
 THRESHOLD = """\
---threshold GREY: Grey from which on the pixels of a bare picture are paper, below 255 (white);
- found from the picture if not given."""
+--threshold GREY: Grey from which on pixels of a bare picture, or of a scanned PDF page, are paper,
+ below 255 (white); found from the picture if not given."""
 RESOLUTION = f"--resolution M: Side of a pixel [m], if the world is a bare picture.\n{THRESHOLD}"
 LAYERS = """\
 --page N: Page of a PDF file; 1 if not given.

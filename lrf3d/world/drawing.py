@@ -133,10 +133,15 @@ def area_of(rings: list[Float], winding: bool = False) -> Any:
 
 
 def curve_points(controls: Float, tolerance: float) -> Float:
-    """Points (k, 2) after the first on the Bézier curve of four controls (4, 2).
+    """Points (k, 2) after the first on the Bézier curve of two, three or four controls (n, 2).
 
     The chords are no farther from the curve than the tolerance.
     """
+    if len(controls) == 3:
+        one, two, three = controls
+        controls = np.array([one, one + (two - one) / 1.5, three + (two - three) / 1.5, three])
+    if len(controls) < 4:
+        return controls[1:]
     bends = controls[:-2] - 2.0 * controls[1:-1] + controls[2:]
     count = np.ceil(np.sqrt(0.75 * np.hypot(*bends.T).max() / (0.9 * tolerance)))
     t = np.linspace(0.0, 1.0, int(np.clip(np.nan_to_num(count), 1, 2000)) + 1)[1:, None]

@@ -12,21 +12,28 @@ from lrf3d.interrupts import reading
 from lrf3d.world.model import World, check_scale
 from lrf3d.world.schema import at
 
-_MESH = ("mesh:read_mesh", 1 << 27)
-_PICTURE = ("ros_map:read_picture", 1 << 28)
+DRAWINGS, PICTURES = (".dxf", ".svg", ".pdf"), (".png", ".pgm", ".jpg", ".jpeg", ".bmp")
+"""Endings of what becomes a plan, and then a world."""
 
 READERS = {
     ".toml": ("toml_file:read_toml", 1 << 28),
     **dict.fromkeys((".geojson", ".json"), ("geojson:read_geojson", 1 << 28)),
     ".osm": ("osm:read_osm", 1 << 28),
     **dict.fromkeys((".yaml", ".yml"), ("ros_map:read_ros_map", 1 << 16)),
-    **dict.fromkeys((".png", ".pgm", ".jpg", ".jpeg", ".bmp"), _PICTURE),
-    ".dxf": ("drawings:read_drawing", 1 << 26),
-    ".svg": ("drawings:read_drawing", 1 << 25),
-    ".pdf": ("drawings:read_drawing", 1 << 28),
-    **dict.fromkeys((".glb", ".gltf", ".obj", ".off", ".ply", ".stl"), _MESH),
+    **dict.fromkeys(PICTURES, ("pictures:read_picture", 1 << 28)),
+    **dict.fromkeys(DRAWINGS, ("plan:read_drawing", 1 << 26)),
+    **dict.fromkeys((".glb", ".gltf", ".obj", ".off", ".ply", ".stl"), ("mesh:read_mesh", 1 << 27)),
 }
 """The module and the function that read a world, and the largest file [bytes], by its ending."""
+
+OPTIONS = {
+    "trees": (".osm",),
+    "resolution": PICTURES,
+    "threshold": (*PICTURES, ".pdf"),
+    "page": (".pdf",),
+    **dict.fromkeys(("layers", "without"), DRAWINGS),
+}
+"""Endings of the files for which an option is."""
 
 WRITERS = {
     ".toml": "toml_file:write_toml",
@@ -52,8 +59,8 @@ def load_world(
         name_or_path: The name or the path.
         trees: Whether the trunks of the trees in an OpenStreetMap extract are walls, too.
         resolution: Side of a pixel [m], for a bare picture of a floor plan (.png, .jpg, …).
-        threshold: Grey of its pixels, from 0 to 255, from which on they are paper; found from the
-            picture if not given.
+        threshold: Grey of its pixels, or of a scanned page's, from 0 to 255, from which on they
+            are paper; found from the picture if not given.
         scale: Enlarges the plan, but not the heights: 100 for a drawing of 1:100.
         drawing: For a drawing, ``layers``, the patterns of the names of the layers that are walls,
             ``without``, those of layers to leave out, and ``page``, that of a PDF file.
@@ -68,36 +75,41 @@ def load_world(
         3
     """
     path = find_world(name_or_path)
-    target, _ = READERS[path.suffix.lower()]
-    options: dict[str, Any] = {"trees": True} if trees else {}
     check_scale(scale)
-    if trees and path.suffix.lower() != ".osm":
-        raise WorldError(f"{path}: trees are read from OpenStreetMap extracts (.osm) alone")
-    for name, value in (("resolution", resolution), ("threshold", threshold)):
-        if value is not None:
-            options[name] = value
-            if not is_picture(path):
-                raise WorldError(f"{path}: a {name} is for a picture (.png, .jpg, .pgm) alone")
-    if is_drawing(path):
-        options |= {"scale": scale, **drawing}
-    elif drawing:
-        raise WorldError(f"{path}: {', '.join(drawing)}: for a drawing (.dxf, .svg, .pdf) alone")
+    if is_plan(path):
+        given = {"resolution": resolution, "threshold": threshold, **drawing}
+        with reading(), at(str(path)):
+            world: World = load_plan(path, scale=scale, trees=trees, **given).world(path)
+        return world
+    options = _options(path, trees=trees, resolution=resolution, threshold=threshold, **drawing)
     with reading(), at(str(path)):
-        world: World = _read(path, target, options)
-    return world if is_drawing(path) else world.scaled(scale)
+        world = _read(path, options)
+    return world.scaled(scale)
 
 
-def load_plan(path: str | Path, **options: Any) -> Any:
-    """The :class:`~lrf3d.world.plan.Plan` of a drawing, by the options of :func:`load_world`."""
+def load_plan(path: str | Path, *, scale: float = 1.0, **options: Any) -> Any:
+    """The :class:`~lrf3d.world.plan.Plan` of a drawing or a picture, as :func:`load_world` does."""
     path = find_world(path)
+    options = _options(path, **options)
     with reading(), at(str(path)):
-        return _read(path, "drawings:read_plan", options)
+        if is_picture(path):
+            return _read(path, options).scaled(scale)
+        return _read(path, {"scale": scale, **options})
 
 
-def _read(path: Path, target: str, options: dict[str, Any]) -> Any:
-    """What a reader returns."""
+def _options(path: Path, **options: Any) -> dict[str, Any]:
+    """The options that are given, each of which the format of a file must have."""
+    given = {name: value for name, value in options.items() if value not in (None, False, ())}
+    for name in given:
+        if path.suffix.lower() not in OPTIONS[name]:
+            raise WorldError(f"{path}: {name} is for {', '.join(OPTIONS[name])} files alone")
+    return given
+
+
+def _read(path: Path, options: dict[str, Any]) -> Any:
+    """What the reader of a file returns."""
     try:
-        return _function(target)(path, **options)
+        return _function(READERS[path.suffix.lower()][0])(path, **options)
     except (Lrf3dError, MemoryError):
         raise
     except Exception as error:
@@ -111,12 +123,12 @@ def _read(path: Path, target: str, options: dict[str, Any]) -> Any:
 
 def is_picture(path: str | Path) -> bool:
     """Whether a file is a bare picture of a floor plan, which needs a resolution."""
-    return READERS.get(Path(path).suffix.lower()) is _PICTURE
+    return Path(path).suffix.lower() in PICTURES
 
 
-def is_drawing(path: str | Path) -> bool:
-    """Whether a file is a drawing, which has layers."""
-    return READERS.get(Path(path).suffix.lower(), ("",))[0] == "drawings:read_drawing"
+def is_plan(path: str | Path) -> bool:
+    """Whether a file is a drawing or a picture, of which a plan is made."""
+    return Path(path).suffix.lower() in (*DRAWINGS, *PICTURES)
 
 
 def save_world(world: World, path: str | Path, *, resolution: float | None = None) -> None:

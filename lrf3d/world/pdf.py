@@ -7,17 +7,16 @@ holds pictures alone was scanned, and is read as a picture.
 
 import ctypes
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from lrf3d.errors import WorldError, missing_extra
-from lrf3d.files import own_name, scratch_folder
 from lrf3d.geometry import Float
 from lrf3d.world.drawing import CURVE_ERROR, Canvas, Mark, area_of, curve_points, pen_of
-from lrf3d.world.model import World
+from lrf3d.world.pictures import plan_of_picture
+from lrf3d.world.plan import Plan
 
 POINT = 0.0254 / 72.0
 """The unit of PDF [m]."""
@@ -58,17 +57,12 @@ def draw_pdf(path: Path, scale: float, page: int) -> Canvas:
     return canvas
 
 
-def read_scan(path: Path, scale: float, page: int) -> World:
-    """The world of a scanned page, by what is read in pictures."""
-    from lrf3d.world.ros_map import read_picture
-
+def read_scan(path: Path, scale: float, page: int, threshold: float | None) -> Plan:
+    """The plan of a scanned page, as of a picture."""
     shown = _page(path, scale, page)
     side = max(PIXEL, max(shown.size) / LARGEST_SIDE)
     picture = shown.handle.render(scale=shown.scale / side).to_pil().convert("RGB")
-    with scratch_folder() as folder:
-        file = folder / f"{path.stem}.png"
-        picture.save(file)
-        return replace(read_picture(file, resolution=side), name=own_name(path))
+    return plan_of_picture(np.asarray(picture), side, threshold)
 
 
 def _page(path: Path, scale: float, number: int) -> _Page:

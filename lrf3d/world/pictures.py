@@ -7,26 +7,20 @@ ones are left out, long ones stay, as thin walls from wall to wall, else as furn
 parts are left out, too, but for pillars and chairs that stand alone.
 """
 
-import warnings
 from collections import Counter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from lrf3d.errors import Lrf3dNote, WorldError
-from lrf3d.files import own_name
-from lrf3d.geometry import Bool, Float, Int, Single, directions, lengths
+from lrf3d.errors import WorldError
+from lrf3d.files import opened
+from lrf3d.geometry import Bool, Float, Int, Single, directions, lengths, number
 from lrf3d.text import counted
+from lrf3d.world.free_cells import MOST_CELLS
 from lrf3d.world.grid_walls import walls_of_grid
-from lrf3d.world.model import DEFAULT_HEIGHT, World
-from lrf3d.world.pieces import connected
-
-FURNITURE_HEIGHT = 0.8
-"""Height of furniture [m]: that of tables and of kitchen units."""
-
-THICKEST = 0.6
-"""Thickness [m] up to which the space between two lines is a wall, and an area no floor."""
+from lrf3d.world.model import DEFAULT_HEIGHT
+from lrf3d.world.plan import FURNITURE_HEIGHT, THICKEST, Plan
 
 THIN, LEAST = 0.07, 3
 """Thickness of the thinnest walls [m] and [pixels] in a plan that has thick ones; leaves of doors
@@ -49,8 +43,28 @@ MOST_PIXELS = 1 << 24
 """Number of pixels above which a picture is made smaller."""
 
 
-def walls_of_picture(colours: Any, path: Path, resolution: float, threshold: float | None) -> World:
-    """The world of a picture in colours (rows, columns, 3) from 0 to 255, the first row on top.
+def read_picture(
+    path: Path, *, resolution: float | None = None, threshold: float | None = None
+) -> Plan:
+    """Read a picture of a floor plan, from its lower left corner."""
+    if resolution is None:
+        known, what = path.with_suffix(".yaml"), "a picture does not say how large it is; give"
+        if known.exists():
+            raise WorldError(f"{what} {known.name} next to it, or --resolution")
+        keys = f"image: {path.name}, resolution: 0.05, origin: [0, 0, 0]"
+        raise WorldError(
+            f"{what} --resolution, the metres per pixel, or write {known.name} next to it: {keys}"
+        )
+    side = number(resolution, "resolution", positive=True, most=1e4)
+    pixels = pixels_of(path)
+    # What is transparent is paper.
+    alpha = pixels[..., -1:] / np.float32(255.0)
+    colours = np.round(255.0 - alpha * (255 - pixels[..., :-1])).astype(np.uint8)
+    return plan_of_picture(np.broadcast_to(colours, (*colours.shape[:2], 3)), side, threshold)
+
+
+def plan_of_picture(colours: Any, resolution: float, threshold: float | None) -> Plan:
+    """The plan of a picture in colours (rows, columns, 3) from 0 to 255, the first row on top.
 
     The threshold is the grey, from 0 to 255, from which on a pixel is paper; found if not given.
     """
@@ -75,16 +89,22 @@ def walls_of_picture(colours: Any, path: Path, resolution: float, threshold: flo
             f"no wall: nothing, or all, is darker than grey {255.0 * (1.0 - found):.0f} of 255;"
             " --threshold sets that grey"
         )
-    heights = np.repeat([DEFAULT_HEIGHT] * 2 + [FURNITURE_HEIGHT] * 2, list(map(len, parts)))
     how = "" if threshold is not None else ", found from the picture; --threshold sets it"
-    words = [counted(number, what) for what, number in left_out.items() if number]
-    left = f"; left out: {', '.join(words)}" if words else ""
-    said = (
-        f"{path}: walls are darker than grey {255.0 * (1.0 - found):.0f} of 255{how}{coarse}{left}"
+    return Plan(
+        segments,
+        np.repeat([DEFAULT_HEIGHT] * 2 + [FURNITURE_HEIGHT] * 2, list(map(len, parts))),
+        rest=_rows(dark & ~_grown(walls | furniture, 1.5)) * resolution,
+        left_out=", ".join(counted(n, what) for what, n in left_out.items() if n),
+        said=f"walls are darker than grey {255.0 * (1.0 - found):.0f} of 255{how}{coarse}",
+        gap=0.5 * resolution,
     )
-    warnings.warn(f"{said}; `lrf3d world show` draws what is left", Lrf3dNote, stacklevel=2)
-    objects = connected(segments, 0.5 * resolution)
-    return World(segments, objects, heights, own_name(path))
+
+
+def _rows(cells: Bool) -> Float:
+    """Lines (n, 4) [cells] through the middles of cells that are next to each other in a row."""
+    steps = np.diff(np.pad(cells.astype(np.int8), ((0, 0), (1, 1))))
+    (row, begin), (_, end) = np.nonzero(steps > 0), np.nonzero(steps < 0)
+    return np.column_stack([begin, row + 0.5, end, row + 0.5])
 
 
 def contrast_of(colours: Any) -> tuple[Single, Single, Int]:
@@ -266,3 +286,42 @@ def _extent(cells: Bool) -> float:
     """The larger side [pixels] of the box around some cells."""
     sides = (np.flatnonzero(cells.any(axis=axis)) for axis in (0, 1))
     return float(max((np.ptp(side) + 1 for side in sides if len(side)), default=0))
+
+
+def pixels_of(picture: Path, *, deep: bool = False) -> Any:
+    """The colours and the opacity of the pixels of a picture (rows, columns, 2 or 4).
+
+    They are numbers of 8 bits; of 16 bits, where it has them and deep ones are asked for.
+    """
+    from PIL import Image, ImageOps
+
+    with opened(picture, what="a picture", largest=1 << 28) as file:
+        try:
+            with Image.open(file, formats=["PNG", "PPM", "BMP", "JPEG"]) as image:
+                if image.width * image.height > MOST_CELLS:
+                    raise WorldError(f"{picture}: {image.size} cells, over {MOST_CELLS:,}; cut it")
+                _check_size(picture, image)
+                if image.mode.startswith("I"):
+                    grey = np.asarray(image).clip(0, 65535).astype(np.uint16)
+                    grey = grey if deep else (grey >> 8).astype(np.uint8)
+                    return np.stack([grey, np.full_like(grey, np.iinfo(grey.dtype).max)], axis=-1)
+                plain = image.convert("RGB") if image.mode in ("CMYK", "YCbCr", "LAB") else image
+                upright = ImageOps.exif_transpose(plain)
+                return np.asarray(upright.convert("LA" if upright.mode in ("1", "L") else "RGBA"))
+        except WorldError:
+            raise
+        except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+            reason = (str(error).splitlines() or [type(error).__name__])[0][:80]
+            raise WorldError(f"{picture}: not a PGM, PNG, JPEG or BMP picture ({reason})") from None
+
+
+def _check_size(picture: Path, image: Any) -> None:
+    """Check that a PGM holds as many pixels as its header says; others would be drawn askew."""
+    (codec, _, begin, mode), *_ = image.tile
+    if image.format == "PPM" and codec == "raw":
+        expected = image.width * image.height * (2 if "16" in str(mode) else len(image.getbands()))
+        found = picture.stat().st_size - begin
+        # A line break behind the pixels is harmless.
+        if not expected <= found <= expected + 2:
+            sizes = f"{found:,} bytes of pixels, {expected:,} by its header"
+            raise WorldError(f"{picture}: {sizes}; save the picture again")

@@ -118,14 +118,14 @@ def runs_of(world: World) -> Iterator[tuple[int, dict[str, Any], list[Any], Any]
             yield number, looks(number), lines, heights[0] if len(set(heights)) == 1 else heights
 
 
-def world_of_walls(segments: Float, heights: Float, path: Path) -> World:
+def world_of_walls(segments: Float, heights: Float, path: Path, gap: float = TOUCHING) -> World:
     """The world of segments (n, 4), with heights (n,), of which repeated ones count once."""
     kept = np.flatnonzero(lengths(segments) > 1e-9)
     kept = kept[without_repeats(segments[kept])]
     segments, heights = segments[kept], heights[kept]
     extent = float(np.ptp(segments.reshape(-1, 2), axis=0).max())
     # Drawings may have the size of their paper.
-    gap = min(TOUCHING, 1e-4 * extent)
+    gap = min(gap, 1e-4 * extent) if gap == TOUCHING else gap
     return World(segments, connected(segments, gap), heights, own_name(path))
 
 

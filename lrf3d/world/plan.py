@@ -1,27 +1,29 @@
 """A plan: what of a drawing stands as a wall, and what are doors, furniture, text and floors.
 
-A drawing enters; walls (segments with heights) and doors leave, with what was left out and why. A
-layer whose name says what it holds is taken at its word. Elsewhere a leaf and its quarter arc are
-a door that stands open, and rows of small strokes are text. What has a thickness is two faces.
+A drawing, of DXF, SVG or PDF, enters; walls (segments with heights) and doors leave, with what was
+left out and why, and become a world, in which walls that touch are one object. A layer whose name
+says what it holds is taken at its word. Elsewhere a leaf and its quarter arc are a door that stands
+open, and rows of small strokes are text. What has a thickness is two faces.
 """
 
+import warnings
 from collections import Counter
 from collections.abc import Sequence
 from fnmatch import fnmatch
+from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from lrf3d.errors import WorldError
+from lrf3d.errors import Lrf3dNote, WorldError
 from lrf3d.geometry import Float, lengths
 from lrf3d.text import counted
 from lrf3d.world.drawing import Drawing, Mark, is_area
 from lrf3d.world.layers import role_of
-from lrf3d.world.lettering import is_lettering
 from lrf3d.world.model import DEFAULT_HEIGHT, World
-from lrf3d.world.openings import Door, find_doors
-from lrf3d.world.pieces import world_of_walls
+from lrf3d.world.pieces import TOUCHING, world_of_walls
+from lrf3d.world.symbols import Door, find_doors, is_lettering
 
 FURNITURE_HEIGHT = 0.8
 """Height of furniture [m]: that of tables and of kitchen units."""
@@ -61,11 +63,15 @@ class Plan(NamedTuple):
 
     segments: Float
     heights: Float
-    doors: list[Door]
-    rest: Float
-    layers: list[Layer]
-    left_out: str
+    doors: Sequence[Door] = ()
+    rest: Float = np.empty((0, 4))
+    layers: Sequence[Layer] = ()
+    left_out: str = ""
     """In words: ``12 texts, layers DOORS, TEXT``."""
+    said: str = ""
+    """What else a reader assumed."""
+    gap: float = TOUCHING
+    """Largest gap [m] between walls that touch."""
 
     def rooms(self) -> list[tuple[float, Float]]:
         """Areas [m²] of the rooms between walls and closed doors, and points (2,) in them."""
@@ -87,14 +93,55 @@ class Plan(NamedTuple):
         places = shapely.get_coordinates(shapely.point_on_surface(rooms))
         return list(zip(shapely.area(rooms).tolist(), places, strict=True))
 
+    def scaled(self, factor: float) -> "Plan":
+        """The plan enlarged by a factor; heights stay the same."""
+        doors = [Door(door.opening * factor, door.width * factor) for door in self.doors]
+        segments, rest = self.segments * factor, self.rest * factor
+        return self._replace(segments=segments, rest=rest, doors=doors, gap=self.gap * factor)
+
     def world(self, path: Path) -> World:
-        """The world of the walls."""
+        """The world of the walls, with a note on what was left out."""
         if not len(self.segments):
             known = ", ".join(layer.name for layer in self.layers[:20] if layer.name)
             held = f"; it holds {self.left_out}" if self.left_out else ""
             remedy = f"; --layers takes layers as walls: {known}" if known else ""
             raise WorldError(f"there is no wall in it{held}{remedy}")
-        return world_of_walls(self.segments, self.heights, path)
+        world = world_of_walls(self.segments, self.heights, path, self.gap)
+        doors = f"{counted(len(self.doors), 'door')} standing open" if self.doors else ""
+        left = f"left out: {self.left_out}" if self.left_out else ""
+        if words := "; ".join(filter(None, [self.said, doors, left])):
+            walls = counted(len(world.segments), "wall")
+            note = f"{path}: {walls}; {words}; `lrf3d world show` draws it"
+            warnings.warn(note, Lrf3dNote, stacklevel=4)
+        return world
+
+
+PAINTERS = {".dxf": "dxf:draw_dxf", ".svg": "svg:draw_svg", ".pdf": "pdf:draw_pdf"}
+"""The module and the function that paint a drawing, by the ending of its file."""
+
+
+def read_drawing(
+    path: Path,
+    *,
+    scale: float = 1.0,
+    page: int | None = None,
+    threshold: float | None = None,
+    layers: Sequence[str] = (),
+    without: Sequence[str] = (),
+) -> Plan:
+    """Read a drawing as a plan; what the options are says ``load_world``."""
+    module, name = PAINTERS[path.suffix.lower()].split(":")
+    reader: Any = import_module(f"lrf3d.world.{module}")
+    if module == "pdf":
+        canvas = reader.draw_pdf(path, scale, page or 1)
+        if not canvas.marks and canvas.left_out["picture"]:
+            plan: Plan = reader.read_scan(path, scale, page or 1, threshold)
+            return plan
+        if threshold is not None:
+            raise WorldError("is no scanned page: threshold is for pictures")
+    else:
+        canvas = getattr(reader, name)(path, scale)
+    return plan_of(canvas.drawing(), layers, without)
 
 
 def plan_of(drawing: Drawing, layers: Sequence[str] = (), without: Sequence[str] = ()) -> Plan:

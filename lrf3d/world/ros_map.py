@@ -20,13 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.errors import Lrf3dWarning, OutputError, WorldError, shown
-from lrf3d.files import opened, own_name, read_text, replacing
+from lrf3d.files import own_name, read_text, replacing
 from lrf3d.geometry import Bool, Float, Int, Single, number
 from lrf3d.pose import Pose
-from lrf3d.world.free_cells import MOST_CELLS, FreeCells
+from lrf3d.world.free_cells import FreeCells
 from lrf3d.world.grid_walls import walls_of_grid
 from lrf3d.world.model import World
-from lrf3d.world.pictures import walls_of_picture
+from lrf3d.world.pictures import pixels_of
 from lrf3d.world.pieces import connected
 from lrf3d.world.schema import Converter, accepting, row, text
 
@@ -107,32 +107,6 @@ def _plain(value: Any) -> Any:
     return int(value) if value.isdigit() and len(value) < 16 else float(value)
 
 
-def read_picture(
-    path: Path, *, resolution: float | None = None, threshold: float | None = None
-) -> World:
-    """Read a picture of a floor plan, from its lower left corner.
-
-    The threshold is the grey from which on a pixel is paper; it is found if it is not given. Light
-    pixels may be outside the house, so none is known to be free.
-    """
-    if resolution is None:
-        known, what = path.with_suffix(".yaml"), "a picture does not say how large it is; give"
-        if known.exists():
-            raise WorldError(f"{what} {known.name} next to it, or --resolution")
-        keys = f"image: {path.name}, resolution: 0.05, origin: [0, 0, 0]"
-        raise WorldError(
-            f"{what} --resolution, the metres per pixel, or write {known.name} next to it: {keys}"
-        )
-    side = KEYS["resolution"](resolution, "resolution")
-    pixels = pixels_of(path)
-    # What is transparent is paper.
-    alpha = pixels[..., -1:] / np.float32(255.0)
-    colours = np.round(255.0 - alpha * (255 - pixels[..., :-1])).astype(np.uint8)
-    return walls_of_picture(
-        np.broadcast_to(colours, (*colours.shape[:2], 3)), path, side, threshold
-    )
-
-
 def _world(path: Path, picture: Path, values: Mapping[str, Any]) -> World:
     """The world of a picture and of the description at another path."""
     occupied, free = _cells(picture, values)
@@ -167,45 +141,6 @@ def _light(picture: Path) -> tuple[Single, Bool]:
     alpha = pixels[..., -1] / most
     light = pixels[..., :-1].mean(axis=2, dtype=np.float32) / most
     return np.asarray(1.0 - alpha * (1.0 - light)), np.asarray(alpha == 1.0)
-
-
-def pixels_of(picture: Path, *, deep: bool = False) -> Any:
-    """The colours and the opacity of the pixels of a picture (rows, columns, 2 or 4).
-
-    They are numbers of 8 bits; of 16 bits, where it has them and deep ones are asked for.
-    """
-    from PIL import Image, ImageOps
-
-    with opened(picture, what="a picture", largest=1 << 28) as file:
-        try:
-            with Image.open(file, formats=["PNG", "PPM", "BMP", "JPEG"]) as image:
-                if image.width * image.height > MOST_CELLS:
-                    raise WorldError(f"{picture}: {image.size} cells, over {MOST_CELLS:,}; cut it")
-                _check_size(picture, image)
-                if image.mode.startswith("I"):
-                    grey = np.asarray(image).clip(0, 65535).astype(np.uint16)
-                    grey = grey if deep else (grey >> 8).astype(np.uint8)
-                    return np.stack([grey, np.full_like(grey, np.iinfo(grey.dtype).max)], axis=-1)
-                plain = image.convert("RGB") if image.mode in ("CMYK", "YCbCr", "LAB") else image
-                upright = ImageOps.exif_transpose(plain)
-                return np.asarray(upright.convert("LA" if upright.mode in ("1", "L") else "RGBA"))
-        except WorldError:
-            raise
-        except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-            reason = (str(error).splitlines() or [type(error).__name__])[0][:80]
-            raise WorldError(f"{picture}: not a PGM, PNG, JPEG or BMP picture ({reason})") from None
-
-
-def _check_size(picture: Path, image: Any) -> None:
-    """Check that a PGM holds as many pixels as its header says; others would be drawn askew."""
-    (codec, _, begin, mode), *_ = image.tile
-    if image.format == "PPM" and codec == "raw":
-        expected = image.width * image.height * (2 if "16" in str(mode) else len(image.getbands()))
-        found = picture.stat().st_size - begin
-        # A line break behind the pixels is harmless.
-        if not expected <= found <= expected + 2:
-            sizes = f"{found:,} bytes of pixels, {expected:,} by its header"
-            raise WorldError(f"{picture}: {sizes}; save the picture again")
 
 
 def write_ros_map(world: World, path: Path, *, resolution: float | None = None) -> None:

@@ -343,10 +343,14 @@ def test_a_page_of_pdf_is_read_as_it_is_shown(content, page, low, high, tmp_path
 
 
 def test_a_scanned_page_is_read_as_a_picture(tmp_path):
-    # Four pixels of 36 points: the first is black.
-    pixels = "q 72 0 0 72 0 0 cm BI /W 2 /H 2 /BPC 8 /CS /G /F /AHx ID 00FFFFFF> EI Q"
-    world = pdf(tmp_path, pixels)
+    # Four pixels of 36 points: the first is black, the last one grey.
+    world = pdf(tmp_path, "q 72 0 0 72 0 0 cm BI /W 2 /H 2 /BPC 8 /CS /G /F /AHx ID 00FFFF60> EI Q")
     black = np.array([[0, 0.5], [0.5, 1]])
     assert world.bounds / INCH == pytest.approx(black, abs=0.02)
+    world = load_world(tmp_path / "a.pdf", scale=100.0, threshold=200)
+    assert world.bounds / INCH == pytest.approx(np.array([[0, 0], [1, 1]]), abs=0.02)
     with pytest.raises(WorldError, match="has no page 2; --page is 1 to 1"):
         load_world(tmp_path / "a.pdf", page=2)
+    pdf(tmp_path, "0 0 m 72 36 l S")
+    with pytest.raises(WorldError, match="is no scanned page"):
+        load_world(tmp_path / "a.pdf", threshold=40)

@@ -209,5 +209,5 @@ def test_a_tree_is_as_its_tags_say_or_as_most(tags, height, radius):
 
 def test_other_files_have_no_trees(tmp_path):
     save_world(World([[0, 0, 4, 0]]), tmp_path / "wall.toml")
-    with pytest.raises(WorldError, match=r"trees are read from OpenStreetMap"):
+    with pytest.raises(WorldError, match=r"trees is for \.osm files alone"):
         load_world(tmp_path / "wall.toml", trees=True)

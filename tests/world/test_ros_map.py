@@ -191,7 +191,7 @@ def test_a_bare_picture_is_read_with_a_resolution(tmp_path):
         load_world(tmp_path / "plan.png")
     with pytest.raises(WorldError, match=r"resolution -1\.0: expected a finite number"):
         load_world(tmp_path / "plan.png", resolution=-1.0)
-    with pytest.raises(WorldError, match=r"for a picture \(\.png, \.jpg, \.pgm\) alone"):
+    with pytest.raises(WorldError, match=r"resolution is for .png, .pgm, .* files alone"):
         load_world("city", resolution=0.1)
 
 
