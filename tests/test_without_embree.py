@@ -9,7 +9,6 @@ import pytest
 from test_without_gl import NO_GL
 
 import lrf3d
-from lrf3d.scene import light
 
 BLOCKED = """
 import sys
@@ -35,14 +34,12 @@ main()
 
 
 @pytest.mark.slow
-def test_pictures_without_opengl_too_are_those_of_embree_in_open_light(tmp_path, monkeypatch):
+def test_pictures_without_opengl_too_are_those_of_embree(tmp_path):
     path = f"import sys; sys.path.insert(0, {str(Path(__file__).parents[1])!r})\n"
     command = [sys.executable, "-c", path + BLOCKED + NO_GL + DRAWN]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 1
     assert done.stderr.splitlines()[-1].startswith("lrf3d: a cross-check needs Embree")
-    # Light between walls is baked by Embree alone.
-    monkeypatch.setattr(light, "_MOST_FACES", 0)
     run = lrf3d.load_scenario("corridor").run(rng=0, scan_interval=2.0)
     for view in ("chase", "top"):
         expected = run.frame(10.0, size=(96, 54), view=view, renderer="embree").astype(int)

@@ -75,16 +75,12 @@ def write_film(
 ) -> dict[str, Any]:
     """Write the film of a run, and return its figures."""
     from lrf3d.render.video import render_video
-    from lrf3d.scene.stage import stage_of
 
     ending, look = path.suffix.lower(), _look(args)
     if args.size is None and ending in (".gif", ".webp"):
         look["size"] = _SMALL
     rate = args.fps or (_GIF_RATE if ending == ".gif" else _RATE)
     began, frames, noted = perf_counter(), 0, False
-    # The light is baked once, for all that draw.
-    with report.progress("light") as progress:
-        stage_of(run, progress)
     first = 0.0
     with report.progress("film") as progress:
 

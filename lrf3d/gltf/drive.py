@@ -15,7 +15,6 @@ from lrf3d.errors import InputError
 from lrf3d.geometry import Float
 from lrf3d.gltf.document import LINES, Document, turned
 from lrf3d.gltf.stage import add_body, add_stage
-from lrf3d.render.packing import lit
 from lrf3d.run import Run
 from lrf3d.scene import look
 from lrf3d.scene.camera import Look, SmoothPath
@@ -141,8 +140,12 @@ def _add_maps(document: Document, scene: Scene) -> None:
     for stage, (begin, end) in zip(run.maps, pairwise([*begins, timeline.end]), strict=True):
         if not len(stage):
             continue
-        bands = dict(_seen(scene, begin, "map").bodies)["map"].faces
-        part = document.part(material, bands.corners, lit(bands))
+        bands = dict(_seen(scene, begin, "map").marks)["bands"]
+        assert isinstance(bands, Lines)
+        half = np.array([0.0, 0.0, 0.5 * bands.thick])
+        ends = bands.starts - half, bands.ends - half, bands.ends + half, bands.starts + half
+        corners = np.stack(ends, axis=1)[:, [0, 1, 2, 0, 2, 3]]
+        part = document.part(material, corners, np.repeat(bands.colours[:, None], 6, axis=1))
         node = document.node(f"map of {len(stage)} segments", group, part)
         document.show(node, begin - timeline.start, end - timeline.start)
 

@@ -7,16 +7,14 @@ plays no animation shows the end. All stands in a local frame, whose origin the 
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
-from lrf3d.geometry import Float, Int, Single, quad_indices
+from lrf3d.geometry import Bool, Float, Int, Single, quad_indices
 from lrf3d.gltf.document import Document
 from lrf3d.render.packing import GREY, exposed, land_of, lit, rectangle
 from lrf3d.scene import look
 from lrf3d.scene.drawn_map import DrawnMap
 from lrf3d.scene.exposure import Exposure, sampled
-from lrf3d.scene.facades import BAYS, BLANK, ROWS, layers
 from lrf3d.scene.shapes import Faces
 from lrf3d.scene.stage import Stage
 
@@ -32,14 +30,15 @@ _STEPS = 12
 _COARSE, _OVER = 4, 0.004
 """Side of the squares in which the ground is lit [cells], and how high they lie [m]."""
 
-_PALE = 0.86
-"""How bright a bare wall is in textures: what is whiter still stands out."""
+_STEP, _STEP_INDOOR, _MOST_PIECES = 3.2, 0.8, 60_000
+"""Sides of the pieces that walls are lit in [m], which are longer where there would be more."""
 
 
 def add_stage(document: Document, stage: Stage, drawn: DrawnMap) -> None:
     """Add ground, walls and roofs, and the map's colours on them."""
     _add_ground(document, stage)
-    rows = stage.faces.rows()[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 13)
+    rows = cut_small(stage.faces.rows(), _STEP_INDOOR if stage.structures.indoor else _STEP)
+    rows = rows[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 9)
     rows = rows[(rows[:, 1, :3] != rows[:, 2, :3]).any(axis=1)]
     if len(rows):
         _add_walls(document, rows, stage, drawn)
@@ -101,14 +100,13 @@ def _add_ground(document: Document, stage: Stage) -> None:
 
 
 def _add_walls(document: Document, rows: Single, stage: Stage, drawn: DrawnMap) -> None:
-    """Walls and roofs, dark and lit: of each step, one part for each layer of the texture."""
+    """Walls and roofs, dark and lit."""
     exposure, indoor = stage.exposure, stage.structures.indoor
-    wall = rows[..., 12]
-    when = sampled(exposure, rows[..., 10:12].reshape(-1, 2).astype(float)).reshape(*wall.shape, 4)
-    day = rows[..., 6:9] * rows[..., 9:10]
+    wall, day = rows[..., 8], rows[..., 3:6]
+    when = sampled(exposure, rows[..., 6:8].reshape(-1, 2).astype(float)).reshape(*wall.shape, 4)
     on, height = wall * when[..., 1], rows[..., 2]
     dark = exposed(day, np.zeros_like(on), height, indoor=indoor)
-    places = np.where(wall[..., None] > 0.5, rows[..., :2], rows[..., 10:12]).mean(axis=1)
+    places = np.where(wall[..., None] > 0.5, rows[..., :2], rows[..., 6:8]).mean(axis=1)
     tints, found = drawn.tints(places, exposure.tolerance)
     share = np.where(wall > 0.5, look.MAP_SHARE, look.ROOF_SHARE) * found[:, None]
     share *= np.where(wall > 0.5, np.minimum(2.0 * when[..., 1], 1.0), 1.0)
@@ -118,57 +116,37 @@ def _add_walls(document: Document, rows: Single, stage: Stage, drawn: DrawnMap) 
     shown += share[..., None] * (mapped - shown)
     first = np.column_stack([when[..., 0].min(axis=1), np.maximum(on, share).max(axis=1)])
     step = _step_of(exposure, first)
-    textures = _Textures(document, layers(indoor)[0])
-    document.node("walls", document.root, *textures.parts(rows[step < 0], dark[step < 0]))
+    material = document.material("walls")
+
+    def part(chosen: Bool, colours: Float) -> dict[str, object]:
+        return document.part(material, rows[chosen][..., :3], colours[chosen], kind=np.uint16)
+
+    if (step < 0).any():
+        document.node("walls", document.root, part(step < 0, dark))
     group = document.node("lit walls", document.root)
     for number in np.unique(step[step >= 0]).tolist():
         chosen, begin = step == number, _begin(exposure, number)
         if begin > 0.0:
-            parts = textures.parts(rows[chosen], dark[chosen])
-            node = document.node(f"walls dark until step {number + 1}", group, *parts)
+            node = document.node(f"walls dark until step {number + 1}", group, part(chosen, dark))
             document.show(node, 0.0, begin, rests=False)
-        parts = textures.parts(rows[chosen], shown[chosen])
-        node = document.node(f"walls lit in step {number + 1}", group, *parts)
+        node = document.node(f"walls lit in step {number + 1}", group, part(chosen, shown))
         document.show(node, begin, rests=True)
 
 
-class _Textures:
-    """The layers of the texture of walls that are used, each once."""
-
-    def __init__(self, document: Document, picture: NDArray[np.uint8]) -> None:
-        self._document, self._picture = document, picture
-        self._materials: dict[int, int] = {}
-
-    def parts(self, rows: Single, colours: Float) -> list[dict[str, object]]:
-        """Parts of a mesh of triangles (t, 3, 13) in colours (t, 3, 3)."""
-        layer_of, found = rows[:, 0, 5].astype(int), []
-        for layer in np.unique(layer_of).tolist():
-            chosen = layer_of == layer
-            places, shares = None, np.clip(colours[chosen], 0.0, 1.0)
-            if layer != BLANK:
-                shares = np.clip(colours[chosen] / _PALE, 0.0, 1.0)
-                # The first row of a picture is its upper one.
-                places = [0.0, 1.0] + rows[chosen][..., 3:5] / [BAYS, -ROWS]
-            if layer not in self._materials:
-                texture = None
-                if layer != BLANK:
-                    texture = _layer(self._document, layer, self._picture[layer])
-                name = f"walls {layer}"
-                self._materials[layer] = self._document.material(name, texture=texture)
-            corners, material = rows[chosen][..., :3], self._materials[layer]
-            part = self._document.part(material, corners, shares, kind=np.uint16, texture=places)
-            found.append(part)
-        return found
-
-
-def _layer(document: Document, layer: int, picture: NDArray[np.uint8]) -> int:
-    """A layer of the texture, over a pale wall: a colour laid over it gives a house its own."""
-    texels = picture.astype(np.float64)
-    # That colour also dims what is painted, such as windows, which is brighter here for it.
-    painted = texels[:, :, :3] * _PALE / look.CLAY
-    seen = np.clip(np.round(painted + _PALE * texels[:, :, 3:]), 0.0, 255.0).astype(np.uint8)
-    upright = Image.fromarray(np.ascontiguousarray(seen[::-1]))
-    return document.texture(f"walls {layer}", upright, "PNG", tiles=True)
+def cut_small(quads: Single, step: float) -> Single:
+    """Halve quads (n, 4, k) of walls until no side is longer than a step [m], or they are many."""
+    walls = quads[quads[:, 0, 8] > 0.5]
+    sides = np.linalg.norm(walls[:, [1, 3], :3] - walls[:, :1, :3], axis=2)
+    step = max(step, float(np.sqrt(sides.prod(axis=1).sum() / _MOST_PIECES)))
+    while (long := np.linalg.norm(walls[:, 1, :3] - walls[:, 0, :3], axis=1) > step).any() or (
+        np.linalg.norm(walls[:, 3, :3] - walls[:, 0, :3], axis=1) > step
+    ).any():
+        one, other = walls[long].copy(), walls[long].copy()
+        middles = 0.5 * (one + one[:, [1, 0, 3, 2]])
+        one[:, 1:3], other[:, [0, 3]] = middles[:, 1:3], middles[:, [0, 3]]
+        # In turns along the walls and up.
+        walls = np.roll(np.concatenate([walls[~long], one, other]), 1, axis=1)
+    return np.concatenate([walls, quads[quads[:, 0, 8] <= 0.5]])
 
 
 def add_body(document: Document, name: str, faces: Faces) -> int:

@@ -22,9 +22,6 @@ GL: Any
 pyrender: Any
 GL, pyrender = import_libraries()
 
-_FLOAT = 4
-"""Bytes of a float32, and of an index."""
-
 
 @cache
 def _context() -> Any:
@@ -60,39 +57,22 @@ def rewrite(kind: int, values: NDArray[Any]) -> None:
 
 
 class Texture:
-    """A picture that shaders read, or layers of pictures that repeat.
+    """A picture (h, w, 3) that shaders read, with smaller copies of it."""
 
-    Args:
-        levels: One picture (h, w, 3) uint8, of which smaller copies are made; or the levels of a
-            texture of layers, (n, h, w, 4) uint8 each, finest first.
-    """
-
-    def __init__(self, levels: tuple[NDArray[np.uint8], ...]) -> None:
-        layered = levels[0].ndim == 4
-        self._kind = kind = GL.GL_TEXTURE_2D_ARRAY if layered else GL.GL_TEXTURE_2D
+    def __init__(self, picture: NDArray[np.uint8]) -> None:
+        kind, size = GL.GL_TEXTURE_2D, picture.shape[1::-1]
         self._id = GL.glGenTextures(1)
         GL.glBindTexture(kind, self._id)
         # Rows of three bytes a pixel do not fill whole words.
         GL.glPixelStorei(GL.GL_UNPACK_ALIGNMENT, 1)
-        fill = GL.glTexImage3D if layered else GL.glTexImage2D
-        form = GL.GL_RGBA if layered else GL.GL_RGB
-        for level, picture in enumerate(levels):
-            size = (picture.shape[-2], picture.shape[-3], *picture.shape[:-3])
-            data = np.ascontiguousarray(picture)
-            fill(kind, level, GL.GL_RGBA8, *size, 0, form, GL.GL_UNSIGNED_BYTE, data)
-        GL.glTexParameteri(kind, GL.GL_TEXTURE_MIN_FILTER, GL.GL_LINEAR_MIPMAP_NEAREST)
-        GL.glTexParameteri(kind, GL.GL_TEXTURE_MAG_FILTER, GL.GL_LINEAR)
-        wrap = GL.GL_REPEAT if layered else GL.GL_CLAMP_TO_EDGE
-        for axis in (GL.GL_TEXTURE_WRAP_S, GL.GL_TEXTURE_WRAP_T):
-            GL.glTexParameteri(kind, axis, wrap)
-        if layered:
-            GL.glTexParameteri(kind, GL.GL_TEXTURE_MAX_LEVEL, len(levels) - 1)
-        else:
-            GL.glGenerateMipmap(kind)
+        data = np.ascontiguousarray(picture)
+        GL.glTexImage2D(kind, 0, GL.GL_RGBA8, *size, 0, GL.GL_RGB, GL.GL_UNSIGNED_BYTE, data)
+        smooth(GL.GL_LINEAR_MIPMAP_NEAREST)
+        GL.glGenerateMipmap(kind)
 
     def bind(self) -> None:
         """Make it the picture that shaders read."""
-        GL.glBindTexture(self._kind, self._id)
+        GL.glBindTexture(GL.GL_TEXTURE_2D, self._id)
 
     def delete(self) -> None:
         """Free it."""
@@ -150,10 +130,10 @@ class TintTexture(TimeTexture):
         super().delete()
 
 
-def smooth() -> None:
+def smooth(smaller: int = GL.GL_LINEAR) -> None:
     """Have the texture that is bound read between its texels, and not beyond its edges."""
-    for name in (GL.GL_TEXTURE_MIN_FILTER, GL.GL_TEXTURE_MAG_FILTER):
-        GL.glTexParameteri(GL.GL_TEXTURE_2D, name, GL.GL_LINEAR)
+    GL.glTexParameteri(GL.GL_TEXTURE_2D, GL.GL_TEXTURE_MIN_FILTER, smaller)
+    GL.glTexParameteri(GL.GL_TEXTURE_2D, GL.GL_TEXTURE_MAG_FILTER, GL.GL_LINEAR)
     for axis in (GL.GL_TEXTURE_WRAP_S, GL.GL_TEXTURE_WRAP_T):
         GL.glTexParameteri(GL.GL_TEXTURE_2D, axis, GL.GL_CLAMP_TO_EDGE)
 
@@ -199,14 +179,14 @@ class Buffer(pyrender.Primitive):  # type: ignore[misc]
         GL.glBindVertexArray(self._vaid)
         self._store(GL.GL_ELEMENT_ARRAY_BUFFER, -1, indices)
 
-    def draw(self, first: int, count: int) -> None:
-        """Draw so many of its vertices, or of its indices, with the program in use."""
+    def draw(self) -> None:
+        """Draw its vertices with the program in use."""
         GL.glBindVertexArray(self._vaid)
         if self._indexed:
-            start = ctypes.c_void_p(_FLOAT * first)
-            GL.glDrawElements(self.mode, count, GL.GL_UNSIGNED_INT, start)
+            start = ctypes.c_void_p(0)
+            GL.glDrawElements(self.mode, self.count, GL.GL_UNSIGNED_INT, start)
         else:
-            GL.glDrawArrays(self.mode, first, count)
+            GL.glDrawArrays(self.mode, 0, self.count)
 
     def _write(self, place: int, values: NDArray[Any]) -> None:
         """Rewrite the attribute (n, k) at a location."""

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from lrf3d.compiling import borrower, compiled, inner
 from lrf3d.geometry import Float, Single
-from lrf3d.scene.facades import BAY, TILE
 from lrf3d.scene.look import (
     CLIMB,
     DAWN,
@@ -28,16 +27,13 @@ _SLANT = 0.35
 
 
 class Surfaces(NamedTuple):
-    """What rays see: triangles, two textures and their tones."""
+    """What rays see: triangles, the ground and their tones."""
 
     corners: Single
-    """(t, 3, 13) place, texture, colour, light, place before it, and whether it is a wall."""
-    painted: NDArray[np.uint8]
-    painted_levels: NDArray[np.int64]
-    """Texels of the walls' texture, and (n, 3) where each level starts, its width and height."""
+    """(t, 3, 9) place, colour, place before it, and whether it is a wall."""
     ground: NDArray[np.uint8]
     ground_levels: NDArray[np.int64]
-    """The same of the ground's picture."""
+    """Texels of the ground's picture, and (n, 3) where each level starts, its width and height."""
     area: Float
     """(7,) corner and size of that picture [m], and the colour of the land around."""
     tones: Float
@@ -119,11 +115,11 @@ def shade(
     They meet triangles by number (n,), or −1. Fixed are the eye, the pixels of a metre at a
     distance of one, and the air.
     """
-    corners, painted, painted_levels, ground, ground_levels, area, tones = surfaces
+    corners, ground, ground_levels, area, tones = surfaces
     eye, focus, thick, clock = fixed[:3], fixed[3], fixed[4], laser.clock
     colours, near = np.empty((len(ways), 3), np.float32), np.zeros(len(ways), np.float32)
     lit = np.ones(len(ways), np.float32)
-    value, way, when, tint = np.empty(13), np.empty(3), np.empty(4), np.empty(4)
+    value, way, when, tint = np.empty(9), np.empty(3), np.empty(4), np.empty(4)
     first, second, start = np.empty(3), np.empty(3), np.empty(3)
     for n in range(len(ways)):
         seen, hit = colours[n], hits[n]
@@ -135,22 +131,15 @@ def shade(
             volume = cross_dot(way, second, first)
             u, v = cross_dot(way, second, start) / volume, cross_dot(start, first, way) / volume
             away = cross_dot(start, first, second) / volume
-            for k in range(13):
+            for k in range(9):
                 value[k] = a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k])
-            level = level_of(away * TILE / (BAY * focus), painted_levels)
-            begin, wide, high = painted_levels[level]
-            column = math.floor(value[3] * TILE / 2.0**level) % wide
-            row = math.floor(value[4] * TILE / 2.0**level) % high
-            texel = begin + 4 * ((int(a[5]) * high + row) * wide + column)
-            for k in range(3):
-                paint = (value[6 + k] * painted[texel + 3] + painted[texel + k]) / 255.0
-                seen[k] = paint * value[9]
-            wall = value[12]
-            sample(laser.times, value[10], value[11], laser.area, when)
+            seen[:] = value[3:6]
+            wall = value[8]
+            sample(laser.times, value[6], value[7], laser.area, when)
             bright, sure = grey(seen), min(2.0 * when[1], 1.0)
             when[1] *= wall
             lit[n] = expose(seen, when, clock, value[2], tones)
-            x, y = (value[0], value[1]) if wall > 0.5 else (value[10], value[11])
+            x, y = (value[0], value[1]) if wall > 0.5 else (value[6], value[7])
             sample(laser.tints, x, y, laser.area, tint)
             climbed = (clock[0] - when[2]) * clock[1] * CLIMB - value[2]
             found = min(max(1.5 * climbed + 0.5, 0.0), 1.0) * (1.0 + wall * (sure - 1.0))

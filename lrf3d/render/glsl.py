@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.scene import facades, look
+from lrf3d.scene import look
 
 _SHADERS = Path(__file__).parent / "shaders"
 
@@ -33,11 +33,7 @@ _CONSTANTS: dict[str, Any] = {
     "REFLECTED": look.REFLECTED,
     "ROOF_SHARE": look.ROOF_SHARE,
     "SHARPNESS": look.GROUND_SHARPNESS,
-    "SIZE": (float(facades.BAYS * facades.TILE), float(facades.ROWS * facades.TILE)),
-    "SLANTS": facades.SLANTS,
     "SUN": look.SUN,
-    "TILE": float(facades.TILE),
-    "WINDOWED": facades.WINDOWED,
     "ZENITH": look.ZENITH,
 }
 """Constants of the look that shaders know by these names."""

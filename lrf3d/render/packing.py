@@ -39,7 +39,7 @@ def columns_of(mark: Mark | Faces) -> dict[str, NDArray[Any]]:
 
 def walls_of(faces: Painted) -> tuple[Single, ...]:
     """The arrays of walls and roofs."""
-    return faces.places, faces.texture, faces.colours, faces.light, faces.before
+    return faces.places, faces.colours, faces.before
 
 
 def land_of(stage: Stage, reach: float = _LAND_REACH) -> Faces:

@@ -1,7 +1,7 @@
 """The plain renderer, for machines without OpenGL: rays by Embree, and triangles over them.
 
-It draws the same values as OpenGL does, with one sample a pixel, colours as they were baked, and
-nothing of what shaders add to them, such as shine.
+It draws the same values as OpenGL does, with one sample a pixel, and nothing of what
+shaders add to them, such as shine.
 """
 
 from typing import Any, NamedTuple
@@ -17,7 +17,6 @@ from lrf3d.render.glsl import night
 from lrf3d.render.mirrors import Reflection, reflections
 from lrf3d.render.packing import lit
 from lrf3d.scene import look
-from lrf3d.scene.facades import layers
 from lrf3d.scene.shapes import Body, Lens, Lines, Mark, Pixels, Points, Seen, Soft, Tints, single
 from lrf3d.scene.stage import Stage
 
@@ -49,14 +48,13 @@ class PlainRenderer:
         self._size = size
         self._scale = max(min(size) / 720.0, look.LEAST_SCALE)
         quads = stage.faces.rows()
-        self._corners = single(quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 13))
+        self._corners = single(quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 9))
         self._cut = np.inf
         self._rays = TriangleRays(single(self._corners[..., :3]))
         indoor, ground = stage.structures.indoor, stage.ground
         tones = night(indoor=indoor)
         self._surfaces = Surfaces(
             self._corners,
-            *_texels(layers(indoor)),
             *_texels(_halved(ground.picture)),
             np.array([*ground.corner, *ground.size, *ground.land]),
             np.array([look.HAZE, look.ZENITH, tones["NIGHT_HIGH"], tones["COOL"]]),
@@ -234,10 +232,18 @@ class PlainRenderer:
         ends = np.where((depths < _NEAR)[..., None], cut, ends)
         drawn = [_projected(end, lens, lens.nearer, canvas) for end in ends]
         way = (drawn[1][0] - drawn[0][0])[:, :2]
-        half = 0.5 * max(lines.width * self._scale, 1.0) / np.maximum(np.hypot(*way.T), 1e-9)
-        across = half[:, None] * np.column_stack([-way[:, 1], way[:, 0]])
+        across = np.column_stack([-way[:, 1], way[:, 0]])
+        across /= np.maximum(np.hypot(*way.T), 1e-9)[:, None]
+        wide, thick = max(lines.width * self._scale, 1.0), lines.thick * lens.focus
         corners = [
-            np.column_stack([place[:, :2] + side * across, near, lines.colours, opacity])
+            np.column_stack(
+                [
+                    place[:, :2] + 0.5 * side * np.maximum(wide, thick / place[:, 2:]) * across,
+                    near,
+                    lines.colours,
+                    opacity,
+                ]
+            )
             for (place, near), opacity in zip(drawn, lines.opacities.T, strict=True)
             for side in (1.0, -1.0)
         ]

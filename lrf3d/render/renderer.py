@@ -17,7 +17,6 @@ from lrf3d.render.packing import columns_of, land_of, mesh, rectangle, walls_of
 from lrf3d.render.parts import Parts
 from lrf3d.render.programs import CameraBlock, ShaderProgram
 from lrf3d.scene import look
-from lrf3d.scene.facades import layers
 from lrf3d.scene.shapes import Lens, Lines, Mark, Pixels, Plan, Points, Seen, Tints
 from lrf3d.scene.stage import Stage
 
@@ -51,7 +50,6 @@ class Renderer:
         self._camera = CameraBlock()
         self._parts = Parts(stage.faces)
         self._chosen = np.zeros(0, np.int64)
-        self._textured = 0
         self._walls = self._filled("walls", *walls_of(stage.faces))
         ground = stage.ground
         corners = rectangle(ground.corner, ground.corner + ground.size)
@@ -59,8 +57,7 @@ class Renderer:
         self._area = (*ground.corner.tolist(), *(1.0 / ground.size).tolist())
         self._land = self._filled("land", *land_of(stage))
         self._sky = self._filled("sky", mesh(10, 10))
-        self._painted = Texture(layers(indoor))
-        self._pavement = Texture((ground.picture,))
+        self._pavement = Texture(ground.picture)
         exposure, self._mirrors = stage.exposure, stage.mirrors
         self._times, self._tints = TimeTexture(exposure.times), TintTexture(exposure.times)
         self._tinted: Tints | None = None
@@ -79,18 +76,13 @@ class Renderer:
             self._reflect(seen, reflection)
         self._camera.fill(seen.lens, *self._size)
         self._draw_bodies(seen)
-        solid, veil = "", ""
-        if seen.glass > 0.0:
-            # What is lit is seen from both sides; what is not becomes glass over all else.
-            solid, veil = ":LIT", ":DIM"
-        elif seen.robot is not None:
-            solid, veil = ":PEEP", ":PEEP:VEIL"
-        self._draw_walls(seen, seen.lens, solid)
+        opened = seen.glass > 0.0 or seen.robot is not None
+        self._draw_walls(seen, seen.lens, ":SOLID" if opened else "")
         self._draw_ground("ground")
         self._paint("faces", self._land, pose=np.eye(4))
         self._paint("sky", self._sky, ray_from_corner=np.linalg.inv(seen.lens.matrix))
-        if veil:
-            self._draw_walls(seen, seen.lens, veil)
+        if opened:
+            self._draw_walls(seen, seen.lens, ":VEIL")
         self._flatten()
         for name, mark in seen.marks:
             self._draw_mark(name, mark, seen.lens.focus)
@@ -106,7 +98,7 @@ class Renderer:
             program.delete()
         for buffer in self._buffers.values():
             buffer.delete()
-        for texture in (self._painted, self._pavement, self._times, self._tints):
+        for texture in (self._pavement, self._times, self._tints):
             texture.delete()
         self._camera.delete()
         frames = [each for each in (self._frame, self._sampled) if each is not None]
@@ -148,12 +140,10 @@ class Renderer:
         blend: bool = False,
         cull: bool = False,
         solid: bool = True,
-        span: tuple[int, int] | None = None,
         **uniforms: Any,
     ) -> None:
-        """Draw a buffer, or a span of it, with a program and its uniforms."""
-        first, count = span or (0, buffer.count)
-        if not count:
+        """Draw a buffer with a program and its uniforms."""
+        if not buffer.count:
             return
         for what, on in ((GL.GL_BLEND, blend), (GL.GL_CULL_FACE, cull)):
             (GL.glEnable if on else GL.glDisable)(what)
@@ -161,7 +151,7 @@ class Renderer:
         if program not in self._programs:
             self._programs[program] = ShaderProgram(program, self._constants)
         self._programs[program].use(uniforms)
-        buffer.draw(first, count)
+        buffer.draw()
 
     def _draw_tints(self, tints: Tints | None) -> None:
         """Draw the map into the picture that walls take its colours from, where it has changed."""
@@ -178,7 +168,7 @@ class Renderer:
             GL.glBlendFuncSeparate(GL.GL_SRC_ALPHA, GL.GL_ONE_MINUS_SRC_ALPHA, *one)
             columns = columns_of(tints.lines).values()
             buffer = self._filled("tints", *columns, corners=4)
-            self._paint("lines", buffer, blend=True, solid=False, width=tints.lines.width)
+            self._paint("lines", buffer, blend=True, solid=False, width=(tints.lines.width, 0.0))
 
     def _reflect(self, seen: Seen, reflection: Reflection) -> None:
         """Draw what a mirror shows, and close it with its depth."""
@@ -210,17 +200,12 @@ class Renderer:
         parts = self._parts.seen(lens.matrix, lens.eye)
         if not np.array_equal(parts, self._chosen):
             self._chosen = parts
-            indices, self._textured = self._parts.choose(parts)
-            self._walls.choose(indices)
-        self._painted.bind()
-        uniforms |= {"glass": seen.glass, "cut": float(seen.cut), "robot": seen.robot}
-        blend = variant in (":DIM", ":PEEP:VEIL")
-        how = {"blend": blend, "solid": not blend, "cull": variant != ":LIT"}
-        # Those that cost more come last, so that fewer of them are drawn where others hide them.
-        plain = self._textured, self._walls.count - self._textured
-        for program, span in (("walls:PLAIN", plain), ("walls", (0, self._textured))):
-            values = {**how, **self._light, **uniforms}
-            self._paint(program + variant, self._walls, span=span, **values)
+            self._walls.choose(self._parts.choose(parts))
+        veil = variant == ":VEIL"
+        # What is lit is seen from both sides at the end.
+        how = {"blend": veil, "solid": not veil, "cull": veil or not seen.glass}
+        uniforms |= {"glass": seen.glass, "cut": seen.cut, "robot": seen.robot or (0.0, 0.0, 0.0)}
+        self._paint(f"walls{variant}", self._walls, **how, **self._light, **uniforms)
 
     def _draw_mark(self, name: str, mark: Mark, focus: float) -> None:
         mode = GL.GL_POINTS if isinstance(mark, Points) else GL.GL_TRIANGLES
@@ -233,7 +218,7 @@ class Renderer:
         elif isinstance(mark, Lines):
             GL.glDepthFunc(GL.GL_GREATER if mark.hidden else GL.GL_LEQUAL)
             program = "lines:DASHED" if mark.hidden else "lines"
-            width = mark.width * self._scale
+            width = mark.width * self._scale, mark.thick * focus
             self._paint(program, buffer, blend=True, solid=False, width=width)
             GL.glDepthFunc(GL.GL_LEQUAL)
         else:

@@ -38,7 +38,7 @@ _WAIT = 0.1
 
 
 class Job(NamedTuple):
-    """Pictures to draw, at times (frames,) of a run [s]; its light is baked once for all."""
+    """Pictures to draw, at times (frames,) of a run [s]; its stage is painted once for all."""
 
     run: Run
     times: Float

@@ -13,8 +13,8 @@ from lrf3d.files import data_folder
 from lrf3d.geometry import Float, directions
 from lrf3d.robot.unicycle import RADIUS
 from lrf3d.scene.look import DART, ROBOT, SUN
-from lrf3d.scene.panels import triangles
 from lrf3d.scene.shapes import Body, Faces, Soft, single
+from lrf3d.scene.walls import triangles
 
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle

@@ -1,28 +1,22 @@
-"""The map as it is drawn: lines, bands on the mapped walls, and ghosts where it has no wall."""
+"""The map as it is drawn: lines along the mapped walls, and ghosts where it has no wall."""
 
 import sys
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import shapely
-import trimesh
 
 from lrf3d.geometry import Bool, Float, Int, lengths
 from lrf3d.run import Run
 from lrf3d.scene.look import PALE_FROM, PALE_OBJECT, object_tints
-from lrf3d.scene.shapes import Faces, Lines, Soft, level_lines, single
+from lrf3d.scene.shapes import Lines, Soft, level_lines, single
 from lrf3d.scene.structures import Structures
 
-BAND = (0.67, 0.73)
-"""Heights between which the map is a band along the walls, above the beams [m]."""
+BAND, BAND_THICK = 0.70, 0.06
+"""Height of the map's lines along the walls, above the beams, and how thick they are [m]."""
 
-_WIDTH, _WIDEST = 0.05, 3.0
-"""Width of a band [m], which stands out of its line to both sides, so that no wall hides it; bands
-that are far away are drawn higher, and at most this number of times as thick."""
-
-_LOWEST = 0.02
-"""Height above the ground that bands keep [m]."""
+_BAND_PIXELS = 3.0
+"""Least thickness of these lines [pixels of 720 lines]: they show from far away."""
 
 _GHOST_HEIGHT, _GHOST_STRENGTH, _GHOST_STEP = 1.8, 0.55, 0.4
 """Height of what the map has and the world has not [m], its opacity at its foot, and the length of
@@ -30,16 +24,6 @@ its pieces [m]."""
 
 _MOST_PIECES = 500
 """Most pieces of a segment that are looked for on walls: segments may be as long as the world."""
-
-_BOX = trimesh.creation.box()
-_PLACES = _BOX.triangles[_BOX.face_normals[:, 2] > -0.5].reshape(-1, 3)
-"""Corners (3 t, 3) of the triangles of a unit box round the origin, without its bottom."""
-
-
-def band_shape() -> dict[str, Any]:
-    """What bands are made of, as values for JSON: whoever plays a recorded map makes its own."""
-    places = {"places": _PLACES.tolist(), "low": BAND[0], "high": BAND[1]}
-    return {**places, "width": _WIDTH, "widest": _WIDEST, "lowest": _LOWEST}
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -62,11 +46,16 @@ class DrawnMap:
         colours = _colours(run, run.lasting_objects[number])
         return cls(segments, colours, structures.tops(segments))
 
-    def lines(self, height: float, width: float, opacity: float = 1.0) -> Lines:
+    def lines(self, height: float | Float, width: float, opacity: float = 1.0) -> Lines:
         """Its segments as lines at a height [m], of a width [pixels] and an opacity."""
         opacities = np.full((len(self.segments), 2), opacity)
         starts, ends = np.hsplit(self.segments, 2)
         return level_lines(height, starts, ends, self.colours, opacities, width)
+
+    def bands(self) -> Lines:
+        """Its segments along the walls."""
+        lines = self.lines(np.minimum(BAND, self.tops - 0.5 * BAND_THICK), _BAND_PIXELS)
+        return lines._replace(thick=BAND_THICK)
 
     def tints(self, places: Float, tolerance: float) -> tuple[Float, Bool]:
         """Its colours (n, 3) at places (n, 2), and whether (n,) it is within a tolerance [m]."""
@@ -78,29 +67,6 @@ class DrawnMap:
             )
             tints[found], near[found] = self.colours[segment], True
         return tints, near
-
-    def bands(self, eye: Float, *, least: float) -> Faces:
-        """Bands on the walls, for an eye (3,).
-
-        They are at least so high [m] for each metre that they are away from the eye.
-        """
-        half = 0.5 * (BAND[1] - BAND[0])
-        middle = np.minimum(self.tops, BAND[1]) - half
-        start, end = np.hsplit(self.segments, 2)
-        away = np.linalg.norm(np.column_stack([0.5 * (start + end), middle]) - eye, axis=1)
-        size = np.maximum(1.0, least * away / half)
-        low = np.maximum(middle - half * size, _LOWEST)
-        high = np.minimum(middle + half * size, self.tops)
-        # Each band is the unit box in a frame of its own: along, across and up.
-        frames = np.zeros((len(size), 3, 3))
-        frames[:, 0, :2] = along = end - start
-        side = _WIDTH * np.minimum(size, _WIDEST) / np.maximum(lengths(self.segments), 1e-9)
-        frames[:, 1, :2] = side[:, None] * np.column_stack([-along[:, 1], along[:, 0]])
-        frames[:, 2, 2] = high - low
-        middles = np.column_stack([0.5 * (start + end), 0.5 * (low + high)])
-        corners = single(middles[:, None] + _PLACES @ frames).reshape(-1, 3, 3)
-        colours = np.repeat(self.colours, len(_PLACES) // 3, axis=0)[:, None]
-        return Faces(corners, np.zeros_like(corners), single(np.tile(colours, (1, 3, 1))))
 
     def ghosts(self, structures: Structures, tolerance: float) -> Soft:
         """What of its segments lies on no wall within a tolerance [m], standing free."""

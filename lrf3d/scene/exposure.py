@@ -19,15 +19,12 @@ from lrf3d.laser.unrolling import unrolled
 from lrf3d.pose import as_pose
 from lrf3d.run import Run
 from lrf3d.scene.beams import folded, turning_walls
-from lrf3d.scene.shapes import Painted, single
+from lrf3d.scene.shapes import single
 from lrf3d.scene.structures import Structures
 from lrf3d.world import World
 
 _CELL, _CELL_INDOOR, _MOST_CELLS = 0.25, 0.08, 1_500_000
 """Side of a cell outdoors and in rooms [m], which is longer where there would be more cells."""
-
-_BEFORE, _BEFORE_INDOOR = 1.4, 2.0
-"""How far before a wall the cell lies that it looks at [cells]: light does not leak under it."""
 
 _SPEED, _SPEED_INDOOR, _LONGEST_WAVE = 110.0, 26.0, 0.7
 """Speed of light in the picture [m/s of the film], so that a scan comes as a wave, and its longest
@@ -122,7 +119,9 @@ class Exposure:
         low = np.minimum(reach[:-1], reach[1:])
         right, left = np.where(one, reach[:-1], low), np.where(one, reach[1:], low)
         ends = np.stack([right[:, None] * ways[:-1], left[:, None] * ways[1:]], axis=1)
-        fill(place + np.concatenate([ends.reshape(-1, 2), [[0.0, 0.0]]]))
+        # A single beam has no neighbour: it lights a line.
+        ends = ends.reshape(-1, 2) if len(ways) > 1 else reach[:, None] * ways
+        fill(place + np.concatenate([ends, [[0.0, 0.0]]]))
 
 
 _SPAN = np.array([[-1.0, 0.0], [0.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
@@ -249,27 +248,6 @@ def wave(exposure: Exposure, places: Float, indoor: bool) -> Single:
     y = exposure.corner[1] + (np.arange(rows, dtype=np.float32) + 0.5) * exposure.cell
     away = np.hypot(x - places[..., 0], y[:, None] - places[..., 1])
     return single(np.minimum(away / (_SPEED_INDOOR if indoor else _SPEED), _LONGEST_WAVE))
-
-
-def before(faces: Painted, exposure: Exposure, structures: Structures) -> Single:
-    """The place (n, 4, 3) on the ground that each corner of faces takes its times from.
-
-    A wall looks at the cell before it; a roof at the wall of its object that was mapped first.
-    """
-    steps = _BEFORE_INDOOR if structures.indoor else _BEFORE
-    upright = np.abs(faces.normals[..., 2:]) < 0.1
-    found = np.ones((*faces.normals.shape[:2], 3), np.float32)
-    off = np.where(upright, faces.normals[..., :2], 0.0)
-    found[..., :2] = faces.places[..., :2] + steps * exposure.cell * off
-    roofs = ~upright.any(axis=(1, 2)) & np.isin(faces.objects, structures.solid_objects)
-    if roofs.any():
-        walls = faces.places[..., :2].mean(axis=1)
-        when = np.where(upright.all(axis=(1, 2)), sampled(exposure, walls)[:, 2], np.inf)
-        order = np.lexsort([when, faces.objects])
-        objects, first = np.unique(faces.objects[order], return_index=True)
-        best = order[first][np.searchsorted(objects, faces.objects[roofs])]
-        found[roofs, :, :2], found[roofs, :, 2] = walls[best, None], 0.0
-    return found
 
 
 def sampled(exposure: Exposure, places: Float) -> Single:

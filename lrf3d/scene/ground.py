@@ -1,4 +1,4 @@
-"""The ground as a picture, painted once in its light: streets and floors."""
+"""The ground as a picture, painted once: streets and floors, darker next to walls."""
 
 from typing import Any, NamedTuple
 
@@ -7,12 +7,11 @@ import shapely
 from PIL import Image, ImageChops, ImageDraw, ImageFilter
 
 from lrf3d.geometry import Float
-from lrf3d.scene.light import open_light, screen
 from lrf3d.scene.shapes import GroundPicture
 from lrf3d.scene.structures import Structures, filled_between
 
-_PIXELS = 3072
-"""Longest side of the picture [pixels]; larger ones take longer to paint than a second."""
+_PIXELS = 2048
+"""Longest side of the picture [pixels]."""
 
 _FINEST, _FINEST_INDOOR = 0.06, 0.02
 """Smallest size of a pixel [m]: finer ones show no more of a small place."""
@@ -28,21 +27,18 @@ _FINER, _BLUR = 2, 0.6
 """Pixels to a side that shapes are painted with in place of one, and how far they are smoothed
 [pixels]: steps in their edges would show."""
 
-_ASPHALT, _PAVEMENT = (0.47, 0.47, 0.475), (0.58, 0.575, 0.565)
-_AROUND_HOUSE, _EDGE, _JOINT, _TILE = (
-    (0.40, 0.42, 0.45),
-    (0.70, 0.69, 0.67),
-    (0.70, 0.67, 0.62),
-    (0.775, 0.74, 0.685),
-)
-"""Paints of a town, and of a house: what lies round it, the edge of its floor, joints and tiles."""
+_LAND, _LAND_INDOOR, _PAVED, _TILE, _JOINT = 108, 96, 134, 178, 160
+"""How bright, 0…255, a street is, and what lies round a house; pavements, tiles of a floor, and the
+joints between them."""
+
+_WARM = np.array([1.0, 0.96, 0.90])
+"""Colour of floors."""
 
 _TILES, _JOINT_WIDTH = 1.0, 0.015
 """Side of a floor's tiles and width of the joints between them [m]."""
 
-_BRIGHTEST = 1.3
-"""What light, as a factor of a screen's colours, the largest value of a picture of light stands
-for: what covers the ground is as much brighter in its own."""
+_SHADED, _SHADE_WIDTH, _SHADE_WIDTH_INDOOR = 0.45, 1.2, 0.25
+"""What light is lost next to walls, and how far that reaches [m]."""
 
 _FADE = 0.06
 """Share of the picture, at its edges, in which it goes over into the land around."""
@@ -98,71 +94,51 @@ def canvas_of(structures: Structures) -> Canvas:
     return Canvas(low, pixel, (width, height))
 
 
-def paint_ground(structures: Structures, canvas: Canvas, light: Float) -> GroundPicture:
-    """Paint the ground of a world in its light (rows, columns, 3)."""
+def paint_ground(structures: Structures, canvas: Canvas) -> GroundPicture:
+    """Paint the ground of a world: asphalt and pavements, or the floor of a house."""
     indoor = structures.indoor
-    far = np.clip(_land(indoor=indoor) * screen(open_light(indoor=indoor)), 0.0, 1.0)
-    seen = ImageChops.multiply(_cover(structures, canvas), _as_light(light, canvas))
-    around = Image.new("RGB", seen.size, tuple(np.round(255.0 * far).astype(int).tolist()))
-    picture = Image.composite(seen, around, _fading(*canvas.size))
-    return GroundPicture(np.asarray(picture), canvas.corner, canvas.extent, far)
+    land = _LAND_INDOOR if indoor else _LAND
+    cover = Image.new("L", canvas.size, land)
+    walls = shapely.buffer(structures.tree.geometries, 2.0 * canvas.pixel)
+    if indoor:
+        rooms = floor_of(structures)
+        tiles = canvas.mask(rooms)
+        cover.paste(_TILE, mask=tiles)
+        cover.paste(_JOINT, mask=ImageChops.multiply(tiles, canvas.mask(_joints(canvas))))
+    else:
+        around = shapely.buffer(structures.solids, PAVEMENT, join_style="mitre")
+        cover.paste(_PAVED, mask=canvas.mask(around))
+        walls = np.concatenate([walls, structures.solids])
+    # Little light gets next to walls; what changes slowly is painted coarsely.
+    width = _SHADE_WIDTH_INDOOR if indoor else _SHADE_WIDTH
+    near = canvas.mask(walls).reduce(4)
+    near = near.filter(ImageFilter.GaussianBlur(0.25 * width / canvas.pixel))
+    shade = np.asarray(near.resize(canvas.size, Image.Resampling.BILINEAR)) / np.float32(255.0)
+    seen = np.asarray(cover) * (1.0 - _SHADED * shade)
+    seen = land + _fading(*canvas.size) * (seen - land)
+    paint = _WARM if indoor else np.ones(3)
+    picture = np.round(seen[..., None] * paint).astype(np.uint8)
+    return GroundPicture(picture, canvas.corner, canvas.extent, land / 255.0 * paint)
 
 
-def _cover(structures: Structures, canvas: Canvas) -> Image.Image:
-    """What covers the ground of a world, in no light."""
-    cover = Image.new("RGB", canvas.size)
-    for mask, paint in (_floor if structures.indoor else _town)(structures, canvas):
-        bright = np.round(255.0 * np.minimum(_BRIGHTEST * np.array(paint), 1.0)).astype(int)
-        cover.paste(tuple(bright.tolist()), (0, 0, *canvas.size), mask)
-    return cover
-
-
-Paints = list[tuple[Image.Image | None, tuple[float, ...]]]
-"""Paints laid over each other, each where its mask says; everywhere without one."""
-
-
-def _town(structures: Structures, canvas: Canvas) -> Paints:
-    """What covers the ground of a town: asphalt, and a pavement round its houses."""
-    pavement = shapely.buffer(structures.houses, PAVEMENT, join_style="mitre")
-    return [(None, _ASPHALT), (canvas.mask(pavement), _PAVEMENT)]
-
-
-def _floor(structures: Structures, canvas: Canvas) -> Paints:
-    """What covers the ground of a house: its floor, with an edge, tiles and joints."""
-    rooms = floor_of(structures)
-    tiles = canvas.mask(shapely.buffer(rooms, -0.06))
+def _joints(canvas: Canvas) -> list[Any]:
+    """The joints between the tiles of a floor."""
     low, high = canvas.corner, canvas.corner + canvas.extent
     half = 0.5 * max(_JOINT_WIDTH, canvas.pixel)
     x, y = (_TILES * np.arange(np.ceil(low[k] / _TILES), high[k] / _TILES) for k in (0, 1))
-    joints = [
+    return [
         *shapely.box(x - half, low[1], x + half, high[1]),
         *shapely.box(low[0], y - half, high[0], y + half),
     ]
-    between = ImageChops.multiply(tiles, canvas.mask(joints))
-    return [
-        (None, _AROUND_HOUSE), (canvas.mask(rooms), _EDGE), (tiles, _TILE), (between, _JOINT)
-    ]  # fmt: skip
 
 
-def _land(*, indoor: bool) -> Float:
-    return np.array(_AROUND_HOUSE if indoor else _ASPHALT)
-
-
-def _fading(width: int, height: int) -> Image.Image:
+def _fading(width: int, height: int) -> Float:
     """How much of the ground is seen: all of it but at the edges, where it fades."""
     along, up = (
         np.clip(np.minimum(places, 1.0 - places) / _FADE, 0.0, 1.0)
         for places in ((np.arange(side) + 0.5) / side for side in (width, height))
     )
-    return Image.fromarray(np.round(255.0 * np.outer(up, along)).astype(np.uint8))
-
-
-def _as_light(cells: Float, canvas: Canvas) -> Image.Image:
-    """Light in cells (rows, columns, 3) as a picture of what it makes of white."""
-    values = np.clip(255.0 * screen(cells) / _BRIGHTEST, 0.0, 255.0)
-    return Image.fromarray(np.round(values).astype(np.uint8)).resize(
-        canvas.size, Image.Resampling.BICUBIC
-    )
+    return np.outer(up, along)
 
 
 def floor_of(structures: Structures) -> Any:

@@ -14,30 +14,13 @@ from lrf3d.world.materials import Material
 SUN = np.array([0.33, -0.37, 0.868])
 """Direction to the brightest part of the sky, of unit length."""
 
-GAMMA = 2.2
-"""The power that screens show colours with: light is reckoned in linear values."""
-
-SKYSHINE, SKYSHINE_INDOOR = np.array([0.96, 0.98, 1.00]), np.array([1.12, 1.105, 1.08])
-"""What a white face sends on that sees nothing but sky, or nothing but the ceiling, linear."""
-
-GROUND_ALBEDO, GROUND_ALBEDO_INDOOR = np.array([0.17, 0.168, 0.162]), np.array([0.50, 0.46, 0.40])
-"""What share of light the ground sends on to houses and walls, linear."""
+EVEN_LIGHT, SUN_LIGHT, FOOT_LIGHT = 0.72, 0.24, 0.80
+"""How bright a wall or roof is everywhere, how much brighter the more it looks at the sun, and what
+is left of that at its foot."""
 
 CLAY, OWN_SHARE = np.array([0.90, 0.885, 0.86]), 0.25
-"""Colour of the houses of a town, and the share that the colours of their own have in theirs: off-
-white clay, so that strong colours belong to the laser and the map."""
-
-PAINT = np.array(
-    [
-        [0.87, 0.86, 0.82],
-        [0.64, 0.74, 0.80],
-        [0.83, 0.72, 0.56],
-        [0.70, 0.78, 0.66],
-        [0.80, 0.64, 0.60],
-        [0.72, 0.70, 0.80],
-    ]
-)
-"""Walls and things in rooms: pale paint."""
+"""Colour of walls, and the share that colours of their own have in those of a town: off-white clay,
+so that strong colours belong to the laser and the map."""
 
 HAZE, ZENITH = (0.055, 0.078, 0.125), (0.039, 0.055, 0.09)
 """Colours of what is far away, and of the sky overhead."""
@@ -166,17 +149,11 @@ MIRROR_COLOUR, GLASS_COLOUR = (0.80, 0.85, 0.90), (0.62, 0.82, 0.86)
 RETRO_COLOUR = (0.93, 0.80, 0.22)
 """Colours of mirrors, glass and retro-reflectors that have none of their own."""
 
-BARK_COLOUR = (0.52, 0.44, 0.36)
-LEAF_COLOURS = np.array([[0.34, 0.45, 0.22], [0.40, 0.49, 0.25], [0.30, 0.42, 0.24]])
-"""Colours of trunks, and of the crowns of trees."""
-
 
 def material_colour(material: Material | None) -> tuple[float, float, float] | None:
     """The colour by which a material is known at sight; None where it has none."""
     if material is None:
         return None
-    if material.name == "bark":
-        return BARK_COLOUR
     if material.passes:
         return GLASS_COLOUR
     if material.mirrors:
@@ -185,9 +162,9 @@ def material_colour(material: Material | None) -> tuple[float, float, float] | N
 
 
 def object_colours(world: World, *, indoor: bool) -> Float:
-    """Colours (objects, 3) of a world's objects: their own, their material's, or from a palette."""
+    """Colours (objects, 3) of a world's objects: their own, their material's, or clay."""
     numbers = np.arange(world.object_count)
-    chosen = PAINT[numbers % len(PAINT)] if indoor else np.tile(CLAY, (len(numbers), 1))
+    chosen = np.tile(CLAY, (len(numbers), 1))
     # A slow drift in brightness keeps two houses of one colour from looking the same.
     chosen *= (0.94 + 0.10 * spread(numbers, 0.0))[:, None]
     given = np.full((world.object_count, 3), np.nan)

@@ -64,9 +64,6 @@ but not where the map is laid over all."""
 _PAST_GROUND = 3.0
 """How far an eye far above the ground sees, in its heights: past all of it, at a slant too."""
 
-_BAND_PIXELS = 3.0
-"""Least height of the map's bands in a picture of 720 lines [pixels]: they show from far away."""
-
 _MAP_WIDTH, _HIDDEN_WIDTH, _HIDDEN_STRENGTH = 4.0, 2.6, 0.25
 """Width of the map as lines from above, and of what of its bands is hidden [pixels of 720 lines],
 and the opacity of that."""
@@ -142,10 +139,6 @@ class Scene:
         lens = self._lens(view, size)
         bodies = [("robot", self.robot._replace(pose=world_from_robot(pose)))]
         bodies += self.obstacles.bodies(moment.time)
-        if "map" in layers and not view.shows_map:
-            least = 0.5 * _BAND_PIXELS * min(size) / 720.0 / lens.focus
-            bands = self.drawn_map(moment).bands(lens.eye, least=least)
-            bodies.append(("map", Body(bands, np.eye(4))))
         marks = tuple(
             (name, mark)
             for layer, name, mark in self._marks(moment, pose, view, lens, size)
@@ -192,6 +185,7 @@ class Scene:
             yield "map", "map lines", drawn.above
         else:
             yield "map", "ghosts", drawn.ghosts
+            yield "map", "bands", drawn.bands
             if not view.glass:
                 yield "map", "hidden", drawn.hidden
         yield "points", "recent", self._recent_hits(moment)
@@ -199,17 +193,14 @@ class Scene:
             yield "points", "points", beams[1]
         yield "marker", "marker", self._marker(pose, view, lens, size)
 
-    def drawn_map(self, moment: Moment) -> DrawnMap:
-        """The map of a moment as it is drawn."""
-        return self._map(self.run.snapshot_after(moment.mapped)).drawn
-
     def _drawn_map(self, stage: int) -> "_Snapshot":
         exposure = self.exposure
         drawn = DrawnMap.from_snapshot(self.run, stage, self.structures)
-        hidden = drawn.lines(float(np.mean(BAND)), _HIDDEN_WIDTH, _HIDDEN_STRENGTH)
+        bands = drawn.bands()
+        hidden = drawn.lines(BAND, _HIDDEN_WIDTH, _HIDDEN_STRENGTH)
         flat = _from_above(exposure.corner + 0.5 * exposure.size, exposure.size)
         return _Snapshot(
-            drawn,
+            bands,
             drawn.lines(self.run.lrf.height, _MAP_WIDTH),
             hidden._replace(hidden=True),
             drawn.lines(0.0, _PLAN_WIDTH),
@@ -354,7 +345,7 @@ class Window(NamedTuple):
 class _Snapshot(NamedTuple):
     """What is drawn of a map snapshot: bands, lines from above, where hidden and in the plan."""
 
-    drawn: DrawnMap
+    bands: Lines
     above: Lines
     hidden: Lines
     plan: Lines

@@ -17,31 +17,21 @@ Pixels = NDArray[np.uint8]
 
 
 class Painted(NamedTuple):
-    """Walls and roofs with what is painted on them and the light baked into them.
-
-    All are quads; a triangle is one that has its last corner twice.
-    """
+    """Walls and roofs with their light. All are quads; a triangle has its last corner twice."""
 
     places: Single
     """(n, 4, 3) corners, counter-clockwise from outside."""
-    normals: Single
-    """(n, 4, 3) unit normals."""
-    texture: Single
-    """(n, 4, 3) bays along and storeys up the texture of :mod:`lrf3d.scene.facades`; its layer."""
     colours: Single
-    """(n, 4, 3) colour of the wall itself."""
-    objects: NDArray[np.int64]
-    """(n,) the object of each."""
-    light: Single = np.zeros((0, 4, 1), np.float32)
-    """(n, 4, 1) factor of a screen's colours, once its light is known."""
-    before: Single = np.zeros((0, 4, 3), np.float32)
+    """(n, 4, 3) colours."""
+    before: Single
     """(n, 4, 3) the place on the ground whose first-seen time a corner has, x and y [m], and 1; of
     a roof, which no beam meets, the wall whose colour it takes, and 0."""
+    objects: NDArray[np.int64]
+    """(n,) the object of each."""
 
     def rows(self) -> Single:
-        """Corners (n, 4, 13): place, texture, colour, light, place before it."""
-        columns = self.places, self.texture, self.colours, self.light, self.before
-        return np.concatenate(columns, axis=2)
+        """Corners (n, 4, 9): place, colour, place before it."""
+        return np.concatenate(self[:3], axis=2)
 
 
 class GroundPicture(NamedTuple):
@@ -98,6 +88,8 @@ class Lines(NamedTuple):
     """(n, 2) opacities at both ends."""
     width: float
     """Width [pixels of 720 lines]."""
+    thick: float = 0.0
+    """Least width [m]."""
     hidden: bool = False
     """Whether only what lies behind something else is drawn, dashed."""
 
@@ -193,10 +185,15 @@ def single(values: Any) -> Single:
 
 
 def level_lines(
-    height: float, starts: Float, ends: Float, colours: Float, opacities: Float, width: float
+    height: float | Float,
+    starts: Float,
+    ends: Float,
+    colours: Float,
+    opacities: Float,
+    width: float,
 ) -> Lines:
-    """Lines from (n, 2) to (n, 2) at a height [m]."""
-    level = np.full((len(starts), 1), height)
+    """Lines from (n, 2) to (n, 2) at a height, or at heights (n,) [m]."""
+    level = np.broadcast_to(np.reshape(height, (-1, 1)), (len(starts), 1))
     return Lines(
         single(np.hstack([starts, level])),
         single(np.hstack([ends, level])),

@@ -6,7 +6,6 @@ drawn any more. The frame's origin lies among them, as graphics count in float32
 their origin knows no centimetres.
 """
 
-from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 
 from lrf3d.geometry import Bool, Float, Int, directions, lengths
 from lrf3d.run import Run
-from lrf3d.scene.look import OUTLINE, OUTLINE_STRENGTH, SECTION, object_colours
+from lrf3d.scene.look import NIGHT_LOW, OUTLINE, OUTLINE_STRENGTH, SECTION, object_colours
 from lrf3d.scene.shapes import Lines, single
 from lrf3d.world import World
 
@@ -73,13 +72,7 @@ def _near(world: World, low: Float, high: Float) -> World:
 
 
 INDOOR_HEIGHT = 3.5
-"""Walls up to here [m] are those of rooms: a storey; they get no windows and no sun."""
-
-_BARK, _THICKEST = "bark", 1.5
-"""The material of trunks, and their largest radius [m]: what is thicker is something else."""
-
-_WINDOWLESS = {_BARK, "dark cloth", "glass", "metal", "mirror", "retro-reflector"}
-"""Materials of walls that have no windows and no doors, however high they are."""
+"""Walls up to here [m] are those of rooms: a storey."""
 
 _DOOR, _ENCLOSED, _AS_HIGH = 2.0, 0.9, 0.4
 """Half the width of openings in the walls of a hall [m], the share of all walls that lie within
@@ -92,8 +85,9 @@ nor the map from an eye behind it."""
 _PROBE = 0.005
 """How far beside a wall [m] its inside is felt for: less than any wall is thick."""
 
-_OUTLINE_WIDTH = 1.1
-"""Width of the edges of houses [pixels of 720 lines]."""
+_OUTLINE_WIDTH, _STOREY, _STOREY_STRENGTH = 1.1, 3.1, 0.4
+"""Width of the edges of houses [pixels of 720 lines], height of a storey [m], and the opacity of
+the dark joint over it."""
 
 _NEAR = 0.2
 """A wall farther than this from a segment of a map [m] is another one."""
@@ -113,8 +107,6 @@ class Structures:
     """(n, 3) red, green, blue in 0…1."""
     closed: Bool
     """(n,) whether the wall belongs to a solid and so has one visible side."""
-    smooth: Bool
-    """(n,) whether it is of a material that has no windows, such as metal."""
     solids: NDArray[Any]
     """(k,) polygons of the solids."""
     solid_objects: Int
@@ -123,8 +115,6 @@ class Structures:
     """(k,) heights of their roofs [m]."""
     solid_colours: Float
     """(k, 3) colours of their walls."""
-    trees: Int
-    """(t,) the solids that are trunks of trees."""
     indoor: bool
     """Whether this is the inside of a house."""
     origin: Float
@@ -170,20 +160,16 @@ class Structures:
         found = np.flatnonzero(~shapely.is_missing(areas))
         tops = np.zeros(world.object_count)
         np.maximum.at(tops, world.objects, world.heights)
-        bark = _of_materials(world, {_BARK})[found]
-        slender = np.sqrt(shapely.area(areas[found]) / np.pi) < _THICKEST
         return cls(
             segments=facing,
             objects=world.objects,
             heights=world.heights,
             colours=colours[world.objects].reshape(-1, 3),
             closed=closed,
-            smooth=_of_materials(world, _WINDOWLESS)[world.objects],
             solids=areas[found],
             solid_objects=found,
             solid_heights=tops[found],
             solid_colours=colours[found].reshape(-1, 3),
-            trees=np.flatnonzero(bark & slender),
             indoor=indoor,
             origin=origin,
             path=path,
@@ -203,33 +189,29 @@ class Structures:
         """Ends (m, 2) of all walls [m]."""
         return self.segments.reshape(-1, 2)
 
-    @property
-    def houses(self) -> NDArray[Any]:
-        """Polygons of the solids that are no trees."""
-        return np.delete(self.solids, self.trees)
-
 
 def outlines_of(structures: Structures) -> Lines:
-    """The upper edges and corners of houses as faint lines; of rooms, where walls are cut."""
+    """Edges and storeys of houses as faint lines; of rooms, where walls are cut."""
     walls, tops = structures.segments, structures.heights
     if structures.indoor:
         tops = np.minimum(tops, SECTION)
+        storeys, levels = walls[:0], tops[:0]
     else:
         walls, tops = walls[structures.closed], tops[structures.closed]
-    a, b = (np.column_stack([ends, tops]) for ends in np.hsplit(walls, 2))
-    starts, ends = np.concatenate([a, a * [1.0, 1.0, 0.0]]), np.concatenate([b, a])
+        count = np.maximum(np.ceil(tops / _STOREY) - 1.0, 0.0).astype(int)
+        number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + 1
+        storeys, levels = np.repeat(walls, count, axis=0), _STOREY * number
+    (a, b), (c, d) = (
+        [np.column_stack([ends, high]) for ends in np.hsplit(lines, 2)]
+        for lines, high in ((walls, tops), (storeys, levels))
+    )
+    starts, ends = np.concatenate([a, a * [1.0, 1.0, 0.0], c]), np.concatenate([b, a, d])
     opacities = np.full((len(starts), 2), OUTLINE_STRENGTH)
     opacities[len(walls) :, 0] *= 0.2
-    colours = np.broadcast_to(OUTLINE, (len(starts), 3))
+    opacities[2 * len(walls) :] = _STOREY_STRENGTH
+    colours = np.tile(OUTLINE, (len(starts), 1))
+    colours[2 * len(walls) :] = NIGHT_LOW
     return Lines(single(starts), single(ends), single(colours), single(opacities), _OUTLINE_WIDTH)
-
-
-def _of_materials(world: World, names: Collection[str]) -> Bool:
-    """Which objects (k,) of a world are of a material of some names."""
-    found = np.zeros(world.object_count, dtype=bool)
-    for number, material in enumerate(world.materials):
-        found[number] = material is not None and material.name in names
-    return found
 
 
 def _enclosed(segments: Float, heights: Float, closed: Bool, path: Float) -> bool:

@@ -1,49 +1,27 @@
-"""Walls as panels: cut where storeys end, and laid on the texture of façades."""
+"""Walls and roofs as faces, as bright as they look at the sky, and where each is seen from."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import shapely
 
-from lrf3d.geometry import Float, Int, directions, lengths
-from lrf3d.scene.facades import (
-    BAY,
-    BAYS,
-    BLANK,
-    GROUND,
-    ROWS,
-    SLANTS,
-    STOREY,
-    STYLES,
-    UPPER,
-    WINDOWED,
-)
-from lrf3d.scene.look import spread
-from lrf3d.scene.panels import joined, level_panels, triangles
+from lrf3d.geometry import Float, Int, directions
+from lrf3d.scene.exposure import Exposure, sampled
+from lrf3d.scene.look import EVEN_LIGHT, FOOT_LIGHT, SUN, SUN_LIGHT
 from lrf3d.scene.shapes import Painted, single
 from lrf3d.scene.structures import Structures
 
-CORNICE, NARROW = 0.45, 1.7
-"""Height of the band under the roof, and the shortest face that has windows [m]."""
-
-PLINTH, SKIRTING = 0.45, 0.09
-"""Heights of the darker foot of a house, and of that of a wall in rooms [m]."""
-
-CAP_WIDTH = 0.12
-"""Width [m] of the strip on top of a free wall, which shows where it runs from above."""
-
-_NARROWEST = 0.4
-"""What walls of rooms close round and is narrower [m] is the inside of a wall, or a shaft."""
+_BEFORE, _BEFORE_INDOOR = 1.4, 2.0
+"""How far before a wall the cell lies that it looks at [cells]: light does not leak under it."""
 
 _TOGETHER = 0.05
 """Length [m] over which two walls at one place are one."""
 
-_LOWEST_FACADE = 3.0
-"""Walls below this height [m] are fences and garden walls: no windows."""
-
 _APART = 0.004
 """Half the gap between both faces of a free wall [m]: a ray meets the one that looks at it."""
+
+_LEAST = 1e-7
+"""Triangles below this area [m²] are left out: of outlines that touch themselves there are some."""
 
 
 def wall_sides(structures: Structures) -> tuple[Int, Float]:
@@ -76,97 +54,55 @@ def _free_walls(structures: Structures) -> tuple[Int, Float]:
     return free[owner[there]], shapely.get_coordinates(parts[there]).reshape(-1, 4)
 
 
-def lay_walls(structures: Structures) -> Painted:
-    """All walls and the tops of free ones: ground floors, upper floors and cornices of houses."""
+def lay_faces(structures: Structures, exposure: Exposure) -> Painted:
+    """All walls and flat roofs.
+
+    A wall looks at the cell before it, a roof at that wall of its house which was mapped first.
+    """
     number, segments = wall_sides(structures)
-    length, along = lengths(segments), directions(segments)
-    bays = np.maximum(1.0, np.floor(length / BAY))
-    normals = np.column_stack([along[:, 1], -along[:, 0], np.zeros(len(along))])
-    starts = (
-        segments[:, :2] + np.where(structures.closed[number], 0.0, _APART)[:, None] * normals[:, :2]
-    )
-    way = segments[:, 2:] - segments[:, :2]
-    found = []
-    for chosen, *columns in _rows(structures, number, length, bays):
-        side = np.flatnonzero(chosen)
-        below, above, layer, first, storey, unit, bright = (
-            np.broadcast_to(column, number.shape)[side, None] for column in columns
-        )
-        share = np.tile([0.0, 1.0, 1.0, 0.0], (len(side), 1))
-        up = np.hstack([below, below, above, above])
-        level = starts[side, None] + share[..., None] * way[side, None]
-        # Along the wall, only windows differ from place to place.
-        bay = np.where(layer >= WINDOWED, first + share * bays[side, None], 0.0)
-        texture = np.stack([bay, storey + (up - below) / unit, layer + 0.0 * up], axis=2)
-        wall, shape = number[side], texture.shape
-        found.append(
-            Painted(
-                single(np.concatenate([level, up[..., None]], axis=2)),
-                single(np.broadcast_to(normals[side, None], shape)),
-                single(texture),
-                single(np.broadcast_to((bright * structures.colours[wall])[:, None], shape)),
-                structures.objects[wall],
-            )
-        )
-    corners, wall = _caps(structures)
-    if structures.indoor:
-        lids, nearest = _lids(structures)
-        corners, wall = np.concatenate([corners, lids]), np.append(wall, nearest)
-    colours = (0.55 if structures.indoor else 0.85) * structures.colours[wall]
-    heights, objects = structures.heights[wall], structures.objects[wall]
-    return joined(*found, level_panels(corners, heights, colours, objects))
-
-
-def _rows(
-    structures: Structures, walls: Int, length: Float, bays: Float
-) -> Iterator[tuple[Any, ...]]:
-    """What stands one above the other in the sides of walls (n,), and in which of them (n,).
-
-    From and up to which height [m]; layer of the texture, the bay and the storey where it begins,
-    and how high a storey of it is [m]; how much brighter than its wall it is.
-    """
-    heights, seeds = structures.heights[walls], spread(structures.objects[walls], 0.11)
-    facade = structures.closed[walls] & (heights >= _LOWEST_FACADE) & ~structures.smooth[walls]
-    facade &= not structures.indoor
-    top = heights - CORNICE
-    storey = top / np.maximum(1.0, np.floor(top / STOREY))
-    wide, style = length > NARROW, SLANTS * np.floor(len(STYLES) * np.modf(seeds * 7.31)[0])
-    # The door, in the first bay of the texture, goes to one bay of the face, if it has several.
-    door = np.where(bays > 1.5, -np.floor(seeds * 0.999 * bays), 1.0)
-    pattern = np.floor(seeds * 997.0) + 3.0 * np.arange(len(walls))
-    ground, upper = np.where(wide, GROUND + style, BLANK), np.where(wide, UPPER + style, BLANK)
-    yield facade, 0.0, PLINTH, ground, door, 0.0, storey, 0.82
-    yield facade, PLINTH, storey, ground, door, PLINTH / storey, storey, 1.0
-    tall = facade & (top > 1.5 * storey)
-    yield tall, storey, top, upper, pattern % BAYS, pattern % ROWS, storey, 1.0
-    yield facade, top, heights, BLANK, 0.0, 0.0, 1.0, 1.10
-    foot = SKIRTING if structures.indoor else 0.0
-    skirted = ~facade & (heights > 2.0 * foot) & structures.indoor
-    yield skirted, 0.0, foot, BLANK, 0.0, 0.0, 1.0, 0.62
-    yield ~facade, np.where(skirted, foot, 0.0), heights, BLANK, 0.0, 0.0, 1.0, 1.0
-
-
-def _caps(structures: Structures) -> tuple[Float, Int]:
-    """Corners (n, 4, 2) of the strips on top of free walls, and the walls (n,)."""
-    free, segments = _free_walls(structures)
     along = directions(segments)
-    # The strip goes half its width past the ends, so that corners are filled.
-    reach = 0.5 * CAP_WIDTH * along
-    side = 0.5 * CAP_WIDTH * np.column_stack([-along[:, 1], along[:, 0]])
-    start, end = segments[:, :2] - reach, segments[:, 2:] + reach
-    return np.stack([start - side, end - side, end + side, start + side], axis=1), free
+    off = np.column_stack([along[:, 1], -along[:, 0]])
+    apart = np.where(structures.closed[number], 0.0, _APART)[:, None]
+    level = segments.reshape(-1, 2, 2)[:, [0, 1, 1, 0]] + (apart * off)[:, None]
+    high = structures.heights[number, None] * [0.0, 0.0, 1.0, 1.0]
+    light = EVEN_LIGHT + SUN_LIGHT * (off @ SUN[:2])
+    light = light[:, None] * [FOOT_LIGHT, FOOT_LIGHT, 1.0, 1.0]
+    steps = exposure.cell * (_BEFORE_INDOOR if structures.indoor else _BEFORE)
+    before = np.insert(level + steps * off[:, None], 2, 1.0, axis=2)
+    walls = Painted(
+        single(np.dstack([level, high])),
+        single(light[..., None] * structures.colours[number, None]),
+        single(before),
+        structures.objects[number],
+    )
+    corners, owner = triangles(structures.solids)
+    level, count = corners[:, [0, 1, 2, 2]], len(corners)
+    high = np.broadcast_to(structures.solid_heights[owner, None], (count, 4))
+    light = EVEN_LIGHT + SUN_LIGHT * SUN[2]
+    objects = structures.solid_objects[owner]
+    roofs = Painted(
+        single(np.dstack([level, high])),
+        single(np.repeat(light * structures.solid_colours[owner, None], 4, axis=1)),
+        np.zeros((count, 4, 3), np.float32),
+        objects,
+    )
+    if count:
+        middles = before[..., :2].mean(axis=1)
+        order = np.lexsort((sampled(exposure, middles)[:, 2], walls.objects))
+        among, first = np.unique(walls.objects[order], return_index=True)
+        best = order[first][np.searchsorted(among, objects)]
+        roofs.before[..., :2] = middles[best, None]
+    columns: zip[Any] = zip(walls, roofs, strict=True)
+    return Painted(*map(np.concatenate, columns))
 
 
-def _lids(structures: Structures) -> tuple[Float, Int]:
-    """Triangles (n, 4, 2) over what free walls close round and is too narrow to be a room.
-
-    Returns also the wall (n,) next to each.
-    """
-    lines = shapely.union_all(structures.tree.geometries[~structures.closed])
-    strips = shapely.buffer(lines, 0.5 * CAP_WIDTH, cap_style="square", join_style="mitre")
-    filled = shapely.polygons(shapely.get_exterior_ring(shapely.get_parts(strips)))
-    holes = shapely.get_parts(shapely.difference(filled, strips))
-    corners, _ = triangles(holes[shapely.is_empty(shapely.buffer(holes, -0.5 * _NARROWEST))])
-    middles = shapely.points(corners.mean(axis=1))
-    wall = structures.tree.query_nearest(middles, all_matches=False)[1]
-    return corners[:, [0, 1, 2, 2]], wall
+def triangles(polygons: Any) -> tuple[Float, Int]:
+    """Cut polygons (p,) into counter-clockwise triangles (t, 3, 2), and which each (t,) is of."""
+    if not len(polygons):
+        return np.zeros((0, 3, 2)), np.zeros(0, np.int64)
+    found, piece = shapely.get_parts(
+        shapely.constrained_delaunay_triangles(polygons), return_index=True
+    )
+    there = shapely.area(found) > _LEAST
+    turned = shapely.orient_polygons(found[there])
+    return shapely.get_coordinates(turned).reshape(-1, 4, 2)[:, :3], piece[there]

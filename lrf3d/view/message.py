@@ -16,16 +16,14 @@ from numpy.typing import NDArray
 
 from lrf3d.render.glsl import night, shader_source
 from lrf3d.render.packing import columns_of, land_of, mesh, rectangle, walls_of
-from lrf3d.scene.facades import BLANK, layers
 from lrf3d.scene.look import PLAN_BACK
 from lrf3d.scene.shapes import Faces, Mark
 from lrf3d.scene.stage import Stage
 
 _PROGRAMS = (
-    *(f"walls{plain}{variant}" for plain in ("", ":PLAIN")
-      for variant in ("", ":LIT", ":DIM", ":PEEP", ":PEEP:VEIL", ":MIRRORED")),
-    "faces", "faces:MIRRORED", "ground", "ground:EXPLORED", "ground:MIRRORED", "sky", "soft",
-    "lines", "lines:DASHED", "points", "points:GLOW_ROUND",
+    "walls", "walls:SOLID", "walls:VEIL", "walls:MIRRORED", "faces", "faces:MIRRORED", "ground",
+    "ground:EXPLORED", "ground:MIRRORED", "sky", "soft", "lines", "lines:DASHED", "points",
+    "points:GLOW_ROUND",
 )  # fmt: skip
 """The shaders that the page draws with, which it compiles when they are first used."""
 
@@ -83,17 +81,14 @@ def stage_message(stage: Stage, *, times: bool = True) -> bytes:
     The picture of times can be left out.
     """
     faces, ground, indoor = stage.faces, stage.ground, stage.structures.indoor
-    plain = faces.texture[:, 0, 2] == BLANK
     corners = rectangle(ground.corner, ground.corner + ground.size)
-    texels, (style, land) = layers(indoor)[0], part_of(land_of(stage))
+    style, land = part_of(land_of(stage))
     seen = stage.exposure.times
     parts = {
-        "plain": _part("walls", *(_triangles(each[plain]) for each in walls_of(faces))),
-        "walls": _part("walls", *(_triangles(each[~plain]) for each in walls_of(faces))),
+        "walls": _part("walls", *(_triangles(each) for each in walls_of(faces))),
         "ground": _part("ground", corners),
         "sky": _part("sky", mesh(10, 10)),
         "land": ({**style, "pose": np.eye(4).ravel().tolist()}, land),
-        "facades": ({"size": texels.shape[2::-1]}, {"0": texels}),
     }
     if times:
         parts["times"] = times_part(seen, 0, 0)

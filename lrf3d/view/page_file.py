@@ -14,11 +14,7 @@ from PIL import Image
 
 from lrf3d.interrupts import check
 from lrf3d.run import Run
-from lrf3d.scene import drawn_map
-from lrf3d.scene.camera import Look
 from lrf3d.scene.look import LEAST_SCALE
-from lrf3d.scene.shapes import Faces, single
-from lrf3d.scene.timeline import Moment
 from lrf3d.view.message import Part, Sender, stage_message, times_part
 from lrf3d.view.server import PAGE, page_text
 from lrf3d.view.shown import Shown, Wanted
@@ -37,15 +33,13 @@ _SHARES = np.array([1024.0, 256.0, 2048.0, 256.0], np.float32)
 _FAR = 500.0
 """From this size on [m] numbers take four bytes: two are within a centimetre up to there."""
 
-_HIGHEST = 400.0
-"""Height of the walls of segments that lie on none [m]: no band is as high."""
-
 
 def page_file(run: Run, *, every: int = 1) -> bytes:
     """A run as HTML that opens from a disk and loads nothing; every n-th moment is kept."""
-    shown = _Recorded(run)
+    record = _Record()
+    shown = Shown.played(run, run.playback, record)
     setup, stage = shown.setup(), shown.scene.stage
-    (begin, end), record = setup["story"], shown.record
+    begin, end = setup["story"]
     step = max(setup["speed"] / RATE, (end - begin) / MOST) * every
     # The end of the run is one of the times.
     step = setup["end"] / np.ceil(setup["end"] / step) if setup["end"] else step
@@ -67,7 +61,6 @@ def page_file(run: Run, *, every: int = 1) -> bytes:
         "arrays": record.places(),
         "sizes": _SIZES,
         "leastScale": LEAST_SCALE,
-        "band": drawn_map.band_shape(),
     }
     ground = io.BytesIO()
     Image.fromarray(stage.ground.picture).save(ground, "WEBP", quality=85)
@@ -94,21 +87,6 @@ def page_file(run: Run, *, every: int = 1) -> bytes:
     for old, new in parts.items():
         page = page.replace(old, new)
     return page.encode()
-
-
-class _Recorded(Shown):
-    """A run whose answers are recorded."""
-
-    def __init__(self, run: Run) -> None:
-        made = Shown.played(run, run.playback)
-        super().__init__(made.scene, made.cameras)
-        self._sender = self.record = _Record()
-
-    def _coarse(self, bands: Faces, moment: Moment, view: Look) -> Faces:
-        # The page makes the bands itself, for its own eye: from segments, tops and colours.
-        drawn = self.scene.drawn_map(moment)
-        tops = np.minimum(drawn.tops, _HIGHEST)[:, None]
-        return Faces(single(drawn.segments), single(tops), single(drawn.colours))
 
 
 class _Record(Sender):

@@ -48,10 +48,6 @@ _LOWEST, _STEEPEST = math.radians(4.0), math.radians(88.0)
 _PLAN_WIDTH = 0.3
 """Width of the plan in the corner, as a share of the shorter side of the picture."""
 
-_COARSE = 0.5
-"""Bands of the map are made again when the eye has moved by this share of its height, or by four
-metres: few are sent."""
-
 _TURN_STEP = 0.05
 """Half the time [s] over which the turn is measured."""
 
@@ -95,7 +91,11 @@ class Shown:
     """A scene as one page sees it, of a run that is played or of a drive by hand."""
 
     def __init__(
-        self, scene: Scene, cameras: Mapping[str, Camera], drive: HandDrive | None = None
+        self,
+        scene: Scene,
+        cameras: Mapping[str, Camera],
+        drive: HandDrive | None = None,
+        sender: Sender | None = None,
     ) -> None:
         self.scene, self.drive = scene, drive
         timeline, structures = scene.timeline, scene.structures
@@ -105,17 +105,16 @@ class Shown:
             "top": top(timeline, structures),
             "first": First(timeline, structures),
         }
-        self._sender = Sender()
+        self._sender = sender or Sender()
         self._last: Wanted | None = None
         self._window = scene.plan_window()
-        self._bands: tuple[object, Faces] | None = None
 
     @classmethod
-    def played(cls, run: Run, playback: float) -> "Shown":
+    def played(cls, run: Run, playback: float, sender: Sender | None = None) -> "Shown":
         """A run that is played."""
         scene = Scene(Timeline(run, playback=playback))
         place = scene.timeline, scene.structures
-        return cls(scene, {"story": Story(*place), "follow": chase(*place)})
+        return cls(scene, {"story": Story(*place), "follow": chase(*place)}, sender=sender)
 
     @classmethod
     def driven(cls, drive: HandDrive, stage: Stage | None = None) -> "Shown":
@@ -173,8 +172,7 @@ class Shown:
         seen = scene.seen(moment, view, size)
         parts, plan = dict[str, Part](), None
         for name, body in seen.bodies:
-            faces = self._coarse(body.faces, moment, view) if name == "map" else body.faces
-            style, columns = part_of(faces)
+            style, columns = part_of(body.faces)
             parts[name] = {**style, "pose": _numbers(body.pose)}, columns
         marks = seen.marks
         if view.plan:
@@ -223,15 +221,6 @@ class Shown:
         if (wanted.around, wanted.over, wanted.zoom) != (0.0, 0.0, 1.0):
             view = _turned(view, wanted)
         return view
-
-    def _coarse(self, bands: Faces, moment: Moment, view: Look) -> Faces:
-        """The bands of the map, as an eye sees them that moves in steps."""
-        step = max(4.0, _COARSE * float(view.eye[2]))
-        stage = self.scene.run.snapshot_after(moment.mapped)
-        key = stage, np.round(view.eye / step).tobytes(), view.field
-        if self._bands is None or self._bands[0] != key:
-            self._bands = key, bands
-        return self._bands[1]
 
     def _words(self, moment: Moment) -> dict[str, str]:
         """Where the robot is, how it moves, what its laser sees, and the map."""

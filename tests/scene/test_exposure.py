@@ -9,7 +9,6 @@ from test_render import SIZE, city_run, drawn, needs_gl, room_run, run_of
 
 from lrf3d.mapping import LineMap
 from lrf3d.scene.exposure import LiveExposure, expose, sampled, unexposed
-from lrf3d.scene.stage import paint_stage
 from lrf3d.scene.structures import Structures
 from lrf3d.world import World
 
@@ -50,18 +49,6 @@ def test_light_goes_as_far_as_was_measured_and_lies_where_the_estimate_put_it():
     exposure, structures = exposed(run)
     where = np.array([[2.0, 0.0], [2.0, 30.0]]) - structures.origin
     assert sampled(exposure, where)[:, 1] == pytest.approx([0.0, 1.0], abs=0.02)
-
-
-def test_a_wall_looks_at_the_side_before_it_and_a_roof_takes_no_light():
-    run = city_run()
-    stage = paint_stage(Structures.from_run(run), run=run)
-    faces, upright = stage.faces, np.abs(stage.faces.normals[:, 0, 2]) < 0.1
-    step = faces.before[..., :2] - faces.places[..., :2]
-    along = (step * faces.normals[..., :2]).sum(axis=2)
-    assert (along[upright] > 0.9 * stage.exposure.cell).all()
-    assert (faces.before[..., 2] == np.where(upright, 1.0, 0.0)[:, None]).all()
-    # All of a house's roof has one colour: that of one of its walls.
-    assert (np.ptp(faces.before[~upright], axis=1) == 0.0).all()
 
 
 def test_scans_that_come_one_by_one_light_what_they_do_in_a_record():

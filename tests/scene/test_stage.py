@@ -21,9 +21,3 @@ def test_the_stage_of_a_run_is_painted_once(monkeypatch):
     assert stage_of(run) is stage_of(run) and len(painted) == 1
     assert_same(stage_of(run), stage_of(other))
     assert len(painted) == 2
-
-
-def test_progress_goes_up_to_all_of_it():
-    steps = []
-    stage_of(city_run.__wrapped__(), lambda done, total: steps.append(done / total))
-    assert steps == sorted(steps) and steps[-1] == 1.0 and 0.0 < steps[0] < 1.0

@@ -1,13 +1,13 @@
 // Lines of even width with soft edges, of two triangles each; DASHED ones have gaps.
-uniform float width;    // [pixels]
 #ifdef VERTEX
+uniform vec2 width;     // [pixels], and at least [pixels at 1 m]
 layout(location = 0) in vec3 start;
 layout(location = 1) in vec3 end;
 layout(location = 2) in vec3 tint;
 layout(location = 3) in vec2 opacities; // at both ends
 out vec4 paint;
 out float along;                // distance from the start [m]
-out vec2 off;                   // from the middle of the line [pixels] times the depth, and the depth
+out vec3 off;                   // from the middle of the line, and half its width [pixels], times the depth; that
 const float NEAR = 0.25;        // no less than that of the camera [m]
 void main() {
     // The corners of a line: two at its start and two at its end, to the left and right.
@@ -23,11 +23,11 @@ void main() {
     if (b.w < NEAR && a.w > NEAR) b = mix(b, a, (NEAR - b.w) / (a.w - b.w));
     vec2 way = (b.xy / b.w - a.xy / a.w) * viewport;
     vec2 across = normalize(vec2(-way.y, way.x) + vec2(1e-9, 0.0)) * turn;
-    float half_width = 0.5 * width + 0.75;
+    float half_width = 0.5 * max(width.x, width.y / a.w) + 0.75;
     a.xy += across * half_width * 2.0 / viewport * a.w;
     // Seen from the end, left and right have changed places.
     // Divided by the depth it is straight in the picture, and not in space.
-    off = vec2(turn * half_width * (ends ? -1.0 : 1.0), 1.0) * a.w;
+    off = vec3(turn * half_width * (ends ? -1.0 : 1.0), half_width, 1.0) * a.w;
     along = ends ? length(there - here) : 0.0;
     paint = vec4(tint, ends ? opacities.y : opacities.x);
     gl_Position = a;
@@ -35,13 +35,13 @@ void main() {
 #else
 in vec4 paint;
 in float along;
-in vec2 off;
+in vec3 off;
 out vec4 colour;
 void main() {
 #ifdef DASHED
     if (fract(along / DASH) > 0.6) discard;
 #endif
-    float cover = clamp(0.5 * width + 0.5 - abs(off.x / off.y), 0.0, 1.0);
+    float cover = clamp((off.y - abs(off.x)) / off.z - 0.25, 0.0, 1.0);
     colour = vec4(paint.rgb, paint.a * cover);
 }
 #endif

@@ -27,27 +27,6 @@ function decoded(bytes, [start, rows, columns, size, exponent]) {
   return numbers;
 }
 
-// Bands on the walls of segments (n, 4), as lrf3d.scene.drawn_map makes them.
-function bands(segments, tops, colours, eye, least, { places, low, high, width, widest, lowest }) {
-  const count = tops.length, length = places.length, half = (high - low) / 2;
-  const corners = new Float32Array(3 * count * length), tints = new Uint8Array(4 * count * length);
-  for (let i = 0; i < count; i++) {
-    const [x1, y1, x2, y2] = segments.subarray(4 * i, 4 * i + 4);
-    const x = (x1 + x2) / 2, y = (y1 + y2) / 2, middle = Math.min(tops[i], high) - half;
-    const size = Math.max(1, (least * Math.hypot(x - eye[0], y - eye[1], middle - eye[2])) / half);
-    const foot = Math.max(middle - half * size, lowest), top = Math.min(middle + half * size, tops[i]);
-    const side = (width * Math.min(size, widest)) / Math.max(Math.hypot(x2 - x1, y2 - y1), 1e-9);
-    places.forEach(([along, across, up], k) => {
-      const at = i * length + k;
-      corners[3 * at] = x + along * (x2 - x1) - across * side * (y2 - y1);
-      corners[3 * at + 1] = y + along * (y2 - y1) + across * side * (x2 - x1);
-      corners[3 * at + 2] = (foot + top) / 2 + up * (top - foot);
-      tints.set(colours.subarray(4 * i, 4 * i + 4), 4 * at);
-    });
-  }
-  return [corners, new Float32Array(corners.length), tints];
-}
-
 // Numbers between two, and lists of them.
 function between(one, other, share) {
   return Array.isArray(one) ? one.map((each, i) => between(each, other[i], share)) : one + share * (other - one);
@@ -88,28 +67,21 @@ export async function source(take) {
   const [text, block, data, picture] = await Promise.all(
     ["recording", "arrays", "world", "ground"].map((id) => bytesOf(id, id !== "ground")),
   );
-  const { step, views, arrays, times, sizes, leastScale, band } = JSON.parse(new TextDecoder().decode(text));
+  const { step, views, arrays, times, sizes, leastScale } = JSON.parse(new TextDecoder().decode(text));
   const bytes = new Uint8Array(block);
   const sent = {}; // The number of the array that each column of a mark has.
 
   // The new columns of a mark, which are put after other arrays.
-  function columnsOf(name, numbers, lists, camera) {
-    const step = Math.max(4, 0.5 * camera.eye[2]);
-    const place = name === "map" ? [...camera.eye.map((each) => Math.round(each / step)), camera.focus].join() : "";
-    const key = `${numbers}|${place}`;
-    if (sent[name] === key) return [];
-    const before = sent[name]?.split("|")[0].split(",") ?? [];
-    sent[name] = key;
-    let made = numbers.map((number, i) => (place || before[i] !== `${number}` ? decoded(bytes, arrays[number]) : null));
-    if (place) made = bands(...made, camera.eye, (1.5 * camera.scale) / camera.focus, band);
-    return made.flatMap((array, i) => {
-      if (!array) return [];
-      const { size } = lists;
-      const colours = array instanceof Uint8Array;
-      const wide = colours ? 4 : place ? 3 : arrays[numbers[i]][2];
+  function columnsOf(name, numbers, lists) {
+    const before = sent[name] ?? [];
+    sent[name] = numbers;
+    return numbers.flatMap((number, i) => {
+      if (before[i] === number) return [];
+      const array = decoded(bytes, arrays[number]);
+      const size = array instanceof Uint8Array ? 0 : arrays[number][2];
       lists.push(new Uint8Array(array.buffer));
-      lists.size = size + array.byteLength;
-      return [[i, size, colours ? 0 : wide, 0, array.length / wide]];
+      lists.size += array.byteLength;
+      return [[i, lists.size - array.byteLength, size, 0, array.length / (size || 4)]];
     });
   }
 
@@ -135,7 +107,7 @@ export async function source(take) {
     const marks = {};
     for (const [name, { columns, ...style }] of Object.entries(moment.marks)) {
       const pose = style.pose && next.marks[name] ? { pose: between(style.pose, next.marks[name].pose, share) } : {};
-      marks[name] = { ...style, ...pose, columns: columnsOf(name, columns, lists, own) };
+      marks[name] = { ...style, ...pose, columns: columnsOf(name, columns, lists) };
     }
     if (!sent.times) {
       const light = decoded(bytes, arrays[times[1]]);

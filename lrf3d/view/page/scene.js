@@ -4,7 +4,6 @@ const HEAD = `#version 300 es
 precision highp float;
 precision highp int;
 precision highp sampler2D;
-precision highp sampler2DArray;
 `;
 
 // The header and the arrays of a message.
@@ -36,21 +35,16 @@ export class Scene {
   }
 
   // What stands in the world, and the picture of its ground.
-  load({ programs, area, grid, cells, back, marks: { facades, ...marks } }, block, picture) {
+  load({ programs, area, grid, cells, back, marks }, block, picture) {
     const { gl } = this;
     Object.assign(this, { sources: programs, back, cells, area, grid });
-    const [wide, high, count] = facades.size;
-    const texels = block.subarray(facades.columns[0][1]);
-    this.facades = this.texture(gl.TEXTURE_2D_ARRAY, gl.REPEAT);
-    gl.texImage3D(gl.TEXTURE_2D_ARRAY, 0, gl.RGBA8, wide, high, count, 0, gl.RGBA, gl.UNSIGNED_BYTE, texels);
-    gl.generateMipmap(gl.TEXTURE_2D_ARRAY);
-    this.pavement = this.texture(gl.TEXTURE_2D, gl.CLAMP_TO_EDGE);
+    this.pavement = this.texture();
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB8, gl.RGB, gl.UNSIGNED_BYTE, picture);
     gl.generateMipmap(gl.TEXTURE_2D);
     // When each cell of the ground was first seen, and the map in the same cells, on units of their own.
     [this.times, this.tintMap] = [gl.RGBA16F, gl.RGBA8].map((kind, i) => {
       gl.activeTexture(gl.TEXTURE2 + i);
-      const made = this.texture(gl.TEXTURE_2D, gl.CLAMP_TO_EDGE, gl.LINEAR);
+      const made = this.texture(gl.LINEAR);
       gl.texStorage2D(gl.TEXTURE_2D, 1, kind, ...cells);
       return made;
     });
@@ -62,12 +56,12 @@ export class Scene {
     this.take({ marks }, block);
   }
 
-  texture(kind, wrap, filter = this.gl.LINEAR_MIPMAP_NEAREST) {
+  texture(filter = this.gl.LINEAR_MIPMAP_NEAREST) {
     const { gl } = this;
     const made = gl.createTexture();
-    gl.bindTexture(kind, made);
-    gl.texParameteri(kind, gl.TEXTURE_MIN_FILTER, filter);
-    for (const axis of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(kind, axis, wrap);
+    gl.bindTexture(gl.TEXTURE_2D, made);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, filter);
+    for (const axis of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, axis, gl.CLAMP_TO_EDGE);
     return made;
   }
 
@@ -183,11 +177,11 @@ export class Scene {
     this.paintBodies("faces");
     this.paint("faces", marks.land, marks.land);
     // What is lit is seen from both sides at the end, what is not becomes glass; else what hides the robot is open.
-    const [solid, veil] = camera.glass ? [":LIT", ":DIM"] : camera.robot ? [":PEEP", ":PEEP:VEIL"] : ["", null];
-    this.paintWalls(solid, camera);
+    const opened = camera.glass || camera.robot;
+    this.paintWalls(opened ? ":SOLID" : "", camera);
     this.paintGround("ground");
     this.paint("sky", marks.sky, { ray_from_corner: camera.ray });
-    if (veil) this.paintWalls(veil, camera, true);
+    if (opened) this.paintWalls(":VEIL", camera);
     for (const mark of this.shown(false)) if (mark.kind !== "faces") this.paintMark(mark);
     if (plan) this.paintPlan();
     this.stale = false;
@@ -209,7 +203,7 @@ export class Scene {
     gl.clear(gl.COLOR_BUFFER_BIT);
     this.see(tints, [0, 0, ...this.cells]);
     gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
-    this.paint("lines", marks.tints, { width: marks.tints.width }, { blend: true });
+    this.paint("lines", marks.tints, { width: [marks.tints.width, 0] }, { blend: true });
     gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
     gl.enable(gl.DEPTH_TEST);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
@@ -244,12 +238,11 @@ export class Scene {
     this.paint(program, marks.ground, { ...laser, ...uniforms }, how);
   }
 
-  paintWalls(variant, uniforms, blend = false) {
-    const { gl, laser, marks } = this;
-    const how = { cull: variant !== ":LIT", blend };
-    gl.bindTexture(gl.TEXTURE_2D_ARRAY, this.facades);
-    this.paint(`walls:PLAIN${variant}`, marks.plain, { ...uniforms, ...laser }, how);
-    this.paint(`walls${variant}`, marks.walls, { ...uniforms, ...laser }, how);
+  paintWalls(variant, uniforms) {
+    const blend = variant === ":VEIL";
+    // What is lit is seen from both sides at the end.
+    const how = { cull: blend || !uniforms.glass, blend };
+    this.paint(`walls${variant}`, this.marks.walls, { ...uniforms, ...this.laser }, how);
   }
 
   paintMark(mark) {
@@ -259,7 +252,7 @@ export class Scene {
       this.paint(mark.glows ? "points:GLOW_ROUND" : "points", mark, { sizes }, { mode: gl.POINTS, blend: true });
     } else if (mark.kind === "lines") {
       gl.depthFunc(mark.hidden ? gl.GREATER : gl.LEQUAL);
-      this.paint(mark.hidden ? "lines:DASHED" : "lines", mark, { width: mark.width * scale }, { blend: true });
+      this.paint(mark.hidden ? "lines:DASHED" : "lines", mark, { width: [mark.width * scale, mark.thick * this.focus] }, { blend: true });
       gl.depthFunc(gl.LEQUAL);
     } else if (mark.kind === "soft") {
       this.paint("soft", mark, {}, { blend: true });
