@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lrf3d.casting.crowd import Crowd, moves_of, records
-from lrf3d.casting.dynamic_obstacle import DynamicObstacle
-from lrf3d.casting.kernels.touch import TIP, touched
+from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
+from lrf3d.casting.kernels.beams import Records
+from lrf3d.casting.kernels.touch import TIP, touched, touched_among
 from lrf3d.casting.kernels.tree import Plain, build_tree
 from lrf3d.errors import CollisionError, InputError, each_of, expect
 from lrf3d.geometry import Float, Int, Value, as_rows, number
@@ -19,6 +20,9 @@ from lrf3d.robot.odometry import twist_of
 from lrf3d.robot.trajectory import Trajectory
 from lrf3d.robot.unicycle import RADIUS, Twist, hold
 from lrf3d.world import World
+
+ROBOT_HEIGHT = 1.0
+"""Height of robots [m] as others see them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +57,11 @@ class Body(Value):
         self._hold("outline")
 
     @property
+    def shape(self) -> Float:
+        """The outline (n, 2) [m] as others see it."""
+        return round_outline(self.radius) if self.outline is None else np.asarray(self.outline)
+
+    @property
     def reach(self) -> float:
         """Largest distance of a point of the body from its origin [m]."""
         return self.plain[2]  # type: ignore[no-any-return]
@@ -73,11 +82,17 @@ class Body(Value):
         return records(TIP, *tips.T, *inner.T, notch.astype(np.float64)), 0.0, reach
 
 
-def body_of(radius: float | None, outline: ArrayLike | None) -> Body | None:
-    """The body of a radius [m] or an outline (n, 2) [m]; None where neither is given."""
-    if outline is not None:
-        return Body(outline=outline)
-    return None if radius is None else Body(radius)
+def robots_among(
+    body: Body,
+    paths: Sequence[Trajectory],
+    obstacles: Sequence[DynamicObstacle],
+    height: float = ROBOT_HEIGHT,
+) -> tuple[list[DynamicObstacle], Crowd]:
+    """Robots of one body on paths, and the crowd of these and of other obstacles."""
+    robots = [DynamicObstacle(body.shape, path, height, is_robot=True) for path in paths]
+    # Round ones are seen as polygons, and touch as discs.
+    disc = body.radius if body.outline is None else 0.0
+    return robots, Crowd([*robots, *obstacles], [disc] * len(robots) + [0.0] * len(obstacles))
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,35 +139,44 @@ class CollisionChecker:
         other._crowd = self._crowd.without(own)
         return other
 
-    def touch(self, body: Body, poses: Float, twists: Float, seconds: Float) -> tuple[Float, Int]:
-        """When bodies that hold twists (k, 3) from poses (k, 3) on touch walls: seconds and walls.
+    def touch(
+        self, body: Body, moves: Records, seconds: Float, own: Int | None = None
+    ) -> tuple[Float, Int, Int]:
+        """When bodies that hold moves (k,) first touch something: seconds, walls and obstacles.
 
-        They are +inf and −1 (k,) where nothing is touched within so many seconds (k,).
+        They are +inf, −1 and −1 (k,) where nothing is touched within so many seconds (k,). Own (k,)
+        are the obstacles that are the bodies themselves.
         """
-        times, walls = np.empty(len(poses)), np.empty(len(poses), np.int64)
-        touched(self._tree[:], body.plain, poses, twists, seconds, times, walls)
-        return times, walls
+        times, walls = np.empty(len(moves)), np.empty(len(moves), np.int64)
+        touched(self._tree[:], body.plain, moves, seconds, times, walls)
+        if not len(self._crowd):
+            return times, walls, np.full(len(moves), -1)
+        own = np.full(len(moves), self._crowd.own) if own is None else own
+        at, met = np.empty(len(moves)), np.empty(len(moves), np.int64)
+        most = np.minimum(seconds, times)
+        touched_among(self._crowd.plain, body.plain, moves, most, own, at, met)
+        return np.minimum(times, at), np.where(met < 0, walls, -1), met
 
     def hit(self, starts: Float, ends: Float, radius: float) -> Int:
         """The walls (k,) that discs touch on straight ways from starts to ends (k, 2), or −1."""
-        still = np.zeros((len(starts), 1))
-        ways = np.hstack([ends - starts, still])
-        return self.touch(Body(radius), np.hstack([starts, still]), ways, np.ones(len(starts)))[1]
+        poses, ways = (np.column_stack([xy, np.zeros(len(xy))]) for xy in (starts, ends - starts))
+        return self.touch(Body(radius), moves_of(0.0, poses, ways), np.ones(len(poses)))[1]
 
     def held(
         self, body: Body, pose: Pose, twist: Twist, begin: float, seconds: float
     ) -> Collision | None:
         """The first collision while a twist is held from a pose and a time [s] on, or None."""
-        rows = np.array([pose]), np.array([twist]), np.array([seconds])
-        time, wall = (found[0] for found in self.touch(body, *rows))
-        if len(self._crowd):
-            most = np.array([min(seconds, float(time))])
-            at, met = self._crowd.touch(body.plain, moves_of(begin, *rows[:2]), most)
-            if met[0] >= 0:
-                return self._collision(pose, twist, begin, float(at[0]), obstacle=int(met[0]))
-        return (
-            None if wall < 0 else self._collision(pose, twist, begin, float(time), wall=int(wall))
-        )
+        move = moves_of(begin, np.array([pose]), np.array([twist]))
+        (after,), (wall,), (obstacle,) = self.touch(body, move, np.array([seconds]))
+        if after == np.inf:
+            return None
+        x, y, _ = hold(pose, twist, float(after))
+        if obstacle >= 0:
+            name = self._names[obstacle] if self._names else f"dynamic obstacle {obstacle}"
+        else:
+            names, owner = self.world.object_names, int(self.world.objects[wall])
+            name = f"wall {wall}" + (f" of {names[owner]}" if owner < len(names) else "")
+        return Collision(begin + float(after), x, y, int(wall), name, int(obstacle))
 
     def first(self, trajectory: Trajectory, body: Body) -> Collision | None:
         """The first collision of a body on a trajectory, or None.
@@ -170,14 +194,12 @@ class CollisionChecker:
         else:
             twists = twist_of(between(poses, after)) / seconds[:, None]
         seconds[-1] = 0.0
-        walls = self.touch(body, poses, twists, seconds)[1]
-        steps = range(len(poses)) if len(self._crowd) else np.flatnonzero(walls >= 0)[:1]
-        for step in steps:
-            pose, twist = Pose(*poses[step].tolist()), tuple(twists[step].tolist())
-            hit = self.held(body, pose, twist, float(times[step]), float(seconds[step]))
-            if hit is not None:
-                return hit
-        return None
+        found = self.touch(body, moves_of(times, poses, twists), seconds)[0]
+        if (found == np.inf).all():
+            return None
+        step = int(np.argmax(found < np.inf))
+        pose, twist = Pose(*poses[step].tolist()), tuple(twists[step].tolist())
+        return self.held(body, pose, twist, float(times[step]), float(seconds[step]))
 
     def checked(self, trajectory: Trajectory, body: Body, stops: bool) -> Trajectory:
         """A trajectory without a collision; one that ends where the body touches, if it stops.
@@ -193,18 +215,6 @@ class CollisionChecker:
         poses = trajectory.poses.copy()
         poses[trajectory.times > collision.time, :2] = collision.x, collision.y
         return Trajectory(trajectory.times, poses)
-
-    def _collision(
-        self, pose: Pose, twist: Twist, begin: float, after: float, **what: int
-    ) -> Collision:
-        x, y, _ = hold(pose, twist, after)
-        wall, obstacle = what.get("wall", -1), what.get("obstacle", -1)
-        if obstacle >= 0:
-            name = self._names[obstacle] if self._names else f"dynamic obstacle {obstacle}"
-        else:
-            names, owner = self.world.object_names, int(self.world.objects[wall])
-            name = f"wall {wall}" + (f" of {names[owner]}" if owner < len(names) else "")
-        return Collision(begin + after, x, y, wall, name, obstacle)
 
 
 def find_collision(

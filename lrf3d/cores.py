@@ -1,16 +1,17 @@
-"""The number of available cores, and pools of processes."""
+"""The number of available cores, and pools of threads and of processes."""
 
 import os
 import signal
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from typing import TYPE_CHECKING, TypeVar
 
 from lrf3d.errors import OutputError
 from lrf3d.interrupts import check
 
 if TYPE_CHECKING:
-    from concurrent.futures import Future, ProcessPoolExecutor
+    from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 
 Result = TypeVar("Result")
 
@@ -88,3 +89,32 @@ def _watch() -> None:
         os._exit(1)
 
     Thread(target=end, args=(caller.sentinel,), daemon=True).start()
+
+
+def share(work: Callable[[int, int], None], count: int) -> None:
+    """Call work(start, stop) for pieces of range(count), in one thread for each core."""
+    cores = core_count()
+    # With fewer pieces for each core the slowest one decides, with more Python's lock does.
+    size = max(8, -(-count // (8 * cores)))
+    if count <= size or cores < 2:
+        work(0, count)
+        return
+    # A piece of none builds what all threads need.
+    work(0, 0)
+    starts = range(0, count, size)
+    stops = (min(start + size, count) for start in starts)
+    for _ in _pool(cores).map(work, starts, stops):
+        pass
+
+
+@cache
+def _pool(threads: int) -> "ThreadPoolExecutor":
+    """Threads that are kept: starting new ones for each batch would cost a sixth of its time."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    return ThreadPoolExecutor(threads, thread_name_prefix="lrf3d")
+
+
+if hasattr(os, "register_at_fork"):  # pragma: no branch - Windows has no fork
+    # The threads of its parent do not exist in a forked process.
+    os.register_at_fork(after_in_child=_pool.cache_clear)

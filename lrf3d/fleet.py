@@ -10,10 +10,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.casting.crowd import Crowd
-from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
+from lrf3d.casting.crowd import Crowd, moves_of
+from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.collecting import gather
-from lrf3d.collision import Body, Collision, CollisionChecker, find_collision
+from lrf3d.collision import (
+    ROBOT_HEIGHT,
+    Body,
+    Collision,
+    CollisionChecker,
+    find_collision,
+    robots_among,
+)
 from lrf3d.errors import CollisionError, InputError, check_names, each_of, expect, shown
 from lrf3d.geometry import Float, generator
 from lrf3d.interrupts import Progress, silent, stoppable
@@ -44,7 +51,7 @@ def simulate_fleet(
     starts: Sequence[Sequence[float]] | Float | None = None,
     radius: float = RADIUS,
     outline: ArrayLike | None = None,
-    height: float = 1.0,
+    height: float = ROBOT_HEIGHT,
     obstacles: Sequence[DynamicObstacle] = (),
     on_collision: str = "raise",
     mapper: Callable[[], Mapper] | None = None,
@@ -112,9 +119,7 @@ def simulate_fleet(
             )
         kept.append(drive if controlled else trajectory_of(drive))
         paths.append(Trajectory([0.0], [start or STILL]) if controlled else kept[-1])
-    bodies = [DynamicObstacle(shape_of(body), path, height, is_robot=True) for path in paths]
-    discs = [radius if body.outline is None else 0.0] * len(bodies) + [0.0] * len(obstacles)
-    crowd = Crowd([*bodies, *obstacles], discs)
+    bodies, crowd = robots_among(body, paths, obstacles, height)
     settings |= {"caster": caster_of(settings.get("caster", "embree"), world), "lrf": lrf}
     simulations = [
         Simulation(
@@ -171,7 +176,7 @@ def drives_along(path: Trajectory, places: Sequence[int], scans: int) -> list[Tr
 
 def before_touching(drives: Sequence[Trajectory], body: Body) -> tuple[list[Trajectory], str]:
     """Drives up to where two robots first touch each other, and a sentence that says so, if any."""
-    robots = [DynamicObstacle(shape_of(body), drive) for drive in drives]
+    robots, _ = robots_among(body, drives, ())
     nothing, time, text = World(np.empty((0, 4))), math.inf, ""
     for robot, drive in enumerate(drives):
         hit = find_collision(drive, nothing, body, robots[robot + 1 :])
@@ -181,11 +186,6 @@ def before_touching(drives: Sequence[Trajectory], body: Body) -> tuple[list[Traj
             text += f" ({hit.x:.2f}, {hit.y:.2f})"
     most = [max(1, int(np.searchsorted(drive.times, time))) for drive in drives]
     return [Trajectory(d.times[:k], d.poses[:k]) for d, k in zip(drives, most, strict=True)], text
-
-
-def shape_of(body: Body) -> Float:
-    """The outline (n, 2) of a robot [m] as others see it."""
-    return round_outline(body.radius) if body.outline is None else np.asarray(body.outline)
 
 
 def _drive_all(
@@ -261,4 +261,4 @@ class _Touches:
 
     def _hold(self, robot: int, time: float, pose: Pose, twist: Twist) -> None:
         self._held[robot] = time, pose, twist
-        self._crowd.hold(robot, time, pose, twist)
+        self._crowd.hold(moves_of(time, np.array([pose]), np.array([twist])), robot)

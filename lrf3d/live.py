@@ -9,11 +9,10 @@ from typing import cast
 
 import numpy as np
 
-from lrf3d.casting.crowd import Crowd
-from lrf3d.casting.dynamic_obstacle import DynamicObstacle
-from lrf3d.collision import Body, CollisionChecker
+from lrf3d.casting.crowd import Crowd, moves_of
+from lrf3d.collision import Body, CollisionChecker, robots_among
 from lrf3d.errors import InputError
-from lrf3d.fleet import places_along, shape_of
+from lrf3d.fleet import places_along
 from lrf3d.geometry import Float, generator
 from lrf3d.laser import LaserScan
 from lrf3d.pose import Pose, as_pose, between, compose
@@ -22,9 +21,6 @@ from lrf3d.robot.odometry import InertialUnit, WheelOdometry
 from lrf3d.robot.unicycle import Twist, hold
 from lrf3d.scenario import Scenario
 from lrf3d.sensor import Sensor, caster_of
-
-HEIGHT = 1.0
-"""Height of a robot [m], as others see it."""
 
 GAP = 1e-6
 """How long before a touch the robot stops [s], so that it can drive away again."""
@@ -120,7 +116,9 @@ class LiveRobot:
     def show(self, speed: float, turning: float) -> None:
         """Show the other robots of a fleet where this one is, and how it drives from now on."""
         if self._crowd.own >= 0:
-            self._crowd.hold(self._crowd.own, self.time, self.pose, (speed, 0.0, turning))
+            twists = np.array([(speed, 0.0, turning)])
+            held = moves_of(self.time, np.array([self.pose]), twists)
+            self._crowd.hold(held, self._crowd.own)
 
     def imu(self) -> Float:
         """What the IMU measured since the last call: rows (m, 4), see `InertialUnit`."""
@@ -147,13 +145,9 @@ def live_fleet(
     path = scenario.with_route().trajectory()
     body = Body(scenario.radius, scenario.outline)
     starts = [Pose(*pose) for pose in path.poses[places_along(path, count, body)].tolist()]
-    bodies = [
-        DynamicObstacle(shape_of(body), Trajectory([0.0], [start]), HEIGHT, is_robot=True)
-        for start in starts
-    ]
-    disc = body.reach if body.outline is None else 0.0
-    discs = [disc] * count + [0.0] * len(scenario.obstacles)
-    crowd = Crowd([*bodies, *scenario.obstacles], discs)
+    _, crowd = robots_among(
+        body, [Trajectory([0.0], [start]) for start in starts], scenario.obstacles
+    )
     return [
         LiveRobot(replace(scenario, start=start), rng=own, wheels=wheels, crowd=crowd.without(k))
         for k, (start, own) in enumerate(zip(starts, generator(rng).spawn(count), strict=True))

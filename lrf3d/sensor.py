@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from lrf3d.casting import EmbreeCaster, PlanarCaster
-from lrf3d.casting.crowd import Crowd, legs_of
+from lrf3d.casting.crowd import Crowd, moves_of
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.casting.kernels.beams import RAY
 from lrf3d.casting.kernels.movers import poses_along
@@ -21,10 +21,9 @@ from lrf3d.errors import InputError, expect, shown
 from lrf3d.geometry import Float
 from lrf3d.laser import Chain, LaserRangeFinder, LaserScan, Noise
 from lrf3d.laser.scan import LIGHT
-from lrf3d.pose import as_pose, between
+from lrf3d.pose import Pose, as_pose, between
 from lrf3d.robot import Trajectory
 from lrf3d.world import World
-from lrf3d.world.materials import BUILT_IN
 
 
 class Caster(Protocol):
@@ -72,12 +71,17 @@ class Sensor:
         self.caster, self._noisy, self._legs = caster_of(caster, world), Chain([noise]), None
         self._moving = None if isinstance(path, Trajectory) or not lrf.time_increment else path
         self._crowd = obstacles if isinstance(obstacles, Crowd) else Crowd(obstacles)
+        # What casts single rays; other casters know no light of obstacles.
+        self._rays = self.caster if isinstance(self.caster, PlanarCaster) else None
+        self._lit = len(world.materials) > 0 < len(self._crowd)
+        if self._rays is None and self._lit:
+            self._rays = PlanarCaster(world)
         if path is None:
             return
         interval, rounding = getattr(path, "interval", np.inf), 0.0
         if isinstance(path, Trajectory):
             if lrf.time_increment:
-                self._legs = legs_of(path.times, path.poses)
+                self._legs = moves_of(path.times, path.poses)
             interval = float(np.diff(path.times[:-1]).min(initial=np.inf))
             # Times are sums, so intervals of 0.2 s are not exactly 0.2 s.
             rounding = 4.0 * float(np.spacing(np.abs(path.times).max()))
@@ -114,57 +118,63 @@ class Sensor:
         """The true scan that begins at a time [s], where the robot is at a pose (3,).
 
         Along a path each beam is cast from the pose at its own time. For a robot at rest this is
-        the scan of the caster, bit for bit.
+        the scan of the caster, bit for bit. Obstacles have the index −1; in a world with materials
+        they are of dark cloth.
         """
-        lrf = self.lrf
-        if self._legs is None and self._moving is None:
-            return self._among(lrf, lrf.placed(pose), time)
-        begin = as_pose(lrf.placed(pose))
-        times = time + lrf.time_increment * np.arange(lrf.beams, dtype=np.float64)
-        if self._legs is not None:
-            poses = poses_along(self._legs, times, np.array(as_pose(pose)))
-        elif self._moving is not None:
-            poses = self._moving.at(times)
-        motion, poses = between(poses[0], poses[-1]), lrf.placed(poses)
-        if isinstance(self.caster, PlanarCaster) and not self.world.materials:
-            rays = np.empty(lrf.beams, RAY)
-            rays_from(laser_of(lrf), poses, times, rays[None])
-            ranges, walls = self.caster.trace(lrf, rays)
-            if len(self._crowd):
-                self._crowd.stop_rays(lrf, rays, ranges, walls)
-            return LaserScan.unchecked(lrf, begin, ranges, walls).at_time(time, motion)
-        # Beam i of the scan of moment i, as casters with only `cast` and light know no single rays.
-        scans = [self._among(lrf, *at) for at in zip(poses, times.tolist(), strict=True)]
+        lrf, moving = self.lrf, self._legs is not None or self._moving is not None
+        if not moving and not self._lit:
+            return self._among(lrf.placed(pose), time)
+        place, motion = as_pose(lrf.placed(pose)), None
+        poses, times = np.array([place]), np.array([time])
+        if moving:
+            times = time + lrf.time_increment * np.arange(lrf.beams, dtype=np.float64)
+            if self._legs is not None:
+                poses = poses_along(self._legs, times, np.array(as_pose(pose)))
+            elif self._moving is not None:
+                poses = self._moving.at(times)
+            motion, poses = between(poses[0], poses[-1]), lrf.placed(poses)
+        if self._rays is not None:
+            return self._one_by_one(self._rays, place, poses, times).at_time(time, motion)
+        # Beam i of the scan of moment i, as casters with only `cast` know no single rays.
+        scans = [self._among(*at) for at in zip(poses, times.tolist(), strict=True)]
         arrays: Any = [
             None if getattr(scans[0], name) is None
             else np.array([getattr(scan, name)[i] for i, scan in enumerate(scans)])
             for name in ("ranges", "walls", *LIGHT)
         ]  # fmt: skip
-        return LaserScan.unchecked(lrf, begin, *arrays).at_time(time, motion)
+        return LaserScan.unchecked(lrf, place, *arrays).at_time(time, motion)
 
-    def _among(self, lrf: LaserRangeFinder, pose: Any, time: float) -> LaserScan:
-        """The scan of one moment, in which each beam ends at the nearer of wall and obstacle.
+    def _one_by_one(
+        self, caster: PlanarCaster, place: Pose, poses: Float, times: Float
+    ) -> LaserScan:
+        """The scan of beams at times (beams,) [s], or at one, from as many poses."""
+        lrf, rays, lighting = self.lrf, np.empty(self.lrf.beams, RAY), caster.lighting
+        rays_from(laser_of(lrf), poses, times, rays[None])
+        # Mirrors may be nearer than range_min, and what they show beyond it.
+        near = lrf if lighting is None else replace(lrf, range_min=0.0)
+        ranges, walls = caster.trace(near, rays)
+        count = len(self.world.segments)
+        if len(self._crowd):
+            named = -1 if lighting is None else count
+            self._crowd.stop_rays(near, rays, ranges, walls, named=named)
+        if lighting is None:
+            return LaserScan.unchecked(lrf, place, ranges, walls)
+        lit = lighting.empty(lrf)
+        lit.ranges[:], lit.walls[:] = ranges, walls
+        crowd = self._crowd.plain, self._crowd.own
+        lighting.light(lrf, caster.tree(lrf.height), rays, lit, *crowd)
+        lit.walls[lit.walls >= count] = -1
+        echoes = (lit.echoes, lit.echo_intensities) if lrf.echoes > 1 else ()
+        return LaserScan.unchecked(lrf, place, *lit[:3], *echoes)
 
-        Obstacles have the index −1; in a world with materials they are of dark cloth.
-        """
-        world, scan = self.world, self.caster.cast(lrf, pose).at_time(time)
+    def _among(self, pose: Any, time: float) -> LaserScan:
+        """The scan of one moment, in which each beam ends at the nearer of wall and obstacle."""
+        scan = self.caster.cast(self.lrf, pose).at_time(time)
         if not len(self._crowd):
             return scan
-        if scan.intensities is None:
-            ranges, walls = scan.ranges.copy(), scan.walls.copy()
-            poses = np.array([scan.pose])
-            self._crowd.stop_scans(lrf, poses, time, ranges[None], walls[None])
-            return LaserScan.unchecked(lrf, scan.pose, ranges, walls).at_time(time)
-        sides, heights = self._crowd.sides(time)
-        among = World(
-            np.concatenate([world.segments, sides]),
-            np.concatenate([world.objects, np.full(len(sides), world.object_count)]),
-            np.concatenate([world.heights, heights]),
-            materials=[*world.materials, BUILT_IN["dark cloth"]],
-        )
-        scan = PlanarCaster(among).cast(lrf, pose)
-        walls = np.where(scan.walls < len(world.segments), scan.walls, -1)
-        return replace(scan, walls=walls).at_time(time)
+        ranges, walls = scan.ranges.copy(), scan.walls.copy()
+        self._crowd.stop_scans(self.lrf, np.array([pose]), time, ranges[None], walls[None])
+        return LaserScan.unchecked(self.lrf, scan.pose, ranges, walls).at_time(time)
 
 
 def caster_of(caster: Caster | str, world: World) -> Caster:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from lrf3d.casting.crowd import Crowd
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
-from lrf3d.collision import CollisionChecker, body_of
+from lrf3d.collision import Body, CollisionChecker
 from lrf3d.errors import InputError, check_names, each_of, expect, shown
 from lrf3d.geometry import Float, generator, sealed, whole_number
 from lrf3d.laser import LaserRangeFinder, LaserScan, ProportionalNoise
@@ -182,7 +182,8 @@ class Simulation:
             # not stored.
             self.obstacles = tuple(each if end is None else each.until(end) for each in crowd)
             crowd = Crowd(self.obstacles)
-        body, stops = body_of(radius, outline), on_collision == "stop"
+        solid, stops = radius is not None or outline is not None, on_collision == "stop"
+        body = Body(RADIUS if radius is None else radius, outline) if solid else None
         checker = CollisionChecker(world, crowd) if body else None
         if path is not None and body is not None and checker is not None:
             path = checker.checked(path, body, stops)

@@ -34,9 +34,9 @@ def test_a_caster_that_is_off_by_two_ulps_is_caught_and_leaves_an_example():
 def test_light_that_is_off_by_two_nanometres_is_caught(monkeypatch):
     right = Lighting.light
 
-    def off(self, lrf, tree, poses, lit, part):
-        right(self, lrf, tree, poses, lit, part)
-        lit.ranges[part] += 2e-9
+    def off(self, lrf, tree, rays, lit, *obstacles):
+        right(self, lrf, tree, rays, lit, *obstacles)
+        lit.ranges[:] += 2e-9
 
     monkeypatch.setattr(Lighting, "light", off)
     rng = np.random.default_rng(0)

@@ -1,10 +1,8 @@
 """PlanarCaster: exact ranges among the walls of a world, in the plane (section 2.3)."""
 
-import os
 from bisect import bisect_left
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from functools import cache
+from collections.abc import Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +11,7 @@ from numpy.typing import ArrayLike
 from lrf3d.casting.kernels.beams import RAY, Records, cast_rays
 from lrf3d.casting.kernels.scans import NOT_ASKED, cast_scans, laser_of, rays_from
 from lrf3d.casting.kernels.tree import Plain, Tree, build_tree
-from lrf3d.cores import core_count
+from lrf3d.cores import share
 from lrf3d.errors import InputError, expect
 from lrf3d.geometry import LARGEST_COORDINATE, TINY, Float, Int, as_rows
 from lrf3d.laser import LaserRangeFinder, LaserScan
@@ -27,6 +25,9 @@ if TYPE_CHECKING:
 
 FEW = 10
 """Largest number of beams of a scan that are cast one by one: a fan would take longer."""
+
+MOST_TREES = 8
+"""Heights of lasers whose walls are kept in trees."""
 
 MANY = 4096
 """Number of rays above which all cores cast them: threads would take longer to start."""
@@ -47,17 +48,18 @@ class PlanarCaster:
         ([inf, 2.0, inf], [-1, 0, -1])
     """
 
-    _lighting: "Lighting | None" = None
+    lighting: "Lighting | None" = None
+    """Lights its scans; None in a world without materials."""
 
     def __init__(self, world: World) -> None:
         expect(world, World, "caster for")
         self.world = world
         self._levels: list[float] = np.unique(world.heights).tolist()
-        self._trees: dict[int, Tree] = {}
+        self._tree = lru_cache(MOST_TREES)(self._build)
         if world.materials:
             from lrf3d.casting.light import Lighting
 
-            self._lighting = Lighting(world)
+            self.lighting = Lighting(world)
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.world!r})"
@@ -70,7 +72,7 @@ class PlanarCaster:
         """The true scan from a pose."""
         laser, pose = laser_of(lrf), as_pose(pose)
         poses = np.fromiter(pose, np.float64, 3)[None]
-        if self._lighting is not None:
+        if self.lighting is not None:
             lit = self._lit(lrf, poses)
             echoes = (lit.echoes[0], lit.echo_intensities[0]) if lrf.echoes > 1 else ()
             return LaserScan.unchecked(
@@ -152,19 +154,24 @@ class PlanarCaster:
             >>> lrf3d.PlanarCaster(world).chains(ahead, (0, 0, 0)).tolist()
             [[0, 1]]
         """
-        if self._lighting is None:
+        if self.lighting is None:
             return self.scan_batch(lrf, [as_pose(pose)])[1].T
         chains = self._lit(lrf, np.array([as_pose(pose)]), chains=True).chains[0]
         longest = max(1, int((chains >= 0).sum(axis=1).max(initial=0)))
         return np.asarray(chains[:, :longest])
 
     def tree(self, height: float) -> Tree:
-        """The tree over the walls that reach up to a height [m]; built once for each level."""
-        level = bisect_left(self._levels, height)
-        if level not in self._trees:
-            tall = np.flatnonzero(self.world.heights >= height).astype(np.int32)
-            self._trees[level] = build_tree(self.world.segments[tall], tall)
-        return self._trees[level]
+        """The tree over the walls that reach up to a height [m]."""
+        return self._tree(self._level(height))
+
+    def _level(self, height: float) -> float:
+        """What is the same for all heights [m] at which the same walls are met."""
+        return bisect_left(self._levels, height)
+
+    def _build(self, level: float) -> Tree:
+        least = [*self._levels, np.inf][int(level)]
+        tall = np.flatnonzero(self.world.heights >= least).astype(np.int32)
+        return build_tree(self.world.segments[tall], tall)
 
     def _fill(self, height: float, laser: Plain, poses: Float, ranges: Float, walls: Int) -> None:
         """Fill ranges (k, beams) of scans from poses (k, 3), and walls unless empty; on one core.
@@ -181,7 +188,7 @@ class PlanarCaster:
 
     def _batch(self, lrf: LaserRangeFinder, poses: Float, *, keep_walls: bool) -> tuple[Float, Int]:
         laser, poses = laser_of(lrf), np.ascontiguousarray(poses)
-        if self._lighting is not None:
+        if self.lighting is not None:
             lit = self._lit(lrf, poses)
             return lit.ranges, lit.walls
         ranges = np.empty((len(poses), lrf.beams))
@@ -196,43 +203,18 @@ class PlanarCaster:
 
     def _lit(self, lrf: LaserRangeFinder, poses: Float, *, chains: bool = False) -> "Lit":
         """The light of scans from poses (k, 3), on all cores."""
-        lighting = self._lighting
+        lighting = self.lighting
         assert lighting is not None
         # Mirrors may be nearer than range_min, and what they show beyond it.
         laser, tree = laser_of(lrf, range_min=0.0), self.tree(lrf.height)
         lit = lighting.empty(lrf, len(poses), chains=chains)
+        rays = np.empty(lit.ranges.shape, RAY)
+        rays_from(laser, poses, np.zeros(len(poses)), rays)
 
         def work(start: int, stop: int) -> None:
             part = slice(start, stop)
             self._fill(lrf.height, laser, poses[part], lit.ranges[part], lit.walls[part])
-            lighting.light(lrf, tree, poses, lit, part)
+            lighting.light(lrf, tree, rays[part], lit.part(part))
 
         share(work, len(poses))
         return lit
-
-
-def share(work: Callable[[int, int], None], count: int) -> None:
-    """Call work(start, stop) for pieces of range(count), in one thread for each core."""
-    cores = core_count()
-    # With fewer pieces for each core the slowest one decides, with more Python's lock does.
-    size = max(8, -(-count // (8 * cores)))
-    if count <= size or cores < 2:
-        work(0, count)
-        return
-    # A piece of none builds what all threads need.
-    work(0, 0)
-    starts = range(0, count, size)
-    stops = (min(start + size, count) for start in starts)
-    for _ in _pool(cores).map(work, starts, stops):
-        pass
-
-
-@cache
-def _pool(threads: int) -> ThreadPoolExecutor:
-    """Threads that are kept: starting new ones for each batch would cost a sixth of its time."""
-    return ThreadPoolExecutor(threads, thread_name_prefix="lrf3d")
-
-
-if hasattr(os, "register_at_fork"):  # pragma: no branch - Windows has no fork
-    # The threads of its parent do not exist in a forked process.
-    os.register_at_fork(after_in_child=_pool.cache_clear)

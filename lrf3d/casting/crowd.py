@@ -6,7 +6,6 @@ from copy import copy
 
 import numpy as np
 
-from lrf3d.casting.caster import share
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.casting.kernels.beams import Records
 from lrf3d.casting.kernels.movers import (
@@ -21,14 +20,12 @@ from lrf3d.casting.kernels.movers import (
     rays_among,
 )
 from lrf3d.casting.kernels.scans import laser_of
-from lrf3d.casting.kernels.touch import touched_among
 from lrf3d.casting.kernels.tree import Plain
+from lrf3d.cores import share
 from lrf3d.geometry import Float, Int, wrap_angle
 from lrf3d.laser import LaserRangeFinder
-from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory
 from lrf3d.robot.laps import Patrol
-from lrf3d.robot.unicycle import Twist
 
 
 class Crowd:
@@ -63,12 +60,13 @@ class Crowd:
         movers["rim"] += fastest[:, 1] * movers["reach"]
         movers["period"] = [path.period if isinstance(path, Patrol) else 0.0 for path in paths]
         corners = records(CORNER, *np.concatenate(outlines).T)
-        self._movers = movers, corners, legs_of(times, poses)
-        self._placed = movers, np.empty(len(movers), PLACED), np.empty(len(corners), SIDE)
+        self.plain: Plain = movers, corners, moves_of(times, poses)
+        """The obstacles as kernels take them: kinds MOVER, CORNER, LEG."""
+        self._placed = *self.plain, np.empty(len(movers), PLACED), np.empty(len(corners), SIDE)
         self._moment = [math.nan]
 
     def __len__(self) -> int:
-        return len(self._movers[0])
+        return len(self.plain[0])
 
     def without(self, own: int) -> "Crowd":
         """The same crowd as one of its obstacles sees it."""
@@ -76,49 +74,19 @@ class Crowd:
         other.own = own
         return other
 
-    def hold(self, obstacle: int, time: float, pose: Pose, twist: Twist) -> None:
-        """Let an obstacle hold a twist from a pose at a time [s] on, whatever its path was."""
-        movers, _, legs = self._movers
-        mover, speed = movers[obstacle], math.hypot(*twist[:2])
-        mover["period"], mover["fastest"] = HELD, speed
-        mover["rim"] = speed + abs(twist[2]) * mover["reach"]
-        legs[mover["leg"]] = time, *pose, *twist
+    def hold(self, moves: Records, first: int = 0) -> None:
+        """Let obstacles (k,) from the first on hold moves (k,), whatever their paths were."""
+        movers, _, legs = self.plain
+        some, speeds = movers[first : first + len(moves)], np.hypot(moves["ahead"], moves["left"])
+        some["period"], some["fastest"] = HELD, speeds
+        some["rim"] = speeds + np.abs(moves["turn"]) * some["reach"]
+        legs[some["leg"]] = moves
         self._moment[0] = math.nan
-
-    def hold_all(self, moves: Records) -> None:
-        """Let the first obstacles (k,) hold moves (k,)."""
-        movers, _, legs = self._movers
-        first, speeds = movers[: len(moves)], np.hypot(moves["ahead"], moves["left"])
-        first["period"], first["fastest"] = HELD, speeds
-        first["rim"] = speeds + np.abs(moves["turn"]) * first["reach"]
-        legs[first["leg"]] = moves
-        self._moment[0] = math.nan
-
-    def sides(self, time: float) -> tuple[Float, Float]:
-        """Sides (n, 4) [m] of the obstacles at a time [s], but for its own, and their heights."""
-        self._place(time)
-        movers, _, sides = self._placed
-        of_sides = np.repeat(np.arange(len(movers)), movers["stop"] - movers["first"])
-        others = of_sides != self.own
-        rows: Float = sides.view(np.float64).reshape(-1, 4)
-        return rows[others], movers["height"][of_sides[others]]
 
     def _place(self, time: float) -> None:
         if time != self._moment[0]:
             self._moment[0] = time
-            place_all(self._movers, time, *self._placed[1:])
-
-    def touch(
-        self, body: Plain, moves: Records, seconds: Float, own: Int | None = None
-    ) -> tuple[Float, Int]:
-        """When bodies that hold moves (k,) for some seconds (k,) touch obstacles, and which.
-
-        Seconds and obstacles (k,) are +inf and −1 for none. Own (k,) are the bodies themselves.
-        """
-        times, met = np.empty(len(moves)), np.empty(len(moves), np.int64)
-        own = np.full(len(moves), self.own) if own is None else own
-        touched_among(self._movers, body, moves, seconds, own, times, met)
-        return times, met
+            place_all(self._placed, time)
 
     def stop_scans(
         self, lrf: LaserRangeFinder, poses: Float, time: float, ranges: Float, walls: Int,
@@ -141,21 +109,21 @@ class Crowd:
         else:
             work(0, 1)
 
-    def stop_rays(self, lrf: LaserRangeFinder, rays: Records, ranges: Float, walls: Int) -> None:
-        """Shorten the ranges (n,) of rays (n,), each among obstacles at its own time."""
-        limits, height = (float(lrf.range_min), float(lrf.range_max)), float(lrf.height)
-        rays_among(self._movers, limits, height, rays, self.own, ranges, walls)
+    def stop_rays(
+        self, lrf: LaserRangeFinder, rays: Records, ranges: Float, walls: Int, *, named: int = -1
+    ) -> None:
+        """Shorten the ranges (n,) of rays (n,), each among obstacles at its own time.
+
+        Walls become −1, or the row of the obstacles' side, counted on from a number of walls.
+        """
+        limits, seen = (float(lrf.range_min), float(lrf.range_max)), (self.own, float(lrf.height))
+        rays_among(self.plain, limits, (*seen, named), rays, ranges, walls)
 
 
-def moves_of(times: Float | float, poses: Float, twists: Float) -> Records:
-    """Moves (k,) that hold twists (k, 3) from poses (k, 3) at times [s] on, for kernels."""
-    return records(LEG, np.broadcast_to(times, len(poses)), *poses.T, *twists.T)
-
-
-def legs_of(times: Float, poses: Float) -> Records:
-    """The legs (k,) of a path with poses (k, 3) at times (k,), as kernels take them."""
-    still = np.zeros(len(times))
-    return records(LEG, times, *poses.T, still, still, still)
+def moves_of(times: Float | float, poses: Float, twists: Float | None = None) -> Records:
+    """Moves (k,) that hold twists (k, 3) from poses (k, 3) at times [s] on, or legs of a path."""
+    held = np.zeros((len(poses), 3)) if twists is None else twists
+    return records(LEG, np.broadcast_to(times, len(poses)), *poses.T, *held.T)
 
 
 def records(kind: "np.dtype[np.void]", *columns: Float) -> Records:

@@ -5,23 +5,20 @@ cuts are treated as walls. Layers and tilted lasers are cast in 3D, in float64.
 """
 
 import math
-from bisect import bisect_left
 from collections.abc import Sequence
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from lrf3d.casting.caster import FEW, PlanarCaster
-from lrf3d.casting.kernels.beams import Records
+from lrf3d.casting.caster import FEW, MOST_TREES, PlanarCaster
 from lrf3d.casting.kernels.echoes import Lit
-from lrf3d.casting.kernels.scans import laser_of
-from lrf3d.casting.kernels.tree import Plain
+from lrf3d.casting.kernels.tree import Plain, Tree, build_tree
 from lrf3d.casting.triangle_rays import MeshScene, embreex_installed
 from lrf3d.casting.wall_scene import WallScene
-from lrf3d.errors import InputError, shown
+from lrf3d.errors import InputError, expect, shown
 from lrf3d.geometry import Bool, Float, Int, is_finite, numbers
-from lrf3d.laser import LaserRangeFinder, LaserScan, layer_directions
+from lrf3d.laser import LaserRangeFinder, layer_directions
 from lrf3d.laser.range_finder import within_limits
 from lrf3d.pose import as_pose
 from lrf3d.world import World
@@ -54,28 +51,23 @@ class EmbreeCaster(PlanarCaster):
             self._triangles = np.asarray(world.triangles, dtype=np.float64).reshape(-1, 3, 3)
         super().__init__(world if self._triangles is None else World(np.empty((0, 4))))
         self.world = world
-        self._scenes: dict[tuple[int, int], WallScene] = {}
+        self._scene = lru_cache(MOST_TREES)(self._walls)
         self._solid: MeshScene | None = None
-        # The cuts of a mesh are kept for some heights of the laser.
-        self._cut = lru_cache(8)(partial(_cut, self._triangles))
 
-    def cast(self, lrf: LaserRangeFinder, pose: Sequence[float] | Float) -> LaserScan:
-        """The true scan from a pose; for a mesh, ``walls`` holds indices of triangles."""
-        if self._triangles is None:
-            return super().cast(lrf, pose)
-        laser_of(lrf)
-        caster, faces = self._cut(lrf.height)
-        scan = caster.cast(lrf, pose)
-        return LaserScan.unchecked(lrf, scan.pose, scan.ranges, _named(faces, scan.walls))
+    def _level(self, height: float) -> float:
+        return super()._level(height) if self._triangles is None else height
 
-    def trace(self, lrf: LaserRangeFinder, rays: Records) -> tuple[Float, Int]:
-        """Ranges and walls, or triangles of a mesh, (n,) of rays (n,) to what they meet first."""
+    def _build(self, level: float) -> Tree:
         if self._triangles is None:
-            return super().trace(lrf, rays)
-        laser_of(lrf)
-        caster, faces = self._cut(lrf.height)
-        ranges, walls = caster.trace(lrf, rays)
-        return ranges, _named(faces, walls)
+            return super()._build(level)
+        # The walls of a mesh are its cuts, by the names of their triangles.
+        segments, faces = level_cut(self._triangles, level)
+        return build_tree(segments, faces.astype(np.int32))
+
+    def _walls(self, level: float, exponent: int) -> WallScene | None:
+        """The walls for ranges up to a power of two; None where there are none."""
+        tree = self._tree(level)
+        return WallScene(tree, math.ldexp(1.0, exponent)) if len(tree.walls) else None
 
     def cast_layers(
         self,
@@ -95,7 +87,7 @@ class EmbreeCaster(PlanarCaster):
         The pitch turns the laser about the robot's left [rad]: the beam ahead sinks where it is
         positive; the roll about its ahead [rad]: its left side rises.
         """
-        if self._lighting is not None:
+        if self.lighting is not None:
             return self.light_layers(lrf, pose, elevations, pitch=pitch, roll=roll)[:2]
         level = _level_layers(lrf, elevations, pitch, roll)
         x, y, theta = as_pose(pose)
@@ -139,12 +131,12 @@ class EmbreeCaster(PlanarCaster):
             >>> found.chains[1, 0, :3].tolist()
             [0, 1, -1]
         """
-        if self._lighting is None:
+        if self.lighting is None:
             raise InputError("world without materials: its beams have no intensities")
         level = _level_layers(lrf, elevations, pitch, roll)
         x, y, theta = as_pose(pose)
         beams = layer_directions(lrf, theta, elevations, pitch=pitch, roll=roll)[~level]
-        lit = self._lighting.light_layers(lrf, self.tree(-math.inf), (x, y, lrf.height), beams)
+        lit = self.lighting.light_layers(lrf, self.tree(-math.inf), (x, y, lrf.height), beams)
         flat = self._lit(
             lrf, np.array([(x, y, theta)] * int(level.any())).reshape(-1, 3), chains=True
         )
@@ -153,44 +145,20 @@ class EmbreeCaster(PlanarCaster):
         return Lit(*(np.concatenate(both)[rows] for both in zip(lit, flat, strict=True)))
 
     def _fill(self, height: float, laser: Plain, poses: Float, ranges: Float, walls: Int) -> None:
-        # A scene is built for ranges up to a power of two.
-        key = bisect_left(self._levels, height), math.frexp(laser[-1])[1]
-        scene = self._scenes.get(key)
-        few = ranges.shape[1] <= FEW
-        if scene is None or few:
-            tree = self.tree(height)
-            if few or not len(tree.walls) or not embreex_installed():
-                super()._fill(height, laser, poses, ranges, walls)
-                return
-            scene = self._scenes[key] = WallScene(tree, math.ldexp(1.0, key[1]))
-        scene.cast(laser, poses, ranges, walls)
-
-    def _batch(self, lrf: LaserRangeFinder, poses: Float, *, keep_walls: bool) -> tuple[Float, Int]:
-        if self._triangles is None:
-            return super()._batch(lrf, poses, keep_walls=keep_walls)
-        laser_of(lrf)
-        caster, faces = self._cut(lrf.height)
-        ranges, walls = caster._batch(lrf, poses, keep_walls=keep_walls)
-        return ranges, _named(faces, walls)
-
-
-def _cut(triangles: Any, height: float) -> tuple[EmbreeCaster, Int]:
-    """A caster for the cut of a mesh at a height [m], and the triangle of each wall."""
-    segments, faces = level_cut(triangles, height)
-    world = World(segments, heights=np.full(len(segments), max(height, 1.0)))
-    return EmbreeCaster(world), faces
+        scene = None
+        if ranges.shape[1] > FEW and embreex_installed():
+            scene = self._scene(self._level(height), math.frexp(laser[-1])[1])
+        if scene is None:
+            super()._fill(height, laser, poses, ranges, walls)
+        else:
+            scene.cast(laser, poses, ranges, walls)
 
 
 def _level_layers(lrf: LaserRangeFinder, elevations: object, pitch: float, roll: float) -> Bool:
     """Which layers (n,) of a range finder, checked with all angles, are level."""
-    laser_of(lrf)
+    expect(lrf, LaserRangeFinder, "range finder")
     angles: Float = np.asarray(numbers(elevations, "elevations"), dtype=np.float64)
     if angles.ndim != 1 or not np.isfinite(angles).all() or not is_finite(pitch, roll):
         found = f"layers at {shown(elevations)}, pitch {shown(pitch)}, roll {shown(roll)}"
         raise InputError(f"{found}: expected finite numbers of radians")
     return np.asarray((angles == 0.0) & (pitch == 0.0 == roll))
-
-
-def _named(names: Int, rows: Int) -> Int:
-    """The names of the walls in some rows; −1 stays −1."""
-    return np.append(names, -1)[rows]

@@ -5,17 +5,24 @@ from typing import Any
 
 import numpy as np
 
+from lrf3d.casting.kernels.beams import RAY, Records
 from lrf3d.casting.kernels.echoes import FIRST, LAST, MOST_WALLS, STRONGEST, Lit, Receiver
-from lrf3d.casting.kernels.light import Optics, light_beams, light_scans
-from lrf3d.casting.kernels.scans import laser_of
-from lrf3d.casting.kernels.tree import Tree
+from lrf3d.casting.kernels.light import Optics, light_rays
+from lrf3d.casting.kernels.movers import CORNER, LEG, MOVER
+from lrf3d.casting.kernels.tree import Plain, Tree
 from lrf3d.geometry import Float, lengths
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.world import World
-from lrf3d.world.materials import PLAIN, Material
+from lrf3d.world.materials import BUILT_IN, PLAIN, Material
 
 CHOICES = {"first": FIRST, "last": LAST, "strongest": STRONGEST}
 """What kernels call the choices of `LaserRangeFinder.echo`."""
+
+NOBODY = tuple(np.empty(0, kind) for kind in (MOVER, CORNER, LEG))
+"""No obstacles, as kernels take them."""
+
+OBSTACLES = BUILT_IN["dark cloth"]
+"""What obstacles are made of."""
 
 
 class Lighting:
@@ -25,38 +32,53 @@ class Lighting:
         of_objects = [one or PLAIN for one in world.materials]
         rows = {material: row for row, material in enumerate(dict.fromkeys(of_objects))}
         kinds = np.array([rows[material] for material in of_objects], np.int64)[world.objects]
-        table = np.array([(*one.optics, float(one.mirrors)) for one in rows]).reshape(-1, 7)
+        table = np.array([(*one.optics, float(one.mirrors)) for one in (*rows, OBSTACLES)])
         along = world.segments[:, 2:] - world.segments[:, :2]
         bright = np.array([_dullness(one) for one in rows])[kinds]
         dull = along * (bright / lengths(world.segments))[:, None]
         self._optics = Optics(world.segments, world.heights, kinds, table, dull)
 
-    def empty(self, lrf: LaserRangeFinder, count: int, *, chains: bool = False) -> Lit:
-        """Arrays for the light of ``count`` scans, and for the walls on the path if wanted."""
-        beams, slots = lrf.beams, lrf.echoes if lrf.echoes > 1 else 0
+    def empty(self, lrf: LaserRangeFinder, *count: int, chains: bool = False) -> Lit:
+        """Arrays for the light of so many scans, or of layers, and for the walls on the path."""
+        shape, slots = (*count, lrf.beams), lrf.echoes if lrf.echoes > 1 else 0
         return Lit(
-            np.empty((count, beams)),
-            np.empty((count, beams), np.int64),
-            np.zeros((count, beams)),
-            np.full((count, beams, slots), np.inf),
-            np.zeros((count, beams, slots)),
-            np.full((count, beams, MOST_WALLS) if chains else (count, 0, 0), -1),
+            np.empty(shape),
+            np.empty(shape, np.int64),
+            np.zeros(shape),
+            np.full((*shape, slots), np.inf),
+            np.zeros((*shape, slots)),
+            np.full((*shape, MOST_WALLS if chains else 0), -1),
         )
 
-    def light(self, lrf: LaserRangeFinder, tree: Tree, poses: Float, lit: Lit, part: slice) -> None:
-        """Light the part of the scans from poses (k, 3), whose ranges among the walls are known."""
-        rows: Any = tuple(array[part] for array in lit)
-        light_scans(tree[:], self._optics[:], _receiver(lrf), laser_of(lrf), poses[part], rows)
+    def light(
+        self, lrf: LaserRangeFinder, tree: Tree, rays: Records, lit: Lit,
+        obstacles: Plain = NOBODY, own: int = -1,
+    ) -> None:  # fmt: skip
+        """Light level rays (…, beams), whose ranges among walls and obstacles are known."""
+        self._light(lrf, tree, rays, np.empty((0, 2)), lit, (obstacles, own))
 
     def light_layers(
         self, lrf: LaserRangeFinder, tree: Tree, origin: tuple[float, float, float], beams: Float
     ) -> Lit:
         """The light of layers of beams (layers, beams, 3) in 3D; the tree is over all walls."""
-        lit = self.empty(lrf, len(beams), chains=True)
-        rays, reach = np.ascontiguousarray(beams.reshape(-1, 3)), float(lrf.range_max)
-        flat: Any = tuple(array.reshape(len(rays), *array.shape[2:]) for array in lit)
-        light_beams(tree[:], self._optics[:], _receiver(lrf), reach, origin, rays, flat)
+        lit, rays = self.empty(lrf, len(beams), chains=True), np.zeros(beams.shape[:2], RAY)
+        x, y, z = origin
+        rays["x"], rays["y"], rays["dx"], rays["dy"] = x, y, beams[..., 0], beams[..., 1]
+        rise = np.column_stack([np.full(rays.size, z), beams[..., 2].ravel()])
+        self._light(lrf, tree, rays, rise, lit, (NOBODY, -1))
         return lit
+
+    def _light(
+        self, lrf: LaserRangeFinder, tree: Tree, rays: Records, inclined: Float, lit: Lit,
+        among: tuple[Plain, int],
+    ) -> None:  # fmt: skip
+        count = rays.size
+        flat: Any = tuple(each.reshape(count, *each.shape[rays.ndim :]) for each in lit)
+        (movers, own), reach = among, float(lrf.range_max)
+        numbers = own, float(lrf.height)
+        plain = (tree[:], self._optics[:], movers), numbers
+        if count:
+            light_rays(plain, _receiver(lrf), reach, rays.ravel(), inclined, flat)
 
 
 def _receiver(lrf: LaserRangeFinder) -> tuple[float, float, int, float]:

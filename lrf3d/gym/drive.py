@@ -15,9 +15,8 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from lrf3d.casting import PlanarCaster
-from lrf3d.casting.crowd import Crowd, moves_of
-from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
-from lrf3d.collision import Body, CollisionChecker
+from lrf3d.casting.crowd import moves_of
+from lrf3d.collision import Body, CollisionChecker, robots_among
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import Float, Int, is_finite, numbers, wrap_angle
 from lrf3d.laser import LaserScan, ProportionalNoise
@@ -46,9 +45,6 @@ AT_GOAL, AT_WALL, EACH_STEP = 10.0, -10.0, -0.01
 
 ACTION_TURN_RATE = 1.5
 """Largest turn rate of an action [rad/s], equal to that of the route follower."""
-
-ROBOT_HEIGHT = 1.0
-"""Height of the robots [m] as others see them."""
 
 GOAL_MARGIN = 0.1
 """Clearance of a robot from walls at its start, in addition to its radius [m]."""
@@ -105,18 +101,14 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         # A scan takes no time, because the robot decides on its motion after it.
         self._caster = PlanarCaster(scenario.world)
         self._body = body = Body(scenario.radius, scenario.outline)
-        shape = round_outline(body.radius) if body.outline is None else np.asarray(body.outline)
-        robot = DynamicObstacle(shape, Trajectory([0.0], [(0.0, 0.0, 0.0)]), ROBOT_HEIGHT)
-        others = num_envs if together else 0
-        discs = [0.0 if body.outline is not None else body.radius] * others
-        obstacles = scenario.obstacles
-        self._crowd = Crowd([robot] * others + [*obstacles], discs + [0.0] * len(obstacles))
+        paths = [Trajectory([0.0], np.zeros((1, 3)))] * (num_envs if together else 0)
+        _, self._crowd = robots_among(body, paths, scenario.obstacles)
         self._own = np.arange(num_envs) if together else np.full(num_envs, -1)
         self._sensors = [
             Sensor(scenario.world, each, caster=self._caster, noise=noise, obstacles=self._crowd)
             for each, noise in zip(self.lasers, noises, strict=True)
         ]
-        self._checker = CollisionChecker(scenario.world)
+        self._checker = CollisionChecker(scenario.world, self._crowd)
         self._cells = free_places(scenario.world, scenario.radius + GOAL_MARGIN)
         self._farthest = float(np.hypot(*np.ptp(self._cells, axis=0))) + GOAL_FAR
         low, high = np.array([[0.0, -1.0, -1.0], [self._farthest, 1.0, 1.0]], np.float32)
@@ -178,12 +170,10 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         moved = arcs(self.poses, v, omega, seconds)
         moved[:, 2] = wrap_angle(moved[:, 2])
         twists = np.column_stack([v, np.zeros(self.num_envs), omega])
-        collided = self._checker.touch(self._body, self.poses, twists, seconds)[1] >= 0
-        if len(self._crowd):
-            moves = moves_of(self._times, self.poses, twists)
-            if self.together:
-                self._crowd.hold_all(moves)
-            collided |= self._crowd.touch(self._body.plain, moves, seconds, self._own)[1] >= 0
+        moves = moves_of(self._times, self.poses, twists)
+        if self.together:
+            self._crowd.hold(moves)
+        collided = self._checker.touch(self._body, moves, seconds, self._own)[0] < np.inf
         self._times += self.dt
         collided &= ~again
         self.poses = np.where(collided[:, None], self.poses, moved)
@@ -237,7 +227,7 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
     def _scan(self) -> tuple[Float, Float, Int]:
         """Measured and true ranges, and walls, (k, beams) each, after REP 117, laser by laser."""
         if self.together:
-            self._crowd.hold_all(moves_of(self._times, self.poses, np.zeros((self.num_envs, 3))))
+            self._crowd.hold(moves_of(self._times, self.poses))
         columns = zip(*(self._scan_of(sensor) for sensor in self._sensors), strict=True)
         measured, truth, walls = (
             each[0] if len(each) == 1 else np.hstack(each) for each in columns

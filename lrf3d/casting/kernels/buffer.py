@@ -144,7 +144,7 @@ def outline(walls: Float, first: int, count: int, fan: Fan, sketch: Float) -> No
     ox, oy, ahead_x, ahead_y = fan.x, fan.y, fan.ahead_x, fan.ahead_y
     for k in range(index_of(count)):
         row = index_of(first) + k
-        px, py, qx, qy = walls[row, 0], walls[row, 1], walls[row, 2], walls[row, 3]
+        px, py, qx, qy = wall_at(walls, row)
         sketch[AX + k], sketch[AY + k] = px - ox, py - oy
         sketch[BX + k], sketch[BY + k] = qx - ox, qy - oy
         sketch[U + k], sketch[V + k] = qy - py, qx - px

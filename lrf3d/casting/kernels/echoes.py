@@ -4,7 +4,7 @@ The echoes of a beam come one by one, in any order. One of them is its range, an
 kept in the order of their ranges.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,7 +32,7 @@ class Lit(NamedTuple):
 
     Ranges [m], walls and intensities (beams,) are those of the chosen echoes; ranges and walls come
     in as those among the walls. The strongest echoes (beams, k) come the nearest first; k is 0
-    where one is reported. Chains (beams, 16) are the walls on the path, then −1; or (0, 0).
+    where one is reported. Chains (beams, 16) are the walls on the path, then −1; or (beams, 0).
     """
 
     ranges: Float
@@ -41,6 +41,11 @@ class Lit(NamedTuple):
     echoes: Float
     echo_intensities: Float
     chains: Int
+
+    def part(self, scans: slice) -> "Lit":
+        """The light of some of several scans."""
+        rows: tuple[Any, ...] = tuple(each[scans] for each in self)
+        return Lit(*rows)
 
 
 @borrower

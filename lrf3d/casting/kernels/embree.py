@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.casting.kernels.buffer import ROOM, Fan
-from lrf3d.casting.kernels.predicates import FILTER
+from lrf3d.casting.kernels.predicates import FILTER, wall_at
 from lrf3d.casting.kernels.tree import STACK, Tree
 from lrf3d.compiling import inner
 from lrf3d.geometry import Float, Int
@@ -46,18 +46,13 @@ def prove(
                 hit[i] = -1 if face < 0 else UNSURE
             continue
         row = face // 3
-        ax, ay = walls[row, 0] - x, walls[row, 1] - y
-        ex, ey = walls[row, 2] - walls[row, 0], walls[row, 3] - walls[row, 1]
+        px, py, qx, qy = wall_at(walls, row)
+        ax, ay, ex, ey = px - x, py - y, qx - px, qy - py
         left, right = ax * ey, ay * ex
         # Slopes are taken with the sign that the beam ahead of the wall gives them.
         sense, length = 1.0 if left > right else -1.0, math.sqrt(ex * ex + ey * ey)
         flat, steep = trust.flat * length, trust.steep * length
-        low, high, steep_low, steep_high = (
-            clear[row, 0],
-            clear[row, 1],
-            clear[row, 2],
-            clear[row, 3],
-        )
+        low, high, steep_low, steep_high = wall_at(clear, row)
         # How far away the beam meets the wall at least, times its slope.
         away = abs(left - right) - FILTER * (abs(left) + abs(right))
         for i in range(start, stop):
@@ -79,16 +74,16 @@ def near_a_wall(tree: Tree, trust: Trust, x: float, y: float) -> bool:
     while top > 0:
         top -= 1
         node = stack[top]
-        side = max(boxes[node, 0] - x, x - boxes[node, 2])
-        if max(side, boxes[node, 1] - y, y - boxes[node, 3]) > trust.margin:
+        x0, y0, x1, y1 = wall_at(boxes, node)
+        if max(x0 - x, x - x1, y0 - y, y - y1) > trust.margin:
             continue
         first, count = links[node, 0], links[node, 1]
         for child in range(first, first - count):
             stack[top] = child
             top += 1
         for row in range(first, first + count):
-            ax, ay = x - walls[row, 0], y - walls[row, 1]
-            ex, ey = walls[row, 2] - walls[row, 0], walls[row, 3] - walls[row, 1]
+            px, py, qx, qy = wall_at(walls, row)
+            ax, ay, ex, ey = x - px, y - py, qx - px, qy - py
             square, along = ex * ex + ey * ey, ax * ex + ay * ey
             room = trust.margin * math.sqrt(square)
             if abs(ax * ey - ay * ex) <= room and -room <= along <= square + room:

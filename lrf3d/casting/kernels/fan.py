@@ -34,6 +34,7 @@ from lrf3d.casting.kernels.buffer import (
     span,
     turns_to_meet,
 )
+from lrf3d.casting.kernels.predicates import wall_at
 from lrf3d.casting.kernels.tree import STACK, Tree
 from lrf3d.compiling import inner
 from lrf3d.geometry import Float, Int
@@ -127,8 +128,9 @@ def _view(boxes: Float, first: int, count: int, fan: Fan, sketch: Float) -> None
     ox, oy, ahead_x, ahead_y = fan.x, fan.y, fan.ahead_x, fan.ahead_y
     for k in range(index_of(count)):
         node = index_of(first) + k
-        sketch[AX + k], sketch[AY + k] = boxes[node, 0] - ox, boxes[node, 1] - oy
-        sketch[BX + k], sketch[BY + k] = boxes[node, 2] - ox, boxes[node, 3] - oy
+        x0, y0, x1, y1 = wall_at(boxes, node)
+        sketch[AX + k], sketch[AY + k] = x0 - ox, y0 - oy
+        sketch[BX + k], sketch[BY + k] = x1 - ox, y1 - oy
     for k in range(index_of(count)):
         x0, y0, x1, y1 = sketch[AX + k], sketch[AY + k], sketch[BX + k], sketch[BY + k]
         gap_x = x0 if x0 > 0.0 else (-x1 if x1 < 0.0 else 0.0)

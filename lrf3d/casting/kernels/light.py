@@ -8,16 +8,18 @@ turned by both, and one onto a mirror on a wall by the mirror alone.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from lrf3d.casting.kernels.beams import Records
 from lrf3d.casting.kernels.buffer import ROOM
 from lrf3d.casting.kernels.echoes import MOST_WALLS, Lit, Receiver, clear, receive
-from lrf3d.casting.kernels.scans import PADDING, Laser, aim
+from lrf3d.casting.kernels.movers import Movers, anywhere, place, side_at
+from lrf3d.casting.kernels.predicates import Wall, wall_at
 from lrf3d.casting.kernels.solid import near_box
 from lrf3d.casting.kernels.tree import STACK, Plain, Tree
-from lrf3d.compiling import borrower, compiled, inner
+from lrf3d.compiling import borrower, compiled
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import light
 from lrf3d.laser.light import CLOSEST, LEAST_SHARE
@@ -33,19 +35,25 @@ NEAR, NEAR_SHARE = 1e-9, 2.0**-50
 """Walls so near [m] to the place from which a ray goes on, or so near in parts of its coordinates,
 count as holding it: more than rounding, less than any gap."""
 
-X, Y, Z, DX, DY, DZ, CAME_X, CAME_Y, WAY, GAIN, TURNS, COUNT, HERE, PASSED, SIZE = range(15)
-"""Columns of a ray that waits: its place, in plan seen from the laser so that no digits are lost
-far from the origin, and its direction; the direction in plan with which it arrived there, the way
-so far [m], its share of the light, its turns, its walls, how many of these it met at this very
-place, and as bits which it passed through; and the number of columns."""
+NUMBERS = ("x", "y", "z", "dx", "dy", "dz", "came_x", "came_y", "way", "gain")
+COUNTS = ("turns", "count", "here", "passed")
+LEFT = np.dtype([*((n, np.float64) for n in NUMBERS), *((n, np.int64) for n in COUNTS)], align=True)
+"""A ray that goes on: its place, in plan seen from the laser so that no digits are lost far away,
+and its direction; the direction in plan with which it arrived there, the way so far [m], its share
+of the light, its turns, its walls, how many of these it met at this very place, and as bits which
+it passed through."""
+
+
+Vector = tuple[float, float]
 
 
 class Optics(NamedTuple):
     """The walls (n,) of the world and their materials (m,).
 
     A row of the table (m, 7) is diffuse, specular, lobe [rad], transmission, index, retro, and
-    whether beams go on mirrored, 0 or 1. Dull vectors (n, 2) lie along the walls that only scatter
-    light, as long as these are bright [m]; they are NaN for all others.
+    whether beams go on mirrored, 0 or 1; the last is that of obstacles. Dull vectors (n, 2) lie
+    along the walls that only scatter light, as long as these are bright [m]; they are NaN for all
+    others.
     """
 
     segments: Float
@@ -55,130 +63,122 @@ class Optics(NamedTuple):
     dull: Float
 
 
-Vector = tuple[float, float]
-
-
 class Room(NamedTuple):
     """Room to work in: rays that wait, with their walls; boxes that wait."""
 
-    rays: Float
+    rays: Records
     ways: Int
     chain: Int
     stack: Int
     nears: Float
 
 
-@compiled
-def light_scans(
-    plain_tree: Plain, plain_optics: Plain, plain_receiver: Plain, plain_laser: Plain,
-    poses: Float, lit: Plain,
-) -> None:  # fmt: skip
-    """Light level scans at poses (k, 3); the arrays to fill have k rows, with walls and ranges."""
-    tree, optics = Tree(*plain_tree), Optics(*plain_optics)
-    receiver, laser, room = Receiver(*plain_receiver), Laser(*plain_laser), _room()
-    beams, rays = laser.fan.shape[1], room.rays
-    dx, dy = np.zeros(beams + PADDING), np.zeros(beams + PADDING)
-    rest = np.empty(beams, np.int64)
-    for k in range(len(poses)):
-        aim(laser, poses[k, 0], poses[k, 1], poses[k, 2], dx, dy)
-        one = Lit(lit[0][k], lit[1][k], lit[2][k], lit[3][k], lit[4][k], lit[5][k])
-        for j in range(_light_dull(optics, receiver, dx, dy, one, rest)):
-            i = rest[j]
-            rays[0, Z], rays[0, DX], rays[0, DY], rays[0, DZ] = 0.0, dx[i], dy[i], 0.0
-            place, start = (poses[k, 0], poses[k, 1]), (one.ranges[i], one.walls[i])
-            _follow(tree, optics, receiver, laser.range_max, place, start, room, i, one)
+class Scene(NamedTuple):
+    """What rays meet: walls in their tree, with their materials, and obstacles.
+
+    A side of an obstacle is named by its row, counted on from the walls. The robot's own is left
+    out, and so are obstacles that are lower than the laser.
+    """
+
+    tree: Tree
+    optics: Optics
+    among: Movers
+    own: int
+    height: float
 
 
 @compiled
-def light_beams(
-    plain_tree: Plain, plain_optics: Plain, plain_receiver: Plain, range_max: float,
-    origin: tuple[float, float, float], beams: Float, plain_lit: Plain,
+def light_rays(
+    plain: Plain, plain_receiver: Plain, range_max: float, rays: Records, inclined: Float,
+    plain_lit: Plain,
 ) -> None:  # fmt: skip
-    """Light beams (n, 3) of unit length from an origin; the arrays to fill have n rows."""
-    tree, optics, room = Tree(*plain_tree), Optics(*plain_optics), _room()
-    receiver, lit, rays = Receiver(*plain_receiver), Lit(*plain_lit), room.rays
-    for i in range(len(beams)):
-        rays[0, Z], rays[0, DX], rays[0, DY] = origin[2], beams[i, 0], beams[i, 1]
-        rays[0, DZ] = beams[i, 2]
-        place = origin[0], origin[1]
-        _follow(tree, optics, receiver, range_max, place, (0.0, -1), room, i, lit)
+    """Light rays (n,); the arrays to fill have n rows.
 
-
-@inner
-def _room() -> Room:
+    Of level ones ranges and walls come in as those among the walls and obstacles. Others are of
+    unit length, and have a height [m] and a rise (n, 2).
+    """
+    (plain_tree, plain_optics, plain_movers), (own, height) = plain
+    scene = Scene(Tree(*plain_tree), Optics(*plain_optics), anywhere(plain_movers), own, height)
+    receiver, lit = Receiver(*plain_receiver), Lit(*plain_lit)
     # A ray that is taken makes room for one of the two that it leaves, so no more ever wait.
-    return Room(
-        np.empty((MOST_WALLS + 1, SIZE)),
+    room = Room(
+        np.empty(MOST_WALLS + 1, LEFT),
         np.empty((MOST_WALLS + 1, MOST_WALLS), np.int64),
         np.empty(MOST_WALLS, np.int64),
         np.empty(STACK, np.int64),
         np.empty(STACK),
     )
+    level, moment = len(inclined) == 0, np.nan
+    for i in range(len(rays)):
+        ray, first = rays[i], room.rays[0]
+        if ray.time != moment:
+            moment = ray.time
+            for j in range(len(scene.among.movers)):
+                place(scene.among, j, moment)
+        if level and (lit.walls[i] < 0 or _is_dull(scene.optics, receiver, ray, i, lit)):
+            continue
+        first.z, first.dz = (0.0, 0.0) if level else (inclined[i, 0], inclined[i, 1])
+        first.dx, first.dy = ray.dx, ray.dy
+        start = lit.ranges[i], lit.walls[i] if level else -1
+        _follow(scene, receiver, range_max, (ray.x, ray.y), start, room, i, lit)
 
 
 @borrower
-def _light_dull(
-    optics: Optics, receiver: Receiver, dx: Float, dy: Float, lit: Lit, rest: Int
-) -> int:
-    """Intensities of the beams that need no more; the others fill `rest`. The number of those."""
-    ranges, walls, intensities, dull = lit.ranges, lit.walls, lit.intensities, optics.dull
-    threshold, near = receiver.threshold, receiver.range_min
-    short = receiver.near_field == 0.0 and lit.echoes.shape[1] == 0 and len(lit.chains) == 0
-    left = 0
-    for i in range(len(ranges)):
-        wall = walls[i]
-        if wall < 0:
-            continue
-        away = ranges[i] if ranges[i] > CLOSEST else CLOSEST
-        back = abs(dx[i] * dull[wall, 1] - dy[i] * dull[wall, 0]) / (away * away)
-        if short and back > 0.0 and back >= threshold and ranges[i] >= near:
-            intensities[i] = back
-        else:
-            rest[left] = i
-            left += 1
-    return left
+def _is_dull(optics: Optics, receiver: Receiver, ray: Any, i: int, lit: Lit) -> bool:
+    """Whether a beam needs no more than the intensity of its wall, which is filled in."""
+    short = receiver.near_field == 0.0 and lit.echoes.shape[1] == 0 == lit.chains.shape[1]
+    wall, way, dull = lit.walls[i], lit.ranges[i], optics.dull
+    if not short or wall >= len(dull):
+        return False
+    away = way if way > CLOSEST else CLOSEST
+    back = abs(ray.dx * dull[wall, 1] - ray.dy * dull[wall, 0]) / (away * away)
+    if not (back > 0.0 and back >= receiver.threshold and way >= receiver.range_min):
+        return False
+    lit.intensities[i] = back
+    return True
 
 
 @borrower
 def _follow(
-    tree: Tree, optics: Optics, receiver: Receiver, range_max: float, place: Vector,
-    start: tuple[float, int], room: Room, i: int, lit: Lit,
+    scene: Scene, receiver: Receiver, range_max: float, place: Vector, start: tuple[float, int],
+    room: Room, i: int, lit: Lit,
 ) -> None:  # fmt: skip
-    """Follow beam i, in row 0 of the rays, from a place, and all that it leaves, to its echoes.
+    """Follow beam i, the first of the rays, from a place, and all that it leaves, to its echoes.
 
     The way to its first wall [m] and this wall are known, unless the wall is −1.
     """
     clear(i, lit)
-    segments, table = optics.segments, optics.table
+    optics = scene.optics
     rays, ways, chain, threshold = room.rays, room.ways, room.chain, receiver.threshold
-    rays[0, WAY], rays[0, GAIN], rays[0, TURNS], rays[0, COUNT] = 0.0, 1.0, 0.0, 0.0
-    rays[0, X], rays[0, Y], rays[0, HERE], rays[0, PASSED] = 0.0, 0.0, 0.0, 0.0
+    first = rays[0]
+    first.x, first.y, first.way, first.gain = 0.0, 0.0, 0.0, 1.0
+    first.turns, first.count, first.here, first.passed = 0, 0, 0, 0
     way, name = start
     waiting, known = 1, name >= 0
     while waiting > 0:
         waiting -= 1
         ray = rays[waiting]
-        x, y, dx, dy, dz, gain = ray[X], ray[Y], ray[DX], ray[DY], ray[DZ], ray[GAIN]
-        came_x, came_y = ray[CAME_X], ray[CAME_Y]
-        turns, count, here = int(ray[TURNS]), int(ray[COUNT]), int(ray[HERE])
-        passes = int(ray[PASSED])
+        x, y, dx, dy, dz, gain = ray.x, ray.y, ray.dx, ray.dy, ray.dz, ray.gain
+        came_x, came_y, passed = ray.came_x, ray.came_y, ray.passed
+        turns, count, here = ray.turns, ray.count, ray.here
         for k in range(count):
             chain[k] = ways[waiting, k]
         t = way
         if not known:
-            t, name = _next_wall(tree, optics, place, ray, chain, range_max - ray[WAY], room)
-            way = ray[WAY] + t
+            t, name = _next_wall(scene, place, ray, range_max - ray.way, room)
+            way = ray.way + t
         known = False
         if name < 0 or way > range_max:
             continue
         chain[count] = name
         count += 1
-        ex, ey = segments[name, 2] - segments[name, 0], segments[name, 3] - segments[name, 1]
+        wall = _wall_of(scene, name)
+        ex, ey = wall.qx - wall.px, wall.qy - wall.py
         square, slope = ex * ex + ey * ey, dx * ey - dy * ex
         size = math.sqrt(square)
         along = math.sqrt(((dx * ex + dy * ey) / size) ** 2 + dz * dz)
-        kind = optics.kinds[name]
-        bright, mirrored, passed = _surface_light(table, kind, abs(slope) / size, along)
+        kind = optics.kinds[name] if name < len(optics.kinds) else len(optics.table) - 1
+        bright, mirrored, through = _surface_light(optics.table, kind, abs(slope) / size, along)
         back = intensity(gain * bright, way, receiver.near_field)
         if back > 0.0 and back >= threshold:
             receive(way, back, chain, count, receiver, i, lit)
@@ -187,32 +187,40 @@ def _follow(
         still = here > 0 and t == 0.0
         if not still:
             came_x, came_y, here = dx, dy, 0
-        z = ray[Z] + t * dz
+        z = ray.z + t * dz
         for k in range(2):
-            share = gain * (passed * passed if k == 0 else mirrored * mirrored)
+            share = gain * (through * through if k == 0 else mirrored * mirrored)
             if share < LEAST_SHARE or (k == 1 and turns == MOST_TURNS):
                 continue
             twice = 0.0 if k == 0 else 2.0 * slope / square
             left = rays[waiting]
-            left[X], left[Y], left[Z] = x + t * dx, y + t * dy, z
-            left[DX], left[DY], left[DZ] = dx - twice * ey, dy + twice * ex, dz
-            left[CAME_X], left[CAME_Y], left[WAY], left[GAIN] = came_x, came_y, way, share
-            left[TURNS], left[COUNT], left[HERE] = turns + k, count, here + 1
-            left[PASSED] = passes + (1 - k) * (1 << (count - 1))
+            left.x, left.y, left.z = x + t * dx, y + t * dy, z
+            left.dx, left.dy, left.dz = dx - twice * ey, dy + twice * ex, dz
+            left.came_x, left.came_y, left.way, left.gain = came_x, came_y, way, share
+            left.turns, left.count, left.here = turns + k, count, here + 1
+            left.passed = passed + (1 - k) * (1 << (count - 1))
             for j in range(count):
                 ways[waiting, j] = chain[j]
             waiting += 1
 
 
 @borrower
+def _wall_of(scene: Scene, name: int) -> Wall:
+    """A wall, or a side of an obstacle, by its name."""
+    walls = scene.optics.segments
+    return (
+        wall_at(walls, name) if name < len(walls) else side_at(scene.among.sides, name - len(walls))
+    )
+
+
+@borrower
 def _next_wall(
-    tree: Tree, optics: Optics, place: Vector, ray: Float, chain: Int, reach: float, room: Room
+    scene: Scene, place: Vector, ray: Any, reach: float, room: Room
 ) -> tuple[float, int]:
     """How far away a ray meets its next wall [m], and the wall; infinity and −1 for none."""
-    boxes, links, walls, rows = tree
-    stack, nears = room.stack, room.nears
-    x, y, dx, dy, passed = ray[X], ray[Y], ray[DX], ray[DY], int(ray[PASSED])
-    count, here = int(ray[COUNT]), int(ray[HERE])
+    boxes, links, walls, rows = scene.tree
+    stack, nears, heights = room.stack, room.nears, scene.optics.heights
+    x, y, dx, dy = ray.x, ray.y, ray.dx, ray.dy
     ox, oy = place
     near_by = NEAR + NEAR_SHARE * (abs(x) + abs(y))
     best, hit, limit = np.inf, -1, reach * ROOM
@@ -230,41 +238,58 @@ def _next_wall(
                 top += 1
         for k in range(first, first + many):
             name = rows[k]
-            holds, sense = False, 1.0
-            for j in range(count - here, count):
-                if chain[j] == name:
-                    holds = True
-                    # It stands on the other side of what it passed through.
-                    sense = -sense if passed >> j & 1 else sense
-            t = _meet(walls[k], place, ray, holds, sense, near_by if here > 0 else -1.0)
+            t = _met_at(wall_at(walls, k), name, heights[name], place, ray, room.chain, near_by)
             # Of walls that are drawn over each other the first is met, however t is rounded.
-            if not (t < best - near_by or (t <= best + near_by and name < hit)):
-                continue
-            # Inclined beams pass over a wall that is lower, and end at the ground.
-            z = ray[Z] + t * ray[DZ]
-            if ray[DZ] == 0.0 or 0.0 <= z <= optics.heights[name]:
+            if t < best - near_by or (t <= best + near_by and name < hit):
                 best, hit, limit = t, name, min(limit, t * ROOM + near_by)
+    movers, count = scene.among.movers, len(heights)
+    for j in range(len(movers)):
+        height = movers[j].height
+        if j == scene.own or height < scene.height:
+            continue
+        for row in range(movers[j].first, movers[j].stop):
+            side = side_at(scene.among.sides, row)
+            t = _met_at(side, count + row, height, place, ray, room.chain, near_by)
+            if t < best - near_by:
+                best, hit = t, count + row
     return best, hit
 
 
 @borrower
-def _meet(
-    wall: Float, place: Vector, ray: Float, holds: bool, sense: float, near_by: float
+def _met_at(
+    wall: Wall, name: int, height: float, place: Vector, ray: Any, chain: Int, near_by: float
 ) -> float:
+    """How far away [m] a ray meets a wall of some height, infinite where it does not.
+
+    Inclined beams pass over a wall that is lower, and end at the ground.
+    """
+    holds, sense = False, 1.0
+    for j in range(ray.count - ray.here, ray.count):
+        if chain[j] == name:
+            holds = True
+            # It stands on the other side of what it passed through.
+            sense = -sense if ray.passed >> j & 1 else sense
+    t = _meet(wall, place, ray, holds, sense, near_by if ray.here > 0 else -1.0)
+    z = ray.z + t * ray.dz
+    return t if ray.dz == 0.0 or 0.0 <= z <= height else np.inf
+
+
+@borrower
+def _meet(wall: Wall, place: Vector, ray: Any, holds: bool, sense: float, near_by: float) -> float:
     """How far away [m] a ray meets a wall in plan, infinite where it does not.
 
     Which side of an end it passes is one number for all walls that have the end, so no ray passes
     between two. A wall that holds the start, or lies within `near_by` [m] of it, is met there if
     the ray crosses it in the sense in which it arrived.
     """
-    x, y, dx, dy = ray[X], ray[Y], ray[DX], ray[DY]
-    (ox, oy), dz = place, ray[DZ]
-    ax, ay, bx, by = wall[0] - ox - x, wall[1] - oy - y, wall[2] - ox - x, wall[3] - oy - y
-    ex, ey = wall[2] - wall[0], wall[3] - wall[1]
+    x, y, dx, dy = ray.x, ray.y, ray.dx, ray.dy
+    (ox, oy), (px, py, qx, qy) = place, wall
+    ax, ay, bx, by = px - ox - x, py - oy - y, qx - ox - x, qy - oy - y
+    ex, ey = qx - px, qy - py
     area, slope = ax * ey - ay * ex, dx * ey - dy * ex
     size, twice = math.sqrt(ex * ex + ey * ey), (ax + bx) * ex + (ay + by) * ey
     if holds or (abs(area) <= near_by * size and abs(twice) <= size * (size + 2.0 * near_by)):
-        came = ray[CAME_X] * ey - ray[CAME_Y] * ex
+        came = ray.came_x * ey - ray.came_y * ex
         return 0.0 if sense * came * slope > 0.0 else np.inf
     side_a, side_b = dx * ay - dy * ax, dx * by - dy * bx
     if (side_a > 0.0 and side_b > 0.0) or (side_a < 0.0 and side_b < 0.0):
@@ -274,7 +299,7 @@ def _meet(
     near, far = min(at_a, at_b), max(at_a, at_b)
     if slope == 0.0:
         # Along the wall its nearest point counts; inclined beams meet what stands there across.
-        return max(near, 0.0) if dz == 0.0 and far >= 0.0 else np.inf
+        return max(near, 0.0) if ray.dz == 0.0 and far >= 0.0 else np.inf
     # What is met lies between the ends, however flat.
     t = min(max(area / slope, near), far)
     return t if t >= 0.0 else np.inf

@@ -60,17 +60,14 @@ SIDE = np.dtype([(name, np.float64) for name in ("px", "py", "qx", "qy")], align
 
 
 class Movers(NamedTuple):
-    """Obstacles, with all their corners and legs."""
+    """Obstacles, with all their corners and legs, and where they are at a moment.
+
+    The sides are in the order of the corners.
+    """
 
     movers: Records
     corners: Records
     legs: Records
-
-
-class Crowd(NamedTuple):
-    """Obstacles at a moment; the sides are in the order of the corners."""
-
-    movers: Records
     placed: Records
     sides: Records
 
@@ -155,11 +152,19 @@ def mover_at(among: Movers, j: int, time: float) -> tuple[float, float, float]:
 
 
 @inner
-def place(among: Movers, j: int, time: float, crowd: Crowd) -> None:
+def anywhere(plain: Plain) -> Movers:
+    """Obstacles that a kernel places by itself; many may do so at once."""
+    movers, corners, legs = plain
+    placed = np.empty(len(movers), PLACED), np.empty(len(corners), SIDE)
+    return Movers(movers, corners, legs, *placed)
+
+
+@inner
+def place(among: Movers, j: int, time: float) -> None:
     """Place an obstacle's sides where they are at a time."""
-    mover, corners, sides = among.movers[j], among.corners, crowd.sides
+    mover, corners, sides = among.movers[j], among.corners, among.sides
     x, y, theta = mover_at(among, j, time)
-    at = crowd.placed[j]
+    at = among.placed[j]
     at.x, at.y, at.reach = x, y, mover.reach
     cos, sin = math.cos(theta), math.sin(theta)
     before = mover.stop - 1
@@ -172,11 +177,11 @@ def place(among: Movers, j: int, time: float, crowd: Crowd) -> None:
 
 
 @compiled
-def place_all(plain: Plain, time: float, placed: Records, sides: Records) -> None:
+def place_all(plain: Plain, time: float) -> None:
     """Place all obstacles where they are at a time."""
     among = Movers(*plain)
-    for j in range(len(placed)):
-        place(among, j, time, Crowd(among.movers, placed, sides))
+    for j in range(len(among.movers)):
+        place(among, j, time)
 
 
 @inner
@@ -187,9 +192,9 @@ def side_at(sides: Records, row: int) -> Wall:
 
 
 @inner
-def meet(crowd: Crowd, j: int, beam: Beam, nearest: Nearest) -> Nearest:
+def meet(among: Movers, j: int, beam: Beam, nearest: Nearest) -> Nearest:
     """The nearest side, of those of an obstacle and the nearest so far."""
-    sides, mover = crowd.sides, crowd.movers[j]
+    sides, mover = among.sides, among.movers[j]
     for row in range(mover.first, mover.stop):
         side = side_at(sides, row)
         verdict, low, high = judged(side, beam, nearest)
@@ -203,16 +208,10 @@ def meet(crowd: Crowd, j: int, beam: Beam, nearest: Nearest) -> Nearest:
 
 
 @inner
-def stop_beam(
-    crowd: Crowd, row: int, beam: Beam, limits: tuple[float, float], ranges: Float, hits: Int,
-    i: int,
-) -> None:  # fmt: skip
-    """Shorten the range of a beam to that of a side, if this is nearer."""
-    side = side_at(crowd.sides, row)
-    t = within(length_of(beam, side), limits[0], limits[1], beam, side)
-    # If both are below range_min, −inf, neither is nearer; the wall is −1 in any case.
-    if t < ranges[i]:
-        ranges[i], hits[i] = t, -1
+def range_to(among: Movers, row: int, beam: Beam, limits: tuple[float, float]) -> float:
+    """The range of a beam to a side that it meets, within limits."""
+    side = side_at(among.sides, row)
+    return within(length_of(beam, side), limits[0], limits[1], beam, side)
 
 
 @inner
@@ -222,9 +221,11 @@ def reach_of(reach: float, x: float, y: float) -> float:
 
 
 @inner
-def by_rings(crowd: Crowd, height: float, fan: Fan, own: int, farthest: float, queue: Queue) -> int:
+def by_rings(
+    among: Movers, height: float, fan: Fan, own: int, farthest: float, queue: Queue
+) -> int:
     """Sort the obstacles that beams may meet, roughly the nearest first; returns their number."""
-    (away, ring, order), placed, x, y = queue, crowd.placed, fan.x, fan.y
+    (away, ring, order), placed, x, y = queue, among.placed, fan.x, fan.y
     counts = np.zeros(RINGS + 1, np.int64)
     scale = RINGS / (farthest * (1.0 + 1e-6) + 1e-9)
     for j in range(len(placed)):
@@ -232,7 +233,7 @@ def by_rings(crowd: Crowd, height: float, fan: Fan, own: int, farthest: float, q
         east, north, reach = at.x - x, at.y - y, reach_of(at.reach, at.x, at.y)
         square, limit = east * east + north * north, farthest + reach
         ring[j] = -1
-        if j == own or square > limit * limit * ROOM or crowd.movers[j].height < height:
+        if j == own or square > limit * limit * ROOM or among.movers[j].height < height:
             continue
         away[j] = math.sqrt(square) / ROOM
         ring[j] = min(int(max(away[j] - reach, 0.0) * scale), RINGS - 1)
@@ -249,15 +250,15 @@ def by_rings(crowd: Crowd, height: float, fan: Fan, own: int, farthest: float, q
 
 @compiled
 def cast_among(
-    plain_crowd: Plain, plain_laser: Plain, height: float, poses: Float, own: Int, ranges: Float,
+    plain: Plain, plain_laser: Plain, height: float, poses: Float, own: Int, ranges: Float,
     hits: Int,
 ) -> None:  # fmt: skip
     """Let obstacles of a height stop the beams of scans from poses (k, 3) at one moment.
 
     Own (k,) are the obstacles that the scans do not see, or −1.
     """
-    crowd, laser = Crowd(*plain_crowd), Laser(*plain_laser)
-    placed, limits = crowd.placed, (laser.range_min, laser.range_max)
+    among, laser = Movers(*plain), Laser(*plain_laser)
+    placed, limits = among.placed, (laser.range_min, laser.range_max)
     beams = laser.fan.shape[1]
     dx, dy = np.empty(beams + PADDING), np.empty(beams + PADDING)
     row, low, high = np.empty(beams, np.int64), np.empty(beams), np.empty(beams)
@@ -270,7 +271,7 @@ def cast_among(
         for i in range(beams):
             row[i], low[i], high[i] = -1, np.inf, min(ranges[k, i], laser.range_max * ROOM) * ROOM
             farthest = max(farthest, high[i])
-        for n in range(by_rings(crowd, height, fan, own[k], farthest, queue)):
+        for n in range(by_rings(among, height, fan, own[k], farthest, queue)):
             j = queue.order[n]
             at, distance = placed[j], queue.away[j]
             east, north, reach = at.x - x, at.y - y, reach_of(at.reach, at.x, at.y)
@@ -286,26 +287,31 @@ def cast_among(
                 if high[i] < near or abs(dx[i] * north - dy[i] * east) > wide:
                     continue
                 beam = Beam(x, y, dx[i], dy[i])
-                nearest = meet(crowd, j, beam, Nearest(row[i], low[i], high[i]))
+                nearest = meet(among, j, beam, Nearest(row[i], low[i], high[i]))
                 row[i], low[i], high[i] = nearest.row, nearest.low, nearest.high
         for i in range(beams):
-            if row[i] >= 0:
-                beam = Beam(x, y, dx[i], dy[i])
-                stop_beam(crowd, row[i], beam, limits, ranges[k], hits[k], i)
+            if row[i] < 0:
+                continue
+            t = range_to(among, row[i], Beam(x, y, dx[i], dy[i]), limits)
+            # If both are below range_min, −inf, neither is nearer; the wall is −1 in any case.
+            if t < ranges[k, i]:
+                ranges[k, i], hits[k, i] = t, -1
 
 
 @compiled
 def rays_among(
-    plain: Plain, limits: tuple[float, float], height: float, rays: Records, own: int,
+    plain: Plain, limits: tuple[float, float], seen: tuple[int, float, int], rays: Records,
     ranges: Float, hits: Int,
 ) -> None:  # fmt: skip
-    """Let obstacles of a height stop rays (n,), at least one, each where they are at its time."""
-    among, beams = Movers(*plain), len(rays)
-    movers = among.movers
-    crowd = Crowd(movers, np.empty(len(movers), PLACED), np.empty(len(among.corners), SIDE))
+    """Let obstacles stop rays (n,), at least one, each where they are at its time.
+
+    What is seen are not the robot's own, nor those below a height; their sides are named as those
+    of the walls that follow on a number of walls, or all −1 if that is negative.
+    """
+    among, (own, height, walls), beams = anywhere(plain), seen, len(rays)
+    movers, circles = among.movers, np.empty(len(among.movers), PLACED)
     # Around where an obstacle is half-way, it is somewhere in this circle all the time.
     begin, end = rays[0].time, rays[beams - 1].time
-    circles = np.empty(len(movers), PLACED)
     for j in range(len(movers)):
         mover, circle = movers[j], circles[j]
         half = 0.5 * (end + begin)
@@ -321,10 +327,12 @@ def rays_among(
             across, along = beam.dx * north - beam.dy * east, beam.dx * east + beam.dy * north
             beside = abs(across) > reach or along < -reach or along - reach > limit
             if j != own and not beside and movers[j].height >= height:
-                place(among, j, rays[i].time, crowd)
-                nearest = meet(crowd, j, beam, nearest)
+                place(among, j, rays[i].time)
+                nearest = meet(among, j, beam, nearest)
         if nearest.row >= 0:
-            stop_beam(crowd, nearest.row, beam, limits, ranges, hits, i)
+            t = range_to(among, nearest.row, beam, limits)
+            if t < ranges[i]:
+                ranges[i], hits[i] = t, walls + nearest.row if walls >= 0 else -1
 
 
 @compiled

@@ -13,7 +13,7 @@ else from an expansion that holds the number exactly. A length t is taken in dou
 where that falls short from expansions too.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, SupportsIndex
 
 import numpy as np
 
@@ -63,7 +63,7 @@ class Wall(NamedTuple):
 
 
 @inner
-def wall_at(walls: Float, row: int) -> Wall:
+def wall_at(walls: Float, row: SupportsIndex) -> Wall:
     """The wall in a row."""
     return Wall(walls[row, 0], walls[row, 1], walls[row, 2], walls[row, 3])
 

@@ -14,11 +14,10 @@ import numpy as np
 
 from lrf3d.casting.kernels.beams import Records
 from lrf3d.casting.kernels.movers import (
-    PLACED,
     SIDE,
-    Crowd,
     Movers,
     Twist,
+    anywhere,
     moved,
     mover_at,
     place,
@@ -77,17 +76,16 @@ class Line(NamedTuple):
 
 @compiled
 def touched(
-    plain_tree: Plain, plain_body: Plain, poses: Float, twists: Float, seconds: Float, times: Float,
-    walls: Int,
-) -> None:  # fmt: skip
-    """Fill the times (k,) [s] at which bodies first touch walls, and these; or +inf and −1.
+    plain_tree: Plain, plain_body: Plain, moves: Records, seconds: Float, times: Float, walls: Int
+) -> None:
+    """Fill the times (k,) [s] after which bodies first touch walls, and these; or +inf and −1.
 
-    They move from poses (k, 3), each with a twist (k, 3), for some seconds (k,).
+    They hold moves (k,), which are legs, for some seconds (k,).
     """
     tree, body, stack = Tree(*plain_tree), Body(*plain_body), np.empty(STACK, np.int64)
-    for k in range(len(poses)):
-        pose = poses[k, 0], poses[k, 1], poses[k, 2]
-        twist = Twist(twists[k, 0], twists[k, 1], twists[k, 2])
+    for k in range(len(moves)):
+        move = moves[k]
+        pose, twist = (move.x, move.y, move.theta), Twist(move.ahead, move.left, move.turn)
         times[k], walls[k] = _first_touch(tree, body, pose, twist, seconds[k], stack)
 
 
@@ -305,12 +303,11 @@ def touched_among(
 ) -> None:  # fmt: skip
     """Fill the times (k,) [s] after which bodies first touch obstacles, and these; or +inf and −1.
 
-    They hold moves (k,), which are legs, for some seconds (k,). Own (k,) are the obstacles that are
-    the bodies themselves, or −1.
+    They hold moves (k,) for some seconds (k,). Own (k,) are the obstacles that are the bodies
+    themselves, or −1.
     """
-    among, body = Movers(*plain), Body(*plain_body)
+    among, body = anywhere(plain), Body(*plain_body)
     movers, sides = among.movers, np.empty(len(body.tips), SIDE)
-    crowd = Crowd(movers, np.empty(len(movers), PLACED), np.empty(len(among.corners), SIDE))
     begin, places = np.nan, np.empty((len(movers), 2))
     for k in range(len(moves)):
         move = moves[k]
@@ -327,25 +324,25 @@ def touched_among(
             east, north = places[j, 0] - move.x, places[j, 1] - move.y
             if j == own[k] or east * east + north * north > room * room:
                 continue
-            time = _first_meeting(among, j, crowd, body, move, best, sides)
+            time = _first_meeting(among, j, body, move, best, sides)
             if time < np.inf:
                 times[k], met[k] = time, j
 
 
 @inner
 def _first_meeting(
-    among: Movers, j: int, crowd: Crowd, body: Body, move: Any, seconds: float, sides: Records
+    among: Movers, j: int, body: Body, move: Any, seconds: float, sides: Records
 ) -> float:
     """The seconds after which a body touches an obstacle, or infinity."""
     pose, twist = (move.x, move.y, move.theta), Twist(move.ahead, move.left, move.turn)
     rate = math.hypot(twist.ahead, twist.left) + abs(twist.turn) * body.reach + among.movers[j].rim
-    time, gap = 0.0, _gap_at(among, j, move.time, crowd, body, pose, sides)
+    time, gap = 0.0, _gap_at(among, j, move.time, body, pose, sides)
     if gap < -GRAZE:
         return 0.0
     while time < seconds and rate > 0.0:
         before, free = time, gap > 0.0
         time = min(time + max(gap, STEP) / rate, seconds)
-        gap = _gap_at(among, j, move.time + time, crowd, body, moved(pose, twist, time), sides)
+        gap = _gap_at(among, j, move.time + time, body, moved(pose, twist, time), sides)
         if gap >= -GRAZE:
             continue
         # Where it was in contact before, without a depth, it touched there.
@@ -353,7 +350,7 @@ def _first_meeting(
         for _ in range(60):
             middle = 0.5 * (low + high)
             at = moved(pose, twist, middle)
-            if _gap_at(among, j, move.time + middle, crowd, body, at, sides) > 0.0:
+            if _gap_at(among, j, move.time + middle, body, at, sides) > 0.0:
                 low = middle
             else:
                 high = middle
@@ -363,15 +360,15 @@ def _first_meeting(
 
 @inner
 def _gap_at(
-    among: Movers, j: int, time: float, crowd: Crowd, body: Body, pose: tuple[float, float, float],
+    among: Movers, j: int, time: float, body: Body, pose: tuple[float, float, float],
     sides: Records,
 ) -> float:  # fmt: skip
     """The distance [m] of a body at a pose from an obstacle at a time, negative where they overlap.
 
     From far away it is that of the circles around them.
     """
-    place(among, j, time, crowd)
-    (x, y, theta), at, mover = pose, crowd.placed[j], among.movers[j]
+    place(among, j, time)
+    (x, y, theta), at, mover = pose, among.placed[j], among.movers[j]
     away = math.hypot(at.x - x, at.y - y)
     reach = max(at.reach, mover.disc) + body.reach
     if away > 2.0 * reach:
@@ -384,7 +381,7 @@ def _gap_at(
         side.qx, side.qy = x + cos * after.x - sin * after.y, y + sin * after.x + cos * after.y
     gap, inside, around = np.inf, False, False
     for row in range(mover.first, mover.first + 1 if mover.disc > 0.0 else mover.stop):
-        there = Wall(at.x, at.y, at.x, at.y) if mover.disc > 0.0 else side_at(crowd.sides, row)
+        there = Wall(at.x, at.y, at.x, at.y) if mover.disc > 0.0 else side_at(among.sides, row)
         inside = inside != _under(there, sides[0].px, sides[0].py)
         for k in range(count):
             here = side_at(sides, k)

@@ -47,6 +47,9 @@ class Tree(NamedTuple):
     rows: NDArray[np.int32]
 
 
+PART = np.dtype([(name, np.int64) for name in ("node", "start", "stop", "level")], align=True)
+"""A node that waits to be cut: which walls it has, and how far below the root it is."""
+
 Plain = Any
 """A named tuple as Python passes it, as a tuple: Numba takes ten times as long to find its type."""
 
@@ -69,103 +72,93 @@ def _build(
     segments: Float, order: NDArray[np.int32], boxes: Float, links: NDArray[np.int32]
 ) -> int:
     """Sort `order` into leaves and fill boxes and links; the number of nodes."""
-    stack = np.empty((STACK, 4), dtype=np.int64)
-    _bound(segments, order, 0, len(order), boxes[0])
-    used = 1
-    stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = 0, 0, len(order), 0
-    top = 1
-    weight = np.empty(SPLIT_BINS, dtype=np.int64)
-    bin_box = np.empty((SPLIT_BINS, 4))
-    cost = np.empty(SPLIT_BINS)
+    waiting, room = np.empty(STACK, PART), np.empty((SPLIT_BINS, 4))
+    weight, cost = np.empty(SPLIT_BINS, np.int64), np.empty(SPLIT_BINS)
     cuts = np.empty(CHILDREN + 1, dtype=np.int64)
+    leaf = SMALL if len(links) == 1 else LEAF
+    root, used, top = waiting[0], 1, 1
+    root.node, root.start, root.stop, root.level = 0, 0, len(order), 0
+    _bound(segments, order, 0, len(order), boxes[root.node])
     while top > 0:
         top -= 1
-        node, start, stop, level = stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3]
-        leaf = SMALL if len(links) == 1 else LEAF
-        cuts[0], cuts[1] = start, stop
-        parts = 1
+        part = waiting[top]
+        node, level, parts = part.node, part.level, 1
+        cuts[0], cuts[parts] = part.start, part.stop
         while parts < CHILDREN:
             # The part with most walls is cut next.
             widest = 0
             for k in range(1, parts):
                 if cuts[k + 1] - cuts[k] > cuts[widest + 1] - cuts[widest]:
                     widest = k
-            if cuts[widest + 1] - cuts[widest] <= leaf:
+            start, stop = cuts[widest], cuts[widest + 1]
+            if stop - start <= leaf:
                 break
-            middle = (cuts[widest] + cuts[widest + 1]) // 2
+            middle = (start + stop) // 2
             if level < FREE_LEVELS:
-                middle = _cut(
-                    segments, order, cuts[widest], cuts[widest + 1], weight, bin_box, cost
-                )
+                middle = _cut(segments, order, start, stop, weight, room, cost)
             for k in range(parts, widest, -1):
                 cuts[k + 1] = cuts[k]
             cuts[widest + 1] = middle
             parts += 1
         if parts == 1:
-            links[node, 0] = start
-            links[node, 1] = stop - start
+            links[node, 0], links[node, 1] = part.start, part.stop - part.start
             continue
-        links[node, 0] = used
-        links[node, 1] = -parts
+        links[node, 0], links[node, 1] = used, -parts
         for k in range(parts):
-            _bound(segments, order, cuts[k], cuts[k + 1], boxes[used + k])
-            stack[top, 0], stack[top, 1], stack[top, 2] = used + k, cuts[k], cuts[k + 1]
-            stack[top, 3] = level + 1
+            child = waiting[top]
+            child.node, child.level, child.start, child.stop = used, level + 1, cuts[k], cuts[k + 1]
+            _bound(segments, order, child.start, child.stop, boxes[used])
+            used += 1
             top += 1
-        used += parts
     return used
 
 
 @inner
 def _cut(
-    segments: Float, order: NDArray[np.int32], start: int, stop: int, weight: Int, bin_box: Float,
+    segments: Float, order: NDArray[np.int32], start: int, stop: int, weight: Int, boxes: Float,
     cost: Float,
 ) -> int:  # fmt: skip
     """Order the walls by the cheapest cut of their middles; the first row behind the cut."""
-    low, high, box = np.empty(2), np.empty(2), np.empty(4)
+    best, best_axis, best_bin, best_low, best_scale = np.inf, 0, -1, 0.0, 0.0
+    box = np.empty(4)
     for axis in range(2):
-        low[axis], high[axis] = np.inf, -np.inf
-    for row in range(start, stop):
-        for axis in range(2):
+        low, high = np.inf, -np.inf
+        for row in range(start, stop):
             middle = segments[order[row], axis] + segments[order[row], axis + 2]
-            low[axis] = min(low[axis], middle)
-            high[axis] = max(high[axis], middle)
-    best = np.inf
-    best_axis, best_bin = 0, -1
-    for axis in range(2):
-        if not high[axis] > low[axis]:
+            low, high = min(low, middle), max(high, middle)
+        if not high > low:
             continue
-        scale = SPLIT_BINS / (high[axis] - low[axis])
+        scale = SPLIT_BINS / (high - low)
         for b in range(SPLIT_BINS):
             weight[b] = 0
-            _empty(bin_box[b])
+            _empty(boxes[b])
         for row in range(start, stop):
             wall = segments[order[row]]
-            b = min(SPLIT_BINS - 1, int((wall[axis] + wall[axis + 2] - low[axis]) * scale))
+            b = min(SPLIT_BINS - 1, int((wall[axis] + wall[axis + 2] - low) * scale))
             weight[b] += 1
-            _widen(bin_box[b], wall)
-        _empty(box)
-        below = 0
-        for b in range(SPLIT_BINS - 1):
-            below += weight[b]
-            _join(box, bin_box[b])
-            cost[b] = below * _half_perimeter(box) if below > 0 else np.inf
-        _empty(box)
-        above = 0
-        for b in range(SPLIT_BINS - 1, 0, -1):
-            above += weight[b]
-            _join(box, bin_box[b])
-            total = cost[b - 1] + above * _half_perimeter(box) if above > 0 else np.inf
-            if total < best:
-                best, best_axis, best_bin = total, axis, b
+            _widen(boxes[b], wall)
+        # What is below a cut behind each bin, and then what is above.
+        for side in range(2):
+            _empty(box)
+            count = 0
+            for k in range(SPLIT_BINS - 1):
+                b = k if side == 0 else SPLIT_BINS - 1 - k
+                if weight[b] > 0:
+                    _widen(box, boxes[b])
+                count += weight[b]
+                part = count * _half_perimeter(box) if count > 0 else np.inf
+                if side == 0:
+                    cost[b] = part
+                elif cost[b - 1] + part < best:
+                    best, best_axis, best_bin = cost[b - 1] + part, axis, b
+                    best_low, best_scale = low, scale
     if best_bin < 0:
         # All middles are one point: cut by number, so that no leaf grows without bound.
         return (start + stop) // 2
-    scale = SPLIT_BINS / (high[best_axis] - low[best_axis])
     left, right = start, stop - 1
     while left <= right:
         wall = segments[order[left]]
-        place = (wall[best_axis] + wall[best_axis + 2] - low[best_axis]) * scale
+        place = (wall[best_axis] + wall[best_axis + 2] - best_low) * best_scale
         if min(SPLIT_BINS - 1, int(place)) < best_bin:
             left += 1
         else:
@@ -176,28 +169,24 @@ def _cut(
 
 @inner
 def _half_perimeter(box: Float) -> float:
-    return float((box[2] - box[0]) + (box[3] - box[1]))
+    size = 0.0
+    for axis in range(2):
+        size += box[axis + 2] - box[axis]
+    return size
 
 
 @inner
 def _empty(box: Float) -> None:
-    box[0], box[1], box[2], box[3] = np.inf, np.inf, -np.inf, -np.inf
+    for axis in range(2):
+        box[axis], box[axis + 2] = np.inf, -np.inf
 
 
 @inner
 def _widen(box: Float, wall: Float) -> None:
-    box[0] = min(box[0], wall[0], wall[2])
-    box[1] = min(box[1], wall[1], wall[3])
-    box[2] = max(box[2], wall[0], wall[2])
-    box[3] = max(box[3], wall[1], wall[3])
-
-
-@inner
-def _join(box: Float, other: Float) -> None:
-    box[0] = min(box[0], other[0])
-    box[1] = min(box[1], other[1])
-    box[2] = max(box[2], other[2])
-    box[3] = max(box[3], other[3])
+    """Widen a box by a wall, or by a box that is not empty."""
+    for axis in range(2):
+        box[axis] = min(box[axis], wall[axis], wall[axis + 2])
+        box[axis + 2] = max(box[axis + 2], wall[axis], wall[axis + 2])
 
 
 @inner
