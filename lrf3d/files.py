@@ -12,7 +12,7 @@ import stat
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from tempfile import TemporaryDirectory, mkdtemp
+from tempfile import mkdtemp
 from typing import BinaryIO
 
 from lrf3d.errors import InputError, OutputError, shown
@@ -185,15 +185,6 @@ def unfinished_folder(path: str | Path) -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
         unfinished_folders.discard(str(folder))
         held.close()
-
-
-@contextmanager
-def scratch_folder() -> Iterator[Path]:
-    """Make a folder for what a library wants to read from a file."""
-    with TemporaryDirectory() as folder:
-        unfinished_folders.add(folder)
-        yield Path(folder)
-    unfinished_folders.discard(folder)
 
 
 @contextmanager

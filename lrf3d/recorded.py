@@ -107,7 +107,7 @@ def map_log(
         (5, True)
     """
     expect(progress, Callable, "progress")
-    log = _readable(log if isinstance(log, LaserLog) else load_log(log))
+    log = readable(log if isinstance(log, LaserLog) else load_log(log))
     if not log.placed:
         raise InputError(f"{log.name}: no poses in it ({log.source}); lrf3d slam finds them")
     chosen, mapper = np.flatnonzero(~log.is_odd | all_scans), LineMapper(mode, sigma=sigma)
@@ -245,7 +245,7 @@ def solve_log(
     expect(progress, Callable, "progress")
     if not isinstance(log, LaserLog):
         log = load_log(log, poses=odometry_of(log))
-    log = _readable(log)
+    log = readable(log)
     log = log.of_laser(log.lasers[0])
     offset = log.odometry.laser_offset
     try:
@@ -284,7 +284,7 @@ def solve_log(
     return SolvedLog(log, slam, scans, poses, lines, lag, *found, passes)
 
 
-def _readable(log: LaserLog) -> LaserLog:
+def readable(log: LaserLog) -> LaserLog:
     """A log whose scans share the angles where they hardly differ, refused if it is useless."""
     if not log.scans:
         raise InputError(f"{log.name}: a log without scans; expected at least one")
