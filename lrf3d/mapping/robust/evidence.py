@@ -99,15 +99,15 @@ def gather_evidence(
     counts, sums = np.zeros(pieces, PIECE_COUNTS), np.zeros(pieces, PIECE_SUMS)
     # What belongs to the walls before is free, so that all of it is claimed again.
     for k in range(len(lines.rows)):
-        fresh.stamps[lines.rows[k]] += 1
+        fresh.walls[lines.rows[k]].version += 1
     claimed, found = np.empty(cells.counters[0].clusters, np.int64), 0
     for k in range(len(lines.rows)):
         _count_violations(lines, k, cells, counts)
         found = _claim(lines, k, cells, fresh, near, counts, claimed, found)
     # What one of these walls has lost to another of them is counted already.
     for k in range(len(lines.rows)):
-        fresh.counts[lines.rows[k]] = 0.0
-    places = np.empty(len(fresh.stamps), np.int64)
+        fresh.walls[lines.rows[k]].fresh = 0.0
+    places = np.empty(len(fresh.walls), np.int64)
     for k in range(len(lines.rows)):
         places[lines.rows[k]] = k
     owned = np.empty((found, 2), np.int64)
@@ -250,12 +250,12 @@ def _claim_one(
     # A wall seen from its back does not end a beam.
     if incidence < 0.0:
         away += off
-    if fresh.stamps[found_cluster.owner] == found_cluster.owner_version:
+    if fresh.walls[found_cluster.owner].version == found_cluster.owner_version:
         if away >= found_cluster.distance:
             return found
-        fresh.counts[found_cluster.owner] += hits
+        fresh.walls[found_cluster.owner].fresh += hits
     found_cluster.owner, found_cluster.distance = lines.rows[k], away
-    found_cluster.owner_version = fresh.stamps[lines.rows[k]]
+    found_cluster.owner_version = fresh.walls[lines.rows[k]].version
     # Another of these walls may have claimed it before: then it is in the list already.
     if found_cluster.piece == 0:
         claimed[found] = cluster

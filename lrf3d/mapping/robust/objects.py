@@ -102,7 +102,7 @@ def link_walls(links: Links, walls: Walls, grid: Grid, cells: Cells, rows: Int) 
     """Link some walls (n,) with those around them, and ask again about a few links of others."""
     lines, lengths = np.empty((MOST_LINKS + 1, 5)), np.empty(MOST_LINKS)
     others = np.empty(MOST_LINKS, np.int64)
-    places = np.full(len(walls.points), -1)
+    places = np.full(len(walls.rows), -1)
     for k in range(len(rows)):
         places[rows[k]] = k
         links.own[rows[k]] += 1
@@ -112,7 +112,7 @@ def link_walls(links: Links, walls: Walls, grid: Grid, cells: Cells, rows: Int) 
         for i in range(near(grid, own, LONGEST_LINK)):
             other = grid.found[i]
             # A link of two of them is added once, by the later one.
-            if places[other] >= k or not walls.real[other]:
+            if places[other] >= k or not walls.rows[other].real:
                 continue
             line, its = lines[MOST_LINKS], walls.ends[other]
             if _parted(own, its, reach) or not measure_link(own, its, line):
@@ -138,8 +138,9 @@ def link_walls(links: Links, walls: Walls, grid: Grid, cells: Cells, rows: Int) 
                 count += 1
         links.counts[wall] = count
     asked = 0
-    for _ in range(walls.used[0]):
-        wall = links.turn[0] = (links.turn[0] + 1) % walls.used[0]
+    taken = walls.counters[0].taken
+    for _ in range(taken):
+        wall = links.turn[0] = (links.turn[0] + 1) % taken
         for place in range(links.counts[wall]):
             if is_link(links, walls, wall, place):
                 one, other = walls.ends[wall], walls.ends[links.others[wall, place]]
@@ -154,9 +155,8 @@ def link_walls(links: Links, walls: Walls, grid: Grid, cells: Cells, rows: Int) 
 def is_link(links: Links, walls: Walls, wall: int, place: int) -> bool:
     """Whether a link still stands."""
     other = links.others[wall, place]
-    return bool(
-        walls.real[wall] and walls.real[other] and links.versions[wall, place] == links.own[other]
-    )
+    stands = links.versions[wall, place] == links.own[other]
+    return bool(stands and walls.rows[wall].real and walls.rows[other].real)
 
 
 @borrower
@@ -265,7 +265,7 @@ def _root(parents: Int, wall: int) -> int:
 @compiled
 def find_objects(links: Links, walls: Walls, rows: Int) -> Int:
     """The object (n,) of each of the real walls (n,), named by one of them."""
-    parents, labels = np.arange(len(walls.points)), np.empty(len(rows), np.int64)
+    parents, labels = np.arange(len(walls.rows)), np.empty(len(rows), np.int64)
     for k in range(len(rows)):
         wall = rows[k]
         for place in range(links.counts[wall]):
