@@ -12,6 +12,7 @@ from lrf3d.compiling import borrower, compiled, inner
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.mapping.grid import Grid, insert, near, remove
 from lrf3d.mapping.robust.cells import HIT_DEVIATIONS, Cells, NewEvidence
+from lrf3d.mapping.robust.crossing import end_of, put_line, vector_of
 from lrf3d.mapping.robust.evidence import FOLLOWED
 from lrf3d.mapping.robust.judging import count_evidence
 from lrf3d.mapping.robust.refitting import Parts
@@ -64,18 +65,17 @@ def _count_unowned_hits(
             # It was an image in a mirror.
             continue
         x, y = cluster.x, cluster.y
-        point[0] = point[2] = x
-        point[1] = point[3] = y
+        put_line(point, x, y, x, y)
         off = near_by + HIT_DEVIATIONS * np.sqrt(cluster.hits / cluster.weight)
         for i in range(near(grid, point, FOLLOWED)):
             wall = grid.found[i]
             if walls.rows[wall].points == 0:
                 continue
             ends = walls.ends[wall]
-            ux, uy = ends[2] - ends[0], ends[3] - ends[1]
+            (ux, uy), (x1, y1) = vector_of(ends), end_of(ends, 0)
             size = np.hypot(ux, uy)
-            along = ((x - ends[0]) * ux + (y - ends[1]) * uy) / size
-            aside = ((y - ends[1]) * ux - (x - ends[0]) * uy) / size
+            along = ((x - x1) * ux + (y - y1) * uy) / size
+            aside = ((y - y1) * ux - (x - x1) * uy) / size
             if abs(aside) <= off and -FOLLOWED <= along <= size + FOLLOWED:
                 count_evidence(fresh, wall, 1.0)
 

@@ -18,7 +18,15 @@ from lrf3d.compiling import borrower, compiled, inner
 from lrf3d.geometry import Float, Int
 from lrf3d.mapping.grid import Grid, insert, near, remove
 from lrf3d.mapping.robust.cells import FREE_DEPTH, Cells
-from lrf3d.mapping.robust.crossing import WALL_SINE, is_crossed
+from lrf3d.mapping.robust.crossing import (
+    WALL_SINE,
+    along_of,
+    end_of,
+    is_crossed,
+    put_line,
+    unit_of,
+    vector_of,
+)
 from lrf3d.mapping.robust.records import MOMENTS, WALL, WALL_COUNTERS, Records
 
 SAME_DIRECTION = 0.5
@@ -226,8 +234,8 @@ def merge_walls(
 def _is_covered(walls: Walls, grid: Grid, row: int, rule: Rule) -> bool:
     """Whether walls that are known as well, or better, cover all but a little of one of a scan."""
     own = walls.ends[row]
-    length = np.hypot(own[2] - own[0], own[3] - own[1])
-    ux, uy = (own[2] - own[0]) / length, (own[3] - own[1]) / length
+    ux, uy, length = unit_of(own)
+    x, y = end_of(own, 0)
     steps = min(int(length / GROWN) + 1, 1000)
     covered = np.zeros(steps, np.bool_)
     for k in range(near(grid, own, rule.distance + rule.most_explained)):
@@ -235,8 +243,8 @@ def _is_covered(walls: Walls, grid: Grid, row: int, rule: Rule) -> bool:
         if walls.rows[other].points < walls.rows[row].points:
             continue
         ends = walls.ends[other]
-        first = ((ends[0] - own[0]) * ux + (ends[1] - own[1]) * uy) / length
-        last = ((ends[2] - own[0]) * ux + (ends[3] - own[1]) * uy) / length
+        first, last = along_of(ends, x, y, ux, uy)
+        first, last = first / length, last / length
         if last <= 0.0 or first >= 1.0:
             continue
         if misfit(own, walls.moments[row], ends, walls.moments[other], rule) < 1.0:
@@ -275,14 +283,15 @@ def _partner(walls: Walls, grid: Grid, row: int, cells: Cells, rule: Rule) -> in
 @borrower
 def _span(one: Float, other: Float, line: Float) -> float:
     """Fill in the line (4,) from the end of one wall to where the next begins: its length [m]."""
-    ux, uy = one[2] - one[0], one[3] - one[1]
+    ux, uy = vector_of(one)
     size = np.hypot(ux, uy)
-    ahead = ((other[0] - one[2]) * ux + (other[1] - one[3]) * uy) / size
-    back = ((one[0] - other[2]) * ux + (one[1] - other[3]) * uy) / size
+    (x, y), (u, v) = end_of(one, 1), end_of(other, 1)
+    ahead = along_of(other, x, y, ux, uy)[0] / size
+    back = along_of(one, u, v, ux, uy)[0] / size
     if ahead > back:
-        line[0], line[1], line[2], line[3] = one[2], one[3], other[0], other[1]
+        put_line(line, x, y, *end_of(other, 0))
     else:
-        line[0], line[1], line[2], line[3] = other[2], other[3], one[0], one[1]
+        put_line(line, u, v, *end_of(one, 0))
     gap: float = max(ahead, back, 0.0)
     return gap
 
@@ -290,8 +299,7 @@ def _span(one: Float, other: Float, line: Float) -> float:
 @compiled
 def misfit(ends: Float, moments: Any, other_ends: Float, other: Any, rule: Rule) -> float:
     """How far the shorter of two segments lies off the longer one's line; 1 is the most allowed."""
-    x, y = ends[2] - ends[0], ends[3] - ends[1]
-    u, v = other_ends[2] - other_ends[0], other_ends[3] - other_ends[1]
+    (x, y), (u, v) = vector_of(ends), vector_of(other_ends)
     size, length = np.sqrt(x * x + y * y), np.sqrt(u * u + v * v)
     # Ends run so that the laser stood on the left: opposite ways are two faces of a wall.
     if x * u + y * v <= SAME_DIRECTION * size * length:
@@ -301,10 +309,8 @@ def misfit(ends: Float, moments: Any, other_ends: Float, other: Any, rule: Rule)
         moments, other = other, moments
         x, y, size, u, v, length = u, v, length, x, y, size
     x, y, u, v = x / size, y / size, u / length, v / length
-    low = (other_ends[0] - other.x) * u + (other_ends[1] - other.y) * v
-    high = (other_ends[2] - other.x) * u + (other_ends[3] - other.y) * v
-    first = (ends[0] - other.x) * u + (ends[1] - other.y) * v
-    last = (ends[2] - other.x) * u + (ends[3] - other.y) * v
+    low, high = along_of(other_ends, other.x, other.y, u, v)
+    first, last = along_of(ends, other.x, other.y, u, v)
     if max(first - high, low - last) > rule.length:
         return np.inf
     shared = min(last, high) - max(first, low)
@@ -339,15 +345,14 @@ def merge(walls: Walls, kept: int, gone: int) -> None:
     own.yy += its.yy + spread * dy * dy
     angle = 0.5 * np.arctan2(2.0 * own.xy, own.xx - own.yy)
     u, v = np.cos(angle), np.sin(angle)
-    if u * (ends[kept, 2] - ends[kept, 0]) + v * (ends[kept, 3] - ends[kept, 1]) < 0.0:
+    dx, dy = vector_of(ends[kept])
+    if u * dx + v * dy < 0.0:
         u, v = -u, -v
     x, y = own.x, own.y
     low, high = np.inf, -np.inf
     for row in (kept, gone):
-        for k in range(0, 4, 2):
-            along = (ends[row, k] - x) * u + (ends[row, k + 1] - y) * v
-            low, high = min(low, along), max(high, along)
-    ends[kept, 0], ends[kept, 1] = x + low * u, y + low * v
-    ends[kept, 2], ends[kept, 3] = x + high * u, y + high * v
+        first, last = along_of(ends[row], x, y, u, v)
+        low, high = min(low, first, last), max(high, first, last)
+    put_line(ends[kept], x + low * u, y + low * v, x + high * u, y + high * v)
     walls.rows[kept].points += walls.rows[gone].points
     walls.rows[gone].points = 0
