@@ -1,4 +1,4 @@
-"""The stream of a live robot for Foxglove and Lichtblick, without ROS: the same messages as CDR."""
+"""The stream of a live robot for Foxglove and Lichtblick, without ROS."""
 
 from collections.abc import Callable
 from queue import Empty, SimpleQueue
@@ -7,10 +7,7 @@ from typing import Any
 
 from lrf3d.errors import OutputError, missing_extra
 from lrf3d.interrupts import check
-from lrf3d.io.bag_writer import made
-from lrf3d.ros.driven import Messages
-from lrf3d.ros.settings import Settings
-from lrf3d.ros.stream import Stream
+from lrf3d.ros.stream import Encoded, Settings, Stream
 from lrf3d.scenario import Scenario
 
 PORT = 8765
@@ -27,24 +24,21 @@ class Channels:
         try:
             import foxglove
             from foxglove.websocket import Capability
-            from rosbags.typesys import Stores, get_typestore
         except ImportError as error:
             raise missing_extra(f"Foxglove needs its server ({error})", "foxglove") from None
-        self._stream, self._store = stream, get_typestore(Stores.ROS2_HUMBLE)
+        self._stream = stream
         # Channels end with their context.
         self._context = context = foxglove.Context()
-        self._channels = {}
+        self._latched, self._channels = set[str](), dict[str, Any]()
         for topic in stream.topics:
-            text, _ = self._store.generate_msgdef(topic.type, ros_version=2)
-            self._channels[f"/{topic.name.strip('/')}"] = (
-                topic,
-                foxglove.Channel(
-                    f"/{topic.name.strip('/')}",
-                    schema=foxglove.Schema(name=topic.type, encoding="ros2msg", data=text.encode()),
-                    message_encoding="cdr",
-                    context=context,
-                ),
+            text, _ = stream.types.generate_msgdef(topic.type, ros_version=2)
+            schema = foxglove.Schema(name=topic.type, encoding="ros2msg", data=text.encode())
+            channel = foxglove.Channel(
+                f"/{topic.name.strip('/')}", schema=schema, message_encoding="cdr", context=context
             )
+            self._channels[topic.name] = channel
+            if topic.latched:
+                self._latched.add(channel.topic())
         self._asked = SimpleQueue[Callable[[], None]]()
         self._clients: dict[tuple[int, int], Any] = {}
         listener: Any = self
@@ -58,14 +52,12 @@ class Channels:
             raise OutputError(f"--port {port}: {error}; choose another") from None
         self.address, self.close = f"ws://{host}:{self._server.port}", self._server.stop
 
-    def publish(self, messages: Messages) -> None:
+    def publish(self, messages: Encoded) -> None:
         """Publish messages at the simulated time."""
-        for topic, fields in messages:
+        for topic, data in messages:
             time = self._stream.stamp.nanoseconds
             self._server.broadcast_time(time)
-            message = made(self._store, topic.type, fields)
-            data = bytes(self._store.serialize_cdr(message, topic.type))
-            self._channels[f"/{topic.name.strip('/')}"][1].log(data, log_time=time)
+            self._channels[topic.name].log(data, log_time=time)
 
     def serve(self, seconds: float) -> None:
         """Do for a time [s] what clients ask for."""
@@ -78,8 +70,9 @@ class Channels:
 
     def on_subscribe(self, client: Any, channel: Any) -> None:
         """Send a late client what is published once."""
-        if self._channels[channel.topic][0].latched:
-            self._asked.put(lambda: self.publish(self._stream.first()))
+        if channel.topic in self._latched:
+            stream = self._stream
+            self._asked.put(lambda: self.publish(stream.encoded(stream.first())))
 
     def on_unsubscribe(self, client: Any, channel: Any) -> None:
         """Do nothing: the server sends to those that are left."""
@@ -97,16 +90,14 @@ class Channels:
         known, stream = self._clients.get((client.id, channel)), self._stream
         if known is None or known.topic.strip("/") != "cmd_vel":
             return
-        stamped = "Stamped" * known.schema_name.endswith("Stamped")
+        kind = "TwistStamped" if known.schema_name.endswith("Stamped") else "Twist"
         try:
-            message: Any = self._store.deserialize_cdr(data, f"geometry_msgs/msg/Twist{stamped}")
-            twist = getattr(message, "twist", message)
-            words = twist.linear.x, twist.angular.z, twist.linear.y
+            message: Any = stream.types.deserialize_cdr(data, f"geometry_msgs/msg/{kind}")
         except Exception as error:
             reason = f"cmd_vel of a client cannot be read ({error}); ignored"
             self._asked.put(lambda: stream.say("warning", reason))
         else:
-            self._asked.put(lambda: stream.robots[0].command(*words))
+            self._asked.put(lambda: stream.robots[0].obey(message))
 
 
 def serve_foxglove(

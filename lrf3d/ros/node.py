@@ -3,19 +3,15 @@
 Only this module imports rclpy.
 """
 
-from array import array
 from collections.abc import Callable, Sequence
 from importlib import import_module
+from math import atan2, inf
 from time import monotonic
 from typing import Any
 
-import numpy as np
-
-from lrf3d.errors import InputError, MissingLibraryError
-from lrf3d.interrupts import asked
-from lrf3d.ros.driven import DrivenRobot, Messages
-from lrf3d.ros.settings import Settings
-from lrf3d.ros.stream import CLOCK, Stream
+from lrf3d.errors import InputError, MissingLibraryError, expect
+from lrf3d.interrupts import asked, check
+from lrf3d.ros.stream import CLOCK, DrivenRobot, Encoded, Settings, Stream
 from lrf3d.scenario import Scenario
 
 DISCOVERY = 1.0
@@ -50,14 +46,7 @@ class Node:
             self._nodes.append(rclpy.create_node(name, namespace=namespace, context=context))
             self._executors.append(SingleThreadedExecutor(context=context))
             self._executors[-1].add_node(self._nodes[-1])
-        log = self._nodes[0].get_logger()
-        # rclpy lets a line of code log at one level only.
-        self._levels: dict[str, Callable[[str], object]] = {
-            "info": lambda text: log.info(text),
-            "warning": lambda text: log.warning(text),
-            "error": lambda text: log.error(text),
-        }
-        self._publishers, self._said = dict[str, tuple[Any, type]](), dict[str, float]()
+        self._publishers, self._said = dict[str, Any](), dict[str, float]()
         self._commands, self._checked = list[str](), monotonic()
 
     def close(self) -> None:
@@ -68,39 +57,38 @@ class Node:
 
     def say(self, level: str, text: str) -> None:
         """Log a message; the same warning not again for a while."""
-        now = monotonic()
-        if level == "info" or now > self._said.get(text, -np.inf) + SAID_EVERY:
+        now, log = monotonic(), self._nodes[0].get_logger()
+        if level == "info":
+            log.info(text)
+        elif now > self._said.get(text, -inf) + SAID_EVERY:
             self._said[text] = now
-            self._levels[level](text)
+            # rclpy lets a line of code log at one level only.
+            log.error(text) if level == "error" else log.warning(text)
 
-    def check_clock(self) -> None:
-        """Check that nobody else publishes the simulated time.
+    def connect(self, stream: Stream) -> None:
+        """Make the publishers of a stream, and let it hear commands and services.
 
         Raises:
-            SecondClockError: Somebody does.
+            SecondClockError: Somebody else publishes the simulated time.
         """
-        end = monotonic() + DISCOVERY
-        while monotonic() < end and not asked():
-            if self._nodes[0].count_publishers(CLOCK.name):
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+
+        node, end = self._nodes[0], monotonic() + DISCOVERY
+        while stream.settings.clock and monotonic() < end and not asked():
+            if node.count_publishers(CLOCK.name):
                 raise SecondClockError(
                     f"another program publishes {CLOCK.name}; pass --no-clock, or set another"
                     " ROS_DOMAIN_ID"
                 )
             # A spin may return at once.
             self.spin(0.05)
-
-    def connect(self, stream: Stream) -> None:
-        """Make the publishers of a stream, and let it hear commands and services."""
-        from rclpy.qos import DurabilityPolicy, QoSProfile
-
-        node = self._nodes[0]
         for topic in stream.topics:
             # Reliable publishers serve subscribers of either kind.
-            quality, kind = QoSProfile(depth=topic.depth), _type(topic.type)
+            quality = QoSProfile(depth=topic.depth)
             if topic.latched:
                 quality.durability = DurabilityPolicy.TRANSIENT_LOCAL
-            publisher = node.create_publisher(kind, topic.name, quality)
-            self._publishers[topic.name] = publisher, kind
+            publisher = node.create_publisher(_type(topic.type), topic.name, quality)
+            self._publishers[topic.name] = publisher
         for robot in stream.robots:
             self._hear(robot)
 
@@ -114,31 +102,27 @@ class Node:
 
         serve("SetBool", "pause", lambda request: setattr(stream, "paused", request.data))
         serve("Trigger", "reset", lambda _: stream.reset())
-        serve("Trigger", "step", lambda _: self.publish(stream.step()))
+        serve("Trigger", "step", lambda _: self.publish(stream.encoded(stream.step())))
 
     def _hear(self, robot: DrivenRobot) -> None:
         """Let a robot obey the topics of its commands."""
 
-        def obey(message: Any) -> None:
-            twist = getattr(message, "twist", message)
-            robot.command(twist.linear.x, twist.angular.z, twist.linear.y)
-
         def place(message: Any) -> None:
             where, turn = message.pose.position, message.pose.orientation
-            theta = 2.0 * float(np.arctan2(turn.z, turn.w))
-            robot.set_pose(message.header.frame_id, (where.x, where.y, theta))
+            pose = where.x, where.y, 2.0 * atan2(turn.z, turn.w)
+            robot.set_pose(message.header.frame_id, pose)
 
         for node, kind in zip(self._nodes, COMMANDS, strict=True):
-            heard = node.create_subscription(_type(kind), f"{robot.prefix}cmd_vel", obey, 5)
+            name = f"{robot.prefix}cmd_vel"
+            heard = node.create_subscription(_type(kind), name, robot.obey, 5)
         self._commands.append(heard.topic_name)
         kind = _type("geometry_msgs/msg/PoseStamped")
         self._nodes[0].create_subscription(kind, f"{robot.prefix}set_pose", place, 1)
 
-    def publish(self, messages: Messages) -> None:
+    def publish(self, messages: Encoded) -> None:
         """Publish messages in their order."""
-        for topic, fields in messages:
-            publisher, kind = self._publishers[topic.name]
-            publisher.publish(_filled(kind(), fields))
+        for topic, data in messages:
+            self._publishers[topic.name].publish(data)
 
     def spin(self, seconds: float) -> None:
         """Serve callbacks for a time [s]; at least those that are waiting."""
@@ -160,10 +144,33 @@ class Node:
                     self.say("warning", f"{name} of type {each.topic_type}: expected {expected}")
 
 
-def serve_node(
-    scenario: Scenario, settings: Settings, arguments: Sequence[str], started: Callable[[str], None]
+def _type(name: str) -> Any:
+    """A message type by its name in ROS."""
+    package, kind, name = name.split("/")
+    return getattr(import_module(f"{package}.{kind}"), name)
+
+
+def serve(
+    scenario: Scenario,
+    *,
+    arguments: Sequence[str] = (),
+    started: Callable[[str], None] = lambda text: None,
+    **settings: Any,
 ) -> None:
-    """Serve a scenario until the program is interrupted."""
+    """Serve a robot in ROS 2 until the program is interrupted.
+
+    Args:
+        scenario: The world, and its robot and laser; a route is not needed.
+        arguments: Arguments of ROS, such as ``--ros-args -r scan:=base_scan``.
+        started: Called with a line once the topics are there.
+        **settings: The fields of :class:`lrf3d.ros.stream.Settings`.
+
+    Raises:
+        MissingLibraryError: ROS 2 is not there.
+        SecondClockError: Another program publishes the clock.
+        InputError: A setting is invalid.
+    """
+    expect(scenario, Scenario, "scenario")
     try:
         import_module("rclpy")
         import_module("tf2_msgs.msg")
@@ -172,37 +179,14 @@ def serve_node(
             f"ROS 2 is not there ({error}); source it (. /opt/ros/DISTRO/setup.sh), or install its"
             " wheels into an environment of their own, as scripts/ros does"
         ) from None
-    node = Node(settings.namespace, arguments)
+    chosen = Settings(**settings)
+    node = Node(chosen.namespace, arguments)
     try:
-        stream = Stream(scenario, settings, node.say)
-        if settings.clock:
-            node.check_clock()
+        stream = Stream(scenario.with_route(), chosen, node.say)
         node.connect(stream)
         rate = 1.0 / stream.interval
         started(f"{scenario.name}: {scenario.lrf.beams} beams at {rate:g} Hz; Ctrl-C ends it")
         stream.run(node.publish, node.spin)
     finally:
         node.close()
-
-
-def _type(name: str) -> Any:
-    """A message type by its name in ROS."""
-    package, kind, name = name.split("/")
-    return getattr(import_module(f"{package}.{kind}"), name)
-
-
-def _filled(message: Any, fields: dict[str, Any]) -> Any:
-    """A message with the fields of nested dicts."""
-    for name, value in fields.items():
-        if isinstance(value, dict):
-            _filled(getattr(message, name), value)
-        elif isinstance(value, np.ndarray):
-            # Any other kind is checked element by element.
-            setattr(message, name, array(value.dtype.char, value.tobytes()))
-        elif isinstance(value, list) and value and isinstance(value[0], dict):
-            inner = message.get_fields_and_field_types()[name]
-            kind = _type(inner.removeprefix("sequence<").rstrip(">").replace("/", "/msg/"))
-            setattr(message, name, [_filled(kind(), each) for each in value])
-        else:
-            setattr(message, name, value)
-    return message
+    check()

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.compiling import borrower, compiled
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry import Int
 from lrf3d.mapping.robust.beams import CELL, Beams
-from lrf3d.mapping.robust.records import Records, record
+from lrf3d.mapping.robust.records import NEWS, Records, record
 
 SIDE_BITS = 4
 SIDE = 1 << SIDE_BITS
@@ -139,17 +139,22 @@ class Cells(NamedTuple):
 class NewEvidence(NamedTuple):
     """What the beams of a scan have added to the evidence of which walls.
 
-    Of each wall (rows,) its stamp, what is new since it was refit [hits], and the last scan that
-    added to it; the walls that this scan added to, each once; clusters that are hits of no wall and
-    grew (≥ beams,); and how many of these two, and the number of the scan.
+    All walls; which of them (rows,) this scan added to, each once; clusters that are hits of no
+    wall and grew (≥ beams,); and how many of these two, :data:`NEWS`.
     """
 
-    stamps: NDArray[np.int32]
-    counts: Float
-    last_scans: Int
-    walls: Int
+    walls: Records
+    changed: Int
     unowned: Int
-    numbers: Int
+    counters: Records
+
+    @classmethod
+    def of(cls, walls: Records, beams: int, scan: int) -> "NewEvidence":
+        """Nothing yet of a scan, by its number."""
+        counters = np.zeros(1, NEWS)
+        counters["scan"] = scan
+        changed = np.empty(len(walls), np.int64)
+        return cls(walls, changed, np.empty(beams, np.int64), counters)
 
 
 @borrower
@@ -204,8 +209,9 @@ def take_block(cells: Cells, column: int, row: int) -> int:
         return -1
     square, place = cells.squares[slot], _place_of(column, row)
     if cells.blocks[square, place] == 0:
-        cells.blocks[square, place] = cells.counters[0].blocks
-        cells.counters[0].blocks += 1
+        counters = cells.counters[0]
+        cells.blocks[square, place] = counters.blocks
+        counters.blocks += 1
     block: int = cells.blocks[square, place]
     return block
 
@@ -214,6 +220,7 @@ def take_block(cells: Cells, column: int, row: int) -> int:
 def open_squares(cells: Cells, place: tuple[float, float], beams: Beams) -> bool:
     """Make the squares around all hits of a scan from a place [m]; False where room ran out."""
     side, before_x, before_y = CELL * (1 << SQUARE_BITS), 1 << 40, 0
+    counters = cells.counters[0]
     for beam in range(len(beams.ranges)):
         reach = beams.ranges[beam]
         if reach <= 0.0:
@@ -223,13 +230,13 @@ def open_squares(cells: Cells, place: tuple[float, float], beams: Beams) -> bool
         if x == before_x and y == before_y:
             continue
         before_x, before_y = x, y
-        if cells.counters[0].squares + 9 > len(cells.blocks):
+        if counters.squares + 9 > len(cells.blocks):
             return False
         for near_x in range(x - 1, x + 2):
             for near_y in range(y - 1, y + 2):
                 slot = _slot_of(cells.keys, near_x, near_y)
                 if cells.keys[slot] == EMPTY:
                     cells.keys[slot] = (near_x << 31) + near_y
-                    cells.squares[slot] = cells.counters[0].squares
-                    cells.counters[0].squares += 1
+                    cells.squares[slot] = counters.squares
+                    counters.squares += 1
     return True

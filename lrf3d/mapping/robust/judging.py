@@ -163,11 +163,12 @@ def add_beams(
 @borrower
 def count_evidence(fresh: NewEvidence, wall: int, weight: float) -> None:
     """Add a beam of a weight [hits] to the new evidence of a wall."""
-    fresh.counts[wall] += weight
-    if fresh.last_scans[wall] != fresh.numbers[2]:
-        fresh.last_scans[wall] = fresh.numbers[2]
-        fresh.walls[fresh.numbers[0]] = wall
-        fresh.numbers[0] += 1
+    row, counters = fresh.walls[wall], fresh.counters[0]
+    row.fresh += weight
+    if row.last_scan != counters.scan:
+        row.last_scan = counters.scan
+        fresh.changed[counters.changed] = wall
+        counters.changed += 1
 
 
 @borrower
@@ -189,7 +190,7 @@ def _contradict(
                 cluster.misses -= GONE_AFTER // 4
                 weight += 0.5 * cluster.hits
                 _halve(cluster)
-        if fresh.stamps[cluster.owner] == cluster.owner_version:
+        if fresh.walls[cluster.owner].version == cluster.owner_version:
             count_evidence(fresh, cluster.owner, weight)
         after = cluster.next
         if cluster.hits < LEAST_HITS:
@@ -216,7 +217,7 @@ def forget_hits(
                 cluster = cells.clusters[place]
                 after = cluster.next
                 if goes_along(cluster, dx, dy):
-                    if fresh.stamps[cluster.owner] == cluster.owner_version:
+                    if fresh.walls[cluster.owner].version == cluster.owner_version:
                         count_evidence(fresh, cluster.owner, cluster.hits)
                     _give_back(cells, block, cell, before, place)
                 else:
@@ -346,8 +347,9 @@ def _add_hit(
     cluster.yy += spread * oy * oy
     cluster.toward_x += (dx - cluster.toward_x) / cluster.hits
     cluster.toward_y += (dy - cluster.toward_y) / cluster.hits
-    if fresh.stamps[cluster.owner] == cluster.owner_version:
+    if fresh.walls[cluster.owner].version == cluster.owner_version:
         count_evidence(fresh, cluster.owner, 1.0)
     else:
-        fresh.unowned[fresh.numbers[1]] = place
-        fresh.numbers[1] += 1
+        news = fresh.counters[0]
+        fresh.unowned[news.unowned] = place
+        news.unowned += 1

@@ -21,6 +21,27 @@ MOMENTS = record(
 )  # fmt: skip
 """The moments of the points of a segment."""
 
+WALL = record(
+    points=int,  # number of its points; 0 where the row is free
+    evidence=float,  # [hits] hits and weighed violations that it had when it was refit
+    fresh=float,  # [beams] that hit it, or went through its hits, since then
+    last_scan=int,  # the last scan that added to these
+    version=np.int32,  # how often it was refit, from 1; see CLUSTER
+    real=bool,  # whether the beams showed enough of it: the map is these
+)  # fmt: skip
+"""What is known of a wall beside its place and its moments."""
+
+WALL_COUNTERS = record(
+    taken=int,  # rows that were ever taken
+    free=int,  # how many of these were given back
+    turn=int,  # the wall whose turn it is to be refit
+)  # fmt: skip
+
+NEWS = record(
+    changed=int, unowned=int,  # see NewEvidence
+    scan=int,  # the number of the scan
+)  # fmt: skip
+
 PIECE_COUNTS = record(
     hits=float, violations=float,  # [beams] that hit it, and that went through it
     nearer=float,  # [beams] that would be hits had they not hit another wall more nearly

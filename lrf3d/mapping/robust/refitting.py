@@ -12,7 +12,8 @@ import numpy as np
 from lrf3d.compiling import borrower, compiled, inner
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.mapping.robust.cells import OPEN_WEIGHT, Cells, NewEvidence
-from lrf3d.mapping.robust.evidence import FOLLOWED, PIECE, follow, gather_evidence, unit_of
+from lrf3d.mapping.robust.crossing import end_of, put_line, unit_of
+from lrf3d.mapping.robust.evidence import FOLLOWED, PIECE, follow, gather_evidence
 from lrf3d.mapping.robust.records import MOMENTS, PIECE_SUMS, Records
 from lrf3d.mapping.robust.segmentation import WALL_COST
 
@@ -338,9 +339,11 @@ def place_part(
     dd = max(total.aside_aside - w * d * d, 0.0)
     slope = sd / ss if ss > w * LEAST_SPREAD else 0.0
     da, db = d + slope * (a - s), d + slope * (b - s)
-    x, y = ends[0], ends[1]
-    part[0], part[1] = x + a * ux - da * uy, y + a * uy + da * ux
-    part[2], part[3] = x + b * ux - db * uy, y + b * uy + db * ux
+    x, y = end_of(ends, 0)
+    put_line(
+        part, x + a * ux - da * uy, y + a * uy + da * ux,
+        x + b * ux - db * uy, y + b * uy + db * ux,
+    )  # fmt: skip
     moments.weight = w
     moments.x = x + s * ux - d * uy
     moments.y = y + s * uy + d * ux
