@@ -8,10 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.compiling import compiled, inner
+from lrf3d.compiling import Records, compiled, inner
 from lrf3d.geometry import Float
 from lrf3d.laser import LaserScan, RangeNoise
-from lrf3d.mapping.robust.records import Records
 
 CELL = 0.1
 """[m] Size of a cell. What is kept of the ground grows with its square; at 0.2 the purity of the

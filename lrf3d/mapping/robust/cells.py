@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.compiling import borrower, compiled
+from lrf3d.compiling import Records, borrower, compiled, record
 from lrf3d.geometry import Int
 from lrf3d.mapping.robust.beams import CELL, Beams
-from lrf3d.mapping.robust.records import NEWS, Records, record
+from lrf3d.mapping.robust.records import NEWS
 
 SIDE_BITS = 4
 SIDE = 1 << SIDE_BITS

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lrf3d.compiling import borrower, inner
+from lrf3d.compiling import Records, borrower, inner
 from lrf3d.geometry import Float, Int
 from lrf3d.mapping.robust.beams import CELL
 from lrf3d.mapping.robust.cells import (
@@ -27,7 +27,7 @@ from lrf3d.mapping.robust.crossing import (
     ways_across,
 )
 from lrf3d.mapping.robust.extraction import LEAST_INCIDENCE
-from lrf3d.mapping.robust.records import PIECE_COUNTS, PIECE_SUMS, Records
+from lrf3d.mapping.robust.records import PIECE_COUNTS, PIECE_SUMS
 
 PIECE = 0.1
 """[m] Length of a piece of a wall, within which its evidence is counted."""

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lrf3d.compiling import compiled, inner
+from lrf3d.compiling import Records, compiled, inner
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.laser.noise import USUAL_RANGE
@@ -24,7 +24,7 @@ from lrf3d.mapping.robust.beams import (
     plain,
     range_deviation,
 )
-from lrf3d.mapping.robust.records import MOMENTS, Records
+from lrf3d.mapping.robust.records import MOMENTS
 from lrf3d.mapping.robust.segmentation import LEAST_POINTS, fit_wall, segment_cluster
 
 GRAZING_ANGLE = np.radians(8.0)

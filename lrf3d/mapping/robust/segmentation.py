@@ -8,10 +8,9 @@ a few operations; so every division of a cluster can be weighed, and the cheapes
 
 import numpy as np
 
-from lrf3d.compiling import compiled
+from lrf3d.compiling import compiled, record
 from lrf3d.geometry import Int
 from lrf3d.mapping.robust.beams import Beams
-from lrf3d.mapping.robust.records import record
 
 WALL_COST = 20.0
 """[χ²] Cost of a further wall: noise on one wall of some hundred points, divided at its best place,

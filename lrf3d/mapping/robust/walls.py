@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lrf3d.compiling import borrower, compiled, inner
+from lrf3d.compiling import Records, borrower, compiled, inner
 from lrf3d.geometry import Float, Int
 from lrf3d.mapping.grid import Grid, insert, near, remove
 from lrf3d.mapping.robust.cells import FREE_DEPTH, Cells
@@ -27,7 +27,7 @@ from lrf3d.mapping.robust.crossing import (
     unit_of,
     vector_of,
 )
-from lrf3d.mapping.robust.records import MOMENTS, WALL, WALL_COUNTERS, Records
+from lrf3d.mapping.robust.records import MOMENTS, WALL, WALL_COUNTERS
 
 SAME_DIRECTION = 0.5
 """[cosine] Largest angle between two segments that may be one wall. Far more than noise explains;
