@@ -11,7 +11,7 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.errors import InputError, check_names, shown
+from lrf3d.errors import InputError, check_names, expect, shown
 from lrf3d.geometry import Float, sealed, whole_number
 from lrf3d.interrupts import Progress, check, silent, stoppable
 from lrf3d.laser import LaserRangeFinder, LaserScan
@@ -98,6 +98,7 @@ def collect(
     simulation: Simulation, progress: Progress = silent, *, snapshots: int | None = None
 ) -> Run:
     """Run a simulation to its end and keep it in memory; `record` writes it to a file."""
+    expect(progress, Callable, "progress")
     return drained(gather(simulation, progress, snapshots=snapshots))
 
 

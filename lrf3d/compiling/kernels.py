@@ -8,9 +8,11 @@ from types import FunctionType
 from typing import Any, TypeVar
 
 import numba
+import numpy as np
 from numba import types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
+from numpy.typing import NDArray
 
 from lrf3d.compiling.cache import KernelCache
 from lrf3d.errors import Lrf3dError
@@ -41,6 +43,15 @@ def _check_memory() -> None:
 
 
 _check_memory()
+
+
+Records = NDArray[Any]
+"""Rows of a record."""
+
+
+def record(**columns: type) -> np.dtype[Any]:
+    """The type of rows with these columns, in the order given: ``row.column``, also in Python."""
+    return np.dtype((np.record, np.dtype(list(columns.items()), align=True)))
 
 
 def compiled(function: Kernel) -> Kernel:
