@@ -231,7 +231,7 @@ class PlainRenderer:
         clip, near = _projected(corners.reshape(-1, 3), lens, nearer, canvas)
         rows = np.column_stack([clip[:, :2], near, colours.reshape(-1, 4)]).reshape(-1, 3, 7)
         before = (clip[:, 2] > _NEAR).reshape(-1, 3).all(axis=1)
-        fill_triangles(rows[before], False, solid, canvas.colours, canvas.near)
+        fill_triangles(rows[before], solid, canvas.colours, canvas.near)
 
     def _draw_points(self, canvas: _Canvas, lens: Lens, points: Points) -> None:
         clip, near = _projected(points.places, lens, lens.nearer, canvas)
@@ -269,7 +269,7 @@ class PlainRenderer:
         ]
         triangles = np.stack([corners[k] for k in (0, 1, 3, 0, 3, 2)], axis=1).reshape(-1, 3, 7)
         shown = np.repeat(depths.max(axis=0) > _NEAR, 2)
-        fill_triangles(triangles[shown], lines.hidden, False, canvas.colours, canvas.near)
+        fill_triangles(triangles[shown], False, canvas.colours, canvas.near)
 
 
 def _solid(seen: Seen, lens: Lens, ways: Single, near: Single, lit: Single) -> Single:

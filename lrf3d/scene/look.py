@@ -78,9 +78,6 @@ SECTION = 0.8
 """Height [m] at which the walls of rooms are cut, as architects draw them: just above the bands of
 the map."""
 
-DASH = 0.8
-"""Length of a dash with its gap [m]."""
-
 GROUND_SHARPNESS = 0.6
 """By how much finer copies of the ground's picture are taken: streets are seen at a slant."""
 

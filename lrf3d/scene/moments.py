@@ -24,7 +24,7 @@ from lrf3d.scene.bodies import (
     world_from_robot,
 )
 from lrf3d.scene.camera import Look
-from lrf3d.scene.drawn_map import BAND, DrawnMap
+from lrf3d.scene.drawn_map import DrawnMap
 from lrf3d.scene.estimate import DrawnEstimate, trail_lines
 from lrf3d.scene.exposure import LiveExposure
 from lrf3d.scene.shapes import Body, Lens, Lines, Mark, Plan, Points, Seen, Soft, Tints, together
@@ -60,9 +60,8 @@ but not where the map is laid over all."""
 _PAST_GROUND = 3.0
 """How far an eye far above the ground sees, in its heights: past all of it, at a slant too."""
 
-_MAP_WIDTH, _HIDDEN_WIDTH, _HIDDEN_STRENGTH = 4.0, 2.6, 0.25
-"""Width of the map as lines from above, and of what of its bands is hidden [pixels of 720 lines],
-and the opacity of that."""
+_MAP_WIDTH = 4.0
+"""Width of the map as lines from above [pixels of 720 lines]."""
 
 _PLAN_WIDTH, _DART_SHARE, _LEAST_PLAN = 2.6, 0.034, 4.0
 """Width of the map in the plan [pixels of 720 lines], the robot's size as a share of what it shows,
@@ -109,9 +108,7 @@ class Scene:
         self.exposure = self.stage.exposure
         self.live = LiveExposure(self.exposure, structures, run.world) if live else None
         self.origin = structures.origin
-        self.obstacles = Obstacles(
-            run.obstacles, self.origin, indoor=structures.indoor, laser_height=run.lrf.height
-        )
+        self.obstacles = Obstacles(run.obstacles, self.origin, laser_height=run.lrf.height)
         self.robot = Body(robot_body(run.lrf.height, run.radius), np.eye(4))
         self.keys = drive_keys(timeline).thinned()
         self._goal = None if goal is None else goal_disc(np.array(goal) - [*self.origin, 0.0])
@@ -168,7 +165,7 @@ class Scene:
         """Layer, name and mark, in the order in which they are drawn."""
         if view.cuts or not self.structures.indoor:
             yield "outlines", "outlines", self._outlines
-        yield "shadow", "shadow", robot_shadow(pose, self.run.radius, indoor=self.structures.indoor)
+        yield "shadow", "shadow", robot_shadow(pose, self.run.radius)
         yield "shadow", "shadows", self.obstacles.shadows(moment.time)
         yield "goal", "goal", self._goal
         yield from self._trails(moment.time)
@@ -182,8 +179,6 @@ class Scene:
         else:
             yield "map", "ghosts", drawn.ghosts
             yield "map", "bands", drawn.bands
-            if not view.glass:
-                yield "map", "hidden", drawn.hidden
         yield "points", "recent", self._recent_hits(moment)
         if beams is not None:
             yield "points", "points", beams[1]
@@ -192,13 +187,10 @@ class Scene:
     def _drawn_map(self, stage: int) -> "_Snapshot":
         exposure = self.exposure
         drawn = DrawnMap.from_snapshot(self.run, stage, self.structures)
-        bands = drawn.bands()
-        hidden = drawn.lines(BAND, _HIDDEN_WIDTH, _HIDDEN_STRENGTH)
         flat = _from_above(exposure.corner + 0.5 * exposure.size, exposure.size)
         return _Snapshot(
-            bands,
+            drawn.bands(),
             drawn.lines(self.run.lrf.height, _MAP_WIDTH),
-            hidden._replace(hidden=True),
             drawn.lines(0.0, _PLAN_WIDTH),
             drawn.ghosts(self.structures, exposure.tolerance),
             Tints(flat, drawn.lines(0.0, 2.0 * exposure.tolerance / exposure.cell)),
@@ -332,11 +324,10 @@ class Window(NamedTuple):
 
 
 class _Snapshot(NamedTuple):
-    """What is drawn of a map snapshot: bands, lines from above, where hidden and in the plan."""
+    """What is drawn of a map snapshot: bands, lines from above and in the plan."""
 
     bands: Lines
     above: Lines
-    hidden: Lines
     plan: Lines
     ghosts: Soft
     tints: Tints
