@@ -11,7 +11,7 @@ from PIL import Image
 
 from lrf3d.geometry import Bool, Float, Int, Single, quad_indices
 from lrf3d.gltf.document import Document
-from lrf3d.render.packing import GREY, exposed, ground_of, lit
+from lrf3d.render.packing import GREY, exposed, ground_of
 from lrf3d.scene import look
 from lrf3d.scene.drawn_map import DrawnMap
 from lrf3d.scene.exposure import Exposure, sampled
@@ -148,6 +148,6 @@ def cut_small(quads: Single, step: float) -> Single:
 
 
 def add_body(document: Document, name: str, faces: Faces) -> int:
-    """Add a body at the origin, lit by its normals; gives its node."""
-    part = document.part(document.material(name), faces.corners, lit(faces), kind=np.uint16)
+    """Add a body at the origin; gives its node."""
+    part = document.part(document.material(name), faces.corners, faces.colours, kind=np.uint16)
     return document.node(name, document.root, part)

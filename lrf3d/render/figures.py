@@ -132,7 +132,7 @@ def draw_map(
         points: (n, 2) reflection points [m].
         poses: (k, 3) poses of the scans.
         world: The true walls.
-        estimate: The estimated poses, with the loop closures.
+        estimate: The estimated poses; `lrf3d.plot.estimate` also draws their loop closures.
         title: The headline; the world's name if not given.
 
     Raises:
@@ -154,7 +154,7 @@ def draw_map(
     known = [_ends(walls)] if len(walls) else [_ends(line_map.segments), _bulk(points)]
     words = [line_map.counts]
     words += [counted(len(poses), "scan")] if len(poses) else []
-    words += [counted(len(points), "point")] if len(points) else []
+    words += [counted(len(points), "return")] if len(points) else []
     if estimate is not None:
         words.append(counted(len(estimate.closures), "loop closure"))
     name = title or (world.name if world is not None else "") or "map"

@@ -1,4 +1,4 @@
-"""The vertices, as the shaders take them, of what a scene is made of, and the light of bodies.
+"""The vertices, as the shaders take them, of what a scene is made of, and its light.
 
 The arrays of a mark are its vertex attributes, in the order of the shader's locations.
 """
@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from lrf3d.geometry import Float, Single
 from lrf3d.scene.look import (
-    BODY_LIGHT,
     COOL,
     COOL_INDOOR,
     FALL,
@@ -18,17 +17,14 @@ from lrf3d.scene.look import (
     NIGHT_HIGH,
     NIGHT_HIGH_INDOOR,
     NIGHT_LOW,
-    SUN,
 )
-from lrf3d.scene.shapes import Faces, GroundPicture, Mark, Painted, single
+from lrf3d.scene.shapes import Faces, GroundPicture, Mark, Painted
 
 LAND_REACH = 3000.0
 """How far the ground goes past its picture [m]: to the horizon, in the colour of its edge."""
 
 GREY = np.array([0.3, 0.55, 0.15])
 """Shares of the colours in how bright something is."""
-
-_UNTURNED = np.eye(3)
 
 
 def columns_of(mark: Mark | Faces) -> dict[str, NDArray[Any]]:
@@ -44,14 +40,6 @@ def walls_of(faces: Painted) -> tuple[Single, ...]:
 def ground_of(ground: GroundPicture, reach: float = LAND_REACH) -> Single:
     """Corners (6, 2) of the ground, so far past its picture [m]."""
     return rectangle(ground.corner - reach, ground.corner + ground.size + reach)
-
-
-def lit(faces: Faces, turn: Any = _UNTURNED) -> Single:
-    """The colours (t, 3, 3) of faces in their light, turned by a matrix (3, 3)."""
-    everywhere, sunny, upward = BODY_LIGHT
-    up = faces.normals @ turn.T
-    light = everywhere + sunny * np.maximum(up @ SUN, 0.0) + upward * up[..., 2]
-    return single(faces.colours * np.where((up == 0.0).all(axis=2), 1.0, light)[..., None])
 
 
 def exposed(day: Any, on: Any, height: Any, *, indoor: bool) -> Float:

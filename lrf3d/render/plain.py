@@ -22,7 +22,6 @@ from lrf3d.render.fill import (
 )
 from lrf3d.render.glsl import night
 from lrf3d.render.mirrors import Reflection, reflections
-from lrf3d.render.packing import lit
 from lrf3d.scene import look
 from lrf3d.scene.shapes import Body, Lens, Lines, Mark, Pixels, Points, Seen, Soft, Tints, single
 from lrf3d.scene.stage import Stage
@@ -211,7 +210,7 @@ class PlainRenderer:
 
     def _draw_body(self, canvas: _Canvas, lens: Lens, body: Body) -> None:
         faces, turn = body.faces, body.pose[:3, :3]
-        colours = np.insert(lit(faces, turn), 3, 1.0, axis=2)
+        colours = np.insert(faces.colours, 3, 1.0, axis=2)
         self._fill(canvas, lens, faces.corners @ turn.T + body.pose[:3, 3], colours, 0.0, True)
 
     def _draw_mark(self, canvas: _Canvas, lens: Lens, mark: Mark) -> None:

@@ -178,8 +178,7 @@ class Renderer:
         self._camera.fill(seen.lens, *self._size)
         GL.glColorMask(False, False, False, False)
         GL.glDepthFunc(GL.GL_ALWAYS)
-        bare = np.zeros_like(reflection.seal)
-        self._paint("faces", self._filled("seal", reflection.seal, bare, bare), pose=np.eye(4))
+        self._paint("faces", self._filled("seal", reflection.seal, reflection.seal), pose=np.eye(4))
         GL.glDepthFunc(GL.GL_LEQUAL)
         GL.glColorMask(True, True, True, True)
 

@@ -12,7 +12,7 @@ import trimesh
 from lrf3d.files import data_folder
 from lrf3d.geometry import Float, directions
 from lrf3d.robot.unicycle import RADIUS
-from lrf3d.scene.look import DART, ROBOT
+from lrf3d.scene.look import BODY_LIGHT, DART, ROBOT, SUN
 from lrf3d.scene.shapes import Body, Faces, Soft, single, together
 from lrf3d.scene.walls import triangles
 
@@ -76,7 +76,14 @@ def robot_body(laser_height: float, radius: float) -> Faces:
     stretch = max(0.3, (laser_height / low - _DECK) / (_LASER_HEIGHT - _DECK))
     vertices[:, 2] += np.maximum(above, 0.0) * (stretch - 1.0)
     colours = np.asarray(visual.vertex_colors)[:, :3] / 255.0
-    return Faces(*(single(each[mesh.faces]) for each in (vertices, normals, colours)))
+    return Faces(single(vertices[mesh.faces]), single(_lit(colours, normals)[mesh.faces]))
+
+
+def _lit(colours: Float, normals: Float) -> Float:
+    """Colours (n, 3) of a body's faces in an even light with a bright side that goes with it."""
+    everywhere, sunny, upward = BODY_LIGHT
+    light = everywhere + sunny * np.maximum(normals @ SUN, 0.0) + upward * normals[..., 2]
+    return np.asarray(colours * light[..., None])
 
 
 def world_from_robot(pose: Float) -> Float:
@@ -211,9 +218,11 @@ def _prism(outline: Float, top: Float, height: float, colour: Float) -> Faces:
         (dart, np.full(6, height + 0.005), up, 0.35 * colour),
     ):
         high = np.resize(levels, len(corners))
-        rows = np.empty((3, len(corners), 3))
-        rows[0], rows[1], rows[2] = np.column_stack([corners, high]), normals, paint
-        parts.append(rows.reshape(3, -1, 3, 3))
+        places, looks = (
+            np.column_stack([corners, high]),
+            np.broadcast_to(normals, (len(corners), 3)),
+        )
+        parts.append(np.stack([places, _lit(paint, looks)]).reshape(2, -1, 3, 3))
     return Faces(*map(single, np.concatenate(parts, axis=1)))
 
 

@@ -55,8 +55,8 @@ PEEP, VEIL_SHARE = 0.10, 0.80
 """Radius of the opening round the robot in what hides it, as a share of the distance, and the share
 of the walls that is left out there."""
 
-LAMP, LAMP_REACH, LAMP_REACH_INDOOR = 0.28, 13.0, 5.0
-"""Opacity of a scan's light on the ground at the robot, and how far it goes [m]."""
+LAMP = 0.28
+"""Opacity of a scan's light on the ground at the robot."""
 
 OUTLINE, OUTLINE_STRENGTH = (0.435, 0.561, 0.769), 0.42
 """Colour and opacity of the edges of houses."""

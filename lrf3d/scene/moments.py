@@ -14,7 +14,7 @@ import numpy as np
 from lrf3d.geometry import Float, Single
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.scene import look
-from lrf3d.scene.beams import REACH, REACH_INDOOR, draw_beams, lamp, turning_walls
+from lrf3d.scene.beams import REACH, REACH_INDOOR, draw_beams, turning_walls
 from lrf3d.scene.bodies import (
     Obstacles,
     flat_dart,
@@ -118,7 +118,6 @@ class Scene:
         self._outlines = outlines_of(structures)
         self._map = lru_cache(1)(self._drawn_map)
         self._beams = lru_cache(1)(self._drawn_beams)
-        self._lamp = lru_cache(1)(self._drawn_lamp)
         self._trails = lru_cache(1)(self._drawn_trails)
         self._hits = lru_cache(2 * _OLD_SCANS)(lambda number: self._drawn_beams(number)[1])
         self._recent = lru_cache(1)(self._hits_together)
@@ -171,7 +170,7 @@ class Scene:
         yield from self._trails(moment.time)
         beams = self._beams(moment.scan, *moment.pose) if moment.scanning else None
         if beams is not None:
-            yield "lamp", "lamp", self._lamp(moment.scan, *moment.pose)
+            yield "lamp", "lamp", beams[2]
             yield "beams", "beams", beams[0]
         drawn = self._map(self.run.snapshot_after(moment.mapped))
         if view.shows_map:
@@ -208,14 +207,14 @@ class Scene:
             found.append(("estimate", "ellipses", self._estimate.rings(now)))
         return tuple(found)
 
-    def _drawn_beams(self, number: int, *pose: float) -> tuple[Lines, Points]:
-        """The beams and hits of all lasers at a scan, from where the robot is now, if given."""
+    def _drawn_beams(self, number: int, *pose: float) -> tuple[Lines, Points, Soft]:
+        """Beams, hits and lamps of all lasers at a scan, from where the robot is now, if given."""
         run, origin = self.run, np.array([*self.origin, 0.0])
         robot = np.array(pose) if pose else run.trajectory.poses[number]
         drawn = []
         for laser, (lrf, scan) in enumerate(zip(run.lasers, run.scans_at(number), strict=True)):
             scan = unrolled(scan)
-            lines, points = draw_beams(
+            lines, points, light = draw_beams(
                 replace(scan, pose=np.array(scan.pose) - origin),
                 self._walls,
                 (lrf.placed(robot) - origin)[:2],
@@ -226,21 +225,9 @@ class Scene:
             )
             tint = _LASER_TINTS[laser % len(_LASER_TINTS)]
             colours = np.minimum(lines.colours * tint, np.float32(1.0))
-            drawn.append((lines._replace(colours=colours), points))
-        lines, points = (together(marks) for marks in zip(*drawn, strict=True))
-        return lines, points
-
-    def _drawn_lamp(self, number: int, *pose: float) -> Soft:
-        """The light of the scans of all lasers on the ground round the robot."""
-        run, origin, drawn = self.run, np.array([*self.origin, 0.0]), []
-        reach = look.LAMP_REACH_INDOOR if self.structures.indoor else look.LAMP_REACH
-        for lrf, scan in zip(run.lasers, run.scans_at(number), strict=True):
-            scan = unrolled(scan)
-            placed = replace(scan, pose=np.array(scan.pose) - origin)
-            apex = (lrf.placed(np.array(pose)) - origin)[:2]
-            drawn.append(lamp(placed, self._walls[self._turning], apex, reach))
-        soft: Soft = together(drawn)
-        return soft
+            drawn.append((lines._replace(colours=colours), points, light))
+        lines, points, light = (together(marks) for marks in zip(*drawn, strict=True))
+        return lines, points, light
 
     def _recent_hits(self, moment: Moment) -> Points:
         """The hits of the last seconds, which fade."""
@@ -284,7 +271,7 @@ class Scene:
         lines = self._map(self.run.snapshot_after(moment.mapped)).plan
         marks: list[tuple[str, Mark | None]] = [("map", lines)]
         if moment.scanning:
-            _, hits = self._beams(moment.scan, *moment.pose)
+            hits = self._beams(moment.scan, *moment.pose)[1]
             marks.append(("points", hits._replace(glows=False)))
         marks += [(name, line) for _, name, line in self._trails(moment.time)]
         marks.append(("obstacles", self.obstacles.plans(moment.time, window.width / box[2])))

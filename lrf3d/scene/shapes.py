@@ -53,8 +53,6 @@ class Faces(NamedTuple):
 
     corners: Single
     """(t, 3, 3) corners."""
-    normals: Single
-    """(t, 3, 3) normals, by which a body is lit; 0 where the colours are as they are."""
     colours: Single
     """(t, 3, 3) colours."""
 
