@@ -48,7 +48,7 @@ from lrf3d.world import World
 __all__ = ["estimate", "map", "png", "points", "run", "scan", "trajectory", "world"]
 
 INSIDE, POINT = "#eef0f3", "#6f7986"
-"""Colours of what walls enclose, and of reflection points."""
+"""Colours of what walls enclose, and of returns."""
 
 BELOW: dict[str, Any] = {"color": "#c3c8d0", "linewidth": 1.0}
 """How true walls are drawn under a map."""
@@ -128,7 +128,7 @@ def map(
 
 
 def points(points: Float, ax: Axes | None = None, **style: Any) -> Axes:
-    """Plot reflection points (n, 2) as dots, evenly thinned where there are very many.
+    """Plot returns (n, 2) as dots, evenly thinned where there are very many.
 
     They do not widen the view: images behind mirrors lie far outside.
     """
@@ -197,7 +197,7 @@ def trajectory(trajectory: Trajectory | Float, ax: Axes | None = None, **style: 
 def estimate(
     estimate: EstimatedTrajectory, ax: Axes | None = None, *, closures: bool = True, **style: Any
 ) -> Axes:
-    """Plot an estimated path with its ellipses of 95 %, and a line for each loop closure if asked."""
+    """Plot an estimated path with its ellipses of 95 % and, if asked, a line for each closure."""
     ax = _axes(ax)
     usual = {"color": ESTIMATE_COLOUR, "linewidth": 1.1, "label": BELIEVED, "zorder": 3.2}
     path = ax.plot(*estimate.poses[:, :2].T, **_styled(usual, style))[0]

@@ -124,12 +124,12 @@ def draw_map(
     estimate: EstimatedTrajectory | None = None,
     title: str = "",
 ) -> Figure:
-    """Draw a map, each object in its colour, over reflection points and true walls (Fig. 7).
+    """Draw a map, each object in its colour, over returns and true walls (Fig. 7).
 
     Args:
         source: A run, which brings all that follows along, or just a map.
         path: Where to write the picture; nowhere if not given.
-        points: (n, 2) reflection points [m].
+        points: (n, 2) returns [m].
         poses: (k, 3) poses of the scans.
         world: The true walls.
         estimate: The estimated poses; `lrf3d.plot.estimate` also draws their loop closures.
