@@ -12,7 +12,7 @@ import trimesh
 from lrf3d.files import data_folder
 from lrf3d.geometry import Float, directions
 from lrf3d.robot.unicycle import RADIUS
-from lrf3d.scene.look import DART, ROBOT, SUN
+from lrf3d.scene.look import BODY_LIGHT, DART, ROBOT, SUN
 from lrf3d.scene.shapes import Body, Faces, Soft, single, together
 from lrf3d.scene.walls import triangles
 
@@ -33,12 +33,11 @@ ones, and its height over the ground [m]."""
 _SHADOW_COLOUR = (0.02, 0.03, 0.05)
 """What bodies darken the ground with."""
 
-_SHADOW, _SHADOW_INDOOR, _LIFT = (0.08, 0.42), (0.35, 0.40), 0.01
-"""Width of the soft edge of a body's shadow [m], in the sun narrow, in a lit room wide, its
-darkness, and its height above the ground [m]."""
+_SHADOW, _LIFT = (0.35, 0.40), 0.01
+"""Width of the soft edge of a body's shadow [m], its darkness, and its height above ground [m]."""
 
-_RADIUS, _HEIGHT = 0.27, 0.4
-"""Radius and height [m] of what of the usual robot casts a shadow; larger ones are no higher."""
+_RADIUS = 0.27
+"""Radius of what of the usual robot casts a shadow [m]."""
 
 _LEAST_RADIUS = 0.05
 """Smaller robots, also points, are drawn with this radius [m]."""
@@ -77,7 +76,14 @@ def robot_body(laser_height: float, radius: float) -> Faces:
     stretch = max(0.3, (laser_height / low - _DECK) / (_LASER_HEIGHT - _DECK))
     vertices[:, 2] += np.maximum(above, 0.0) * (stretch - 1.0)
     colours = np.asarray(visual.vertex_colors)[:, :3] / 255.0
-    return Faces(*(single(each[mesh.faces]) for each in (vertices, normals, colours)))
+    return Faces(single(vertices[mesh.faces]), single(_lit(colours, normals)[mesh.faces]))
+
+
+def _lit(colours: Float, normals: Float) -> Float:
+    """Colours (n, 3) of a body's faces in an even light with a bright side that goes with it."""
+    everywhere, sunny, upward = BODY_LIGHT
+    light = everywhere + sunny * np.maximum(normals @ SUN, 0.0) + upward * normals[..., 2]
+    return np.asarray(colours * light[..., None])
 
 
 def world_from_robot(pose: Float) -> Float:
@@ -102,10 +108,9 @@ def goal_disc(goal: Float) -> Soft:
     return _rings(outlines, [[inside, inside], [ring, ring]], _GOAL, _GOAL_HEIGHT)
 
 
-def robot_shadow(pose: Float, radius: float, *, indoor: bool) -> Soft:
+def robot_shadow(pose: Float, radius: float) -> Soft:
     """The shadow of the robot, of a radius [m], at a pose."""
-    size = _size(radius)
-    return _shadow(size * _RADIUS * _circle(24), min(size, 1.0) * _HEIGHT, pose, indoor=indoor)
+    return _shadow(_size(radius) * _RADIUS * _circle(24), pose)
 
 
 def _size(radius: float) -> float:
@@ -113,30 +118,27 @@ def _size(radius: float) -> float:
     return max(radius, _LEAST_RADIUS) / RADIUS
 
 
-def _shadow(outline: Float, height: float, pose: Float, *, indoor: bool) -> Soft:
-    """The shadow of a body with an outline (n, 2) and a height [m] at a pose."""
-    corners = _placed(outline, pose)
-    if indoor:
-        return _soft_shadow(corners, *_SHADOW_INDOOR, _LIFT)
-    slide = -SUN[:2] / SUN[2] * height
-    return _soft_shadow(np.concatenate([corners, corners + slide]), *_SHADOW, _LIFT)
+def _shadow(outline: Float, pose: Float) -> Soft:
+    """The shadow of a body with an outline (n, 2) at a pose: dark, fading out over an edge."""
+    corners, (edge, dark) = shapely.multipoints(_placed(outline, pose)), _SHADOW
+    hull = shapely.get_coordinates(shapely.convex_hull(corners))[:-1]
+    middle = np.broadcast_to(hull.mean(axis=0), hull.shape)
+    away = hull - middle
+    outer = hull + edge * away / np.maximum(np.hypot(*away.T), 1e-9)[:, None]
+    outlines = np.stack([middle, hull, outer])
+    return _rings(outlines, [[dark, dark], [dark, 0.0]], _SHADOW_COLOUR, _LIFT)
 
 
 class Obstacles:
     """The dynamic obstacles of a run, in a frame with an origin (2,) in the world [m].
 
-    Indoors no sun shines on them. Other robots have their laser at a height [m], too.
+    Other robots have their laser at a height [m], too.
     """
 
     def __init__(
-        self,
-        obstacles: "tuple[DynamicObstacle, ...]",
-        origin: Float,
-        *,
-        indoor: bool,
-        laser_height: float,
+        self, obstacles: "tuple[DynamicObstacle, ...]", origin: Float, *, laser_height: float
     ) -> None:
-        self._obstacles, self._indoor = obstacles, indoor
+        self._obstacles = obstacles
         self._origin = np.array([*origin, 0.0])
         self._colours = _OBSTACLE_COLOURS[np.arange(len(obstacles)) % len(_OBSTACLE_COLOURS)]
         self._tops = [
@@ -167,7 +169,7 @@ class Obstacles:
         """The shadows of all bodies at a time [s]."""
         return _joined(
             [
-                _shadow(each.outline, each.height, pose, indoor=self._indoor)
+                _shadow(each.outline, pose)
                 for each, pose in zip(self._obstacles, self._poses(time), strict=True)
             ]
         )
@@ -216,9 +218,11 @@ def _prism(outline: Float, top: Float, height: float, colour: Float) -> Faces:
         (dart, np.full(6, height + 0.005), up, 0.35 * colour),
     ):
         high = np.resize(levels, len(corners))
-        rows = np.empty((3, len(corners), 3))
-        rows[0], rows[1], rows[2] = np.column_stack([corners, high]), normals, paint
-        parts.append(rows.reshape(3, -1, 3, 3))
+        places, looks = (
+            np.column_stack([corners, high]),
+            np.broadcast_to(normals, (len(corners), 3)),
+        )
+        parts.append(np.stack([places, _lit(paint, looks)]).reshape(2, -1, 3, 3))
     return Faces(*map(single, np.concatenate(parts, axis=1)))
 
 
@@ -238,17 +242,6 @@ def _flat(corners: Float, height: float, colours: Float) -> Soft:
     """Triangles with corners (3 t, 2), which have colours (3 t, 4), at a height [m]."""
     places = np.column_stack([corners, np.full(len(corners), height)])
     return Soft(single(places.reshape(-1, 3, 3)), single(colours.reshape(-1, 3, 4)))
-
-
-def _soft_shadow(corners: Float, edge: float, dark: float, height: float) -> Soft:
-    """The hull of corners (n, 2) at a height [m]: dark inside, fading out over an edge [m]."""
-    hull = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(corners)))[:-1]
-    middle = np.broadcast_to(hull.mean(axis=0), hull.shape)
-    away = hull - middle
-    outer = hull + edge * away / np.maximum(np.hypot(*away.T), 1e-9)[:, None]
-    return _rings(
-        np.stack([middle, hull, outer]), [[dark, dark], [dark, 0.0]], _SHADOW_COLOUR, height
-    )
 
 
 def _rings(
