@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from lrf3d.casting.crowd import Crowd, moves_of
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
-from lrf3d.collecting import gather
+from lrf3d.collecting import Collection
 from lrf3d.collision import (
     ROBOT_HEIGHT,
     Body,
@@ -225,7 +225,7 @@ def giving_way(drives: Sequence[Trajectory], body: Body) -> list[Trajectory]:
 
 
 def _apart(path: Float, others: Sequence[Float], room: float, count: int) -> Int:
-    """Where on its path (k, 2) a robot is after each step but the first, away from others (n, 2)."""
+    """Where on its path (k, 2) a robot is after each step, away from others (n, 2)."""
     # Where it may be after each step, from where it may be a step earlier.
     may = np.zeros((count, len(path)), np.bool_)
     may[0, 0] = True
@@ -264,24 +264,23 @@ def _drive_all(
     simulations: Sequence[Simulation], touches: "_Touches", progress: Progress
 ) -> list[Run]:
     """Run simulations to their ends, always that with the earliest scan; in their order."""
-    steps = [gather(simulation) for simulation in simulations]
-    total, done, runs = sum(each.total for each in simulations), 0, dict[int, Run]()
+    steps = [iter(simulation) for simulation in simulations]
+    kept = [Collection(simulation) for simulation in simulations]
+    total, done = sum(each.total for each in simulations), 0
     waiting = [(each.next_time, robot) for robot, each in enumerate(simulations)]
     heapify(waiting)
     while waiting:
         time, robot = heappop(waiting)
         if time < math.inf:
             touches.drive_until(time)
-        try:
-            next(steps[robot])
-        except StopIteration as end:
-            runs[robot] = end.value
+        if (step := next(steps[robot], None)) is None:
             continue
+        kept[robot].add(step)
         done += 1
         progress(done, total)
         touches.hold(robot)
         heappush(waiting, (simulations[robot].next_time, robot))
-    return [runs[robot] for robot in range(len(simulations))]
+    return [each.run() for each in kept]
 
 
 class _Touches:

@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lrf3d.casting.kernels.beams import Records
 from lrf3d.casting.kernels.movers import (
     SIDE,
     Movers,
@@ -26,7 +25,7 @@ from lrf3d.casting.kernels.movers import (
 from lrf3d.casting.kernels.predicates import Wall, wall_at
 from lrf3d.casting.kernels.tree import STACK, Plain, Tree
 from lrf3d.compiling import compiled, inner
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry import Float, Int, Records
 
 GRAZE = 1e-9
 """Depth up to which a body that meets something does not touch it [m]: more than rounding."""
