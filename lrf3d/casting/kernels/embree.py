@@ -83,4 +83,4 @@ def near_a_wall(tree: Tree, trust: Any, x: float, y: float) -> bool:
             room = trust.margin * math.sqrt(square)
             if abs(ax * ey - ay * ex) <= room and -room <= along <= square + room:
                 return True
-    return max(abs(x - trust.x), abs(y - trust.y)) > trust.radius
+    return bool(max(abs(x - trust.x), abs(y - trust.y)) > trust.radius)
