@@ -150,6 +150,8 @@ def _contact(body: Body, twist: Twist, end: float, wall: Wall) -> float:
         motion = Motion(first.x, first.y, ahead - turn * first.y, left + turn * first.x, turn)
         side = 1.0 if _beside(line, first.x, first.y) >= 0.0 else -1.0
         best = _crossing(motion, line, side, body.radius, end)
+        # It may go round the end and come back from the other side.
+        best = min(best, _crossing(motion, line, -side, body.radius, end))
         if body.radius > 0.0:
             best = min(best, _nearing(motion, wall.px, wall.py, body.radius, end))
             best = min(best, _nearing(motion, wall.qx, wall.qy, body.radius, end))
@@ -160,9 +162,12 @@ def _contact(body: Body, twist: Twist, end: float, wall: Wall) -> float:
         tip, after = tips[k], tips[k + 1 if k + 1 < len(tips) else 0]
         motion = Motion(tip.x, tip.y, ahead - turn * tip.y, left + turn * tip.x, turn)
         side = _beside(line, tip.x, tip.y)
-        if abs(side) <= GRAZE:
+        clear = abs(side) > GRAZE
+        if not clear:
             side = line.ex * tip.inner_y - line.ey * tip.inner_x
-        best = min(best, _crossing(motion, line, 1.0 if side >= 0.0 else -1.0, 0.0, end))
+        side = 1.0 if side >= 0.0 else -1.0
+        best = min(best, _crossing(motion, line, side, 0.0, end))
+        best = min(best, _crossing(motion, line, -side, 0.0, end)) if clear else best
         # What comes to an edge comes from the right of it.
         edge = _line(Wall(tip.x, tip.y, after.x, after.y), tip.reflex, after.reflex)
         best = min(best, _crossing(start, edge, -1.0, 0.0, end))
