@@ -27,7 +27,7 @@ from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.run import Run, is_snapshot
 from lrf3d.slam import Slam
 from lrf3d.slam.front_end import KEY_DISTANCE
-from lrf3d.slam.mounting import doubtful_mount
+from lrf3d.slam.mounting import doubtful_mount, doubtful_poses
 from lrf3d.slam.odometry import (
     Recording,
     Repairs,
@@ -113,7 +113,8 @@ def map_log(
     scans, poses = [log.scans[k] for k in chosen], log.poses[chosen]
     keys = range(len(scans))
     run = _run_of(log.name, scans, poses, keys, mapper, snapshots=1, progress=progress)
-    for doubt in (doubtful_ranges(log.scans), doubtful_mount(log.scans)):
+    mount = doubtful_mount(log.scans)
+    for doubt in (doubtful_ranges(log.scans), mount or doubtful_poses(log.scans)):
         if doubt:
             warnings.warn(f"map: {log.name}: {doubt}", Lrf3dWarning, stacklevel=2)
     return run
