@@ -26,7 +26,7 @@ from lrf3d.pose import Pose, compose
 from lrf3d.run import Run
 from lrf3d.slam import Slam
 from lrf3d.slam.front_end import KEY_DISTANCE
-from lrf3d.slam.mounting import doubtful_mount
+from lrf3d.slam.mounting import doubtful_mount, doubtful_poses
 from lrf3d.slam.odometry import (
     Recording,
     Repairs,
@@ -120,7 +120,8 @@ def map_log(
     scans, poses = [log.scans[k] for k in chosen], log.poses[chosen]
     keys = range(len(scans))
     run = run_of(log.name, scans, poses, keys, mapper, snapshots=1, progress=progress)
-    for doubt in (doubtful_ranges(log.scans), doubtful_mount(log.scans)):
+    mount = doubtful_mount(log.scans)
+    for doubt in (doubtful_ranges(log.scans), mount or doubtful_poses(log.scans)):
         if doubt:
             warnings.warn(f"map: {log.name}: {doubt}", Lrf3dWarning, stacklevel=2)
     return run
