@@ -51,8 +51,8 @@ class WallScene:
         longest = float(np.hypot(along[:, 0], along[:, 1]).max(initial=0.0))
         delta = 2.0 * float32_error(radius, min(distance + 2.0 * longest, 4.0 * radius))
         beyond = 8.0 / FLAT * float32_error(radius, 4.0 * radius)
-        self._x, self._y = centre.tolist()
-        trust = [(self._x, self._y, radius, 1.5 * delta, beyond, FLAT, STEEP)]
+        self._middle = centre
+        trust = [(*centre.tolist(), radius, 1.5 * delta, beyond, FLAT, STEEP)]
         parts = [clear_parts(walls, along, (7.0 + 5.0 / sine) * delta) for sine in (FLAT, STEEP)]
         self._tree, self._clear, self._trust = tree[:], np.hstack(parts), np.array(trust, TRUST)
         vertices = triangles(walls, along, delta)
@@ -69,8 +69,9 @@ class WallScene:
             rays = np.empty((len(poses[part]), ranges.shape[1]), RAY)
             rays_from(laser, poses[part], np.zeros(len(rays)), rays)
             starts, ways = np.zeros((2, rays.size, 3), np.float32)
-            starts[:, 0], starts[:, 1] = rays["x"].ravel() - self._x, rays["y"].ravel() - self._y
-            ways[:, 0], ways[:, 1] = rays["dx"].ravel(), rays["dy"].ravel()
+            # The fields x, y, dx, dy of the rays.
+            fields = rays.view(np.float64).reshape(rays.size, -1)
+            starts[:, :2], ways[:, :2] = fields[:, :2] - self._middle, fields[:, 2:4]
             found = self.mesh.ray.intersects_first(starts, ways)
             asked = self._clear, self._trust, found
             cast_scans(self._tree, laser, *asked, poses[part], ranges[part], walls[part])
