@@ -166,7 +166,7 @@ class CollisionChecker:
     ) -> Collision | None:
         """The first collision while a twist is held from a pose and a time [s] on, or None."""
         found = self.touch(body, move_of(begin, pose, twist), np.array([seconds]))
-        after, wall, obstacle = (each.item() for each in found)
+        after, wall, obstacle = float(found[0][0]), int(found[1][0]), int(found[2][0])
         if after == np.inf:
             return None
         x, y, _ = hold(pose, twist, after)
