@@ -172,7 +172,10 @@ def scan(
 
 
 def trajectory(trajectory: Trajectory | Float, ax: Axes | None = None, **style: Any) -> Axes:
-    """Plot a drive, or poses (k, 3): few as robots by name, many as a path with a robot."""
+    """Plot a drive, or poses (k, 3): few as robots by name, many as a path with a robot.
+
+    The path is broken at poses that are NaN.
+    """
     ax = _axes(ax)
     known = trajectory.poses if isinstance(trajectory, Trajectory) else trajectory
     poses = np.asarray(known, dtype=np.float64)
@@ -182,7 +185,7 @@ def trajectory(trajectory: Trajectory | Float, ax: Axes | None = None, **style: 
     ax.update_datalim(poses[:, :2])
     steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
     usual = {"color": PATH, "linewidth": 1.1, "alpha": 0.9, "label": "path", "zorder": 3}
-    if np.median(steps) > JUMP * max(ax.dataLim.size):
+    if np.nanmedian(steps) > JUMP * max(ax.dataLim.size):
         usual |= {"linestyle": "none", "marker": "o", "markersize": 3.5, "label": "poses"}
         style = {key: value for key, value in style.items() if key != "label"}
     line = ax.plot(*poses[:, :2].T, **_styled(usual, style))[0]

@@ -1,9 +1,14 @@
-"""Scans in files of arrays, .npz of NumPy or .mat of MATLAB, by the names of the arrays.
+"""Scans in files of named arrays or records: .npz, .mat, JSON, and ROS messages printed as YAML.
 
 Ranges (k, n) are needed; angles (n,), stamps (k,), poses (k, 3), or x, y and theta, may be there.
+Records, which are lines or an array of JSON, or YAML documents, hold what arrays hold a row of.
 """
 
+import json
+import re
 import zipfile
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +16,13 @@ import numpy as np
 
 from lrf3d.errors import InputError, one_line
 from lrf3d.files import check_ordinary
-from lrf3d.io.columns import Columns
-from lrf3d.io.laser_log import MOST_READINGS, LaserLog, log_name
+from lrf3d.geometry import Float
+from lrf3d.io.intake import Intake
 from lrf3d.io.npz import DAMAGES, read_arrays
-from lrf3d.io.text_layout import meaning
+from lrf3d.io.table import Table
+
+CUT = "..."
+"""What stands for the elements that ``ros2 topic echo`` leaves out."""
 
 
 def is_foreign(path: Path) -> bool:
@@ -26,8 +34,9 @@ def is_foreign(path: Path) -> bool:
         return False
 
 
-def load_arrays(path: Path, largest_range: float | None) -> LaserLog:
-    """Read the scans of a file of arrays; see `load_log`."""
+def array_table(intake: Intake) -> Table:
+    """The table of a file of arrays."""
+    path = intake.path
     check_ordinary(path, what="a file of arrays")
     try:
         arrays = read_arrays(path) if path.suffix.lower() == ".npz" else _of_matlab(path)
@@ -36,28 +45,23 @@ def load_arrays(path: Path, largest_range: float | None) -> LaserLog:
     except DAMAGES as error:
         text = one_line(str(error) or type(error).__name__, 200)
         raise InputError(f"{path}: no file of arrays, or damaged ({text})") from None
-    columns = Columns(log_name(path), {})
-    for name, array in arrays.items():
-        role, unit = meaning(name.lower())
-        if array.dtype.kind not in "fiu" or not role or array.size > MOST_READINGS:
-            continue
-        values = np.asarray(array, dtype=np.float64)
-        if role == "poses" and values.shape[-1:] == (3,):
-            columns.values |= dict(zip(("x", "y", "theta"), values.T, strict=True))
-        elif role != "poses":
-            columns.values[role] = values if role == "ranges" else values.reshape(-1)
-            columns.units |= {role: unit} if unit else {}
-    ranges = columns.values.get("ranges")
+    intake.take(sum(array.size for array in arrays.values()), len(arrays), "array")
+    return _named(intake, arrays, "arrays")
+
+
+def _named(intake: Intake, arrays: dict[str, Any], what: str) -> Table:
+    numbers = {
+        name: np.asarray(array, dtype=np.float64)
+        for name, array in arrays.items()
+        if array.dtype.kind in "fiu"
+    }
+    table = Table.named(intake, numbers)
+    ranges = table.values.get("ranges")
     if ranges is None or ranges.ndim != 2:
         names = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
-        raise InputError(
-            f"{path}: no ranges (scans, beams) among {one_line(names, 200)}; name an array 'ranges'"
-        )
-    for role, values in columns.values.items():
-        if role not in ("ranges", "angles") and len(values) != len(ranges):
-            raise InputError(f"{path}: {len(values)} of {role} for {len(ranges)} scans")
-    columns.notes.append(f"arrays: {', '.join(columns.values)}")
-    return columns.log(largest_range, [], 0)
+        found = f"no ranges (scans, beams) among {one_line(names, 200)}"
+        raise InputError(f"{intake.path}: {found}; name one of the {what} 'ranges'")
+    return table
 
 
 def _of_matlab(path: Path) -> dict[str, Any]:
@@ -69,3 +73,80 @@ def _of_matlab(path: Path) -> dict[str, Any]:
         parts = value if isinstance(value, dict) else {name: value}
         found |= {part: np.asarray(each) for part, each in parts.items() if part[:2] != "__"}
     return found
+
+
+def record_table(intake: Intake) -> Table:
+    """The table of a file of records; those that lack what the first one has are counted."""
+    text = b"".join(line for _, line in intake.lines()).decode("utf-8", "replace")
+    if text.lstrip()[:1] in "[{":
+        read: Callable[[Any], Any] = json.loads
+        parts: Any = text.splitlines()
+        with suppress(ValueError, RecursionError):
+            parts, read = json.loads(text), lambda part: part
+            parts = [parts] if isinstance(parts, dict) else parts
+    else:
+        parts, read = re.split(r"(?m)^---[ \r]*$", text), _yaml
+    rows: list[dict[str, Float]] = []
+    for number, part in enumerate(parts, 1):
+        if isinstance(part, str) and not part.strip():
+            continue
+        try:
+            row = dict(_flat(read(part), ""))
+            if rows and row.keys() != rows[0].keys():
+                raise ValueError("other fields than the first")
+        except (ValueError, RecursionError) as error:
+            intake.refuse(number, one_line(str(error), 90), "record")
+            continue
+        rows.append(row)
+        intake.take(sum(value.size for value in row.values()), number, "record")
+    if not rows:
+        raise InputError(f"{intake.path}: no record in it{intake.first_bad}")
+    if len(rows) == 1:
+        return _named(intake, rows[0], "fields")
+    return _named(
+        intake, {name: _stacked([row[name] for row in rows]) for name in rows[0]}, "fields"
+    )
+
+
+def _stacked(parts: list[Float]) -> Float:
+    """Values of records, one below the other; what shorter ones lack is −inf."""
+    widest = max((part.shape for part in parts), key=len)
+    if len(widest) != 1:
+        return np.array(parts) if len({part.shape for part in parts}) == 1 else np.empty(0)
+    stacked = np.full((len(parts), max(map(len, parts))), -np.inf)
+    for row, part in zip(stacked, parts, strict=True):
+        row[: len(part)] = part
+    return stacked
+
+
+def _yaml(text: str) -> Any:
+    import yaml
+
+    if "*" in text:
+        raise ValueError("an alias of YAML, which no message has")
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    try:
+        return yaml.load(text, Loader=loader)
+    except yaml.YAMLError as error:
+        raise ValueError(" ".join(str(error).split())) from None
+
+
+def _flat(value: Any, name: str) -> Iterator[tuple[str, Float]]:
+    """The numbers in a record by their names: of messages, stamps and quaternions are one each."""
+    if isinstance(value, dict):
+        keys = set(value)
+        if keys in ({"sec", "nanosec"}, {"secs", "nsecs"}):
+            sec, nanosec = value.values()
+            yield name, np.array(float(sec) + 1e-9 * float(nanosec))
+        elif keys == {"x", "y", "z", "w"}:
+            x, y, z, w = (float(value[each]) for each in "xyzw")
+            yield f"{name}.theta_rad", np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        else:
+            for key, each in value.items():
+                yield from _flat(each, f"{name}.{key}" if name else str(key))
+    elif isinstance(value, list) and CUT in value:
+        raise ValueError("arrays are cut: ros2 topic echo --full-length prints them whole")
+    elif value is not None:
+        with suppress(ValueError, TypeError):
+            # None is a reading that is none.
+            yield name, np.array(value, dtype=np.float64)

@@ -8,7 +8,7 @@ import numpy as np
 
 from lrf3d.geometry import LARGEST_COORDINATE
 from lrf3d.io.bag_frames import Stamps, Track
-from lrf3d.io.laser_log import A_MESSAGE, A_POSE, NAMED, BadLine
+from lrf3d.io.intake import A_MESSAGE, A_POSE, Intake
 from lrf3d.laser import LaserScan, Stamp
 from lrf3d.text import counted
 
@@ -59,6 +59,7 @@ class Contents:
     of the usual names.
     """
 
+    intake: Intake
     by_frame: dict[tuple[str, str], Stream] = field(default_factory=dict)
     scan_topics: list[str] = field(default_factory=list)
     tracks: dict[str, Track] = field(default_factory=lambda: defaultdict(Track))
@@ -66,10 +67,6 @@ class Contents:
     edges: dict[str, dict[str, tuple[str, Track]]] = field(
         default_factory=lambda: defaultdict(dict)
     )
-    notes: list[str] = field(default_factory=list)
-    bad: list[BadLine] = field(default_factory=list)
-    bad_count: int = 0
-    readings: int = 0
 
     @property
     def streams(self) -> list[Stream]:
@@ -77,17 +74,10 @@ class Contents:
         found = self.by_frame.values()
         return sorted(found, key=lambda each: self.scan_topics.index(each.topic))
 
-    def refuse(self, number: int, why: str, kind: str) -> None:
-        """Count a message or a scan that cannot be used; the first few are kept."""
-        self.bad_count += 1
-        if len(self.bad) < NAMED:
-            self.bad.append(BadLine(number, why, kind))
-
-    def take(self, topic: str, kind: str, message: Any, received: int, number: int) -> None:
-        """Take a message; an error says why it cannot be used."""
+    def take(self, topic: str, kind: str, message: Any, received: int, number: int) -> int:
+        """Take a message, and return its size in readings; an error says why it is of no use."""
         if kind in (TRANSFORMS, OLD_TRANSFORMS):
             edges = self.edges[topic.rpartition("/")[0]]
-            self.readings += A_POSE * len(message.transforms)
             for each in message.transforms:
                 child, above = _frame(each.child_frame_id), _frame(each.header.frame_id)
                 track = Track(is_static=topic.endswith(STATIC_FRAMES))
@@ -96,19 +86,18 @@ class Contents:
                 if parent == above:
                     moved = each.transform
                     track.add(moved.translation, moved.rotation, _stamp(each), received, number)
-            return
+            return A_POSE * len(message.transforms)
         stamp = _stamp(message), received, number
         if kind == SCAN:
             frame = _frame(message.header.frame_id)
             stream = self.by_frame.get((topic, frame)) or Stream(topic, frame)
             stream.add(message, *stamp)
             self.by_frame[topic, frame] = stream
-            self.readings += len(message.ranges) + A_MESSAGE
-        else:
-            self.readings += A_POSE
-            pose = message.pose if kind == POSE else message.pose.pose
-            self.tracks[topic].add(pose.position, pose.orientation, *stamp)
-            self.children[topic] = _frame(message.child_frame_id) if kind == ODOMETRY else ""
+            return len(message.ranges) + A_MESSAGE
+        pose = message.pose if kind == POSE else message.pose.pose
+        self.tracks[topic].add(pose.position, pose.orientation, *stamp)
+        self.children[topic] = _frame(message.child_frame_id) if kind == ODOMETRY else ""
+        return A_POSE
 
 
 def _stamp(message: Any) -> int:

@@ -2,14 +2,13 @@
 
 from dataclasses import replace
 from os.path import basename, commonpath, dirname
-from pathlib import Path
 
 import numpy as np
 
 from lrf3d.errors import InputError, one_line
 from lrf3d.io.bag_contents import Contents, Stream
 from lrf3d.io.bag_frames import BACK, Frames, Part, Track, in_the_plane
-from lrf3d.io.laser_log import LaserLog, log_name, without_no_returns
+from lrf3d.io.laser_log import LaserLog
 from lrf3d.laser import LaserScan
 from lrf3d.pose import Pose
 
@@ -33,14 +32,12 @@ AIMS = ("goal", "initialpose")
 """Words in the names of topics of poses where no robot is."""
 
 
-def log_of(
-    path: Path, contents: Contents, wanted: str, largest_range: float | None, part: int | None
-) -> LaserLog:
+def log_of(contents: Contents, wanted: str, part: int | None) -> LaserLog:
     """The scans of the robot of the first stream, with the poses of the wanted source."""
-    first = contents.streams[0]
-    robot = _Robot(contents, first, _part(path, contents, first, part), wanted)
+    first, path, notes = contents.streams[0], contents.intake.path, contents.intake.notes
+    robot = _Robot(contents, first, _part(contents, first, part), wanted)
     if doubt := robot.doubt():
-        contents.notes.append(f"{doubt}: times of receipt count")
+        notes.append(f"{doubt}: times of receipt count")
         robot = _Robot(contents, first, replace(robot.part, by_receipt=True), wanted)
     there = ", ".join(robot.there) or "no ground truth, no transforms, no odometry"
     if not robot.source and wanted not in ("auto", "odom"):
@@ -52,25 +49,22 @@ def log_of(
             used.setdefault(stream.frame, stream)
     left = [each.words for each in contents.streams if each is not used.get(each.frame)]
     if left:
-        contents.notes.append(f"left out: {one_line(', '.join(left), 200)}; see --scan-topic")
+        notes.append(f"left out: {one_line(', '.join(left), 200)}; see --scan-topic")
     if len(used) > 1:
-        contents.notes.append("lasers: " + ", ".join(each.words for each in used.values()))
-    scans = [s for each in used.values() for s in robot.placed(path, each, largest_range)]
+        notes.append("lasers: " + ", ".join(each.words for each in used.values()))
+    scans = [s for each in used.values() for s in robot.placed(each)]
     if not scans:
         raise InputError(f"{path}: no scan within the time of the poses from {robot.words}")
-    return LaserLog(
-        log_name(path),
+    return contents.intake.log(
         sorted(scans, key=lambda scan: scan.time),
-        contents.bad_count,
-        tuple(contents.bad),
-        robot.words if robot.source else f"none: {there}",
+        source=robot.words if robot.source else f"none: {there}",
         placed=bool(robot.source),
-        notes=tuple(contents.notes),
     )
 
 
-def _part(path: Path, contents: Contents, stream: Stream, wanted: int | None) -> Part:
+def _part(contents: Contents, stream: Stream, wanted: int | None) -> Part:
     """The part that was chosen, or the longest one, of a recording whose stamps go back."""
+    path, notes = contents.intake.path, contents.intake.notes
     sent, _, numbers = (np.array(each, dtype=np.int64) for each in stream.stamps.columns)
     back = np.flatnonzero(np.diff(sent) < -BACK) + 1
     count = len(back) + 1
@@ -81,11 +75,11 @@ def _part(path: Path, contents: Contents, stream: Stream, wanted: int | None) ->
     found = f"the stamps of {stream.topic} go back at message {numbers[back[0]]}"
     found += f" from {1e-9 * sent[back[0] - 1]:.10g} to {1e-9 * sent[back[0]]:.10g} s"
     if count > MOST_PARTS:
-        contents.notes.append(f"{found}, and {count - 2} times more: times of receipt count")
+        notes.append(f"{found}, and {count - 2} times more: times of receipt count")
         return Part(back[:0], 0, by_receipt=True)
     sizes = np.diff([0, *back, len(sent)])
     chosen = int(sizes.argmax()) if wanted is None else wanted - 1
-    contents.notes.append(
+    notes.append(
         f"{found}: part {chosen + 1} of {count} was read, {sizes[chosen]} of {len(sent)} scans;"
         " --part reads another"
     )
@@ -186,9 +180,9 @@ class _Robot:
         mine = self._frames.base(self._stream.frame)
         return bool(self.source) and self._frames.carries(mine, stream.frame)
 
-    def placed(self, path: Path, stream: Stream, largest_range: float | None) -> list[LaserScan]:
+    def placed(self, stream: Stream) -> list[LaserScan]:
         """The scans of a stream with their poses and where the laser is mounted."""
-        contents, frames = self._contents, self._frames
+        intake, frames = self._contents.intake, self._frames
         times, inside = self.part.times(stream.stamps)
         mounted = frames.poses(stream.frame, self._base, times)
         if not self.source:
@@ -206,14 +200,14 @@ class _Robot:
         if len(askew):
             tilt = np.degrees(np.arccos(min(askew[0], 1.0)))
             raise InputError(
-                f"{path}: the laser {stream.frame} is tilted by {tilt:.0f}°, expected one that"
-                " scans in the plane"
+                f"{intake.path}: the laser {stream.frame} is tilted by {tilt:.0f}°, expected one"
+                " that scans in the plane"
             )
         scans = []
         for number in np.flatnonzero(inside).tolist():
             if not known[number]:
                 why = f"scan {number + 1} lies outside the time that poses are known for"
-                contents.refuse(number + 1, why, "scan")
+                intake.refuse(number + 1, why, "scan")
                 continue
             scan = stream.scans[number]
             scan = replace(
@@ -225,8 +219,6 @@ class _Robot:
                 time=1e-9 * times[number] if self.part.by_receipt else scan.time,
             )
             scans.append(scan)
-        scans, note = without_no_returns(scans, largest_range)
-        contents.notes += [note] * bool(note)
         return scans
 
 

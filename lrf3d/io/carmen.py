@@ -1,140 +1,101 @@
-"""CARMEN logs: one message a line, as the CARMEN toolkit and its log archives write them.
+"""Logs of messages, one a line: CARMEN's, those of related programs, and Player's.
 
 A log may be gzipped. Its scans have the logged poses, or those of odometry or ground truth at their
-times. In a log that a SLAM system has corrected, the logged poses are the corrected ones. These
-messages are read, of which old and related programs leave out the end of FLASER, from the stamp or
-from odom_x on; DP-SLAM calls them Laser and Odometry::
-
-    FLASER n r1 … rn  x y theta  odom_x odom_y odom_theta  time host logger_time
-    ROBOTLASER1 type start fov step max_range accuracy mode  n r1 … rn  m s1 … sm  x y theta
-                robot_x robot_y robot_theta  v w  safety safety turn  time host logger_time
-    ODOM x y theta  v w acceleration  time host logger_time
-    TRUEPOS x y theta  odom_x odom_y odom_theta  time host logger_time
-    PARAM robot_frontlaser_offset metres  time host logger_time
-    Odometry x y theta
-    Laser n r1 … rn
-
-Lines that cannot be read are skipped and reported. If a log holds each scan twice, as an old and as
-a new message, only the kind that comes first is read.
+times. In a log that a SLAM system has corrected, the logged poses are the corrected ones. Old and
+related programs leave out the end of FLASER, from the stamp or from odom_x on. ``n`` readings stand
+after their number. Lines that cannot be read are skipped and reported. If a log holds each scan
+twice, as an old and as a new message, only the kind that comes first is read.
 """
 
-import gzip
-import zlib
-from collections.abc import Iterator, Mapping
+import re
+from collections import Counter
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
 from math import inf, isfinite, pi
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.files import as_path, opened
 from lrf3d.geometry import LARGEST_COORDINATE, Float, sealed, wrap_angle
-from lrf3d.interrupts import check
-from lrf3d.io.laser_log import (
-    A_MESSAGE,
-    GZIPPED,
-    LARGEST_LOG,
-    LARGEST_RANGE,
-    MOST_LINES,
-    MOST_READINGS,
-    NAMED,
-    BadLine,
-    LaserLog,
-    WheelRecord,
-    log_name,
-    without_no_returns,
-)
+from lrf3d.io.intake import A_MESSAGE, LARGEST_RANGE, MOST_READINGS, UNTIMED, Intake
+from lrf3d.io.laser_log import LaserLog, WheelRecord
 from lrf3d.laser import LaserScan
 from lrf3d.laser.range_finder import CENTRE
 from lrf3d.pose import Pose, between
 from lrf3d.robot import Trajectory
 
-FARTHEST_LASER = 10.0
-"""How far a laser may stand from its robot's centre [m]: farther, the number is in other units."""
+_FAN, _POSE, _END = (
+    "type start fov step range_max accuracy mode n m ",
+    "x y theta ",
+    "time host end",
+)
+LAYOUTS = {
+    b"FLASER": "n " + _POSE + "odom_x odom_y odom_theta " + _END,
+    b"ROBOTLASER1": _FAN + _POSE + "robot_x robot_y robot_theta v w safety safety turn " + _END,
+    b"RAWLASER1": _FAN + _END,
+    b"Laser": "n",
+    b"ODOM": _POSE + "v w acceleration " + _END,
+    b"TRUEPOS": _POSE + "odom_x odom_y odom_theta " + _END,
+    b"Odometry": _POSE,
+}
+"""The words of each message; ``n`` and ``m`` are the number of the readings or the remissions, and
+these. The last of scans without a pose are those of DP-SLAM."""
 
-LONGEST_LINE = 1 << 20
-"""Bytes that are read of a line, enough for 100,000 beams; what is left counts as more lines."""
-
-SHORT_ENDS = {b"Laser": (0,), b"FLASER": (3, 6, 7, 8, 9)}
-"""Words after the ranges: up to the pose, the pose by odometry, the stamp, the host, or all."""
-
-UNTIMED = 0.1
-"""Time between scans that have no stamp [s]."""
+RAW = (b"RAWLASER1", b"Laser")
+"""Scans without a pose: it is that of the odometry before it."""
 
 TRACKS = {b"ODOM": "odom", b"TRUEPOS": "truth"}
+
+SHORT_ENDS = {b"FLASER": (0, 1, 2, 3, 6)}
+"""Words that the end of a line may lack: the host, the stamp, and the pose by odometry."""
+
+WORDS = re.compile(
+    rb"(?m)^(?:(?:FLASER|ROBOTLASER1|RAWLASER1|LASER_READING|ODOM|PARAM|TRUEPOS|Laser|Odometry) |"
+    rb"[\d.]+ \S+ \d+ (?:laser|position2d) \d+ \d+ \d+ )"
+)
+"""What lines of such logs begin with."""
+
+OTHER_LASERS = re.compile(rb"[FRL]LASER|(ROBOT|RAW)LASER\d+").fullmatch
+
+FARTHEST_LASER = 10.0
+"""How far a laser may stand from its robot's centre [m]: farther, the number is in other units."""
 
 STEADY = 1e-3
 """How far mounts of one laser may differ [m], [rad]: logs round their numbers."""
 
 
-def load_carmen(
-    path: str | Path, *, largest_range: float | None = None, poses: str = "auto"
-) -> LaserLog:
+def load_carmen(intake: Intake, poses: str = "auto") -> LaserLog:
     """Read the scans of a CARMEN log; see `load_log`.
 
     Readings from the largest range on are no return: if not given, the farthest that the message
     says its range finder sees, or 50 m, or less if the largest reading of the log stands out.
     """
-    path = as_path(path)
-    reading, bad, bad_count = _Reading(largest_range), list[BadLine](), 0
-    for number, text, fault in lines_of(path):
+    path, reading = intake.path, _Reading(intake)
+    for number, line in intake.lines():
         try:
-            if fault:
-                raise ValueError(fault)
-            reading.take(text.split())
+            size = reading.take(line.split())
         except ValueError as error:
-            bad_count += 1
-            bad += [BadLine(number, str(error))] if len(bad) < NAMED else []
-        if reading.readings > MOST_READINGS:
-            raise InputError(
-                f"{path}: line {number}: more than {MOST_READINGS:,} readings; cut the log into"
-                " parts"
-            )
+            intake.refuse(number, error)
+        else:
+            intake.take(size, number)
     if not reading.scans:
-        why = f"; {bad_count} bad lines, first {bad[0]}" if bad else ""
-        raise InputError(f"{path}: no laser scan in it, expected FLASER or ROBOTLASER1 lines{why}")
+        expected = "no laser scan in it, expected FLASER or ROBOTLASER1 lines"
+        raise InputError(f"{path}: {expected}{intake.first_bad}")
+    reading.note_assumptions()
     wheels, mount = reading.wheels(), reading.mount()
-    scans, note = without_no_returns(reading.scans, largest_range)
-    notes = [note] * bool(note)
-    if reading.untimed:
-        notes.append(f"no stamps on {reading.untimed} scans: one each {UNTIMED:g} s assumed")
     # Without ODOM lines the poses of the scans are the odometry, and those are the laser's.
     mount = mount if wheels else Pose(reading.offset, 0.0, 0.0)
+    scans = reading.scans
     if mount != CENTRE:
         scans = [replace(scan, mount=mount) for scan in scans]
-    log = LaserLog(
-        log_name(path),
-        scans,
-        bad_count,
-        tuple(bad),
-        wheels=wheels,
-        not_numbers=reading.not_numbers,
-        notes=tuple(notes),
-    )
+    log = intake.log(
+        scans, wheels=wheels, not_numbers=reading.not_numbers, placed=reading.placed,
+        source="as logged" if reading.placed else "none",
+    )  # fmt: skip
     return log if poses == "auto" else _placed_by(log, reading.tracks(), poses, path)
-
-
-def lines_of(path: Path) -> Iterator[tuple[int, bytes, str]]:
-    """The lines of a file, gzipped or not: number, bytes, and what is wrong, if anything."""
-    number = size = 0
-    with opened(path, what="a log") as file:
-        packed = file.read(len(GZIPPED)) == GZIPPED
-        file.seek(0)
-        stream: Any = gzip.open(file) if packed else file
-        try:
-            parts = iter(lambda: stream.readline(LONGEST_LINE), b"")
-            for number, text in enumerate(parts, 1):
-                check()
-                size += len(text)
-                if number > MOST_LINES or size > LARGEST_LOG:
-                    most = f"{MOST_LINES:,} lines or {LARGEST_LOG / 1e9:.1f} GB"
-                    raise InputError(f"{path}: line {number}: more than {most}; cut it into parts")
-                yield number, text, ""
-        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-            yield number + 1, b"", f"the packed data are damaged from here on ({error})"
 
 
 def _placed_by(log: LaserLog, tracks: Mapping[str, Trajectory], name: str, path: Path) -> LaserLog:
@@ -154,95 +115,159 @@ def _placed_by(log: LaserLog, tracks: Mapping[str, Trajectory], name: str, path:
     ]
     wheels = log.wheels and replace(log.wheels, places=log.wheels.places[inside])
     source = "ODOM messages" if name == "odom" else "TRUEPOS messages"
-    return replace(log, scans=scans, source=source, wheels=wheels)
+    return replace(log, scans=scans, source=source, wheels=wheels, placed=True)
+
+
+def _translated(words: list[bytes]) -> list[bytes]:
+    """A message of GMapping or Player as one of CARMEN."""
+    if words[:1] == [b"LASER_READING"]:
+        return [b"FLASER", *words[1:-1], *words[-4:]]
+    if len(words) > 14 and words[3] == b"position2d":
+        # Time, host, robot, kind, index, type, subtype and time come first.
+        return [b"ODOM", *words[8:12], words[13], b"0", words[7], *words[1::-1]]
+    if len(words) > 14 and words[3] == b"laser":
+        start, end, step, farthest, count = words[9:14]
+        fan = [b"0", start, end, step, farthest, b"0", b"0", count]
+        return [b"RAWLASER1", *fan, *words[14::2], b"0", words[7], *words[1::-1]]
+    return words
+
+
+def _by_name(words: list[bytes], lacking: int | None) -> tuple[dict[str, list[bytes]], int]:
+    """The words of a message by their names, and how many its end lacks; or a ValueError."""
+    found, place = dict[str, list[bytes]](), 1
+    for name in LAYOUTS[words[0]].split():
+        found[name] = words[place : place + 1]
+        place += 1
+        if name in ("n", "m"):
+            count = _number(found, name, "the number of readings")
+            if not 2 * (name == "n") <= count <= MOST_READINGS or count != int(count):
+                raise ValueError(f"{count:g} readings, expected a whole number from 2")
+            found[name] = words[place : place + int(count)]
+            place += int(count)
+    short = place - len(words)
+    allowed = SHORT_ENDS.get(words[0], (0,)) if lacking is None else (lacking,)
+    if short not in allowed:
+        raise ValueError(f"{len(words)} words, expected {place - allowed[0]}")
+    return found, short
+
+
+def _number(found: Mapping[str, list[bytes]], name: str, what: str = "") -> float:
+    word = b"".join(found[name])
+    try:
+        value = float(word)
+    except ValueError:
+        value = inf
+    if not isfinite(value):
+        shown = word[:40].decode("ascii", "backslashreplace")
+        raise ValueError(f"{what or name} is {shown!r}, expected a finite number")
+    return value
+
+
+def _pose(found: Mapping[str, list[bytes]], prefix: str = "") -> Pose:
+    x, y, theta = (_number(found, prefix + name, name) for name in ("x", "y", "theta"))
+    if not max(abs(x), abs(y), abs(theta)) <= LARGEST_COORDINATE:
+        raise ValueError(f"pose {x:g} {y:g} {theta:g}, expected at most 1e+09 m")
+    return Pose(x, y, float(wrap_angle(theta)))
+
+
+def _ranges(words: list[bytes]) -> Float:
+    try:
+        ranges = np.array([float(word) for word in words])
+    except ValueError as error:
+        word = str(error).rpartition(": ")[2].lstrip("b")
+        raise ValueError(f"reading {word[:40]}, expected a number") from None
+    if (ranges < 0.0).any():
+        raise ValueError(f"reading {ranges[ranges < 0.0][0]:g}, expected metres")
+    return ranges
+
+
+def _angles(found: Mapping[str, list[bytes]], count: int) -> Float:
+    """The fan that a message names, or a half turn."""
+    start, step = front_fan(count)
+    if "step" in found:
+        start, step = _number(found, "start"), _number(found, "step")
+        if not 0.0 < step * (count - 1) < 2.1 * pi:
+            raise ValueError(f"{count} beams {step} rad apart, expected at most a full turn")
+    return even_angles(count, start, step)
 
 
 class _Reading:
     """What the messages so far contain."""
 
-    def __init__(self, largest_range: float | None) -> None:
-        self.scans: list[LaserScan] = []
-        self.readings = self.not_numbers = self.untimed = 0
-        self._pose, self._end = Pose(0.0, 0.0, 0.0), cast("int | None", None)
-        self.offset = 0.0
-        self._largest_range = largest_range
-        self._kind, self._robots = b"", list[Pose]()
-        self._places: list[int] = []
+    def __init__(self, intake: Intake) -> None:
+        self._intake, self.scans = intake, list[LaserScan]()
+        self.not_numbers = self._untimed = 0
+        self.offset, self.placed, self._pose = 0.0, False, CENTRE
+        self._kind, self._lacking = b"", cast("int | None", None)
+        self._robots, self._places, self._others = list[Pose](), list[int](), Counter[str]()
         self._stamped: dict[str, list[tuple[float, Pose]]] = {"odom": [], "truth": []}
 
-    def take(self, words: list[bytes]) -> None:
-        """Read a message; a ValueError says why it cannot be read."""
+    def take(self, words: list[bytes]) -> int:
+        """Read a message, and return how many readings it takes in memory; or a ValueError."""
+        words = _translated(words)
         name = words[0] if words else b"#"
-        if name == b"Odometry":
-            self._pose = _pose(words, 1)
-        elif name in TRACKS:
-            if len(words) != 10:
-                raise ValueError(f"{len(words)} words, expected 10")
-            self.readings += A_MESSAGE // 2
-            self._stamped[TRACKS[name]].append((_number(words, 7, "time"), _pose(words, 1)))
-        elif words[:2] == [b"PARAM", b"robot_frontlaser_offset"]:
-            offset = _number(words, 2, "robot_frontlaser_offset")
+        if words[:2] == [b"PARAM", b"robot_frontlaser_offset"]:
+            offset = _number({"offset": words[2:3]}, "offset")
             if abs(offset) > FARTHEST_LASER:
                 raise ValueError(f"robot_frontlaser_offset {offset:g} m, expected at most 10 m")
             self.offset = offset
-        elif name in (b"FLASER", b"ROBOTLASER1", b"Laser"):
-            if self._kind in (b"", name):
-                scan = self._scan(words)
-                self._kind = name
-                self.scans.append(scan)
-                self._places.append(len(self._stamped["odom"]) - 1)
-                self.readings += len(scan.ranges) + A_MESSAGE
+        elif name in TRACKS or name == b"Odometry":
+            found, _ = _by_name(words, 0)
+            self._pose, self.placed = _pose(found), True
+            if name in TRACKS:
+                self._stamped[TRACKS[name]].append((_number(found, "time"), self._pose))
+                return A_MESSAGE // 2
+        elif name in LAYOUTS:
+            return self._take_scan(words)
+        elif OTHER_LASERS(name):
+            self._others[name.decode()] += 1
         elif not name.startswith(b"#") and not (name.isupper() and name[:1].isalpha()):
             raise ValueError("not a CARMEN message")
+        return 0
 
-    def _scan(self, words: list[bytes]) -> LaserScan:
-        """The scan of a FLASER message, 180° wide, or of a ROBOTLASER1 message, which has its fan.
-
-        The pose follows the readings, in the newer message after the remissions.
-        """
-        is_front = words[0] != b"ROBOTLASER1"
-        first = 2 if is_front else 9
-        count = _count(words, first - 1)
-        place = last = first + count
-        if not is_front:
-            place += 1 + _count(words, last, least=0)
-        time, length = place + (6 if is_front else 11), place + 14
-        if is_front:
-            # All lines of a log are alike; one that ends before is cut.
-            ends = SHORT_ENDS.get(words[0], (9,)) if self._end is None else (self._end,)
-            if (end := len(words) - place) not in ends:
-                raise ValueError(f"{len(words)} words, expected {place + ends[-1]}")
-            self._end = end
-        elif len(words) != length:
-            raise ValueError(f"{len(words)} words, expected {length}")
-        (start, step), range_max = front_fan(count), 0.0
-        if not is_front:
-            start, step, range_max = (_number(words, k) for k in (2, 4, 5))
-            if not 0.0 < step * (count - 1) < 2.1 * pi:
-                raise ValueError(f"{count} beams {step} rad apart, expected at most a full turn")
-            if range_max > LARGEST_COORDINATE:
-                raise ValueError(f"a range of {range_max:g} m, expected at most 1e+09 m")
+    def _take_scan(self, words: list[bytes]) -> int:
+        """Read a scan, unless scans of another kind came first."""
+        name = words[0]
+        if self._kind not in (b"", name):
+            if self._kind not in RAW or name in RAW:
+                return 0
+            # What has poses is better than what comes without.
+            self.scans, self._robots, self._places, self._lacking = [], [], [], None
+            self.not_numbers = self._untimed = 0
+        # All lines of a log are alike; one that ends before is cut.
+        found, lacking = _by_name(words, self._lacking)
+        range_max = _number(found, "range_max") if "range_max" in found else 0.0
+        if range_max > LARGEST_COORDINATE:
+            raise ValueError(f"a range of {range_max:g} m, expected at most 1e+09 m")
         # A message without a range holds 0; the user's limit holds where it is nearer.
-        limits = [limit for limit in (range_max, self._largest_range or 0.0) if limit > 0.0]
-        farthest = min(limits, default=LARGEST_RANGE)
-        try:
-            ranges = np.array([float(word) for word in words[first:last]])
-        except ValueError as error:
-            word = str(error).rpartition(": ")[2].lstrip("b")
-            raise ValueError(f"reading {word[:40]}, expected a number") from None
-        if (ranges < 0.0).any():
-            raise ValueError(f"reading {ranges[ranges < 0.0][0]:g}, expected metres")
+        limits = [each for each in (range_max, self._intake.largest_range or 0.0) if each > 0.0]
+        farthest, ranges = min(limits, default=LARGEST_RANGE), _ranges(found["n"])
+        not_numbers = int(np.isnan(ranges).sum())
         # Some drivers write NaN for a beam without a return, and 0 for one without a valid range.
-        self.not_numbers += int(np.isnan(ranges).sum())
         ranges[~(ranges < farthest)] = inf
         ranges[ranges == 0.0] = -inf
-        pose = self._pose if words[0] == b"Laser" else _pose(words, place)
-        is_timed = len(words) > time
-        self.untimed += not is_timed
-        stamp = _number(words, time, "time") if is_timed else UNTIMED * len(self.scans)
-        self._robots.append(pose if is_front else _pose(words, place + 3))
-        angles = even_angles(count, start, step)
-        return LaserScan(pose, angles, ranges, range_max=farthest, time=stamp)
+        pose = self._pose if name in RAW else _pose(found)
+        is_timed = bool(found.get("time"))
+        stamp = _number(found, "time") if is_timed else UNTIMED * len(self.scans)
+        robot = _pose(found, "robot_") if "robot_x" in found else pose
+        angles = _angles(found, len(ranges))
+        self.scans.append(LaserScan(pose, angles, ranges, range_max=farthest, time=stamp))
+        self._robots.append(robot)
+        self._places.append(len(self._stamped["odom"]) - 1)
+        self._kind, self._lacking = name, lacking
+        self.not_numbers += not_numbers
+        self._untimed += not is_timed
+        self.placed |= name not in RAW
+        return len(ranges) + A_MESSAGE
+
+    def note_assumptions(self) -> None:
+        """Note what was assumed and left out."""
+        if self._untimed:
+            each = f"one each {UNTIMED:g} s assumed"
+            self._intake.notes.append(f"no stamps on {self._untimed} scans: {each}")
+        if self._others:
+            lines = ", ".join(f"{count} {name}" for name, count in sorted(self._others.items()))
+            self._intake.notes.append(f"left out: lines of other lasers ({lines})")
 
     def mount(self) -> Pose:
         """The pose of the laser on the robot, if all scans agree on one; else the centre."""
@@ -290,29 +315,3 @@ def front_fan(count: int) -> tuple[float, float]:
 def even_angles(count: int, start: float, step: float) -> Float:
     """Angles (count,) [rad] of a message's beams; successive scans share the array."""
     return sealed(np.asarray(start + step * np.arange(count), dtype=np.float64))
-
-
-def _pose(words: list[bytes], place: int) -> Pose:
-    x, y, theta = (_number(words, place + k, ("x", "y", "theta")[k]) for k in range(3))
-    if not max(abs(x), abs(y), abs(theta)) <= LARGEST_COORDINATE:
-        raise ValueError(f"pose {x:g} {y:g} {theta:g}, expected at most 1e+09 m")
-    return Pose(x, y, float(wrap_angle(theta)))
-
-
-def _count(words: list[bytes], place: int, least: int = 2) -> int:
-    count = _number(words, place, "the number of readings")
-    if not least <= count <= MOST_READINGS or count != int(count):
-        raise ValueError(f"{count:g} readings, expected a whole number from {least}")
-    return int(count)
-
-
-def _number(words: list[bytes], place: int, what: str = "a value") -> float:
-    word = b"".join(words[place : place + 1])
-    try:
-        value = float(word)
-    except ValueError:
-        value = inf
-    if not isfinite(value):
-        shown = word[:40].decode("ascii", "backslashreplace")
-        raise ValueError(f"{what} is {shown!r}, expected a finite number")
-    return value

@@ -16,44 +16,8 @@ from lrf3d.laser.unrolling import with_motions
 from lrf3d.pose import Pose
 from lrf3d.text import counted
 
-LARGEST_RANGE = 50.0
-"""Least reading [m] that means no return: range finders of CARMEN's time then report about 81.9 m
-or 50 m, and none of them measures as far."""
-
-LEAST_READINGS, LEAST_SHARE = 50, 0.001
-"""Readings of the largest range, and their share of all readings, from which on it means no
-return."""
-
-BELOW, CROWDED = 0.5, 5.0
-"""It stands out if it is read more often, by the second, than all ranges down to this below it [m].
-A wall at the end of a corridor is read at many ranges."""
-
-BESIDE = 0.3
-"""Share of these readings beside another one: what is open is open to more than one beam, and a
-robot that stands still reads the corner of a room again and again."""
-
-EQUAL = 0.011
-"""Readings that differ by less are the same [m]: logs are written in centimetres."""
-
-NAMED = 5
-"""Number of bad lines that are kept; the others are only counted."""
-
 FINEST, MOST_BEAMS = 1e-4, 100_000
 """Least step [rad] and most beams of a fan on which scans are resampled."""
-
-MOST_READINGS = 50_000_000
-"""Largest number of readings in memory: 400 MB. Scans and poses count as some more."""
-
-A_MESSAGE, A_POSE = 64, 8
-"""What a message, as an object, and a packed pose take in memory, in readings."""
-
-MOST_LINES, LARGEST_LOG = 10_000_000, 1 << 31
-"""Largest numbers of lines and of bytes of a text log, of which a gzipped one may hold a thousand
-for each of its own; a day's log has a tenth."""
-
-
-GZIPPED = b"\x1f\x8b"
-"""First bytes of gzipped files, whatever their name is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,38 +174,3 @@ def on_one_fan(scans: Sequence[LaserScan]) -> tuple[Float, Float]:
         near = np.abs(own[nearest] - angles) <= 0.51 * max(step, FINEST)
         row[near] = ranges[nearest][near]
     return angles, resampled
-
-
-def without_no_returns(
-    scans: Sequence[LaserScan], limit: float | None = None
-) -> tuple[list[LaserScan], str]:
-    """The scans of a laser with +inf for readings that mean no return, and a sentence on these.
-
-    They are those from the limit on, if it is given; else those of the largest reading, if it
-    stands out. Range finders write their largest range, such as 4, 8, 30 or 80 m, for beams that
-    met nothing; a log does not name it. Taken for walls, such readings are an arc that moves with
-    the robot.
-    """
-    note = ""
-    if limit is None:
-        if (limit := _usual_no_return(scans)) == np.inf:
-            return list(scans), ""
-        note = f"readings from {limit:.4g} m on mean no return; --largest-range sets another limit"
-    return [
-        replace(scan, ranges=np.where(scan.ranges >= limit, np.inf, scan.ranges)) for scan in scans
-    ], note
-
-
-def _usual_no_return(scans: Sequence[LaserScan]) -> float:
-    """The least reading [m] that means no return, if the largest one stands out; else +inf."""
-    finite = [scan.ranges[np.isfinite(scan.ranges)] for scan in scans]
-    largest = max((float(ranges.max()) for ranges in finite if len(ranges)), default=0.0)
-    near = np.concatenate([np.empty(0), *(r[r > largest - BELOW] for r in finite)])
-    most = int((near > largest - EQUAL).sum())
-    least = max(LEAST_READINGS, LEAST_SHARE * sum(map(len, finite)))
-    if most < least or most < CROWDED * (len(near) - most):
-        return np.inf
-    without = [np.isfinite(scan.ranges) & (scan.ranges > largest - EQUAL) for scan in scans]
-    if sum(int((beams[1:] & beams[:-1]).sum()) for beams in without) < BESIDE * most:
-        return np.inf
-    return float(near[near > largest - EQUAL].min())

@@ -9,27 +9,26 @@ from lrf3d.errors import InputError, shown
 from lrf3d.files import as_path, opened, own_name
 from lrf3d.geometry import number
 from lrf3d.interrupts import reading
-from lrf3d.io.array_log import is_foreign
-from lrf3d.io.laser_log import GZIPPED, LaserLog
+from lrf3d.io.array_log import array_table, is_foreign, record_table
+from lrf3d.io.bag_files import FILES, MCAP, OLD, SQLITE
+from lrf3d.io.carmen import WORDS, load_carmen
+from lrf3d.io.intake import GZIPPED, Intake
+from lrf3d.io.laser_log import LaserLog
 from lrf3d.world import world_names
 
 CARMEN_ENDINGS = (".log", ".log.gz", ".clf", ".clf.gz")
 """Endings of CARMEN logs; the last two are what the University of Freiburg calls them."""
 
-BAG_ENDINGS = (".mcap", ".db3", ".bag")
-"""Endings of the files of ROS bags; the last one is that of ROS 1."""
-
 LOOKS = {
-    b"\x89MCAP0": "a ROS 2 bag: name it .mcap", b"SQLite": "a ROS 2 bag: name it .db3",
-    b"#ROSBAG": "a ROS 1 bag: name it .bag", b"PK": "arrays of NumPy or a zip: name it .npz",
+    b"PK": "arrays of NumPy or a zip: name it .npz",
     b"MATLAB 5": "a .mat file: name it .mat", b"ply": "a point cloud without scans",
     b"LASF": "a point cloud without scans", b"# .PCD": "a point cloud without scans",
-    b"\x89PNG": "a picture", b"{": "JSON", b"<": "XML", b"%PDF": "a document",
+    b"\x89PNG": "a picture", b"<": "XML", b"%PDF": "a document",
 }  # fmt: skip
 """What files look like that are no text of a log, by their first bytes."""
 
-CARMEN_WORDS = rb"(?m)^(FLASER|ROBOTLASER1|RAWLASER1|ODOM|PARAM|TRUEPOS|Laser|Odometry) "
-"""What CARMEN's messages, or those of its relatives, begin with."""
+RECORDS = rb"\s*[\[{]\s*[\"{\[]|(?:---\s+)?(?:header|seq|stamp):"
+"""What JSON, and messages of ROS that were printed, begin with."""
 
 HEAD = 1 << 16
 """Bytes at the beginning of a file that say what it is."""
@@ -50,7 +49,7 @@ def is_run(name: str) -> bool:
 
 def odometry_of(path: str | Path) -> str:
     """The source of poses for SLAM: a bag may know the truth, others keep the odometry apart."""
-    is_bag = as_path(path).is_dir() or str(path).lower().endswith((*BAG_ENDINGS, ".npz"))
+    is_bag = as_path(path).is_dir() or str(path).lower().endswith((*FILES, ".npz"))
     return "odom" if is_bag else "auto"
 
 
@@ -96,11 +95,9 @@ def load_log(
         number(largest_range, "largest range", "metres", positive=True)
     if not isinstance(poses, str) or poses not in POSES:
         raise InputError(f"poses from {shown(poses)}: expected one of {', '.join(POSES)}")
-    kind = "text" if format else _kind(path)
+    intake, kind = Intake(path, largest_range), "text" if format else _kind(path)
     if kind == "CARMEN":
-        from lrf3d.io.carmen import load_carmen
-
-        return load_carmen(path, largest_range=largest_range, poses=poses)
+        return load_carmen(intake, poses)
     if kind == "run":
         from lrf3d.io.run_file import load_run
 
@@ -113,18 +110,16 @@ def load_log(
     if kind == "bag":
         from lrf3d.io.bag_reader import load_bag
 
-        return load_bag(
-            path, largest_range=largest_range, poses=poses, scan_topic=scan_topic, part=part
-        )
+        return load_bag(intake, poses=poses, scan_topic=scan_topic, part=part)
     if poses not in ("auto", "odom"):
         raise InputError(f"{path}: no poses from {poses} in it; there are auto, odom")
     if kind == "arrays":
-        from lrf3d.io.array_log import load_arrays
+        return array_table(intake).log()
+    if kind == "records":
+        return record_table(intake).log()
+    from lrf3d.io.text_log import text_table
 
-        return load_arrays(path, largest_range)
-    from lrf3d.io.text_log import load_text
-
-    return load_text(path, format, largest_range)
+    return text_table(intake, format).log()
 
 
 def _kind(path: Path) -> str:
@@ -132,23 +127,27 @@ def _kind(path: Path) -> str:
     ending = path.name.lower()
     if (path / "run.npz").exists():
         return "run"
-    if ending.endswith(BAG_ENDINGS) or path.is_dir():
+    if ending.endswith(FILES) or path.is_dir():
         return "bag"
     with opened(path, what="a log") as file:
         head = file.read(HEAD)
     if ending.endswith((".npz", ".mat")):
         return "arrays" if ending.endswith(".mat") or is_foreign(path) else "run"
+    if head.startswith((MCAP, SQLITE, OLD)):
+        return "bag"
     if head.startswith(GZIPPED):
         # What a packed file begins with is enough.
         with suppress(zlib.error):
             head = zlib.decompressobj(31).decompress(head, HEAD)
     is_text = b"\0" not in head and not head.startswith(tuple(LOOKS))
-    if is_text and re.search(CARMEN_WORDS, head):
+    if is_text and re.search(WORDS, head):
         return "CARMEN"
+    if is_text and re.match(RECORDS, head):
+        return "records"
     if ending.endswith(CARMEN_ENDINGS) and not re.match(rb"\s*[-+.\d]", head):
         return "CARMEN"
     if is_text:
         return "text"
     looks = next((what for magic, what in LOOKS.items() if head.startswith(magic)), "no text")
-    known = ", ".join((*CARMEN_ENDINGS, *BAG_ENDINGS, ".npz", ".mat"))
+    known = ", ".join((*CARMEN_ENDINGS, *FILES, ".npz", ".mat"))
     raise InputError(f"{path}: not a log: it looks like {looks}; expected text, or {known}")

@@ -1,21 +1,21 @@
-"""The layout of a text of numbers: what its columns hold, by a format, a header or their number."""
+"""The layout of a text of numbers: what its columns hold, by a format, a header or the numbers."""
 
 import re
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from lrf3d.errors import InputError, check_names, shown
 from lrf3d.geometry import Float
-from lrf3d.io.carmen import lines_of
-from lrf3d.io.columns import FANS, ROLES, SETTINGS
+from lrf3d.io.intake import Intake
+from lrf3d.io.table import FANS, ROLES, SETTINGS, meaning
 
-SAMPLE = 60
-"""Lines at the beginning that say what the others are like."""
+SAMPLE, SHORT, MANY = 60, 6, 4000
+"""Lines at the beginning that say what the others are like; of lines with few words, many."""
 
 PRESETS = {
     "minesrover": "stamp:us@1, left@3, right@4, ranges:mm*682@25, first=-120deg, last=120deg,"
@@ -31,75 +31,71 @@ MARKS = {("", 706): "minesrover", ("", 707): "minesrover", ("S", 663): "lego"}
 DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(e[-+]?\d+)?").fullmatch
 """Matches numbers with a decimal comma."""
 
-SYNONYMS = {
-    "stamp": "stamp time timestamp t ts sec secs seconds nsec", "x": "x px posx", "y": "y py posy",
-    "theta": "theta th yaw heading phi", "left": "left leftticks enc_left", "right": "right",
-    "dx": "dx", "dy": "dy", "dtheta": "dtheta dyaw dth",
-    "angles": "angle bearing azimuth", "poses": "poses pose trajectory odometry odom",
-    "ranges": "ranges range r distances distance dist d scan laser lidar readings",
-}  # fmt: skip
-"""Words for columns in headers."""
-
-OTHERS = "scan_time time_increment range_min range_max seq frame_id child_frame_id".split()
-"""Columns of ROS messages with such words in them that hold something else."""
+LABELS = re.compile(r"([A-Za-z_]\w*)\s*[:=]\s*([-+]?[\d.]+(?:e[-+]?\d+)?)")
+"""Numbers that have their names before them."""
 
 
 @dataclass
 class Form:
     """How the lines of a file are written, by the first of them."""
 
-    separator: str | None
-    decimal_commas: bool
-    header: list[str]
-    sample: list[list[str]]
+    separator: str | None = None
+    decimal_commas: bool = False
+    labelled: bool = False
+    header: list[str] = field(default_factory=list)
+    sample: list[list[str]] = field(default_factory=list)
     word: str = ""
 
     @classmethod
     def of(cls, path: Path) -> "Form":
         """The form of a file."""
-        texts = []
-        for _, data, fault in lines_of(path):
-            text = plain(data)
-            if text and not fault:
-                texts.append(text)
-            if len(texts) == SAMPLE:
-                break
+        lines = (text for _, data in Intake(path).lines() if (text := plain(data)))
+        texts = list(islice(lines, SAMPLE))
+        if texts and len(texts[-1].split()) < SHORT:
+            texts += islice(lines, MANY)
         body = [text for text in texts if not text.startswith("#")]
-        joined = "".join(body)
-        separator, commas = None, False
+        form, joined = cls(), "".join(body)
+        form.labelled = sum(len(LABELS.findall(text)) > 1 for text in body) > 0.5 * len(body)
         for mark in ";\t":
             if joined.count(mark) >= len(body) > 0:
-                separator, commas = mark, "," in joined
-        if separator is None and "," in joined:
+                form.separator, form.decimal_commas = mark, "," in joined
+        if form.separator is None and "," in joined:
             words = joined.split()
-            commas = sum(map(bool, map(DECIMAL_COMMA, words))) > 0.5 * len(words)
-            separator = None if commas else ","
-        form = cls(separator, commas, [], [])
-        lines = [form.words(text) for text in texts]
-        numeric = [words for words in lines if sum(map(is_number, words)) > 0.5 * len(words)]
+            form.decimal_commas = sum(map(bool, map(DECIMAL_COMMA, words))) > 0.5 * len(words)
+            form.separator = None if form.decimal_commas else ","
+        rows = [form.words(text) for text in texts]
+        numeric = [words for words in rows if mostly_numbers(words)]
         if not numeric:
             raise InputError(f"{path}: no lines of numbers; expected a scan a line")
-        first = lines.index(numeric[0])
-        if first and len(lines[first - 1]) >= min(len(numeric[0]), 2):
-            form.header = [word.strip().lower() for word in lines[first - 1]]
+        first = rows.index(numeric[0])
+        if form.labelled:
+            form.header = [name.lower() for name, _ in LABELS.findall(body[-1])]
+        elif first and len(rows[first - 1]) >= min(len(numeric[0]), 2):
+            form.header = [word.strip().lower() for word in rows[first - 1]]
         # Where lines of several kinds begin with a word, those with the most numbers are scans.
         sizes: Counter[str] = Counter()
         for words in numeric:
             if not is_number(words[0]):
                 sizes[words[0]] = max(sizes[words[0]], len(words))
         form.word = sizes.most_common(1)[0][0] if sizes else ""
-        form.sample = [words for words in numeric if not form.word or words[0] == form.word]
+        form.sample = [words for words in numeric if form.has(words)]
         return form
+
+    def has(self, words: list[str]) -> bool:
+        """Whether a line is of the kind that holds scans."""
+        return not self.word or words[0] == self.word
 
     @property
     def preset(self) -> str:
         """The preset whose files look like this one; "" if there is none."""
-        kinds = {(self.word, len(words)) for words in self.sample}
-        names = [MARKS.get(kind, "") for kind in kinds]
-        return names[0] if len(set(names)) == 1 and (self.word or _rises(self.sample, 0)) else ""
+        names = {MARKS.get((self.word, len(words)), "") for words in self.sample}
+        [name, *others] = names
+        return "" if others or not (self.word or rises(self.sample, 0)) else name
 
     def words(self, text: str) -> list[str]:
         """The words of a line."""
+        if self.labelled:
+            return [number for _, number in LABELS.findall(text)] or [text]
         words = text.lstrip("#% ").rstrip(self.separator).split(self.separator)
         return [word.replace(",", ".") for word in words] if self.decimal_commas else words
 
@@ -144,78 +140,96 @@ class Layout:
                 if name == "ranges":
                     layout.beams = int(count) if count else None
                 place += int(count or 1)
-        if "ranges" not in layout.columns:
-            raise InputError(f"--format: {shown(spec)}: no column of ranges; expected 'ranges'")
+        if "angles" in layout.columns:
+            layout.beams = 1
         return layout
 
-    def values(self, words: list[str]) -> dict[str, Any]:
-        """The numbers of a line by what they are; a ValueError says why there are none."""
+    @classmethod
+    def by_header(cls, header: list[str], length: int) -> "Layout":
+        """The layout that the names in a header give."""
+        layout, series = cls("the header"), dict[str, list[int]]()
+        for place, name in enumerate(header):
+            base, number = _series(name)
+            role, unit = meaning(name)
+            if number is not None:
+                series.setdefault(base, []).append(place)
+            elif role and role not in layout.columns:
+                layout.columns[role] = place
+                layout.units |= {role: unit} if unit else {}
+        named = {base: places for base, places in series.items() if meaning(base)[0] == "ranges"}
+        base, places = max((named or series).items(), key=lambda one: len(one[1]), default=("", []))
+        if len(places) > 1 and places == list(range(places[0], places[-1] + 1)):
+            layout.columns["ranges"], layout.beams = places[0], len(places)
+            layout.units |= {"ranges": unit} if (unit := meaning(base)[1]) else {}
+            labels = [float(_series(header[k])[1] or 0.0) for k in places]
+            if labels[0] not in (0.0, 1.0) or np.ptp(labels) != len(labels) - 1:
+                layout.angles = np.array(labels)
+        elif "ranges" in layout.columns and (extra := length - len(header)) > 0:
+            # One name for all of them.
+            place, layout.beams = layout.columns["ranges"], extra + 1
+            layout.columns = {k: v + extra * (v > place) for k, v in layout.columns.items()}
+        elif "ranges" in layout.columns:
+            if "x" not in layout.columns and "theta" in layout.columns:
+                layout.columns.setdefault("angles", layout.columns.pop("theta"))
+            layout.beams = 1
+        return layout
+
+    @classmethod
+    def found(cls, path: Path, form: Form) -> "Layout":
+        """The layout of a file by its header, a count, or the numbers themselves."""
+        length, often = Counter(map(len, form.sample)).most_common(1)[0]
+        fixed = often > 0.9 * len(form.sample)
+        layout = cls.by_header(form.header, length) if form.header else cls()
+        if layout.beams is None or (layout.beams == 1 and "angles" not in layout.columns):
+            layout = _by_count(form.sample) or cls()
+        if not layout.columns and fixed:
+            layout = _by_sweep(form.sample, length) or _by_length(form.sample, length)
+        if not layout.columns:
+            rising = ", the first of them rising" if rises(form.sample, 0) else ""
+            raise InputError(
+                f"{path}: text of {length} columns{rising}; name them by --format, such as"
+                " 'stamp:us, x, y, theta, ranges:mm@25', or a preset: " + ", ".join(PRESETS)
+            )
+        layout.length = length if fixed and layout.reason != "a count" else None
+        return layout
+
+    def read(self, intake: Intake, form: Form) -> dict[str, list[Float]]:
+        """The numbers of the lines of a file by what they are."""
+        rows: dict[str, list[Float]] = {role: [] for role in self.columns}
+        begun = False
+        for number, data in intake.lines():
+            text = plain(data)
+            words = form.words(text)
+            if not text or text.startswith("#") or not form.has(words):
+                continue
+            if not begun and not mostly_numbers(words):
+                # What comes before the numbers.
+                continue
+            try:
+                found = self._values(words)
+            except ValueError as error:
+                intake.refuse(number, error)
+                continue
+            for role, value in found.items():
+                rows[role].append(value)
+            begun = True
+            intake.take(len(words), number)
+        return rows
+
+    def _values(self, words: list[str]) -> dict[str, Float]:
         if self.length is not None and len(words) != self.length:
             raise ValueError(f"{len(words)} columns, expected {self.length}")
-        found: dict[str, Any] = {}
+        found = {}
         for role, place in self.columns.items():
             if place >= len(words):
                 raise ValueError(f"{len(words)} columns, expected {role} in column {place + 1}")
-            end = None if self.beams is None else place + self.beams
-            numbers = _numbers(words[place:end] if role == "ranges" else words[place : place + 1])
-            if role != "ranges" and not np.isfinite(numbers).all():
+            end = place + 1
+            if role == "ranges":
+                end = len(words) if self.beams is None else place + self.beams
+            found[role] = _numbers(words[place:end])
+            if role != "ranges" and not np.isfinite(found[role]).all():
                 raise ValueError(f"{role} is {words[place]!r}, expected a finite number")
-            found[role] = numbers if role == "ranges" else float(numbers[0])
         return found
-
-
-def found_layout(path: Path, form: Form) -> Layout:
-    """The layout of a file without a format: by its header, a count, or the number of columns."""
-    lengths = Counter(map(len, form.sample))
-    length, often = lengths.most_common(1)[0]
-    fixed = length if often > 0.9 * len(form.sample) else None
-    layout = _by_header(form.header, length) if form.header else None
-    layout = (
-        layout or _by_count(form.sample) or (_by_length(form.sample, length) if fixed else None)
-    )
-    if layout is None:
-        rises = ", the first of them rising" if _rises(form.sample, 0) else ""
-        raise InputError(
-            f"{path}: text of {length} columns{rises}; name them by --format, such as"
-            " 'stamp:us, x, y, theta, ranges:mm@25', or a preset: " + ", ".join(PRESETS)
-        )
-    layout.length = fixed if layout.reason != "a count" else None
-    return layout
-
-
-def _by_header(header: list[str], length: int) -> Layout | None:
-    """The layout that the names in a header give; None if they name no ranges."""
-    layout = Layout("the header")
-    series: dict[str, list[int]] = {}
-    for place, name in enumerate(header):
-        base, number = _series(name)
-        if number is not None:
-            series.setdefault(base, []).append(place)
-            continue
-        role, unit = meaning(name)
-        if role in ROLES and role not in layout.columns:
-            layout.columns[role] = place
-            if unit:
-                layout.units[role] = unit
-    named = {base: places for base, places in series.items() if meaning(base)[0] == "ranges"}
-    places = max((named or series).values(), key=len, default=[])
-    if len(places) > 1 and places == list(range(places[0], places[-1] + 1)):
-        layout.columns["ranges"], layout.beams = places[0], len(places)
-        base = next(base for base, own in series.items() if own is places)
-        if unit := meaning(base)[1]:
-            layout.units["ranges"] = unit
-        labels = [float(_series(header[k])[1] or 0.0) for k in places]
-        if labels != [labels[0] + k for k in range(len(labels))] or labels[0] not in (0.0, 1.0):
-            layout.angles = np.array(labels)
-    elif layout.columns.get("ranges") is not None and length > len(header):
-        # One name for all of them.
-        place, extra = layout.columns["ranges"], length - len(header)
-        layout.beams = extra + 1
-        for role, other in layout.columns.items():
-            layout.columns[role] = other + extra if other > place else other
-    elif {"angles", "ranges"} <= layout.columns.keys():
-        layout.beams = 1
-    return layout if layout.beams else None
 
 
 def _series(name: str) -> tuple[str, str | None]:
@@ -224,46 +238,60 @@ def _series(name: str) -> tuple[str, str | None]:
     return (match[1], match[2]) if match else (name, None)
 
 
-def meaning(name: str) -> tuple[str, str]:
-    """What a column of this name holds, and its unit, as far as the name says so."""
-    if name.rpartition(".")[2] in OTHERS:
-        return "", ""
-    words = [word for word in re.split(r"[^a-z]+", name) if word]
-    units = [word for word in words if any(word in known for known in ROLES.values())]
-    words = [word for word in words if word not in units or len(words) == 1]
-    for word in reversed(words):
-        for role, known in SYNONYMS.items():
-            if word in known.split() or word.removesuffix("s") in known.split():
-                unit = units[-1] if units and units[-1] in ROLES.get(role, {}) else ""
-                return role, unit
-    return "", ""
-
-
 def _by_count(sample: list[list[str]]) -> Layout | None:
     """The layout of lines that hold how many ranges follow."""
     for place in range(min(8, min(map(len, sample)) - 1)):
         rests = [(words[place], len(words) - place - 1) for words in sample]
         if all(rest > 8 and is_number(word) and float(word) == rest for word, rest in rests):
-            layout = Layout("a count", {"ranges": place + 1})
-            for before in range(place):
-                if _rises(sample, before):
-                    layout.columns["stamp"] = before
-                    break
-            return layout
+            rising = [before for before in range(place) if rises(sample, before)]
+            return Layout(
+                "a count",
+                {
+                    "ranges": place + 1,
+                    **dict.fromkeys(["stamp"][: len(rising)], rising[0] if rising else 0),
+                },
+            )
     return None
 
 
-def _by_length(sample: list[list[str]], length: int) -> Layout | None:
+def _by_sweep(sample: list[list[str]], length: int) -> Layout | None:
+    """The layout of a reading a line: a bearing that goes round, and the range beside it."""
+    if not 2 <= length <= SHORT:
+        return None
+    rows = [words for words in sample if len(words) == length]
+    columns = [
+        np.array([float(w) if is_number(w) else np.nan for w in c]) for c in zip(*rows, strict=True)
+    ]
+    for place, column in enumerate(columns):
+        wide, steps = np.ptp(column), np.diff(column)
+        back = np.abs(steps) > 0.5 * wide
+        turn = 2.0 * np.pi if wide < 7.0 else 360.0
+        if not (0.3 * turn < wide <= 1.01 * turn) or not 1 <= back.sum() < 0.1 * len(steps):
+            continue
+        if min((steps[~back] > 0.0).mean(), 0.95) < 0.9 and (steps[~back] < 0.0).mean() < 0.9:
+            continue
+        others = [k for k in range(length) if k != place and len(set(columns[k])) > 10]
+        if others:
+            after = [k for k in others if k == place + 1] or others
+            found = {"angles": place, "ranges": after[0]}
+            rest = [k for k in others if k != after[0]]
+            found |= {"stamp": 0} if 0 in rest and (np.diff(columns[0]) >= 0.0).all() else {}
+            found |= {"quality": length - 1} if length - 1 not in found.values() else {}
+            return Layout("the bearings, which go round", found, beams=1)
+    return None
+
+
+def _by_length(sample: list[list[str]], length: int) -> Layout:
     """The layout of lines whose number of columns leaves that of a usual range finder."""
-    leading = ["stamp"] if _rises(sample, 0) else []
+    leading = ["stamp"] if rises(sample, 0) else []
     for names in (leading, [*leading, "x", "y", "theta"]):
         if length - len(names) in FANS:
             columns = {name: place for place, name in enumerate([*names, "ranges"])}
             return Layout("the number of columns", columns)
-    return None
+    return Layout()
 
 
-def _rises(sample: list[list[str]], place: int) -> bool:
+def rises(sample: list[list[str]], place: int) -> bool:
     """Whether the numbers of a column rise from line to line."""
     words = [words[place] for words in sample]
     return (
@@ -285,6 +313,11 @@ def is_number(word: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def mostly_numbers(words: list[str]) -> bool:
+    """Whether words are those of a line of numbers."""
+    return sum(map(is_number, words)) > 0.5 * len(words)
 
 
 def _numbers(words: list[str]) -> Float:

@@ -69,7 +69,7 @@ def write(path, *messages, storage="MCAP", packed=None):
         bag.set_compression(rosbag2.CompressionMode[packed], rosbag2.CompressionFormat.ZSTD)
     with bag:
         topics = {}
-        for topic, time, kind, message in messages:
+        for topic, time, kind, message in sorted(messages, key=lambda each: each[1]):
             if topic not in topics:
                 topics[topic] = bag.add_connection(topic, kind, typestore=STORE)
             bag.write(topics[topic], Stamp.of(time).nanoseconds, STORE.serialize_cdr(message, kind))

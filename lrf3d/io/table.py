@@ -1,26 +1,30 @@
-"""Scans from columns of numbers, as texts and files of arrays hold them, in whatever units.
+"""Table: the numbers of a recording by what they are, in whatever units, and the log of them.
 
-Columns by what they hold enter: ranges (k, n), and, where there are any, stamps, poses, increments
-or ticks of encoders (k,) each. A `LaserLog` leaves, whose notes say what was assumed.
+Texts, arrays and documents are read into a table: ranges (k, n), and, where there are any, stamps,
+poses, increments or ticks of encoders (k,) each. A `LaserLog` leaves, whose notes say what was
+assumed.
 """
 
-from collections.abc import Sequence
+import re
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, sealed
-from lrf3d.io.laser_log import LARGEST_RANGE, BadLine, LaserLog, WheelRecord, without_no_returns
+from lrf3d.io.intake import UNTIMED, Intake
+from lrf3d.io.laser_log import LaserLog, WheelRecord
 from lrf3d.laser import LaserScan
 from lrf3d.pose import Pose, compose
 
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 ANGLES = {"rad": 1.0, "deg": np.pi / 180.0}
+COUNTS = {"": 1.0}
 ROLES = {
     "stamp": TIMES, "x": LENGTHS, "y": LENGTHS, "theta": ANGLES, "dx": LENGTHS, "dy": LENGTHS,
-    "dtheta": ANGLES, "left": {"": 1.0}, "right": {"": 1.0}, "ranges": LENGTHS, "angles": ANGLES,
+    "dtheta": ANGLES, "left": COUNTS, "right": COUNTS, "ranges": LENGTHS, "angles": ANGLES,
+    "qx": COUNTS, "qy": COUNTS, "qz": COUNTS, "qw": COUNTS, "quality": COUNTS,
 }  # fmt: skip
 """What columns hold, and their units; the first one is that of lrf3d."""
 
@@ -28,13 +32,24 @@ SETTINGS = {
     "first": ANGLES, "last": ANGLES, "step": ANGLES, "tick": LENGTHS, "track": LENGTHS,
     "offset": LENGTHS,
 }  # fmt: skip
-"""Numbers that a format may give, and their units."""
+"""Numbers that a format or a recording may give, and their units."""
+
+SYNONYMS = {
+    "stamp": "stamp time timestamp t ts sec secs seconds nsec", "x": "x px posx", "y": "y py posy",
+    "theta": "theta th yaw heading phi", "left": "left leftticks enc_left", "right": "right",
+    "dx": "dx", "dy": "dy", "dtheta": "dtheta dyaw dth", "qx": "qx", "qy": "qy", "qz": "qz",
+    "qw": "qw", "angles": "angle bearing azimuth", "quality": "quality q intensity confidence",
+    "poses": "poses pose trajectory odometry odom",
+    "ranges": "ranges range r distances distance dist d scan laser lidar readings",
+}  # fmt: skip
+"""Words for columns in headers, and for arrays."""
+
+MESSAGE_FIELDS = {"angle_min": "first", "angle_max": "last", "angle_increment": "step"}
+OTHERS = "scan_time time_increment range_min range_max seq frame_id child_frame_id z".split()
+"""Fields of ROS messages that are settings, or hold something else than their words say."""
 
 SLOWEST = 5.0
 """Longest usual time between two scans [s], from which the unit of stamps is known."""
-
-USUAL_INTERVAL = 0.1
-"""Time between two scans [s] that is assumed where none have stamps."""
 
 FAR, ROOM = 100.0, 1500.0
 """In metres, half of the ranges are below the first number; in centimetres, nine tenths are below
@@ -55,62 +70,96 @@ COUNTER = 65536.0
 """What encoders with registers of 16 bits count to."""
 
 
+def meaning(name: str) -> tuple[str, str]:
+    """What a column of this name holds, and its unit, as far as the name says so."""
+    name = name.lower()
+    if (last := name.rpartition(".")[2]) in MESSAGE_FIELDS or last in OTHERS:
+        return MESSAGE_FIELDS.get(last, ""), "rad"
+    words = [word for word in re.split(r"[^a-z]+", name) if word]
+    units = [word for word in words if any(word in known for known in ROLES.values())]
+    words = [word for word in words if word not in units or len(words) == 1]
+    for word in reversed(words):
+        for role, known in SYNONYMS.items():
+            if word in known.split() or word.removesuffix("s") in known.split():
+                unit = units[-1] if units and units[-1] in ROLES.get(role, {}) else ""
+                return role, unit
+    return "", ""
+
+
 @dataclass
-class Columns:
+class Table:
     """Columns by what they hold, in units that may be known; others are found and noted."""
 
-    name: str
+    intake: Intake
     values: dict[str, Float]
     units: dict[str, str] = field(default_factory=dict)
     settings: dict[str, float] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
     clockwise: bool = False
 
-    def log(self, largest_range: float | None, bad: Sequence[BadLine], bad_count: int) -> LaserLog:
-        """The log of these columns."""
+    @classmethod
+    def named(cls, intake: Intake, arrays: dict[str, Float]) -> "Table":
+        """The table of arrays whose names say what they are."""
+        table = cls(intake, {})
+        for name, array in arrays.items():
+            role, unit = meaning(name)
+            if role == "poses" and array.shape[-1:] == (3,):
+                for each, column in zip(("x", "y", "theta"), array.T, strict=True):
+                    table.values.setdefault(each, column)
+            elif role in SETTINGS and array.size and np.ptp(array) == 0.0:
+                table.settings[role] = float(array.flat[0])
+            elif role in ROLES and role not in table.values:
+                table.values[role] = array if role == "ranges" else array.reshape(-1)
+                table.units |= {role: unit} if unit else {}
+        intake.notes.append("found by name: " + ", ".join([*table.values, *table.settings]))
+        return table
+
+    def log(self) -> LaserLog:
+        """The log of this table."""
+        if (angles := self.values.get("angles")) is not None and "ranges" in self.values:
+            ranges = self.values["ranges"]
+            if ranges.ndim == 2 and angles.size == ranges.size != ranges.shape[1]:
+                # Each scan repeats the angles.
+                self.values["angles"] = angles.reshape(ranges.shape)[0]
         ranges, angles, times = self._ranges(), self._angles(), self._times()
-        base = self._poses()
+        for role, values in self.values.items():
+            if role not in ("ranges", "angles") and len(values) != len(ranges):
+                found = f"{len(values)} of {role} for {len(ranges)} scans"
+                raise InputError(f"{self.intake.path}: {found}")
+        base = self.poses()
         offset = np.array([self.settings.get("offset", 0.0), 0.0, 0.0])
         poses = np.zeros((len(ranges), 3)) if base is None else compose(base, offset)
-        limit = LARGEST_RANGE if largest_range is None else largest_range
-        ranges = np.where(ranges >= limit, np.inf, ranges)
+        ranges = np.where(ranges >= self.intake.limit, np.inf, ranges)
         scans = [
             LaserScan(Pose(*pose), angles, row, time=time)
             for pose, row, time in zip(poses.tolist(), ranges, times.tolist(), strict=True)
         ]
-        note = ""
-        if largest_range is None:
-            scans, note = without_no_returns(scans)
-        notes = self.notes + [note] * bool(note)
         wheels = None
         if base is not None and offset[0]:
             wheels = WheelRecord(times, base, np.arange(len(base)), float(offset[0]))
-        return LaserLog(
-            self.name, scans, bad_count, tuple(bad[:5]), "none" if base is None else "as logged",
-            wheels=wheels, placed=base is not None, notes=tuple(notes),
-        )  # fmt: skip
+        source = "none" if base is None else "as logged"
+        return self.intake.log(scans, source=source, wheels=wheels, placed=base is not None)
 
     def _in(self, role: str, guessed: str, why: str = "") -> Float:
         """A column in the units of lrf3d; a guessed unit is noted."""
         unit = self.units.get(role)
         if unit is None:
             unit = guessed
-            self.notes.append(f"{role} in {unit}{why}")
+            self.intake.notes.append(f"{role} in {unit}{why}")
         return self.values[role] * ROLES[role][unit]
 
     def _ranges(self) -> Float:
-        values = self.values["ranges"]
+        values, path = self.values["ranges"], self.intake.path
         known = values[np.isfinite(values) & (values > 0.0)]
         if len(known) < 2 or np.ptp(known) == 0.0:
             what = f"all are {known[0]:g}" if len(known) else "none is a positive number"
-            raise InputError(f"{self.name}: no ranges in it: {what}; name the columns by --format")
+            raise InputError(f"{path}: no ranges in it: {what}; name the columns by --format")
         whole = not (known % 1.0).any()
         unit, half, most = "m", float(np.median(known)), float(np.quantile(known, 0.9))
         if whole or half > FAR:
             unit = "mm"
             if "ranges" not in self.units and most < ROOM:
                 raise InputError(
-                    f"{self.name}: ranges of {half:g} by the median and up to {known.max():g}: name"
+                    f"{path}: ranges of {half:g} by the median and up to {known.max():g}: name"
                     " their unit, --format 'ranges:mm', 'ranges:cm' or 'ranges:m'"
                 )
         ranges = self._in("ranges", unit, f", {half:g} by the median")
@@ -118,19 +167,19 @@ class Columns:
         return np.where(ranges <= 0.0, -np.inf, np.where(np.isnan(ranges), np.inf, ranges))
 
     def _angles(self) -> Float:
-        count = self.values["ranges"].shape[1]
+        count, path = self.values["ranges"].shape[1], self.intake.path
         if "angles" in self.values:
             angles = self.values["angles"]
             if angles.shape != (count,):
                 found = f"{len(angles)} angles for {count} ranges"
-                raise InputError(f"{self.name}: {found}; expected one for each")
+                raise InputError(f"{path}: {found}; expected one for each")
             in_degrees = np.ptp(angles) > 2.1 * np.pi or not (angles % 1.0).any()
             angles = self._in("angles", "deg" if in_degrees else "rad")
         else:
             angles = self._fan(count)
         if not 0.0 < np.ptp(angles) <= 2.1 * np.pi:
             wide = f"{count} beams over {np.degrees(np.ptp(angles)):g}°"
-            raise InputError(f"{self.name}: {wide}; expected more than 0 and at most a turn")
+            raise InputError(f"{path}: {wide}; expected more than 0 and at most a turn")
         return sealed(-angles if self.clockwise else angles)
 
     def _fan(self, count: int) -> Float:
@@ -140,27 +189,27 @@ class Columns:
         if step is None or (first is None and last is None):
             if count not in FANS:
                 raise InputError(
-                    f"{self.name}: {count} beams at unknown bearings; say which by --format, such"
-                    " as 'first=-120deg, last=120deg'"
+                    f"{self.intake.path}: {count} beams at unknown bearings; say which by --format,"
+                    " such as 'first=-120deg, last=120deg'"
                 )
             first, last = (float(np.radians(end)) for end in FANS[count])
             step = (last - first) / (count - 1)
             ends = f"{FANS[count][0]}° to {FANS[count][1]}°"
-            self.notes.append(f"{count} beams from {ends} assumed, counter-clockwise")
+            self.intake.notes.append(f"{count} beams from {ends} assumed, counter-clockwise")
         if first is None:
             first = float(last or 0.0) - step * (count - 1)
         return np.asarray(first + step * np.arange(count))
 
     def _times(self) -> Float:
         if "stamp" not in self.values:
-            self.notes.append(f"no stamps: a scan each {USUAL_INTERVAL:g} s assumed")
-            return USUAL_INTERVAL * np.arange(float(len(self.values["ranges"])))
+            self.intake.notes.append(f"no stamps: a scan each {UNTIMED:g} s assumed")
+            return UNTIMED * np.arange(float(len(self.values["ranges"])))
         steps = np.abs(np.diff(self.values["stamp"]))
         usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
         guessed = next((unit for unit in TIMES if usual * TIMES[unit] <= SLOWEST), "ns")
         return self._in("stamp", guessed, f", {usual:g} apart")
 
-    def _poses(self) -> Float | None:
+    def poses(self) -> Float | None:
         """Poses (k, 3) of the robot; None where there is no odometry."""
         has = self.values.keys()
         if {"left", "right"} <= has:
@@ -170,6 +219,10 @@ class Columns:
             if "dy" in has:
                 steps[:, 1] = self._in("dy", "m")
             return _driven(np.column_stack([steps, self._in("dtheta", "rad")]))
+        if "theta" not in has and {"qx", "qy", "qz", "qw"} <= has:
+            x, y, z, w = (self.values[name] for name in ("qx", "qy", "qz", "qw"))
+            self.values["theta"] = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+            self.units["theta"] = "rad"
         if not {"x", "y", "theta"} <= has:
             return None
         moved = np.hypot(np.diff(self.values["x"]), np.diff(self.values["y"]))
@@ -186,16 +239,13 @@ class Columns:
         tick, track = (self.settings.get(key) for key in ("tick", "track"))
         if tick is None or track is None:
             raise InputError(
-                f"{self.name}: ticks of encoders; --format needs how far the robot moves with one,"
-                " and how far apart its wheels are, such as 'tick=0.35mm, track=0.3m'"
+                f"{self.intake.path}: ticks of encoders; --format needs how far the robot moves"
+                " with one, and how far apart its wheels are, such as 'tick=0.35mm, track=0.3m'"
             )
-        left, right = (
-            tick
-            * np.diff(np.unwrap(self.values[side], period=COUNTER), prepend=self.values[side][0])
-            for side in ("left", "right")
-        )
-        steps = np.column_stack([0.5 * (left + right), np.zeros(len(left)), (right - left) / track])
-        return _driven(steps)
+        ticks = np.column_stack([self.values["left"], self.values["right"]])
+        rolled = tick * np.diff(np.unwrap(ticks, axis=0, period=COUNTER), axis=0, prepend=ticks[:1])
+        ahead, turn = rolled.mean(axis=1), (rolled[:, 1] - rolled[:, 0]) / track
+        return _driven(np.column_stack([ahead, np.zeros(len(ahead)), turn]))
 
 
 def _driven(steps: Float) -> Float:
