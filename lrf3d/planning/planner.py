@@ -142,13 +142,17 @@ def find_route(
         waypoints = np.vstack([position, waypoints])
     pace = speed or (INDOOR_SPEED if space.side == "inside" else SPEED)
     pose = None if start is None or len(start) < 3 else as_pose(start)
+    touched = np.inf
     while True:
         # A long run drives back along the route, and sets out again from where it arrives.
         laps = drive_laps(
             waypoints, start=pose, speed=pace, lookahead=lookahead, dt=dt, most=MOST_POSES
         )
         drive = np.vstack([lap.poses[:, :2] for lap in laps])
-        if (checker.hit(drive[:-1], drive[1:], radius) < 0).all():
+        moves = np.hypot(*np.diff(drive, axis=0).T)
+        before, touched = touched, moves[checker.hit(drive[:-1], drive[1:], radius) >= 0].sum()
+        # Where driving with more care does not help, the route itself is too close to a wall.
+        if not 0.0 < touched < 0.8 * before:
             break
         if lookahead > LEAST_LOOKAHEAD:
             lookahead = max(0.5 * lookahead, LEAST_LOOKAHEAD)

@@ -327,3 +327,15 @@ def test_a_plan_of_thousands_of_rooms_has_one_that_is_driven_in():
     across = np.column_stack([np.zeros_like(at), at, np.full_like(at, 490.0), at])
     ground = Ground(World(np.concatenate([across, across[:, [1, 0, 3, 2]]])))
     assert find_free_space(ground, 0.35).places.size > 0
+
+
+def test_a_drive_that_more_care_does_not_help_is_tried_twice(monkeypatch):
+    tried = []
+
+    def hit(_, begins, ends, radius):
+        tried.append(len(begins))
+        return np.zeros(len(begins), dtype=np.int64)
+
+    monkeypatch.setattr("lrf3d.planning.planner.CollisionChecker.hit", hit)
+    assert find_route(room(9.0, 7.0)).speed == 1.0
+    assert len(tried) == 2
