@@ -156,8 +156,6 @@ def draw_map(
     words = [line_map.counts]
     words += [counted(len(stops), "scan")] if len(stops) else []
     words += [counted(len(points), "return")] if len(points) else []
-    if estimate is not None:
-        words.append(counted(len(estimate.closures), "loop closure"))
     name = title or (world.name if world is not None else "") or "map"
     figure, (ax,) = metre_sheet(
         [*known, stops[:, :2], estimated[np.isfinite(estimated[:, 0]), :2]], 1, name,

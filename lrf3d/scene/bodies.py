@@ -80,9 +80,13 @@ def robot_body(laser_height: float, radius: float) -> Faces:
 
 
 def _lit(colours: Float, normals: Float) -> Float:
-    """Colours (n, 3) of a body's faces in an even light with a bright side that goes with it."""
+    """Colours (n, 3) of a body's faces in a light that goes with it, from behind, as cameras do."""
     everywhere, sunny, upward = BODY_LIGHT
-    light = everywhere + sunny * np.maximum(normals @ SUN, 0.0) + upward * normals[..., 2]
+    light = (
+        everywhere
+        + sunny * np.maximum(normals @ (SUN * [-1.0, 1.0, 1.0]), 0.0)
+        + upward * normals[..., 2]
+    )
     return np.asarray(colours * light[..., None])
 
 

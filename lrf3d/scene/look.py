@@ -68,7 +68,7 @@ PALE_OBJECT, PALE_FROM = (0.765, 0.812, 0.886), 0.4
 """Colour of the object that has more than this share of a map's length: the walls of a house that
 hold everything else."""
 
-BODY_LIGHT = (0.56, 0.36, 0.06)
+BODY_LIGHT = (0.70, 0.30, 0.06)
 """How bright a body is everywhere, how much brighter in the sun, and on what looks up."""
 
 GHOST, GHOST_STRENGTH = (0.055, 0.078, 0.125), 0.86
