@@ -56,6 +56,7 @@ WORLDS = {
     "empty_tag.yaml": ('image: a.png\nresolution: !!int ""\norigin: [0, 0, 0]\n', "resolution"),
     "type.geojson": ('{"type": [], "features": []}', "unknown geometry"),
     "deep.geojson": ('{"type": "Polygon", "coordinates": ' + "[" * 900 + "]" * 900 + "}", "."),
+    "key.toml": (WALL + ".".join(["a"] * 3000) + " = 1\n", "nested too deeply"),
     "crs.geojson": (collection(square(0), crs="EPSG:" * 60_000).replace("units", "u"), "crs is"),
     "keys.geojson": (
         "{" + ", ".join(f'"k{n}": 1' for n in [*range(60_000), 59_999]) + "}",
