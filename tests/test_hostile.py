@@ -57,6 +57,7 @@ WORLDS = {
     "type.geojson": ('{"type": [], "features": []}', "unknown geometry"),
     "deep.geojson": ('{"type": "Polygon", "coordinates": ' + "[" * 900 + "]" * 900 + "}", "."),
     "key.toml": (WALL + ".".join(["a"] * 3000) + " = 1\n", "nested too deeply"),
+    "zeros.gltf": ('{"accessors": [{"componentType": 5126, "count": 300000000}]}', "without data"),
     "crs.geojson": (collection(square(0), crs="EPSG:" * 60_000).replace("units", "u"), "crs is"),
     "keys.geojson": (
         "{" + ", ".join(f'"k{n}": 1' for n in [*range(60_000), 59_999]) + "}",
