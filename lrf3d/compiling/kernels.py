@@ -12,7 +12,6 @@ import numpy as np
 from numba import types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
-from numpy.typing import NDArray
 
 from lrf3d.compiling.cache import KernelCache
 from lrf3d.errors import Lrf3dError
@@ -43,10 +42,6 @@ def _check_memory() -> None:
 
 
 _check_memory()
-
-
-Records = NDArray[Any]
-"""Rows of a record."""
 
 
 def record(**columns: type) -> np.dtype[Any]:

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.compiling import Records, compiled, inner
-from lrf3d.geometry import Float
+from lrf3d.compiling import compiled, inner
+from lrf3d.geometry import Float, Records
 from lrf3d.laser import LaserScan, RangeNoise
 
 CELL = 0.1

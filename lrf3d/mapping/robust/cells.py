@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.compiling import Records, borrower, compiled, record
-from lrf3d.geometry import Int
+from lrf3d.compiling import borrower, compiled, record
+from lrf3d.geometry import Int, Records
 from lrf3d.mapping.robust.beams import CELL, Beams
 from lrf3d.mapping.robust.records import NEWS
 

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lrf3d.compiling import Records, borrower, inner
-from lrf3d.geometry import Float, Int
+from lrf3d.compiling import borrower, inner
+from lrf3d.geometry import Float, Int, Records
 from lrf3d.mapping.robust.beams import CELL
 from lrf3d.mapping.robust.cells import (
     HIT_DEVIATIONS,

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.compiling import Records, borrower, compiled, inner
-from lrf3d.geometry import Bool, Float, Int
+from lrf3d.compiling import borrower, compiled, inner
+from lrf3d.geometry import Bool, Float, Int, Records
 from lrf3d.mapping.robust.cells import OPEN_WEIGHT, Cells, NewEvidence
 from lrf3d.mapping.robust.crossing import end_of, put_line, unit_of
 from lrf3d.mapping.robust.evidence import FOLLOWED, PIECE, follow, gather_evidence

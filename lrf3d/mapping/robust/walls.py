@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lrf3d.compiling import Records, borrower, compiled, inner
-from lrf3d.geometry import Float, Int
+from lrf3d.compiling import borrower, compiled, inner
+from lrf3d.geometry import Float, Int, Records
 from lrf3d.mapping.grid import Grid, insert, near, remove
 from lrf3d.mapping.robust.cells import FREE_DEPTH, Cells
 from lrf3d.mapping.robust.crossing import (
