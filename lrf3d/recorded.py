@@ -52,6 +52,10 @@ a corridor, so that only large errors of turns matter."""
 MOST_PASSES = 3
 """Times that a drive is solved, at most."""
 
+MOST_LOST = 0.1
+"""Share of the scans that may match nothing where there is no odometry. Of those a metre apart a
+quarter or more do, of those to be followed hardly one in a thousand."""
+
 LEAST_BEAMS = 3
 """Beams that a scan must have to show a wall."""
 
@@ -261,6 +265,9 @@ def solve_log(
     offset = log.odometry.laser_offset
     try:
         recording = _checked(log)
+        if not np.ptp(recording.wheels, axis=0).any():
+            # Odometry that never moves is none.
+            log = replace(log, placed=False)
         path = WheelPath(recording.wheels)
         recording, turns = _right_handed(recording, path, offset)
     except InputError as error:
@@ -272,7 +279,8 @@ def solve_log(
     start = path.at(places[:1].astype(np.float64))[0]
     # The beginning is followed twice: at first the errors of the wheels are not known.
     slam = Slam(laser_offset=offset)
-    for scan, increment in zip(scans[:CALIBRATED], increments, strict=False):
+    first = scans[: CALIBRATED * log.placed]
+    for scan, increment in zip(first, increments, strict=False):
         slam.update(scan, increment)
     passes, learned = 0, True
     while learned and passes < MOST_PASSES:
@@ -285,6 +293,12 @@ def solve_log(
             check()
         change = np.abs((1.0 + slam.wheels.biases) / (1.0 + wheels.biases) - 1.0)
         learned = change[2] > LEARNED or change[0] > LEARNED_TURN
+    lost = sum(not scan.matched for scan in slam.tracked[1:])
+    if not log.placed and lost > MOST_LOST * len(scans):
+        raise InputError(
+            f"{log.name}: {lost} of {len(scans)} scans match nothing before them, too far apart to"
+            " be followed without odometry; expected scans every 0.3 m and 20°, or odometry"
+        )
     slam.finish()
     poses = slam.refined(scans)
     # Now that the poses of all scans are known, all of them show the lag.

@@ -20,7 +20,7 @@ from lrf3d.slam.search import DEVIATIONS as WINDOW_DEVIATIONS
 from lrf3d.slam.search import field_of, search
 from lrf3d.slam.surface import wall_map
 from lrf3d.slam.views import Key, clearest, evidence
-from lrf3d.slam.violation import contradicted
+from lrf3d.slam.violation import MixedPixels
 
 LEAST_DISTANCE = 6.0
 """Two key scans are worth closing a loop if the path between them along the graph is longer [m]."""
@@ -45,7 +45,7 @@ LOST = 10.0
 
 MOST_TRIES, MOST_PLACES = 6, 20
 """Old places that are tried for each new key scan: in a small window, where they show the same, and
-in a wide one. If it holds more, no loop is closed there."""
+in a wide one, the nearest first. If it holds more, those that were found are judged."""
 
 OTHER_PLACE = 6.0
 """The next one that is tried lies farther from the last than this along the path [m]."""
@@ -107,7 +107,8 @@ class Place(NamedTuple):
 class LoopCloser:
     """Finds closures for new key scans, and keeps them until enough agree."""
 
-    def __init__(self) -> None:
+    def __init__(self, mixed_pixels: MixedPixels) -> None:
+        self.mixed_pixels = mixed_pixels
         self.keys: list[Key] = []
         self.accepted: list[Closure] = []
         # Those that were found, but too few others agree with them.
@@ -229,7 +230,7 @@ class LoopCloser:
             if small and (seen or tries == MOST_TRIES):
                 break
             if tries == MOST_PLACES:
-                return None
+                break
         there = [compose(poses[place.old], place.match.pose) for place in places]
         best = clearest(there, [place.evidence for place in places])
         if best is None:
@@ -238,7 +239,8 @@ class LoopCloser:
         if worth <= 0.0 or match.explained < LEAST_FOUND:
             return None
         around, seen_from = self._submap(old, new)
-        if contradicted(around, self.keys[new], between(seen_from, match.pose)):
+        back = between(seen_from, match.pose)
+        if self.mixed_pixels.contradict(around, self.keys[new], back):
             return None
         relative = np.array([*match.pose[:2], wrap_angle(match.pose[2])])
         return Closure(old, new, relative, CLOSURE_SHARE * fixed(match.information) + FLOOR)

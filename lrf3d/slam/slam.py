@@ -99,7 +99,7 @@ class Slam:
         self._start = np.array(as_pose(start))
         self._laser = Pose(float(laser_offset), 0.0, 0.0)
         self._front = FrontEnd(key_distance=key_distance, wheels=wheels)
-        self._closer = LoopCloser()
+        self._closer = LoopCloser(self._front.mixed_pixels)
         self._tracked: list[Tracked] = []
         self._anchors: list[Anchor] = []
         self._noise = 0.0
@@ -158,7 +158,7 @@ class Slam:
 
     def _checked(
         self, scan: object, odometry: Sequence[float] | Float | None
-    ) -> tuple[Moment, Float]:
+    ) -> tuple[Moment, Float | None]:
         """The unrolled scans and the increment (3,), once they are what they should be."""
         scans = tuple(scan) if isinstance(scan, list | tuple) else (scan,)
         if not scans or not all(isinstance(each, LaserScan) for each in scans):
@@ -172,16 +172,15 @@ class Slam:
                 if self._lasers:
                     expected = f"{self._lasers[number].beams}, as its laser"
                 raise InputError(f"slam: scan of {beams} beams; expected {expected}")
-        # Without odometry the robot is looked for where it was.
-        increment = np.zeros(3) if odometry is None else np.array(as_pose(odometry))
-        if np.abs(increment).max() > FARTHEST_STEP:
+        increment = None if odometry is None else np.array(as_pose(odometry))
+        if increment is not None and np.abs(increment).max() > FARTHEST_STEP:
             raise InputError(
                 f"slam: odometry {increment.tolist()}; expected the step from the last scan, at"
                 f" most {FARTHEST_STEP:g} m and rad"
             )
         since = 0.0 if self._time is None else scans[0].time - self._time
         self._time = scans[0].time
-        rate = increment / since if since > 0.0 else np.zeros(3)
+        rate = np.zeros(3) if increment is None or since <= 0.0 else increment / since
         return tuple(
             unrolled(each, each.duration * rate if each.motion is None else None) for each in scans
         ), increment
@@ -418,4 +417,5 @@ class Slam:
 
     def self_check(self) -> SelfCheck:
         """Compare the key scans, at their current poses, where the robot came by again."""
-        return self_check(self._closer.keys, self._key_poses, self._closer.driven)
+        mixed = self._front.mixed_pixels.rate
+        return self_check(self._closer.keys, self._key_poses, self._closer.driven, mixed)
