@@ -4,6 +4,7 @@ A log, or the path of one, enters; a `Run` leaves, whose world is the map of the
 """
 
 import warnings
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
@@ -25,6 +26,7 @@ from lrf3d.mapping import LineMapper
 from lrf3d.pose import Pose, compose
 from lrf3d.run import Run
 from lrf3d.slam import Slam
+from lrf3d.slam.closures import Refusal
 from lrf3d.slam.front_end import KEY_DISTANCE
 from lrf3d.slam.mounting import doubtful_mount
 from lrf3d.slam.odometry import (
@@ -37,7 +39,9 @@ from lrf3d.slam.odometry import (
     line_poses,
     turns_between,
 )
+from lrf3d.slam.views import Key
 from lrf3d.slam.violation import SelfCheck
+from lrf3d.text import counted
 
 CALIBRATED = 400
 """Scans at the beginning of a log that give the first estimate of its wheels' errors. With it a
@@ -127,6 +131,8 @@ def slam_log(
     *,
     key_distance: float = KEY_DISTANCE,
     on: Run | str | Path | None = None,
+    close: Sequence[tuple[int, int]] = (),
+    apart: Sequence[tuple[int, int]] = (),
 ) -> Run:
     """Find the poses and the map of a recorded drive from its scans and its odometry.
 
@@ -135,6 +141,8 @@ def slam_log(
         key_distance: Distance driven from one key scan to the next [m].
         on: The run of an earlier drive, or its path, that this one continues: it is found on its
             map without a guess, and closes loops with it.
+        close: Pairs of scans, by number, of which it is known that they show the same place.
+        apart: Pairs of scans of which it is known that they do not.
 
     Returns:
         The drive as a run, in the walls that it mapped, after the one that it continues.
@@ -154,7 +162,7 @@ def slam_log(
         >>> lrf3d.slam_log("drive.log").trajectory.poses[-1, :2].round(1).tolist()
         [1.9, 1.0]
     """
-    solved = solve_log(log, key_distance=key_distance, on=on)
+    solved = solve_log(log, key_distance=key_distance, on=on, close=close, apart=apart)
     for sentence in solved.warnings:
         warnings.warn(f"slam: {solved.log.name}: {sentence}", Lrf3dWarning, stacklevel=2)
     return solved.run
@@ -190,7 +198,40 @@ class SolvedLog:
         """What users should know of the solution, a sentence each."""
         mirrored = self.repairs.sentences()[:1] if self.repairs.mirrored else []
         mount = doubtful_mount(self.log.scans, mirrored=False)
-        return [*mirrored, *([mount] if mount else []), *self.check.sentences()]
+        return [*mirrored, *([mount] if mount else []), *self.check.sentences(), *self.tried]
+
+    @property
+    def refused(self) -> list[Refusal]:
+        """The loop closures that were refused in the worst stretch of the self-check."""
+        first, last = self.check.worst_scans
+        scans = [key.scan for key in self.key_scans[0]]
+        before = len(scans) - len(self.slam.keys)
+        all_refused = [
+            Refusal(before + old, before + new, why) for old, new, why in self.slam.refused
+        ]
+        return [
+            each for each in all_refused
+            if first <= scans[each.old] <= last or first <= scans[each.new] <= last
+        ]  # fmt: skip
+
+    @property
+    def key_scans(self) -> tuple[list[Key], Float]:
+        """The key scans (k,) of all drives, and their poses (k, 3)."""
+        if self.joined is not None:
+            return self.joined.key_scans, self.joined.key_poses
+        return self.slam.keys, self.slam.key_poses
+
+    @property
+    def tried(self) -> list[str]:
+        """What was tried where the map contradicts itself, in a sentence; else an empty list."""
+        if not self.check.sentences():
+            return []
+        first, last = self.check.worst_scans
+        reasons = Counter(each.why for each in self.refused)
+        why = ", ".join(f"{count} as {reason}" for reason, count in reasons.most_common())
+        refused = counted(len(self.refused), "loop closure")
+        tried = f"scans {first} to {last}: {refused} refused{': ' if why else ''}{why}"
+        return [f"{tried}; --close A:B and --not A:B say what is known of two scans"]
 
     @property
     def odometry(self) -> str:
@@ -218,6 +259,7 @@ class SolvedLog:
     def summary(self) -> dict[str, Any]:
         """The figures, in JSON's types."""
         log, slam, line_map, tracked = self.log, self.slam, self.run.map, self.slam.tracked[1:]
+        keys = self.key_scans[0]
         errors = "turn_share", "turn_rad_per_m", "distance_share"
         return {
             "name": log.name,
@@ -242,6 +284,10 @@ class SolvedLog:
                 "scans_with_a_weak_direction": sum(scan.weak for scan in tracked),
             },
             "self_check": {"passed": self.check.passed, **self.check._asdict()},
+            "refused": [
+                {"scans": [keys[each.old].scan, keys[each.new].scan], "why": each.why}
+                for each in self.refused * bool(self.tried)
+            ],
             "joined": None if self.joined is None else self.joined.summary(),
         }
 
@@ -251,6 +297,8 @@ def solve_log(
     *,
     key_distance: float = KEY_DISTANCE,
     on: Run | str | Path | None = None,
+    close: Sequence[tuple[int, int]] = (),
+    apart: Sequence[tuple[int, int]] = (),
     progress: Progress = silent,
 ) -> SolvedLog:
     """Find the poses of a recorded drive; arguments are those of `slam_log`.
@@ -273,6 +321,13 @@ def solve_log(
     except InputError as error:
         raise InputError(f"{log.name}: {error}") from None
     scans, places = recording.scans, recording.places
+    for name, pairs in (("close", close), ("apart", apart)):
+        for one, other in pairs:
+            if not 0 <= one < other < len(scans):
+                raise InputError(
+                    f"{log.name}: {name} {one}:{other}: expected scans from 0 to"
+                    f" {len(scans) - 1}, the earlier one first"
+                )
     increments: Sequence[Float | None] = [None] * len(scans)
     if log.placed:
         increments = list(path.increments(places - fitted_lag(turns, path, places)))
@@ -286,7 +341,8 @@ def solve_log(
     while learned and passes < MOST_PASSES:
         passes += 1
         wheels = slam.wheels
-        slam = Slam(start=start, laser_offset=offset, key_distance=key_distance, wheels=wheels)
+        slam = Slam(start=start, laser_offset=offset, key_distance=key_distance, wheels=wheels,
+                    close=close, apart=apart)  # fmt: skip
         for number, (scan, increment) in enumerate(zip(scans, increments, strict=True), 1):
             slam.update(scan, increment)
             progress(number, len(scans))

@@ -19,7 +19,7 @@ from lrf3d.mapping import LineMap
 from lrf3d.pose import Pose, as_pose, bent, between, compose, turned
 from lrf3d.robot import EstimatedTrajectory
 from lrf3d.robot.estimated_trajectory import NO_POSES
-from lrf3d.slam.closures import Closure, LoopCloser, closure_edges
+from lrf3d.slam.closures import Closure, LoopCloser, Refusal, closure_edges
 from lrf3d.slam.front_end import KEY_DISTANCE, FrontEnd, Tracked, refined
 from lrf3d.slam.key_map import KeyMap
 from lrf3d.slam.known_places import Anchor, in_known_place
@@ -63,6 +63,8 @@ class Slam:
             laser has no mount.
         key_distance: Distance from one key scan to the next [m].
         wheels: The wheels' errors as found in an earlier drive, of which a copy is kept.
+        close: Pairs of scans, by number, of which it is known that they show the same place.
+        apart: Pairs of scans of which it is known that they do not: no loop is closed around them.
 
     Raises:
         InputError: A number is not finite, or a distance not positive.
@@ -87,6 +89,8 @@ class Slam:
         laser_offset: float = 0.0,
         key_distance: float = KEY_DISTANCE,
         wheels: Wheels | None = None,
+        close: Sequence[tuple[int, int]] = (),
+        apart: Sequence[tuple[int, int]] = (),
     ) -> None:
         values = (laser_offset, key_distance)
         if not (is_finite(*values) and key_distance > 0.0):
@@ -100,6 +104,8 @@ class Slam:
         self._laser = Pose(float(laser_offset), 0.0, 0.0)
         self._front = FrontEnd(key_distance=key_distance, wheels=wheels)
         self._closer = LoopCloser(self._front.mixed_pixels)
+        self._closer.ruled_out = [*apart]
+        self._known = [*close]
         self._tracked: list[Tracked] = []
         self._anchors: list[Anchor] = []
         self._noise = 0.0
@@ -229,8 +235,21 @@ class Slam:
         closer.add_key(key, apart=apart)
         self._anchors.append(Anchor(key.scan, number, np.zeros(3), key.pose, closer.distance))
 
+    def _close_known(self) -> None:
+        """Close the loops that are known to be closed by the newest key scan."""
+        closer, new = self._closer, len(self._closer.keys) - 1
+        for pair in [pair for pair in self._known if pair[1] <= closer.keys[new].scan]:
+            self._known.remove(pair)
+            closure = closer.known(closer.number_at(pair[0]), new, self._key_poses)
+            if closure is None:
+                raise InputError(f"close {pair[0]}:{pair[1]}: these scans show nothing in common")
+            edge = replace(closure_edges([closure]), robust=np.array([False]))
+            self._edges = Edges.joined([self._edges, edge])
+            self._key_poses = optimised(self._key_poses, self._edges, FINAL_ITERATIONS)
+
     def _close_loops(self) -> None:
         """Find the loops that the newest key scan closes, and optimise if the poses are off."""
+        self._close_known()
         if closures := self._closer.search(self._key_poses):
             edges, poses = closure_edges(closures), self._key_poses
             self._edges = Edges.joined([self._edges, edges])
@@ -351,6 +370,11 @@ class Slam:
         return compose(self._start, self._key_poses)
 
     @property
+    def mixed_pixels(self) -> float:
+        """The share of points that beams of adjacent key scans pass through."""
+        return self._front.mixed_pixels.rate
+
+    @property
     def edges(self) -> Edges:
         """The relative poses between key scans that were measured."""
         return self._edges
@@ -359,6 +383,12 @@ class Slam:
     def closures(self) -> list[Closure]:
         """The loops that were closed, by the numbers of key scans."""
         return list(self._closer.accepted)
+
+    @property
+    def refused(self) -> list[Refusal]:
+        """The pairs of key scans, by number, that were not taken for one place, and why."""
+        few = [Refusal(each.old, each.new, "few others agree") for each in self._closer.unconfirmed]
+        return [*self._closer.refused, *few]
 
     @property
     def unconfirmed_closures(self) -> list[Closure]:
@@ -387,6 +417,10 @@ class Slam:
 
     def finish(self) -> None:
         """Adjust all poses, once the last scan is in and no more closures can come."""
+        self._known = [
+            (first, min(second, self._closer.keys[-1].scan)) for first, second in self._known
+        ]
+        self._close_known()
         self._closer.settle(self._key_poses)
         path, closed = self._edges.part(~self._edges.robust), self._closer.accepted
         self._edges = Edges.joined([path, closure_edges(closed)]) if closed else path
