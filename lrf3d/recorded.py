@@ -4,12 +4,9 @@ A log, or the path of one, enters; a `Run` leaves, whose world is the map of the
 """
 
 import warnings
-from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -19,19 +16,14 @@ from lrf3d.interrupts import Progress, check, silent, stoppable
 from lrf3d.io import LaserLog, load_log, load_run
 from lrf3d.io.reading import odometry_of
 from lrf3d.laser import LaserScan, doubtful_ranges
-from lrf3d.laser.range_finder import CENTRE
-from lrf3d.localization.joining import Joined, joined
-from lrf3d.log_run import joint_run, run_of
+from lrf3d.localization.joining import joined
 from lrf3d.mapping import LineMapper
-from lrf3d.pose import Pose, compose
 from lrf3d.run import Run
 from lrf3d.slam import Slam
-from lrf3d.slam.closures import Refusal
 from lrf3d.slam.front_end import KEY_DISTANCE
 from lrf3d.slam.mounting import doubtful_mount
 from lrf3d.slam.odometry import (
     Recording,
-    Repairs,
     WheelPath,
     fitted_lag,
     in_order,
@@ -39,9 +31,8 @@ from lrf3d.slam.odometry import (
     line_poses,
     turns_between,
 )
-from lrf3d.slam.views import Key
-from lrf3d.slam.violation import SelfCheck
-from lrf3d.text import counted
+from lrf3d.slam.sight import Sight
+from lrf3d.solved_log import SolvedLog, run_of
 
 CALIBRATED = 400
 """Scans at the beginning of a log that give the first estimate of its wheels' errors. With it a
@@ -62,9 +53,6 @@ quarter or more do, of those to be followed hardly one in a thousand."""
 
 LEAST_BEAMS = 3
 """Beams that a scan must have to show a wall."""
-
-MOST_COVARIANCES = 128
-"""Key scans whose covariances are kept, at most: each takes a step over the whole pose graph."""
 
 JITTER = 1e-4
 """Angles of the beams may differ by this from scan to scan [rad]: some drivers round them."""
@@ -168,130 +156,6 @@ def slam_log(
     return solved.run
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class SolvedLog:
-    """The solution of a log: poses of the robot x, y [m], theta [rad] by the clock of its laser.
-
-    ``poses`` (k, 3) are those at the ``scans`` (k,), which are in the order in which they were
-    taken, each once; ``line_poses`` (n, 3) are those at the odometry lines, as logged. The laser's
-    clock is ``lag`` lines behind that of the odometry. The drive was solved ``passes`` times: again
-    where its wheels' errors turned out to differ. If it was joined with an earlier drive, all of
-    them are in its frame, and the run is that of both.
-    """
-
-    log: LaserLog
-    slam: Slam
-    scans: list[LaserScan]
-    poses: Float
-    line_poses: Float
-    lag: float
-    repairs: Repairs
-    check: SelfCheck
-    passes: int
-    joined: Joined | None = None
-
-    def __repr__(self) -> str:
-        return f"SolvedLog({self.log.name}, {self.slam}, {len(self.line_poses)} odometry lines)"
-
-    @property
-    def warnings(self) -> list[str]:
-        """What users should know of the solution, a sentence each."""
-        mirrored = self.repairs.sentences()[:1] if self.repairs.mirrored else []
-        mount = doubtful_mount(self.log.scans, mirrored=False)
-        return [*mirrored, *([mount] if mount else []), *self.check.sentences(), *self.tried]
-
-    @property
-    def refused(self) -> list[Refusal]:
-        """The loop closures that were refused in the worst stretch of the self-check."""
-        first, last = self.check.worst_scans
-        scans = [key.scan for key in self.key_scans[0]]
-        before = len(scans) - len(self.slam.keys)
-        all_refused = [
-            Refusal(before + old, before + new, why) for old, new, why in self.slam.refused
-        ]
-        return [
-            each for each in all_refused
-            if first <= scans[each.old] <= last or first <= scans[each.new] <= last
-        ]  # fmt: skip
-
-    @property
-    def key_scans(self) -> tuple[list[Key], Float]:
-        """The key scans (k,) of all drives, and their poses (k, 3)."""
-        if self.joined is not None:
-            return self.joined.key_scans, self.joined.key_poses
-        return self.slam.keys, self.slam.key_poses
-
-    @property
-    def tried(self) -> list[str]:
-        """What was tried where the map contradicts itself, in a sentence; else an empty list."""
-        if not self.check.sentences():
-            return []
-        first, last = self.check.worst_scans
-        reasons = Counter(each.why for each in self.refused)
-        why = ", ".join(f"{count} as {reason}" for reason, count in reasons.most_common())
-        refused = counted(len(self.refused), "loop closure")
-        tried = f"scans {first} to {last}: {refused} refused{': ' if why else ''}{why}"
-        return [f"{tried}; --close A:B and --not A:B say what is known of two scans"]
-
-    @property
-    def odometry(self) -> str:
-        """Where the odometry comes from, in words."""
-        if not self.log.placed:
-            return "none: by the laser alone"
-        return "the poses of the scans" if self.log.wheels is None else "ODOM lines"
-
-    @cached_property
-    def run(self) -> Run:
-        """The drive as a run, in the walls that its key scans show."""
-        slam, keys = self.slam, self.slam.key_scans
-        mount = self.scans[0].mount
-        if mount == CENTRE:
-            mount = Pose(self.log.odometry.laser_offset, 0.0, 0.0)
-        poses = compose(self.poses, np.array(mount))
-        poses[:, 2] = np.unwrap(poses[:, 2])
-        if self.joined is not None:
-            return joint_run(self.joined, slam, self.scans, poses, self.log.name)
-        chosen = np.unique(np.linspace(0, len(keys) - 1, MOST_COVARIANCES).astype(np.int64))
-        estimate = slam.estimate(poses, keys[chosen], slam.covariances(chosen))
-        scans, keys = self.scans, keys.tolist()
-        return run_of(self.log.name, scans, poses, keys, LineMapper(), estimate=estimate)
-
-    def summary(self) -> dict[str, Any]:
-        """The figures, in JSON's types."""
-        log, slam, line_map, tracked = self.log, self.slam, self.run.map, self.slam.tracked[1:]
-        keys = self.key_scans[0]
-        errors = "turn_share", "turn_rad_per_m", "distance_share"
-        return {
-            "name": log.name,
-            "log": {
-                **log.counts,
-                "odometry_lines": len(self.line_poses),
-                "odometry": self.odometry,
-                **asdict(self.repairs),
-            },
-            "map": {"segments": len(line_map), "objects": line_map.object_count},
-            "wheels": {
-                "lag_lines": self.lag,
-                **dict(zip(errors, slam.wheels.biases.tolist(), strict=True)),
-                "solved_times": self.passes,
-            },
-            "slam": {
-                "length_m": self.run.trajectory.length,
-                "key_scans": len(slam.key_scans),
-                "loop_closures": len(slam.closures),
-                "loop_closures_dropped": len(slam.unconfirmed_closures),
-                "scans_by_odometry_alone": sum(not scan.matched for scan in tracked),
-                "scans_with_a_weak_direction": sum(scan.weak for scan in tracked),
-            },
-            "self_check": {"passed": self.check.passed, **self.check._asdict()},
-            "refused": [
-                {"scans": [keys[each.old].scan, keys[each.new].scan], "why": each.why}
-                for each in self.refused * bool(self.tried)
-            ],
-            "joined": None if self.joined is None else self.joined.summary(),
-        }
-
-
 def solve_log(
     log: LaserLog | str | Path,
     *,
@@ -361,7 +225,7 @@ def solve_log(
     lag = fitted_lag(np.diff(poses[:, 2]), path, places)
     both = None
     if known is not None:
-        both = joined(known, slam, slam.surfaces(scans), poses, log.name)
+        both = joined(known, slam, slam.sight.surfaces(scans), poses, log.name)
         poses = both.poses
     lines = line_poses(path, places, lag, poses)[recording.rows]
     lines[:, 2] = np.unwrap(lines[:, 2])
@@ -415,8 +279,8 @@ def _checked(log: LaserLog) -> Recording:
 
 def _right_handed(recording: Recording, path: WheelPath, offset: float) -> tuple[Recording, Float]:
     """A recording whose laser turns as the odometry does, and the turns that its scans show."""
-    slam, scans = Slam(laser_offset=offset), recording.scans
-    turns = turns_between(lambda number: slam.seen(scans[number]), path, recording.places)
+    sight, scans = Sight(offset), recording.scans
+    turns = turns_between(lambda number: sight.seen(scans[number]), path, recording.places)
     if not is_mirrored(turns, path, recording.places):
         return recording, turns
     # The order of the beams in time is lost with that of their angles.

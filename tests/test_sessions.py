@@ -123,7 +123,7 @@ def test_what_a_person_knows_of_two_scans_closes_loops_and_rules_them_out():
     first, second = usual.run.estimate.closures[0].tolist()
     ruled_out = solve_log(log, apart=[(first, second)])
     assert [first, second] not in ruled_out.run.estimate.closures.tolist()
-    assert "ruled out" in {each.why for each in ruled_out.slam.refused}
+    assert "ruled out" in {each.why for each in ruled_out.slam.closer.refusals}
     # Where it is ruled out and known, it is known.
     said = solve_log(log, apart=[(first, second)], close=[(first, second)])
     assert [first, second] in said.run.estimate.closures.tolist()

@@ -19,9 +19,10 @@ from lrf3d.io.carmen_writer import write_log
 from lrf3d.io.reading import CARMEN_ENDINGS
 from lrf3d.io.trajectory_files import load_relations, save_tum
 from lrf3d.mapping import save_map
-from lrf3d.recorded import SolvedLog, map_log, solve_log
+from lrf3d.recorded import map_log, solve_log
 from lrf3d.run import Run
 from lrf3d.scoring import score_log, score_trajectory
+from lrf3d.solved_log import SolvedLog
 from lrf3d.text import counted
 
 

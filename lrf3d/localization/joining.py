@@ -125,7 +125,7 @@ def joined(run: Run, slam: Slam, surfaces: list[Float], poses: Float, name: str)
         InputError: The second drive is nowhere on the map of the first with certainty.
     """
     places = KnownPlaces.from_run(run)
-    keys, numbers = slam.keys, slam.key_scans
+    keys, numbers = slam.closer.keys, slam.key_scans
     follower = Follower(places)
     for key, number in zip(keys, numbers.tolist(), strict=True):
         follower.see(number, key, poses[number])
@@ -159,7 +159,7 @@ def joined(run: Run, slam: Slam, surfaces: list[Float], poses: Float, name: str)
     driven[count:] += driven[count - 1] + 2.0 * LATER
     ends = [(places.numbers[tie.old], numbers[tie.new - count]) for tie in ties.values()]
     pairs = np.array(ends, np.int64).reshape(-1, 2)
-    check = self_check(whole, nodes, driven, slam.mixed_pixels)
+    check = self_check(whole, nodes, driven, slam.closer.mixed_pixels.rate)
     found = min(best.path), best.probability
     return Joined(run, places.numbers, first, second, pairs, *found, whole, nodes, check)
 

@@ -67,10 +67,11 @@ def draw_check(
     axes[2].add_collection(
         LineCollection(ends, colors=REFUSED, linewidths=0.9, label="refused closures", zorder=5)
     )
-    for why in dict.fromkeys(each.why for each in refused):
-        number = next(k for k, each in enumerate(refused) if each.why == why)
-        pair = f"{scans[refused[number].old]}:{scans[refused[number].new]}"
-        axes[2].annotate(
-            f"{pair} {why}", ends[number].mean(axis=0), color=REFUSED, fontsize=6, clip_on=True
-        )
+    for row, why in enumerate(dict.fromkeys(each.why for each in refused)):
+        pairs = [f"{scans[each.old]}:{scans[each.new]}" for each in refused if each.why == why]
+        words = f"{len(pairs)} refused, such as {pairs[0]}: {why}"
+        axes[2].text(
+            0.02, 0.97 - 0.05 * row, words, transform=axes[2].transAxes, va="top", color=REFUSED,
+            fontsize=7,
+        )  # fmt: skip
     return finished(figure, axes, path)

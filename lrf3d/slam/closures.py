@@ -294,6 +294,12 @@ class LoopCloser:
         """The number of the first key scan from a scan on."""
         return sum(key.scan < scan for key in self.keys)
 
+    @property
+    def refusals(self) -> list[Refusal]:
+        """The pairs of key scans that were not taken for one place, and why."""
+        few = [Refusal(each.old, each.new, "few others agree") for each in self.unconfirmed]
+        return [*self.refused, *few]
+
     def known(self, old: int, new: int, poses: Float) -> Closure | None:
         """The closure of two key scans of which somebody knows that they show the same place."""
         self._poses = poses

@@ -13,20 +13,20 @@ import numpy as np
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import Float, Int, is_finite, whole_number
 from lrf3d.laser import LaserRangeFinder, LaserScan
-from lrf3d.laser.range_finder import CENTRE, beam_directions, lasers_of
+from lrf3d.laser.range_finder import lasers_of
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.mapping import LineMap
 from lrf3d.pose import Pose, as_pose, bent, between, compose, turned
 from lrf3d.robot import EstimatedTrajectory
 from lrf3d.robot.estimated_trajectory import NO_POSES
-from lrf3d.slam.closures import Closure, LoopCloser, Refusal, closure_edges
+from lrf3d.slam.closures import Closure, LoopCloser, closure_edges
 from lrf3d.slam.front_end import KEY_DISTANCE, FrontEnd, Tracked, refined
 from lrf3d.slam.key_map import KeyMap
 from lrf3d.slam.known_places import Anchor, in_known_place
 from lrf3d.slam.pose_graph import Edges, optimised, pose_covariances, variance_factor
 from lrf3d.slam.scan_matching import SIGMA
-from lrf3d.slam.surface import LEAST_NOISE, range_noise, surface_of_scan, thinned
-from lrf3d.slam.views import Fan, Key
+from lrf3d.slam.sight import Moment, Sight
+from lrf3d.slam.views import Key
 from lrf3d.slam.violation import SelfCheck, self_check
 from lrf3d.slam.wheels import Wheels
 
@@ -41,15 +41,8 @@ a tenth of the time in an office."""
 FINAL_ITERATIONS = 20
 """Most Gauss-Newton steps over the pose graph in the end."""
 
-LEARNED_NOISE = 0.95
-"""Weight of the scans before in the mean noise of the ranges, at each scan."""
-
 FARTHEST_STEP = 1000.0
 """Longest step of the odometry [m], and largest turn [rad]: no robot moves as far between scans."""
-
-
-Moment = tuple[LaserScan, ...]
-"""The scans of all lasers at one moment."""
 
 
 class Slam:
@@ -101,14 +94,13 @@ class Slam:
         self._lasers = () if lrf is None else lasers_of(lrf)
         self._time: float | None = None
         self._start = np.array(as_pose(start))
-        self._laser = Pose(float(laser_offset), 0.0, 0.0)
+        self.sight = Sight(laser_offset)
         self._front = FrontEnd(key_distance=key_distance, wheels=wheels)
         self._closer = LoopCloser(self._front.mixed_pixels)
         self._closer.ruled_out = [*apart]
         self._known = [*close]
         self._tracked: list[Tracked] = []
         self._anchors: list[Anchor] = []
-        self._noise = 0.0
         # The pose graph: poses (k, 3) of the key scans since the start, as estimated now, and the
         # relative poses that were measured between them.
         self._key_poses = np.empty((0, 3))
@@ -141,7 +133,7 @@ class Slam:
                 or the odometry is not three finite numbers that a robot can have moved by.
         """
         scans, increment = self._checked(scan, odometry)
-        key = self.seen(scans)
+        key = self.sight.seen(scans, len(self._tracked))
         self._tracked.append(self._front.track(key, increment))
         if self._front.key_due():
             key = self._front.key(key)
@@ -190,37 +182,6 @@ class Slam:
         return tuple(
             unrolled(each, each.duration * rate if each.motion is None else None) for each in scans
         ), increment
-
-    def seen(self, scan: LaserScan | Moment) -> Key:
-        """What the scans of a moment saw, by the noise that is known by now, at the pose 0."""
-        scans = (scan,) if isinstance(scan, LaserScan) else scan
-        for each in scans:
-            kept = LEARNED_NOISE if self._noise else 0.0
-            self._noise = kept * self._noise + (1.0 - kept) * range_noise(each)
-        number, surface = len(self._tracked), self._surface(scans)
-        fans, hits = list[Fan](), list[Float]()
-        for each in scans:
-            mount, met = self._mount(each), each.hits
-            place, angles = np.array(mount[:2]), each.angles + mount.theta
-            # A laser that is mounted upside down turns clockwise.
-            order = -1 if angles[0] > angles[-1] else 1
-            fans.append(Fan(place, angles[::order], each.ranges[::order]))
-            hits.append(each.ranges[met, None] * beam_directions(0.0, angles[met]) + place)
-        walls, points = thinned(surface), np.concatenate(hits)
-        return Key(number, np.zeros(3), surface, walls, points, tuple(fans), self._noise)
-
-    def _mount(self, scan: LaserScan) -> Pose:
-        """The pose of a scan's laser on the robot."""
-        return self._laser if scan.mount == CENTRE else scan.mount
-
-    def _surface(self, scans: Moment) -> Float:
-        """The surface (m, 4) that the scans of a moment show, in the frame of the robot."""
-        noise = max(self._noise, LEAST_NOISE)
-        parts = []
-        for each in scans:
-            x, y, heading = self._mount(each)
-            parts.append(surface_of_scan(each, np.array([x, y]), noise, heading))
-        return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
     def _add_key(self, key: Key, scans: Moment) -> None:
         """Add a vertex to the pose graph, and an edge to it."""
@@ -328,7 +289,7 @@ class Slam:
         """Key scans with the poses of their lasers, where the robot is at (3,) since the start."""
         robot = compose(self._start, pose)
         return [
-            replace(scan, pose=Pose(*compose(robot, np.array(self._mount(scan))).tolist()))
+            replace(scan, pose=Pose(*compose(robot, np.array(self.sight.mount(scan))).tolist()))
             for scan in self._key_scans[number]
         ]
 
@@ -360,19 +321,14 @@ class Slam:
         return np.array([key.scan for key in self._closer.keys], dtype=np.int64)
 
     @property
-    def keys(self) -> list[Key]:
-        """The key scans (m,)."""
-        return list(self._closer.keys)
+    def closer(self) -> LoopCloser:
+        """What finds loop closures: it has the key scans, and what was refused."""
+        return self._closer
 
     @property
     def key_poses(self) -> Float:
         """Poses (m, 3) of the key scans by the current estimate."""
         return compose(self._start, self._key_poses)
-
-    @property
-    def mixed_pixels(self) -> float:
-        """The share of points that beams of adjacent key scans pass through."""
-        return self._front.mixed_pixels.rate
 
     @property
     def edges(self) -> Edges:
@@ -383,12 +339,6 @@ class Slam:
     def closures(self) -> list[Closure]:
         """The loops that were closed, by the numbers of key scans."""
         return list(self._closer.accepted)
-
-    @property
-    def refused(self) -> list[Refusal]:
-        """The pairs of key scans, by number, that were not taken for one place, and why."""
-        few = [Refusal(each.old, each.new, "few others agree") for each in self._closer.unconfirmed]
-        return [*self._closer.refused, *few]
 
     @property
     def unconfirmed_closures(self) -> list[Closure]:
@@ -441,13 +391,8 @@ class Slam:
                 f"slam: {len(scans)} scans to refine; expected all {len(self._tracked)}"
             )
         poses, keys = self._scan_poses(), self._closer.keys
-        found = refined(self.surfaces(scans), poses, keys, self._key_poses, self._anchored)
+        found = refined(self.sight.surfaces(scans), poses, keys, self._key_poses, self._anchored)
         return self._in_world(found)
-
-    def surfaces(self, scans: Sequence[LaserScan | Moment]) -> list[Float]:
-        """The surfaces (m, 4) that scans show, each in the frame of the robot."""
-        moments = [(scan,) if isinstance(scan, LaserScan) else scan for scan in scans]
-        return [self._surface(tuple(map(unrolled, moment))) for moment in moments]
 
     def self_check(self) -> SelfCheck:
         """Compare the key scans, at their current poses, where the robot came by again."""
