@@ -113,7 +113,7 @@ def localise_log(
         increments = [np.zeros(3), *between(robots[:-1], robots[1:])]
     for number, (scan, increment) in enumerate(zip(log.scans, increments, strict=True)):
         slam.update(scan, increment)
-        follower.see(number, slam.seen(unrolled(scan)), slam.tracked[-1].pose)
+        follower.see(number, slam.sight.seen(unrolled(scan)), slam.tracked[-1].pose)
         progress(number + 1, len(log))
         check()
     front = np.array([tracked.pose for tracked in slam.tracked])

@@ -19,9 +19,10 @@ from lrf3d.io.carmen_writer import write_log
 from lrf3d.io.reading import CARMEN_ENDINGS
 from lrf3d.io.trajectory_files import load_relations, save_tum
 from lrf3d.mapping import save_map
-from lrf3d.recorded import SolvedLog, map_log, solve_log
+from lrf3d.recorded import map_log, solve_log
 from lrf3d.run import Run
 from lrf3d.scoring import score_log, score_trajectory
+from lrf3d.solved_log import SolvedLog
 from lrf3d.text import counted
 
 
@@ -59,7 +60,9 @@ def slam(log: LaserLog, args: Namespace, report: Report) -> None:
     on = None if args.on is None else load_run(args.on)
     with report.progress("scans") as progress:
         progress, milliseconds = timed(progress)
-        solved = solve_log(log, on=on, progress=progress, **chosen)
+        solved = solve_log(
+            log, on=on, close=args.close or (), apart=args.not_ or (), progress=progress, **chosen
+        )
     score = None if known is None else score_trajectory(solved.line_poses, known).as_dict()
     for sentence in solved.warnings:
         warn(sentence)
@@ -67,6 +70,13 @@ def slam(log: LaserLog, args: Namespace, report: Report) -> None:
     run, keys = solved.run, solved.slam.key_scans
     if (both := solved.joined) is not None:
         keys = np.concatenate([both.keys, len(both.run) + keys])
+
+    def draw(picture: Path) -> None:
+        from lrf3d.render.check_figure import draw_check
+
+        title = f"{log.name}: where the map contradicts itself"
+        draw_check(*solved.key_scans, solved.check, solved.refused, title, picture)
+
     _finish(
         args, report, run, run.part(keys), summary, _slam_rows(solved, summary),
         "view {}",
@@ -74,6 +84,7 @@ def slam(log: LaserLog, args: Namespace, report: Report) -> None:
             "run.npz": lambda path: save_run(run, path),
             "trajectory.tum": lambda path: save_tum(log.odometry.times, solved.line_poses, path),
         },
+        {"check picture": ("check.png", draw)} if solved.tried else {},
     )  # fmt: skip
 
 
@@ -130,6 +141,7 @@ def _finish(
     rows: list[tuple[str, str]],
     following: str,
     files: Mapping[str, Callable[[Path], None]],
+    drawings: Mapping[str, tuple[str, Callable[[Path], None]]] | None = None,
 ) -> None:
     """Write the map of a run, which a part of it made, and other results, and print them."""
 
@@ -148,7 +160,7 @@ def _finish(
     output.finish(
         summary,
         {"map": "map.geojson", **{name.split(".")[0]: name for name in files}},
-        {"map picture": ("map.png", draw)},
+        {"map picture": ("map.png", draw), **(drawings or {})},
         rows=rows,
         following=f"lrf3d {following.format(output.path)}",
         kept=f"{output.path / 'map.geojson'} holds the map",

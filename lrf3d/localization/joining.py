@@ -94,7 +94,7 @@ class Joined:
     The poses (n, 3) of the first are those of its run, (k, 3) of the second those of the robot at
     its scans. Ties are pairs (c, 2) of scans of the first and of the second that show the same
     place; the second was found at its scan ``found_at``, with a probability. The first has key
-    scans (m,).
+    scans (m,). The key scans (k,) of both have poses (k, 3).
     """
 
     run: Run
@@ -104,6 +104,8 @@ class Joined:
     ties: Int
     found_at: int
     probability: float
+    key_scans: list[Key] = field(repr=False)
+    key_poses: Float
     check: SelfCheck
 
     def summary(self) -> dict[str, Any]:
@@ -123,7 +125,7 @@ def joined(run: Run, slam: Slam, surfaces: list[Float], poses: Float, name: str)
         InputError: The second drive is nowhere on the map of the first with certainty.
     """
     places = KnownPlaces.from_run(run)
-    keys, numbers = slam.keys, slam.key_scans
+    keys, numbers = slam.closer.keys, slam.key_scans
     follower = Follower(places)
     for key, number in zip(keys, numbers.tolist(), strict=True):
         follower.see(number, key, poses[number])
@@ -157,8 +159,9 @@ def joined(run: Run, slam: Slam, surfaces: list[Float], poses: Float, name: str)
     driven[count:] += driven[count - 1] + 2.0 * LATER
     ends = [(places.numbers[tie.old], numbers[tie.new - count]) for tie in ties.values()]
     pairs = np.array(ends, np.int64).reshape(-1, 2)
-    found = min(best.path), best.probability, self_check(whole, nodes, driven)
-    return Joined(run, places.numbers, first, second, pairs, *found)
+    check = self_check(whole, nodes, driven, slam.closer.mixed_pixels.rate)
+    found = min(best.path), best.probability
+    return Joined(run, places.numbers, first, second, pairs, *found, whole, nodes, check)
 
 
 def _tie(places: KnownPlaces, key: Key, guess: Float, number: int) -> Closure | None:

@@ -5,7 +5,7 @@ enters. All of its free cells and all headings are searched for a scan; the plac
 met the walls of the map, and passed through no others, leave.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
@@ -19,7 +19,7 @@ from lrf3d.pose import between, compose
 from lrf3d.run import Run
 from lrf3d.slam.scan_matching import Match, match_scan
 from lrf3d.slam.search import CELL, FREE, Field, field_of, window_scores
-from lrf3d.slam.slam import Slam
+from lrf3d.slam.sight import Sight
 from lrf3d.slam.surface import wall_map
 from lrf3d.slam.views import Key, evidence, same_place
 from lrf3d.world import World
@@ -79,8 +79,8 @@ class KnownPlaces:
             x, y, turn = np.abs(between(poses[chosen[-1]], poses[number]))
             if np.hypot(x, y) >= APART or turn >= TURNED:
                 chosen.append(number)
-        slam = Slam()
-        keys = [replace(slam.seen(run.scans_at(number)), scan=number) for number in chosen]
+        sight = Sight()
+        keys = [sight.seen(run.scans_at(number), number) for number in chosen]
         return cls(run.world.name, keys, poses[chosen], np.array(chosen))
 
     @classmethod
@@ -93,8 +93,8 @@ class KnownPlaces:
         poses = np.column_stack([places[first], np.zeros(len(first))])
         step = 2.0 * np.pi / BEAMS
         lrf = LaserRangeFinder(-np.pi, np.pi - step, BEAMS, range_max=REACH)
-        caster, slam = PlanarCaster(world), Slam()
-        keys = [slam.seen(caster.cast(lrf, pose)) for pose in poses]
+        caster, sight = PlanarCaster(world), Sight()
+        keys = [sight.seen(caster.cast(lrf, pose)) for pose in poses]
         return cls(world.name, keys, poses)
 
     @cached_property

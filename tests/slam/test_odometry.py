@@ -180,3 +180,11 @@ def test_the_worst_part_of_a_drive_is_named_where_the_whole_agrees():
     [said] = check.sentences()
     assert said.startswith("beams of scans 120 to 180 pass through 31 % of what others saw")
     assert not SelfCheck().sentences()
+
+
+def test_a_map_that_mixed_pixels_may_explain_is_doubtful():
+    check = SelfCheck(0.055, 0.09, (12, 80), 100, mixed_pixels=0.012)
+    [said] = check.sentences()
+    assert check.passed and said.startswith("the map may be wrong: beams pass through 6 %")
+    assert "1.2 % in adjacent scans" in said and "scans 12 to 80" in said
+    assert not check._replace(mixed_pixels=0.001).passed
