@@ -176,7 +176,7 @@ def solve_log(
     log = log.of_laser(log.lasers[0])
     offset = log.odometry.laser_offset
     try:
-        recording = _checked(log)
+        recording = checked(log)
         if not np.ptp(recording.wheels, axis=0).any():
             # Odometry that never moves is none.
             log = replace(log, placed=False)
@@ -255,7 +255,7 @@ def _alike(scan: LaserScan, angles: Float) -> bool:
     )
 
 
-def _checked(log: LaserLog) -> Recording:
+def checked(log: LaserLog) -> Recording:
     """A log in order, which is refused where no SLAM can solve it."""
     scans, wheels, times = log.scans, log.odometry.poses, log.odometry.times
     if len(scans) < 2 or not len(wheels):

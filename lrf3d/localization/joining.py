@@ -129,25 +129,28 @@ def joined(run: Run, slam: Slam, surfaces: list[Float], poses: Float, name: str)
     follower = Follower(places)
     for key, number in zip(keys, numbers.tolist(), strict=True):
         follower.see(number, key, poses[number])
-    if not follower.found:
-        raise InputError(
-            f"{name}: found nowhere on the map of {run.world.name} with certainty (the likeliest"
-            f" place has a probability of {follower.search.probability:.2g}); no map is made"
-        )
+    nowhere = InputError(
+        f"{name}: found nowhere on the map of {run.world.name} with certainty (the likeliest"
+        f" place has a probability of {follower.search.probability:.2g}); no map is made"
+    )
+    if not (sure := [each for each in follower.found if each.path]):
+        raise nowhere
     count = len(places.keys)
     graph = Edges.joined([_graph(places), slam.edges.shifted(count)])
     # Where the drive lies on the map, until ties say it better.
-    best = max(follower.found, key=lambda each: len(each.path))
+    best = max(sure, key=lambda each: len(each.path))
     middle = sorted(best.path)[len(best.path) // 2]
     shift = compose(best.path[middle], between(poses[middle], np.zeros(3)))
     nodes = np.vstack([places.poses, compose(shift, slam.key_poses)])
-    guesses = {number: pose for each in follower.found for number, pose in each.path.items()}
+    guesses = {number: pose for each in sure for number, pose in each.path.items()}
     ties: dict[int, Closure] = {}
     for _ in range(ROUNDS):
         for row, (key, number) in enumerate(zip(keys, numbers.tolist(), strict=True)):
             guess = guesses.get(number, nodes[count + row])
             if row not in ties and (tie := _tie(places, key, guess, count + row)):
                 ties[row] = tie
+        if not ties:
+            raise nowhere
         guesses = {}
         edges = Edges.joined([graph, closure_edges(list(ties.values()))])
         nodes = optimised(nodes, edges, ITERATIONS)

@@ -111,7 +111,7 @@ class KnownPlaces:
 
     def search(self, scan: Key) -> list[Candidate]:
         """The places of the whole map where a scan fits, the best first."""
-        peaks = self._peaks(scan)
+        peaks = self._peaks(scan) if len(self._free) else []
         found: list[Candidate] = []
         for candidate in (self.judged(scan, peak, GUESS) for peak in peaks):
             if candidate and not any(
