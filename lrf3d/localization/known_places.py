@@ -36,9 +36,6 @@ MOST_SCANS, MOST_CELLS = 3000, 80_000
 ROOM = 0.25
 """Distance from walls at which a robot may be [m]."""
 
-DRAWN = 0.02
-"""How exactly walls of plans lie where they are drawn [m]: as noise of the scans cast there."""
-
 STRIDE, STEP, POINTS = 2, 0.04, 60
 """The search takes every second cell each way, steps of the heading [rad], and points of a scan."""
 
