@@ -248,11 +248,8 @@ def readable(log: LaserLog) -> LaserLog:
 def _alike(scan: LaserScan, angles: Float) -> bool:
     """Whether a scan has other angles, which differ from these by rounding."""
     own = scan.angles
-    return (
-        own is not angles
-        and own.shape == angles.shape
-        and bool(np.abs(own - angles).max() <= JITTER)
-    )
+    near = own.shape == angles.shape and np.abs(own - angles).max() <= JITTER
+    return own is not angles and bool(near)
 
 
 def checked(log: LaserLog) -> Recording:
