@@ -36,6 +36,9 @@ from lrf3d.world import World
 MOST_COVARIANCES = 128
 """Key scans whose covariances are kept, at most: each takes a step over the whole pose graph."""
 
+MOST_UNSEEN = 1.0
+"""Distance [m] along bare walls from which on a drive by the laser alone may be wrong."""
+
 PAUSE = 1.0
 """Time [s] between two drives in their joint run."""
 
@@ -70,7 +73,19 @@ class SolvedLog:
         """What users should know of the solution, a sentence each."""
         mirrored = self.repairs.sentences()[:1] if self.repairs.mirrored else []
         mount = doubtful_mount(self.log.scans, mirrored=False)
-        return [*mirrored, *([mount] if mount else []), *self.check.sentences(), *self.tried]
+        doubts = [*([mount] if mount else []), *self._unseen(), *self.check.sentences()]
+        return [*mirrored, *doubts, *self.tried]
+
+    def _unseen(self) -> list[str]:
+        """What the laser alone does not show of the drive, in a sentence."""
+        weak = np.array([0, *(scan.weak for scan in self.slam.tracked[1:]), 0], dtype=np.int64)
+        steps = np.hypot(*np.diff(self.poses[:, :2], axis=0).T)
+        if self.log.placed or weak.sum() * steps.mean() < MOST_UNSEEN:
+            return []
+        starts, ends = np.flatnonzero(np.diff(weak)).reshape(-1, 2).T
+        longest = int((ends - starts).argmax())
+        where = f"{counted(int(weak.sum()), 'scan')}, as {starts[longest] + 1} to {ends[longest]}"
+        return [f"{where}, see bare walls and not how far the robot moved: the map may be wrong"]
 
     @property
     def refused(self) -> list[Refusal]:

@@ -247,12 +247,13 @@ def _slam_rows(solved: SolvedLog, summary: dict[str, Any]) -> list[tuple[str, st
     """What most users ask of a solved log, as a table."""
     found, poses = summary["slam"], counted(summary["log"]["odometry_lines"], "pose")
     rows = log_rows(solved.log, f", {poses} by odometry" if solved.log.placed else "")
-    rows += [] if solved.log.placed else [("odometry", solved.odometry)]
+    if not solved.log.placed:
+        rows.append(("odometry", f"{solved.odometry}; if that is mirrored, so is the map"))
     rows += [("", sentence) for sentence in solved.repairs.sentences()]
     closed = counted(found["loop_closures"], "loop closure")
     rows.append(("drive", f"{found['length_m']:.0f} m, {closed}"))
     if lost := found["scans_by_odometry_alone"]:
-        rows.append(("", f"{counted(lost, 'scan')} matched nothing: placed by odometry"))
+        rows.append(("", f"{counted(lost, 'scan')} matched nothing: placed as predicted"))
     if (both := summary["joined"]) is not None:
         words = f"{both['on']}: found at scan {both['found_at']}, probability"
         words += f" {both['probability']:.4f}; {counted(both['ties'], 'loop closure')} with it"

@@ -165,7 +165,7 @@ class FrontEnd:
         if accepted:
             self._coasting.found(coasting, found)
             if increment is not None:
-                self.wheels.found(expected, found)
+                self.wheels.excess.update(expected, found)
             # Where wheels have slipped, the directions that scans do not fix are uncertain, too.
             slip = self._slip(match, expected)
             covariance = covariance * (1.0 + slip / PRIOR_SCALE**2)

@@ -133,7 +133,9 @@ class SelfCheck(NamedTuple):
         return [f"{doubt}; {where} pass through {worst}" if self.worst_violation else doubt]
 
 
-def self_check(keys: Sequence[Key], poses: Float, driven: Float, mixed_pixels: float) -> SelfCheck:
+def self_check(
+    keys: Sequence[Key], poses: Float, driven: Float, mixed_pixels: float = 0.0
+) -> SelfCheck:
     """Compare the key scans (k,) of a solved drive, at poses (k, 3), where the robot came by again.
 
     Driven (k,) is how far the robot had driven at each of them [m]; the share of mixed pixels is

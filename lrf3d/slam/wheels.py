@@ -27,7 +27,7 @@ SLIP, SLIP_TURN = 0.05, 0.05
 """Standard deviation of an increment's place as a share of its length, and of its turn as a share
 of its turn: what wheels on carpets and sills do."""
 
-ROUGH, ROUGH_STRETCHES = 9.0, 4.0
+ROUGH, ROUGH_STRETCHES = 9.0, 20.0
 """Variance of the heading's noise before anything was driven, in units of that of good wheels, and
 the stretches that this counts as. Small robots slip two to four times as much as good wheels do;
 taken for good ones, their noise looks like a turn per metre, which bends a hall by ten degrees."""
@@ -47,32 +47,23 @@ class Wheels:
         # The regression of what wheels measure too much, as shares of the true turn and distance
         # (of turns), and distance (of distances).
         self._information, self._sums = np.zeros((3, 3)), np.zeros(3)
-        # Squares of the turns' errors, their number, and the variance of what the regression
-        # leaves of them.
+        # Squares of the turns' errors, and their number. What the regression leaves of them is the
+        # least noise of the heading.
         self._squares = self._stretches = 0.0
-        self._noise = ROUGH
-        self._excess = Excess(ROUGH)
+        self.excess = Excess(ROUGH)
 
     @property
     def biases(self) -> Float:
         """The errors (3,): a, b [rad/m] and c."""
-        a, b, c = self._too_much.tolist()
+        a, b, c = self._fit()[0].tolist()
         return -np.array([a / (1.0 + a), b / (1.0 + a), c / (1.0 + c)])
 
-    @property
-    def _too_much(self) -> Float:
-        """What wheels measure too much (3,)."""
-        return np.asarray(np.linalg.solve(self._known, self._sums / self._variances))
-
-    @property
-    def _known(self) -> Float:
-        """The information (3, 3) on what wheels measure too much."""
-        return np.diag(EXPECTED**-2.0) + self._information / self._variances
-
-    @property
-    def _variances(self) -> Float:
-        """Variances (3,) of what the regression leaves: of turns, turns and distances."""
-        return np.array([self._noise, self._noise, 1.0])
+    def _fit(self) -> tuple[Float, Float]:
+        """What wheels measure too much (3,), and the information (3, 3) on that."""
+        noise = self.excess.floor[1]
+        variances = np.array([noise, noise, 1.0])
+        known = np.diag(EXPECTED**-2.0) + self._information / variances
+        return np.asarray(np.linalg.solve(known, self._sums / variances)), known
 
     def predict(self, increment: Float) -> Prediction:
         """The motion of an increment (3,), without the systematic errors that are known by now."""
@@ -83,7 +74,7 @@ class Wheels:
         # In the beginning what is not known of a and b is several times the random errors: a prior
         # without it would turn the first few scans, and with them the whole drive.
         row = np.array([increment[2], increment[0], 0.0])
-        unlearned = np.diag([0.0, 0.0, row @ np.linalg.solve(self._known, row)])
+        unlearned = np.diag([0.0, 0.0, row @ np.linalg.solve(self._fit()[1], row)])
         # Encoders that stand still may have failed: then they say nothing.
         moved, window = bool(step.any()), slip_deviations(step)
         return Prediction(step, covariance, covariance + unlearned, window, trusted=moved)
@@ -93,17 +84,13 @@ class Wheels:
         length, turn = float(np.hypot(step[0], step[1])), abs(float(step[2]))
         place = STILL_POSITION + SLIP * length + SKID * turn
         heading = STILL_HEADING + SWERVE * length + SLIP_TURN * turn
-        place, heading = self._excess.scale * np.array([place, heading]) ** 2
+        place, heading = self.excess.scale * np.array([place, heading]) ** 2
         # Wheels may slip anywhere on the path: the rest of it is turned by the slip.
         lever = length / 2.0
         aside = place + heading * length**2 / 3.0
         return np.array(
             [[place, 0.0, 0.0], [0.0, aside, lever * heading], [0.0, lever * heading, heading]]
         )
-
-    def found(self, prediction: Prediction, step: Float) -> None:
-        """Update the size of random errors by a prediction and the motion (3,) of matching."""
-        self._excess.update(prediction, step)
 
     def learn(self, measured: Float, matched: Float, ahead_known: bool) -> None:
         """Add a stretch of some scans to the regression of the systematic errors.
@@ -116,13 +103,13 @@ class Wheels:
         farthest, _, widest = np.maximum(np.abs(matched), np.abs(measured))
         spread = STILL_HEADING + SWERVE * farthest + SLIP_TURN * widest
         error = float(measured[2] - turn) / spread
-        weight = self._regress(np.array([turn, ahead, 0.0]) / spread, error, self._noise)
+        weight = self._regress(np.array([turn, ahead, 0.0]) / spread, error, self.excess.floor[1])
         self._squares, self._stretches = self._squares + weight * error**2, self._stretches + weight
         ridge = RIDGE * np.diag(EXPECTED**-2.0)[:2, :2]
         best = np.linalg.solve(self._information[:2, :2] + ridge, self._sums[:2])
         left = self._squares - float(best @ self._sums[:2])
         rough = (ROUGH_STRETCHES * ROUGH + left) / (ROUGH_STRETCHES + self._stretches)
-        self._noise = self._excess.floor[1] = max(rough, 1.0)
+        self.excess.floor[1] = max(rough, 1.0)
         if ahead_known:
             spread = STILL_POSITION + SLIP * farthest
             row = np.array([0.0, 0.0, ahead]) / spread
@@ -133,7 +120,7 @@ class Wheels:
 
         Both are in units of the deviation of good wheels; the weight is returned.
         """
-        off = abs(error - float(row @ self._too_much)) / np.sqrt(variance)
+        off = abs(error - float(row @ self._fit()[0])) / np.sqrt(variance)
         # Beyond ten deviations it was driven backwards, with encoders that measure no sign; beyond
         # three it contains a slip, which is no systematic error.
         weight = 0.0 if off > 10.0 else 1.0 / max(1.0, off / 3.0)

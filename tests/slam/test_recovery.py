@@ -121,6 +121,15 @@ def test_the_laser_alone_is_enough():
     assert errors(true, solution.poses).max() < 0.1
 
 
+def test_distances_that_the_laser_alone_does_not_see_are_named():
+    """It sees nothing but two walls for eight metres."""
+    bare = lrf3d.World([[0, 0, 20, 0], [20, 0, 20, 2], [20, 2, 0, 2], [0, 2, 0, 0]])
+    lrf = replace(ROUND, range_max=5.0)
+    scans, _, _ = drive(bare, [(2, 1), (18, 1)], lrf=lrf)
+    [said] = solve_log(alone(scans)).warnings
+    assert "see bare walls and not how far the robot moved" in said
+
+
 def test_scans_too_far_apart_to_follow_without_odometry_are_refused():
     scans, _, _ = drive(rooms(3), through(3), lrf=ROUND)
     with pytest.raises(InputError, match=r"alone: .* of \d+ scans match nothing .* odometry"):

@@ -71,9 +71,9 @@ def test_the_first_scans_do_not_follow_wheels_that_turn_as_they_drive():
 def test_the_noise_of_the_heading_is_learnt(noise):
     """Small robots err by several times more than good ones do, and that is no turn per metre."""
     rng, wheels = np.random.default_rng(0), Wheels()
-    for _ in range(100):
+    for _ in range(400):
         turn = noise * rng.normal(0, 0.013)
         wheels.learn(np.array([0.5, 0.0, turn]), np.array([0.5, 0.0, 0.0]), True)
     raw = np.array([0.5, 0.0, 0.0])
-    assert np.sqrt(wheels.predict(raw).covariance[2, 2]) == pytest.approx(0.013 * noise, rel=0.2)
+    assert np.sqrt(wheels.predict(raw).covariance[2, 2]) == pytest.approx(0.013 * noise, rel=0.25)
     assert abs(wheels.biases[1]) < 0.012 * noise / 3.0
