@@ -5,10 +5,8 @@ A log, or the path of one, enters; a `Run` leaves, whose world is the map of the
 
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -18,18 +16,14 @@ from lrf3d.interrupts import Progress, check, silent, stoppable
 from lrf3d.io import LaserLog, load_log, load_run
 from lrf3d.io.reading import odometry_of
 from lrf3d.laser import LaserScan, doubtful_ranges
-from lrf3d.laser.range_finder import CENTRE
-from lrf3d.localization.joining import Joined, joined
-from lrf3d.log_run import joint_run, run_of
+from lrf3d.localization.joining import joined
 from lrf3d.mapping import LineMapper
-from lrf3d.pose import Pose, compose
 from lrf3d.run import Run
 from lrf3d.slam import Slam
 from lrf3d.slam.front_end import KEY_DISTANCE
 from lrf3d.slam.mounting import doubtful_mount, doubtful_poses
 from lrf3d.slam.odometry import (
     Recording,
-    Repairs,
     WheelPath,
     fitted_lag,
     in_order,
@@ -37,7 +31,8 @@ from lrf3d.slam.odometry import (
     line_poses,
     turns_between,
 )
-from lrf3d.slam.violation import SelfCheck
+from lrf3d.slam.sight import Sight
+from lrf3d.solved_log import SolvedLog, run_of
 from lrf3d.text import counted
 
 CALIBRATED = 400
@@ -53,18 +48,12 @@ a corridor, so that only large errors of turns matter."""
 MOST_PASSES = 3
 """Times that a drive is solved, at most."""
 
-MOST_UNSEEN = 1.0
-"""Distance [m] along bare walls from which on a drive by the laser alone may be wrong."""
-
 MOST_LOST = 0.1
 """Share of the scans that may match nothing where there is no odometry. Of those a metre apart a
 quarter or more do, of those to be followed hardly one in a thousand."""
 
 LEAST_BEAMS = 3
 """Beams that a scan must have to show a wall."""
-
-MOST_COVARIANCES = 128
-"""Key scans whose covariances are kept, at most: each takes a step over the whole pose graph."""
 
 JITTER = 1e-4
 """Angles of the beams may differ by this from scan to scan [rad]: some drivers round them."""
@@ -133,6 +122,8 @@ def slam_log(
     *,
     key_distance: float = KEY_DISTANCE,
     on: Run | str | Path | None = None,
+    close: Sequence[tuple[int, int]] = (),
+    apart: Sequence[tuple[int, int]] = (),
 ) -> Run:
     """Find the poses and the map of a recorded drive from its scans and its odometry.
 
@@ -141,6 +132,8 @@ def slam_log(
         key_distance: Distance driven from one key scan to the next [m].
         on: The run of an earlier drive, or its path, that this one continues: it is found on its
             map without a guess, and closes loops with it.
+        close: Pairs of scans, by number, of which it is known that they show the same place.
+        apart: Pairs of scans of which it is known that they do not.
 
     Returns:
         The drive as a run, in the walls that it mapped, after the one that it continues.
@@ -160,108 +153,10 @@ def slam_log(
         >>> lrf3d.slam_log("drive.log").trajectory.poses[-1, :2].round(1).tolist()
         [1.9, 1.0]
     """
-    solved = solve_log(log, key_distance=key_distance, on=on)
+    solved = solve_log(log, key_distance=key_distance, on=on, close=close, apart=apart)
     for sentence in solved.warnings:
         warnings.warn(f"slam: {solved.log.name}: {sentence}", Lrf3dWarning, stacklevel=2)
     return solved.run
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class SolvedLog:
-    """The solution of a log: poses of the robot x, y [m], theta [rad] by the clock of its laser.
-
-    ``poses`` (k, 3) are those at the ``scans`` (k,), which are in the order in which they were
-    taken, each once; ``line_poses`` (n, 3) are those at the odometry lines, as logged. The laser's
-    clock is ``lag`` lines behind that of the odometry. The drive was solved ``passes`` times: again
-    where its wheels' errors turned out to differ. If it was joined with an earlier drive, all of
-    them are in its frame, and the run is that of both.
-    """
-
-    log: LaserLog
-    slam: Slam
-    scans: list[LaserScan]
-    poses: Float
-    line_poses: Float
-    lag: float
-    repairs: Repairs
-    check: SelfCheck
-    passes: int
-    joined: Joined | None = None
-
-    def __repr__(self) -> str:
-        return f"SolvedLog({self.log.name}, {self.slam}, {len(self.line_poses)} odometry lines)"
-
-    @property
-    def warnings(self) -> list[str]:
-        """What users should know of the solution, a sentence each."""
-        mirrored = self.repairs.sentences()[:1] if self.repairs.mirrored else []
-        mount = doubtful_mount(self.log.scans, mirrored=False)
-        doubts = [*([mount] if mount else []), *self._unseen(), *self.check.sentences()]
-        return [*mirrored, *doubts]
-
-    def _unseen(self) -> list[str]:
-        """What the laser alone does not show of the drive, in a sentence."""
-        weak = np.array([0, *(scan.weak for scan in self.slam.tracked[1:]), 0], dtype=np.int64)
-        steps = np.hypot(*np.diff(self.poses[:, :2], axis=0).T)
-        if self.log.placed or weak.sum() * steps.mean() < MOST_UNSEEN:
-            return []
-        starts, ends = np.flatnonzero(np.diff(weak)).reshape(-1, 2).T
-        longest = int((ends - starts).argmax())
-        where = f"{counted(int(weak.sum()), 'scan')}, as {starts[longest] + 1} to {ends[longest]}"
-        return [f"{where}, see bare walls and not how far the robot moved: the map may be wrong"]
-
-    @property
-    def odometry(self) -> str:
-        """Where the odometry comes from, in words."""
-        if not self.log.placed:
-            return "none: by the laser alone"
-        return "the poses of the scans" if self.log.wheels is None else "ODOM lines"
-
-    @cached_property
-    def run(self) -> Run:
-        """The drive as a run, in the walls that its key scans show."""
-        slam, keys = self.slam, self.slam.key_scans
-        mount = self.scans[0].mount
-        if mount == CENTRE:
-            mount = Pose(self.log.odometry.laser_offset, 0.0, 0.0)
-        poses = compose(self.poses, np.array(mount))
-        poses[:, 2] = np.unwrap(poses[:, 2])
-        if self.joined is not None:
-            return joint_run(self.joined, slam, self.scans, poses, self.log.name)
-        chosen = np.unique(np.linspace(0, len(keys) - 1, MOST_COVARIANCES).astype(np.int64))
-        estimate = slam.estimate(poses, keys[chosen], slam.covariances(chosen))
-        scans, keys = self.scans, keys.tolist()
-        return run_of(self.log.name, scans, poses, keys, LineMapper(), estimate=estimate)
-
-    def summary(self) -> dict[str, Any]:
-        """The figures, in JSON's types."""
-        log, slam, line_map, tracked = self.log, self.slam, self.run.map, self.slam.tracked[1:]
-        errors = "turn_share", "turn_rad_per_m", "distance_share"
-        return {
-            "name": log.name,
-            "log": {
-                **log.counts,
-                "odometry_lines": len(self.line_poses),
-                "odometry": self.odometry,
-                **asdict(self.repairs),
-            },
-            "map": {"segments": len(line_map), "objects": line_map.object_count},
-            "wheels": {
-                "lag_lines": self.lag,
-                **dict(zip(errors, slam.wheels.biases.tolist(), strict=True)),
-                "solved_times": self.passes,
-            },
-            "slam": {
-                "length_m": self.run.trajectory.length,
-                "key_scans": len(slam.key_scans),
-                "loop_closures": len(slam.closures),
-                "loop_closures_dropped": len(slam.unconfirmed_closures),
-                "scans_by_odometry_alone": sum(not scan.matched for scan in tracked),
-                "scans_with_a_weak_direction": sum(scan.weak for scan in tracked),
-            },
-            "self_check": {"passed": self.check.passed, **self.check._asdict()},
-            "joined": None if self.joined is None else self.joined.summary(),
-        }
 
 
 def solve_log(
@@ -269,6 +164,8 @@ def solve_log(
     *,
     key_distance: float = KEY_DISTANCE,
     on: Run | str | Path | None = None,
+    close: Sequence[tuple[int, int]] = (),
+    apart: Sequence[tuple[int, int]] = (),
     progress: Progress = silent,
 ) -> SolvedLog:
     """Find the poses of a recorded drive; arguments are those of `slam_log`.
@@ -283,7 +180,7 @@ def solve_log(
     log = log.of_laser(log.lasers[0])
     offset = log.odometry.laser_offset
     try:
-        recording = _checked(log)
+        recording = checked(log)
         if not np.ptp(recording.wheels, axis=0).any():
             # Odometry that never moves is none.
             log = replace(log, placed=False)
@@ -292,6 +189,13 @@ def solve_log(
     except InputError as error:
         raise InputError(f"{log.name}: {error}") from None
     scans, places = recording.scans, recording.places
+    for name, pairs in (("close", close), ("apart", apart)):
+        for one, other in pairs:
+            if not 0 <= one < other < len(scans):
+                raise InputError(
+                    f"{log.name}: {name} {one}:{other}: expected scans from 0 to"
+                    f" {len(scans) - 1}, the earlier one first"
+                )
     increments: Sequence[Float | None] = [None] * len(scans)
     if log.placed:
         increments = list(path.increments(places - fitted_lag(turns, path, places)))
@@ -305,7 +209,8 @@ def solve_log(
     while learned and passes < MOST_PASSES:
         passes += 1
         wheels = slam.wheels
-        slam = Slam(start=start, laser_offset=offset, key_distance=key_distance, wheels=wheels)
+        slam = Slam(start=start, laser_offset=offset, key_distance=key_distance, wheels=wheels,
+                    close=close, apart=apart)  # fmt: skip
         for number, (scan, increment) in enumerate(zip(scans, increments, strict=True), 1):
             slam.update(scan, increment)
             progress(number, len(scans))
@@ -324,7 +229,7 @@ def solve_log(
     lag = fitted_lag(np.diff(poses[:, 2]), path, places)
     both = None
     if known is not None:
-        both = joined(known, slam, slam.surfaces(scans), poses, log.name)
+        both = joined(known, slam, slam.sight.surfaces(scans), poses, log.name)
         poses = both.poses
     lines = line_poses(path, places, lag, poses)[recording.rows]
     lines[:, 2] = np.unwrap(lines[:, 2])
@@ -351,7 +256,7 @@ def _alike(scan: LaserScan, angles: Float) -> bool:
     return own is not angles and bool(near)
 
 
-def _checked(log: LaserLog) -> Recording:
+def checked(log: LaserLog) -> Recording:
     """A log in order, which is refused where no SLAM can solve it."""
     scans, wheels, times = log.scans, log.odometry.poses, log.odometry.times
     if len(scans) < 2 or not len(wheels):
@@ -375,8 +280,8 @@ def _checked(log: LaserLog) -> Recording:
 
 def _right_handed(recording: Recording, path: WheelPath, offset: float) -> tuple[Recording, Float]:
     """A recording whose laser turns as the odometry does, and the turns that its scans show."""
-    slam, scans = Slam(laser_offset=offset), recording.scans
-    turns = turns_between(lambda number: slam.seen(scans[number]), path, recording.places)
+    sight, scans = Sight(offset), recording.scans
+    turns = turns_between(lambda number: sight.seen(scans[number]), path, recording.places)
     if not is_mirrored(turns, path, recording.places):
         return recording, turns
     # The order of the beams in time is lost with that of their angles.

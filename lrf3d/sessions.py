@@ -4,7 +4,7 @@ A map and a log enter. The poses of the log on the map leave, without a first gu
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +19,10 @@ from lrf3d.laser.unrolling import unrolled
 from lrf3d.localization.joining import Follower
 from lrf3d.localization.known_places import KnownPlaces
 from lrf3d.pose import bent, between, compose
-from lrf3d.recorded import readable
+from lrf3d.recorded import checked, readable
 from lrf3d.run import Run
 from lrf3d.slam import Slam
+from lrf3d.slam.odometry import WheelPath
 from lrf3d.world import World, load_world
 
 JUMPED, JUMPED_SHARE, JUMPED_TURN = 1.0, 0.1, 0.5
@@ -106,14 +107,18 @@ def localise_log(
         log = load_log(log, poses=odometry_of(log))
     log = readable(log)
     log = log.of_laser(log.lasers[0])
+    try:
+        recording = checked(log)
+    except InputError as error:
+        raise InputError(f"{log.name}: {error}") from None
+    log = replace(log, scans=recording.scans)
     slam, follower = Slam(laser_offset=log.odometry.laser_offset), Follower(places)
-    robots = np.array([scan.robot for scan in log.scans])
     increments: Sequence[Float | None] = [None] * len(log)
     if log.placed:
-        increments = [np.zeros(3), *between(robots[:-1], robots[1:])]
+        increments = list(WheelPath(recording.wheels).increments(1.0 * recording.places))
     for number, (scan, increment) in enumerate(zip(log.scans, increments, strict=True)):
         slam.update(scan, increment)
-        follower.see(number, slam.seen(unrolled(scan)), slam.tracked[-1].pose)
+        follower.see(number, slam.sight.seen(unrolled(scan)), slam.tracked[-1].pose)
         progress(number + 1, len(log))
         check()
     front = np.array([tracked.pose for tracked in slam.tracked])

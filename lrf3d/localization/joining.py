@@ -94,7 +94,7 @@ class Joined:
     The poses (n, 3) of the first are those of its run, (k, 3) of the second those of the robot at
     its scans. Ties are pairs (c, 2) of scans of the first and of the second that show the same
     place; the second was found at its scan ``found_at``, with a probability. The first has key
-    scans (m,).
+    scans (m,). The key scans (k,) of both have poses (k, 3).
     """
 
     run: Run
@@ -104,6 +104,8 @@ class Joined:
     ties: Int
     found_at: int
     probability: float
+    key_scans: list[Key] = field(repr=False)
+    key_poses: Float
     check: SelfCheck
 
     def summary(self) -> dict[str, Any]:
@@ -123,29 +125,32 @@ def joined(run: Run, slam: Slam, surfaces: list[Float], poses: Float, name: str)
         InputError: The second drive is nowhere on the map of the first with certainty.
     """
     places = KnownPlaces.from_run(run)
-    keys, numbers = slam.keys, slam.key_scans
+    keys, numbers = slam.closer.keys, slam.key_scans
     follower = Follower(places)
     for key, number in zip(keys, numbers.tolist(), strict=True):
         follower.see(number, key, poses[number])
-    if not follower.found:
-        raise InputError(
-            f"{name}: found nowhere on the map of {run.world.name} with certainty (the likeliest"
-            f" place has a probability of {follower.search.probability:.2g}); no map is made"
-        )
+    nowhere = InputError(
+        f"{name}: found nowhere on the map of {run.world.name} with certainty (the likeliest"
+        f" place has a probability of {follower.search.probability:.2g}); no map is made"
+    )
+    if not (sure := [each for each in follower.found if each.path]):
+        raise nowhere
     count = len(places.keys)
     graph = Edges.joined([_graph(places), slam.edges.shifted(count)])
     # Where the drive lies on the map, until ties say it better.
-    best = max(follower.found, key=lambda each: len(each.path))
+    best = max(sure, key=lambda each: len(each.path))
     middle = sorted(best.path)[len(best.path) // 2]
     shift = compose(best.path[middle], between(poses[middle], np.zeros(3)))
     nodes = np.vstack([places.poses, compose(shift, slam.key_poses)])
-    guesses = {number: pose for each in follower.found for number, pose in each.path.items()}
+    guesses = {number: pose for each in sure for number, pose in each.path.items()}
     ties: dict[int, Closure] = {}
     for _ in range(ROUNDS):
         for row, (key, number) in enumerate(zip(keys, numbers.tolist(), strict=True)):
             guess = guesses.get(number, nodes[count + row])
             if row not in ties and (tie := _tie(places, key, guess, count + row)):
                 ties[row] = tie
+        if not ties:
+            raise nowhere
         guesses = {}
         edges = Edges.joined([graph, closure_edges(list(ties.values()))])
         nodes = optimised(nodes, edges, ITERATIONS)
@@ -157,8 +162,9 @@ def joined(run: Run, slam: Slam, surfaces: list[Float], poses: Float, name: str)
     driven[count:] += driven[count - 1] + 2.0 * LATER
     ends = [(places.numbers[tie.old], numbers[tie.new - count]) for tie in ties.values()]
     pairs = np.array(ends, np.int64).reshape(-1, 2)
-    found = min(best.path), best.probability, self_check(whole, nodes, driven)
-    return Joined(run, places.numbers, first, second, pairs, *found)
+    check = self_check(whole, nodes, driven, slam.closer.mixed_pixels.rate)
+    found = min(best.path), best.probability
+    return Joined(run, places.numbers, first, second, pairs, *found, whole, nodes, check)
 
 
 def _tie(places: KnownPlaces, key: Key, guess: Float, number: int) -> Closure | None:

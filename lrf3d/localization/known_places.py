@@ -5,7 +5,7 @@ enters. All of its free cells and all headings are searched for a scan; the plac
 met the walls of the map, and passed through no others, leave.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
@@ -19,7 +19,7 @@ from lrf3d.pose import between, compose
 from lrf3d.run import Run
 from lrf3d.slam.scan_matching import Match, match_scan
 from lrf3d.slam.search import CELL, FREE, Field, field_of, window_scores
-from lrf3d.slam.slam import Slam
+from lrf3d.slam.sight import Sight
 from lrf3d.slam.surface import wall_map
 from lrf3d.slam.views import Key, evidence, same_place
 from lrf3d.world import World
@@ -35,9 +35,6 @@ MOST_SCANS, MOST_CELLS = 3000, 80_000
 
 ROOM = 0.25
 """Distance from walls at which a robot may be [m]."""
-
-DRAWN = 0.02
-"""How exactly walls of plans lie where they are drawn [m]: as noise of the scans cast there."""
 
 STRIDE, STEP, POINTS = 2, 0.04, 60
 """The search takes every second cell each way, steps of the heading [rad], and points of a scan."""
@@ -79,8 +76,8 @@ class KnownPlaces:
             x, y, turn = np.abs(between(poses[chosen[-1]], poses[number]))
             if np.hypot(x, y) >= APART or turn >= TURNED:
                 chosen.append(number)
-        slam = Slam()
-        keys = [replace(slam.seen(run.scans_at(number)), scan=number) for number in chosen]
+        sight = Sight()
+        keys = [sight.seen(run.scans_at(number), number) for number in chosen]
         return cls(run.world.name, keys, poses[chosen], np.array(chosen))
 
     @classmethod
@@ -93,8 +90,8 @@ class KnownPlaces:
         poses = np.column_stack([places[first], np.zeros(len(first))])
         step = 2.0 * np.pi / BEAMS
         lrf = LaserRangeFinder(-np.pi, np.pi - step, BEAMS, range_max=REACH)
-        caster, slam = PlanarCaster(world), Slam()
-        keys = [slam.seen(caster.cast(lrf, pose)) for pose in poses]
+        caster, sight = PlanarCaster(world), Sight()
+        keys = [sight.seen(caster.cast(lrf, pose)) for pose in poses]
         return cls(world.name, keys, poses)
 
     @cached_property
@@ -111,7 +108,7 @@ class KnownPlaces:
 
     def search(self, scan: Key) -> list[Candidate]:
         """The places of the whole map where a scan fits, the best first."""
-        peaks = self._peaks(scan)
+        peaks = self._peaks(scan) if len(self._free) else []
         found: list[Candidate] = []
         for candidate in (self.judged(scan, peak, GUESS) for peak in peaks):
             if candidate and not any(

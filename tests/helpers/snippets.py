@@ -160,8 +160,8 @@ class Workshop:
             return
         self.called.add(line)
         words = small(line)
-        # Drives as short as these are not found on each other.
-        if _named(words) in CHECKED or "--on" in words:
+        # Drives as short as these are not found on each other, and have few scans.
+        if _named(words) in CHECKED or {"--on", "--close"} & set(words):
             _check(words)
             return
         done = called(*words[1:], program=PROGRAMS[words[0]])

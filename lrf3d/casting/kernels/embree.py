@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from lrf3d.casting.kernels.buffer import ROOM, Fan
 from lrf3d.casting.kernels.predicates import FILTER, wall_at
 from lrf3d.casting.kernels.tree import STACK, Tree
-from lrf3d.compiling import inner
+from lrf3d.compiling import inner, record
 from lrf3d.geometry import Float, Int
 
 UNSURE = -2
@@ -17,7 +17,7 @@ UNSURE = -2
 
 
 NAMES = ("x", "y", "radius", "margin", "beyond", "flat", "steep")
-TRUST = np.dtype([(name, np.float64) for name in NAMES], align=True)
+TRUST = record(**dict.fromkeys(NAMES, float))
 """How far Embree is trusted [m]: the middle of the walls; how far from x and from y the laser may
 stand, but not so near to a wall; what seems this much beyond the range is out of it; and the least
 sines of the angle between a beam and a wall whose first clear part counts, and its second one."""
