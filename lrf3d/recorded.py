@@ -33,7 +33,6 @@ from lrf3d.slam.odometry import (
 )
 from lrf3d.slam.sight import Sight
 from lrf3d.solved_log import SolvedLog, run_of
-from lrf3d.text import counted
 
 CALIBRATED = 400
 """Scans at the beginning of a log that give the first estimate of its wheels' errors. With it a
