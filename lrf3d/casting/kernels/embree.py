@@ -16,7 +16,7 @@ UNSURE = -2
 """Marks a beam in doubt, in place of the row of its wall."""
 
 
-NAMES = ("x", "y", "radius", "margin", "beyond", "flat", "steep")
+NAMES = ("x", "y", "radius", "margin", "beyond", "level", "steep")
 TRUST = record(**dict.fromkeys(NAMES, float))
 """How far Embree is trusted [m]: the middle of the walls; how far from x and from y the laser may
 stand, but not so near to a wall; what seems this much beyond the range is out of it; and the least
@@ -46,7 +46,7 @@ def prove(
         left, right = ax * ey, ay * ex
         # Slopes are taken with the sign that the beam ahead of the wall gives them.
         sense, length = 1.0 if left > right else -1.0, math.sqrt(ex * ex + ey * ey)
-        flat, steep = trust.flat * length, trust.steep * length
+        flat, steep = trust.level * length, trust.steep * length
         low, high, steep_low, steep_high = wall_at(clear, row)
         # How far away the beam meets the wall at least, times its slope.
         away = abs(left - right) - FILTER * (abs(left) + abs(right))
