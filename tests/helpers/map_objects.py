@@ -23,7 +23,7 @@ def map_of(scans, mapper=None):
 def objects_of(ends, cells):
     """The object (n,) of each of some walls (n, 4)."""
     walls, rows = Walls.of_size(256), np.arange(len(ends))
-    walls.ends[rows], walls.rows["points"][rows], walls.rows["real"][rows] = ends, 9, True
+    walls.ends[rows], walls.rows["points"][rows], walls.rows["shown"][rows] = ends, 9, True
     walls.counters["taken"] = len(ends)
     links, grid = Links.of_size(256), filled(walls.ends, walls.rows["points"], 1024)
     link_walls(links, walls, grid, cells, rows)

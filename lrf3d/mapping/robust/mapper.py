@@ -104,7 +104,7 @@ class RobustMapper:
     def _rows(self) -> Int:
         """The rows of the walls that are shown."""
         rows = self._walls.rows
-        return np.flatnonzero(rows["real"] & (rows["points"] > 0))
+        return np.flatnonzero(rows["shown"] & (rows["points"] > 0))
 
     @property
     def map(self) -> LineMap:

@@ -120,7 +120,7 @@ def link_walls(links: Links, walls: Walls, grid: Grid, cells: Cells, rows: Int) 
         for i in range(near(grid, own, LONGEST_LINK)):
             other = grid.found[i]
             # A link of two of them is added once, by the later one.
-            if places[other] >= k or not walls.rows[other].real:
+            if places[other] >= k or not walls.rows[other].shown:
                 continue
             line, its = lines[MOST_LINKS], walls.ends[other]
             if _parted(own, its, reach) or not measure_link(own, its, line):
@@ -164,7 +164,7 @@ def is_link(links: Links, walls: Walls, wall: int, place: int) -> bool:
     """Whether a link still stands."""
     other = links.others[wall, place]
     stands = links.versions[wall, place] == links.own[other]
-    return bool(stands and walls.rows[wall].real and walls.rows[other].real)
+    return bool(stands and walls.rows[wall].shown and walls.rows[other].shown)
 
 
 @borrower

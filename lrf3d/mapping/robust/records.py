@@ -17,7 +17,7 @@ WALL = record(
     fresh=float,  # [beams] that hit it, or went through its hits, since then
     last_scan=int,  # the last scan that added to these
     version=np.int32,  # how often it was refit, from 1; see CLUSTER
-    real=bool,  # whether the beams showed enough of it: the map is these
+    shown=bool,  # whether the beams showed enough of it: the map is these
 )  # fmt: skip
 """What is known of a wall beside its place and its moments."""
 

@@ -113,7 +113,7 @@ def replace_walls(
         put_row(walls.ends, row, ends[part])
         walls.moments[row] = moments[part]
         wall = walls.rows[row]
-        wall.points, wall.real = points[part], real[part]
+        wall.points, wall.shown = points[part], real[part]
         wall.evidence, wall.fresh = evidence[part], 0.0
         insert(grid, row, walls.ends[row])
         if moved and real[part]:

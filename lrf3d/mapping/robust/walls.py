@@ -153,7 +153,7 @@ def take_row(walls: Walls) -> int:
 def give_back(walls: Walls, row: int) -> None:
     """Make a row free; the grid holds it no more."""
     wall, counters = walls.rows[row], walls.counters[0]
-    wall.points, wall.real = 0, False
+    wall.points, wall.shown = 0, False
     wall.version += 1
     walls.placed[row] = UNLINKED
     walls.free[counters.free] = row
@@ -272,7 +272,7 @@ def _partner(walls: Walls, grid: Grid, row: int, cells: Cells, rule: Rule) -> in
                 line, cells, FREE_DEPTH, SPARE_BEAMS, WALL_SINE
             ):
                 best, least = other, value
-        elif best < 0 and walls.rows[row].real and walls.rows[other].real:
+        elif best < 0 and walls.rows[row].shown and walls.rows[other].shown:
             if misfit(one, moments, two, others, straight) < 1.0:
                 gap = _span(one, two, line)
                 if gap < narrowest and not is_crossed(line, cells, FREE_DEPTH, 0, WALL_SINE):
