@@ -57,6 +57,7 @@ if TYPE_CHECKING:
     from lrf3d.run import Run
     from lrf3d.scenario import Scenario, load_scenario
     from lrf3d.scoring import score_map, score_run
+    from lrf3d.sessions import localise_log
     from lrf3d.simulation import Simulation, Step
     from lrf3d.slam import Slam
     from lrf3d.sweeping import SweepTable, sweep
@@ -88,6 +89,7 @@ else:
             "run": "Run",
             "scenario": "Scenario load_scenario",
             "scoring": "score_map score_run",
+            "sessions": "localise_log",
             "simulation": "Simulation Step",
             "collecting": "simulate",
             "slam": "Slam",
@@ -106,9 +108,9 @@ __all__ = [
     "Recorder", "Run", "Scenario", "Simulation", "Slam", "Step", "SweepTable", "Trajectory",
     "Unicycle", "WheelOdometry", "World", "WorldError", "check_drive", "crosscheck", "drive",
     "export_run", "follow_route", "load_log", "load_map", "load_run", "load_scenario", "load_world",
-    "localise", "map_log", "odometry_increments", "plan_route", "plot", "record", "render_video",
-    "save_map", "save_run", "save_world", "score_map", "score_run", "simulate", "simulate_fleet",
-    "slam_log", "sweep", "world_names",
+    "localise", "localise_log", "map_log", "odometry_increments", "plan_route", "plot", "record",
+    "render_video", "save_map", "save_run", "save_world", "score_map", "score_run", "simulate",
+    "simulate_fleet", "slam_log", "sweep", "world_names",
 ]  # fmt: skip
 
 

@@ -39,7 +39,7 @@ from lrf3d.laser import LaserRangeFinder, LaserScan, reflection_points
 from lrf3d.mapping import LineMap
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.run import Run
-from lrf3d.scene.estimate import BELIEVED, TRUTH, kept_ellipses, outlines
+from lrf3d.scene.estimate import TRUTH, believed, kept_ellipses, outlines
 from lrf3d.scene.look import DART, ESTIMATE_COLOUR, ESTIMATE_FADED, object_tints
 from lrf3d.scene.structures import Sight, enclosed_areas
 from lrf3d.sheet import FAINT, INK, dressed, plain, sheet
@@ -172,7 +172,10 @@ def scan(
 
 
 def trajectory(trajectory: Trajectory | Float, ax: Axes | None = None, **style: Any) -> Axes:
-    """Plot a drive, or poses (k, 3): few as robots by name, many as a path with a robot."""
+    """Plot a drive, or poses (k, 3): few as robots by name, many as a path with a robot.
+
+    The path is broken at poses that are NaN.
+    """
     ax = _axes(ax)
     known = trajectory.poses if isinstance(trajectory, Trajectory) else trajectory
     poses = np.asarray(known, dtype=np.float64)
@@ -182,7 +185,7 @@ def trajectory(trajectory: Trajectory | Float, ax: Axes | None = None, **style: 
     ax.update_datalim(poses[:, :2])
     steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
     usual = {"color": PATH, "linewidth": 1.1, "alpha": 0.9, "label": "path", "zorder": 3}
-    if np.median(steps) > JUMP * max(ax.dataLim.size):
+    if np.nanmedian(steps) > JUMP * max(ax.dataLim.size):
         usual |= {"linestyle": "none", "marker": "o", "markersize": 3.5, "label": "poses"}
         style = {key: value for key, value in style.items() if key != "label"}
     line = ax.plot(*poses[:, :2].T, **_styled(usual, style))[0]
@@ -197,7 +200,7 @@ def trajectory(trajectory: Trajectory | Float, ax: Axes | None = None, **style: 
 def estimate(estimate: EstimatedTrajectory, ax: Axes | None = None, **style: Any) -> Axes:
     """Plot an estimated path with its ellipses of 95 %, and a line for each loop closure."""
     ax = _axes(ax)
-    usual = {"color": ESTIMATE_COLOUR, "linewidth": 1.1, "label": BELIEVED, "zorder": 3.2}
+    usual = {"color": ESTIMATE_COLOUR, "linewidth": 1.1, "label": believed(estimate), "zorder": 3.2}
     path = ax.plot(*estimate.poses[:, :2].T, **_styled(usual, style))[0]
     kept = kept_ellipses(estimate)
     rings = outlines(estimate.poses[estimate.known_scans[kept], :2], estimate.ellipses[kept])
@@ -223,14 +226,14 @@ def run(run: Run, ax: Axes | None = None) -> Axes:
     return paths(run.trajectory.poses, run.estimate, ax)
 
 
-def paths(poses: Float, believed: EstimatedTrajectory | None, ax: Axes) -> Axes:
+def paths(poses: Float, estimated: EstimatedTrajectory | None, ax: Axes) -> Axes:
     """Plot the poses (k, 3) of a drive, and its estimate where there is one."""
-    if believed is None:
+    if estimated is None:
         return trajectory(poses, ax)
     # Of a recorded drive the truth is not known: its poses are the estimate.
-    if not np.array_equal(poses, believed.poses):
+    if not np.array_equal(poses, estimated.poses):
         trajectory(poses, ax, linewidth=2.8, label=TRUTH)
-    return estimate(believed, ax)
+    return estimate(estimated, ax)
 
 
 def png(value: World | LineMap | LaserScan | Run) -> bytes:

@@ -106,7 +106,7 @@ def map_log(
         >>> len(mapped), score_log(mapped.map, odd).explained > 0.9
         (5, True)
     """
-    log = _readable(log if isinstance(log, LaserLog) else load_log(log))
+    log = readable(log if isinstance(log, LaserLog) else load_log(log))
     if not log.placed:
         raise InputError(f"{log.name}: no poses in it ({log.source}); lrf3d slam finds them")
     chosen, mapper = np.flatnonzero(~log.is_odd | all_scans), LineMapper(mode, sigma=sigma)
@@ -244,7 +244,7 @@ def solve_log(
     """
     if not isinstance(log, LaserLog):
         log = load_log(log, poses=odometry_of(log))
-    log = _readable(log)
+    log = readable(log)
     log = log.of_laser(log.lasers[0])
     offset = log.odometry.laser_offset
     try:
@@ -283,7 +283,7 @@ def solve_log(
     return SolvedLog(log, slam, scans, poses, lines, lag, *found, passes)
 
 
-def _readable(log: LaserLog) -> LaserLog:
+def readable(log: LaserLog) -> LaserLog:
     """A log whose scans share the angles where they hardly differ, refused if it is useless."""
     if not log.scans:
         raise InputError(f"{log.name}: a log without scans; expected at least one")
@@ -298,11 +298,8 @@ def _readable(log: LaserLog) -> LaserLog:
 def _alike(scan: LaserScan, angles: Float) -> bool:
     """Whether a scan has other angles, which differ from these by rounding."""
     own = scan.angles
-    return (
-        own is not angles
-        and own.shape == angles.shape
-        and bool(np.abs(own - angles).max() <= JITTER)
-    )
+    near = own.shape == angles.shape and np.abs(own - angles).max() <= JITTER
+    return own is not angles and bool(near)
 
 
 def _checked(log: LaserLog) -> Recording:

@@ -6,7 +6,8 @@ from math import radians
 from lrf3d.casting import crosscheck as compare
 from lrf3d.casting.comparison import CAUSES, UNEXPLAINED
 from lrf3d.cli.console import Report
-from lrf3d.cli.inputs import on_collision, routed
+from lrf3d.cli.inputs import MapAndLog, on_collision, routed
+from lrf3d.cli.sessions import localise_recorded
 from lrf3d.localization import OdometryNoise
 from lrf3d.localization.monte_carlo import score_localisation
 from lrf3d.scenario import Scenario
@@ -39,9 +40,11 @@ def crosscheck(scenario: Scenario, args: Namespace, report: Report) -> int:
     return 1 if unexplained else 0
 
 
-def localise(scenario: Scenario, args: Namespace, report: Report) -> None:
-    """Localise the robot on a known map, and score it."""
-    scenario = routed(scenario, args, report)
+def localise(source: Scenario | MapAndLog, args: Namespace, report: Report) -> None:
+    """Localise a recorded drive on a known map; or simulated ones, and score that."""
+    if isinstance(source, tuple):
+        return localise_recorded(*source, args, report)
+    scenario = routed(source, args, report)
     sigma = scenario.sigmas[0] if args.sigma is None else args.sigma
     odometry = OdometryNoise(args.position, radians(args.heading))
     with report.progress("first run") as progress:

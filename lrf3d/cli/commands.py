@@ -245,11 +245,20 @@ LOG: A CARMEN log or a text of a scan a line, also gzipped, a ROS bag (.mcap, .d
 
 Example: lrf3d slam drive.log.gz --out out/drive""",
     "localise": f"""\
-Localise the robot on a known map, and score it.
+Localise a recorded drive on a known map, without a first pose; or score simulated drives.
 
-The NEES is the squared error in units of the filter's own covariance, 3 on average.
+With a LOG, places are kept as hypotheses until one is left: beside them that the robot is nowhere
+on the map. Writes map.png, trajectory.tum of the scans whose places are known, and summary.json.
 
-{WORLD}
+Without one, a filter of lines follows simulated drives from known starts. The NEES is the squared
+error in units of the filter's own covariance, 3 on average.
+
+MAP|WORLD: The map: a run.npz or its folder, as of lrf3d slam, a ROS map, a plan or a world.
+[LOG]: A log, as for slam.
+{OUT}
+{LOG}
+
+Simulated drives:
 --known walls|map = walls: The known map: the true walls, or the map of a first run.
 --strategy seen-objects-first|all = seen-objects-first: Which known lines are compared with those
  of a scan.
@@ -261,7 +270,7 @@ The NEES is the squared error in units of the filter's own covariance, 3 on aver
 
 {DRIVE}
 
-Example: lrf3d localise city --seeds 100 --json""",
+Example: lrf3d localise out/first drive.log.gz""",
     "sweep": f"""\
 Compare mappers over worlds, noises, settings and seeds.
 

@@ -13,13 +13,19 @@ from lrf3d.errors import InputError
 from lrf3d.files import check_ordinary
 from lrf3d.io import LaserLog, load_run
 from lrf3d.io.reading import is_run, load_log, odometry_of
+from lrf3d.run import Run
 from lrf3d.scenario import Scenario, read_scenario_file, scenario_of
+from lrf3d.world import World
 from lrf3d.world.cameras import check_view
 from lrf3d.world.size import size_warning
 from lrf3d.world.toml_file import WorldFile
 
 if TYPE_CHECKING:
     from lrf3d.planning.free_space import Side
+
+
+MapAndLog = tuple[Run | World, LaserLog]
+"""A map, and the log of a drive on it."""
 
 
 def read_world(args: Namespace) -> Scenario | None:
@@ -68,6 +74,15 @@ def read_log(args: Namespace) -> LaserLog:
     )  # fmt: skip
 
 
+def read_map_and_log(args: Namespace) -> Scenario | MapAndLog | None:
+    """Read a world for simulated drives; or a map and a log."""
+    if args.log is None:
+        return read_world(args)
+    if is_run(args.world):
+        return load_run(args.world), read_log(args)
+    return read_file(args.world, **options_of(args)).world, read_log(args)
+
+
 def read_sweep(args: Namespace) -> tuple[list[WorldFile], dict[str, Any]]:
     """Read the worlds of a sweep, and import the user's own mappers, by their labels."""
     files = [read_file(name) for name in args.world]
@@ -113,7 +128,7 @@ COMMANDS: dict[str, tuple[Callable[[Namespace], Any], str]] = {
     "map": (read_log, "logs:map_"),
     "slam": (read_log, "logs:slam"),
     "degrade": (read_log, "logs:degrade"),
-    "localise": (read_world, "accuracy:localise"),
+    "localise": (read_map_and_log, "accuracy:localise"),
     "sweep": (read_sweep, "sweep:sweep"),
     "world show": (read_world, "world:show"),
     "world convert": (lambda args: None, "world:convert"),
@@ -132,7 +147,8 @@ def start(args: Namespace) -> int | None:
     read, target = COMMANDS[args.command]
     with ExitStack() as stack:
         report = Report(args.command, args.json, args.quiet, args.verbose, stack)
-        parts = ["slam"] if args.command == "slam" or vars(args).get("slam") else []
+        slam = args.command == "slam" or getattr(args, "slam", None) or getattr(args, "log", None)
+        parts = ["slam"] if slam else []
         compiling = start_compiling(*parts) if args.command in COMPILED else None
         if compiling is not None:
             stack.callback(compiling.kill)

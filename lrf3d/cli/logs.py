@@ -29,7 +29,7 @@ def map_(log: LaserLog, args: Namespace, report: Report) -> None:
     """Map a log whose poses are known, and test the map."""
     settings = {"mode": args.mode or "robust", "sigma": args.sigma}
     with report.progress("scans") as progress:
-        progress, milliseconds = _timed(progress)
+        progress, milliseconds = timed(progress)
         run = map_log(log, **settings, all_scans=args.all, progress=progress)
     tests = [scan for scan, is_odd in zip(log.scans, log.is_odd, strict=True) if is_odd]
     score = score_log(run.map, [] if args.all else tests)
@@ -43,7 +43,7 @@ def map_(log: LaserLog, args: Namespace, report: Report) -> None:
         "score": score.as_dict(),
         "milliseconds_a_scan": milliseconds(),
     }
-    rows = [*_log_rows(log), ("poses", log.source)]
+    rows = [*log_rows(log), ("poses", log.source)]
     rows.append(("map", f"{run.map.counts}, {score.length:.0f} m long"))
     if score.returns:
         share = f"{100.0 * score.explained:.1f} % of the {score.returns:,} returns of the odd scans"
@@ -57,7 +57,7 @@ def slam(log: LaserLog, args: Namespace, report: Report) -> None:
     known = None if args.relations is None else load_relations(args.relations)
     chosen = {} if args.key_distance is None else {"key_distance": args.key_distance}
     with report.progress("scans") as progress:
-        progress, milliseconds = _timed(progress)
+        progress, milliseconds = timed(progress)
         solved = solve_log(log, progress=progress, **chosen)
     score = None if known is None else score_trajectory(solved.line_poses, known).as_dict()
     for sentence in solved.warnings:
@@ -95,7 +95,7 @@ def degrade(log: LaserLog, args: Namespace, report: Report) -> None:
         f" {lost:,} of {there:,} returns lost, noise of {args.noise:g} m added to the others"
     )
     timed = sum(scan.time_increment != 0.0 for scan in log.scans)
-    rows = _log_rows(worse)
+    rows = log_rows(worse)
     if timed:
         rows.append(("", f"{counted(timed, 'scan')} with times of beams, which are not kept"))
     rows += [("poses", log.source), ("worse", done), ("file", str(out))]
@@ -107,7 +107,7 @@ def degrade(log: LaserLog, args: Namespace, report: Report) -> None:
     report.print(figures, rows)
 
 
-def _timed(progress: Progress) -> tuple[Progress, Callable[[], float]]:
+def timed(progress: Progress) -> tuple[Progress, Callable[[], float]]:
     """Progress that is timed, and the mean time of a scan [ms] after the first, which compiles."""
     stamps: list[float] = []
 
@@ -152,7 +152,7 @@ def _finish(
     )
 
 
-def _log_rows(log: LaserLog, poses: str = "") -> list[tuple[str, str]]:
+def log_rows(log: LaserLog, poses: str = "") -> list[tuple[str, str]]:
     """What a log held, and what was left out of it."""
     sizes = [len(scan.ranges) for scan in log.scans]
     least, most = min(sizes), max(sizes)
@@ -173,7 +173,7 @@ def _log_rows(log: LaserLog, poses: str = "") -> list[tuple[str, str]]:
 def _slam_rows(solved: SolvedLog, summary: dict[str, Any]) -> list[tuple[str, str]]:
     """What most users ask of a solved log, as a table."""
     found, poses = summary["slam"], counted(summary["log"]["odometry_lines"], "pose")
-    rows = _log_rows(solved.log, f", {poses} by odometry" if solved.log.placed else "")
+    rows = log_rows(solved.log, f", {poses} by odometry" if solved.log.placed else "")
     rows += [] if solved.log.placed else [("odometry", solved.odometry)]
     rows += [("", sentence) for sentence in solved.repairs.sentences()]
     closed = counted(found["loop_closures"], "loop closure")

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.collecting import fill_row, row_type, run_to_end
+from lrf3d.collecting import Snapshots, fill_row, row_type
 from lrf3d.digest import digest, name_of
 from lrf3d.errors import InputError, OutputError, expect
 from lrf3d.files import as_path, check_ordinary, locked, opened_own, writing
@@ -103,9 +103,17 @@ def record(
                 journal = Journal(journal_path, fingerprint, simulation, keep=resume)
                 try:
                     recorded = journal.recorded(simulation)
-                    maps, imu = run_to_end(simulation, journal.add, progress, recorded=recorded)
+                    snapshots = Snapshots(simulation)
+                    for scans, pose in recorded:
+                        simulation.take(scans, pose)
+                        snapshots.keep()
+                    for step in simulation:
+                        journal.add(step)
+                        snapshots.keep()
+                        progress(simulation.done, total)
+                    imu = snapshots.end()
                     # Columns are copied from the rows some megabytes at a time.
-                    arrays = run_arrays(simulation, journal.rows(), maps, imu)
+                    arrays = run_arrays(simulation, journal.rows(), snapshots.maps, imu)
                     write_npz(path, arrays | {"origin": np.array(fingerprint)})
                 finally:
                     # An error of closing would replace the one that ended the run.

@@ -244,7 +244,9 @@ def find_free_space(
     if begin is not None and not allowed[begin]:
         raise InputError(f"{name}: the start does not lie {where} the walls")
     space = FreeSpace(ground, radius, allowed, begin)
-    count, part = connected_components(space.graph, directed=False)
+    count, label = connected_components(space.graph, directed=False)
+    # In 32 bits, the numbers of pairs of parts and pieces of a town wrap around.
+    part = label.astype(np.int64)
     # The drive stays in the part around its start, or in that along most of the walls.
     if begin is not None:
         chosen = part[space.number[begin]]

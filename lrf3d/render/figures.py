@@ -130,7 +130,7 @@ def draw_map(
         source: A run, which brings all that follows along, or just a map.
         path: Where to write the picture; nowhere if not given.
         points: (n, 2) reflection points [m].
-        poses: (k, 3) poses of the scans.
+        poses: (k, 3) poses of the scans; where one is NaN, the path is broken.
         world: The true walls.
         estimate: The estimated poses, with the loop closures.
         title: The headline; the world's name if not given.
@@ -150,19 +150,21 @@ def draw_map(
     poses = np.empty((0, 3)) if poses is None else poses
     walls = np.empty((0, 4)) if world is None else world.segments
     estimated = poses if estimate is None else estimate.poses
+    stops = poses[np.isfinite(poses[:, 0])]
     # The truth frames the picture where it is known: images behind mirrors lie far outside.
     known = [_ends(walls)] if len(walls) else [_ends(line_map.segments), _bulk(points)]
     words = [line_map.counts]
-    words += [counted(len(poses), "scan")] if len(poses) else []
+    words += [counted(len(stops), "scan")] if len(stops) else []
     words += [counted(len(points), "point")] if len(points) else []
     if estimate is not None:
         words.append(counted(len(estimate.closures), "loop closure"))
     name = title or (world.name if world is not None else "") or "map"
     figure, (ax,) = metre_sheet(
-        [*known, poses[:, :2], estimated[:, :2]], 1, name, "  ·  ".join(words)
-    )
+        [*known, stops[:, :2], estimated[np.isfinite(estimated[:, 0]), :2]], 1, name,
+        "  ·  ".join(words),
+    )  # fmt: skip
     if world is not None:
-        plot.world(world, ax, poses=poses, **plot.BELOW)
+        plot.world(world, ax, poses=stops, **plot.BELOW)
     plot.points(points, ax)
     plot.map(line_map, ax, objects=objects)
     plot.paths(poses, estimate, ax)

@@ -22,6 +22,9 @@ from lrf3d.scene.look import (
     ROOF_SHARE,
 )
 
+NEAREST = 0.05
+"""Depth [m] from which on walls are drawn."""
+
 _SLANT = 0.35
 """How coarse copies of the ground's picture are, in lengths of a pixel: it is seen at a slant."""
 
@@ -59,11 +62,81 @@ def level_of(texels: float, levels: NDArray[np.int64]) -> int:
     return min(max(int(math.log2(max(texels, 1.0)) + 0.5), 0), len(levels) - 1)
 
 
-@inner
-def cross_dot(a: Float, b: Float, c: Float) -> float:
-    """The volume a × b · c that three directions span."""
-    x, y = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2]
-    return float(x * c[0] + y * c[1] + (a[0] * b[1] - a[1] * b[0]) * c[2])
+@borrower
+def project(place: Float, matrix: Float, height: int, width: int, found: Float) -> None:
+    """Pixels and one over the depth of a place that a matrix (3, 4) shows as x, y and depth."""
+    x, y, depth = matrix[0, 3], matrix[1, 3], matrix[2, 3]
+    for k in range(3):
+        x += matrix[0, k] * place[k]
+        y += matrix[1, k] * place[k]
+        depth += matrix[2, k] * place[k]
+    found[0], found[1] = (0.5 + 0.5 * x / depth) * width, (0.5 + 0.5 * y / depth) * height
+    found[2] = 1.0 / depth
+
+
+@compiled
+def number_nearest(corners: Single, matrix: Float, hits: NDArray[np.int32], near: Single) -> None:
+    """Number in hits (h, w) which of triangles (t, 3, …) a matrix (3, 4) shows in each pixel.
+
+    One over their depths is kept in near.
+    """
+    height, width = hits.shape
+    place, outline, depths = np.empty(3), np.empty((6, 3)), np.empty(3)
+    for t in range(len(corners)):
+        for i in range(3):
+            depths[i] = matrix[2, 3]
+            for k in range(3):
+                depths[i] += matrix[2, k] * corners[t, i, k]
+        # What lies before the eye is cut off: of a triangle, three or four corners are left.
+        count = 0
+        for i in range(3):
+            j = (i + 1) % 3
+            for share in (0.0, (NEAREST - depths[i]) / (depths[j] - depths[i] + 1e-12)):
+                crosses = (depths[i] >= NEAREST) != (depths[j] >= NEAREST)
+                if (depths[i] >= NEAREST) if share == 0.0 else crosses:
+                    for k in range(3):
+                        place[k] = corners[t, i, k] + share * (corners[t, j, k] - corners[t, i, k])
+                    project(place, matrix, height, width, outline[count])
+                    count += 1
+        if count < 3:
+            continue
+        low, high = outline[:count, 1].min(), outline[:count, 1].max()
+        for row in range(max(math.ceil(low - 0.5), 0), min(math.ceil(high - 0.5), height)):
+            y = row + 0.5
+            left, right, begin, end = math.inf, -math.inf, 0.0, 0.0
+            for i in range(count):
+                p, q = outline[i], outline[(i + 1) % count]
+                if (p[1] <= y) != (q[1] <= y):
+                    share = (y - p[1]) / (q[1] - p[1])
+                    x, depth = p[0] + share * (q[0] - p[0]), p[2] + share * (q[2] - p[2])
+                    if x < left:
+                        left, begin = x, depth
+                    if x > right:
+                        right, end = x, depth
+            step = (end - begin) / max(right - left, 1e-9)
+            first, last = max(left - 0.5, 0.0), min(right - 0.5, float(width))
+            for column in range(math.ceil(first), math.ceil(last)):
+                depth = begin + (column + 0.5 - left) * step
+                if depth > near[row, column]:
+                    hits[row, column], near[row, column] = t, depth
+
+
+@borrower
+def plane(corners: Single, eye: Float, found: Float) -> None:
+    """What a ray from an eye meets a triangle (3, 9) by, for :func:`shade`, into found (10,).
+
+    Its direction times the first three is a volume; times the next, and the next, divided by it,
+    how far towards the second and third corner it meets it (Möller and Trumbore, 1997); the last
+    number divided by it is how far away.
+    """
+    found[9] = 0.0
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        a, b = corners[1, i] - corners[0, i], corners[1, j] - corners[0, j]
+        c, d = corners[2, i] - corners[0, i], corners[2, j] - corners[0, j]
+        x, y = eye[i] - corners[0, i], eye[j] - corners[0, j]
+        found[k], found[3 + k], found[6 + k] = c * b - d * a, c * y - d * x, x * b - y * a
+        found[9] -= found[k] * (eye[k] - corners[0, k])
 
 
 @borrower
@@ -119,40 +192,42 @@ def shade(
     eye, focus, thick, clock = fixed[:3], fixed[3], fixed[4], laser.clock
     colours, near = np.empty((len(ways), 3), np.float32), np.zeros(len(ways), np.float32)
     lit = np.ones(len(ways), np.float32)
-    value, way, when, tint = np.empty(9), np.empty(3), np.empty(4), np.empty(4)
-    first, second, start = np.empty(3), np.empty(3), np.empty(3)
+    value, when, tint = np.empty(9), np.empty(4), np.empty(4)
+    planes = np.empty((len(corners), 10))
+    for t in range(len(corners)):
+        plane(corners[t], eye, planes[t])
     for n in range(len(ways)):
-        seen, hit = colours[n], hits[n]
-        way[:] = ways[n]
+        seen, hit, way = colours[n], hits[n], ways[n]
         if hit >= 0:
-            a, b, c = corners[hit, 0], corners[hit, 1], corners[hit, 2]
-            first[:], second[:], start[:] = b[:3] - a[:3], c[:3] - a[:3], eye - a[:3]
-            # The way of Möller and Trumbore (1997).
-            volume = cross_dot(way, second, first)
-            u, v = cross_dot(way, second, start) / volume, cross_dot(start, first, way) / volume
-            away = cross_dot(start, first, second) / volume
+            own, corner = planes[hit], corners[hit]
+            volume = own[0] * way[0] + own[1] * way[1] + own[2] * way[2]
+            u = (own[3] * way[0] + own[4] * way[1] + own[5] * way[2]) / volume
+            v = (own[6] * way[0] + own[7] * way[1] + own[8] * way[2]) / volume
+            away = own[9] / volume
             for k in range(9):
-                value[k] = a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k])
-            seen[:] = value[3:6]
+                first = corner[0, k]
+                value[k] = first + u * (corner[1, k] - first) + v * (corner[2, k] - first)
+            seen[0], seen[1], seen[2] = value[3], value[4], value[5]
             wall = value[8]
             sample(laser.times, value[6], value[7], laser.area, when)
             bright, sure = grey(seen), min(2.0 * when[1], 1.0)
             when[1] *= wall
             lit[n] = expose(seen, when, clock, value[2], tones)
-            x, y = (value[0], value[1]) if wall > 0.5 else (value[6], value[7])
-            sample(laser.tints, x, y, laser.area, tint)
             climbed = (clock[0] - when[2]) * clock[1] * CLIMB - value[2]
             found = min(max(1.5 * climbed + 0.5, 0.0), 1.0) * (1.0 + wall * (sure - 1.0))
-            share = found * (ROOF_SHARE + wall * (MAP_SHARE - ROOF_SHARE))
-            front = 0.5 * wall * found * min(max(1.0 - climbed / FRONT, 0.0), 1.0)
-            for k in range(3):
+            if found > 0.0:
+                x, y = (value[0], value[1]) if wall > 0.5 else (value[6], value[7])
+                sample(laser.tints, x, y, laser.area, tint)
+                share = found * (ROOF_SHARE + wall * (MAP_SHARE - ROOF_SHARE))
+                front = 0.5 * wall * found * min(max(1.0 - climbed / FRONT, 0.0), 1.0)
                 light = share * (MAP_LIGHT[0] + MAP_LIGHT[1] * bright) + front
-                seen[k] += tint[k] * light - seen[k] * share * tint[3]
+                for k in range(3):
+                    seen[k] += tint[k] * light - seen[k] * share * tint[3]
         elif way[2] < 0.0:
             away = -eye[2] / way[2]
             x, y = eye[0] + away * way[0], eye[1] + away * way[1]
             u, v = (x - area[0]) / area[2], (y - area[1]) / area[3]
-            seen[:] = area[4:]
+            seen[0], seen[1], seen[2] = area[4], area[5], area[6]
             if 0.0 <= u < 1.0 and 0.0 <= v < 1.0:
                 long = _SLANT * away * max(away / eye[2], 1.0) / focus
                 level = level_of(long * ground_levels[0, 1] / area[2], ground_levels)
@@ -164,7 +239,8 @@ def shade(
             expose(seen, when, clock, 0.0, tones)
         else:
             rise = way[2] / math.sqrt(way[0] ** 2 + way[1] ** 2 + way[2] ** 2)
-            seen[:] = tones[0] + (1.0 - (1.0 - rise) ** 2.6) * (tones[1] - tones[0])
+            for k in range(3):
+                seen[k] = tones[0, k] + (1.0 - (1.0 - rise) ** 2.6) * (tones[1, k] - tones[0, k])
             continue
         near[n] = 1.0 / max(away, 1e-6)
         far = (away * thick) ** 2
@@ -200,14 +276,15 @@ def fill_triangles(rows: Float, behind: bool, solid: bool, colours: Single, near
                 x = column + 0.5
                 u = ((x - a[0]) * (c[1] - a[1]) - (y - a[1]) * (c[0] - a[0])) / area
                 v = ((b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])) / area
-                at = a + u * (b - a) + v * (c - a)
-                there = near[row, column]
-                if (at[2] > there) if behind else (at[2] < there):
+                depth, there = a[2] + u * (b[2] - a[2]) + v * (c[2] - a[2]), near[row, column]
+                if (depth > there) if behind else (depth < there):
                     continue
+                cover = a[6] + u * (b[6] - a[6]) + v * (c[6] - a[6])
                 for k in range(3):
-                    colours[row, column, k] += at[6] * (at[3 + k] - colours[row, column, k])
+                    at = a[3 + k] + u * (b[3 + k] - a[3 + k]) + v * (c[3 + k] - a[3 + k])
+                    colours[row, column, k] += cover * (at - colours[row, column, k])
                 if solid:
-                    near[row, column] = at[2]
+                    near[row, column] = depth
 
 
 @compiled

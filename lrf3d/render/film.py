@@ -156,7 +156,7 @@ class Film:
             seen = seen._replace(plan=self.scene.plan(moment, self._box, self._window))
         self._picture = self.renderer.draw(seen)
         if inset:
-            lay_frame(self._picture, self._box, self._window.width)
+            lay_frame(self._picture, self._box, self._window)
         if "hud" in self._layers:
             ended = view.shot == "end" and view.glass >= _CARD_FROM
             said = self._card() if ended else panel.panel(self._facts, moment, view.shot)

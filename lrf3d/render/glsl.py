@@ -11,32 +11,15 @@ from lrf3d.scene import look
 _SHADERS = Path(__file__).parent / "shaders"
 
 _CONSTANTS: dict[str, Any] = {
-    "BODY_LIGHT": look.BODY_LIGHT,
-    "CLIMB": look.CLIMB,
-    "DASH": look.DASH,
-    "DAWN": look.DAWN,
-    "EMBER": look.EMBER,
-    "EMBER_SHARE": look.EMBER_SHARE,
-    "EXPLORED_COLOUR": look.EXPLORED,
-    "FALL": look.FALL,
-    "FRONT": look.FRONT,
-    "GHOST": (*look.GHOST, look.GHOST_STRENGTH),
-    "HAZE": look.HAZE,
-    "LEAST_FALL": look.LEAST_FALL,
-    "MAP_LIGHT": look.MAP_LIGHT,
-    "MAP_SHARE": look.MAP_SHARE,
-    "NIGHT_LOW": look.NIGHT_LOW,
-    "PEEP_DEPTH": look.VEIL,
-    "PEEP_WIDTH": look.PEEP,
-    "POINT_HALO": look.POINT_HALO,
-    "POINT_HALO_STRENGTH": look.POINT_HALO_STRENGTH,
-    "REFLECTED": look.REFLECTED,
-    "ROOF_SHARE": look.ROOF_SHARE,
-    "SHARPNESS": look.GROUND_SHARPNESS,
-    "SUN": look.SUN,
-    "ZENITH": look.ZENITH,
-}
-"""Constants of the look that shaders know by these names."""
+    name: getattr(look, name)
+    for name in (
+        "BODY_LIGHT", "CLIMB", "DASH", "DAWN", "EMBER", "EMBER_SHARE", "EXPLORED", "FALL", "FRONT",
+        "GHOST", "GHOST_STRENGTH", "GROUND_SHARPNESS", "HAZE", "LEAST_FALL", "MAP_LIGHT",
+        "MAP_SHARE", "NIGHT_LOW", "PEEP", "POINT_HALO", "POINT_HALO_STRENGTH", "REFLECTED",
+        "ROOF_SHARE", "SUN", "VEIL_SHARE", "ZENITH",
+    )
+}  # fmt: skip
+"""Constants of the look that shaders know by their names."""
 
 
 def night(*, indoor: bool) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from lrf3d.geometry import Int, Single
+from lrf3d.scene.moments import Window
 from lrf3d.scene.shapes import Label, Pixels, single
 
 _LINE, _LESSER = 1.36, 0.8
@@ -104,20 +105,17 @@ def _shading(wide: int, high: int) -> NDArray[np.uint16]:
     return np.round(256.0 * (1.0 - dark)).astype(np.uint16)[..., None]
 
 
-def lay_frame(picture: Pixels, box: tuple[int, int, int, int], window: float) -> None:
-    """Frame the inset in a box, left, top, width and height [pixels]; it shows a width [m]."""
+def lay_frame(picture: Pixels, box: tuple[int, int, int, int], window: Window) -> None:
+    """Frame the inset in a box, left, top, width and height [pixels], which shows a window."""
     left, top, wide, high = box
     scale = scale_of(picture.shape[1::-1])
     rim, pad = max(1, round(1.2 * scale)), round(10 * scale)
     part = picture[top : top + high, left : left + wide, :3]
     part[:rim] = part[-rim:] = part[:, :rim] = part[:, -rim:] = _RIM
-    # The longest of 1, 2 and 5 times a power of ten that takes up to a third of the width.
-    power = 10.0 ** np.floor(np.log10(window / 3.0))
-    metres = power * max(step for step in (1.0, 2.0, 5.0) if step * power <= window / 3.0)
     # Under the inset, so that it hides nothing of the map.
     letters = max(round(_SCALE_LETTER * scale), 9)
-    below, length = top + high + pad // 2, round(metres / window * wide)
-    right, words = left + wide, f"{metres:g} m"
+    below, length = top + high + pad // 2, round(window.bar / window.width * wide)
+    right, words = left + wide, f"{window.bar:g} m"
     picture[below : below + 2 * rim, right - length : right, :3] = _BAR
     place = right - length - _words(words, letters).width - pad // 2, below - round(0.6 * letters)
     _write(picture, words, letters, place, _BAR)

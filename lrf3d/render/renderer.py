@@ -205,7 +205,15 @@ class Renderer:
         # What is lit is seen from both sides at the end.
         how = {"blend": veil, "solid": not veil, "cull": veil or not seen.glass}
         uniforms |= {"glass": seen.glass, "cut": seen.cut, "robot": seen.robot or (0.0, 0.0, 0.0)}
+        if veil and seen.robot and not seen.glass:
+            # What is open is a circle round the robot.
+            x, y, _, depth = seen.lens.matrix @ [*seen.robot, 1.0]
+            half = 1.5 * look.PEEP * seen.lens.focus
+            corner = (0.5 + 0.5 * np.array([x, y]) / depth) * self._size - half
+            GL.glEnable(GL.GL_SCISSOR_TEST)
+            GL.glScissor(*map(int, [*corner, 2.0 * half, 2.0 * half]))
         self._paint(f"walls{variant}", self._walls, **how, **self._light, **uniforms)
+        GL.glDisable(GL.GL_SCISSOR_TEST)
 
     def _draw_mark(self, name: str, mark: Mark, focus: float) -> None:
         mode = GL.GL_POINTS if isinstance(mark, Points) else GL.GL_TRIANGLES
@@ -222,7 +230,9 @@ class Renderer:
             self._paint(program, buffer, blend=True, solid=False, width=width)
             GL.glDepthFunc(GL.GL_LEQUAL)
         else:
+            GL.glDepthFunc(GL.GL_ALWAYS if mark.on_top else GL.GL_LEQUAL)
             self._paint("soft", buffer, blend=True, solid=False)
+            GL.glDepthFunc(GL.GL_LEQUAL)
 
     def _draw_plan(self, plan: Plan) -> None:
         """The map in its corner, on a dark ground."""
@@ -234,7 +244,7 @@ class Renderer:
         GL.glClearColor(*(part / 255.0 for part in look.PLAN_BACK), 1.0)
         GL.glClear(GL.GL_COLOR_BUFFER_BIT)
         self._camera.fill(plan.lens, wide, high)
-        self._draw_ground("ground:EXPLORED", blend=True, solid=False)
+        self._draw_ground("ground:PLAN", blend=True, solid=False)
         for name, mark in plan.marks:
             self._draw_mark(name, mark, plan.lens.focus)
 

@@ -13,7 +13,7 @@ from lrf3d.files import data_folder
 from lrf3d.geometry import Float, directions
 from lrf3d.robot.unicycle import RADIUS
 from lrf3d.scene.look import DART, ROBOT, SUN
-from lrf3d.scene.shapes import Body, Faces, Soft, single
+from lrf3d.scene.shapes import Body, Faces, Soft, single, together
 from lrf3d.scene.walls import triangles
 
 if TYPE_CHECKING:
@@ -192,7 +192,7 @@ def _tinted(robot: Faces, colour: Float) -> Faces:
 
 def _joined(parts: list[Soft]) -> Soft | None:
     """All in one; None for nothing."""
-    return Soft(*map(np.concatenate, zip(*parts, strict=True))) if parts else None
+    return together(parts) if parts else None
 
 
 def _prism(outline: Float, top: Float, height: float, colour: Float) -> Faces:

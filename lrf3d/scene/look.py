@@ -51,7 +51,7 @@ CLIMB, FRONT = 14.0, 1.6
 """Speed at which the map's colour climbs a wall [m/s of the film], and how high its bright front is
 [m]."""
 
-PEEP, VEIL = 0.10, 0.80
+PEEP, VEIL_SHARE = 0.10, 0.80
 """Radius of the opening round the robot in what hides it, as a share of the distance, and the share
 of the walls that is left out there."""
 

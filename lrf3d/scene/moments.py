@@ -27,7 +27,7 @@ from lrf3d.scene.camera import Look
 from lrf3d.scene.drawn_map import BAND, DrawnMap
 from lrf3d.scene.estimate import DrawnEstimate, trail_lines
 from lrf3d.scene.exposure import LiveExposure
-from lrf3d.scene.shapes import Body, Lens, Lines, Mark, Plan, Points, Seen, Soft, Tints
+from lrf3d.scene.shapes import Body, Lens, Lines, Mark, Plan, Points, Seen, Soft, Tints, together
 from lrf3d.scene.stage import Stage, stage_of
 from lrf3d.scene.structures import SIGHT_DISTANCE, outlines_of
 from lrf3d.scene.timeline import Moment, Timeline, drive_keys
@@ -48,10 +48,6 @@ what is looked at: the whole is seen through clear air."""
 _ROBOT_SIZE, _LEAST_ROBOT, _MARKER = 0.75, 26.0, 10.0
 """Width of the robot [m]; a robot of fewer pixels than the second has an arrow over it, whose unit
 is the third [pixels at 720 lines]."""
-
-_MARKER_NEARER = 0.3
-"""Share of the distance from the eye to the robot at which that arrow is drawn: nothing hides
-it."""
 
 _WALL_NEARER, _ON_TOP = 0.12, 1e6
 """How much nearer to the eye marks are than walls [m]; from straight above, tops of walls would
@@ -191,7 +187,7 @@ class Scene:
         yield "points", "recent", self._recent_hits(moment)
         if beams is not None:
             yield "points", "points", beams[1]
-        yield "marker", "marker", self._marker(pose, view, lens, size)
+        yield "marker", "marker", self._marker(pose, lens, size)
 
     def _drawn_map(self, stage: int) -> "_Snapshot":
         exposure = self.exposure
@@ -239,18 +235,7 @@ class Scene:
             tint = _LASER_TINTS[laser % len(_LASER_TINTS)]
             colours = np.minimum(lines.colours * tint, np.float32(1.0))
             drawn.append((lines._replace(colours=colours), points))
-        if len(drawn) == 1:
-            return drawn[0]
-        lines, points = (
-            first._replace(
-                **{
-                    name: np.concatenate([getattr(each, name) for each in (first, *others)])
-                    for name in first._fields
-                    if isinstance(getattr(first, name), np.ndarray)
-                }
-            )
-            for first, *others in zip(*drawn, strict=True)
-        )
+        lines, points = (together(marks) for marks in zip(*drawn, strict=True))
         return lines, points
 
     def _drawn_lamp(self, number: int, *pose: float) -> Soft:
@@ -262,7 +247,8 @@ class Scene:
             placed = replace(scan, pose=np.array(scan.pose) - origin)
             apex = (lrf.placed(np.array(pose)) - origin)[:2]
             drawn.append(lamp(placed, self._walls[self._turning], apex, reach))
-        return Soft(*(np.concatenate(column) for column in zip(*drawn, strict=True)))
+        soft: Soft = together(drawn)
+        return soft
 
     def _recent_hits(self, moment: Moment) -> Points:
         """The hits of the last seconds, which fade."""
@@ -286,18 +272,14 @@ class Scene:
         points = Points(places, colours, sides, _HIT_SIZE, _HIT_PIXELS, glows=False)
         return points, [len(part[0]) for part in each]
 
-    def _marker(self, pose: Float, view: Look, lens: Lens, size: tuple[int, int]) -> Soft | None:
+    def _marker(self, pose: Float, lens: Lens, size: tuple[int, int]) -> Soft | None:
         """An arrow over a robot that is too small to be seen."""
         place = np.array([*pose[:2], self.run.lrf.height])
         away = float(np.linalg.norm(place - lens.eye))
         pixel = min(size) / 720.0 * away / lens.focus
         if _ROBOT_SIZE > _LEAST_ROBOT * pixel:
             return None
-        dart = flat_dart(pose, _MARKER * pixel, place[2])
-        # Seen from the eye, what is drawn smaller and nearer is the same.
-        share = max(_MARKER_NEARER, 1.5 * view.near / away)
-        corners = lens.eye + share * (dart.corners - lens.eye)
-        return dart._replace(corners=corners.astype(np.float32))
+        return flat_dart(pose, _MARKER * pixel, place[2])._replace(on_top=True)
 
     def plan(self, moment: Moment, box: tuple[int, int, int, int], window: "Window") -> Plan:
         """The map so far from straight above, on what was seen: what is not known is dark.
@@ -340,6 +322,13 @@ class Window(NamedTuple):
     """How wide it is [m]."""
     aspect: float
     """Its height in its width."""
+
+    @property
+    def bar(self) -> float:
+        """The longest of 1, 2, 5, 10 … that takes up to a third of it, to show its scale by [m]."""
+        most = self.width / 3.0
+        power = float(10.0 ** np.floor(np.log10(most)))
+        return power * max(step for step in (1.0, 2.0, 5.0) if step * power <= most)
 
 
 class _Snapshot(NamedTuple):

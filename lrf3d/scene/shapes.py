@@ -6,6 +6,7 @@ mark in a scene needs no new code there. An array that is the same object as bef
 All places are in the film's frame [m], all colours are red, green, blue in 0…1.
 """
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -73,6 +74,8 @@ class Soft(NamedTuple):
     """(t, 3, 3) corners."""
     colours: Single
     """(t, 3, 4) colours and opacities."""
+    on_top: bool = False
+    """Whether nothing hides them."""
 
 
 class Lines(NamedTuple):
@@ -177,6 +180,13 @@ class Seen(NamedTuple):
     cut: float = 1e4
     """Height that walls are cut at [m]; no wall is as high as the default."""
     plan: Plan | None = None
+
+
+def together(marks: Sequence[Any]) -> Any:
+    """Marks of one kind and look as one."""
+    columns = zip(*marks, strict=True)
+    joined = [np.concatenate(c) if isinstance(c[0], np.ndarray) else c[0] for c in columns]
+    return marks[0] if len(marks) == 1 else type(marks[0])(*joined)
 
 
 def single(values: Any) -> Single:

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 from lrf3d.render.glsl import night, shader_source
 from lrf3d.render.packing import columns_of, land_of, mesh, rectangle, walls_of
-from lrf3d.scene.look import PLAN_BACK
+from lrf3d.scene.look import LEAST_SCALE, PLAN_BACK
 from lrf3d.scene.shapes import Faces, Mark
 from lrf3d.scene.stage import Stage
 
 _PROGRAMS = (
     "walls", "walls:SOLID", "walls:VEIL", "walls:MIRRORED", "faces", "faces:MIRRORED", "ground",
-    "ground:EXPLORED", "ground:MIRRORED", "sky", "soft", "lines", "lines:DASHED", "points",
+    "ground:PLAN", "ground:MIRRORED", "sky", "soft", "lines", "lines:DASHED", "points",
     "points:GLOW_ROUND",
 )  # fmt: skip
 """The shaders that the page draws with, which it compiles when they are first used."""
@@ -102,6 +102,8 @@ def stage_message(stage: Stage, *, times: bool = True) -> bytes:
         "grid": stage.exposure.area,
         "cells": seen.shape[1::-1],
         "back": [share / 255 for share in PLAN_BACK],
+        "mirrors": stage.mirrors.tolist(),
+        "leastScale": LEAST_SCALE,
     }
     return Sender().message(parts, values)
 

@@ -14,7 +14,6 @@ from PIL import Image
 
 from lrf3d.interrupts import check
 from lrf3d.run import Run
-from lrf3d.scene.look import LEAST_SCALE
 from lrf3d.view.message import Part, Sender, stage_message, times_part
 from lrf3d.view.server import PAGE, page_text
 from lrf3d.view.shown import Shown, Wanted
@@ -59,8 +58,6 @@ def page_file(run: Run, *, every: int = 1) -> bytes:
         "views": record.views,
         "times": [style, record.number(halves["0"].view(np.uint16), "times", "times")],
         "arrays": record.places(),
-        "sizes": _SIZES,
-        "leastScale": LEAST_SCALE,
     }
     ground = io.BytesIO()
     Image.fromarray(stage.ground.picture).save(ground, "WEBP", quality=85)
@@ -110,9 +107,7 @@ class _Record(Sender):
         for name, (style, columns) in parts.items():
             numbers = [self.number(each, name, key) for key, each in columns.items()]
             marks[name] = {**style, "columns": numbers}
-        # The page turns cameras itself.
-        camera = {key: each for key, each in values["camera"].items() if key != "ray"}
-        self._moments.append({**values, "camera": camera, "marks": marks})
+        self._moments.append({**values, "marks": marks})
         return b""
 
     def places(self) -> list[list[int]]:

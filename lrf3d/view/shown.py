@@ -6,21 +6,19 @@ The page asks for a time and a view, or for speeds to drive at; the scene of tha
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from lrf3d.geometry import Float
-from lrf3d.render.mirrors import reflections
 from lrf3d.run import Run
 from lrf3d.scene import look
-from lrf3d.scene.camera import Camera, Look, SmoothPath, Track, Tracked
+from lrf3d.scene.camera import Camera, SmoothPath, Track, Tracked
 from lrf3d.scene.cameras import margins
 from lrf3d.scene.estimate import TRUTH, estimate_words
 from lrf3d.scene.following import First, behind, chase
 from lrf3d.scene.moments import Scene
-from lrf3d.scene.shapes import Faces, Lens, Seen
+from lrf3d.scene.shapes import Lens
 from lrf3d.scene.stage import Stage
 from lrf3d.scene.story import Story
 from lrf3d.scene.timeline import Moment, Timeline
@@ -32,18 +30,11 @@ _LIMITS = {
     "time": (-1e9, 1e9),
     "width": (16, 8192),
     "height": (16, 8192),
-    "below": (0.0, 0.7),
-    "around": (-1e3, 1e3),
-    "over": (-1e3, 1e3),
-    "zoom": (0.1, 10.0),
     "forward": (-1.0, 1.0),
     "turn": (-1.0, 1.0),
     "drive": (0, 1e9),
 }
 """The least and the largest of the numbers that a page sends."""
-
-_LOWEST, _STEEPEST = math.radians(4.0), math.radians(88.0)
-"""How steeply a look that a hand has turned goes down."""
 
 _PLAN_WIDTH = 0.3
 """Width of the plan in the corner, as a share of the shorter side of the picture."""
@@ -61,14 +52,7 @@ class Wanted:
     """Time from the start of the run on [s]; a story begins before it and goes on after its end."""
     width: float = 1280.0
     height: float = 720.0
-    """Size of the picture [pixels]."""
-    below: float = 0.0
-    """Share of its height, at the lower end, that controls cover."""
-    around: float = 0.0
-    over: float = 0.0
-    """How far the hand has turned the camera round what it looks at, and upward [rad]."""
-    zoom: float = 1.0
-    """How many times as far away it is."""
+    """Size of what of the picture no controls cover [pixels]."""
     forward: float = 0.0
     turn: float = 0.0
     """What shares of its highest speeds the robot is to have."""
@@ -138,10 +122,6 @@ class Shown:
         timeline, drive = self.scene.timeline, self.drive
         before, after = margins("story")
         end = 0.0 if drive else timeline.end - timeline.start
-        # The longest of 1, 2 and 5 times a power of ten that takes up to a third of the plan.
-        most = self._window.width / 3.0
-        power = 10.0 ** math.floor(math.log10(most))
-        metres = power * max(n for n in (1, 2, 5) if n * power <= most)
         return {
             "title": timeline.run.world.name or (drive.name if drive else "run"),
             "mode": "drives" if drive else "plays",
@@ -150,8 +130,8 @@ class Shown:
             "speed": timeline.playback,
             "trail": _legend(look.TRAIL_COLOUR),
             "estimate": _legend(look.ESTIMATE_COLOUR),
-            "metres": f"{metres:g}",
-            "share": 100.0 / 3.0 * metres / most,
+            "metres": f"{self._window.bar:g}",
+            "share": 100.0 * self._window.bar / self._window.width,
             "aspect": 1.0 / self._window.aspect,
         }
 
@@ -168,7 +148,8 @@ class Shown:
         if drive is not None:
             time, scene.keys = drive.robot.time, drive.driven()
         moment, size = scene.timeline.moment(time), (round(wanted.width), round(wanted.height))
-        view = self._look(time, wanted)
+        camera = self.cameras.get(wanted.view, self.cameras["follow"])
+        view = camera.look(time, size[0] / size[1])
         seen = scene.seen(moment, view, size)
         parts, plan = dict[str, Part](), None
         for name, body in seen.bodies:
@@ -181,46 +162,26 @@ class Shown:
             shown = scene.plan(moment, box, self._window)
             marks, plan = (*marks, *shown.marks), _camera(shown.lens)
         parts |= {name: part_of(mark) for name, mark in marks}
-        camera = {
-            **_camera(seen.lens),
-            "scale": max(min(size) / 720.0, look.LEAST_SCALE),
-            "ray": _numbers(np.linalg.inv(_upright(seen.lens))),
-            "clock": seen.clock,
-            "glass": seen.glass,
-            "robot": seen.robot,
-            "cut": seen.cut,
-            "target": _numbers(view.target),
+        values = {
+            "camera": {
+                **_camera(seen.lens),
+                "clock": seen.clock,
+                "glass": seen.glass,
+                "robot": seen.robot,
+                "cut": seen.cut,
+                "target": _numbers(view.target),
+            },
+            "size": size,
+            "plan": plan,
+            "tints": None,
+            "words": self._words(moment),
         }
-        values = {"camera": camera, "plan": plan, "words": self._words(moment)}
-        values |= self._laser(seen, parts)
-        return self._sender.message(parts, values)
-
-    def _laser(self, seen: Seen, parts: dict[str, Part]) -> dict[str, Any]:
-        """What a page needs to draw the map on walls, and mirrors, whose parts are added."""
-        mirrors = []
-        for number, reflection in enumerate(reflections(seen, self.scene.stage.mirrors)):
-            name, bare = f"seal {number}", np.zeros_like(reflection.seal)
-            parts[name] = part_of(Faces(reflection.seal, bare, bare))
-            mirrors.append({**_camera(reflection.lens), **reflection.uniforms, "seal": name})
-        if seen.tints is None:
-            return {"mirrors": mirrors, "tints": None}
-        parts["tints"] = part_of(seen.tints.lines)
-        fresh = self.scene.live.fresh() if self.scene.live else None
-        if fresh is not None:
+        if seen.tints is not None:
+            flat, parts["tints"] = seen.tints.lens, part_of(seen.tints.lines)
+            values["tints"] = {**_camera(flat), "matrix": _numbers(flat.matrix)}
+        if scene.live and (fresh := scene.live.fresh()) is not None:
             parts["times"] = times_part(*fresh)
-        lens = seen.tints.lens
-        return {"mirrors": mirrors, "tints": {**_camera(lens), "matrix": _numbers(lens.matrix)}}
-
-    def _look(self, time: float, wanted: Wanted) -> Look:
-        # What is looked at is framed into the part of the picture that no controls cover.
-        free = 1.0 - wanted.below
-        camera = self.cameras.get(wanted.view, self.cameras["follow"])
-        view = camera.look(time, wanted.width / (wanted.height * free))
-        field = 2.0 * math.atan(math.tan(0.5 * view.field) / free)
-        view = replace(view, field=field, shift=wanted.below + free * view.shift)
-        if (wanted.around, wanted.over, wanted.zoom) != (0.0, 0.0, 1.0):
-            view = _turned(view, wanted)
-        return view
+        return self._sender.message(parts, values)
 
     def _words(self, moment: Moment) -> dict[str, str]:
         """Where the robot is, how it moves, what its laser sees, and the map."""
@@ -253,27 +214,12 @@ def _legend(colour: tuple[float, ...]) -> str:
     return f"rgb({', '.join(f'{100.0 * (0.65 * part + 0.35):.0f}%' for part in colour)})"
 
 
-def _turned(view: Look, wanted: Wanted) -> Look:
-    """A look that a hand has turned about its target."""
-    away = view.eye - view.target
-    around = math.atan2(away[1], away[0]) + wanted.around
-    steep = math.atan2(away[2], math.hypot(away[0], away[1])) + wanted.over
-    steep = min(max(steep, _LOWEST), _STEEPEST)
-    level = math.cos(steep)
-    toward = np.array([level * math.cos(around), level * math.sin(around), math.sin(steep)])
-    eye = view.target + wanted.zoom * np.linalg.norm(away) * toward
-    return replace(view, eye=eye, up=(0.0, 0.0, 1.0))
-
-
-def _upright(lens: Lens) -> Float:
-    """The matrix of a lens for a picture whose first row is the lower one, as browsers have it."""
-    return np.asarray(lens.matrix * np.array([[1.0], [-1.0], [1.0], [1.0]]))
-
-
 def _camera(lens: Lens) -> dict[str, Any]:
     """A lens for the page."""
     others = {"thick": lens.thick, "slack": lens.slack, "nearer": lens.nearer, "focus": lens.focus}
-    return {"matrix": _numbers(_upright(lens)), "eye": _numbers(lens.eye), **others}
+    # The first row of a browser's picture is the lower one.
+    matrix = lens.matrix * np.array([[1.0], [-1.0], [1.0], [1.0]])
+    return {"matrix": _numbers(matrix), "eye": _numbers(lens.eye), **others}
 
 
 def _numbers(values: Any) -> list[float]:

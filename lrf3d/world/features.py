@@ -62,6 +62,14 @@ UNITS = {
 _LENGTH = re.compile(r"(\d+(?:[.,]\d*)?|[.,]\d+)\s*([^\s\d.,]*)")
 
 
+FLAT = frozenset(
+    "highway railway waterway aeroway route boundary admin_level landuse natural water leisure"
+    " power place parking public_transport".split()
+)
+STANDS = frozenset("building building:part barrier wall height object indoor room level".split())
+"""Properties of roads, water and land, on which nothing stands; and of what is built."""
+
+
 @dataclass(frozen=True, slots=True)
 class Feature:
     """Polygons and lines (shapely's), with one height [m], one for each wall, or None."""
@@ -72,6 +80,8 @@ class Feature:
     colour: tuple[float, float, float] | None = None
     number: int | None = None
     material: Material | None = None
+    flat: bool = False
+    """Whether it is a road, water or land, on which nothing stands."""
 
     def of_kind(self, kind: str) -> list[Any]:
         """Its ``Polygon`` or ``LineString`` shapes."""
@@ -103,6 +113,11 @@ def feature_of(item: object) -> Feature:
     properties = {} if bare else item.get("properties") or {}
     if not isinstance(properties, dict):
         raise WorldError(f"expected an object of properties, found {shown(properties)}")
+    if isinstance(properties.get("tags"), dict):
+        properties = {**properties["tags"], **properties}
+    held = {key for key, value in properties.items() if value not in (None, "", "no", False)}
+    if held & FLAT and not held & STANDS:
+        return Feature((), flat=True)
     number, name = properties.get("object"), properties.get("name")
     colours = (properties.get(key) for key in ("colour", "building:colour", "color"))
     return Feature(

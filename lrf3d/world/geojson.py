@@ -19,6 +19,7 @@ from typing import Any
 from lrf3d.errors import Lrf3dNote, WorldError, shown
 from lrf3d.files import own_name, read_text, write_text
 from lrf3d.geometry import is_finite
+from lrf3d.text import counted
 from lrf3d.world.cameras import FixedCamera
 from lrf3d.world.crs import in_metres
 from lrf3d.world.features import Feature, feature_of, world_of_features
@@ -38,8 +39,13 @@ def read_geojson(path: Path) -> World:
     """
     data = _parse(path)
     features = list(_features(data))
+    flat = sum(feature.flat for feature in features)
     if not any(feature.shapes for feature in features):
-        raise WorldError("holds no Polygon and no LineString, so there is no wall")
+        what = "that stands" if flat else "at all"
+        raise WorldError(f"holds no Polygon and no LineString {what}, so there is no wall")
+    if flat:
+        left = counted(flat, "feature") + " of roads, water and land"
+        warnings.warn(f"{path}: left out: {left}", Lrf3dNote, stacklevel=2)
     given: Any = data.get("place")
     known = isinstance(given, list) and len(given) == 2 and is_finite(*given)
     place = (float(given[0]), float(given[1])) if known else None

@@ -143,6 +143,8 @@ def connected(segments: Float, gap: float = TOUCHING) -> Int:
     """The object (n,) of each of the segments (n, 4); those within the gap [m] are one object."""
     import shapely
 
+    if not len(segments):
+        return np.zeros(0, np.int64)
     middle = segments.reshape(-1, 2).mean(axis=0)
     lines = shapely.linestrings(segments.reshape(-1, 2, 2) - middle)
     return groups(*pairs_within(lines, gap, "walls"), len(segments))

@@ -8,7 +8,7 @@ open, and rows of small strokes are text. What has a thickness is two faces.
 
 import warnings
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from fnmatch import fnmatch
 from importlib import import_module
 from pathlib import Path
@@ -17,13 +17,23 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lrf3d.errors import Lrf3dNote, WorldError
-from lrf3d.geometry import Float, lengths
+from lrf3d.geometry import Bool, Float, lengths
 from lrf3d.text import counted
 from lrf3d.world.drawing import Drawing, Mark, is_area
 from lrf3d.world.layers import role_of
 from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.pieces import TOUCHING, world_of_walls
-from lrf3d.world.symbols import Door, find_doors, is_lettering
+from lrf3d.world.symbols import (
+    LEAST_ROOM,
+    Door,
+    Parts,
+    find_doors,
+    find_leaves,
+    is_aside,
+    is_frame,
+    is_lettering,
+    is_pattern,
+)
 
 FURNITURE_HEIGHT = 0.8
 """Height of furniture [m]: that of tables and of kitchen units."""
@@ -36,9 +46,6 @@ DARK = 0.45
 
 OUTLINE = 1e-4
 """Distance [m] up to which a line runs along the outline of an area."""
-
-LEAST_ROOM = 1.5
-"""Least area [m²] of a room: of a closet, or a place for a lavatory."""
 
 LONGEST_LEAF = 2.2
 """Length [m] above which a line on a layer of doors is no leaf, but a wall."""
@@ -144,6 +151,15 @@ def read_drawing(
     return plan_of(canvas.drawing(), layers, without)
 
 
+SYMBOLS: dict[str, Callable[[Float], Bool]] = {
+    "frame line": is_frame,
+    "pattern line": is_pattern,
+    "outside line": lambda segments: is_aside(parts := Parts(segments))[parts.number],
+    "letter stroke": lambda segments: is_lettering(parts := Parts(segments))[parts.number],
+}
+"""What is no wall where no layer says so, by what the note calls it."""
+
+
 def plan_of(drawing: Drawing, layers: Sequence[str] = (), without: Sequence[str] = ()) -> Plan:
     """Decide what of a drawing stands; of some layers alone, or without some, by patterns."""
     import shapely
@@ -163,15 +179,18 @@ def plan_of(drawing: Drawing, layers: Sequence[str] = (), without: Sequence[str]
     segments, line, role = _segments(pieces)
     drawn = np.isin(role, [*STANDS, "door"])
     doors, opened = find_doors(segments, line, drawn)
+    more, leaves = find_leaves(segments, line, drawn & ~opened)
+    doors, opened = doors + more, opened | leaves
     # Partitions are found on layers of doors, too.
     stands = np.isin(role, STANDS) | ((role == "door") & (lengths(segments) > LONGEST_LEAF))
     stands &= ~opened
-    loose = np.flatnonzero(stands & (role == "other"))
-    letters = loose[is_lettering(segments[loose])]
-    stands[letters] = False
     left = Counter(drawing.left_out)
-    left["letter stroke"] = len(letters)
     left["floor"] = roles.count("floor")
+    for what, symbols in SYMBOLS.items():
+        loose = np.flatnonzero(stands & (role == "other"))
+        found = loose[symbols(segments[loose])]
+        stands[found] = False
+        left[what] += len(found)
     hidden = {mark.layer for mark, role in zip(marks, roles, strict=True) if role == "left out"}
     named = {mark.layer: role for mark, role in zip(marks, roles, strict=True)}
     hidden |= {name for name, role in named.items() if role in ("annotation", "door")}

@@ -10,6 +10,7 @@ from lrf3d.casting import PlanarCaster
 from lrf3d.collision import find_collision
 from lrf3d.errors import InputError
 from lrf3d.laser import LaserRangeFinder
+from lrf3d.planning.free_space import Ground, find_free_space
 from lrf3d.planning.planner import find_route, plan_route
 from lrf3d.robot import follow_route
 from lrf3d.scenario import Scenario
@@ -318,3 +319,11 @@ def test_a_tip_close_to_a_wall_is_turned_in_without_touching_it():
     scenario = Scenario(load_world(picture, resolution=0.02)).with_route()
     assert scenario.speed < 1.0
     assert find_collision(scenario.trajectory(), scenario.world, scenario.radius) is None
+
+
+def test_a_plan_of_thousands_of_rooms_has_one_that_is_driven_in():
+    # The number of rooms times that of pieces of wall is more than 32 bits hold.
+    at = np.arange(0.0, 491.0, 7.0)
+    across = np.column_stack([np.zeros_like(at), at, np.full_like(at, 490.0), at])
+    ground = Ground(World(np.concatenate([across, across[:, [1, 0, 3, 2]]])))
+    assert find_free_space(ground, 0.35).places.size > 0

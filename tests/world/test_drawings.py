@@ -213,6 +213,39 @@ def test_walls_with_a_thickness_have_two_faces(tmp_path):
     assert lengths(faces.segments).sum() == pytest.approx(4 * (7.7 + 8.3))
 
 
+def ring(x1, y1, x2, y2):
+    return [(x1, y1), (x2, y1), (x2, y2), (x1, y2), (x1, y1)]
+
+
+SYMBOLS = {
+    "frame line": [ring(-5, -3, 14, 10.5), ring(-4.6, -2.6, 13.6, 10.1), ring(9, -2.6, 13.6, -1.5)],
+    "pattern line": [
+        *([(0.4 * x, 0.2), (0.4 * x, 3.0)] for x in range(1, 8)),
+        *([(0.2, 0.4 * y), (3.0, 0.4 * y)] for y in range(1, 8)),
+    ],
+    "outside line": [[(12, 5), (12, 6)], [(11.9, 5.8), (12, 6)], [(12.1, 5.8), (12, 6)]],
+    "door standing open": [[(5.2, 2), (6.1, 2)]],
+}
+
+
+@pytest.mark.parametrize("name", SYMBOLS)
+def test_frames_patterns_arrows_and_leaves_without_an_arc_are_no_walls(name, tmp_path):
+    # Two rooms with walls of .2 m and a door of .9 m, and tables.
+    door = [(4.8, 0.2), (4.8, 2), (5.2, 2), (5.2, 0.2), (9.8, 0.2), (9.8, 6.8), (5.2, 6.8)]
+    door += [(5.2, 2.9), (4.8, 2.9), (4.8, 6.8), (0.2, 6.8), (0.2, 0.2), (4.8, 0.2)]
+    plain = [ring(0, 0, 10, 7), door, ring(7, 3, 8, 4), ring(2, 5, 3, 6)]
+
+    def draw(space, lines):
+        for line in lines:
+            for one, two in pairwise(line):
+                space.add_line(one, two)
+
+    walls = dxf(tmp_path, lambda space: draw(space, plain)).segments
+    with pytest.warns(Lrf3dNote, match=name):
+        world = dxf(tmp_path, lambda space: draw(space, [*plain, *SYMBOLS[name]]))
+    assert np.array_equal(world.segments, walls)
+
+
 @pytest.mark.parametrize("unit", [1.0, 0.001])
 def test_a_leaf_and_its_arc_are_a_door_that_stands_open(unit, tmp_path):
     def draw(space):

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lrf3d.errors import MissingLibraryError, WorldError
+from lrf3d.errors import Lrf3dNote, MissingLibraryError, WorldError
 from lrf3d.world import load_world
 from lrf3d.world.features import DEFAULT_BUILDING_HEIGHT
 
@@ -262,3 +262,21 @@ def test_a_key_that_stands_twice_is_named(where, tmp_path):
     name = "name" if where == "member" else "height"
     with pytest.raises(WorldError, match=rf"t\.geojson: .*'{name}' stands twice"):
         load_world(tmp_path / "t.geojson")
+
+
+def test_roads_water_and_land_are_no_walls(tmp_path):
+    square = [[0, 0], [9, 0], [9, 9], [0, 9], [0, 0]]
+    far = (np.array(square) + 50).tolist()
+
+    def line(y, **properties):
+        return feature({"type": "LineString", "coordinates": [[0, y], [99, y]]}, **properties)
+
+    features = [
+        polygon(square, building="yes", landuse="retail"),
+        line(20, barrier="wall"),
+        line(30, highway="residential", building=None),
+        line(40, tags={"waterway": "river"}),
+        polygon(far, natural="water"),
+    ]
+    with pytest.warns(Lrf3dNote, match="3 features of roads, water and land"):
+        assert len(read(tmp_path, *features, units="m").segments) == 5

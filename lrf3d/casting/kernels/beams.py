@@ -6,10 +6,9 @@ leave a question open, the exact predicates decide.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lrf3d.casting.kernels.buffer import ROOM
 from lrf3d.casting.kernels.predicates import (
@@ -28,9 +27,7 @@ from lrf3d.casting.kernels.predicates import (
 )
 from lrf3d.casting.kernels.tree import STACK, Plain, Tree
 from lrf3d.compiling import borrower, compiled, inner
-from lrf3d.geometry import Float, Int
-
-Records = NDArray[Any]
+from lrf3d.geometry import Float, Int, Records
 
 RAY = np.dtype([(name, np.float64) for name in ("x", "y", "dx", "dy", "time")], align=True)
 """A beam with its own origin [m], direction, and time [s]."""

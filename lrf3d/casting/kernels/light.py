@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lrf3d.casting.kernels.beams import Records
 from lrf3d.casting.kernels.buffer import ROOM
 from lrf3d.casting.kernels.echoes import MOST_WALLS, Lit, Receiver, clear, receive
 from lrf3d.casting.kernels.movers import Movers, anywhere, place, side_at
@@ -20,7 +19,7 @@ from lrf3d.casting.kernels.predicates import Wall, wall_at
 from lrf3d.casting.kernels.solid import near_box
 from lrf3d.casting.kernels.tree import STACK, Plain, Tree
 from lrf3d.compiling import borrower, compiled
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry import Float, Int, Records
 from lrf3d.laser import light
 from lrf3d.laser.light import CLOSEST, LEAST_SHARE
 

@@ -13,7 +13,6 @@ from lrf3d.casting.kernels.beams import (
     OPEN,
     TAKEN,
     Nearest,
-    Records,
     beam_of,
     judged,
     length_of,
@@ -26,7 +25,7 @@ from lrf3d.casting.kernels.predicates import Beam, Wall
 from lrf3d.casting.kernels.scans import PADDING, Laser, aim, turn
 from lrf3d.casting.kernels.tree import Plain
 from lrf3d.compiling import compiled, inner
-from lrf3d.geometry import TINY, Float, Int
+from lrf3d.geometry import TINY, Float, Int, Records
 
 RINGS = 64
 """Number of distance classes in which obstacles are sorted: near ones hide those behind."""
@@ -266,7 +265,7 @@ def cast_among(
         np.empty(len(placed)), np.empty(len(placed), np.int64), np.empty(len(placed), np.int64)
     )
     for k in range(len(poses)):
-        fan = aim(laser, poses[k, 0], poses[k, 1], poses[k, 2], dx, dy)
+        fan = aim(laser, poses[k], dx, dy)
         x, y, farthest = fan.x, fan.y, 0.0
         for i in range(beams):
             row[i], low[i], high[i] = -1, np.inf, min(ranges[k, i], laser.range_max * ROOM) * ROOM
@@ -339,12 +338,12 @@ def rays_among(
 def poses_along(legs: Records, times: Float, pose: Float) -> Float:
     """Poses (n, 3) at times (n,) [s] on a path that is moved and turned to begin at a pose (3,)."""
     poses = np.empty((len(times), 3))
+    first_x, first_y, heading = pose
     x0, y0, theta0 = pose_at(legs, 0, len(legs), 0.0, times[0])
     for i in range(len(times)):
         x, y, theta = pose_at(legs, 0, len(legs), 0.0, times[i])
         # The turn is added to the given heading, which may lie beyond a full turn.
-        poses[i, 0], poses[i, 1] = x + (pose[0] - x0), y + (pose[1] - y0)
-        poses[i, 2] = pose[2] + wrapped(theta - theta0)
-        for k in range(3):
-            poses[i, k] = poses[i, k] if abs(poses[i, k]) >= TINY else 0.0
+        turned = heading + wrapped(theta - theta0)
+        for k, value in enumerate((x + (first_x - x0), y + (first_y - y0), turned)):
+            poses[i, k] = value if abs(value) >= TINY else 0.0
     return poses

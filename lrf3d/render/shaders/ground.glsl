@@ -1,4 +1,4 @@
-// The painted ground; EXPLORED, in the plan, only where it was seen.
+// The painted ground; in the PLAN only where it was seen.
 uniform vec2 clock;     // what time it is [lengths of the run], and the film's seconds in one
 #ifdef VERTEX
 layout(location = 0) in vec2 corner;
@@ -34,10 +34,10 @@ void main() {
     vec4 when = texture(times, foot);
     float since = age(when, clock);
     float on = lit(when, since);
-#ifdef EXPLORED
-    colour = vec4(mix(EXPLORED_COLOUR, EMBER, 0.55 / (1.0 + 2.0 * since * since)), on);
+#ifdef PLAN
+    colour = vec4(mix(EXPLORED, EMBER, 0.55 / (1.0 + 2.0 * since * since)), on);
 #else
-    vec3 day = texture(picture, uv, -SHARPNESS).rgb;
+    vec3 day = texture(picture, uv, -GROUND_SHARPNESS).rgb;
     vec3 seen = hazed(exposed(day, on, since, 0.0));
 #ifdef MIRRORED
     seen *= REFLECTED;

@@ -43,12 +43,12 @@ uniform float glass;        // how far what was never seen has become glass
 uniform vec3 robot;
 // How much is left of what is so lit: in a cone of even size in the picture the robot is seen.
 float opacity(float on) {
-    if (glass > 0.0) return on < 0.5 ? 1.0 - glass * GHOST.a : 1.0;
+    if (glass > 0.0) return on < 0.5 ? 1.0 - glass * GHOST_STRENGTH : 1.0;
     vec3 toward = robot - eye;
     float reach = length(toward);
     float along = dot(from_eye, toward) / reach;
     float off = length(from_eye - along / reach * toward) / max(along, 0.1);
-    return 1.0 - PEEP_DEPTH * (1.0 - smoothstep(0.55 * PEEP_WIDTH, PEEP_WIDTH, off)) * step(along, reach - 1.0);
+    return 1.0 - VEIL_SHARE * (1.0 - smoothstep(0.55 * PEEP, PEEP, off)) * step(along, reach - 1.0);
 }
 #endif
 
@@ -81,7 +81,7 @@ void main() {
     seen *= REFLECTED;
 #endif
 #ifdef VEIL
-    seen = mix(seen, GHOST.rgb, glass);
+    seen = mix(seen, GHOST, glass);
 #endif
     colour = vec4(seen, left);
 }

@@ -15,7 +15,7 @@ const part = (name) => document.querySelector(`.lrf3d-${name}`);
 const viewButtons = [...document.querySelectorAll(`[data-view]${plays ? "" : ":not(.lrf3d-playing)"}`)];
 const views = viewButtons.map((button) => button.dataset.view);
 const held = { ahead: false, back: false, left: false, right: false }; // Which pads or their keys are down.
-const hand = { around: 0, over: 0, zoom: 1 }; // How the camera is turned by hand.
+const STRAIGHT = { around: 0, over: 0, zoom: 1 }; // A camera that no hand has turned.
 const fingers = new Map(); // Where each pointer is that drags, by its number.
 let time = 0; // What is seen of a run, from its start [s].
 let speed = setup.speed; // Seconds of the run in a second.
@@ -62,8 +62,9 @@ function ask() {
   // In upright pictures pads lie below what is looked at, in wide ones beside it.
   const controls = part(innerWidth < innerHeight ? "bottom" : "bar").getBoundingClientRect();
   const below = Math.max(0, 1 - controls.top / innerHeight);
+  if (below !== scene.below) Object.assign(scene, { below, stale: true });
   const wish = plays ? { time } : { drive, forward: ahead - back, turn: left - right };
-  const text = JSON.stringify({ view, width, height, below, ...hand, ...wish });
+  const text = JSON.stringify({ view, width, height: Math.max(16, Math.round(height * (1 - below))), ...wish });
   if (waiting || text === asked) return;
   [asked, waiting] = [text, true];
   answers.ask(text);
@@ -116,7 +117,7 @@ function play(on) {
 
 function choose(chosen) {
   view = chosen;
-  Object.assign(hand, { around: 0, over: 0, zoom: 1 });
+  turn(STRAIGHT);
   move(time);
   for (const button of viewButtons) button.setAttribute("aria-pressed", button.dataset.view === view);
 }
@@ -135,14 +136,19 @@ function drag(event) {
   const apart = ([x, y]) => Math.hypot(x - fingers.get(other)[0], y - fingers.get(other)[1]);
   if (other !== undefined) zoom(apart(before) / apart(now));
   else {
-    hand.around -= TURN * (now[0] - before[0]);
-    hand.over += TURN * (now[1] - before[1]);
+    const { around, over } = scene.hand;
+    turn({ around: around - TURN * (now[0] - before[0]), over: over + TURN * (now[1] - before[1]) });
   }
   fingers.set(event.pointerId, now);
 }
 
 function zoom(by) {
-  if (["follow", "orbit"].includes(view)) hand.zoom = Math.min(4, Math.max(0.2, hand.zoom * by));
+  if (["follow", "orbit"].includes(view)) turn({ zoom: Math.min(4, Math.max(0.2, scene.hand.zoom * by)) });
+}
+
+// Turn the camera by hand.
+function turn(by) {
+  Object.assign(scene, { hand: { ...scene.hand, ...by }, stale: true });
 }
 
 function key(event) {

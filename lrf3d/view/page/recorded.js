@@ -1,10 +1,8 @@
-// What the page shows lies in its file: the world, and recorded moments, which are seen with the page's own camera.
+// What the page shows lies in its file: the world, and recorded moments.
 
 import { unpacked } from "./scene.js";
 
 const GLIDE = 0.05; // How far an eye moves between two moments, in its distance, if what it sees glides: near ones would leave the beams behind.
-const LOWEST = 0.07, STEEPEST = 1.536; // How steeply a look that a hand has turned goes down [rad].
-
 async function bytesOf(id, open = true) {
   const element = document.querySelector(`#${id}`);
   const bytes = Uint8Array.from(atob(element.textContent), (letter) => letter.charCodeAt(0));
@@ -32,42 +30,12 @@ function between(one, other, share) {
   return Array.isArray(one) ? one.map((each, i) => between(each, other[i], share)) : one + share * (other - one);
 }
 
-// A recorded camera as the page wants it: fitted into its picture, over its controls, and turned by hand.
-function turned(camera, wish, [width, height]) {
-  const { target } = camera, zoom = wish.zoom, free = 1 - wish.below;
-  const away = camera.eye.map((each, i) => each - target[i]);
-  const level = Math.hypot(away[0], away[1]);
-  const steep = Math.atan2(away[2], level);
-  const over = wish.over ? Math.min(Math.max(steep + wish.over, LOWEST), STEEPEST) - steep : 0;
-  const degrees = 180 / Math.PI;
-  const world = new DOMMatrix().translate(...target).rotateAxisAngle(0, 0, 1, wish.around * degrees);
-  world.rotateAxisAngleSelf(away[1], -away[0], 0, level ? over * degrees : 0);
-  world.scaleSelf(zoom, zoom, zoom).translateSelf(...target.map((each) => -each));
-  const aspect = wish.width / (wish.height * free), own = width / height;
-  const [wide, tall] = aspect > own ? [own / aspect, 1] : [1, aspect / own];
-  const fit = new DOMMatrix([wide * zoom, 0, 0, 0, 0, free * tall * zoom, 0, 0, 0, 0, zoom, 0, 0, wish.below * zoom, 0, zoom]);
-  const matrix = fit.multiply(new DOMMatrix(camera.matrix)).multiply(world.inverse());
-  const { x, y, z } = world.transformPoint(new DOMPoint(...camera.eye));
-  const focus = (camera.focus * free * tall * wish.height) / height;
-  return { ...camera, eye: [x, y, z], focus, fit: matrix, matrix: [...matrix.toFloat64Array()], ray: [...matrix.inverse().toFloat64Array()] };
-}
-
-// What is seen in a mirror from a camera.
-function mirrored({ mirror, mirror_size: [length, top], ...others }, { eye, fit }) {
-  const [x, y, along, across] = mirror;
-  const [nx, ny] = [-across, along];
-  const off = nx * (eye[0] - x) + ny * (eye[1] - y), shift = 2 * (nx * x + ny * y);
-  const turn = [1 - 2 * nx * nx, -2 * nx * ny, 0, 0, -2 * nx * ny, 1 - 2 * ny * ny, 0, 0, 0, 0, 1, 0, nx * shift, ny * shift, 0, 1];
-  const seen = [eye[0] - 2 * off * nx, eye[1] - 2 * off * ny, eye[2]];
-  return { ...others, mirror, mirror_size: [length, top, off], eye: seen, matrix: [...fit.multiply(new DOMMatrix(turn)).toFloat64Array()] };
-}
-
 // Answers go to a function: a header and arrays.
 export async function source(take) {
   const [text, block, data, picture] = await Promise.all(
     ["recording", "arrays", "world", "ground"].map((id) => bytesOf(id, id !== "ground")),
   );
-  const { step, views, arrays, times, sizes, leastScale } = JSON.parse(new TextDecoder().decode(text));
+  const { step, views, arrays, times } = JSON.parse(new TextDecoder().decode(text));
   const bytes = new Uint8Array(block);
   const sent = {}; // The number of the array that each column of a mark has.
 
@@ -87,7 +55,7 @@ export async function source(take) {
 
   function ask(question) {
     const wish = JSON.parse(question);
-    const shape = wish.width < wish.height * (1 - wish.below) ? "tall" : "wide";
+    const shape = wish.width < wish.height ? "tall" : "wide";
     const moments = views[`${wish.view} ${shape}`];
     // A story begins before the run.
     const first = wish.view === "story" ? Math.floor(JSON.parse(document.querySelector("#setup").textContent).story[0] / step) : 0;
@@ -101,8 +69,6 @@ export async function source(take) {
     for (const name of ["matrix", "eye", "target", "focus", "clock", "thick", ...(camera.robot && next.camera.robot ? ["robot"] : [])]) {
       camera[name] = between(camera[name], next.camera[name], share);
     }
-    camera.scale = Math.max(Math.min(wish.width, wish.height) / 720, leastScale);
-    const own = turned(camera, wish, sizes[shape]);
     const lists = Object.assign([], { size: 0 });
     const marks = {};
     for (const [name, { columns, ...style }] of Object.entries(moment.marks)) {
@@ -122,7 +88,7 @@ export async function source(take) {
       arraysNow.set(list, end);
       end += list.length;
     }
-    take({ ...moment, camera: own, mirrors: moment.mirrors.map((mirror) => mirrored(mirror, own)), marks }, arraysNow);
+    take({ ...moment, camera, marks }, arraysNow);
   }
   return { world: unpacked(data), ground: await createImageBitmap(new Blob([picture])), ask };
 }

@@ -6,6 +6,45 @@ precision highp int;
 precision highp sampler2D;
 `;
 
+const LOWEST = 0.07, STEEPEST = 1.536; // How steeply a look that a hand has turned goes down [rad].
+const NEARER = 0.03; // How far before its wall a mirror stands [m].
+
+// A camera for a picture of a size, fitted into this one, over its controls, and turned by hand about its target.
+function fitted(camera, { around, over, zoom }, below, { width, height }, size) {
+  const { target, eye } = camera, free = 1 - below;
+  const away = eye.map((each, i) => each - target[i]);
+  const level = Math.hypot(away[0], away[1]), steep = Math.atan2(away[2], level);
+  const rise = over ? Math.min(Math.max(steep + over, LOWEST), STEEPEST) - steep : 0;
+  const degrees = 180 / Math.PI;
+  const world = new DOMMatrix().translate(...target).rotateAxisAngle(0, 0, 1, around * degrees);
+  world.rotateAxisAngleSelf(away[1], -away[0], 0, level ? rise * degrees : 0);
+  world.scaleSelf(zoom, zoom, zoom).translateSelf(...target.map((each) => -each));
+  const aspect = width / (height * free), own = size[0] / size[1];
+  const [wide, tall] = aspect > own ? [own / aspect, 1] : [1, aspect / own];
+  const fit = new DOMMatrix([wide * zoom, 0, 0, 0, 0, free * tall * zoom, 0, 0, 0, 0, zoom, 0, 0, below * zoom, 0, zoom]);
+  const matrix = fit.multiply(new DOMMatrix(camera.matrix)).multiply(world.inverse());
+  const { x, y, z } = world.transformPoint(new DOMPoint(...eye));
+  return { ...camera, eye: [x, y, z], focus: (camera.focus * free * tall * height) / size[1], matrix: [...matrix.toFloat64Array()] };
+}
+
+// What a mirror shows to a camera: from where, and the corners of the rectangle that closes it; nothing if it is out of sight.
+function reflection([x, y, u, v, high], camera) {
+  const { eye, cut } = camera, matrix = new DOMMatrix(camera.matrix);
+  const length = Math.hypot(u - x, v - y), top = Math.min(high, cut);
+  const [along, across] = [(u - x) / length, (v - y) / length];
+  const [nx, ny] = [-across, along];
+  const off = nx * (eye[0] - x) + ny * (eye[1] - y), shift = 2 * (nx * x + ny * y);
+  const before = Math.sign(off) * NEARER;
+  const ends = [[x, y], [u, v]].map(([a, b]) => [a + before * nx, b + before * ny]);
+  const seal = [[0, 0], [1, 0], [1, top], [0, 0], [1, top], [0, top]].map(([end, z]) => [...ends[end], z]);
+  const seen = seal.map((place) => matrix.transformPoint(new DOMPoint(...place)));
+  const out = (side) => seen.every((place) => side(place) + place.w < 0);
+  if (!off || [(p) => p.x, (p) => -p.x, (p) => p.y, (p) => -p.y, () => 0].some(out)) return null;
+  const turn = [1 - 2 * nx * nx, -2 * nx * ny, 0, 0, -2 * nx * ny, 1 - 2 * ny * ny, 0, 0, 0, 0, 1, 0, nx * shift, ny * shift, 0, 1];
+  const from = { eye: [eye[0] - 2 * off * nx, eye[1] - 2 * off * ny, eye[2]], matrix: [...matrix.multiply(new DOMMatrix(turn)).toFloat64Array()] };
+  return { ...camera, ...from, mirror: [x, y, along, across], mirror_size: [length, top, off], seal: new Float32Array(seal.flat()) };
+}
+
 // The header and the arrays of a message.
 export function unpacked(data) {
   const length = new DataView(data).getUint32(0, true);
@@ -16,7 +55,7 @@ export class Scene {
   constructor(canvas, inset) {
     const gl = canvas.getContext("webgl2", { alpha: false, antialias: true });
     if (!gl) throw new Error("it has no WebGL 2");
-    Object.assign(this, { canvas, inset, gl, programs: {}, marks: {}, stale: true });
+    Object.assign(this, { canvas, inset, gl, programs: {}, marks: {}, hand: {}, below: 0, stale: true });
     gl.bindBufferBase(gl.UNIFORM_BUFFER, 0, gl.createBuffer());
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
     gl.enable(gl.DEPTH_TEST);
@@ -35,9 +74,9 @@ export class Scene {
   }
 
   // What stands in the world, and the picture of its ground.
-  load({ programs, area, grid, cells, back, marks }, block, picture) {
+  load({ programs, area, grid, cells, back, mirrors, leastScale, marks }, block, picture) {
     const { gl } = this;
-    Object.assign(this, { sources: programs, back, cells, area, grid });
+    Object.assign(this, { sources: programs, back, cells, area, grid, mirrors, leastScale });
     this.pavement = this.texture();
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB8, gl.RGB, gl.UNSIGNED_BYTE, picture);
     gl.generateMipmap(gl.TEXTURE_2D);
@@ -97,7 +136,7 @@ export class Scene {
   }
 
   // Take a message of the server: marks in the order in which they are drawn, the rest of its header, and its arrays.
-  take({ marks: { times, ...marks }, ...state }, block) {
+  take({ marks: { times, ...marks }, camera, ...state }, block) {
     if (times) this.light(times, block);
     if (marks.tints?.columns.length) this.tinted = false;
     for (const [name, { columns, ...style }] of Object.entries(marks)) {
@@ -105,7 +144,7 @@ export class Scene {
       Object.assign(mark, style);
       for (const column of columns) this.fill(mark, column, block);
     }
-    Object.assign(this, state, { order: Object.keys(marks) });
+    Object.assign(this, state, { given: camera, order: Object.keys(marks) });
     this.inset.hidden = !this.plan;
     this.stale = true;
   }
@@ -156,7 +195,7 @@ export class Scene {
       const value = uniforms[uniform];
       if (value?.length === 16) gl.uniformMatrix4fv(place, false, value);
       else if (value?.length) gl[`uniform${value.length}fv`](place, value);
-      else if (value !== undefined) gl.uniform1f(place, value);
+      else if (value != null) gl.uniform1f(place, value);
     }
     gl.bindVertexArray(mark.vertices);
     if (mark.kind === "lines") gl.drawArraysInstanced(gl.TRIANGLE_FAN, 0, 4, mark.count);
@@ -164,15 +203,17 @@ export class Scene {
   }
 
   render() {
-    const { gl, canvas, camera, marks, plan } = this;
-    if (!camera) return;
+    const { gl, canvas, marks, plan } = this;
+    if (!this.given) return;
+    const camera = (this.camera = fitted(this.given, this.hand, this.below, canvas, this.size));
+    camera.scale = Math.max(Math.min(canvas.width, canvas.height) / 720, this.leastScale);
     this.laser = { grid: this.grid, area: this.area, clock: camera.clock };
     this.paintTints();
     const box = [0, 0, canvas.width, canvas.height];
     gl.depthMask(true);
     gl.clearColor(...this.back, 1);
     gl.clear(gl.DEPTH_BUFFER_BIT);
-    for (const mirror of this.mirrors) this.reflect(mirror, box);
+    for (const mirror of this.mirrors) this.reflect(reflection(mirror, camera), box);
     this.see(camera, box);
     this.paintBodies("faces");
     this.paint("faces", marks.land, marks.land);
@@ -180,7 +221,7 @@ export class Scene {
     const opened = camera.glass || camera.robot;
     this.paintWalls(opened ? ":SOLID" : "", camera);
     this.paintGround("ground");
-    this.paint("sky", marks.sky, { ray_from_corner: camera.ray });
+    this.paint("sky", marks.sky, { ray_from_corner: [...new DOMMatrix(camera.matrix).inverse().toFloat64Array()] });
     if (opened) this.paintWalls(":VEIL", camera);
     for (const mark of this.shown(false)) if (mark.kind !== "faces") this.paintMark(mark);
     if (plan) this.paintPlan();
@@ -189,8 +230,7 @@ export class Scene {
 
   // The marks of the scene or of the plan, in their order.
   shown(plan) {
-    const own = (name) => name !== "tints" && !name.startsWith("seal ");
-    return this.order.filter((name) => own(name) && name.startsWith("plan ") === plan).map((name) => this.marks[name]);
+    return this.order.filter((name) => name !== "tints" && name.startsWith("plan ") === plan).map((name) => this.marks[name]);
   }
 
   // Draw the map into the picture that walls take its colours from, where it has changed.
@@ -212,18 +252,21 @@ export class Scene {
 
   // Draw what a mirror shows, and close it with its depth.
   reflect(mirror, box) {
-    const { gl, camera, marks } = this;
-    this.see({ ...camera, ...mirror }, box);
+    if (!mirror) return;
+    const { gl, camera } = this;
+    this.see(mirror, box);
     gl.frontFace(gl.CW);
     this.paintBodies("faces:MIRRORED", mirror);
-    this.paintWalls(":MIRRORED", { ...camera, ...mirror });
+    this.paintWalls(":MIRRORED", mirror);
     this.paintGround("ground:MIRRORED", mirror);
     gl.frontFace(gl.CCW);
     this.see(camera, box);
     gl.colorMask(false, false, false, false);
     gl.depthFunc(gl.ALWAYS);
     const pose = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
-    this.paint("faces", marks[mirror.seal], { pose });
+    const seal = (this.seal ??= { vertices: gl.createVertexArray(), columns: [] });
+    this.fill(seal, [0, 0, 3, 0, 6], new Uint8Array(mirror.seal.buffer));
+    this.paint("faces", seal, { pose });
     gl.depthFunc(gl.LEQUAL);
     gl.colorMask(true, true, true, true);
   }
@@ -255,7 +298,9 @@ export class Scene {
       this.paint(mark.hidden ? "lines:DASHED" : "lines", mark, { width: [mark.width * scale, mark.thick * this.focus] }, { blend: true });
       gl.depthFunc(gl.LEQUAL);
     } else if (mark.kind === "soft") {
+      gl.depthFunc(mark.on_top ? gl.ALWAYS : gl.LEQUAL);
       this.paint("soft", mark, {}, { blend: true });
+      gl.depthFunc(gl.LEQUAL);
     }
   }
 
@@ -269,7 +314,7 @@ export class Scene {
     gl.scissor(...box);
     gl.clear(gl.COLOR_BUFFER_BIT);
     this.see(plan, box);
-    this.paintGround("ground:EXPLORED", {}, { blend: true });
+    this.paintGround("ground:PLAN", {}, { blend: true });
     for (const mark of this.shown(true)) this.paintMark(mark);
     gl.disable(gl.SCISSOR_TEST);
     gl.enable(gl.DEPTH_TEST);

@@ -1,0 +1,171 @@
+"""Known places: a map as key scans, and the places in it where a scan fits, without a first guess.
+
+A run, whose scans show the map, or a world, in which scans are cast from all over its free space,
+enters. All of its free cells and all headings are searched for a scan; the places where its beams
+met the walls of the map, and passed through no others, leave.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from lrf3d.casting import PlanarCaster
+from lrf3d.geometry import Float, Int
+from lrf3d.laser import LaserRangeFinder
+from lrf3d.planning.free_space import free_places
+from lrf3d.pose import between, compose
+from lrf3d.run import Run
+from lrf3d.slam.scan_matching import Match, match_scan
+from lrf3d.slam.search import CELL, FREE, Field, field_of, window_scores
+from lrf3d.slam.slam import Slam
+from lrf3d.slam.surface import wall_map
+from lrf3d.slam.views import Key, evidence, same_place
+from lrf3d.world import World
+
+APART, TURNED = 0.5, 0.5
+"""Scans of a run are key scans after this distance [m] or turn [rad]."""
+
+SPACING, BEAMS, REACH = 1.0, 720, 30.0
+"""Distance of the scans that are cast in a world [m], their beams, and their range [m]."""
+
+MOST_SCANS, MOST_CELLS = 3000, 80_000
+"""Scans that are cast, and cells that are searched, at most: in a town both lie farther apart."""
+
+ROOM = 0.25
+"""Distance from walls at which a robot may be [m]."""
+
+DRAWN = 0.02
+"""How exactly walls of plans lie where they are drawn [m]: as noise of the scans cast there."""
+
+STRIDE, STEP, POINTS = 2, 0.04, 60
+"""The search takes every second cell each way, steps of the heading [rad], and points of a scan."""
+
+PEAKS, NEXT, NEXT_TURN = 80, 0.7, 0.25
+"""Poses that are matched, at most, and how far apart [m], [rad] they lie at least."""
+
+PARTS, MOST_PEAKS = 16, 600
+"""Parts of the headings that are searched one after another, and poses kept of each."""
+
+AROUND = 6
+"""Key scans that a place is judged by, the nearest."""
+
+GUESS = np.diag([4.0, 4.0, 25.0])
+"""Information of a pose of the search, which is off by half a step."""
+
+
+class Candidate(NamedTuple):
+    """A pose (3,) where a scan may have been taken, with its match and what speaks for it."""
+
+    match: Match
+    evidence: float
+
+
+@dataclass(frozen=True, eq=False)
+class KnownPlaces:
+    """Key scans (k,) at poses (k, 3), which show a map."""
+
+    name: str
+    keys: list[Key]
+    poses: Float = field(repr=False)
+
+    @classmethod
+    def from_run(cls, run: Run) -> "KnownPlaces":
+        """The map that the scans of a run show at its poses, which may be estimated ones."""
+        poses, chosen = run.trajectory.poses, [0]
+        for number in range(1, len(run)):
+            x, y, turn = np.abs(between(poses[chosen[-1]], poses[number]))
+            if np.hypot(x, y) >= APART or turn >= TURNED:
+                chosen.append(number)
+        slam = Slam()
+        keys = [slam.seen(run.scans_at(number)) for number in chosen]
+        return cls(run.world.name, keys, poses[chosen])
+
+    @classmethod
+    def from_world(cls, world: World) -> "KnownPlaces":
+        """The map that a world is: what a laser that looks all around would see in it."""
+        places = free_places(world, ROOM)
+        area = len(np.unique(np.floor(places), axis=0))
+        spacing = max(SPACING, np.sqrt(area / MOST_SCANS))
+        _, first = np.unique(np.floor(places / spacing), axis=0, return_index=True)
+        poses = np.column_stack([places[first], np.zeros(len(first))])
+        step = 2.0 * np.pi / BEAMS
+        lrf = LaserRangeFinder(-np.pi, np.pi - step, BEAMS, range_max=REACH)
+        caster, slam = PlanarCaster(world), Slam()
+        keys = [slam.seen(caster.cast(lrf, pose)) for pose in poses]
+        return cls(world.name, keys, poses)
+
+    @cached_property
+    def _field(self) -> Field:
+        return field_of(self.keys, self.poses)
+
+    @cached_property
+    def _free(self) -> Int:
+        """Columns and rows (s, 2) of the free cells that are searched."""
+        cells = self._field.cells == FREE
+        stride = int(np.ceil(max(STRIDE, np.sqrt(cells.sum() / MOST_CELLS))))
+        rows, columns = np.nonzero(cells[::stride, ::stride])
+        return np.ascontiguousarray(stride * np.column_stack([columns, rows]))
+
+    def search(self, scan: Key) -> list[Candidate]:
+        """The places of the whole map where a scan fits, the best first."""
+        peaks = self._peaks(scan)
+        found: list[Candidate] = []
+        for candidate in (self.judged(scan, peak, GUESS) for peak in peaks):
+            if candidate and not any(
+                same_place(candidate.match.pose, other.match.pose) for other in found
+            ):
+                found.append(candidate)
+        return sorted(found, key=lambda each: -each.evidence)
+
+    def _peaks(self, scan: Key) -> list[Float]:
+        """The poses (3,) at which the hits of a scan meet most walls."""
+        points = np.ascontiguousarray(scan.hits[:: 1 + len(scan.hits) // POINTS])
+        corner, cells = self._field.corner + 0.5 * CELL, self._free
+        parts = []
+        for headings in np.array_split(np.arange(-np.pi, np.pi, STEP), PARTS):
+            centre = np.array([*corner, 0.0])
+            scores = window_scores(points, self._field, centre, cells, headings)
+            most = min(MOST_PEAKS, scores.size)
+            best = np.argpartition(scores, scores.size - most, axis=None)[-most:]
+            a, s = np.unravel_index(best, scores.shape)
+            parts.append(np.column_stack([scores[a, s], corner + CELL * cells[s], headings[a]]))
+        ranked = np.concatenate(parts)
+        ranked = ranked[np.argsort(-ranked[:, 0], kind="stable"), 1:]
+        peaks: list[Float] = []
+        while len(ranked) and len(peaks) < PEAKS:
+            peaks.append(ranked[0])
+            off = np.abs(between(ranked[0], ranked))
+            ranked = ranked[(np.hypot(off[:, 0], off[:, 1]) > NEXT) | (off[:, 2] > NEXT_TURN)]
+        return peaks
+
+    @cached_property
+    def _seen(self) -> Float:
+        """Where key scans were taken, and the middles of what they hit (k, 4) [m]."""
+        middles = [_middle(key, pose) for key, pose in zip(self.keys, self.poses, strict=True)]
+        return np.column_stack([self.poses[:, :2], np.array(middles)])
+
+    def around(self, scan: Key, pose: Float) -> Int:
+        """The key scans that see most of what a scan from a pose (3,) sees."""
+        apart = np.abs(self._seen - [*pose[:2], *_middle(scan, pose)]).sum(axis=1)
+        return np.argsort(apart, kind="stable")[:AROUND]
+
+    def judged(self, scan: Key, guess: Float, prior: Float) -> Candidate | None:
+        """The place near a guess (3,) where a scan fits, and what speaks for it."""
+        near = self.around(scan, guess)
+        keys = [self.keys[k] for k in near.tolist()]
+        grid = wall_map((key.walls, pose) for key, pose in zip(keys, self.poses[near], strict=True))
+        if grid is None or not len(scan.surface):
+            return None
+        match = match_scan(scan.surface, grid, guess, prior)
+        if not np.isfinite(match.pose).all():
+            return None
+        seen_from = between(self.poses[near], match.pose)
+        return Candidate(match, evidence(scan.hits, match.explained, seen_from, keys))
+
+
+def _middle(scan: Key, pose: Float) -> Float:
+    """The middle (2,) of what a scan from a pose (3,) hit."""
+    middle = scan.hits.mean(axis=0) if len(scan.hits) else np.zeros(2)
+    return compose(pose, np.array([*middle, 0.0]))[:2]
