@@ -212,7 +212,8 @@ class Layout:
         if not layout.columns and fixed:
             layout = _by_sweep(form.sample, length) or _by_length(form.sample, length)
         if not layout.columns:
-            rising = ", the first of them rising" if rises(form.sample, 0) else ""
+            places = [str(k + 1) for k in range(min(length, SHORT)) if rises(form.sample, k)]
+            rising = f", number {', '.join(places)} rising as stamps do" if places else ""
             raise InputError(
                 f"{path}: text of {length} columns{rising}; name them by --format, such as"
                 " 'stamp:us, x, y, theta, ranges:mm@25', or a preset: " + ", ".join(PRESETS)
@@ -313,10 +314,17 @@ def _by_length(sample: list[list[str]], length: int) -> Layout:
     """The layout of lines whose number of columns leaves that of a usual range finder."""
     leading = ["stamp"] if rises(sample, 0) else []
     for names in (leading, [*leading, "x", "y", "theta"]):
-        if length - len(names) in FANS:
+        if length - len(names) in FANS and (
+            names == leading or _is_heading(sample, len(names) - 1)
+        ):
             columns = {name: place for place, name in enumerate([*names, "ranges"])}
             return Layout("the number of columns", columns)
     return Layout()
+
+
+def _is_heading(sample: list[list[str]], place: int) -> bool:
+    """Whether the numbers of a column may be headings: of at most two turns, in degrees."""
+    return all(is_number(row[place]) and abs(float(row[place])) <= 720.0 for row in sample)
 
 
 def rises(sample: list[list[str]], place: int) -> bool:

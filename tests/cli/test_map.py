@@ -81,6 +81,16 @@ def test_modes_and_noise_reach_the_mapper(log):
         assert not np.array_equal(changed.segments, map_log(drive).map.segments)
 
 
+def test_a_map_of_poses_that_drift_is_doubted(text, tmp_path):
+    lines = [line.split() for line in text.splitlines()]
+    for place, words in enumerate(lines):
+        words[182] = str(float(words[182]) + 0.3 * place)
+    path = tmp_path / "drift.log"
+    path.write_text("\n".join(map(" ".join, lines)))
+    done = lrf3d("map", path, "--json", "--out", tmp_path / "out")
+    assert done.returncode == 0 and "warning: the map explains only" in done.stderr
+
+
 def test_a_log_of_one_scan_gives_a_map_and_no_score(text, tmp_path):
     path = tmp_path / "one.log"
     path.write_text("\n".join(text.splitlines()[:1]))
