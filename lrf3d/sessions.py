@@ -99,7 +99,7 @@ def localise_log(
         >>> run = lrf3d.simulate(room, [(1 + 0.2 * k, 1, 0) for k in range(20)], rng=0)
         >>> lrf3d.export_run(run, "carmen", "drive.log")
         >>> found = lrf3d.localise_log(room, "drive.log")
-        >>> found, found.poses[-1].round(1).tolist()
+        >>> found, (found.poses[-1].round(1) + 0.0).tolist()
         (LocalisedLog(drive, 20 of 20 scans), [4.8, 1.0, 0.0])
     """
     places = known if isinstance(known, KnownPlaces) else known_places(known)
