@@ -93,7 +93,7 @@ def bench(
 ) -> Report:
     """Cast scans with lrf3d and with its peers: run time against error.
 
-    Open3D and MuJoCo take part where installed: .venv/bin/pip install -e '.[bench]' 'mujoco<4'.
+    Open3D and MuJoCo take part where installed: .venv/bin/pip install -e '.[bench]'.
     """
     report = Report(__doc__.splitlines()[0])
     for count in numbers("--walls", walls, least=4):
@@ -258,11 +258,8 @@ def open3d_ranges(world: World) -> Cast:
 def mujoco_ranges(world: World) -> Cast:
     """MuJoCo's ``mj_multiRay`` at walls as thin boxes: in float64 as lrf3d."""
     library: Any = import_module("mujoco")
-    spec, kind = library.MjSpec(), library.mjtGeom.mjGEOM_BOX
-    for x, y, u, v in (world.segments - np.tile(world.origin, 2)).tolist():
-        turn, size = 0.5 * np.arctan2(v - y, u - x), [0.5 * np.hypot(u - x, v - y), 1e-12, 3.0]
-        quat, place = [np.cos(turn), 0.0, 0.0, np.sin(turn)], [0.5 * (x + u), 0.5 * (y + v), 0.0]
-        spec.worldbody.add_geom(type=kind, size=size, pos=place, quat=quat)
+    spec = library.MjSpec()
+    mujoco_boxes(spec.worldbody, world.segments - np.tile(world.origin, 2), library)
     model = spec.compile()
     data = library.MjData(model)
     library.mj_forward(model, data)
@@ -278,6 +275,15 @@ def mujoco_ranges(world: World) -> Cast:
         return limited(np.where(found < 0.0, np.inf, found), lrf)
 
     return cast
+
+
+def mujoco_boxes(body: Any, segments: Float, library: Any) -> None:
+    """Add segments (n, 4) to a body as thin boxes."""
+    for x, y, u, v in segments.tolist():
+        turn, size = 0.5 * np.arctan2(v - y, u - x), [0.5 * np.hypot(u - x, v - y), 1e-12, 3.0]
+        quat, place = [np.cos(turn), 0.0, 0.0, np.sin(turn)], [0.5 * (x + u), 0.5 * (y + v), 0.0]
+        kind = library.mjtGeom.mjGEOM_BOX
+        body.add_geom(type=kind, size=size, pos=place, quat=quat)
 
 
 def savings(report: Report, seconds: float) -> None:

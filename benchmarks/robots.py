@@ -9,6 +9,7 @@ from typing import Annotated
 
 import numpy as np
 
+from benchmarks.moving import moving_scenes
 from benchmarks.report import Report
 from lrf3d.cores import core_count
 from lrf3d.gym import DriveVectorEnv
@@ -26,7 +27,11 @@ def bench(
     seconds: Annotated[float, "How long to measure [s]."] = 10.0,
     seed: Annotated[int, "Seed of places, goals and actions."] = 0,
 ) -> Report:
-    """Drive many robots at once, as environments of Gymnasium: steps and beams a second."""
+    """Drive many robots at once, as environments of Gymnasium: steps and beams a second.
+
+    Then scans among moving obstacles are timed beside those of embreex, MuJoCo and irsim-x, where
+    these are installed.
+    """
     scenario = load_scenario(world, [f"laser.beams={beams}"] if beams else [])
     envs = DriveVectorEnv(robots, scenario, sigma=0.0)
     envs.reset(seed=seed)
@@ -53,4 +58,5 @@ def bench(
         scans_a_second=float(robots / median),
         beams_a_second=float(robots / median * envs.lrf.beams),
     )
+    moving_scenes(report, seconds / 2)
     return report

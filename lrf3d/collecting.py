@@ -4,17 +4,17 @@ A simulation enters, or its parts; a Run in memory leaves. `lrf3d.io.recording` 
 in a file.
 """
 
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from inspect import signature
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.errors import InputError, check_names, shown
+from lrf3d.errors import InputError, check_names, expect, shown
 from lrf3d.geometry import Float, sealed, whole_number
 from lrf3d.interrupts import Progress, check, silent, stoppable
-from lrf3d.laser import LaserRangeFinder, LaserScan
+from lrf3d.laser import LaserRangeFinder
 from lrf3d.laser.scan import LIGHT
 from lrf3d.mapping import LineMap
 from lrf3d.robot import Trajectory
@@ -23,8 +23,6 @@ from lrf3d.run import Run, is_snapshot
 from lrf3d.simulation import Simulation, Step
 from lrf3d.steering import Controller
 from lrf3d.world import World
-
-Result = TypeVar("Result")
 
 
 class Runnable(Protocol):
@@ -98,96 +96,79 @@ def collect(
     simulation: Simulation, progress: Progress = silent, *, snapshots: int | None = None
 ) -> Run:
     """Run a simulation to its end and keep it in memory; `record` writes it to a file."""
-    return drained(gather(simulation, progress, snapshots=snapshots))
-
-
-def gather(
-    simulation: Simulation, progress: Progress = silent, *, snapshots: int | None = None
-) -> Generator[None, None, Run]:
-    """Run a simulation, kept in memory, a step each time; the generator returns the run."""
-    total, row = simulation.total, row_type(simulation)
-    rows: dict[str, Any] = {
-        name: np.empty((total, *row[name].shape), row[name].base) for name in row.names or ()
-    }
-    maps, imu = yield from step_by_step(
-        simulation, lambda step: fill_row(rows, step.index, step), progress, snapshots=snapshots
-    )
-    rows = {name: sealed(values)[: simulation.done] for name, values in rows.items()}
-    return Run(
-        simulation.world,
-        simulation.lrf,
-        Trajectory(rows.pop("times"), rows.pop("poses")),
-        snapshot_scans=tuple(maps),
-        maps=tuple(maps.values()),
-        obstacles=simulation.obstacles,
-        film=simulation.film,
-        radius=simulation.radius,
-        estimate=simulation.estimate,
-        further=simulation.lasers[1:],
-        imu=imu,
-        **rows,
-    )
-
-
-def run_to_end(
-    simulation: Simulation,
-    keep: Callable[[Step], None],
-    progress: Progress,
-    *,
-    snapshots: int | None = None,
-    recorded: Iterable[tuple[Sequence[LaserScan], Float]] = (),
-) -> tuple[dict[int, LineMap], ImuRecord | None]:
-    """Call ``keep`` with each step up to the last.
-
-    The recorded scans of an interrupted simulation, with poses, are taken first. Returns the map
-    snapshots by their scans, and what the IMU measured.
-    """
-    settings: dict[str, Any] = {"snapshots": snapshots, "recorded": recorded}
-    return drained(step_by_step(simulation, keep, progress, **settings))
-
-
-def drained(steps: Generator[None, None, Result]) -> Result:
-    """What a generator returns at its end."""
-    while True:
-        try:
-            next(steps)
-        except StopIteration as end:
-            return end.value  # type: ignore[no-any-return]
-
-
-def step_by_step(
-    simulation: Simulation,
-    keep: Callable[[Step], None],
-    progress: Progress,
-    *,
-    snapshots: int | None = None,
-    recorded: Iterable[tuple[Sequence[LaserScan], Float]] = (),
-) -> Generator[None, None, tuple[dict[int, LineMap], ImuRecord | None]]:
-    """Do as `run_to_end`, a step each time."""
-    inertial = list[Float]()
-    total, maps = simulation.total, dict[int, LineMap]()
-    snapshots = None if snapshots is None else whole_number(snapshots, "snapshots")
-
-    def keep_map(always: bool = False) -> None:
-        check()
-        last = simulation.done - 1
-        if (always or is_snapshot(last, total, snapshots)) and last not in maps:
-            if isinstance(line_map := simulation.map, LineMap):
-                maps[last] = line_map
-
-    for scans, pose in recorded:
-        simulation.take(scans, pose)
-        inertial.append(simulation.inertial)
-        keep_map()
+    expect(progress, Callable, "progress")
+    collection, total = Collection(simulation, snapshots), simulation.total
     for step in simulation:
-        keep(step)
-        inertial.append(step.imu)
+        collection.add(step)
         progress(simulation.done, total)
-        keep_map()
-        yield
-    # A controller may end before all scans are done.
-    keep_map(always=True)
-    return maps, None if simulation.motion_sensors[1] is None else ImuRecord.of(inertial)
+    return collection.run()
+
+
+class Snapshots:
+    """The map snapshots of a simulation while it runs, and what its IMU measured."""
+
+    def __init__(self, simulation: Simulation, snapshots: int | None = None) -> None:
+        self._simulation, self._total, self.maps = (
+            simulation,
+            simulation.total,
+            dict[int, LineMap](),
+        )
+        self._most = None if snapshots is None else whole_number(snapshots, "snapshots")
+        self._inertial = list[Float]()
+
+    def keep(self) -> None:
+        """Keep what came with the last scan."""
+        self._inertial.append(self._simulation.inertial)
+        if is_snapshot(self._simulation.done - 1, self._total, self._most):
+            self._keep_map()
+        check()
+
+    def end(self) -> ImuRecord | None:
+        """Keep the last map, as a controller may end before all scans are done."""
+        self._keep_map()
+        exists = self._simulation.motion_sensors[1] is not None
+        return ImuRecord.of(self._inertial) if exists else None
+
+    def _keep_map(self) -> None:
+        last, line_map = self._simulation.done - 1, self._simulation.map
+        if last not in self.maps and isinstance(line_map, LineMap):
+            self.maps[last] = line_map
+
+
+class Collection(Snapshots):
+    """All of a simulation, in memory."""
+
+    def __init__(self, simulation: Simulation, snapshots: int | None = None) -> None:
+        super().__init__(simulation, snapshots)
+        row = row_type(simulation)
+        self._rows: dict[str, Any] = {
+            name: np.empty((self._total, *row[name].shape), row[name].base)
+            for name in row.names or ()
+        }
+
+    def add(self, step: Step) -> None:
+        """Keep a step."""
+        fill_row(self._rows, step.index, step)
+        self.keep()
+
+    def run(self) -> Run:
+        """The run, which has ended."""
+        simulation, imu = self._simulation, self.end()
+        rows = {name: sealed(values)[: simulation.done] for name, values in self._rows.items()}
+        return Run(
+            simulation.world,
+            simulation.lrf,
+            Trajectory(rows.pop("times"), rows.pop("poses")),
+            snapshot_scans=tuple(self.maps),
+            maps=tuple(self.maps.values()),
+            obstacles=simulation.obstacles,
+            film=simulation.film,
+            radius=simulation.radius,
+            estimate=simulation.estimate,
+            further=simulation.lasers[1:],
+            imu=imu,
+            **rows,
+        )
 
 
 def row_type(simulation: Simulation) -> np.dtype[Any]:

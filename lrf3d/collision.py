@@ -10,11 +10,10 @@ from numpy.typing import ArrayLike
 
 from lrf3d.casting.crowd import Crowd, moves_of, records
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
-from lrf3d.casting.kernels.beams import Records
 from lrf3d.casting.kernels.touch import TIP, touched, touched_among
 from lrf3d.casting.kernels.tree import Plain, build_tree
 from lrf3d.errors import CollisionError, InputError, each_of, expect
-from lrf3d.geometry import Float, Int, Value, as_rows, number
+from lrf3d.geometry import Float, Int, Records, Value, as_rows, number
 from lrf3d.pose import Pose, between
 from lrf3d.robot.odometry import twist_of
 from lrf3d.robot.trajectory import Trajectory

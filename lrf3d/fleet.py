@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from lrf3d.casting.crowd import Crowd, moves_of
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
-from lrf3d.collecting import gather
+from lrf3d.collecting import Collection
 from lrf3d.collision import (
     ROBOT_HEIGHT,
     Body,
@@ -22,7 +22,7 @@ from lrf3d.collision import (
     robots_among,
 )
 from lrf3d.errors import CollisionError, InputError, check_names, each_of, expect, shown
-from lrf3d.geometry import Float, generator
+from lrf3d.geometry import Float, Int, generator, lengths
 from lrf3d.interrupts import Progress, silent, stoppable
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.laser.range_finder import lasers_of
@@ -34,6 +34,15 @@ from lrf3d.sensor import caster_of
 from lrf3d.simulation import Mapper, Simulation
 from lrf3d.steering import ControlledDrive, Controller, trajectory_of
 from lrf3d.world import World
+
+APART = 0.5
+"""Room [m] between two robots at the ends of their parts of a route: they cut corners."""
+
+MOST_SPOTS = 2000
+"""Places of a route that are compared with each other, at most."""
+
+WINDOW = 1000
+"""Scans for which it is planned at once how robots give way: it takes memory for their square."""
 
 STILL = (0.0, 0.0, 0.0)
 """The twist of a robot at rest."""
@@ -92,6 +101,7 @@ def simulate_fleet(
         2
     """
     expect(world, World, "world")
+    expect(progress, Callable, "progress")
     if not isinstance(drives, list | tuple):
         raise InputError(f"drives {shown(drives)}: expected a list of one a robot")
     if mapper is not None and not callable(mapper):
@@ -150,14 +160,13 @@ def simulate_fleet(
     ]
 
 
-def places_along(path: Trajectory, count: int, body: Body, *, once: int | None = None) -> list[int]:
-    """The poses of a path, of the first ones if given, at which robots start, evenly spread.
+def places_along(path: Trajectory, count: int, body: Body) -> list[int]:
+    """The poses of a path at which robots start, evenly spread.
 
     Raises:
         InputError: The path is too short for them.
     """
-    length = len(path) if once is None else once
-    places = [length * robot // count for robot in range(count)]
+    places = [len(path) * robot // count for robot in range(count)]
     spots = path.poses[places, :2]
     near = min((math.dist(a, b) for a, b in combinations(spots.tolist(), 2)), default=math.inf)
     if near <= 2.0 * body.reach:
@@ -165,12 +174,77 @@ def places_along(path: Trajectory, count: int, body: Body, *, once: int | None =
     return places
 
 
-def drives_along(path: Trajectory, places: Sequence[int], scans: int) -> list[Trajectory]:
-    """The drives of robots that start at some poses of a path, at the time 0."""
-    return [
-        Trajectory(path.times[k : k + scans] - path.times[k], path.poses[k : k + scans])
-        for k in places
-    ]
+def parts_of(route: Float, count: int, body: Body) -> list[Float]:
+    """Equal parts (m, 2) of a route, with room for two robots between neighbours.
+
+    The end of the route is left out where it leads back along what was driven before.
+
+    Raises:
+        InputError: The route is too short for them.
+    """
+    stations = np.append(0.0, np.cumsum(lengths(np.hstack([route[:-1], route[1:]]))))
+    gap = 2.0 * body.reach + APART
+    spots = np.linspace(0.0, stations[-1], min(2 + int(stations[-1] / body.reach), MOST_SPOTS))
+    places = np.column_stack([np.interp(spots, stations, column) for column in route.T])
+    near = np.hypot(*(places[:, None] - places).transpose(2, 0, 1)) < gap
+    new = ~(near & (spots[:, None] - spots > 2.0 * gap)).any(axis=1)
+    total = float(spots[new][-1])
+    each = (total - (count - 1) * gap) / count
+    if each < gap:
+        raise InputError(
+            f"{count} robots: a route of {total:.2f} m leaves each {max(each, 0.0):.2f} m;"
+            f" expected at least {gap:.2f} m"
+        )
+    parts = []
+    for begin in (each + gap) * np.arange(count):
+        inside = (stations > begin) & (stations < begin + each)
+        x, y = (np.interp([begin, begin + each], stations, column) for column in route.T)
+        first, last = np.column_stack([x, y])
+        parts.append(np.vstack([first, route[inside], last]))
+    return parts
+
+
+def giving_way(drives: Sequence[Trajectory], body: Body) -> list[Trajectory]:
+    """Drives of as many poses, in which each robot keeps away from those before it.
+
+    It rests, or drives back the way that it came, where one of them would be too near, and gets as
+    far as it can.
+    """
+    given = list[Trajectory]()
+    for drive in drives:
+        path, rows, last = drive.poses, [np.zeros(1, np.int64)], 0
+        step = np.hypot(*np.diff(path[:, :2], axis=0).T).max(initial=0.0)
+        room = float(np.hypot(2.0 * body.reach, step))
+        for begin in range(0, len(path) - 1, WINDOW):
+            part = slice(begin, begin + WINDOW + 1)
+            others = [other.poses[part, :2] for other in given]
+            count = len(drive.times[part])
+            rows.append(last + _apart(path[last : last + count, :2], others, room, count))
+            last = int(rows[-1][-1])
+        given.append(Trajectory(drive.times, path[np.concatenate(rows)]))
+    return given
+
+
+def _apart(path: Float, others: Sequence[Float], room: float, count: int) -> Int:
+    """Where on its path (k, 2) a robot is after each step, away from others (n, 2)."""
+    # Where it may be after each step, from where it may be a step earlier.
+    may = np.zeros((count, len(path)), np.bool_)
+    may[0, 0] = True
+    for time in range(1, count):
+        before, now = may[time - 1], may[time]
+        now |= before
+        now[1:] |= before[:-1]
+        now[:-1] |= before[1:]
+        for other in others:
+            now &= np.hypot(*(path - other[time]).T) > room
+        if not now.any():
+            now |= before
+    at = np.full(count, np.flatnonzero(may[-1]).max())
+    for time in range(count - 1, 0, -1):
+        # It waits as late as it can.
+        near = [k for k in (at[time] - 1, at[time], at[time] + 1) if 0 <= k < len(path)]
+        at[time - 1] = max((k for k in near if may[time - 1, k]), default=at[time])
+    return at[1:]
 
 
 def before_touching(drives: Sequence[Trajectory], body: Body) -> tuple[list[Trajectory], str]:
@@ -191,24 +265,23 @@ def _drive_all(
     simulations: Sequence[Simulation], touches: "_Touches", progress: Progress
 ) -> list[Run]:
     """Run simulations to their ends, always that with the earliest scan; in their order."""
-    steps = [gather(simulation) for simulation in simulations]
-    total, done, runs = sum(each.total for each in simulations), 0, dict[int, Run]()
+    steps = [iter(simulation) for simulation in simulations]
+    kept = [Collection(simulation) for simulation in simulations]
+    total, done = sum(each.total for each in simulations), 0
     waiting = [(each.next_time, robot) for robot, each in enumerate(simulations)]
     heapify(waiting)
     while waiting:
         time, robot = heappop(waiting)
         if time < math.inf:
             touches.drive_until(time)
-        try:
-            next(steps[robot])
-        except StopIteration as end:
-            runs[robot] = end.value
+        if (step := next(steps[robot], None)) is None:
             continue
+        kept[robot].add(step)
         done += 1
         progress(done, total)
         touches.hold(robot)
         heappush(waiting, (simulations[robot].next_time, robot))
-    return [runs[robot] for robot in range(len(simulations))]
+    return [each.run() for each in kept]
 
 
 class _Touches:

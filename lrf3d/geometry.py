@@ -18,6 +18,8 @@ Float = NDArray[np.float64]
 Single = NDArray[np.float32]
 Int = NDArray[np.int64]
 Bool = NDArray[np.bool_]
+Records = NDArray[Any]
+"""Rows of fields with names, as kernels take them."""
 AnyArray = TypeVar("AnyArray", bound=NDArray[Any])
 
 

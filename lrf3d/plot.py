@@ -39,7 +39,7 @@ from lrf3d.laser import LaserRangeFinder, LaserScan, reflection_points
 from lrf3d.mapping import LineMap
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.run import Run
-from lrf3d.scene.estimate import BELIEVED, TRUTH, kept_ellipses, outlines
+from lrf3d.scene.estimate import TRUTH, believed, kept_ellipses, outlines
 from lrf3d.scene.look import DART, ESTIMATE_COLOUR, ESTIMATE_FADED, object_tints
 from lrf3d.scene.structures import Sight, enclosed_areas
 from lrf3d.sheet import FAINT, INK, dressed, plain, sheet
@@ -202,7 +202,7 @@ def estimate(
 ) -> Axes:
     """Plot an estimated path with its ellipses of 95 % and, if asked, a line for each closure."""
     ax = _axes(ax)
-    usual = {"color": ESTIMATE_COLOUR, "linewidth": 1.1, "label": BELIEVED, "zorder": 3.2}
+    usual = {"color": ESTIMATE_COLOUR, "linewidth": 1.1, "label": believed(estimate), "zorder": 3.2}
     path = ax.plot(*estimate.poses[:, :2].T, **_styled(usual, style))[0]
     kept = kept_ellipses(estimate)
     rings = outlines(estimate.poses[estimate.known_scans[kept], :2], estimate.ellipses[kept])
@@ -228,14 +228,14 @@ def run(run: Run, ax: Axes | None = None) -> Axes:
     return paths(run.trajectory.poses, run.estimate, ax)
 
 
-def paths(poses: Float, believed: EstimatedTrajectory | None, ax: Axes) -> Axes:
+def paths(poses: Float, estimated: EstimatedTrajectory | None, ax: Axes) -> Axes:
     """Plot the poses (k, 3) of a drive, and its estimate where there is one."""
-    if believed is None:
+    if estimated is None:
         return trajectory(poses, ax)
     # Of a recorded drive the truth is not known: its poses are the estimate.
-    if not np.array_equal(poses, believed.poses):
+    if not np.array_equal(poses, estimated.poses):
         trajectory(poses, ax, linewidth=2.8, label=TRUTH)
-    return estimate(believed, ax, closures=False)
+    return estimate(estimated, ax, closures=False)
 
 
 def png(value: World | LineMap | LaserScan | Run) -> bytes:

@@ -123,6 +123,18 @@ def test_what_grazes_does_not_touch_and_what_cuts_does(walls, body, twist, wante
         assert same == hit
 
 
+@pytest.mark.parametrize("radius", [0.1, None])
+def test_a_body_that_goes_round_the_end_of_a_wall_touches_it_from_behind(radius):
+    body = Body(outline=[(-0.1, -0.1), (0.1, -0.1), (0.0, 0.1)]) if radius is None else Body(radius)
+    wall, pose, twist = [[0.5, 1.0, 5.0, 1.0]], Pose(0.0, 0.85, 0.7), (2.0, 0.0, -1.0)
+    hit, lines = held(wall, body, pose, twist, 1.45), shapely.LineString([(0.5, 1), (5, 1)])
+    gaps = [
+        placed(body, hold(pose, twist, time)).distance(lines) - (radius or 0.0)
+        for time in np.linspace(0.0, hit.time, 200)
+    ]
+    assert min(gaps[:-1]) > 1e-3 and abs(gaps[-1]) < 1e-12 and hit.time > 1.0
+
+
 def test_a_body_in_contact_may_slide_and_leave_but_not_press_on():
     for body, x in ((Body(0.5), 1.5), (Body(outline=BOX), 1.7)):
         for twist, touches in (

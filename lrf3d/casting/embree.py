@@ -89,22 +89,21 @@ class EmbreeCaster(PlanarCaster):
         """
         if self.lighting is not None:
             return self.light_layers(lrf, pose, elevations, pitch=pitch, roll=roll)[:2]
-        level = _level_layers(lrf, elevations, pitch, roll)
-        x, y, theta = as_pose(pose)
+        (x, y, theta), level = as_pose(pose), _level_layers(lrf, elevations, pitch, roll)
+        beams = layer_directions(lrf, theta, elevations, pitch=pitch, roll=roll)[~level]
         ranges = np.empty((len(level), lrf.beams))
         walls = np.empty((len(level), lrf.beams), np.int64)
         if level.any():
             scan = self.cast(lrf, (x, y, theta))
             ranges[level], walls[level] = scan.ranges, scan.walls
-        if not level.all():
-            beams = layer_directions(lrf, theta, elevations, pitch=pitch, roll=roll)[~level]
+        if len(beams):
             if self._solid is None:
                 self._solid = MeshScene.of(self.world, self._triangles)
             origin = np.array([x, y, lrf.height])
             found, faces = self._solid.cast(origin, beams.reshape(-1, 3), lrf.range_max)
-            found = within_limits(found, lrf.range_min, lrf.range_max)
-            ranges[~level] = found.reshape(-1, lrf.beams)
-            walls[~level] = np.where(np.isfinite(found), faces, -1).reshape(-1, lrf.beams)
+            found = within_limits(found, lrf.range_min, lrf.range_max).reshape(-1, lrf.beams)
+            faces = np.where(np.isfinite(found), faces.reshape(found.shape), -1)
+            ranges[~level], walls[~level] = found, faces
         return ranges, walls
 
     def light_layers(
@@ -112,9 +111,7 @@ class EmbreeCaster(PlanarCaster):
         lrf: LaserRangeFinder,
         pose: Sequence[float] | Float,
         elevations: Sequence[float] = (0.0,),
-        *,
-        pitch: float = 0.0,
-        roll: float = 0.0,
+        **tilt: float,
     ) -> Lit:
         """Cast as `cast_layers` does, with mirrors, glass, intensities and echoes.
 
@@ -133,13 +130,11 @@ class EmbreeCaster(PlanarCaster):
         """
         if self.lighting is None:
             raise InputError("world without materials: its beams have no intensities")
-        level = _level_layers(lrf, elevations, pitch, roll)
-        x, y, theta = as_pose(pose)
-        beams = layer_directions(lrf, theta, elevations, pitch=pitch, roll=roll)[~level]
+        (x, y, theta), level = as_pose(pose), _level_layers(lrf, elevations, **tilt)
+        beams = layer_directions(lrf, theta, elevations, **tilt)[~level]
         lit = self.lighting.light_layers(lrf, self.tree(-math.inf), (x, y, lrf.height), beams)
-        flat = self._lit(
-            lrf, np.array([(x, y, theta)] * int(level.any())).reshape(-1, 3), chains=True
-        )
+        poses = np.array([(x, y, theta)] * int(level.any())).reshape(-1, 3)
+        flat = self._lit(lrf, poses, chains=True)
         # Each layer is a row of the inclined ones, in their order, or the level scan after these.
         rows = np.where(level, len(beams), np.cumsum(~level) - 1)
         return Lit(*(np.concatenate(both)[rows] for both in zip(lit, flat, strict=True)))
@@ -154,7 +149,9 @@ class EmbreeCaster(PlanarCaster):
             scene.cast(laser, poses, ranges, walls)
 
 
-def _level_layers(lrf: LaserRangeFinder, elevations: object, pitch: float, roll: float) -> Bool:
+def _level_layers(
+    lrf: LaserRangeFinder, elevations: object, pitch: float = 0.0, roll: float = 0.0
+) -> Bool:
     """Which layers (n,) of a range finder, checked with all angles, are level."""
     expect(lrf, LaserRangeFinder, "range finder")
     angles: Float = np.asarray(numbers(elevations, "elevations"), dtype=np.float64)

@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.casting.kernels.beams import RAY, Records
+from lrf3d.casting.kernels.beams import RAY
 from lrf3d.casting.kernels.echoes import FIRST, LAST, MOST_WALLS, STRONGEST, Lit, Receiver
 from lrf3d.casting.kernels.light import Optics, light_rays
 from lrf3d.casting.kernels.movers import CORNER, LEG, MOVER
 from lrf3d.casting.kernels.tree import Plain, Tree
-from lrf3d.geometry import Float, lengths
+from lrf3d.geometry import Float, Records, lengths
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.world import World
 from lrf3d.world.materials import BUILT_IN, PLAIN, Material

@@ -22,8 +22,9 @@ import numpy as np
 import shapely
 import trimesh
 
-from lrf3d.casting.kernels.embree import Trust
-from lrf3d.casting.kernels.scans import cast_scans, rays_of
+from lrf3d.casting.kernels.beams import RAY
+from lrf3d.casting.kernels.embree import TRUST
+from lrf3d.casting.kernels.scans import cast_scans, rays_from
 from lrf3d.casting.kernels.tree import Plain, Tree
 from lrf3d.geometry import Float, Int
 
@@ -51,9 +52,9 @@ class WallScene:
         delta = 2.0 * float32_error(radius, min(distance + 2.0 * longest, 4.0 * radius))
         beyond = 8.0 / FLAT * float32_error(radius, 4.0 * radius)
         self._x, self._y = centre.tolist()
-        trust = Trust(self._x, self._y, radius, 1.5 * delta, beyond, FLAT, STEEP)
+        trust = [(self._x, self._y, radius, 1.5 * delta, beyond, FLAT, STEEP)]
         parts = [clear_parts(walls, along, (7.0 + 5.0 / sine) * delta) for sine in (FLAT, STEEP)]
-        self._tree, self._clear, self._trust = tree[:], np.hstack(parts), np.array(trust)
+        self._tree, self._clear, self._trust = tree[:], np.hstack(parts), np.array(trust, TRUST)
         vertices = triangles(walls, along, delta)
         faces = np.arange(len(vertices)).reshape(-1, 3)
         self.mesh = trimesh.Trimesh(vertices, faces, process=False, validate=False)
@@ -65,8 +66,12 @@ class WallScene:
         # The rays of 64 scans of 181 beams are 600 kB.
         for k in range(0, len(poses), 64):
             part = slice(k, k + 64)
-            rays = rays_of(laser, poses[part], self._x, self._y)
-            found = self.mesh.ray.intersects_first(*rays)
+            rays = np.empty((len(poses[part]), ranges.shape[1]), RAY)
+            rays_from(laser, poses[part], np.zeros(len(rays)), rays)
+            starts, ways = np.zeros((2, rays.size, 3), np.float32)
+            starts[:, 0], starts[:, 1] = rays["x"].ravel() - self._x, rays["y"].ravel() - self._y
+            ways[:, 0], ways[:, 1] = rays["dx"].ravel(), rays["dy"].ravel()
+            found = self.mesh.ray.intersects_first(starts, ways)
             asked = self._clear, self._trust, found
             cast_scans(self._tree, laser, *asked, poses[part], ranges[part], walls[part])
 

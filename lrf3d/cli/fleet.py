@@ -16,7 +16,7 @@ from lrf3d.cli.runs import write_film
 from lrf3d.collision import Body, find_collision
 from lrf3d.errors import InputError
 from lrf3d.files import make_folder, write_text
-from lrf3d.fleet import before_touching, drives_along, places_along, simulate_fleet
+from lrf3d.fleet import before_touching, giving_way, parts_of, simulate_fleet
 from lrf3d.io import save_run
 from lrf3d.mapping import save_map
 from lrf3d.render.figures import draw_map, draw_world
@@ -69,6 +69,7 @@ def run_fleet(
             pictures[f"{name} map picture"] = f"{name}/map.png", partial(draw_map, drawn_part(run))
         figures = {"robot": name, **summarise(run), "seen_share": seen_share(judged_part(run))}
         write_text(folder / "summary.json", json_text({**common, **figures}))
+        files[f"{name} summary"] = f"{name}/summary.json"
         robots.append(figures)
         rows.append((name, _row(run, figures)))
     first = drawn_part(runs[0])
@@ -103,14 +104,14 @@ def _check(scenario: Scenario, own: dict[str, Any], args: Namespace) -> None:
 
 
 def _drives(scenario: Scenario, args: Namespace) -> list[Any]:
-    """The drives of all robots, cut where two first touch, which a warning says."""
+    """The drives of all robots on their parts of the route, cut where two touch."""
     body = Body(scenario.radius, scenario.outline)
-    # What the route touches is found on the whole path.
-    once = len(scenario.trajectory(on_collision=lambda note: None))
-    scans = args.scans or once
-    path = scenario.trajectory(scans=once + scans, on_collision=on_collision(args))
-    places = places_along(path, args.robots, body, once=once)
-    drives = drives_along(path, places, scans)
+    assert scenario.route is not None
+    parts = parts_of(scenario.route, args.robots, body)
+    each = [scenario.changed(route=part) for part in parts]
+    scans = args.scans or max(len(one.trajectory(on_collision=lambda note: None)) for one in each)
+    drives = [one.trajectory(scans=scans, on_collision=on_collision(args)) for one in each]
+    drives = giving_way(drives, body)
     kept, touch = before_touching(drives, body)
     if touch and args.ignore_collisions:
         warn(f"{touch}; they drive through each other")
@@ -118,6 +119,9 @@ def _drives(scenario: Scenario, args: Namespace) -> list[Any]:
         warn(f"{touch}; all drives end before, after {len(kept[0]):,} of {scans:,} scans each")
         drives = kept
     for number, drive in enumerate(drives, 1):
+        if len(drive) > 1 and (drive.poses[-1] == drive.poses[-2]).all():
+            still = int((drive.poses == drive.poses[-1]).all(axis=1).argmax())
+            warn(f"robot{number}: waits for another one from t = {drive.times[still]:.1f} s on")
         hit = find_collision(drive, World(np.empty((0, 4))), body, scenario.obstacles)
         if hit is not None:
             warn(f"robot{number}: {hit}; its route takes no notice of it")

@@ -81,10 +81,15 @@ class ResultsFolder:
         if not isinstance(files, dict) or before["made_by"].get("command") != self.report.command:
             return
         for name in sorted(set(map(str, files.values())) - set(written)):
-            # Only plain files of the folder are its results.
-            if name == os.path.basename(name) and (self.path / name).is_file():
-                (self.path / name).unlink()
-                self.report.note(f"{self.path / name}: removed, as it was of the run before")
+            file, parts = self.path / name, Path(name).parts
+            # Only plain files of the folder, and of one for each robot, are its results.
+            if not 1 <= len(parts) <= 2 or {"..", os.sep} & set(parts) or file.parent.is_symlink():
+                continue
+            if file.is_file() and not file.is_symlink():
+                file.unlink()
+                self.report.note(f"{file}: removed, as it was of the run before")
+            if len(parts) == 2 and file.parent.is_dir() and not any(file.parent.iterdir()):
+                file.parent.rmdir()
 
 
 def _summary_of(folder: Path) -> dict[str, Any]:

@@ -9,7 +9,7 @@ byte for byte, as without the interruption. Rows are mapped from the file, not h
 """
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from time import monotonic
@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.collecting import fill_row, row_type, run_to_end
+from lrf3d.collecting import Snapshots, fill_row, row_type
 from lrf3d.digest import digest, name_of
 from lrf3d.errors import InputError, OutputError, expect
 from lrf3d.files import as_path, check_ordinary, locked, opened_own, writing
@@ -80,6 +80,7 @@ def record(
         (2, 2)
     """
     expect(simulation, Simulation, "simulation")
+    expect(progress, Callable, "progress")
     path = as_path(path)
     if path.suffix != ".npz":
         raise InputError(f"{path}: expected a name that ends in .npz")
@@ -103,9 +104,17 @@ def record(
                 journal = Journal(journal_path, fingerprint, simulation, keep=resume)
                 try:
                     recorded = journal.recorded(simulation)
-                    maps, imu = run_to_end(simulation, journal.add, progress, recorded=recorded)
+                    snapshots = Snapshots(simulation)
+                    for scans, pose in recorded:
+                        simulation.take(scans, pose)
+                        snapshots.keep()
+                    for step in simulation:
+                        journal.add(step)
+                        snapshots.keep()
+                        progress(simulation.done, total)
+                    imu = snapshots.end()
                     # Columns are copied from the rows some megabytes at a time.
-                    arrays = run_arrays(simulation, journal.rows(), maps, imu)
+                    arrays = run_arrays(simulation, journal.rows(), snapshots.maps, imu)
                     write_npz(path, arrays | {"origin": np.array(fingerprint)})
                 finally:
                     # An error of closing would replace the one that ended the run.
@@ -216,6 +225,8 @@ class Journal:
 
     def kept(self) -> int:
         """The number of scans in the file."""
+        with suppress(OSError, ValueError):  # It may be closed.
+            self._file.flush()
         return (self.path.stat().st_size - self._begin) // self.dtype.itemsize
 
     def close(self) -> None:

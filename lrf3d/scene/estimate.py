@@ -27,8 +27,13 @@ MOST_KEPT = 40
 CORNERS = 48
 """Corners of an ellipse, as it is drawn."""
 
-TRUTH, BELIEVED = "truth", "estimate, 95 %"
-"""What legends call the two trails."""
+TRUTH = "truth"
+"""What legends call the trail of where the robot was."""
+
+
+def believed(estimate: EstimatedTrajectory) -> str:
+    """What legends call the trail of an estimate, which may have no ellipses."""
+    return "estimate, 95 %" if len(estimate.known_scans) else "estimate"
 
 
 def trail_lines(
@@ -124,6 +129,6 @@ def estimate_words(run: Run, scan: int) -> tuple[tuple[str, str], ...]:
     if estimate is None:
         return ()
     if not run.knows_truth:
-        return ((BELIEVED, ""),)
+        return ((believed(estimate), ""),)
     apart = float(np.hypot(*(estimate.poses[scan, :2] - run.trajectory.poses[scan, :2])))
-    return ((TRUTH, ""), (BELIEVED, f"{apart:.2f} m off"))
+    return ((TRUTH, ""), (believed(estimate), f"{apart:.2f} m off"))

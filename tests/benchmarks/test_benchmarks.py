@@ -79,8 +79,10 @@ def test_own_mappers_and_ours_see_the_same_scans(tmp_path, monkeypatch):
 
 def test_every_part_is_a_command_with_an_example():
     words = ["robots", "corridor", "--robots", "4", "--seconds", "0.1", "--json"]
-    [row] = json.loads(lrf3d(*words, program=bench).stdout)["robots"]
+    report = json.loads(lrf3d(*words, program=bench).stdout)
+    [row], [scene, *_] = report["robots"], report["moving scenes"]
     assert row["robots"] == 4 and row["beams"] == 361
+    assert scene["library"] == "lrf3d" and scene["error_m"] == scene["wrong_share"] == 0.0
     wrong = lrf3d("robots", "--robots", "0", program=bench)
     assert wrong.returncode == 2 and "'0': expected a whole number from 1" in wrong.stderr
     assert row["beams_a_second"] == pytest.approx(361 * row["scans_a_second"])

@@ -192,15 +192,30 @@ def test_mirrors_show_obstacles_and_intensities_are_those_of_them():
     assert scan.intensities == pytest.approx([0.05 * 0.95**2 / 81], rel=1e-12)
 
 
-def test_a_scan_of_beams_one_by_one_has_their_intensities_and_echoes():
-    world = lrf3d.World([[2, -3, 2, 3], [5, -9, 5, 9]], [0, 1], materials=["glass", "brick"])
-    lrf = lrf3d.LaserRangeFinder(beams=31, scan_duration=0.1, echoes=2)
-    caster = lrf3d.PlanarCaster(world)
-    path = lrf3d.Trajectory([0.0, 1.0, 2.0], np.zeros((3, 3)))
-    swept = timed(caster, lrf, path)(np.zeros(3), 0.0)
-    whole = caster.cast(lrf, (0, 0, 0))
-    for name in ("ranges", "walls", "intensities", "echoes", "echo_intensities"):
-        assert (getattr(swept, name) == getattr(whole, name)).all()
+@pytest.mark.parametrize("seed", range(4))
+def test_light_among_moving_obstacles_is_that_of_the_moment_of_each_beam(seed):
+    rng = np.random.default_rng(seed)
+    walls, kinds = rng.uniform(-9, 9, (9, 4)), ["mirror", "glass", "brick", "metal"]
+    made_of = rng.choice(kinds, 9).tolist()
+    world = lrf3d.World(walls, np.arange(9), materials=made_of)
+    lrf = lrf3d.LaserRangeFinder(-3.0, 3.0, 61, range_max=40.0, scan_duration=0.4, echoes=2)
+    turning = Trajectory([0.0, 0.5, 1.0], [(0, 0, 0.1), (0.5, 0.2, 1.4), (1, 0.5, 2.5)])
+    ways = [Trajectory([0.0, 1.0], rng.uniform(-5, 5, (2, 3))) for _ in range(3)]
+    obstacles = [DynamicObstacle(SQUARE, way) for way in ways]
+    for path in (turning, None):
+        scan = timed(PlanarCaster(world), lrf, path, obstacles)(turning.poses[0], 0.0)
+        times = lrf.time_increment * np.arange(61) * (path is not None)
+        for beam, (pose, time) in enumerate(zip(turning.at(times), times, strict=True)):
+            sides = np.concatenate([one.walls(time) for one in obstacles])
+            together = lrf3d.World(
+                np.vstack([walls, sides]), np.append(np.arange(9), np.full(len(sides), 9)),
+                materials=[*made_of, "dark cloth"],
+            )  # fmt: skip
+            alone = PlanarCaster(together).cast(lrf, pose)
+            wall = alone.walls[beam] if alone.walls[beam] < 9 else -1
+            assert (scan.ranges[beam], scan.walls[beam]) == (alone.ranges[beam], wall)
+            assert np.array_equal(scan.echoes[beam], alone.echoes[beam])
+            assert scan.intensities[beam] == pytest.approx(alone.intensities[beam], rel=1e-12)
 
 
 @pytest.mark.parametrize(

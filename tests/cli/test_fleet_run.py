@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from program import lrf3d, refused
 
-from lrf3d import DynamicObstacle, Pose, Trajectory, load_run, load_scenario
+from lrf3d import DynamicObstacle, Pose, Trajectory, load_run
 from lrf3d.casting.dynamic_obstacle import round_outline
 from lrf3d.collision import Body, find_collision
 from lrf3d.errors import InputError
-from lrf3d.fleet import before_touching, drives_along, places_along
+from lrf3d.fleet import APART, before_touching, giving_way, parts_of
 from lrf3d.mapping import load_map
 from lrf3d.scene.bodies import Obstacles, robot_body
 from lrf3d.world import World
@@ -18,15 +18,30 @@ from lrf3d.world import World
 BODY = Body(0.3)
 
 
-def test_robots_start_evenly_spread_and_drive_the_same_path():
-    path = load_scenario("corridor").trajectory(scans=200)
-    places = places_along(path, 3, BODY, once=90)
-    assert places == [0, 30, 60]
-    for place, drive in zip(places, drives_along(path, places, 50), strict=True):
-        assert drive.times[0] == 0.0 and len(drive) == 50
-        assert np.array_equal(drive.poses, path.poses[place : place + 50])
-    with pytest.raises(InputError, match="40 robots"):
-        places_along(path, 40, BODY, once=90)
+def test_each_robot_has_its_part_of_the_route_without_the_way_back():
+    there = np.array([(0.0, 0.0), (4.0, 0.0), (10.0, 0.0)])
+    for route in (there, np.vstack([there, there[1::-1]])):
+        parts = parts_of(route, 2, BODY)
+        gap = 2.0 * BODY.reach + APART
+        assert [part[0, 0] for part in parts] == pytest.approx([0.0, 5.0 + gap / 2], abs=0.6)
+        assert parts[1][0, 0] - parts[0][-1, 0] == pytest.approx(gap)
+        assert (4.0, 0.0) in map(tuple, parts[0]) and (parts[1][:, 1] == 0.0).all()
+    with pytest.raises(InputError, match=r"9 robots: a route of 10\.00 m leaves each 0\.13 m"):
+        parts_of(there, 9, BODY)
+
+
+def test_a_robot_waits_until_another_has_passed():
+    times = np.arange(1140.0)
+    along = Trajectory(times, [(0.5 * t, 0.0, 0.0) for t in times])
+    across = Trajectory(times, [(5.0, 0.5 * t - 5.0, 0.0) for t in times])
+    first, second = giving_way([along, across], BODY)
+    assert np.array_equal(first.poses, along.poses)
+    assert (
+        before_touching([along, across], BODY)[1] and not before_touching([first, second], BODY)[1]
+    )
+    assert 0.0 < second.length < across.length
+    steps = np.diff(second.poses[:, 1])
+    assert set(steps) == {0.0, 0.5}
 
 
 def test_drives_end_before_two_robots_touch():
@@ -76,4 +91,14 @@ def test_what_several_robots_cannot_do_is_refused(tmp_path):
     words = "run", "corridor", "--robots", "2", "--no-video", "--out", tmp_path
     assert "--resume" in refused(*words, "--resume")
     assert "--sigma" in refused(*words, "--sigma", "0.1,0.2")
-    assert "apart on the route" in refused(*words[:3], "90", *words[4:])
+    assert "90 robots: a route of" in refused(*words[:3], "90", *words[4:])
+
+
+def test_robots_of_a_run_before_leave_no_folder(tmp_path):
+    words = "run", "corridor", "--scans", "2", "--no-video", "--out", tmp_path
+    assert lrf3d(*words, "--robots", "2").returncode == 0
+    (tmp_path / "robot1" / "mine.txt").write_text("kept")
+    done = lrf3d(*words)
+    assert done.returncode == 0, done.stderr
+    left = {str(file.relative_to(tmp_path)) for file in tmp_path.glob("robot*/*")}
+    assert left == {"robot1/mine.txt"} and not (tmp_path / "robot2").exists()

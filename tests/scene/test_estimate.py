@@ -58,5 +58,7 @@ def test_the_panel_says_the_error_only_where_the_truth_is_known():
 def test_an_estimate_without_covariances_has_no_ellipses():
     run = estimated(room_run())
     bare = replace(run.estimate, known_scans=[], covariances=np.zeros((0, 3, 3)))
-    drawn = DrawnEstimate.from_timeline(Timeline(replace(run, estimate=bare)))
+    run = replace(run, estimate=bare)
+    assert estimate_words(run, 4)[1] == ("estimate", "0.50 m off")
+    drawn = DrawnEstimate.from_timeline(Timeline(run))
     assert not len(drawn.rings(1.0).starts) and drawn.outlines().shape == (0, CORNERS, 2)

@@ -1,7 +1,7 @@
 """What is known of the faces that Embree found, compiled; `wall_scene` has the argument."""
 
 import math
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,28 +9,23 @@ from numpy.typing import NDArray
 from lrf3d.casting.kernels.buffer import ROOM, Fan
 from lrf3d.casting.kernels.predicates import FILTER, wall_at
 from lrf3d.casting.kernels.tree import STACK, Tree
-from lrf3d.compiling import inner
+from lrf3d.compiling import inner, record
 from lrf3d.geometry import Float, Int
 
 UNSURE = -2
 """Marks a beam in doubt, in place of the row of its wall."""
 
 
-class Trust(NamedTuple):
-    """How far Embree is trusted [m]; passed as an array, which takes less time than numbers."""
-
-    x: float  # The middle of the walls.
-    y: float
-    radius: float  # The laser may stand so far from x and from y,
-    margin: float  # but not so near to a wall.
-    beyond: float  # What seems this much beyond the range is out of it.
-    flat: float  # Least sine of the angle between a beam and a wall whose first clear part counts,
-    steep: float  # and for its second one.
+NAMES = ("x", "y", "radius", "margin", "beyond", "level", "steep")
+TRUST = record(**dict.fromkeys(NAMES, float))
+"""How far Embree is trusted [m]: the middle of the walls; how far from x and from y the laser may
+stand, but not so near to a wall; what seems this much beyond the range is out of it; and the least
+sines of the angle between a beam and a wall whose first clear part counts, and its second one."""
 
 
 @inner
 def prove(
-    tree: Tree, clear: Float, trust: Trust, found: NDArray[np.int32], fan: Fan, range_max: float,
+    tree: Tree, clear: Float, trust: Any, found: NDArray[np.int32], fan: Fan, range_max: float,
     hit: Int,
 ) -> None:  # fmt: skip
     """From the faces (beams,) that Embree found to the rows of the walls, −1, or doubt."""
@@ -51,7 +46,7 @@ def prove(
         left, right = ax * ey, ay * ex
         # Slopes are taken with the sign that the beam ahead of the wall gives them.
         sense, length = 1.0 if left > right else -1.0, math.sqrt(ex * ex + ey * ey)
-        flat, steep = trust.flat * length, trust.steep * length
+        flat, steep = trust.level * length, trust.steep * length
         low, high, steep_low, steep_high = wall_at(clear, row)
         # How far away the beam meets the wall at least, times its slope.
         away = abs(left - right) - FILTER * (abs(left) + abs(right))
@@ -66,7 +61,7 @@ def prove(
 
 
 @inner
-def near_a_wall(tree: Tree, trust: Trust, x: float, y: float) -> bool:
+def near_a_wall(tree: Tree, trust: Any, x: float, y: float) -> bool:
     """Whether Embree is not to be trusted here: by a wall, or too far out; never too rarely."""
     boxes, links, walls, _ = tree
     stack, top = np.empty(STACK, np.int64), 1
@@ -88,4 +83,4 @@ def near_a_wall(tree: Tree, trust: Trust, x: float, y: float) -> bool:
             room = trust.margin * math.sqrt(square)
             if abs(ax * ey - ay * ex) <= room and -room <= along <= square + room:
                 return True
-    return max(abs(x - trust.x), abs(y - trust.y)) > trust.radius
+    return bool(max(abs(x - trust.x), abs(y - trust.y)) > trust.radius)

@@ -6,7 +6,6 @@ ends nearer than the box begins.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -36,15 +35,12 @@ from lrf3d.casting.kernels.buffer import (
 )
 from lrf3d.casting.kernels.predicates import wall_at
 from lrf3d.casting.kernels.tree import STACK, Tree
-from lrf3d.compiling import inner
-from lrf3d.geometry import Float, Int
+from lrf3d.compiling import inner, record
+from lrf3d.geometry import Float, Int, Records
 
-
-class Waiting(NamedTuple):
-    """The boxes that wait on the path through the tree, the nearest on top."""
-
-    entries: Int  # (STACK, 3) the node, and the first and the end of the beams that may meet it.
-    nears: Float  # (STACK,) a bound on 1 / distance [1/m].
+WAITING = record(node=int, first=int, stop=int, near=float)
+"""A box that waits on the path through the tree: its node, the first and the end of the beams that
+may meet it, and a bound on 1 / distance [1/m]. The nearest is on top."""
 
 
 @inner
@@ -60,15 +56,15 @@ def trace(tree: Tree, fan: Fan, range_max: float, hit: Int) -> None:
         low[i], high[i], hit[i] = edge, edge, -1
     buffer = Buffer(low, high, hit, np.empty(beams, np.int64))
     sketch = np.empty(SKETCH)
-    waiting = Waiting(np.empty((STACK, 3), np.int64), np.empty(STACK))
-    entries, nears = waiting
-    entries[0, 0], entries[0, 1], entries[0, 2], nears[0] = 0, 0, beams, np.inf
-    top = 1 if len(tree.walls) > 0 else 0
+    waiting = np.empty(STACK, WAITING)
+    root, top = waiting[0], 1 if len(tree.walls) > 0 else 0
+    root.node, root.first, root.stop, root.near = 0, 0, beams, np.inf
     while top > 0:
         top -= 1
-        if _hidden(low, entries[top, 1], entries[top, 2], nears[top]):
+        box = waiting[top]
+        if _hidden(low, box.first, box.stop, box.near):
             continue
-        node = entries[top, 0]
+        node = box.node
         first, count = tree.links[node, 0], tree.links[node, 1]
         if count < 0:
             _view(tree.boxes, first, -count, fan, sketch)
@@ -94,13 +90,11 @@ def _hidden(low: Float, first: int, stop: int, near: float) -> bool:
 
 @inner
 def _enter(
-    first: int, count: int, fan: Fan, edge: float, low: Float, sketch: Float, waiting: Waiting,
+    first: int, count: int, fan: Fan, edge: float, low: Float, sketch: Float, waiting: Records,
     top: int,
 ) -> int:  # fmt: skip
     """Let those of the boxes in a sketch wait that a beam may meet; the new height."""
-    entries, nears = waiting
-    beams = len(low)
-    bottom = top
+    beams, bottom = len(low), top
     for k in range(index_of(count)):
         near = sketch[SLACK + k]
         if near < edge:
@@ -111,13 +105,11 @@ def _enter(
         if start >= stop or _hidden(low, start, stop, near):
             continue
         place = top
-        while place > bottom and nears[place - 1] > near:
-            nears[place] = nears[place - 1]
-            for j in range(3):
-                entries[place, j] = entries[place - 1, j]
+        while place > bottom and waiting[place - 1].near > near:
+            waiting[place] = waiting[place - 1]
             place -= 1
-        entries[place, 0], entries[place, 1], entries[place, 2] = first + int(k), start, stop
-        nears[place] = near
+        box = waiting[place]
+        box.node, box.first, box.stop, box.near = first + int(k), start, stop, near
         top += 1
     return top
 

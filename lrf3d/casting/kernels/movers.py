@@ -13,7 +13,6 @@ from lrf3d.casting.kernels.beams import (
     OPEN,
     TAKEN,
     Nearest,
-    Records,
     beam_of,
     judged,
     length_of,
@@ -25,8 +24,8 @@ from lrf3d.casting.kernels.fan import beams_between
 from lrf3d.casting.kernels.predicates import Beam, Wall
 from lrf3d.casting.kernels.scans import PADDING, Laser, aim, turn
 from lrf3d.casting.kernels.tree import Plain
-from lrf3d.compiling import compiled, inner
-from lrf3d.geometry import TINY, Float, Int
+from lrf3d.compiling import compiled, inner, record
+from lrf3d.geometry import TINY, Float, Int, Records
 
 RINGS = 64
 """Number of distance classes in which obstacles are sorted: near ones hide those behind."""
@@ -35,27 +34,27 @@ ROWS, MEASURES = (
     ("first", "stop", "leg", "last"),
     ("reach", "height", "period", "fastest", "rim", "disc"),
 )
-MOVER = np.dtype([*((n, np.int64) for n in ROWS), *((n, np.float64) for n in MEASURES)], align=True)
+MOVER = record(**dict.fromkeys(ROWS, int), **dict.fromkeys(MEASURES, float))
 """An obstacle: its corners and the legs of its path, from the first to before the last; its largest
 distance from its origin to a corner [m] and its height [m]; after which time its path begins again
 [s], 0 for never; the largest speeds of its origin and of a corner [m/s]; and its radius [m] if it
 touches others as a disc, or 0."""
 
-CORNER = np.dtype([("x", np.float64), ("y", np.float64)], align=True)
+CORNER = record(x=float, y=float)
 """A corner [m] in the frame of its obstacle."""
 
 STAMPED, RATES = ("time", "x", "y", "theta"), ("ahead", "left", "turn")
-LEG = np.dtype([(name, np.float64) for name in (*STAMPED, *RATES)], align=True)
+LEG = record(**dict.fromkeys((*STAMPED, *RATES), float))
 """A pose of a path [m, rad] and its time [s], and the speeds ahead, to the left [m/s] and about
 itself [rad/s] that are held from then on, where the period of the obstacle is HELD."""
 
 HELD = -1.0
 """The period of an obstacle that holds its speeds."""
 
-PLACED = np.dtype([(name, np.float64) for name in ("x", "y", "reach")], align=True)
+PLACED = record(**dict.fromkeys(("x", "y", "reach"), float))
 """The origin of an obstacle at a moment [m], and its reach."""
 
-SIDE = np.dtype([(name, np.float64) for name in ("px", "py", "qx", "qy")], align=True)
+SIDE = record(**dict.fromkeys(("px", "py", "qx", "qy"), float))
 """A side of an obstacle in the world [m]."""
 
 
@@ -266,7 +265,7 @@ def cast_among(
         np.empty(len(placed)), np.empty(len(placed), np.int64), np.empty(len(placed), np.int64)
     )
     for k in range(len(poses)):
-        fan = aim(laser, poses[k, 0], poses[k, 1], poses[k, 2], dx, dy)
+        fan = aim(laser, poses[k], dx, dy)
         x, y, farthest = fan.x, fan.y, 0.0
         for i in range(beams):
             row[i], low[i], high[i] = -1, np.inf, min(ranges[k, i], laser.range_max * ROOM) * ROOM
@@ -339,12 +338,12 @@ def rays_among(
 def poses_along(legs: Records, times: Float, pose: Float) -> Float:
     """Poses (n, 3) at times (n,) [s] on a path that is moved and turned to begin at a pose (3,)."""
     poses = np.empty((len(times), 3))
+    first_x, first_y, heading = pose
     x0, y0, theta0 = pose_at(legs, 0, len(legs), 0.0, times[0])
     for i in range(len(times)):
         x, y, theta = pose_at(legs, 0, len(legs), 0.0, times[i])
         # The turn is added to the given heading, which may lie beyond a full turn.
-        poses[i, 0], poses[i, 1] = x + (pose[0] - x0), y + (pose[1] - y0)
-        poses[i, 2] = pose[2] + wrapped(theta - theta0)
-        for k in range(3):
-            poses[i, k] = poses[i, k] if abs(poses[i, k]) >= TINY else 0.0
+        turned = heading + wrapped(theta - theta0)
+        for k, value in enumerate((x + (first_x - x0), y + (first_y - y0), turned)):
+            poses[i, k] = value if abs(value) >= TINY else 0.0
     return poses

@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.casting.kernels.beams import Records, within
+from lrf3d.casting.kernels.beams import within
 from lrf3d.casting.kernels.buffer import ROOM, Fan, per_step_of
-from lrf3d.casting.kernels.embree import UNSURE, Trust, near_a_wall, prove
+from lrf3d.casting.kernels.embree import TRUST, UNSURE, near_a_wall, prove
 from lrf3d.casting.kernels.fan import trace
 from lrf3d.casting.kernels.predicates import (
     LANES,
@@ -20,7 +20,7 @@ from lrf3d.casting.kernels.predicates import (
 from lrf3d.casting.kernels.tree import Plain, Tree
 from lrf3d.compiling import compiled, inner
 from lrf3d.errors import expect
-from lrf3d.geometry import Float, Int, Single
+from lrf3d.geometry import Float, Int, Records
 from lrf3d.laser import LaserRangeFinder, range_finder
 
 turn = inner(range_finder.turn)
@@ -46,30 +46,27 @@ def laser_of(lrf: LaserRangeFinder, *, range_min: float | None = None) -> Plain:
     return lrf.fan, *lrf.spread, float(near), float(lrf.range_max)
 
 
-NOT_ASKED = np.empty((0, 4)), np.empty(len(Trust._fields)), np.empty(0, np.int32)
+NOT_ASKED = np.empty((0, 4)), np.empty(1, TRUST), np.empty(0, np.int32)
 """In place of what Embree found, where it was not asked."""
 
 
 @compiled
 def cast_scans(
-    plain_tree: Plain, plain_laser: Plain, clear: Float, numbers: Float,
+    plain_tree: Plain, plain_laser: Plain, clear: Float, trusts: Records,
     found: NDArray[np.int32], poses: Float, ranges: Float, hits: Int,
 ) -> None:  # fmt: skip
     """Cast a scan at each of the poses (k, 3); fill ranges (k, beams), and hits unless empty.
 
     Where Embree was asked, `found` (k beams,) are the faces that it met, `clear` (n, 4) the parts
-    of the walls where it is right, and the numbers those of a `Trust`.
+    of the walls where it is right, and the first of the trusts how far.
     """
-    tree, laser = Tree(*plain_tree), Laser(*plain_laser)
-    trust = Trust(
-        numbers[0], numbers[1], numbers[2], numbers[3], numbers[4], numbers[5], numbers[6]
-    )
+    tree, laser, trust = Tree(*plain_tree), Laser(*plain_laser), trusts[0]
     beams = laser.fan.shape[1]
     own = np.empty(0 if len(hits) > 0 else beams, np.int64)
     dx, dy = np.empty(beams + PADDING), np.empty(beams + PADDING)
     for k in range(len(poses)):
         hit = hits[k] if len(hits) > 0 else own
-        fan = aim(laser, poses[k, 0], poses[k, 1], poses[k, 2], dx, dy)
+        fan = aim(laser, poses[k], dx, dy)
         whole = len(found) == 0 or near_a_wall(tree, trust, fan.x, fan.y)
         if not whole:
             faces = found[k * beams : (k + 1) * beams]
@@ -85,45 +82,30 @@ def cast_scans(
 
 
 @compiled
-def rays_of(plain: Plain, poses: Float, x: float, y: float) -> tuple[Single, Single]:
-    """Origins and directions (k beams, 3) of the scans at poses (k, 3), seen from (x, y)."""
-    fan = plain[0]
-    beams = fan.shape[1]
-    rays = np.zeros((2, len(poses) * beams, 3), np.float32)
-    for k in range(len(poses)):
-        cos, sin = math.cos(poses[k, 2]), math.sin(poses[k, 2])
-        for i in range(beams):
-            row = k * beams + i
-            rays[0, row, 0], rays[0, row, 1] = poses[k, 0] - x, poses[k, 1] - y
-            rays[1, row, 0], rays[1, row, 1] = turn(fan[0, i], fan[1, i], cos, sin)
-    return rays[0], rays[1]
-
-
-@compiled
 def rays_from(plain: Plain, poses: Float, times: Float, rays: Records) -> None:
     """Fill the rays (k, beams) of scans from poses (k, 3), or of one from poses (beams, 3).
 
     Times [s] go with the poses.
     """
-    laser = Laser(*plain)
-    fan, (scans, beams) = laser.fan, rays.shape
-    rolling, cos, sin = scans < len(poses), 1.0, 0.0
+    (cosines, sines), (scans, beams) = Laser(*plain).fan, rays.shape
+    rolling, cos, sin, x, y = scans < len(poses), 1.0, 0.0, 0.0, 0.0
     for k in range(scans):
         for i in range(beams):
             at, ray = i if rolling else k, rays[k, i]
             if rolling or i == 0:
-                cos, sin = math.cos(poses[at, 2]), math.sin(poses[at, 2])
-            ray.dx, ray.dy = turn(fan[0, i], fan[1, i], cos, sin)
-            ray.x, ray.y, ray.time = poses[at, 0], poses[at, 1], times[at]
+                x, y, theta = poses[at]
+                cos, sin = math.cos(theta), math.sin(theta)
+            ray.dx, ray.dy = turn(cosines[i], sines[i], cos, sin)
+            ray.x, ray.y, ray.time = x, y, times[at]
 
 
 @inner
-def aim(laser: Laser, x: float, y: float, theta: float, dx: Float, dy: Float) -> Fan:
-    """The fan at a pose; dx and dy are filled with its directions."""
-    cos, sin = math.cos(theta), math.sin(theta)
-    fan, beams = laser.fan, laser.fan.shape[1]
+def aim(laser: Laser, pose: Float, dx: Float, dy: Float) -> Fan:
+    """The fan at a pose (3,); dx and dy are filled with its directions."""
+    (x, y, theta), (cosines, sines) = pose, laser.fan
+    cos, sin, beams = math.cos(theta), math.sin(theta), len(cosines)
     for i in range(beams):
-        dx[i], dy[i] = turn(fan[0, i], fan[1, i], cos, sin)
+        dx[i], dy[i] = turn(cosines[i], sines[i], cos, sin)
     ahead_x, ahead_y = turn(math.cos(laser.middle), math.sin(laser.middle), cos, sin)
     return Fan(x, y, dx, dy, ahead_x, ahead_y, laser.half, per_step_of(beams, laser.half))
 

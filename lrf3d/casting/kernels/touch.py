@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lrf3d.casting.kernels.beams import Records
 from lrf3d.casting.kernels.movers import (
     SIDE,
     Movers,
@@ -25,8 +24,8 @@ from lrf3d.casting.kernels.movers import (
 )
 from lrf3d.casting.kernels.predicates import Wall, wall_at
 from lrf3d.casting.kernels.tree import STACK, Plain, Tree
-from lrf3d.compiling import compiled, inner
-from lrf3d.geometry import Float, Int
+from lrf3d.compiling import compiled, inner, record
+from lrf3d.geometry import Float, Int, Records
 
 GRAZE = 1e-9
 """Depth up to which a body that meets something does not touch it [m]: more than rounding."""
@@ -40,7 +39,7 @@ LONGEST_TURN = 1.5
 STEP = 2e-5
 """Shortest step towards a dynamic obstacle [m]: cuts of corners that are shorter may be passed."""
 
-TIP = np.dtype([(n, np.float64) for n in ("x", "y", "inner_x", "inner_y", "reflex")], align=True)
+TIP = record(**dict.fromkeys(("x", "y", "inner_x", "inner_y", "reflex"), float))
 """A corner of a body [m], the direction into the body, and whether it is a notch, 0 or 1."""
 
 
@@ -151,6 +150,8 @@ def _contact(body: Body, twist: Twist, end: float, wall: Wall) -> float:
         motion = Motion(first.x, first.y, ahead - turn * first.y, left + turn * first.x, turn)
         side = 1.0 if _beside(line, first.x, first.y) >= 0.0 else -1.0
         best = _crossing(motion, line, side, body.radius, end)
+        # It may go round the end and come back from the other side.
+        best = min(best, _crossing(motion, line, -side, body.radius, end))
         if body.radius > 0.0:
             best = min(best, _nearing(motion, wall.px, wall.py, body.radius, end))
             best = min(best, _nearing(motion, wall.qx, wall.qy, body.radius, end))
@@ -161,9 +162,12 @@ def _contact(body: Body, twist: Twist, end: float, wall: Wall) -> float:
         tip, after = tips[k], tips[k + 1 if k + 1 < len(tips) else 0]
         motion = Motion(tip.x, tip.y, ahead - turn * tip.y, left + turn * tip.x, turn)
         side = _beside(line, tip.x, tip.y)
-        if abs(side) <= GRAZE:
+        clear = abs(side) > GRAZE
+        if not clear:
             side = line.ex * tip.inner_y - line.ey * tip.inner_x
-        best = min(best, _crossing(motion, line, 1.0 if side >= 0.0 else -1.0, 0.0, end))
+        side = 1.0 if side >= 0.0 else -1.0
+        best = min(best, _crossing(motion, line, side, 0.0, end))
+        best = min(best, _crossing(motion, line, -side, 0.0, end)) if clear else best
         # What comes to an edge comes from the right of it.
         edge = _line(Wall(tip.x, tip.y, after.x, after.y), tip.reflex, after.reflex)
         best = min(best, _crossing(start, edge, -1.0, 0.0, end))
