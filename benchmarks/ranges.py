@@ -93,7 +93,7 @@ def bench(
 ) -> Report:
     """Cast scans with lrf3d and with its peers: run time against error.
 
-    Open3D and MuJoCo take part where installed: .venv/bin/pip install -e '.[bench]' 'mujoco<4'.
+    Open3D and MuJoCo take part where installed: .venv/bin/pip install -e '.[bench]'.
     """
     report = Report(__doc__.splitlines()[0])
     for count in numbers("--walls", walls, least=4):

@@ -4,14 +4,14 @@ A simulation enters, or its parts; a Run in memory leaves. `lrf3d.io.recording` 
 in a file.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from inspect import signature
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.errors import InputError, check_names, shown
+from lrf3d.errors import InputError, check_names, expect, shown
 from lrf3d.geometry import Float, sealed, whole_number
 from lrf3d.interrupts import Progress, check, silent, stoppable
 from lrf3d.laser import LaserRangeFinder
@@ -96,6 +96,7 @@ def collect(
     simulation: Simulation, progress: Progress = silent, *, snapshots: int | None = None
 ) -> Run:
     """Run a simulation to its end and keep it in memory; `record` writes it to a file."""
+    expect(progress, Callable, "progress")
     collection, total = Collection(simulation, snapshots), simulation.total
     for step in simulation:
         collection.add(step)

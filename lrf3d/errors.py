@@ -147,7 +147,7 @@ def missing_extra(task: str, extra: str) -> MissingLibraryError:
     return MissingLibraryError(f"{task}; install it: {command}")
 
 
-def expect(value: object, kind: type, name: str) -> None:
+def expect(value: object, kind: "Any", name: str) -> None:
     """Check the kind of an argument that comes from outside."""
     if not isinstance(value, kind):
         raise InputError(f"{name} {shown(value)}: expected a {kind.__name__}")

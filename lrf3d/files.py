@@ -16,6 +16,7 @@ from tempfile import mkdtemp
 from typing import BinaryIO
 
 from lrf3d.errors import InputError, OutputError, shown
+from lrf3d.interrupts import unfinished as unfinished_folders
 
 LARGEST_TEXT = 1 << 28
 """Largest text file [bytes]: about two million walls as TOML."""
@@ -175,12 +176,14 @@ def unfinished_folder(path: str | Path) -> Iterator[Path]:
         # Between its making and its locking another process may take a folder for one that is left.
         while folder is None or not folder.exists():
             folder = Path(mkdtemp(_UNFINISHED, _PRIVATE, place))
+            unfinished_folders.add(str(folder))
             with suppress(FileNotFoundError):
                 held.enter_context(_hold(folder, wait=True))
     try:
         yield folder
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+        unfinished_folders.discard(str(folder))
         held.close()
 
 

@@ -101,6 +101,7 @@ def simulate_fleet(
         2
     """
     expect(world, World, "world")
+    expect(progress, Callable, "progress")
     if not isinstance(drives, list | tuple):
         raise InputError(f"drives {shown(drives)}: expected a list of one a robot")
     if mapper is not None and not callable(mapper):

@@ -11,7 +11,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from time import monotonic
+from time import monotonic, sleep
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -27,8 +27,21 @@ SAME = 0.1
 """Time [s] within which a second signal counts as the first: programs that start others, such as
 ``uv run``, forward a Ctrl-C that the terminal has sent to all."""
 
+PATIENCE = 1.5
+"""Time [s] after a signal at which a program ends that has not reached a check, as LLVM compiles
+for half a minute without one."""
+
 _asked, _since, _reads = 0, 0.0, False
 """The signal that asked to stop, 0 for none, when it came [s], and whether a file is being read."""
+
+_kept: list[Callable[[], str]] = []
+"""What is kept if the program ends now, innermost last."""
+
+unfinished: set[str] = set()
+"""Folders that are removed however the program ends."""
+
+_end = threading.Lock()
+"""Held by whoever ends the program: the main thread or the one that waits for signals."""
 
 
 def silent(done: int, total: int) -> None:
@@ -50,11 +63,8 @@ def handle_signals(name: str) -> None:
     """Let signals stop the program of this name: at the next `check`, or the second one at once."""
     global _asked
     _asked = 0
-
-    def write(text: str) -> None:
-        # A stream of Python may be in the middle of a write, which a handler must not enter.
-        with suppress(OSError):
-            os.write(2, text.encode())
+    if _end.locked():  # By a program that this process ran before.
+        _end.release()
 
     def handle(number: int, where: "FrameType | None") -> None:
         global _asked, _since
@@ -63,11 +73,9 @@ def handle_signals(name: str) -> None:
             if _reads:
                 raise KeyboardInterrupt
             if sys.stderr is not None and sys.stderr.isatty():
-                write(f"\n{name}: stopping; Ctrl-C again ends it at once\n")
+                _write(f"\n{name}: stopping; Ctrl-C again ends it at once\n")
         elif monotonic() > _since + SAME:
-            write(f"{name}: stopped\n")
-            # Processes that it has started end with it; what is half-written is replaced later.
-            os._exit(128 + _asked)
+            _end_now(name, _asked)
 
     usual = sys.unraisablehook
     # An interrupt that cannot be raised where it comes, as in a destructor, is seen by a check.
@@ -78,10 +86,56 @@ def handle_signals(name: str) -> None:
             signal.signal(number, handle)
 
 
+def limit_patience(name: str) -> None:
+    """End the program some time after the first signal, also while compiled code hears none.
+
+    Python calls handlers between two of its own steps alone; another thread sees signals at once.
+    """
+    if not hasattr(os, "set_blocking"):  # Windows, up to Python 3.11.
+        return
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
+
+    def wait() -> None:
+        while (number := os.read(reader, 1)[0]) not in SIGNALS:
+            pass
+        sleep(PATIENCE)
+        _end_now(name, number)
+
+    threading.Thread(target=wait, daemon=True).start()
+
+
+def _end_now(name: str, number: int) -> None:
+    """End the program from anywhere, unless it is ending: what is half-written is removed.
+
+    Processes that it has started end with it.
+    """
+    if not _end.acquire(blocking=False):
+        return
+    import shutil
+
+    for folder in list(unfinished):
+        shutil.rmtree(folder, ignore_errors=True)
+    text = ""
+    with suppress(Exception):
+        text = next(filter(None, (words() for words in reversed(_kept))), "")
+    _write("; ".join(filter(None, [f"{name}: stopped", text])) + "\n")
+    os._exit(128 + number)
+
+
+def _write(text: str) -> None:
+    """Write on stderr past its stream, which may be in the middle of a write."""
+    with suppress(OSError):
+        os.write(2, text.encode())
+
+
 def ignore_signals() -> None:
     """Ignore signals from here on: the program has done its work and ends."""
     for number in SIGNALS:
         signal.signal(number, signal.SIG_IGN)
+    if not _end.acquire(blocking=False):
+        sleep(60.0)  # The other thread is ending it.
 
 
 @contextmanager
@@ -138,9 +192,12 @@ def noting(words: Callable[[], str]) -> Iterator[None]:
 
     The program prints the note. Of nested blocks the innermost one adds its note, if it has any.
     """
+    _kept.append(words)
     try:
         yield
     except BaseException as error:
         if not hasattr(error, "__notes__") and (text := words()):
             error.add_note(text)
         raise
+    finally:
+        _kept.remove(words)

@@ -4,7 +4,7 @@ A log, or the path of one, enters; a `Run` leaves, whose world is the map of the
 """
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from lrf3d.errors import InputError, Lrf3dWarning
+from lrf3d.errors import InputError, Lrf3dWarning, expect
 from lrf3d.geometry import Float, lengths
 from lrf3d.interrupts import Progress, check, silent, stoppable
 from lrf3d.io import LaserLog, load_log
@@ -106,6 +106,7 @@ def map_log(
         >>> len(mapped), score_log(mapped.map, odd).explained > 0.9
         (5, True)
     """
+    expect(progress, Callable, "progress")
     log = readable(log if isinstance(log, LaserLog) else load_log(log))
     if not log.placed:
         raise InputError(f"{log.name}: no poses in it ({log.source}); lrf3d slam finds them")
@@ -241,6 +242,7 @@ def solve_log(
 
     Progress is called with the number of finished scans, and of all.
     """
+    expect(progress, Callable, "progress")
     if not isinstance(log, LaserLog):
         log = load_log(log, poses=odometry_of(log))
     log = readable(log)

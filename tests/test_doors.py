@@ -88,6 +88,17 @@ DOORS = {
     "serve": lambda run, wrong: ros.serve(wrong),
     "sweep": lambda run, wrong: lrf3d.sweep("paper_room", axes=wrong, seeds=0),
     "mappers": lambda run, wrong: lrf3d.sweep("paper_room", mappers=wrong, seeds=0),
+    "progress": lambda run, wrong: lrf3d.simulate(ROOM, [(1, 1, 0)], progress=wrong),
+    "record's progress": lambda run, wrong: lrf3d.record(
+        lrf3d.Simulation(ROOM, [(1, 1, 0)]), "a.npz", progress=wrong
+    ),
+    "fleet's progress": lambda run, wrong: lrf3d.simulate_fleet(ROOM, [], progress=wrong),
+    "film's progress": lambda run, wrong: lrf3d.render_video(run, "a.gif", progress=wrong),
+    "map_log's progress": lambda run, wrong: lrf3d.map_log("a.log", progress=wrong),
+    "sweep's progress": lambda run, wrong: lrf3d.sweep("paper_room", progress=wrong),
+    "crosscheck's progress": lambda run, wrong: lrf3d.crosscheck(
+        ROOM, run.lrf, [(1, 1, 0)], progress=wrong
+    ),
 }
 
 FITS = {

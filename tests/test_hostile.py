@@ -45,6 +45,8 @@ def square(x):
     return [[x, x], [x + 9, x], [x + 9, x + 9], [x, x + 9], [x, x]]
 
 
+SVG = '<svg xmlns="http://www.w3.org/2000/svg"><path d="{}" stroke="black"/></svg>'
+
 WORLDS = {
     "wraps.toml": (WALL + FREE + f"[[{2**62}, {2**62}, {2**62}, {2**62 + 5}]]", "run lengths"),
     "negative.toml": (WALL + FREE + "[[5, -1]]", "run lengths"),
@@ -56,6 +58,9 @@ WORLDS = {
     "empty_tag.yaml": ('image: a.png\nresolution: !!int ""\norigin: [0, 0, 0]\n', "resolution"),
     "type.geojson": ('{"type": [], "features": []}', "unknown geometry"),
     "deep.geojson": ('{"type": "Polygon", "coordinates": ' + "[" * 900 + "]" * 900 + "}", "."),
+    "key.toml": (WALL + ".".join(["a"] * 3000) + " = 1\n", "nested too deeply"),
+    "zigzag.svg": (SVG.format("M 0 0" + 20_000 * " L 1 1 L 2 0"), "cross more than"),
+    "zeros.gltf": ('{"accessors": [{"componentType": 5126, "count": 300000000}]}', "without data"),
     "crs.geojson": (collection(square(0), crs="EPSG:" * 60_000).replace("units", "u"), "crs is"),
     "keys.geojson": (
         "{" + ", ".join(f'"k{n}": 1' for n in [*range(60_000), 59_999]) + "}",

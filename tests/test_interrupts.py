@@ -96,10 +96,11 @@ class Mapper:
 """
 
 
+@pytest.mark.parametrize("again", [True, False])
 @pytest.mark.parametrize(
     "number", ["SIGINT", *(pytest.param(n, marks=pytest.mark.slow) for n in ("SIGTERM", "SIGHUP"))]
 )
-def test_a_second_signal_ends_a_command_at_once(number, tmp_path):
+def test_what_hears_no_signal_is_ended_by_a_second_one_or_after_a_while(number, again, tmp_path):
     number = getattr(signal, number, None)
     if number is None or os.name != "posix":
         pytest.skip("no such signal here")
@@ -110,13 +111,31 @@ def test_a_second_signal_ends_a_command_at_once(number, tmp_path):
     )  # fmt: skip
     assert process.stderr.readline() == "begun\n"
     process.send_signal(number)
-    # Two at the same time count as one: that is how programs between the terminal and this one
-    # forward a Ctrl-C.
-    time.sleep(0.3)
-    assert process.poll() is None
-    process.send_signal(number)
+    if again:
+        # Two at the same time count as one: that is how programs between the terminal and this one
+        # forward a Ctrl-C.
+        time.sleep(0.3)
+        assert process.poll() is None
+        process.send_signal(number)
     _, err = process.communicate(timeout=60)
-    assert (process.returncode, err) == (128 + number, "lrf3d: stopped\n")
+    kept = "0 of 3 scans kept; go on with --resume"
+    assert (process.returncode, err) == (128 + number, f"lrf3d: stopped; {kept}\n")
+    assert not [*tmp_path.rglob("*unfinished*")]
+
+
+def test_an_interrupt_before_anything_is_loaded_is_one_line():
+    code = """
+import signal, sys
+class Interrupting:
+    def find_spec(name, *_):
+        if name == "lrf3d.cli":
+            signal.raise_signal(signal.SIGINT)
+sys.meta_path.insert(0, Interrupting)
+from lrf3d.__main__ import main
+main()
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (130, "lrf3d: stopped\n")
 
 
 def test_a_signal_that_comes_twice_at_once_counts_once(tmp_path):

@@ -6,6 +6,7 @@ arbitrary. Each cause of a difference is such a decision within δ of the beam; 
 one is unexplained.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -122,6 +123,7 @@ def crosscheck(
     require_embreex("a cross-check")
     expect(world, World, "world")
     expect(lrf, LaserRangeFinder, "range finder")
+    expect(progress, Callable, "progress")
     poses = as_poses(poses)
     world = World(world.segments, world.objects, world.heights)
     planar, embree = PlanarCaster(world), BareEmbree(world)

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from subprocess import DEVNULL, PIPE, Popen
+from time import sleep
 from typing import Any
 
 from lrf3d.cores import core_count, process_pool
@@ -66,6 +67,9 @@ def wait_for(process: "Popen[bytes]", progress: Progress) -> None:
 def main(*parts: str) -> None:
     """Compile all kernels of a small drive, and print how many are done, and of how many."""
     from concurrent.futures import as_completed
+    from threading import Thread
+
+    Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
 
     calls = sorted(
         _calls("slam" in parts), key=lambda call: not call[0].startswith("lrf3d.mapping")
@@ -77,6 +81,13 @@ def main(*parts: str) -> None:
         for done, future in enumerate(as_completed(futures), start=1):
             future.result()
             os.write(1, f"{done} {len(calls)}\n".encode())
+
+
+def _end_with_parent(parent: int) -> None:
+    """End this process when the program that waits for it has ended, however it did."""
+    while os.getppid() == parent:
+        sleep(_WAIT)
+    os._exit(1)
 
 
 def _calls(slam: bool) -> list[tuple[str, str, Any]]:

@@ -17,13 +17,19 @@ if TYPE_CHECKING:
 
 def main(program: "Callable[[list[str]], int | None] | None" = None, name: str = "lrf3d") -> None:
     """Run a program, lrf3d if not given; a known error ends it with one line and exit status 1."""
-    _open_streams()
+    open_streams()
     handle_signals(name)
     status = 1
     try:
-        status = _run(program)
+        try:
+            status = _run(program)
+        finally:
+            # Python gives signals their default action while it ends, which would be a death by
+            # signal.
+            ignore_signals()
     except KeyboardInterrupt as error:
         _report(name, error, "stopped")
+        _discard_output(sys.stdout)
     except BrokenPipeError:
         # The reader of the output has closed it, as `head` does; that is no error.
         _discard_output(sys.stdout, sys.stderr)
@@ -33,13 +39,10 @@ def main(program: "Callable[[list[str]], int | None] | None" = None, name: str =
         if message is None:
             raise
         _report(name, error, message)
-    finally:
-        # Python gives signals their default action while it ends, which would be a death by signal.
-        ignore_signals()
     sys.exit(128 + asked() if asked() and status else status)
 
 
-def _open_streams() -> None:
+def open_streams() -> None:
     """Open streams that the shell has closed, as with ``2>&-``, so that they take and give nothing.
 
     Otherwise the next file that is opened would become the standard output or the standard error.

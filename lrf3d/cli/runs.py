@@ -7,7 +7,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from lrf3d.cli.console import Report, warn
+from lrf3d.cli.console import Report, say, warn
 from lrf3d.cli.inputs import routed
 from lrf3d.errors import InputError, MissingLibraryError
 from lrf3d.exporting import EXPORTERS, export_run
@@ -122,7 +122,7 @@ def view(scenario: Scenario | None, args: Namespace, report: Report) -> None:
     """Play a run in the browser, or drive through a world by hand."""
     from lrf3d.view.server import bound, run_view, serve, world_view
 
-    def say(address: str) -> None:
+    def shown(address: str) -> None:
         text = f"{args.world} is shown at {address}; Ctrl-C ends it"
         report.print({"address": address}, [("view", text)])
 
@@ -139,7 +139,7 @@ def view(scenario: Scenario | None, args: Namespace, report: Report) -> None:
             port=args.port or PORT,
             rng=args.seed,
             say=lambda level, text: report.note(text),
-            started=say,
+            started=shown,
         )
         return
     # A wrong address is refused before the work.
@@ -148,7 +148,28 @@ def view(scenario: Scenario | None, args: Namespace, report: Report) -> None:
             make = run_view(args.world, args.playback)
         else:
             make = world_view(routed(scenario, args, report), args.seed)
-        serve(make, door, host=args.host, browser=args.browser, started=say)
+        serve(make, door, host=args.host, browser=args.browser, started=shown)
+
+
+def ros(scenario: Scenario, args: Namespace, report: Report) -> int | None:
+    """Serve a robot in ROS 2; a second clock is wrong usage, and returns 2."""
+    from lrf3d.ros import SecondClockError, serve
+
+    names = ("rate", "robots", "speed_up", "give", "wheels", "cmd_timeout", "lines")
+    try:
+        serve(
+            scenario if scenario.start else routed(scenario, args, report),
+            arguments=args.ros_words,
+            started=report.note,
+            namespace=args.namespace or "",
+            clock=not args.no_clock,
+            rng=args.seed,
+            **{name: vars(args)[name] for name in names},
+        )
+    except SecondClockError as error:
+        say(str(error))
+        return 2
+    return None
 
 
 def export(run: Run, args: Namespace, report: Report) -> None:

@@ -1,6 +1,5 @@
 """Compiled kernels on disk, by the stamps of what they were compiled from."""
 
-import os
 import sys
 import warnings
 from collections.abc import Callable
@@ -17,6 +16,7 @@ from numba.core.serialize import dumps
 
 from lrf3d.compiling.stamps import kind_of, stamp_of
 from lrf3d.errors import Lrf3dWarning
+from lrf3d.files import replacing
 
 
 class _ReadOnlyLocator(InTreeCacheLocator):  # type: ignore[misc]
@@ -61,7 +61,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         try:
             super().save_overload(signature, data)
         except OSError as error:
-            _announce_unsaved(self._cache_path, error.strerror)
+            _announce_unsaved(self._cache_path, str(error.strerror or error.__cause__))
 
     def load(self, key: str) -> Any:
         """The data that numba saved under a key, or None."""
@@ -75,9 +75,8 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
     def save(self, key: str, data: Any) -> None:
         """Save data under a key, and remove those of other stamps."""
         path = Path(self._cache_path) / self._file_name(key)
-        part = path.with_suffix(f".{os.getpid()}")
-        part.write_bytes(dumps(data))
-        part.replace(path)
+        with replacing(path) as part:
+            part.write_bytes(dumps(data))
         for old in path.parent.glob(f"{self._name_of_kernel()}-*.nbc"):
             if f"-{self._stamp}-" not in old.name:
                 old.unlink(missing_ok=True)

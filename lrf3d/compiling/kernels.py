@@ -8,6 +8,7 @@ from types import FunctionType
 from typing import Any, TypeVar
 
 import numba
+import numpy as np
 from numba import types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
@@ -41,6 +42,11 @@ def _check_memory() -> None:
 
 
 _check_memory()
+
+
+def record(**columns: type) -> np.dtype[Any]:
+    """The type of rows with these columns, in the order given: ``row.column``, also in Python."""
+    return np.dtype((np.record, np.dtype(list(columns.items()), align=True)))
 
 
 def compiled(function: Kernel) -> Kernel:

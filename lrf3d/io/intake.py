@@ -40,8 +40,9 @@ NAMED = 5
 MOST_READINGS = 50_000_000
 """Largest number of readings in memory: 400 MB. Scans and poses count as some more."""
 
-A_MESSAGE, A_POSE = 64, 8
-"""What a message, as an object, and a packed pose take in memory, in readings."""
+A_MESSAGE, A_POSE, A_VALUE = 64, 8, 4
+"""What a message, as an object, a packed pose, and a value of a line count in memory, in readings:
+a gigabyte of a text with a reading a line is two million lines."""
 
 MOST_LINES, LARGEST_LOG = 10_000_000, 1 << 31
 """Largest numbers of lines and of bytes of a text log, of which a gzipped one may hold a thousand

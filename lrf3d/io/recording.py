@@ -9,7 +9,7 @@ byte for byte, as without the interruption. Rows are mapped from the file, not h
 """
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from time import monotonic
@@ -80,6 +80,7 @@ def record(
         (2, 2)
     """
     expect(simulation, Simulation, "simulation")
+    expect(progress, Callable, "progress")
     path = as_path(path)
     if path.suffix != ".npz":
         raise InputError(f"{path}: expected a name that ends in .npz")
@@ -224,6 +225,8 @@ class Journal:
 
     def kept(self) -> int:
         """The number of scans in the file."""
+        with suppress(OSError, ValueError):  # It may be closed.
+            self._file.flush()
         return (self.path.stat().st_size - self._begin) // self.dtype.itemsize
 
     def close(self) -> None:

@@ -57,22 +57,24 @@ def transform(stamp: Stamp, parent: str, child: str, pose: Pose, height: float =
     return {"header": header_fields(stamp, parent), "child_frame_id": child, "transform": moved}
 
 
-def odometry(stamp: Stamp, pose: Pose, speed: list[float]) -> Fields:
+def odometry(stamp: Stamp, pose: Pose, speed: list[float], *, prefix: str = "") -> Fields:
     """The robot in the world, and its speed ahead [m/s] and about itself [rad/s]."""
     where = {"position": place(pose.x, pose.y), "orientation": turn(pose.theta)}
     twist = {"linear": place(speed[0], 0.0), "angular": place(0.0, 0.0, speed[1])}
     return {
-        "header": header_fields(stamp, WORLD),
-        "child_frame_id": BASE,
+        "header": header_fields(stamp, prefix + WORLD),
+        "child_frame_id": prefix + BASE,
         "pose": {"pose": where},
         "twist": {"twist": twist},
     }
 
 
-def imu_fields(stamp: Stamp, turn_rate: float, ahead: float, left: float) -> Fields:
+def imu_fields(
+    stamp: Stamp, turn_rate: float, ahead: float, left: float, *, prefix: str = ""
+) -> Fields:
     """A sensor_msgs/Imu: turn rate [rad/s], accelerations [m/s²]; the orientation is unknown."""
     return {
-        "header": header_fields(stamp, BASE),
+        "header": header_fields(stamp, prefix + BASE),
         "orientation_covariance": [-1.0] + 8 * [0.0],
         "angular_velocity": place(0.0, 0.0, turn_rate),
         "linear_acceleration": place(ahead, left, GRAVITY),

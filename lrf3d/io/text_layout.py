@@ -11,7 +11,7 @@ import numpy as np
 
 from lrf3d.errors import InputError, check_names, shown
 from lrf3d.geometry import Float
-from lrf3d.io.intake import Intake
+from lrf3d.io.intake import A_VALUE, Intake
 from lrf3d.io.table import FANS, ROLES, SETTINGS, meaning
 
 SAMPLE, SHORT, MANY = 60, 6, 4000
@@ -213,7 +213,7 @@ class Layout:
             for role, value in found.items():
                 rows[role].append(value)
             begun = True
-            intake.take(len(words), number)
+            intake.take(len(words) + A_VALUE * len(found), number)
         return rows
 
     def _values(self, words: list[str]) -> dict[str, Float]:

@@ -4,6 +4,7 @@ A drive is followed with many seeds, each with its own start, range noise and od
 errors of the extended Kalman filter and its consistency leave.
 """
 
+from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.cores import core_count, process_pool, results
-from lrf3d.errors import InputError, shown
+from lrf3d.errors import InputError, expect, shown
 from lrf3d.interrupts import Progress, check, silent, stoppable
 from lrf3d.laser import ProportionalNoise, RangeNoise
 from lrf3d.localization.localiser import (
@@ -61,6 +62,7 @@ def score_localisation(
         raise InputError(f"known {shown(known)}: expected one of walls, map")
     if seeds < 1:
         raise InputError(f"{seeds} seeds: expected at least 1")
+    expect(progress, Callable, "progress")
     lines = KnownLines.from_world(run.world)
     if known == "map":
         deviation = sigma * MAPPED_RANGE / run.lrf.range_max

@@ -58,9 +58,10 @@ class LocalLines(NamedTuple):
         """
         floor = max(noise.floor, LEAST_FLOOR)
         extract = LikelihoodExtractor(GAP, 0.0, floor)
-        segments, moments, _ = extract.walls(scan, 0.0, RangeNoise(floor, noise.growth))
+        found = extract.walls(scan, 0.0, RangeNoise(floor, noise.growth))
+        segments, moments = found.ends, found.moments
         lines = normal_lines(segments)
-        weight, x, y, xx, xy, yy = moments.T
+        weight, x, y, xx, xy, yy = (moments[name] for name in moments.dtype.names or ())
         along_x, along_y = -np.sin(lines[:, 0]), np.cos(lines[:, 0])
         mean = along_x * x + along_y * y
         turn = 1.0 / (along_x**2 * xx + 2.0 * along_x * along_y * xy + along_y**2 * yy)

@@ -1,7 +1,7 @@
 """Films and pictures of a run: drawn with OpenGL or with Embree, by as many processes as asked."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
 from dataclasses import asdict
 from itertools import islice
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from lrf3d.errors import InputError, shown
+from lrf3d.errors import InputError, expect, shown
 from lrf3d.files import as_path, replacing, unfinished_folder
 from lrf3d.geometry import Float, is_finite, whole_number
 from lrf3d.interrupts import Progress, silent, stoppable
@@ -75,6 +75,7 @@ def render_video(
     """
     from lrf3d.render.encode import encode, format_of
 
+    expect(progress, Callable, "progress")
     path, chosen = as_path(path), FilmOptions(**options).of(run)
     if not (is_finite(fps) and fps > 0.0):
         raise InputError(f"fps {shown(fps)}: expected a number of more than 0")

@@ -1,21 +1,42 @@
-"""What live robots publish, and simulated time, for any middleware.
+"""Live robots for any middleware: what they publish, the commands that they obey, and time.
 
-Commands enter; messages leave as dicts with the fields of ROS. Time advances in ticks; stamps are
-exact multiples of the interval between two scans, and never run back.
+Commands enter; messages leave as CDR. Time advances in ticks; stamps are exact multiples of the
+interval between two scans, and never run back.
 """
 
-from math import ceil
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from math import ceil, inf
 from pathlib import Path
+from time import monotonic
+from typing import Any, Literal, NamedTuple
 
-from lrf3d.errors import InputError
+from lrf3d.errors import InputError, check_names, expect, missing_extra
+from lrf3d.geometry import is_finite, number, whole_number
+from lrf3d.interrupts import asked
 from lrf3d.io import ros_messages as ros
-from lrf3d.io.bag_contents import TRANSFORMS
+from lrf3d.io.bag_contents import ODOMETRY, SCAN, TRANSFORMS
+from lrf3d.io.bag_writer import made
 from lrf3d.laser import Stamp
-from lrf3d.live import live_fleet
+from lrf3d.live import LiveRobot, live_fleet
+from lrf3d.mapping.tracking import ObjectTracker
+from lrf3d.pose import Pose, as_pose
 from lrf3d.robot.odometry import WheelOdometry
-from lrf3d.ros.driven import DrivenRobot, Messages, Say, Topic
-from lrf3d.ros.settings import Settings
 from lrf3d.scenario import Scenario
+from lrf3d.simulation import line_mapper, update_mapper
+
+FASTEST = 20.0
+"""Commands beyond are clipped [m/s], [rad/s]."""
+
+LINES_EVERY = 1.0
+"""Simulated time from one line map to the next [s]."""
+
+REST = (0.0, 0.0)
+"""The command of a robot at rest."""
+
+Say = Callable[[str, str], None]
+"""Reports a message at a level: ``info``, ``warning`` or ``error``."""
+
 
 LONGEST_TICK = 0.02
 """Longest tick [s]: the clock, transforms and odometry come at 50 Hz of simulated time or more."""
@@ -23,13 +44,179 @@ LONGEST_TICK = 0.02
 FINEST_CELL = 0.1
 """Least side of a cell of the published grid [m]: a whole city is then some megabytes."""
 
+LATE, IDLE, CHECKED_EVERY = 0.25, 0.01, 2.0
+"""How far ticks may be behind before they count as late, how long clients are served at a time
+while time is paused, and from one check of the pace to the next [s]."""
+
+
+class Topic(NamedTuple):
+    """A topic with its type, the depth of its queue, and whether late subscribers get the last."""
+
+    name: str
+    type: str
+    depth: int = 5
+    latched: bool = False
+
+
+Messages = Iterator[tuple[Topic, ros.Fields]]
+Encoded = Iterator[tuple[Topic, bytes]]
+
+MOVING = Topic("tf", TRANSFORMS, depth=100)
 CLOCK = Topic("/clock", "rosgraph_msgs/msg/Clock", depth=1)
 FIXED = Topic("tf_static", TRANSFORMS, depth=1, latched=True)
 GRID = Topic("map", "nav_msgs/msg/OccupancyGrid", depth=1, latched=True)
 
 
-class SecondClockError(InputError):
-    """Another program publishes the simulated time."""
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """How a robot is served.
+
+    Args:
+        rate: Scans per second; that of the scenario if not given.
+        speed_up: Simulated seconds per second; 0 is as fast as it goes.
+        give: What is given of the truth: ``pose`` (the map and the robot in it), ``map`` or
+            ``none``.
+        wheels: Odometry as wheels measure it, also where the world file does not say how.
+        cmd_timeout: Simulated time after the last command at which the robot stops [s]; 0 is never.
+        namespace: Namespace of the topics.
+        robots: Number of robots; the topics and frames of several begin with robot1, robot2, ….
+        clock: Publish the simulated time.
+        lines: Map while driving, and publish the line map.
+        rng: Seed of the noise.
+    """
+
+    rate: float | None = None
+    speed_up: float = 1.0
+    give: Literal["pose", "map", "none"] = "pose"
+    wheels: bool = False
+    cmd_timeout: float = 0.5
+    namespace: str = ""
+    robots: int = 1
+    clock: bool = True
+    lines: bool = False
+    rng: int = 0
+
+    def __post_init__(self) -> None:
+        number(self.speed_up, "speed_up")
+        number(self.cmd_timeout, "cmd_timeout", "seconds")
+        whole_number(self.robots, "robots")
+        if self.rate is not None:
+            number(self.rate, "rate", "scans per second", positive=True)
+        check_names("give", [self.give], ("pose", "map", "none"))
+        expect(self.namespace, str, "namespace")
+
+
+class DrivenRobot:
+    """A robot that is driven by commands, and publishes what it measures.
+
+    The prefix stands before its topics and frames, such as ``robot1/``.
+    """
+
+    def __init__(
+        self, robot: LiveRobot, scenario: Scenario, settings: Settings, prefix: str, say: Say
+    ) -> None:
+        self.robot, self.prefix, self._say = robot, prefix, say
+        self._settings, lasers = settings, scenario.lasers
+        self._mapper = line_mapper(scenario.noise, **scenario.mapper) if settings.lines else None
+        self._tracker, self._lines_due = ObjectTracker(), LINES_EVERY
+        self._command, self._until = REST, inf
+        self._scans = [
+            Topic(prefix + ("scan" if len(lasers) == 1 else f"scan_{lrf.name}"), SCAN)
+            for lrf in lasers
+        ]
+        self._odom = Topic(f"{prefix}odom", ODOMETRY)
+        self._truth = Topic(f"{prefix}ground_truth", ODOMETRY)
+        self._imu = Topic(f"{prefix}imu", "sensor_msgs/msg/Imu", depth=50)
+        marker = "visualization_msgs/msg/MarkerArray"
+        self._lines = Topic(f"{prefix}map_objects", marker, depth=1, latched=True)
+        self.topics = [*self._scans, self._odom, self._truth, MOVING]
+        self.topics += [self._imu] * (scenario.imu is not None) + [self._lines] * settings.lines
+        self.mounts = [
+            (prefix + ros.BASE, prefix + lrf.name, lrf.mount, lrf.height) for lrf in lasers
+        ]
+        """Frames, pose and height [m] of the lasers."""
+
+    @property
+    def odometry(self) -> Pose:
+        """Where the robot is by its wheels."""
+        return Pose(*self.robot.odometry.tolist())
+
+    def show(self) -> None:
+        """Show the other robots how this one drives from now on."""
+        if self.robot.time >= self._until:
+            self._stop("no command for a while: the robot stops")
+        self.robot.show(*self._command)
+
+    def drive(self, seconds: float) -> None:
+        """Drive on for a time [s], as the last command says."""
+        self.robot.drive(seconds, *self._command)
+
+    def messages(self, stamp: Stamp, *, scan_time: float | None) -> Messages:
+        """Where the robot is, and, if the time from scan to scan [s] is given, its scans."""
+        robot, prefix, odometry = self.robot, self.prefix, self.odometry
+        moved = [ros.transform(stamp, prefix + ros.WORLD, prefix + ros.BASE, odometry)]
+        if self._settings.give == "pose":
+            drift = robot.pose @ odometry.inverse()
+            moved.append(ros.transform(stamp, ros.MAP, prefix + ros.WORLD, drift))
+        yield MOVING, {"transforms": moved}
+        for at, *measured in robot.imu().tolist():
+            yield self._imu, ros.imu_fields(Stamp.of(at), *measured, prefix=prefix)
+        for topic, pose in ((self._odom, odometry), (self._truth, robot.pose)):
+            yield topic, ros.odometry(stamp, pose, [robot.speed, robot.turning], prefix=prefix)
+        if scan_time is None:
+            return
+        scans = robot.scans()
+        for topic, scan in zip(self._scans, scans, strict=True):
+            yield topic, scan.as_ros(prefix + scan.laser, scan_time=scan_time)
+        if self._mapper is None:
+            return
+        update_mapper(self._mapper, scans)
+        if robot.time >= self._lines_due:
+            lines, self._lines_due = self._mapper.map, robot.time + LINES_EVERY
+            marker = ros.line_marker(lines.segments, self._tracker.follow(lines), stamp)
+            yield self._lines, {"markers": [marker]}
+
+    def obey(self, message: Any) -> None:
+        """Obey a Twist or a TwistStamped."""
+        twist = getattr(message, "twist", message)
+        self.command(twist.linear.x, twist.angular.z, twist.linear.y)
+
+    def command(self, speed: float, turning: float, sideways: float = 0.0) -> None:
+        """Obey a command [m/s], [rad/s] until the next one, or until the time-out."""
+        if not is_finite(speed, turning, sideways):
+            self._stop(f"command ({speed:g}, {turning:g}): not finite; the robot stops")
+            return
+        if sideways:
+            self._say("warning", "linear.y is ignored: this robot cannot drive sideways")
+        speed, turning = (max(-FASTEST, min(FASTEST, float(each))) for each in (speed, turning))
+        self._command = speed, turning
+        self._until = self.robot.time + (self._settings.cmd_timeout or inf)
+
+    def _stop(self, why: str) -> None:
+        if any(self._command):
+            self._say("warning", self.prefix + why)
+        self._command, self._until = REST, inf
+
+    def set_pose(self, frame: str, pose: tuple[float, float, float]) -> None:
+        """Put the robot at a pose in ``map`` or ``odom``; report an invalid one."""
+        own = self.prefix + ros.WORLD
+        try:
+            if frame not in ("", ros.MAP, own):
+                raise InputError(f"frame {frame!r}: expected {ros.MAP} or {own}")
+            asked = as_pose(pose)
+            if frame == own:
+                # The odometry's frame has drifted.
+                asked = self.robot.pose @ self.odometry.inverse() @ asked
+            self.robot.place(asked)
+        except InputError as error:
+            self._say("error", f"set_pose: {error}; ignored")
+        else:
+            self._say("info", f"set_pose: the robot is at {asked}")
+
+    def reset(self) -> None:
+        """Put the robot back to its start."""
+        self._command = REST
+        self.robot.restart()
 
 
 class Stream:
@@ -39,6 +226,12 @@ class Stream:
     """
 
     def __init__(self, scenario: Scenario, settings: Settings, say: Say) -> None:
+        try:
+            from rosbags.typesys import Stores, get_typestore
+        except ImportError:
+            raise missing_extra("live topics need rosbags", "ros") from None
+        # The messages that are used have been the same ever since.
+        self.types = get_typestore(Stores.ROS2_HUMBLE)
         self.scenario, self.settings, self.say = scenario, settings, say
         self.paused, self._count = False, 0
         self.interval = scenario.scan_interval if settings.rate is None else 1.0 / settings.rate
@@ -61,6 +254,33 @@ class Stream:
     def stamp(self) -> Stamp:
         """The time of the last tick."""
         return Stamp.of(self.robots[0].robot.time)
+
+    def encoded(self, messages: Messages) -> Encoded:
+        """Messages as CDR."""
+        for topic, fields in messages:
+            message = made(self.types, topic.type, fields)
+            yield topic, bytes(self.types.serialize_cdr(message, topic.type))
+
+    def run(self, publish: Callable[[Encoded], None], serve: Callable[[float], None]) -> None:
+        """Drive and publish until the program is interrupted; serve clients between two ticks.
+
+        After a standstill of the program, such as a suspended machine, time does not hurry.
+        """
+        publish(self.encoded(self.first()))
+        speed_up, lost = self.settings.speed_up, 0.0
+        tick = self.interval / self.ticks / speed_up if speed_up else 0.0
+        due = checked = monotonic()
+        while not asked():
+            if not self.paused:
+                publish(self.encoded(self.tick()))
+            due, now = due + (IDLE if self.paused else tick), monotonic()
+            if now > due + LATE:
+                lost, due = lost + now - due, now
+            serve(due - now)
+            if (passed := now - checked) > CHECKED_EVERY:
+                if speed_up and (share := 1.0 - lost / passed) < 0.97:
+                    self.say("warning", f"behind: only {share:.2f} of the speed; scan less often")
+                checked, lost = now, 0.0
 
     def first(self) -> Messages:
         """What is published once: where lasers are mounted, and the map where it is given."""

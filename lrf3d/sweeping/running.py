@@ -6,7 +6,7 @@ loses none; a line that a crash cut off is left out and made again. Jobs have fi
 
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, contextmanager
@@ -19,7 +19,7 @@ from typing import Any
 
 from lrf3d.casting import PlanarCaster
 from lrf3d.cores import core_count, process_pool, results
-from lrf3d.errors import InputError, Lrf3dError, missing_extra, shown
+from lrf3d.errors import InputError, Lrf3dError, expect, missing_extra, shown
 from lrf3d.files import as_path, locked, make_folder, opened_own, read_text, writing
 from lrf3d.geometry import is_finite
 from lrf3d.interrupts import Progress, check, noting, silent, stoppable
@@ -92,6 +92,7 @@ def sweep(
     ):
         if not isinstance(value, kinds):
             raise InputError(f"sweep: {name} {shown(value)}: expected a list, or a dict of lists")
+    expect(progress, Callable, "progress")
     if not isinstance(mappers, Mapping):
         mappers = USUAL if mappers is None else {label: label for label in mappers}
     files = [read_scenario_file(each) for each in ([worlds] if isinstance(worlds, str) else worlds)]

@@ -12,6 +12,7 @@ import numpy as np
 from lrf3d.errors import WorldError
 from lrf3d.geometry import LARGEST_COORDINATE, Float
 from lrf3d.interrupts import check
+from lrf3d.world.pieces import check_crossings
 
 CURVE_ERROR = 0.005
 """Largest distance [m] of chords from their curve: about the width of a laser beam."""
@@ -102,6 +103,13 @@ class Canvas:
         return Drawing(_seen(_on_paper(self.marks)), self.left_out)
 
 
+MOST_CROSSINGS = 10_000
+"""Largest number of crossings of the outlines of an area."""
+
+MOST_BOXES = 20
+"""Pairs of areas whose boxes meet, for each that lies on another: curved ones have most."""
+
+
 def pen_of(scale: float) -> float:
     """Width [m] up to which a line of a drawing on paper was drawn by a pen."""
     return max(PEN, PAPER_PEN * scale)
@@ -117,10 +125,13 @@ def area_of(rings: list[Float], winding: bool = False) -> Any:
     plain = shapely.polygons([shapely.linearrings(ring) for ring in rings])
     turns = np.where(shapely.is_ccw(shapely.get_exterior_ring(plain)), 1, -1)
     # Curved outlines may cross themselves.
+    check_crossings(plain[~shapely.is_valid(plain)], MOST_CROSSINGS, "outlines of an area")
     parts = shapely.buffer(shapely.make_valid(plain), 0.0)
     kept = shapely.area(parts) > 0.0
     parts, turns = parts[kept], turns[kept]
     tree = shapely.STRtree(parts)
+    # Pairs whose boxes meet take next to no time to count.
+    _check_overlaps(len(tree.query(parts)[0]) // MOST_BOXES)
     inner, outer = tree.query(parts, predicate="covered_by")
     depth = np.bincount(inner, minlength=len(parts))
     _check_overlaps(len(inner) - len(parts))

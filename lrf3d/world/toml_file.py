@@ -6,6 +6,7 @@ written as text that is read again to the last bit.
 """
 
 import json
+import re
 import tomllib
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
@@ -69,6 +70,10 @@ class WorldFile:
         return schema.at(f"{self.path}: {key}")
 
 
+DEEP_KEY = re.compile(r"(?:^|[{,])[\s\[]*(?:[\w\"'-]+\s*\.\s*){100}", re.MULTILINE)
+"""A key of more parts than any has, whose reading takes time and memory by their square."""
+
+
 def read_toml(path: Path) -> World:
     """The walls of a world file."""
     return read_world_file(path).world
@@ -78,6 +83,8 @@ def read_world_file(path: Path) -> WorldFile:
     """Read a world file; errors name it and the key."""
     with reading(), schema.at(str(path)):
         content = read_text(path)
+        if DEEP_KEY.search(content):
+            raise InputError("nested too deeply for a world file")
         try:
             data = tomllib.loads(content)
         except RecursionError:

@@ -13,7 +13,7 @@ from program import refused
 from test_cli import ROOM
 
 import lrf3d
-from lrf3d import CollisionError, InputError, LaserRangeFinder, Simulation, World
+from lrf3d import InputError, LaserRangeFinder, Simulation, World
 from lrf3d.cli.plugins import load_plugin
 from lrf3d.laser.unrolling import unrolled
 
@@ -146,19 +146,6 @@ def test_an_invalid_command_is_refused_with_its_time(command):
 
     with pytest.raises(InputError, match="t = 0 s"):
         list(Simulation(BOX, Bad(), LRF, start=(5, 2, 0), scans=3))
-
-
-def test_a_wall_is_met_between_two_scans_of_a_round_drive():
-    class Round:
-        def command(self, time, pose, scan):
-            return 2.0 * np.pi * 2.5 / 10.0, 2.0 * np.pi / 10.0
-
-    # In ten seconds the robot is back where it began, 0.2 m off the wall at the far side.
-    settings = {"start": (7.3, 2.0, np.pi / 2), "scans": 2, "scan_interval": 10.0}
-    walls = World(np.array([[2.1, 0.0, 2.1, 9.0]]))
-    assert len(list(Simulation(walls, Round(), LRF, radius=0.1, **settings))) == 2
-    with pytest.raises(CollisionError, match=r"wall 0 at t = 4\.\d+ s near \(2\.\d+, "):
-        list(Simulation(walls, Round(), LRF, radius=0.3, **settings))
 
 
 def test_a_controller_decides_when_a_scan_that_takes_time_is_complete():

@@ -23,9 +23,9 @@ def map_of(scans, mapper=None):
 def objects_of(ends, cells):
     """The object (n,) of each of some walls (n, 4)."""
     walls, rows = Walls.of_size(256), np.arange(len(ends))
-    walls.ends[rows], walls.points[rows], walls.real[rows] = ends, 9, True
-    walls.used[0] = len(ends)
-    links, grid = Links.of_size(256), filled(walls.ends, walls.points, 1024)
+    walls.ends[rows], walls.rows["points"][rows], walls.rows["shown"][rows] = ends, 9, True
+    walls.counters["taken"] = len(ends)
+    links, grid = Links.of_size(256), filled(walls.ends, walls.rows["points"], 1024)
     link_walls(links, walls, grid, cells, rows)
     return find_objects(links, walls, rows)
 
@@ -36,10 +36,7 @@ def cells_of(scans, floor=1e-4, cells=None):
     for scan in scans:
         beams = Beams.of(scan, float(scan.pose.theta), RangeNoise(floor, 0.0))
         place, count = (float(scan.pose.x), float(scan.pose.y)), len(beams.ranges)
-        fresh = NewEvidence(
-            np.ones(1, np.int32), np.zeros(1), np.zeros(1, np.int64), np.zeros(1, np.int64),
-            np.empty(count, np.int64), np.zeros(3, np.int64),
-        )  # fmt: skip
+        fresh = NewEvidence.of(Walls.of_size(1).rows, count, 0)
         while not open_squares(cells, place, beams):
             cells = cells.doubled()
         done = 0

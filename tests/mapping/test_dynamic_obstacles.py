@@ -68,11 +68,11 @@ def test_what_all_beams_go_through_leaves_the_cells():
     for world, times in ((box, 3), (World(np.array([[9, -4, 9, 4.0]])), 90)):
         scan = PlanarCaster(world).cast(LRF, (0.03, 0.04, 0))
         cells = cells_of([scan] * times, 0.01, cells)
-    used = cells.moments[: cells.used[2]]
-    left = used[used[:, 0] > 0.0]
+    used = cells.clusters[: cells.counters[0].clusters]
+    left = used[used["hits"] > 0.0]
     # Halved again and again, what is left became so small that sums with it took ten times as long.
-    assert (left[:, 0] >= LEAST_HITS).all() and (left[:, 2] > 8.9).all()
+    assert (left["hits"] >= LEAST_HITS).all() and (left["x"] > 8.9).all()
     # What they took up is used again.
-    taken = int(cells.used[2])
+    taken = int(cells.counters[0].clusters)
     cells = cells_of([PlanarCaster(box).cast(LRF, (0.03, 0.04, 0))], 0.01, cells)
-    assert cells.used[2] == taken and (cells.heads > 0).sum() >= 2
+    assert cells.counters[0].clusters == taken and (cells.heads > 0).sum() >= 2

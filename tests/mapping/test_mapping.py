@@ -15,6 +15,7 @@ from lrf3d import (
     save_map,
 )
 from lrf3d.geometry import lengths
+from lrf3d.mapping.robust.beams import Beams
 from lrf3d.mapping.robust.segmentation import segment_cluster
 
 SQUARE = np.array([[4, 0, 8, 0], [8, 0, 8, 4], [8, 4, 4, 4], [4, 4, 4, 0.0]])
@@ -88,9 +89,9 @@ def test_a_full_circle_has_no_seam():
 
 
 def divide(angles, ranges, deviations):
-    beams = np.column_stack([np.cos(angles), np.sin(angles)])
+    beams = Beams(np.column_stack([np.cos(angles), np.sin(angles)]), ranges, deviations)
     walls = np.empty((len(angles), 2), np.int64)
-    return walls[: segment_cluster(beams, ranges, deviations, walls)]
+    return walls[: segment_cluster(beams, walls)]
 
 
 def noisy_wall(seed, sigma):

@@ -6,8 +6,7 @@ import pytest
 
 from lrf3d import LaserRangeFinder, Pose, ProportionalNoise, World
 from lrf3d.errors import InputError
-from lrf3d.ros.settings import Settings
-from lrf3d.ros.stream import Stream
+from lrf3d.ros.stream import Settings, Stream
 from lrf3d.scenario import Scenario
 
 ROOM = World([[-3, -2, 3, -2], [3, -2, 3, 2], [3, 2, -3, 2], [-3, 2, -3, -2]])

@@ -26,10 +26,10 @@ from lrf3d.casting.kernels.predicates import (
     wall_at,
 )
 from lrf3d.casting.kernels.tree import STACK, Plain, Tree
-from lrf3d.compiling import borrower, compiled, inner
+from lrf3d.compiling import borrower, compiled, inner, record
 from lrf3d.geometry import Float, Int, Records
 
-RAY = np.dtype([(name, np.float64) for name in ("x", "y", "dx", "dy", "time")], align=True)
+RAY = record(**dict.fromkeys(("x", "y", "dx", "dy", "time"), float))
 """A beam with its own origin [m], direction, and time [s]."""
 
 LENGTH_SLACK = 16.0 * 2.0**-53

@@ -9,15 +9,15 @@ from numpy.typing import NDArray
 from lrf3d.casting.kernels.buffer import ROOM, Fan
 from lrf3d.casting.kernels.predicates import FILTER, wall_at
 from lrf3d.casting.kernels.tree import STACK, Tree
-from lrf3d.compiling import inner
+from lrf3d.compiling import inner, record
 from lrf3d.geometry import Float, Int
 
 UNSURE = -2
 """Marks a beam in doubt, in place of the row of its wall."""
 
 
-NAMES = ("x", "y", "radius", "margin", "beyond", "flat", "steep")
-TRUST = np.dtype([(name, np.float64) for name in NAMES], align=True)
+NAMES = ("x", "y", "radius", "margin", "beyond", "level", "steep")
+TRUST = record(**dict.fromkeys(NAMES, float))
 """How far Embree is trusted [m]: the middle of the walls; how far from x and from y the laser may
 stand, but not so near to a wall; what seems this much beyond the range is out of it; and the least
 sines of the angle between a beam and a wall whose first clear part counts, and its second one."""
@@ -46,7 +46,7 @@ def prove(
         left, right = ax * ey, ay * ex
         # Slopes are taken with the sign that the beam ahead of the wall gives them.
         sense, length = 1.0 if left > right else -1.0, math.sqrt(ex * ex + ey * ey)
-        flat, steep = trust.flat * length, trust.steep * length
+        flat, steep = trust.level * length, trust.steep * length
         low, high, steep_low, steep_high = wall_at(clear, row)
         # How far away the beam meets the wall at least, times its slope.
         away = abs(left - right) - FILTER * (abs(left) + abs(right))

@@ -35,11 +35,10 @@ from lrf3d.casting.kernels.buffer import (
 )
 from lrf3d.casting.kernels.predicates import wall_at
 from lrf3d.casting.kernels.tree import STACK, Tree
-from lrf3d.compiling import inner
+from lrf3d.compiling import inner, record
 from lrf3d.geometry import Float, Int, Records
 
-COLUMNS = [(name, np.int64) for name in ("node", "first", "stop")]
-WAITING = np.dtype([*COLUMNS, ("near", np.float64)], align=True)
+WAITING = record(node=int, first=int, stop=int, near=float)
 """A box that waits on the path through the tree: its node, the first and the end of the beams that
 may meet it, and a bound on 1 / distance [1/m]. The nearest is on top."""
 

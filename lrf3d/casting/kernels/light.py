@@ -18,7 +18,7 @@ from lrf3d.casting.kernels.movers import Movers, anywhere, place, side_at
 from lrf3d.casting.kernels.predicates import Wall, wall_at
 from lrf3d.casting.kernels.solid import near_box
 from lrf3d.casting.kernels.tree import STACK, Plain, Tree
-from lrf3d.compiling import borrower, compiled
+from lrf3d.compiling import borrower, compiled, record
 from lrf3d.geometry import Float, Int, Records
 from lrf3d.laser import light
 from lrf3d.laser.light import CLOSEST, LEAST_SHARE
@@ -36,7 +36,7 @@ count as holding it: more than rounding, less than any gap."""
 
 NUMBERS = ("x", "y", "z", "dx", "dy", "dz", "came_x", "came_y", "way", "gain")
 COUNTS = ("turns", "count", "here", "passed")
-LEFT = np.dtype([*((n, np.float64) for n in NUMBERS), *((n, np.int64) for n in COUNTS)], align=True)
+LEFT = record(**dict.fromkeys(NUMBERS, float), **dict.fromkeys(COUNTS, int))
 """A ray that goes on: its place, in plan seen from the laser so that no digits are lost far away,
 and its direction; the direction in plan with which it arrived there, the way so far [m], its share
 of the light, its turns, its walls, how many of these it met at this very place, and as bits which

@@ -24,7 +24,7 @@ from lrf3d.casting.kernels.fan import beams_between
 from lrf3d.casting.kernels.predicates import Beam, Wall
 from lrf3d.casting.kernels.scans import PADDING, Laser, aim, turn
 from lrf3d.casting.kernels.tree import Plain
-from lrf3d.compiling import compiled, inner
+from lrf3d.compiling import compiled, inner, record
 from lrf3d.geometry import TINY, Float, Int, Records
 
 RINGS = 64
@@ -34,27 +34,27 @@ ROWS, MEASURES = (
     ("first", "stop", "leg", "last"),
     ("reach", "height", "period", "fastest", "rim", "disc"),
 )
-MOVER = np.dtype([*((n, np.int64) for n in ROWS), *((n, np.float64) for n in MEASURES)], align=True)
+MOVER = record(**dict.fromkeys(ROWS, int), **dict.fromkeys(MEASURES, float))
 """An obstacle: its corners and the legs of its path, from the first to before the last; its largest
 distance from its origin to a corner [m] and its height [m]; after which time its path begins again
 [s], 0 for never; the largest speeds of its origin and of a corner [m/s]; and its radius [m] if it
 touches others as a disc, or 0."""
 
-CORNER = np.dtype([("x", np.float64), ("y", np.float64)], align=True)
+CORNER = record(x=float, y=float)
 """A corner [m] in the frame of its obstacle."""
 
 STAMPED, RATES = ("time", "x", "y", "theta"), ("ahead", "left", "turn")
-LEG = np.dtype([(name, np.float64) for name in (*STAMPED, *RATES)], align=True)
+LEG = record(**dict.fromkeys((*STAMPED, *RATES), float))
 """A pose of a path [m, rad] and its time [s], and the speeds ahead, to the left [m/s] and about
 itself [rad/s] that are held from then on, where the period of the obstacle is HELD."""
 
 HELD = -1.0
 """The period of an obstacle that holds its speeds."""
 
-PLACED = np.dtype([(name, np.float64) for name in ("x", "y", "reach")], align=True)
+PLACED = record(**dict.fromkeys(("x", "y", "reach"), float))
 """The origin of an obstacle at a moment [m], and its reach."""
 
-SIDE = np.dtype([(name, np.float64) for name in ("px", "py", "qx", "qy")], align=True)
+SIDE = record(**dict.fromkeys(("px", "py", "qx", "qy"), float))
 """A side of an obstacle in the world [m]."""
 
 

@@ -24,7 +24,7 @@ from lrf3d.casting.kernels.movers import (
 )
 from lrf3d.casting.kernels.predicates import Wall, wall_at
 from lrf3d.casting.kernels.tree import STACK, Plain, Tree
-from lrf3d.compiling import compiled, inner
+from lrf3d.compiling import compiled, inner, record
 from lrf3d.geometry import Float, Int, Records
 
 GRAZE = 1e-9
@@ -39,7 +39,7 @@ LONGEST_TURN = 1.5
 STEP = 2e-5
 """Shortest step towards a dynamic obstacle [m]: cuts of corners that are shorter may be passed."""
 
-TIP = np.dtype([(n, np.float64) for n in ("x", "y", "inner_x", "inner_y", "reflex")], align=True)
+TIP = record(**dict.fromkeys(("x", "y", "inner_x", "inner_y", "reflex"), float))
 """A corner of a body [m], the direction into the body, and whether it is a notch, 0 or 1."""
 
 

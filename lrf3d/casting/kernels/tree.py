@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.compiling import compiled, inner
+from lrf3d.compiling import compiled, inner, record
 from lrf3d.geometry import Float, Int
 
 SPLIT_BINS = 16
@@ -47,7 +47,7 @@ class Tree(NamedTuple):
     rows: NDArray[np.int32]
 
 
-PART = np.dtype([(name, np.int64) for name in ("node", "start", "stop", "level")], align=True)
+PART = record(**dict.fromkeys(("node", "start", "stop", "level"), int))
 """A node that waits to be cut: which walls it has, and how far below the root it is."""
 
 Plain = Any

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lrf3d.compiling import compiled, inner
-from lrf3d.geometry import Float
+from lrf3d.geometry import Float, Records
 from lrf3d.laser import LaserScan, RangeNoise
 
 CELL = 0.1
@@ -173,13 +173,14 @@ def pose_spread(scan: LaserScan) -> tuple[float, float]:
     return float(0.5 * (covariance[0, 0] + covariance[1, 1])), float(covariance[2, 2])
 
 
-def widen(moments: Float, scan: LaserScan) -> None:
-    """Let moments (n, 6) around the laser weigh no more than the error of the pose leaves them.
+def widen(moments: Records, scan: LaserScan) -> None:
+    """Let moments (n,) around the laser weigh no more than the error of the pose leaves them.
 
     All points of a scan share it, so that it does not average out.
     """
     if scan.pose_covariance is None:
         return
     own, turn = pose_spread(scan)
-    variance = own + turn * np.hypot(moments[:, 1], moments[:, 2]) ** 2
-    moments[:, [0, 3, 4, 5]] /= (1.0 + moments[:, 0] * variance)[:, None]
+    less = 1.0 + moments["weight"] * (own + turn * np.hypot(moments["x"], moments["y"]) ** 2)
+    for name in ("weight", "xx", "xy", "yy"):
+        moments[name] /= less

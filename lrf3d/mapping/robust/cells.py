@@ -8,14 +8,15 @@ The ground is divided into squares, which a hash table finds. Only squares in wh
 hit, and those around them, have cells: memory grows with what was hit, not with how far beams go.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.compiling import borrower, compiled
-from lrf3d.geometry import Float, Int
+from lrf3d.compiling import borrower, compiled, record
+from lrf3d.geometry import Int, Records
 from lrf3d.mapping.robust.beams import CELL, Beams
+from lrf3d.mapping.robust.records import NEWS
 
 SIDE_BITS = 4
 SIDE = 1 << SIDE_BITS
@@ -57,6 +58,35 @@ LEAST = 256
 """Squares and walls that there is room for at first; four times as many blocks."""
 
 
+CLUSTER = record(
+    hits=float,  # [beams] returns
+    weight=float,  # [1/m²] sum of the inverse variances of their ranges
+    x=float, y=float,  # [m] their mean
+    xx=float, xy=float, yy=float,  # their weighted scatter about it
+    toward_x=float, toward_y=float,  # mean direction of their beams
+    scans=float,  # scans that they are from
+    passes_between=float,  # [beams] that went through between two of these scans
+    passes_before=float,  # [beams] that had gone through the cell before its first return
+    first_scan=float,  # the scan of that return
+    distance=float,  # [m] to its owner
+    last_scan=np.int32,  # the last scan that hit it
+    owner=np.int32,  # the wall that it hits
+    owner_version=np.int32,  # the owner's version when it took the cluster; free if it has another
+    misses=np.int32,  # [beams] of its direction that went on, since the last hit
+    piece=np.int32,  # the piece of its owner, while that is refit
+    next=np.int32,  # the next cluster of the same cell, or of those given back
+    way=np.int32,  # which way its beams came
+)  # fmt: skip
+"""The returns in one cell that came the same way."""
+
+COUNTERS = record(
+    squares=int, blocks=int, clusters=int,  # taken so far
+    free_cluster=int,  # the first cluster that was given back
+    scans=int,
+    widest=float,  # [m] greatest deviation of a return
+)  # fmt: skip
+
+
 class Cells(NamedTuple):
     """The cells, as compiled code takes them. Blocks and clusters are counted from 1; 0 is none.
 
@@ -67,22 +97,8 @@ class Cells(NamedTuple):
         passes: (blocks, directions, cells) numbers of beams that went through each.
         passed: (blocks, cells) in which directions any of them went, each a bit.
         heads: (blocks, cells) the first cluster of returns in each cell.
-        following: (clusters,) the next of the same cell, or of those given back.
-        ways: (clusters,) which way its beams came.
-        moments: (clusters, 13) number of returns, weight 1/variance [1/m²] of their ranges, mean
-            x, y [m], scatter xx, xy, yy about it, mean direction x, y of the beams, number of
-            scans that they are from, and of beams that went through between them; beams that had
-            gone through the cell before its first return, and the scan of that.
-        seen: (clusters,) the last of these scans.
-        owners: (clusters,) the wall that each hit.
-        stamps: (clusters,) the owner's stamp when it took the cluster, which is free where the
-            owner has another stamp by now.
-        apart: (clusters,) how far each lies off its owner [m].
-        pieces: (clusters,) the piece of its owner, while that is refit.
-        misses: (clusters,) beams in the direction of its beams that went on, since the last hit.
-        used: (5,) squares, blocks and clusters that were taken, the first cluster that was given
-            back, and scans.
-        widest: (1,) greatest deviation [m] of a return.
+        clusters: (clusters,) of :data:`CLUSTER`.
+        counters: (1,) of :data:`COUNTERS`.
     """
 
     keys: Int
@@ -91,40 +107,31 @@ class Cells(NamedTuple):
     passes: NDArray[np.uint8]
     passed: NDArray[np.uint16]
     heads: NDArray[np.int32]
-    following: NDArray[np.int32]
-    ways: NDArray[np.int8]
-    moments: Float
-    seen: NDArray[np.int32]
-    owners: NDArray[np.int32]
-    stamps: NDArray[np.int32]
-    apart: Float
-    pieces: NDArray[np.int32]
-    misses: NDArray[np.int32]
-    used: Int
-    widest: Float
+    clusters: Records
+    counters: Records
 
     @classmethod
     def of_size(cls, size: int) -> "Cells":
         """No cells, with room for this number of squares, and more of blocks and clusters."""
-        blocks, clusters, cells = 4 * size, 16 * size, SIDE * SIDE
+        blocks, cells = 4 * size, SIDE * SIDE
+        counters = np.zeros(1, COUNTERS)
+        counters["blocks"] = counters["clusters"] = 1
         return cls(
             np.full(2 * size, EMPTY), np.zeros(2 * size, np.int64),
             np.zeros((size, 64), np.int32), np.zeros((blocks, PASS_DIRECTIONS, cells), np.uint8),
             np.zeros((blocks, cells), np.uint16), np.zeros((blocks, cells), np.int32),
-            np.zeros(clusters, np.int32), np.zeros(clusters, np.int8), np.zeros((clusters, 13)),
-            np.zeros(clusters, np.int32), np.zeros(clusters, np.int32),
-            np.zeros(clusters, np.int32), np.zeros(clusters), np.zeros(clusters, np.int32),
-            np.zeros(clusters, np.int32), np.array([0, 1, 1, 0, 0]), np.zeros(1),
+            np.zeros(16 * size, CLUSTER), counters,
         )  # fmt: skip
 
     def doubled(self) -> "Cells":
         """The same with room for twice as many."""
         grown = Cells.of_size(2 * len(self.blocks))
-        columns: list[NDArray[Any]] = list(self)
-        for place, column in enumerate(columns[2:], 2):
-            # What is zero takes no memory until it is written.
-            used = self.used[0 if place == 2 else 1 if place < 6 else 2]
-            grown[place][: used if place < 15 else None] = column[: used if place < 15 else None]
+        taken = self.counters[0]
+        grown.blocks[: taken.squares] = self.blocks[: taken.squares]
+        for name in ("passes", "passed", "heads"):
+            getattr(grown, name)[: taken.blocks] = getattr(self, name)[: taken.blocks]
+        grown.clusters[: taken.clusters] = self.clusters[: taken.clusters]
+        grown.counters[0] = taken
         move_squares(self.keys, self.squares, grown.keys, grown.squares)
         return grown
 
@@ -132,17 +139,22 @@ class Cells(NamedTuple):
 class NewEvidence(NamedTuple):
     """What the beams of a scan have added to the evidence of which walls.
 
-    Of each wall (rows,) its stamp, what is new since it was refit [hits], and the last scan that
-    added to it; the walls that this scan added to, each once; clusters that are hits of no wall and
-    grew (≥ beams,); and how many of these two, and the number of the scan.
+    All walls; which of them (rows,) this scan added to, each once; clusters that are hits of no
+    wall and grew (≥ beams,); and how many of these two, :data:`NEWS`.
     """
 
-    stamps: NDArray[np.int32]
-    counts: Float
-    last_scans: Int
-    walls: Int
+    walls: Records
+    changed: Int
     unowned: Int
-    numbers: Int
+    counters: Records
+
+    @classmethod
+    def of(cls, walls: Records, beams: int, scan: int) -> "NewEvidence":
+        """Nothing yet of a scan, by its number."""
+        counters = np.zeros(1, NEWS)
+        counters["scan"] = scan
+        changed = np.empty(len(walls), np.int64)
+        return cls(walls, changed, np.empty(beams, np.int64), counters)
 
 
 @borrower
@@ -197,8 +209,9 @@ def take_block(cells: Cells, column: int, row: int) -> int:
         return -1
     square, place = cells.squares[slot], _place_of(column, row)
     if cells.blocks[square, place] == 0:
-        cells.blocks[square, place] = cells.used[1]
-        cells.used[1] += 1
+        counters = cells.counters[0]
+        cells.blocks[square, place] = counters.blocks
+        counters.blocks += 1
     block: int = cells.blocks[square, place]
     return block
 
@@ -207,6 +220,7 @@ def take_block(cells: Cells, column: int, row: int) -> int:
 def open_squares(cells: Cells, place: tuple[float, float], beams: Beams) -> bool:
     """Make the squares around all hits of a scan from a place [m]; False where room ran out."""
     side, before_x, before_y = CELL * (1 << SQUARE_BITS), 1 << 40, 0
+    counters = cells.counters[0]
     for beam in range(len(beams.ranges)):
         reach = beams.ranges[beam]
         if reach <= 0.0:
@@ -216,13 +230,13 @@ def open_squares(cells: Cells, place: tuple[float, float], beams: Beams) -> bool
         if x == before_x and y == before_y:
             continue
         before_x, before_y = x, y
-        if cells.used[0] + 9 > len(cells.blocks):
+        if counters.squares + 9 > len(cells.blocks):
             return False
         for near_x in range(x - 1, x + 2):
             for near_y in range(y - 1, y + 2):
                 slot = _slot_of(cells.keys, near_x, near_y)
                 if cells.keys[slot] == EMPTY:
                     cells.keys[slot] = (near_x << 31) + near_y
-                    cells.squares[slot] = cells.used[0]
-                    cells.used[0] += 1
+                    cells.squares[slot] = counters.squares
+                    counters.squares += 1
     return True

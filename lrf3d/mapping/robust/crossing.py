@@ -35,6 +35,46 @@ crossed in wide open space, which the first walk finds."""
 
 
 @borrower
+def end_of(line: Float, end: int) -> tuple[float, float]:
+    """The first (0) or the second (1) end of a line (4,)."""
+    return line[2 * end], line[2 * end + 1]
+
+
+@borrower
+def vector_of(line: Float) -> tuple[float, float]:
+    """From where a line (4,) begins to where it ends."""
+    return line[2] - line[0], line[3] - line[1]
+
+
+@borrower
+def length_of(line: Float) -> float:
+    """The length [m] of a line (4,)."""
+    dx, dy = vector_of(line)
+    length: float = np.hypot(dx, dy)
+    return length
+
+
+@borrower
+def unit_of(line: Float) -> tuple[float, float, float]:
+    """The direction and the length [m] of a line (4,)."""
+    dx, dy = vector_of(line)
+    length = np.hypot(dx, dy)
+    return dx / length, dy / length, length
+
+
+@borrower
+def along_of(line: Float, x: float, y: float, u: float, v: float) -> tuple[float, float]:
+    """How far the ends of a line (4,) lie from a place along a vector (u, v), in its lengths."""
+    return (line[0] - x) * u + (line[1] - y) * v, (line[2] - x) * u + (line[3] - y) * v
+
+
+@borrower
+def put_line(line: Float, x1: float, y1: float, x2: float, y2: float) -> None:
+    """Fill in a line (4,)."""
+    line[0], line[1], line[2], line[3] = x1, y1, x2, y2
+
+
+@borrower
 def ways_across(ux: float, uy: float, sine: float) -> int:
     """The directions of the beams that cross a direction (ux, uy), each a bit."""
     ways = 0

@@ -4,12 +4,12 @@ Enter walls and the cells of all beams; leave, for each piece of a wall, how man
 how many are free-space violations.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from lrf3d.compiling import borrower, inner
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry import Float, Int, Records
 from lrf3d.mapping.robust.beams import CELL
 from lrf3d.mapping.robust.cells import (
     HIT_DEVIATIONS,
@@ -19,8 +19,15 @@ from lrf3d.mapping.robust.cells import (
     block_at,
     cell_in,
 )
-from lrf3d.mapping.robust.crossing import WALL_SINE, count_beams, ways_across
+from lrf3d.mapping.robust.crossing import (
+    WALL_SINE,
+    count_beams,
+    end_of,
+    unit_of,
+    ways_across,
+)
 from lrf3d.mapping.robust.extraction import LEAST_INCIDENCE
+from lrf3d.mapping.robust.records import PIECE_COUNTS, PIECE_SUMS
 
 PIECE = 0.1
 """[m] Length of a piece of a wall, within which its evidence is counted."""
@@ -51,20 +58,21 @@ and still be of that wall alone: four standard deviations. At 4 walls of rooms a
 the truth, and a map of an office explains 0.1 % less of its returns."""
 
 
+class Claims(NamedTuple):
+    """Clusters (c,) that walls claim which lie so near [m], and the counts (pieces,) of these."""
+
+    fresh: NewEvidence
+    near: float
+    counts: Records
+    clusters: Int
+
+
 class Lines(NamedTuple):
     """The rows (n,) of walls, how far each is followed (n, 4) [m], and its first piece."""
 
     rows: Int
     ends: Float
     first: Int
-
-
-@borrower
-def unit_of(ends: Float) -> tuple[float, float, float]:
-    """The direction and the length [m] of a line (4,)."""
-    dx, dy = ends[2] - ends[0], ends[3] - ends[1]
-    length = np.hypot(dx, dy)
-    return dx / length, dy / length, length
 
 
 @inner
@@ -84,64 +92,58 @@ def follow(rows: Int, ends: Float) -> Lines:
 @inner
 def gather_evidence(
     lines: Lines, cells: Cells, fresh: NewEvidence, near: float
-) -> tuple[Float, Float, Int]:
+) -> tuple[Records, Records, Int]:
     """Count the hits and the free-space violations of each piece of each line.
 
     A cluster of returns hits the wall that it lies nearest to, and no other; what other walls lose
     to these is new evidence of them.
 
     Returns:
-        (pieces, 7) numbers of hits, of free-space violations, of beams that would be hits had they
-        not hit another wall more nearly, of scans that hit, and of beams that went through between
-        them; the sum over the hits of beams that went through before the first; and the scans from
-        the first to the last. (pieces, 6) sums over the hits, of their weight, times place along
-        the wall, offset from it, and the products of the two. (c, 2) the clusters that hit them,
-        each with its piece.
+        The :data:`PIECE_COUNTS` and :data:`PIECE_SUMS` of each piece; and the clusters (c, 2) that
+        hit them, each with its piece.
     """
     pieces = lines.first[-1]
-    counts, sums = np.zeros((pieces, 7)), np.zeros((pieces, 6))
+    counts, sums = np.zeros(pieces, PIECE_COUNTS), np.zeros(pieces, PIECE_SUMS)
     # What belongs to the walls before is free, so that all of it is claimed again.
     for k in range(len(lines.rows)):
-        fresh.stamps[lines.rows[k]] += 1
-    claimed, found = np.empty(cells.used[2], np.int64), 0
+        fresh.walls[lines.rows[k]].version += 1
+    claimed, found = np.empty(cells.counters[0].clusters, np.int64), 0
+    claims = Claims(fresh, near, counts, claimed)
     for k in range(len(lines.rows)):
         _count_violations(lines, k, cells, counts)
-        found = _claim(lines, k, cells, fresh, near, counts, claimed, found)
+        found = _claim(lines, k, cells, claims, found)
     # What one of these walls has lost to another of them is counted already.
     for k in range(len(lines.rows)):
-        fresh.counts[lines.rows[k]] = 0.0
-    places = np.empty(len(fresh.stamps), np.int64)
+        fresh.walls[lines.rows[k]].fresh = 0.0
+    places = np.empty(len(fresh.walls), np.int64)
     for k in range(len(lines.rows)):
         places[lines.rows[k]] = k
     owned = np.empty((found, 2), np.int64)
     for k in range(found):
-        cluster = claimed[k]
-        piece = cells.pieces[cluster] - 1
-        cells.pieces[cluster] = 0
-        owned[k, 0], owned[k, 1] = cluster, piece
-        line = lines.ends[places[cells.owners[cluster]]]
-        _add_cluster(cells, cluster, line, counts[piece], sums[piece])
+        cluster = cells.clusters[claimed[k]]
+        piece, cluster.piece = cluster.piece - 1, 0
+        owned[k, 0], owned[k, 1] = claimed[k], piece
+        _add_cluster(cluster, lines.ends[places[cluster.owner]], counts[piece], sums[piece])
     return counts, sums, owned
 
 
 @borrower
-def _add_cluster(cells: Cells, cluster: int, line: Float, count: Float, total: Float) -> None:
-    """Add a cluster to the counts (7,) and sums (6,) of the piece of a line (4,) that it hit."""
+def _add_cluster(cluster: Any, line: Float, count: Any, total: Any) -> None:
+    """Add a cluster to the counts and the sums of the piece of a line (4,) that it hit."""
     ux, uy, _ = unit_of(line)
-    moments = cells.moments[cluster]
-    hits, weights = moments[0], moments[1]
-    count[0] += hits
-    count[2] -= hits
-    count[3] += moments[9]
-    count[4] += moments[10]
+    hits, weights = cluster.hits, cluster.weight
+    count.hits += hits
+    count.nearer -= hits
+    count.scans += cluster.scans
+    count.passes_between += cluster.passes_between
     # Of these two, those of a piece are the hits' mean and the longest of its cells.
-    count[5] += hits * moments[11]
-    count[6] = max(count[6], cells.seen[cluster] - moments[12] + 1.0)
-    ox, oy = moments[2] - line[0], moments[3] - line[1]
+    count.passes_before += hits * cluster.passes_before
+    count.spell = max(count.spell, cluster.last_scan - cluster.first_scan + 1.0)
+    ox, oy = cluster.x - line[0], cluster.y - line[1]
     along, aside = ox * ux + oy * uy, oy * ux - ox * uy
-    slope = max(abs(moments[7] * uy - moments[8] * ux), LEAST_INCIDENCE)
+    slope = max(abs(cluster.toward_x * uy - cluster.toward_y * ux), LEAST_INCIDENCE)
     factor = 1.0 / (slope * slope)
-    xx, xy, yy = moments[4], moments[5], moments[6]
+    xx, xy, yy = cluster.xx, cluster.xy, cluster.yy
     across = xx * uy * uy - 2.0 * xy * ux * uy + yy * ux * ux
     # Returns spread wider than by noise are of two walls in one cell, or of poses that err:
     # the mean of any number of them is no better than they are spread.
@@ -149,20 +151,20 @@ def _add_cluster(cells: Cells, cluster: int, line: Float, count: Float, total: F
     if excess > 0.0:
         factor /= 1.0 + factor * weights * excess
     weight = factor * weights
-    total[0] += weight
-    total[1] += weight * along
-    total[2] += weight * aside
-    total[3] += weight * along * along
-    total[3] += factor * (xx * ux * ux + 2.0 * xy * ux * uy + yy * uy * uy)
-    total[4] += weight * along * aside
-    total[4] += factor * ((yy - xx) * ux * uy + xy * (ux * ux - uy * uy))
-    total[5] += weight * aside * aside + factor * across
+    total.weight += weight
+    total.along += weight * along
+    total.aside += weight * aside
+    total.along_along += weight * along * along
+    total.along_along += factor * (xx * ux * ux + 2.0 * xy * ux * uy + yy * uy * uy)
+    total.along_aside += weight * along * aside
+    total.along_aside += factor * ((yy - xx) * ux * uy + xy * (ux * ux - uy * uy))
+    total.aside_aside += weight * aside * aside + factor * across
 
 
 @borrower
-def _count_violations(lines: Lines, k: int, cells: Cells, counts: Float) -> None:
+def _count_violations(lines: Lines, k: int, cells: Cells, counts: Records) -> None:
     """Count the beams that went through each piece of a line."""
-    x1, y1 = lines.ends[k, 0], lines.ends[k, 1]
+    x1, y1 = end_of(lines.ends[k], 0)
     ux, uy, length = unit_of(lines.ends[k])
     begin, pieces = lines.first[k], lines.first[k + 1] - lines.first[k]
     ways = ways_across(ux, uy, WALL_SINE)
@@ -176,23 +178,14 @@ def _count_violations(lines: Lines, k: int, cells: Cells, counts: Float) -> None
             at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
             block = block_at(cells, column, row)
         beams = count_beams(cells, block, cell_in(column, row), ways, x, y, 0.0)
-        counts[begin + piece, 1] = beams * (PIECE / CELL)
+        counts[begin + piece].violations = beams * (PIECE / CELL)
 
 
 @borrower
-def _claim(
-    lines: Lines,
-    k: int,
-    cells: Cells,
-    fresh: NewEvidence,
-    near: float,
-    counts: Float,
-    claimed: Int,
-    found: int,
-) -> int:
+def _claim(lines: Lines, k: int, cells: Cells, claims: Claims, found: int) -> int:
     """Claim the clusters that lie nearest to a line; how many are claimed by now."""
-    band = near + min(HIT_DEVIATIONS * cells.widest[0], WIDEST_BAND)
-    x1, y1, x2, y2 = lines.ends[k, 0], lines.ends[k, 1], lines.ends[k, 2], lines.ends[k, 3]
+    band = claims.near + min(HIT_DEVIATIONS * cells.counters[0].widest, WIDEST_BAND)
+    (x1, y1), (x2, y2) = end_of(lines.ends[k], 0), end_of(lines.ends[k], 1)
     ux, uy, _ = unit_of(lines.ends[k])
     steep = abs(uy) > abs(ux)
     # Columns of cells along the axis that the wall runs along more.
@@ -213,59 +206,47 @@ def _claim(
                 block = block_at(cells, cx, cy)
             cluster = cells.heads[block, cell_in(cx, cy)]
             while cluster > 0:
-                found = _claim_one(
-                    lines, k, cells, cluster, fresh, near, band, counts, claimed, found
-                )
-                cluster = cells.following[cluster]
+                found = _claim_one(lines, k, cells, cluster, claims, band, found)
+                cluster = cells.clusters[cluster].next
     return found
 
 
 @borrower
 def _claim_one(
-    lines: Lines,
-    k: int,
-    cells: Cells,
-    cluster: int,
-    fresh: NewEvidence,
-    near: float,
-    band: float,
-    counts: Float,
-    claimed: Int,
-    found: int,
+    lines: Lines, k: int, cells: Cells, place: int, claims: Claims, band: float, found: int
 ) -> int:
     """Claim a cluster if it may be of a line and lies nearer to it than to what it is of."""
-    moments, ends = cells.moments[cluster], lines.ends[k]
+    cluster, ends, walls = cells.clusters[place], lines.ends[k], claims.fresh.walls
     ux, uy, length = unit_of(ends)
-    ox, oy = moments[2] - ends[0], moments[3] - ends[1]
-    place, away = ox * ux + oy * uy, abs(oy * ux - ox * uy)
-    if away > band or place < 0.0 or place > length:
+    ox, oy = cluster.x - ends[0], cluster.y - ends[1]
+    along, away = ox * ux + oy * uy, abs(oy * ux - ox * uy)
+    if away > band or along < 0.0 or along > length:
         return found
-    incidence = moments[7] * uy - moments[8] * ux
-    slope, hits = abs(incidence), moments[0]
-    off = near + HIT_DEVIATIONS * np.sqrt(hits / moments[1]) * slope
+    incidence = cluster.toward_x * uy - cluster.toward_y * ux
+    slope, hits = abs(incidence), cluster.hits
+    off = claims.near + HIT_DEVIATIONS * np.sqrt(hits / cluster.weight) * slope
     # What continues a wall lies on its line, and takes what no wall has.
-    continues = place < FOLLOWED - ROUNDING or place > length - FOLLOWED + ROUNDING
+    continues = along < FOLLOWED - ROUNDING or along > length - FOLLOWED + ROUNDING
     allowed = CONTINUATION_STRICTNESS * off if continues else off
     if away > allowed or away >= DEEPEST_HIT * allowed * slope:
         return found
     pieces = lines.first[k + 1] - lines.first[k]
-    piece = lines.first[k] + min(int(place / length * pieces), pieces - 1)
-    counts[piece, 2] += hits
+    piece = lines.first[k] + min(int(along / length * pieces), pieces - 1)
+    claims.counts[piece].nearer += hits
     if continues:
         away += CONTINUATION_PENALTY * off
     # A wall seen from its back does not end a beam.
     if incidence < 0.0:
         away += off
-    owner = cells.owners[cluster]
-    if fresh.stamps[owner] == cells.stamps[cluster]:
-        if away >= cells.apart[cluster]:
+    if walls[cluster.owner].version == cluster.owner_version:
+        if away >= cluster.distance:
             return found
-        fresh.counts[owner] += hits
-    cells.owners[cluster], cells.stamps[cluster] = lines.rows[k], fresh.stamps[lines.rows[k]]
-    cells.apart[cluster] = away
+        walls[cluster.owner].fresh += hits
+    cluster.owner, cluster.distance = lines.rows[k], away
+    cluster.owner_version = walls[lines.rows[k]].version
     # Another of these walls may have claimed it before: then it is in the list already.
-    if cells.pieces[cluster] == 0:
-        claimed[found] = cluster
+    if cluster.piece == 0:
+        claims.clusters[found] = place
         found += 1
-    cells.pieces[cluster] = piece + 1
+    cluster.piece = piece + 1
     return found

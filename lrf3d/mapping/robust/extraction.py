@@ -7,16 +7,24 @@ Each cluster is divided into the likeliest walls; a full circle has no seam.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from lrf3d.compiling import compiled, inner
-from lrf3d.geometry import Bool, Float, Int
+from lrf3d.geometry import Bool, Float, Int, Records
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.laser.noise import USUAL_RANGE
 from lrf3d.mapping.line_map import LineMap, solid_map
-from lrf3d.mapping.robust.beams import MOST_RANGE, in_order, longest_loss, plain, range_deviation
+from lrf3d.mapping.robust.beams import (
+    MOST_RANGE,
+    Beams,
+    in_order,
+    longest_loss,
+    plain,
+    range_deviation,
+)
+from lrf3d.mapping.robust.records import MOMENTS
 from lrf3d.mapping.robust.segmentation import LEAST_POINTS, fit_wall, segment_cluster
 
 GRAZING_ANGLE = np.radians(8.0)
@@ -54,24 +62,20 @@ SCAN_CORNER_DEVIATIONS = 4.0
 class LocalWalls(NamedTuple):
     """The walls (n, 4) [m] of one scan, seen from their left.
 
-    The moments (n, 6) of their points, and the number of points and the cluster (n, 2) of each.
+    The :data:`MOMENTS` (n,) of their points, the number of these, and the cluster of each.
     """
 
     ends: Float
-    moments: Float
-    labels: Int
+    moments: Records
+    points: Int
+    clusters: Int
 
 
 @inner
 def _joined_returns(
-    theta: float,
-    angles: Float,
-    ranges: Float,
-    range_max: float,
-    noise: RangeNoise,
-    gap: float,
-) -> tuple[Float, Float, Float, Bool]:
-    """Beams, ranges and deviations of the returns, and which of them go on in the next.
+    theta: float, angles: Float, ranges: Float, range_max: float, noise: RangeNoise, gap: float
+) -> tuple[Beams, Bool]:
+    """The beams of the returns, and which of them go on in the next.
 
     The last of the returns goes on in the first only where the scan closes a circle.
     """
@@ -110,108 +114,96 @@ def _joined_returns(
             reach = min(gap, near * np.sin(turn) / np.sin(GRAZING_ANGLE - turn))
         blur = CLUSTER_DEVIATIONS * np.sqrt(deviations[i] ** 2 + deviations[k] ** 2)
         joined[i] = step <= reach + blur
-    return beams[:kept], reaches[:kept], deviations[:kept], joined[:kept]
+    return Beams(beams[:kept], reaches[:kept], deviations[:kept]), joined[:kept]
 
 
 @inner
-def _rolled(
-    begin: int, beams: Float, ranges: Float, deviations: Float
-) -> tuple[Float, Float, Float]:
-    """The returns of a whole turn from one on."""
-    count = len(ranges)
-    turned, reaches, errors = np.empty((count, 2)), np.empty(count), np.empty(count)
+def _rolled(begin: int, beams: Beams) -> Beams:
+    """The beams of a whole turn from one on."""
+    count = len(beams.ranges)
+    rolled = Beams(np.empty((count, 2)), np.empty(count), np.empty(count))
     for k in range(count):
         place = (begin + k) % count
-        turned[k, 0], turned[k, 1] = beams[place, 0], beams[place, 1]
-        reaches[k], errors[k] = ranges[place], deviations[place]
-    return turned, reaches, errors
+        for axis in range(2):
+            rolled.units[k, axis] = beams.units[place, axis]
+        rolled.ranges[k], rolled.deviations[k] = beams.ranges[place], beams.deviations[place]
+    return rolled
 
 
 @compiled
 def extract_walls(
-    theta: float,
-    angles: Float,
-    ranges: Float,
-    range_max: float,
-    noise: RangeNoise,
-    gap: float,
+    theta: float, angles: Float, ranges: Float, range_max: float, noise: RangeNoise, gap: float,
     local: LocalWalls,
-) -> int:
+) -> int:  # fmt: skip
     """Fill in the walls (≥ n // 3 rows) of a scan with a heading [rad]; returns how many.
 
     Of the ranges (n,) along rising angles (n,) those above 0 and up to range_max count; a gap [m]
     parts clusters however far they are.
     """
-    ends, moments, labels = local
-    beams, reaches, deviations, joined = _joined_returns(
-        theta, angles, ranges, range_max, noise, gap
-    )
-    count = len(reaches)
+    beams, joined = _joined_returns(theta, angles, ranges, range_max, noise, gap)
+    count = len(beams.ranges)
     walls = np.empty((count // LEAST_POINTS + 1, 2), np.int64)
     begin = found = clusters = 0
     while begin < count and joined[begin]:
         begin += 1
     closed = begin == count
-    if closed and count and segment_cluster(beams, reaches, deviations, walls) > 1:
+    if closed and count and segment_cluster(beams, walls) > 1:
         # One object all round: begin at a corner, so that no wall is cut in two.
         begin = walls[1, 0] - 1
     # Begin behind a break, so that no cluster runs over the end of the list.
-    beams, reaches, deviations = _rolled(begin + 1, beams, reaches, deviations)
+    beams = _rolled(begin + 1, beams)
     first = 0
     while first < count:
         last = first
         while last < count - 1 and (closed or joined[(begin + 1 + last) % count]):
             last += 1
         last += 1
-        run = beams[first:last], reaches[first:last], deviations[first:last]
+        run = _part(beams, first, last)
+        parts = segment_cluster(run, walls) if last - first >= LEAST_POINTS else 0
         first = last
-        parts = segment_cluster(*run, walls) if len(run[1]) >= LEAST_POINTS else 0
-        size = _polyline(*run, walls[:parts], ends[found:], moments[found:], labels[found:])
+        size = _polyline(run, walls[:parts], local, found)
         for row in range(found, found + size):
-            labels[row, 1] = clusters
+            local.clusters[row] = clusters
         clusters += size > 0
         found += size
     return found
 
 
 @inner
-def _polyline(
-    beams: Float,
-    ranges: Float,
-    deviations: Float,
-    walls: Int,
-    ends: Float,
-    moments: Float,
-    labels: Int,
-) -> int:
+def _part(beams: Beams, first: int, last: int) -> Beams:
+    """The beams from a first one up to another."""
+    return Beams(beams.units[first:last], beams.ranges[first:last], beams.deviations[first:last])
+
+
+@inner
+def _polyline(beams: Beams, walls: Int, local: LocalWalls, begin: int) -> int:
     """Segments of one cluster's walls (m, 2), joined at corners where two of them meet."""
     inverses = np.empty((len(walls), 2))
     spans = np.empty((len(walls), 2), np.int64)
-    rows = 0
+    rows, ends = 0, local.ends[begin:]
     for wall in range(len(walls)):
         first, last = walls[wall, 0], walls[wall, 1]
-        x, y = fit_wall(
-            beams[first : last + 1], ranges[first : last + 1], deviations[first : last + 1]
-        )
-        _measure(beams, ranges, deviations, first, last, x, y, moments[rows])
+        run, moments = _part(beams, first, last + 1), local.moments[begin + rows]
+        x, y = fit_wall(run)
+        _measure(run, x, y, moments)
         size = np.sqrt(x * x + y * y)
         nx, ny = x / size, y / size
-        spread = moments[rows, 3] * ny * ny + moments[rows, 5] * nx * nx
-        spread -= 2.0 * moments[rows, 4] * nx * ny
+        spread = moments.xx * ny * ny + moments.yy * nx * nx
+        spread -= 2.0 * moments.xy * nx * ny
         if not spread * WEAKEST_DIRECTION**2 > 1.0:
             continue
         inverses[rows, 0], inverses[rows, 1] = x, y
         spans[rows, 0], spans[rows, 1] = first, last
-        labels[rows, 0] = last - first + 1
+        local.points[begin + rows] = last - first + 1
         for k in range(2):
             beam = spans[rows, k]
             # A noisy end goes along its beam onto the wall; near-parallel ones stay put.
-            slope = beams[beam, 0] * x + beams[beam, 1] * y
-            reach = ranges[beam]
-            if slope > 0.0 and abs(1.0 / slope - reach) <= END_DEVIATIONS * deviations[beam]:
+            unit, reach = beams.units[beam], beams.ranges[beam]
+            slope = unit[0] * x + unit[1] * y
+            if slope > 0.0 and abs(1.0 / slope - reach) <= END_DEVIATIONS * beams.deviations[beam]:
                 reach = 1.0 / slope
-            ends[rows, 2 * k] = reach * beams[beam, 0]
-            ends[rows, 2 * k + 1] = reach * beams[beam, 1]
+            for axis in range(2):
+                ends[rows, 2 * k + axis] = reach * unit[axis]
         rows += 1
     for row in range(rows - 1):
         one, other = inverses[row], inverses[row + 1]
@@ -222,7 +214,7 @@ def _polyline(
             continue
         x, y = (other[1] - one[1]) / turn, (one[0] - other[0]) / turn
         ax, ay, bx, by = ends[row, 2], ends[row, 3], ends[row + 1, 0], ends[row + 1, 1]
-        step = np.hypot(ax - bx, ay - by) + SCAN_CORNER_DEVIATIONS * deviations[last]
+        step = np.hypot(ax - bx, ay - by) + SCAN_CORNER_DEVIATIONS * beams.deviations[last]
         reach = SCAN_CORNER_STEPS * step
         if max(np.hypot(x - ax, y - ay), np.hypot(x - bx, y - by)) <= reach:
             ends[row, 2], ends[row, 3], ends[row + 1, 0], ends[row + 1, 1] = x, y, x, y
@@ -230,23 +222,15 @@ def _polyline(
 
 
 @inner
-def _measure(
-    beams: Float,
-    ranges: Float,
-    deviations: Float,
-    first: int,
-    last: int,
-    x: float,
-    y: float,
-    moments: Float,
-) -> None:
-    """Fill in moments (6,) of the points of a wall n/c = (x, y), each with its own variance."""
+def _measure(beams: Beams, x: float, y: float, moments: Any) -> None:
+    """Fill in the moments of the points of a wall n/c = (x, y), each with its own variance."""
     size = np.sqrt(x * x + y * y)
     total = mx = my = xx = xy = yy = 0.0
-    for i in range(first, last + 1):
-        incidence = max(abs(beams[i, 0] * x + beams[i, 1] * y) / size, LEAST_INCIDENCE)
-        weight = 1.0 / (deviations[i] * incidence) ** 2
-        px, py = ranges[i] * beams[i, 0], ranges[i] * beams[i, 1]
+    for i in range(len(beams.ranges)):
+        unit = beams.units[i]
+        incidence = max(abs(unit[0] * x + unit[1] * y) / size, LEAST_INCIDENCE)
+        weight = 1.0 / (beams.deviations[i] * incidence) ** 2
+        px, py = beams.ranges[i] * unit[0], beams.ranges[i] * unit[1]
         # The running mean and the scatter about it, which no offset makes inexact.
         total += weight
         dx, dy = px - mx, py - my
@@ -257,8 +241,8 @@ def _measure(
         xx += spread * dx * dx
         xy += spread * dx * dy
         yy += spread * dy * dy
-    moments[0], moments[1], moments[2] = total, mx, my
-    moments[3], moments[4], moments[5] = xx, xy, yy
+    moments.weight, moments.x, moments.y = total, mx, my
+    moments.xx, moments.xy, moments.yy = xx, xy, yy
 
 
 @dataclass(frozen=True, slots=True)
@@ -281,16 +265,14 @@ class LikelihoodExtractor:
     def walls(self, scan: LaserScan, heading: float, noise: RangeNoise) -> LocalWalls:
         """Walls of a scan around the laser's place, in a frame where it has a heading [rad]."""
         most = len(scan.ranges) // LEAST_POINTS
-        ends, moments = np.empty((most, 4)), np.empty((most, 6))
-        local = LocalWalls(ends, moments, np.empty((most, 2), np.int64))
+        points, clusters = np.empty((2, most), np.int64)
+        local = LocalWalls(np.empty((most, 4)), np.empty(most, MOMENTS), points, clusters)
         range_max = min(float(scan.range_max), MOST_RANGE)
-        angles, ranges = in_order(scan)
-        count = extract_walls(
-            heading, plain(angles), plain(ranges), range_max, noise, self.gap, local
-        )
-        return LocalWalls(ends[:count], moments[:count], local.labels[:count])
+        angles, ranges = map(plain, in_order(scan))
+        found = slice(extract_walls(heading, angles, ranges, range_max, noise, self.gap, local))
+        return LocalWalls(local.ends[found], local.moments[found], points[found], clusters[found])
 
     def local_map(self, scan: LaserScan) -> LineMap:
         """The walls of one scan in the world; those of a cluster are an object."""
-        ends, _, labels = self.walls(scan, float(scan.pose.theta), self.noise(scan))
-        return solid_map(ends + np.tile(scan.pose[:2], 2), labels[:, 1], labels[:, 0])
+        found = self.walls(scan, float(scan.pose.theta), self.noise(scan))
+        return solid_map(found.ends + np.tile(scan.pose[:2], 2), found.clusters, found.points)

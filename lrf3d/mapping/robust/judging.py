@@ -3,6 +3,8 @@
 The beams of a scan enter; the cells are written, and so is what is new of the evidence of walls.
 """
 
+from typing import Any
+
 import numpy as np
 
 from lrf3d.compiling import borrower, compiled, inner
@@ -95,8 +97,9 @@ def add_beams(
     x, y = place
     units, ranges, deviations = beams
     passes, passed_ways = cells.passes, cells.passed
+    counters = cells.counters[0]
     if begin == 0:
-        cells.used[4] += 1
+        counters.scans += 1
     side = (1 << SQUARE_BITS) - 1
     for beam in range(begin, len(ranges)):
         reading = ranges[beam]
@@ -104,9 +107,9 @@ def add_beams(
             continue
         dx, dy = units[beam, 0], units[beam, 1]
         most = int(abs(reading) * (abs(dx) + abs(dy)) / (CELL * SIDE)) + 4
-        if cells.used[1] + most > len(cells.heads):
+        if counters.blocks + most > len(cells.heads):
             return beam
-        if cells.used[3] == 0 and cells.used[2] == len(cells.moments):
+        if counters.free_cluster == 0 and counters.clusters == len(cells.clusters):
             return beam
         turn = np.arctan2(dy, dx) / (2.0 * np.pi)
         free = (abs(reading) - FREE_DEPTH - HIT_DEVIATIONS * deviations[beam]) / CELL
@@ -150,7 +153,7 @@ def add_beams(
             left = min(across, up)
         if reading > 0.0:
             way = int(np.floor(turn * HIT_DIRECTIONS + 0.5)) % HIT_DIRECTIONS
-            cells.widest[0] = max(cells.widest[0], deviations[beam])
+            counters.widest = max(counters.widest, deviations[beam])
             _add_hit(
                 cells, x + reading * dx, y + reading * dy, dx, dy, deviations[beam], way, fresh
             )
@@ -160,11 +163,12 @@ def add_beams(
 @borrower
 def count_evidence(fresh: NewEvidence, wall: int, weight: float) -> None:
     """Add a beam of a weight [hits] to the new evidence of a wall."""
-    fresh.counts[wall] += weight
-    if fresh.last_scans[wall] != fresh.numbers[2]:
-        fresh.last_scans[wall] = fresh.numbers[2]
-        fresh.walls[fresh.numbers[0]] = wall
-        fresh.numbers[0] += 1
+    row, counters = fresh.walls[wall], fresh.counters[0]
+    row.fresh += weight
+    if row.last_scan != counters.scan:
+        row.last_scan = counters.scan
+        fresh.changed[counters.changed] = wall
+        counters.changed += 1
 
 
 @borrower
@@ -176,29 +180,24 @@ def _contradict(
         cells.passes[block, way, cell] += 1
     else:
         _forget(cells, block, cell)
-    moments, misses = cells.moments, cells.misses
-    before, cluster = 0, cells.heads[block, cell]
-    while cluster > 0:
-        weight = OPEN_WEIGHT
-        if cells.seen[cluster] != cells.used[4] and (
-            dx * moments[cluster, 7] + dy * moments[cluster, 8] > SAME_WAY
-        ):
-            misses[cluster] += 1
-            if misses[cluster] >= GONE_AFTER:
+    before, place = 0, cells.heads[block, cell]
+    while place > 0:
+        weight, cluster = OPEN_WEIGHT, cells.clusters[place]
+        if cluster.last_scan != cells.counters[0].scans and goes_along(cluster, dx, dy):
+            cluster.misses += 1
+            if cluster.misses >= GONE_AFTER:
                 # What beams hit there is gone: each further few halve what is left of it.
-                misses[cluster] -= GONE_AFTER // 4
-                weight += 0.5 * moments[cluster, 0]
-                for k in (0, 1, 4, 5, 6, 9, 10):
-                    moments[cluster, k] *= 0.5
-        owner = cells.owners[cluster]
-        if fresh.stamps[owner] == cells.stamps[cluster]:
-            count_evidence(fresh, owner, weight)
-        after = cells.following[cluster]
-        if moments[cluster, 0] < LEAST_HITS:
-            _give_back(cells, block, cell, before, cluster)
+                cluster.misses -= GONE_AFTER // 4
+                weight += 0.5 * cluster.hits
+                _halve(cluster)
+        if fresh.walls[cluster.owner].version == cluster.owner_version:
+            count_evidence(fresh, cluster.owner, weight)
+        after = cluster.next
+        if cluster.hits < LEAST_HITS:
+            _give_back(cells, block, cell, before, place)
         else:
-            before = cluster
-        cluster = after
+            before = place
+        place = after
     if before == 0:
         _unmark_solid(cells, block, cell)
 
@@ -213,16 +212,17 @@ def forget_hits(
     for cx in range(first_x, last_x + 1):
         for cy in range(first_y, last_y + 1):
             block, cell = block_at(cells, cx, cy), cell_in(cx, cy)
-            before, cluster = 0, cells.heads[block, cell]
-            while cluster > 0:
-                after, moments = cells.following[cluster], cells.moments[cluster]
-                if dx * moments[7] + dy * moments[8] > SAME_WAY:
-                    if fresh.stamps[cells.owners[cluster]] == cells.stamps[cluster]:
-                        count_evidence(fresh, cells.owners[cluster], moments[0])
-                    _give_back(cells, block, cell, before, cluster)
+            before, place = 0, cells.heads[block, cell]
+            while place > 0:
+                cluster = cells.clusters[place]
+                after = cluster.next
+                if goes_along(cluster, dx, dy):
+                    if fresh.walls[cluster.owner].version == cluster.owner_version:
+                        count_evidence(fresh, cluster.owner, cluster.hits)
+                    _give_back(cells, block, cell, before, place)
                 else:
-                    before = cluster
-                cluster = after
+                    before = place
+                place = after
             if before == 0:
                 _unmark_solid(cells, block, cell)
 
@@ -235,17 +235,33 @@ def _unmark_solid(cells: Cells, block: int, cell: int) -> None:
 
 
 @borrower
-def _give_back(cells: Cells, block: int, cell: int, before: int, cluster: int) -> None:
+def goes_along(cluster: Any, dx: float, dy: float) -> bool:
+    """Whether a beam goes the way of those that a cluster is of."""
+    return bool(dx * cluster.toward_x + dy * cluster.toward_y > SAME_WAY)
+
+
+@borrower
+def _halve(cluster: Any) -> None:
+    """Let what is known of a cluster count half; where it lies stays."""
+    cluster.hits *= 0.5
+    cluster.weight *= 0.5
+    cluster.xx *= 0.5
+    cluster.xy *= 0.5
+    cluster.yy *= 0.5
+    cluster.scans *= 0.5
+    cluster.passes_between *= 0.5
+
+
+@borrower
+def _give_back(cells: Cells, block: int, cell: int, before: int, place: int) -> None:
     """Take a cluster out of the list of its cell, where another may be before it."""
+    cluster, counters = cells.clusters[place], cells.counters[0]
     if before == 0:
-        cells.heads[block, cell] = cells.following[cluster]
+        cells.heads[block, cell] = cluster.next
     else:
-        cells.following[before] = cells.following[cluster]
-    cells.following[cluster] = cells.used[3]
-    cells.used[3] = cluster
-    cells.misses[cluster] = cells.stamps[cluster] = cells.seen[cluster] = 0
-    for k in range(13):
-        cells.moments[cluster, k] = 0.0
+        cells.clusters[before].next = cluster.next
+    cells.clusters[place] = cells.clusters[0]
+    cluster.next, counters.free_cluster = counters.free_cluster, place
 
 
 @borrower
@@ -259,11 +275,12 @@ def _forget(cells: Cells, block: int, cell: int) -> None:
         cells.passes[block, way, cell] = (passed & SOLID) + ((passed & MOST_PASSES) >> 1)
         if passed & MOST_PASSES == 1:
             cells.passed[block, cell] ^= np.uint16(1 << way)
-    cluster = cells.heads[block, cell]
-    while cluster > 0:
-        for k in (0, 1, 4, 5, 6, 9, 10, 11):
-            cells.moments[cluster, k] *= 0.5
-        cluster = cells.following[cluster]
+    place = cells.heads[block, cell]
+    while place > 0:
+        cluster = cells.clusters[place]
+        _halve(cluster)
+        cluster.passes_before *= 0.5
+        place = cluster.next
 
 
 @borrower
@@ -274,17 +291,19 @@ def _new_cluster(cells: Cells, block: int, cell: int, way: int) -> int:
         for passing in range(PASS_DIRECTIONS):
             passed += cells.passes[block, passing, cell]
             cells.passes[block, passing, cell] |= SOLID
-    cluster: int = cells.used[3]
-    if cluster > 0:
-        cells.used[3] = cells.following[cluster]
+    counters, first = cells.counters[0], cells.clusters[other]
+    place: int = counters.free_cluster
+    if place > 0:
+        counters.free_cluster = cells.clusters[place].next
     else:
-        cluster = cells.used[2]
-        cells.used[2] += 1
-    cells.ways[cluster], moments = way, cells.moments
-    moments[cluster, 11] = moments[other, 11] if other > 0 else passed
-    moments[cluster, 12] = moments[other, 12] if other > 0 else cells.used[4]
-    cells.following[cluster], cells.heads[block, cell] = other, cluster
-    return cluster
+        place = counters.clusters
+        counters.clusters += 1
+    cluster = cells.clusters[place]
+    cluster.way, cluster.next = way, other
+    cluster.passes_before = first.passes_before if other > 0 else passed
+    cluster.first_scan = first.first_scan if other > 0 else counters.scans
+    cells.heads[block, cell] = place
+    return place
 
 
 @borrower
@@ -301,36 +320,36 @@ def _add_hit(
     """Add a return at a place [m] to the moments of its cell."""
     column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
     block, cell = take_block(cells, column, row), cell_in(column, row)
-    cluster = cells.heads[block, cell]
-    while cluster > 0 and cells.ways[cluster] != way:
-        cluster = cells.following[cluster]
-    if cluster == 0:
-        cluster = _new_cluster(cells, block, cell, way)
-    total = cells.moments[cluster]
-    if total[0] >= MOST_HITS:
+    place = cells.heads[block, cell]
+    while place > 0 and cells.clusters[place].way != way:
+        place = cells.clusters[place].next
+    if place == 0:
+        place = _new_cluster(cells, block, cell, way)
+    cluster, scans = cells.clusters[place], cells.counters[0].scans
+    if cluster.hits >= MOST_HITS:
         _forget(cells, block, cell)
-    if cells.seen[cluster] != cells.used[4]:
-        if total[9] > 0.0:
-            total[10] += cells.misses[cluster]
-        cells.seen[cluster] = cells.used[4]
-        total[9] += 1.0
-    cells.misses[cluster] = 0
+    if cluster.last_scan != scans:
+        if cluster.scans > 0.0:
+            cluster.passes_between += cluster.misses
+        cluster.last_scan = scans
+        cluster.scans += 1.0
+    cluster.misses = 0
     weight = 1.0 / (deviation * deviation)
-    total[0] += 1.0
-    total[1] += weight
-    share = weight / total[1]
-    ox, oy = x - total[2], y - total[3]
-    total[2] += share * ox
-    total[3] += share * oy
+    cluster.hits += 1.0
+    cluster.weight += weight
+    share = weight / cluster.weight
+    ox, oy = x - cluster.x, y - cluster.y
+    cluster.x += share * ox
+    cluster.y += share * oy
     spread = weight * (1.0 - share)
-    total[4] += spread * ox * ox
-    total[5] += spread * ox * oy
-    total[6] += spread * oy * oy
-    total[7] += (dx - total[7]) / total[0]
-    total[8] += (dy - total[8]) / total[0]
-    owner = cells.owners[cluster]
-    if fresh.stamps[owner] == cells.stamps[cluster]:
-        count_evidence(fresh, owner, 1.0)
+    cluster.xx += spread * ox * ox
+    cluster.xy += spread * ox * oy
+    cluster.yy += spread * oy * oy
+    cluster.toward_x += (dx - cluster.toward_x) / cluster.hits
+    cluster.toward_y += (dy - cluster.toward_y) / cluster.hits
+    if fresh.walls[cluster.owner].version == cluster.owner_version:
+        count_evidence(fresh, cluster.owner, 1.0)
     else:
-        fresh.unowned[fresh.numbers[1]] = cluster
-        fresh.numbers[1] += 1
+        news = fresh.counters[0]
+        fresh.unowned[news.unowned] = place
+        news.unowned += 1

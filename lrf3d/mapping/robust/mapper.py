@@ -65,11 +65,7 @@ class RobustMapper:
         # Some walls will come; none may move to larger arrays before they are refit.
         self._make_room(count)
         self._scans += 1
-        walls = self._walls
-        fresh = NewEvidence(
-            walls.stamps, walls.fresh, walls.last_scans, np.empty(len(walls.points), np.int64),
-            np.empty(len(beams.ranges), np.int64), np.array([0, 0, self._scans]),
-        )  # fmt: skip
+        fresh = NewEvidence.of(self._walls.rows, len(beams.ranges), self._scans)
         while not open_squares(self._cells, place, beams):
             self._cells = self._cells.doubled()
         done = 0
@@ -79,7 +75,7 @@ class RobustMapper:
 
     def _merge_walls(self, found: LocalWalls, place: Place) -> tuple[Int, Int]:
         """Merge the walls of a scan with those of the map; returns those that changed or went."""
-        new = found.ends, found.moments, found.labels[:, 0].copy()
+        new = found.ends, found.moments, found.points
         waiting, self._waiting = self._waiting, self._waiting[:0]
         return merge_walls(self._walls, self._grid, new, place, waiting, self._cells, self._rule)
 
@@ -87,7 +83,7 @@ class RobustMapper:
         """Put the real parts of changed walls in their places; returns which to link again."""
         near = self._rule.distance
         chosen = choose_walls(self._walls, self._grid, self._cells, fresh, changed, near)
-        rows = np.flatnonzero(chosen & (self._walls.points > 0))
+        rows = np.flatnonzero(chosen & (self._walls.rows["points"] > 0))
         parts = refit_walls(rows, self._walls.ends, self._cells, fresh, near, self._least)
         self._make_room(len(parts[0]))
         self._waiting = replace_walls(self._walls, self._grid, self._cells, rows, gone, parts)
@@ -95,19 +91,20 @@ class RobustMapper:
 
     def _link_walls(self, rows: Int) -> None:
         """Link walls with those around them."""
-        self._links = self._links.with_rows(len(self._walls.points))
+        self._links = self._links.with_rows(len(self._walls.rows))
         link_walls(self._links, self._walls, self._grid, self._cells, rows)
 
     def _make_room(self, count: int) -> None:
         """Have room for a number of new walls, and all walls in the grid."""
         self._walls = self._walls.with_room(count)
-        if self._grid.is_full or len(self._grid.found) < len(self._walls.points):
+        if self._grid.is_full or len(self._grid.found) < len(self._walls.rows):
             entries = len(self._grid.rows) * (2 if self._grid.is_full else 1)
-            self._grid = filled(self._walls.ends, self._walls.points, entries)
+            self._grid = filled(self._walls.ends, self._walls.rows["points"], entries)
 
     def _rows(self) -> Int:
         """The rows of the walls that are shown."""
-        return np.flatnonzero(self._walls.real & (self._walls.points > 0))
+        rows = self._walls.rows
+        return np.flatnonzero(rows["shown"] & (rows["points"] > 0))
 
     @property
     def map(self) -> LineMap:
@@ -118,7 +115,7 @@ class RobustMapper:
             rows = self._rows()
             objects = find_objects(self._links, self._walls, rows)
             ends: Float = close_corners(self._walls.ends[rows], objects)
-            shown = solid_map(self._frame.in_world(ends), objects, self._walls.points[rows])
+            shown = solid_map(self._frame.in_world(ends), objects, self._walls.rows["points"][rows])
             surfaces = self._optics.surfaces
             special = self._frame.in_world(surfaces[:, :4])
             self._map = with_surfaces(shown, special, surfaces[:, 4] > 0.0)

@@ -21,7 +21,15 @@ from lrf3d.compiling import borrower, compiled, inner
 from lrf3d.geometry import Float, Int
 from lrf3d.mapping.grid import Grid, near
 from lrf3d.mapping.robust.cells import FREE_DEPTH, Cells
-from lrf3d.mapping.robust.crossing import LINK_SINE, is_crossed
+from lrf3d.mapping.robust.crossing import (
+    LINK_SINE,
+    along_of,
+    end_of,
+    is_crossed,
+    length_of,
+    put_line,
+    vector_of,
+)
 from lrf3d.mapping.robust.walls import Walls, copy_columns, put_row
 
 TOUCH = 0.1
@@ -102,7 +110,7 @@ def link_walls(links: Links, walls: Walls, grid: Grid, cells: Cells, rows: Int) 
     """Link some walls (n,) with those around them, and ask again about a few links of others."""
     lines, lengths = np.empty((MOST_LINKS + 1, 5)), np.empty(MOST_LINKS)
     others = np.empty(MOST_LINKS, np.int64)
-    places = np.full(len(walls.points), -1)
+    places = np.full(len(walls.rows), -1)
     for k in range(len(rows)):
         places[rows[k]] = k
         links.own[rows[k]] += 1
@@ -112,12 +120,12 @@ def link_walls(links: Links, walls: Walls, grid: Grid, cells: Cells, rows: Int) 
         for i in range(near(grid, own, LONGEST_LINK)):
             other = grid.found[i]
             # A link of two of them is added once, by the later one.
-            if places[other] >= k or not walls.real[other]:
+            if places[other] >= k or not walls.rows[other].shown:
                 continue
             line, its = lines[MOST_LINKS], walls.ends[other]
             if _parted(own, its, reach) or not measure_link(own, its, line):
                 continue
-            length = np.hypot(line[2] - line[0], line[3] - line[1])
+            length = length_of(line)
             if length > reach:
                 continue
             place = found if found < MOST_LINKS else farthest
@@ -138,8 +146,9 @@ def link_walls(links: Links, walls: Walls, grid: Grid, cells: Cells, rows: Int) 
                 count += 1
         links.counts[wall] = count
     asked = 0
-    for _ in range(walls.used[0]):
-        wall = links.turn[0] = (links.turn[0] + 1) % walls.used[0]
+    taken = walls.counters[0].taken
+    for _ in range(taken):
+        wall = links.turn[0] = (links.turn[0] + 1) % taken
         for place in range(links.counts[wall]):
             if is_link(links, walls, wall, place):
                 one, other = walls.ends[wall], walls.ends[links.others[wall, place]]
@@ -154,16 +163,15 @@ def link_walls(links: Links, walls: Walls, grid: Grid, cells: Cells, rows: Int) 
 def is_link(links: Links, walls: Walls, wall: int, place: int) -> bool:
     """Whether a link still stands."""
     other = links.others[wall, place]
-    return bool(
-        walls.real[wall] and walls.real[other] and links.versions[wall, place] == links.own[other]
-    )
+    stands = links.versions[wall, place] == links.own[other]
+    return bool(stands and walls.rows[wall].shown and walls.rows[other].shown)
 
 
 @borrower
 def measure_link(one: Float, other: Float, link: Float) -> bool:
     """Fill in the link x1 y1 x2 y2 of two walls, 1 if it runs before one; whether it may join."""
     _shortest_link(one, other, link)
-    length = np.hypot(link[2] - link[0], link[3] - link[1])
+    length = length_of(link)
     if length > LONGEST_LINK:
         return False
     before = max(_reach_before(one, link), _reach_before(other, link)) > BEHIND_SINE * length
@@ -185,46 +193,45 @@ def _parted(one: Float, other: Float, reach: float) -> bool:
 @borrower
 def _shortest_link(one: Float, other: Float, link: Float) -> None:
     """Fill in the shortest line from one of two segments to the other."""
-    dx, dy = one[2] - one[0], one[3] - one[1]
-    u, v = other[2] - other[0], other[3] - other[1]
+    (dx, dy), (u, v) = vector_of(one), vector_of(other)
     crossing = dx * v - dy * u
     if crossing != 0.0:
-        ahead = ((other[0] - one[0]) * v - (other[1] - one[1]) * u) / crossing
-        along = ((other[0] - one[0]) * dy - (other[1] - one[1]) * dx) / crossing
+        (x, y), (its_x, its_y) = end_of(one, 0), end_of(other, 0)
+        ahead = ((its_x - x) * v - (its_y - y) * u) / crossing
+        along = ((its_x - x) * dy - (its_y - y) * dx) / crossing
         if 0.0 <= ahead <= 1.0 and 0.0 <= along <= 1.0:
             # They cross: one was united through the other.
-            link[0] = link[2] = one[0] + ahead * dx
-            link[1] = link[3] = one[1] + ahead * dy
+            x, y = x + ahead * dx, y + ahead * dy
+            put_line(link, x, y, x, y)
             return
     least = np.inf
     for turn in range(4):
         own, across = (one, other) if turn < 2 else (other, one)
-        x, y = own[2 * (turn % 2)], own[2 * (turn % 2) + 1]
-        dx, dy = across[2] - across[0], across[3] - across[1]
-        place = ((x - across[0]) * dx + (y - across[1]) * dy) / (dx * dx + dy * dy)
+        x, y = end_of(own, turn % 2)
+        (u, v), (dx, dy) = end_of(across, 0), vector_of(across)
+        place = ((x - u) * dx + (y - v) * dy) / (dx * dx + dy * dy)
         place = min(max(place, 0.0), 1.0)
-        u, v = across[0] + place * dx, across[1] + place * dy
+        u, v = u + place * dx, v + place * dy
         away = (x - u) ** 2 + (y - v) ** 2
         if away < least:
             least = away
-            link[0], link[1], link[2], link[3] = x, y, u, v
+            put_line(link, x, y, u, v)
 
 
 @borrower
 def _reach_before(wall: Float, link: Float) -> float:
     """How far [m] a link gets before the face of a wall that it begins or ends at."""
-    dx, dy = wall[2] - wall[0], wall[3] - wall[1]
+    (x, y), (dx, dy) = end_of(wall, 0), vector_of(wall)
+    first, last = along_of(link, x, y, -dy, dx)
     size = np.hypot(dx, dy)
-    first = (dx * (link[1] - wall[1]) - dy * (link[0] - wall[0])) / size
-    last = (dx * (link[3] - wall[1]) - dy * (link[2] - wall[0])) / size
-    before: float = max(first, last)
+    before: float = max(first / size, last / size)
     return before
 
 
 @inner
 def _joins(link: Float, one: Float, other: Float, cells: Cells) -> bool:
     """Whether no beam has crossed a link (5,) of two walls (4,), so that it joins them."""
-    length, before = np.hypot(link[2] - link[0], link[3] - link[1]), link[4] > 0.0
+    length, before = length_of(link), link[4] > 0.0
     line = link[:4]
     if length <= TOUCH:
         return True
@@ -247,7 +254,7 @@ def _is_blocked(one: Float, other: Float, cells: Cells) -> bool:
             for k in range(2):
                 line[k] = one[k] + own * (one[k + 2] - one[k])
                 line[k + 2] = other[k] + across * (other[k + 2] - other[k])
-            length = np.hypot(line[2] - line[0], line[3] - line[1])
+            length = length_of(line)
             if max(_reach_before(one, line), _reach_before(other, line)) <= BEHIND_SINE * length:
                 if is_crossed(line, cells, FREE_DEPTH, 0, LINK_SINE):
                     return False
@@ -265,7 +272,7 @@ def _root(parents: Int, wall: int) -> int:
 @compiled
 def find_objects(links: Links, walls: Walls, rows: Int) -> Int:
     """The object (n,) of each of the real walls (n,), named by one of them."""
-    parents, labels = np.arange(len(walls.points)), np.empty(len(rows), np.int64)
+    parents, labels = np.arange(len(walls.rows)), np.empty(len(rows), np.int64)
     for k in range(len(rows)):
         wall = rows[k]
         for place in range(links.counts[wall]):
@@ -319,14 +326,14 @@ def _close(ends: Float, objects: Int, order: Int) -> Float:
 def _crossing(ends: Float, end: int, other: int, corner: Float) -> bool:
     """Fill in the corner (2,) where the walls of two ends cross; whether it is near to both."""
     one, side, two, turned = end >> 1, end & 1, other >> 1, other & 1
-    ux, uy = ends[one, 2] - ends[one, 0], ends[one, 3] - ends[one, 1]
-    vx, vy = ends[two, 2] - ends[two, 0], ends[two, 3] - ends[two, 1]
+    (ux, uy), (vx, vy) = vector_of(ends[one]), vector_of(ends[two])
     own, across = np.hypot(ux, uy), np.hypot(vx, vy)
     turn = ux * vy - uy * vx
     if abs(turn) < CORNER_SINE * own * across:
         return False
-    dx = ends[two, 2 * turned] - ends[one, 2 * side]
-    dy = ends[two, 2 * turned + 1] - ends[one, 2 * side + 1]
+    x, y = end_of(ends[one], side)
+    its_x, its_y = end_of(ends[two], turned)
+    dx, dy = its_x - x, its_y - y
     ahead, back = (dx * vy - dy * vx) / turn, (dx * uy - dy * ux) / turn
     if abs(ahead) * own > CORNER_REACH or abs(back) * across > CORNER_REACH:
         return False
@@ -335,5 +342,5 @@ def _crossing(ends: Float, end: int, other: int, corner: Float) -> bool:
         return False
     if (1.0 - 2.0 * turned) * back * across > min(CORNER_TRIM, 0.5 * across):
         return False
-    corner[0], corner[1] = ends[one, 2 * side] + ahead * ux, ends[one, 2 * side + 1] + ahead * uy
+    corner[0], corner[1] = x + ahead * ux, y + ahead * uy
     return True

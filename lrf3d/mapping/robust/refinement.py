@@ -12,6 +12,7 @@ from lrf3d.compiling import borrower, compiled, inner
 from lrf3d.geometry import Bool, Float, Int
 from lrf3d.mapping.grid import Grid, insert, near, remove
 from lrf3d.mapping.robust.cells import HIT_DEVIATIONS, Cells, NewEvidence
+from lrf3d.mapping.robust.crossing import end_of, put_line, vector_of
 from lrf3d.mapping.robust.evidence import FOLLOWED
 from lrf3d.mapping.robust.judging import count_evidence
 from lrf3d.mapping.robust.refitting import Parts
@@ -36,17 +37,18 @@ def choose_walls(
     wall lost to its neighbours, it has not noticed, so all walls have their turn.
     """
     _count_unowned_hits(walls, grid, cells, fresh, near_by)
-    chosen = np.zeros(len(walls.points), np.bool_)
+    chosen = np.zeros(len(walls.rows), np.bool_)
     for k in range(len(dirty)):
         chosen[dirty[k]] = True
-    for k in range(fresh.numbers[0]):
-        wall = fresh.walls[k]
-        if walls.fresh[wall] >= FRESH_SHARE * walls.evidence[wall]:
+    for k in range(fresh.counters[0].changed):
+        wall = fresh.changed[k]
+        if walls.rows[wall].fresh >= FRESH_SHARE * walls.rows[wall].evidence:
             chosen[wall] = True
-    for _ in range(walls.used[0]):
-        walls.used[2] = (walls.used[2] + 1) % walls.used[0]
-        if walls.points[walls.used[2]] > 0:
-            chosen[walls.used[2]] = True
+    counters = walls.counters[0]
+    for _ in range(counters.taken):
+        counters.turn = (counters.turn + 1) % counters.taken
+        if walls.rows[counters.turn].points > 0:
+            chosen[counters.turn] = True
             break
     return chosen
 
@@ -57,24 +59,23 @@ def _count_unowned_hits(
 ) -> None:
     """Count clusters that are hits of no wall as new evidence of all walls that may reach them."""
     point = np.empty(4)
-    for k in range(fresh.numbers[1]):
-        moments = cells.moments[fresh.unowned[k]]
-        if moments[0] == 0.0:
+    for k in range(fresh.counters[0].unowned):
+        cluster = cells.clusters[fresh.unowned[k]]
+        if cluster.hits == 0.0:
             # It was an image in a mirror.
             continue
-        x, y = moments[2], moments[3]
-        point[0] = point[2] = x
-        point[1] = point[3] = y
-        off = near_by + HIT_DEVIATIONS * np.sqrt(moments[0] / moments[1])
+        x, y = cluster.x, cluster.y
+        put_line(point, x, y, x, y)
+        off = near_by + HIT_DEVIATIONS * np.sqrt(cluster.hits / cluster.weight)
         for i in range(near(grid, point, FOLLOWED)):
             wall = grid.found[i]
-            if walls.points[wall] == 0:
+            if walls.rows[wall].points == 0:
                 continue
             ends = walls.ends[wall]
-            ux, uy = ends[2] - ends[0], ends[3] - ends[1]
+            (ux, uy), (x1, y1) = vector_of(ends), end_of(ends, 0)
             size = np.hypot(ux, uy)
-            along = ((x - ends[0]) * ux + (y - ends[1]) * uy) / size
-            aside = ((y - ends[1]) * ux - (x - ends[0]) * uy) / size
+            along = ((x - x1) * ux + (y - y1) * uy) / size
+            aside = ((y - y1) * ux - (x - x1) * uy) / size
             if abs(aside) <= off and -FOLLOWED <= along <= size + FOLLOWED:
                 count_evidence(fresh, wall, 1.0)
 
@@ -110,9 +111,10 @@ def replace_walls(
         moved = places[part] < 0
         row = places[part] = take_row(walls) if moved else places[part]
         put_row(walls.ends, row, ends[part])
-        put_row(walls.moments, row, moments[part])
-        walls.points[row], walls.real[row] = points[part], real[part]
-        walls.evidence[row], walls.fresh[row] = evidence[part], 0.0
+        walls.moments[row] = moments[part]
+        wall = walls.rows[row]
+        wall.points, wall.shown = points[part], real[part]
+        wall.evidence, wall.fresh = evidence[part], 0.0
         insert(grid, row, walls.ends[row])
         if moved and real[part]:
             fresh[added] = row
@@ -121,10 +123,10 @@ def replace_walls(
     for k in range(len(clusters)):
         cluster, part = clusters[k]
         if part < 0:
-            cells.stamps[cluster] = 0
+            cells.clusters[cluster].owner_version = 0
         else:
-            cells.owners[cluster] = places[part]
-            cells.stamps[cluster] = walls.stamps[places[part]]
+            cells.clusters[cluster].owner = places[part]
+            cells.clusters[cluster].owner_version = walls.rows[places[part]].version
     return fresh[:added]
 
 

@@ -5,12 +5,16 @@ real where the beams that hit it outweigh those that went through it or hit a ne
 split where its points bend by more than a map can be trusted.
 """
 
+from typing import Any
+
 import numpy as np
 
 from lrf3d.compiling import borrower, compiled, inner
-from lrf3d.geometry import Bool, Float, Int
+from lrf3d.geometry import Bool, Float, Int, Records
 from lrf3d.mapping.robust.cells import OPEN_WEIGHT, Cells, NewEvidence
-from lrf3d.mapping.robust.evidence import FOLLOWED, PIECE, follow, gather_evidence, unit_of
+from lrf3d.mapping.robust.crossing import end_of, put_line, unit_of
+from lrf3d.mapping.robust.evidence import FOLLOWED, PIECE, follow, gather_evidence
+from lrf3d.mapping.robust.records import MOMENTS, PIECE_SUMS
 from lrf3d.mapping.robust.segmentation import WALL_COST
 
 VIOLATION_WEIGHT = 0.01
@@ -70,7 +74,10 @@ SHORT_WALL = 0.5
 clutter, and what moves, makes short ones of any few returns."""
 
 
-Parts = tuple[Float, Float, Int, Bool, Float, Int]
+BEFORE, REAL, GAP, BEHIND = range(4)
+"""Where a piece may be: before the wall, on it, in a gap of it, and behind it."""
+
+Parts = tuple[Float, Records, Int, Bool, Float, Int]
 """Parts (n,) of walls, in their order: where they are (n, 4) [m], the moments and numbers of their
 points, whether they are enough to be shown, and their hits and weighed violations; and the clusters
 (c, 2) that hit any of the walls, with the part that each hit, or −1."""
@@ -90,9 +97,10 @@ def refit_walls(
     counts, sums, clusters = gather_evidence(lines, cells, fresh, near)
     parts_of = np.full(first[count], -1)
     most = first[count]
-    parts, moments = np.empty((most, 4)), np.empty((most, 6))
+    parts, moments = np.empty((most, 4)), np.empty(most, MOMENTS)
     points, real, evidence = np.empty(most, np.int64), np.empty(most, np.bool_), np.empty(most)
     breaks, spare = np.empty(most + 1, np.int64), int(FOLLOWED / PIECE)
+    totals = np.empty(most, PIECE_SUMS)
     found = 0
     for wall in range(count):
         low, high = first[wall], first[wall + 1]
@@ -109,9 +117,12 @@ def refit_walls(
             for part in range(number):
                 start = begin + (breaks[part - 1] if part else 0)
                 last = begin + breaks[part]
+                totals[found] = sums[low + start]
+                for piece in range(low + start + 1, low + last):
+                    _add(totals[found], sums[piece], 1.0)
                 place_part(
-                    lines.ends[wall], counts[low:high], sums[low:high], (begin, start, last, stop),
-                    parts[found], moments[found],
+                    lines.ends[wall], counts[low:high], sums[low:high], totals[found],
+                    (begin, start, last, stop), parts[found], moments[found],
                 )  # fmt: skip
                 hits, against, lately = _weigh(counts[low + start : low + last])
                 _, _, length = unit_of(parts[found])
@@ -120,7 +131,7 @@ def refit_walls(
                 real[found] = shown and not (length < SHORT_WALL and lately)
                 points[found], evidence[found] = int(hits), hits
                 for piece in range(low + start, low + last):
-                    evidence[found] += OPEN_WEIGHT * counts[piece, 1]
+                    evidence[found] += OPEN_WEIGHT * counts[piece].violations
                     parts_of[piece] = found
                 # What only continues a wall is a part of it when it is enough by itself.
                 if real[found] or (hits >= 1.0 and last > spare and start < high - low - spare):
@@ -136,33 +147,35 @@ def refit_walls(
 
 
 @borrower
-def _weigh(counts: Float) -> tuple[float, float, bool]:
-    """The hits of a part's pieces (n, 7), what violations weigh, and whether it came lately."""
+def _weigh(counts: Records) -> tuple[float, float, bool]:
+    """The hits of a part's pieces (n,), what violations weigh, and whether it came lately."""
     hits = against = before = scans = spell = 0.0
     for k in range(len(counts)):
-        hits += counts[k, 0]
-        before += counts[k, 5]
-        scans += counts[k, 3]
-        spell = max(spell, counts[k, 6])
-        weight = violation_weight(counts[k]) if counts[k, 0] else VIOLATION_WEIGHT
-        against += weight * counts[k, 1]
+        count = counts[k]
+        hits += count.hits
+        before += count.passes_before
+        scans += count.scans
+        spell = max(spell, count.spell)
+        weight = violation_weight(count) if count.hits else VIOLATION_WEIGHT
+        against += weight * count.violations
     lately = came_lately(before / max(hits, 1e-9), scans / len(counts), spell)
     return hits, against, lately
 
 
 @borrower
-def violation_weight(counts: Float) -> float:
-    """What a free-space violation weighs against a hit, by the counts (7,) of a piece."""
-    hits, violations, scans, between = counts[0], counts[1], counts[3], counts[4]
+def violation_weight(count: Any) -> float:
+    """What a free-space violation weighs against a hit, by the counts of a piece."""
+    hits, violations, scans = count.hits, count.violations, count.scans
     if hits == 0.0:
         return OPEN_WEIGHT
     # What moves, or stood for a while, is hit in a few scans one after the other, be they ever so
     # many beams; what beams hit and miss in turns is there.
-    if scans == 0.0 or between >= max(TAKEN_TURNS * scans, TURNS_SHARE * violations):
+    if scans == 0.0 or count.passes_between >= max(TAKEN_TURNS * scans, TURNS_SHARE * violations):
         return VIOLATION_WEIGHT
     # What went through before it came says nothing of what has stood there ever since.
-    settled = min(counts[5], hits * violations) if counts[6] >= SETTLED_AFTER else 0.0
-    share = 1.0 - settled / max(hits * violations, 1e-9)
+    both = hits * violations
+    settled = min(count.passes_before, both) if count.spell >= SETTLED_AFTER else 0.0
+    share = 1.0 - settled / max(both, 1e-9)
     weight: float = max(TRANSIENT_WEIGHT * share * hits / scans, VIOLATION_WEIGHT)
     return weight
 
@@ -174,33 +187,33 @@ def came_lately(before: float, scans: float, spell: float) -> bool:
 
 
 @compiled
-def real_pieces(counts: Float) -> Int:
+def real_pieces(counts: Records) -> Int:
     """Which pieces (n,) of a wall are real, by the cheapest run of states along it.
 
     A real piece is charged for each of its free-space violations, one that is not for each of its
     hits, and each change from one to the other costs something too.
     """
     count = len(counts)
-    # Before the wall, on it, in a gap of it, behind it: where it begins and where it ends is free.
-    costs, following = np.empty(4), np.empty(4)
-    costs[0], costs[1], costs[2], costs[3] = 0.0, 0.0, np.inf, np.inf
+    # Where the wall begins and where it ends is free.
+    costs, following = np.zeros(4), np.empty(4)
+    costs[GAP] = costs[BEHIND] = np.inf
     came = np.zeros((count, 4), np.int64)
     for i in range(count):
         for state in range(4):
             following[state], came[i, state] = costs[state], state
-        if costs[0] < following[1]:
-            following[1], came[i, 1] = costs[0], 0
-        if costs[2] + CHANGE_COST < following[1]:
-            following[1], came[i, 1] = costs[2] + CHANGE_COST, 2
-        if costs[1] + CHANGE_COST < following[2]:
-            following[2], came[i, 2] = costs[1] + CHANGE_COST, 1
-        if costs[1] < following[3]:
-            following[3], came[i, 3] = costs[1], 1
-        hits, violations, nearer = counts[i, 0], counts[i, 1], counts[i, 2]
+        if costs[BEFORE] < following[REAL]:
+            following[REAL], came[i, REAL] = costs[BEFORE], BEFORE
+        if costs[GAP] + CHANGE_COST < following[REAL]:
+            following[REAL], came[i, REAL] = costs[GAP] + CHANGE_COST, GAP
+        if costs[REAL] + CHANGE_COST < following[GAP]:
+            following[GAP], came[i, GAP] = costs[REAL] + CHANGE_COST, REAL
+        if costs[REAL] < following[BEHIND]:
+            following[BEHIND], came[i, BEHIND] = costs[REAL], REAL
+        hits, violations, nearer = counts[i].hits, counts[i].violations, counts[i].nearer
         weight = violation_weight(counts[i])
         for state in range(4):
             following[state] += hits
-        following[1] += weight * violations + DUPLICATE_WEIGHT * nearer + UNSEEN_COST - hits
+        following[REAL] += weight * violations + DUPLICATE_WEIGHT * nearer + UNSEEN_COST - hits
         costs, following = following, costs
     states = np.zeros(count, np.int64)
     state = 0
@@ -208,40 +221,49 @@ def real_pieces(counts: Float) -> Int:
         if costs[other] < costs[state]:
             state = other
     for i in range(count - 1, -1, -1):
-        states[i] = state == 1
+        states[i] = state == REAL
         state = came[i, state]
     return states
 
 
 @borrower
-def _misfit(total: Float, first: int, last: int) -> float:
-    """The misfit [χ²] of the best line through the pieces between two of running sums (n, 6)."""
-    w = total[last, 0] - total[first, 0]
+def _misfit(before: Any, after: Any) -> float:
+    """The misfit [χ²] of the best line through the pieces between two running sums."""
+    w = after.weight - before.weight
     if w <= 0.0:
         return 0.0
-    s = (total[last, 1] - total[first, 1]) / w
-    d = (total[last, 2] - total[first, 2]) / w
-    ss = (total[last, 3] - total[first, 3]) - w * s * s
-    sd = (total[last, 4] - total[first, 4]) - w * s * d
-    dd = (total[last, 5] - total[first, 5]) - w * d * d
+    s = (after.along - before.along) / w
+    d = (after.aside - before.aside) / w
+    ss = (after.along_along - before.along_along) - w * s * s
+    sd = (after.along_aside - before.along_aside) - w * s * d
+    dd = (after.aside_aside - before.aside_aside) - w * d * d
     if ss > 0.0:
         dd -= sd * sd / ss
     misfit: float = max(dd, 0.0)
     return misfit
 
 
+@borrower
+def _add(total: Any, sums: Any, factor: float) -> None:
+    """Add the sums of a piece, times a factor, to a total."""
+    total.weight += factor * sums.weight
+    total.along += factor * sums.along
+    total.aside += factor * sums.aside
+    total.along_along += factor * sums.along_along
+    total.along_aside += factor * sums.along_aside
+    total.aside_aside += factor * sums.aside_aside
+
+
 @inner
-def split_pieces(sums: Float, breaks: Int) -> int:
-    """Split pieces (n, 6) of a wall into straight segments: fills in where each ends."""
+def split_pieces(sums: Records, breaks: Int) -> int:
+    """Split pieces (n,) of a wall into straight segments: fills in where each ends."""
     count = len(sums)
-    total = np.zeros((count + 1, 6))
+    total = np.zeros(count + 1, PIECE_SUMS)
     for i in range(count):
-        w = sums[i, 0]
+        total[i + 1] = total[i]
         # No piece of a map is known better than this, however many beams hit it.
-        factor = 1.0 / (1.0 + w * MAP_DEVIATION * MAP_DEVIATION)
-        for k in range(6):
-            total[i + 1, k] = total[i, k] + factor * sums[i, k]
-    if _misfit(total, 0, count) <= WALL_COST:
+        _add(total[i + 1], sums[i], 1.0 / (1.0 + sums[i].weight * MAP_DEVIATION * MAP_DEVIATION))
+    if _misfit(total[0], total[count]) <= WALL_COST:
         # No division gains what a further segment costs.
         breaks[0] = count
         return 1
@@ -250,7 +272,7 @@ def split_pieces(sums: Float, breaks: Int) -> int:
     origin = np.zeros(count + 1, np.int64)
     for last in range(1, count + 1):
         for first in range(last):
-            cost = best[first] + WALL_COST + _misfit(total, first, last)
+            cost = best[first] + WALL_COST + _misfit(total[first], total[last])
             if cost < best[last]:
                 best[last] = cost
                 origin[last] = first
@@ -266,16 +288,16 @@ def split_pieces(sums: Float, breaks: Int) -> int:
 
 
 @borrower
-def _end_of_hits(counts: Float, sums: Float, way: float) -> float:
+def _end_of_hits(count: Any, sums: Any, way: float) -> float:
     """Where along a wall [m] the hits of its last piece end, one way (1) or the other (−1).
 
     The length over which n hits are evenly spread, each in the middle of its part, has a variance
     of (n² − 1)/n² of a twelfth of its square.
     """
-    middle = sums[1] / sums[0]
-    variance = max(sums[3] / sums[0] - middle * middle, 0.0)
+    middle = sums.along / sums.weight
+    variance = max(sums.along_along / sums.weight - middle * middle, 0.0)
     # One hit shows no length; halved evidence may be less than one.
-    hits = max(counts[0], 1.5)
+    hits = max(count.hits, 1.5)
     place: float = middle + way * hits * np.sqrt(3.0 * variance / (hits * hits - 1.0))
     return place
 
@@ -283,48 +305,48 @@ def _end_of_hits(counts: Float, sums: Float, way: float) -> float:
 @inner
 def place_part(
     ends: Float,
-    counts: Float,
-    sums: Float,
+    counts: Records,
+    sums: Records,
+    total: Any,
     run: tuple[int, int, int, int],
     part: Float,
-    moments: Float,
+    moments: Any,
 ) -> None:
-    """Fill in the ends (4,) and the moments (6,) of a part of a wall that is followed (4,) [m].
+    """Fill in the ends (4,) and the moments of a part of a wall that is followed (4,) [m].
 
-    Counts (n, 7) and sums (n, 6) are those of its pieces; the run is the first piece of a run of
-    real ones, the first of the part, the first behind it, and the first behind the run.
+    Counts (n,) and sums (n,) are those of its pieces, and the total is the sum over the part; the
+    run is the first piece of a run of real ones, the first of the part, the first behind it, and
+    the first behind the run.
     """
     begin, start, stop, end = run
     ux, uy, length = unit_of(ends)
     pieces = len(counts)
-    total = np.zeros(6)
-    for k in range(start, stop):
-        for column in range(6):
-            total[column] += sums[k, column]
     a, b = start / pieces * length, stop / pieces * length
     # Where a wall ends and does not bend, it ends with its hits.
     if start == begin:
-        seen = begin > 0 and counts[begin - 1, 1] > 0.0
+        seen = begin > 0 and counts[begin - 1].violations > 0.0
         place = _end_of_hits(counts[begin], sums[begin], -1.0)
         a = max(a - PIECE, place if seen else place - END_SPARE)
     if stop == end:
-        seen = end < pieces and counts[end, 1] > 0.0
+        seen = end < pieces and counts[end].violations > 0.0
         place = _end_of_hits(counts[end - 1], sums[end - 1], 1.0)
         b = min(b + PIECE, place if seen else place + END_SPARE)
     # A part without hits would have cost a wall more.
-    w = total[0]
-    s, d = total[1] / w, total[2] / w
-    ss = max(total[3] - w * s * s, 1e-12)
-    sd = total[4] - w * s * d
-    dd = max(total[5] - w * d * d, 0.0)
+    w = total.weight
+    s, d = total.along / w, total.aside / w
+    ss = max(total.along_along - w * s * s, 1e-12)
+    sd = total.along_aside - w * s * d
+    dd = max(total.aside_aside - w * d * d, 0.0)
     slope = sd / ss if ss > w * LEAST_SPREAD else 0.0
     da, db = d + slope * (a - s), d + slope * (b - s)
-    x, y = ends[0], ends[1]
-    part[0], part[1] = x + a * ux - da * uy, y + a * uy + da * ux
-    part[2], part[3] = x + b * ux - db * uy, y + b * uy + db * ux
-    moments[0] = w
-    moments[1] = x + s * ux - d * uy
-    moments[2] = y + s * uy + d * ux
-    moments[3] = ss * ux * ux - 2 * sd * ux * uy + dd * uy * uy
-    moments[4] = (ss - dd) * ux * uy + sd * (ux * ux - uy * uy)
-    moments[5] = ss * uy * uy + 2 * sd * ux * uy + dd * ux * ux
+    x, y = end_of(ends, 0)
+    put_line(
+        part, x + a * ux - da * uy, y + a * uy + da * ux,
+        x + b * ux - db * uy, y + b * uy + db * ux,
+    )  # fmt: skip
+    moments.weight = w
+    moments.x = x + s * ux - d * uy
+    moments.y = y + s * uy + d * ux
+    moments.xx = ss * ux * ux - 2 * sd * ux * uy + dd * uy * uy
+    moments.xy = (ss - dd) * ux * uy + sd * (ux * ux - uy * uy)
+    moments.yy = ss * uy * uy + 2 * sd * ux * uy + dd * ux * ux

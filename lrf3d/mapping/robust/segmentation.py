@@ -8,8 +8,9 @@ a few operations; so every division of a cluster can be weighed, and the cheapes
 
 import numpy as np
 
-from lrf3d.compiling import compiled
-from lrf3d.geometry import Float, Int
+from lrf3d.compiling import compiled, record
+from lrf3d.geometry import Int
+from lrf3d.mapping.robust.beams import Beams
 
 WALL_COST = 20.0
 """[χ²] Cost of a further wall: noise on one wall of some hundred points, divided at its best place,
@@ -25,28 +26,36 @@ PRUNED_COST = max(0.0, (LEAST_POINTS - 1) * OUTLIER_COST - WALL_COST)
 """[χ²] How much worse than the best a division may be and still lead to a better one later: what
 the points behind it could cost that are too few for a wall of their own. Exact: no tuning."""
 
+FIT = record(
+    cc=float, cs=float, ss=float,  # of the cosine and the sine of the beam
+    ci=float, si=float, ii=float,  # of these and the inverse range
+)  # fmt: skip
+"""Weighted sums of products, of which a line is fitted to the inverse ranges."""
+
 
 @compiled
-def segment_cluster(beams: Float, ranges: Float, deviations: Float, walls: Int) -> int:
-    """Divide a cluster of ranges (n,) along beams (n, 2) into walls; returns how many.
+def segment_cluster(returns: Beams, walls: Int) -> int:
+    """Divide a cluster of returns into walls; returns how many.
 
     ``walls`` (≥ n // LEAST_POINTS, 2) is filled with the first and the last point of each; points
     between are on none.
     """
+    beams, ranges, deviations = returns
     count = len(ranges)
-    sums = np.zeros((count + 1, 6))
+    sums = np.zeros(count + 1, FIT)
     for i in range(count):
         cos, sin = beams[i, 0], beams[i, 1]
         square = ranges[i] * ranges[i]
         # The inverse range and its fit are both scaled by r², which keeps the numbers near 1.
         weight = square * square / (deviations[i] * deviations[i])
         inverse = 1.0 / ranges[i]
-        sums[i + 1, 0] = sums[i, 0] + weight * cos * cos
-        sums[i + 1, 1] = sums[i, 1] + weight * cos * sin
-        sums[i + 1, 2] = sums[i, 2] + weight * sin * sin
-        sums[i + 1, 3] = sums[i, 3] + weight * cos * inverse
-        sums[i + 1, 4] = sums[i, 4] + weight * sin * inverse
-        sums[i + 1, 5] = sums[i, 5] + weight * inverse * inverse
+        before, after = sums[i], sums[i + 1]
+        after.cc = before.cc + weight * cos * cos
+        after.cs = before.cs + weight * cos * sin
+        after.ss = before.ss + weight * sin * sin
+        after.ci = before.ci + weight * cos * inverse
+        after.si = before.si + weight * sin * inverse
+        after.ii = before.ii + weight * inverse * inverse
     best = np.zeros(count + 1)
     origin = np.zeros(count + 1, np.int64)
     # Where a wall may still begin; a beginning that has become too dear is struck off for good.
@@ -60,21 +69,18 @@ def segment_cluster(beams: Float, ranges: Float, deviations: Float, walls: Int) 
         if last >= LEAST_POINTS:
             open_first[opened] = last - LEAST_POINTS
             opened += 1
-        s0, s1, s2 = sums[last, 0], sums[last, 1], sums[last, 2]
-        s3, s4, s5 = sums[last, 3], sums[last, 4], sums[last, 5]
+        total = sums[last]
         kept = 0
         for place in range(opened):
             first = open_first[place]
-            cc = s0 - sums[first, 0]
-            cs = s1 - sums[first, 1]
-            ss = s2 - sums[first, 2]
-            ci = s3 - sums[first, 3]
-            si = s4 - sums[first, 4]
+            start = sums[first]
+            cc, cs, ss = total.cc - start.cc, total.cs - start.cs, total.ss - start.ss
+            ci, si = total.ci - start.ci, total.si - start.si
             determinant = cc * ss - cs * cs
             misfit = 0.0
             if determinant > 1e-14 * cc * ss:
                 explained = (ss * ci * ci - 2.0 * cs * ci * si + cc * si * si) / determinant
-                misfit = max(s5 - sums[first, 5] - explained, 0.0)
+                misfit = max(total.ii - start.ii - explained, 0.0)
                 cost = best[first] + misfit + WALL_COST
                 if cost < cheapest:
                     cheapest = cost
@@ -104,8 +110,9 @@ def segment_cluster(beams: Float, ranges: Float, deviations: Float, walls: Int) 
 
 
 @compiled
-def fit_wall(beams: Float, ranges: Float, deviations: Float) -> tuple[float, float]:
-    """The wall n/c [1/m] that fits ranges (n,) along beams (n, 2) best: 1/r = (n/c)·beam."""
+def fit_wall(returns: Beams) -> tuple[float, float]:
+    """The wall n/c [1/m] that fits returns best: 1/r = (n/c)·beam."""
+    beams, ranges, deviations = returns
     cc = cs = ss = ci = si = 0.0
     # In the frame of the middle beam the two unknowns are all but uncorrelated, so that a wall
     # seen under a tiny angle loses no digits.

@@ -13,13 +13,21 @@ from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lrf3d.compiling import borrower, compiled, inner
-from lrf3d.geometry import Bool, Float, Int
+from lrf3d.geometry import Float, Int, Records
 from lrf3d.mapping.grid import Grid, insert, near, remove
 from lrf3d.mapping.robust.cells import FREE_DEPTH, Cells
-from lrf3d.mapping.robust.crossing import WALL_SINE, is_crossed
+from lrf3d.mapping.robust.crossing import (
+    WALL_SINE,
+    along_of,
+    end_of,
+    is_crossed,
+    put_line,
+    unit_of,
+    vector_of,
+)
+from lrf3d.mapping.robust.records import MOMENTS, WALL, WALL_COUNTERS
 
 SAME_DIRECTION = 0.5
 """[cosine] Largest angle between two segments that may be one wall. Far more than noise explains;
@@ -57,47 +65,36 @@ class Walls(NamedTuple):
 
     Args:
         ends: (rows, 4) x1 y1 x2 y2 [m]; the laser saw the wall from its left.
-        moments: (rows, 6) weight, mean and scatter of its points.
-        points: (rows,) number of its points; 0 where the row is free.
-        real: (rows,) whether the beams showed enough of it: the map is these.
+        moments: (rows,) of :data:`MOMENTS`.
+        rows: (rows,) of :data:`WALL`.
         placed: (rows, 4) where it was when it was linked with others [m].
-        evidence: (rows,) hits and weighed violations that it had when it was refit.
-        fresh: (rows,) beams that hit it, or went through its hits, since then.
-        last_scans: (rows,) the last scan that added to these.
-        stamps: (rows,) how often it was refit, from 1; see `Cells`.
         free: (rows,) rows that were given back, the last of them first to be taken again.
-        used: (3,) rows that were ever taken, how many of them are free, and the wall whose turn it
-            is to be refit.
+        counters: (1,) of :data:`WALL_COUNTERS`.
     """
 
     ends: Float
-    moments: Float
-    points: Int
-    real: Bool
+    moments: Records
+    rows: Records
     placed: Float
-    evidence: Float
-    fresh: Float
-    last_scans: Int
-    stamps: NDArray[np.int32]
     free: Int
-    used: Int
+    counters: Records
 
     @classmethod
     def of_size(cls, rows: int) -> "Walls":
         """Free rows."""
+        walls = np.zeros(rows, WALL)
+        walls["version"] = 1
         return cls(
-            np.zeros((rows, 4)), np.zeros((rows, 6)), np.zeros(rows, np.int64),
-            np.zeros(rows, np.bool_), np.full((rows, 4), UNLINKED), np.zeros(rows), np.zeros(rows),
-            np.zeros(rows, np.int64), np.ones(rows, np.int32), np.zeros(rows, np.int64),
-            np.zeros(3, np.int64),
+            np.zeros((rows, 4)), np.zeros(rows, MOMENTS), walls, np.full((rows, 4), UNLINKED),
+            np.zeros(rows, np.int64), np.zeros(1, WALL_COUNTERS),
         )  # fmt: skip
 
     def with_room(self, count: int) -> "Walls":
         """The walls with room for a number of new ones."""
-        rows = len(self.points)
-        while self.used[0] - self.used[1] + count > rows:
+        rows = len(self.rows)
+        while self.counters[0].taken - self.counters[0].free + count > rows:
             rows *= 2
-        if rows == len(self.points):
+        if rows == len(self.rows):
             return self
         grown = Walls.of_size(rows)
         copy_columns(self, grown)
@@ -142,30 +139,32 @@ class Rule(NamedTuple):
 @borrower
 def take_row(walls: Walls) -> int:
     """A free row; there is room for it."""
-    if walls.used[1]:
-        walls.used[1] -= 1
-        row: int = walls.free[walls.used[1]]
+    counters = walls.counters[0]
+    if counters.free:
+        counters.free -= 1
+        row: int = walls.free[counters.free]
     else:
-        row = walls.used[0]
-        walls.used[0] += 1
+        row = counters.taken
+        counters.taken += 1
     return row
 
 
 @borrower
 def give_back(walls: Walls, row: int) -> None:
     """Make a row free; the grid holds it no more."""
-    walls.points[row], walls.real[row] = 0, False
-    walls.stamps[row] += 1
+    wall, counters = walls.rows[row], walls.counters[0]
+    wall.points, wall.shown = 0, False
+    wall.version += 1
     walls.placed[row] = UNLINKED
-    walls.free[walls.used[1]] = row
-    walls.used[1] += 1
+    walls.free[counters.free] = row
+    counters.free += 1
 
 
 @compiled
 def merge_walls(
     walls: Walls,
     grid: Grid,
-    new: tuple[Float, Float, Int],
+    new: tuple[Float, Records, Int],
     place: tuple[float, float],
     waiting: Int,
     cells: Cells,
@@ -177,12 +176,12 @@ def merge_walls(
     or were merged, rising, and of those that became a part of them, which are not free yet.
     """
     ends, moments, points = new
-    queue = np.empty(len(waiting) + 2 * len(points) + walls.used[0] + 1, np.int64)
-    marks = np.zeros(len(walls.points), np.bool_)
+    queue = np.empty(len(waiting) + 2 * len(points) + walls.counters[0].taken + 1, np.int64)
+    marks = np.zeros(len(walls.rows), np.bool_)
     gone = np.empty(len(queue), np.int64)
     top = lost = 0
     for k in range(len(waiting)):
-        if walls.points[waiting[k]] > 0:
+        if walls.rows[waiting[k]].points > 0:
             queue[top] = waiting[k]
             top += 1
     known = top
@@ -190,10 +189,10 @@ def merge_walls(
         row = take_row(walls)
         for side in range(4):
             walls.ends[row, side] = ends[k, side] + place[side % 2]
-        put_row(walls.moments, row, moments[k])
-        walls.moments[row, 1] += place[0]
-        walls.moments[row, 2] += place[1]
-        walls.points[row] = points[k]
+        walls.moments[row] = moments[k]
+        walls.moments[row].x += place[0]
+        walls.moments[row].y += place[1]
+        walls.rows[row].points = points[k]
         if _is_covered(walls, grid, row, rule):
             give_back(walls, row)
         else:
@@ -206,7 +205,7 @@ def merge_walls(
     while turn < top:
         row = queue[turn]
         turn += 1
-        if walls.points[row] == 0:
+        if walls.rows[row].points == 0:
             continue
         other = _partner(walls, grid, row, cells, rule)
         if other < 0:
@@ -216,7 +215,7 @@ def merge_walls(
         remove(grid, taken, walls.ends[taken])
         merge(walls, kept, taken)
         # Its hits are free for what it has become.
-        walls.stamps[taken] += 1
+        walls.rows[taken].version += 1
         insert(grid, kept, walls.ends[kept])
         marks[kept] = True
         gone[lost] = taken
@@ -224,8 +223,8 @@ def merge_walls(
         queue[top] = kept
         top += 1
     dirty, count = np.empty(len(queue), np.int64), 0
-    for row in range(walls.used[0]):
-        if marks[row] and walls.points[row] > 0:
+    for row in range(walls.counters[0].taken):
+        if marks[row] and walls.rows[row].points > 0:
             dirty[count] = row
             count += 1
     return dirty[:count], gone[:lost]
@@ -235,17 +234,17 @@ def merge_walls(
 def _is_covered(walls: Walls, grid: Grid, row: int, rule: Rule) -> bool:
     """Whether walls that are known as well, or better, cover all but a little of one of a scan."""
     own = walls.ends[row]
-    length = np.hypot(own[2] - own[0], own[3] - own[1])
-    ux, uy = (own[2] - own[0]) / length, (own[3] - own[1]) / length
+    ux, uy, length = unit_of(own)
+    x, y = end_of(own, 0)
     steps = min(int(length / GROWN) + 1, 1000)
     covered = np.zeros(steps, np.bool_)
     for k in range(near(grid, own, rule.distance + rule.most_explained)):
         other = grid.found[k]
-        if walls.points[other] < walls.points[row]:
+        if walls.rows[other].points < walls.rows[row].points:
             continue
         ends = walls.ends[other]
-        first = ((ends[0] - own[0]) * ux + (ends[1] - own[1]) * uy) / length
-        last = ((ends[2] - own[0]) * ux + (ends[3] - own[1]) * uy) / length
+        first, last = along_of(ends, x, y, ux, uy)
+        first, last = first / length, last / length
         if last <= 0.0 or first >= 1.0:
             continue
         if misfit(own, walls.moments[row], ends, walls.moments[other], rule) < 1.0:
@@ -263,7 +262,7 @@ def _partner(walls: Walls, grid: Grid, row: int, cells: Cells, rule: Rule) -> in
     line = np.empty(4)
     for k in range(near(grid, walls.ends[row], LONGEST_GAP)):
         other = grid.found[k]
-        if other == row or walls.points[other] == 0:
+        if other == row or walls.rows[other].points == 0:
             continue
         one, two = walls.ends[row], walls.ends[other]
         moments, others = walls.moments[row], walls.moments[other]
@@ -273,7 +272,7 @@ def _partner(walls: Walls, grid: Grid, row: int, cells: Cells, rule: Rule) -> in
                 line, cells, FREE_DEPTH, SPARE_BEAMS, WALL_SINE
             ):
                 best, least = other, value
-        elif best < 0 and walls.real[row] and walls.real[other]:
+        elif best < 0 and walls.rows[row].shown and walls.rows[other].shown:
             if misfit(one, moments, two, others, straight) < 1.0:
                 gap = _span(one, two, line)
                 if gap < narrowest and not is_crossed(line, cells, FREE_DEPTH, 0, WALL_SINE):
@@ -284,23 +283,23 @@ def _partner(walls: Walls, grid: Grid, row: int, cells: Cells, rule: Rule) -> in
 @borrower
 def _span(one: Float, other: Float, line: Float) -> float:
     """Fill in the line (4,) from the end of one wall to where the next begins: its length [m]."""
-    ux, uy = one[2] - one[0], one[3] - one[1]
+    ux, uy = vector_of(one)
     size = np.hypot(ux, uy)
-    ahead = ((other[0] - one[2]) * ux + (other[1] - one[3]) * uy) / size
-    back = ((one[0] - other[2]) * ux + (one[1] - other[3]) * uy) / size
+    (x, y), (u, v) = end_of(one, 1), end_of(other, 1)
+    ahead = along_of(other, x, y, ux, uy)[0] / size
+    back = along_of(one, u, v, ux, uy)[0] / size
     if ahead > back:
-        line[0], line[1], line[2], line[3] = one[2], one[3], other[0], other[1]
+        put_line(line, x, y, *end_of(other, 0))
     else:
-        line[0], line[1], line[2], line[3] = other[2], other[3], one[0], one[1]
+        put_line(line, u, v, *end_of(one, 0))
     gap: float = max(ahead, back, 0.0)
     return gap
 
 
 @compiled
-def misfit(ends: Float, moments: Float, other_ends: Float, other: Float, rule: Rule) -> float:
+def misfit(ends: Float, moments: Any, other_ends: Float, other: Any, rule: Rule) -> float:
     """How far the shorter of two segments lies off the longer one's line; 1 is the most allowed."""
-    x, y = ends[2] - ends[0], ends[3] - ends[1]
-    u, v = other_ends[2] - other_ends[0], other_ends[3] - other_ends[1]
+    (x, y), (u, v) = vector_of(ends), vector_of(other_ends)
     size, length = np.sqrt(x * x + y * y), np.sqrt(u * u + v * v)
     # Ends run so that the laser stood on the left: opposite ways are two faces of a wall.
     if x * u + y * v <= SAME_DIRECTION * size * length:
@@ -310,23 +309,21 @@ def misfit(ends: Float, moments: Float, other_ends: Float, other: Float, rule: R
         moments, other = other, moments
         x, y, size, u, v, length = u, v, length, x, y, size
     x, y, u, v = x / size, y / size, u / length, v / length
-    low = (other_ends[0] - other[1]) * u + (other_ends[1] - other[2]) * v
-    high = (other_ends[2] - other[1]) * u + (other_ends[3] - other[2]) * v
-    first = (ends[0] - other[1]) * u + (ends[1] - other[2]) * v
-    last = (ends[2] - other[1]) * u + (ends[3] - other[2]) * v
+    low, high = along_of(other_ends, other.x, other.y, u, v)
+    first, last = along_of(ends, other.x, other.y, u, v)
     if max(first - high, low - last) > rule.length:
         return np.inf
     shared = min(last, high) - max(first, low)
     apart = rule.distance if shared > 0.5 * (last - first) else rule.bend
-    own_spread = moments[3] * x * x + 2.0 * moments[4] * x * y + moments[5] * y * y
-    spread = other[3] * u * u + 2.0 * other[4] * u * v + other[5] * v * v
+    own_spread = moments.xx * x * x + 2.0 * moments.xy * x * y + moments.yy * y * y
+    spread = other.xx * u * u + 2.0 * other.xy * u * v + other.yy * v * v
     worst = 0.0
     for k in range(0, 4, 2):
-        dx, dy = ends[k] - other[1], ends[k + 1] - other[2]
+        dx, dy = ends[k] - other.x, ends[k + 1] - other.y
         along = dx * u + dy * v
-        own = (ends[k] - moments[1]) * x + (ends[k + 1] - moments[2]) * y
-        variance = 1.0 / moments[0] + own * own / own_spread
-        variance += 1.0 / other[0] + along * along / spread
+        own = (ends[k] - moments.x) * x + (ends[k + 1] - moments.y) * y
+        variance = 1.0 / moments.weight + own * own / own_spread
+        variance += 1.0 / other.weight + along * along / spread
         allowed = apart + min(MERGE_DEVIATIONS * np.sqrt(variance), rule.most_explained)
         worst = max(worst, abs(u * dy - v * dx) / allowed)
     return worst
@@ -335,28 +332,27 @@ def misfit(ends: Float, moments: Float, other_ends: Float, other: Float, rule: R
 @compiled
 def merge(walls: Walls, kept: int, gone: int) -> None:
     """Make the first row the exact fit to the points of both, as long as both reach."""
-    ends, moments = walls.ends, walls.moments
-    total = moments[kept, 0] + moments[gone, 0]
-    share = moments[gone, 0] / total
-    dx, dy = moments[gone, 1] - moments[kept, 1], moments[gone, 2] - moments[kept, 2]
-    spread = moments[kept, 0] * share
-    moments[kept, 0] = total
-    moments[kept, 1] += share * dx
-    moments[kept, 2] += share * dy
-    moments[kept, 3] += moments[gone, 3] + spread * dx * dx
-    moments[kept, 4] += moments[gone, 4] + spread * dx * dy
-    moments[kept, 5] += moments[gone, 5] + spread * dy * dy
-    angle = 0.5 * np.arctan2(2.0 * moments[kept, 4], moments[kept, 3] - moments[kept, 5])
+    ends, own, its = walls.ends, walls.moments[kept], walls.moments[gone]
+    total = own.weight + its.weight
+    share = its.weight / total
+    dx, dy = its.x - own.x, its.y - own.y
+    spread = own.weight * share
+    own.weight = total
+    own.x += share * dx
+    own.y += share * dy
+    own.xx += its.xx + spread * dx * dx
+    own.xy += its.xy + spread * dx * dy
+    own.yy += its.yy + spread * dy * dy
+    angle = 0.5 * np.arctan2(2.0 * own.xy, own.xx - own.yy)
     u, v = np.cos(angle), np.sin(angle)
-    if u * (ends[kept, 2] - ends[kept, 0]) + v * (ends[kept, 3] - ends[kept, 1]) < 0.0:
+    dx, dy = vector_of(ends[kept])
+    if u * dx + v * dy < 0.0:
         u, v = -u, -v
-    x, y = moments[kept, 1], moments[kept, 2]
+    x, y = own.x, own.y
     low, high = np.inf, -np.inf
     for row in (kept, gone):
-        for k in range(0, 4, 2):
-            along = (ends[row, k] - x) * u + (ends[row, k + 1] - y) * v
-            low, high = min(low, along), max(high, along)
-    ends[kept, 0], ends[kept, 1] = x + low * u, y + low * v
-    ends[kept, 2], ends[kept, 3] = x + high * u, y + high * v
-    walls.points[kept] += walls.points[gone]
-    walls.points[gone] = 0
+        first, last = along_of(ends[row], x, y, u, v)
+        low, high = min(low, first, last), max(high, first, last)
+    put_line(ends[kept], x + low * u, y + low * v, x + high * u, y + high * v)
+    walls.rows[kept].points += walls.rows[gone].points
+    walls.rows[gone].points = 0
