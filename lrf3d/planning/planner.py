@@ -6,7 +6,7 @@ paths are straightened, and the drive along them is checked.
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -126,8 +126,11 @@ def find_route(
     check_size(world)
     checker = CollisionChecker(world)
     position = None if start is None else _checked_start(checker, start, radius or RADIUS)
-    ground = Ground(world, position)
     notes: list[str] = []
+    if world.free is not None and not world.free.cells.any():
+        world = replace(world, free=None)
+        notes.append("the map knows no cell to be free, so the route is planned by its walls alone")
+    ground = Ground(world, position)
     if radius is None:
         radius = _fitting_radius(ground, where, position)
         if radius < RADIUS:

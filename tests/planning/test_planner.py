@@ -284,6 +284,12 @@ def test_only_cells_that_a_map_knows_to_be_free_are_driven_through():
     assert inside_the_house(route).all() and (route[:, 0] < 6.0).all()
 
 
+def test_a_map_in_which_no_cell_is_known_to_be_free_is_driven_by_its_walls():
+    world = World(house(1.0, 0.9).segments, free=FreeCells(np.zeros((90, 120), dtype=bool), 0.1))
+    found = find_route(world, lookahead=0.4)
+    assert found.side == "inside" and "no cell to be free" in found.notes[0]
+
+
 @pytest.mark.parametrize("far", [pytest.param(2e6, marks=pytest.mark.slow), 1e9])
 def test_walls_that_reach_far_away_cost_nothing_and_the_town_is_driven_to(far):
     corner = [[150.0, 0.0, far, 3.0], [far, 3.0, 150.0, 8.0], [150.0, 8.0, 150.0, 0.0]]
