@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 import trimesh
+from numpy.typing import ArrayLike
 
 from lrf3d.files import data_folder
 from lrf3d.geometry import Float, directions
@@ -60,8 +61,11 @@ _DART = DART[[0, 1, 2, 0, 2, 3]]
 """Corners (6, 2) of the triangles of the robot as seen from above."""
 
 
-def robot_body(laser_height: float, radius: float) -> Faces:
-    """The robot, of a radius [m], with its laser at a height [m]; its column is stretched to it."""
+def robot_body(laser_height: float, radius: float, colour: ArrayLike = ROBOT) -> Faces:
+    """The robot, of a radius [m], with its laser at a height [m]; its column is stretched to it.
+
+    Another robot has another colour (3,).
+    """
     mesh = trimesh.load_mesh(data_folder("assets") / "robot.glb", process=False)
     visual: Any = mesh.visual
     # glTF has y up, films have z up.
@@ -76,6 +80,8 @@ def robot_body(laser_height: float, radius: float) -> Faces:
     stretch = max(0.3, (laser_height / low - _DECK) / (_LASER_HEIGHT - _DECK))
     vertices[:, 2] += np.maximum(above, 0.0) * (stretch - 1.0)
     colours = np.asarray(visual.vertex_colors)[:, :3] / 255.0
+    own = np.abs(colours - ROBOT).max(axis=1) < _OWN
+    colours = np.where(own[:, None], colour, colours)
     return Faces(single(vertices[mesh.faces]), single(_lit(colours, normals)[mesh.faces]))
 
 
@@ -150,7 +156,7 @@ class Obstacles:
             for each in obstacles
         ]
         self._bodies = [
-            _tinted(robot_body(laser_height, each.reach), colour)
+            robot_body(laser_height, each.reach, colour)
             if each.is_robot
             else _prism(each.outline, top, each.height, colour)
             for each, top, colour in zip(obstacles, self._tops, self._colours, strict=True)
@@ -188,12 +194,6 @@ class Obstacles:
             level = _placed(size * top.reshape(-1, 2), pose)
             plans.append(_flat(level, 0.0, np.tile([*colour, 1.0], (len(level), 1))))
         return _joined(plans)
-
-
-def _tinted(robot: Faces, colour: Float) -> Faces:
-    """The robot with another colour in place of its own."""
-    own = np.abs(robot.colours - ROBOT).max(axis=2) < _OWN
-    return robot._replace(colours=np.where(own[..., None], single(colour), robot.colours))
 
 
 def _joined(parts: list[Soft]) -> Soft | None:
