@@ -61,6 +61,7 @@ SMALL = {
 INSTEAD = {
     r"\brun city\b": "run paper_room --out out/city",
     r"\b(crosscheck|localise) city\b": r"\1 paper_room",
+    r"\blocalise out/first\b": "localise out/city",
     r"\bbench robots city\b": "bench robots corridor",
     r"--scans \d+": "--scans 60",
     r"generate maze": "generate maze --size 14",
