@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.casting.crowd import Crowd, moves_of, records
+from lrf3d.casting.crowd import Crowd, move_of, moves_of, records
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.casting.kernels.touch import TIP, touched, touched_among
 from lrf3d.casting.kernels.tree import Plain, build_tree
@@ -165,17 +165,17 @@ class CollisionChecker:
         self, body: Body, pose: Pose, twist: Twist, begin: float, seconds: float
     ) -> Collision | None:
         """The first collision while a twist is held from a pose and a time [s] on, or None."""
-        move = moves_of(begin, np.array([pose]), np.array([twist]))
-        (after,), (wall,), (obstacle,) = self.touch(body, move, np.array([seconds]))
+        found = self.touch(body, move_of(begin, pose, twist), np.array([seconds]))
+        after, wall, obstacle = float(found[0][0]), int(found[1][0]), int(found[2][0])
         if after == np.inf:
             return None
-        x, y, _ = hold(pose, twist, float(after))
+        x, y, _ = hold(pose, twist, after)
         if obstacle >= 0:
             name = self._names[obstacle] if self._names else f"dynamic obstacle {obstacle}"
         else:
             names, owner = self.world.object_names, int(self.world.objects[wall])
             name = f"wall {wall}" + (f" of {names[owner]}" if owner < len(names) else "")
-        return Collision(begin + float(after), x, y, int(wall), name, int(obstacle))
+        return Collision(begin + after, x, y, wall, name, obstacle)
 
     def first(self, trajectory: Trajectory, body: Body) -> Collision | None:
         """The first collision of a body on a trajectory, or None.

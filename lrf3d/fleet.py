@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.casting.crowd import Crowd, moves_of
+from lrf3d.casting.crowd import Crowd, move_of
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 from lrf3d.collecting import Collection
 from lrf3d.collision import (
@@ -333,4 +333,4 @@ class _Touches:
 
     def _hold(self, robot: int, time: float, pose: Pose, twist: Twist) -> None:
         self._held[robot] = time, pose, twist
-        self._crowd.hold(moves_of(time, np.array([pose]), np.array([twist])), robot)
+        self._crowd.hold(move_of(time, pose, twist), robot)

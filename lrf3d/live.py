@@ -9,7 +9,7 @@ from typing import cast
 
 import numpy as np
 
-from lrf3d.casting.crowd import Crowd, moves_of
+from lrf3d.casting.crowd import Crowd, move_of
 from lrf3d.collision import Body, CollisionChecker, robots_among
 from lrf3d.errors import InputError
 from lrf3d.fleet import places_along
@@ -116,8 +116,7 @@ class LiveRobot:
     def show(self, speed: float, turning: float) -> None:
         """Show the other robots of a fleet where this one is, and how it drives from now on."""
         if self._crowd.own >= 0:
-            twists = np.array([(speed, 0.0, turning)])
-            held = moves_of(self.time, np.array([self.pose]), twists)
+            held = move_of(self.time, self.pose, (speed, 0.0, turning))
             self._crowd.hold(held, self._crowd.own)
 
     def imu(self) -> Float:

@@ -48,7 +48,7 @@ from lrf3d.world import World
 __all__ = ["estimate", "map", "png", "points", "run", "scan", "trajectory", "world"]
 
 INSIDE, POINT = "#eef0f3", "#6f7986"
-"""Colours of what walls enclose, and of reflection points."""
+"""Colours of what walls enclose, and of returns."""
 
 BELOW: dict[str, Any] = {"color": "#c3c8d0", "linewidth": 1.0}
 """How true walls are drawn under a map."""
@@ -128,7 +128,7 @@ def map(
 
 
 def points(points: Float, ax: Axes | None = None, **style: Any) -> Axes:
-    """Plot reflection points (n, 2) as dots, evenly thinned where there are very many.
+    """Plot returns (n, 2) as dots, evenly thinned where there are very many.
 
     They do not widen the view: images behind mirrors lie far outside.
     """
@@ -141,7 +141,7 @@ def points(points: Float, ax: Axes | None = None, **style: Any) -> Axes:
     view = ax.dataLim.frozen() if ax.has_data() else None
     ax.plot(*shown.T, **_styled({**usual, "linestyle": "none", "mew": 0}, style))
     # Dots of a large cloud are too fine for a legend.
-    ax.plot([], [], ".", color=style.get("color", POINT), label="reflection points")
+    ax.plot([], [], ".", color=style.get("color", POINT), label="returns")
     if view is not None:
         ax.dataLim.set(view)
     return _shown(ax)
@@ -197,8 +197,10 @@ def trajectory(trajectory: Trajectory | Float, ax: Axes | None = None, **style: 
     return _shown(ax)
 
 
-def estimate(estimate: EstimatedTrajectory, ax: Axes | None = None, **style: Any) -> Axes:
-    """Plot an estimated path with its ellipses of 95 %, and a line for each loop closure."""
+def estimate(
+    estimate: EstimatedTrajectory, ax: Axes | None = None, *, closures: bool = True, **style: Any
+) -> Axes:
+    """Plot an estimated path with its ellipses of 95 % and, if asked, a line for each closure."""
     ax = _axes(ax)
     usual = {"color": ESTIMATE_COLOUR, "linewidth": 1.1, "label": believed(estimate), "zorder": 3.2}
     path = ax.plot(*estimate.poses[:, :2].T, **_styled(usual, style))[0]
@@ -207,7 +209,7 @@ def estimate(estimate: EstimatedTrajectory, ax: Axes | None = None, **style: Any
     faded = {"alpha": 0.5 * (1.0 + ESTIMATE_FADED), "linewidths": 0.8, "zorder": 3.3}
     edges: Any = {"facecolors": "none", "edgecolors": path.get_color(), **faded}
     ax.add_collection(PolyCollection(list(rings), **edges))
-    for pairs, colour, name in (
+    for pairs, colour, name in closures * (
         (estimate.dropped_closures, DROPPED, "dropped closures"),
         (estimate.closures, CLOSED, "loop closures"),
     ):
@@ -233,7 +235,7 @@ def paths(poses: Float, estimated: EstimatedTrajectory | None, ax: Axes) -> Axes
     # Of a recorded drive the truth is not known: its poses are the estimate.
     if not np.array_equal(poses, estimated.poses):
         trajectory(poses, ax, linewidth=2.8, label=TRUTH)
-    return estimate(estimated, ax)
+    return estimate(estimated, ax, closures=False)
 
 
 def png(value: World | LineMap | LaserScan | Run) -> bytes:

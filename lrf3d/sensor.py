@@ -164,8 +164,7 @@ class Sensor:
         crowd = self._crowd.plain, self._crowd.own
         lighting.light(lrf, caster.tree(lrf.height), rays, lit, *crowd)
         lit.walls[lit.walls >= count] = -1
-        echoes = (lit.echoes, lit.echo_intensities) if lrf.echoes > 1 else ()
-        return LaserScan.unchecked(lrf, place, *lit[:3], *echoes)
+        return LaserScan.unchecked(lrf, place, *lit.arrays(lrf.echoes))
 
     def _among(self, pose: Any, time: float) -> LaserScan:
         """The scan of one moment, in which each beam ends at the nearer of wall and obstacle."""

@@ -4,7 +4,7 @@ A map and a log enter. The poses of the log on the map leave, without a first gu
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +16,13 @@ from lrf3d.interrupts import Progress, check, silent, stoppable
 from lrf3d.io import LaserLog, load_log, load_run
 from lrf3d.io.reading import is_run, odometry_of
 from lrf3d.laser.unrolling import unrolled
+from lrf3d.localization.joining import Follower
 from lrf3d.localization.known_places import KnownPlaces
-from lrf3d.localization.place_search import Hypothesis, PlaceSearch
 from lrf3d.pose import bent, between, compose
-from lrf3d.recorded import readable
+from lrf3d.recorded import checked, readable
 from lrf3d.run import Run
 from lrf3d.slam import Slam
+from lrf3d.slam.odometry import WheelPath
 from lrf3d.world import World, load_world
 
 JUMPED, JUMPED_SHARE, JUMPED_TURN = 1.0, 0.1, 0.5
@@ -98,7 +99,7 @@ def localise_log(
         >>> run = lrf3d.simulate(room, [(1 + 0.2 * k, 1, 0) for k in range(20)], rng=0)
         >>> lrf3d.export_run(run, "carmen", "drive.log")
         >>> found = lrf3d.localise_log(room, "drive.log")
-        >>> found, found.poses[-1].round(1).tolist()
+        >>> found, (found.poses[-1].round(1) + 0.0).tolist()
         (LocalisedLog(drive, 20 of 20 scans), [4.8, 1.0, 0.0])
     """
     places = known if isinstance(known, KnownPlaces) else known_places(known)
@@ -106,26 +107,24 @@ def localise_log(
         log = load_log(log, poses=odometry_of(log))
     log = readable(log)
     log = log.of_laser(log.lasers[0])
-    slam, search = Slam(laser_offset=log.odometry.laser_offset), PlaceSearch(places)
-    robots = np.array([scan.robot for scan in log.scans])
+    try:
+        recording = checked(log)
+    except InputError as error:
+        raise InputError(f"{log.name}: {error}") from None
+    log = replace(log, scans=recording.scans)
+    slam, follower = Slam(laser_offset=log.odometry.laser_offset), Follower(places)
     increments: Sequence[Float | None] = [None] * len(log)
     if log.placed:
-        increments = [np.zeros(3), *between(robots[:-1], robots[1:])]
-    stretches: list[_Found] = []
+        increments = list(WheelPath(recording.wheels).increments(1.0 * recording.places))
     for number, (scan, increment) in enumerate(zip(log.scans, increments, strict=True)):
-        before = slam.tracked[-1].pose if number else np.zeros(3)
         slam.update(scan, increment)
-        search.see(number, slam.seen(unrolled(scan)), between(before, slam.tracked[-1].pose))
-        if (place := search.place) is not None:
-            if not stretches or stretches[-1].place is not place:
-                stretches.append(_Found(place))
-            stretches[-1].take(number, search.probability)
+        follower.see(number, slam.sight.seen(unrolled(scan)), slam.tracked[-1].pose)
         progress(number + 1, len(log))
         check()
     front = np.array([tracked.pose for tracked in slam.tracked])
     poses = np.full((len(log), 3), np.nan)
     parts: list[Stretch] = []
-    for found in stretches:
+    for found in follower.found:
         first = parts[-1].last + 1 if parts else 0
         path = {k: pose for k, pose in found.path.items() if k >= first}
         if not path:
@@ -143,23 +142,7 @@ def localise_log(
         else:
             carried = False
         parts.append(Stretch(begin, end, found.probability, carried))
-    return LocalisedLog(log, poses, tuple(parts), search.probability)
-
-
-class _Found:
-    """A place that was certain: its poses by scans until it was sure last."""
-
-    def __init__(self, place: Hypothesis) -> None:
-        self.place, self.probability = place, 0.0
-        self.path: dict[int, Float] = {}
-        self.last = 0
-
-    def take(self, number: int, probability: float) -> None:
-        """Keep what is known of the place at a scan."""
-        self.probability = max(probability, self.probability)
-        path, sure = self.place.path, self.place.sure
-        self.path = {k: pose for k, pose in path.items() if k <= sure}
-        self.last = number if sure == max(path) else sure
+    return LocalisedLog(log, poses, tuple(parts), follower.search.probability)
 
 
 def known_places(known: Run | World | str | Path) -> KnownPlaces:

@@ -24,6 +24,9 @@ def test_a_command_of_the_readme_can_be_typed_as_it_is_shown(words, tmp_path):
         "slam": ("--out", "out"),
     }
     (tmp_path / "examples").symlink_to(ROOT / "examples")
+    if "out/drive" in words:
+        # What an earlier row of the table wrote.
+        called("slam", "examples/drive.log.gz", "--out", "out/drive", cwd=tmp_path)
     done = called(*words.split(), *settings.get(words.split()[0], ()), cwd=tmp_path)
     assert done.returncode == 0, done.stderr
 

@@ -7,8 +7,11 @@ from drives import drive, recorded
 from program import lrf3d as program
 
 import lrf3d
+from lrf3d.errors import InputError
 from lrf3d.geometry import wrap_angle
+from lrf3d.io.carmen_writer import write_log
 from lrf3d.pose import between, compose
+from lrf3d.recorded import solve_log
 
 ROOMS = lrf3d.World(
     [
@@ -86,3 +89,55 @@ def test_localise_writes_poses_and_a_picture(tmp_path):
     assert len(table) == summary["scans_localised"] > 0.8 * len(run)
     assert np.hypot(*(table[-1, 1:3] - run.trajectory.poses[-1, :2])) < 0.1
     assert (tmp_path / "out/map.png").exists()
+
+
+def test_a_second_drive_continues_the_map_of_the_first(tmp_path):
+    first = drive(ROOMS, [*ROUTE, *BACK[1:4]], seed=5, bias=0.0)
+    second = drive(ROOMS, [*ROUTE[2:], *BACK], seed=6, bias=0.0)
+    log = recorded(*second[:2], name="second")
+    before = lrf3d.slam_log(recorded(*first[:2], name="first"))
+    with pytest.raises(InputError, match="found nowhere on the map of first with certainty"):
+        lrf3d.slam_log(recorded(*drive(ELSEWHERE, [(1, 1), (4, 3), (5.5, 7)])[:2]), on=before)
+    lrf3d.save_run(before, tmp_path / "run.npz")
+    run = lrf3d.slam_log(log, on=tmp_path)
+    true = np.concatenate([first[2], second[2]])
+    assert len(run) == len(true) and len(run.trajectory) == len(before) + len(log)
+    # Both start where the wheels of the first say, which is where it was.
+    apart = np.hypot(*(run.trajectory.poses - true)[:, :2].T)
+    assert apart.max() < 0.15
+    ties = run.estimate.closures
+    assert ((ties[:, 0] < len(before)) & (ties[:, 1] >= len(before))).any()
+    # A third one continues both.
+    third = lrf3d.slam_log(recorded(*drive(ROOMS, BACK, seed=7)[:2]), on=run)
+    assert len(third) > len(run) and np.allclose(third.trajectory.poses[0], true[0], atol=0.05)
+
+
+TWICE = [(1.5, 1.5), (5, 1.7), (5, 3.2), (1.5, 4), (1.5, 1.5), (5, 1.7), (5, 3.2), (1.5, 4)]
+
+
+def test_what_a_person_knows_of_two_scans_closes_loops_and_rules_them_out():
+    scans, wheels, true = drive(ROOMS, TWICE, seed=8)
+    log = recorded(scans, wheels)
+    usual = solve_log(log)
+    assert len(usual.run.estimate.closures)
+    first, second = usual.run.estimate.closures[0].tolist()
+    ruled_out = solve_log(log, apart=[(first, second)])
+    assert [first, second] not in ruled_out.run.estimate.closures.tolist()
+    assert "ruled out" in {each.why for each in ruled_out.slam.closer.refusals}
+    # Where it is ruled out and known, it is known.
+    said = solve_log(log, apart=[(first, second)], close=[(first, second)])
+    assert [first, second] in said.run.estimate.closures.tolist()
+    assert np.hypot(*(said.poses - true)[:, :2].T).max() < 0.15
+    with pytest.raises(InputError, match="close 5:2000: expected scans from 0 to"):
+        solve_log(log, close=[(5, 2000)])
+
+
+def test_the_place_where_a_map_contradicts_itself_is_named_and_drawn(tmp_path):
+    # The robot is carried to another house, and its wheels do not notice.
+    path, around = tmp_path / "drive.log", [(1, 1), (4, 3), (5.5, 7), (4, 3), (1, 2), (4, 2)]
+    write_log(log_of(drive(ROOMS, TWICE, seed=8), drive(ELSEWHERE, around, seed=1)), path)
+    done = program("slam", path, "--out", tmp_path / "out", "--json")
+    assert done.returncode == 0 and "--close A:B and --not A:B say" in done.stderr
+    summary = json.loads(done.stdout)
+    assert not summary["self_check"]["passed"] and (tmp_path / "out/check.png").exists()
+    assert all(len(each["scans"]) == 2 and each["why"] for each in summary["refused"])

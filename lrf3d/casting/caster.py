@@ -73,11 +73,8 @@ class PlanarCaster:
         laser, pose = laser_of(lrf), as_pose(pose)
         poses = np.fromiter(pose, np.float64, 3)[None]
         if self.lighting is not None:
-            lit = self._lit(lrf, poses)
-            echoes = (lit.echoes[0], lit.echo_intensities[0]) if lrf.echoes > 1 else ()
-            return LaserScan.unchecked(
-                lrf, pose, lit.ranges[0], lit.walls[0], lit.intensities[0], *echoes
-            )
+            (lit,) = self._lit(lrf, poses).scans()
+            return LaserScan.unchecked(lrf, pose, *lit.arrays(lrf.echoes))
         ranges, walls = np.empty(lrf.beams), np.empty(lrf.beams, np.int64)
         self._fill(lrf.height, laser, poses, ranges[None], walls[None])
         return LaserScan.unchecked(lrf, pose, ranges, walls)

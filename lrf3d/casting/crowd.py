@@ -25,6 +25,7 @@ from lrf3d.geometry import Float, Int, Records, wrap_angle
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.robot import Trajectory
 from lrf3d.robot.laps import Patrol
+from lrf3d.robot.unicycle import Twist
 
 
 class Crowd:
@@ -117,6 +118,11 @@ class Crowd:
         """
         limits, seen = (float(lrf.range_min), float(lrf.range_max)), (self.own, float(lrf.height))
         rays_among(self.plain, limits, (*seen, named), rays, ranges, walls)
+
+
+def move_of(time: float, pose: Sequence[float], twist: Twist) -> Records:
+    """The move (1,) that holds a twist from a pose at a time [s] on."""
+    return np.array([(time, *pose, *twist)], LEG)
 
 
 def moves_of(times: Float | float, poses: Float, twists: Float | None = None) -> Records:

@@ -22,9 +22,8 @@ import numpy as np
 import shapely
 import trimesh
 
-from lrf3d.casting.kernels.beams import RAY
 from lrf3d.casting.kernels.embree import TRUST
-from lrf3d.casting.kernels.scans import cast_scans, rays_from
+from lrf3d.casting.kernels.scans import cast_scans, rays_of
 from lrf3d.casting.kernels.tree import Plain, Tree
 from lrf3d.geometry import Float, Int
 
@@ -51,8 +50,8 @@ class WallScene:
         longest = float(np.hypot(along[:, 0], along[:, 1]).max(initial=0.0))
         delta = 2.0 * float32_error(radius, min(distance + 2.0 * longest, 4.0 * radius))
         beyond = 8.0 / FLAT * float32_error(radius, 4.0 * radius)
-        self._x, self._y = centre.tolist()
-        trust = [(self._x, self._y, radius, 1.5 * delta, beyond, FLAT, STEEP)]
+        self._middle = centre.tolist()
+        trust = [(*self._middle, radius, 1.5 * delta, beyond, FLAT, STEEP)]
         parts = [clear_parts(walls, along, (7.0 + 5.0 / sine) * delta) for sine in (FLAT, STEEP)]
         self._tree, self._clear, self._trust = tree[:], np.hstack(parts), np.array(trust, TRUST)
         vertices = triangles(walls, along, delta)
@@ -66,12 +65,8 @@ class WallScene:
         # The rays of 64 scans of 181 beams are 600 kB.
         for k in range(0, len(poses), 64):
             part = slice(k, k + 64)
-            rays = np.empty((len(poses[part]), ranges.shape[1]), RAY)
-            rays_from(laser, poses[part], np.zeros(len(rays)), rays)
-            starts, ways = np.zeros((2, rays.size, 3), np.float32)
-            starts[:, 0], starts[:, 1] = rays["x"].ravel() - self._x, rays["y"].ravel() - self._y
-            ways[:, 0], ways[:, 1] = rays["dx"].ravel(), rays["dy"].ravel()
-            found = self.mesh.ray.intersects_first(starts, ways)
+            rays = rays_of(laser, poses[part], *self._middle)
+            found = self.mesh.ray.intersects_first(*rays)
             asked = self._clear, self._trust, found
             cast_scans(self._tree, laser, *asked, poses[part], ranges[part], walls[part])
 

@@ -7,7 +7,7 @@ from lrf3d.casting import crosscheck as compare
 from lrf3d.casting.comparison import CAUSES, UNEXPLAINED
 from lrf3d.cli.console import Report
 from lrf3d.cli.inputs import MapAndLog, on_collision, routed
-from lrf3d.cli.sessions import localise_recorded
+from lrf3d.cli.logs import localise_recorded
 from lrf3d.localization import OdometryNoise
 from lrf3d.localization.monte_carlo import score_localisation
 from lrf3d.scenario import Scenario

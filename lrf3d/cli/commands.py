@@ -234,12 +234,17 @@ Find poses and map of a log from odometry and scans.
 Loops are closed; the systematic errors of the wheels, and the lag of the laser behind them, are
 estimated.
 
-Writes run.npz, map.geojson, map.png, trajectory.tum and summary.json.
+Writes run.npz, map.geojson, map.png, trajectory.tum and summary.json; where the map contradicts
+itself also check.png: the place as each pass saw it, and the closures that were refused.
 
 LOG: A CARMEN log or a text of a scan a line, also gzipped, a ROS bag (.mcap, .db3, .bag, a folder),
  or arrays (.npz, .mat).
 {OUT}
+--on RUN: An earlier drive, a run.npz or its folder, that this one continues: it is found on its map
+ without a guess, closes loops with it, and the results are those of both in one frame.
 --relations FILE: Score by known relative poses: lines a b dx dy dtheta of ODOM lines.
+--close A:B,A:B,…: Scans, by number, of which you know that they show the same place.
+--not A:B,A:B,…: Scans of which you know that they do not, though they look alike.
 --key-distance M: Distance [m] from one key scan to the next; 0.5 if not given.
 {LOG}
 

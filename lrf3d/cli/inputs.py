@@ -17,7 +17,7 @@ from lrf3d.run import Run
 from lrf3d.scenario import Scenario, read_scenario_file, scenario_of
 from lrf3d.world import World
 from lrf3d.world.cameras import check_view
-from lrf3d.world.size import size_warning
+from lrf3d.world.size import size_problem
 from lrf3d.world.toml_file import WorldFile
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def options_of(args: Namespace) -> dict[str, Any]:
 def read_file(name: str, **options: Any) -> WorldFile:
     """Read a world file, and warn if its size is implausible."""
     file = read_scenario_file(name, **options)
-    if warning := size_warning(file.world):
+    if warning := size_problem(file.world):
         warn(f"{name}: {warning}")
     return file
 

@@ -1,7 +1,8 @@
-"""``lrf3d map`` and ``lrf3d slam``: recorded logs, with known poses and with odometry alone."""
+"""``lrf3d map``, ``slam`` and ``localise``: logs with known poses, with odometry, and on a map."""
 
 from argparse import Namespace
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -13,16 +14,24 @@ from lrf3d.cli.folder import results_folder
 from lrf3d.degrading import degrade_log
 from lrf3d.errors import InputError
 from lrf3d.files import make_folder
+from lrf3d.geometry import Float
 from lrf3d.interrupts import Progress
-from lrf3d.io import LaserLog, save_run
+from lrf3d.io import LaserLog, load_run, save_run
 from lrf3d.io.carmen_writer import write_log
 from lrf3d.io.reading import CARMEN_ENDINGS
 from lrf3d.io.trajectory_files import load_relations, save_tum
-from lrf3d.mapping import save_map
-from lrf3d.recorded import SolvedLog, map_log, solve_log
+from lrf3d.mapping import LineMap, save_map
+from lrf3d.pose import Pose, compose
+from lrf3d.recorded import map_log, solve_log
 from lrf3d.run import Run
 from lrf3d.scoring import score_log, score_trajectory
+from lrf3d.sessions import LocalisedLog, localise_log
+from lrf3d.solved_log import SolvedLog
 from lrf3d.text import counted
+from lrf3d.world import World
+
+LEAST_EXPLAINED = 0.6
+"""Share of returns that a right map explains: 0.85 to 1 in buildings, less among trees."""
 
 
 def map_(log: LaserLog, args: Namespace, report: Report) -> None:
@@ -48,6 +57,8 @@ def map_(log: LaserLog, args: Namespace, report: Report) -> None:
     if score.returns:
         share = f"{100.0 * score.explained:.1f} % of the {score.returns:,} returns of the odd scans"
         rows.append(("explains", f"{share}, which it was not built from"))
+        if score.explained < LEAST_EXPLAINED:
+            warn(f"the map explains only {share}: the poses are wrong, or few walls are there")
     rows.append(("time", f"{milliseconds():.2f} ms a scan"))
     _finish(args, report, run, run, summary, rows, "run {}/map.geojson", {})
 
@@ -56,22 +67,88 @@ def slam(log: LaserLog, args: Namespace, report: Report) -> None:
     """Find poses and map of a log from odometry and scans."""
     known = None if args.relations is None else load_relations(args.relations)
     chosen = {} if args.key_distance is None else {"key_distance": args.key_distance}
+    on = None if args.on is None else load_run(args.on)
     with report.progress("scans") as progress:
         progress, milliseconds = timed(progress)
-        solved = solve_log(log, progress=progress, **chosen)
+        solved = solve_log(
+            log, on=on, close=args.close or (), apart=args.not_ or (), progress=progress, **chosen
+        )
     score = None if known is None else score_trajectory(solved.line_poses, known).as_dict()
     for sentence in solved.warnings:
         warn(sentence)
     summary = {**solved.summary(), "score": score, "milliseconds_a_scan": milliseconds()}
-    run = solved.run
+    run, keys = solved.run, solved.slam.key_scans
+    if (both := solved.joined) is not None:
+        keys = np.concatenate([both.keys, len(both.run) + keys])
+
+    def draw(picture: Path) -> None:
+        from lrf3d.render.check_figure import draw_check
+
+        title = f"{log.name}: where the map contradicts itself"
+        draw_check(*solved.key_scans, solved.check, solved.refused, title, picture)
+
     _finish(
-        args, report, run, run.part(solved.slam.key_scans), summary, _slam_rows(solved, summary),
+        args, report, run, run.part(keys), summary, _slam_rows(solved, summary),
         "view {}",
         {
             "run.npz": lambda path: save_run(run, path),
             "trajectory.tum": lambda path: save_tum(log.odometry.times, solved.line_poses, path),
         },
+        {"check picture": ("check.png", draw)} if solved.tried else {},
     )  # fmt: skip
+
+
+def localise_recorded(known: Run | World, log: LaserLog, args: Namespace, report: Report) -> None:
+    """Find a recorded drive on a map."""
+    with report.progress("scans") as progress:
+        progress, milliseconds = timed(progress)
+        found = localise_log(known, log, progress=progress)
+    if not found.stretches:
+        warn(f"{args.log}: nowhere on the map with certainty; the likeliest place has a"
+             f" probability of {found.probability:.2g}")  # fmt: skip
+    world = known.world if isinstance(known, Run) else known
+    line_map = known.map if isinstance(known, Run) else LineMap.empty()
+    true = None if isinstance(known, Run) else known
+    chosen = np.flatnonzero(found.known)
+    poses, times = found.poses[chosen], found.log.times[chosen]
+    # The path is broken where the place is not known.
+    ends = [np.searchsorted(chosen, each.last) + 1 for each in found.stretches[:-1]]
+    drawn = np.insert(poses, ends, np.nan, axis=0)
+
+    def draw(picture: Path) -> None:
+        from lrf3d.render.figures import draw_map
+
+        draw_map(line_map, picture, points=_points(found), poses=drawn,
+                 world=true, title=f"{found.log.name} on {world.name or 'the map'}")  # fmt: skip
+
+    output = results_folder(report, [args.world, args.log], f"{found.log.name}_localised", args.out)
+    save_tum(times, poses, output.path / "trajectory.tum")
+    rows = [*log_rows(log), ("map", f"{args.world}, {counted(len(world.segments), 'wall')}")]
+    for each in found.stretches:
+        x, y, theta = poses[np.searchsorted(chosen, each.first)]
+        rows.append(("carried" if each.carried else "found", (
+            f"scans {each.first} to {each.last}, first at ({x:.2f} m, {y:.2f} m,"
+            f" {np.degrees(theta):.0f}°), probability {each.probability:.4f}")))  # fmt: skip
+    count = len(found.poses)
+    rows.append(("scans", f"{len(chosen):,} of {count:,} placed on the map"))
+    rows.append(("time", f"{milliseconds():.2f} ms a scan"))
+    output.finish(
+        {**found.summary(), "milliseconds_a_scan": milliseconds()},
+        {"trajectory": "trajectory.tum"},
+        {"map picture": ("map.png", draw)},
+        rows=rows,
+        kept=f"{output.path / 'trajectory.tum'} holds the poses",
+    )
+
+
+def _points(found: LocalisedLog) -> Float:
+    """What the scans hit (n, 2) whose places are known."""
+    parts = [np.empty((0, 2))]
+    for number in np.flatnonzero(found.known):
+        scan = found.log.scans[number]
+        laser = compose(found.poses[number], np.array(scan.mount))
+        parts.append(replace(scan, pose=Pose(*laser.tolist())).points())
+    return np.concatenate(parts)
 
 
 def degrade(log: LaserLog, args: Namespace, report: Report) -> None:
@@ -127,6 +204,7 @@ def _finish(
     rows: list[tuple[str, str]],
     following: str,
     files: Mapping[str, Callable[[Path], None]],
+    drawings: Mapping[str, tuple[str, Callable[[Path], None]]] | None = None,
 ) -> None:
     """Write the map of a run, which a part of it made, and other results, and print them."""
 
@@ -145,7 +223,7 @@ def _finish(
     output.finish(
         summary,
         {"map": "map.geojson", **{name.split(".")[0]: name for name in files}},
-        {"map picture": ("map.png", draw)},
+        {"map picture": ("map.png", draw), **(drawings or {})},
         rows=rows,
         following=f"lrf3d {following.format(output.path)}",
         kept=f"{output.path / 'map.geojson'} holds the map",
@@ -174,12 +252,17 @@ def _slam_rows(solved: SolvedLog, summary: dict[str, Any]) -> list[tuple[str, st
     """What most users ask of a solved log, as a table."""
     found, poses = summary["slam"], counted(summary["log"]["odometry_lines"], "pose")
     rows = log_rows(solved.log, f", {poses} by odometry" if solved.log.placed else "")
-    rows += [] if solved.log.placed else [("odometry", solved.odometry)]
+    if not solved.log.placed:
+        rows.append(("odometry", f"{solved.odometry}; if that is mirrored, so is the map"))
     rows += [("", sentence) for sentence in solved.repairs.sentences()]
     closed = counted(found["loop_closures"], "loop closure")
     rows.append(("drive", f"{found['length_m']:.0f} m, {closed}"))
     if lost := found["scans_by_odometry_alone"]:
-        rows.append(("", f"{counted(lost, 'scan')} matched nothing: placed by odometry"))
+        rows.append(("", f"{counted(lost, 'scan')} matched nothing: placed as predicted"))
+    if (both := summary["joined"]) is not None:
+        words = f"{both['on']}: found at scan {both['found_at']}, probability"
+        words += f" {both['probability']:.4f}; {counted(both['ties'], 'loop closure')} with it"
+        rows.append(("on", words))
     rows.append(("map", solved.run.map.counts))
     rows += [("check", sentence) for sentence in solved.check.sentences()]
     if score := summary["score"]:

@@ -188,6 +188,14 @@ def _job(word: str) -> tuple[int, int]:
     return number, count
 
 
+def _pair(word: str) -> tuple[int, int]:
+    """The numbers of two scans, the earlier one first."""
+    first, second = sorted(map(int, word.split(":")))
+    if not 0 <= first < second:
+        raise ValueError
+    return first, second
+
+
 def _mapper(word: str) -> str:
     """A mode of the LineMapper, or the name of a user's mapper."""
     if ":" not in word and word not in ("robust", "paper"):
@@ -208,6 +216,7 @@ KINDS: dict[str, tuple[Callable[[str], Any], str]] = {
     **dict.fromkeys(("FILE", "FOLDER", "LOG", "RUN", "TO"), (Path, "a path")),
     "WxH": (_size, "WIDTHxHEIGHT, such as 1280x720, even numbers from 64 to 7680"),
     "NAME": (_mapper, "robust, paper or FILE.py:NAME"),
+    "A:B": (_pair, "two numbers of scans, such as 120:2400"),
     "I/N": (_job, "I/N, such as 2/8 for the second of eight jobs"),
 }
 """What reads a value, and what it expects, by what a help page calls it; others are texts."""

@@ -20,7 +20,7 @@ TRIANGLES, LINES = 4, 1
 
 _KINDS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 _COMPONENTS = {"float32": 5126, "uint8": 5121, "uint16": 5123, "uint32": 5125}
-_REPEAT, _CLAMP, _NEAREST, _LINEAR, _MIPMAPS = 10497, 33071, 9728, 9729, 9987
+_CLAMP, _LINEAR, _MIPMAPS = 33071, 9729, 9987
 
 _UNLIT = "KHR_materials_unlit"
 
@@ -90,16 +90,12 @@ class Document:
             doubleSided=True,
         )
 
-    def texture(self, name: str, picture: Image.Image, kind: str, *, tiles: bool = False) -> int:
-        """Add a picture as a ``PNG`` or ``JPEG`` and give the number of its texture.
-
-        One that tiles has sharp edges from near, as the film's windows have.
-        """
+    def texture(self, name: str, picture: Image.Image, kind: str) -> int:
+        """Add a picture as a ``PNG`` or ``JPEG`` and give the number of its texture."""
         file = io.BytesIO()
         picture.save(file, kind, quality=88, optimize=True)
-        wrap = _REPEAT if tiles else _CLAMP
-        filters = {"magFilter": _NEAREST if tiles else _LINEAR, "minFilter": _MIPMAPS}
-        sampler = self.add("samplers", **filters, wrapS=wrap, wrapT=wrap)
+        filters = {"magFilter": _LINEAR, "minFilter": _MIPMAPS}
+        sampler = self.add("samplers", **filters, wrapS=_CLAMP, wrapT=_CLAMP)
         view, mime = self._view(file.getvalue()), f"image/{kind.lower()}"
         source = self.add("images", name=name, mimeType=mime, bufferView=view)
         return self.add("textures", source=source, sampler=sampler)

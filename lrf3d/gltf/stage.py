@@ -11,7 +11,7 @@ from PIL import Image
 
 from lrf3d.geometry import Bool, Float, Int, Single, quad_indices
 from lrf3d.gltf.document import Document
-from lrf3d.render.packing import GREY, exposed, land_of, lit, rectangle
+from lrf3d.render.packing import GREY, exposed, ground_of
 from lrf3d.scene import look
 from lrf3d.scene.drawn_map import DrawnMap
 from lrf3d.scene.exposure import Exposure, sampled
@@ -56,7 +56,7 @@ def _begin(exposure: Exposure, step: int) -> float:
 
 
 def _add_ground(document: Document, stage: Stage) -> None:
-    """The painted ground in the dark, what of it is lit, and the land as far as one sees."""
+    """The painted ground in the dark, as far as one sees, and what of it is lit."""
     ground, exposure, indoor = stage.ground, stage.exposure, stage.structures.indoor
     picture = Image.fromarray(ground.picture)
     picture.thumbnail((_LARGEST, _LARGEST), Image.Resampling.LANCZOS)
@@ -72,14 +72,12 @@ def _add_ground(document: Document, stage: Stage) -> None:
         for each in (exposed(day, share, 0.0, indoor=indoor) for share in (np.zeros_like(on), on))
     )
     # The first row of a picture lies at v = 0, here at the smallest y.
-    whole, land = rectangle((0.0, 0.0), (1.0, 1.0)), land_of(stage, _HORIZON)
-    corners = np.column_stack([ground.corner + whole * ground.size, np.zeros(len(whole))])
+    level = ground_of(ground, _HORIZON)
+    whole = (level - ground.corner) / ground.size
+    corners = np.column_stack([level, np.zeros(len(level))])
     texture = document.texture("ground", dark, "JPEG")
-    parts = [
-        document.part(document.material("ground", texture=texture), corners, texture=whole),
-        document.part(document.material("land"), land.corners, land.colours),
-    ]
-    document.node("ground", document.root, *parts)
+    part = document.part(document.material("ground", texture=texture), corners, texture=whole)
+    document.node("ground", document.root, part)
     rows, columns = (np.arange(0, side, _COARSE) for side in exposure.times.shape[:2])
     low = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
     squares = low[:, None] + _COARSE * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
@@ -150,6 +148,6 @@ def cut_small(quads: Single, step: float) -> Single:
 
 
 def add_body(document: Document, name: str, faces: Faces) -> int:
-    """Add a body at the origin, lit by its normals; gives its node."""
-    part = document.part(document.material(name), faces.corners, lit(faces), kind=np.uint16)
+    """Add a body at the origin; gives its node."""
+    part = document.part(document.material(name), faces.corners, faces.colours, kind=np.uint16)
     return document.node(name, document.root, part)

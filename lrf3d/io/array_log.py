@@ -9,6 +9,7 @@ import re
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,17 @@ from lrf3d.io.intake import Intake
 from lrf3d.io.npz import DAMAGES, read_arrays
 from lrf3d.io.table import Table
 
+RECORDS = re.compile(
+    rb"\s*\[?\s*\{|\s*(?:---\s+)?(?:header|seq|stamp):|[^\n\[(]*[A-Za-z]{3}[^\n\[(]*\n[^\n]*\w[^\n]*,\W*\["
+).match
+"""Matches what JSON, printed messages of ROS, and a CSV of lists begin with."""
+
+LISTS = re.compile(r"[\[(]([^\])]*)[\])]")
+"""Matches a list in a CSV."""
+
+BEGINNING = 4096
+"""Bytes that show what records begin with."""
+
 CUT = "..."
 """What stands for the elements that ``ros2 topic echo`` leaves out."""
 
@@ -32,6 +44,12 @@ def is_foreign(path: Path) -> bool:
             return "settings.npy" not in file.namelist()
     except DAMAGES:
         return False
+
+
+def is_records(path: Path) -> bool:
+    """Whether a file holds records."""
+    with path.open("rb") as file:
+        return bool(RECORDS(file.read(BEGINNING)))
 
 
 def array_table(intake: Intake) -> Table:
@@ -76,7 +94,12 @@ def _of_matlab(path: Path) -> dict[str, Any]:
 
 
 def record_table(intake: Intake) -> Table:
-    """The table of a file of records; those that lack what the first one has are counted."""
+    """The table of a file of records."""
+    return _named(intake, records(intake), "fields")
+
+
+def records(intake: Intake) -> dict[str, Float]:
+    """The columns of a file of records; those that lack what the first one has are counted."""
     text = b"".join(line for _, line in intake.lines()).decode("utf-8", "replace")
     if text.lstrip()[:1] in "[{":
         read: Callable[[Any], Any] = json.loads
@@ -86,6 +109,10 @@ def record_table(intake: Intake) -> Table:
             parts = [parts] if isinstance(parts, dict) else parts
     else:
         parts, read = re.split(r"(?m)^---[ \r]*$", text), _yaml
+        if len(parts) == 1 and not re.match(r"\s*\w+:", text):
+            head, *parts = text.splitlines()
+            names = head.split(",")
+            read = partial(_cells, names)
     rows: list[dict[str, Float]] = []
     for number, part in enumerate(parts, 1):
         if isinstance(part, str) and not part.strip():
@@ -102,10 +129,8 @@ def record_table(intake: Intake) -> Table:
     if not rows:
         raise InputError(f"{intake.path}: no record in it{intake.first_bad}")
     if len(rows) == 1:
-        return _named(intake, rows[0], "fields")
-    return _named(
-        intake, {name: _stacked([row[name] for row in rows]) for name in rows[0]}, "fields"
-    )
+        return rows[0]
+    return {name: _stacked([row[name] for row in rows]) for name in rows[0]}
 
 
 def _stacked(parts: list[Float]) -> Float:
@@ -117,6 +142,16 @@ def _stacked(parts: list[Float]) -> Float:
     for row, part in zip(stacked, parts, strict=True):
         row[: len(part)] = part
     return stacked
+
+
+def _cells(names: list[str], line: str) -> dict[str, Any]:
+    """The cells of a line of a CSV, some of which are lists; what is left out is NaN."""
+    line = LISTS.sub(lambda match: match[1].replace(",", " ") + " ", line)
+    cells = [cell.strip("\"'") for cell in line.split(",")]
+    if len(cells) != len(names):
+        raise ValueError(f"{len(cells)} cells for {len(names)} names")
+    values = [cell.split() if " " in cell else cell or np.nan for cell in cells]
+    return dict(zip(names, values, strict=True))
 
 
 def _yaml(text: str) -> Any:
@@ -144,6 +179,10 @@ def _flat(value: Any, name: str) -> Iterator[tuple[str, Float]]:
         else:
             for key, each in value.items():
                 yield from _flat(each, f"{name}.{key}" if name else str(key))
+    elif isinstance(value, list) and value and all(isinstance(each, dict) for each in value):
+        parts = [dict(_flat(each, name)) for each in value]
+        for key in parts[0]:
+            yield key, np.array([part.get(key, np.nan) for part in parts], dtype=np.float64)
     elif isinstance(value, list) and CUT in value:
         raise ValueError("arrays are cut: ros2 topic echo --full-length prints them whole")
     elif value is not None:

@@ -95,8 +95,11 @@ class Contents:
             self.by_frame[topic, frame] = stream
             return len(message.ranges) + A_MESSAGE
         pose = message.pose if kind == POSE else message.pose.pose
-        self.tracks[topic].add(pose.position, pose.orientation, *stamp)
-        self.children[topic] = _frame(message.child_frame_id) if kind == ODOMETRY else ""
+        child = _frame(message.child_frame_id) if kind == ODOMETRY else ""
+        # Of several robots on one topic, each has a track.
+        name = topic if self.children.get(topic, child) == child else f"{topic} of {child}"
+        self.tracks[name].add(pose.position, pose.orientation, *stamp)
+        self.children[name] = child
         return A_POSE
 
 

@@ -206,7 +206,9 @@ class _Robot:
         scans = []
         for number in np.flatnonzero(inside).tolist():
             if not known[number]:
-                why = f"scan {number + 1} lies outside the time that poses are known for"
+                why = (
+                    f"scan {number + 1} lies outside the time that poses are known for, or in a gap"
+                )
                 intake.refuse(number + 1, why, "scan")
                 continue
             scan = stream.scans[number]

@@ -54,7 +54,7 @@ SHORT_ENDS = {b"FLASER": (0, 1, 2, 3, 6)}
 
 WORDS = re.compile(
     rb"(?m)^(?:(?:FLASER|ROBOTLASER1|RAWLASER1|LASER_READING|ODOM|PARAM|TRUEPOS|Laser|Odometry) |"
-    rb"[\d.]+ \S+ \d+ (?:laser|position2d) \d+ \d+ \d+ )"
+    rb"[\d.]+ \S+ \d+ (?:laser|position2d) \d+ )"
 )
 """What lines of such logs begin with."""
 
@@ -122,6 +122,11 @@ def _translated(words: list[bytes]) -> list[bytes]:
     """A message of GMapping or Player as one of CARMEN."""
     if words[:1] == [b"LASER_READING"]:
         return [b"FLASER", *words[1:-1], *words[-4:]]
+    if words[:1] == [b"ODOM"] and len(words) == 5:
+        return [*words[:4], b"0", b"0", b"0", words[4], b"", words[4]]
+    if len(words) > 14 and words[3] == b"laser" and b"." in words[5]:
+        # The first version of Player has no index, type and subtype.
+        words = [*words[:5], b"", b"", words[5], b"", *words[6:9], b"0", *words[9:]]
     if len(words) > 14 and words[3] == b"position2d":
         # Time, host, robot, kind, index, type, subtype and time come first.
         return [b"ODOM", *words[8:12], words[13], b"0", words[7], *words[1::-1]]

@@ -9,11 +9,12 @@ from lrf3d.errors import InputError, shown
 from lrf3d.files import as_path, opened, own_name
 from lrf3d.geometry import number
 from lrf3d.interrupts import reading
-from lrf3d.io.array_log import array_table, is_foreign, record_table
+from lrf3d.io.array_log import RECORDS, array_table, is_foreign, record_table
 from lrf3d.io.bag_files import FILES, MCAP, OLD, SQLITE
 from lrf3d.io.carmen import WORDS, load_carmen
 from lrf3d.io.intake import GZIPPED, Intake
 from lrf3d.io.laser_log import LaserLog
+from lrf3d.io.text_log import add_partner, text_table
 from lrf3d.world import world_names
 
 CARMEN_ENDINGS = (".log", ".log.gz", ".clf", ".clf.gz")
@@ -26,9 +27,6 @@ LOOKS = {
     b"\x89PNG": "a picture", b"<": "XML", b"%PDF": "a document",
 }  # fmt: skip
 """What files look like that are no text of a log, by their first bytes."""
-
-RECORDS = rb"\s*[\[{]\s*[\"{\[]|(?:---\s+)?(?:header|seq|stamp):"
-"""What JSON, and messages of ROS that were printed, begin with."""
 
 HEAD = 1 << 16
 """Bytes at the beginning of a file that say what it is."""
@@ -115,11 +113,9 @@ def load_log(
         raise InputError(f"{path}: no poses from {poses} in it; there are auto, odom")
     if kind == "arrays":
         return array_table(intake).log()
-    if kind == "records":
-        return record_table(intake).log()
-    from lrf3d.io.text_log import text_table
-
-    return text_table(intake, format).log()
+    table = record_table(intake) if kind == "records" else text_table(intake, format)
+    add_partner(table)
+    return table.log()
 
 
 def _kind(path: Path) -> str:
@@ -142,7 +138,7 @@ def _kind(path: Path) -> str:
     is_text = b"\0" not in head and not head.startswith(tuple(LOOKS))
     if is_text and re.search(WORDS, head):
         return "CARMEN"
-    if is_text and re.match(RECORDS, head):
+    if is_text and RECORDS(head):
         return "records"
     if ending.endswith(CARMEN_ENDINGS) and not re.match(rb"\s*[-+.\d]", head):
         return "CARMEN"

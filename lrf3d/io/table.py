@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, sealed
+from lrf3d.geometry import Float, Int, sealed
 from lrf3d.io.intake import UNTIMED, Intake
 from lrf3d.io.laser_log import LaserLog, WheelRecord
 from lrf3d.laser import LaserScan
@@ -22,7 +22,8 @@ LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 ANGLES = {"rad": 1.0, "deg": np.pi / 180.0}
 COUNTS = {"": 1.0}
 ROLES = {
-    "stamp": TIMES, "x": LENGTHS, "y": LENGTHS, "theta": ANGLES, "dx": LENGTHS, "dy": LENGTHS,
+    "stamp": TIMES, "dt": TIMES,
+    "x": LENGTHS, "y": LENGTHS, "theta": ANGLES, "dx": LENGTHS, "dy": LENGTHS,
     "dtheta": ANGLES, "left": COUNTS, "right": COUNTS, "ranges": LENGTHS, "angles": ANGLES,
     "qx": COUNTS, "qy": COUNTS, "qz": COUNTS, "qw": COUNTS, "quality": COUNTS,
 }  # fmt: skip
@@ -38,7 +39,7 @@ SYNONYMS = {
     "stamp": "stamp time timestamp t ts sec secs seconds nsec", "x": "x px posx", "y": "y py posy",
     "theta": "theta th yaw heading phi", "left": "left leftticks enc_left", "right": "right",
     "dx": "dx", "dy": "dy", "dtheta": "dtheta dyaw dth", "qx": "qx", "qy": "qy", "qz": "qz",
-    "qw": "qw", "angles": "angle bearing azimuth", "quality": "quality q intensity confidence",
+    "qw": "qw", "angles": "angle bearing azimuth", "quality": "quality q",
     "poses": "poses pose trajectory odometry odom",
     "ranges": "ranges range r distances distance dist d scan laser lidar readings",
 }  # fmt: skip
@@ -66,6 +67,9 @@ FANS = {
 }  # fmt: skip
 """First and last bearings [degrees] of usual range finders, by the number of their beams."""
 
+NARROWEST = np.radians(0.5)
+"""Least angle [rad] from the first beam to the last: less is another number."""
+
 COUNTER = 65536.0
 """What encoders with registers of 16 bits count to."""
 
@@ -79,6 +83,7 @@ def meaning(name: str) -> tuple[str, str]:
     units = [word for word in words if any(word in known for known in ROLES.values())]
     words = [word for word in words if word not in units or len(words) == 1]
     for word in reversed(words):
+        word = "timestamp" if word.endswith("timestamp") else word
         for role, known in SYNONYMS.items():
             if word in known.split() or word.removesuffix("s") in known.split():
                 unit = units[-1] if units and units[-1] in ROLES.get(role, {}) else ""
@@ -115,12 +120,11 @@ class Table:
 
     def log(self) -> LaserLog:
         """The log of this table."""
-        if (angles := self.values.get("angles")) is not None and "ranges" in self.values:
-            ranges = self.values["ranges"]
-            if ranges.ndim == 2 and angles.size == ranges.size != ranges.shape[1]:
-                # Each scan repeats the angles.
-                self.values["angles"] = angles.reshape(ranges.shape)[0]
-        ranges, angles, times = self._ranges(), self._angles(), self._times()
+        ranges = self.values["ranges"]
+        if self.values.get("angles", ranges[0]).shape == (ranges.size,) != ranges[0].shape:
+            # Each scan has angles of its own.
+            self.gather(np.arange(0, ranges.size + 1, ranges.shape[1]), ranges.ravel())
+        ranges, angles, times = self._ranges(), self._angles(), self.times()
         for role, values in self.values.items():
             if role not in ("ranges", "angles") and len(values) != len(ranges):
                 found = f"{len(values)} of {role} for {len(ranges)} scans"
@@ -138,6 +142,37 @@ class Table:
             wheels = WheelRecord(times, base, np.arange(len(base)), float(offset[0]))
         source = "none" if base is None else "as logged"
         return self.intake.log(scans, source=source, wheels=wheels, placed=base is not None)
+
+    def gather(self, begins: Int, readings: Float) -> None:
+        """Make scans of readings at bearings that differ from scan to scan, and begin here.
+
+        The beams are those of a fan; what was not measured is −inf.
+        """
+        angles = self.values["angles"]
+        in_degrees = np.abs(angles).max() > 2.1 * np.pi
+        unit = self.units.get("angles", "deg" if in_degrees else "rad")
+        angles = angles * ANGLES[unit]
+        sizes = np.diff(begins)
+        beams, kept = int(np.median(sizes)), np.flatnonzero(2 * sizes > np.median(sizes))
+        low, wide = float(angles.min()), float(np.ptp(angles))
+        whole = wide > 1.9 * np.pi
+        step = 2.0 * np.pi / beams if whole else wide / max(beams - 1, 1)
+        ranges = np.full((len(kept), beams), -np.inf)
+        for row, number in zip(ranges, kept.tolist(), strict=True):
+            own = slice(begins[number], begins[number + 1])
+            row[np.rint((angles[own] - low) / max(step, 1e-9)).astype(int) % beams] = readings[own]
+        for role, values in self.values.items():
+            if len(values) == len(angles):
+                self.values[role] = values[begins[kept]]
+        self.clockwise |= whole and "quality" in self.values
+        self.values["ranges"] = ranges
+        self.values["angles"] = np.asarray(low + step * np.arange(beams))
+        self.units["angles"] = "rad"
+        way = "clockwise, as RPLIDARs with qualities" if self.clockwise else "counter-clockwise"
+        self.intake.notes.append(
+            f"bearings in {unit}, {way}: gathered to {len(kept)} scans of {beams} beams;"
+            f" {len(sizes) - len(kept)} partial scans left out"
+        )
 
     def _in(self, role: str, guessed: str, why: str = "") -> Float:
         """A column in the units of lrf3d; a guessed unit is noted."""
@@ -177,9 +212,9 @@ class Table:
             angles = self._in("angles", "deg" if in_degrees else "rad")
         else:
             angles = self._fan(count)
-        if not 0.0 < np.ptp(angles) <= 2.1 * np.pi:
+        if not NARROWEST < np.ptp(angles) <= 2.1 * np.pi:
             wide = f"{count} beams over {np.degrees(np.ptp(angles)):g}°"
-            raise InputError(f"{path}: {wide}; expected more than 0 and at most a turn")
+            raise InputError(f"{path}: {wide}; expected more than 0.5° and at most a turn")
         return sealed(-angles if self.clockwise else angles)
 
     def _fan(self, count: int) -> Float:
@@ -200,7 +235,10 @@ class Table:
             first = float(last or 0.0) - step * (count - 1)
         return np.asarray(first + step * np.arange(count))
 
-    def _times(self) -> Float:
+    def times(self) -> Float:
+        """Stamps (k,) [s]."""
+        if "stamp" not in self.values and "dt" in self.values:
+            return np.cumsum(self._in("dt", "s"))
         if "stamp" not in self.values:
             self.intake.notes.append(f"no stamps: a scan each {UNTIMED:g} s assumed")
             return UNTIMED * np.arange(float(len(self.values["ranges"])))

@@ -28,6 +28,14 @@ PRESETS = {
 MARKS = {("", 706): "minesrover", ("", 707): "minesrover", ("S", 663): "lego"}
 """Presets by the word that lines begin with and the number of their columns."""
 
+BRACKETS = re.compile(r"""["'(){}\[\]]""")
+"""Brackets and quotes, which lists of numbers stand in."""
+
+NESTED = re.compile(r"\s*[\[(]\s*[\[(]([^\])]*)[\])]").match
+"""Matches a line of tuples; the first group is the first of them."""
+
+BOOLEANS = {"True": "1", "False": "0"}
+
 DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(e[-+]?\d+)?").fullmatch
 """Matches numbers with a decimal comma."""
 
@@ -37,11 +45,15 @@ LABELS = re.compile(r"([A-Za-z_]\w*)\s*[:=]\s*([-+]?[\d.]+(?:e[-+]?\d+)?)")
 
 @dataclass
 class Form:
-    """How the lines of a file are written, by the first of them."""
+    """How the lines of a file are written, by the first of them.
+
+    Lines may hold tuples of ``nested`` numbers, a reading each.
+    """
 
     separator: str | None = None
     decimal_commas: bool = False
     labelled: bool = False
+    nested: int = 0
     header: list[str] = field(default_factory=list)
     sample: list[list[str]] = field(default_factory=list)
     word: str = ""
@@ -63,15 +75,19 @@ class Form:
             words = joined.split()
             form.decimal_commas = sum(map(bool, map(DECIMAL_COMMA, words))) > 0.5 * len(words)
             form.separator = None if form.decimal_commas else ","
-        rows = [form.words(text) for text in texts]
+        form.nested = len(first[1].split(",")) if texts and (first := NESTED(texts[0])) else 0
+        rows = [words for text in texts for words in form.rows(text)]
         numeric = [words for words in rows if mostly_numbers(words)]
         if not numeric:
             raise InputError(f"{path}: no lines of numbers; expected a scan a line")
-        first = rows.index(numeric[0])
+        begin = rows.index(numeric[0])
         if form.labelled:
             form.header = [name.lower() for name, _ in LABELS.findall(body[-1])]
-        elif first and len(rows[first - 1]) >= min(len(numeric[0]), 2):
-            form.header = [word.strip().lower() for word in rows[first - 1]]
+        elif not all(map(is_number, numeric[0][1:])) and all(map(is_number, numeric[-1])):
+            # Many of its names are numbers.
+            form.header = named(numeric.pop(0))
+        elif begin and len(rows[begin - 1]) >= min(len(numeric[0]), 2):
+            form.header = named(rows[begin - 1])
         # Where lines of several kinds begin with a word, those with the most numbers are scans.
         sizes: Counter[str] = Counter()
         for words in numeric:
@@ -92,12 +108,21 @@ class Form:
         [name, *others] = names
         return "" if others or not (self.word or rises(self.sample, 0)) else name
 
+    def rows(self, text: str) -> list[list[str]]:
+        """The words of a line, or of each of the brackets in it."""
+        words = self.words(text)
+        size = self.nested or len(words) or 1
+        return [words[k : k + size] for k in range(0, len(words), size)]
+
     def words(self, text: str) -> list[str]:
         """The words of a line."""
         if self.labelled:
             return [number for _, number in LABELS.findall(text)] or [text]
-        words = text.lstrip("#% ").rstrip(self.separator).split(self.separator)
-        return [word.replace(",", ".") for word in words] if self.decimal_commas else words
+        text = BRACKETS.sub(" ", text).strip().lstrip("#% ")
+        words = text.rstrip(self.separator).split(self.separator)
+        if self.decimal_commas:
+            return [word.replace(",", ".") for word in words]
+        return [BOOLEANS.get(word, word) for word in words] if len(words) <= SHORT else words
 
 
 @dataclass
@@ -156,8 +181,8 @@ class Layout:
             elif role and role not in layout.columns:
                 layout.columns[role] = place
                 layout.units |= {role: unit} if unit else {}
-        named = {base: places for base, places in series.items() if meaning(base)[0] == "ranges"}
-        base, places = max((named or series).items(), key=lambda one: len(one[1]), default=("", []))
+        known = {base: places for base, places in series.items() if meaning(base)[0] == "ranges"}
+        base, places = max((known or series).items(), key=lambda one: len(one[1]), default=("", []))
         if len(places) > 1 and places == list(range(places[0], places[-1] + 1)):
             layout.columns["ranges"], layout.beams = places[0], len(places)
             layout.units |= {"ranges": unit} if (unit := meaning(base)[1]) else {}
@@ -167,6 +192,8 @@ class Layout:
         elif "ranges" in layout.columns and (extra := length - len(header)) > 0:
             # One name for all of them.
             place, layout.beams = layout.columns["ranges"], extra + 1
+            if header[place + 1 : place + 2] == ["intensities"]:
+                layout.beams = extra // 2 + 1
             layout.columns = {k: v + extra * (v > place) for k, v in layout.columns.items()}
         elif "ranges" in layout.columns:
             if "x" not in layout.columns and "theta" in layout.columns:
@@ -185,7 +212,8 @@ class Layout:
         if not layout.columns and fixed:
             layout = _by_sweep(form.sample, length) or _by_length(form.sample, length)
         if not layout.columns:
-            rising = ", the first of them rising" if rises(form.sample, 0) else ""
+            places = [str(k + 1) for k in range(min(length, SHORT)) if rises(form.sample, k)]
+            rising = f", number {', '.join(places)} rising as stamps do" if places else ""
             raise InputError(
                 f"{path}: text of {length} columns{rising}; name them by --format, such as"
                 " 'stamp:us, x, y, theta, ranges:mm@25', or a preset: " + ", ".join(PRESETS)
@@ -199,21 +227,21 @@ class Layout:
         begun = False
         for number, data in intake.lines():
             text = plain(data)
-            words = form.words(text)
-            if not text or text.startswith("#") or not form.has(words):
-                continue
-            if not begun and not mostly_numbers(words):
-                # What comes before the numbers.
-                continue
-            try:
-                found = self._values(words)
-            except ValueError as error:
-                intake.refuse(number, error)
-                continue
-            for role, value in found.items():
-                rows[role].append(value)
-            begun = True
-            intake.take(len(words) + A_VALUE * len(found), number)
+            for words in form.rows(text):
+                if not text or text.startswith("#") or not form.has(words):
+                    continue
+                if not begun and (not mostly_numbers(words) or named(words) == form.header):
+                    # What comes before the numbers.
+                    continue
+                try:
+                    found = self._values(words)
+                except ValueError as error:
+                    intake.refuse(number, error)
+                    continue
+                for role, value in found.items():
+                    rows[role].append(value)
+                begun = True
+                intake.take(len(words) + A_VALUE * len(found), number)
         return rows
 
     def _values(self, words: list[str]) -> dict[str, Float]:
@@ -240,7 +268,7 @@ def _series(name: str) -> tuple[str, str | None]:
 
 def _by_count(sample: list[list[str]]) -> Layout | None:
     """The layout of lines that hold how many ranges follow."""
-    for place in range(min(8, min(map(len, sample)) - 1)):
+    for place in range(min(8, min(map(len, sample), default=0) - 1)):
         rests = [(words[place], len(words) - place - 1) for words in sample]
         if all(rest > 8 and is_number(word) and float(word) == rest for word, rest in rests):
             rising = [before for before in range(place) if rises(sample, before)]
@@ -276,7 +304,8 @@ def _by_sweep(sample: list[list[str]], length: int) -> Layout | None:
             found = {"angles": place, "ranges": after[0]}
             rest = [k for k in others if k != after[0]]
             found |= {"stamp": 0} if 0 in rest and (np.diff(columns[0]) >= 0.0).all() else {}
-            found |= {"quality": length - 1} if length - 1 not in found.values() else {}
+            few = [k for k in range(length) if k not in found.values() and columns[k].max() > 1.0]
+            found |= {"quality": few[-1]} if few and columns[few[-1]].max() < 256.0 else {}
             return Layout("the bearings, which go round", found, beams=1)
     return None
 
@@ -285,10 +314,17 @@ def _by_length(sample: list[list[str]], length: int) -> Layout:
     """The layout of lines whose number of columns leaves that of a usual range finder."""
     leading = ["stamp"] if rises(sample, 0) else []
     for names in (leading, [*leading, "x", "y", "theta"]):
-        if length - len(names) in FANS:
+        if length - len(names) in FANS and (
+            names == leading or _is_heading(sample, len(names) - 1)
+        ):
             columns = {name: place for place, name in enumerate([*names, "ranges"])}
             return Layout("the number of columns", columns)
     return Layout()
+
+
+def _is_heading(sample: list[list[str]], place: int) -> bool:
+    """Whether the numbers of a column may be headings: of at most two turns, in degrees."""
+    return all(is_number(row[place]) and abs(float(row[place])) <= 720.0 for row in sample)
 
 
 def rises(sample: list[list[str]], place: int) -> bool:
@@ -302,8 +338,13 @@ def rises(sample: list[list[str]], place: int) -> bool:
 
 
 def plain(data: bytes) -> str:
-    """The text of a line without brackets and quotes, which lists of numbers stand in."""
-    return re.sub(r"""["'(){}\[\]]""", " ", data.decode("utf-8-sig", "replace")).strip()
+    """The text of a line."""
+    return data.decode("utf-8-sig", "replace").strip()
+
+
+def named(words: list[str]) -> list[str]:
+    """The names in a header."""
+    return [word.strip().lower() for word in words]
 
 
 def is_number(word: str) -> bool:

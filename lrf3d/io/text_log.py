@@ -18,8 +18,9 @@ import numpy as np
 
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import Float
+from lrf3d.io.array_log import is_records, records
 from lrf3d.io.intake import Intake
-from lrf3d.io.table import ANGLES, ROLES, SETTINGS, Table
+from lrf3d.io.table import ROLES, SETTINGS, Table
 from lrf3d.io.text_layout import PRESETS, Form, Layout
 
 MOTORS = "stamp:ms@2, left@3, right@7, tick=0.349mm, track=0.15m, offset=0.03m"
@@ -53,25 +54,39 @@ def text_table(intake: Intake, format: str | None) -> Table:
     values = {role: np.concatenate(each) for role, each in rows.items() if role != "ranges"}
     table = Table(intake, values, layout.units, layout.settings, layout.clockwise)
     if "angles" in layout.columns:
-        _gather(table, np.concatenate(rows["ranges"]))
+        angles, stamps = values["angles"], values.get("stamp", np.empty(0))
+        # A scan begins with another stamp, or where the bearings start again.
+        again = np.abs(np.diff(angles)) > 0.5 * np.ptp(angles)
+        if len(stamps) and 2 * len(np.unique(stamps)) < len(stamps):
+            again = np.diff(stamps) != 0.0
+        begins = np.concatenate([[0], np.flatnonzero(again) + 1, [len(angles)]])
+        table.gather(begins, np.concatenate(rows["ranges"]))
     else:
-        values["ranges"] = _padded(rows["ranges"], notes)
+        spread = {"first", "last"} <= layout.settings.keys() and "step" not in layout.settings
+        values["ranges"] = _padded(rows["ranges"], notes, spread)
         for role in SETTINGS.keys() & values.keys():
             table.settings[role] = float(np.median(values.pop(role)))
     if layout.angles is not None:
         values["angles"] = layout.angles
     if values["ranges"].shape[1] < 2:
         raise InputError(f"{path}: one beam in each scan; name the columns of ranges by --format")
-    _add_partner(table, MOTORS if preset == "lego" else None)
+    if preset == "lego":
+        add_partner(table, MOTORS)
     return table
 
 
-def _padded(rows: list[Float], notes: list[str]) -> Float:
-    """Ranges (k, n) of scans that may have fewer; what is missing is not measured, −inf."""
-    beams = max(map(len, rows))
+def _padded(rows: list[Float], notes: list[str], spread: bool) -> Float:
+    """Ranges (k, n) of scans that may have fewer, between the same bearings if they are spread.
+
+    What is missing is not measured, −inf.
+    """
+    beams = int(np.median([len(row) for row in rows])) if spread else max(map(len, rows))
     ranges = np.full((len(rows), beams), -np.inf)
     for row, values in zip(ranges, rows, strict=True):
-        row[: len(values)] = values
+        places = np.arange(len(values))
+        if spread and len(values) > 1:
+            places = np.rint(places * (beams - 1) / (len(values) - 1)).astype(np.int64)
+        row[places] = values
     if short := sum(len(values) < beams for values in rows):
         notes.append(
             f"{short} scans with fewer than {beams} ranges: what is missing is not measured"
@@ -79,44 +94,7 @@ def _padded(rows: list[Float], notes: list[str]) -> Float:
     return ranges
 
 
-def _gather(table: Table, readings: Float) -> None:
-    """Make scans of lines that hold a reading each, at bearings that differ from scan to scan.
-
-    A scan begins with another stamp, or where the bearings start again. The beams are those of a
-    fan; what was not measured is −inf.
-    """
-    values, units = table.values, table.units
-    angles = values["angles"]
-    unit = units.get("angles", "deg" if np.abs(angles).max() > 2.1 * np.pi else "rad")
-    angles = angles * ANGLES[unit]
-    stamps = values.get("stamp", np.empty(0))
-    again = np.abs(np.diff(angles)) > np.pi
-    if len(stamps) and 2 * len(np.unique(stamps)) < len(stamps):
-        again = np.diff(stamps) != 0.0
-    begins = np.concatenate([[0], np.flatnonzero(again) + 1, [len(angles)]])
-    sizes = np.diff(begins)
-    beams = int(np.median(sizes))
-    kept = np.flatnonzero(2 * sizes > beams)
-    low, wide = float(angles.min()), float(np.ptp(angles))
-    step = 2.0 * np.pi / beams if wide > 1.9 * np.pi else wide / max(beams - 1, 1)
-    ranges = np.full((len(kept), beams), -np.inf)
-    for row, number in zip(ranges, kept.tolist(), strict=True):
-        own = slice(begins[number], begins[number + 1])
-        row[np.rint((angles[own] - low) / max(step, 1e-9)).astype(int) % beams] = readings[own]
-    for role in values:
-        values[role] = values[role][begins[kept]]
-    if "quality" in values and wide > 1.9 * np.pi and "clockwise" not in table.settings:
-        table.clockwise = True
-    values["ranges"], values["angles"] = ranges, np.asarray(low + step * np.arange(beams))
-    units["angles"] = "rad"
-    way = "clockwise, as RPLIDARs with their qualities" if table.clockwise else "counter-clockwise"
-    table.intake.notes.append(
-        f"a reading a line: gathered to {len(kept)} scans of {beams} beams from {unit},"
-        f" {way}; {len(sizes) - len(kept)} partial scans left out"
-    )
-
-
-def _add_partner(table: Table, spec: str | None) -> None:
+def add_partner(table: Table, spec: str = "") -> None:
     """Add the odometry in a file that is named as that of the scans but for a word, if it is there.
 
     Its poses are those at the stamps of the scans; without stamps, there is one for each.
@@ -129,24 +107,39 @@ def _add_partner(table: Table, spec: str | None) -> None:
         if spec:
             notes.append(f"no odometry: there is no {names[0] if names else 'file'} beside it")
         return
-    form, intake = Form.of(partner), Intake(partner)
-    layout = Layout.parsed(spec, []) if spec else _of_poses(form)
-    rows = {role: np.concatenate(each) for role, each in layout.read(intake, form).items() if each}
-    other = Table(intake, rows, layout.units, dict(layout.settings))
+    other = Table(Intake(partner), {})
+    if is_records(partner):
+        other = Table.named(other.intake, records(other.intake))
+    else:
+        form = Form.of(partner)
+        layout = Layout.parsed(spec, []) if spec else _of_poses(form)
+        rows = layout.read(other.intake, form)
+        other.values = {role: np.concatenate(each) for role, each in rows.items() if each}
+        other.units, other.settings = layout.units, layout.settings
     poses = other.poses()
     if poses is None:
         notes.append(f"{partner.name} beside it holds no poses that are understood: not used")
         return
-    if "stamp" in rows and "stamp" in values:
-        at, own = (one._times() for one in (table, other))
+    if "stamp" in other.values and "stamp" in values:
+        at, own = table.times(), other.times()
         poses[:, 2] = np.unwrap(poses[:, 2])
         poses = np.column_stack([np.interp(at, own, column) for column in poses.T])
+        reach = 0.5 * float(np.median(np.diff(own))) if len(own) > 1 else 0.0
+        known = (at >= own[0] - reach) & (at <= own[-1] + reach)
+        if not known.any():
+            notes.append(f"{partner.name} beside it is of another time: not used")
+            return
+        if not known.all():
+            notes.append(f"{(~known).sum()} scans outside of the time of poses left out")
+        poses = poses[known]
+        for role in values.keys() - {"angles"}:
+            values[role] = values[role][known]
     elif len(poses) != len(values["ranges"]):
         notes.append(f"{partner.name} beside it has {len(poses)} poses and no stamps: not used")
         return
     for role, column in zip(("x", "y", "theta"), poses.T, strict=True):
         values[role], table.units[role] = column, next(iter(ROLES[role]))
-    table.settings |= layout.settings
+    table.settings |= other.settings
     notes.append(f"odometry from {partner.name}")
 
 

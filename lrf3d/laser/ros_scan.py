@@ -65,6 +65,8 @@ def read_ros_scan(message: Any) -> dict[str, Any]:
         beams = f"{count} beams {step:g} rad apart from {low:g} rad"
         raise InputError(f"scan of {beams}, expected at most a turn")
     angles: Float = low + step * np.arange(count, dtype=np.float64)
+    # Some drivers do not say how far their laser sees.
+    range_max = range_max or math.inf
     return {
         "angles": angles,
         "ranges": within_limits(ranges, range_min, range_max),

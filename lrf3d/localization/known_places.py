@@ -19,7 +19,7 @@ from lrf3d.pose import between, compose
 from lrf3d.run import Run
 from lrf3d.slam.scan_matching import Match, match_scan
 from lrf3d.slam.search import CELL, FREE, Field, field_of, window_scores
-from lrf3d.slam.slam import Slam
+from lrf3d.slam.sight import Sight
 from lrf3d.slam.surface import wall_map
 from lrf3d.slam.views import Key, evidence, same_place
 from lrf3d.world import World
@@ -35,9 +35,6 @@ MOST_SCANS, MOST_CELLS = 3000, 80_000
 
 ROOM = 0.25
 """Distance from walls at which a robot may be [m]."""
-
-DRAWN = 0.02
-"""How exactly walls of plans lie where they are drawn [m]: as noise of the scans cast there."""
 
 STRIDE, STEP, POINTS = 2, 0.04, 60
 """The search takes every second cell each way, steps of the heading [rad], and points of a scan."""
@@ -64,11 +61,12 @@ class Candidate(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class KnownPlaces:
-    """Key scans (k,) at poses (k, 3), which show a map."""
+    """Key scans (k,) at poses (k, 3), which show a map; those of a run by their numbers (k,)."""
 
     name: str
     keys: list[Key]
     poses: Float = field(repr=False)
+    numbers: Int = field(default_factory=lambda: np.empty(0, np.int64))
 
     @classmethod
     def from_run(cls, run: Run) -> "KnownPlaces":
@@ -78,9 +76,9 @@ class KnownPlaces:
             x, y, turn = np.abs(between(poses[chosen[-1]], poses[number]))
             if np.hypot(x, y) >= APART or turn >= TURNED:
                 chosen.append(number)
-        slam = Slam()
-        keys = [slam.seen(run.scans_at(number)) for number in chosen]
-        return cls(run.world.name, keys, poses[chosen])
+        sight = Sight()
+        keys = [sight.seen(run.scans_at(number), number) for number in chosen]
+        return cls(run.world.name, keys, poses[chosen], np.array(chosen))
 
     @classmethod
     def from_world(cls, world: World) -> "KnownPlaces":
@@ -92,8 +90,8 @@ class KnownPlaces:
         poses = np.column_stack([places[first], np.zeros(len(first))])
         step = 2.0 * np.pi / BEAMS
         lrf = LaserRangeFinder(-np.pi, np.pi - step, BEAMS, range_max=REACH)
-        caster, slam = PlanarCaster(world), Slam()
-        keys = [slam.seen(caster.cast(lrf, pose)) for pose in poses]
+        caster, sight = PlanarCaster(world), Sight()
+        keys = [sight.seen(caster.cast(lrf, pose)) for pose in poses]
         return cls(world.name, keys, poses)
 
     @cached_property
@@ -110,7 +108,7 @@ class KnownPlaces:
 
     def search(self, scan: Key) -> list[Candidate]:
         """The places of the whole map where a scan fits, the best first."""
-        peaks = self._peaks(scan)
+        peaks = self._peaks(scan) if len(self._free) else []
         found: list[Candidate] = []
         for candidate in (self.judged(scan, peak, GUESS) for peak in peaks):
             if candidate and not any(

@@ -29,9 +29,6 @@ BEGIN, MOST, LEAST = -3.0, 7.0, -6.0
 """Log odds of a new hypothesis; the most, so that kidnapping is noticed; and those at which it is
 given up."""
 
-SURE = 1.0
-"""A place is sure where its log odds are nearer to the most than this."""
-
 CERTAIN = 0.99
 """Probability from which on a place is known."""
 
@@ -49,7 +46,7 @@ OFF = np.diag([0.1**2, 0.1**2, 0.05**2])
 class Hypothesis:
     """A pose (3,) where the robot may be, its log odds against no place, and poses by scans.
 
-    It was beyond doubt last at the scan that is ``sure``, by its number.
+    The last scan that spoke for it is ``sure``, by its number.
     """
 
     pose: Float
@@ -116,6 +113,7 @@ class PlaceSearch:
             for each, now in zip(earlier, new, strict=True):
                 if each.log_odds > now.log_odds:
                     now.log_odds, now.path = each.log_odds, dict(each.path)
+                    now.sure = max(now.sure, each.sure)
 
     def _weigh(self, hypotheses: list[Hypothesis], now: _Weighed) -> None:
         """Weigh hypotheses by a scan."""
@@ -132,8 +130,11 @@ class PlaceSearch:
     def _add(self, place: Hypothesis, now: _Weighed, evidence: float) -> None:
         """Add what a scan says for a place: bounded against none, and in full against others."""
         gain = float(np.clip(now.best - EVEN, -GAIN, GAIN))
-        place.log_odds += gain - min(now.best - evidence, 2.0 * GAIN)
+        gain -= min(now.best - evidence, 2.0 * GAIN)
+        place.log_odds += gain
         place.path[now.number] = place.pose
+        if gain > 0.0:
+            place.sure = max(place.sure, now.number)
 
     def _choose(self) -> None:
         """Give up what is unlikely, and of those that have met all but the best."""
@@ -141,8 +142,6 @@ class PlaceSearch:
         kept: list[Hypothesis] = []
         for each in sorted(self.hypotheses, key=lambda one: -one.log_odds):
             each.log_odds -= max(most - MOST, 0.0)
-            if each.log_odds > MOST - SURE:
-                each.sure = max(each.path)
             met = any(same_place(each.pose, other.pose, 2.0) for other in kept)
             if each.log_odds > LEAST and not met:
                 kept.append(each)

@@ -6,15 +6,15 @@ paths are straightened, and the drive along them is checked.
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lrf3d.collision import CollisionChecker
 from lrf3d.errors import InputError, expect, shown
 from lrf3d.geometry import LARGEST_COORDINATE, Float, Int, is_finite, numbers
-from lrf3d.planning.doors import USUAL_RADII, unreached_rooms
 from lrf3d.planning.free_space import COMFORT, MARGIN, FreeSpace, Ground, Side, find_free_space
+from lrf3d.planning.rooms import USUAL_RADII, unreached_rooms
 from lrf3d.planning.tour import find_tour
 from lrf3d.pose import as_pose
 from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, SPEED
@@ -126,8 +126,11 @@ def find_route(
     check_size(world)
     checker = CollisionChecker(world)
     position = None if start is None else _checked_start(checker, start, radius or RADIUS)
-    ground = Ground(world, position)
     notes: list[str] = []
+    if world.free is not None and not world.free.cells.any():
+        world = replace(world, free=None)
+        notes.append("the map knows no cell to be free, so the route is planned by its walls alone")
+    ground = Ground(world, position)
     if radius is None:
         radius = _fitting_radius(ground, where, position)
         if radius < RADIUS:
@@ -142,13 +145,17 @@ def find_route(
         waypoints = np.vstack([position, waypoints])
     pace = speed or (INDOOR_SPEED if space.side == "inside" else SPEED)
     pose = None if start is None or len(start) < 3 else as_pose(start)
+    touched = np.inf
     while True:
         # A long run drives back along the route, and sets out again from where it arrives.
         laps = drive_laps(
             waypoints, start=pose, speed=pace, lookahead=lookahead, dt=dt, most=MOST_POSES
         )
         drive = np.vstack([lap.poses[:, :2] for lap in laps])
-        if (checker.hit(drive[:-1], drive[1:], radius) < 0).all():
+        moves = np.hypot(*np.diff(drive, axis=0).T)
+        before, touched = touched, moves[checker.hit(drive[:-1], drive[1:], radius) >= 0].sum()
+        # Where driving with more care does not help, the route itself is too close to a wall.
+        if not 0.0 < touched < 0.8 * before:
             break
         if lookahead > LEAST_LOOKAHEAD:
             lookahead = max(0.5 * lookahead, LEAST_LOOKAHEAD)

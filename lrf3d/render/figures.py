@@ -124,15 +124,15 @@ def draw_map(
     estimate: EstimatedTrajectory | None = None,
     title: str = "",
 ) -> Figure:
-    """Draw a map, each object in its colour, over reflection points and true walls (Fig. 7).
+    """Draw a map, each object in its colour, over returns and true walls (Fig. 7).
 
     Args:
         source: A run, which brings all that follows along, or just a map.
         path: Where to write the picture; nowhere if not given.
-        points: (n, 2) reflection points [m].
+        points: (n, 2) returns [m].
         poses: (k, 3) poses of the scans; where one is NaN, the path is broken.
         world: The true walls.
-        estimate: The estimated poses, with the loop closures.
+        estimate: The estimated poses; `lrf3d.plot.estimate` also draws their loop closures.
         title: The headline; the world's name if not given.
 
     Raises:
@@ -155,9 +155,7 @@ def draw_map(
     known = [_ends(walls)] if len(walls) else [_ends(line_map.segments), _bulk(points)]
     words = [line_map.counts]
     words += [counted(len(stops), "scan")] if len(stops) else []
-    words += [counted(len(points), "point")] if len(points) else []
-    if estimate is not None:
-        words.append(counted(len(estimate.closures), "loop closure"))
+    words += [counted(len(points), "return")] if len(points) else []
     name = title or (world.name if world is not None else "") or "map"
     figure, (ax,) = metre_sheet(
         [*known, stops[:, :2], estimated[np.isfinite(estimated[:, 0]), :2]], 1, name,

@@ -250,11 +250,10 @@ def shade(
 
 
 @compiled
-def fill_triangles(rows: Float, behind: bool, solid: bool, colours: Single, near: Single) -> None:
+def fill_triangles(rows: Float, solid: bool, colours: Single, near: Single) -> None:
     """Fill triangles (t, 3, 7): x, y [pixels], one over the depth, colour and opacity.
 
-    What is nearer than what is there is drawn, or what is behind it. What is solid hides what comes
-    later.
+    What is nearer than what is there is drawn. What is solid hides what comes later.
     """
     height, width = near.shape
     for t in range(len(rows)):
@@ -276,8 +275,8 @@ def fill_triangles(rows: Float, behind: bool, solid: bool, colours: Single, near
                 x = column + 0.5
                 u = ((x - a[0]) * (c[1] - a[1]) - (y - a[1]) * (c[0] - a[0])) / area
                 v = ((b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])) / area
-                depth, there = a[2] + u * (b[2] - a[2]) + v * (c[2] - a[2]), near[row, column]
-                if (depth > there) if behind else (depth < there):
+                depth = a[2] + u * (b[2] - a[2]) + v * (c[2] - a[2])
+                if depth < near[row, column]:
                     continue
                 cover = a[6] + u * (b[6] - a[6]) + v * (c[6] - a[6])
                 for k in range(3):

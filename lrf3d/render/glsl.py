@@ -13,10 +13,10 @@ _SHADERS = Path(__file__).parent / "shaders"
 _CONSTANTS: dict[str, Any] = {
     name: getattr(look, name)
     for name in (
-        "BODY_LIGHT", "CLIMB", "DASH", "DAWN", "EMBER", "EMBER_SHARE", "EXPLORED", "FALL", "FRONT",
+        "CLIMB", "DAWN", "EMBER", "EMBER_SHARE", "EXPLORED", "FALL", "FRONT",
         "GHOST", "GHOST_STRENGTH", "GROUND_SHARPNESS", "HAZE", "LEAST_FALL", "MAP_LIGHT",
         "MAP_SHARE", "NIGHT_LOW", "PEEP", "POINT_HALO", "POINT_HALO_STRENGTH", "REFLECTED",
-        "ROOF_SHARE", "SUN", "VEIL_SHARE", "ZENITH",
+        "ROOF_SHARE", "VEIL_SHARE", "ZENITH",
     )
 }  # fmt: skip
 """Constants of the look that shaders know by their names."""

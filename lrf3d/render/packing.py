@@ -1,4 +1,4 @@
-"""The vertices, as the shaders take them, of what a scene is made of, and the light of bodies.
+"""The vertices, as the shaders take them, of what a scene is made of, and its light.
 
 The arrays of a mark are its vertex attributes, in the order of the shader's locations.
 """
@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from lrf3d.geometry import Float, Single
 from lrf3d.scene.look import (
-    BODY_LIGHT,
     COOL,
     COOL_INDOOR,
     FALL,
@@ -18,18 +17,14 @@ from lrf3d.scene.look import (
     NIGHT_HIGH,
     NIGHT_HIGH_INDOOR,
     NIGHT_LOW,
-    SUN,
 )
-from lrf3d.scene.shapes import Faces, Mark, Painted, single
-from lrf3d.scene.stage import Stage
+from lrf3d.scene.shapes import Faces, GroundPicture, Mark, Painted
 
-_LAND_REACH = 3000.0
-"""How far the ground goes [m]: to the horizon."""
+LAND_REACH = 3000.0
+"""How far the ground goes past its picture [m]: to the horizon, in the colour of its edge."""
 
 GREY = np.array([0.3, 0.55, 0.15])
 """Shares of the colours in how bright something is."""
-
-_UNTURNED = np.eye(3)
 
 
 def columns_of(mark: Mark | Faces) -> dict[str, NDArray[Any]]:
@@ -42,28 +37,9 @@ def walls_of(faces: Painted) -> tuple[Single, ...]:
     return faces.places, faces.colours, faces.before
 
 
-def land_of(stage: Stage, reach: float = _LAND_REACH) -> Faces:
-    """The dark land so far [m] around the ground's picture: four sides that leave no seam."""
-    ground, indoor = stage.ground, stage.structures.indoor
-    low, high = ground.corner, ground.corner + ground.size
-    outer, inner = (
-        np.array([a, [b[0], a[1]], b, [a[0], b[1]]])
-        for a, b in ((low - reach, high + reach), (low, high))
-    )
-    quads = np.stack([outer, np.roll(outer, -1, axis=0), np.roll(inner, -1, axis=0), inner], axis=1)
-    corners = np.zeros((8, 3, 3), np.float32)
-    corners[..., :2] = quads[:, [0, 1, 2, 0, 2, 3]].reshape(8, 3, 2)
-    dark = single(exposed(ground.land, np.zeros(()), 0.0, indoor=indoor))
-    colours = np.broadcast_to(dark, corners.shape)
-    return Faces(corners, np.zeros_like(corners), colours)
-
-
-def lit(faces: Faces, turn: Any = _UNTURNED) -> Single:
-    """The colours (t, 3, 3) of faces in their light, turned by a matrix (3, 3)."""
-    everywhere, sunny, upward = BODY_LIGHT
-    up = faces.normals @ turn.T
-    light = everywhere + sunny * np.maximum(up @ SUN, 0.0) + upward * up[..., 2]
-    return single(faces.colours * np.where((up == 0.0).all(axis=2), 1.0, light)[..., None])
+def ground_of(ground: GroundPicture, reach: float = LAND_REACH) -> Single:
+    """Corners (6, 2) of the ground, so far past its picture [m]."""
+    return rectangle(ground.corner - reach, ground.corner + ground.size + reach)
 
 
 def exposed(day: Any, on: Any, height: Any, *, indoor: bool) -> Float:

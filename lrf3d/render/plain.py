@@ -22,7 +22,6 @@ from lrf3d.render.fill import (
 )
 from lrf3d.render.glsl import night
 from lrf3d.render.mirrors import Reflection, reflections
-from lrf3d.render.packing import lit
 from lrf3d.scene import look
 from lrf3d.scene.shapes import Body, Lens, Lines, Mark, Pixels, Points, Seen, Soft, Tints, single
 from lrf3d.scene.stage import Stage
@@ -211,7 +210,7 @@ class PlainRenderer:
 
     def _draw_body(self, canvas: _Canvas, lens: Lens, body: Body) -> None:
         faces, turn = body.faces, body.pose[:3, :3]
-        colours = np.insert(lit(faces, turn), 3, 1.0, axis=2)
+        colours = np.insert(faces.colours, 3, 1.0, axis=2)
         self._fill(canvas, lens, faces.corners @ turn.T + body.pose[:3, 3], colours, 0.0, True)
 
     def _draw_mark(self, canvas: _Canvas, lens: Lens, mark: Mark) -> None:
@@ -231,7 +230,7 @@ class PlainRenderer:
         clip, near = _projected(corners.reshape(-1, 3), lens, nearer, canvas)
         rows = np.column_stack([clip[:, :2], near, colours.reshape(-1, 4)]).reshape(-1, 3, 7)
         before = (clip[:, 2] > _NEAR).reshape(-1, 3).all(axis=1)
-        fill_triangles(rows[before], False, solid, canvas.colours, canvas.near)
+        fill_triangles(rows[before], solid, canvas.colours, canvas.near)
 
     def _draw_points(self, canvas: _Canvas, lens: Lens, points: Points) -> None:
         clip, near = _projected(points.places, lens, lens.nearer, canvas)
@@ -269,7 +268,7 @@ class PlainRenderer:
         ]
         triangles = np.stack([corners[k] for k in (0, 1, 3, 0, 3, 2)], axis=1).reshape(-1, 3, 7)
         shown = np.repeat(depths.max(axis=0) > _NEAR, 2)
-        fill_triangles(triangles[shown], lines.hidden, False, canvas.colours, canvas.near)
+        fill_triangles(triangles[shown], False, canvas.colours, canvas.near)
 
 
 def _solid(seen: Seen, lens: Lens, ways: Single, near: Single, lit: Single) -> Single:

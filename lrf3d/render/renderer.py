@@ -13,7 +13,7 @@ from lrf3d.geometry import Single
 from lrf3d.render.buffers import GL, Buffer, Texture, TimeTexture, TintTexture, make_current
 from lrf3d.render.glsl import night
 from lrf3d.render.mirrors import Reflection, reflections
-from lrf3d.render.packing import columns_of, land_of, mesh, rectangle, walls_of
+from lrf3d.render.packing import columns_of, ground_of, mesh, walls_of
 from lrf3d.render.parts import Parts
 from lrf3d.render.programs import CameraBlock, ShaderProgram
 from lrf3d.scene import look
@@ -52,10 +52,8 @@ class Renderer:
         self._chosen = np.zeros(0, np.int64)
         self._walls = self._filled("walls", *walls_of(stage.faces))
         ground = stage.ground
-        corners = rectangle(ground.corner, ground.corner + ground.size)
-        self._ground = self._filled("ground", corners)
+        self._ground = self._filled("ground", ground_of(ground))
         self._area = (*ground.corner.tolist(), *(1.0 / ground.size).tolist())
-        self._land = self._filled("land", *land_of(stage))
         self._sky = self._filled("sky", mesh(10, 10))
         self._pavement = Texture(ground.picture)
         exposure, self._mirrors = stage.exposure, stage.mirrors
@@ -79,7 +77,6 @@ class Renderer:
         opened = seen.glass > 0.0 or seen.robot is not None
         self._draw_walls(seen, seen.lens, ":SOLID" if opened else "")
         self._draw_ground("ground")
-        self._paint("faces", self._land, pose=np.eye(4))
         self._paint("sky", self._sky, ray_from_corner=np.linalg.inv(seen.lens.matrix))
         if opened:
             self._draw_walls(seen, seen.lens, ":VEIL")
@@ -181,8 +178,7 @@ class Renderer:
         self._camera.fill(seen.lens, *self._size)
         GL.glColorMask(False, False, False, False)
         GL.glDepthFunc(GL.GL_ALWAYS)
-        bare = np.zeros_like(reflection.seal)
-        self._paint("faces", self._filled("seal", reflection.seal, bare, bare), pose=np.eye(4))
+        self._paint("faces", self._filled("seal", reflection.seal, reflection.seal), pose=np.eye(4))
         GL.glDepthFunc(GL.GL_LEQUAL)
         GL.glColorMask(True, True, True, True)
 
@@ -224,11 +220,8 @@ class Renderer:
             program = "points:GLOW_ROUND" if mark.glows else "points"
             self._paint(program, buffer, blend=True, solid=False, sizes=sizes)
         elif isinstance(mark, Lines):
-            GL.glDepthFunc(GL.GL_GREATER if mark.hidden else GL.GL_LEQUAL)
-            program = "lines:DASHED" if mark.hidden else "lines"
             width = mark.width * self._scale, mark.thick * focus
-            self._paint(program, buffer, blend=True, solid=False, width=width)
-            GL.glDepthFunc(GL.GL_LEQUAL)
+            self._paint("lines", buffer, blend=True, solid=False, width=width)
         else:
             GL.glDepthFunc(GL.GL_ALWAYS if mark.on_top else GL.GL_LEQUAL)
             self._paint("soft", buffer, blend=True, solid=False)

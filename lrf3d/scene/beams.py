@@ -42,10 +42,9 @@ _MOST_LEGS, _LEAST_LEG = 9, 1e-9
 """Legs of a beam: casters turn it up to eight times; and the shortest, as a share of the rest of
 its path: a beam does not meet again what it leaves."""
 
-_LAMP_BEAMS, _LAMP_SIDE, _LAMP_HEIGHT = 60, float(np.radians(28.0)), 0.012
-_LAMP_RINGS = np.array([0.0, 0.25, 1.0])
+_LAMP_BEAMS, _LAMP_SIDE, _LAMP_SHARE, _LAMP_HEIGHT = 60, float(np.radians(28.0)), 0.33, 0.012
 """About how many beams light the ground, the angle over which that ends at the sides of the field
-of view [rad], its height [m], and the shares of a beam between which it fades."""
+of view [rad], how far it goes, in the reach of beams, and its height [m]."""
 
 _LEFT = np.array([[0.0, 1.0], [-1.0, 0.0]])
 """Turns rows of vectors to the left by a right angle."""
@@ -68,8 +67,8 @@ def draw_beams(
     height: float,
     reach: float,
     by: str = "range",
-) -> tuple[Lines, Points]:
-    """A few beams of a scan, which fade to nothing at the reach [m], and all its hit points.
+) -> tuple[Lines, Points, Soft]:
+    """A few beams of a scan, which fade to nothing at the reach [m], all its hits, and its lamp.
 
     The pose of the scan, walls (n, 4) and apex (2,) are in the film's frame. The apex is where the
     robot stands now, a little past that pose: beams follow the robot while points stay on their
@@ -97,35 +96,28 @@ def draw_beams(
     drawn = np.minimum(length, reach - gone)
     stops = starts + drawn / np.maximum(length, 1e-9) * (stops - starts)
     opacities = _STRENGTH * (1.0 - np.hstack([gone, gone + drawn]) / reach)
-    return level_lines(
-        height, starts, stops, np.full((len(gone), 3), _COLOUR), opacities, _WIDTH
-    ), points
+    lines = level_lines(height, starts, stops, np.full((len(gone), 3), _COLOUR), opacities, _WIDTH)
+    return lines, points, _lamp(legs[: len(ends)], scan.angles, _LAMP_SHARE * reach)
 
 
-def lamp(scan: LaserScan, mirrors: Float, apex: Float, reach: float) -> Soft:
-    """The light of a scan on the ground round an apex (2,), which fades to nothing at a reach [m].
+def _lamp(legs: Float, angles: Float, reach: float) -> Soft:
+    """Light on the ground along the first legs (n, 4) of beams at angles (n,) [rad].
 
-    It ends where beams do, and softly at the sides of the field of view.
+    It fades to nothing at a reach [m], and at the sides of the field of view.
     """
-    step = max(1, len(scan.angles) // _LAMP_BEAMS)
-    angles, ranges = scan.angles[::step], scan.ranges[::step]
-    far = np.clip(np.where(ranges == -np.inf, 0.0, ranges), 0.0, reach)
-    ways, place = beam_directions(scan.pose.theta, angles), np.array([scan.pose.x, scan.pose.y])
-    if len(mirrors):
-        legs, beams, gone = folded(place, place + far[:, None] * ways, mirrors)
-        far[beams[gone == 0.0]] = lengths(legs[gone == 0.0])
-    shares = _LAMP_RINGS[:, None] * far
-    corners = apex + shares[..., None] * ways
+    step = max(1, len(legs) // _LAMP_BEAMS)
+    (starts, ends), angles = np.hsplit(legs[::step], 2), angles[::step]
+    away = np.hypot(*(ends - starts).T)
+    far = np.minimum(away, reach)
+    ends = starts + (far / np.maximum(away, 1e-9))[:, None] * (ends - starts)
     edge = np.minimum(angles - angles[0], angles[-1] - angles) / _LAMP_SIDE
-    alpha = LAMP * (1.0 - shares / reach) ** 2
-    if np.ptp(angles) < 6.1:
-        alpha = alpha * np.clip(edge, 0.0, 1.0)
-    level = np.full((*alpha.shape, 1), _LAMP_HEIGHT)
-    tint = np.broadcast_to(EMBER, (*alpha.shape, 3))
-    vertices = np.concatenate([corners, level, tint, alpha[..., None]], axis=2)
-    a, b, c, d = vertices[:-1, :-1], vertices[1:, :-1], vertices[1:, 1:], vertices[:-1, 1:]
-    triangles = np.stack([a, b, c, a, c, d], axis=2).reshape(-1, 3, 7)
-    return Soft(single(triangles[..., :3]), single(triangles[..., 3:]))
+    bright = LAMP * (1.0 if np.ptp(angles) > 6.1 else np.clip(edge, 0.0, 1.0))
+    light = np.column_stack([bright + 0.0 * far, bright * (1.0 - far / reach) ** 2])
+    corners, colours = np.empty((len(ends) - 1, 3, 3)), np.empty((len(ends) - 1, 3, 4))
+    corners[..., 2], colours[..., :3] = _LAMP_HEIGHT, EMBER
+    corners[:, 0, :2], corners[:, 1, :2], corners[:, 2, :2] = starts[1:], ends[:-1], ends[1:]
+    colours[..., 3] = np.column_stack([light[1:, 0], light[:-1, 1], light[1:, 1]])
+    return Soft(single(corners), single(colours))
 
 
 def _point_colours(scan: LaserScan, by: str) -> Float:

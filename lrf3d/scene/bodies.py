@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 import trimesh
+from numpy.typing import ArrayLike
 
 from lrf3d.files import data_folder
 from lrf3d.geometry import Float, directions
 from lrf3d.robot.unicycle import RADIUS
-from lrf3d.scene.look import DART, ROBOT, SUN
+from lrf3d.scene.look import BODY_LIGHT, DART, ROBOT, SUN
 from lrf3d.scene.shapes import Body, Faces, Soft, single, together
 from lrf3d.scene.walls import triangles
 
@@ -33,12 +34,11 @@ ones, and its height over the ground [m]."""
 _SHADOW_COLOUR = (0.02, 0.03, 0.05)
 """What bodies darken the ground with."""
 
-_SHADOW, _SHADOW_INDOOR, _LIFT = (0.08, 0.42), (0.35, 0.40), 0.01
-"""Width of the soft edge of a body's shadow [m], in the sun narrow, in a lit room wide, its
-darkness, and its height above the ground [m]."""
+_SHADOW, _LIFT = (0.35, 0.40), 0.01
+"""Width of the soft edge of a body's shadow [m], its darkness, and its height above ground [m]."""
 
-_RADIUS, _HEIGHT = 0.27, 0.4
-"""Radius and height [m] of what of the usual robot casts a shadow; larger ones are no higher."""
+_RADIUS = 0.27
+"""Radius of what of the usual robot casts a shadow [m]."""
 
 _LEAST_RADIUS = 0.05
 """Smaller robots, also points, are drawn with this radius [m]."""
@@ -61,8 +61,11 @@ _DART = DART[[0, 1, 2, 0, 2, 3]]
 """Corners (6, 2) of the triangles of the robot as seen from above."""
 
 
-def robot_body(laser_height: float, radius: float) -> Faces:
-    """The robot, of a radius [m], with its laser at a height [m]; its column is stretched to it."""
+def robot_body(laser_height: float, radius: float, colour: ArrayLike = ROBOT) -> Faces:
+    """The robot, of a radius [m], with its laser at a height [m]; its column is stretched to it.
+
+    Another robot has another colour (3,).
+    """
     mesh = trimesh.load_mesh(data_folder("assets") / "robot.glb", process=False)
     visual: Any = mesh.visual
     # glTF has y up, films have z up.
@@ -77,7 +80,20 @@ def robot_body(laser_height: float, radius: float) -> Faces:
     stretch = max(0.3, (laser_height / low - _DECK) / (_LASER_HEIGHT - _DECK))
     vertices[:, 2] += np.maximum(above, 0.0) * (stretch - 1.0)
     colours = np.asarray(visual.vertex_colors)[:, :3] / 255.0
-    return Faces(*(single(each[mesh.faces]) for each in (vertices, normals, colours)))
+    own = np.abs(colours - ROBOT).max(axis=1) < _OWN
+    colours = np.where(own[:, None], colour, colours)
+    return Faces(single(vertices[mesh.faces]), single(_lit(colours, normals)[mesh.faces]))
+
+
+def _lit(colours: Float, normals: Float) -> Float:
+    """Colours (n, 3) of a body's faces in a light that goes with it, from behind, as cameras do."""
+    everywhere, sunny, upward = BODY_LIGHT
+    light = (
+        everywhere
+        + sunny * np.maximum(normals @ (SUN * [-1.0, 1.0, 1.0]), 0.0)
+        + upward * normals[..., 2]
+    )
+    return np.asarray(colours * light[..., None])
 
 
 def world_from_robot(pose: Float) -> Float:
@@ -102,10 +118,9 @@ def goal_disc(goal: Float) -> Soft:
     return _rings(outlines, [[inside, inside], [ring, ring]], _GOAL, _GOAL_HEIGHT)
 
 
-def robot_shadow(pose: Float, radius: float, *, indoor: bool) -> Soft:
+def robot_shadow(pose: Float, radius: float) -> Soft:
     """The shadow of the robot, of a radius [m], at a pose."""
-    size = _size(radius)
-    return _shadow(size * _RADIUS * _circle(24), min(size, 1.0) * _HEIGHT, pose, indoor=indoor)
+    return _shadow(_size(radius) * _RADIUS * _circle(24), pose)
 
 
 def _size(radius: float) -> float:
@@ -113,30 +128,27 @@ def _size(radius: float) -> float:
     return max(radius, _LEAST_RADIUS) / RADIUS
 
 
-def _shadow(outline: Float, height: float, pose: Float, *, indoor: bool) -> Soft:
-    """The shadow of a body with an outline (n, 2) and a height [m] at a pose."""
-    corners = _placed(outline, pose)
-    if indoor:
-        return _soft_shadow(corners, *_SHADOW_INDOOR, _LIFT)
-    slide = -SUN[:2] / SUN[2] * height
-    return _soft_shadow(np.concatenate([corners, corners + slide]), *_SHADOW, _LIFT)
+def _shadow(outline: Float, pose: Float) -> Soft:
+    """The shadow of a body with an outline (n, 2) at a pose: dark, fading out over an edge."""
+    corners, (edge, dark) = shapely.multipoints(_placed(outline, pose)), _SHADOW
+    hull = shapely.get_coordinates(shapely.convex_hull(corners))[:-1]
+    middle = np.broadcast_to(hull.mean(axis=0), hull.shape)
+    away = hull - middle
+    outer = hull + edge * away / np.maximum(np.hypot(*away.T), 1e-9)[:, None]
+    outlines = np.stack([middle, hull, outer])
+    return _rings(outlines, [[dark, dark], [dark, 0.0]], _SHADOW_COLOUR, _LIFT)
 
 
 class Obstacles:
     """The dynamic obstacles of a run, in a frame with an origin (2,) in the world [m].
 
-    Indoors no sun shines on them. Other robots have their laser at a height [m], too.
+    Other robots have their laser at a height [m], too.
     """
 
     def __init__(
-        self,
-        obstacles: "tuple[DynamicObstacle, ...]",
-        origin: Float,
-        *,
-        indoor: bool,
-        laser_height: float,
+        self, obstacles: "tuple[DynamicObstacle, ...]", origin: Float, *, laser_height: float
     ) -> None:
-        self._obstacles, self._indoor = obstacles, indoor
+        self._obstacles = obstacles
         self._origin = np.array([*origin, 0.0])
         self._colours = _OBSTACLE_COLOURS[np.arange(len(obstacles)) % len(_OBSTACLE_COLOURS)]
         self._tops = [
@@ -144,7 +156,7 @@ class Obstacles:
             for each in obstacles
         ]
         self._bodies = [
-            _tinted(robot_body(laser_height, each.reach), colour)
+            robot_body(laser_height, each.reach, colour)
             if each.is_robot
             else _prism(each.outline, top, each.height, colour)
             for each, top, colour in zip(obstacles, self._tops, self._colours, strict=True)
@@ -167,7 +179,7 @@ class Obstacles:
         """The shadows of all bodies at a time [s]."""
         return _joined(
             [
-                _shadow(each.outline, each.height, pose, indoor=self._indoor)
+                _shadow(each.outline, pose)
                 for each, pose in zip(self._obstacles, self._poses(time), strict=True)
             ]
         )
@@ -182,12 +194,6 @@ class Obstacles:
             level = _placed(size * top.reshape(-1, 2), pose)
             plans.append(_flat(level, 0.0, np.tile([*colour, 1.0], (len(level), 1))))
         return _joined(plans)
-
-
-def _tinted(robot: Faces, colour: Float) -> Faces:
-    """The robot with another colour in place of its own."""
-    own = np.abs(robot.colours - ROBOT).max(axis=2) < _OWN
-    return robot._replace(colours=np.where(own[..., None], single(colour), robot.colours))
 
 
 def _joined(parts: list[Soft]) -> Soft | None:
@@ -216,9 +222,11 @@ def _prism(outline: Float, top: Float, height: float, colour: Float) -> Faces:
         (dart, np.full(6, height + 0.005), up, 0.35 * colour),
     ):
         high = np.resize(levels, len(corners))
-        rows = np.empty((3, len(corners), 3))
-        rows[0], rows[1], rows[2] = np.column_stack([corners, high]), normals, paint
-        parts.append(rows.reshape(3, -1, 3, 3))
+        places, looks = (
+            np.column_stack([corners, high]),
+            np.broadcast_to(normals, (len(corners), 3)),
+        )
+        parts.append(np.stack([places, _lit(paint, looks)]).reshape(2, -1, 3, 3))
     return Faces(*map(single, np.concatenate(parts, axis=1)))
 
 
@@ -238,17 +246,6 @@ def _flat(corners: Float, height: float, colours: Float) -> Soft:
     """Triangles with corners (3 t, 2), which have colours (3 t, 4), at a height [m]."""
     places = np.column_stack([corners, np.full(len(corners), height)])
     return Soft(single(places.reshape(-1, 3, 3)), single(colours.reshape(-1, 3, 4)))
-
-
-def _soft_shadow(corners: Float, edge: float, dark: float, height: float) -> Soft:
-    """The hull of corners (n, 2) at a height [m]: dark inside, fading out over an edge [m]."""
-    hull = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(corners)))[:-1]
-    middle = np.broadcast_to(hull.mean(axis=0), hull.shape)
-    away = hull - middle
-    outer = hull + edge * away / np.maximum(np.hypot(*away.T), 1e-9)[:, None]
-    return _rings(
-        np.stack([middle, hull, outer]), [[dark, dark], [dark, 0.0]], _SHADOW_COLOUR, height
-    )
 
 
 def _rings(

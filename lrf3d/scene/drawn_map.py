@@ -12,7 +12,7 @@ from lrf3d.scene.look import PALE_FROM, PALE_OBJECT, object_tints
 from lrf3d.scene.shapes import Lines, Soft, level_lines, single
 from lrf3d.scene.structures import Structures
 
-BAND, BAND_THICK = 0.70, 0.06
+_BAND, _BAND_THICK = 0.70, 0.06
 """Height of the map's lines along the walls, above the beams, and how thick they are [m]."""
 
 _BAND_PIXELS = 3.0
@@ -34,19 +34,17 @@ class DrawnMap:
     """(m, 4) its segments in the film's frame [m]."""
     colours: Float
     """(m, 3) red, green, blue in 0…1."""
-    tops: Float
-    """(m,) heights of the walls that they lie on [m]; infinite where there is none."""
 
     @classmethod
     def from_snapshot(cls, run: Run, number: int, structures: Structures) -> "DrawnMap":
         """Take a map snapshot of a run; −1 is the empty map before the first."""
         if number < 0:
-            return cls(np.zeros((0, 4)), np.zeros((0, 3)), np.zeros(0))
+            return cls(np.zeros((0, 4)), np.zeros((0, 3)))
         segments = run.maps[number].segments - np.tile(structures.origin, 2)
         colours = _colours(run, run.lasting_objects[number])
-        return cls(segments, colours, structures.tops(segments))
+        return cls(segments, colours)
 
-    def lines(self, height: float | Float, width: float, opacity: float = 1.0) -> Lines:
+    def lines(self, height: float, width: float, opacity: float = 1.0) -> Lines:
         """Its segments as lines at a height [m], of a width [pixels] and an opacity."""
         opacities = np.full((len(self.segments), 2), opacity)
         starts, ends = np.hsplit(self.segments, 2)
@@ -54,8 +52,7 @@ class DrawnMap:
 
     def bands(self) -> Lines:
         """Its segments along the walls."""
-        lines = self.lines(np.minimum(BAND, self.tops - 0.5 * BAND_THICK), _BAND_PIXELS)
-        return lines._replace(thick=BAND_THICK)
+        return self.lines(_BAND, _BAND_PIXELS)._replace(thick=_BAND_THICK)
 
     def tints(self, places: Float, tolerance: float) -> tuple[Float, Bool]:
         """Its colours (n, 3) at places (n, 2), and whether (n,) it is within a tolerance [m]."""

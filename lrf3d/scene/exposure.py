@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 from PIL import Image, ImageDraw
-from scipy.ndimage import binary_closing, distance_transform_edt, gaussian_filter
+from scipy.ndimage import binary_closing, distance_transform_edt, gaussian_filter, minimum_filter
 
 from lrf3d.geometry import Bool, Float, Int, Single
 from lrf3d.laser import LaserScan, beam_directions
@@ -49,8 +49,9 @@ wall it may lie to colour it [cells]."""
 _MOVED = 1e-3
 """A robot that has moved by less [m, rad] sees nothing new."""
 
-_GAP = 0.3
-"""Least time between the light and the map's colour at one place [s]."""
+_GAP, _BRIDGED = 0.3, 13
+"""Least time between the light and the map's colour [s], and how wide what is not lit yet may be in
+the colour of the map [cells]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -170,7 +171,9 @@ def expose(run: Run, structures: Structures, low: Float, high: Float) -> Exposur
     for number, line_map in reversed(list(zip(run.snapshot_scans, run.maps, strict=True))):
         exposure.strips(line_map.segments - np.tile(origin, 2), covered, number + 1)
     mapped = np.append(_NEVER, share)[np.asarray(covered)]
-    found[..., 2] = np.maximum(mapped, found[..., 0] + _GAP / length)
+    # What the map has between two lit places is coloured with them.
+    lit = minimum_filter(found[..., 0], _BRIDGED)
+    found[..., 2] = np.maximum(mapped, lit + _GAP / length)
     found[..., 3] = gaussian_filter(wave(exposure, poses[scans, :2], structures.indoor), _SOFT)
     # Beyond the picture nothing is seen.
     found[[0, -1], :, 1] = found[:, [0, -1], 1] = 0.0

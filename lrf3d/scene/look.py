@@ -55,8 +55,8 @@ PEEP, VEIL_SHARE = 0.10, 0.80
 """Radius of the opening round the robot in what hides it, as a share of the distance, and the share
 of the walls that is left out there."""
 
-LAMP, LAMP_REACH, LAMP_REACH_INDOOR = 0.28, 13.0, 5.0
-"""Opacity of a scan's light on the ground at the robot, and how far it goes [m]."""
+LAMP = 0.28
+"""Opacity of a scan's light on the ground at the robot."""
 
 OUTLINE, OUTLINE_STRENGTH = (0.435, 0.561, 0.769), 0.42
 """Colour and opacity of the edges of houses."""
@@ -68,7 +68,7 @@ PALE_OBJECT, PALE_FROM = (0.765, 0.812, 0.886), 0.4
 """Colour of the object that has more than this share of a map's length: the walls of a house that
 hold everything else."""
 
-BODY_LIGHT = (0.56, 0.36, 0.06)
+BODY_LIGHT = (0.70, 0.30, 0.06)
 """How bright a body is everywhere, how much brighter in the sun, and on what looks up."""
 
 GHOST, GHOST_STRENGTH = (0.055, 0.078, 0.125), 0.86
@@ -77,9 +77,6 @@ GHOST, GHOST_STRENGTH = (0.055, 0.078, 0.125), 0.86
 SECTION = 0.8
 """Height [m] at which the walls of rooms are cut, as architects draw them: just above the bands of
 the map."""
-
-DASH = 0.8
-"""Length of a dash with its gap [m]."""
 
 GROUND_SHARPNESS = 0.6
 """By how much finer copies of the ground's picture are taken: streets are seen at a slant."""

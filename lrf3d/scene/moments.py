@@ -14,7 +14,7 @@ import numpy as np
 from lrf3d.geometry import Float, Single
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.scene import look
-from lrf3d.scene.beams import REACH, REACH_INDOOR, draw_beams, lamp, turning_walls
+from lrf3d.scene.beams import REACH, REACH_INDOOR, draw_beams, turning_walls
 from lrf3d.scene.bodies import (
     Obstacles,
     flat_dart,
@@ -24,7 +24,7 @@ from lrf3d.scene.bodies import (
     world_from_robot,
 )
 from lrf3d.scene.camera import Look
-from lrf3d.scene.drawn_map import BAND, DrawnMap
+from lrf3d.scene.drawn_map import DrawnMap
 from lrf3d.scene.estimate import DrawnEstimate, trail_lines
 from lrf3d.scene.exposure import LiveExposure
 from lrf3d.scene.shapes import Body, Lens, Lines, Mark, Plan, Points, Seen, Soft, Tints, together
@@ -60,9 +60,8 @@ but not where the map is laid over all."""
 _PAST_GROUND = 3.0
 """How far an eye far above the ground sees, in its heights: past all of it, at a slant too."""
 
-_MAP_WIDTH, _HIDDEN_WIDTH, _HIDDEN_STRENGTH = 4.0, 2.6, 0.25
-"""Width of the map as lines from above, and of what of its bands is hidden [pixels of 720 lines],
-and the opacity of that."""
+_MAP_WIDTH = 4.0
+"""Width of the map as lines from above [pixels of 720 lines]."""
 
 _PLAN_WIDTH, _DART_SHARE, _LEAST_PLAN = 2.6, 0.034, 4.0
 """Width of the map in the plan [pixels of 720 lines], the robot's size as a share of what it shows,
@@ -109,9 +108,7 @@ class Scene:
         self.exposure = self.stage.exposure
         self.live = LiveExposure(self.exposure, structures, run.world) if live else None
         self.origin = structures.origin
-        self.obstacles = Obstacles(
-            run.obstacles, self.origin, indoor=structures.indoor, laser_height=run.lrf.height
-        )
+        self.obstacles = Obstacles(run.obstacles, self.origin, laser_height=run.lrf.height)
         self.robot = Body(robot_body(run.lrf.height, run.radius), np.eye(4))
         self.keys = drive_keys(timeline).thinned()
         self._goal = None if goal is None else goal_disc(np.array(goal) - [*self.origin, 0.0])
@@ -121,7 +118,6 @@ class Scene:
         self._outlines = outlines_of(structures)
         self._map = lru_cache(1)(self._drawn_map)
         self._beams = lru_cache(1)(self._drawn_beams)
-        self._lamp = lru_cache(1)(self._drawn_lamp)
         self._trails = lru_cache(1)(self._drawn_trails)
         self._hits = lru_cache(2 * _OLD_SCANS)(lambda number: self._drawn_beams(number)[1])
         self._recent = lru_cache(1)(self._hits_together)
@@ -168,13 +164,13 @@ class Scene:
         """Layer, name and mark, in the order in which they are drawn."""
         if view.cuts or not self.structures.indoor:
             yield "outlines", "outlines", self._outlines
-        yield "shadow", "shadow", robot_shadow(pose, self.run.radius, indoor=self.structures.indoor)
+        yield "shadow", "shadow", robot_shadow(pose, self.run.radius)
         yield "shadow", "shadows", self.obstacles.shadows(moment.time)
         yield "goal", "goal", self._goal
         yield from self._trails(moment.time)
         beams = self._beams(moment.scan, *moment.pose) if moment.scanning else None
         if beams is not None:
-            yield "lamp", "lamp", self._lamp(moment.scan, *moment.pose)
+            yield "lamp", "lamp", beams[2]
             yield "beams", "beams", beams[0]
         drawn = self._map(self.run.snapshot_after(moment.mapped))
         if view.shows_map:
@@ -182,8 +178,6 @@ class Scene:
         else:
             yield "map", "ghosts", drawn.ghosts
             yield "map", "bands", drawn.bands
-            if not view.glass:
-                yield "map", "hidden", drawn.hidden
         yield "points", "recent", self._recent_hits(moment)
         if beams is not None:
             yield "points", "points", beams[1]
@@ -192,13 +186,10 @@ class Scene:
     def _drawn_map(self, stage: int) -> "_Snapshot":
         exposure = self.exposure
         drawn = DrawnMap.from_snapshot(self.run, stage, self.structures)
-        bands = drawn.bands()
-        hidden = drawn.lines(BAND, _HIDDEN_WIDTH, _HIDDEN_STRENGTH)
         flat = _from_above(exposure.corner + 0.5 * exposure.size, exposure.size)
         return _Snapshot(
-            bands,
+            drawn.bands(),
             drawn.lines(self.run.lrf.height, _MAP_WIDTH),
-            hidden._replace(hidden=True),
             drawn.lines(0.0, _PLAN_WIDTH),
             drawn.ghosts(self.structures, exposure.tolerance),
             Tints(flat, drawn.lines(0.0, 2.0 * exposure.tolerance / exposure.cell)),
@@ -216,14 +207,14 @@ class Scene:
             found.append(("estimate", "ellipses", self._estimate.rings(now)))
         return tuple(found)
 
-    def _drawn_beams(self, number: int, *pose: float) -> tuple[Lines, Points]:
-        """The beams and hits of all lasers at a scan, from where the robot is now, if given."""
+    def _drawn_beams(self, number: int, *pose: float) -> tuple[Lines, Points, Soft]:
+        """Beams, hits and lamps of all lasers at a scan, from where the robot is now, if given."""
         run, origin = self.run, np.array([*self.origin, 0.0])
         robot = np.array(pose) if pose else run.trajectory.poses[number]
         drawn = []
         for laser, (lrf, scan) in enumerate(zip(run.lasers, run.scans_at(number), strict=True)):
             scan = unrolled(scan)
-            lines, points = draw_beams(
+            lines, points, light = draw_beams(
                 replace(scan, pose=np.array(scan.pose) - origin),
                 self._walls,
                 (lrf.placed(robot) - origin)[:2],
@@ -234,21 +225,9 @@ class Scene:
             )
             tint = _LASER_TINTS[laser % len(_LASER_TINTS)]
             colours = np.minimum(lines.colours * tint, np.float32(1.0))
-            drawn.append((lines._replace(colours=colours), points))
-        lines, points = (together(marks) for marks in zip(*drawn, strict=True))
-        return lines, points
-
-    def _drawn_lamp(self, number: int, *pose: float) -> Soft:
-        """The light of the scans of all lasers on the ground round the robot."""
-        run, origin, drawn = self.run, np.array([*self.origin, 0.0]), []
-        reach = look.LAMP_REACH_INDOOR if self.structures.indoor else look.LAMP_REACH
-        for lrf, scan in zip(run.lasers, run.scans_at(number), strict=True):
-            scan = unrolled(scan)
-            placed = replace(scan, pose=np.array(scan.pose) - origin)
-            apex = (lrf.placed(np.array(pose)) - origin)[:2]
-            drawn.append(lamp(placed, self._walls[self._turning], apex, reach))
-        soft: Soft = together(drawn)
-        return soft
+            drawn.append((lines._replace(colours=colours), points, light))
+        lines, points, light = (together(marks) for marks in zip(*drawn, strict=True))
+        return lines, points, light
 
     def _recent_hits(self, moment: Moment) -> Points:
         """The hits of the last seconds, which fade."""
@@ -292,7 +271,7 @@ class Scene:
         lines = self._map(self.run.snapshot_after(moment.mapped)).plan
         marks: list[tuple[str, Mark | None]] = [("map", lines)]
         if moment.scanning:
-            _, hits = self._beams(moment.scan, *moment.pose)
+            hits = self._beams(moment.scan, *moment.pose)[1]
             marks.append(("points", hits._replace(glows=False)))
         marks += [(name, line) for _, name, line in self._trails(moment.time)]
         marks.append(("obstacles", self.obstacles.plans(moment.time, window.width / box[2])))
@@ -332,11 +311,10 @@ class Window(NamedTuple):
 
 
 class _Snapshot(NamedTuple):
-    """What is drawn of a map snapshot: bands, lines from above, where hidden and in the plan."""
+    """What is drawn of a map snapshot: bands, lines from above and in the plan."""
 
     bands: Lines
     above: Lines
-    hidden: Lines
     plan: Lines
     ghosts: Soft
     tints: Tints

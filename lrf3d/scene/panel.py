@@ -24,7 +24,7 @@ _SIZE, _FULL_SIZE = 30.0, 19.0
 _INK, _PALE = (236, 240, 247), (150, 166, 192)
 
 
-_TOLD = 3.0
+_TOLD = 6.0
 """How long a recognised mirror is spoken of [s of the film]."""
 
 _FOUND, _FOUND_SHARE = 0.1, 0.5
@@ -44,7 +44,7 @@ def caption(facts: Facts, moment: Moment, shot: str) -> str:
     run, line_map = facts.run, facts.run.map_after(moment.mapped)
     if moment.mapped < 0:
         return "Nothing is known yet"
-    if shot in _SHOTS and reflected(run, moment):
+    if shot in ("chase", "close") and reflected(run, moment):
         return "That room is a reflection"
     if shot == "close":
         return f"{np.isfinite(run.ranges[: moment.scan + 1]).sum():,} ranges measured"

@@ -53,8 +53,6 @@ class Faces(NamedTuple):
 
     corners: Single
     """(t, 3, 3) corners."""
-    normals: Single
-    """(t, 3, 3) normals, by which a body is lit; 0 where the colours are as they are."""
     colours: Single
     """(t, 3, 3) colours."""
 
@@ -93,8 +91,6 @@ class Lines(NamedTuple):
     """Width [pixels of 720 lines]."""
     thick: float = 0.0
     """Least width [m]."""
-    hidden: bool = False
-    """Whether only what lies behind something else is drawn, dashed."""
 
 
 class Points(NamedTuple):
@@ -195,15 +191,10 @@ def single(values: Any) -> Single:
 
 
 def level_lines(
-    height: float | Float,
-    starts: Float,
-    ends: Float,
-    colours: Float,
-    opacities: Float,
-    width: float,
+    height: float, starts: Float, ends: Float, colours: Float, opacities: Float, width: float
 ) -> Lines:
-    """Lines from (n, 2) to (n, 2) at a height, or at heights (n,) [m]."""
-    level = np.broadcast_to(np.reshape(height, (-1, 1)), (len(starts), 1))
+    """Lines from (n, 2) to (n, 2) at a height [m]."""
+    level = np.full((len(starts), 1), height)
     return Lines(
         single(np.hstack([starts, level])),
         single(np.hstack([ends, level])),

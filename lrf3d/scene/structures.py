@@ -78,7 +78,7 @@ _DOOR, _ENCLOSED, _AS_HIGH = 2.0, 0.9, 0.4
 """Half the width of openings in the walls of a hall [m], the share of all walls that lie within
 them, and how high they are, beside the highest wall, at the least."""
 
-_RECORDED_HEIGHT = 0.7
+_RECORDED_HEIGHT = 0.75
 """Height [m] of walls in recorded drives, of which scans say nothing: these hide neither the robot
 nor the map from an eye behind it."""
 
@@ -88,9 +88,6 @@ _PROBE = 0.005
 _OUTLINE_WIDTH, _STOREY, _STOREY_STRENGTH = 1.1, 3.1, 0.4
 """Width of the edges of houses [pixels of 720 lines], height of a storey [m], and the opacity of
 the dark joint over it."""
-
-_NEAR = 0.2
-"""A wall farther than this from a segment of a map [m] is another one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,15 +171,6 @@ class Structures:
             origin=origin,
             path=path,
         )
-
-    def tops(self, segments: Float) -> Float:
-        """Heights (m,) of the walls that segments (m, 4) lie on [m]; infinite where none is."""
-        tops = np.full(len(segments), np.inf)
-        if len(segments) and len(self.heights):
-            middles = shapely.points(0.5 * (segments[:, :2] + segments[:, 2:]))
-            found, wall = self.tree.query_nearest(middles, max_distance=_NEAR, all_matches=False)
-            tops[found] = self.heights[wall]
-        return tops
 
     @property
     def places(self) -> Float:

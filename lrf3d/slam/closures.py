@@ -20,7 +20,7 @@ from lrf3d.slam.search import DEVIATIONS as WINDOW_DEVIATIONS
 from lrf3d.slam.search import field_of, search
 from lrf3d.slam.surface import wall_map
 from lrf3d.slam.views import Key, clearest, evidence
-from lrf3d.slam.violation import contradicted
+from lrf3d.slam.violation import MixedPixels
 
 LEAST_DISTANCE = 6.0
 """Two key scans are worth closing a loop if the path between them along the graph is longer [m]."""
@@ -45,7 +45,7 @@ LOST = 10.0
 
 MOST_TRIES, MOST_PLACES = 6, 20
 """Old places that are tried for each new key scan: in a small window, where they show the same, and
-in a wide one. If it holds more, no loop is closed there."""
+in a wide one, the nearest first. If it holds more, those that were found are judged."""
 
 OTHER_PLACE = 6.0
 """The next one that is tried lies farther from the last than this along the path [m]."""
@@ -74,6 +74,9 @@ CLOSURE_SHARE = 0.3
 """Share of the matching's information that a closure's edge counts with: old and new map were drawn
 by the same drifting front end, and both are bent a little."""
 
+KNOWN = np.diag([1.5**2, 1.5**2, 1.0])
+"""Covariance of the window in which a closure is searched that somebody knows [m²], [rad²]."""
+
 FLOOR = np.diag([0.01, 0.01, 1.0])
 """Information that a closure has in any direction: 10 m and 1 rad, as it lay in the window."""
 
@@ -96,6 +99,14 @@ class Closure:
         return np.asarray(np.linalg.inv(self.information), dtype=np.float64)
 
 
+class Refusal(NamedTuple):
+    """Two key scans, by their numbers, that were not taken for the same place, and why."""
+
+    old: int
+    new: int
+    why: str
+
+
 class Place(NamedTuple):
     """Where a key scan may have been taken, as seen from an old one, and what speaks for it."""
 
@@ -107,11 +118,15 @@ class Place(NamedTuple):
 class LoopCloser:
     """Finds closures for new key scans, and keeps them until enough agree."""
 
-    def __init__(self) -> None:
+    def __init__(self, mixed_pixels: MixedPixels) -> None:
+        self.mixed_pixels = mixed_pixels
         self.keys: list[Key] = []
         self.accepted: list[Closure] = []
         # Those that were found, but too few others agree with them.
         self.unconfirmed: list[Closure] = []
+        # Those that were found, but something speaks against them; and what somebody ruled out.
+        self.refused: list[Refusal] = []
+        self.ruled_out: list[tuple[int, int]] = []
         self.paths = GraphPaths()
         # Poses (k, 3) of the key scans by the graph.
         self._poses = np.empty((0, 3))
@@ -229,19 +244,32 @@ class LoopCloser:
             if small and (seen or tries == MOST_TRIES):
                 break
             if tries == MOST_PLACES:
-                return None
+                break
         there = [compose(poses[place.old], place.match.pose) for place in places]
         best = clearest(there, [place.evidence for place in places])
         if best is None:
+            if places:
+                self.refused.append(Refusal(places[0].old, new, "elsewhere fits as well"))
             return None
         old, match, worth = places[best]
-        if worth <= 0.0 or match.explained < LEAST_FOUND:
-            return None
         around, seen_from = self._submap(old, new)
-        if contradicted(around, self.keys[new], between(seen_from, match.pose)):
+        back = between(seen_from, match.pose)
+        why = ""
+        if worth <= 0.0 or match.explained < LEAST_FOUND:
+            why = "too little is explained"
+        elif any(self._near(old, one) and self._near(new, other) for one, other in self.ruled_out):
+            why = "ruled out"
+        elif self.mixed_pixels.contradict(around, self.keys[new], back):
+            why = "beams pass through"
+        if why:
+            self.refused.append(Refusal(old, new, why))
             return None
+        return self._closure(old, new, match)
+
+    def _closure(self, old: int, new: int, match: Match) -> Closure:
+        """The closure of a match of a new key scan around an old one."""
         relative = np.array([*match.pose[:2], wrap_angle(match.pose[2])])
-        return Closure(old, new, relative, CLOSURE_SHARE * _fixed(match.information) + FLOOR)
+        return Closure(old, new, relative, CLOSURE_SHARE * fixed(match.information) + FLOOR)
 
     def _submap(self, old: int, new: int) -> tuple[list[Key], Float]:
         """The key scans of the map that a new one is matched with where it meets an old one.
@@ -257,14 +285,43 @@ class LoopCloser:
         ]
         return around, between(self.keys[old].pose, np.array([key.pose for key in around]))
 
-    def _places(self, old: int, new: int, spread: Float) -> list[Place]:
-        """The places of a new key scan in a window around an old one."""
+    def _near(self, key: int, scan: int) -> bool:
+        """Whether a key scan lies near a scan, by its number, along the path."""
+        at = min(self.number_at(scan), len(self.keys) - 1)
+        return bool(abs(self.driven[key] - self.driven[at]) < OTHER_PLACE)
+
+    def number_at(self, scan: int) -> int:
+        """The number of the first key scan from a scan on."""
+        return sum(key.scan < scan for key in self.keys)
+
+    @property
+    def refusals(self) -> list[Refusal]:
+        """The pairs of key scans that were not taken for one place, and why."""
+        few = [Refusal(each.old, each.new, "few others agree") for each in self.unconfirmed]
+        return [*self.refused, *few]
+
+    def known(self, old: int, new: int, poses: Float) -> Closure | None:
+        """The closure of two key scans of which somebody knows that they show the same place."""
+        self._poses = poses
+        guess = np.array([0.0, 0.0, between(poses[old], poses[new])[2]])
+        places = self._places(old, new, KNOWN, guess)
+        if not places:
+            return None
+        best = max(places, key=lambda place: place.evidence)
+        closure = self._closure(old, new, best.match)
+        self.accepted.append(closure)
+        self.paths.link(old, new, CLOSURE_LENGTH, closure.covariance)
+        return closure
+
+    def _places(self, old: int, new: int, spread: Float, guess: Float | None = None) -> list[Place]:
+        """The places of a new key scan in a window around an old one, or around a guess there."""
         around, seen_from = self._submap(old, new)
         grid = wall_map((key.walls, pose) for key, pose in zip(around, seen_from, strict=True))
         if grid is None or len(grid.surface) < LEAST_POINTS:
             return []
         scan, field = self.keys[new], field_of(around, seen_from)
-        guess = between(self._poses[old], self._poses[new])
+        if guess is None:
+            guess = between(self._poses[old], self._poses[new])
         window = turned(spread, -float(self._poses[old, 2]))
         found = search(scan, grid, field, guess, window, NEAR)
         return [
@@ -314,7 +371,7 @@ def _bounded(spread: Float) -> Float:
     return bounded
 
 
-def _fixed(information: Float) -> Float:
+def fixed(information: Float) -> Float:
     """Information (3, 3) of a match without that on a direction which its walls do not fix.
 
     What it says of the distance along a corridor comes from the noise of normals.

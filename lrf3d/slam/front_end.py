@@ -13,11 +13,12 @@ import numpy as np
 
 from lrf3d.geometry import Float, Int, wrap_angle
 from lrf3d.pose import between, compose, turned
+from lrf3d.slam.prediction import Coasting, Prediction
 from lrf3d.slam.scan_matching import PRIOR_SCALE, Match, match_scan
 from lrf3d.slam.search import field_of, search
 from lrf3d.slam.surface import SurfaceGrid, moved, thinned, wall_map
-from lrf3d.slam.views import BEHIND, Key, evidence, views_of
-from lrf3d.slam.violation import contradicted
+from lrf3d.slam.views import BEHIND, Key, clearest, evidence, views_of
+from lrf3d.slam.violation import MixedPixels
 from lrf3d.slam.wheels import Wheels
 
 KEY_DISTANCE, KEY_TURN = 0.5, 0.5
@@ -27,17 +28,26 @@ KEY_DISTANCE, KEY_TURN = 0.5, 0.5
 LOCAL_KEYS = 8
 """Key scans that a scan is matched with: more cost time, fewer let the robot drift."""
 
-DOUBTFUL, SLIPPED = 0.65, 3.0
-"""Where a match explains a smaller share than the first, or is as many deviations off from where
-the wheels lead, the places around are searched: a slip turns the robot, which walls show, and moves
-it aside, which they may not."""
-
-SLIP, SLIP_SHARE, SLIP_TURN, SLIP_TURN_SHARE = 0.4, 0.3, 0.7, 0.3
-"""How far [m], [rad] wheels may slip between two scans, and as a share of their step: the window
-that is searched. A bump turns a robot by half a radian."""
+SLIPPED = 3.0
+"""Where a match is as many deviations off from the prediction, the places around are searched: a
+slip turns the robot, which walls show, and moves it aside, which they may not."""
 
 RARE = 3.0
 """Log odds against a slip: one step in twenty is off by more than the wheels' noise."""
+
+BROKEN, USUAL_HITS = 0.25, 0.98
+"""A scan with less than this share of the hits that are usual is broken: it fits in many places, so
+that none is searched, and is no key scan. The second is the weight of the scans before in the mean
+of the hits, at each scan."""
+
+TURN, ENOUGH_TURNED = np.pi / 3.0, 40
+"""Deviation of a window of all turns [rad], in which a lost scan of so many points is searched."""
+
+SURE, LEAST_TURNED = 2.0, 0.6
+"""Least evidence for a place that is found in any turn, and share of the scan that it explains."""
+
+ADJACENT = 4
+"""Key scans before a new one that show how often beams pass through points at a right place."""
 
 LEAST_EXPLAINED = 0.1
 """A match that explains a smaller share is not believed."""
@@ -105,13 +115,6 @@ def weakest_direction(information: Float) -> tuple[Float, float]:
     return directions[:, 0], float(max(values[0], 0.0))
 
 
-def slip_deviations(step: Float) -> Float:
-    """Standard deviations (3,) of the wheels' slip in a step (3,)."""
-    aside = SLIP + SLIP_SHARE * float(np.hypot(step[0], step[1]))
-    turn = SLIP_TURN + SLIP_TURN_SHARE * abs(float(step[2]))
-    return np.array([aside, aside, turn]) / 3.0
-
-
 class FrontEnd:
     """Follows the robot by matching scans with a local map."""
 
@@ -119,6 +122,12 @@ class FrontEnd:
         self.key_distance = key_distance
         self.pose = np.zeros(3)
         self.wheels = Wheels() if wheels is None else deepcopy(wheels)
+        self._coasting = Coasting()
+        self.mixed_pixels = MixedPixels()
+        # Key scans that follow each other since a scan that was lost: their poses are certain.
+        self._certain = 0
+        # Running mean of a scan's hits, and whether the last scan has far fewer.
+        self._hits, self._broken = 0.0, False
         # What the last scan saw that stands still, in the frame of the robot.
         self.surface = np.empty((0, 4))
         # And the last few scans since the key scan, with their poses.
@@ -130,17 +139,21 @@ class FrontEnd:
         self._raw, self._found = np.zeros(3), np.zeros(3)
         self._turn_known = self._ahead_known = True
 
-    def track(self, scan: Key, increment: Float) -> Tracked:
-        """Place the next scan."""
-        expected, covariance = self.wheels.corrected(increment), self.wheels.covariance(increment)
-        guess = compose(self.pose, expected)
-        uncertain = covariance + np.diag([0.0, 0.0, self.wheels.unlearned(increment)])
-        own: Float = np.asarray(np.linalg.inv(uncertain), dtype=np.float64)
-        deviations = np.sqrt(uncertain.diagonal())
+    def track(self, scan: Key, increment: Float | None) -> Tracked:
+        """Place the next scan, by the odometry's increment (3,) if there is one."""
+        coasting = self._coasting.predict()
+        expected = coasting if increment is None else self.wheels.predict(increment)
+        guess, covariance = compose(self.pose, expected.step), expected.covariance
+        deviations = np.sqrt(expected.uncertain.diagonal())
         surface, hits = (
             self._standing(points, guess, deviations) for points in (scan.surface, scan.hits)
         )
-        match, accepted = self._match(replace(scan, surface=surface, hits=hits), expected, own)
+        self._broken = len(scan.hits) < BROKEN * self._hits
+        kept = USUAL_HITS if self._hits else 0.0
+        self._hits = kept * self._hits + (1.0 - kept) * len(scan.hits)
+        match, accepted = self._match(replace(scan, surface=surface, hits=hits), expected)
+        if not accepted and (turned_to := self._in_any_turn(scan, expected)):
+            match, accepted, surface = turned_to, True, scan.surface
         if self._lost or not accepted:
             # Where one of them is lost, what scans saw does not lie together.
             self._recent.clear()
@@ -150,44 +163,55 @@ class FrontEnd:
         information = turned(match.information, -float(pose[2])) if accepted else np.zeros((3, 3))
         found = between(self.pose, pose)
         if accepted:
-            self.wheels.compare(expected, found, covariance)
+            self._coasting.found(coasting, found)
+            if increment is not None:
+                self.wheels.excess.update(expected, found)
             # Where wheels have slipped, the directions that scans do not fix are uncertain, too.
-            slip = self._slip(match, expected, own)
+            slip = self._slip(match, expected)
             covariance = covariance * (1.0 + slip / PRIOR_SCALE**2)
-        elif self._keys:
-            keys = list(self._keys)[-LOCAL_KEYS:]
-            seen_from = between(np.array([key.pose for key in keys]), guess)
-            if contradicted(keys, replace(scan, surface=surface), seen_from):
+        else:
+            self._coasting.lost()
+            self._certain = 0
+            if not expected.trusted or self._passed(replace(scan, surface=surface), guess):
                 # The wheels have slipped, and where to is not known.
-                covariance = covariance + np.diag(slip_deviations(expected) ** 2)
-        self._turn_known &= accepted
-        self._ahead_known &= accepted and information[0, 0] > WEAK
-        self._raw += increment
+                covariance = covariance + np.diag(expected.window**2)
+        known = accepted and increment is not None
+        self._turn_known &= known
+        self._ahead_known &= known and information[0, 0] > WEAK
+        self._raw += 0.0 if increment is None else increment
         self._found += found
         self.pose, self.surface = pose, surface
         self._recent.append((pose, surface))
         return Tracked(pose, information, accepted, match.deviation, covariance)
 
-    def _match(self, scan: Key, expected: Float, own: Float) -> tuple[Match, bool]:
+    def _passed(self, scan: Key, guess: Float) -> bool:
+        """Whether beams of the local map pass through what a scan saw from a pose (3,)."""
+        keys = list(self._keys)[-LOCAL_KEYS:]
+        seen_from = between(np.array([key.pose for key in keys]).reshape(-1, 3), guess)
+        return bool(keys) and self.mixed_pixels.contradict(keys, scan, seen_from)
+
+    def _match(self, scan: Key, expected: Prediction) -> tuple[Match, bool]:
         """A match with the local map, and whether it is believed."""
-        guess, surface = compose(self.pose, expected), scan.surface
+        guess, surface = compose(self.pose, expected.step), scan.surface
         if self._grid is None or not len(surface):
             return Match(guess, np.zeros((3, 3)), 0.0, np.inf), False
+        own: Float = np.asarray(np.linalg.inv(expected.uncertain), dtype=np.float64)
         match = match_scan(surface, self._grid, guess, turned(own, float(self.pose[2])))
         if not np.isfinite(match.pose).all():
             return match, False
-        slipped = self._slip(match, expected, own) > SLIPPED**2
-        if (slipped or match.explained < DOUBTFUL) and len(surface) >= LEAST_POINTS:
-            return self._searched(scan, self._grid, match, expected, own)
+        slipped = self._slip(match, expected) > SLIPPED**2
+        searched = len(surface) >= LEAST_POINTS and not self._broken
+        if searched and (slipped or match.explained < expected.doubtful):
+            return self._searched(scan, self._grid, match, expected)
         return match, match.explained > LEAST_EXPLAINED
 
-    def _slip(self, match: Match, expected: Float, information: Float) -> float:
+    def _slip(self, match: Match, expected: Prediction) -> float:
         """How far a match is off the odometry: its square in units of the variance."""
-        error = between(expected, between(self.pose, match.pose))
-        return float(error @ information @ error)
+        error = between(expected.step, between(self.pose, match.pose))
+        return float(error @ np.linalg.solve(expected.uncertain, error))
 
     def _searched(
-        self, scan: Key, grid: SurfaceGrid, match: Match, expected: Float, own: Float
+        self, scan: Key, grid: SurfaceGrid, match: Match, expected: Prediction
     ) -> tuple[Match, bool]:
         """The likeliest place around where odometry leads, and whether it is believed.
 
@@ -195,22 +219,39 @@ class FrontEnd:
         Cauchy's distribution. Where a robot enters a new room, the right place explains little, and
         that of the last scan more; but only at a wrong one do beams pass through what was hit.
         """
-        guess, spread = compose(self.pose, expected), slip_deviations(expected)
-        keys = list(self._keys)[-LOCAL_KEYS:]
-        seen_from = np.array([key.pose for key in keys])
-        found = search(scan, grid, field_of(keys, seen_from), guess, np.diag(spread**2))
-        places = [*found, match]
-        worth = [
-            evidence(scan.hits, place.explained, between(seen_from, place.pose), keys)
-            for place in places
-        ]
+        guess, window = compose(self.pose, expected.step), expected.window
+        places, worth = self._places(scan, grid, guess, window, match)
         odds = np.array(worth)
-        if expected.any():  # Encoders that stand still may have failed: then they say nothing.
-            slips = between(guess, np.array([place.pose for place in places])) / spread
-            noise = [self._slip(place, expected, own) for place in places]
+        if expected.trusted:
+            slips = between(guess, np.array([place.pose for place in places])) / window
+            noise = [self._slip(place, expected) for place in places]
             odds -= np.minimum(np.log1p(noise), RARE + np.log1p((slips**2).sum(axis=1)))
         best = int(np.argmax(odds))
         return places[best], worth[best] > 0.0
+
+    def _places(
+        self, scan: Key, grid: SurfaceGrid, guess: Float, window: Float, *others: Match
+    ) -> tuple[list[Match], list[float]]:
+        """The places in a window of deviations (3,), and others, and the evidence for them."""
+        keys = list(self._keys)[-LOCAL_KEYS:]
+        seen_from = np.array([key.pose for key in keys])
+        found = search(scan, grid, field_of(keys, seen_from), guess, np.diag(window**2))
+        places = [*found, *others]
+        return places, [
+            evidence(scan.hits, place.explained, between(seen_from, place.pose), keys)
+            for place in places
+        ]
+
+    def _in_any_turn(self, scan: Key, expected: Prediction) -> Match | None:
+        """The place that a lost scan fits clearly best, whichever way it is turned."""
+        if self._grid is None or self._broken or len(scan.surface) < ENOUGH_TURNED:
+            return None
+        guess, window = compose(self.pose, expected.step), np.array([*expected.window[:2], TURN])
+        places, worth = self._places(scan, self._grid, guess, window)
+        best = clearest([place.pose for place in places], worth)
+        if best is None or worth[best] < SURE or places[best].explained < LEAST_TURNED:
+            return None
+        return None if self._passed(scan, places[best].pose) else places[best]
 
     def _standing(self, points: Float, guess: Float, deviations: Float) -> Float:
         """Those of a scan's points (m, …) that were not passed by beams when the robot came by."""
@@ -226,8 +267,8 @@ class FrontEnd:
 
     def key_due(self) -> bool:
         """Whether the robot has moved far enough since the last key scan."""
-        if not self._keys:
-            return True
+        if self._broken or not self._keys:
+            return not self._keys
         x, y, turn = between(self._keys[-1].pose, self.pose)
         return bool(np.hypot(x, y) >= self.key_distance or abs(turn) >= KEY_TURN)
 
@@ -253,6 +294,8 @@ class FrontEnd:
         self._raw, self._found = np.zeros(3), np.zeros(3)
         self._turn_known = self._ahead_known = True
         self._recent.clear()
+        self.mixed_pixels.learn(list(self._keys)[len(self._keys) - self._certain :], key)
+        self._certain = min(self._certain + 1, ADJACENT)
         self._keys.append(key)
         self._grid = wall_map((near.walls, near.pose) for near in list(self._keys)[-LOCAL_KEYS:])
 

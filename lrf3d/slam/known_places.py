@@ -23,7 +23,6 @@ from lrf3d.slam.front_end import WEAK, weakest_direction
 from lrf3d.slam.scan_matching import match_scan
 from lrf3d.slam.surface import wall_map
 from lrf3d.slam.views import Key
-from lrf3d.slam.violation import contradicted
 
 PLACE, PLACE_TURN = 0.5, 0.5
 """Key scans within this [m], [rad] of each other are of one place."""
@@ -89,7 +88,7 @@ def in_known_place(closer: LoopCloser, scan: Key, last: Anchor, poses: Float) ->
     if (
         match.explained < LEAST_SHARE
         or not (off < [OFF, OFF, OFF_TURN]).all()
-        or contradicted(around, scan, between(poses[near], match.pose))
+        or closer.mixed_pixels.contradict(around, scan, between(poses[near], match.pose))
     ):
         return None
     # Along a corridor the walls do not fix how far the robot has come: there it goes on drifting.

@@ -32,6 +32,10 @@ FASTER, VEHICLE = 3.0, 15.0
 SHORTER = 0.5
 """The order of the stamps is taken where the path is shorter in it by this [m]."""
 
+OUT, BACK = 0.25, 0.3
+"""A line is out and back where the step to it is larger than the first [m], [rad], and what is left
+of it at the next line is less than the second, as a share: it was corrupted on its way."""
+
 MOST_JUMPS = 0.1
 """Share of lines that may jump: in other units than metres and radians they do so everywhere."""
 
@@ -157,6 +161,10 @@ def _length(wheels: Float) -> float:
 
 def without_jumps(wheels: Float, times: Float) -> tuple[Float, Int]:
     """Odometry poses (n, 3) without jumps, by motions as around them, and the lines of these."""
+    times = times.copy()
+    # A stamp outside of those around it is wrong, too.
+    times[1:-1] = np.median([times[:-2], times[1:-1], times[2:]], axis=0)
+    wheels, out = _without_outliers(wheels, times)
     steps = between(wheels[:-1], wheels[1:])
     time = np.maximum(np.diff(times), 1.0)
     speeds = np.hypot(steps[:, 0], steps[:, 1]) / time
@@ -164,7 +172,7 @@ def without_jumps(wheels: Float, times: Float) -> tuple[Float, Int]:
     jumped: Bool = speeds > min(max(FASTEST, FASTER * usual), VEHICLE)
     jumped |= np.abs(steps[:, 2]) > FASTEST_TURN * time
     if not jumped.any():
-        return wheels, np.empty(0, np.int64)
+        return wheels, out
     good, number = np.flatnonzero(~jumped), np.arange(len(steps), dtype=np.float64)
     for axis in range(3):
         around = np.interp(number, good, steps[good, axis]) if len(good) else np.zeros(len(steps))
@@ -174,7 +182,24 @@ def without_jumps(wheels: Float, times: Float) -> tuple[Float, Int]:
         after = compose(smooth[line], steps[line])
         smooth[line + 1 :] = compose(after, between(wheels[line + 1], wheels[line + 1 :]))
     smooth[:, 2] = wrap_angle(smooth[:, 2])
-    return smooth, np.flatnonzero(jumped) + 1
+    return smooth, np.union1d(out, np.flatnonzero(jumped) + 1)
+
+
+def _without_outliers(wheels: Float, times: Float) -> tuple[Float, Int]:
+    """Odometry poses (n, 3) without lines that are out and back at once, and these lines."""
+    usual = float(np.ptp(times)) / len(times) or 1.0
+    gaps = np.maximum(np.diff(times), usual)
+    into, over = between(wheels[:-2], wheels[1:-1]), between(wheels[:-2], wheels[2:])
+    away, left = (
+        np.array([np.hypot(step[:, 0], step[:, 1]), np.abs(step[:, 2])]) for step in (into, over)
+    )
+    least = np.maximum(np.array([[FASTEST], [FASTEST_TURN]]) * np.minimum(gaps[:-1], gaps[1:]), OUT)
+    out: Bool = ((away > least) & (left < BACK * away)).any(axis=0)
+    # The line after one that is out seems to be out, as seen from it.
+    out[1:] &= ~out[:-1]
+    lines, smooth = np.flatnonzero(out) + 1, wheels.copy()
+    smooth[lines] = compose(wheels[lines - 1], 0.5 * over[lines - 1])
+    return smooth, lines
 
 
 class WheelPath:

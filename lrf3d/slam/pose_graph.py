@@ -69,6 +69,10 @@ class Edges:
         """Some of the edges, of a mask (e,)."""
         return Edges(*(getattr(self, each.name)[chosen] for each in fields(self)))
 
+    def shifted(self, count: int) -> "Edges":
+        """These edges, of poses that others stand before, by their number."""
+        return replace(self, first=self.first + count, second=self.second + count)
+
     def errors(self, poses: Float) -> Float:
         """Errors (e, 3) [m, rad] at poses (k, 3)."""
         error = between(poses[self.first], poses[self.second]) - self.measured

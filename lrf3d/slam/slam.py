@@ -13,7 +13,7 @@ import numpy as np
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import Float, Int, is_finite, whole_number
 from lrf3d.laser import LaserRangeFinder, LaserScan
-from lrf3d.laser.range_finder import CENTRE, beam_directions, lasers_of
+from lrf3d.laser.range_finder import lasers_of
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.mapping import LineMap
 from lrf3d.pose import Pose, as_pose, bent, between, compose, turned
@@ -25,8 +25,8 @@ from lrf3d.slam.key_map import KeyMap
 from lrf3d.slam.known_places import Anchor, in_known_place
 from lrf3d.slam.pose_graph import Edges, optimised, pose_covariances, variance_factor
 from lrf3d.slam.scan_matching import SIGMA
-from lrf3d.slam.surface import LEAST_NOISE, range_noise, surface_of_scan, thinned
-from lrf3d.slam.views import Fan, Key
+from lrf3d.slam.sight import Moment, Sight
+from lrf3d.slam.views import Key
 from lrf3d.slam.violation import SelfCheck, self_check
 from lrf3d.slam.wheels import Wheels
 
@@ -41,15 +41,8 @@ a tenth of the time in an office."""
 FINAL_ITERATIONS = 20
 """Most Gauss-Newton steps over the pose graph in the end."""
 
-LEARNED_NOISE = 0.95
-"""Weight of the scans before in the mean noise of the ranges, at each scan."""
-
 FARTHEST_STEP = 1000.0
 """Longest step of the odometry [m], and largest turn [rad]: no robot moves as far between scans."""
-
-
-Moment = tuple[LaserScan, ...]
-"""The scans of all lasers at one moment."""
 
 
 class Slam:
@@ -63,6 +56,8 @@ class Slam:
             laser has no mount.
         key_distance: Distance from one key scan to the next [m].
         wheels: The wheels' errors as found in an earlier drive, of which a copy is kept.
+        close: Pairs of scans, by number, of which it is known that they show the same place.
+        apart: Pairs of scans of which it is known that they do not: no loop is closed around them.
 
     Raises:
         InputError: A number is not finite, or a distance not positive.
@@ -87,6 +82,8 @@ class Slam:
         laser_offset: float = 0.0,
         key_distance: float = KEY_DISTANCE,
         wheels: Wheels | None = None,
+        close: Sequence[tuple[int, int]] = (),
+        apart: Sequence[tuple[int, int]] = (),
     ) -> None:
         values = (laser_offset, key_distance)
         if not (is_finite(*values) and key_distance > 0.0):
@@ -97,12 +94,13 @@ class Slam:
         self._lasers = () if lrf is None else lasers_of(lrf)
         self._time: float | None = None
         self._start = np.array(as_pose(start))
-        self._laser = Pose(float(laser_offset), 0.0, 0.0)
+        self.sight = Sight(laser_offset)
         self._front = FrontEnd(key_distance=key_distance, wheels=wheels)
-        self._closer = LoopCloser()
+        self._closer = LoopCloser(self._front.mixed_pixels)
+        self._closer.ruled_out = [*apart]
+        self._known = [*close]
         self._tracked: list[Tracked] = []
         self._anchors: list[Anchor] = []
-        self._noise = 0.0
         # The pose graph: poses (k, 3) of the key scans since the start, as estimated now, and the
         # relative poses that were measured between them.
         self._key_poses = np.empty((0, 3))
@@ -135,7 +133,7 @@ class Slam:
                 or the odometry is not three finite numbers that a robot can have moved by.
         """
         scans, increment = self._checked(scan, odometry)
-        key = self.seen(scans)
+        key = self.sight.seen(scans, len(self._tracked))
         self._tracked.append(self._front.track(key, increment))
         if self._front.key_due():
             key = self._front.key(key)
@@ -158,7 +156,7 @@ class Slam:
 
     def _checked(
         self, scan: object, odometry: Sequence[float] | Float | None
-    ) -> tuple[Moment, Float]:
+    ) -> tuple[Moment, Float | None]:
         """The unrolled scans and the increment (3,), once they are what they should be."""
         scans = tuple(scan) if isinstance(scan, list | tuple) else (scan,)
         if not scans or not all(isinstance(each, LaserScan) for each in scans):
@@ -172,50 +170,18 @@ class Slam:
                 if self._lasers:
                     expected = f"{self._lasers[number].beams}, as its laser"
                 raise InputError(f"slam: scan of {beams} beams; expected {expected}")
-        # Without odometry the robot is looked for where it was.
-        increment = np.zeros(3) if odometry is None else np.array(as_pose(odometry))
-        if np.abs(increment).max() > FARTHEST_STEP:
+        increment = None if odometry is None else np.array(as_pose(odometry))
+        if increment is not None and np.abs(increment).max() > FARTHEST_STEP:
             raise InputError(
                 f"slam: odometry {increment.tolist()}; expected the step from the last scan, at"
                 f" most {FARTHEST_STEP:g} m and rad"
             )
         since = 0.0 if self._time is None else scans[0].time - self._time
         self._time = scans[0].time
-        rate = increment / since if since > 0.0 else np.zeros(3)
+        rate = np.zeros(3) if increment is None or since <= 0.0 else increment / since
         return tuple(
             unrolled(each, each.duration * rate if each.motion is None else None) for each in scans
         ), increment
-
-    def seen(self, scan: LaserScan | Moment) -> Key:
-        """What the scans of a moment saw, by the noise that is known by now, at the pose 0."""
-        scans = (scan,) if isinstance(scan, LaserScan) else scan
-        for each in scans:
-            kept = LEARNED_NOISE if self._noise else 0.0
-            self._noise = kept * self._noise + (1.0 - kept) * range_noise(each)
-        number, surface = len(self._tracked), self._surface(scans)
-        fans, hits = list[Fan](), list[Float]()
-        for each in scans:
-            mount, met = self._mount(each), each.hits
-            place, angles = np.array(mount[:2]), each.angles + mount.theta
-            # A laser that is mounted upside down turns clockwise.
-            order = -1 if angles[0] > angles[-1] else 1
-            fans.append(Fan(place, angles[::order], each.ranges[::order]))
-            hits.append(each.ranges[met, None] * beam_directions(0.0, angles[met]) + place)
-        walls, points = thinned(surface), np.concatenate(hits)
-        return Key(number, np.zeros(3), surface, walls, points, tuple(fans), self._noise)
-
-    def _mount(self, scan: LaserScan) -> Pose:
-        """The pose of a scan's laser on the robot."""
-        return self._laser if scan.mount == CENTRE else scan.mount
-
-    def _surface(self, scans: Moment) -> Float:
-        """The surface (m, 4) that the scans of a moment show, in the frame of the robot."""
-        noise = max(self._noise, LEAST_NOISE)
-        parts = []
-        for each in scans:
-            x, y, heading = self._mount(each)
-            parts.append(surface_of_scan(each, np.array([x, y]), noise, heading))
-        return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
     def _add_key(self, key: Key, scans: Moment) -> None:
         """Add a vertex to the pose graph, and an edge to it."""
@@ -230,8 +196,21 @@ class Slam:
         closer.add_key(key, apart=apart)
         self._anchors.append(Anchor(key.scan, number, np.zeros(3), key.pose, closer.distance))
 
+    def _close_known(self) -> None:
+        """Close the loops that are known to be closed by the newest key scan."""
+        closer, new = self._closer, len(self._closer.keys) - 1
+        for pair in [pair for pair in self._known if pair[1] <= closer.keys[new].scan]:
+            self._known.remove(pair)
+            closure = closer.known(closer.number_at(pair[0]), new, self._key_poses)
+            if closure is None:
+                raise InputError(f"close {pair[0]}:{pair[1]}: these scans show nothing in common")
+            edge = replace(closure_edges([closure]), robust=np.array([False]))
+            self._edges = Edges.joined([self._edges, edge])
+            self._key_poses = optimised(self._key_poses, self._edges, FINAL_ITERATIONS)
+
     def _close_loops(self) -> None:
         """Find the loops that the newest key scan closes, and optimise if the poses are off."""
+        self._close_known()
         if closures := self._closer.search(self._key_poses):
             edges, poses = closure_edges(closures), self._key_poses
             self._edges = Edges.joined([self._edges, edges])
@@ -310,7 +289,7 @@ class Slam:
         """Key scans with the poses of their lasers, where the robot is at (3,) since the start."""
         robot = compose(self._start, pose)
         return [
-            replace(scan, pose=Pose(*compose(robot, np.array(self._mount(scan))).tolist()))
+            replace(scan, pose=Pose(*compose(robot, np.array(self.sight.mount(scan))).tolist()))
             for scan in self._key_scans[number]
         ]
 
@@ -340,6 +319,21 @@ class Slam:
     def key_scans(self) -> Int:
         """The numbers (m,) of the key scans among all scans."""
         return np.array([key.scan for key in self._closer.keys], dtype=np.int64)
+
+    @property
+    def closer(self) -> LoopCloser:
+        """What finds loop closures: it has the key scans, and what was refused."""
+        return self._closer
+
+    @property
+    def key_poses(self) -> Float:
+        """Poses (m, 3) of the key scans by the current estimate."""
+        return compose(self._start, self._key_poses)
+
+    @property
+    def edges(self) -> Edges:
+        """The relative poses between key scans that were measured."""
+        return self._edges
 
     @property
     def closures(self) -> list[Closure]:
@@ -373,6 +367,10 @@ class Slam:
 
     def finish(self) -> None:
         """Adjust all poses, once the last scan is in and no more closures can come."""
+        self._known = [
+            (first, min(second, self._closer.keys[-1].scan)) for first, second in self._known
+        ]
+        self._close_known()
         self._closer.settle(self._key_poses)
         path, closed = self._edges.part(~self._edges.robust), self._closer.accepted
         self._edges = Edges.joined([path, closure_edges(closed)]) if closed else path
@@ -392,12 +390,11 @@ class Slam:
             raise InputError(
                 f"slam: {len(scans)} scans to refine; expected all {len(self._tracked)}"
             )
-        moments = [(scan,) if isinstance(scan, LaserScan) else scan for scan in scans]
-        surfaces = [self._surface(tuple(map(unrolled, moment))) for moment in moments]
         poses, keys = self._scan_poses(), self._closer.keys
-        found = refined(surfaces, poses, keys, self._key_poses, self._anchored)
+        found = refined(self.sight.surfaces(scans), poses, keys, self._key_poses, self._anchored)
         return self._in_world(found)
 
     def self_check(self) -> SelfCheck:
         """Compare the key scans, at their current poses, where the robot came by again."""
-        return self_check(self._closer.keys, self._key_poses, self._closer.driven)
+        mixed = self._front.mixed_pixels.rate
+        return self_check(self._closer.keys, self._key_poses, self._closer.driven, mixed)

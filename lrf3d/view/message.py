@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.render.glsl import night, shader_source
-from lrf3d.render.packing import columns_of, land_of, mesh, rectangle, walls_of
+from lrf3d.render.packing import columns_of, ground_of, mesh, walls_of
 from lrf3d.scene.look import LEAST_SCALE, PLAN_BACK
 from lrf3d.scene.shapes import Faces, Mark
 from lrf3d.scene.stage import Stage
 
 _PROGRAMS = (
     "walls", "walls:SOLID", "walls:VEIL", "walls:MIRRORED", "faces", "faces:MIRRORED", "ground",
-    "ground:PLAN", "ground:MIRRORED", "sky", "soft", "lines", "lines:DASHED", "points",
+    "ground:PLAN", "ground:MIRRORED", "sky", "soft", "lines", "points",
     "points:GLOW_ROUND",
 )  # fmt: skip
 """The shaders that the page draws with, which it compiles when they are first used."""
@@ -81,14 +81,11 @@ def stage_message(stage: Stage, *, times: bool = True) -> bytes:
     The picture of times can be left out.
     """
     faces, ground, indoor = stage.faces, stage.ground, stage.structures.indoor
-    corners = rectangle(ground.corner, ground.corner + ground.size)
-    style, land = part_of(land_of(stage))
     seen = stage.exposure.times
     parts = {
         "walls": _part("walls", *(_triangles(each) for each in walls_of(faces))),
-        "ground": _part("ground", corners),
+        "ground": _part("ground", ground_of(ground)),
         "sky": _part("sky", mesh(10, 10)),
-        "land": ({**style, "pose": np.eye(4).ravel().tolist()}, land),
     }
     if times:
         parts["times"] = times_part(seen, 0, 0)

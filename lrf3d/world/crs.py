@@ -1,8 +1,8 @@
 """Coordinate reference systems: the ``crs`` of a GeoJSON file, and its features in metres.
 
-Longitude and latitude, the metres of UTM and those of web maps are known here, all other systems,
-with their feet, to pyproj (an extra). Where a system shows lengths as they are, coordinates stay
-those of the file, in metres; else the features are laid flat around their middle.
+Longitude and latitude, and the metres of UTM, are known here, all other systems, with their feet,
+to pyproj (an extra). Where a system shows lengths as they are, coordinates stay those of the file,
+in metres; else the features are laid flat around their middle.
 """
 
 import re
@@ -18,9 +18,6 @@ from lrf3d.world.features import Feature, laid_flat, looks_geographic, moved
 
 DEGREES = {"4326", "4258", "4269"}
 """EPSG codes of longitude and latitude: WGS 84, ETRS89 and NAD83, centimetres to metres apart."""
-
-WEB_MERCATOR = {"3857", "900913", "3785", "102100", "102113"}
-"""EPSG's and ESRI's codes of the projection of web maps, which enlarges Delft by 1.6."""
 
 UTM = re.compile(r"32[67]\d\d|258[23]\d")
 """EPSG's codes of the zones of UTM, by WGS 84 and ETRS89."""
@@ -46,9 +43,7 @@ def in_metres(
     """
     name = _name_of(reference)
     code = _code_of(name)
-    if code in WEB_MERCATOR:
-        features = moved(features, _from_web_mercator)
-    elif name and code not in DEGREES and not UTM.fullmatch(code):
+    if name and code not in DEGREES and not UTM.fullmatch(code):
         metre, features = _by_pyproj(features, name, code)
         if metre:
             return moved(features, lambda points: points * metre), None
@@ -82,13 +77,6 @@ def _code_of(name: str) -> str:
     return match.group(1) if match else ""
 
 
-def _from_web_mercator(points: Float) -> Float:
-    """Longitudes and latitudes (k, 2) [°] of points (k, 2) [m] of a web map."""
-    longitude, north = points.T / 6_378_137.0  # The radius [m] of the sphere of web maps.
-    degrees: Float = np.degrees(np.column_stack([longitude, np.arctan(np.sinh(north))]))
-    return degrees
-
-
 def _by_pyproj(
     features: Sequence[Feature], name: str, code: str
 ) -> tuple[float, Sequence[Feature]]:
@@ -99,7 +87,7 @@ def _by_pyproj(
         from pyproj import CRS, Proj, Transformer
         from pyproj.exceptions import ProjError
     except ImportError:
-        what = f"crs {shown(name)} is neither longitude and latitude, UTM nor that of web maps"
+        what = f"crs {shown(name)} is neither longitude and latitude nor UTM"
         raise missing_extra(what, "geo") from None
     authority = "ESRI" if re.search("esri", name, re.IGNORECASE) else "EPSG"
     try:

@@ -213,6 +213,12 @@ def _loose(solid: Bool, drawn: Bool, pixels: float, left_out: Counter[str]) -> B
     )
     space = sides.prod(axis=1)
     small = sides.max(axis=1) <= min(LETTER * pixels, 0.04 * _extent(solid))
+    # The letters of a word may touch: the outline of such a part is long.
+    edges: Any = sum(
+        np.bincount(np.maximum(one, other)[one != other], minlength=count + 1)
+        for one, other in ((parts[1:], parts[:-1]), (parts[:, 1:], parts[:, :-1]))
+    )
+    small |= (sides.min(axis=1) <= LETTER * pixels) & (edges[1:] > 2.4 * sides.sum(axis=1))
     # Letters stand close to each other.
     words, _ = _parts(_grown(np.append(False, small)[parts], 0.1 * pixels))
     word = np.zeros(count + 1, dtype=np.int64)

@@ -10,7 +10,7 @@ from lrf3d.world.pieces import connected, groups
 CORNER = np.radians(32.0)
 """Turn [rad] between two segments above which they are no chords of one arc."""
 
-SWEEP = np.radians([40.0, 100.0])
+SWEEP = np.radians([40.0, 130.0])
 """Least and largest turn [rad] along the chords of a door's arc."""
 
 WIDTHS = 0.4, 1.7
@@ -290,7 +290,8 @@ def is_pattern(segments: Float) -> Bool:
     found = (np.bincount(member) >= MOST_ALIKE)[member]
     # The side of a wall from which tiles are drawn on goes on at both of its corners.
     corners = segments[~found].reshape(-1, 2) @ [1.0, 1.0j]
-    return np.asarray(found & ~np.isin(segments.reshape(-1, 2, 2) @ [1.0, 1.0j], corners).all(1))
+    found &= ~np.isin(segments.reshape(-1, 2, 2) @ [1.0, 1.0j], corners).all(axis=1)
+    return np.asarray(found & (np.bincount(member, found)[member] >= MOST_ALIKE - 1))
 
 
 def is_aside(parts: Parts) -> Bool:

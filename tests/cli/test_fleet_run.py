@@ -62,7 +62,7 @@ def test_another_robot_is_drawn_as_the_robot_in_another_colour():
     path = Trajectory([0.0], [Pose(1.0, 2.0, 0.5)])
     outline = round_outline(0.3)
     robot = DynamicObstacle(outline, path, 1.0, is_robot=True)
-    drawn = Obstacles((robot,), np.zeros(2), indoor=True, laser_height=0.5).bodies(0.0)[0][1].faces
+    drawn = Obstacles((robot,), np.zeros(2), laser_height=0.5).bodies(0.0)[0][1].faces
     own = robot_body(0.5, robot.reach)
     assert np.array_equal(drawn.corners, own.corners)
     changed = (drawn.colours != own.colours).any(axis=(1, 2))

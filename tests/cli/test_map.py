@@ -6,6 +6,7 @@ import pytest
 from program import lrf3d, refused
 from synthetic_run import around, box, make_run, make_world
 
+from lrf3d.errors import Lrf3dWarning
 from lrf3d.exporting import export_run
 from lrf3d.io import load_log
 from lrf3d.laser import LaserRangeFinder
@@ -66,7 +67,9 @@ def test_the_map_is_built_from_the_even_scans_alone(text, log, tmp_path):
     ]
     path = tmp_path / "away.log"
     path.write_text("\n".join(away))
-    mixed, clean = map_log(load_log(path)), map_log(load_log(log))
+    with pytest.warns(Lrf3dWarning, match="the poses contradict the scans"):
+        mixed = map_log(load_log(path))
+    clean = map_log(load_log(log))
     assert np.array_equal(mixed.map.segments, clean.map.segments)
     assert score_log(mixed.map, load_log(path).scans[1::2]).explained == 0.0
 
@@ -76,6 +79,16 @@ def test_modes_and_noise_reach_the_mapper(log):
     for settings in ({"mode": "paper", "sigma": 0.02}, {"sigma": 5.0}):
         changed = map_log(drive, **settings).map
         assert not np.array_equal(changed.segments, map_log(drive).map.segments)
+
+
+def test_a_map_of_poses_that_drift_is_doubted(text, tmp_path):
+    lines = [line.split() for line in text.splitlines()]
+    for place, words in enumerate(lines):
+        words[182] = str(float(words[182]) + 0.3 * place)
+    path = tmp_path / "drift.log"
+    path.write_text("\n".join(map(" ".join, lines)))
+    done = lrf3d("map", path, "--json", "--out", tmp_path / "out")
+    assert done.returncode == 0 and "warning: the map explains only" in done.stderr
 
 
 def test_a_log_of_one_scan_gives_a_map_and_no_score(text, tmp_path):

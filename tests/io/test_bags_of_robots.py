@@ -180,3 +180,30 @@ def test_bags_of_ros_1_are_read(tmp_path):
             bag.write(topics[topic], Stamp.of(time).nanoseconds, data)
     log = load_log(tmp_path / "drive.bag")
     assert log.source == "/odom" and log.poses[:, 0] == pytest.approx([0.7])
+
+
+def test_robots_that_publish_on_one_topic_have_tracks_of_their_own(tmp_path):
+    bag = write(
+        tmp_path / "bag",
+        mount("a/base", "a/laser"),
+        mount("b/base", "b/laser"),
+        *driven("/odom", "a/base", 0.0),
+        *driven("/odom", "b/base", 7.0, [0.1, 1.1, 2.1]),
+        *seen("/scan", "a/laser", 0.5),
+    )
+    assert load_log(bag).poses == pytest.approx(np.array([[0.7, 0, 0]]))
+
+
+def test_poses_are_unknown_in_a_gap_of_a_moving_frame(tmp_path):
+    times = [0, 0.4, 0.8, 4.0, 4.4]
+    moves = [
+        ("/tf", t, TRANSFORMS, transform(t, "odom", "base_link", (t * t, 0, 0))) for t in times
+    ]
+    bag = write(
+        tmp_path / "bag",
+        mount("base_link", "laser"),
+        *moves,
+        *seen("/scan", "laser", 0.6, 2.0, 4.0, 4.2),
+    )
+    log = load_log(bag)
+    assert log.times.tolist() == [0.6, 4.0, 4.2] and "or in a gap" in str(log.bad_lines[0])

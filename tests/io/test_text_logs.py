@@ -1,6 +1,7 @@
 """Scans in text and array files: the same drive, written as people write it, is the same log."""
 
 import gzip
+import json
 
 import numpy as np
 import pytest
@@ -172,7 +173,7 @@ def test_a_reading_a_line_makes_scans(drive, tmp_path):
         path = tmp_path / "lidar.csv"
         path.write_text("\n".join(lines))
         log = load_log(path)
-        assert len(log) == 40 and not log.placed and "a reading a line" in " ".join(log.notes)
+        assert len(log) == 40 and not log.placed and "gathered" in " ".join(log.notes)
         for scan, row in zip(log.scans, ranges, strict=True):
             found = scan.hits & (np.degrees(scan.angles) < 90)
             expected = row[np.rint(np.degrees(scan.angles[found]) - 0.1).astype(int)]
@@ -193,22 +194,104 @@ def test_arrays_are_read_by_their_names(drive, tmp_path):
         load_log(tmp_path / "other.npz")
 
 
-def test_relatives_of_carmen_logs_are_read(drive, tmp_path):
-    _, poses, ranges = drive
-    rows = [
-        (" ".join(map(str, p)), " ".join(map(str, r))) for p, r in zip(poses, ranges, strict=True)
+PRINTED = """header:
+  stamp: {{sec: {sec}, nanosec: {nanosec}}}
+  frame_id: laser
+angle_min: {first}
+angle_increment: {step}
+ranges: {ranges}
+---
+"""
+
+MESSAGES = {
+    "short.txt": lambda r, p, t: f"FLASER {BEAMS} {r} {p} {p}",
+    "old.txt": lambda r, p, t: f"FLASER {BEAMS} {r} {p} {p} {t}",
+    "other.txt": lambda r, p, t: f"Odometry {p}\nLaser {BEAMS} {r}",
+    "gmapping.gfs": lambda r, p, t: f"ODO_UPDATE 3\nODOM {p} {t}\n"
+    f"LASER_READING {BEAMS} {r} {p} {t}",
+    "raw.log": lambda r, p, t: f"ODOM {p} 0 0 0 {t} h {t}\n"
+    f"RAWLASER1 0 {ANGLES[0]} 3.14 {ANGLES[1] - ANGLES[0]} 9 0 0 {BEAMS} {r} 0 {t} h {t}\nRLASER 1",
+    "player.log": lambda r, p, t: f"{t} 16 6665 position2d 00 001 001 {t} {p} 0 0 0 1\n"
+    f"{t} 16 6665 laser 00 001 001 {t} 0 {ANGLES[0]} 1.57 {ANGLES[1] - ANGLES[0]} 9 {BEAMS} "
+    + " ".join(f"{each} 0" for each in r.split()),
+    "first_player.log": lambda r, p, t: f"ODOM {p} {t}\n"
+    f"{t} fly 6665 laser 00 {t} {ANGLES[0]} 1.57 {ANGLES[1] - ANGLES[0]} {BEAMS} "
+    + " ".join(f"{each} 0" for each in r.split()),
+    "lines.jsonl": lambda r, p, t: json.dumps({
+        "time": t, "pose": dict(zip(("x", "y", "theta"), map(float, p.split()), strict=True)),
+        "angle_min": ANGLES[0], "angle_increment": ANGLES[1] - ANGLES[0],
+        "ranges": [None, *map(float, r.split())][1:],
+    }),
+    "lists.csv": lambda r, p, t: f"{t},[{', '.join(r.split())}],,{','.join(p.split())}",
+}  # fmt: skip
+"""A scan, its pose and its time, as programs write them."""
+
+
+@pytest.mark.parametrize("name", MESSAGES)
+def test_messages_and_records_of_other_programs_are_read(name, drive, tmp_path):
+    path = tmp_path / name
+    lines = [
+        MESSAGES[name](" ".join(map(str, row)), " ".join(map(str, pose)), time)
+        for time, pose, row in zip(*(each.tolist() for each in drive), strict=True)
     ]
-    for name, lines in {
-        "short": [f"FLASER {BEAMS} {r} {p} {p}" for p, r in rows],
-        "old": [f"FLASER {BEAMS} {r} {p} {p} {k}.5" for k, (p, r) in enumerate(rows)],
-        "other": [f"Odometry {p}\nLaser {BEAMS} {r}" for p, r in rows],
-    }.items():
-        path = tmp_path / f"{name}.txt"
-        path.write_text("\n".join(lines) + "\n")
-        log = load_log(path)
-        assert len(log) == 40 and log.bad_count == 0 and len(map_log(log).map) == 4
-        assert np.diff(log.times) == pytest.approx(1.0 if name == "old" else 0.1)
-        assert any("no stamps" in note for note in log.notes) == (name != "old")
+    head = ["time,ranges,other,x,y,theta"] * name.endswith("csv")
+    path.write_text("\n".join(head + lines) + "\n")
+    log = load_log(path)
+    assert len(log) == 40 and log.bad_count == 0 and log.placed and len(map_log(log).map) == 4
+    assert np.diff(log.times) == pytest.approx(0.1, abs=1e-3)
+    assert any("no stamps" in note for note in log.notes) == (name in ("short.txt", "other.txt"))
+    assert any("other lasers (40 RLASER)" in note for note in log.notes) == (name == "raw.log")
+
+
+def test_printed_messages_get_the_poses_in_a_file_beside_them(drive, tmp_path):
+    times, poses, ranges = drive
+    stamp = [{"sec": int(t), "nanosec": int(1e9 * (t % 1))} for t in times]
+    scans = [
+        PRINTED.format(**s, first=ANGLES[0], step=ANGLES[1] - ANGLES[0], ranges=row.tolist())
+        for s, row in zip(stamp, ranges, strict=True)
+    ]
+    path = tmp_path / "a_scan.txt"
+    path.write_text("".join(scans))
+    assert not load_log(path).placed
+    half = 0.5 * poses[:, 2]
+    tum = np.column_stack(
+        [times, poses[:, :2], 0 * times, 0 * times, 0 * times, np.sin(half), np.cos(half)]
+    )
+    np.savetxt(tmp_path / "a_poses.txt", tum[:-20], fmt="%.9f")
+    log = load_log(path)
+    # Scans a while after the last pose are left out, not placed there.
+    assert 20 <= len(log) < 22 and log.poses[:20, :2] == pytest.approx(poses[:20, :2], abs=1e-3)
+    assert len(map_log(log).map) == 4 and "left out" in " ".join(log.notes)
+    path.write_text("".join(scans).replace(", 4.0]", ", '...']").replace("]", ", '...']"))
+    with pytest.raises(InputError, match="--full-length"):
+        load_log(path)
+
+
+SWEEPS = {
+    "labels": lambda a, d: f"theta: {a:06.2f} Dist: {d:08.2f} Q: {47 * (d > 0)}",
+    "booleans": lambda a, d: f"{a < 1}\t{15 * (d > 0)}\t{a:.3f}\t{d:.1f}",
+    "plain": lambda a, d: f"{a:.2f} {d:.0f} {15 * (d > 0)}",
+    "tuples": lambda a, d: f"({15 * (d > 0)}, {a:.3f}, {d:.1f})",
+}
+
+
+@pytest.mark.parametrize("kind", SWEEPS)
+def test_readings_of_rplidars_are_gathered_clockwise(kind, drive, tmp_path):
+    _, _, ranges = drive
+    lines = []
+    for row in ranges:
+        sweep = [SWEEPS[kind](a, 1e3 * row[180 - a] if a <= 180 else 0.0) for a in range(360)]
+        lines += [f"[{', '.join(sweep)}]"] if kind == "tuples" else sweep
+    path = tmp_path / "lidar.txt"
+    path.write_text("\n".join(lines))
+    log = load_log(path)
+    assert len(log) == 40 and not log.placed and "clockwise, as RPLIDARs" in " ".join(log.notes)
+    for scan, row in zip(log.scans, ranges, strict=True):
+        # The first bearing is 0, and those of the row begin at −180° when turned this way.
+        places = np.rint(np.degrees(-scan.angles)).astype(int)
+        known = (places <= 180) & scan.hits
+        assert scan.ranges[known] == pytest.approx(row[180 - places[known]], abs=2e-3)
+        assert known.sum() == 181
 
 
 def test_a_file_that_is_no_log_gets_a_line_that_says_what_it_looks_like(tmp_path):

@@ -86,6 +86,11 @@ def test_a_time_is_told_to_the_nanosecond(time):
     assert Stamp.of(stamp.seconds) == stamp
 
 
+def test_a_range_that_a_driver_leaves_at_0_is_unknown():
+    message = {**scan_of([1.0, 30.0]).as_ros(), "ranges": [1.0, 30.0], "range_max": 0.0}
+    assert LaserScan.from_ros(message).ranges.tolist() == [1.0, 30.0]
+
+
 def test_beams_that_are_not_evenly_spread_are_refused():
     with pytest.raises(InputError, match="evenly"):
         LaserScan((0, 0, 0), [0.0, 0.1, 0.3], [1, 1, 1]).as_ros()
@@ -96,7 +101,7 @@ def test_beams_that_are_not_evenly_spread_are_refused():
     [
         ("angle_increment", 0.0, "apart"),
         ("angle_increment", 100.0, "apart"),
-        ("range_max", 0.0, "range_max"),
+        ("range_max", -1.0, "range_max"),
         ("range_max", "far", "LaserScan"),
         ("ranges", None, "without ranges"),
         ("header", {}, "LaserScan"),

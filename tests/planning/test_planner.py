@@ -284,6 +284,12 @@ def test_only_cells_that_a_map_knows_to_be_free_are_driven_through():
     assert inside_the_house(route).all() and (route[:, 0] < 6.0).all()
 
 
+def test_a_map_in_which_no_cell_is_known_to_be_free_is_driven_by_its_walls():
+    world = World(house(1.0, 0.9).segments, free=FreeCells(np.zeros((90, 120), dtype=bool), 0.1))
+    found = find_route(world, lookahead=0.4)
+    assert found.side == "inside" and "no cell to be free" in found.notes[0]
+
+
 @pytest.mark.parametrize("far", [pytest.param(2e6, marks=pytest.mark.slow), 1e9])
 def test_walls_that_reach_far_away_cost_nothing_and_the_town_is_driven_to(far):
     corner = [[150.0, 0.0, far, 3.0], [far, 3.0, 150.0, 8.0], [150.0, 8.0, 150.0, 0.0]]
@@ -327,3 +333,15 @@ def test_a_plan_of_thousands_of_rooms_has_one_that_is_driven_in():
     across = np.column_stack([np.zeros_like(at), at, np.full_like(at, 490.0), at])
     ground = Ground(World(np.concatenate([across, across[:, [1, 0, 3, 2]]])))
     assert find_free_space(ground, 0.35).places.size > 0
+
+
+def test_a_drive_that_more_care_does_not_help_is_tried_twice(monkeypatch):
+    tried = []
+
+    def hit(_, begins, ends, radius):
+        tried.append(len(begins))
+        return np.zeros(len(begins), dtype=np.int64)
+
+    monkeypatch.setattr("lrf3d.planning.planner.CollisionChecker.hit", hit)
+    assert find_route(room(9.0, 7.0)).speed == 1.0
+    assert len(tried) == 2

@@ -10,7 +10,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.text import Text
 from test_render import city_run, needs_gl
 
-from lrf3d.plot import CLOSED, DROPPED
+from lrf3d.plot import CLOSED, DROPPED, estimate
 from lrf3d.render.figures import draw_map
 from lrf3d.render.film import Film
 from lrf3d.scene.look import ESTIMATE_COLOUR
@@ -53,12 +53,13 @@ def lines(figure, colour):
     ]
 
 
-def test_the_map_shows_both_paths_the_ellipses_and_the_loops():
+def test_the_map_shows_both_paths_and_the_ellipses_and_loops_where_they_are_asked_for():
     run = estimated(city_run())
     figure = draw_map(run)
     names = {text.get_text() for text in figure.findobj(Text)}
-    assert {"truth", "estimate, 95 %", "loop closures", "dropped closures"} <= names
-    assert "path" not in names
+    assert {"truth", "estimate, 95 %"} <= names and not {"path", "loop closures"} & names
+    assert not lines(figure, CLOSED)
+    estimate(run.estimate, figure.axes[0])
     places = run.estimate.poses[:, :2]
     (closed,), (dropped,) = lines(figure, CLOSED), lines(figure, DROPPED)
     assert closed == pytest.approx(places[[0, -1]]) and dropped == pytest.approx(places[[1, 2]])

@@ -97,9 +97,7 @@ def test_the_names_of_few_objects_have_no_gaps(run):
 
 def test_legends_name_only_what_is_there(run):
     nothing = replace(run, ranges=np.full_like(run.ranges, np.inf), maps=(LineMap.empty(),))
-    assert not {"reflection points", "map, a colour for each object"} & set(
-        texts(draw_map(nothing))
-    )
+    assert not {"returns", "map, a colour for each object"} & set(texts(draw_map(nothing)))
     seen = texts(draw_world(run.world, scan=nothing.scan(0)))
     assert not {"beams", "returns"} & set(seen)
     assert "beams" in texts(draw_world(run.world, scan=nothing.scan(0), lrf=run.lrf))
@@ -126,7 +124,7 @@ def test_glass_and_mirrors_have_marks_and_names_of_their_own(room_run):
 
 def test_the_headline_counts_what_is_drawn(run):
     points = sum(len(scan.points()) for scan in run.scans)
-    assert f"8 segments in 2 objects  ·  12 scans  ·  {points:,} points" in texts(draw_map(run))
+    assert f"8 segments in 2 objects  ·  12 scans  ·  {points:,} returns" in texts(draw_map(run))
     assert "street" in texts(draw_map(run))
 
 

@@ -221,7 +221,9 @@ def test_hit_points_lie_on_their_walls_wherever_the_robot_has_gone_since():
     scan, walls = run.scan(6), run.world.segments
     for step in (0.0, 0.15, 0.29):
         apex = np.array([scan.pose.x + step, scan.pose.y])
-        _, points = draw_beams(scan, walls, apex, np.zeros(len(walls), bool), height=0.5, reach=9.0)
+        _, points, _ = draw_beams(
+            scan, walls, apex, np.zeros(len(walls), bool), height=0.5, reach=9.0
+        )
         hit = shapely.linestrings(walls[run.walls[6][scan.hits]].reshape(-1, 2, 2))
         assert shapely.distance(shapely.points(points.places[:, :2]), hit).max() < 1e-5
 

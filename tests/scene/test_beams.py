@@ -24,7 +24,7 @@ def drawn(world, by="range"):
     scan = lrf3d.PlanarCaster(world).cast(LaserRangeFinder(-np.pi, np.pi, 181), POSE)
     place, turning = np.array(POSE[:2]), turning_walls(world)
     shape = {"height": 0.5, "reach": 80.0, "by": by}
-    return scan, *draw_beams(scan, world.segments, place, turning, **shape)
+    return scan, *draw_beams(scan, world.segments, place, turning, **shape)[:2]
 
 
 def off_walls(points):

@@ -1,9 +1,8 @@
-"""The map as it is drawn: on its walls, no higher than these, or as a ghost."""
+"""The map as it is drawn: its colours on walls, and a ghost where there is none."""
 
 import numpy as np
-import pytest
 
-from lrf3d.scene.drawn_map import BAND, BAND_THICK, DrawnMap
+from lrf3d.scene.drawn_map import DrawnMap
 from lrf3d.scene.structures import Structures
 from lrf3d.world import World
 
@@ -11,25 +10,12 @@ WALLS = np.array([[0.0, 0.0, 6.0, 0.0], [0.0, 4.0, 6.0, 4.0]])
 COLOURS = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 
-def test_the_map_is_drawn_no_higher_than_its_wall():
-    lines = DrawnMap(WALLS, COLOURS, np.array([0.66, 2.5])).bands()
-    high = 0.66 - 0.5 * BAND_THICK
-    assert lines.starts[:, 2] == pytest.approx([high, BAND]) == lines.ends[:, 2]
-
-
-def test_a_segment_of_the_map_has_the_height_of_the_wall_that_it_lies_on():
-    structures = Structures.from_world(World(WALLS, heights=[1.5, 8.0]))
-    here = WALLS - np.tile(structures.origin, 2)
-    assert structures.tops(here + 0.1).tolist() == [1.5, 8.0]
-    assert np.isinf(structures.tops(here + 50.0)).all()
-
-
 def test_what_of_the_map_lies_on_no_wall_stands_free_and_colours_none():
     structures = Structures.from_world(World(WALLS, heights=[1.5, 8.0]))
     here = WALLS - np.tile(structures.origin, 2)
     # One lies on its wall, the other leaves its own half-way and is 1 m off at its end.
     here[1, 3] += 1.0
-    drawn = DrawnMap(here, COLOURS, structures.tops(here))
+    drawn = DrawnMap(here, COLOURS)
     ghosts = drawn.ghosts(structures, 0.5)
     x = ghosts.corners[..., 0] + structures.origin[0]
     assert (ghosts.colours[..., :3] == COLOURS[1]).all() and 2.8 < x.min() < 3.5 < x.max()

@@ -3,6 +3,7 @@ import numpy as np
 from lrf3d.pose import between
 from lrf3d.slam.closures import Closure, LoopCloser
 from lrf3d.slam.views import Fan, Key
+from lrf3d.slam.violation import MixedPixels
 
 NOTHING, LASER = np.empty((0, 4)), np.zeros(2)
 INFORMATION = np.diag([1e3, 1e3, 1e4])
@@ -15,7 +16,7 @@ def key(number, pose):
 
 def driven(poses, jump):
     """A closer with key scans (k,) at poses, and a gap in the drive before one of them."""
-    closer = LoopCloser()
+    closer = LoopCloser(MixedPixels())
     for number, pose in enumerate(poses):
         closer.drive(np.array([1.0 + 50.0 * (number == jump), 0.0, 0.0]), 0)
         closer.add_key(key(number, pose))

@@ -15,7 +15,7 @@ def test_a_lost_scan_adds_what_it_saw_itself_to_the_local_map():
     front, slam = FrontEnd(), Slam()
     poses = (3.0, 2.0, 0.0), (3.2, 2.0, 0.0), (44.0, 4.0, 0.0)
     scans = [
-        slam.seen(PlanarCaster(WORLD).cast(LaserRangeFinder(range_max=10.0), pose))
+        slam.sight.seen(PlanarCaster(WORLD).cast(LaserRangeFinder(range_max=10.0), pose))
         for pose in poses
     ]
     steps = np.array([[0.0, 0.0, 0.0], [0.2, 0.0, 0.0], [40.8, 2.0, 0.0]])

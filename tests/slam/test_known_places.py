@@ -86,7 +86,7 @@ def test_a_map_that_contradicts_itself_is_reported(rounds):
     slam = rounds[0]
     keys, poses, driven = slam._closer.keys, slam._key_poses.copy(), slam._closer.driven
     poses[len(poses) // 2 :, 1] += 1.5
-    check = self_check(keys, poses, driven)
+    check = self_check(keys, poses, driven, 0.0)
     assert not check.passed
     assert "contradicts itself" in check.sentences()[0]
 

@@ -8,7 +8,10 @@ import shapely
 from drives import drive, errors, path_of, rooms, solved, through
 
 import lrf3d
+from lrf3d.errors import InputError
+from lrf3d.io import LaserLog
 from lrf3d.pose import between, compose
+from lrf3d.recorded import solve_log
 
 
 @pytest.mark.parametrize("first, last", [(50, 80), (0, None)])
@@ -102,3 +105,50 @@ def test_loops_close_in_a_wood():
     assert len(found) > 40
     assert errors(np.array(found), keys[[closure.new for closure in closures]]).max() < 0.5
     assert errors(true, solution.poses).max() < 0.15
+
+
+ROUND = lrf3d.LaserRangeFinder(-np.pi, np.pi * 359 / 360, beams=360, range_max=8.0)
+
+
+def alone(scans):
+    """A log without odometry."""
+    return LaserLog("alone", scans, placed=False)
+
+
+def test_the_laser_alone_is_enough():
+    scans, _, true = drive(rooms(3), through(3), lrf=ROUND)
+    solution = solve_log(alone(scans))
+    assert errors(true, solution.poses).max() < 0.1
+
+
+def test_distances_that_the_laser_alone_does_not_see_are_named():
+    """It sees nothing but two walls for eight metres."""
+    bare = lrf3d.World([[0, 0, 20, 0], [20, 0, 20, 2], [20, 2, 0, 2], [0, 2, 0, 0]])
+    lrf = replace(ROUND, range_max=5.0)
+    scans, _, _ = drive(bare, [(2, 1), (18, 1)], lrf=lrf)
+    [said] = solve_log(alone(scans)).warnings
+    assert "see bare walls and not how far the robot moved" in said
+
+
+def test_scans_too_far_apart_to_follow_without_odometry_are_refused():
+    scans, _, _ = drive(rooms(3), through(3), lrf=ROUND)
+    with pytest.raises(InputError, match=r"alone: .* of \d+ scans match nothing .* odometry"):
+        solve_log(alone(scans[::12]))
+
+
+def test_a_step_of_the_odometry_that_is_far_wrong_ruins_nothing():
+    scans, wheels, true = drive(rooms(2), through(2), lrf=ROUND, bias=0.0)
+    steps = between(wheels[:-1], wheels[1:])
+    steps[60, 2] += np.radians(80)
+    assert errors(true, solved(scans, path_of(wheels[0], steps)).poses).max() < 0.1
+
+
+def test_broken_revolutions_place_nothing():
+    """A few beams that are left of a scan fit in many places."""
+    scans, wheels, true = drive(rooms(2), through(2), lrf=ROUND, bias=0.0)
+    for number in range(20, len(scans), 15):
+        ranges = np.where(np.arange(360) // 20 == number % 18, scans[number].ranges, np.inf)
+        scans[number] = replace(scans[number], ranges=ranges)
+    solution = solved(scans, wheels)
+    assert not set(range(20, len(scans), 15)) & set(solution.slam.key_scans.tolist())
+    assert errors(true, solution.poses).max() < 0.1

@@ -8,10 +8,10 @@ from drives import SCANNER, drive, errors, followed, recorded, rooms, solved, th
 import lrf3d
 from lrf3d.errors import InputError
 from lrf3d.pose import between
-from lrf3d.recorded import rising
 from lrf3d.slam.front_end import weakest_direction
 from lrf3d.slam.odometry import WheelPath
 from lrf3d.slam.wheels import Wheels
+from lrf3d.solved_log import rising
 
 
 @pytest.fixture(scope="module")

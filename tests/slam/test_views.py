@@ -36,7 +36,7 @@ def test_most_speaks_for_the_right_place_even_where_little_is_explained():
     world = World(np.hstack([trunks, trunks + np.array([0.0, 0.1])]))
     slam, lrf = Slam(), LaserRangeFinder(beams=721)
     poses = np.array([[0.0, 0.0, 0.0], [0.5, 0.2, 0.3]])
-    old, new = (slam.seen(PlanarCaster(world).cast(lrf, tuple(pose))) for pose in poses)
+    old, new = (slam.sight.seen(PlanarCaster(world).cast(lrf, tuple(pose))) for pose in poses)
     true = between(poses[0], poses[1])
     right = evidence(new.hits, 0.0, true[None], [old])
     for off in ([0.4, 0.0, 0.0], [0.0, -0.4, 0.0], [0.0, 0.0, 0.15], [-1.0, 1.0, -0.3]):

@@ -49,7 +49,7 @@ def test_arrays_are_sent_once_and_colours_are_bytes():
     header = read(sender.message(parts, {"words": {"t": "1"}}))
     assert header["words"] == {"t": "1"}
     first = header["marks"]["lines"]
-    assert (first["kind"], first["width"], first["hidden"]) == ("lines", 2.0, False)
+    assert (first["kind"], first["width"], first["thick"]) == ("lines", 2.0, 0.0)
     for place, values in enumerate(lines()[:2]):
         assert np.array_equal(first["columns"][place], values)
     assert first["columns"][3].tolist() == [[1, 0], [0.5, 2]]

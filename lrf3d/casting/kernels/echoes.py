@@ -4,6 +4,7 @@ The echoes of a beam come one by one, in any order. One of them is its range, an
 kept in the order of their ranges.
 """
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -41,6 +42,14 @@ class Lit(NamedTuple):
     echoes: Float
     echo_intensities: Float
     chains: Int
+
+    def scans(self) -> "Iterator[Lit]":
+        """The light of each of several scans."""
+        return (Lit(*each) for each in zip(*self, strict=True))
+
+    def arrays(self, echoes: int) -> tuple[Any, ...]:
+        """What a LaserScan takes: ranges, walls and intensities, and the echoes if several are."""
+        return self[: 5 if echoes > 1 else 3]
 
     def part(self, scans: slice) -> "Lit":
         """The light of some of several scans."""

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lrf3d.casting.kernels.movers import (
+    PLACED,
     SIDE,
     Movers,
     Twist,
@@ -312,20 +313,20 @@ def touched_among(
     """
     among, body = anywhere(plain), Body(*plain_body)
     movers, sides = among.movers, np.empty(len(body.tips), SIDE)
-    begin, places = np.nan, np.empty((len(movers), 2))
+    begin, places = np.nan, np.empty(len(movers), PLACED)
     for k in range(len(moves)):
         move = moves[k]
         if begin != move.time:
             begin = move.time
             for j in range(len(movers)):
-                places[j, 0], places[j, 1], _ = mover_at(among, j, begin)
+                places[j].x, places[j].y, _ = mover_at(among, j, begin)
         fastest = math.hypot(move.ahead, move.left) + abs(move.turn) * body.reach
         times[k], met[k] = np.inf, -1
         for j in range(len(movers)):
             mover, rate = movers[j], fastest + movers[j].rim
             best = min(times[k], seconds[k])
             room = rate * best + max(mover.reach, mover.disc) + body.reach + 1e-6
-            east, north = places[j, 0] - move.x, places[j, 1] - move.y
+            east, north = places[j].x - move.x, places[j].y - move.y
             if j == own[k] or east * east + north * north > room * room:
                 continue
             time = _first_meeting(among, j, body, move, best, sides)

@@ -1,4 +1,4 @@
-// Lines of even width with soft edges, of two triangles each; DASHED ones have gaps.
+// Lines of even width with soft edges, of two triangles each.
 #ifdef VERTEX
 uniform vec2 width;     // [pixels], and at least [pixels at 1 m]
 layout(location = 0) in vec3 start;
@@ -6,7 +6,6 @@ layout(location = 1) in vec3 end;
 layout(location = 2) in vec3 tint;
 layout(location = 3) in vec2 opacities; // at both ends
 out vec4 paint;
-out float along;                // distance from the start [m]
 out vec3 off;                   // from the middle of the line, and half its width [pixels], times the depth; that
 const float NEAR = 0.25;        // no less than that of the camera [m]
 void main() {
@@ -28,19 +27,14 @@ void main() {
     // Seen from the end, left and right have changed places.
     // Divided by the depth it is straight in the picture, and not in space.
     off = vec3(turn * half_width * (ends ? -1.0 : 1.0), half_width, 1.0) * a.w;
-    along = ends ? length(there - here) : 0.0;
     paint = vec4(tint, ends ? opacities.y : opacities.x);
     gl_Position = a;
 }
 #else
 in vec4 paint;
-in float along;
 in vec3 off;
 out vec4 colour;
 void main() {
-#ifdef DASHED
-    if (fract(along / DASH) > 0.6) discard;
-#endif
     float cover = clamp((off.y - abs(off.x)) / off.z - 0.25, 0.0, 1.0);
     colour = vec4(paint.rgb, paint.a * cover);
 }

@@ -216,7 +216,6 @@ export class Scene {
     for (const mirror of this.mirrors) this.reflect(reflection(mirror, camera), box);
     this.see(camera, box);
     this.paintBodies("faces");
-    this.paint("faces", marks.land, marks.land);
     // What is lit is seen from both sides at the end, what is not becomes glass; else what hides the robot is open.
     const opened = camera.glass || camera.robot;
     this.paintWalls(opened ? ":SOLID" : "", camera);
@@ -294,9 +293,7 @@ export class Scene {
       const sizes = [mark.size * this.focus, ...mark.pixels.map((size) => scale * size)];
       this.paint(mark.glows ? "points:GLOW_ROUND" : "points", mark, { sizes }, { mode: gl.POINTS, blend: true });
     } else if (mark.kind === "lines") {
-      gl.depthFunc(mark.hidden ? gl.GREATER : gl.LEQUAL);
-      this.paint(mark.hidden ? "lines:DASHED" : "lines", mark, { width: [mark.width * scale, mark.thick * this.focus] }, { blend: true });
-      gl.depthFunc(gl.LEQUAL);
+      this.paint("lines", mark, { width: [mark.width * scale, mark.thick * this.focus] }, { blend: true });
     } else if (mark.kind === "soft") {
       gl.depthFunc(mark.on_top ? gl.ALWAYS : gl.LEQUAL);
       this.paint("soft", mark, {}, { blend: true });

@@ -1,0 +1,268 @@
+"""SolvedLog: the poses of a recorded drive, with its warnings and figures, and the drive as a run.
+
+The scans of a log and their poses enter; a `Run` leaves, whose world is the map of the drive.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from lrf3d.errors import InputError
+from lrf3d.geometry import Float, lengths
+from lrf3d.interrupts import Progress, check, silent
+from lrf3d.io import LaserLog
+from lrf3d.io.laser_log import on_one_fan
+from lrf3d.laser import LaserRangeFinder, LaserScan, doubtful_ranges
+from lrf3d.laser.range_finder import CENTRE
+from lrf3d.laser.unrolling import unrolled
+from lrf3d.localization.joining import Joined
+from lrf3d.mapping import LineMap, LineMapper
+from lrf3d.pose import Pose, compose
+from lrf3d.robot import EstimatedTrajectory, Trajectory
+from lrf3d.run import Run, is_snapshot
+from lrf3d.slam import Slam
+from lrf3d.slam.closures import Refusal
+from lrf3d.slam.mounting import doubtful_mount
+from lrf3d.slam.odometry import Repairs
+from lrf3d.slam.views import Key
+from lrf3d.slam.violation import SelfCheck
+from lrf3d.text import counted
+from lrf3d.world import World
+
+MOST_COVARIANCES = 128
+"""Key scans whose covariances are kept, at most: each takes a step over the whole pose graph."""
+
+MOST_UNSEEN = 1.0
+"""Distance [m] along bare walls from which on a drive by the laser alone may be wrong."""
+
+PAUSE = 1.0
+"""Time [s] between two drives in their joint run."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SolvedLog:
+    """The solution of a log: poses of the robot x, y [m], theta [rad] by the clock of its laser.
+
+    ``poses`` (k, 3) are those at the ``scans`` (k,), which are in the order in which they were
+    taken, each once; ``line_poses`` (n, 3) are those at the odometry lines, as logged. The laser's
+    clock is ``lag`` lines behind that of the odometry. The drive was solved ``passes`` times: again
+    where its wheels' errors turned out to differ. If it was joined with an earlier drive, all of
+    them are in its frame, and the run is that of both.
+    """
+
+    log: LaserLog
+    slam: Slam
+    scans: list[LaserScan]
+    poses: Float
+    line_poses: Float
+    lag: float
+    repairs: Repairs
+    check: SelfCheck
+    passes: int
+    joined: Joined | None = None
+
+    def __repr__(self) -> str:
+        return f"SolvedLog({self.log.name}, {self.slam}, {len(self.line_poses)} odometry lines)"
+
+    @property
+    def warnings(self) -> list[str]:
+        """What users should know of the solution, a sentence each."""
+        mirrored = self.repairs.sentences()[:1] if self.repairs.mirrored else []
+        mount = doubtful_mount(self.log.scans, mirrored=False)
+        doubts = [*([mount] if mount else []), *self._unseen(), *self.check.sentences()]
+        return [*mirrored, *doubts, *self.tried]
+
+    def _unseen(self) -> list[str]:
+        """What the laser alone does not show of the drive, in a sentence."""
+        weak = np.array([0, *(scan.weak for scan in self.slam.tracked[1:]), 0], dtype=np.int64)
+        steps = np.hypot(*np.diff(self.poses[:, :2], axis=0).T)
+        if self.log.placed or weak.sum() * steps.mean() < MOST_UNSEEN:
+            return []
+        starts, ends = np.flatnonzero(np.diff(weak)).reshape(-1, 2).T
+        longest = int((ends - starts).argmax())
+        where = f"{counted(int(weak.sum()), 'scan')}, as {starts[longest] + 1} to {ends[longest]}"
+        return [f"{where}, see bare walls and not how far the robot moved: the map may be wrong"]
+
+    @property
+    def refused(self) -> list[Refusal]:
+        """The loop closures that were refused in the worst stretch of the self-check."""
+        first, last = self.check.worst_scans
+        scans = [key.scan for key in self.key_scans[0]]
+        before = len(scans) - len(self.slam.closer.keys)
+        all_refused = [
+            Refusal(before + old, before + new, why) for old, new, why in self.slam.closer.refusals
+        ]
+        return [
+            each for each in all_refused
+            if first <= scans[each.old] <= last or first <= scans[each.new] <= last
+        ]  # fmt: skip
+
+    @property
+    def key_scans(self) -> tuple[list[Key], Float]:
+        """The key scans (k,) of all drives, and their poses (k, 3)."""
+        if self.joined is not None:
+            return self.joined.key_scans, self.joined.key_poses
+        return self.slam.closer.keys, self.slam.key_poses
+
+    @property
+    def tried(self) -> list[str]:
+        """What was tried where the map contradicts itself, in a sentence; else an empty list."""
+        if not self.check.sentences():
+            return []
+        first, last = self.check.worst_scans
+        reasons = Counter(each.why for each in self.refused)
+        why = ", ".join(f"{count} as {reason}" for reason, count in reasons.most_common())
+        refused = counted(len(self.refused), "loop closure")
+        tried = f"scans {first} to {last}: {refused} refused{': ' if why else ''}{why}"
+        return [f"{tried}; --close A:B and --not A:B say what is known of two scans"]
+
+    @property
+    def odometry(self) -> str:
+        """Where the odometry comes from, in words."""
+        if not self.log.placed:
+            return "none: by the laser alone"
+        return "the poses of the scans" if self.log.wheels is None else "ODOM lines"
+
+    @cached_property
+    def run(self) -> Run:
+        """The drive as a run, in the walls that its key scans show."""
+        slam, keys = self.slam, self.slam.key_scans
+        mount = self.scans[0].mount
+        if mount == CENTRE:
+            mount = Pose(self.log.odometry.laser_offset, 0.0, 0.0)
+        poses = compose(self.poses, np.array(mount))
+        poses[:, 2] = np.unwrap(poses[:, 2])
+        if self.joined is not None:
+            return joint_run(self.joined, slam, self.scans, poses, self.log.name)
+        chosen = np.unique(np.linspace(0, len(keys) - 1, MOST_COVARIANCES).astype(np.int64))
+        estimate = slam.estimate(poses, keys[chosen], slam.covariances(chosen))
+        scans, keys = self.scans, keys.tolist()
+        return run_of(self.log.name, scans, poses, keys, LineMapper(), estimate=estimate)
+
+    def summary(self) -> dict[str, Any]:
+        """The figures, in JSON's types."""
+        log, slam, line_map, tracked = self.log, self.slam, self.run.map, self.slam.tracked[1:]
+        keys = self.key_scans[0]
+        errors = "turn_share", "turn_rad_per_m", "distance_share"
+        return {
+            "name": log.name,
+            "log": {
+                **log.counts,
+                "odometry_lines": len(self.line_poses),
+                "odometry": self.odometry,
+                **asdict(self.repairs),
+            },
+            "map": {"segments": len(line_map), "objects": line_map.object_count},
+            "wheels": {
+                "lag_lines": self.lag,
+                **dict(zip(errors, slam.wheels.biases.tolist(), strict=True)),
+                "solved_times": self.passes,
+            },
+            "slam": {
+                "length_m": self.run.trajectory.length,
+                "key_scans": len(slam.key_scans),
+                "loop_closures": len(slam.closures),
+                "loop_closures_dropped": len(slam.unconfirmed_closures),
+                "scans_by_odometry_alone": sum(not scan.matched for scan in tracked),
+                "scans_with_a_weak_direction": sum(scan.weak for scan in tracked),
+            },
+            "self_check": {"passed": self.check.passed, **self.check._asdict()},
+            "refused": [
+                {"scans": [keys[each.old].scan, keys[each.new].scan], "why": each.why}
+                for each in self.refused * bool(self.tried)
+            ],
+            "joined": None if self.joined is None else self.joined.summary(),
+        }
+
+
+def run_of(
+    name: str,
+    scans: Sequence[LaserScan],
+    poses: Float,
+    keys: Sequence[int],
+    mapper: LineMapper,
+    *,
+    snapshots: int | None = None,
+    estimate: EstimatedTrajectory | None = None,
+    progress: Progress = silent,
+) -> Run:
+    """The scans (k,) of one laser at poses (k, 3) as a run, whose world is the map of some of them.
+
+    Maps of the scans before the last key scan are kept as in a simulated run.
+    """
+    scans = [unrolled(scan) for scan in scans]
+    maps: dict[int, LineMap] = {}
+    for done, number in enumerate(keys, 1):
+        mapper.update(replace(scans[number], pose=Pose(*poses[number].tolist())))
+        if is_snapshot(done - 1, len(keys), snapshots):
+            maps[number] = mapper.map
+        progress(done, len(keys))
+        check()
+    # The last map is that of all scans: those after the last key scan show nothing new.
+    maps[len(scans) - 1] = line_map = maps.pop(keys[-1])
+    solid = lengths(line_map.segments) > 0.0
+    if not solid.any():
+        reason = doubtful_ranges(scans) or "expected walls within the laser's range"
+        raise InputError(
+            f"{name}: {len(scans)} scans show no wall, so that there is no map; {reason}"
+        )
+    angles, ranges = on_one_fan(scans)
+    begin, end = angles[[0, -1]].tolist()
+    nearest, farthest = min(s.range_min for s in scans), max(s.range_max for s in scans)
+    if farthest == np.inf:
+        # Some drivers give no limit: it is the usual one, or what was measured beyond it.
+        usual = LaserRangeFinder().range_max
+        farthest = float(ranges.max(initial=usual, where=np.isfinite(ranges)))
+    # Stamps count from 1970; the clock of a run begins with it.
+    times = rising(np.array([scan.time for scan in scans]))
+    return Run(
+        World(line_map.segments[solid], line_map.objects[solid], name=name),
+        LaserRangeFinder(begin, end, len(angles), nearest, farthest),
+        Trajectory(times - times[0], poses),
+        ranges,
+        ranges,
+        np.full(ranges.shape, -1),
+        tuple(maps),
+        tuple(maps.values()),
+        estimate=estimate,
+    )
+
+
+def joint_run(both: Joined, slam: Slam, scans: Sequence[LaserScan], poses: Float, name: str) -> Run:
+    """Two drives as one run: the first, and after it the scans (k,) of the second's laser.
+
+    Its poses (k, 3) are those that joining has found.
+    """
+    first, count = both.run, len(both.run)
+    before = compose(both.first_poses, np.array(first.lrf.mount))
+    whole = np.vstack([before, poses])
+    whole[:, 2] = np.unwrap(whole[:, 2])
+    later = first.trajectory.times[-1] + PAUSE - scans[0].time
+    shown = [first.scan(k) for k in range(count)]
+    shown += [replace(scan, time=scan.time + later) for scan in scans]
+    nothing = np.empty(0, np.int64), np.empty((0, 3, 3))
+    own = slam.estimate(poses, *nothing)
+    earlier = first.estimate or EstimatedTrajectory(before, *nothing)
+    estimate = EstimatedTrajectory(
+        whole, *nothing,
+        np.vstack([earlier.closures, count + own.closures, both.ties + np.array([0, count])]),
+        np.vstack([earlier.dropped_closures, count + own.dropped_closures]),
+    )  # fmt: skip
+    keys = [*both.keys.tolist(), *(count + slam.key_scans).tolist()]
+    return run_of(name, shown, whole, keys, LineMapper(), estimate=estimate)
+
+
+def rising(stamps: Float) -> Float:
+    """Stamps (k,) [s] as times that rise: one that does not lies evenly between those around it."""
+    latest = np.maximum.accumulate(stamps)
+    knots = np.flatnonzero(np.concatenate([[True], np.diff(latest) > 0.0]))
+    steps = np.diff(stamps)
+    usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
+    number = np.arange(len(stamps), dtype=np.float64)
+    times = np.interp(number, knots, latest[knots])
+    times[knots[-1] :] = latest[knots[-1]] + usual * (number[knots[-1] :] - knots[-1])
+    return np.asarray(times)
