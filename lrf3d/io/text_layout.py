@@ -1,11 +1,13 @@
 """The layout of a text of numbers: what its columns hold, by a format, a header or the numbers."""
 
 import re
+from array import array
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -221,9 +223,10 @@ class Layout:
         layout.length = length if fixed and layout.reason != "a count" else None
         return layout
 
-    def read(self, intake: Intake, form: Form) -> dict[str, list[Float]]:
-        """The numbers of the lines of a file by what they are."""
-        rows: dict[str, list[Float]] = {role: [] for role in self.columns}
+    def read(self, intake: Intake, form: Form) -> dict[str, Any]:
+        """The numbers of the lines of a file by what they are: one a line, but lists of ranges."""
+        lists = "ranges" if self.beams != 1 or "angles" not in self.columns else ""
+        rows: dict[str, Any] = {role: [] if role == lists else array("d") for role in self.columns}
         begun = False
         for number, data in intake.lines():
             text = plain(data)
@@ -238,8 +241,8 @@ class Layout:
                 except ValueError as error:
                     intake.refuse(number, error)
                     continue
-                for role, value in found.items():
-                    rows[role].append(value)
+                for role, values in found.items():
+                    rows[role].append(values if role == lists else values[0])
                 begun = True
                 intake.take(len(words) + A_VALUE * len(found), number)
         return rows

@@ -51,7 +51,7 @@ def text_table(intake: Intake, format: str | None) -> Table:
         raise InputError(
             f"{path}: no scan in it, expected a scan of numbers a line{intake.first_bad}"
         )
-    values = {role: np.concatenate(each) for role, each in rows.items() if role != "ranges"}
+    values = {role: np.array(each) for role, each in rows.items() if role != "ranges"}
     table = Table(intake, values, layout.units, layout.settings, layout.clockwise)
     if "angles" in layout.columns:
         angles, stamps = values["angles"], values.get("stamp", np.empty(0))
@@ -60,7 +60,8 @@ def text_table(intake: Intake, format: str | None) -> Table:
         if len(stamps) and 2 * len(np.unique(stamps)) < len(stamps):
             again = np.diff(stamps) != 0.0
         begins = np.concatenate([[0], np.flatnonzero(again) + 1, [len(angles)]])
-        table.gather(begins, np.concatenate(rows["ranges"]))
+        ranges = rows["ranges"]
+        table.gather(begins, np.concatenate(ranges) if type(ranges) is list else np.array(ranges))
     else:
         spread = {"first", "last"} <= layout.settings.keys() and "step" not in layout.settings
         values["ranges"] = _padded(rows["ranges"], notes, spread)
@@ -114,7 +115,7 @@ def add_partner(table: Table, spec: str = "") -> None:
         form = Form.of(partner)
         layout = Layout.parsed(spec, []) if spec else _of_poses(form)
         rows = layout.read(other.intake, form)
-        other.values = {role: np.concatenate(each) for role, each in rows.items() if each}
+        other.values = {role: np.array(each) for role, each in rows.items() if len(each)}
         other.units, other.settings = layout.units, layout.settings
     poses = other.poses()
     if poses is None:
