@@ -228,6 +228,9 @@ def solve_log(
     lag = fitted_lag(np.diff(poses[:, 2]), path, places)
     both = None
     if known is not None:
+        if known.further:
+            words = f"{known!r}: of its {len(known.lasers)} lasers only the first is continued"
+            warnings.warn(words, Lrf3dWarning, stacklevel=2)
         both = joined(known, slam, slam.sight.surfaces(scans), poses, log.name)
         poses = both.poses
     lines = line_poses(path, places, lag, poses)[recording.rows]

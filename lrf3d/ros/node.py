@@ -14,9 +14,14 @@ from lrf3d.interrupts import asked, check
 from lrf3d.ros.stream import CLOCK, DrivenRobot, Encoded, Settings, Stream
 from lrf3d.scenario import Scenario
 
-DISCOVERY = 1.0
+DISCOVERY = 2.0
 """How long another publisher of the clock is looked for [s]; one on this machine is found in a
-tenth."""
+tenth, unless the machine is busy."""
+
+SECOND_CLOCK = (
+    f"another program publishes {CLOCK.name}; pass --no-clock, or set another ROS_DOMAIN_ID"
+)
+"""Why a program ends at its start, and what it says where it finds out later."""
 
 CHECKED_EVERY, SAID_EVERY = 2.0, 5.0
 """Wall time from a check of foreign topics to the next, and from a warning to the same one [s]."""
@@ -76,10 +81,7 @@ class Node:
         node, end = self._nodes[0], monotonic() + DISCOVERY
         while stream.settings.clock and monotonic() < end and not asked():
             if node.count_publishers(CLOCK.name):
-                raise SecondClockError(
-                    f"another program publishes {CLOCK.name}; pass --no-clock, or set another"
-                    " ROS_DOMAIN_ID"
-                )
+                raise SecondClockError(SECOND_CLOCK)
             # A spin may return at once.
             self.spin(0.05)
         for topic in stream.topics:
@@ -133,10 +135,12 @@ class Node:
             self._executors[0].spin_once(timeout_sec=min(left, 0.1))
         if monotonic() > self._checked + CHECKED_EVERY:
             self._checked = monotonic()
-            self._check_commands()
+            self._check_others()
 
-    def _check_commands(self) -> None:
-        """Warn about commands of a type that nobody hears."""
+    def _check_others(self) -> None:
+        """Warn about another clock, and about commands of a type that nobody hears."""
+        if CLOCK.name in self._publishers and self._nodes[0].count_publishers(CLOCK.name) > 1:
+            self.say("error", SECOND_CLOCK)
         for name in self._commands:
             for each in self._nodes[0].get_publishers_info_by_topic(name):
                 if each.topic_type not in COMMANDS:

@@ -38,7 +38,7 @@ class Watcher:
         listen(Odometry, "odom", self.odometry.append, 10)
         listen(Odometry, "ground_truth", self.truth.append, 10)
         listen(Clock, "/clock", self.hear_clock, qos_profile_sensor_data)
-        self.spin(15, lambda: self.scans and self.truth and self.odometry)
+        self.spin(15, lambda: self.scans and self.truth and self.odometry and self.moved_at)
 
     def hear_scan(self, message, info):
         self.latency.append((time.time_ns() - info["source_timestamp"]) / 1e6)
@@ -180,7 +180,7 @@ def orders(x, y):
         answer = client.call_async(request)
         rclpy.spin_until_future_complete(node, answer, timeout_sec=10)
         assert answer.result().success
-        watcher.spin(0.3)
+        watcher.spin(1.0)
         return watcher.clock[-1]
 
     def place(frame, x, y=start[1]):
@@ -188,7 +188,7 @@ def orders(x, y):
         message.header.frame_id, message.pose.orientation.w = frame, 1.0
         message.pose.position.x, message.pose.position.y = x, y
         to.publish(message)
-        watcher.spin(0.4)
+        watcher.spin(1.0)
         return watcher.here()[0] - start[0]
 
     stopped = call(pause, SetBool.Request(data=True))
@@ -203,10 +203,10 @@ def orders(x, y):
     fast.linear.x, wrong.linear.x = 0.1, nan
     fast.linear.y = 0.1
     command.publish(fast)
-    watcher.spin(1.0, watcher.speed)
+    watcher.spin(5.0, watcher.speed)
     seen["fast"] = watcher.speed()
     command.publish(wrong)
-    watcher.spin(0.25)
+    watcher.spin(5.0, lambda: not watcher.speed())
     seen["stopped"] = watcher.speed()
     call(reset, Trigger.Request())
     seen["reset"] = [a - b for a, b in zip(watcher.here(), start, strict=True)]
