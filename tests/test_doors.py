@@ -1,6 +1,7 @@
 """What is given to a function of the package in a wrong kind is refused by name, in one line."""
 
 import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,6 +29,7 @@ WRONG = [
     Odd(),
 ]
 
+FLAT = Path(__file__).parents[1] / "examples" / "flat.png"
 ROOM = lrf3d.World([[0, 0, 5, 0], [5, 0, 5, 4], [5, 4, 0, 4], [0, 4, 0, 0]])
 
 
@@ -43,6 +45,7 @@ DOORS = {
     "save_run": lambda run, wrong: lrf3d.save_run(wrong, "a.npz"),
     "save_run at": lambda run, wrong: lrf3d.save_run(run, wrong),
     "load_world": lambda run, wrong: lrf3d.load_world(wrong),
+    "resolution": lambda run, wrong: lrf3d.load_world(FLAT, resolution=wrong),
     "load_map": lambda run, wrong: lrf3d.load_map(wrong),
     "load_run": lambda run, wrong: lrf3d.load_run(wrong),
     "load_log": lambda run, wrong: lrf3d.load_log(wrong),
@@ -88,6 +91,7 @@ DOORS = {
     "serve": lambda run, wrong: ros.serve(wrong),
     "sweep": lambda run, wrong: lrf3d.sweep("paper_room", axes=wrong, seeds=0),
     "mappers": lambda run, wrong: lrf3d.sweep("paper_room", mappers=wrong, seeds=0),
+    "a mapper": lambda run, wrong: lrf3d.sweep("paper_room", mappers=[wrong]),
     "progress": lambda run, wrong: lrf3d.simulate(ROOM, [(1, 1, 0)], progress=wrong),
     "record's progress": lambda run, wrong: lrf3d.record(
         lrf3d.Simulation(ROOM, [(1, 1, 0)]), "a.npz", progress=wrong
@@ -108,6 +112,7 @@ FITS = {
     **dict.fromkeys(("fleet's starts", "fleet's mapper"), (type(None),)),
     **dict.fromkeys(("recorded obstacles", "fleet's obstacles", "score_log"), (list,)),
     "obstacles": (list, type(None)),
+    "resolution": (int,),
     **dict.fromkeys(("WheelOdometry", "DifferentialDrive", "AckermannDrive"), (int, bool)),
     "OmniDrive": (int, bool),
     "Imu": (int,),

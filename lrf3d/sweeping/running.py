@@ -93,6 +93,9 @@ def sweep(
         if not isinstance(value, kinds):
             raise InputError(f"sweep: {name} {shown(value)}: expected a list, or a dict of lists")
     expect(progress, Callable, "progress")
+    for label in mappers or ():
+        if not isinstance(label, str):
+            raise InputError(f"sweep: mapper {shown(label)}: expected a name or a path")
     if not isinstance(mappers, Mapping):
         mappers = USUAL if mappers is None else {label: label for label in mappers}
     files = [read_scenario_file(each) for each in ([worlds] if isinstance(worlds, str) else worlds)]

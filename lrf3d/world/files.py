@@ -99,7 +99,12 @@ def load_plan(path: str | Path, *, scale: float = 1.0, **options: Any) -> Any:
 
 def _options(path: Path, **options: Any) -> dict[str, Any]:
     """The options that are given, each of which the format of a file must have."""
-    given = {name: value for name, value in options.items() if value not in (None, False, ())}
+    # What is 0 is given, and refused by the reader.
+    given = {
+        name: value
+        for name, value in options.items()
+        if value is not None and value is not False and not (type(value) is tuple and not value)
+    }
     for name in given:
         if path.suffix.lower() not in OPTIONS[name]:
             raise WorldError(f"{path}: {name} is for {', '.join(OPTIONS[name])} files alone")
