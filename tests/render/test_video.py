@@ -46,30 +46,30 @@ def test_a_film_has_its_frames_in_order_from_all_workers(tmp_path):
     assert os.listdir(tmp_path) == ["run.mp4"]
 
 
-@needs_gl
+def film_by(worker, path, monkeypatch):
+    """Draw a film by a worker that is a script."""
+    script = path.with_name("worker")
+    script.write_text(f"#!/usr/bin/env bash\n{worker}\n")
+    script.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(script))
+    film = {"size": (64, 36), "fps": 4, "renderer": "embree", "workers": 1}
+    video.render_video(room_run(), path, **film)
+
+
 def test_a_failing_worker_leaves_no_file(tmp_path, monkeypatch):
     path = tmp_path / "run.mp4"
     path.write_bytes(b"before")
-    worker = tmp_path / "worker"
-    worker.write_text("#!/usr/bin/env bash\nexit 3\n")
-    worker.chmod(0o755)
-    monkeypatch.setattr(sys, "executable", str(worker))
-    film = {"size": (64, 36), "fps": 4, "renderer": "embree", "workers": 1}
     with pytest.raises(RuntimeError, match="drawing the film failed with status 3"):
-        video.render_video(room_run(), path, **film)
+        film_by("exit 3", path, monkeypatch)
     assert path.read_bytes() == b"before"
     assert sorted(os.listdir(tmp_path)) == ["run.mp4", "worker"]
 
 
 def test_a_worker_that_is_killed_in_the_middle_of_a_picture_is_reported(tmp_path, monkeypatch):
-    worker = tmp_path / "worker"
     # Of a message of 1000 bytes it sends three.
-    worker.write_text("#!/usr/bin/env bash\nprintf '\\0\\0\\3\\350abc' >&$6; kill -9 $$\n")
-    worker.chmod(0o755)
-    monkeypatch.setattr(sys, "executable", str(worker))
-    film = {"size": (64, 36), "fps": 4, "renderer": "embree", "workers": 1}
+    sends = "printf '\\0\\0\\3\\350abc' >&$6; kill -9 $$"
     with pytest.raises(RuntimeError, match="drawing the film failed with status -9"):
-        video.render_video(room_run(), tmp_path / "run.webp", **film)
+        film_by(sends, tmp_path / "run.webp", monkeypatch)
     assert os.listdir(tmp_path) == ["worker"]
 
 
