@@ -1,4 +1,4 @@
-"""A recorded log that is made worse on purpose, to find out what a mapper or a SLAM bears."""
+"""A recorded log that is made worse on purpose, to find out how much a mapper or SLAM tolerates."""
 
 from dataclasses import replace
 

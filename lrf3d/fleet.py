@@ -42,7 +42,7 @@ MOST_SPOTS = 2000
 """Places of a route that are compared with each other, at most."""
 
 WINDOW = 1000
-"""Scans for which it is planned at once how robots give way: it takes memory for their square."""
+"""Number of scans for which giving way is planned at a time: memory grows with its square."""
 
 STILL = (0.0, 0.0, 0.0)
 """The twist of a robot at rest."""

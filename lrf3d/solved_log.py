@@ -257,7 +257,7 @@ def joint_run(both: Joined, slam: Slam, scans: Sequence[LaserScan], poses: Float
 
 
 def rising(stamps: Float) -> Float:
-    """Stamps (k,) [s] as times that rise: one that does not lies evenly between those around it."""
+    """Stamps (k,) [s] made to rise: those that do not are interpolated between their neighbours."""
     latest = np.maximum.accumulate(stamps)
     knots = np.flatnonzero(np.concatenate([[True], np.diff(latest) > 0.0]))
     steps = np.diff(stamps)

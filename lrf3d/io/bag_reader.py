@@ -76,7 +76,7 @@ def load_bag(
 def _wanted(
     intake: Intake, scan_topic: str | None, topics: set[Topic]
 ) -> Iterator[tuple[Topic, int, bytes]]:
-    """The messages of types that are read, and, of those of scans, of one topic, if it is given."""
+    """The messages of the types that are read; scans of one topic alone, if it is given."""
     for file in bag_files(intake.path):
         try:
             for topic, received, data in packets(file, intake.notes.append):

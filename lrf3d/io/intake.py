@@ -24,8 +24,9 @@ LEAST_READINGS, LEAST_SHARE = 50, 0.001
 return."""
 
 BELOW, CROWDED = 0.5, 5.0
-"""It stands out if it is read more often, by the second, than all ranges down to this below it [m].
-A wall at the end of a corridor is read at many ranges."""
+"""The largest range stands out if it is read this many times as often (the second number) as all
+ranges within a distance [m] below it (the first). A wall at the end of a corridor does not: it is
+read at many ranges."""
 
 BESIDE = 0.3
 """Share of these readings beside another one: what is open is open to more than one beam, and a

@@ -52,7 +52,7 @@ TIED = np.diag([1.0 / 0.3**2, 1.0 / 0.3**2, 1.0 / 0.1**2])
 
 @dataclass(slots=True, eq=False)
 class Found:
-    """A place that was certain: poses (3,) by numbers of scans, until it was sure last."""
+    """A place that was certain: poses (3,) by numbers of scans, up to the last certain one."""
 
     place: Hypothesis
     probability: float = 0.0
@@ -168,7 +168,7 @@ def joined(run: Run, slam: Slam, surfaces: list[Float], poses: Float, name: str)
 
 
 def _tie(places: KnownPlaces, key: Key, guess: Float, number: int) -> Closure | None:
-    """What ties a key scan, by its number among all, to the map where it lies near a guess (3,)."""
+    """The edge between a key scan, by its number among all, and the map near a guess (3,)."""
     apart = np.hypot(*(places.poses[:, :2] - guess[:2]).T)
     found = places.judged(key, guess, TIED) if apart.min() < NEAR else None
     if found is None or found.evidence < EVEN or found.match.explained < LEAST_SHARE:
@@ -185,7 +185,7 @@ def _tie(places: KnownPlaces, key: Key, guess: Float, number: int) -> Closure | 
 
 
 def _graph(places: KnownPlaces) -> Edges:
-    """What holds the key scans of a map together: each to the last, and to one taken beside it."""
+    """The edges within a map: from each key scan to the last one, and to one taken beside it."""
     poses, driven = places.poses, _driven(places.poses)
     pairs = [(k, k + 1) for k in range(len(poses) - 1)]
     for k in range(len(poses)):

@@ -36,7 +36,7 @@ AGAIN = 3
 """Scans that are weighed from one search of the whole map to the next, while no place is known."""
 
 REMEMBERED, TRIED = 8, 12
-"""Earlier scans that new hypotheses are weighed by, and the number of these, the best."""
+"""Number of earlier scans that weigh new hypotheses, and of hypotheses that are weighed so."""
 
 OFF = np.diag([0.1**2, 0.1**2, 0.05**2])
 """Covariance of a step of a hypothesis, before it is matched [m²], [rad²]."""
@@ -128,7 +128,7 @@ class PlaceSearch:
             self._add(each, now, evidence)
 
     def _add(self, place: Hypothesis, now: _Weighed, evidence: float) -> None:
-        """Add what a scan says for a place: bounded against none, and in full against others."""
+        """Add a scan's evidence for a place: bounded against no place, in full against others."""
         gain = float(np.clip(now.best - EVEN, -GAIN, GAIN))
         gain -= min(now.best - evidence, 2.0 * GAIN)
         place.log_odds += gain
@@ -137,7 +137,7 @@ class PlaceSearch:
             place.sure = max(place.sure, now.number)
 
     def _choose(self) -> None:
-        """Give up what is unlikely, and of those that have met all but the best."""
+        """Drop unlikely hypotheses, and of those that have met all but the best."""
         most = max((each.log_odds for each in self.hypotheses), default=0.0)
         kept: list[Hypothesis] = []
         for each in sorted(self.hypotheses, key=lambda one: -one.log_odds):

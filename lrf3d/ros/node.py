@@ -14,9 +14,9 @@ from lrf3d.interrupts import asked, check
 from lrf3d.ros.stream import CLOCK, DrivenRobot, Encoded, Settings, Stream
 from lrf3d.scenario import Scenario
 
-DISCOVERY = 2.0
-"""How long another publisher of the clock is looked for [s]; one on this machine is found in a
-tenth, unless the machine is busy."""
+DISCOVERY = 4.0
+"""How long another publisher of the clock is looked for [s]. One on this machine is found in a
+tenth, but what a busy machine loses is repeated after 3 s."""
 
 SECOND_CLOCK = (
     f"another program publishes {CLOCK.name}; pass --no-clock, or set another ROS_DOMAIN_ID"
@@ -53,6 +53,7 @@ class Node:
             self._executors[-1].add_node(self._nodes[-1])
         self._publishers, self._said = dict[str, Any](), dict[str, float]()
         self._commands, self._checked = list[str](), monotonic()
+        self._discovered = self._checked + DISCOVERY
 
     def close(self) -> None:
         """Leave the network."""
@@ -78,9 +79,9 @@ class Node:
         """
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
-        node, end = self._nodes[0], monotonic() + DISCOVERY
-        while stream.settings.clock and monotonic() < end and not asked():
-            if node.count_publishers(CLOCK.name):
+        node = self._nodes[0]
+        while stream.settings.clock and monotonic() < self._discovered and not asked():
+            if any(each.count_publishers(CLOCK.name) for each in self._nodes):
                 raise SecondClockError(SECOND_CLOCK)
             # A spin may return at once.
             self.spin(0.05)

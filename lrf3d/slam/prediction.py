@@ -14,7 +14,7 @@ SLIP, SLIP_SHARE, SLIP_TURN, SLIP_TURN_SHARE = 0.4, 0.3, 0.7, 0.3
 that is searched. A bump turns a robot by half a radian."""
 
 DOUBTFUL = 0.65
-"""Where a match explains a smaller share of a scan than this the places around are searched."""
+"""Share of a scan that a match must explain; otherwise the places around it are searched."""
 
 COAST, COAST_TURN, COAST_SHARE = 0.03, 0.03, 0.2
 """Standard deviations [m], [rad] of a motion from the one before, and the share of the motion that
@@ -24,13 +24,13 @@ COAST_WINDOW = np.array([0.5, 0.5, 0.6])
 """Largest standard deviations [m], [rad] of the window that is searched without wheels."""
 
 ALWAYS = 2.0
-"""No share is as large: every scan is searched."""
+"""More than any match explains: every scan is searched."""
 
 FORGETTING = 0.98
-"""Weight of the past in the running mean of how far predictions and scans differ, at each scan."""
+"""Weight of the past in the running mean of the prediction errors, at each scan."""
 
 LOST_SHARE = 0.5
-"""Share of the motion that is expected to go on at each scan that matches nothing."""
+"""Share of the last motion that is predicted after each scan that matches nothing."""
 
 
 class Prediction(NamedTuple):
@@ -74,7 +74,7 @@ class Excess:
         return np.asarray(np.maximum(self._mean, self.floor))
 
     def update(self, prediction: Prediction, found: Float) -> None:
-        """Take in a prediction and the motion (3,) that was found."""
+        """Update the mean with a prediction and the motion (3,) that matching found."""
         error = found - prediction.step
         square = error**2 / prediction.covariance.diagonal() * self.scale[[0, 0, 1]]
         now = np.array([0.5 * (square[0] + square[1]), square[2]])
@@ -84,7 +84,7 @@ class Excess:
 
 
 class Coasting:
-    """Without odometry: a robot moves on as it did between the last two scans, more or less.
+    """Without odometry: a robot keeps its motion between the last two scans, up to noise.
 
     Every scan is searched, and places are chosen by what scans show alone: in a corridor a robot
     that has begun to move explains most of what it sees where it stood.
@@ -105,10 +105,10 @@ class Coasting:
         return Prediction(self._step, spread, spread, window, ALWAYS, trusted=False)
 
     def found(self, prediction: Prediction, step: Float) -> None:
-        """Take in the motion (3,) to a scan that was placed."""
+        """Update with the motion (3,) to a scan that was matched."""
         self._excess.update(prediction, step)
         self._step = step
 
     def lost(self) -> None:
-        """Take in that a scan was not placed."""
+        """Update for a scan that was not matched."""
         self._step = LOST_SHARE * self._step

@@ -31,7 +31,7 @@ class Sight:
         self._noise = 0.0
 
     def seen(self, scan: LaserScan | Moment, number: int = 0) -> Key:
-        """What the scans of a moment saw, by the noise that is known by now, at the pose 0."""
+        """Convert the scans of a moment to a key-scan candidate at the origin."""
         scans = (scan,) if isinstance(scan, LaserScan) else scan
         for each in scans:
             kept = LEARNED_NOISE if self._noise else 0.0
