@@ -173,14 +173,14 @@ def pose_spread(scan: LaserScan) -> tuple[float, float]:
     return float(0.5 * (covariance[0, 0] + covariance[1, 1])), float(covariance[2, 2])
 
 
-def widen(moments: Records, scan: LaserScan) -> None:
-    """Let moments (n,) around the laser weigh no more than the error of the pose leaves them.
+def widen(fits: Records, scan: LaserScan) -> None:
+    """Let fits (n,) around the laser weigh no more than the error of the pose leaves them.
 
     All points of a scan share it, so that it does not average out.
     """
     if scan.pose_covariance is None:
         return
     own, turn = pose_spread(scan)
-    less = 1.0 + moments["weight"] * (own + turn * np.hypot(moments["x"], moments["y"]) ** 2)
+    less = 1.0 + fits["weight"] * (own + turn * np.hypot(fits["x"], fits["y"]) ** 2)
     for name in ("weight", "xx", "xy", "yy"):
-        moments[name] /= less
+        fits[name] /= less

@@ -24,8 +24,8 @@ from lrf3d.mapping.robust.beams import (
     plain,
     range_deviation,
 )
-from lrf3d.mapping.robust.records import MOMENTS
 from lrf3d.mapping.robust.segmentation import LEAST_POINTS, fit_wall, segment_cluster
+from lrf3d.mapping.robust.walls import FIT, add_point, put_line
 
 GRAZING_ANGLE = np.radians(8.0)
 """[rad] Walls met at a smaller angle than this cannot be distinguished from a gap."""
@@ -60,14 +60,10 @@ SCAN_CORNER_DEVIATIONS = 4.0
 
 
 class LocalWalls(NamedTuple):
-    """The walls (n, 4) [m] of one scan, seen from their left.
-
-    The :data:`MOMENTS` (n,) of their points, the number of these, and the cluster of each.
-    """
+    """The walls (n, 4) [m] of one scan, seen from their left, with their :data:`FIT` and cluster."""
 
     ends: Float
-    moments: Records
-    points: Int
+    fits: Records
     clusters: Int
 
 
@@ -183,18 +179,18 @@ def _polyline(beams: Beams, walls: Int, local: LocalWalls, begin: int) -> int:
     rows, ends = 0, local.ends[begin:]
     for wall in range(len(walls)):
         first, last = walls[wall, 0], walls[wall, 1]
-        run, moments = _part(beams, first, last + 1), local.moments[begin + rows]
+        run, fit = _part(beams, first, last + 1), local.fits[begin + rows]
         x, y = fit_wall(run)
-        _measure(run, x, y, moments)
+        _measure(run, x, y, fit)
         size = np.sqrt(x * x + y * y)
         nx, ny = x / size, y / size
-        spread = moments.xx * ny * ny + moments.yy * nx * nx
-        spread -= 2.0 * moments.xy * nx * ny
+        spread = fit.xx * ny * ny + fit.yy * nx * nx
+        spread -= 2.0 * fit.xy * nx * ny
         if not spread * WEAKEST_DIRECTION**2 > 1.0:
             continue
         inverses[rows, 0], inverses[rows, 1] = x, y
         spans[rows, 0], spans[rows, 1] = first, last
-        local.points[begin + rows] = last - first + 1
+        fit.points = last - first + 1
         for k in range(2):
             beam = spans[rows, k]
             # A noisy end goes along its beam onto the wall; near-parallel ones stay put.
@@ -217,32 +213,21 @@ def _polyline(beams: Beams, walls: Int, local: LocalWalls, begin: int) -> int:
         step = np.hypot(ax - bx, ay - by) + SCAN_CORNER_DEVIATIONS * beams.deviations[last]
         reach = SCAN_CORNER_STEPS * step
         if max(np.hypot(x - ax, y - ay), np.hypot(x - bx, y - by)) <= reach:
-            ends[row, 2], ends[row, 3], ends[row + 1, 0], ends[row + 1, 1] = x, y, x, y
+            put_line(ends[row], ends[row, 0], ends[row, 1], x, y)
+            put_line(ends[row + 1], x, y, ends[row + 1, 2], ends[row + 1, 3])
     return rows
 
 
 @inner
-def _measure(beams: Beams, x: float, y: float, moments: Any) -> None:
+def _measure(beams: Beams, x: float, y: float, fit: Any) -> None:
     """Fill in the moments of the points of a wall n/c = (x, y), each with its own variance."""
     size = np.sqrt(x * x + y * y)
-    total = mx = my = xx = xy = yy = 0.0
+    fit.weight = fit.x = fit.y = fit.xx = fit.xy = fit.yy = 0.0
     for i in range(len(beams.ranges)):
         unit = beams.units[i]
         incidence = max(abs(unit[0] * x + unit[1] * y) / size, LEAST_INCIDENCE)
         weight = 1.0 / (beams.deviations[i] * incidence) ** 2
-        px, py = beams.ranges[i] * unit[0], beams.ranges[i] * unit[1]
-        # The running mean and the scatter about it, which no offset makes inexact.
-        total += weight
-        dx, dy = px - mx, py - my
-        share = weight / total
-        mx += share * dx
-        my += share * dy
-        spread = weight * (1.0 - share)
-        xx += spread * dx * dx
-        xy += spread * dx * dy
-        yy += spread * dy * dy
-    moments.weight, moments.x, moments.y = total, mx, my
-    moments.xx, moments.xy, moments.yy = xx, xy, yy
+        add_point(fit, weight, beams.ranges[i] * unit[0], beams.ranges[i] * unit[1])
 
 
 @dataclass(frozen=True, slots=True)
@@ -265,14 +250,15 @@ class LikelihoodExtractor:
     def walls(self, scan: LaserScan, heading: float, noise: RangeNoise) -> LocalWalls:
         """Walls of a scan around the laser's place, in a frame where it has a heading [rad]."""
         most = len(scan.ranges) // LEAST_POINTS
-        points, clusters = np.empty((2, most), np.int64)
-        local = LocalWalls(np.empty((most, 4)), np.empty(most, MOMENTS), points, clusters)
+        local = LocalWalls(np.empty((most, 4)), np.zeros(most, FIT), np.empty(most, np.int64))
         range_max = min(float(scan.range_max), MOST_RANGE)
         angles, ranges = map(plain, in_order(scan))
         found = slice(extract_walls(heading, angles, ranges, range_max, noise, self.gap, local))
-        return LocalWalls(local.ends[found], local.moments[found], points[found], clusters[found])
+        return LocalWalls._make(column[found] for column in local)
 
     def local_map(self, scan: LaserScan) -> LineMap:
         """The walls of one scan in the world; those of a cluster are an object."""
         found = self.walls(scan, float(scan.pose.theta), self.noise(scan))
-        return solid_map(found.ends + np.tile(scan.pose[:2], 2), found.clusters, found.points)
+        return solid_map(
+            found.ends + np.tile(scan.pose[:2], 2), found.clusters, found.fits["points"]
+        )

@@ -10,9 +10,10 @@ import numpy as np
 from lrf3d.compiling import borrower, compiled
 from lrf3d.geometry import Bool, Float
 from lrf3d.mapping.robust.beams import CELL
-from lrf3d.mapping.robust.cells import SIDE, SIDE_BITS, Cells, NewEvidence, block_at
-from lrf3d.mapping.robust.judging import forget_hits
+from lrf3d.mapping.robust.cells import SIDE, SIDE_BITS, Cells, block_at
+from lrf3d.mapping.robust.clusters import forget_hits
 from lrf3d.mapping.robust.light import DIRECT, FIRST, RANGE, REFLECTANCE, UX, UY
+from lrf3d.mapping.robust.walls import NewEvidence
 
 PATCHES = SIDE * SIDE // 4
 """Patches of a block, two cells wide. A return counts in the four around it: within 0.1 m."""

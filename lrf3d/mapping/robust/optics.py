@@ -16,7 +16,7 @@ import numpy as np
 from lrf3d.geometry import Bool, Float, cross, directions, lengths
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.mapping.line_map import GLASS, MIRROR, LineMap
-from lrf3d.mapping.robust.cells import Cells, NewEvidence
+from lrf3d.mapping.robust.cells import Cells
 from lrf3d.mapping.robust.ground import DEPTH, PATCHES, find_turned, turn_rays
 from lrf3d.mapping.robust.light import BRIGHT, RANGE, UY, LitScans
 from lrf3d.mapping.robust.surfaces import (
@@ -28,6 +28,7 @@ from lrf3d.mapping.robust.surfaces import (
     count_beams,
     find_pieces,
 )
+from lrf3d.mapping.robust.walls import NewEvidence
 
 MOST_LINES = 256
 """[lines] So many are kept."""
