@@ -60,7 +60,7 @@ SCAN_CORNER_DEVIATIONS = 4.0
 
 
 class LocalWalls(NamedTuple):
-    """The walls (n, 4) [m] of one scan, seen from their left, with their :data:`FIT` and cluster."""
+    """The walls (n, 4) [m] of one scan, seen from their left, with the FIT and cluster of each."""
 
     ends: Float
     fits: Records

@@ -14,10 +14,10 @@ from lrf3d.mapping.robust.beams import Beams, Frame, widen
 from lrf3d.mapping.robust.cells import LEAST, Cells, open_squares
 from lrf3d.mapping.robust.corners import close_corners
 from lrf3d.mapping.robust.extraction import LikelihoodExtractor
+from lrf3d.mapping.robust.glass.optics import Optics, with_surfaces
 from lrf3d.mapping.robust.links import find_objects, link_walls
 from lrf3d.mapping.robust.merging import Rule, merge_walls
 from lrf3d.mapping.robust.noise_estimate import NoiseEstimate
-from lrf3d.mapping.robust.optics import Optics, with_surfaces
 from lrf3d.mapping.robust.rays import add_beams
 from lrf3d.mapping.robust.refinement import choose_walls, replace_walls
 from lrf3d.mapping.robust.refitting import refit_walls
