@@ -16,7 +16,7 @@ from lrf3d import (
 )
 from lrf3d.geometry import lengths
 from lrf3d.mapping.robust.beams import Beams
-from lrf3d.mapping.robust.segmentation import segment_cluster
+from lrf3d.mapping.robust.extraction import segment_cluster
 
 SQUARE = np.array([[4, 0, 8, 0], [8, 0, 8, 4], [8, 4, 4, 4], [4, 4, 4, 0.0]])
 ROOM = np.array([[-6, -5, 12, -5], [12, -5, 12, 9], [12, 9, -6, 9], [-6, 9, -6, -5.0]])

@@ -13,8 +13,8 @@ from lrf3d.compiling import borrower, compiled, inner
 from lrf3d.geometry import Float, Int, Records
 from lrf3d.mapping.robust.beams import CELL
 from lrf3d.mapping.robust.cells import OPEN_WEIGHT, Cells
+from lrf3d.mapping.robust.extraction import WALL_COST
 from lrf3d.mapping.robust.pieces import FOLLOWED, PIECE, follow, gather_evidence
-from lrf3d.mapping.robust.segmentation import WALL_COST
 from lrf3d.mapping.robust.walls import FIT, NewEvidence, end_of, length_of, put_line, unit_of
 
 VIOLATION_WEIGHT = 0.01
