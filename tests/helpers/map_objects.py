@@ -8,7 +8,7 @@ from lrf3d.mapping.robust.beams import Beams
 from lrf3d.mapping.robust.cells import LEAST, Cells, open_squares
 from lrf3d.mapping.robust.links import find_objects, link_walls
 from lrf3d.mapping.robust.rays import add_beams
-from lrf3d.mapping.robust.walls import NewEvidence, Walls
+from lrf3d.mapping.robust.walls import Walls
 
 
 def map_of(scans, mapper=None):
@@ -34,11 +34,10 @@ def cells_of(scans, floor=1e-4, cells=None):
     cells = Cells.of_size(LEAST) if cells is None else cells
     for scan in scans:
         beams = Beams.of(scan, float(scan.pose.theta), RangeNoise(floor, 0.0))
-        place, count = (float(scan.pose.x), float(scan.pose.y)), len(beams.ranges)
-        fresh = NewEvidence.of(Walls.of_size(LEAST).rows, count, 0)
+        place, walls = (float(scan.pose.x), float(scan.pose.y)), Walls.of_size(LEAST)
         while not open_squares(cells, place, beams):
             cells = cells.doubled()
-        done = 0
-        while (done := add_beams(cells, done, place, beams, fresh)) < count:
+        done, unowned = 0, np.empty(len(beams.ranges), np.int64)
+        while (done := add_beams(cells, done, place, beams, walls, unowned)) < len(unowned):
             cells = cells.doubled()
     return cells

@@ -43,8 +43,11 @@ FREE_DEPTH = 0.2
 edges are a little wrong."""
 
 HIT_DEVIATIONS = 3.0
-"""[deviations] What the noise adds to how far a return may lie off a wall that its beam hit, and
+"""[deviations] What the noise adds to how far a return, or another segment, may lie off a wall, and
 how far a beam must go on behind a wall to violate it."""
+
+MOST_EXPLAINED = 1.0
+"""[m] Largest offset that noise may explain: a short far segment explains almost any."""
 
 OPEN_WEIGHT = 0.5
 """[hits] What a free-space violation weighs at a piece of a wall without hits, and as new evidence

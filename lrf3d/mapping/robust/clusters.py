@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.compiling import borrower
+from lrf3d.geometry import Int
 from lrf3d.mapping.robust.beams import CELL, Beams
 from lrf3d.mapping.robust.cells import (
     HIT_DIRECTIONS,
@@ -21,7 +22,7 @@ from lrf3d.mapping.robust.cells import (
     cell_in,
     take_block,
 )
-from lrf3d.mapping.robust.walls import NewEvidence, add_point, count_evidence
+from lrf3d.mapping.robust.walls import Walls, add_point, count_evidence
 
 MOST_HITS = 255.0
 """[beams] When more have ended in a cell from one direction, all that is kept of it is halved."""
@@ -39,7 +40,7 @@ SAME_WAY = 0.7
 
 @borrower
 def contradict(
-    cells: Cells, block: int, way: int, cell: int, dx: float, dy: float, fresh: NewEvidence
+    cells: Cells, block: int, way: int, cell: int, dx: float, dy: float, walls: Walls
 ) -> None:
     """Count a beam that goes on through a cell where others ended."""
     if cells.passes[block, way, cell] < SOLID + MOST_PASSES:
@@ -56,8 +57,8 @@ def contradict(
                 cluster.misses -= GONE_AFTER // 4
                 weight += 0.5 * cluster.hits
                 _halve(cluster)
-        if fresh.walls[cluster.owner].version == cluster.owner_version:
-            count_evidence(fresh, cluster.owner, weight)
+        if walls.rows[cluster.owner].version == cluster.owner_version:
+            count_evidence(walls, cluster.owner, weight)
         after = cluster.next
         if cluster.hits < LEAST_HITS:
             _give_back(cells, block, cell, before, place)
@@ -70,7 +71,7 @@ def contradict(
 
 @borrower
 def forget_hits(
-    cells: Cells, x: float, y: float, dx: float, dy: float, reach: float, fresh: NewEvidence
+    cells: Cells, x: float, y: float, dx: float, dy: float, reach: float, walls: Walls
 ) -> None:
     """Forget what beams of a direction hit around a place [m], about as near as a reach [m]."""
     first_x, last_x = int(np.floor((x - reach) / CELL)), int(np.floor((x + reach) / CELL))
@@ -83,8 +84,8 @@ def forget_hits(
                 cluster = cells.clusters[place]
                 after = cluster.next
                 if goes_along(cluster, dx, dy):
-                    if fresh.walls[cluster.owner].version == cluster.owner_version:
-                        count_evidence(fresh, cluster.owner, cluster.hits)
+                    if walls.rows[cluster.owner].version == cluster.owner_version:
+                        count_evidence(walls, cluster.owner, cluster.hits)
                     _give_back(cells, block, cell, before, place)
                 else:
                     before = place
@@ -175,7 +176,7 @@ def _new_cluster(cells: Cells, block: int, cell: int, way: int) -> int:
 @borrower
 def add_hit(
     cells: Cells, place: tuple[float, float], beams: Beams, beam: int, turn: float,
-    fresh: NewEvidence,
+    walls: Walls, unowned: Int,
 ) -> None:  # fmt: skip
     """Add the return of a beam from a place [m], in a direction [turns], to its cluster."""
     x, y = place
@@ -204,9 +205,8 @@ def add_hit(
     add_point(cluster, 1.0 / (deviation * deviation), x, y)
     cluster.toward_x += (dx - cluster.toward_x) / cluster.hits
     cluster.toward_y += (dy - cluster.toward_y) / cluster.hits
-    if fresh.walls[cluster.owner].version == cluster.owner_version:
-        count_evidence(fresh, cluster.owner, 1.0)
+    if walls.rows[cluster.owner].version == cluster.owner_version:
+        count_evidence(walls, cluster.owner, 1.0)
     else:
-        news = fresh.counters[0]
-        fresh.unowned[news.unowned] = at
-        news.unowned += 1
+        unowned[walls.counters[0].unowned] = at
+        walls.counters[0].unowned += 1

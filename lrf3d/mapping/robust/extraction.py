@@ -57,10 +57,8 @@ SCAN_CORNER_BEAMS = 3
 """[beams] How many beams apart two walls of a scan may end and still share a corner."""
 
 SCAN_CORNER_STEPS = 1.5
-"""[steps] How far the corner may lie from the two ends, as a multiple of how far they lie apart."""
-
-SCAN_CORNER_DEVIATIONS = 4.0
-"""[deviations] What the noise adds to how far the two ends lie apart."""
+"""[steps] How far the corner may lie from the two ends, as a multiple of how far they lie apart and
+of what noise adds between two returns of a cluster."""
 
 
 WALL_COST = 20.0
@@ -235,7 +233,7 @@ def _polyline(beams: Beams, walls: Int, local: LocalWalls, begin: int) -> int:
             continue
         x, y = (other[1] - one[1]) / turn, (one[0] - other[0]) / turn
         ax, ay, bx, by = ends[row, 2], ends[row, 3], ends[row + 1, 0], ends[row + 1, 1]
-        step = np.hypot(ax - bx, ay - by) + SCAN_CORNER_DEVIATIONS * beams.deviations[last]
+        step = np.hypot(ax - bx, ay - by) + CLUSTER_DEVIATIONS * beams.deviations[last]
         reach = SCAN_CORNER_STEPS * step
         if max(np.hypot(x - ax, y - ay), np.hypot(x - bx, y - by)) <= reach:
             put_line(ends[row], ends[row, 0], ends[row, 1], x, y)

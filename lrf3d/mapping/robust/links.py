@@ -14,6 +14,7 @@ import numpy as np
 
 from lrf3d.compiling import borrower, compiled, inner
 from lrf3d.geometry import Float, Int
+from lrf3d.mapping.robust.beams import CELL
 from lrf3d.mapping.robust.cells import FREE_DEPTH, Cells, is_crossed
 from lrf3d.mapping.robust.walls import (
     MOST_LINKS,
@@ -26,9 +27,6 @@ from lrf3d.mapping.robust.walls import (
     put_row,
     vector_of,
 )
-
-TOUCH = 0.1
-"""[m] Walls that come nearer than this touch: no beam between them need be trusted."""
 
 SHORT_LINK = 3.0
 """[m] Longest link that may run before a wall: less than a lane between buildings. More joins
@@ -184,7 +182,8 @@ def _reach_before(wall: Float, link: Float) -> float:
 def _joins(link: Float, one: Float, other: Float, cells: Cells) -> bool:
     """Whether no beam has crossed a link (4,) of two walls (4,), so that it joins them."""
     length = length_of(link)
-    if length <= TOUCH:
+    if length <= CELL:
+        # They touch: no beam between them need be trusted.
         return True
     if length > SHORT_LINK:
         crossed = is_crossed(link, cells, FREE_DEPTH, 0, LINK_SINE)

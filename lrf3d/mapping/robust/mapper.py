@@ -21,7 +21,7 @@ from lrf3d.mapping.robust.noise_estimate import NoiseEstimate
 from lrf3d.mapping.robust.rays import add_beams
 from lrf3d.mapping.robust.refinement import choose_walls, replace_walls
 from lrf3d.mapping.robust.refitting import refit_walls
-from lrf3d.mapping.robust.walls import NewEvidence, Walls
+from lrf3d.mapping.robust.walls import Walls
 
 Place = tuple[float, float]
 
@@ -38,7 +38,6 @@ class RobustMapper:
         self._cells, self._walls = Cells.of_size(LEAST), Walls.of_size(LEAST)
         # Walls that are new in their places, and may fit others now.
         self._waiting = np.empty(0, np.int64)
-        self._scans = 0
         self._frame: Frame | None = None
         self._map: LineMap | None = None
 
@@ -54,30 +53,34 @@ class RobustMapper:
         widen(found.fits, scan)
         # Some walls will come; none may move to larger arrays before they are refit.
         self._walls = self._walls.with_room(len(found.ends))
-        fresh = self._judge_beams(Beams.of(scan, heading, noise), place)
+        unowned = self._judge_beams(Beams.of(scan, heading, noise), place)
         segments, pose = self._walls.ends[self._rows()], (*place, heading)
-        self._optics.update(lit, pose, noise, found.ends, segments, self._cells, fresh)
-        self._refit_walls(fresh, *merge_walls(
+        self._optics.update(lit, pose, noise, found.ends, segments, self._cells, self._walls)
+        changed, gone = merge_walls(
             self._walls, found, place, self._waiting, self._cells, self._rule
-        ))  # fmt: skip
+        )
+        self._refit_walls(choose_walls(
+            self._walls, self._cells, unowned, changed, self._rule.distance
+        ), gone)  # fmt: skip
         link_walls(self._walls, self._cells, self._waiting)
 
-    def _judge_beams(self, beams: Beams, place: Place) -> NewEvidence:
-        """Add what the beams show to the cells; returns what is new of which walls."""
-        self._scans += 1
-        fresh = NewEvidence.of(self._walls.rows, len(beams.ranges), self._scans)
+    def _judge_beams(self, beams: Beams, place: Place) -> Int:
+        """Add what the beams show to the cells; returns the clusters that are hits of no wall."""
+        counters, unowned = self._walls.counters[0], np.empty(len(beams.ranges), np.int64)
+        counters.scan += 1
+        counters.changed = counters.unowned = 0
         while not open_squares(self._cells, place, beams):
             self._cells = self._cells.doubled()
         done = 0
-        while (done := add_beams(self._cells, done, place, beams, fresh)) < len(beams.ranges):
-            self._cells = self._cells.doubled()
-        return fresh
+        while done < len(beams.ranges):
+            done = add_beams(self._cells, done, place, beams, self._walls, unowned)
+            if done < len(beams.ranges):
+                self._cells = self._cells.doubled()
+        return unowned
 
-    def _refit_walls(self, fresh: NewEvidence, changed: Int, gone: Int) -> None:
-        """Put the real parts of changed walls in their places: some wait to be merged."""
-        near = self._rule.distance
-        rows = choose_walls(self._walls, self._cells, fresh, changed, near)
-        parts = refit_walls(rows, self._walls.ends, self._cells, fresh, near, self._least)
+    def _refit_walls(self, rows: Int, gone: Int) -> None:
+        """Put the real parts of walls in their places: some wait to be merged."""
+        parts = refit_walls(rows, self._walls, self._cells, self._rule.distance, self._least)
         self._walls = self._walls.with_room(len(parts[0]))
         self._waiting = replace_walls(self._walls, self._cells, rows, gone, parts)
 

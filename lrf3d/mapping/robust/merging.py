@@ -15,7 +15,15 @@ import numpy as np
 
 from lrf3d.compiling import borrower, compiled, inner
 from lrf3d.geometry import Float, Int
-from lrf3d.mapping.robust.cells import FREE_DEPTH, WALL_SINE, Cells, is_crossed
+from lrf3d.mapping.robust.beams import CELL
+from lrf3d.mapping.robust.cells import (
+    FREE_DEPTH,
+    HIT_DEVIATIONS,
+    MOST_EXPLAINED,
+    WALL_SINE,
+    Cells,
+    is_crossed,
+)
 from lrf3d.mapping.robust.extraction import LocalWalls
 from lrf3d.mapping.robust.walls import (
     Walls,
@@ -34,24 +42,14 @@ SAME_DIRECTION = 0.5
 """[cosine] Largest angle between two segments that may be one wall. Far more than noise explains;
 the offsets of the ends decide."""
 
-MERGE_DEVIATIONS = 3.0
-"""[deviations] How many standard deviations of its place a segment may lie beside a wall."""
-
 BEND = 0.4
 """[share of merge_distance] How far a wall may bend where it is continued: two views of a wall
 differ by the error of the poses, but next to each other they share it. More bridges slight
 bends of a wall into one."""
 
-MOST_EXPLAINED = 1.0
-"""[m] Largest offset that noise may explain when walls are merged: a short far segment explains
-almost any."""
-
 LONGEST_GAP = 3.0
 """[m] Longest gap of a wall that is bridged where no beam crossed it: behind a longer one there may
 as well be a recess that beams could not look into."""
-
-GROWN = 0.1
-"""[m] How much of a scan's wall may be new and the wall still be one that is known."""
 
 SPARE_BEAMS = 20
 """[beams] How many may cross a gap no longer than merge_length: as many as a refit needs to cut a
@@ -146,7 +144,7 @@ def _is_covered(walls: Walls, row: int, rule: Rule) -> bool:
     own = walls.ends[row]
     ux, uy, length = unit_of(own)
     x, y = end_of(own, 0)
-    steps = min(int(length / GROWN) + 1, 1000)
+    steps = min(int(length / CELL) + 1, 1000)
     covered = np.zeros(steps, np.bool_)
     for k in range(near(walls, own, rule.distance + rule.most_explained)):
         other = walls.found[k]
@@ -159,7 +157,7 @@ def _is_covered(walls: Walls, row: int, rule: Rule) -> bool:
             continue
         if misfit(own, walls.fits[row], ends, walls.fits[other], rule) < 1.0:
             covered[int(max(first, 0.0) * steps + 0.5) : int(min(last, 1.0) * steps + 0.5)] = True
-    return bool((steps - covered.sum()) * length <= GROWN * steps)
+    return bool((steps - covered.sum()) * length <= CELL * steps)
 
 
 @inner
@@ -234,7 +232,7 @@ def misfit(ends: Float, moments: Any, other_ends: Float, other: Any, rule: Rule)
         own = (ends[k] - moments.x) * x + (ends[k + 1] - moments.y) * y
         variance = 1.0 / moments.weight + own * own / own_spread
         variance += 1.0 / other.weight + along * along / spread
-        allowed = apart + min(MERGE_DEVIATIONS * np.sqrt(variance), rule.most_explained)
+        allowed = apart + min(HIT_DEVIATIONS * np.sqrt(variance), rule.most_explained)
         worst = max(worst, abs(u * dy - v * dx) / allowed)
     return worst
 

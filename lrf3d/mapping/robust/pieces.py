@@ -13,6 +13,7 @@ from lrf3d.geometry import Float, Int, Records
 from lrf3d.mapping.robust.beams import CELL
 from lrf3d.mapping.robust.cells import (
     HIT_DEVIATIONS,
+    MOST_EXPLAINED,
     SIDE_BITS,
     WALL_SINE,
     Cells,
@@ -22,7 +23,7 @@ from lrf3d.mapping.robust.cells import (
     ways_across,
 )
 from lrf3d.mapping.robust.extraction import LEAST_INCIDENCE
-from lrf3d.mapping.robust.walls import NewEvidence, end_of, unit_of
+from lrf3d.mapping.robust.walls import Walls, end_of, unit_of
 
 FOLLOWED = 2.0
 """[m] How far a wall is followed beyond its ends, to what single beams hit."""
@@ -40,9 +41,6 @@ longer, so that walls that were seen there come first."""
 DEEPEST_HIT = 5.0
 """[share] How far a hit may lie from the wall along its beam, as a multiple of how far it may lie
 off: beams that all but run along a wall hit it anywhere."""
-
-WIDEST_BAND = 1.0
-"""[m] How far off a wall noise lets its returns lie at most, however large it is."""
 
 SPREAD_FACTOR = 16.0
 """[share] How many times the variance of the noise returns may be spread across a wall in a cell
@@ -101,7 +99,7 @@ def follow(rows: Int, ends: Float, near: float, clusters: int) -> Lines:
 
 
 @inner
-def gather_evidence(lines: Lines, cells: Cells, fresh: NewEvidence) -> int:
+def gather_evidence(lines: Lines, cells: Cells, walls: Walls) -> int:
     """Count the hits and the free-space violations of each piece of each line.
 
     A cluster of returns hits the wall that it lies nearest to, and no other; what other walls lose
@@ -110,14 +108,14 @@ def gather_evidence(lines: Lines, cells: Cells, fresh: NewEvidence) -> int:
     found = 0
     # What belongs to the walls before is free, so that all of it is claimed again.
     for k in range(len(lines.rows)):
-        fresh.walls[lines.rows[k]].version += 1
+        walls.rows[lines.rows[k]].version += 1
     for k in range(len(lines.rows)):
         _count_violations(lines, k, cells)
-        found = _claim(lines, k, cells, fresh, found)
-    places = np.empty(len(fresh.walls), np.int64)
+        found = _claim(lines, k, cells, walls, found)
+    places = np.empty(len(walls.rows), np.int64)
     for k in range(len(lines.rows)):
         # What one of these walls has lost to another of them is counted already.
-        fresh.walls[lines.rows[k]].fresh = 0.0
+        walls.rows[lines.rows[k]].fresh = 0.0
         places[lines.rows[k]] = k
     for k in range(found):
         cluster = cells.clusters[lines.claimed[k]]
@@ -180,9 +178,9 @@ def _count_violations(lines: Lines, k: int, cells: Cells) -> None:
 
 
 @borrower
-def _claim(lines: Lines, k: int, cells: Cells, fresh: NewEvidence, found: int) -> int:
+def _claim(lines: Lines, k: int, cells: Cells, walls: Walls, found: int) -> int:
     """Claim the clusters that lie nearest to a line; how many are claimed by now."""
-    band = lines.near + min(HIT_DEVIATIONS * cells.counters[0].widest, WIDEST_BAND)
+    band = lines.near + min(HIT_DEVIATIONS * cells.counters[0].widest, MOST_EXPLAINED)
     (x1, y1), (x2, y2) = end_of(lines.ends[k], 0), end_of(lines.ends[k], 1)
     ux, uy, _ = unit_of(lines.ends[k])
     steep = abs(uy) > abs(ux)
@@ -204,18 +202,18 @@ def _claim(lines: Lines, k: int, cells: Cells, fresh: NewEvidence, found: int) -
                 block = block_at(cells, cx, cy)
             cluster = cells.heads[block, cell_in(cx, cy)]
             while cluster > 0:
-                found = _claim_one(lines, k, cells, cluster, fresh, band, found)
+                found = _claim_one(lines, k, cells, cluster, walls, band, found)
                 cluster = cells.clusters[cluster].next
     return found
 
 
 @borrower
 def _claim_one(
-    lines: Lines, k: int, cells: Cells, place: int, fresh: NewEvidence, band: float,
+    lines: Lines, k: int, cells: Cells, place: int, walls: Walls, band: float,
     found: int,
 ) -> int:  # fmt: skip
     """Claim a cluster if it may be of a line and lies nearer to it than to what it is of."""
-    cluster, ends, walls = cells.clusters[place], lines.ends[k], fresh.walls
+    cluster, ends, rows = cells.clusters[place], lines.ends[k], walls.rows
     ux, uy, length = unit_of(ends)
     ox, oy = cluster.x - ends[0], cluster.y - ends[1]
     along, away = ox * ux + oy * uy, abs(oy * ux - ox * uy)
@@ -237,12 +235,12 @@ def _claim_one(
     # A wall seen from its back does not end a beam.
     if incidence < 0.0:
         away += off
-    if walls[cluster.owner].version == cluster.owner_version:
+    if rows[cluster.owner].version == cluster.owner_version:
         if away >= cluster.distance:
             return found
-        walls[cluster.owner].fresh += hits
+        rows[cluster.owner].fresh += hits
     cluster.owner, cluster.distance = lines.rows[k], away
-    cluster.owner_version = walls[lines.rows[k]].version
+    cluster.owner_version = rows[lines.rows[k]].version
     # Another of these walls may have claimed it before: then it is in the list already.
     if cluster.piece == 0:
         lines.claimed[found] = place

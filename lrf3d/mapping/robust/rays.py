@@ -7,6 +7,7 @@ and both what is new of the evidence of walls.
 import numpy as np
 
 from lrf3d.compiling import borrower, compiled, inner
+from lrf3d.geometry import Int
 from lrf3d.mapping.robust.beams import CELL, Beams
 from lrf3d.mapping.robust.cells import (
     FREE_DEPTH,
@@ -21,7 +22,7 @@ from lrf3d.mapping.robust.cells import (
     take_block,
 )
 from lrf3d.mapping.robust.clusters import add_hit, contradict
-from lrf3d.mapping.robust.walls import NewEvidence
+from lrf3d.mapping.robust.walls import Walls
 
 ROW_BITS, FIRST_COLUMN = 32, 1 << 31
 """A packed cell is its row, and its column counted from the first below the row's bits."""
@@ -74,9 +75,12 @@ def _steps_out(to_next: int, step: int, until: int) -> int:
 
 @compiled
 def add_beams(
-    cells: Cells, begin: int, place: tuple[float, float], beams: Beams, fresh: NewEvidence
+    cells: Cells, begin: int, place: tuple[float, float], beams: Beams, walls: Walls, unowned: Int
 ) -> int:
-    """Add the beams of a scan from a place [m], from one on; returns the first without room."""
+    """Add the beams of a scan from a place [m], from one on; returns the first without room.
+
+    The clusters that grow and are hits of no wall are noted (n,).
+    """
     x, y = place
     units, ranges, deviations = beams
     passes, passed_ways = cells.passes, cells.passed
@@ -124,7 +128,7 @@ def add_beams(
             if count & MOST_PASSES == 0:
                 passed_ways[block, at] |= bit
             if count & SOLID:
-                contradict(cells, block, way, at, dx, dy, fresh)
+                contradict(cells, block, way, at, dx, dy, walls)
             elif count < MOST_PASSES:
                 passes[block, way, at] = count + 1
             entered = left
@@ -135,5 +139,5 @@ def add_beams(
             up += 0 if crosses else high
             left = min(across, up)
         if reading > 0.0:
-            add_hit(cells, place, beams, beam, turn, fresh)
+            add_hit(cells, place, beams, beam, turn, walls, unowned)
     return len(ranges)

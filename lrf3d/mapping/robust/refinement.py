@@ -14,7 +14,6 @@ from lrf3d.mapping.robust.cells import HIT_DEVIATIONS, Cells
 from lrf3d.mapping.robust.pieces import FOLLOWED
 from lrf3d.mapping.robust.refitting import Parts
 from lrf3d.mapping.robust.walls import (
-    NewEvidence,
     Walls,
     count_evidence,
     end_of,
@@ -37,19 +36,19 @@ and its links. Its ends move by whole pieces of 0.1 m. Less takes time."""
 
 
 @compiled
-def choose_walls(walls: Walls, cells: Cells, fresh: NewEvidence, dirty: Int, near_by: float) -> Int:
+def choose_walls(walls: Walls, cells: Cells, unowned: Int, dirty: Int, near_by: float) -> Int:
     """The walls (n,) that are to be refit, rising.
 
     They are those that are new or merged (m,), those with much new evidence, and one more: what a
     wall lost to its neighbours, it has not noticed, so all walls have their turn.
     """
-    _count_unowned_hits(walls, cells, fresh, near_by)
+    _count_unowned_hits(walls, cells, unowned, near_by)
     counters = walls.counters[0]
     rows, marks = np.empty(counters.taken, np.int64), np.zeros(counters.taken, np.bool_)
     for k in range(len(dirty)):
         marks[dirty[k]] = True
-    for k in range(fresh.counters[0].changed):
-        wall = fresh.changed[k]
+    for k in range(counters.changed):
+        wall = walls.changed[k]
         if walls.rows[wall].fresh >= FRESH_SHARE * walls.fits[wall].evidence:
             marks[wall] = True
     for _ in range(counters.taken):
@@ -66,11 +65,11 @@ def choose_walls(walls: Walls, cells: Cells, fresh: NewEvidence, dirty: Int, nea
 
 
 @inner
-def _count_unowned_hits(walls: Walls, cells: Cells, fresh: NewEvidence, near_by: float) -> None:
+def _count_unowned_hits(walls: Walls, cells: Cells, unowned: Int, near_by: float) -> None:
     """Count clusters that are hits of no wall as new evidence of all walls that may reach them."""
     point = np.empty(4)
-    for k in range(fresh.counters[0].unowned):
-        cluster = cells.clusters[fresh.unowned[k]]
+    for k in range(walls.counters[0].unowned):
+        cluster = cells.clusters[unowned[k]]
         if cluster.hits == 0.0:
             # It was an image in a mirror.
             continue
@@ -84,7 +83,7 @@ def _count_unowned_hits(walls: Walls, cells: Cells, fresh: NewEvidence, near_by:
             along = ((x - x1) * ux + (y - y1) * uy) / size
             aside = ((y - y1) * ux - (x - x1) * uy) / size
             if abs(aside) <= off and -FOLLOWED <= along <= size + FOLLOWED:
-                count_evidence(fresh, walls.found[i], 1.0)
+                count_evidence(walls, walls.found[i], 1.0)
 
 
 @compiled

@@ -15,7 +15,7 @@ from lrf3d.mapping.robust.beams import CELL
 from lrf3d.mapping.robust.cells import OPEN_WEIGHT, Cells
 from lrf3d.mapping.robust.extraction import WALL_COST
 from lrf3d.mapping.robust.pieces import FOLLOWED, PIECE, follow, gather_evidence
-from lrf3d.mapping.robust.walls import FIT, NewEvidence, end_of, length_of, put_line, unit_of
+from lrf3d.mapping.robust.walls import FIT, Walls, end_of, length_of, put_line, unit_of
 
 VIOLATION_WEIGHT = 0.01
 """[hits] What a free-space violation weighs against a hit where both take turns: poses and edges
@@ -77,22 +77,25 @@ clutter, and what moves, makes short ones of any few returns."""
 BEFORE, REAL, GAP, BEHIND = range(4)
 """Where a piece may be: before the wall, on it, in a gap of it, and behind it."""
 
+CHANGES = np.full((4, 4), np.inf)
+CHANGES[[BEFORE, REAL], [REAL, BEHIND]] = 0.0
+CHANGES[[REAL, GAP], [GAP, REAL]] = CHANGE_COST
+"""[hits] What it costs to go on from each of these to each."""
+
 Parts = tuple[Float, Records, Int]
 """Parts (n,) of walls, in their order: where they are (n, 4) [m], and the :data:`FIT` of each; and
 the clusters (c,) that hit any of the walls, whose piece is that of the part that each hit."""
 
 
 @compiled
-def refit_walls(
-    rows: Int, ends: Float, cells: Cells, fresh: NewEvidence, near: float, least: int
-) -> Parts:
-    """The `Parts` of walls (rows, 4), those of some rows (n,).
+def refit_walls(rows: Int, walls: Walls, cells: Cells, near: float, least: int) -> Parts:
+    """The `Parts` of walls, those of some rows (n,).
 
     The cells, and the new evidence of all walls, are written. Returns may lie so near [m] to a wall
     beside what noise explains; parts with fewer hits than the least are not shown.
     """
-    lines = follow(rows, ends, near, cells.counters[0].clusters)
-    claimed = gather_evidence(lines, cells, fresh)
+    lines = follow(rows, walls.ends, near, cells.counters[0].clusters)
+    claimed = gather_evidence(lines, cells, walls)
     first, most, total = lines.first, len(lines.pieces), np.zeros(1, PIECE)
     parts, fits = np.empty((most, 4)), np.empty(most, FIT)
     breaks, spare = np.empty(most + 1, np.int64), int(FOLLOWED / CELL)
@@ -188,18 +191,13 @@ def real_pieces(counts: Records) -> Int:
     for i in range(count):
         for state in range(4):
             following[state], came[i, state] = costs[state], state
-        if costs[BEFORE] < following[REAL]:
-            following[REAL], came[i, REAL] = costs[BEFORE], BEFORE
-        if costs[GAP] + CHANGE_COST < following[REAL]:
-            following[REAL], came[i, REAL] = costs[GAP] + CHANGE_COST, GAP
-        if costs[REAL] + CHANGE_COST < following[GAP]:
-            following[GAP], came[i, GAP] = costs[REAL] + CHANGE_COST, REAL
-        if costs[REAL] < following[BEHIND]:
-            following[BEHIND], came[i, BEHIND] = costs[REAL], REAL
+            for other in range(4):
+                cost = costs[other] + CHANGES[other, state]
+                if cost < following[state]:
+                    following[state], came[i, state] = cost, other
+            following[state] += counts[i].hits
         hits, violations, nearer = counts[i].hits, counts[i].violations, counts[i].nearer
         weight = violation_weight(counts[i])
-        for state in range(4):
-            following[state] += hits
         following[REAL] += weight * violations + DUPLICATE_WEIGHT * nearer + UNSEEN_COST - hits
         costs, following = following, costs
     states = np.zeros(count, np.int64)

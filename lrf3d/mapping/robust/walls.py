@@ -50,11 +50,9 @@ WALL_COUNTERS = record(
     free=int,  # how many of these were given back
     refit=int,  # the wall whose turn it is to be refit
     asked=int,  # the wall whose links were checked last
-)  # fmt: skip
-
-NEWS = record(
-    changed=int, unowned=int,  # see NewEvidence
     scan=int,  # the number of the scan
+    changed=int,  # how many walls the beams of this scan have hit or gone through
+    unowned=int,  # how many of these beams hit no wall
 )  # fmt: skip
 
 
@@ -68,6 +66,7 @@ class Walls(NamedTuple):
         placed: (rows, 4) where it was when it was linked with others [m].
         links: (rows, MOST_LINKS) of :data:`LINK`.
         free: (rows,) rows that were given back, the last of them first to be taken again.
+        changed: (rows,) the rows whose evidence the last scan has changed.
         found: (rows,) the rows that the last search found.
         boxes: (rows / BLOCK, 4) what each block of rows lies in: left, bottom, right, top [m].
         counters: (1,) of :data:`WALL_COUNTERS`.
@@ -79,6 +78,7 @@ class Walls(NamedTuple):
     placed: Float
     links: Records
     free: Int
+    changed: Int
     found: Int
     boxes: Float
     counters: Records
@@ -92,7 +92,7 @@ class Walls(NamedTuple):
         return cls(
             np.zeros((rows, 4)), np.zeros(rows, FIT), walls, np.full((rows, 4), UNLINKED),
             np.zeros((rows, MOST_LINKS), LINK), np.zeros(rows, np.int64), np.zeros(rows, np.int64),
-            boxes, np.zeros(1, WALL_COUNTERS),
+            np.zeros(rows, np.int64), boxes, np.zeros(1, WALL_COUNTERS),
         )  # fmt: skip
 
     def with_room(self, count: int) -> "Walls":
@@ -108,35 +108,14 @@ class Walls(NamedTuple):
         return grown
 
 
-class NewEvidence(NamedTuple):
-    """What the beams of a scan have added to the evidence of which walls.
-
-    The :data:`WALL` of all; which of them (rows,) this scan added to, each once; clusters that are
-    hits of no wall and grew (≥ beams,); and how many of these two, :data:`NEWS`.
-    """
-
-    walls: Records
-    changed: Int
-    unowned: Int
-    counters: Records
-
-    @classmethod
-    def of(cls, walls: Records, beams: int, scan: int) -> "NewEvidence":
-        """Nothing yet of a scan, by its number."""
-        counters = np.zeros(1, NEWS)
-        counters["scan"] = scan
-        changed = np.empty(len(walls), np.int64)
-        return cls(walls, changed, np.empty(beams, np.int64), counters)
-
-
 @borrower
-def count_evidence(fresh: NewEvidence, wall: int, weight: float) -> None:
+def count_evidence(walls: Walls, row: int, weight: float) -> None:
     """Add a beam of a weight [hits] to the new evidence of a wall."""
-    row, counters = fresh.walls[wall], fresh.counters[0]
-    row.fresh += weight
-    if row.last_scan != counters.scan:
-        row.last_scan = counters.scan
-        fresh.changed[counters.changed] = wall
+    wall, counters = walls.rows[row], walls.counters[0]
+    wall.fresh += weight
+    if wall.last_scan != counters.scan:
+        wall.last_scan = counters.scan
+        walls.changed[counters.changed] = row
         counters.changed += 1
 
 

@@ -13,7 +13,7 @@ from lrf3d.compiling import record
 from lrf3d.errors import Lrf3dWarning
 from lrf3d.geometry import Float, Records, cross, directions, lengths
 from lrf3d.laser import LaserScan, RangeNoise
-from lrf3d.mapping.robust.beams import Beams
+from lrf3d.mapping.robust.beams import CELL, Beams
 
 RAY = record(
     ux=float, uy=float,  # the unit vector of the beam
@@ -36,9 +36,6 @@ LEAST_WAY, LEAST_TURN = 0.5, 0.5
 USUAL_SHARE = 0.7
 """[share] The usual light of a scan's returns is that which so many have at most: next to a front
 of glass most are dim."""
-
-ON_WALL = 0.1
-"""[m] How far off a wall of the same scan a return of it lies at most."""
 
 WEAKEST_COSINE = 0.1
 """[cosine] Beams at a smaller incidence are left out: the direction of a wall is not that well
@@ -121,8 +118,8 @@ class LitScans:
         along, units = directions(walls), np.column_stack([rays["ux"], rays["uy"]])[lit, None]
         off = units * rays["range"][lit, None, None] - walls[:, :2]
         station, cosines = (off * along).sum(axis=2), np.abs(cross(along, units))
-        on = (np.abs(cross(along, off)) < ON_WALL) & (cosines > WEAKEST_COSINE)
-        on &= (station > -ON_WALL) & (station < lengths(walls) + ON_WALL)
+        on = (np.abs(cross(along, off)) < CELL) & (cosines > WEAKEST_COSINE)
+        on &= (station > -CELL) & (station < lengths(walls) + CELL)
         there, wall = on.any(axis=1), on.argmax(axis=1)
         lit, wall, cosine = lit[there], wall[there], cosines[there, wall[there]]
         rays["reflectance"][lit] = reflectance = light[lit] / cosine

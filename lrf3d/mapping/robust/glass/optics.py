@@ -17,11 +17,10 @@ from lrf3d.compiling import record
 from lrf3d.geometry import Bool, Float, cross, directions, lengths
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.mapping.line_map import GLASS, MIRROR, LineMap
-from lrf3d.mapping.robust.cells import Cells
+from lrf3d.mapping.robust.cells import FREE_DEPTH, Cells
 from lrf3d.mapping.robust.glass.light import LitScans
 from lrf3d.mapping.robust.glass.surfaces import (
     COUNTS,
-    DEPTH,
     FLASH,
     IS_MIRROR,
     PATCH,
@@ -33,7 +32,7 @@ from lrf3d.mapping.robust.glass.surfaces import (
     find_turned,
     turn_rays,
 )
-from lrf3d.mapping.robust.walls import NewEvidence
+from lrf3d.mapping.robust.walls import Walls
 
 MOST_LINES = 256
 """[lines] So many are kept."""
@@ -104,7 +103,7 @@ class Optics:
 
     def update(
         self, scan: LaserScan, pose: tuple[float, float, float], noise: RangeNoise, walls: Float,
-        segments: Float, cells: Cells, fresh: NewEvidence,
+        segments: Float, cells: Cells, table: Walls,
     ) -> None:  # fmt: skip
         """Learn from a scan, its walls (w, 4) around the laser, and segments (m, 4) of the map.
 
@@ -116,7 +115,7 @@ class Optics:
         if missing > 0:
             self._ground = np.pad(self._ground, (0, missing))
         places, rays = self._scans.rows(newest=True)
-        turn_rays(places, rays, self.surfaces, cells, self._ground, fresh)
+        turn_rays(places, rays, self.surfaces, cells, self._ground, table)
         place, bright = places[0], rays["bright"][0]
         peaks = (bright > FLASH) & (bright > np.roll(bright, 1)) & (bright >= np.roll(bright, -1))
         normals = -np.column_stack([rays["ux"][0, peaks], rays["uy"][0, peaks]])
@@ -134,7 +133,7 @@ class Optics:
                 self._pieces[row], votes.kind = find_pieces(counts, known[row], votes.kind)
         if not np.array_equal(known, self._pieces):
             self.surfaces = self._stretches()
-            turn_rays(places, rays, self.surfaces, cells, self._ground, fresh)
+            turn_rays(places, rays, self.surfaces, cells, self._ground, table)
 
     def _vote(self, place: Float, lines: Float, votes: float) -> None:
         """Let a scan from a place (2,) speak for lines (n, 3), each for that row which is the same.
@@ -189,7 +188,7 @@ def image_lines(place: Float, walls: Float, segments: Float) -> Float:
     normals, distances = np.sign(ahead)[:, None] * normals, np.sign(ahead) * distances
     ends = walls[wall].reshape(-1, 2, 2)
     behind = (ends * normals[:, None]).sum(axis=2) - distances[:, None]
-    rows = np.flatnonzero((np.abs(ahead) >= DEPTH) & (behind <= DEPTH).all(axis=1))
+    rows = np.flatnonzero((np.abs(ahead) >= FREE_DEPTH) & (behind <= FREE_DEPTH).all(axis=1))
     wall, real, normals, distances = wall[rows], real[rows], normals[rows], distances[rows]
     images = ends[rows] - 2.0 * behind[rows, :, None] * normals[:, None]
     off, unit = images - segments[real, None, :2], units[real, None]

@@ -18,9 +18,9 @@ import numpy as np
 from lrf3d.compiling import borrower, compiled, record
 from lrf3d.geometry import Bool, Float, Int, Records
 from lrf3d.mapping.robust.beams import CELL
-from lrf3d.mapping.robust.cells import SIDE, SIDE_BITS, Cells, block_at
+from lrf3d.mapping.robust.cells import FREE_DEPTH, HIT_DEVIATIONS, SIDE, SIDE_BITS, Cells, block_at
 from lrf3d.mapping.robust.clusters import forget_hits
-from lrf3d.mapping.robust.walls import NewEvidence
+from lrf3d.mapping.robust.walls import Walls
 
 PATCHES = SIDE * SIDE // 4
 """Patches of a block, two cells wide. A return counts in the four around it: within 0.1 m."""
@@ -33,9 +33,6 @@ PATCH = record(
 
 LARGEST_SPREAD = 0.1
 """[share] Where the reflectance differs by more, nothing is compared with it: metal."""
-
-DEPTH = 0.2
-"""[m] How far behind a mirror an image lies at least, and behind glass what is seen through it."""
 
 EDGE = 0.3
 """[m] Beams that pass a mirror by less may have met it."""
@@ -55,8 +52,8 @@ PIECE, PIECES = 0.25, 256
 """[m, pieces] Length of a piece of a line, in which beams are counted, and their number: 64 m."""
 
 SEEN = 3
-"""[beams] A piece stays what it was thought to be before unless so many beams more belie it than
-show it: what is seen from afar, or no longer, is not there any less."""
+"""[beams] Fewest that show glass, or a mirror. Hysteresis: a piece changes class only when
+contradicting beams outnumber supporting ones by this many."""
 
 FLASH, DIM = 5.0, 0.04
 """[usual brightness] A return is a flash above the one and dim below the other. Diffuse walls reach
@@ -65,15 +62,12 @@ about 3 at most, glass some hundreds and, askew, about a hundredth."""
 FLASHES, FLASHING = np.cos(0.04), np.cos(np.radians(0.55))
 """[cosine] Glass may flash where a beam meets it so near its normal, and does so much nearer."""
 
-ON_LINE, DEVIATIONS = 0.1, 3.0
-"""[m, deviations] How far off a line a return of it may lie, and beside this by the noise."""
-
-MOST_OPAQUE, PASSED_SHARE, LEAST_PASSED = 0.3, 0.6, 3
-"""[share, share, beams] At a piece of glass fewer than this part of what shows glass shows a wall;
+MOST_OPAQUE, PASSED_SHARE = 0.3, 0.6
+"""[share, share] At a piece of glass fewer than this part of what shows glass shows a wall;
 and beams pass so many of the pieces of a pane: it is seen through."""
 
-LEAST_IMAGES, IMAGE_FACTOR = 3, 3.0
-"""[beams, factor] Images at each piece of a mirror, and how many times more than other returns."""
+IMAGE_FACTOR = 3.0
+"""[factor] How many times more images than other returns there are at each piece of a mirror."""
 
 LONGEST_GAP = 3
 """[pieces] Of a mirror, in which it shows what was not seen otherwise: narrower than a door."""
@@ -133,12 +127,12 @@ def find_turned(
     for beam in range(len(headings)):
         ux, uy = np.cos(headings[beam]), np.sin(headings[beam])
         _, turn = _ways(place[0], place[1], ux, uy, surfaces)
-        turned[beam] = turn < ranges[beam] - DEPTH
+        turned[beam] = turn < ranges[beam] - FREE_DEPTH
 
 
 @compiled
 def turn_rays(
-    places: Float, rays: Records, surfaces: Float, cells: Cells, ground: Records, fresh: NewEvidence
+    places: Float, rays: Records, surfaces: Float, cells: Cells, ground: Records, walls: Walls
 ) -> None:
     """Find how far the rays (k, n) of scans go to surfaces (s, 5), and which these turn.
 
@@ -150,7 +144,7 @@ def turn_rays(
             ray = rays[scan, beam]
             reach = ray.range
             ray.first, turn = _ways(x, y, ray.ux, ray.uy, surfaces)
-            direct = turn >= reach - DEPTH
+            direct = turn >= reach - FREE_DEPTH
             if reach <= 0.0 or direct == (ray.direct > 0.0):
                 continue
             sign = 1.0 if direct else -1.0
@@ -164,7 +158,7 @@ def turn_rays(
                 patch.total += sign * light
                 patch.squares += sign * light * light
             if not direct:
-                forget_hits(cells, x2, y2, ray.ux, ray.uy, CELL + SPACING * reach, fresh)
+                forget_hits(cells, x2, y2, ray.ux, ray.uy, CELL + SPACING * reach, walls)
 
 
 @borrower
@@ -196,20 +190,20 @@ def count_rays(
     for scan in range(len(places)):
         x, y = places[scan]
         ahead = nx * x + ny * y - distance
-        if abs(ahead) < DEPTH:
+        if abs(ahead) < FREE_DEPTH:
             continue
         for beam in range(rays.shape[1]):
             ray = rays[scan, beam]
             rise = -(nx * ray.ux + ny * ray.uy)
             cos = abs(rise)
             farther = ray.free * cos - abs(ahead)
-            tolerance = ON_LINE + DEVIATIONS * ray.deviation * cos
+            tolerance = CELL + HIT_DEVIATIONS * ray.deviation * cos
             if rise * ahead <= 0.0 or farther < -tolerance:
                 continue
             way = ahead / rise
             station = ny * (x + way * ray.ux) - nx * (y + way * ray.uy) - middle
             # What is behind another surface shows nothing of this one.
-            if abs(station) >= half or ray.first < way - DEPTH:
+            if abs(station) >= half or ray.first < way - FREE_DEPTH:
                 continue
             count = pieces[int(np.floor((station + half) / PIECE))]
             if farther < tolerance:
@@ -221,10 +215,10 @@ def count_rays(
                 continue
             if cos <= GRAZING:
                 continue
-            if farther > tolerance + DEPTH:
+            if farther > tolerance + FREE_DEPTH:
                 count.passed += 1.0
                 count.missing += cos > FLASHING
-            if ray.range > 0.0 and farther > DEPTH:
+            if ray.range > 0.0 and farther > FREE_DEPTH:
                 # Mirrored back to the side that it came from.
                 px, py = x + ray.range * ray.ux, y + ray.range * ray.uy
                 behind = 2.0 * (nx * px + ny * py) - 2.0 * distance
@@ -251,7 +245,7 @@ def glass_pieces(pieces: Records) -> Bool:
             lit = first + np.flatnonzero(shown[first:last])
             own = slice(lit[0], lit[-1] + 1)
             seen_through = (passed[own] > 0).mean() >= PASSED_SHARE
-            found[own] = seen_through and passed[own].sum() >= LEAST_PASSED
+            found[own] = seen_through and passed[own].sum() >= SEEN
     return found
 
 
@@ -263,7 +257,7 @@ def mirror_pieces(pieces: Records) -> Bool:
         return np.zeros(PIECES, np.bool_)
     # What a mirror shows that was not seen otherwise is no image of anything.
     good = np.where(known > 0.0, alike > ALIKE_SHARE * known, images > IMAGE_FACTOR * wrong)
-    good &= (images >= LEAST_IMAGES) & (images > IMAGE_FACTOR * opaque)
+    good &= (images >= SEEN) & (images > IMAGE_FACTOR * opaque)
     for (_, last), (first, _) in pairwise(runs(good)):
         # A mirror goes on between two pieces of it where nothing stands.
         stands = opaque[last:first] > (images + wrong)[last:first] / IMAGE_FACTOR
