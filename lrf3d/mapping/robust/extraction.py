@@ -29,7 +29,7 @@ from lrf3d.mapping.robust.beams import (
     plain,
     range_deviation,
 )
-from lrf3d.mapping.robust.walls import FIT, add_point, put_line
+from lrf3d.mapping.robust.walls import FIT, add_point, end_of, put_line
 
 GRAZING_ANGLE = np.radians(8.0)
 """[rad] Walls met at a smaller angle than this cannot be distinguished from a gap."""
@@ -80,6 +80,13 @@ SUMS = record(
     ci=float, si=float, ii=float,  # of these and the inverse range
 )  # fmt: skip
 """Weighted sums of products, of which a line is fitted to the inverse ranges."""
+
+
+SPAN = record(
+    first=int, last=int,  # the first and the last return of a wall
+    x=float, y=float,  # [1/m] its normal over its distance, n/c
+)  # fmt: skip
+"""A wall of a cluster."""
 
 
 class LocalWalls(NamedTuple):
@@ -161,14 +168,14 @@ def extract_walls(
     """
     beams, joined = _joined_returns(theta, angles, ranges, range_max, noise, gap)
     count = len(beams.ranges)
-    walls = np.empty((count // LEAST_POINTS + 1, 2), np.int64)
+    spans = np.empty(count // LEAST_POINTS + 1, SPAN)
     begin = found = clusters = 0
     while begin < count and joined[begin]:
         begin += 1
     closed = begin == count
-    if closed and count and segment_cluster(beams, walls) > 1:
+    if closed and count and segment_cluster(beams, spans) > 1:
         # One object all round: begin at a corner, so that no wall is cut in two.
-        begin = walls[1, 0] - 1
+        begin = spans[1].first - 1
     # Begin behind a break, so that no cluster runs over the end of the list.
     beams = _rolled(begin + 1, beams)
     first = 0
@@ -178,9 +185,9 @@ def extract_walls(
             last += 1
         last += 1
         run = _part(beams, first, last)
-        parts = segment_cluster(run, walls) if last - first >= LEAST_POINTS else 0
+        parts = segment_cluster(run, spans) if last - first >= LEAST_POINTS else 0
         first = last
-        size = _polyline(run, walls[:parts], local, found)
+        size = _polyline(run, spans[:parts], local, found)
         for row in range(found, found + size):
             local.clusters[row] = clusters
         clusters += size > 0
@@ -195,14 +202,12 @@ def _part(beams: Beams, first: int, last: int) -> Beams:
 
 
 @inner
-def _polyline(beams: Beams, walls: Int, local: LocalWalls, begin: int) -> int:
-    """Segments of one cluster's walls (m, 2), joined at corners where two of them meet."""
-    inverses = np.empty((len(walls), 2))
-    spans = np.empty((len(walls), 2), np.int64)
+def _polyline(beams: Beams, spans: Records, local: LocalWalls, begin: int) -> int:
+    """Segments of the walls (m,) of one cluster, joined at corners where two of them meet."""
     rows, ends = 0, local.ends[begin:]
-    for wall in range(len(walls)):
-        first, last = walls[wall, 0], walls[wall, 1]
-        run, fit = _part(beams, first, last + 1), local.fits[begin + rows]
+    for wall in range(len(spans)):
+        span, fit = spans[wall], local.fits[begin + rows]
+        run = _part(beams, span.first, span.last + 1)
         x, y = fit_wall(run)
         _measure(run, x, y, fit)
         size = np.sqrt(x * x + y * y)
@@ -211,33 +216,31 @@ def _polyline(beams: Beams, walls: Int, local: LocalWalls, begin: int) -> int:
         spread -= 2.0 * fit.xy * nx * ny
         if not spread * WEAKEST_DIRECTION**2 > 1.0:
             continue
-        inverses[rows, 0], inverses[rows, 1] = x, y
-        spans[rows, 0], spans[rows, 1] = first, last
-        fit.points = last - first + 1
+        span.x, span.y = x, y
+        spans[rows] = span
+        fit.points = span.last - span.first + 1
         for k in range(2):
-            beam = spans[rows, k]
+            beam = span.last if k else span.first
             # A noisy end goes along its beam onto the wall; near-parallel ones stay put.
-            unit, reach = beams.units[beam], beams.ranges[beam]
-            slope = unit[0] * x + unit[1] * y
+            (ux, uy), reach = beams.units[beam], beams.ranges[beam]
+            slope = ux * x + uy * y
             if slope > 0.0 and abs(1.0 / slope - reach) <= END_DEVIATIONS * beams.deviations[beam]:
                 reach = 1.0 / slope
-            for axis in range(2):
-                ends[rows, 2 * k + axis] = reach * unit[axis]
+            ends[rows, 2 * k], ends[rows, 2 * k + 1] = reach * ux, reach * uy
         rows += 1
     for row in range(rows - 1):
-        one, other = inverses[row], inverses[row + 1]
-        turn = one[0] * other[1] - one[1] * other[0]
-        lengths = np.sqrt((one[0] ** 2 + one[1] ** 2) * (other[0] ** 2 + other[1] ** 2))
-        last, first = spans[row, 1], spans[row + 1, 0]
-        if abs(turn) < SCAN_CORNER_SINE * lengths or first - last > SCAN_CORNER_BEAMS:
+        one, other = spans[row], spans[row + 1]
+        turn = one.x * other.y - one.y * other.x
+        lengths = np.sqrt((one.x**2 + one.y**2) * (other.x**2 + other.y**2))
+        if abs(turn) < SCAN_CORNER_SINE * lengths or other.first - one.last > SCAN_CORNER_BEAMS:
             continue
-        x, y = (other[1] - one[1]) / turn, (one[0] - other[0]) / turn
-        ax, ay, bx, by = ends[row, 2], ends[row, 3], ends[row + 1, 0], ends[row + 1, 1]
-        step = np.hypot(ax - bx, ay - by) + CLUSTER_DEVIATIONS * beams.deviations[last]
+        x, y = (other.y - one.y) / turn, (one.x - other.x) / turn
+        (ax, ay), (bx, by) = end_of(ends[row], 1), end_of(ends[row + 1], 0)
+        step = np.hypot(ax - bx, ay - by) + CLUSTER_DEVIATIONS * beams.deviations[one.last]
         reach = SCAN_CORNER_STEPS * step
         if max(np.hypot(x - ax, y - ay), np.hypot(x - bx, y - by)) <= reach:
-            put_line(ends[row], ends[row, 0], ends[row, 1], x, y)
-            put_line(ends[row + 1], x, y, ends[row + 1, 2], ends[row + 1, 3])
+            put_line(ends[row], *end_of(ends[row], 0), x, y)
+            put_line(ends[row + 1], x, y, *end_of(ends[row + 1], 1))
     return rows
 
 
@@ -247,24 +250,23 @@ def _measure(beams: Beams, x: float, y: float, fit: Any) -> None:
     size = np.sqrt(x * x + y * y)
     fit.weight = fit.x = fit.y = fit.xx = fit.xy = fit.yy = 0.0
     for i in range(len(beams.ranges)):
-        unit = beams.units[i]
-        incidence = max(abs(unit[0] * x + unit[1] * y) / size, LEAST_INCIDENCE)
+        ux, uy = beams.units[i]
+        incidence = max(abs(ux * x + uy * y) / size, LEAST_INCIDENCE)
         weight = 1.0 / (beams.deviations[i] * incidence) ** 2
-        add_point(fit, weight, beams.ranges[i] * unit[0], beams.ranges[i] * unit[1])
+        add_point(fit, weight, beams.ranges[i] * ux, beams.ranges[i] * uy)
 
 
 @compiled
-def segment_cluster(returns: Beams, walls: Int) -> int:
-    """Divide a cluster of returns into walls; returns how many.
+def segment_cluster(returns: Beams, spans: Records) -> int:
+    """Divide a cluster of returns into walls (≥ n // LEAST_POINTS,); returns how many.
 
-    ``walls`` (≥ n // LEAST_POINTS, 2) is filled with the first and the last point of each; points
-    between are on none.
+    Points between the first and the last of each are on none.
     """
     beams, ranges, deviations = returns
     count = len(ranges)
     sums = np.zeros(count + 1, SUMS)
     for i in range(count):
-        cos, sin = beams[i, 0], beams[i, 1]
+        cos, sin = beams[i]
         square = ranges[i] * ranges[i]
         # The inverse range and its fit are both scaled by r², which keeps the numbers near 1.
         weight = square * square / (deviations[i] * deviations[i])
@@ -313,19 +315,16 @@ def segment_cluster(returns: Beams, walls: Int) -> int:
         opened = kept
         best[last] = cheapest
         origin[last] = choice
-    found = 0
-    last = count
+    found, last = 0, count
     while last > 0:
-        if origin[last] < 0:
-            last -= 1
-        else:
-            walls[found, 0] = origin[last]
-            walls[found, 1] = last - 1
+        if origin[last] >= 0:
+            spans[found].first, spans[found].last = origin[last], last - 1
             found += 1
-            last = origin[last]
+        last = origin[last] if origin[last] >= 0 else last - 1
     for i in range(found // 2):
-        for k in range(2):
-            walls[i, k], walls[found - 1 - i, k] = walls[found - 1 - i, k], walls[i, k]
+        one, other = spans[i], spans[found - 1 - i]
+        one.first, other.first = other.first, one.first
+        one.last, other.last = other.last, one.last
     return found
 
 
@@ -336,10 +335,10 @@ def fit_wall(returns: Beams) -> tuple[float, float]:
     cc = cs = ss = ci = si = 0.0
     # In the frame of the middle beam the two unknowns are all but uncorrelated, so that a wall
     # seen under a tiny angle loses no digits.
-    ahead = beams[len(ranges) // 2]
+    ax, ay = beams[len(ranges) // 2]
     for i in range(len(ranges)):
-        cos = beams[i, 0] * ahead[0] + beams[i, 1] * ahead[1]
-        sin = beams[i, 1] * ahead[0] - beams[i, 0] * ahead[1]
+        ux, uy = beams[i]
+        cos, sin = ux * ax + uy * ay, uy * ax - ux * ay
         square = ranges[i] * ranges[i]
         weight = square * square / (deviations[i] * deviations[i])
         cc += weight * cos * cos
@@ -349,10 +348,10 @@ def fit_wall(returns: Beams) -> tuple[float, float]:
         si += weight * sin / ranges[i]
     determinant = cc * ss - cs * cs
     if determinant <= 0.0:
-        return ahead[0] * ci / cc, ahead[1] * ci / cc
+        return ax * ci / cc, ay * ci / cc
     along = (ss * ci - cs * si) / determinant
     aside = (cc * si - cs * ci) / determinant
-    return along * ahead[0] - aside * ahead[1], along * ahead[1] + aside * ahead[0]
+    return along * ax - aside * ay, along * ay + aside * ax
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,18 +10,18 @@ import numpy as np
 from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserScan
 from lrf3d.mapping.line_map import LineMap, solid_map
-from lrf3d.mapping.robust.beams import Beams, Frame, widen
+from lrf3d.mapping.robust.beams import Beams, NoiseEstimate, in_world, pose_in, widen
 from lrf3d.mapping.robust.cells import LEAST, Cells, open_squares
 from lrf3d.mapping.robust.corners import close_corners
 from lrf3d.mapping.robust.extraction import LikelihoodExtractor
 from lrf3d.mapping.robust.glass.optics import Optics, with_surfaces
 from lrf3d.mapping.robust.links import find_objects, link_walls
 from lrf3d.mapping.robust.merging import Rule, merge_walls
-from lrf3d.mapping.robust.noise_estimate import NoiseEstimate
 from lrf3d.mapping.robust.rays import add_beams
 from lrf3d.mapping.robust.refinement import choose_walls, replace_walls
 from lrf3d.mapping.robust.refitting import refit_walls
 from lrf3d.mapping.robust.walls import Walls
+from lrf3d.pose import Pose
 
 Place = tuple[float, float]
 
@@ -38,15 +38,16 @@ class RobustMapper:
         self._cells, self._walls = Cells.of_size(LEAST), Walls.of_size(LEAST)
         # Walls that are new in their places, and may fit others now.
         self._waiting = np.empty(0, np.int64)
-        self._frame: Frame | None = None
+        # The pose of the first scan: the map turns and moves with the world.
+        self._frame: Pose | None = None
         self._map: LineMap | None = None
 
     def update(self, scan: LaserScan) -> None:
         """Unite the map with a scan."""
         self._map = None
         if self._frame is None:
-            self._frame = Frame.of(scan)
-        place, heading = self._frame.pose_of(scan)
+            self._frame = scan.pose
+        place, heading = pose_in(self._frame, scan)
         noise = self._noise.update(scan, self._extract.noise(scan))
         lit, scan = scan, self._optics.without_images(scan, place, heading)
         found = self._extract.walls(scan, heading, noise)
@@ -98,8 +99,10 @@ class RobustMapper:
             rows = self._rows()
             objects = find_objects(self._walls, rows)
             ends: Float = close_corners(self._walls.ends[rows], objects)
-            shown = solid_map(self._frame.in_world(ends), objects, self._walls.fits["points"][rows])
+            shown = solid_map(
+                in_world(self._frame, ends), objects, self._walls.fits["points"][rows]
+            )
             surfaces = self._optics.surfaces
-            special = self._frame.in_world(surfaces[:, :4])
+            special = in_world(self._frame, surfaces[:, :4])
             self._map = with_surfaces(shown, special, surfaces[:, 4] > 0.0)
         return self._map

@@ -77,9 +77,10 @@ clutter, and what moves, makes short ones of any few returns."""
 BEFORE, REAL, GAP, BEHIND = range(4)
 """Where a piece may be: before the wall, on it, in a gap of it, and behind it."""
 
-CHANGES = np.full((4, 4), np.inf)
-CHANGES[[BEFORE, REAL], [REAL, BEHIND]] = 0.0
-CHANGES[[REAL, GAP], [GAP, REAL]] = CHANGE_COST
+CHANGES = np.array([
+    (0.0, 0.0, np.inf, np.inf), (np.inf, 0.0, CHANGE_COST, 0.0),
+    (np.inf, CHANGE_COST, 0.0, np.inf), (np.inf, np.inf, np.inf, 0.0),
+])  # fmt: skip
 """[hits] What it costs to go on from each of these to each."""
 
 Parts = tuple[Float, Records, Int]
@@ -261,14 +262,12 @@ def split_pieces(pieces: Records, breaks: Int) -> int:
             if cost < best[last]:
                 best[last] = cost
                 origin[last] = first
-    found = 0
-    last = count
+    found, last = 0, count
     while last > 0:
-        breaks[found] = last
-        found += 1
-        last = origin[last]
-    for i in range(found // 2):
-        breaks[i], breaks[found - 1 - i] = breaks[found - 1 - i], breaks[i]
+        found, last = found + 1, origin[last]
+    last = count
+    for part in range(found - 1, -1, -1):
+        breaks[part], last = last, origin[last]
     return found
 
 
