@@ -29,7 +29,7 @@ RECORDS = re.compile(
 """Matches what JSON, printed messages of ROS, and a CSV of lists begin with; no byte twice, since
 a header may have thousands of columns."""
 
-LISTS = re.compile(r"[\[(]([^\])]*)[\])]")
+LISTS = re.compile(r"[\[(]([^\[\](){}]*)[\])]")
 """Matches a list in a CSV."""
 
 BEGINNING = 4096
