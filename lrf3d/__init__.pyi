@@ -5,6 +5,7 @@ from lrf3d.casting import EmbreeCaster as EmbreeCaster
 from lrf3d.casting import PlanarCaster as PlanarCaster
 from lrf3d.casting import crosscheck as crosscheck
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle as DynamicObstacle
+from lrf3d.collecting import Recorder as Recorder
 from lrf3d.collecting import simulate as simulate
 from lrf3d.collision import check_drive as check_drive
 from lrf3d.errors import CollisionError as CollisionError
@@ -36,7 +37,6 @@ from lrf3d.planning.planner import plan_route as plan_route
 from lrf3d.pose import Pose as Pose
 from lrf3d.recorded import map_log as map_log
 from lrf3d.recorded import slam_log as slam_log
-from lrf3d.recorder import Recorder as Recorder
 from lrf3d.render.video import render_video as render_video
 from lrf3d.robot import AckermannDrive as AckermannDrive
 from lrf3d.robot import DifferentialDrive as DifferentialDrive

@@ -14,7 +14,7 @@ import numpy as np
 
 from lrf3d.errors import InputError, OutputError
 from lrf3d.files import replacing, unfinished_folder, writing
-from lrf3d.io.bag_contents import ODOMETRY, SCAN, STATIC_FRAMES, TRANSFORMS
+from lrf3d.io.bag_poses import ODOMETRY, SCAN, STATIC_FRAMES, TRANSFORMS
 from lrf3d.io.bag_reader import missing_rosbags
 from lrf3d.io.ros_messages import (
     BASE,
