@@ -24,11 +24,13 @@ from lrf3d.io.table import Table
 from lrf3d.pose import heading_of
 
 RECORDS = re.compile(
-    rb"\s*\[?\s*\{|\s*(?:---\s+)?(?:header|seq|stamp):|[^\n\[(]*[A-Za-z]{3}[^\n\[(]*\n[^\n]*\w[^\n]*,\W*\["
+    rb"\s*+\[?\s*+\{|\s*+(?:---\s++)?(?:header|seq|stamp):|"
+    rb"(?=[^\n\[(]*?[A-Za-z]{3})[^\n\[(]*+\n[^\n\w]*+(?=\w)(?:[^\n,]*+,)+?[^\w,\[]*+\["
 ).match
-"""Matches what JSON, printed messages of ROS, and a CSV of lists begin with."""
+"""Matches what JSON, printed messages of ROS, and a CSV of lists begin with; no byte twice, since
+a header may have thousands of columns."""
 
-LISTS = re.compile(r"[\[(]([^\])]*)[\])]")
+LISTS = re.compile(r"[\[(]([^\[\](){}]*)[\])]")
 """Matches a list in a CSV."""
 
 BEGINNING = 4096

@@ -41,7 +41,7 @@ BOOLEANS = {"True": "1", "False": "0"}
 DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(e[-+]?\d+)?").fullmatch
 """Matches numbers with a decimal comma."""
 
-LABELS = re.compile(r"([A-Za-z_]\w*)\s*[:=]\s*([-+]?[\d.]+(?:e[-+]?\d+)?)")
+LABELS = re.compile(r"(?<!\w)([A-Za-z_]\w*+)\s*+[:=]\s*([-+]?[\d.]+(?:e[-+]?\d+)?)")
 """Numbers that have their names before them."""
 
 SERIES = re.compile(r"(.*?)[\s\[(;._]*(?<![\d.])(-?\d+(?:\.\d+)?)[\s\])]*").fullmatch

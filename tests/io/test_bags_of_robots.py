@@ -164,8 +164,8 @@ def test_what_is_whole_in_a_file_that_was_cut_short_is_read(packed, share, tmp_p
         # The drive ends with the last odometry that is whole.
         assert 0.5 * share * 300 < len(log) <= 300 and log.bad_count < 40
         assert any("was cut short" in note for note in log.notes)
-        for read, row in zip(log.scans, beams, strict=False):
-            assert read.ranges == pytest.approx(row, rel=1e-6)
+        read = np.array([scan.ranges for scan in log.scans])
+        assert np.allclose(read, beams[: len(read)], rtol=1e-6, atol=0.0)
 
 
 def test_bags_of_ros_1_are_read(tmp_path):
