@@ -9,7 +9,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 import lrf3d
 from lrf3d.errors import InputError
 from lrf3d.io import load_log
-from lrf3d.io.bag_contents import ODOMETRY, SCAN, TRANSFORMS
+from lrf3d.io.bag_poses import ODOMETRY, SCAN, TRANSFORMS
 from lrf3d.laser import Stamp
 
 HALF = (0, 0, 1, 0)
