@@ -21,6 +21,7 @@ from lrf3d.mapping import LineMapper
 from lrf3d.run import Run
 from lrf3d.slam import Slam
 from lrf3d.slam.front_end import KEY_DISTANCE
+from lrf3d.slam.key_scans import Sight
 from lrf3d.slam.mounting import doubtful_mount, doubtful_poses
 from lrf3d.slam.odometry import (
     Recording,
@@ -31,7 +32,6 @@ from lrf3d.slam.odometry import (
     line_poses,
     turns_between,
 )
-from lrf3d.slam.sight import Sight
 from lrf3d.solved_log import SolvedLog, run_of
 
 CALIBRATED = 400
@@ -231,7 +231,7 @@ def solve_log(
         if known.further:
             words = f"{known!r}: of its {len(known.lasers)} lasers only the first is continued"
             warnings.warn(words, Lrf3dWarning, stacklevel=2)
-        both = joined(known, slam, slam.sight.surfaces(scans), poses, log.name)
+        both = joined(known, slam, map(slam.sight.surface, scans), poses, log.name)
         poses = both.poses
     lines = line_poses(path, places, lag, poses)[recording.rows]
     lines[:, 2] = np.unwrap(lines[:, 2])

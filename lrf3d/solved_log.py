@@ -26,9 +26,9 @@ from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.run import Run, is_snapshot
 from lrf3d.slam import Slam
 from lrf3d.slam.closures import Refusal
+from lrf3d.slam.key_scans import Key
 from lrf3d.slam.mounting import doubtful_mount
 from lrf3d.slam.odometry import Repairs
-from lrf3d.slam.views import Key
 from lrf3d.slam.violation import SelfCheck
 from lrf3d.text import counted
 from lrf3d.world import World
@@ -166,7 +166,7 @@ class SolvedLog:
                 "length_m": self.run.trajectory.length,
                 "key_scans": len(slam.key_scans),
                 "loop_closures": len(slam.closures),
-                "loop_closures_dropped": len(slam.unconfirmed_closures),
+                "loop_closures_dropped": len(slam.closer.unconfirmed),
                 "scans_by_odometry_alone": sum(not scan.matched for scan in tracked),
                 "scans_with_a_weak_direction": sum(scan.weak for scan in tracked),
             },

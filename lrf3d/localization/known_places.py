@@ -17,30 +17,30 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.planning.free_space import free_places
 from lrf3d.pose import between, compose
 from lrf3d.run import Run
+from lrf3d.slam.key_scans import Key, Sight, evidence, same_place
+from lrf3d.slam.motion import size_of
 from lrf3d.slam.scan_matching import Match, match_scan
-from lrf3d.slam.search import CELL, FREE, Field, field_of, window_scores
-from lrf3d.slam.sight import Sight
+from lrf3d.slam.search import CELL, FREE, Field, field_of, thin, window_scores
 from lrf3d.slam.surface import wall_map
-from lrf3d.slam.views import Key, evidence, same_place
 from lrf3d.world import World
 
 APART, TURNED = 0.5, 0.5
-"""Scans of a run are key scans after this distance [m] or turn [rad]."""
+"""Distance [m] or turn [rad] between key scans of a run."""
 
 SPACING, BEAMS, REACH = 1.0, 720, 30.0
 """Distance of the scans that are cast in a world [m], their beams, and their range [m]."""
 
 MOST_SCANS, MOST_CELLS = 3000, 80_000
-"""Scans that are cast, and cells that are searched, at most: in a town both lie farther apart."""
+"""Most scans that are cast, and cells that are searched: in a town both lie farther apart."""
 
 ROOM = 0.25
 """Distance from walls at which a robot may be [m]."""
 
 STRIDE, STEP, POINTS = 2, 0.04, 60
-"""The search takes every second cell each way, steps of the heading [rad], and points of a scan."""
+"""Stride of the search in cells, step of its headings [rad], and points of the scan."""
 
 PEAKS, NEXT, NEXT_TURN = 80, 0.7, 0.25
-"""Poses that are matched, at most, and how far apart [m], [rad] they lie at least."""
+"""Most poses that are matched, and their least distance [m] or turn [rad] from each other."""
 
 PARTS, MOST_PEAKS = 16, 600
 """Parts of the headings that are searched one after another, and poses kept of each."""
@@ -53,7 +53,7 @@ GUESS = np.diag([4.0, 4.0, 25.0])
 
 
 class Candidate(NamedTuple):
-    """A pose (3,) where a scan may have been taken, with its match and what speaks for it."""
+    """A match of a scan with the map around a place, and the evidence for it."""
 
     match: Match
     evidence: float
@@ -73,8 +73,8 @@ class KnownPlaces:
         """The map that the scans of a run show at its poses, which may be estimated ones."""
         poses, chosen = run.trajectory.poses, [0]
         for number in range(1, len(run)):
-            x, y, turn = np.abs(between(poses[chosen[-1]], poses[number]))
-            if np.hypot(x, y) >= APART or turn >= TURNED:
+            length, turn = size_of(between(poses[chosen[-1]], poses[number]))
+            if length >= APART or turn >= TURNED:
                 chosen.append(number)
         sight = Sight()
         keys = [sight.seen(run.scans_at(number), number) for number in chosen]
@@ -119,23 +119,23 @@ class KnownPlaces:
 
     def _peaks(self, scan: Key) -> list[Float]:
         """The poses (3,) at which the hits of a scan meet most walls."""
-        points = np.ascontiguousarray(scan.hits[:: 1 + len(scan.hits) // POINTS])
-        corner, cells = self._field.corner + 0.5 * CELL, self._free
-        parts = []
+        field, cells = self._field, self._free
+        centre = np.array([field.left + 0.5 * CELL, field.low + 0.5 * CELL, 0.0])
+        parts, scored = [], []
         for headings in np.array_split(np.arange(-np.pi, np.pi, STEP), PARTS):
-            centre = np.array([*corner, 0.0])
-            scores = window_scores(points, self._field, centre, cells, headings)
+            scores = window_scores(thin(scan.hits, POINTS), field, centre, cells, headings)
             most = min(MOST_PEAKS, scores.size)
             best = np.argpartition(scores, scores.size - most, axis=None)[-most:]
             a, s = np.unravel_index(best, scores.shape)
-            parts.append(np.column_stack([scores[a, s], corner + CELL * cells[s], headings[a]]))
-        ranked = np.concatenate(parts)
-        ranked = ranked[np.argsort(-ranked[:, 0], kind="stable"), 1:]
+            scored.append(scores[a, s])
+            parts.append(np.column_stack([centre[:2] + CELL * cells[s], headings[a]]))
+        ranked = np.concatenate(parts)[np.argsort(-np.concatenate(scored), kind="stable")]
         peaks: list[Float] = []
         while len(ranked) and len(peaks) < PEAKS:
-            peaks.append(ranked[0])
-            off = np.abs(between(ranked[0], ranked))
-            ranked = ranked[(np.hypot(off[:, 0], off[:, 1]) > NEXT) | (off[:, 2] > NEXT_TURN)]
+            peak, *_ = ranked
+            peaks.append(peak)
+            x, y, turn = np.abs(between(peak, ranked)).T
+            ranked = ranked[(np.hypot(x, y) > NEXT) | (turn > NEXT_TURN)]
         return peaks
 
     @cached_property
@@ -150,7 +150,7 @@ class KnownPlaces:
         return np.argsort(apart, kind="stable")[:AROUND]
 
     def judged(self, scan: Key, guess: Float, prior: Float) -> Candidate | None:
-        """The place near a guess (3,) where a scan fits, and what speaks for it."""
+        """The place near a guess (3,) where a scan fits, and the evidence for it."""
         near = self.around(scan, guess)
         keys = [self.keys[k] for k in near.tolist()]
         grid = wall_map((key.walls, pose) for key, pose in zip(keys, self.poses[near], strict=True))
@@ -165,5 +165,5 @@ class KnownPlaces:
 
 def _middle(scan: Key, pose: Float) -> Float:
     """The middle (2,) of what a scan from a pose (3,) hit."""
-    middle = scan.hits.mean(axis=0) if len(scan.hits) else np.zeros(2)
-    return compose(pose, np.array([*middle, 0.0]))[:2]
+    x, y = (scan.hits[name].mean() if len(scan.hits) else 0.0 for name in "xy")
+    return compose(pose, np.array([x, y, 0.0]))[:2]

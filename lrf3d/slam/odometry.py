@@ -17,9 +17,9 @@ from lrf3d.errors import InputError
 from lrf3d.geometry import Bool, Float, Int, wrap_angle
 from lrf3d.laser import LaserScan
 from lrf3d.pose import bent, between, compose
+from lrf3d.slam.key_scans import Key
 from lrf3d.slam.search import field_of, search
 from lrf3d.slam.surface import grid_of
-from lrf3d.slam.views import Key
 from lrf3d.text import counted
 
 FASTEST, FASTEST_TURN = 3.0, 3.0

@@ -1,9 +1,9 @@
-"""Known places: where older key scans show what a scan shows, no new key scan is needed.
+"""Revisits: where older key scans show what a scan shows, no new key scan is needed.
 
 A scan, the anchor before it and the key scans enter. If the robot is certainly where it has been
-before, an anchor leaves: the scan is attached to the nearest key scan, by its pose as seen from
-there, and the pose graph does not grow. So the graph grows with the space, not with time: the idea
-of the reduced pose graph (Johannsson et al. 2013), here for scans.
+before, an anchor leaves: the scan is attached to the nearest key scan, and the pose graph does not
+grow. So the graph grows with the space, not with time: the idea of the reduced pose graph
+(Johannsson et al. 2013), here for scans.
 """
 
 from dataclasses import dataclass, field
@@ -19,30 +19,24 @@ from lrf3d.slam.closures import (
     LEAST_SHARE,
     LoopCloser,
 )
-from lrf3d.slam.front_end import WEAK, weakest_direction
+from lrf3d.slam.front_end import KEY_TURN, LOCAL_KEYS, WEAK, weakest_direction
+from lrf3d.slam.key_scans import Key
 from lrf3d.slam.scan_matching import match_scan
 from lrf3d.slam.surface import wall_map
-from lrf3d.slam.views import Key
 
-PLACE, PLACE_TURN = 0.5, 0.5
-"""Key scans within this [m], [rad] of each other are of one place."""
+PLACE = 0.5
+"""Key scans within this distance [m], and the turn to the next key scan, are of one place."""
 
 ENOUGH = 2
 """Key scans of earlier drives past a place that make it known. With one, errors after hours in a
 town are a fifth larger, and covariances too small; in recorded offices nothing changes."""
 
-MOST_WITH = 8
-"""Key scans that a scan in a known place is matched with, at most: the nearest."""
-
 CERTAIN = 10.0
-"""A robot is certain of its pose relative to key scans that are at most this far [m] along the
-graph from its last anchor: it drifts less than it may be off."""
+"""Longest path along the graph [m] over which the relative pose of a robot is certain: it drifts
+less than it may be off."""
 
-OFF, OFF_TURN = 0.3, 0.06
-"""How far [m], [rad] a scan there may be from where it is expected."""
-
-PLACE_COVARIANCE = np.diag([OFF**2, OFF**2, OFF_TURN**2])
-"""Covariance of the pose of a scan there before it is matched."""
+OFF = np.array([0.3, 0.3, 0.06])
+"""Largest error of the expected pose [m], [rad], and its standard deviations in matching."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +45,8 @@ class Anchor:
 
     The scan is attached to a key scan (its own, if it is one), at a pose relative to it, and has a
     pose in the front end's drifting frame; the robot had driven some distance [m] until then. The
-    relative pose of a scan in a known place is as uncertain as its covariance (3, 3) says, and as a
-    robot is that has drifted over a distance [m].
+    relative pose of a scan in a known place has a covariance (3, 3), and the error of a robot that
+    has drifted over a distance [m].
     """
 
     scan: int
@@ -69,29 +63,28 @@ def in_known_place(closer: LoopCloser, scan: Key, last: Anchor, poses: Float) ->
 
     The last anchor is the one before it; poses (k, 3) are those of the key scans.
     """
-    keys = closer.keys
     guess = compose(compose(poses[last.key], last.relative), between(last.front, scan.pose))
-    apart = np.hypot(poses[:, 0] - guess[0], poses[:, 1] - guess[1])
+    x, y, turn = (poses - guess).T
+    apart = np.hypot(x, y)
     old = closer.driven < closer.distance - LEAST_DISTANCE
     drifted = last.drifted + closer.distance - last.driven
     old &= closer.paths.lengths(last.key, CERTAIN) + drifted < CERTAIN
-    here = old & (apart < PLACE) & (np.abs(wrap_angle(poses[:, 2] - guess[2])) < PLACE_TURN)
+    here = old & (apart < PLACE) & (np.abs(wrap_angle(turn)) < KEY_TURN)
     if here.sum() < ENOUGH or len(scan.surface) < LEAST_POINTS:
         return None
-    near = np.argsort(np.where(old, apart, np.inf), kind="stable")[: min(MOST_WITH, old.sum())]
-    around = [keys[k] for k in near.tolist()]
+    near = np.argsort(np.where(old, apart, np.inf), kind="stable")[: min(LOCAL_KEYS, old.sum())]
+    around = [closer.keys[k] for k in near.tolist()]
     grid = wall_map((key.walls, pose) for key, pose in zip(around, poses[near], strict=True))
     if grid is None:
         return None
-    match = match_scan(scan.surface, grid, guess, np.linalg.inv(PLACE_COVARIANCE))
-    off = np.abs(between(guess, match.pose))
+    match = match_scan(scan.surface, grid, guess, np.diag(1.0 / OFF**2))
     if (
         match.explained < LEAST_SHARE
-        or not (off < [OFF, OFF, OFF_TURN]).all()
+        or not (np.abs(between(guess, match.pose)) < OFF).all()
         or closer.mixed_pixels.contradict(around, scan, between(poses[near], match.pose))
     ):
         return None
-    # Along a corridor the walls do not fix how far the robot has come: there it goes on drifting.
+    # Along a corridor the walls do not fix the distance: there the robot goes on drifting.
     fixed = weakest_direction(match.information)[1] >= WEAK
     nearest = int(np.where(here, apart, np.inf).argmin())
     return Anchor(
@@ -101,5 +94,5 @@ def in_known_place(closer: LoopCloser, scan: Key, last: Anchor, poses: Float) ->
         scan.pose,
         closer.distance,
         CLOSURE_LENGTH if fixed else drifted,
-        PLACE_COVARIANCE,
+        np.diag(OFF**2),
     )
