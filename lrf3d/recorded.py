@@ -32,7 +32,7 @@ from lrf3d.slam.odometry import (
     line_poses,
     turns_between,
 )
-from lrf3d.solved_log import SolvedLog, run_of
+from lrf3d.solved_log import SolvedLog, maps_of, run_of
 
 CALIBRATED = 400
 """Scans at the beginning of a log that give the first estimate of its wheels' errors. With it a
@@ -106,8 +106,8 @@ def map_log(
         raise InputError(f"{log.name}: no poses in it ({log.source}); lrf3d slam finds them")
     chosen, mapper = np.flatnonzero(~log.is_odd | all_scans), LineMapper(mode, sigma=sigma)
     scans, poses = [log.scans[k] for k in chosen], log.poses[chosen]
-    keys = range(len(scans))
-    run = run_of(log.name, scans, poses, keys, mapper, snapshots=1, progress=progress)
+    maps = maps_of(scans, poses, range(len(scans)), mapper, snapshots=1, progress=progress)
+    run = run_of(log.name, scans, poses, maps)
     mount = doubtful_mount(log.scans)
     for doubt in (doubtful_ranges(log.scans), mount or doubtful_poses(log.scans)):
         if doubt:

@@ -55,7 +55,7 @@ def edges_of(
 
 def edge_errors(poses: Float, edges: Records) -> Float:
     """Errors (e, 3) [m, rad] of edges at poses (k, 3)."""
-    error = between(poses[edges["first"]], poses[edges["second"]]) - edges["measured"]
+    error: Float = between(poses[edges["first"]], poses[edges["second"]]) - edges["measured"]
     error[:, 2] = wrap_angle(error[:, 2])
     return error
 

@@ -115,7 +115,10 @@ class Slam:
         self._key_poses = np.empty((0, 3))
         self.edges = np.empty(0, EDGE)
         self._key_scans: list[Moment] = []
-        self._redraw()
+        # The map, its poses (k, 3), the number of key scans that are in it, and the number that could
+        # have been drawn again since.
+        self._mapper, self._map_poses = LineMapper(), self._key_poses
+        self._drawn = self._spare = 0
 
     def __repr__(self) -> str:
         return (
@@ -288,9 +291,9 @@ class Slam:
     @property
     def map(self) -> LineMap:
         """The map of the key scans, computed when it is read."""
-        for scans, pose in list(zip(self._key_scans, self._map_poses, strict=False))[self._drawn :]:
-            robot = compose(self._start, pose)
-            for scan in scans:
+        for number in range(self._drawn, len(self._map_poses)):
+            robot = compose(self._start, self._map_poses[number])
+            for scan in self._key_scans[number]:
                 laser = compose(robot, np.array(self.sight.mount(scan)))
                 self._mapper.update(replace(scan, pose=Pose(*laser.tolist())))
         self._drawn = len(self._map_poses)
@@ -298,8 +301,7 @@ class Slam:
 
     def _redraw(self) -> None:
         """Draw the map again, once it is read."""
-        self._mapper, self._map_poses = LineMapper(), self._key_poses.copy()
-        # Key scans that are in the map, and that could have been drawn again since.
+        self._mapper, self._map_poses = LineMapper(), self._key_poses
         self._drawn = self._spare = 0
 
     def trajectory(self) -> Float:

@@ -5,14 +5,14 @@ from hypothesis import strategies as st
 
 from lrf3d.casting import PlanarCaster
 from lrf3d.laser import LaserRangeFinder, LaserScan
-from lrf3d.pose import between, compose
+from lrf3d.pose import Pose, between, compose
 from lrf3d.slam.scan_matching import match_scan
-from lrf3d.slam.surface import grid_of, moved, range_noise, surface_of_scan, thinned
+from lrf3d.slam.surface import SURFACE, grid_of, moved, range_noise, surface_of_scan, thinned
 from lrf3d.world import World
 
 ROOM = World([[0, 0, 6, 0], [6, 0, 6, 4], [6, 4, 2.5, 4], [2.5, 4, 0, 3], [0, 3, 0, 0]])
 CORRIDOR = World([[-100, 0, 100, 0], [-100, 2, 100, 2]])
-LASER = np.zeros(2)
+LASER = Pose(0.0, 0.0, 0.0)
 WEAK = np.diag([1.0, 1.0, 1.0])
 
 
@@ -26,20 +26,21 @@ def test_normals_face_the_laser_and_points_lie_on_walls(beams):
     pose = np.array([3.0, 1.5, 0.4])
     surface = surface_at(ROOM, pose, beams=beams)
     assert len(surface) > 0.6 * beams
-    assert np.hypot(surface[:, 2], surface[:, 3]) == pytest.approx(1.0)
-    assert ((surface[:, :2] * surface[:, 2:]).sum(axis=1) < 0.0).all()
+    assert np.hypot(surface["nx"], surface["ny"]) == pytest.approx(1.0)
+    assert (surface["x"] * surface["nx"] + surface["y"] * surface["ny"] < 0.0).all()
     there = moved(surface, pose)
-    on_floor = np.abs(there[:, 1]) < 1e-6
+    on_floor = np.abs(there["y"]) < 1e-6
     assert on_floor.sum() > 0.1 * beams
-    assert there[on_floor, 3] == pytest.approx(1.0)
+    assert there["ny"][on_floor] == pytest.approx(1.0)
 
 
 def test_near_walls_are_thinned_but_both_faces_of_a_wall_stay():
     x = np.array([0.0, 0.01, 0.02, 0.06, 1.06, 5.0])
-    surface = np.column_stack([x, np.zeros(6), np.tile([0.0, 1.0], (6, 1))])
-    assert thinned(surface)[:, 0].tolist() == [0.0, 0.06, 1.06, 5.0]
-    surface[1, 3] = -1.0
-    assert thinned(surface)[:2, 0].tolist() == [0.0, 0.01]
+    surface = np.zeros(6, SURFACE)
+    surface["x"], surface["ny"] = x, 1.0
+    assert thinned(surface)["x"].tolist() == [0.0, 0.06, 1.06, 5.0]
+    surface["ny"][1] = -1.0
+    assert thinned(surface)["x"][:2].tolist() == [0.0, 0.01]
     assert len(thinned(surface[:0])) == 0
 
 
@@ -58,7 +59,7 @@ def test_the_noise_of_a_laser_is_seen_in_a_scan_and_walls_in_spite_of_it(sigma):
     assert len(surface) > (60 if sigma > 0.2 else 250)
     # A point lies on the line through its neighbours, nearer to the wall than it was measured.
     there = moved(surface, np.array([3.0, 1.5, 0.0]))
-    off = np.abs(there[np.abs(there[:, 1]) < 0.5, 1])
+    off = np.abs(there["y"][np.abs(there["y"]) < 0.5])
     assert np.median(off) < max(0.3 * sigma, 1e-3)
 
 

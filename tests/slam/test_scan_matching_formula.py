@@ -15,9 +15,14 @@ from lrf3d.slam.scan_matching import (
     _matched,
     match_scan,
 )
-from lrf3d.slam.surface import ALONG, CELL, grid_of
+from lrf3d.slam.surface import ALONG, CELL, SURFACE, grid_of
 
 REACH, SIGMA = 0.15, 0.03
+
+
+def rows(points):
+    """Points and normals (n, 4) as a surface."""
+    return np.ascontiguousarray(points).view(SURFACE)[:, 0]
 
 
 def lines_near(walls, point, normal):
@@ -99,7 +104,8 @@ def test_a_match_is_that_of_the_formula(seed, iterations, count):
     guess = true + rng.normal(0.0, 0.02, 3)
     mixed = rng.normal(size=(3, 3))
     prior = mixed @ mixed.T + np.diag([500.0, 500.0, 900.0])
-    found = Match(*_matched(surface, grid_of(walls), guess, prior, iterations, REACH, SIGMA))
+    grid = grid_of(rows(walls))
+    found = Match(*_matched(rows(surface), grid, guess, prior, iterations, REACH, SIGMA))
     pose, information, explained, deviation = expected(surface, walls, guess, prior, iterations)
     assert found.pose == pytest.approx(pose, abs=1e-9)
     assert found.information == pytest.approx(information, rel=1e-6, abs=1e-6)
@@ -109,9 +115,9 @@ def test_a_match_is_that_of_the_formula(seed, iterations, count):
 
 
 def test_one_point_is_all_that_it_explains_and_a_match_of_none_has_no_deviation():
-    grid = grid_of(np.array([[1.0, 0.0, -1.0, 0.0]]))
+    grid = grid_of(rows(np.array([[1.0, 0.0, -1.0, 0.0]])))
     for y, explained, deviation in ((0.0, 1.0, 0.0), (5.0, 0.0, np.inf)):
         point = np.array([[1.0, y, -1.0, 0.0]])
-        found = match_scan(point, grid, np.zeros(3), np.eye(3), 5)
+        found = match_scan(rows(point), grid, np.zeros(3), np.eye(3), 5)
         assert (found.explained, found.deviation) == pytest.approx((explained, deviation))
         assert found.pose == pytest.approx(np.zeros(3))

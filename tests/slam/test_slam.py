@@ -10,7 +10,7 @@ from lrf3d.errors import InputError
 from lrf3d.pose import between
 from lrf3d.slam.front_end import weakest_direction
 from lrf3d.slam.odometry import WheelPath
-from lrf3d.slam.wheels import Wheels
+from lrf3d.slam.motion import Wheels
 from lrf3d.solved_log import rising
 
 
