@@ -22,15 +22,15 @@ from lrf3d.slam.closures import (
     CLOSURE_SHARE,
     FLOOR,
     LEAST_DISTANCE,
-    LEAST_SHARE,
     Closure,
     closure_edges,
     fixed,
 )
-from lrf3d.slam.front_end import refined
+from lrf3d.slam.front_end import LEAST_SHARE, refined
 from lrf3d.slam.key_scans import MOST_THROUGH, Key, seen_through_both
 from lrf3d.slam.pose_graph import edges_of, optimised
-from lrf3d.slam.violation import LATER, SelfCheck, self_check
+from lrf3d.slam.revisits import OFF
+from lrf3d.slam.violation import LATER, NEAR, SelfCheck, self_check
 
 STEP = np.array([0.01, 0.01, 0.003])
 """Standard deviations of key scans of a map relative to their neighbours [m], [rad]."""
@@ -38,17 +38,8 @@ STEP = np.array([0.01, 0.01, 0.003])
 BESIDE, BESIDE_TURN = 1.0, 0.5
 """Key scans of a map within this [m], [rad] of each other hold together, as neighbours do."""
 
-NEAR = 3.0
-"""Key scans of the second drive are tied to the map where it has one within this distance [m]."""
-
 ROUNDS = 4
 """Searches for ties, each from where the last ones have moved the drive."""
-
-ITERATIONS = 20
-"""Most Gauss-Newton steps over both pose graphs."""
-
-TIED = np.diag([1.0 / 0.3**2, 1.0 / 0.3**2, 1.0 / 0.1**2])
-"""Information of where a key scan lies on the map before it is matched [1/m²], [1/rad²]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +110,7 @@ def joined(run: Run, slam: Slam, surfaces: Iterable[Records], poses: Float, name
             raise nowhere
         guesses = {}
         edges = np.concatenate([graph, second_edges, closure_edges(list(ties.values()))])
-        nodes = optimised(nodes, edges, ITERATIONS)
+        nodes = optimised(nodes, edges)
     first = _moved(run.trajectory.poses, places.numbers, places.poses, nodes[:count])
     second = _moved(poses, numbers, slam.key_poses, nodes[count:])
     whole = [*places.keys, *(replace(key, scan=len(run) + key.scan) for key in keys)]
@@ -136,7 +127,7 @@ def joined(run: Run, slam: Slam, surfaces: Iterable[Records], poses: Float, name
 def _tie(places: KnownPlaces, key: Key, guess: Float, number: int) -> Closure | None:
     """The edge between a key scan, by its number among all, and the map near a guess (3,)."""
     apart = np.hypot(*(places.poses[:, :2] - guess[:2]).T)
-    found = places.judged(key, guess, TIED) if apart.min() < NEAR else None
+    found = places.judged(key, guess, np.diag(1.0 / OFF**2)) if apart.min() < NEAR else None
     if found is None or found.evidence < EVEN or found.match.explained < LEAST_SHARE:
         return None
     pose, near = found.match.pose, places.around(key, guess).tolist()

@@ -13,23 +13,22 @@ import numpy as np
 
 from lrf3d.geometry import Float, Records
 from lrf3d.pose import between, compose, turned
-from lrf3d.slam.front_end import WEAK, weakest_direction
-from lrf3d.slam.key_scans import Key, MixedPixels, clearest, evidence
+from lrf3d.slam.front_end import (
+    KEY_DISTANCE,
+    LEAST_FOUND,
+    LEAST_POINTS,
+    LEAST_SHARE,
+    WEAK,
+    weakest_direction,
+)
+from lrf3d.slam.key_scans import Key, MixedPixels
 from lrf3d.slam.motion import size_of
 from lrf3d.slam.pose_graph import GraphPaths, edges_of
 from lrf3d.slam.scan_matching import Match
-from lrf3d.slam.search import DEVIATIONS as WINDOW_DEVIATIONS
-from lrf3d.slam.search import field_of, search
-from lrf3d.slam.surface import wall_map
+from lrf3d.slam.search import DEVIATIONS, Place, Submap, clearest
 
 LEAST_DISTANCE = 6.0
 """Least path length [m] over which a loop is closed, and between the old places that are tried."""
-
-LEAST_SHARE = 0.6
-"""Inlier ratio from which a place is beyond doubt: no other is tried."""
-
-LEAST_FOUND = 0.3
-"""Minimum inlier ratio of a closure: in woods it is hardly half at the right place."""
 
 NEAR = 4.0
 """Largest distance of key scans that show the same walls [m]."""
@@ -43,29 +42,19 @@ LEAST_SPREAD, MOST_SPREAD = np.array([0.1, 0.1, 0.02]), np.array([10.0, 10.0, 0.
 LOST = 10.0
 """Path length [m] of the same drift as one scan that matches nothing: 0.1 m."""
 
-MOST_TRIES, MOST_PLACES = 6, 20
-"""Most old places that are tried for a key scan, the nearest first, in a small window and in a wide
-one."""
+MOST_PLACES = 20
+"""Most old places that are tried for a key scan, the nearest first."""
 
 SUBMAP = 5
 """Key scans before and after an old one in the map that a loop is closed with."""
-
-LEAST_POINTS = 10
-"""Least points of a surface."""
-
-CLOSURE_LENGTH = 0.5
-"""Graph length assigned to a closure edge [m]: the drift that it leaves."""
 
 AGREEING, AGREEING_IN_THE_END = 3, 2
 """Closures that must agree before any of them is accepted: while the robot drives, and when the
 drive is over, if no other contradicts them."""
 
-STRETCH = 12.0
+STRETCH = 2.0 * LEAST_DISTANCE
 """Closures are compared if the old key scans of both are this near along the graph [m], and the new
 ones along the drive."""
-
-DEVIATIONS = 3.5
-"""Standard deviations within which the loop over two closures that agree must close."""
 
 CLOSURE_SHARE = 0.3
 """Factor on the information of an edge from matching: both maps were made by the same drifting
@@ -102,14 +91,6 @@ class Refusal(NamedTuple):
     old: int
     new: int
     why: str
-
-
-class Place(NamedTuple):
-    """Where a key scan may have been taken, as seen from an old one, and the evidence for it."""
-
-    old: int
-    match: Match
-    evidence: float
 
 
 class LoopCloser:
@@ -196,39 +177,40 @@ class LoopCloser:
             # A path over the graph from now on. Along a corridor it leaves the robot as uncertain
             # as a long drive does.
             off = np.sqrt(np.linalg.norm(closure.covariance[:2, :2], 2)) / DRIFT
-            length = max(CLOSURE_LENGTH, float(off))
+            length = max(KEY_DISTANCE, float(off))
             self.paths.link(closure.old, closure.new, length, closure.covariance)
         return agreeing
 
     def _found(self, new: int) -> Closure | None:
         """The closure of a key scan with an old one, at the place that fits best of all."""
         places = self._all_places(new)
-        there = [compose(self._poses[place.old], place.match.pose) for place in places]
-        best = clearest(there, [place.evidence for place in places])
+        there = [compose(self._poses[old], place.match.pose) for old, place in places]
+        best = clearest(there, [place.evidence for _, place in places])
         if best is None:
-            if places:
-                self.refused.append(Refusal(places[0].old, new, "elsewhere fits as well"))
+            self.refused += [Refusal(old, new, "elsewhere fits as well") for old, _ in places[:1]]
             return None
-        old, match, worth = places[best]
-        around, seen_from = self._submap(old, new)
+        old, (match, worth) = places[best]
+        around = self._submap(old, new)
         why = ""
         if worth <= 0.0 or match.explained < LEAST_FOUND:
             why = "too little is explained"
         elif any(self._near(old, one) and self._near(new, other) for one, other in self.ruled_out):
             why = "ruled out"
-        elif self.mixed_pixels.contradict(around, self.keys[new], between(seen_from, match.pose)):
+        elif self.mixed_pixels.contradict(
+            around.keys, self.keys[new], around.seen_from(match.pose)
+        ):
             why = "beams pass through"
         if why:
             self.refused.append(Refusal(old, new, why))
             return None
         return _closure(old, new, match)
 
-    def _all_places(self, new: int) -> list[Place]:
-        """The places of a key scan at all old ones that it may be near."""
+    def _all_places(self, new: int) -> list[tuple[int, Place]]:
+        """The places of a key scan as seen from all old ones that it may be near, with these."""
         fits = self.driven < self.driven[new] - LEAST_DISTANCE
         if len(self.keys[new].surface) < LEAST_POINTS or not fits.any():
             return []
-        poses, places = self._poses, list[Place]()
+        poses, places = self._poses, list[tuple[int, Place]]()
         lengths, spreads = self.paths.spreads(new, poses)
         fits &= np.isfinite(lengths) & (lengths > LEAST_DISTANCE)
         away = (poses - poses[new])[:, :2]
@@ -236,28 +218,33 @@ class LoopCloser:
         along = away / np.maximum(apart, 1e-9)[:, None]
         sideways = np.sqrt(np.einsum("ki,kij,kj->k", along, spreads[:, :2, :2], along))
         (least, *_), (most, *_) = LEAST_SPREAD, MOST_SPREAD
-        fits &= apart < NEAR + WINDOW_DEVIATIONS * np.clip(sideways, least, most)
-        for tries in range(1, MOST_PLACES + 1):
+        fits &= apart < NEAR + DEVIATIONS * np.clip(sideways, least, most)
+        for _ in range(MOST_PLACES):
             if not fits.any():
                 break
             old = int(np.where(fits, apart, np.inf).argmin())
-            spread = _bounded(spreads[old])
-            places += self._places(old, new, spread)
+            spread, guess = _bounded(spreads[old]), between(poses[old], poses[new])
+            places += [(old, place) for place in self._places(old, new, spread, guess)]
             # The next try is at another place than this one. Where the window is small, one that
             # shows the place is enough; in a wide one all are tried, or else a place that looks
             # like the right one would be accepted.
             fits &= np.abs(self.driven - self.driven[old]) > LEAST_DISTANCE
-            small = WINDOW_DEVIATIONS * np.sqrt(spread[:2, :2].trace()) < LEAST_DISTANCE
-            seen = any(place.match.explained > LEAST_SHARE for place in places)
-            if small and (seen or tries == MOST_TRIES):
+            small = DEVIATIONS * np.sqrt(spread[:2, :2].trace()) < LEAST_DISTANCE
+            if small and any(place.match.explained > LEAST_SHARE for _, place in places):
                 break
         return places
 
-    def _submap(self, old: int, new: int) -> tuple[list[Key], Float]:
-        """The key scans of the map that a new one is matched with where it meets an old one.
+    def _places(self, old: int, new: int, spread: Float, guess: Float) -> list[Place]:
+        """The places of a new key scan in a window around a guess (3,), as seen from an old one."""
+        *_, heading = self._poses[old].tolist()
+        window = turned(spread, -heading)
+        return self._submap(old, new).places(self.keys[new], guess, window, NEAR)
 
-        Their poses (k, 3) are as seen from the old one, and by the front end: over a stretch so
-        short these are better than those of the graph.
+    def _submap(self, old: int, new: int) -> Submap:
+        """The map that a new key scan is matched with where it meets an old one.
+
+        The poses are as seen from the old one, and by the front end: over a stretch so short these
+        are better than those of the graph.
         """
         around = [
             self.keys[k]
@@ -265,7 +252,8 @@ class LoopCloser:
             if self._stretches[k] == self._stretches[old]
             and self.driven[k] < self.driven[new] - LEAST_DISTANCE
         ]
-        return around, between(self.keys[old].pose, np.array([key.pose for key in around]))
+        poses = np.array([key.pose for key in around])
+        return Submap(around, between(self.keys[old].pose, poses))
 
     def _near(self, key: int, scan: int) -> bool:
         """Whether a key scan lies near a scan, by its number, along the path."""
@@ -291,25 +279,8 @@ class LoopCloser:
             return None
         closure = _closure(old, new, max(places, key=lambda place: place.evidence).match)
         self.accepted.append(closure)
-        self.paths.link(old, new, CLOSURE_LENGTH, closure.covariance)
+        self.paths.link(old, new, KEY_DISTANCE, closure.covariance)
         return closure
-
-    def _places(self, old: int, new: int, spread: Float, guess: Float | None = None) -> list[Place]:
-        """The places of a new key scan in a window around an old one, or around a guess there."""
-        around, seen_from = self._submap(old, new)
-        grid = wall_map((key.walls, pose) for key, pose in zip(around, seen_from, strict=True))
-        if grid is None or len(grid.surface) < LEAST_POINTS:
-            return []
-        scan, field = self.keys[new], field_of(around, seen_from)
-        if guess is None:
-            guess = between(self._poses[old], self._poses[new])
-        window = turned(spread, -float(self._poses[old, 2]))
-        found = search(scan, grid, field, guess, window, NEAR)
-        seen = [between(seen_from, match.pose) for match in found]
-        return [
-            Place(old, match, evidence(scan.hits, match.explained, poses, around))
-            for match, poses in zip(found, seen, strict=True)
-        ]
 
     def _agree(self, first: Closure, second: Closure, length: float) -> bool:
         """Whether the loop over two closures closes, whose paths between have a length [m]."""

@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lrf3d.geometry import Float, Int, Records, wrap_angle
-from lrf3d.pose import between, compose, turned
-from lrf3d.slam.key_scans import BEHIND, Key, MixedPixels, clearest, evidence, views_of
-from lrf3d.slam.motion import Coasting, Prediction, Wheels, size_of
+from lrf3d.pose import Pose, between, compose, turned
+from lrf3d.slam.key_scans import BEHIND, Key, MixedPixels, views_of
+from lrf3d.slam.motion import FORGETTING, Coasting, Prediction, Wheels, size_of
 from lrf3d.slam.scan_matching import PRIOR_SCALE, Match, match_scan
-from lrf3d.slam.search import field_of, search
-from lrf3d.slam.surface import SURFACE, SurfaceGrid, moved, thinned, wall_map
+from lrf3d.slam.search import Submap, clearest
+from lrf3d.slam.surface import SURFACE, moved, thinned
 
 KEY_DISTANCE, KEY_TURN = 0.5, 0.5
 """Distance [m] or turn [rad] to the next key scan. Errors hardly change from 0.4 to 0.6 m."""
@@ -33,21 +33,19 @@ slip turns the robot, which walls show, and moves it aside, which they may not."
 RARE = 3.0
 """Log odds against a slip: one step in twenty is off by more than the wheels' noise."""
 
-BROKEN, USUAL_HITS = 0.25, 0.98
+BROKEN = 0.25
 """Share of the usual number of hits below which a scan is broken: it fits in many places, so it is
-not searched, and is no key scan. The second is the weight of earlier scans in the running mean."""
+not searched, and is no key scan."""
 
-TURN, ENOUGH_TURNED = np.pi / 3.0, 40
-"""Standard deviation of a window of all turns [rad], and least points of a scan to search it."""
-
-SURE, LEAST_TURNED = 2.0, 0.6
-"""Least evidence for a place that is found in any turn, and least share of the scan explained."""
+TURN = np.pi / 3.0
+"""Standard deviation of a window of all turns [rad]."""
 
 ADJACENT = 4
 """Key scans before a new one that show the rate of mixed pixels."""
 
-LEAST_EXPLAINED = 0.1
-"""Minimum inlier ratio to accept a match."""
+LEAST_EXPLAINED, LEAST_FOUND, LEAST_SHARE = 0.1, 0.3, 0.6
+"""Minimum inlier ratios of a match near the prediction, of a match near a place where the robot may
+have been before (in woods it is hardly half at the right one), and of a place beyond doubt."""
 
 LEAST_POINTS = 8
 """Least points of a scan to search it: among trees and cars there are a dozen."""
@@ -64,16 +62,6 @@ WEAK = 2500.0
 
 REFINED_PRIOR = np.diag([2500.0, 2500.0, 10000.0])
 """Information of a pose that is refined: 0.02 m and 0.01 rad."""
-
-REFINED_ITERATIONS = 8
-"""Most Gauss-Newton steps of a refinement."""
-
-REFINED_WITH = 12
-"""Key scans that a scan is refined with. More take longer, and move the mean error by some
-thousandths."""
-
-LEAST_REFINED = 0.3
-"""Minimum inlier ratio to move a scan in refinement."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,14 +99,16 @@ def weakest_direction(information: Float) -> tuple[Float, float]:
 class FrontEnd:
     """Follows the robot by matching scans with a local map."""
 
-    def __init__(self, *, key_distance: float = KEY_DISTANCE, wheels: Wheels | None = None) -> None:
+    def __init__(
+        self, start: Pose, key_distance: float = KEY_DISTANCE, wheels: Wheels | None = None
+    ) -> None:
         self.key_distance = key_distance
-        self.pose = np.zeros(3)
+        self.pose = np.array(start)
         self.wheels = Wheels() if wheels is None else deepcopy(wheels)
         self._coasting = Coasting()
         self.mixed_pixels = MixedPixels()
-        # The number of key scans since a scan that was lost: their relative poses are certain.
-        self._certain = 0
+        # The last key scans since a scan that was lost: their relative poses are certain.
+        self._certain: deque[Key] = deque(maxlen=ADJACENT)
         # Running mean of a scan's hits, and whether the last scan has far fewer.
         self._hits, self._broken = 0.0, False
         # What the last scan saw that stands still, in the frame of the robot.
@@ -126,7 +116,7 @@ class FrontEnd:
         # And the last few scans since the key scan, with their poses.
         self._recent: deque[tuple[Float, Records]] = deque(maxlen=RECENT)
         self._keys: deque[Key] = deque(maxlen=WATCHED)
-        self._grid: SurfaceGrid | None = None
+        self._map = Submap([], np.empty((0, 3)))
         self._lost = False
         # The motion since the last key scan by the wheels and by scans, and what scans fixed of it.
         self._raw, self._found = np.zeros(3), np.zeros(3)
@@ -143,7 +133,7 @@ class FrontEnd:
             hits=self._standing(scan.hits, guess, expected),
         )
         self._broken = len(scan.hits) < BROKEN * self._hits
-        kept = USUAL_HITS if self._hits else 0.0
+        kept = FORGETTING if self._hits else 0.0
         self._hits = kept * self._hits + (1.0 - kept) * len(scan.hits)
         match, accepted = self._match(still, expected)
         self.surface = still.surface
@@ -166,7 +156,7 @@ class FrontEnd:
             covariance = covariance * (1.0 + slip / PRIOR_SCALE**2)
         else:
             self._coasting.lost()
-            self._certain = 0
+            self._certain.clear()
             if not expected.trusted or self._passed(replace(scan, surface=self.surface), guess):
                 # The wheels have slipped by an unknown step.
                 covariance = covariance + np.diag(expected.window**2)
@@ -179,30 +169,23 @@ class FrontEnd:
         self._recent.append((pose, self.surface))
         return Tracked(pose, information, accepted, match.deviation, covariance)
 
-    def _local(self) -> list[Key]:
-        """The key scans of the local map."""
-        return list(self._keys)[-LOCAL_KEYS:]
-
-    def _passed(self, scan: Key, guess: Float) -> bool:
+    def _passed(self, scan: Key, pose: Float) -> bool:
         """Whether beams of the local map pass through what a scan saw from a pose (3,)."""
-        keys = self._local()
-        seen_from = between(np.array([key.pose for key in keys]).reshape(-1, 3), guess)
-        return bool(keys) and self.mixed_pixels.contradict(keys, scan, seen_from)
+        return bool(self._map.keys) and self.mixed_pixels.contradict(
+            self._map.keys, scan, self._map.seen_from(pose)
+        )
 
     def _match(self, scan: Key, expected: Prediction) -> tuple[Match, bool]:
         """A match with the local map, and whether it is accepted."""
-        guess, surface = compose(self.pose, expected.step), scan.surface
-        if self._grid is None or not len(surface):
-            return Match(guess, np.zeros((3, 3)), 0.0, np.inf), False
-        *_, heading = self.pose.tolist()
+        guess, (*_, heading) = compose(self.pose, expected.step), self.pose.tolist()
         prior = turned(np.asarray(np.linalg.inv(expected.uncertain)), heading)
-        match = match_scan(surface, self._grid, guess, prior)
-        if not np.isfinite(match.pose).all():
-            return match, False
+        match = self._map.match(scan, guess, prior)
+        if match is None:
+            return Match(guess, np.zeros((3, 3)), 0.0, np.inf), False
         slipped = self._slip(match, expected) > SLIPPED**2
-        searched = len(surface) >= LEAST_POINTS and not self._broken
+        searched = len(scan.surface) >= LEAST_POINTS and not self._broken
         if searched and (slipped or match.explained < expected.doubtful):
-            return self._searched(scan, self._grid, match, expected)
+            return self._searched(scan, match, expected)
         return match, match.explained > LEAST_EXPLAINED
 
     def _slip(self, match: Match, expected: Prediction) -> float:
@@ -210,48 +193,37 @@ class FrontEnd:
         error = between(expected.step, between(self.pose, match.pose))
         return float(error @ np.linalg.solve(expected.uncertain, error))
 
-    def _searched(
-        self, scan: Key, grid: SurfaceGrid, match: Match, expected: Prediction
-    ) -> tuple[Match, bool]:
+    def _searched(self, scan: Key, match: Match, expected: Prediction) -> tuple[Match, bool]:
         """The likeliest place around the prediction, and whether it is accepted.
 
         Wheels slip and spin, and robots are pushed, but seldom, and the farther the less: by
         Cauchy's distribution. Where a robot enters a new room, the right place explains little, and
         that of the last scan more; but only at a wrong one do beams pass through what was hit.
         """
-        guess, window = compose(self.pose, expected.step), expected.window
-        places, worth = self._places(scan, grid, guess, window, match)
-        odds = np.array(worth)
+        guess = compose(self.pose, expected.step)
+        places = self._map.places(scan, guess, np.diag(expected.window**2))
+        places.append(self._map.place(scan, match))
+        odds = np.array([place.evidence for place in places])
         if expected.trusted:
-            slips = between(guess, np.array([place.pose for place in places])) / window
-            noise = [self._slip(place, expected) for place in places]
+            poses = np.array([place.match.pose for place in places])
+            slips = between(guess, poses) / expected.window
+            noise = [self._slip(place.match, expected) for place in places]
             odds -= np.minimum(np.log1p(noise), RARE + np.log1p((slips**2).sum(axis=1)))
-        best = int(np.argmax(odds))
-        return places[best], worth[best] > 0.0
-
-    def _places(
-        self, scan: Key, grid: SurfaceGrid, guess: Float, window: Float, *others: Match
-    ) -> tuple[list[Match], list[float]]:
-        """The places in a window of deviations (3,), and others, and the evidence for them."""
-        keys = self._local()
-        seen_from = np.array([key.pose for key in keys])
-        found = search(scan, grid, field_of(keys, seen_from), guess, np.diag(window**2))
-        places = [*found, *others]
-        return places, [
-            evidence(scan.hits, place.explained, between(seen_from, place.pose), keys)
-            for place in places
-        ]
+        best = places[int(np.argmax(odds))]
+        return best.match, best.evidence > 0.0
 
     def _in_any_turn(self, scan: Key, expected: Prediction) -> Match | None:
         """The place that a lost scan fits clearly best, whichever way it is turned."""
-        if self._grid is None or self._broken or len(scan.surface) < ENOUGH_TURNED:
+        if not self._map.keys or self._broken or len(scan.surface) < LEAST_POINTS:
             return None
         guess, window = compose(self.pose, expected.step), np.array([*expected.window[:2], TURN])
-        places, worth = self._places(scan, self._grid, guess, window)
-        best = clearest([place.pose for place in places], worth)
-        if best is None or worth[best] < SURE or places[best].explained < LEAST_TURNED:
+        places = self._map.places(scan, guess, np.diag(window**2))
+        best = clearest([place.match.pose for place in places], [each.evidence for each in places])
+        if best is None:
             return None
-        return None if self._passed(scan, places[best].pose) else places[best]
+        match, worth = places[best]
+        found = worth > 0.0 and match.explained > LEAST_SHARE and not self._passed(scan, match.pose)
+        return match if found else None
 
     def _standing(self, points: Records, guess: Float, expected: Prediction) -> Records:
         """Those of a scan's points that no beams passed when the robot came by."""
@@ -295,10 +267,11 @@ class FrontEnd:
         self._raw, self._found = np.zeros(3), np.zeros(3)
         self._turn_known = self._ahead_known = True
         self._recent.clear()
-        self.mixed_pixels.learn(list(self._keys)[len(self._keys) - self._certain :], key)
-        self._certain = min(self._certain + 1, ADJACENT)
+        self.mixed_pixels.learn(self._certain, key)
+        self._certain.append(key)
         self._keys.append(key)
-        self._grid = wall_map((near.walls, near.pose) for near in self._local())
+        local = list(self._keys)[-LOCAL_KEYS:]
+        self._map = Submap(local, np.array([near.pose for near in local]))
 
 
 def refined(
@@ -317,12 +290,12 @@ def refined(
     for scan, (surface, pose) in enumerate(zip(surfaces, poses, strict=True)):
         if scan in anchors:
             apart = np.hypot(*(key_poses[:, :2] - pose[:2]).T)
-            nearest = np.argsort(apart, kind="stable")[:REFINED_WITH]
-            grid = wall_map((keys[k].walls, key_poses[k]) for k in nearest.tolist())
+            nearest = np.argsort(apart, kind="stable")[:WATCHED]
+            grid = Submap([keys[k] for k in nearest.tolist()], key_poses[nearest]).grid
         if grid is None:
             continue
         *_, heading = pose.tolist()
-        match = match_scan(surface, grid, pose, turned(REFINED_PRIOR, heading), REFINED_ITERATIONS)
-        if match.explained > LEAST_REFINED:
+        match = match_scan(surface, grid, pose, turned(REFINED_PRIOR, heading))
+        if match.explained > LEAST_FOUND:
             refined_poses[scan] = match.pose
     return refined_poses

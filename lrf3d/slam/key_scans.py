@@ -5,7 +5,7 @@ passed by beams. At the right place most of what a scan hit was hit by others, o
 any of it lies where their beams went through.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,6 +18,7 @@ from lrf3d.laser import LaserScan
 from lrf3d.laser.range_finder import CENTRE
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.pose import Pose, between
+from lrf3d.slam.motion import FORGETTING
 from lrf3d.slam.surface import (
     CONNECTED,
     CONNECTED_GROWTH,
@@ -30,18 +31,15 @@ from lrf3d.slam.surface import (
     thinned,
 )
 
-LEARNED_NOISE = 0.95
-"""Weight of earlier scans in the running mean of the range noise."""
-
 BEHIND, AT = 0.3, 0.05
 """A beam passed a point if it ends this far behind it [m], and hit it if within the second [m]."""
 
 COUNTED = 120
 """Most points of a scan that count as evidence."""
 
-CHANCE, NEW, CLEARLY = 0.05, 0.1, 0.8
-"""Share of points that agree or disagree by chance, share of new points that count as disagreeing,
-and margin of the evidence by which the best place must beat all others."""
+CHANCE, NEW = 0.05, 0.1
+"""Share of points that agree or disagree by chance, and share of new points that count as
+disagreeing."""
 
 APART, TURNED_APART = 0.3, 0.1
 """Two poses that differ by more [m], [rad] are different places."""
@@ -97,7 +95,7 @@ class Sight:
         """Convert the scans of a moment to a key-scan candidate at the origin."""
         scans = (scan,) if isinstance(scan, LaserScan) else scan
         for each in scans:
-            kept = LEARNED_NOISE if self._noise else 0.0
+            kept = FORGETTING if self._noise else 0.0
             self._noise = kept * self._noise + (1.0 - kept) * range_noise(each)
         fans, surface = list[Fan](), self.surface(scans)
         for each in scans:
@@ -190,19 +188,6 @@ def evidence(hits: Records, explained: float, poses: Float, keys: Sequence[Key])
     return float(np.log((shares + CHANCE) / (against + CHANCE)).sum())
 
 
-def clearest(places: Sequence[Float], worth: Sequence[float]) -> int | None:
-    """The index of the place (3,) whose evidence clearly beats all others elsewhere, if any."""
-    if not places:
-        return None
-    best = int(np.argmax(worth))
-    others = [
-        value
-        for place, value in zip(places, worth, strict=True)
-        if not same_place(place, places[best], tolerance=2.0)
-    ]
-    return best if worth[best] - max(others, default=-np.inf) > CLEARLY else None
-
-
 def same_place(first: Float, second: Float, tolerance: float = 1.0) -> bool:
     """Whether two poses (3,) are the same place."""
     x, y, turn = first - second
@@ -231,9 +216,9 @@ class MixedPixels:
     def __init__(self) -> None:
         self._through = self._seen = 0
 
-    def learn(self, olds: Sequence[Key], new: Key) -> None:
+    def learn(self, olds: Iterable[Key], new: Key) -> None:
         """Add a key scan and those just before it, at their poses by the front end."""
-        if len(olds):
+        if olds := list(olds):
             poses = between(np.array([key.pose for key in olds]), new.pose)
             through, seen = seen_through_both(olds, new, poses)
             self._through, self._seen = self._through + through, self._seen + seen

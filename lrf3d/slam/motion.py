@@ -32,7 +32,7 @@ COAST_WINDOW = np.array([0.5, 0.5, 0.6])
 """Largest standard deviations [m], [rad] of the window that is searched without wheels."""
 
 FORGETTING = 0.98
-"""Weight of the past in the running mean of the prediction errors, at each scan."""
+"""Weight of the past in running means, at each scan."""
 
 LOST_SHARE = 0.5
 """Share of the last step that is predicted after each scan that matches nothing."""

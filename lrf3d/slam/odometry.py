@@ -18,8 +18,7 @@ from lrf3d.geometry import Bool, Float, Int
 from lrf3d.laser import LaserScan
 from lrf3d.pose import bent, between, compose
 from lrf3d.slam.key_scans import Key
-from lrf3d.slam.search import field_of, search
-from lrf3d.slam.surface import grid_of
+from lrf3d.slam.search import Submap
 from lrf3d.text import counted
 
 FASTEST = 3.0
@@ -161,8 +160,8 @@ def without_jumps(wheels: Float, times: Float) -> tuple[Float, Int]:
     x, y, turns = steps.T
     speeds = np.hypot(x, y) / time
     usual = float(np.quantile(speeds, 0.8)) if len(speeds) else 0.0
-    fast = speeds > min(max(FASTEST, FASTER * usual), VEHICLE)
-    jumped = fast | (np.abs(turns) > FASTEST * time)
+    most = min(max(FASTEST, FASTER * usual), VEHICLE)
+    jumped = np.asarray((speeds > most) | (np.abs(turns) > FASTEST * time))
     good, number = np.flatnonzero(~jumped), np.arange(len(steps), dtype=np.float64)
     smooth = wheels.copy()
     for line in np.flatnonzero(jumped):
@@ -182,7 +181,7 @@ def _without_outliers(wheels: Float, times: Float) -> tuple[Float, Int]:
         for x, y, turn in (between(wheels[:-2], wheels[1:-1]).T, over.T)
     )
     least = np.maximum(FASTEST * np.minimum(gaps[:-1], gaps[1:]), OUT)
-    out: Bool = ((away > least) & (left < BACK * away)).any(axis=0)
+    out: Bool = np.asarray(((away > least) & (left < BACK * away)).any(axis=0))
     # The line after one that is out seems to be out, as seen from it.
     out[1:] &= ~out[:-1]
     lines, smooth = np.flatnonzero(out) + 1, wheels.copy()
@@ -221,11 +220,9 @@ def turns_between(seen: Callable[[int], Key], path: WheelPath, places: Int) -> F
     x, y, turn = path.increments(places)[1:].T
     chosen = np.flatnonzero((np.abs(turn) > LEAST_TURN) & (np.hypot(x, y) < MOST_DISTANCE))
     for number in chosen[np.argsort(-np.abs(turn[chosen]), kind="stable")][:PAIRS].tolist():
-        before = seen(number)
-        if not len(before.walls):
-            continue
-        guess, field = np.array([x[number], y[number], 0.0]), field_of([before], np.zeros((1, 3)))
-        for match in search(seen(number + 1), grid_of(before.walls), field, guess, PAIR)[:1]:
+        before = Submap([seen(number)], np.zeros((1, 3)))
+        guess = np.array([x[number], y[number], 0.0])
+        for match, _ in before.places(seen(number + 1), guess, PAIR)[:1]:
             if match.explained > LEAST_EXPLAINED:
                 *_, turns[number] = match.pose
     return turns

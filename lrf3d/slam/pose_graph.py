@@ -95,7 +95,7 @@ def _factor(matrix: csc_array) -> SuperLU:
                 options={"SymmetricMode": True})  # fmt: skip
 
 
-def optimised(poses: Float, edges: Records, iterations: int = 10) -> Float:
+def optimised(poses: Float, edges: Records, iterations: int = 20) -> Float:
     """The poses (k, 3) that fit edges best; the first one is held.
 
     A graph of relative poses does not say where it lies.

@@ -12,20 +12,18 @@ import numpy as np
 
 from lrf3d.geometry import Float, wrap_angle
 from lrf3d.pose import between, compose
-from lrf3d.slam.closures import (
-    CLOSURE_LENGTH,
-    LEAST_DISTANCE,
+from lrf3d.slam.closures import LEAST_DISTANCE, LoopCloser
+from lrf3d.slam.front_end import (
+    KEY_DISTANCE,
+    KEY_TURN,
     LEAST_POINTS,
     LEAST_SHARE,
-    LoopCloser,
+    LOCAL_KEYS,
+    WEAK,
+    weakest_direction,
 )
-from lrf3d.slam.front_end import KEY_TURN, LOCAL_KEYS, WEAK, weakest_direction
 from lrf3d.slam.key_scans import Key
-from lrf3d.slam.scan_matching import match_scan
-from lrf3d.slam.surface import wall_map
-
-PLACE = 0.5
-"""Key scans within this distance [m], and the turn to the next key scan, are of one place."""
+from lrf3d.slam.search import Submap
 
 ENOUGH = 2
 """Key scans of earlier drives past a place that make it known. With one, errors after hours in a
@@ -69,19 +67,17 @@ def in_known_place(closer: LoopCloser, scan: Key, last: Anchor, poses: Float) ->
     old = closer.driven < closer.distance - LEAST_DISTANCE
     drifted = last.drifted + closer.distance - last.driven
     old &= closer.paths.lengths(last.key, CERTAIN) + drifted < CERTAIN
-    here = old & (apart < PLACE) & (np.abs(wrap_angle(turn)) < KEY_TURN)
+    here = old & (apart < KEY_DISTANCE) & (np.abs(wrap_angle(turn)) < KEY_TURN)
     if here.sum() < ENOUGH or len(scan.surface) < LEAST_POINTS:
         return None
     near = np.argsort(np.where(old, apart, np.inf), kind="stable")[: min(LOCAL_KEYS, old.sum())]
-    around = [closer.keys[k] for k in near.tolist()]
-    grid = wall_map((key.walls, pose) for key, pose in zip(around, poses[near], strict=True))
-    if grid is None:
-        return None
-    match = match_scan(scan.surface, grid, guess, np.diag(1.0 / OFF**2))
+    around = Submap([closer.keys[k] for k in near.tolist()], poses[near])
+    match = around.match(scan, guess, np.diag(1.0 / OFF**2))
     if (
-        match.explained < LEAST_SHARE
+        match is None
+        or match.explained < LEAST_SHARE
         or not (np.abs(between(guess, match.pose)) < OFF).all()
-        or closer.mixed_pixels.contradict(around, scan, between(poses[near], match.pose))
+        or closer.mixed_pixels.contradict(around.keys, scan, around.seen_from(match.pose))
     ):
         return None
     # Along a corridor the walls do not fix the distance: there the robot goes on drifting.
@@ -93,6 +89,6 @@ def in_known_place(closer: LoopCloser, scan: Key, last: Anchor, poses: Float) ->
         between(poses[nearest], match.pose),
         scan.pose,
         closer.distance,
-        CLOSURE_LENGTH if fixed else drifted,
+        KEY_DISTANCE if fixed else drifted,
         np.diag(OFF**2),
     )

@@ -1,11 +1,12 @@
 """Search: the places in a window from which a scan fits into a map, by all that its beams met.
 
-Key scans and their poses enter. A cell that one of their beams hit is a wall, one that beams passed
-is free, and the others are unknown. The poses of a window at which the hits of another scan meet
-most walls, and few free cells, are matched with the map (Olson 2009), and leave.
+Key scans and their poses enter, as a `Submap`. A cell that one of their beams hit is a wall, one
+that beams passed is free, and the others are unknown. The poses of a window at which the hits of
+another scan meet most walls, and few free cells, are matched with the map (Olson 2009), and leave.
 """
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -13,9 +14,10 @@ from numpy.typing import NDArray
 
 from lrf3d.compiling import compiled
 from lrf3d.geometry import Float, Int, Records
-from lrf3d.slam.key_scans import BEHIND, Fan, Key, same_place
+from lrf3d.pose import between
+from lrf3d.slam.key_scans import BEHIND, Fan, Key, evidence, same_place
 from lrf3d.slam.scan_matching import Match, match_scan
-from lrf3d.slam.surface import SurfaceGrid, placement
+from lrf3d.slam.surface import SURFACE, SurfaceGrid, grid_of, moved, placement
 
 CELL = 0.15
 """Side of a cell [m]: matching converges from one and a half of them."""
@@ -33,13 +35,16 @@ ANGLE_STEPS = 0.01, 0.03
 """Bounds of the step of the heading [rad]; it moves far-off points by a cell."""
 
 COARSE_POINTS = 80
-"""Points of a surface that the window is searched with."""
+"""Points of a scan that a window is searched with."""
 
 PEAKS = 6
 """Poses of the window that are refined."""
 
 CLOSE = 0.7
 """Least score of a peak, as a share of the best."""
+
+CLEARLY = 0.8
+"""Margin of the evidence by which the best place must beat all others elsewhere."""
 
 LOOSE = np.diag([4.0, 4.0, 25.0])
 """Information of a peak that is refined: 0.5 m and 0.2 rad, which leaves it free."""
@@ -147,44 +152,91 @@ def window_scores(
     return scores
 
 
-def search(
-    scan: Key, grid: SurfaceGrid, field: Field, guess: Float, spread: Float, near: float = np.inf
-) -> list[Match]:
-    """The places in a window where a scan lies on a map, those first whose hits fit best.
+class Place(NamedTuple):
+    """A match of a scan with a map, and the evidence for it."""
 
-    The window has a covariance (3, 3), its spread, around a guess (3,); places farther than a
-    distance [m] from the map's origin are left out.
-    """
-    shifts = shifts_within(guess, spread[:2, :2], near)
-    surface, hits = scan.surface, scan.hits
-    if not len(surface) or not len(shifts):
-        return []
-    far = float(np.quantile(np.hypot(hits["x"], hits["y"]), 0.8))
-    step = float(np.clip(CELL / max(far, 1e-3), *ANGLE_STEPS))
-    *_, turn = np.sqrt(spread.diagonal())
-    turns = max(1, int(np.ceil(DEVIATIONS * turn / step)))
-    angles: Float = step * np.arange(-turns, turns + 1, dtype=np.float64)
-    points, sample = thin(hits), thin(surface)
-    scores = window_scores(points, field, guess, shifts, angles)
-    places: list[tuple[Float, Float]] = []
-    least = max(CLOSE * float(scores.max()), 0.0)
-    for _ in range(PEAKS):
-        a, s = np.unravel_index(int(scores.argmax()), scores.shape)
-        if scores[a, s] <= least:
-            break
-        peak = guess + np.array([*(CELL * shifts[s]), angles[a]])
-        place, prior = match_scan(sample, grid, peak, LOOSE).pose, LOOSE
-        if not (np.isfinite(place).all() and same_place(place, peak, 0.5)):
-            # It slid away, as along a corridor: that is another place.
-            place, prior = peak, HELD
-        if not any(same_place(place, other) for other, _ in places):
-            places.append((place, prior))
-        # The peak's surroundings lead to the same place.
-        around = np.flatnonzero((np.abs(shifts - shifts[s]) <= 2).all(axis=1))
-        scores[max(a - 2, 0) : a + 3, around] = 0.0
-    return [match_scan(surface, grid, place, prior) for place, prior in places]
+    match: Match
+    evidence: float
 
 
-def thin(points: Records, count: int = COARSE_POINTS) -> Records:
+class Submap:
+    """Key scans at poses (k, 3), as the map that another scan is matched with."""
+
+    def __init__(self, keys: Sequence[Key], poses: Float) -> None:
+        self.keys, self.poses = keys, poses
+
+    @cached_property
+    def grid(self) -> SurfaceGrid | None:
+        """The walls of all key scans; None if there are none."""
+        parts = zip(self.keys, self.poses, strict=True)
+        walls = np.concatenate([np.empty(0, SURFACE), *(moved(key.walls, at) for key, at in parts)])
+        return grid_of(walls) if len(walls) else None
+
+    def seen_from(self, pose: Float) -> Float:
+        """Poses (k, 3) of a robot at a pose (3,) as seen from each key scan."""
+        return between(self.poses, pose)
+
+    def match(self, scan: Key, guess: Float, prior: Float) -> Match | None:
+        """The match of a scan from a guess (3,) on; None if either of them shows no walls."""
+        if self.grid is None or not len(scan.surface):
+            return None
+        match = match_scan(scan.surface, self.grid, guess, prior)
+        return match if np.isfinite(match.pose).all() else None
+
+    def place(self, scan: Key, match: Match) -> Place:
+        """A match with the evidence for it."""
+        poses = self.seen_from(match.pose)
+        return Place(match, evidence(scan.hits, match.explained, poses, self.keys))
+
+    def places(self, scan: Key, guess: Float, spread: Float, near: float = np.inf) -> list[Place]:
+        """The places in a window where a scan lies on the map, those first whose hits fit best.
+
+        The window has a covariance (3, 3), its spread, around a guess (3,); places farther than a
+        distance [m] from the map's origin are left out.
+        """
+        shifts, surface, hits = shifts_within(guess, spread[:2, :2], near), scan.surface, scan.hits
+        if self.grid is None or not len(surface) or not len(shifts):
+            return []
+        far = float(np.quantile(np.hypot(hits["x"], hits["y"]), 0.8))
+        step = float(np.clip(CELL / max(far, 1e-3), *ANGLE_STEPS))
+        *_, turn = np.sqrt(spread.diagonal())
+        turns = max(1, int(np.ceil(DEVIATIONS * turn / step)))
+        angles: Float = step * np.arange(-turns, turns + 1, dtype=np.float64)
+        field, sample = field_of(self.keys, self.poses), thin(surface)
+        scores = window_scores(thin(hits), field, guess, shifts, angles)
+        found: list[tuple[Float, Float]] = []
+        least = max(CLOSE * float(scores.max()), 0.0)
+        for _ in range(PEAKS):
+            a, s = np.unravel_index(int(scores.argmax()), scores.shape)
+            if scores[a, s] <= least:
+                break
+            peak = guess + np.array([*(CELL * shifts[s]), angles[a]])
+            place, prior = match_scan(sample, self.grid, peak, LOOSE).pose, LOOSE
+            if not (np.isfinite(place).all() and same_place(place, peak, 0.5)):
+                # It slid away, as along a corridor: that is another place.
+                place, prior = peak, HELD
+            if not any(same_place(place, other) for other, _ in found):
+                found.append((place, prior))
+            # The peak's surroundings lead to the same place.
+            around = np.flatnonzero((np.abs(shifts - shifts[s]) <= 2).all(axis=1))
+            scores[max(a - 2, 0) : a + 3, around] = 0.0
+        matches = [match_scan(surface, self.grid, place, prior) for place, prior in found]
+        return [self.place(scan, match) for match in matches]
+
+
+def thin(points: Records) -> Records:
     """Some of many points, which are enough to find a place."""
-    return np.ascontiguousarray(points[:: 1 + len(points) // count])
+    return np.ascontiguousarray(points[:: 1 + len(points) // COARSE_POINTS])
+
+
+def clearest(places: Sequence[Float], worth: Sequence[float]) -> int | None:
+    """The index of the place (3,) whose evidence clearly beats all others elsewhere, if any."""
+    if not places:
+        return None
+    best = int(np.argmax(worth))
+    others = [
+        value
+        for place, value in zip(places, worth, strict=True)
+        if not same_place(place, places[best], tolerance=2.0)
+    ]
+    return best if worth[best] - max(others, default=-np.inf) > CLEARLY else None

@@ -39,9 +39,6 @@ NEGLIGIBLE = np.array([0.02, 0.02, 0.005])
 """Errors of new closures [m], [rad] below which the poses are not optimised, which saves a tenth of
 the time in an office."""
 
-FINAL_ITERATIONS = 20
-"""Most Gauss-Newton steps over the pose graph in the end."""
-
 MOVED = 0.02
 """The map is drawn again once a key scan has moved by more than this [m]."""
 
@@ -101,23 +98,22 @@ class Slam:
             )
         self._lasers = () if lrf is None else lasers_of(lrf)
         self._time: float | None = None
-        self._start = np.array(as_pose(start))
         self.sight = Sight(laser_offset)
-        self._front = FrontEnd(key_distance=key_distance, wheels=wheels)
+        self._front = FrontEnd(as_pose(start), key_distance, wheels)
         self.closer = LoopCloser(self._front.mixed_pixels)
         self.closer.ruled_out = [*apart]
         self._known = [*close]
         # How the front end placed each scan, in its own drifting frame.
         self.tracked: list[Tracked] = []
         self._anchors: list[Anchor] = []
-        # The pose graph: poses (k, 3) of the key scans since the start, as estimated now, and the
-        # relative poses that were measured between them.
-        self._key_poses = np.empty((0, 3))
+        # The pose graph: poses (k, 3) of the key scans, as estimated now, and the relative poses
+        # that were measured between them.
+        self.key_poses = np.empty((0, 3))
         self.edges = np.empty(0, EDGE)
         self._key_scans: list[Moment] = []
-        # The map, its poses (k, 3), the number of key scans that are in it, and the number that could
-        # have been drawn again since.
-        self._mapper, self._map_poses = LineMapper(), self._key_poses
+        # The map, its poses (k, 3), the number of key scans in it, and of those that could have
+        # been drawn again since.
+        self._mapper, self._map_poses = LineMapper(), self.key_poses
         self._drawn = self._spare = 0
 
     def __repr__(self) -> str:
@@ -154,11 +150,11 @@ class Slam:
         # A mapper cannot remove a scan: once key scans have moved, all are mapped again.
         self._spare += DRAWN
         drawn = self._map_poses
-        moved = np.abs(self._key_poses[: len(drawn)] - drawn)[:, :2].max(initial=0.0) > MOVED
+        moved = np.abs(self.key_poses[: len(drawn)] - drawn)[:, :2].max(initial=0.0) > MOVED
         if moved and self._spare >= len(drawn):
             self._redraw()
         else:
-            self._map_poses = np.concatenate([drawn, self._key_poses[len(drawn) :]])
+            self._map_poses = np.concatenate([drawn, self.key_poses[len(drawn) :]])
 
     def _checked(
         self, scan: object, odometry: Sequence[float] | Float | None
@@ -196,7 +192,7 @@ class Slam:
         if self._anchors:
             last, lost = self._anchors[-1], self._lost()
             closer.drive(between(last.front, key.pose), lost)
-            if place := in_known_place(closer, key, last, self._key_poses):
+            if place := in_known_place(closer, key, last, self.key_poses):
                 self._anchors.append(place)
                 return
             edge, apart = self._edge_to_last(), last.scan != closer.keys[last.key].scan or lost > 0
@@ -205,28 +201,28 @@ class Slam:
             drifted = last.drifted + closer.distance - last.driven
             closer.paths.link(last.key, len(self._key_scans), drifted, covariance)
         number = len(self._key_scans)
-        self._key_poses = np.vstack([self._key_poses, pose])
+        self.key_poses = np.vstack([self.key_poses, pose])
         self._key_scans.append(scans)
         closer.add_key(key, apart=apart)
         self._anchors.append(Anchor(key.scan, number, np.zeros(3), key.pose, closer.distance))
         self._close_known()
-        if closures := closer.search(self._key_poses):
+        if closures := closer.search(self.key_poses):
             edges = closure_edges(closures)
             self.edges = np.concatenate([self.edges, edges])
-            if (np.abs(edge_errors(self._key_poses, edges)) > NEGLIGIBLE).any():
-                self._key_poses = optimised(self._key_poses, self.edges, 1)
+            if (np.abs(edge_errors(self.key_poses, edges)) > NEGLIGIBLE).any():
+                self.key_poses = optimised(self.key_poses, self.edges, 1)
 
     def _close_known(self) -> None:
         """Close the loops that are known to be closed by the newest key scan."""
         closer, new = self.closer, len(self.closer.keys) - 1
         for pair in [pair for pair in self._known if max(pair) <= closer.keys[new].scan]:
             self._known.remove(pair)
-            closure = closer.known(closer.number_at(min(pair)), new, self._key_poses)
+            closure = closer.known(closer.number_at(min(pair)), new, self.key_poses)
             if closure is None:
                 names = ":".join(map(str, pair))
                 raise InputError(f"close {names}: these scans show nothing in common")
             self.edges = np.concatenate([self.edges, closure_edges([closure], robust=False)])
-            self._key_poses = optimised(self._key_poses, self.edges, FINAL_ITERATIONS)
+            self.key_poses = optimised(self.key_poses, self.edges)
 
     def _edge_to_last(self) -> Records:
         """The edge from the key scan of the last anchor to the last scan."""
@@ -251,24 +247,24 @@ class Slam:
 
     @property
     def _robot(self) -> Float:
-        """Pose (3,) of the robot since the start, at the last scan."""
+        """Pose (3,) of the robot at the last scan."""
         if not self._anchors:
-            return np.zeros(3)
-        return compose(self._key_poses[self._anchors[-1].key], self._since_key())
+            return self._front.pose
+        return compose(self.key_poses[self._anchors[-1].key], self._since_key())
 
     @property
     def pose(self) -> Pose:
         """Estimated pose of the robot at the last scan; the start before the first."""
-        return Pose(*compose(self._start, self._robot).tolist())
+        return Pose(*self._robot.tolist())
 
     def covariance(self) -> Float:
         """Covariance (3, 3) of the last scan's pose since the start; steps over the whole graph."""
-        poses, edges = self._key_poses, self.edges
+        poses, edges = self.key_poses, self.edges
         if self.tracked and self.closer.keys[-1].scan < len(self.tracked) - 1:
             poses = np.vstack([poses, self._robot])
             edges = np.concatenate([edges, self._edge_to_last()])
-        newest: Float = self._covariances(poses, edges, np.array([max(len(poses) - 1, 0)]))[0]
-        return newest
+        (newest,) = self._covariances(poses, edges, np.array([max(len(poses) - 1, 0)]))
+        return np.asarray(newest)
 
     def covariances(self, numbers: Sequence[int] | Int) -> Float:
         """Covariances (m, 3, 3) of the poses of some key scans (m,), x, y [m], theta [rad].
@@ -278,48 +274,41 @@ class Slam:
         """
         most = len(self._key_scans) - 1
         checked = [whole_number(number, "key scan", least=0, most=most) for number in numbers]
-        return self._covariances(self._key_poses, self.edges, np.array(checked, dtype=np.int64))
+        return self._covariances(self.key_poses, self.edges, np.array(checked, dtype=np.int64))
 
     def _covariances(self, poses: Float, edges: Records, numbers: Int) -> Float:
         """Covariances (m, 3, 3) of some poses by number (m,), as large as the closures' errors."""
         deviations = [scan.deviation for scan in self.tracked if scan.matched]
         deviation = float(np.median(deviations)) / SIGMA if deviations else 1.0
         variance = min(variance_factor(poses, edges, deviation), 1.0)
-        *_, heading = self._start.tolist()
-        return turned(pose_covariances(poses, edges, numbers, variance), heading)
+        return pose_covariances(poses, edges, numbers, variance)
 
     @property
     def map(self) -> LineMap:
         """The map of the key scans, computed when it is read."""
         for number in range(self._drawn, len(self._map_poses)):
-            robot = compose(self._start, self._map_poses[number])
+            robot = Pose(*self._map_poses[number].tolist())
             for scan in self._key_scans[number]:
-                laser = compose(robot, np.array(self.sight.mount(scan)))
-                self._mapper.update(replace(scan, pose=Pose(*laser.tolist())))
+                self._mapper.update(replace(scan, pose=robot @ self.sight.mount(scan)))
         self._drawn = len(self._map_poses)
         return self._mapper.map
 
     def _redraw(self) -> None:
         """Draw the map again, once it is read."""
-        self._mapper, self._map_poses = LineMapper(), self._key_poses
+        self._mapper, self._map_poses = LineMapper(), self.key_poses
         self._drawn = self._spare = 0
 
     def trajectory(self) -> Float:
-        """Poses (k, 3) of the robot at all scans, by the current estimate; theta is continuous."""
-        return self._in_world(self._scan_poses())
+        """Poses (k, 3) of the robot at all scans, by the current estimate; theta is continuous.
 
-    def _in_world(self, poses: Float) -> Float:
-        """Poses (k, 3) since the start in the frame of the start; theta is continuous."""
-        poses = compose(self._start, poses)
-        poses[:, 2] = np.unwrap(poses[:, 2])
-        return poses
-
-    def _scan_poses(self) -> Float:
-        """Poses (k, 3) of all scans since the start: the front end's path, bent to the anchors."""
+        They are the front end's path, bent to the anchors.
+        """
         front = np.array([scan.pose for scan in self.tracked]).reshape(-1, 3)
         keys = [anchor.key for anchor in self._anchors]
         relative = np.array([anchor.relative for anchor in self._anchors]).reshape(-1, 3)
-        return bent(front, self._anchored, compose(self._key_poses[keys], relative))
+        poses = bent(front, self._anchored, compose(self.key_poses[keys], relative))
+        poses[:, 2] = np.unwrap(poses[:, 2])
+        return poses
 
     @property
     def _anchored(self) -> Int:
@@ -330,11 +319,6 @@ class Slam:
     def key_scans(self) -> Int:
         """The numbers (m,) of the key scans among all scans."""
         return np.array([key.scan for key in self.closer.keys], dtype=np.int64)
-
-    @property
-    def key_poses(self) -> Float:
-        """Poses (m, 3) of the key scans by the current estimate."""
-        return compose(self._start, self._key_poses)
 
     @property
     def closures(self) -> list[Closure]:
@@ -362,12 +346,12 @@ class Slam:
         last = len(self.tracked) - 1
         self._known = [(min(pair), min(max(pair), last)) for pair in self._known]
         self._close_known()
-        self.closer.settle(self._key_poses)
+        self.closer.settle(self.key_poses)
         self.edges = self.edges[~self.edges["robust"]]
         if closed := self.closer.accepted:
             self.edges = np.concatenate([self.edges, closure_edges(closed)])
         if len(self.edges):
-            self._key_poses = optimised(self._key_poses, self.edges, FINAL_ITERATIONS)
+            self.key_poses = optimised(self.key_poses, self.edges)
             self._redraw()
 
     def refined(self, scans: Sequence[LaserScan | Moment]) -> Float:
@@ -382,11 +366,12 @@ class Slam:
             raise InputError(
                 f"slam: {len(scans)} scans to refine; expected all {len(self.tracked)}"
             )
-        surfaces = map(self.sight.surface, scans)
-        poses, keys = self._scan_poses(), self.closer.keys
-        return self._in_world(refined(surfaces, poses, keys, self._key_poses, self._anchored))
+        surfaces, keys = map(self.sight.surface, scans), self.closer.keys
+        poses = refined(surfaces, self.trajectory(), keys, self.key_poses, self._anchored)
+        poses[:, 2] = np.unwrap(poses[:, 2])
+        return poses
 
     def self_check(self) -> SelfCheck:
         """Compare the key scans, at their current poses, where the robot came by again."""
         rate = self._front.mixed_pixels.rate
-        return self_check(self.closer.keys, self._key_poses, self.closer.driven, rate)
+        return self_check(self.closer.keys, self.key_poses, self.closer.driven, rate)

@@ -4,7 +4,6 @@ Scans enter; rows of `SURFACE` leave. On a straight wall the normal is that of t
 the laser. A post, such as a trunk or the leg of a table, is one point without a normal.
 """
 
-from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -264,10 +263,3 @@ def _sorted(surface: Records) -> tuple[Records, Int, float, float, int, int, flo
         order[filled[places[i]]] = i
         filled[places[i]] += 1
     return surface[order], first, left - cell, low - cell, columns, rows, cell
-
-
-def wall_map(parts: Iterable[tuple[Records, Float]]) -> SurfaceGrid | None:
-    """The map of surfaces at poses (3,); None if there is no point in it."""
-    clouds = [moved(surface, pose) for surface, pose in parts]
-    cloud = np.concatenate(clouds) if clouds else np.empty(0, SURFACE)
-    return grid_of(cloud) if len(cloud) else None

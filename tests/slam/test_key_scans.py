@@ -2,10 +2,10 @@ import numpy as np
 
 from lrf3d.casting import PlanarCaster
 from lrf3d.laser import LaserRangeFinder
-from lrf3d.pose import between
-from lrf3d.slam import Slam
-from lrf3d.slam.key_scans import Fan, Key, evidence, views_of
-from lrf3d.slam.surface import SURFACE
+from lrf3d.pose import Pose, between
+from lrf3d.slam.front_end import FrontEnd
+from lrf3d.slam.key_scans import Fan, Key, Sight, evidence, views_of
+from lrf3d.slam.surface import SURFACE, thinned
 from lrf3d.world import World
 
 
@@ -35,10 +35,32 @@ def test_most_speaks_for_the_right_place_even_where_little_is_explained():
     rng = np.random.default_rng(0)
     trunks = rng.uniform([2.0, -6.0], [12.0, 6.0], (30, 2))
     world = World(np.hstack([trunks, trunks + np.array([0.0, 0.1])]))
-    slam, lrf = Slam(), LaserRangeFinder(beams=721)
+    sight, lrf = Sight(), LaserRangeFinder(beams=721)
     poses = np.array([[0.0, 0.0, 0.0], [0.5, 0.2, 0.3]])
-    old, new = (slam.sight.seen(PlanarCaster(world).cast(lrf, tuple(pose))) for pose in poses)
+    old, new = (sight.seen(PlanarCaster(world).cast(lrf, tuple(pose))) for pose in poses)
     true = between(poses[0], poses[1])
     right = evidence(new.hits, 0.0, true[None], [old])
     for off in ([0.4, 0.0, 0.0], [0.0, -0.4, 0.0], [0.0, 0.0, 0.15], [-1.0, 1.0, -0.3]):
         assert right > evidence(new.hits, 0.0, (true + off)[None], [old]) + 1.0
+
+
+WORLD = World([[0, 0, 6, 0], [6, 0, 6, 4], [6, 4, 0, 4], [0, 4, 0, 0], [50, 0, 50, 9]])
+
+
+def test_a_lost_scan_adds_what_it_saw_itself_to_the_local_map():
+    """It is not where the map shows anything: the next scan can be matched with it alone."""
+    front, caster, lrf = (
+        FrontEnd(Pose(0, 0, 0)),
+        PlanarCaster(WORLD),
+        LaserRangeFinder(range_max=10),
+    )
+    poses = (3.0, 2.0, 0.0), (3.2, 2.0, 0.0), (44.0, 4.0, 0.0)
+    scans = [Sight().seen(PlanarCaster(WORLD).cast(lrf, pose)) for pose in poses]
+    steps = np.array([[0.0, 0.0, 0.0], [0.2, 0.0, 0.0], [40.8, 2.0, 0.0]])
+    for scan, step in zip(scans, steps, strict=True):
+        placed = front.track(scan, step)
+        key = front.key(scan)
+        if scan is scans[0]:
+            front.add_key(key)
+    assert not placed.matched
+    assert np.array_equal(key.walls, thinned(scans[2].surface))
