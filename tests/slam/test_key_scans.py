@@ -49,11 +49,7 @@ WORLD = World([[0, 0, 6, 0], [6, 0, 6, 4], [6, 4, 0, 4], [0, 4, 0, 0], [50, 0, 5
 
 def test_a_lost_scan_adds_what_it_saw_itself_to_the_local_map():
     """It is not where the map shows anything: the next scan can be matched with it alone."""
-    front, caster, lrf = (
-        FrontEnd(Pose(0, 0, 0)),
-        PlanarCaster(WORLD),
-        LaserRangeFinder(range_max=10),
-    )
+    front, lrf = FrontEnd(Pose(0, 0, 0)), LaserRangeFinder(range_max=10)
     poses = (3.0, 2.0, 0.0), (3.2, 2.0, 0.0), (44.0, 4.0, 0.0)
     scans = [Sight().seen(PlanarCaster(WORLD).cast(lrf, pose)) for pose in poses]
     steps = np.array([[0.0, 0.0, 0.0], [0.2, 0.0, 0.0], [40.8, 2.0, 0.0]])
