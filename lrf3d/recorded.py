@@ -15,7 +15,7 @@ from lrf3d.geometry import Float
 from lrf3d.interrupts import Progress, check, silent, stoppable
 from lrf3d.io import LaserLog, load_log, load_run
 from lrf3d.io.reading import odometry_of
-from lrf3d.laser import LaserScan, doubtful_ranges
+from lrf3d.laser import doubtful_ranges
 from lrf3d.localization.joining import joined
 from lrf3d.mapping import LineMapper
 from lrf3d.run import Run
@@ -247,15 +247,12 @@ def readable(log: LaserLog) -> LaserLog:
     if (latest := np.abs(stamps).max()) > LATEST:
         raise InputError(f"{log.name}: a stamp of {latest:g} s; expected seconds")
     first = log.scans[0].angles
-    even = [replace(scan, angles=first) if _alike(scan, first) else scan for scan in log.scans]
-    return replace(log, scans=even)
-
-
-def _alike(scan: LaserScan, angles: Float) -> bool:
-    """Whether a scan has other angles, which differ from these by rounding."""
-    own = scan.angles
-    near = own.shape == angles.shape and np.abs(own - angles).max() <= JITTER
-    return own is not angles and bool(near)
+    scans = []
+    for scan in log.scans:
+        own = scan.angles
+        same = own.shape == first.shape and np.abs(own - first).max() <= JITTER
+        scans.append(replace(scan, angles=first) if same and own is not first else scan)
+    return replace(log, scans=scans)
 
 
 def checked(log: LaserLog) -> Recording:
