@@ -6,6 +6,7 @@ A run enters; a matplotlib figure leaves, and a picture file where a path is giv
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from string import ascii_lowercase
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,11 +20,16 @@ from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapping import LineMap
 from lrf3d.robot import EstimatedTrajectory
 from lrf3d.run import Run
-from lrf3d.scene.structures import Sight
+from lrf3d.scene.stage.structures import Sight
 from lrf3d.sheet import FAINT, INK, MARGIN, add_legend, dressed, plain, save_figure, sheet
 from lrf3d.text import counted
 from lrf3d.world import World
 from lrf3d.world.plan import Plan
+
+if TYPE_CHECKING:
+    from lrf3d.slam.closures import Refusal
+    from lrf3d.slam.views import Key
+    from lrf3d.slam.violation import SelfCheck
 
 AREA = 54.0
 """Area of all panels together [square inches], whatever the shape of the world."""
@@ -42,6 +48,10 @@ WRONG = "#7a3fb0"
 
 NARROWEST = 6.0
 """Least width of a figure, in which a headline is legible [inches]."""
+
+NEW, OLD, REFUSED, NEAR = "#d6361f", "#2f6fb3", "#7a3fb0", 6.0
+"""Colours of what the worst stretch of a drive saw, of what other passes saw, and of refused
+closures; key scans of other passes up to this far from the stretch [m] are drawn."""
 
 
 def draw_world(
@@ -241,6 +251,61 @@ def draw_crosscheck(
         )
         ax.plot(*ends.T, "o", markersize=4.0 * fine, color=colour, mew=0, zorder=5)
     return finished(figure, [ax], path)
+
+
+def draw_check(
+    keys: "Sequence[Key]",
+    poses: Float,
+    check: "SelfCheck",
+    refused: "Sequence[Refusal]",
+    title: str,
+    path: str | Path | None = None,
+) -> Figure:
+    """Draw the worst stretch of a drive, at poses (k, 3) of its key scans.
+
+    Raises:
+        OutputError: The picture cannot be written.
+    """
+    from lrf3d.slam.surface import moved
+    from lrf3d.slam.violation import LATER
+
+    first, last = check.worst_scans
+    scans = np.array([key.scan for key in keys])
+    inside = (scans >= first) & (scans <= last)
+    low, high = poses[inside, :2].min(axis=0) - NEAR, poses[inside, :2].max(axis=0) + NEAR
+    driven = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))])
+    begin, end = driven[inside].min() - LATER, driven[inside].max() + LATER
+    others = ((driven < begin) | (driven > end)) & (
+        (poses[:, :2] > low) & (poses[:, :2] < high)
+    ).all(axis=1)
+    names = f"scans {first} to {last}", "scans of other passes"
+    share = f"{100.0 * check.worst_violation:.0f} % of what others saw is passed by beams"
+    words = (
+        f"scans {first} to {last}: {share}" if check.worst_violation else f"scans {first} to {last}"
+    )
+    figure, axes = metre_sheet([np.array([low, high])], 3, title, words)
+    for ax, shown in zip(axes, ((0,), (1,), (1, 0)), strict=True):
+        for number in shown:
+            rows = np.flatnonzero((inside, others)[number]).tolist()
+            seen = [moved(keys[k].surface, poses[k]) for k in rows]
+            points = np.concatenate([np.empty((0, 4)), *seen])
+            ax.plot(
+                *points[:, :2].T, ".", markersize=1.5, color=(NEW, OLD)[number],
+                label=names[number], zorder=3,
+            )  # fmt: skip
+        ax.plot(*poses[inside, :2].T, color=NEW, linewidth=0.8, zorder=4)
+    ends = [poses[[each.old, each.new], :2] for each in refused]
+    axes[2].add_collection(
+        LineCollection(ends, colors=REFUSED, linewidths=0.9, label="refused closures", zorder=5)
+    )
+    for row, why in enumerate(dict.fromkeys(each.why for each in refused)):
+        pairs = [f"{scans[each.old]}:{scans[each.new]}" for each in refused if each.why == why]
+        words = f"{len(pairs)} refused, such as {pairs[0]}: {why}"
+        axes[2].text(
+            0.02, 0.97 - 0.05 * row, words, transform=axes[2].transAxes, va="top", color=REFUSED,
+            fontsize=7,
+        )  # fmt: skip
+    return finished(figure, axes, path)
 
 
 def metre_sheet(

@@ -13,10 +13,10 @@ from lrf3d.render.gl import gl_available, import_libraries, require_gl
 from lrf3d.render.hud import gap_of, lay_frame, lay_label
 from lrf3d.run import Run
 from lrf3d.scene import panel
-from lrf3d.scene.cameras import make_camera
 from lrf3d.scene.moments import LAYERS, Goal, Scene
 from lrf3d.scene.shapes import Pixels
-from lrf3d.scene.stage import Stage
+from lrf3d.scene.stage.stage import Stage
+from lrf3d.scene.story import make_camera
 from lrf3d.scene.timeline import Timeline
 from lrf3d.world.cameras import check_view
 

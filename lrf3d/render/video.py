@@ -19,9 +19,9 @@ from lrf3d.interrupts import Progress, silent, stoppable
 from lrf3d.render.film import Film, FilmOptions
 from lrf3d.render.workers import Job, draw
 from lrf3d.run import Run
-from lrf3d.scene.cameras import margins
 from lrf3d.scene.shapes import Pixels
-from lrf3d.scene.stage import stage_of
+from lrf3d.scene.stage.stage import stage_of
+from lrf3d.scene.story import margins
 from lrf3d.scene.timeline import Timeline
 
 _SLACK = 1e-6

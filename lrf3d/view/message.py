@@ -8,17 +8,16 @@ out.
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.render.glsl import night, shader_source
-from lrf3d.render.packing import columns_of, ground_of, mesh, walls_of
+from lrf3d.render.glsl import columns_of, ground_of, mesh, shader_source
 from lrf3d.scene.look import LEAST_SCALE, PLAN_BACK
 from lrf3d.scene.shapes import Faces, Mark
-from lrf3d.scene.stage import Stage
+from lrf3d.scene.stage.stage import Stage
 
 _PROGRAMS = (
     "walls", "walls:SOLID", "walls:VEIL", "walls:MIRRORED", "faces", "faces:MIRRORED", "ground",
@@ -80,17 +79,18 @@ def stage_message(stage: Stage, *, times: bool = True) -> bytes:
 
     The picture of times can be left out.
     """
-    faces, ground, indoor = stage.faces, stage.ground, stage.structures.indoor
-    seen = stage.exposure.times
+    ground, seen, setting = stage.ground, stage.exposure.texels, stage.structures.setting
+    # The corners of two triangles for each quad.
+    walls = (each[:, [0, 1, 2, 0, 2, 3]] for each in stage.faces[:3])
     parts = {
-        "walls": _part("walls", *(_triangles(each) for each in walls_of(faces))),
+        "walls": _part("walls", *walls),
         "ground": _part("ground", ground_of(ground)),
         "sky": _part("sky", mesh(10, 10)),
     }
     if times:
-        parts["times"] = times_part(seen, 0, 0)
+        parts["times"] = times_part(seen)
     programs = {
-        name: [shader_source(name, vertex=v, constants=night(indoor=indoor)) for v in (True, False)]
+        name: [shader_source(name, setting, vertex=vertex) for vertex in (True, False)]
         for name in _PROGRAMS
     }
     values = {
@@ -105,20 +105,15 @@ def stage_message(stage: Stage, *, times: bool = True) -> bytes:
     return Sender().message(parts, values)
 
 
-def times_part(times: NDArray[np.float32], column: int, row: int) -> Part:
-    """A part (h, w, 4) of the picture of times, in half floats, which begins at a cell."""
+def times_part(times: NDArray[np.float32], place: Sequence[int] = (0, 0)) -> Part:
+    """A part (h, w, 4) of the picture of times, in half floats, whose first cell is at a place."""
     rows, columns, _ = times.shape
     halves = np.ascontiguousarray(times, np.float16).reshape(-1, 4)
-    return {"box": [column, row, columns, rows]}, {"0": halves.view(np.float32)}
+    return {"box": [*place, columns, rows]}, {"0": halves.view(np.float32)}
 
 
 def _part(kind: str, *columns: NDArray[Any]) -> Part:
     return {"kind": kind}, {str(place): each for place, each in enumerate(columns)}
-
-
-def _triangles(quads: NDArray[Any]) -> NDArray[Any]:
-    """The corners (n, 6, k) of two triangles for each of quads (n, 4, k)."""
-    return quads[:, [0, 1, 2, 0, 2, 3]]
 
 
 def _bytes(array: NDArray[Any], *, colours: bool) -> NDArray[np.uint8]:

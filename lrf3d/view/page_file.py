@@ -51,8 +51,8 @@ def page_file(run: Run, *, every: int = 1) -> bytes:
                 check()
                 time = float(np.clip(number * step, low, high))
                 shown.answer(Wanted(view, time, width, height), 0.0)
-    times = np.round(stage.exposure.times * _SHARES) / _SHARES
-    style, halves = times_part(times.astype(np.float32), 0, 0)
+    times = np.round(stage.exposure.texels * _SHARES) / _SHARES
+    style, halves = times_part(times.astype(np.float32))
     recording = {
         "step": step,
         "views": record.views,

@@ -73,7 +73,7 @@ def test_a_part_of_a_run_has_the_numbers_of_the_whole(run):
 
 def test_all_pictures_give_an_object_one_colour_in_all_maps(run):
     from lrf3d.scene.drawn_map import DrawnMap
-    from lrf3d.scene.structures import Structures
+    from lrf3d.scene.stage.structures import Structures
 
     numbers = np.concatenate(run.lasting_objects)
     structures = Structures.from_run(run)

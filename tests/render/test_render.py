@@ -15,7 +15,7 @@ from lrf3d.render.film import Film
 from lrf3d.render.video import frame
 from lrf3d.robot import Trajectory
 from lrf3d.run import Run
-from lrf3d.scene import stage
+from lrf3d.scene.stage import stage
 from lrf3d.scene.beams import draw_beams
 from lrf3d.scene.estimate import trail_lines
 from lrf3d.scene.shapes import Body, Faces

@@ -10,7 +10,7 @@ from test_render import box, city_run, room_run, run_of
 from lrf3d.scene.cameras import margins
 from lrf3d.scene.following import Fixed, chase, orbit
 from lrf3d.scene.story import CLOSING, HELD, OPENING, Story
-from lrf3d.scene.structures import Structures
+from lrf3d.scene.stage.structures import Structures
 from lrf3d.scene.timeline import Timeline
 from lrf3d.scene.whole import overview, top
 from lrf3d.world import World

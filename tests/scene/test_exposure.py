@@ -8,8 +8,8 @@ from estimates import estimated
 from test_render import SIZE, city_run, drawn, needs_gl, room_run, run_of
 
 from lrf3d.mapping import LineMap
-from lrf3d.scene.exposure import LiveExposure, expose, sampled, unexposed
-from lrf3d.scene.structures import Structures
+from lrf3d.scene.stage.exposure import LiveExposure, expose, sampled, unexposed
+from lrf3d.scene.stage.structures import Structures
 from lrf3d.world import World
 
 HALF = np.array([60.0, 60.0])

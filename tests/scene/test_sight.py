@@ -10,8 +10,8 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.mapping import LineMap
 from lrf3d.robot import Trajectory
 from lrf3d.run import Run
-from lrf3d.scene.stage import paint_stage
-from lrf3d.scene.structures import SIGHT_DISTANCE, Sight, Structures
+from lrf3d.scene.stage.stage import paint_stage
+from lrf3d.scene.stage.structures import SIGHT_DISTANCE, Sight, Structures
 from lrf3d.view.shown import Shown, Wanted
 from lrf3d.world import World
 

@@ -3,8 +3,8 @@
 import numpy as np
 from test_render import city_run, kept_for_users
 
-from lrf3d.scene import stage as module
-from lrf3d.scene.stage import stage_of
+from lrf3d.scene.stage import stage as module
+from lrf3d.scene.stage.stage import stage_of
 
 
 def assert_same(one, other):
