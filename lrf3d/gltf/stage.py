@@ -119,17 +119,16 @@ def _add_walls(document: Document, rows: Single, stage: Stage, drawn: DrawnMap) 
     material = document.material("walls")
     group = document.node("lit walls", document.root)
     for number, chosen in _steps(when["seen"].min(axis=1), np.maximum(on, share).max(axis=1)):
-        unlit, lit = (
-            document.part(material, rows[chosen][..., :3], each[chosen], kind=np.uint16)
-            for each in (dark, shown)
-        )
-        begin = exposure.length * number / (_STEPS - 1)
+        corners, begin = rows[chosen][..., :3], exposure.length * number / (_STEPS - 1)
+        if begin != 0.0:
+            unlit = document.part(material, corners, dark[chosen], kind=np.uint16)
         if number < 0:
             document.node("walls", document.root, unlit)
             continue
         if begin > 0.0:
             node = document.node(f"walls dark until step {number + 1}", group, unlit)
             document.show(node, 0.0, begin, rests=False)
+        lit = document.part(material, corners, shown[chosen], kind=np.uint16)
         document.show(
             document.node(f"walls lit in step {number + 1}", group, lit), begin, rests=True
         )

@@ -57,7 +57,11 @@ class Sender:
                 # A picture of times is a part of the whole one, another one each time.
                 known = None if name == "times" else known
                 self._columns[name, key] = array, rows
-                first = 0 if known is None else _same(rows, known)
+                # The rows at the beginning that the page has already.
+                same = rows[:0] if known is None else known
+                count = min(len(rows), len(same))
+                differ = (rows[:count] != same[:count]).any(axis=1)
+                first = int(np.append(differ, True).argmax())
                 if known is not None and first == len(rows) == len(known):
                     continue
                 # What two marks share, such as the trail and that of the plan, is sent once.
@@ -119,15 +123,11 @@ def _part(kind: str, *columns: NDArray[Any]) -> Part:
 def _bytes(array: NDArray[Any], *, colours: bool) -> NDArray[np.uint8]:
     """Rows (n, bytes) of an array as the page takes it: colours and opacities in four bytes."""
     rows = array.reshape(-1, array.shape[-1])
-    if colours:
-        tints = np.full((len(rows), 4), 255, np.uint8)
-        tints[:, : rows.shape[1]] = np.round(255.0 * np.clip(rows, 0.0, 1.0))
-        return tints
-    return np.ascontiguousarray(rows).view(np.uint8)
+    return as_bytes(rows) if colours else np.ascontiguousarray(rows).view(np.uint8)
 
 
-def _same(rows: NDArray[np.uint8], known: NDArray[np.uint8]) -> int:
-    """How many rows at the beginning are those that the page has."""
-    count = min(len(rows), len(known))
-    differ = np.flatnonzero((rows[:count] != known[:count]).any(axis=1))
-    return int(differ[0]) if len(differ) else count
+def as_bytes(rows: NDArray[Any]) -> NDArray[np.uint8]:
+    """Colours (n, 3) or colours and opacities (n, 4) in four bytes each."""
+    tints = np.full((len(rows), 4), 255, np.uint8)
+    tints[:, : rows.shape[1]] = np.round(255.0 * np.clip(rows, 0.0, 1.0))
+    return tints

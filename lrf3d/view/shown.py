@@ -34,11 +34,9 @@ _LIMITS = {
 }
 """The least and the largest of the numbers that a page sends."""
 
-_PLAN_WIDTH = 0.3
-"""Width of the plan in the corner, as a share of the shorter side of the picture."""
-
-_TURN_STEP = 0.05
-"""Half the time [s] over which the turn is measured."""
+_PLAN_WIDTH, _TURN_STEP = 0.3, 0.05
+"""Width of the plan in the corner, as a share of the shorter side of the picture, and half the time
+[s] over which the turn is measured."""
 
 
 @dataclass(frozen=True, slots=True)
