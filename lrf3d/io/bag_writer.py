@@ -131,7 +131,6 @@ def _is_simulated(run: Run) -> bool:
 
 
 def _messages(run: Run, path: Path, mapped: bool) -> Iterator[tuple[str, Stamp, Fields]]:
-    """The messages of a run in the order of time: topic, stamp and fields."""
     times = run.trajectory.times
     steps = np.diff(times, append=times[-1])
     # The last scan is as far from a next one as the others are.
@@ -186,7 +185,6 @@ def made(store: Any, kind: str, fields: Mapping[str, Any]) -> Any:
 
 
 def _value(store: Any, shape: Any, form: Any, given: Any) -> Any:
-    """The value of a field: a number, a message, or an array of either."""
     if shape.name == "NAME":
         return made(store, form, given or {})
     if shape.name == "BASE":
