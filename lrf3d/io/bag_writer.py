@@ -202,16 +202,7 @@ def _latched(topic: str) -> list[Any]:
 
     if topic not in (STATIC_FRAMES, GRID, LINES):
         return []
+    kept, reliable = ros.QosHistory.KEEP_LAST, ros.QosReliability.RELIABLE
+    local, alive = ros.QosDurability.TRANSIENT_LOCAL, ros.QosLiveliness.AUTOMATIC
     for_ever = ros.QosTime(9223372036, 854775807)
-    latched = ros.Qos(
-        ros.QosHistory.KEEP_LAST,
-        depth=1,
-        reliability=ros.QosReliability.RELIABLE,
-        durability=ros.QosDurability.TRANSIENT_LOCAL,
-        deadline=for_ever,
-        lifespan=for_ever,
-        liveliness=ros.QosLiveliness.AUTOMATIC,
-        liveliness_lease_duration=for_ever,
-        avoid_ros_namespace_conventions=False,
-    )
-    return [latched]
+    return [ros.Qos(kept, 1, reliable, local, for_ever, for_ever, alive, for_ever, False)]
