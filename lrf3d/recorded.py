@@ -21,6 +21,7 @@ from lrf3d.mapping import LineMapper
 from lrf3d.run import Run
 from lrf3d.slam import Slam
 from lrf3d.slam.front_end import KEY_DISTANCE
+from lrf3d.slam.key_scans import Sight
 from lrf3d.slam.mounting import doubtful_mount, doubtful_poses
 from lrf3d.slam.odometry import (
     Recording,
@@ -31,8 +32,7 @@ from lrf3d.slam.odometry import (
     line_poses,
     turns_between,
 )
-from lrf3d.slam.sight import Sight
-from lrf3d.solved_log import SolvedLog, run_of
+from lrf3d.solved_log import SolvedLog, maps_of, run_of
 
 CALIBRATED = 400
 """Scans at the beginning of a log that give the first estimate of its wheels' errors. With it a
@@ -106,8 +106,8 @@ def map_log(
         raise InputError(f"{log.name}: no poses in it ({log.source}); lrf3d slam finds them")
     chosen, mapper = np.flatnonzero(~log.is_odd | all_scans), LineMapper(mode, sigma=sigma)
     scans, poses = [log.scans[k] for k in chosen], log.poses[chosen]
-    keys = range(len(scans))
-    run = run_of(log.name, scans, poses, keys, mapper, snapshots=1, progress=progress)
+    maps = maps_of(scans, poses, range(len(scans)), mapper, snapshots=1, progress=progress)
+    run = run_of(log.name, scans, poses, maps)
     mount = doubtful_mount(log.scans)
     for doubt in (doubtful_ranges(log.scans), mount or doubtful_poses(log.scans)):
         if doubt:
@@ -226,7 +226,7 @@ def solve_log(
         if known.further:
             words = f"{known!r}: of its {len(known.lasers)} lasers only the first is continued"
             warnings.warn(words, Lrf3dWarning, stacklevel=2)
-        both = joined(known, slam, slam.sight.surfaces(scans), poses, log.name)
+        both = joined(known, slam, map(slam.sight.surface, scans), poses, log.name)
         poses = both.poses
     lines = line_poses(path, places, lag, poses)[recording.rows]
     lines[:, 2] = np.unwrap(lines[:, 2])

@@ -28,7 +28,7 @@ from lrf3d.render.figures import draw_map, draw_noise_levels, draw_world
 from lrf3d.run import Run
 from lrf3d.scenario import Scenario
 from lrf3d.scoring import seen_share
-from lrf3d.scoring.summary import drawn_part, judged_part, summarise
+from lrf3d.scoring.map_score import drawn_part, judged_part, summarise
 from lrf3d.simulation import Simulation, update_mapper
 from lrf3d.slam.simulated import SlamMapper
 from lrf3d.text import counted
