@@ -28,7 +28,7 @@ from lrf3d.world.plan import Plan
 
 if TYPE_CHECKING:
     from lrf3d.slam.closures import Refusal
-    from lrf3d.slam.views import Key
+    from lrf3d.slam.key_scans import Key
     from lrf3d.slam.violation import SelfCheck
 
 AREA, LEAST, MOST, NARROWEST = 54.0, 2.0, 12.0, 6.0
@@ -260,7 +260,7 @@ def draw_check(
     Raises:
         OutputError: The picture cannot be written.
     """
-    from lrf3d.slam.surface import moved
+    from lrf3d.slam.surface import SURFACE, moved
     from lrf3d.slam.violation import LATER
 
     first, last = check.worst_scans
@@ -280,8 +280,10 @@ def draw_check(
         for chosen, colour, name in shown:
             rows = np.flatnonzero(chosen).tolist()
             seen = [moved(keys[k].surface, poses[k]) for k in rows]
-            points = np.concatenate([np.empty((0, 4)), *seen])[:, :2]
-            ax.plot(*points.T, ".", markersize=1.5, color=colour, label=name, zorder=3)
+            points = np.concatenate([np.empty(0, SURFACE), *seen])
+            ax.plot(
+                points["x"], points["y"], ".", markersize=1.5, color=colour, label=name, zorder=3
+            )
         ax.plot(*poses[inside, :2].T, color=NEW, linewidth=0.8, zorder=4)
     ends = [poses[[each.old, each.new], :2] for each in refused]
     axes[2].add_collection(
