@@ -59,6 +59,11 @@ WORLDS = {
     "type.geojson": ('{"type": [], "features": []}', "unknown geometry"),
     "deep.geojson": ('{"type": "Polygon", "coordinates": ' + "[" * 900 + "]" * 900 + "}", "."),
     "key.toml": (WALL + ".".join(["a"] * 3000) + " = 1\n", "nested too deeply"),
+    "digits.svg": (SVG.format("M 0 0 L " + 50_000 * "1"), "digits"),
+    "turned.svg": (
+        SVG.format("M 0 0 L 1 1").replace("<path", f'<path transform="{20_000 * "scale("}"'),
+        "brackets",
+    ),
     "zigzag.svg": (SVG.format("M 0 0" + 20_000 * " L 1 1 L 2 0"), "cross more than"),
     "zeros.gltf": ('{"accessors": [{"componentType": 5126, "count": 300000000}]}', "without data"),
     "crs.geojson": (collection(square(0), crs="EPSG:" * 60_000).replace("units", "u"), "crs is"),

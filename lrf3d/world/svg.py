@@ -221,7 +221,11 @@ def _outline(kind: str, state: State, tolerance: float) -> list[Float]:
         if not value >= (0.0 if key in ("rx", "ry", "width", "height") else -math.inf):
             given[key] = usual.get(key, 0.0)
     values: dict[str, Any] = {key: value for key, value in given.items() if value == value}
-    values |= {key: state.style[key] for key in ("d", "points") if key in state.style}
+    for key in {"d", "points"} & set(state.style):
+        # svgelements takes minutes for thousands of closings in a row, and for such a number.
+        values[key] = re.sub(r"[zZ](?:[\s,]*+[zZ])++", "z", state.style[key])
+        if re.search(r"\d{50}", values[key]):
+            raise WorldError(f"has a number of 50 digits in a {kind}; save it again")
     path = svgelements.Path(SHAPES[kind](values))
     path.approximate_arcs_with_cubics(1.0 / 48.0)
     lines = list[list[Float]]()
@@ -275,6 +279,8 @@ def _transform(style: dict[str, str], size: tuple[float, ...]) -> Float:
 
 
 def _matrix(text: str) -> Float:
+    if re.search(r"\([^()]*+\(", text):
+        raise WorldError(f"has brackets within brackets in transform {shown(text)}; save it again")
     m = svgelements.Matrix(text)
     return np.array([[m.a, m.c, float(m.e)], [m.b, m.d, float(m.f)], [0.0, 0.0, 1.0]])
 
