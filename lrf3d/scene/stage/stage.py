@@ -1,4 +1,4 @@
-"""What stands in a run's world, painted once for all pictures of it: walls, roofs, ground and light.
+"""What stands in a run's world, painted once for all pictures: walls, roofs, ground and light.
 
 Walls and roofs are faces, as bright as they look at the sky. Painting takes a second, so the stage
 asked for last is kept; it can be pickled, to be handed to other processes.
