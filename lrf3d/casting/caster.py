@@ -176,7 +176,7 @@ class PlanarCaster:
         Beams end at the first wall, also at mirrors and glass.
         """
         if ranges.shape[1] > FEW:
-            cast_scans(self.tree(height)[:], laser, *NOT_ASKED, poses, ranges, walls)
+            cast_scans(self.tree(height)[:], laser, NOT_ASKED, poses, ranges, walls)
             return
         rays = np.empty(ranges.shape, RAY)
         rays_from(laser, poses, np.zeros(len(poses)), rays)

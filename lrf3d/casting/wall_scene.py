@@ -22,8 +22,7 @@ import numpy as np
 import shapely
 import trimesh
 
-from lrf3d.casting.kernels.embree import TRUST
-from lrf3d.casting.kernels.scans import cast_scans, rays_of
+from lrf3d.casting.kernels.scans import TRUST, cast_scans, rays_of
 from lrf3d.casting.kernels.tree import Plain, Tree
 from lrf3d.geometry import Float, Int
 
@@ -68,7 +67,7 @@ class WallScene:
             rays = rays_of(laser, poses[part], *self._middle)
             found = self.mesh.ray.intersects_first(*rays)
             asked = self._clear, self._trust, found
-            cast_scans(self._tree, laser, *asked, poses[part], ranges[part], walls[part])
+            cast_scans(self._tree, laser, asked, poses[part], ranges[part], walls[part])
 
 
 def float32_error(radius: float, distance: float) -> float:

@@ -19,11 +19,10 @@ from lrf3d.casting.kernels.beams import (
     settled,
     within,
 )
-from lrf3d.casting.kernels.buffer import ROOM, Fan, bearing
-from lrf3d.casting.kernels.fan import beams_between
+from lrf3d.casting.kernels.fan import Fan, beams_between, bearing
 from lrf3d.casting.kernels.predicates import Beam, Wall
 from lrf3d.casting.kernels.scans import PADDING, Laser, aim, turn
-from lrf3d.casting.kernels.tree import Plain
+from lrf3d.casting.kernels.tree import ROOM, Plain
 from lrf3d.compiling import compiled, inner, record
 from lrf3d.geometry import TINY, Float, Int, Records
 
