@@ -5,7 +5,7 @@ them; beams that are sent one by one meet them where they are at the time of the
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -47,6 +47,9 @@ LEG = record(**dict.fromkeys((*STAMPED, *RATES), float))
 """A pose of a path [m, rad] and its time [s], and the speeds ahead, to the left [m/s] and about
 itself [rad/s] that are held from then on, where the period of the obstacle is HELD."""
 
+Pose = tuple[float, float, float]
+"""A pose x, y [m], theta [rad]."""
+
 HELD = -1.0
 """The period of an obstacle that holds its speeds."""
 
@@ -70,14 +73,6 @@ class Movers(NamedTuple):
     sides: Records
 
 
-class Twist(NamedTuple):
-    """Speeds ahead and to the left [m/s], and about itself [rad/s], of a body that holds them."""
-
-    ahead: float
-    left: float
-    turn: float
-
-
 class Queue(NamedTuple):
     """Room to sort obstacles by distance."""
 
@@ -96,9 +91,7 @@ def wrapped(angle: float) -> float:
 
 
 @inner
-def pose_at(
-    legs: Records, first: int, last: int, period: float, time: float
-) -> tuple[float, float, float]:
+def pose_at(legs: Records, first: int, last: int, period: float, time: float) -> Pose:
     """The pose at a time on a path, as by `Trajectory.at`."""
     if last - first == 1:
         rest = legs[first]
@@ -123,30 +116,25 @@ def pose_at(
 
 
 @inner
-def moved(
-    pose: tuple[float, float, float], twist: Twist, time: float
-) -> tuple[float, float, float]:
-    """The pose after a twist was held for a time."""
-    x, y, theta = pose
-    half = 0.5 * twist.turn * time
+def moved(leg: Any, time: float) -> Pose:
+    """The pose after the speeds of a leg were held for a time."""
+    half = 0.5 * leg.turn * time
     chord = time * math.sin(half) / half if half != 0.0 else time
-    cos, sin = chord * math.cos(theta + half), chord * math.sin(theta + half)
+    cos, sin = chord * math.cos(leg.theta + half), chord * math.sin(leg.theta + half)
     return (
-        x + cos * twist.ahead - sin * twist.left,
-        y + cos * twist.left + sin * twist.ahead,
-        theta + twist.turn * time,
+        leg.x + cos * leg.ahead - sin * leg.left,
+        leg.y + cos * leg.left + sin * leg.ahead,
+        leg.theta + leg.turn * time,
     )
 
 
 @inner
-def mover_at(among: Movers, j: int, time: float) -> tuple[float, float, float]:
+def mover_at(among: Movers, j: int, time: float) -> Pose:
     """The pose of an obstacle at a time."""
     mover, legs = among.movers[j], among.legs
     if mover.period != HELD:
         return pose_at(legs, mover.leg, mover.last, mover.period, time)
-    leg = legs[mover.leg]
-    twist = Twist(leg.ahead, leg.left, leg.turn)
-    return moved((leg.x, leg.y, leg.theta), twist, max(time - leg.time, 0.0))
+    return moved(legs[mover.leg], max(time - legs[mover.leg].time, 0.0))
 
 
 @inner
