@@ -15,9 +15,9 @@ from lrf3d.casting.kernels.tree import Plain, build_tree
 from lrf3d.errors import CollisionError, InputError, each_of, expect
 from lrf3d.geometry import Float, Int, Records, Value, as_rows, number
 from lrf3d.pose import Pose, between
+from lrf3d.robot.kinematics import RADIUS, Twist, hold
 from lrf3d.robot.odometry import twist_of
 from lrf3d.robot.trajectory import Trajectory
-from lrf3d.robot.unicycle import RADIUS, Twist, hold
 from lrf3d.world import World
 
 ROBOT_HEIGHT = 1.0

@@ -25,7 +25,7 @@ from lrf3d.planning.free_space import free_places
 from lrf3d.pose import Pose, as_pose
 from lrf3d.render.window import Window
 from lrf3d.robot import Trajectory
-from lrf3d.robot.unicycle import arcs
+from lrf3d.robot.kinematics import arcs
 from lrf3d.run import Run
 from lrf3d.scenario import Scenario, load_scenario
 from lrf3d.sensor import Sensor

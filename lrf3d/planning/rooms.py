@@ -16,7 +16,7 @@ from lrf3d.planning.free_space import (
     find_free_space,
 )
 from lrf3d.planning.tour import path_to
-from lrf3d.robot.unicycle import RADIUS
+from lrf3d.robot.kinematics import RADIUS
 from lrf3d.world import World
 
 LEAST_ROOM, LEAST_WIDTH = 4.0, 1.8

@@ -11,7 +11,7 @@ from lrf3d.casting import EmbreeCaster
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.errors import InputError
 from lrf3d.fleet import simulate_fleet
-from lrf3d.robot.laps import Patrol
+from lrf3d.robot.following import Patrol
 from lrf3d.sensor import Sensor
 
 CITY = load_world("city")

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from lrf3d import CollisionError, InputError, Trajectory, Unicycle, World, drive, follow_route
 from lrf3d.collision import check_drive, find_collision
-from lrf3d.robot.laps import Patrol
+from lrf3d.robot.following import Patrol
 from lrf3d.scenario import Scenario, load_scenario
 
 speeds = st.floats(-3.0, 3.0)

@@ -63,7 +63,7 @@ def cast_scans(
     Where Embree was asked, this is the parts of the walls (n, 4) where it is right, in the first of
     some records how far, and the faces (k beams,) that it met.
     """
-    (clear, trusts, found), trust = asked, asked[1][0]
+    (clear, _, found), trust = asked, asked[1][0]
     tree, laser = Tree(*plain_tree), Laser(*plain_laser)
     beams = laser.fan.shape[1]
     own = np.empty(0 if len(hits) > 0 else beams, np.int64)
