@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lrf3d.casting.kernels.beams import RAY, cast_rays
-from lrf3d.casting.kernels.scans import NOT_ASKED, cast_scans, laser_of, rays_from
+from lrf3d.casting.kernels.beams import NO_GUESSES, RAY, cast_rays
+from lrf3d.casting.kernels.scans import cast_scans, laser_of, rays_from
 from lrf3d.casting.kernels.tree import Plain, Tree, build_tree
 from lrf3d.cores import share
 from lrf3d.errors import InputError, expect
@@ -130,7 +130,7 @@ class PlanarCaster:
 
         def work(start: int, stop: int) -> None:
             part = slice(start, stop)
-            cast_rays(tree, limits, rays[part], ranges[part], walls[part])
+            cast_rays(tree, limits, rays[part], NO_GUESSES, ranges[part], walls[part])
 
         if len(rays) > MANY:
             share(work, len(rays))
@@ -176,11 +176,11 @@ class PlanarCaster:
         Beams end at the first wall, also at mirrors and glass.
         """
         if ranges.shape[1] > FEW:
-            cast_scans(self.tree(height)[:], laser, NOT_ASKED, poses, ranges, walls)
+            cast_scans(self.tree(height)[:], laser, poses, ranges, walls)
             return
         rays = np.empty(ranges.shape, RAY)
         rays_from(laser, poses, np.zeros(len(poses)), rays)
-        flat = rays.ravel(), ranges.ravel(), walls.ravel()
+        flat = rays.ravel(), NO_GUESSES, ranges.ravel(), walls.ravel()
         cast_rays(self.tree(height)[:], laser[-2:], *flat)
 
     def _batch(self, lrf: LaserRangeFinder, poses: Float, *, keep_walls: bool) -> tuple[Float, Int]:

@@ -1,6 +1,7 @@
 """EmbreeCaster: Embree finds the walls, with the exact ranges of PlanarCaster; and casts in 3D.
 
-Level beams among walls are cast by a `WallScene`. A mesh is cut by the plane of the beams, and its
+Embree works in float32, so the wall that it finds for a beam is a guess: the planar kernels check
+that the beam meets it, and look for nearer ones. A mesh is cut by the plane of the beams, and its
 cuts are treated as walls. Layers and tilted lasers are cast in 3D, in float64.
 """
 
@@ -12,10 +13,11 @@ from typing import Any
 import numpy as np
 
 from lrf3d.casting.caster import FEW, MOST_TREES, PlanarCaster
+from lrf3d.casting.kernels.beams import RAY, cast_rays
 from lrf3d.casting.kernels.echoes import Lit
+from lrf3d.casting.kernels.scans import rays_from, rays_of
 from lrf3d.casting.kernels.tree import Plain, Tree, build_tree
-from lrf3d.casting.triangle_rays import MeshScene, embreex_installed
-from lrf3d.casting.wall_scene import WallScene
+from lrf3d.casting.triangle_rays import MeshScene, TriangleRays, embreex_installed
 from lrf3d.errors import InputError, expect, shown
 from lrf3d.geometry import Bool, Float, Int, is_finite, numbers
 from lrf3d.laser import LaserRangeFinder, layer_directions
@@ -64,10 +66,18 @@ class EmbreeCaster(PlanarCaster):
         segments, faces = level_cut(self._triangles, level)
         return build_tree(segments, faces.astype(np.int32))
 
-    def _walls(self, level: float, exponent: int) -> WallScene | None:
-        """The walls for ranges up to a power of two; None where there are none."""
-        tree = self._tree(level)
-        return WallScene(tree, math.ldexp(1.0, exponent)) if len(tree.walls) else None
+    def _walls(self, level: float) -> TriangleRays:
+        """The walls as they stand in the tree, of two triangles each, seen from their middle."""
+        ends = (self._tree(level).walls - np.tile(self._middle(level), 2)).reshape(-1, 2, 2)
+        corners = np.empty((len(ends), 2, 3, 3), np.float32)
+        corners[..., :2] = ends[:, [[0, 1, 1], [0, 1, 0]]]
+        corners[..., 2] = [[-1.0, -1.0, 2.0], [-1.0, 2.0, 2.0]]
+        return TriangleRays(corners.reshape(-1, 3, 3))
+
+    def _middle(self, level: float) -> Float:
+        """The middle (2,) of the walls, from which Embree counts coordinates."""
+        box = self._tree(level).boxes[0]
+        return np.round(0.5 * (box[:2] + box[2:]))
 
     def cast_layers(
         self,
@@ -140,13 +150,20 @@ class EmbreeCaster(PlanarCaster):
         return Lit(*(np.concatenate(both)[rows] for both in zip(lit, flat, strict=True)))
 
     def _fill(self, height: float, laser: Plain, poses: Float, ranges: Float, walls: Int) -> None:
-        scene = None
-        if ranges.shape[1] > FEW and embreex_installed():
-            scene = self._scene(self._level(height), math.frexp(laser[-1])[1])
-        if scene is None:
+        level = self._level(height)
+        tree = self._tree(level)
+        if ranges.shape[1] <= FEW or not len(tree.rows) or not embreex_installed():
             super()._fill(height, laser, poses, ranges, walls)
-        else:
-            scene.cast(laser, poses, ranges, walls)
+            return
+        scene, middle = self._scene(level), self._middle(level).tolist()
+        # The rays of 64 scans of 181 beams are 600 kB.
+        for k in range(0, len(poses), 64):
+            part, rows = poses[k : k + 64], slice(k, k + 64)
+            guesses = scene.first(*rays_of(laser, part, *middle)) // 2
+            rays = np.empty(ranges[rows].shape, RAY)
+            rays_from(laser, part, np.zeros(len(part)), rays)
+            flat = ranges[rows].ravel(), walls[rows].ravel()
+            cast_rays(tree[:], laser[-2:], rays.ravel(), guesses, *flat)
 
 
 def _level_layers(

@@ -8,6 +8,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lrf3d.casting.kernels.predicates import (
     FILTER,
@@ -56,18 +57,28 @@ class Place(NamedTuple):
     stop: int
 
 
+NO_GUESSES = np.empty(0, np.int32)
+"""In place of guesses, where there are none."""
+
+
 @compiled
 def cast_rays(
-    plain_tree: Plain, limits: tuple[float, float], rays: Records, ranges: Float, hits: Int
-) -> None:
-    """Fill the ranges (n,) of rays within limits, and hits (n,) unless empty, among walls."""
+    plain_tree: Plain, limits: tuple[float, float], rays: Records, guesses: NDArray[np.int32],
+    ranges: Float, hits: Int,
+) -> None:  # fmt: skip
+    """Fill the ranges (n,) of rays within limits, and hits (n,) unless empty, among walls.
+
+    Guesses (n,), unless empty, are the rows of the walls that rays probably meet, or −1. A wall
+    that is guessed counts if the ray meets it, and then only nearer ones are looked for.
+    """
     tree, (range_min, range_max) = Tree(*plain_tree), limits
     waiting, row = np.empty(STACK, BOX), -1
     for i in range(len(rays)):
         beam = beam_of(rays, i)
         # Walls a little beyond the range may be met.
         nearest = Nearest(-1, np.inf, range_max * ROOM * ROOM)
-        # The wall of the beam before is often the one.
+        # Without a guess the wall of the beam before is often the one.
+        row = guesses[i] if len(guesses) > 0 and guesses[i] >= 0 else row
         nearest = proposed(tree, beam, row, nearest) if row >= 0 else nearest
         row = first_wall(tree, beam, nearest, waiting).row
         ranges[i] = np.inf

@@ -104,7 +104,7 @@ def brightness(cos: float, sin: float, surface: Any, mirrored: float) -> float:
     The lobe [rad] about the mirrored direction is Gaussian, with the mirrored share of the light.
     Seen from the laser its middle lies twice the angle of incidence away.
     """
-    lobe, bright = surface.lobe, (surface.diffuse + surface.retro) * cos
+    lobe, bright = surface.lobe, float((surface.diffuse + surface.retro) * cos)
     # Beyond forty standard deviations float64 has no light left, and exp takes its longest.
     if mirrored > 0.0 and lobe > 0.0 and sin < 20.0 * lobe:
         angle = 2.0 * math.atan2(sin, cos) / lobe

@@ -70,10 +70,10 @@ class Wall(NamedTuple):
 
 
 class Exact(NamedTuple):
-    """An expansion: the first of its parts, as many as the count."""
+    """An expansion: the first of its parts."""
 
     parts: Float
-    count: int
+    size: int
 
 
 @inner
@@ -169,7 +169,7 @@ def compare_limit(limit: float, beam: Beam, wall: Wall) -> int:
 def length(beam: Beam, wall: Wall) -> float:
     """The t of a wall that the beam meets, at most 0.51 ulp off; `plain_length` costs less."""
     above, below = _fraction(beam, wall)
-    return 0.0 if above.count == 0 else quotient(_rounded(above), _rounded(below))[0]
+    return 0.0 if above.size == 0 else quotient(_rounded(above), _rounded(below))[0]
 
 
 @borrower
@@ -233,7 +233,7 @@ def _fraction(beam: Beam, wall: Wall) -> tuple[Exact, Exact]:
     """The t as the quotient, ≥ 0, of two expansions, the second positive."""
     (ox, oy, dx, dy), (px, py, qx, qy) = beam, wall
     above, below = _area(ox, oy, wall), _zero(9)
-    if above.count != 0:
+    if above.size != 0:
         below = _cross(below, dx, dy, wall)
     elif between(ox, oy, wall):
         below = _plus(below, 1.0)
@@ -244,9 +244,9 @@ def _fraction(beam: Beam, wall: Wall) -> tuple[Exact, Exact]:
         near = min(py, qy) if py > oy else max(py, qy)
         above, below = _plus(_plus(above, near), -oy), _plus(below, dy)
     if _sign(below) < 0:
-        for k in range(above.count):
+        for k in range(above.size):
             above.parts[k] = -above.parts[k]
-        for k in range(below.count):
+        for k in range(below.size):
             below.parts[k] = -below.parts[k]
     return above, below
 
@@ -278,7 +278,7 @@ def _zero(room: int) -> Exact:
 def _plus(exact: Exact, value: float) -> Exact:
     """Add a float to an expansion, in place."""
     parts, kept, carry = exact.parts, 0, value
-    for k in range(exact.count):
+    for k in range(exact.size):
         carry, error = two_sum(carry, parts[k])
         if error != 0.0:
             parts[kept] = error
@@ -299,20 +299,20 @@ def _plus_product(exact: Exact, a: float, b: float) -> Exact:
 @inner
 def _sign(exact: Exact) -> int:
     """Sign −1, 0 or 1 of an expansion: that of its largest part."""
-    if exact.count == 0:
+    if exact.size == 0:
         return 0
-    return 1 if exact.parts[exact.count - 1] > 0.0 else -1
+    return 1 if exact.parts[exact.size - 1] > 0.0 else -1
 
 
 @inner
 def _rounded(exact: Exact) -> Double:
     """An expansion as a float and the rest of it, good to 2⁻¹⁰⁰ of the value."""
-    rest, high, low = _zero(exact.count + 1), 0.0, 0.0
-    for k in range(exact.count):
+    rest, high, low = _zero(exact.size + 1), 0.0, 0.0
+    for k in range(exact.size):
         high += exact.parts[k]
         rest.parts[k] = exact.parts[k]
-    rest = _plus(Exact(rest.parts, exact.count), -high)
-    for k in range(rest.count):
+    rest = _plus(Exact(rest.parts, exact.size), -high)
+    for k in range(rest.size):
         low += rest.parts[k]
     return high, low
 
@@ -320,12 +320,12 @@ def _rounded(exact: Exact) -> Double:
 @inner
 def _sign_of_cross(a: Exact, b: Exact, c: Exact, d: Exact) -> int:
     """Sign of a · b − c · d."""
-    total = _zero(2 * (a.count * b.count + c.count * d.count) + 1)
-    for i in range(a.count):
-        for j in range(b.count):
+    total = _zero(2 * (a.size * b.size + c.size * d.size) + 1)
+    for i in range(a.size):
+        for j in range(b.size):
             total = _plus_product(total, a.parts[i], b.parts[j])
-    for i in range(c.count):
-        for j in range(d.count):
+    for i in range(c.size):
+        for j in range(d.size):
             total = _plus_product(total, -c.parts[i], d.parts[j])
     return _sign(total)
 

@@ -1,33 +1,20 @@
-"""Scans among the walls, compiled: from a pose to ranges and walls, every decision exact.
-
-Of the faces that Embree found those are used that are proved; `wall_scene` has the argument.
-"""
+"""Scans among the walls, compiled: from a pose to ranges and walls, every decision exact."""
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lrf3d.casting.kernels.beams import within
 from lrf3d.casting.kernels.fan import NARROW, Fan, trace
-from lrf3d.casting.kernels.predicates import FILTER, LANES, Beam, length, lengths, wall_at
-from lrf3d.casting.kernels.tree import ROOM, STACK, Plain, Tree
-from lrf3d.compiling import compiled, inner, record
+from lrf3d.casting.kernels.predicates import LANES, Beam, length, lengths, wall_at
+from lrf3d.casting.kernels.tree import ROOM, Plain, Tree
+from lrf3d.compiling import compiled, inner
 from lrf3d.errors import expect
 from lrf3d.geometry import Float, Int, Records, Single
 from lrf3d.laser import LaserRangeFinder, range_finder
 
 turn = inner(range_finder.turn)
-
-UNSURE = -2
-"""Marks a beam in doubt, in place of the row of its wall."""
-
-NAMES = ("x", "y", "radius", "margin", "beyond", "level", "steep")
-TRUST = record(**dict.fromkeys(NAMES, float))
-"""How far Embree is trusted [m]: the middle of the walls; how far from x and from y the laser may
-stand, but not so near to a wall; what seems this much beyond the range is out of it; and the least
-sines of the angle between a beam and a wall whose first clear part counts, and its second one."""
 
 PADDING = LANES - 1
 """How many numbers beyond the last beam `lengths` may read and write."""
@@ -50,20 +37,11 @@ def laser_of(lrf: LaserRangeFinder, *, range_min: float | None = None) -> Plain:
     return lrf.fan, *lrf.spread, float(near), float(lrf.range_max)
 
 
-NOT_ASKED = np.empty((0, 4)), np.empty(1, TRUST), np.empty(0, np.int32)
-"""In place of what Embree found, where it was not asked."""
-
-
 @compiled
 def cast_scans(
-    plain_tree: Plain, plain_laser: Plain, asked: Plain, poses: Float, ranges: Float, hits: Int
+    plain_tree: Plain, plain_laser: Plain, poses: Float, ranges: Float, hits: Int
 ) -> None:
-    """Cast a scan at each of the poses (k, 3); fill ranges (k, beams), and hits unless empty.
-
-    Where Embree was asked, this is the parts of the walls (n, 4) where it is right, in the first of
-    some records how far, and the faces (k beams,) that it met.
-    """
-    (clear, _, found), trust = asked, asked[1][0]
+    """Cast a scan at each of the poses (k, 3); fill ranges (k, beams), and hits unless empty."""
     tree, laser = Tree(*plain_tree), Laser(*plain_laser)
     beams = laser.fan.shape[1]
     own = np.empty(0 if len(hits) > 0 else beams, np.int64)
@@ -71,17 +49,7 @@ def cast_scans(
     for k in range(len(poses)):
         hit = hits[k] if len(hits) > 0 else own
         fan = aim(laser, poses[k], dx, dy)
-        whole = len(found) == 0 or near_a_wall(tree, trust, fan.x, fan.y)
-        if not whole:
-            faces = found[k * beams : (k + 1) * beams]
-            prove(tree, clear, trust, faces, fan, laser.range_max, hit)
-        # A beam in doubt is a fan of one.
-        for i in range(1 if whole else beams):
-            if whole:
-                trace(tree, fan, laser.range_max, hit)
-            elif hit[i] == UNSURE:
-                part = dx[i : i + 1], dy[i : i + 1], dx[i], dy[i]
-                trace(tree, Fan(fan.x, fan.y, *part, 0.0, 0.0), laser.range_max, hit[i : i + 1])
+        trace(tree, fan, laser.range_max, hit)
         measure(tree, fan, laser, ranges[k], hit)
 
 
@@ -130,69 +98,6 @@ def aim(laser: Laser, pose: Float, dx: Float, dy: Float) -> Fan:
     ahead_x, ahead_y = turn(math.cos(laser.middle), math.sin(laser.middle), cos, sin)
     per_step = 0.0 if laser.half <= NARROW else 0.5 * (beams - 1) / laser.half
     return Fan(x, y, dx, dy, ahead_x, ahead_y, laser.half, per_step)
-
-
-@inner
-def prove(
-    tree: Tree, clear: Float, trust: Any, found: NDArray[np.int32], fan: Fan, range_max: float,
-    hit: Int,
-) -> None:  # fmt: skip
-    """From the faces (beams,) that Embree found to the rows of the walls, −1, or doubt."""
-    x, y, dx, dy, walls, beams = fan.x, fan.y, fan.dx, fan.dy, tree.walls, len(hit)
-    stop = 0
-    while stop < beams:
-        # Neighbouring beams on one face share its numbers, and the loop over them is vectorised.
-        start, face = stop, found[stop]
-        while stop < beams and found[stop] == face:
-            stop += 1
-        if face < 0 or face % 3 != 0:
-            for i in range(start, stop):
-                hit[i] = -1 if face < 0 else UNSURE
-            continue
-        row = face // 3
-        px, py, qx, qy = wall_at(walls, row)
-        ax, ay, ex, ey = px - x, py - y, qx - px, qy - py
-        left, right = ax * ey, ay * ex
-        # Slopes are taken with the sign that the beam ahead of the wall gives them.
-        sense, length = 1.0 if left > right else -1.0, math.sqrt(ex * ex + ey * ey)
-        flat, steep = trust.level * length, trust.steep * length
-        low, high, steep_low, steep_high = wall_at(clear, row)
-        # How far away the beam meets the wall at least, times its slope.
-        away = abs(left - right) - FILTER * (abs(left) + abs(right))
-        for i in range(start, stop):
-            slope = sense * (dx[i] * ey - dy[i] * ex)
-            place = sense * (dy[i] * ax - dx[i] * ay)  # Where on the wall, times its slope.
-            sure = (slope > flat) & (low * slope < place) & (place < high * slope)
-            sure |= (slope > steep) & (steep_low * slope < place) & (place < steep_high * slope)
-            near = away <= range_max * ROOM * slope
-            far = away > (range_max + trust.beyond) * slope
-            hit[i] = (row if near else -1) if sure & (near | far) else UNSURE
-
-
-@inner
-def near_a_wall(tree: Tree, trust: Any, x: float, y: float) -> bool:
-    """Whether Embree is not to be trusted here: by a wall, or too far out; never too rarely."""
-    boxes, links, walls, _ = tree
-    stack, top = np.empty(STACK, np.int64), 1
-    stack[0] = 0
-    while top > 0:
-        top -= 1
-        node = stack[top]
-        x0, y0, x1, y1 = wall_at(boxes, node)
-        if max(x0 - x, x - x1, y0 - y, y - y1) > trust.margin:
-            continue
-        first, count = links[node, 0], links[node, 1]
-        for child in range(first, first - count):
-            stack[top] = child
-            top += 1
-        for row in range(first, first + count):
-            px, py, qx, qy = wall_at(walls, row)
-            ax, ay, ex, ey = x - px, y - py, qx - px, qy - py
-            square, along = ex * ex + ey * ey, ax * ex + ay * ey
-            room = trust.margin * math.sqrt(square)
-            if abs(ax * ey - ay * ex) <= room and -room <= along <= square + room:
-                return True
-    return bool(max(abs(x - trust.x), abs(y - trust.y)) > trust.radius)
 
 
 @inner

@@ -363,4 +363,4 @@ def _gap_at(
     if mover.disc == 0.0:
         return _gap(sides, among.sides, mover.first, mover.stop) - body.radius
     spot[0].px, spot[0].py, spot[0].qx, spot[0].qy = at.x, at.y, at.x, at.y
-    return _gap(sides, spot, 0, 1) - body.radius - mover.disc
+    return float(_gap(sides, spot, 0, 1) - body.radius - mover.disc)
