@@ -11,11 +11,11 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from lrf3d.casting.caster import FEW, MOST_TREES, PlanarCaster
-from lrf3d.casting.kernels.beams import RAY, cast_rays
+from lrf3d.casting.caster import MOST_TREES, PlanarCaster
 from lrf3d.casting.kernels.echoes import Lit
-from lrf3d.casting.kernels.scans import rays_from, rays_of
+from lrf3d.casting.kernels.scans import rays_of
 from lrf3d.casting.kernels.tree import Plain, Tree, build_tree
 from lrf3d.casting.triangle_rays import MeshScene, TriangleRays, embreex_installed
 from lrf3d.errors import InputError, expect, shown
@@ -77,7 +77,7 @@ class EmbreeCaster(PlanarCaster):
     def _middle(self, level: float) -> Float:
         """The middle (2,) of the walls, from which Embree counts coordinates."""
         box = self._tree(level).boxes[0]
-        return np.round(0.5 * (box[:2] + box[2:]))
+        return np.asarray(np.round(0.5 * (box[:2] + box[2:])))
 
     def cast_layers(
         self,
@@ -149,21 +149,15 @@ class EmbreeCaster(PlanarCaster):
         rows = np.where(level, len(beams), np.cumsum(~level) - 1)
         return Lit(*(np.concatenate(both)[rows] for both in zip(lit, flat, strict=True)))
 
-    def _fill(self, height: float, laser: Plain, poses: Float, ranges: Float, walls: Int) -> None:
+    def _guesses(
+        self, tree: Tree, height: float, laser: Plain, poses: Float
+    ) -> NDArray[np.int32] | None:
+        guesses = super()._guesses(tree, height, laser, poses)
+        if guesses is not None or not len(tree.rows) or not embreex_installed():
+            return guesses
         level = self._level(height)
-        tree = self._tree(level)
-        if ranges.shape[1] <= FEW or not len(tree.rows) or not embreex_installed():
-            super()._fill(height, laser, poses, ranges, walls)
-            return
-        scene, middle = self._scene(level), self._middle(level).tolist()
-        # The rays of 64 scans of 181 beams are 600 kB.
-        for k in range(0, len(poses), 64):
-            part, rows = poses[k : k + 64], slice(k, k + 64)
-            guesses = scene.first(*rays_of(laser, part, *middle)) // 2
-            rays = np.empty(ranges[rows].shape, RAY)
-            rays_from(laser, part, np.zeros(len(part)), rays)
-            flat = ranges[rows].ravel(), walls[rows].ravel()
-            cast_rays(tree[:], laser[-2:], rays.ravel(), guesses, *flat)
+        rays = rays_of(laser, poses, *self._middle(level).tolist())
+        return self._scene(level).first(*rays) // 2
 
 
 def _level_layers(

@@ -19,15 +19,12 @@ from lrf3d.casting.kernels.beams import (
     settled,
     within,
 )
-from lrf3d.casting.kernels.fan import Fan, beams_between, bearing
+from lrf3d.casting.kernels.fan import beams_between, bearing
 from lrf3d.casting.kernels.predicates import Beam, Wall
 from lrf3d.casting.kernels.scans import PADDING, Laser, aim, turn
 from lrf3d.casting.kernels.tree import ROOM, Plain
 from lrf3d.compiling import compiled, inner, record
 from lrf3d.geometry import TINY, Float, Int, Records
-
-RINGS = 64
-"""Number of distance classes in which obstacles are sorted: near ones hide those behind."""
 
 ROWS, MEASURES = (
     ("first", "stop", "leg", "last"),
@@ -71,14 +68,6 @@ class Movers(NamedTuple):
     legs: Records
     placed: Records
     sides: Records
-
-
-class Queue(NamedTuple):
-    """Room to sort obstacles by distance."""
-
-    away: Float  # (m,) at least so far away [m];
-    ring: Int  # (m,) distance classes, −1 for those that no beam can meet;
-    order: Int  # (m,) those that remain, the nearest class first.
 
 
 @inner
@@ -200,40 +189,6 @@ def range_to(among: Movers, row: int, beam: Beam, limits: tuple[float, float]) -
     return within(length_of(beam, side), limits[0], limits[1], beam, side)
 
 
-@inner
-def reach_of(reach: float, x: float, y: float) -> float:
-    """A reach around (x, y), widened by more than rounding may be."""
-    return reach * ROOM + 1e-12 * (abs(x) + abs(y))
-
-
-@inner
-def by_rings(
-    among: Movers, height: float, fan: Fan, own: int, farthest: float, queue: Queue
-) -> int:
-    """Sort the obstacles that beams may meet, roughly the nearest first; returns their number."""
-    (away, ring, order), placed, x, y = queue, among.placed, fan.x, fan.y
-    counts = np.zeros(RINGS + 1, np.int64)
-    scale = RINGS / (farthest * (1.0 + 1e-6) + 1e-9)
-    for j in range(len(placed)):
-        at = placed[j]
-        east, north, reach = at.x - x, at.y - y, reach_of(at.reach, at.x, at.y)
-        square, limit = east * east + north * north, farthest + reach
-        ring[j] = -1
-        if j == own or square > limit * limit * ROOM or among.movers[j].height < height:
-            continue
-        away[j] = math.sqrt(square) / ROOM
-        ring[j] = min(int(max(away[j] - reach, 0.0) * scale), RINGS - 1)
-        counts[ring[j] + 1] += 1
-    for k in range(RINGS):
-        counts[k + 1] += counts[k]
-    met = int(counts[RINGS])
-    for j in range(len(placed)):
-        if ring[j] >= 0:
-            order[counts[ring[j]]] = j
-            counts[ring[j]] += 1
-    return met
-
-
 @compiled
 def cast_among(
     plain: Plain, plain_laser: Plain, height: float, poses: Float, own: Int, ranges: Float,
@@ -248,22 +203,24 @@ def cast_among(
     beams = laser.fan.shape[1]
     dx, dy = np.empty(beams + PADDING), np.empty(beams + PADDING)
     row, low, high = np.empty(beams, np.int64), np.empty(beams), np.empty(beams)
-    queue = Queue(
-        np.empty(len(placed)), np.empty(len(placed), np.int64), np.empty(len(placed), np.int64)
-    )
     for k in range(len(poses)):
         fan = aim(laser, poses[k], dx, dy)
         x, y, farthest = fan.x, fan.y, 0.0
         for i in range(beams):
             row[i], low[i], high[i] = -1, np.inf, min(ranges[k, i], laser.range_max * ROOM) * ROOM
             farthest = max(farthest, high[i])
-        for n in range(by_rings(among, height, fan, own[k], farthest, queue)):
-            j = queue.order[n]
-            at, distance = placed[j], queue.away[j]
-            east, north, reach = at.x - x, at.y - y, reach_of(at.reach, at.x, at.y)
-            start, stop, near, wide = 0, beams, 0.0, reach + 1e-12 * distance
-            if distance > reach:
-                near, share = distance - reach, reach / distance
+        for j in range(len(placed)):
+            at = placed[j]
+            east, north = at.x - x, at.y - y
+            # Widened by more than rounding may be.
+            reach = at.reach * ROOM + 1e-12 * (abs(at.x) + abs(at.y))
+            distance = math.sqrt(east * east + north * north) / ROOM
+            near = distance - reach
+            if j == own[k] or near > farthest or among.movers[j].height < height:
+                continue
+            start, stop, wide = 0, beams, reach + 1e-12 * distance
+            if near > 0.0:
+                share = reach / distance
                 # At least the arc sine of the share.
                 half = share + (0.5 * np.pi - 1.0) * share * share * share
                 ahead = east * fan.ahead_x + north * fan.ahead_y
