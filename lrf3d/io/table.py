@@ -15,7 +15,7 @@ from lrf3d.geometry import Float, Int, sealed
 from lrf3d.io.intake import UNTIMED, Intake
 from lrf3d.io.laser_log import LaserLog, WheelRecord
 from lrf3d.laser import LaserScan
-from lrf3d.pose import Pose, compose
+from lrf3d.pose import Pose, compose, heading_of
 
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
@@ -258,9 +258,8 @@ class Table:
                 steps[:, 1] = self._in("dy", "m")
             return _driven(np.column_stack([steps, self._in("dtheta", "rad")]))
         if "theta" not in has and {"qx", "qy", "qz", "qw"} <= has:
-            x, y, z, w = (self.values[name] for name in ("qx", "qy", "qz", "qw"))
-            self.values["theta"] = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-            self.units["theta"] = "rad"
+            turns = (self.values[name] for name in ("qx", "qy", "qz", "qw"))
+            self.values["theta"], self.units["theta"] = heading_of(*turns), "rad"
         if not {"x", "y", "theta"} <= has:
             return None
         moved = np.hypot(np.diff(self.values["x"]), np.diff(self.values["y"]))

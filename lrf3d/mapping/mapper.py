@@ -9,7 +9,7 @@ from lrf3d.mapping.line_map import LineMap
 from lrf3d.mapping.paper import PaperMapper, SplitMergeExtractor
 from lrf3d.mapping.robust.extraction import LikelihoodExtractor
 from lrf3d.mapping.robust.mapper import RobustMapper
-from lrf3d.mapping.robust.walls import Rule
+from lrf3d.mapping.robust.merging import Rule
 
 MODES = ("paper", "robust")
 

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from lrf3d.geometry import Float
 from lrf3d.render.figures import finished, metre_sheet
 from lrf3d.slam.closures import Refusal
-from lrf3d.slam.surface import moved
-from lrf3d.slam.views import Key
+from lrf3d.slam.key_scans import Key
+from lrf3d.slam.surface import SURFACE, moved
 from lrf3d.slam.violation import LATER, SelfCheck
 
 NEW, OLD, REFUSED = "#d6361f", "#2f6fb3", "#7a3fb0"
@@ -57,9 +57,9 @@ def draw_check(
         for number in shown:
             rows = np.flatnonzero((inside, others)[number]).tolist()
             seen = [moved(keys[k].surface, poses[k]) for k in rows]
-            points = np.concatenate([np.empty((0, 4)), *seen])
+            points = np.concatenate([np.empty(0, SURFACE), *seen])
             ax.plot(
-                *points[:, :2].T, ".", markersize=1.5, color=(NEW, OLD)[number],
+                points["x"], points["y"], ".", markersize=1.5, color=(NEW, OLD)[number],
                 label=names[number], zorder=3,
             )  # fmt: skip
         ax.plot(*poses[inside, :2].T, color=NEW, linewidth=0.8, zorder=4)

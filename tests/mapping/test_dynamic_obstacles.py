@@ -15,7 +15,7 @@ from lrf3d import (
     simulate,
 )
 from lrf3d.casting.dynamic_obstacle import round_outline
-from lrf3d.mapping.robust.judging import LEAST_HITS
+from lrf3d.mapping.robust.clusters import LEAST_HITS
 
 LRF = LaserRangeFinder(range_max=30.0)
 CORRIDOR = World(np.array([[-2, -1.5, 20, -1.5], [20, -1.5, 20, 1.5], [20, 1.5, -2, 1.5]]))

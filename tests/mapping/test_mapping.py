@@ -16,7 +16,7 @@ from lrf3d import (
 )
 from lrf3d.geometry import lengths
 from lrf3d.mapping.robust.beams import Beams
-from lrf3d.mapping.robust.segmentation import segment_cluster
+from lrf3d.mapping.robust.extraction import SPAN, segment_cluster
 
 SQUARE = np.array([[4, 0, 8, 0], [8, 0, 8, 4], [8, 4, 4, 4], [4, 4, 4, 0.0]])
 ROOM = np.array([[-6, -5, 12, -5], [12, -5, 12, 9], [12, 9, -6, 9], [-6, 9, -6, -5.0]])
@@ -90,8 +90,9 @@ def test_a_full_circle_has_no_seam():
 
 def divide(angles, ranges, deviations):
     beams = Beams(np.column_stack([np.cos(angles), np.sin(angles)]), ranges, deviations)
-    walls = np.empty((len(angles), 2), np.int64)
-    return walls[: segment_cluster(beams, walls)]
+    spans = np.empty(len(angles), SPAN)
+    found = spans[: segment_cluster(beams, spans)]
+    return np.column_stack([found["first"], found["last"]])
 
 
 def noisy_wall(seed, sigma):

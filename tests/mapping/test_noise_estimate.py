@@ -3,7 +3,7 @@ import pytest
 
 import lrf3d
 from lrf3d.laser import RangeNoise
-from lrf3d.mapping.robust.noise_estimate import NoiseEstimate
+from lrf3d.mapping.robust.beams import NoiseEstimate
 
 ROOM = lrf3d.World(
     [[0, 0, 12, 0], [12, 0, 12, 8], [12, 8, 0, 8], [0, 8, 0, 0], [5, 3, 6, 3], [6, 3, 6, 5]]

@@ -12,7 +12,7 @@ import lrf3d
 from lrf3d.errors import InputError
 from lrf3d.io.trajectory_files import load_tum, save_tum
 from lrf3d.pose import compose
-from lrf3d.scoring.pose_errors import pose_errors
+from lrf3d.scoring.trajectory_score import pose_errors
 
 ANGLE = 0.1 * np.arange(40.0)
 TRUTH = lrf3d.Trajectory(

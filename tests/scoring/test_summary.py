@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 import lrf3d
-from lrf3d.scoring import summary
+from lrf3d.scoring import map_score as summary
 
 
 def test_of_a_long_run_a_sample_of_the_scans_is_judged(monkeypatch):

@@ -6,7 +6,7 @@ from drives import drive, errors, followed, recorded
 
 import lrf3d
 from lrf3d.errors import Lrf3dWarning
-from lrf3d.slam.known_places import CERTAIN, Anchor, in_known_place
+from lrf3d.slam.revisits import CERTAIN, Anchor, in_known_place
 from lrf3d.slam.violation import self_check
 
 WORLD = lrf3d.World(
@@ -54,7 +54,7 @@ def test_a_robot_in_a_known_place_is_no_more_certain_than_what_it_sees(rounds):
 
 def test_a_scan_is_attached_to_a_known_place_only_if_it_shows_what_is_known_there(rounds):
     slam = rounds[0]
-    closer, poses = slam._closer, slam._key_poses
+    closer, poses = slam.closer, slam.key_poses
     attached = 0
     for number, key in enumerate(closer.keys[:10]):
         last = Anchor(key.scan, number, np.zeros(3), key.pose, closer.distance)
@@ -65,26 +65,22 @@ def test_a_scan_is_attached_to_a_known_place_only_if_it_shows_what_is_known_ther
         far = replace(last, drifted=CERTAIN)
         assert in_known_place(closer, key, far, poses) is None
         surface = key.surface.copy()
-        surface[:, :2] *= 0.8
+        surface["x"] *= 0.8
+        surface["y"] *= 0.8
         assert in_known_place(closer, replace(key, surface=surface), last, poses) is None
     assert attached > 3
 
 
-def test_the_map_of_a_known_place_has_each_wall_once(rounds):
-    slam, _, _ = rounds
-    assert 9 <= len(slam.map) <= 12
-
-
-def test_a_drive_that_agrees_with_itself_passes_its_check(rounds):
+def test_a_drive_that_agrees_with_itself_passes_its_check_and_has_each_wall_once(rounds):
     check = rounds[0].self_check()
     assert check.key_scans_compared > 10
-    assert check.passed and check.violation < 0.02
-    assert check.sentences() == []
+    assert check.passed and check.violation < 0.02 and check.sentences() == []
+    assert 9 <= len(rounds[0].map) <= 12
 
 
 def test_a_map_that_contradicts_itself_is_reported(rounds):
     slam = rounds[0]
-    keys, poses, driven = slam._closer.keys, slam._key_poses.copy(), slam._closer.driven
+    keys, poses, driven = slam.closer.keys, slam.key_poses.copy(), slam.closer.driven
     poses[len(poses) // 2 :, 1] += 1.5
     check = self_check(keys, poses, driven, 0.0)
     assert not check.passed

@@ -1,23 +1,20 @@
-"""Environments of Gymnasium in which robots drive to goals: many at once, or one with pictures.
+"""Environments of Gymnasium in which robots drive to goals: one, or a thousand at once.
 
-Actions of all robots enter; observations, rewards, and which robots have finished leave. The robots
-are in one world, where each is a separate attempt, or where they see and touch each other.
+``import lrf3d.gym`` registers ``lrf3d/Drive-v0``; then ``gymnasium.make("lrf3d/Drive-v0")`` gives a
+:class:`DriveEnv`, and ``gymnasium.make_vec("lrf3d/Drive-v0", num_envs=1024)`` a
+:class:`DriveVectorEnv`, whose robots' beams are cast together.
 """
 
 from pathlib import Path
 from typing import Any
 
-import gymnasium
 import numpy as np
-from gymnasium import spaces
-from gymnasium.vector import AutoresetMode, VectorEnv
-from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from lrf3d.casting import PlanarCaster
 from lrf3d.casting.crowd import moves_of
 from lrf3d.collision import Body, CollisionChecker, robots_among
-from lrf3d.errors import InputError, shown
+from lrf3d.errors import InputError, missing_extra, shown
 from lrf3d.geometry import Float, Int, is_finite, numbers, wrap_angle
 from lrf3d.laser import LaserScan, ProportionalNoise
 from lrf3d.laser.noise import at_sigma
@@ -30,6 +27,17 @@ from lrf3d.robot.kinematics import arcs
 from lrf3d.run import Run
 from lrf3d.scenario import Scenario, load_scenario
 from lrf3d.sensor import Sensor
+
+try:
+    import gymnasium
+    from gymnasium import spaces
+    from gymnasium.vector import AutoresetMode, VectorEnv
+    from gymnasium.vector.utils import batch_space
+except ModuleNotFoundError:
+    raise missing_extra("environments need Gymnasium", "gym") from None
+
+ID = "lrf3d/Drive-v0"
+"""The identifier of the environment in Gymnasium."""
 
 MAX_STEPS = 500
 """Default number of steps after which an episode is truncated."""
@@ -219,11 +227,9 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         """Measured and true ranges, and walls, (k, beams) each, after REP 117, laser by laser."""
         if self.together:
             self._crowd.hold(moves_of(self._times, self.poses))
-        columns = zip(*(self._scan_of(sensor) for sensor in self._sensors), strict=True)
-        measured, truth, walls = (
-            each[0] if len(each) == 1 else np.hstack(each) for each in columns
-        )
-        return measured, truth, walls
+        parts = [self._scan_of(sensor) for sensor in self._sensors]
+        measured, truth, walls = map(np.hstack, zip(*parts, strict=True))
+        return (measured, truth, walls) if len(parts) > 1 else parts[0]
 
     def _scan_of(self, sensor: Sensor) -> tuple[Float, Float, Int]:
         lrf, rng = sensor.lrf, self.np_random
@@ -358,11 +364,19 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         poses, ranges, truth, walls = (np.array(column) for column in zip(*self._film, strict=True))
         times, scenario = self.robots.dt * np.arange(len(poses)), self.robots.scenario
         obstacles = tuple(obstacle.until(times[-1]) for obstacle in scenario.obstacles)
-        drawn = Trajectory(times, poses), ranges, truth, walls, (), (), obstacles
-        body: dict[str, Any] = {"radius": scenario.radius, "further": scenario.lasers[1:]}
-        run = Run(scenario.world, scenario.lrf, *drawn, **body)
+        path = Trajectory(times, poses)
+        drawn = scenario.world, scenario.lrf, path, ranges, truth, walls, (), (), obstacles
+        run = Run(*drawn, radius=scenario.radius, further=scenario.lasers[1:])
         goal = (*self.robots.goals[0].tolist(), GOAL_RADIUS)
         return frame(run, float(times[-1]), size=self._size, view=self._view, goal=goal)
 
     def _info(self) -> dict[str, Any]:
         return {"pose": self.robots.poses[0].copy(), "goal": self.robots.goals[0].copy()}
+
+
+if ID not in gymnasium.registry:
+    gymnasium.register(
+        ID,
+        entry_point="lrf3d.gym:DriveEnv",
+        vector_entry_point="lrf3d.gym:DriveVectorEnv",
+    )
