@@ -86,7 +86,6 @@ def _moved_map(path: Path, pose: Pose) -> LineMap:
 
 
 def _score_rows(errors: PoseErrors, figures: dict[str, Any]) -> list[tuple[str, str]]:
-    """What most users ask, as a table."""
     trajectory, (matched, count) = figures["trajectory"], errors.matched
     how = "between whose stamps the truth is interpolated" if errors.interpolated else "by stamps"
     absolute, relative = trajectory["ape_m"], trajectory["rpe_m"]
