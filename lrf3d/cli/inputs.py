@@ -17,7 +17,7 @@ from lrf3d.run import Run
 from lrf3d.scenario import Scenario, read_scenario_file, scenario_of
 from lrf3d.world import World
 from lrf3d.world.cameras import check_view
-from lrf3d.world.size import size_problem
+from lrf3d.world.model import size_problem
 from lrf3d.world.toml_file import WorldFile
 
 if TYPE_CHECKING:

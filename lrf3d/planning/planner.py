@@ -21,7 +21,7 @@ from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, SPEED
 from lrf3d.robot.laps import drive_laps
 from lrf3d.robot.unicycle import MOST_POSES, RADIUS
 from lrf3d.world import World
-from lrf3d.world.size import check_size
+from lrf3d.world.model import check_size
 
 INDOOR_SPEED = 1.0
 """Speed indoors [m/s] if none is given: a brisk walk."""
