@@ -8,6 +8,7 @@ from collections import Counter
 from typing import Any, NamedTuple
 
 import numpy as np
+import shapely
 
 from lrf3d.errors import WorldError
 from lrf3d.geometry import LARGEST_COORDINATE, Float
@@ -77,8 +78,6 @@ class Canvas:
 
     def line(self, points: Float, mark: Mark, clip: Any = None, cap: str = "flat") -> None:
         """Paint a line through points (k, 2) [m], with the looks of a mark."""
-        import shapely
-
         self._points += len(points)
         self.count()
         points = points[np.append(True, (points[1:] != points[:-1]).any(axis=1))]
@@ -146,8 +145,6 @@ MOST_BOXES = 20
 
 def area_of(rings: list[Float], winding: bool = False) -> Any:
     """The area in rings (k, 2), by the even-odd rule or by their winding numbers."""
-    import shapely
-
     rings = [ring for ring in rings if len(ring) > 2 and np.isfinite(ring).all()]
     if not rings:
         return shapely.Polygon()
@@ -195,8 +192,6 @@ def _on_paper(marks: list[Mark]) -> list[Mark]:
 
     On dark paper what is light stands out.
     """
-    import shapely
-
     if len(marks) < 2 or marks[0].shape.geom_type != "Polygon":
         return marks
     first, *rest = marks
@@ -209,8 +204,6 @@ def _on_paper(marks: list[Mark]) -> list[Mark]:
 
 def _seen(marks: list[Mark]) -> list[Mark]:
     """What later areas leave of the marks, without what has the colour of the paper."""
-    import shapely
-
     shapes = np.array([mark.shape for mark in marks], dtype=object)
     whole = shapes.copy()
     hiding = np.flatnonzero([mark.opaque and is_area(mark.shape) for mark in marks])

@@ -9,6 +9,9 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import shapely
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import minimum_spanning_tree
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float
@@ -73,8 +76,6 @@ class FloorPlan:
 
     def world(self, name: str) -> World:
         """The world: walls that touch are one object, and so is each box."""
-        import shapely
-
         ends = np.array(self.lines).reshape(-1, 2, 2)
         low, high = ends.min(axis=1) - 0.5 * THICKNESS, ends.max(axis=1) + 0.5 * THICKNESS
         # A grid of a millimetre keeps walls that should meet from missing each other by rounding.
@@ -250,9 +251,6 @@ def maze(size: float, seed: int) -> World:
 
     It is the smallest spanning tree of the grid under random weights (Kruskal 1956).
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import minimum_spanning_tree
-
     count = max(3, int(size / PASSAGE))
     cell = np.arange(count * count).reshape(count, count)
     start = np.concatenate([cell[:, :-1].reshape(-1), cell[:-1].reshape(-1)])

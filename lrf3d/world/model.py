@@ -101,7 +101,9 @@ class World(Value, Pictured):
         _check(long, "wall", "ends", rows, "two different points; remove one")
         numbers = _array(np.zeros(walls) if objects is None else objects, "objects", (walls,))
         whole = (numbers >= 0.0) & (numbers <= MOST_OBJECTS) & (numbers == np.floor(numbers))
-        _check(whole, "wall", "object", numbers, f"whole numbers from 0 to {MOST_OBJECTS}: renumber")
+        _check(
+            whole, "wall", "object", numbers, f"whole numbers from 0 to {MOST_OBJECTS}: renumber"
+        )
         owned = sealed(numbers.astype(np.int64))
         count = int(owned.max(initial=-1)) + 1
         given = np.full(walls, DEFAULT_HEIGHT) if heights is None else heights

@@ -18,6 +18,7 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import numpy as np
+import shapely
 
 from lrf3d.errors import Lrf3dNote, WorldError
 from lrf3d.files import own_name
@@ -157,8 +158,6 @@ def _place(element: Element) -> Place:
 
 def _buildings(extract: _Extract, left_out: Counter[str]) -> Iterator[Feature]:
     """The buildings, in degrees of longitude and latitude; counts those that are left out."""
-    import shapely
-
     nodes, ways = extract.nodes, extract.ways
 
     def areas(members: list[tuple[int, str]], inner: bool) -> Any:
@@ -201,8 +200,6 @@ def _buildings(extract: _Extract, left_out: Counter[str]) -> Iterator[Feature]:
 
 def _with_parts(found: list[tuple[Tags, Any]]) -> Iterator[tuple[Tags, Any]]:
     """Buildings and their parts; a part takes its place from the building around it."""
-    import shapely
-
     parts = [
         (tags, shapely.make_valid(area))
         for tags, area in found
@@ -225,8 +222,6 @@ def _with_parts(found: list[tuple[Tags, Any]]) -> Iterator[tuple[Tags, Any]]:
 
 
 def _feature(tags: Tags, area: Any) -> Feature:
-    import shapely
-
     parts = shapely.get_parts([area]).tolist()
     address = f"{tags.get('addr:street', '')} {tags.get('addr:housenumber', '')}".strip()
     return Feature(
@@ -281,8 +276,6 @@ def trunk_radius(tags: Tags) -> float:
 
 def trunks(places: Float, tags: list[Tags], buildings: list[Any]) -> list[Feature]:
     """The trunks of trees at places (k, 2) [m] that stand free of buildings and of each other."""
-    import shapely
-
     radii, points = np.array([trunk_radius(each) for each in tags]), shapely.points(places)
     # Maps are not as exact as a decimetre, and what touches a wall would be a part of it.
     houses = shapely.STRtree(shapely.make_valid(np.array(buildings)))

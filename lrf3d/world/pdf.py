@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import shapely
 
 from lrf3d.errors import WorldError, missing_extra
 from lrf3d.geometry import Float
@@ -35,8 +36,6 @@ def draw(
     path: Path, scale: float, page: int = 1, threshold: float | None = None
 ) -> "Canvas | Plan":
     """The marks of a page of a PDF file, enlarged by a scale, or the plan of a scanned one."""
-    import shapely
-
     try:
         import pypdf
         import pypdfium2

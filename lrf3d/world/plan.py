@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 from unicodedata import combining, normalize
 
 import numpy as np
+import shapely
 
 from lrf3d.errors import Lrf3dNote, WorldError
 from lrf3d.geometry import Bool, Float, lengths
@@ -141,8 +142,6 @@ class Plan(NamedTuple):
 
     def rooms(self) -> list[tuple[float, Float]]:
         """Areas [m²] of the rooms between walls and closed doors, and points (2,) in them."""
-        import shapely
-
         walls = self.segments[self.heights > FURNITURE_HEIGHT].reshape(-1, 2, 2)
         # Openings are measured along the arc of a leaf, and end near their walls.
         ends = np.array([door.opening for door in self.doors]).reshape(-1, 2, 2)
@@ -208,8 +207,6 @@ SYMBOLS: dict[str, Callable[[Float], Bool]] = {
 
 def plan_of(drawing: Drawing, layers: Sequence[str] = (), without: Sequence[str] = ()) -> Plan:
     """Decide what of a drawing stands; of some layers alone, or without some, by patterns."""
-    import shapely
-
     marks = drawing.marks
     roles = _without_floors(marks, _roles(marks, layers, without))
     solids = _solids(marks, roles)
@@ -276,8 +273,6 @@ def _fits(name: tuple[str, tuple[str, ...]], patterns: Sequence[str]) -> bool:
 
 def _without_floors(marks: list[Mark], roles: list[str]) -> list[str]:
     """The roles, where areas that are floors are said to be that: thick, and pale or drawn on."""
-    import shapely
-
     shapes = [mark.shape for mark in marks]
     tree, roles = shapely.STRtree(shapes), list(roles)
     for number, (mark, role) in enumerate(zip(marks, roles, strict=True)):
@@ -292,8 +287,6 @@ def _without_floors(marks: list[Mark], roles: list[str]) -> list[str]:
 
 def _solids(marks: list[Mark], roles: list[str]) -> list[tuple[Any, str]]:
     """The areas that stand, joined where they touch, each with its role."""
-    import shapely
-
     solids = list[tuple[Any, str]]()
     areas = [(mark.shape, r) for mark, r in zip(marks, roles, strict=True) if is_area(mark.shape)]
     for name, group in (("wall", ("wall", "window", "other")), ("furniture", ("furniture",))):
@@ -310,8 +303,6 @@ def _solids(marks: list[Mark], roles: list[str]) -> list[tuple[Any, str]]:
 
 def _segments(pieces: list[tuple[Any, str]]) -> tuple[Float, Any, Any]:
     """The segments (n, 4) of geometries, the number of the line and the role (n,) of each."""
-    import shapely
-
     shapes = [shape.boundary if is_area(shape) else shape for shape, _ in pieces]
     lines, piece = shapely.get_parts(shapes, return_index=True)
     points, line = shapely.get_coordinates(lines, return_index=True)

@@ -3,6 +3,8 @@
 from typing import Any, NamedTuple
 
 import numpy as np
+import shapely
+from scipy.spatial import cKDTree
 
 from lrf3d.geometry import Bool, Float, Int, directions, lengths
 from lrf3d.world.pieces import connected, groups
@@ -58,9 +60,6 @@ def find_doors(segments: Float, line: Int, free: Bool) -> tuple[list[Door], Bool
 
     Consecutive segments of the same line (n,) are joined; those that are not free are no door's.
     """
-    import shapely
-    from scipy.spatial import cKDTree
-
     part = np.zeros(len(segments), dtype=bool)
     arcs = [arc for arc in _arcs(segments, line) if free[arc[0]].all()][:MOST_DOORS]
     if not arcs:
@@ -98,9 +97,6 @@ def find_leaves(segments: Float, line: Int, free: Bool) -> tuple[list[Door], Boo
     A leaf is a line for itself, from the corner of a wall with two faces into a room; as long as
     the gap from there to the corner where the face of the wall goes on.
     """
-    import shapely
-    from scipy.spatial import cKDTree
-
     doors, found, long = list[Door](), np.zeros(len(segments), dtype=bool), lengths(segments)
     alone = np.bincount(line, minlength=1)[line] == 1 if len(line) else found
     leaves = np.flatnonzero(free & alone & (long > WIDTHS[0]) & (long < WIDTHS[1]))
@@ -189,8 +185,6 @@ def is_lettering(parts: Parts) -> Bool:
     Columns and chairs in a row are all alike, dashes have no width: both are no letters. Titles
     have large letters, all of one height.
     """
-    import shapely
-
     text = np.zeros(len(parts.low), dtype=bool)
     size = parts.sides.max(axis=1)
     # A drawing of the size of its paper shows nothing larger.
@@ -254,8 +248,6 @@ def is_frame(segments: Float) -> Bool:
 
 def _largest(segments: Float) -> Any:
     """The largest area that is enclosed by segments (n, 4), or nearly so, with a rim of 0.6 m."""
-    import shapely
-
     lines = shapely.linestrings(segments.reshape(-1, 2, 2))
     whole = shapely.get_parts(shapely.union_all(shapely.buffer(lines, MARGIN, quad_segs=1)))
     areas = shapely.polygons(shapely.get_exterior_ring(whole))
@@ -264,8 +256,6 @@ def _largest(segments: Float) -> Any:
 
 def is_pattern(segments: Float) -> Bool:
     """Which segments (n, 4) are of six or more parallels at one distance: tiles or hatching."""
-    import shapely
-
     found = np.zeros(len(segments), dtype=bool)
     if len(segments) < MOST_ALIKE:
         return found
@@ -296,8 +286,6 @@ def is_pattern(segments: Float) -> Bool:
 
 def is_aside(parts: Parts) -> Bool:
     """Which parts lie beside the plan and enclose nothing, such as a north arrow."""
-    import shapely
-
     count = len(parts.low)
     if not count:
         return np.zeros(0, dtype=bool)
