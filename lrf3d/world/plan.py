@@ -29,7 +29,6 @@ from lrf3d.world.pieces import TOUCHING, world_of_walls
 from lrf3d.world.symbols import (
     LEAST_ROOM,
     Door,
-    Parts,
     find_doors,
     find_leaves,
     is_aside,
@@ -199,8 +198,8 @@ def read_drawing(
 SYMBOLS: dict[str, Callable[[Float], Bool]] = {
     "frame line": is_frame,
     "pattern line": is_pattern,
-    "outside line": lambda segments: is_aside(parts := Parts(segments))[parts.number],
-    "letter stroke": lambda segments: is_lettering(parts := Parts(segments))[parts.number],
+    "outside line": is_aside,
+    "letter stroke": is_lettering,
 }
 """What is no wall where no layer says so, by what the note calls it."""
 
