@@ -106,8 +106,9 @@ def _rows(cells: Bool) -> Float:
 
 
 def contrast_of(colours: Any) -> tuple[Single, Single, Int]:
-    """Differences (rows, columns) from the paper, from 0 to 1: the largest of a channel's, and
-    that of the lightness; and numbers of the colours.
+    """Differences (rows, columns) from the paper, of a channel and of lightness; the colours.
+
+    They are from 0 to 1, the first the largest of a channel; colours are numbered.
     """
     # Sixteen steps of each channel: the noise of a scan is one colour.
     red, green, blue = (colours[..., channel].astype(np.uint16) >> 4 for channel in range(3))
