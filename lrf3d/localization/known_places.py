@@ -7,7 +7,6 @@ met the walls of the map, and passed through no others, leave.
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -17,46 +16,42 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.planning.free_space import free_places
 from lrf3d.pose import between, compose
 from lrf3d.run import Run
-from lrf3d.slam.scan_matching import Match, match_scan
-from lrf3d.slam.search import CELL, FREE, Field, field_of, window_scores
-from lrf3d.slam.sight import Sight
-from lrf3d.slam.surface import wall_map
-from lrf3d.slam.views import Key, evidence, same_place
+from lrf3d.slam.front_end import KEY_DISTANCE, KEY_TURN
+from lrf3d.slam.key_scans import Key, Sight, same_place
+from lrf3d.slam.motion import size_of
+from lrf3d.slam.search import (
+    CELL,
+    FREE,
+    LOOSE,
+    Field,
+    Place,
+    Submap,
+    field_of,
+    thin,
+    window_scores,
+)
 from lrf3d.world import World
-
-APART, TURNED = 0.5, 0.5
-"""Scans of a run are key scans after this distance [m] or turn [rad]."""
 
 SPACING, BEAMS, REACH = 1.0, 720, 30.0
 """Distance of the scans that are cast in a world [m], their beams, and their range [m]."""
 
 MOST_SCANS, MOST_CELLS = 3000, 80_000
-"""Scans that are cast, and cells that are searched, at most: in a town both lie farther apart."""
+"""Most scans that are cast, and cells that are searched: in a town both lie farther apart."""
 
 ROOM = 0.25
 """Distance from walls at which a robot may be [m]."""
 
-STRIDE, STEP, POINTS = 2, 0.04, 60
-"""The search takes every second cell each way, steps of the heading [rad], and points of a scan."""
+STRIDE, STEP = 2, 0.04
+"""Stride of the search in cells, and step of its headings [rad]."""
 
 PEAKS, NEXT, NEXT_TURN = 80, 0.7, 0.25
-"""Poses that are matched, at most, and how far apart [m], [rad] they lie at least."""
+"""Most poses that are matched, and their least distance [m] or turn [rad] from each other."""
 
 PARTS, MOST_PEAKS = 16, 600
 """Parts of the headings that are searched one after another, and poses kept of each."""
 
 AROUND = 6
 """Key scans that a place is judged by, the nearest."""
-
-GUESS = np.diag([4.0, 4.0, 25.0])
-"""Information of a pose of the search, which is off by half a step."""
-
-
-class Candidate(NamedTuple):
-    """A pose (3,) where a scan may have been taken, with its match and what speaks for it."""
-
-    match: Match
-    evidence: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,8 +68,8 @@ class KnownPlaces:
         """The map that the scans of a run show at its poses, which may be estimated ones."""
         poses, chosen = run.trajectory.poses, [0]
         for number in range(1, len(run)):
-            x, y, turn = np.abs(between(poses[chosen[-1]], poses[number]))
-            if np.hypot(x, y) >= APART or turn >= TURNED:
+            length, turn = size_of(between(poses[chosen[-1]], poses[number]))
+            if length >= KEY_DISTANCE or turn >= KEY_TURN:
                 chosen.append(number)
         sight = Sight()
         keys = [sight.seen(run.scans_at(number), number) for number in chosen]
@@ -106,11 +101,11 @@ class KnownPlaces:
         rows, columns = np.nonzero(cells[::stride, ::stride])
         return np.ascontiguousarray(stride * np.column_stack([columns, rows]))
 
-    def search(self, scan: Key) -> list[Candidate]:
+    def search(self, scan: Key) -> list[Place]:
         """The places of the whole map where a scan fits, the best first."""
         peaks = self._peaks(scan) if len(self._free) else []
-        found: list[Candidate] = []
-        for candidate in (self.judged(scan, peak, GUESS) for peak in peaks):
+        found: list[Place] = []
+        for candidate in (self.judged(scan, peak, LOOSE) for peak in peaks):
             if candidate and not any(
                 same_place(candidate.match.pose, other.match.pose) for other in found
             ):
@@ -119,23 +114,23 @@ class KnownPlaces:
 
     def _peaks(self, scan: Key) -> list[Float]:
         """The poses (3,) at which the hits of a scan meet most walls."""
-        points = np.ascontiguousarray(scan.hits[:: 1 + len(scan.hits) // POINTS])
-        corner, cells = self._field.corner + 0.5 * CELL, self._free
-        parts = []
+        field, cells = self._field, self._free
+        centre = np.array([field.left + 0.5 * CELL, field.low + 0.5 * CELL, 0.0])
+        parts, scored = [], []
         for headings in np.array_split(np.arange(-np.pi, np.pi, STEP), PARTS):
-            centre = np.array([*corner, 0.0])
-            scores = window_scores(points, self._field, centre, cells, headings)
+            scores = window_scores(thin(scan.hits), field, centre, cells, headings)
             most = min(MOST_PEAKS, scores.size)
             best = np.argpartition(scores, scores.size - most, axis=None)[-most:]
             a, s = np.unravel_index(best, scores.shape)
-            parts.append(np.column_stack([scores[a, s], corner + CELL * cells[s], headings[a]]))
-        ranked = np.concatenate(parts)
-        ranked = ranked[np.argsort(-ranked[:, 0], kind="stable"), 1:]
+            scored.append(scores[a, s])
+            parts.append(np.column_stack([centre[:2] + CELL * cells[s], headings[a]]))
+        ranked = np.concatenate(parts)[np.argsort(-np.concatenate(scored), kind="stable")]
         peaks: list[Float] = []
         while len(ranked) and len(peaks) < PEAKS:
-            peaks.append(ranked[0])
-            off = np.abs(between(ranked[0], ranked))
-            ranked = ranked[(np.hypot(off[:, 0], off[:, 1]) > NEXT) | (off[:, 2] > NEXT_TURN)]
+            peak, *_ = ranked
+            peaks.append(peak)
+            x, y, turn = np.abs(between(peak, ranked)).T
+            ranked = ranked[(np.hypot(x, y) > NEXT) | (turn > NEXT_TURN)]
         return peaks
 
     @cached_property
@@ -149,21 +144,15 @@ class KnownPlaces:
         apart = np.abs(self._seen - [*pose[:2], *_middle(scan, pose)]).sum(axis=1)
         return np.argsort(apart, kind="stable")[:AROUND]
 
-    def judged(self, scan: Key, guess: Float, prior: Float) -> Candidate | None:
-        """The place near a guess (3,) where a scan fits, and what speaks for it."""
+    def judged(self, scan: Key, guess: Float, prior: Float) -> Place | None:
+        """The place near a guess (3,) where a scan fits, and the evidence for it."""
         near = self.around(scan, guess)
-        keys = [self.keys[k] for k in near.tolist()]
-        grid = wall_map((key.walls, pose) for key, pose in zip(keys, self.poses[near], strict=True))
-        if grid is None or not len(scan.surface):
-            return None
-        match = match_scan(scan.surface, grid, guess, prior)
-        if not np.isfinite(match.pose).all():
-            return None
-        seen_from = between(self.poses[near], match.pose)
-        return Candidate(match, evidence(scan.hits, match.explained, seen_from, keys))
+        around = Submap([self.keys[k] for k in near.tolist()], self.poses[near])
+        match = around.match(scan, guess, prior)
+        return None if match is None else around.place(scan, match)
 
 
 def _middle(scan: Key, pose: Float) -> Float:
     """The middle (2,) of what a scan from a pose (3,) hit."""
-    middle = scan.hits.mean(axis=0) if len(scan.hits) else np.zeros(2)
-    return compose(pose, np.array([*middle, 0.0]))[:2]
+    x, y = (scan.hits[name].mean() if len(scan.hits) else 0.0 for name in "xy")
+    return compose(pose, np.array([x, y, 0.0]))[:2]
