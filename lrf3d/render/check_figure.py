@@ -13,10 +13,10 @@ from matplotlib.figure import Figure
 
 from lrf3d.geometry import Float
 from lrf3d.render.figures import finished, metre_sheet
+from lrf3d.slam.checks import LATER, SelfCheck
 from lrf3d.slam.closures import Refusal
 from lrf3d.slam.key_scans import Key
 from lrf3d.slam.surface import SURFACE, moved
-from lrf3d.slam.violation import LATER, SelfCheck
 
 NEW, OLD, REFUSED = "#d6361f", "#2f6fb3", "#7a3fb0"
 """Colours of what the stretch saw, of what other passes saw, and of refused closures."""
