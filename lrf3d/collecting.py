@@ -326,7 +326,6 @@ class Recorder:
         )
 
     def _scans(self, given: Any) -> tuple[LaserScan, ...]:
-        """Scans of these lasers, one of each."""
         scans = (given,) if isinstance(given, LaserScan) else given
         scans = tuple(each_of(scans, LaserScan, "recorder: scan"))
         beams = [each.beams for each in self._lasers]

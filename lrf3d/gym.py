@@ -204,7 +204,6 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         return np.hypot(away[:, 0], away[:, 1])
 
     def _place(self, robots: Int) -> None:
-        """Place some robots, each with a new pose and a new goal."""
         rng = self.np_random
         cells = self._cells[rng.integers(len(self._cells), size=(len(robots), CANDIDATES + 1))]
         starts, goals = cells[:, 0], cells[:, 1:]

@@ -173,17 +173,12 @@ def solve_log(
     """
     expect(progress, Callable, "progress")
     known = on if on is None or isinstance(on, Run) else load_run(on)
-    if not isinstance(log, LaserLog):
-        log = load_log(log, poses=odometry_of(log))
-    log = readable(log)
-    log = log.of_laser(log.lasers[0])
-    offset = log.odometry.laser_offset
+    log, recording = followed(log)
+    offset, path = log.odometry.laser_offset, WheelPath(recording.wheels)
+    if not np.ptp(recording.wheels, axis=0).any():
+        # Odometry that never moves is none.
+        log = replace(log, placed=False)
     try:
-        recording = checked(log)
-        if not np.ptp(recording.wheels, axis=0).any():
-            # Odometry that never moves is none.
-            log = replace(log, placed=False)
-        path = WheelPath(recording.wheels)
         recording, turns = _right_handed(recording, path, offset)
     except InputError as error:
         raise InputError(f"{log.name}: {error}") from None
@@ -255,7 +250,19 @@ def readable(log: LaserLog) -> LaserLog:
     return replace(log, scans=scans)
 
 
-def checked(log: LaserLog) -> Recording:
+def followed(log: LaserLog | str | Path) -> tuple[LaserLog, Recording]:
+    """The scans of the first laser of a log, or of its path, and these in order, to be followed."""
+    if not isinstance(log, LaserLog):
+        log = load_log(log, poses=odometry_of(log))
+    log = readable(log)
+    log = log.of_laser(log.lasers[0])
+    try:
+        return log, _checked(log)
+    except InputError as error:
+        raise InputError(f"{log.name}: {error}") from None
+
+
+def _checked(log: LaserLog) -> Recording:
     """A log in order, which is refused where no SLAM can solve it."""
     scans, wheels, times = log.scans, log.odometry.poses, log.odometry.times
     if len(scans) < 2 or not len(wheels):

@@ -1,7 +1,7 @@
 """``lrf3d map``, ``slam`` and ``localise``: logs with known poses, with odometry, and on a map."""
 
 from argparse import Namespace
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from math import radians
 from pathlib import Path
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.cli.console import Report, warn
-from lrf3d.cli.folder import Drawing, results_folder
+from lrf3d.cli.folder import Drawing, ResultsFolder, results_folder
 from lrf3d.cli.inputs import MapAndLog, on_collision, routed
 from lrf3d.degrading import degrade_log
 from lrf3d.errors import InputError
@@ -64,7 +64,11 @@ def map_(log: LaserLog, args: Namespace, report: Report) -> None:
         if score.explained < LEAST_EXPLAINED:
             warn(f"the map explains only {share}: the poses are wrong, or few walls are there")
     rows.append(("time", f"{milliseconds():.2f} ms a scan"))
-    _finish(args, report, run, run, summary, rows, "run {}/map.geojson", {})
+    output = results_folder(report, [args.log], run.world.name, args.out)
+    kept, drawings = _mapped(output, run, run)
+    following = f"lrf3d run {output.path}/map.geojson"
+    files = {"map": "map.geojson"}
+    output.finish(summary, files, drawings, rows=rows, following=following, kept=kept)
 
 
 def slam(log: LaserLog, args: Namespace, report: Report) -> None:
@@ -85,20 +89,25 @@ def slam(log: LaserLog, args: Namespace, report: Report) -> None:
         keys = np.concatenate([both.keys, len(both.run) + keys])
 
     def draw(picture: Path) -> None:
-        from lrf3d.render.check_figure import draw_check
+        from lrf3d.render.figures import draw_check
 
         title = f"{log.name}: where the map contradicts itself"
         draw_check(*solved.key_scans, solved.check, solved.refused, title, picture)
 
-    _finish(
-        args, report, run, run.part(keys), summary, _slam_rows(solved, summary),
-        "view {}",
-        {
-            "run.npz": lambda path: save_run(run, path),
-            "trajectory.tum": lambda path: save_tum(log.odometry.times, solved.line_poses, path),
-        },
-        {"check picture": ("check.png", draw)} if solved.tried else {},
-    )  # fmt: skip
+    output = results_folder(report, [args.log], run.world.name, args.out)
+    kept, drawings = _mapped(output, run, run.part(keys))
+    save_run(run, output.path / "run.npz")
+    save_tum(log.odometry.times, solved.line_poses, output.path / "trajectory.tum")
+    if solved.tried:
+        drawings["check picture"] = "check.png", draw
+    output.finish(
+        summary,
+        {"map": "map.geojson", "run": "run.npz", "trajectory": "trajectory.tum"},
+        drawings,
+        rows=_slam_rows(solved, summary),
+        following=f"lrf3d view {output.path}",
+        kept=kept,
+    )
 
 
 def localise(source: Scenario | MapAndLog, args: Namespace, report: Report) -> None:
@@ -132,7 +141,6 @@ def localise(source: Scenario | MapAndLog, args: Namespace, report: Report) -> N
 
 
 def _localise_recorded(known: Run | World, log: LaserLog, args: Namespace, report: Report) -> None:
-    """Find a recorded drive on a map."""
     with report.progress("scans") as progress:
         progress, milliseconds = timed(progress)
         found = localise_log(known, log, progress=progress)
@@ -222,18 +230,8 @@ def timed(progress: Progress) -> tuple[Progress, Callable[[], float]]:
     return note, lambda: 1e3 * (stamps[-1] - stamps[0]) / max(len(stamps) - 1, 1)
 
 
-def _finish(
-    args: Namespace,
-    report: Report,
-    run: Run,
-    mapped: Run,
-    summary: dict[str, Any],
-    rows: list[tuple[str, str]],
-    following: str,
-    files: Mapping[str, Callable[[Path], None]],
-    drawings: Mapping[str, Drawing] | None = None,
-) -> None:
-    """Write the map of a run, which a part of it made, and other results, and print them."""
+def _mapped(output: ResultsFolder, run: Run, mapped: Run) -> tuple[str, dict[str, Drawing]]:
+    """Write the map of a run, which a part of it made; where it is, and its picture."""
 
     def draw(picture: Path) -> None:
         from lrf3d.render.figures import draw_map
@@ -243,18 +241,8 @@ def _finish(
             poses=run.trajectory.poses, estimate=run.estimate, title=run.world.name,
         )  # fmt: skip
 
-    output = results_folder(report, [args.log], run.world.name, args.out)
     save_map(run.map, output.path / "map.geojson", free=mapped.free_cells())
-    for name, save in files.items():
-        save(output.path / name)
-    output.finish(
-        summary,
-        {"map": "map.geojson", **{name.split(".")[0]: name for name in files}},
-        {"map picture": ("map.png", draw), **(drawings or {})},
-        rows=rows,
-        following=f"lrf3d {following.format(output.path)}",
-        kept=f"{output.path / 'map.geojson'} holds the map",
-    )
+    return f"{output.path / 'map.geojson'} holds the map", {"map picture": ("map.png", draw)}
 
 
 def log_rows(log: LaserLog, poses: str = "") -> list[tuple[str, str]]:
@@ -276,7 +264,6 @@ def log_rows(log: LaserLog, poses: str = "") -> list[tuple[str, str]]:
 
 
 def _slam_rows(solved: SolvedLog, summary: dict[str, Any]) -> list[tuple[str, str]]:
-    """What most users ask of a solved log, as a table."""
     found, poses = summary["slam"], counted(summary["log"]["odometry_lines"], "pose")
     rows = log_rows(solved.log, f", {poses} by odometry" if solved.log.placed else "")
     if not solved.log.placed:

@@ -78,7 +78,6 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _parser(name: str) -> tuple[argparse.ArgumentParser, list[Option]]:
-    """The parser of a command, and its options."""
     parts = [*lists(name)]
     options = [option for _, found in parts for option in found]
     arguments = [option.names[0] for option in options if option.names[0][0] != "-"]
@@ -115,7 +114,6 @@ def _without_command(words: Sequence[str]) -> NoReturn:
 
 
 def _add(group: Any, option: Option) -> None:
-    """Let a parser take an option."""
     names, value, default, text = option
     name = names[-1].strip("-[].").split("|")[-1].replace("-", "_").lower()
     name = f"{name}_" if iskeyword(name) else name

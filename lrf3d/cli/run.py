@@ -28,7 +28,7 @@ from lrf3d.render.figures import draw_map, draw_noise_levels, draw_world
 from lrf3d.run import Run
 from lrf3d.scenario import Scenario
 from lrf3d.scoring import seen_share
-from lrf3d.scoring.summary import drawn_part, judged_part, summarise
+from lrf3d.scoring.map_score import drawn_part, judged_part, summarise
 from lrf3d.simulation import Simulation, update_mapper
 from lrf3d.slam.simulated import SlamMapper
 from lrf3d.text import counted
@@ -114,7 +114,6 @@ def _map_files(
 
 
 def _pictures(run: Run, scenario: Scenario, args: Namespace, report: Report) -> dict[str, Drawing]:
-    """The picture of the world, and the film of a run."""
     shown, route, poses = drawn_part(run), scenario.route, scenario.poses
     pictures: dict[str, Drawing] = {
         "world picture": (
@@ -150,7 +149,6 @@ def _figures(main: Simulation, run: Run, folder: Path) -> dict[str, Any]:
 
 
 def _rows(runs: Sequence[Run], summary: dict[str, Any]) -> list[tuple[str, str]]:
-    """What most users ask of the runs, as a table."""
     run, drive, score = runs[0], summary["drive"], summary["score"]
     scans = f"{counted(drive['scans'], 'scan')} of {counted(run.ranges.shape[1], 'beam')}"
     rows = [("drive", f"{drive['length_m']:.1f} m in {drive['duration_s']:.1f} s, {scans}")]
@@ -234,7 +232,6 @@ def _run_fleet(
 
 
 def _check_fleet(scenario: Scenario, own: dict[str, Any], args: Namespace) -> None:
-    """Refuse what several robots cannot do."""
     for given, what in (
         ("controller" in own, "--controller: give lrf3d.simulate_fleet its controllers"),
         (args.resume, "--resume: runs of several robots are written when they end"),
@@ -273,7 +270,6 @@ def _drives(scenario: Scenario, args: Namespace) -> list[Any]:
 
 
 def _fleet_row(run: Run, figures: dict[str, Any]) -> str:
-    """What most users ask of the run of a robot."""
     drive = figures["drive"]
     text = f"{drive['length_m']:.1f} m in {drive['duration_s']:.1f} s,"
     text += f" {counted(drive['scans'], 'scan')}"

@@ -20,8 +20,8 @@ from lrf3d.render.figures import draw_map
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.run import Run
 from lrf3d.scoring import score_map, visible_walls
-from lrf3d.scoring.pose_errors import PoseErrors, pose_errors
-from lrf3d.scoring.summary import drawn_part, judged_part
+from lrf3d.scoring.map_score import drawn_part, judged_part
+from lrf3d.scoring.trajectory_score import PoseErrors, pose_errors
 from lrf3d.world import World, load_world
 from lrf3d.world.pieces import joined_objects
 
@@ -86,7 +86,6 @@ def _moved_map(path: Path, pose: Pose) -> LineMap:
 
 
 def _score_rows(errors: PoseErrors, figures: dict[str, Any]) -> list[tuple[str, str]]:
-    """What most users ask, as a table."""
     trajectory, (matched, count) = figures["trajectory"], errors.matched
     how = "between whose stamps the truth is interpolated" if errors.interpolated else "by stamps"
     absolute, relative = trajectory["ape_m"], trajectory["rpe_m"]

@@ -44,7 +44,6 @@ def show(scenario: Scenario | None, args: Namespace, report: Report) -> None:
 
 
 def _plan_rows(plan: Plan) -> list[tuple[str, str]]:
-    """What a drawing was taken for."""
     layers = [
         ("layer" if number == 0 else "", f"{name or '(none)'}  {length:.1f} m: {roles}")
         for number, (name, length, roles) in enumerate(plan.layers)

@@ -70,7 +70,6 @@ def _function(function: Any, functions: list[Any]) -> Any:
 
 
 def _names(code: CodeType) -> Set[str]:
-    """All names of globals and of attributes in a function's code."""
     inner = (_names(part) for part in code.co_consts if isinstance(part, CodeType))
     return set(code.co_names).union(*inner)
 

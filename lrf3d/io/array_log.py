@@ -136,8 +136,7 @@ def records(intake: Intake) -> dict[str, Float]:
 
 def _stacked(parts: list[Float]) -> Float:
     """Values of records, one below the other; what shorter ones lack is −inf."""
-    widest = max((part.shape for part in parts), key=len)
-    if len(widest) != 1:
+    if max(part.ndim for part in parts) != 1:
         return np.array(parts) if len({part.shape for part in parts}) == 1 else np.empty(0)
     stacked = np.full((len(parts), max(map(len, parts))), -np.inf)
     for row, part in zip(stacked, parts, strict=True):

@@ -131,7 +131,6 @@ def _is_simulated(run: Run) -> bool:
 
 
 def _messages(run: Run, path: Path, mapped: bool) -> Iterator[tuple[str, Stamp, Fields]]:
-    """The messages of a run in the order of time: topic, stamp and fields."""
     times = run.trajectory.times
     steps = np.diff(times, append=times[-1])
     # The last scan is as far from a next one as the others are.
@@ -186,7 +185,6 @@ def made(store: Any, kind: str, fields: Mapping[str, Any]) -> Any:
 
 
 def _value(store: Any, shape: Any, form: Any, given: Any) -> Any:
-    """The value of a field: a number, a message, or an array of either."""
     if shape.name == "NAME":
         return made(store, form, given or {})
     if shape.name == "BASE":
@@ -204,16 +202,7 @@ def _latched(topic: str) -> list[Any]:
 
     if topic not in (STATIC_FRAMES, GRID, LINES):
         return []
+    kept, reliable = ros.QosHistory.KEEP_LAST, ros.QosReliability.RELIABLE
+    local, alive = ros.QosDurability.TRANSIENT_LOCAL, ros.QosLiveliness.AUTOMATIC
     for_ever = ros.QosTime(9223372036, 854775807)
-    latched = ros.Qos(
-        ros.QosHistory.KEEP_LAST,
-        depth=1,
-        reliability=ros.QosReliability.RELIABLE,
-        durability=ros.QosDurability.TRANSIENT_LOCAL,
-        deadline=for_ever,
-        lifespan=for_ever,
-        liveliness=ros.QosLiveliness.AUTOMATIC,
-        liveliness_lease_duration=for_ever,
-        avoid_ros_namespace_conventions=False,
-    )
-    return [latched]
+    return [ros.Qos(kept, 1, reliable, local, for_ever, for_ever, alive, for_ever, False)]

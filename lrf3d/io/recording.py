@@ -259,7 +259,6 @@ def _is_of(path: Path, fingerprint: str) -> bool:
 
 
 def _rng_state(rng: np.random.Generator) -> bytes:
-    """The state of a random generator as JSON."""
     try:
         state = json.dumps(rng.bit_generator.state).encode()
     except TypeError:
@@ -273,7 +272,6 @@ def _rng_state(rng: np.random.Generator) -> bytes:
 
 
 def _finished(path: Path, fingerprint: str) -> bool:
-    """Whether a file is the finished run."""
     if not path.exists():
         return False
     try:

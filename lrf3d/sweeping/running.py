@@ -220,7 +220,6 @@ def executor_of(workers: int | None, scheduler: str | None = None) -> Iterator[E
 
 
 def _made(runs: Sequence[PlannedRun], executor: Executor | None) -> Iterator[list[Row]]:
-    """The rows of runs, in their order."""
     if executor is None:
         for run in runs:
             check()

@@ -133,7 +133,6 @@ class SweepTable:
         write_text(path, "\n".join([*text, r"\hline", r"\end{tabular}", ""]))
 
     def _cells(self, sign: str) -> tuple[list[str], list[list[str]]]:
-        """The heading and the lines of the table of means, as text."""
         varied = [name for name, values in self.plan.varied.items() if len(values) > 1]
         shown = list(dict.fromkeys(["world", "mapper", *varied, "sigma_m"]))
         lines = []

@@ -9,17 +9,23 @@ import warnings
 
 import numpy as np
 
+from lrf3d.compiling import record
 from lrf3d.errors import Lrf3dWarning
-from lrf3d.geometry import Float, cross, directions, lengths
+from lrf3d.geometry import Float, Records, cross, directions, lengths
 from lrf3d.laser import LaserScan, RangeNoise
-from lrf3d.mapping.robust.beams import Beams
+from lrf3d.mapping.robust.beams import CELL, Beams
 
-UX, UY, RANGE, FREE, DEVIATION, BRIGHT, REFLECTANCE, FIRST, DIRECT = range(9)
-"""Columns of kept rays: the unit vector of each beam; its range [m], 0 where nothing returned; how
-far it is free at least [m]; the standard deviation of the range [m]; the light of the return as if
-from 1 m, compared with the usual one; how reflective the wall is that it is on, 0 where it is on
-none; how far it goes to the first known glass or mirror [m]; and whether it ended where it went
-to, and no mirror turned it."""
+RAY = record(
+    ux=float, uy=float,  # the unit vector of the beam
+    range=float,  # [m] 0 where nothing returned
+    free=float,  # [m] how far it is free at least
+    deviation=float,  # [m] the standard deviation of the range
+    bright=float,  # the light of the return as if from 1 m, compared with the usual one
+    reflectance=float,  # how reflective the wall is that it is on, 0 where it is on none
+    first=float,  # [m] how far it goes to the first known glass or mirror
+    direct=float,  # 1 if it ended where it went to, and no mirror turned it
+)  # fmt: skip
+"""A beam of a kept scan."""
 
 MOST_SCANS = 160
 """[scans] So many are kept: of a drive at least the last 80 m. What mirrors showed before stays."""
@@ -30,9 +36,6 @@ LEAST_WAY, LEAST_TURN = 0.5, 0.5
 USUAL_SHARE = 0.7
 """[share] The usual light of a scan's returns is that which so many have at most: next to a front
 of glass most are dim."""
-
-ON_WALL = 0.1
-"""[m] How far off a wall of the same scan a return of it lies at most."""
 
 WEAKEST_COSINE = 0.1
 """[cosine] Beams at a smaller incidence are left out: the direction of a wall is not that well
@@ -57,20 +60,19 @@ NO_LIGHT = (
 
 
 class LitScans:
-    """The last kept scans: their places (k, 2) [m], and rays (k, n, 9) by rising angle."""
+    """The last kept scans: their places (k, 2) [m], and :data:`RAY` (k, n) by rising angle."""
 
     def __init__(self) -> None:
-        self._places, self._rays = np.zeros((MOST_SCANS, 2)), np.zeros((MOST_SCANS, 9, 0))
+        self._places, self._rays = np.zeros((MOST_SCANS, 2)), np.zeros((MOST_SCANS, 0), RAY)
         self._last, self._usual = np.full(3, np.inf), 0.0
         self._fitting = self._pairs = self._count = 0
         self._warned = False
 
-    def rows(self, newest: bool) -> tuple[Float, Float]:
+    def rows(self, newest: bool) -> tuple[Float, Records]:
         """Places and rays of all kept scans, or of the newest alone."""
         last = (self._count - 1) % MOST_SCANS
         rows = slice(last, last + 1) if newest else slice(0, self._count)
-        # Each column lies together: most rays do not reach what is looked at.
-        return self._places[rows], self._rays[rows].transpose(0, 2, 1)
+        return self._places[rows], self._rays[rows]
 
     def keep(
         self, scan: LaserScan, pose: tuple[float, float, float], noise: RangeNoise, walls: Float
@@ -91,14 +93,15 @@ class LitScans:
             return False
         usual = float(np.log(np.quantile(light[light > 0.0], USUAL_SHARE)))
         self._usual = (self._count * self._usual + usual) / (self._count + 1)
-        more = max(len(light) - self._rays.shape[2], 0)
-        self._rays = np.pad(self._rays, ((0, 0), (0, 0), (0, more))) if more else self._rays
+        more = max(len(light) - self._rays.shape[1], 0)
+        self._rays = np.pad(self._rays, ((0, 0), (0, more))) if more else self._rays
         row = self._count % MOST_SCANS
-        self._places[row], self._rays[row], self._last = pose[:2], 0.0, np.array(pose)
-        rays = self._rays[row, :, : len(light)].T
-        rays[:, : UY + 1], rays[:, RANGE], rays[:, FREE] = units, ranges, np.abs(free)
-        rays[:, DEVIATION] = np.sqrt(noise.variance(ranges))
-        rays[:, BRIGHT] = light / np.exp(self._usual)
+        self._places[row], self._rays[row], self._last = pose[:2], 0, np.array(pose)
+        rays = self._rays[row, : len(light)]
+        rays["ux"], rays["uy"] = units.T
+        rays["range"], rays["free"] = ranges, np.abs(free)
+        rays["deviation"] = np.sqrt(noise.variance(ranges))
+        rays["bright"] = light / np.exp(self._usual)
         self._read_reflectances(rays, light, walls)
         self._count += 1
         are_light = self._fitting >= LEAST_FITTING * self._pairs
@@ -107,22 +110,22 @@ class LitScans:
             warnings.warn(NO_LIGHT, Lrf3dWarning, stacklevel=2)
         return self._pairs >= LEAST_PAIRS and are_light
 
-    def _read_reflectances(self, rays: Float, light: Float, walls: Float) -> None:
-        """Fill in how reflective the walls (w, 4) are that rays (n, 9) end on, and count pairs."""
+    def _read_reflectances(self, rays: Records, light: Float, walls: Float) -> None:
+        """Fill in how reflective the walls (w, 4) are that rays (n,) end on, and count pairs."""
         if not len(walls):
             return
         lit = np.flatnonzero(light)
-        along, units = directions(walls), rays[lit, None, : UY + 1]
-        off = units * rays[lit, None, RANGE : RANGE + 1] - walls[:, :2]
+        along, units = directions(walls), np.column_stack([rays["ux"], rays["uy"]])[lit, None]
+        off = units * rays["range"][lit, None, None] - walls[:, :2]
         station, cosines = (off * along).sum(axis=2), np.abs(cross(along, units))
-        on = (np.abs(cross(along, off)) < ON_WALL) & (cosines > WEAKEST_COSINE)
-        on &= (station > -ON_WALL) & (station < lengths(walls) + ON_WALL)
+        on = (np.abs(cross(along, off)) < CELL) & (cosines > WEAKEST_COSINE)
+        on &= (station > -CELL) & (station < lengths(walls) + CELL)
         there, wall = on.any(axis=1), on.argmax(axis=1)
         lit, wall, cosine = lit[there], wall[there], cosines[there, wall[there]]
-        rays[lit, REFLECTANCE] = light[lit] / cosine
+        rays["reflectance"][lit] = reflectance = light[lit] / cosine
         # Neighbours differ by too little.
         apart = int(APART * len(rays)) + 1
-        expected, found = np.log(cosine / rays[lit, RANGE] ** 2), np.log(rays[lit, REFLECTANCE])
+        expected, found = np.log(cosine / rays["range"][lit] ** 2), np.log(reflectance)
         change = np.abs(expected[apart:] - expected[:-apart])
         compared = (wall[apart:] == wall[:-apart]) & (change > LEAST_CHANGE)
         fits = np.abs(found[apart:] - found[:-apart]) < LARGEST_MISFIT * change

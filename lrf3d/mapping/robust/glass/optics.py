@@ -13,21 +13,26 @@ from dataclasses import replace
 
 import numpy as np
 
+from lrf3d.compiling import record
 from lrf3d.geometry import Bool, Float, cross, directions, lengths
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.mapping.line_map import GLASS, MIRROR, LineMap
-from lrf3d.mapping.robust.cells import Cells, NewEvidence
-from lrf3d.mapping.robust.ground import DEPTH, PATCHES, find_turned, turn_rays
-from lrf3d.mapping.robust.light import BRIGHT, RANGE, UY, LitScans
-from lrf3d.mapping.robust.surfaces import (
+from lrf3d.mapping.robust.cells import FREE_DEPTH, Cells
+from lrf3d.mapping.robust.glass.light import LitScans
+from lrf3d.mapping.robust.glass.surfaces import (
     COUNTS,
     FLASH,
     IS_MIRROR,
+    PATCH,
+    PATCHES,
     PIECE,
     PIECES,
-    count_beams,
+    count_rays,
     find_pieces,
+    find_turned,
+    turn_rays,
 )
+from lrf3d.mapping.robust.walls import Walls
 
 MOST_LINES = 256
 """[lines] So many are kept."""
@@ -60,20 +65,23 @@ ABSORBED = 0.5
 JOINS = 0.4
 """[m] A pane or a mirror is of the object of a wall whose end it reaches so nearly."""
 
-ALL, NEW, LAST = range(3)
-"""Columns of votes: in all, since the line was looked at, and the number of the last one."""
+VOTES = record(
+    total=float, new=float,  # in all, and since the line was looked at
+    last=float,  # the number of the last one
+    kind=int,  # what the line was found to be
+)  # fmt: skip
+"""The votes for a line."""
 
 
 class Optics:
     """What the scans so far have shown of glass and mirrors."""
 
     def __init__(self) -> None:
-        self._scans, self._ground = LitScans(), np.zeros((0, 4))
-        # Of each line: its unit normal, distance and middle, see `count_beams`; its votes; which
-        # of its pieces are glass, or a mirror; and what they are.
-        self._lines, self._votes = np.zeros((MOST_LINES, 4)), np.zeros((MOST_LINES, 3))
+        self._scans, self._ground = LitScans(), np.zeros(0, PATCH)
+        # Of each line: its unit normal, distance and middle, see `count_rays`; its votes; and which
+        # of its pieces are glass, or a mirror.
+        self._lines, self._votes = np.zeros((MOST_LINES, 4)), np.zeros(MOST_LINES, VOTES)
         self._pieces = np.zeros((MOST_LINES, PIECES), np.bool_)
-        self._kinds = np.zeros(MOST_LINES, np.int64)
         self.surfaces = np.zeros((0, 5))
         """Glass and mirrors (s, 5) [m] in the map's frame, and whether each is a mirror."""
 
@@ -95,7 +103,7 @@ class Optics:
 
     def update(
         self, scan: LaserScan, pose: tuple[float, float, float], noise: RangeNoise, walls: Float,
-        segments: Float, cells: Cells, fresh: NewEvidence,
+        segments: Float, cells: Cells, table: Walls,
     ) -> None:  # fmt: skip
         """Learn from a scan, its walls (w, 4) around the laser, and segments (m, 4) of the map.
 
@@ -105,28 +113,27 @@ class Optics:
             return
         missing = len(cells.passes) * PATCHES - len(self._ground)
         if missing > 0:
-            self._ground = np.pad(self._ground, ((0, missing), (0, 0)))
+            self._ground = np.pad(self._ground, (0, missing))
         places, rays = self._scans.rows(newest=True)
-        turn_rays(places, rays, self.surfaces, cells, self._ground, fresh)
-        place, bright = places[0], rays[0, :, BRIGHT]
+        turn_rays(places, rays, self.surfaces, cells, self._ground, table)
+        place, bright = places[0], rays["bright"][0]
         peaks = (bright > FLASH) & (bright > np.roll(bright, 1)) & (bright >= np.roll(bright, -1))
-        normals = -rays[0, peaks, : UY + 1]
-        flashes = np.column_stack([normals, normals @ place - rays[0, peaks, RANGE]])
+        normals = -np.column_stack([rays["ux"][0, peaks], rays["uy"][0, peaks]])
+        flashes = np.column_stack([normals, normals @ place - rays["range"][0, peaks]])
         self._vote(place, image_lines(place, walls + np.tile(place, 2), segments), 1.0)
         self._vote(place, flashes, FLASH_VOTES)
         known = self._pieces.copy()
         places, rays = self._scans.rows(newest=False)
         # The line that waits with most votes, and one that has just flashed.
-        for row in np.argsort(-self._votes[:, NEW], kind="stable")[: 1 + peaks.any()].tolist():
-            if self._votes[row, NEW] >= LEAST_VOTES:
-                self._votes[row, NEW] = 0.0
-                counts = np.zeros((PIECES, len(COUNTS)))
-                count_beams(self._lines[row], places, rays, cells, self._ground, counts)
-                found = find_pieces(counts, known[row], self._kinds[row])
-                self._pieces[row], self._kinds[row] = found
+        for row in np.argsort(-self._votes["new"], kind="stable")[: 1 + peaks.any()].tolist():
+            votes = self._votes[row]
+            if votes.new >= LEAST_VOTES:
+                counts, votes.new = np.zeros(PIECES, COUNTS), 0.0
+                count_rays(self._lines[row], places, rays, cells, self._ground, counts)
+                self._pieces[row], votes.kind = find_pieces(counts, known[row], votes.kind)
         if not np.array_equal(known, self._pieces):
             self.surfaces = self._stretches()
-            turn_rays(places, rays, self.surfaces, cells, self._ground, fresh)
+            turn_rays(places, rays, self.surfaces, cells, self._ground, table)
 
     def _vote(self, place: Float, lines: Float, votes: float) -> None:
         """Let a scan from a place (2,) speak for lines (n, 3), each for that row which is the same.
@@ -137,21 +144,23 @@ class Optics:
         for line, apart in zip(lines, distances, strict=True):
             row, own = int(apart.argmin()), self._lines[apart.argmin()]
             if apart[row] >= NEAR:
-                row = int(np.where(self._kinds, np.inf, self._votes[:, LAST]).argmin())
-                self._votes[row] = 0.0
+                row = int(np.where(self._votes["kind"], np.inf, self._votes["last"]).argmin())
+                self._votes[row] = 0
                 self._lines[row] = *line, line[1] * place[0] - line[0] * place[1]
-            elif self._kinds[row] != IS_MIRROR:
-                own[:3] *= min(self._votes[row, ALL], MOST_VOTES)
+            elif self._votes[row].kind != IS_MIRROR:
+                own[:3] *= min(self._votes[row].total, MOST_VOTES)
                 own[:3] += np.sign(own[:2] @ line[:2]) * line
                 own[:3] /= np.hypot(own[0], own[1])
-            self._votes[row] += 1.0, votes, 0.0
-            self._votes[row, LAST] = self._votes[:, LAST].max() + 1.0
+            known = self._votes[row]
+            known.total += 1.0
+            known.new += votes
+            known.last = self._votes["last"].max() + 1.0
 
     def _stretches(self) -> Float:
         """The stretches (s, 5) [m] of all lines by their pieces, and whether each is a mirror."""
         rows, places = np.nonzero(np.diff(self._pieces, axis=1, prepend=False, append=False))
         rows, ends = rows[::2], places.reshape(-1, 2)
-        mirror = self._kinds[rows] == IS_MIRROR
+        mirror = self._votes["kind"][rows] == IS_MIRROR
         # A pane ends anywhere in the last piece that showed it; at that of a mirror most beams did.
         ends = ends + np.where(mirror, 0.0, 0.5)[:, None] * [1.0, -1.0] - PIECES // 2
         nx, ny, distance, middle = self._lines[rows].T[..., None]
@@ -179,7 +188,7 @@ def image_lines(place: Float, walls: Float, segments: Float) -> Float:
     normals, distances = np.sign(ahead)[:, None] * normals, np.sign(ahead) * distances
     ends = walls[wall].reshape(-1, 2, 2)
     behind = (ends * normals[:, None]).sum(axis=2) - distances[:, None]
-    rows = np.flatnonzero((np.abs(ahead) >= DEPTH) & (behind <= DEPTH).all(axis=1))
+    rows = np.flatnonzero((np.abs(ahead) >= FREE_DEPTH) & (behind <= FREE_DEPTH).all(axis=1))
     wall, real, normals, distances = wall[rows], real[rows], normals[rows], distances[rows]
     images = ends[rows] - 2.0 * behind[rows, :, None] * normals[:, None]
     off, unit = images - segments[real, None, :2], units[real, None]

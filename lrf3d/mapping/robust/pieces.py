@@ -1,4 +1,4 @@
-"""Evidence: which walls the beams hit, and where they violate them by going on behind, compiled.
+"""Pieces: which walls the beams hit, and where they violate them by going on behind.
 
 Enter walls and the cells of all beams; leave, for each piece of a wall, how many beams hit it and
 how many are free-space violations.
@@ -8,29 +8,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lrf3d.compiling import borrower, inner
+from lrf3d.compiling import borrower, inner, record
 from lrf3d.geometry import Float, Int, Records
 from lrf3d.mapping.robust.beams import CELL
 from lrf3d.mapping.robust.cells import (
     HIT_DEVIATIONS,
+    MOST_EXPLAINED,
     SIDE_BITS,
+    WALL_SINE,
     Cells,
-    NewEvidence,
     block_at,
     cell_in,
-)
-from lrf3d.mapping.robust.crossing import (
-    WALL_SINE,
     count_beams,
-    end_of,
-    unit_of,
     ways_across,
 )
 from lrf3d.mapping.robust.extraction import LEAST_INCIDENCE
-from lrf3d.mapping.robust.records import PIECE_COUNTS, PIECE_SUMS
-
-PIECE = 0.1
-"""[m] Length of a piece of a wall, within which its evidence is counted."""
+from lrf3d.mapping.robust.walls import Walls, end_of, unit_of
 
 FOLLOWED = 2.0
 """[m] How far a wall is followed beyond its ends, to what single beams hit."""
@@ -49,34 +42,49 @@ DEEPEST_HIT = 5.0
 """[share] How far a hit may lie from the wall along its beam, as a multiple of how far it may lie
 off: beams that all but run along a wall hit it anywhere."""
 
-WIDEST_BAND = 1.0
-"""[m] How far off a wall noise lets its returns lie at most, however large it is."""
-
 SPREAD_FACTOR = 16.0
 """[share] How many times the variance of the noise returns may be spread across a wall in a cell
 and still be of that wall alone: four standard deviations. At 4 walls of rooms are a fifth nearer to
 the truth, and a map of an office explains 0.1 % less of its returns."""
 
 
-class Claims(NamedTuple):
-    """Clusters (c,) that walls claim which lie so near [m], and the counts (pieces,) of these."""
-
-    fresh: NewEvidence
-    near: float
-    counts: Records
-    clusters: Int
+PIECE = record(
+    hits=float, violations=float,  # [beams] that hit it, and that went through it
+    nearer=float,  # [beams] that would be hits had they not hit another wall more nearly
+    scans=float,  # scans that hit it
+    passes_between=float,  # [beams] that went through between these
+    passes_before=float,  # [beams] that went through before the first, a sum over the hits
+    spell=float,  # [scans] from the first to the last
+    weight=float,  # [1/m²] the weight of its hits
+    along=float, aside=float,  # the weighted sums of their places along the wall and beside it
+    along_along=float, along_aside=float, aside_aside=float,  # and those of their products
+    part=int,  # the part of a wall that it becomes, or −1
+)  # fmt: skip
+"""What the beams did at a piece of a wall, which is as long as a cell."""
 
 
 class Lines(NamedTuple):
-    """The rows (n,) of walls, how far each is followed (n, 4) [m], and its first piece."""
+    """Walls that are followed beyond their ends, in pieces, which claim the clusters near them.
+
+    Args:
+        rows: (n,) the rows of the walls.
+        ends: (n, 4) how far each is followed [m].
+        first: (n + 1,) the first piece of each.
+        pieces: (pieces,) of :data:`PIECE`.
+        near: How far off a wall returns of it may lie beside what noise explains [m].
+        claimed: (≥ clusters,) the clusters that they claim.
+    """
 
     rows: Int
     ends: Float
     first: Int
+    pieces: Records
+    near: float
+    claimed: Int
 
 
 @inner
-def follow(rows: Int, ends: Float) -> Lines:
+def follow(rows: Int, ends: Float, near: float, clusters: int) -> Lines:
     """Walls (rows, 4), those of some rows (n,), followed beyond their ends."""
     count = len(rows)
     followed, first = np.empty((count, 4)), np.zeros(count + 1, np.int64)
@@ -85,60 +93,48 @@ def follow(rows: Int, ends: Float) -> Lines:
         for side in range(4):
             along = FOLLOWED * (ux if side % 2 == 0 else uy)
             followed[k, side] = ends[rows[k], side] + (along if side > 1 else -along)
-        first[k + 1] = first[k] + max(int(np.ceil((length + 2.0 * FOLLOWED) / PIECE)), 1)
-    return Lines(rows, followed, first)
+        first[k + 1] = first[k] + max(int(np.ceil((length + 2.0 * FOLLOWED) / CELL)), 1)
+    pieces = np.zeros(first[count], PIECE)
+    return Lines(rows, followed, first, pieces, near, np.empty(clusters, np.int64))
 
 
 @inner
-def gather_evidence(
-    lines: Lines, cells: Cells, fresh: NewEvidence, near: float
-) -> tuple[Records, Records, Int]:
+def gather_evidence(lines: Lines, cells: Cells, walls: Walls) -> int:
     """Count the hits and the free-space violations of each piece of each line.
 
     A cluster of returns hits the wall that it lies nearest to, and no other; what other walls lose
-    to these is new evidence of them.
-
-    Returns:
-        The :data:`PIECE_COUNTS` and :data:`PIECE_SUMS` of each piece; and the clusters (c, 2) that
-        hit them, each with its piece.
+    to these is new evidence of them. Returns how many clusters are claimed; each has its piece.
     """
-    pieces = lines.first[-1]
-    counts, sums = np.zeros(pieces, PIECE_COUNTS), np.zeros(pieces, PIECE_SUMS)
+    found = 0
     # What belongs to the walls before is free, so that all of it is claimed again.
     for k in range(len(lines.rows)):
-        fresh.walls[lines.rows[k]].version += 1
-    claimed, found = np.empty(cells.counters[0].clusters, np.int64), 0
-    claims = Claims(fresh, near, counts, claimed)
+        walls.rows[lines.rows[k]].version += 1
     for k in range(len(lines.rows)):
-        _count_violations(lines, k, cells, counts)
-        found = _claim(lines, k, cells, claims, found)
-    # What one of these walls has lost to another of them is counted already.
+        _count_violations(lines, k, cells)
+        found = _claim(lines, k, cells, walls, found)
+    places = np.empty(len(walls.rows), np.int64)
     for k in range(len(lines.rows)):
-        fresh.walls[lines.rows[k]].fresh = 0.0
-    places = np.empty(len(fresh.walls), np.int64)
-    for k in range(len(lines.rows)):
+        # What one of these walls has lost to another of them is counted already.
+        walls.rows[lines.rows[k]].fresh = 0.0
         places[lines.rows[k]] = k
-    owned = np.empty((found, 2), np.int64)
     for k in range(found):
-        cluster = cells.clusters[claimed[k]]
-        piece, cluster.piece = cluster.piece - 1, 0
-        owned[k, 0], owned[k, 1] = claimed[k], piece
-        _add_cluster(cluster, lines.ends[places[cluster.owner]], counts[piece], sums[piece])
-    return counts, sums, owned
+        cluster = cells.clusters[lines.claimed[k]]
+        _add_cluster(cluster, lines.ends[places[cluster.owner]], lines.pieces[cluster.piece - 1])
+    return found
 
 
 @borrower
-def _add_cluster(cluster: Any, line: Float, count: Any, total: Any) -> None:
-    """Add a cluster to the counts and the sums of the piece of a line (4,) that it hit."""
+def _add_cluster(cluster: Any, line: Float, piece: Any) -> None:
+    """Add a cluster to the piece of a line (4,) that it hit."""
     ux, uy, _ = unit_of(line)
     hits, weights = cluster.hits, cluster.weight
-    count.hits += hits
-    count.nearer -= hits
-    count.scans += cluster.scans
-    count.passes_between += cluster.passes_between
+    piece.hits += hits
+    piece.nearer -= hits
+    piece.scans += cluster.scans
+    piece.passes_between += cluster.passes_between
     # Of these two, those of a piece are the hits' mean and the longest of its cells.
-    count.passes_before += hits * cluster.passes_before
-    count.spell = max(count.spell, cluster.last_scan - cluster.first_scan + 1.0)
+    piece.passes_before += hits * cluster.passes_before
+    piece.spell = max(piece.spell, cluster.last_scan - cluster.first_scan + 1.0)
     ox, oy = cluster.x - line[0], cluster.y - line[1]
     along, aside = ox * ux + oy * uy, oy * ux - ox * uy
     slope = max(abs(cluster.toward_x * uy - cluster.toward_y * ux), LEAST_INCIDENCE)
@@ -151,18 +147,18 @@ def _add_cluster(cluster: Any, line: Float, count: Any, total: Any) -> None:
     if excess > 0.0:
         factor /= 1.0 + factor * weights * excess
     weight = factor * weights
-    total.weight += weight
-    total.along += weight * along
-    total.aside += weight * aside
-    total.along_along += weight * along * along
-    total.along_along += factor * (xx * ux * ux + 2.0 * xy * ux * uy + yy * uy * uy)
-    total.along_aside += weight * along * aside
-    total.along_aside += factor * ((yy - xx) * ux * uy + xy * (ux * ux - uy * uy))
-    total.aside_aside += weight * aside * aside + factor * across
+    piece.weight += weight
+    piece.along += weight * along
+    piece.aside += weight * aside
+    piece.along_along += weight * along * along
+    piece.along_along += factor * (xx * ux * ux + 2.0 * xy * ux * uy + yy * uy * uy)
+    piece.along_aside += weight * along * aside
+    piece.along_aside += factor * ((yy - xx) * ux * uy + xy * (ux * ux - uy * uy))
+    piece.aside_aside += weight * aside * aside + factor * across
 
 
 @borrower
-def _count_violations(lines: Lines, k: int, cells: Cells, counts: Records) -> None:
+def _count_violations(lines: Lines, k: int, cells: Cells) -> None:
     """Count the beams that went through each piece of a line."""
     x1, y1 = end_of(lines.ends[k], 0)
     ux, uy, length = unit_of(lines.ends[k])
@@ -178,13 +174,13 @@ def _count_violations(lines: Lines, k: int, cells: Cells, counts: Records) -> No
             at_x, at_y = column >> SIDE_BITS, row >> SIDE_BITS
             block = block_at(cells, column, row)
         beams = count_beams(cells, block, cell_in(column, row), ways, x, y, 0.0)
-        counts[begin + piece].violations = beams * (PIECE / CELL)
+        lines.pieces[begin + piece].violations = beams
 
 
 @borrower
-def _claim(lines: Lines, k: int, cells: Cells, claims: Claims, found: int) -> int:
+def _claim(lines: Lines, k: int, cells: Cells, walls: Walls, found: int) -> int:
     """Claim the clusters that lie nearest to a line; how many are claimed by now."""
-    band = claims.near + min(HIT_DEVIATIONS * cells.counters[0].widest, WIDEST_BAND)
+    band = lines.near + min(HIT_DEVIATIONS * cells.counters[0].widest, MOST_EXPLAINED)
     (x1, y1), (x2, y2) = end_of(lines.ends[k], 0), end_of(lines.ends[k], 1)
     ux, uy, _ = unit_of(lines.ends[k])
     steep = abs(uy) > abs(ux)
@@ -206,17 +202,18 @@ def _claim(lines: Lines, k: int, cells: Cells, claims: Claims, found: int) -> in
                 block = block_at(cells, cx, cy)
             cluster = cells.heads[block, cell_in(cx, cy)]
             while cluster > 0:
-                found = _claim_one(lines, k, cells, cluster, claims, band, found)
+                found = _claim_one(lines, k, cells, cluster, walls, band, found)
                 cluster = cells.clusters[cluster].next
     return found
 
 
 @borrower
 def _claim_one(
-    lines: Lines, k: int, cells: Cells, place: int, claims: Claims, band: float, found: int
-) -> int:
+    lines: Lines, k: int, cells: Cells, place: int, walls: Walls, band: float,
+    found: int,
+) -> int:  # fmt: skip
     """Claim a cluster if it may be of a line and lies nearer to it than to what it is of."""
-    cluster, ends, walls = cells.clusters[place], lines.ends[k], claims.fresh.walls
+    cluster, ends, rows = cells.clusters[place], lines.ends[k], walls.rows
     ux, uy, length = unit_of(ends)
     ox, oy = cluster.x - ends[0], cluster.y - ends[1]
     along, away = ox * ux + oy * uy, abs(oy * ux - ox * uy)
@@ -224,7 +221,7 @@ def _claim_one(
         return found
     incidence = cluster.toward_x * uy - cluster.toward_y * ux
     slope, hits = abs(incidence), cluster.hits
-    off = claims.near + HIT_DEVIATIONS * np.sqrt(hits / cluster.weight) * slope
+    off = lines.near + HIT_DEVIATIONS * np.sqrt(hits / cluster.weight) * slope
     # What continues a wall lies on its line, and takes what no wall has.
     continues = along < FOLLOWED - ROUNDING or along > length - FOLLOWED + ROUNDING
     allowed = CONTINUATION_STRICTNESS * off if continues else off
@@ -232,21 +229,21 @@ def _claim_one(
         return found
     pieces = lines.first[k + 1] - lines.first[k]
     piece = lines.first[k] + min(int(along / length * pieces), pieces - 1)
-    claims.counts[piece].nearer += hits
+    lines.pieces[piece].nearer += hits
     if continues:
         away += CONTINUATION_PENALTY * off
     # A wall seen from its back does not end a beam.
     if incidence < 0.0:
         away += off
-    if walls[cluster.owner].version == cluster.owner_version:
+    if rows[cluster.owner].version == cluster.owner_version:
         if away >= cluster.distance:
             return found
-        walls[cluster.owner].fresh += hits
+        rows[cluster.owner].fresh += hits
     cluster.owner, cluster.distance = lines.rows[k], away
-    cluster.owner_version = walls[lines.rows[k]].version
+    cluster.owner_version = rows[lines.rows[k]].version
     # Another of these walls may have claimed it before: then it is in the list already.
     if cluster.piece == 0:
-        claims.clusters[found] = place
+        lines.claimed[found] = place
         found += 1
     cluster.piece = piece + 1
     return found
