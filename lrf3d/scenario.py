@@ -19,7 +19,7 @@ from lrf3d.geometry import Float, Value, whole_number
 from lrf3d.interrupts import Progress, silent
 from lrf3d.laser import LaserRangeFinder, Noise, ProportionalNoise
 from lrf3d.laser.noise import SIGMA, as_noise, at_sigma, spread_of
-from lrf3d.planning.free_space import Side
+from lrf3d.planning import Side
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory, follow_route
 from lrf3d.robot.following import (
