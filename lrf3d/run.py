@@ -20,8 +20,8 @@ from lrf3d.lazy import PAINTERS, Pictured
 from lrf3d.mapping import LineMap
 from lrf3d.mapping.tracking import ObjectTracker, numbers_by_truth
 from lrf3d.robot import EstimatedTrajectory, Trajectory
+from lrf3d.robot.kinematics import RADIUS
 from lrf3d.robot.odometry import ImuRecord
-from lrf3d.robot.unicycle import RADIUS
 from lrf3d.world import World
 from lrf3d.world.cameras import USUAL_FILM, FilmPlan
 from lrf3d.world.free_cells import FreeCells

@@ -89,7 +89,7 @@ def slam(log: LaserLog, args: Namespace, report: Report) -> None:
         keys = np.concatenate([both.keys, len(both.run) + keys])
 
     def draw(picture: Path) -> None:
-        from lrf3d.render.check_figure import draw_check
+        from lrf3d.render.figures import draw_check
 
         title = f"{log.name}: where the map contradicts itself"
         draw_check(*solved.key_scans, solved.check, solved.refused, title, picture)

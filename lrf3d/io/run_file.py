@@ -29,8 +29,8 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.laser.scan import LIGHT
 from lrf3d.mapping import LineMap
 from lrf3d.robot import EstimatedTrajectory, Trajectory
+from lrf3d.robot.kinematics import RADIUS
 from lrf3d.robot.odometry import ImuRecord
-from lrf3d.robot.unicycle import RADIUS
 from lrf3d.run import Run
 from lrf3d.world import World
 from lrf3d.world.cameras import FilmPlan, FixedCamera

@@ -5,14 +5,11 @@ from typing import Any
 import numpy as np
 import shapely
 
-from lrf3d.geometry import Float, Int, directions
-from lrf3d.scene.exposure import Exposure, sampled
-from lrf3d.scene.look import EVEN_LIGHT, FOOT_LIGHT, SUN, SUN_LIGHT
+from lrf3d.geometry import LEFT, Float, Int, directions
+from lrf3d.scene.look import SUN, WALL_LIGHT
 from lrf3d.scene.shapes import Painted, single
-from lrf3d.scene.structures import Structures
-
-_BEFORE, _BEFORE_INDOOR = 1.4, 2.0
-"""How far before a wall the cell lies that it looks at [cells]: light does not leak under it."""
+from lrf3d.scene.stage.exposure import Exposure
+from lrf3d.scene.stage.structures import Structures
 
 _TOGETHER = 0.05
 """Length [m] over which two walls at one place are one."""
@@ -61,13 +58,12 @@ def lay_faces(structures: Structures, exposure: Exposure) -> Painted:
     """
     number, segments = wall_sides(structures)
     along = directions(segments)
-    off = np.column_stack([along[:, 1], -along[:, 0]])
+    off, (*_, sun_up), (even, sunny, foot) = -along @ LEFT, SUN, WALL_LIGHT
     apart = np.where(structures.closed[number], 0.0, _APART)[:, None]
     level = segments.reshape(-1, 2, 2)[:, [0, 1, 1, 0]] + (apart * off)[:, None]
     high = structures.heights[number, None] * [0.0, 0.0, 1.0, 1.0]
-    light = EVEN_LIGHT + SUN_LIGHT * (off @ SUN[:2])
-    light = light[:, None] * [FOOT_LIGHT, FOOT_LIGHT, 1.0, 1.0]
-    steps = exposure.cell * (_BEFORE_INDOOR if structures.indoor else _BEFORE)
+    light = (even + sunny * (off @ SUN[:2]))[:, None] * [foot, foot, 1.0, 1.0]
+    steps = exposure.cell * structures.setting.before
     before = np.insert(level + steps * off[:, None], 2, 1.0, axis=2)
     walls = Painted(
         single(np.dstack([level, high])),
@@ -78,7 +74,7 @@ def lay_faces(structures: Structures, exposure: Exposure) -> Painted:
     corners, owner = triangles(structures.solids)
     level, count = corners[:, [0, 1, 2, 2]], len(corners)
     high = np.broadcast_to(structures.solid_heights[owner, None], (count, 4))
-    light = EVEN_LIGHT + SUN_LIGHT * SUN[2]
+    light = even + sunny * sun_up
     objects = structures.solid_objects[owner]
     roofs = Painted(
         single(np.dstack([level, high])),
@@ -88,7 +84,7 @@ def lay_faces(structures: Structures, exposure: Exposure) -> Painted:
     )
     if count:
         middles = before[..., :2].mean(axis=1)
-        order = np.lexsort((sampled(exposure, middles)[:, 2], walls.objects))
+        order = np.lexsort((exposure.sampled(middles)["mapped"], walls.objects))
         among, first = np.unique(walls.objects[order], return_index=True)
         best = order[first][np.searchsorted(among, objects)]
         roofs.before[..., :2] = middles[best, None]

@@ -8,47 +8,35 @@ from PIL import Image, ImageChops, ImageDraw, ImageFilter
 
 from lrf3d.geometry import Float
 from lrf3d.scene.shapes import GroundPicture
-from lrf3d.scene.structures import Structures, filled_between
+from lrf3d.scene.stage.structures import Structures, filled_between
 
 _PIXELS = 2048
 """Longest side of the picture [pixels]."""
-
-_FINEST, _FINEST_INDOOR = 0.06, 0.02
-"""Smallest size of a pixel [m]: finer ones show no more of a small place."""
 
 STREET, PAVEMENT = 8.0, 1.7
 """How far a street reaches past the houses of a town, and the width of the pavement round them [m].
 """
 
-_MARGIN, _MARGIN_INDOOR = 30.0, 3.0
-"""How far the picture, and with it light on the ground, reaches past walls [m]."""
-
 _FINER, _BLUR = 2, 0.6
 """Pixels to a side that shapes are painted with in place of one, and how far they are smoothed
 [pixels]: steps in their edges would show."""
 
-_LAND, _LAND_INDOOR, _PAVED, _TILE, _JOINT = 108, 96, 134, 178, 160
-"""How bright, 0…255, a street is, and what lies round a house; pavements, tiles of a floor, and the
-joints between them."""
+_PAVED, _TILE, _JOINT = 134, 178, 160
+"""Brightness, 0…255, of pavements, tiles of a floor, and the joints between them."""
 
-_WARM = np.array([1.0, 0.96, 0.90])
+_FLOOR = np.array([1.0, 0.96, 0.90])
 """Colour of floors."""
 
-_TILES, _JOINT_WIDTH = 1.0, 0.015
-"""Side of a floor's tiles and width of the joints between them [m]."""
+_JOINT_WIDTH = 0.015
+"""Width of the joints between the tiles of a floor, which are a metre wide [m]."""
 
-_SHADED, _SHADE_WIDTH, _SHADE_WIDTH_INDOOR = 0.45, 1.2, 0.25
-"""What light is lost next to walls, and how far that reaches [m]."""
+_SHADED, _FADE = 0.45, 0.06
+"""What light is lost next to walls, and the share of the picture, at its edges, in which it goes
+over into the land around."""
 
-_FADE = 0.06
-"""Share of the picture, at its edges, in which it goes over into the land around."""
-
-_HOLE, _RIM = 4.0, 0.1
-"""A floor closes openings in walls of up to twice the first, and goes past them by the second [m].
-"""
-
-_AROUND = 1.6
-"""How far round its path a robot has a floor under it [m], where there are no rooms."""
+_HOLE, _RIM, _AROUND = 4.0, 0.1, 1.6
+"""A floor closes openings in walls of up to twice the first, goes past them by the second, and lies
+so far round the path of a robot where there are no rooms [m]."""
 
 
 class Canvas(NamedTuple):
@@ -68,7 +56,7 @@ class Canvas(NamedTuple):
 
     def mask(self, polygons: Any) -> Image.Image:
         """How much of each pixel polygons cover, with smooth edges."""
-        fine = Image.new("L", (_FINER * self.size[0], _FINER * self.size[1]))
+        fine = Image.new("L", [_FINER * side for side in self.size])
         draw = ImageDraw.Draw(fine)
         parts = shapely.get_parts(polygons)
         # Where nothing is near, a union is one polygon of no points.
@@ -83,21 +71,19 @@ class Canvas(NamedTuple):
 
 def canvas_of(structures: Structures) -> Canvas:
     """Where the picture of the ground of a world lies, coarser the larger it is."""
-    indoor = structures.indoor
+    setting = structures.setting
     ends = structures.places if len(structures.places) else np.zeros((1, 2))
-    if indoor:
+    if structures.indoor:
         ends = np.concatenate([ends, structures.path])
-    margin = _MARGIN_INDOOR if indoor else _MARGIN
-    low, high = ends.min(axis=0) - margin, ends.max(axis=0) + margin
-    pixel = max(float((high - low).max()) / _PIXELS, _FINEST_INDOOR if indoor else _FINEST)
+    low, high = ends.min(axis=0) - setting.margin, ends.max(axis=0) + setting.margin
+    pixel = max(float((high - low).max()) / _PIXELS, setting.pixel)
     width, height = np.ceil((high - low) / pixel).astype(int).tolist()
     return Canvas(low, pixel, (width, height))
 
 
 def paint_ground(structures: Structures, canvas: Canvas) -> GroundPicture:
     """Paint the ground of a world: asphalt and pavements, or the floor of a house."""
-    indoor = structures.indoor
-    land = _LAND_INDOOR if indoor else _LAND
+    indoor, land = structures.indoor, structures.setting.land
     cover = Image.new("L", canvas.size, land)
     walls = shapely.buffer(structures.tree.geometries, 2.0 * canvas.pixel)
     if indoor:
@@ -110,26 +96,23 @@ def paint_ground(structures: Structures, canvas: Canvas) -> GroundPicture:
         cover.paste(_PAVED, mask=canvas.mask(around))
         walls = np.concatenate([walls, structures.solids])
     # Little light gets next to walls; what changes slowly is painted coarsely.
-    width = _SHADE_WIDTH_INDOOR if indoor else _SHADE_WIDTH
-    near = canvas.mask(walls).reduce(4)
-    near = near.filter(ImageFilter.GaussianBlur(0.25 * width / canvas.pixel))
+    blur = ImageFilter.GaussianBlur(0.25 * structures.setting.shade / canvas.pixel)
+    near = canvas.mask(walls).reduce(4).filter(blur)
     shade = np.asarray(near.resize(canvas.size, Image.Resampling.BILINEAR)) / np.float32(255.0)
     seen = np.asarray(cover) * (1.0 - _SHADED * shade)
     seen = land + _fading(*canvas.size) * (seen - land)
-    paint = _WARM if indoor else np.ones(3)
+    paint = _FLOOR if indoor else np.ones(3)
     picture = np.round(seen[..., None] * paint).astype(np.uint8)
     return GroundPicture(picture, canvas.corner, canvas.extent, land / 255.0 * paint)
 
 
 def _joints(canvas: Canvas) -> list[Any]:
     """The joints between the tiles of a floor."""
-    low, high = canvas.corner, canvas.corner + canvas.extent
+    (left, low), (right, high) = canvas.corner, canvas.corner + canvas.extent
     half = 0.5 * max(_JOINT_WIDTH, canvas.pixel)
-    x, y = (_TILES * np.arange(np.ceil(low[k] / _TILES), high[k] / _TILES) for k in (0, 1))
-    return [
-        *shapely.box(x - half, low[1], x + half, high[1]),
-        *shapely.box(low[0], y - half, high[0], y + half),
-    ]
+    x, y = (np.arange(np.ceil(begin), end) for begin, end in ((left, right), (low, high)))
+    rows = shapely.box(left, y - half, right, y + half)
+    return [*shapely.box(x - half, low, x + half, high), *rows]
 
 
 def _fading(width: int, height: int) -> Float:
@@ -147,7 +130,7 @@ def floor_of(structures: Structures) -> Any:
     rooms = shapely.union_all(shapely.buffer(filled, _RIM - _HOLE, join_style="mitre"))
     shapely.prepare(rooms)
     path = structures.path[:: max(1, len(structures.path) // 2000)]
-    outside = path[~shapely.contains_xy(rooms, path[:, 0], path[:, 1])]
+    outside = path[~shapely.contains_xy(rooms, *path.T)]
     floor = shapely.union_all([rooms, *shapely.buffer(shapely.points(outside), _AROUND)])
     # Where these meet rooms there are no corners.
     return shapely.buffer(shapely.buffer(floor, _AROUND), -_AROUND)

@@ -13,28 +13,32 @@ import numpy as np
 from PIL import Image, ImageDraw
 from scipy.ndimage import binary_closing, distance_transform_edt, gaussian_filter, minimum_filter
 
-from lrf3d.geometry import Bool, Float, Int, Single
+from lrf3d.geometry import Bool, Float, Int, Records, Single, lengths
 from lrf3d.laser import LaserScan, beam_directions
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.pose import as_pose
 from lrf3d.run import Run
-from lrf3d.scene.beams import folded, turning_walls
+from lrf3d.scene.beams import FARTHEST, folded, turning_walls
 from lrf3d.scene.shapes import single
-from lrf3d.scene.structures import Structures
+from lrf3d.scene.stage.structures import Structures
 from lrf3d.world import World
 
-_CELL, _CELL_INDOOR, _MOST_CELLS = 0.25, 0.08, 1_500_000
-"""Side of a cell outdoors and in rooms [m], which is longer where there would be more cells."""
+TIME = np.dtype(
+    [
+        ("seen", np.float32),  # When a beam first passed [lengths of the run].
+        ("sure", np.float32),  # How surely, 0…1.
+        ("mapped", np.float32),  # When a segment of the map first covered it [lengths of the run].
+        ("delay", np.float32),  # Of the wave of light [s of the film].
+    ]
+)
+"""A cell of the first-seen times."""
 
-_SPEED, _SPEED_INDOOR, _LONGEST_WAVE = 110.0, 26.0, 0.7
-"""Speed of light in the picture [m/s of the film], so that a scan comes as a wave, and its longest
-delay [s of the film]: the robot must not overtake it."""
+_MOST_CELLS, _MOST_SCANS = 1_500_000, 1500
+"""Most cells, which are larger where there would be more; and most scans, of which longer runs are
+lit by every n-th: a film has no more frames."""
 
-_FREE = 30.0
-"""How far beams without return light the ground [m]."""
-
-_MOST_SCANS = 1500
-"""Longer runs are lit by every n-th scan: a film has no more frames."""
+_LONGEST_WAVE = 0.7
+"""Longest delay of light [s of the film]: the robot must not overtake it."""
 
 _NEVER = 9.0
 """Time of what is never seen [lengths of the run]."""
@@ -58,9 +62,8 @@ the colour of the map [cells]."""
 class Exposure:
     """When the places of a world were first seen and first mapped."""
 
-    times: Single
-    """(h, w, 4) when a beam first passed [lengths of the run]; how surely, 0…1; when a segment of
-    the map first covered it; the delay of the wave of light [s of the film]."""
+    times: Records
+    """(h, w) cells of :data:`TIME`."""
     corner: Float
     """(2,) its lower left corner in the film's frame [m]."""
     cell: float
@@ -70,9 +73,14 @@ class Exposure:
     """When the run starts and how long it is [s]."""
 
     @property
+    def texels(self) -> Single:
+        """The times (h, w, 4) as textures take them."""
+        return texels_of(self.times)
+
+    @property
     def size(self) -> Float:
         """Width and height (2,) [m]."""
-        return self.cell * np.array(self.times.shape[1::-1], float)
+        return self.cell * np.array(self.times.shape[::-1], float)
 
     @property
     def area(self) -> tuple[float, ...]:
@@ -88,10 +96,16 @@ class Exposure:
         """A time of the run [s] in lengths of it, and the film's seconds in one length."""
         return (time - self.start) / self.length, self.length / playback
 
+    def sampled(self, places: Float) -> Records:
+        """The times (n,) at places (n, 2)."""
+        cells = np.floor((places - self.corner) / self.cell).astype(int)
+        columns, rows = np.clip(cells, 0, np.array(self.times.shape[::-1]) - 1).T
+        return np.asarray(self.times[rows, columns])
+
     def strips(self, segments: Float, picture: Image.Image, value: int) -> None:
         """Paint a value into a picture where segments (m, 4) cover cells."""
         draw, width = ImageDraw.Draw(picture), round(2.0 * _COVERS)
-        for ends in (segments.reshape(-1, 2, 2) - self.corner).reshape(-1, 4) / self.cell - 0.5:
+        for ends in (segments - np.tile(self.corner, 2)) / self.cell - 0.5:
             draw.line(ends.tolist(), fill=value, width=width)
 
     def fan(self, scan: LaserScan, mirrors: Float, picture: Image.Image, value: int) -> None:
@@ -102,17 +116,18 @@ class Exposure:
         def fill(corners: Float) -> None:
             draw.polygon(((corners - self.corner) / self.cell - 0.5).ravel().tolist(), fill=value)
 
-        far = min(scan.range_max, _FREE)
+        far = min(scan.range_max, FARTHEST)
         reach = np.where(np.isfinite(scan.ranges), scan.ranges, far) + 0.5 * self.cell
         reach[scan.ranges == -np.inf] = 0.0
         if len(mirrors):
             legs, beams, gone = folded(place, place + reach[:, None] * ways, mirrors)
-            for a, b in pairwise(legs):
+            for one, other in pairwise(legs.reshape(-1, 2, 2)):
                 # Behind a mirror neighbouring beams light what lies between them.
-                if np.hypot(*(a[:2] - b[:2])) < 1.0 and not (a[:2] == place).all():
-                    fill(np.array([a[:2], a[2:], b[2:], b[:2]]))
+                (a, b), (c, d) = one, other
+                if np.hypot(*(a - c)) < 1.0 and not (a == place).all():
+                    fill(np.array([a, b, d, c]))
             first = np.argsort(beams[gone == 0.0])
-            reach = np.hypot(*(legs[gone == 0.0] @ _SPAN).T)[first] + 0.5 * self.cell
+            reach = lengths(legs[gone == 0.0])[first] + 0.5 * self.cell
         # Between two beams light goes as far as both do where they meet one wall, else as the
         # nearer: what stands there may hide the rest.
         one = (scan.walls[:-1] == scan.walls[1:]) & (scan.walls[:-1] >= 0)
@@ -125,17 +140,16 @@ class Exposure:
         fill(place + np.concatenate([ends, [[0.0, 0.0]]]))
 
 
-_SPAN = np.array([[-1.0, 0.0], [0.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
-"""Makes vectors from their ends."""
+def texels_of(times: Records) -> Single:
+    """Times (h, w) as textures (h, w, 4) take them."""
+    return np.ascontiguousarray(times).view(np.float32).reshape(*times.shape, 4)
 
 
 def unexposed(structures: Structures, low: Float, high: Float) -> Exposure:
     """The times of a world in a box from low to high (2,) [m] before anything has been seen."""
-    least = _CELL_INDOOR if structures.indoor else _CELL
-    cell = max(least, float(np.sqrt(np.prod(high - low) / _MOST_CELLS)))
+    cell = max(structures.setting.cell, float(np.sqrt(np.prod(high - low) / _MOST_CELLS)))
     columns, rows = np.maximum(np.ceil((high - low) / cell), 2).astype(int).tolist()
-    times = np.full((rows, columns, 4), _NEVER, np.float32)
-    times[..., 1] = times[..., 3] = 0.0
+    times = np.full((rows, columns), np.array((_NEVER, 0.0, _NEVER, 0.0), TIME))
     return Exposure(times, low, cell, 0.0, 1.0)
 
 
@@ -146,14 +160,15 @@ def expose(run: Run, structures: Structures, low: Float, high: Float) -> Exposur
     if not len(poses):
         return unexposed(structures, low, high)
     # No farther from the path than anything was measured.
-    far = float(np.max(run.ranges, initial=_FREE, where=np.isfinite(run.ranges)))
+    far = float(np.max(run.ranges, initial=FARTHEST, where=np.isfinite(run.ranges)))
     low = np.maximum(low, poses[:, :2].min(axis=0) - far - 2.0)
     high = np.maximum(np.minimum(high, poses[:, :2].max(axis=0) + far + 2.0), low + 1.0)
     bare, times = unexposed(structures, low, high), run.trajectory.times
-    length = max(float(times[-1] - times[0]), 1e-3)
-    exposure = Exposure(bare.times, low, bare.cell, float(times[0]), length)
-    size = bare.times.shape[1::-1]
-    first, mirrors = Image.new("I", size), _mirrors(run.world, origin)
+    start, length = float(times.min()), max(float(np.ptp(times)), 1e-3)
+    exposure = replace(bare, start=start, length=length)
+    size, cells = bare.times.shape[::-1], bare.times
+    first, walls = Image.new("I", size), run.world.segments - np.tile(origin, 2)
+    mirrors = walls[turning_walls(run.world)]
     # From the last scan to the first: what was seen first lies on top.
     step = 1 + (len(poses) - 1) // _MOST_SCANS
     for number in range(0, len(poses), step)[::-1]:
@@ -163,20 +178,18 @@ def expose(run: Run, structures: Structures, low: Float, high: Float) -> Exposur
     seen: Bool = np.asarray(first) > 0
     near = distance_transform_edt(~seen, return_distances=False, return_indices=True)
     scans = np.maximum(np.asarray(first)[tuple(near)] - 1, 0)
-    share = (times - times[0]) / length
-    found = bare.times
-    found[..., 0] = gaussian_filter(share[scans].astype(np.float32), _SOFT)
-    found[..., 1] = soft_rim(seen)
+    share = (times - start) / length
+    cells["seen"] = gaussian_filter(share[scans].astype(np.float32), _SOFT)
+    # Beyond the picture nothing is seen.
+    cells["sure"][1:-1, 1:-1] = soft_rim(seen)[1:-1, 1:-1]
     covered = Image.new("I", size)
     for number, line_map in reversed(list(zip(run.snapshot_scans, run.maps, strict=True))):
         exposure.strips(line_map.segments - np.tile(origin, 2), covered, number + 1)
     mapped = np.append(_NEVER, share)[np.asarray(covered)]
     # What the map has between two lit places is coloured with them.
-    lit = minimum_filter(found[..., 0], _BRIDGED)
-    found[..., 2] = np.maximum(mapped, lit + _GAP / length)
-    found[..., 3] = gaussian_filter(wave(exposure, poses[scans, :2], structures.indoor), _SOFT)
-    # Beyond the picture nothing is seen.
-    found[[0, -1], :, 1] = found[:, [0, -1], 1] = 0.0
+    cells["mapped"] = np.maximum(mapped, minimum_filter(cells["seen"], _BRIDGED) + _GAP / length)
+    delay = wave(exposure, poses[scans, :2], structures.setting.light)
+    cells["delay"] = gaussian_filter(delay, _SOFT)
     return exposure
 
 
@@ -186,14 +199,14 @@ class LiveExposure:
     def __init__(self, exposure: Exposure, structures: Structures, world: World) -> None:
         self.exposure = replace(exposure, times=exposure.times.copy())
         self._structures = structures
-        self._mirrors = _mirrors(world, structures.origin)
+        walls = world.segments - np.tile(structures.origin, 2)
+        self._mirrors = walls[turning_walls(world)]
         self._poses: Float | None = None
         self._fresh: tuple[Int, Int] | None = None
 
     def see(self, scans: Sequence[LaserScan], time: float) -> None:
-        """Light what the beams of the scans of a time [s] pass, if the robot has moved."""
-        origin = [*self._structures.origin, 0.0]
-        poses = np.array([scan.pose for scan in scans]) - origin
+        """Light what scans of a time [s] see, if the robot has moved."""
+        poses = np.array([scan.pose for scan in scans]) - [*self._structures.origin, 0.0]
         if self._poses is not None and (np.abs(poses - self._poses) < _MOVED).all():
             return
         self._poses = poses
@@ -202,39 +215,39 @@ class LiveExposure:
 
     def _light(self, scan: LaserScan, time: float) -> None:
         place, whole = np.array(scan.pose[:2]), self.exposure
-        far = np.max(scan.ranges, initial=min(scan.range_max, _FREE), where=scan.hits) + whole.cell
-        size = np.array(whole.times.shape[1::-1])
+        far = (
+            np.max(scan.ranges, initial=min(scan.range_max, FARTHEST), where=scan.hits) + whole.cell
+        )
+        size = np.array(whole.times.shape[::-1])
         low, high = (
             np.clip(((place + side * far - whole.corner) / whole.cell).astype(int), 1, size - 1)
             for side in (-1.0, 1.0)
         )
         if (high <= low).any():
             return
-        times = whole.times[low[1] : high[1], low[0] : high[0]]
+        times = whole.times[_box(low, high)]
         part = replace(whole, times=times, corner=whole.corner + low * whole.cell)
         picture = Image.new("L", (high - low).tolist())
         part.fan(scan, self._mirrors, picture, 255)
-        cover = soft_rim((np.asarray(picture) > 0) | (times[..., 1] > 0.5))
-        first = (cover > 0.0) & (times[..., 1] == 0.0)
-        times[first, 0], times[first, 2] = time, time + _GAP
-        times[first, 3] = wave(part, place, self._structures.indoor)[first]
-        np.maximum(times[..., 1], cover, out=times[..., 1])
-        if self._fresh is not None:
-            low, high = np.minimum(low, self._fresh[0]), np.maximum(high, self._fresh[1])
-        self._fresh = low, high
+        cover = soft_rim((np.asarray(picture) > 0) | (times["sure"] > 0.5))
+        first = (cover > 0.0) & (times["sure"] == 0.0)
+        times["seen"][first], times["mapped"][first] = time, time + _GAP
+        times["delay"][first] = wave(part, place, self._structures.setting.light)[first]
+        np.maximum(times["sure"], cover, out=times["sure"])
+        before, after = self._fresh or (low, high)
+        self._fresh = np.minimum(low, before), np.maximum(high, after)
 
-    def fresh(self) -> tuple[Single, int, int] | None:
-        """The part of the times (h, w, 4) that is new since the last call; its column and row."""
+    def fresh(self) -> tuple[Single, list[int]] | None:
+        """What of the times (h, w, 4) is new since the last call, and its first column and row."""
         if self._fresh is None:
             return None
-        (left, low), (right, high) = (each.tolist() for each in self._fresh)
-        self._fresh = None
-        return self.exposure.times[low:high, left:right], left, low
+        (low, high), self._fresh = self._fresh, None
+        return texels_of(self.exposure.times[_box(low, high)]), low.tolist()
 
 
-def _mirrors(world: World, origin: Float) -> Float:
-    """The mirrors (m, 4) of a world in the film's frame."""
-    return world.segments[turning_walls(world)] - np.tile(origin, 2)
+def _box(low: Int, high: Int) -> tuple[slice, ...]:
+    """Rows and columns of a box from low to high (2,), columns and rows."""
+    return tuple(slice(*ends) for ends in zip(low[::-1].tolist(), high[::-1].tolist(), strict=True))
 
 
 def soft_rim(seen: Bool) -> Float:
@@ -244,17 +257,11 @@ def soft_rim(seen: Bool) -> Float:
     return np.asarray(np.clip(1.6 * soft - 0.3, 0.0, 1.0))
 
 
-def wave(exposure: Exposure, places: Float, indoor: bool) -> Single:
-    """The delay (h, w) of light from places (h, w, 2) or (2,) [s of the film]."""
-    rows, columns, _ = exposure.times.shape
-    x = exposure.corner[0] + (np.arange(columns, dtype=np.float32) + 0.5) * exposure.cell
-    y = exposure.corner[1] + (np.arange(rows, dtype=np.float32) + 0.5) * exposure.cell
-    away = np.hypot(x - places[..., 0], y[:, None] - places[..., 1])
-    return single(np.minimum(away / (_SPEED_INDOOR if indoor else _SPEED), _LONGEST_WAVE))
-
-
-def sampled(exposure: Exposure, places: Float) -> Single:
-    """The times (n, 4) at places (n, 2)."""
-    cells = np.floor((places - exposure.corner) / exposure.cell).astype(int)
-    columns, rows = np.clip(cells, 0, np.array(exposure.times.shape[1::-1]) - 1).T
-    return np.asarray(exposure.times[rows, columns])
+def wave(exposure: Exposure, places: Float, speed: float) -> Single:
+    """The delay (h, w) of light of a speed [m/s] from places (h, w, 2) or (2,) [s of the film]."""
+    (left, low), (rows, columns) = exposure.corner, exposure.times.shape
+    x = left + (np.arange(columns, dtype=np.float32) + 0.5) * exposure.cell
+    y = low + (np.arange(rows, dtype=np.float32) + 0.5) * exposure.cell
+    from_x, from_y = np.moveaxis(places, -1, 0)
+    away = np.hypot(x - from_x, y[:, None] - from_y)
+    return single(np.minimum(away / speed, _LONGEST_WAVE))

@@ -14,9 +14,18 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lrf3d.geometry import Bool, Float, Int, directions, lengths
+from lrf3d.geometry import LEFT, Bool, Float, Int, directions, lengths
 from lrf3d.run import Run
-from lrf3d.scene.look import NIGHT_LOW, OUTLINE, OUTLINE_STRENGTH, SECTION, object_colours
+from lrf3d.scene.look import (
+    NIGHT_LOW,
+    OUTLINE,
+    OUTLINE_STRENGTH,
+    ROOMS,
+    SECTION,
+    TOWN,
+    Setting,
+    object_colours,
+)
 from lrf3d.scene.shapes import Lines, single
 from lrf3d.world import World
 
@@ -78,10 +87,6 @@ _DOOR, _ENCLOSED, _AS_HIGH = 2.0, 0.9, 0.4
 """Half the width of openings in the walls of a hall [m], the share of all walls that lie within
 them, and how high they are, beside the highest wall, at the least."""
 
-_RECORDED_HEIGHT = 0.75
-"""Height [m] of walls in recorded drives, of which scans say nothing: these hide neither the robot
-nor the map from an eye behind it."""
-
 _PROBE = 0.005
 """How far beside a wall [m] its inside is felt for: less than any wall is thick."""
 
@@ -128,11 +133,11 @@ class Structures:
     def from_run(cls, run: Run) -> "Structures":
         """Find the solids of a run's world; outlines that it drove inside of are not.
 
-        Walls that are known from scans alone are low.
+        Walls that are known from scans alone are low: they hide neither the robot nor the map.
         """
         world = run.world
         if not run.knows_truth:
-            world = replace(world, heights=np.minimum(world.heights, _RECORDED_HEIGHT))
+            world = replace(world, heights=np.minimum(world.heights, SECTION))
         return cls.from_world(world, run.trajectory.poses[:, :2])
 
     @classmethod
@@ -173,6 +178,11 @@ class Structures:
         )
 
     @property
+    def setting(self) -> Setting:
+        """How streets or rooms look."""
+        return ROOMS if self.indoor else TOWN
+
+    @property
     def places(self) -> Float:
         """Ends (m, 2) of all walls [m]."""
         return self.segments.reshape(-1, 2)
@@ -194,12 +204,11 @@ def outlines_of(structures: Structures) -> Lines:
         for lines, high in ((walls, tops), (storeys, levels))
     )
     starts, ends = np.concatenate([a, a * [1.0, 1.0, 0.0], c]), np.concatenate([b, a, d])
-    opacities = np.full((len(starts), 2), OUTLINE_STRENGTH)
-    opacities[len(walls) :, 0] *= 0.2
-    opacities[2 * len(walls) :] = _STOREY_STRENGTH
-    colours = np.tile(OUTLINE, (len(starts), 1))
-    colours[2 * len(walls) :] = NIGHT_LOW
-    return Lines(single(starts), single(ends), single(colours), single(opacities), _OUTLINE_WIDTH)
+    counts, strong = [len(walls), len(walls), len(storeys)], OUTLINE_STRENGTH
+    strengths = [strong, strong], [0.2 * strong, strong], [_STOREY_STRENGTH] * 2
+    opacities = single(np.repeat(strengths, counts, axis=0))
+    colours = single(np.repeat([OUTLINE, OUTLINE, NIGHT_LOW], counts, axis=0))
+    return Lines(single(starts), single(ends), colours, opacities, _OUTLINE_WIDTH)
 
 
 def _enclosed(segments: Float, heights: Float, closed: Bool, path: Float) -> bool:
@@ -213,8 +222,8 @@ def _enclosed(segments: Float, heights: Float, closed: Bool, path: Float) -> boo
     hall = shapely.simplify(filled[int(np.argmax(shapely.area(filled)))], 0.1)
     shapely.prepare(hall)
     middles = 0.5 * (segments[:, :2] + segments[:, 2:])
-    within = shapely.contains_xy(hall, middles[:, 0], middles[:, 1]) * lengths(segments)
-    inside = shapely.contains_xy(shapely.buffer(hall, -_DOOR), path[:, 0], path[:, 1])
+    within = shapely.contains_xy(hall, *middles.T) * lengths(segments)
+    inside = shapely.contains_xy(shapely.buffer(hall, -_DOOR), *path.T)
     return bool(inside.all() and within.sum() >= _ENCLOSED * lengths(segments).sum())
 
 
@@ -250,21 +259,19 @@ def _areas(segments: Float, objects: NDArray[Any], count: int) -> NDArray[Any]:
 
 def _rooms(areas: NDArray[Any], segments: Float, objects: Int, path: Float) -> Bool:
     """Which areas (k,) are no solids: the robot was inside, or all walls of another object are."""
-    tree = shapely.STRtree(areas)
-    rooms = np.isin(np.arange(len(areas)), tree.query(shapely.points(path), "within")[1])
+    tree, count = shapely.STRtree(areas), len(areas)
+    _, rooms = tree.query(shapely.points(path), "within")
     middles = shapely.points(0.5 * (segments[:, :2] + segments[:, 2:]))
     wall, area = tree.query(middles, predicate="within")
-    pairs = np.column_stack([objects[wall], area])[objects[wall] != area]
-    pairs, counts = np.unique(pairs, axis=0, return_counts=True)
-    whole = counts == np.bincount(objects, minlength=len(areas))[pairs[:, 0]]
-    rooms[pairs[whole, 1]] = True
-    return rooms
+    # Pairs of an object and an area that some of its walls are in.
+    pairs, counts = np.unique(objects[wall] * count + area, return_counts=True)
+    owner, around = np.divmod(pairs, count)
+    whole = (owner != around) & (counts == np.bincount(objects, minlength=count)[owner])
+    return np.isin(np.arange(count), [*rooms, *around[whole]])
 
 
 def _inside(areas: NDArray[Any], walls: Float, aside: float) -> Bool:
     """Whether areas (n,) lie on the left (1), or the right (−1), of walls (n, 4)."""
-    along = directions(walls)
-    places = 0.5 * (walls[:, :2] + walls[:, 2:])
-    places = places + aside * _PROBE * np.column_stack([-along[:, 1], along[:, 0]])
+    places = 0.5 * (walls[:, :2] + walls[:, 2:]) + aside * _PROBE * directions(walls) @ LEFT
     shapely.prepare(areas)
-    return np.asarray(shapely.contains_xy(areas, places[:, 0], places[:, 1]))
+    return np.asarray(shapely.contains_xy(areas, *places.T))

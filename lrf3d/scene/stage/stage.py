@@ -12,11 +12,11 @@ import numpy as np
 from lrf3d.geometry import Float, lengths
 from lrf3d.run import Run
 from lrf3d.scene.beams import turning_walls
-from lrf3d.scene.exposure import Exposure, expose, unexposed
-from lrf3d.scene.ground import canvas_of, paint_ground
 from lrf3d.scene.shapes import GroundPicture, Painted
-from lrf3d.scene.structures import Structures
-from lrf3d.scene.walls import lay_faces
+from lrf3d.scene.stage.exposure import Exposure, expose, unexposed
+from lrf3d.scene.stage.ground import canvas_of, paint_ground
+from lrf3d.scene.stage.structures import Structures
+from lrf3d.scene.stage.walls import lay_faces
 from lrf3d.world import World
 
 _MOST_MIRRORS = 4
@@ -37,18 +37,10 @@ class Stage(NamedTuple):
     """(m, 5) the longest walls that are mirrors, and their heights [m]."""
 
 
+@lru_cache(maxsize=1)
 def stage_of(run: Run) -> Stage:
     """Paint what can be seen of a run's world, or take what was painted for it before."""
-    kept = _in_memory(run)
-    if not kept:
-        kept.append(paint_stage(Structures.from_run(run), run))
-    return kept[0]
-
-
-@lru_cache(maxsize=1)
-def _in_memory(run: Run) -> list[Stage]:
-    """The stage of the run asked for last, once there is one."""
-    return []
+    return paint_stage(Structures.from_run(run), run)
 
 
 def paint_stage(structures: Structures, run: Run | None = None) -> Stage:
