@@ -28,9 +28,9 @@ from lrf3d.world import World
 from lrf3d.world.plan import Plan
 
 if TYPE_CHECKING:
+    from lrf3d.slam.checks import SelfCheck
     from lrf3d.slam.closures import Refusal
     from lrf3d.slam.key_scans import Key
-    from lrf3d.slam.violation import SelfCheck
 
 AREA, LEAST, MOST, NARROWEST = 54.0, 2.0, 12.0, 6.0
 """Area of all panels together [square inches], whatever the shape of the world; sides of a panel,
@@ -231,8 +231,8 @@ def draw_check(
     path: str | Path | None = None,
 ) -> Figure:
     """Draw the worst stretch of a drive, at poses (k, 3) of its key scans."""
+    from lrf3d.slam.checks import LATER
     from lrf3d.slam.surface import SURFACE, moved
-    from lrf3d.slam.violation import LATER
 
     first, last = check.worst_scans
     scans = np.array([key.scan for key in keys])

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from lrf3d.files import data_folder
 from lrf3d.geometry import LEFT, Float, directions
-from lrf3d.robot.unicycle import RADIUS
+from lrf3d.robot.kinematics import RADIUS
 from lrf3d.scene.look import BODY_LIGHT, DART, ROBOT, SUN
 from lrf3d.scene.shapes import Body, Faces, Soft, single, together
 from lrf3d.scene.stage.stage import triangles

@@ -268,7 +268,7 @@ def count_residuals(
 
     Counts (bins, sizes) of those between two edges (bins + 1,) [m] are added to; returns how many.
     """
-    returned = np.flatnonzero(np.isfinite(ranges) & (ranges > 0.0))
+    returned = np.flatnonzero(np.isfinite(ranges) & (ranges > NOISE_UNIT))
     steps, ranges = np.abs(np.diff(angles[returned])), ranges[returned]
     before, after = ranges[:-1], ranges[1:]
     share = np.hypot(noise.floor / np.fmax(np.minimum(before, after), NOISE_UNIT), noise.growth)

@@ -11,12 +11,12 @@ from lrf3d.geometry import Float, Int
 from lrf3d.laser import LaserScan
 from lrf3d.mapping.line_map import LineMap, solid_map
 from lrf3d.mapping.robust.beams import Beams, NoiseEstimate, in_world, pose_in, widen
-from lrf3d.mapping.robust.cells import LEAST, Cells, open_squares
+from lrf3d.mapping.robust.cells import LEAST, MOST_EXPLAINED, Cells, open_squares
 from lrf3d.mapping.robust.corners import close_corners
 from lrf3d.mapping.robust.extraction import LikelihoodExtractor
 from lrf3d.mapping.robust.glass.optics import Optics, with_surfaces
 from lrf3d.mapping.robust.links import find_objects, link_walls
-from lrf3d.mapping.robust.merging import Rule, merge_walls
+from lrf3d.mapping.robust.merging import BEND, Rule, merge_walls
 from lrf3d.mapping.robust.rays import add_beams
 from lrf3d.mapping.robust.refinement import choose_walls, replace_walls
 from lrf3d.mapping.robust.refitting import refit_walls
@@ -32,8 +32,11 @@ class RobustMapper:
     Walls with fewer hits than the least are kept back until they have more.
     """
 
-    def __init__(self, extract: LikelihoodExtractor, rule: Rule, least: int) -> None:
-        self._extract, self._rule, self._least = extract, rule, least
+    def __init__(
+        self, extract: LikelihoodExtractor, length: float, distance: float, least: int
+    ) -> None:
+        self._extract, self._least = extract, least
+        self._rule = Rule(length, distance, BEND * distance, MOST_EXPLAINED)
         self._noise, self._optics = NoiseEstimate(extract.floor), Optics()
         self._cells, self._walls = Cells.of_size(LEAST), Walls.of_size(LEAST)
         # Walls that are new in their places, and may fit others now.
@@ -57,13 +60,13 @@ class RobustMapper:
         unowned = self._judge_beams(Beams.of(scan, heading, noise), place)
         segments, pose = self._walls.ends[self._rows()], (*place, heading)
         self._optics.update(lit, pose, noise, found.ends, segments, self._cells, self._walls)
-        changed, gone = merge_walls(
-            self._walls, found, place, self._waiting, self._cells, self._rule
-        )
-        self._refit_walls(choose_walls(
-            self._walls, self._cells, unowned, changed, self._rule.distance
-        ), gone)  # fmt: skip
-        link_walls(self._walls, self._cells, self._waiting)
+        walls, cells, near = self._walls, self._cells, self._rule.distance
+        changed, gone = merge_walls(walls, found, place, self._waiting, cells, self._rule)
+        rows = choose_walls(walls, cells, unowned, changed, near)
+        parts = refit_walls(rows, walls, cells, near, self._least)
+        self._walls = walls.with_room(len(parts[0]))
+        self._waiting = replace_walls(self._walls, cells, rows, gone, parts)
+        link_walls(self._walls, cells, self._waiting)
 
     def _judge_beams(self, beams: Beams, place: Place) -> Int:
         """Add what the beams show to the cells; returns the clusters that are hits of no wall."""
@@ -78,12 +81,6 @@ class RobustMapper:
             if done < len(beams.ranges):
                 self._cells = self._cells.doubled()
         return unowned
-
-    def _refit_walls(self, rows: Int, gone: Int) -> None:
-        """Put the real parts of walls in their places: some wait to be merged."""
-        parts = refit_walls(rows, self._walls, self._cells, self._rule.distance, self._least)
-        self._walls = self._walls.with_room(len(parts[0]))
-        self._waiting = replace_walls(self._walls, self._cells, rows, gone, parts)
 
     def _rows(self) -> Int:
         """The rows of the walls that are shown."""

@@ -19,7 +19,6 @@ from lrf3d.mapping.robust.beams import CELL
 from lrf3d.mapping.robust.cells import (
     FREE_DEPTH,
     HIT_DEVIATIONS,
-    MOST_EXPLAINED,
     WALL_SINE,
     Cells,
     is_crossed,
@@ -68,11 +67,6 @@ class Rule(NamedTuple):
     distance: float
     bend: float
     most_explained: float
-
-    @classmethod
-    def of(cls, length: float, distance: float) -> "Rule":
-        """The rule of a mapper's settings [m]."""
-        return cls(length, distance, BEND * distance, MOST_EXPLAINED)
 
 
 @compiled
