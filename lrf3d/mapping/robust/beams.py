@@ -19,15 +19,15 @@ from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.pose import Pose
 
 CELL = 0.1
-"""[m] Size of a cell. What is kept of the ground grows with its square; at 0.2 the purity of the
-objects of a town falls by 0.05."""
+"""[m] Side of a cell. Memory grows with its inverse square; at 0.2 the purity of the objects of a
+town falls by 0.05."""
 
 LOSS_ODDS = 0.01
-"""[odds] A gap in a scan that lost beams leave by no more than such a chance is a real one."""
+"""[odds] A gap in a scan is real if lost beams leave it with at most this chance."""
 
 LEAST_LOST, MOST_LOST = 2, 8
-"""[beams] How many beams beside each other may be lost at least, also where hardly any are, and at
-most. More forgets what is seen through narrow gaps, less takes lost beams for gaps of walls."""
+"""[beams] Bounds on a run of missing returns attributed to lost beams. More ignores views through
+narrow gaps, less takes lost beams for gaps of walls."""
 
 
 SHIFT = (0.37 * CELL, 0.41 * CELL)
@@ -35,46 +35,45 @@ SHIFT = (0.37 * CELL, 0.41 * CELL)
 the edges of the cells, on which rounding would decide."""
 
 MOST_FREE = 1_000.0
-"""[m] How far a beam without return is taken to be free at most, however far its laser reaches."""
+"""[m] Largest free distance of a beam without return."""
 
 MOST_RANGE = 10_000.0
-"""[m] No laser of a robot measures farther than this: such a range is not known."""
+"""[m] Ranges above this are invalid: no laser of a robot measures farther."""
 
 NOISE_RANGES = np.geomspace(0.1, 200.0, 13)
-"""[m] The ranges between which noise is measured together: steps of a factor of two. It changes
-little: noise is fitted to all of them."""
+"""[m] Edges of the bins of range in which noise is measured, by factors of two. They matter little:
+the noise is fitted to all bins."""
 
 NOISE_UNIT = 1e-5
-"""[m] The smallest noise that is distinguished from none."""
+"""[m] Resolution of the noise."""
 
 NOISE_WIDEST = np.radians(6.0)
-"""[rad] Farthest apart of two beams that follow each other on a wall: several lost beams of common
-range finders. Wider, walls end in between more often; narrower, few beams show nothing."""
+"""[rad] Largest angle between consecutive beams: several lost beams of common range finders. More
+includes ends of walls, less leaves few beams."""
 
 NOISE_SLOPE = 6.0
-"""Steepest change of the range along a wall, as a share for each radian: walls met at 10° or more.
-Steeper ones magnify noise, and jumps from wall to wall hide among them."""
+"""[1/rad] Steepest relative change of the range along a wall: incidence above 10°. Steeper walls
+magnify noise, and jumps between walls hide among them."""
 
 NOISE_JUMP = 5.0
-"""[deviations] How much noise may add to that, by what is known of it so far."""
+"""[deviations] Tolerance that the present noise adds to the slope."""
 
 NOISE_SHARE = 0.05
-"""Largest noise, as a share of the range, that may add to that: were it more, a noise that is given
-far too large would take corners for noise and never be put right."""
+"""[share] Bound on that tolerance, relative to the range: with a far too large initial noise
+corners would count as noise for good."""
 
 NOISE_PRIOR = 50.0
-"""How many ranges the noise that is given counts as: a third of a scan. It matters for the first
-scans only."""
+"""[ranges] Weight of the initial noise: a third of a scan. It matters for the first scans only."""
 
 NOISE_STEPS = 1.2
-"""By which factor more must be known before noise is fitted again. It changes speed, and the error
-of the noise by a few per cent."""
+"""[share] Growth of the data after which noise is fitted again. It changes speed, and the error of
+the noise by a few per cent."""
 
 
 RANGE_BINS, RESIDUAL_BINS, PER_DECADE = len(NOISE_RANGES) - 1, 200, 24
 
 MEDIAN_SIZE = 0.6745
-"""[deviations] The median of the sizes of normal deviates."""
+"""[deviations] Median of the absolute value of normal deviates."""
 
 
 @inner

@@ -1,11 +1,11 @@
-"""Cells: what all beams have shown of the ground, each beam judged once.
+"""Cells: a sparse grid that counts the beams through each cell by their direction.
 
-A return adds to the moments of the returns in its cell that came the same way, a cluster; each cell
-that a beam goes through counts it as a pass, by the beam's direction. Sums do not depend on the
-order of the scans. What beams go through, where others ended before, is forgotten bit by bit.
+Beams enter; each cell that one passes through counts it, and the cell that it ends in keeps its
+return in a cluster (see `clusters`). `is_crossed` returns whether beams crossed a line. Sums do not
+depend on the order of the scans.
 
-The ground is divided into squares, which a hash table finds. Only squares in which something was
-hit, and those around them, have cells: memory grows with what was hit, not with how far beams go.
+The grid is divided into squares, which a hash table finds. Only squares with returns, and those
+around them, have cells: memory grows with the surfaces seen, not with the length of the beams.
 """
 
 from typing import NamedTuple
@@ -19,61 +19,61 @@ from lrf3d.mapping.robust.beams import CELL, Beams
 
 SIDE_BITS = 4
 SIDE = 1 << SIDE_BITS
-"""Cells along the side of a block, whose numbers lie together."""
+"""Cells along the side of a block; their numbers are adjacent in memory."""
 
 SQUARE_BITS = SIDE_BITS + 3
-"""A square has eight blocks along a side, 12.8 m: no place on the longest line by which two walls
-are compared is farther than half of its 15 m from one of them."""
+"""A square is eight blocks, 12.8 m, wide: no point of the longest link between two walls, 15 m, is
+farther than half of that from one of them."""
 
 PASS_DIRECTIONS = 16
-"""[directions] By how many directions the beams through a cell are distinguished: those that run
-along a wall do not violate it. Eight serve as well but for narrow lanes."""
+"""[bins] Directions of the beams through a cell: those that run along a wall do not violate it.
+Eight are as good except in narrow lanes."""
 
 HIT_DIRECTIONS = 8
-"""[directions] By how many directions returns are distinguished: thin walls are seen from both
-sides, and at a corner two walls share a cell."""
+"""[bins] Directions of returns: thin walls are seen from both sides, and two walls share the cell
+of a corner."""
 
 MOST_PASSES, SOLID = 127, np.uint8(128)
-"""[beams] When more have gone through a cell one way, all that is kept of the cell is halved: what
-came later counts more, so that a wall that goes away, or comes, is noticed after some hundred
-beams whatever was before. Seven bits: the eighth marks cells with returns."""
+"""[beams] Above this count in one direction all counts of the cell are halved, so that recent beams
+weigh more: a wall that appears or disappears is noticed after about a hundred beams. Seven bits;
+the eighth marks cells with returns."""
 
 FREE_DEPTH = 0.2
-"""[m] A beam that goes no farther than this behind a wall is no free-space violation: poses and
-edges are a little wrong."""
+"""[m] A beam that ends less than this behind a wall is no free-space violation: poses and edges
+have small errors."""
 
 HIT_DEVIATIONS = 3.0
-"""[deviations] What the noise adds to how far a return, or another segment, may lie off a wall, and
-how far a beam must go on behind a wall to violate it."""
+"""[deviations] Tolerance for noise: how far a return, or another segment, may lie from a wall, and
+how far a beam must continue behind a wall to violate it."""
 
 MOST_EXPLAINED = 1.0
-"""[m] Largest offset that noise may explain: a short far segment explains almost any."""
+"""[m] Largest offset that noise may explain: a short, distant segment would explain almost any."""
 
 OPEN_WEIGHT = 0.5
-"""[hits] What a free-space violation weighs at a piece of a wall without hits, and as new evidence
-of a wall."""
+"""[hits] Weight of a free-space violation at a piece of wall without hits, and as new evidence of a
+wall."""
 
 COSINES = np.cos(2.0 * np.pi * np.arange(PASS_DIRECTIONS) / PASS_DIRECTIONS)
 SINES = np.sin(2.0 * np.pi * np.arange(PASS_DIRECTIONS) / PASS_DIRECTIONS)
-"""The directions by which the beams through a cell are distinguished."""
+"""Unit vectors of the directions."""
 
 WALL_SINE = 0.5
-"""[sine] Angle from which on a beam through a cell of a wall crosses it: at less it may run before
-the wall as well, in the same cells."""
+"""[sine] Least angle at which a beam through the cells of a wall crosses it: at a smaller one it
+may run in front of the wall, through the same cells."""
 
 LINE_END = 1.5 * CELL
-"""[m] How much of a line's ends is left out: beams that go by the end of a wall, through the same
-cells, go on as far as they like."""
+"""[m] Length ignored at both ends of a line: beams that pass the end of a wall go on through the
+same cells."""
 
 STRIDE = 8
-"""Steps from one to the next in each of the walks that together meet all cells of a line: most are
-crossed in wide open space, which the first walk finds."""
+"""[cells] A line is checked in this many interleaved passes: most lines that are crossed lie in
+open space, where the first pass finds it."""
 
 EMPTY = -(2**62)
-"""Key of a slot that no square has taken."""
+"""Key of an empty slot."""
 
 LEAST = 256
-"""Squares and walls that there is room for at first; four times as many blocks."""
+"""Initial capacity in squares and in walls."""
 
 
 CLUSTER = record(

@@ -1,7 +1,7 @@
-"""Clusters: the returns in one cell that came the same way, and what becomes of them.
+"""Clusters: the returns in one cell whose beams had the same direction.
 
-Returns are added to the moments of their cluster; beams that go on where others ended contradict
-it, until it is forgotten.
+Returns enter the moments of their cluster; beams that continue where others ended contradict it,
+until it is forgotten.
 """
 
 from typing import Any
@@ -25,17 +25,17 @@ from lrf3d.mapping.robust.cells import (
 from lrf3d.mapping.robust.walls import Walls, add_point, count_evidence
 
 MOST_HITS = 255.0
-"""[beams] When more have ended in a cell from one direction, all that is kept of it is halved."""
+"""[beams] Above this number of returns in a cluster all counts of its cell are halved."""
 
 GONE_AFTER = 20
-"""[beams] When so many have gone on where others ended, the same way and without a hit between
-them, what stood there is gone. Less forgets panes and fences that one beam in so many hits."""
+"""[beams] A surface is gone when this many beams of a direction in a row have continued where
+others ended. Less forgets panes and fences, which few beams hit."""
 
 LEAST_HITS = 0.5
-"""[beams] What fewer hits than this are left of is forgotten altogether."""
+"""[beams] A cluster with fewer hits is deleted."""
 
 SAME_WAY = 0.7
-"""[cosine] Angle between beams that go the same way."""
+"""[cosine] Largest angle between beams of one direction."""
 
 
 @borrower

@@ -1,6 +1,6 @@
-"""Corners: ends of walls of one object that all but meet are moved to where their lines cross.
+"""Corners: the ends of two walls of one object are moved to where their lines cross.
 
-Enter the walls of a map and their objects; leave the walls with closed corners.
+The walls of a map and their objects enter; the walls with closed corners leave.
 """
 
 import numpy as np
@@ -10,13 +10,13 @@ from lrf3d.geometry import Float, Int
 from lrf3d.mapping.robust.walls import end_of, vector_of
 
 CORNER_REACH = 0.3
-"""[m] Two walls meet where their lines cross no farther than this from an end of each."""
+"""[m] Largest distance from an end to the corner."""
 
 CORNER_TRIM = 0.1
-"""[m] An end is taken back to a corner by no more than this: beams hit the wall beyond it."""
+"""[m] Largest length that a wall loses to a corner: beams hit it beyond."""
 
 CORNER_SINE = 0.25
-"""[sine] Turn below which two walls have no corner: their lines cross at an arbitrary place."""
+"""[sine] Least angle of a corner: lines that are almost parallel cross at an arbitrary place."""
 
 
 def close_corners(ends: Float, objects: Int) -> Float:

@@ -32,48 +32,47 @@ from lrf3d.mapping.robust.beams import (
 from lrf3d.mapping.robust.walls import FIT, add_point, end_of, put_line
 
 GRAZING_ANGLE = np.radians(8.0)
-"""[rad] Walls met at a smaller angle than this cannot be distinguished from a gap."""
+"""[rad] Walls at a smaller angle of incidence cannot be distinguished from a gap."""
 
 CLUSTER_DEVIATIONS = 4.0
-"""[deviations] How much farther apart than the beams' spacing allows two returns of a cluster may
-lie: the noise of both is added to the gap."""
+"""[deviations] Noise of two returns that is added to the largest gap in a cluster."""
 
 LEAST_INCIDENCE = 0.05
-"""[cosine] Smallest incidence that a weight is computed with: along grazing beams other errors than
-that of the range decide. Weights of returns on walls of the map use it too."""
+"""[cosine] Least incidence in weights: at grazing beams other errors than that of the range
+dominate."""
 
 WEAKEST_DIRECTION = 0.15
-"""[rad] A segment whose direction is known to no better than this is not taken into the map."""
+"""[rad] Largest standard deviation of the direction of a segment."""
 
 END_DEVIATIONS = 5.0
-"""[deviations] How far a noisy end is moved along its beam onto its wall at most: a beam that all
-but runs along the wall would carry it far off."""
+"""[deviations] Largest shift of an end along its beam onto its wall: a beam that almost runs along
+the wall would move it far."""
 
 SCAN_CORNER_SINE = 0.2
-"""[sine] Turn below which two neighbouring walls of a scan have no corner: their lines cross at an
-arbitrary place."""
+"""[sine] Least angle of a corner of a scan: lines that are almost parallel cross at an arbitrary
+place."""
 
 SCAN_CORNER_BEAMS = 3
-"""[beams] How many beams apart two walls of a scan may end and still share a corner."""
+"""[beams] Largest distance between the ends of two walls of a scan that share a corner."""
 
 SCAN_CORNER_STEPS = 1.5
-"""[steps] How far the corner may lie from the two ends, as a multiple of how far they lie apart and
-of what noise adds between two returns of a cluster."""
+"""[steps] Largest distance from the two ends to the corner, relative to their distance and
+noise."""
 
 
 WALL_COST = 20.0
-"""[χ²] Cost of a further wall: noise on one wall of some hundred points, divided at its best place,
-gains less than this but once in thousands of times. The refit of the map's walls uses it too."""
+"""[χ²] Cost of a further wall: the best division of one noisy wall of a hundred points gains more
+only once in thousands of times. Refits use it, too."""
 
 OUTLIER_COST = 12.0
-"""[χ²] Cost of a point on no wall: as much as one 3.5 standard deviations off."""
+"""[χ²] Cost of a point on no wall: that of 3.5 standard deviations."""
 
 LEAST_POINTS = 3
-"""[points] Fewest points of a wall: two fit any line."""
+"""[points] Fewest points of a wall: any two define a line."""
 
 PRUNED_COST = max(0.0, (LEAST_POINTS - 1) * OUTLIER_COST - WALL_COST)
-"""[χ²] How much worse than the best a division may be and still lead to a better one later: what
-the points behind it could cost that are too few for a wall of their own. Exact: no tuning."""
+"""[χ²] Largest excess of a division over the best that may still lead to a better one: the cost of
+the points behind it that are too few for a wall. Exact, no tuning."""
 
 SUMS = record(
     cc=float, cs=float, ss=float,  # of the cosine and the sine of the beam

@@ -1,13 +1,12 @@
-"""Links: which walls are of one object, though what joins them was never seen.
+"""Links: which walls belong to one object, although the wall that joins them was never seen.
 
-Walls are of one object where a link, the shortest line from one to the other, exists that no beam
-has crossed. What lies behind the faces of both walls is taken for solid until a beam crosses it. A
-link that runs before one of them, to a corner that was not seen, must be short. A long link counts
-only where every line of sight from wall to wall behind both is blocked: it may cross a lane that no
-beam happened to pass.
+Two walls belong to one object if no beam has crossed their link, the shortest line between them.
+The space behind the faces of both walls counts as solid until a beam crosses it. A link that runs
+in front of one of them, to an unseen corner, must be short. A long link also needs all lines of
+sight behind both walls to be blocked: it may cross a lane that no beam happened to pass.
 
-Enter walls that are new in their places: their links are checked against the beams, and those of
-other walls again in turn. Objects are worked out of the links when a map is read.
+Walls that are new in their places enter; their links are tested, and those of other walls again in
+turn. Objects are found from the links when a map is read.
 """
 
 import numpy as np
@@ -29,32 +28,32 @@ from lrf3d.mapping.robust.walls import (
 )
 
 SHORT_LINK = 3.0
-"""[m] Longest link that may run before a wall: less than a lane between buildings. More joins
-buildings across lanes, less leaves corners of a building apart."""
+"""[m] Longest link that may run in front of a wall: less than a lane between buildings. More joins
+buildings across lanes, less separates the corners of a building."""
 
 LONGEST_LINK = 15.0
-"""[m] Longest link behind two walls: as deep as most buildings are."""
+"""[m] Longest link behind two walls: the depth of most buildings."""
 
 BEHIND_SINE = 0.3
-"""[sine] Angle by which a link may run before a wall and still count as behind it."""
+"""[sine] Largest angle at which a link that runs in front of a wall still counts as behind it."""
 
 STRAY_BEAMS = 1
-"""[beams] How many may cross a short link: noise rarely lets one through, but links are many."""
+"""[beams] Beams that may cross a short link: noise rarely lets one through, but links are many."""
 
 CORNER_BEAMS = 8
-"""[beams] How many may reach into the corner behind a short link: by more the corner was seen."""
+"""[beams] Beams that may reach into the corner behind a short link; more have seen that corner."""
 
 NICHE_DEPTH = 0.5
-"""[share] How deep such a corner may be, as a part of the link's length."""
+"""[share] Largest depth of such a corner, relative to the length of the link."""
 
 SIGHT_PLACES = (0.1, 0.5, 0.9)
 """[share] Where along two walls the lines of sight between them begin and end."""
 
 LINKS_A_TURN = 16
-"""[links] How many an update asks the beams about again: so objects come apart that are two."""
+"""[links] Links that an update tests again, so that two objects that were joined are separated."""
 
 LINK_SINE = 0.35
-"""[sine] Angle from which on a beam crosses a link; no beam need run along it."""
+"""[sine] Least angle at which a beam crosses a link."""
 
 
 @compiled

@@ -1,12 +1,11 @@
-"""Merging: how two walls become one.
+"""Merging: which segments are one wall, and the wall that they become.
 
-Two segments stand for one wall where the shorter one's ends lie on the longer one's line within
-what noise explains and a wall may bend, where they overlap or nearly so, and where the laser
-stood on the same side of both. The merged wall is the exact fit to all points of both. A gap is
-bridged only where no beam crossed it. Each merge takes one wall away, so the loop ends.
+Two segments are one wall if the ends of the shorter one lie on the line of the longer one within
+noise and a slight bend, if they overlap or nearly so, and if the laser saw both from the same side.
+The merged wall is the exact fit to all points of both. A gap is bridged only if no beam crossed it.
 
-The walls of a scan enter. Those that known walls cover add nothing that the cells do not know;
-the others are merged with what they fit, and are to be refit.
+The walls of a scan enter. Those that known walls cover are dropped: their returns are in the cells.
+The others are merged with what they fit, and are to be refit.
 """
 
 from typing import Any, NamedTuple
@@ -38,21 +37,19 @@ from lrf3d.mapping.robust.walls import (
 )
 
 SAME_DIRECTION = 0.5
-"""[cosine] Largest angle between two segments that may be one wall. Far more than noise explains;
-the offsets of the ends decide."""
+"""[cosine] Largest angle between two segments of one wall: far more than noise, the offsets of the
+ends decide."""
 
 BEND = 0.4
-"""[share of merge_distance] How far a wall may bend where it is continued: two views of a wall
-differ by the error of the poses, but next to each other they share it. More bridges slight
-bends of a wall into one."""
+"""[share of merge_distance] Largest bend where a wall is continued: two views of a wall differ by
+the error of poses, but adjacent views share it. More merges slightly bent walls."""
 
 LONGEST_GAP = 3.0
-"""[m] Longest gap of a wall that is bridged where no beam crossed it: behind a longer one there may
-as well be a recess that beams could not look into."""
+"""[m] Longest gap that is bridged if no beam crossed it: a longer one may hide a recess."""
 
 SPARE_BEAMS = 20
-"""[beams] How many may cross a gap no longer than merge_length: as many as a refit needs to cut a
-wall there. So what is merged and what is cut agree."""
+"""[beams] Beams that may cross a gap of at most merge_length: a refit needs more to cut a wall
+there, so that merging and cutting agree."""
 
 
 class Rule(NamedTuple):

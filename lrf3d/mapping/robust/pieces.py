@@ -1,7 +1,7 @@
-"""Pieces: which walls the beams hit, and where they violate them by going on behind.
+"""Pieces: the hits and free-space violations of each cell's length of a wall.
 
-Enter walls and the cells of all beams; leave, for each piece of a wall, how many beams hit it and
-how many are free-space violations.
+Walls and cells enter; each wall is extended at both ends and divided into pieces, and each cluster
+of returns is assigned to the nearest wall.
 """
 
 from typing import Any, NamedTuple
@@ -26,26 +26,26 @@ from lrf3d.mapping.robust.extraction import LEAST_INCIDENCE
 from lrf3d.mapping.robust.walls import Walls, end_of, unit_of
 
 FOLLOWED = 2.0
-"""[m] How far a wall is followed beyond its ends, to what single beams hit."""
+"""[m] Extension of a wall beyond both ends, to reach single hits."""
 
 ROUNDING = 1e-6
-"""[m] A wall may end just where its last hit is: rounding does not decide what continues it."""
+"""[m] A wall may end exactly at its last hit: rounding must not make that hit an extension."""
 
 CONTINUATION_STRICTNESS = 0.5
-"""[share] How far off a return may lie that makes a wall longer, as a part of what is usual."""
+"""[share] Tolerance for returns beyond the ends of a wall, relative to that along it."""
 
 CONTINUATION_PENALTY = 2.0
-"""[share] By how much of what is usual a return counts as farther off a wall that it would make
-longer, so that walls that were seen there come first."""
+"""[share] Distance added to returns beyond the ends, in tolerances, so that walls that were seen
+there come first."""
 
 DEEPEST_HIT = 5.0
-"""[share] How far a hit may lie from the wall along its beam, as a multiple of how far it may lie
-off: beams that all but run along a wall hit it anywhere."""
+"""[share] Largest distance from a hit to the wall along its beam, in tolerances: beams that almost
+run along a wall hit it anywhere."""
 
 SPREAD_FACTOR = 16.0
-"""[share] How many times the variance of the noise returns may be spread across a wall in a cell
-and still be of that wall alone: four standard deviations. At 4 walls of rooms are a fifth nearer to
-the truth, and a map of an office explains 0.1 % less of its returns."""
+"""[share] Largest spread of the returns in a cell across a wall, in variances of the noise; above
+it they are of two walls. At 4 walls of rooms are a fifth closer to the truth, and a map of an
+office explains 0.1 % less of its returns."""
 
 
 PIECE = record(

@@ -1,7 +1,7 @@
 """Rays: the path of each beam of a scan through the cells.
 
-The beams of a scan enter; the cells count what goes through them, the clusters what ends in them,
-and both what is new of the evidence of walls.
+The beams of a scan enter; the cells count those that pass, the clusters gain those that end, and
+the walls both as new evidence.
 """
 
 import numpy as np
@@ -25,15 +25,15 @@ from lrf3d.mapping.robust.clusters import add_hit, contradict
 from lrf3d.mapping.robust.walls import Walls
 
 ROW_BITS, FIRST_COLUMN = 32, 1 << 31
-"""A packed cell is its row, and its column counted from the first below the row's bits."""
+"""A packed cell is its row, shifted by these bits, and its column, counted from this first one."""
 
 REACH_BITS, FARTHEST = 52, 1 << 54
-"""A beam's way through the cells is measured in so small parts of its reach; a distance that it
-does not get to."""
+"""Distances along a beam are integers in units of 2⁻⁵² of its range; and one that no beam
+reaches."""
 
 ROW_MASK = (SIDE - 1) << SIDE_BITS
 LEAVES = ~((SIDE - 1) + ((SIDE - 1) << ROW_BITS))
-"""The bits of a packed cell that change when a step leaves a block."""
+"""Bits of a packed cell that change when a step leaves a block."""
 
 
 @borrower

@@ -1,9 +1,8 @@
-"""Refinement: walls are checked against what all beams have shown, and corrected by it.
+"""Refinement: which walls are refit, and how their new parts replace them.
 
-Enter the walls whose evidence has changed; their real parts take their places in the pool: cut
-where beams went through them, split where the points bend, without second copies. A part that
-hardly differs from where a wall was keeps that wall's row and links, and waits for no merge; so a
-wall that is merged and cut again and again settles.
+Walls with enough new evidence enter. Their real parts take their rows: cut where beams passed
+through, split where the points bend. A part that hardly differs from a former wall keeps its row
+and links, and is not merged again, so that a wall that is merged and cut repeatedly settles.
 """
 
 import numpy as np
@@ -27,12 +26,12 @@ from lrf3d.mapping.robust.walls import (
 )
 
 FRESH_SHARE = 0.1
-"""[share] A wall is refined again when this part of what it was refit by is new. Less
-takes time, more leaves walls behind what is known of them."""
+"""[share] New evidence after which a wall is refit, relative to that of its last fit. Less takes
+time, more leaves walls outdated."""
 
 UNCHANGED = 0.15
-"""[m] A part that lies no farther than this from where a wall was linked with others keeps its row
-and its links. Its ends move by whole pieces of 0.1 m. Less takes time."""
+"""[m] A part within this distance of a linked wall keeps its row and links. Ends move by pieces of
+0.1 m. Less takes time."""
 
 
 @compiled

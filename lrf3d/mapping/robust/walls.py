@@ -1,7 +1,7 @@
-"""Walls: the one table of a growing map's walls, which finds those near a place.
+"""Walls: the table of a growing map's walls, which finds those near a place.
 
-A row holds a wall: its ends, what they were fitted to, what beams have shown of it since, and its
-links to other walls. Rows that are given back are taken again. Lines are rows x1 y1 x2 y2 [m].
+A row holds a wall: its ends, the moments of the points that it is fitted to, the new evidence of
+beams, and its links to other walls. Free rows are used again. Lines are x1 y1 x2 y2 [m].
 """
 
 from typing import Any, NamedTuple
@@ -15,10 +15,10 @@ BLOCK = 64
 """[walls] Rows that share a bounding box. It changes speed only."""
 
 MOST_LINKS = 24
-"""[links] Others that a new wall is linked with, the nearest ones."""
+"""[links] Largest number of links of a wall, to the nearest others."""
 
 UNLINKED = np.inf
-"""Where a wall is placed that is not shown, and so is linked with no other."""
+"""Place of a wall that is not shown and has no links."""
 
 FIT = record(
     weight=float,  # [1/m²] sum of the inverse variances of the points

@@ -28,30 +28,29 @@ RAY = record(
 """A beam of a kept scan."""
 
 MOST_SCANS = 160
-"""[scans] So many are kept: of a drive at least the last 80 m. What mirrors showed before stays."""
+"""[scans] Scans kept: at least the last 80 m of a drive. Mirrors found before remain."""
 
 LEAST_WAY, LEAST_TURN = 0.5, 0.5
-"""[m, rad] A scan is kept if the robot has moved or turned by so much since the last one."""
+"""[m, rad] Motion of the robot after which a scan is kept."""
 
 USUAL_SHARE = 0.7
-"""[share] The usual light of a scan's returns is that which so many have at most: next to a front
-of glass most are dim."""
+"""[share] Quantile of the light of the returns of a scan that is its usual light: near a front of
+glass most are dim."""
 
 WEAKEST_COSINE = 0.1
-"""[cosine] Beams at a smaller incidence are left out: the direction of a wall is not that well
-known."""
+"""[cosine] Least incidence: the direction of a wall is not known well enough for smaller ones."""
 
 APART, LEAST_CHANGE = 0.05, 0.2
-"""[share, log] Two returns of a wall are compared that are this part of the scan apart, if the
-laser equation has them differ by so much."""
+"""[share, log] Distance in the scan, and difference by the laser equation, from which on two
+returns of a wall are compared."""
 
 LARGEST_MISFIT = 0.3
-"""[share] By this part of the difference another one may deviate. Light that falls with the range
-alone deviates by a third."""
+"""[share] Largest relative error of that difference. Light that falls with the range alone has a
+third."""
 
 LEAST_FITTING, LEAST_PAIRS = 0.5, 100
-"""[share, pairs] Intensities are light if so many of at least so many pairs fit: metal and glass
-never do."""
+"""[share, pairs] Intensities are light if this share of at least this many pairs fits: metal and
+glass never do."""
 
 NO_LIGHT = (
     "intensities do not fall with range and incidence as light does: the map has no glass and no"

@@ -35,35 +35,35 @@ from lrf3d.mapping.robust.glass.surfaces import (
 from lrf3d.mapping.robust.walls import Walls
 
 MOST_LINES = 256
-"""[lines] So many are kept."""
+"""[lines] Number of lines that are kept."""
 
 LINES_A_SCAN, MOST_A_SCAN = 8, 64
-"""[lines] How many lines of images of a scan count, those first that most of its walls agree on;
-and how many images are compared for this, those first that share most with a wall."""
+"""[lines] Largest numbers of lines of a scan that count, those that most of its walls support; and
+of images that are compared for this, those that share most with a wall."""
 
 LEAST_VOTES, FLASH_VOTES, MOST_VOTES = 2.0, 8.0, 50.0
-"""[votes] After so many new ones a line is looked at. An image gives one, a flash more, because
-only glass, mirrors and metal flash. By so many lines that spoke for it one is averaged."""
+"""[votes] New votes after which a line is examined; votes of a flash, as only glass, mirrors and
+metal flash, while an image gives one; and number of observations that a line is averaged over."""
 
 SHORTEST = 0.6
-"""[m] Length of a pane or a mirror from which on it is found."""
+"""[m] Least length of a pane or a mirror."""
 
 PARALLEL_SINE = 0.2
-"""[sine] Twice the sine of half the angle between two walls of which one may be the other's image:
-walls at right angles to the mirror go on in theirs, and do not say where it is."""
+"""[sine] Twice the sine of half the least angle between a wall and its image: walls at right angles
+to a mirror continue in their images, and do not locate it."""
 
 NEAR = 0.1
-"""[m] How far off a wall an image may lie when it is mirrored back, two lines that are one may lie
-apart, and a segment of the map off the pane or the mirror that it is a part of."""
+"""[m] Largest offset of a mirrored image from a wall, between two observations of one line, and of
+a segment of the map from the pane or mirror that it is part of."""
 
 SAME_COSINE = np.cos(np.radians(2.0))
-"""[cosine] Two lines that are one differ by no more: the faces of a thin wall are two."""
+"""[cosine] Largest angle between two observations of one line."""
 
 ABSORBED = 0.5
-"""[share] So much of the length of such a segment lies by the pane or the mirror."""
+"""[share] Least share of the length of such a segment along the pane or mirror."""
 
 JOINS = 0.4
-"""[m] A pane or a mirror is of the object of a wall whose end it reaches so nearly."""
+"""[m] A pane or mirror belongs to the object of a wall whose end is this close."""
 
 VOTES = record(
     total=float, new=float,  # in all, and since the line was looked at

@@ -32,53 +32,56 @@ PATCH = record(
 """What the rays of kept scans showed of a patch."""
 
 LARGEST_SPREAD = 0.1
-"""[share] Where the reflectance differs by more, nothing is compared with it: metal."""
+"""[share] Largest relative deviation of the reflectance of a patch; it is unknown where it varies
+more, as on metal."""
 
 EDGE = 0.3
 """[m] Beams that pass a mirror by less may have met it."""
 
 SPACING = 0.02
-"""[rad] Half of the angle between two beams at most: between the returns of kept scans others did
-the same."""
+"""[rad] Half of the largest angle between two beams: beams between those of the kept scans met the
+same mirror."""
 
 GRAZING = 0.26
-"""[cosine] At 75° and more from the normal glass mirrors beams as much as it lets them pass: such
-beams show neither glass nor mirrors."""
+"""[cosine] Above 75° from the normal glass reflects as much as it transmits: such beams show
+neither glass nor mirrors."""
 
 IS_GLASS, IS_MIRROR = 1, 2
-"""What the pieces of a line may be, or else 0."""
+"""Class of the pieces of a line, or 0."""
 
 PIECE, PIECES = 0.25, 256
-"""[m, pieces] Length of a piece of a line, in which beams are counted, and their number: 64 m."""
+"""[m, pieces] Length of a piece of a line in which beams are counted, and the number of pieces: 64
+m."""
 
 SEEN = 3
 """[beams] Fewest that show glass, or a mirror. Hysteresis: a piece changes class only when
 contradicting beams outnumber supporting ones by this many."""
 
 FLASH, DIM = 5.0, 0.04
-"""[usual brightness] A return is a flash above the one and dim below the other. Diffuse walls reach
-about 3 at most, glass some hundreds and, askew, about a hundredth."""
+"""[usual light] Returns above the one are flashes, below the other dim. Diffuse walls reach 3 at
+most, glass some hundreds and, askew, about a hundredth."""
 
 FLASHES, FLASHING = np.cos(0.04), np.cos(np.radians(0.55))
-"""[cosine] Glass may flash where a beam meets it so near its normal, and does so much nearer."""
+"""[cosine] Glass may flash at this incidence, and always does at the second."""
 
 MOST_OPAQUE, PASSED_SHARE = 0.3, 0.6
-"""[share, share] At a piece of glass fewer than this part of what shows glass shows a wall;
-and beams pass so many of the pieces of a pane: it is seen through."""
+"""[share, share] Largest share of returns as of a wall at a piece of glass; and least share of the
+pieces of a pane that beams pass."""
 
 IMAGE_FACTOR = 3.0
-"""[factor] How many times more images than other returns there are at each piece of a mirror."""
+"""[factor] Least ratio of images to other returns at a piece of a mirror."""
 
 LONGEST_GAP = 3
-"""[pieces] Of a mirror, in which it shows what was not seen otherwise: narrower than a door."""
+"""[pieces] Longest gap of a mirror, where it shows what was not seen otherwise: narrower than a
+door."""
 
 LEAST_LIT, ALIKE_SHARE = 16, 0.85
-"""[beams, share] Images of walls of which the reflectance is known, at a mirror, and how many of
-them are as bright as those of a mirror: others are of metal, or at an edge of two walls."""
+"""[beams, share] Least number of images of walls of known reflectance, and least share of them that
+are as bright as in a mirror: others are of metal, or at an edge of two walls."""
 
 DIMMED = 0.87, 0.98
-"""[share] How bright an image in a mirror is beside what it is of: what is seen through a pane of
-glass is darker, and a room as bright."""
+"""[share] Brightness of an image in a mirror relative to its object: through a pane of glass it is
+lower, in a real room equal."""
 
 COUNTS = record(
     shown=float, flashed=float,  # returns as of glass, and those of them that flash
