@@ -70,17 +70,10 @@ NOISE_STEPS = 1.2
 the noise by a few per cent."""
 
 
-RANGE_BINS, RESIDUAL_BINS, PER_DECADE = len(NOISE_RANGES) - 1, 200, 24
+RESIDUAL_BINS, PER_DECADE = 200, 24
 
 MEDIAN_SIZE = 0.6745
 """[deviations] Median of the absolute value of normal deviates."""
-
-
-@inner
-def range_deviation(noise: RangeNoise, reach: float) -> float:
-    """Standard deviation [m] of a range [m]."""
-    deviation: float = np.sqrt(noise.floor * noise.floor + (noise.growth * reach) ** 2)
-    return deviation
 
 
 def pose_in(frame: Pose, scan: LaserScan) -> tuple[tuple[float, float], float]:
@@ -219,7 +212,7 @@ class NoiseEstimate:
     def __init__(self, floor: float) -> None:
         self._floor = floor
         # How many differences there were, by range and by size.
-        self._counts = np.zeros((RANGE_BINS, RESIDUAL_BINS), np.int64)
+        self._counts = np.zeros((len(NOISE_RANGES) - 1, RESIDUAL_BINS), np.int64)
         self._total = self._fitted = 0
         self.known: RangeNoise | None = None
 

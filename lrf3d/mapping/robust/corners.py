@@ -7,13 +7,11 @@ import numpy as np
 
 from lrf3d.compiling import borrower, compiled
 from lrf3d.geometry import Float, Int
+from lrf3d.mapping.robust.beams import CELL
 from lrf3d.mapping.robust.walls import end_of, vector_of
 
 CORNER_REACH = 0.3
 """[m] Largest distance from an end to the corner."""
-
-CORNER_TRIM = 0.1
-"""[m] Largest length that a wall loses to a corner: beams hit it beyond."""
 
 CORNER_SINE = 0.25
 """[sine] Least angle of a corner: lines that are almost parallel cross at an arbitrary place."""
@@ -72,10 +70,11 @@ def _crossing(ends: Float, end: int, other: int, corner: Float) -> bool:
     ahead, back = (dx * vy - dy * vx) / turn, (dx * uy - dy * ux) / turn
     if abs(ahead) * own > CORNER_REACH or abs(back) * across > CORNER_REACH:
         return False
-    # The first end (side 0) is taken back when it moves ahead, the second when it moves back.
-    if (1.0 - 2.0 * side) * ahead * own > min(CORNER_TRIM, 0.5 * own):
+    # Beams hit a wall beyond its corner: it is shortened by no more than a cell. The first end
+    # (side 0) is taken back when it moves ahead, the second when it moves back.
+    if (1.0 - 2.0 * side) * ahead * own > min(CELL, 0.5 * own):
         return False
-    if (1.0 - 2.0 * turned) * back * across > min(CORNER_TRIM, 0.5 * across):
+    if (1.0 - 2.0 * turned) * back * across > min(CELL, 0.5 * across):
         return False
     corner[0], corner[1] = x + ahead * ux, y + ahead * uy
     return True

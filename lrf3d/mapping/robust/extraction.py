@@ -27,7 +27,6 @@ from lrf3d.mapping.robust.beams import (
     in_order,
     longest_loss,
     plain,
-    range_deviation,
 )
 from lrf3d.mapping.robust.walls import FIT, add_point, end_of, put_line
 
@@ -118,7 +117,8 @@ def _joined_returns(
         if reach > 0.0 and reach <= range_max and reach < np.inf:
             angle = theta + angles[place]
             beams[kept, 0], beams[kept, 1] = np.cos(angle), np.sin(angle)
-            reaches[kept], deviations[kept] = reach, range_deviation(noise, reach)
+            reaches[kept] = reach
+            deviations[kept] = np.sqrt(noise.floor * noise.floor + (noise.growth * reach) ** 2)
             places[kept] = place
             kept += 1
     for i in range(kept):

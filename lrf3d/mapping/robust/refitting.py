@@ -41,10 +41,10 @@ SETTLED_AFTER = 30
 earlier violations no longer count. Less keeps the last views of slow walkers, more ignores doors
 for longer."""
 
-CAME_BEAMS, CAME_SCANS = 8.0, 1.0
+CAME_BEAMS = 8.0
 """[beams] A wall shorter than SHORT_WALL that was hit over fewer scans is transient if more beams
-than this, and than this for each scan with hits, passed before. At 20 and 3 more slow obstacles
-remain; at 5 and 0.5 a map of an office explains 0.1 % less of its returns."""
+than this, and than scans with hits, passed before. At 20 more slow obstacles remain; at 5 a map of
+an office explains 0.1 % less of its returns."""
 
 DUPLICATE_WEIGHT = 0.2
 """[hits] Weight of a beam that hit a nearer wall, against a second copy of a wall."""
@@ -141,7 +141,8 @@ def _weigh(pieces: Records, length: float, least: int, fit: Any) -> float:
         spell = max(spell, piece.spell)
         weight = violation_weight(piece) if piece.hits else VIOLATION_WEIGHT
         against += weight * piece.violations
-    lately = came_lately(before / max(hits, 1e-9), scans / len(pieces), spell)
+    passed = before / max(hits, 1e-9)
+    lately = spell < SETTLED_AFTER and passed > max(CAME_BEAMS, scans / len(pieces))
     factor = 2 if length < SHORT_WALL else 1
     shown = hits >= factor * least and factor * against <= hits
     fit.points, fit.evidence = int(hits), hits
@@ -167,12 +168,6 @@ def violation_weight(count: Any) -> float:
     share = 1.0 - settled / max(both, 1e-9)
     weight: float = max(TRANSIENT_WEIGHT * share * hits / scans, VIOLATION_WEIGHT)
     return weight
-
-
-@borrower
-def came_lately(before: float, scans: float, spell: float) -> bool:
-    """Whether a place that so many beams went through before was hit for a short spell [scans]."""
-    return spell < SETTLED_AFTER and before > max(CAME_BEAMS, CAME_SCANS * scans)
 
 
 @compiled

@@ -17,9 +17,6 @@ BLOCK = 64
 MOST_LINKS = 24
 """[links] Largest number of links of a wall, to the nearest others."""
 
-UNLINKED = np.inf
-"""Place of a wall that is not shown and has no links."""
-
 FIT = record(
     weight=float,  # [1/m²] sum of the inverse variances of the points
     x=float, y=float,  # [m] their mean
@@ -63,7 +60,7 @@ class Walls(NamedTuple):
         ends: (rows, 4) x1 y1 x2 y2 [m]; the laser saw the wall from its left.
         fits: (rows,) of :data:`FIT`.
         rows: (rows,) of :data:`WALL`.
-        placed: (rows, 4) where it was when it was linked with others [m].
+        placed: (rows, 4) where it was when it was linked with others [m]; ∞ without links.
         links: (rows, MOST_LINKS) of :data:`LINK`.
         free: (rows,) rows that were given back, the last of them first to be taken again.
         changed: (rows,) the rows whose evidence the last scan has changed.
@@ -90,7 +87,7 @@ class Walls(NamedTuple):
         walls["version"] = 1
         boxes[:, 2:] = -np.inf
         return cls(
-            np.zeros((rows, 4)), np.zeros(rows, FIT), walls, np.full((rows, 4), UNLINKED),
+            np.zeros((rows, 4)), np.zeros(rows, FIT), walls, np.full((rows, 4), np.inf),
             np.zeros((rows, MOST_LINKS), LINK), np.zeros(rows, np.int64), np.zeros(rows, np.int64),
             np.zeros(rows, np.int64), boxes, np.zeros(1, WALL_COUNTERS),
         )  # fmt: skip
@@ -138,7 +135,7 @@ def give_back(walls: Walls, row: int) -> None:
     counters = walls.counters[0]
     walls.fits[row].points, walls.fits[row].shown = 0, False
     walls.rows[row].version += 1
-    walls.placed[row] = UNLINKED
+    walls.placed[row] = np.inf
     walls.free[counters.free] = row
     counters.free += 1
 

@@ -30,7 +30,7 @@ RAY = record(
 MOST_SCANS = 160
 """[scans] Scans kept: at least the last 80 m of a drive. Mirrors found before remain."""
 
-LEAST_WAY, LEAST_TURN = 0.5, 0.5
+LEAST_MOTION = 0.5
 """[m, rad] Motion of the robot after which a scan is kept."""
 
 USUAL_SHARE = 0.7
@@ -82,7 +82,7 @@ class LitScans:
         not kept if it has none, or the robot stands nearly where it did.
         """
         off = np.abs(np.array(pose) - self._last)
-        if scan.intensities is None or (np.hypot(*off[:2]) <= LEAST_WAY and off[2] <= LEAST_TURN):
+        if scan.intensities is None or (max(np.hypot(*off[:2]), off[2]) <= LEAST_MOTION):
             return False
         lights = scan.intensities[np.argsort(scan.angles, kind="stable")]
         units, free, _ = Beams.of(scan, pose[2], noise)

@@ -17,6 +17,7 @@ from lrf3d.compiling import record
 from lrf3d.geometry import Bool, Float, cross, directions, lengths
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.mapping.line_map import GLASS, MIRROR, LineMap
+from lrf3d.mapping.robust.beams import CELL
 from lrf3d.mapping.robust.cells import FREE_DEPTH, Cells
 from lrf3d.mapping.robust.glass.light import LitScans
 from lrf3d.mapping.robust.glass.surfaces import (
@@ -52,15 +53,8 @@ PARALLEL_SINE = 0.2
 """[sine] Twice the sine of half the least angle between a wall and its image: walls at right angles
 to a mirror continue in their images, and do not locate it."""
 
-NEAR = 0.1
-"""[m] Largest offset of a mirrored image from a wall, between two observations of one line, and of
-a segment of the map from the pane or mirror that it is part of."""
-
 SAME_COSINE = np.cos(np.radians(2.0))
 """[cosine] Largest angle between two observations of one line."""
-
-ABSORBED = 0.5
-"""[share] Least share of the length of such a segment along the pane or mirror."""
 
 JOINS = 0.4
 """[m] A pane or mirror belongs to the object of a wall whose end is this close."""
@@ -143,7 +137,7 @@ class Optics:
         distances = line_distances(place, self._lines, lines)
         for line, apart in zip(lines, distances, strict=True):
             row, own = int(apart.argmin()), self._lines[apart.argmin()]
-            if apart[row] >= NEAR:
+            if apart[row] >= CELL:
                 row = int(np.where(self._votes["kind"], np.inf, self._votes["last"]).argmin())
                 self._votes[row] = 0
                 self._lines[row] = *line, line[1] * place[0] - line[0] * place[1]
@@ -195,11 +189,11 @@ def image_lines(place: Float, walls: Float, segments: Float) -> Float:
     stations = (off * unit).sum(axis=2)
     high = np.minimum(stations.max(axis=1), lengths(segments)[real])
     shared = high - stations.min(axis=1).clip(0.0)
-    good = (np.abs(cross(unit, off)) <= NEAR).all(axis=1)
+    good = (np.abs(cross(unit, off)) <= CELL).all(axis=1)
     good &= shared > 0.5 * lengths(walls)[wall]
     rows = np.flatnonzero(good)[np.argsort(-shared[good], kind="stable")]
     lines = np.column_stack([normals, distances])[rows[:MOST_A_SCAN]]
-    same = line_distances(place, lines, lines) < NEAR
+    same = line_distances(place, lines, lines) < CELL
     weights = same @ shared[rows[:MOST_A_SCAN]]
     found: list[Float] = []
     while weights.any() and len(found) < LINES_A_SCAN:
@@ -229,8 +223,8 @@ def with_surfaces(line_map: LineMap, surfaces: Float, mirrors: Bool) -> LineMap:
     off = segments.reshape(-1, 2, 1, 2) - surfaces[:, :2]
     stations, aside = (off * along).sum(axis=3), cross(along, off)
     low, high = stations.min(axis=1), stations.max(axis=1)
-    part = np.minimum(high, size) - np.maximum(low, 0.0) > ABSORBED * length
-    part &= np.abs(aside).max(axis=1) < NEAR
+    part = np.minimum(high, size) - np.maximum(low, 0.0) > 0.5 * length
+    part &= np.abs(aside).max(axis=1) < CELL
     # Surfaces become as long as what they take in.
     first = np.where(part, low, 0.0).min(axis=0, initial=0.0)
     last = np.maximum(np.where(part, high, 0.0).max(axis=0, initial=0.0), size)

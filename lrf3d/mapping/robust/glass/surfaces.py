@@ -71,7 +71,7 @@ pieces of a pane that beams pass."""
 IMAGE_FACTOR = 3.0
 """[factor] Least ratio of images to other returns at a piece of a mirror."""
 
-LONGEST_GAP = 3
+WIDEST_HOLE = 3
 """[pieces] Longest gap of a mirror, where it shows what was not seen otherwise: narrower than a
 door."""
 
@@ -264,7 +264,7 @@ def mirror_pieces(pieces: Records) -> Bool:
     for (_, last), (first, _) in pairwise(runs(good)):
         # A mirror goes on between two pieces of it where nothing stands.
         stands = opaque[last:first] > (images + wrong)[last:first] / IMAGE_FACTOR
-        good[last:first] |= first - last <= LONGEST_GAP and not stands.any()
+        good[last:first] |= first - last <= WIDEST_HOLE and not stands.any()
     for first, last in runs(good):
         enough = alike[first:last].sum() >= LEAST_LIT
         enough &= alike[first:last].sum() > ALIKE_SHARE * known[first:last].sum()
