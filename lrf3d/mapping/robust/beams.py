@@ -1,12 +1,11 @@
-"""What a robust mapper makes of a scan before it judges its beams.
+"""Beams: what a robust mapper makes of a scan before it enters the cells.
 
-A scan enters; leave where it was taken in the map's own frame, the noise of its ranges, how far
-each of its beams was free, and how far off the places may be where they ended.
+A scan enters; its pose in the map's own frame, the noise of its ranges, the free distance of each
+beam, and the standard deviation of its end point leave.
 
-The noise is that which the scans themselves show. On a flat wall the inverse of the range is a sine
-of the angle, so that the ranges before and behind a beam give its own; by how much it differs is
-noise. What differs at corners and in clutter differs by much more, and the median leaves it out
-(Huber and Ronchetti 2009, section 5.1).
+The noise is learnt from the scans. On a flat wall the inverse of the range is a sine of the angle,
+so that the ranges before and behind a beam predict its own; the difference is noise. At corners and
+in clutter it is much larger, and the median leaves it out (Huber and Ronchetti 2009, section 5.1).
 """
 
 from typing import NamedTuple
@@ -92,8 +91,8 @@ def in_world(frame: Pose, segments: Float) -> Float:
 class Beams(NamedTuple):
     """The beams of a scan in the map's frame.
 
-    Their unit vectors (n, 2); ranges (n,) [m], where nothing returned minus the range that is free,
-    and 0 where nothing is known; and standard deviations (n,) [m] of the places where they end.
+    Unit vectors (n, 2); ranges (n,) [m], minus the free distance where nothing returned and 0 where
+    nothing is known; and standard deviations (n,) [m] of the end points.
     """
 
     units: Float
@@ -123,7 +122,7 @@ def in_order(scan: LaserScan) -> tuple[Float, Float]:
 
 
 def plain(values: Float) -> Float:
-    """The values as an array of the one kind that the compiled code is made for."""
+    """The values as an array of the layout that kernels are compiled for."""
     if values.flags.c_contiguous and values.flags.writeable:
         return values
     return np.array(values)
@@ -131,10 +130,9 @@ def plain(values: Float) -> Float:
 
 @inner
 def longest_loss(ranges: Float, range_max: float) -> int:
-    """How many beams beside each other that return nothing are put down to beams that are lost.
+    """Longest run of missing returns that is attributed to lost beams.
 
-    Each gap in a scan is taken for a lost beam to learn how often one is lost, at worst: of a scan
-    without losses the gaps are few.
+    The rate of losses is bounded by the rate of gaps in the scan: a scan without losses has few.
     """
     hits = gaps = 0
     returned = False
@@ -157,11 +155,10 @@ def measure_beams(
     spread: tuple[float, float],
     beams: Beams,
 ) -> None:
-    """Find how far beams were free, and how far off the places may be where they ended.
+    """Fill in the free distances of beams and the standard deviations of their end points.
 
-    A beam that is lost between two that returned says nothing: only where more beside each other
-    return nothing, nothing is there. Ranges and deviations of the beams are filled in from measured
-    ranges (n,) [m] by rising angle; see `pose_spread` for the spread.
+    Ranges (n,) [m] are measured by rising angle. A short run of missing returns between two returns
+    is unknown, a longer one is free space; see `pose_spread` for the spread.
     """
     ranges = beams.ranges
     count, missed, lost = len(measured), 0, longest_loss(measured, range_max)
@@ -186,7 +183,7 @@ def measure_beams(
 
 
 def pose_spread(scan: LaserScan) -> tuple[float, float]:
-    """What the pose's error adds to the variance of places: at no distance, and by its square."""
+    """Variances that the pose's error adds to end points: constant, and times the range squared."""
     covariance = scan.pose_covariance
     if covariance is None:
         return 0.0, 0.0
@@ -194,9 +191,9 @@ def pose_spread(scan: LaserScan) -> tuple[float, float]:
 
 
 def widen(fits: Records, scan: LaserScan) -> None:
-    """Let fits (n,) around the laser weigh no more than the error of the pose leaves them.
+    """Reduce the weights of fits (n,) around the laser to what the error of the pose allows.
 
-    All points of a scan share it, so that it does not average out.
+    All points of a scan share this error, so that it does not average out.
     """
     if scan.pose_covariance is None:
         return
@@ -207,7 +204,7 @@ def widen(fits: Records, scan: LaserScan) -> None:
 
 
 class NoiseEstimate:
-    """The noise of ranges as it is `known`: what was assumed, and more and more what scans show."""
+    """The noise of ranges: the assumed one at first, then more and more the observed one."""
 
     def __init__(self, floor: float) -> None:
         self._floor = floor
@@ -256,9 +253,10 @@ class NoiseEstimate:
 def count_residuals(
     angles: Float, ranges: Float, noise: RangeNoise, edges: Float, counts: Int
 ) -> int:
-    """Count by how much ranges differ from those that their neighbours give on a flat wall.
+    """Histogram the deviations of ranges from those that their neighbours predict on a flat wall.
 
-    Counts (bins, sizes) of those between two edges (bins + 1,) [m] are added to; returns how many.
+    Adds to the counts (bins, sizes) of deviations between edges (bins + 1,) [m] of the range;
+    returns how many were added.
     """
     returned = np.flatnonzero(np.isfinite(ranges) & (ranges > NOISE_UNIT))
     steps, ranges = np.abs(np.diff(angles[returned])), ranges[returned]

@@ -106,7 +106,7 @@ COUNTERS = record(
 
 
 class Cells(NamedTuple):
-    """The cells, as compiled code takes them. Blocks and clusters are counted from 1; 0 is none.
+    """The grid, for compiled code. Blocks and clusters are counted from 1; 0 is none.
 
     Args:
         keys: (slots,) the square that has each slot of the hash table; slots is a power of two.
@@ -156,7 +156,7 @@ class Cells(NamedTuple):
 
 @borrower
 def _slot_of(keys: Int, x: int, y: int) -> int:
-    """The slot of a square in the hash table, or the free one that it would take."""
+    """The slot of a square in the hash table, or the empty slot for it."""
     key, mask = (x << 31) + y, len(keys) - 1
     mixed = key * 0x9E3779B97F4A7C1
     slot = (mixed ^ (mixed >> 29)) & mask
@@ -200,7 +200,7 @@ def _place_of(column: int, row: int) -> int:
 
 @borrower
 def take_block(cells: Cells, column: int, row: int) -> int:
-    """The block of a cell, which is made where there is none; −1 outside of all squares."""
+    """The block of a cell, made if it does not exist; −1 outside of all squares."""
     slot = _slot_of(cells.keys, column >> SQUARE_BITS, row >> SQUARE_BITS)
     if cells.keys[slot] == EMPTY:
         return -1
@@ -215,7 +215,7 @@ def take_block(cells: Cells, column: int, row: int) -> int:
 
 @compiled
 def open_squares(cells: Cells, place: tuple[float, float], beams: Beams) -> bool:
-    """Make the squares around all hits of a scan from a place [m]; False where room ran out."""
+    """Make the squares around all hits of a scan from a place [m]; False if there is no room."""
     side, before_x, before_y = CELL * (1 << SQUARE_BITS), 1 << 40, 0
     counters = cells.counters[0]
     for beam in range(len(beams.ranges)):
@@ -241,7 +241,7 @@ def open_squares(cells: Cells, place: tuple[float, float], beams: Beams) -> bool
 
 @borrower
 def ways_across(ux: float, uy: float, sine: float) -> int:
-    """The directions of the beams that cross a direction (ux, uy), each a bit."""
+    """The directions of beams that cross a direction (ux, uy), as a bit mask."""
     ways = 0
     for way in range(PASS_DIRECTIONS):
         if abs(COSINES[way] * uy - SINES[way] * ux) > sine:
@@ -251,7 +251,7 @@ def ways_across(ux: float, uy: float, sine: float) -> int:
 
 @borrower
 def _passes(cells: Cells, x: float, y: float, way: int) -> int:
-    """How many beams went one way through the cell of a place [m]."""
+    """The number of beams of a direction that passed through the cell of a place [m]."""
     column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
     # Nothing has passed the cells of block 0.
     passed: int = cells.passes[block_at(cells, column, row), way, cell_in(column, row)]
@@ -262,7 +262,7 @@ def _passes(cells: Cells, x: float, y: float, way: int) -> int:
 def count_beams(
     cells: Cells, block: int, cell: int, ways: int, x: float, y: float, deeper: float
 ) -> int:
-    """How many beams went in some directions through a cell at a place, and so much deeper [m]."""
+    """The number of beams of some directions through a cell, that also went deeper [m]."""
     count, ways = 0, ways & cells.passed[block, cell]
     for way in range(PASS_DIRECTIONS if ways else 0):
         if (ways >> way) & 1:
@@ -276,9 +276,9 @@ def count_beams(
 
 @borrower
 def is_crossed(line: Float, cells: Cells, depth: float, spare: int, sine: float) -> bool:
-    """Whether more beams than are to spare crossed a line (4,) and went so deep [m] behind it.
+    """Whether more beams than a number crossed a line (4,) and continued to a depth [m] behind it.
 
-    They cross it at the angle of the sine, or more; what is near its ends does not count.
+    They cross it at an angle of at least the sine; beams near its ends do not count.
     """
     x1, y1, x2, y2 = line
     length = np.hypot(x2 - x1, y2 - y1)

@@ -57,7 +57,7 @@ def _close(ends: Float, objects: Int, order: Int) -> Float:
 
 @borrower
 def _crossing(ends: Float, end: int, other: int, corner: Float) -> bool:
-    """Fill in the corner (2,) where the walls of two ends cross; whether it is near to both."""
+    """Fill in the corner (2,) where the walls of two ends cross; whether both may end there."""
     one, side, two, turned = end >> 1, end & 1, other >> 1, other & 1
     (ux, uy), (vx, vy) = vector_of(ends[one]), vector_of(ends[two])
     own, across = np.hypot(ux, uy), np.hypot(vx, vy)

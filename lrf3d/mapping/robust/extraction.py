@@ -1,14 +1,15 @@
-"""Extraction: from one scan to its fitted wall segments, as one compiled pass.
+"""Extraction: the walls of one scan.
 
-Enter a scan's beams and ranges; leave the walls in the world's directions around the laser, with
-the moments of their points. A gap that knows the spacing of the beams and the noise parts two
-clusters: a wall that is met at no less than a grazing angle never falls apart, however far it is.
-Each cluster is divided into the likeliest walls by dynamic programming; a full circle has no seam.
+The beams and ranges of a scan enter; its walls leave, in the world's directions around the laser,
+with the moments of their points. Two returns are of different clusters if their gap is larger than
+the spacing of beams and the noise explain: a wall above a grazing angle is never separated, at any
+distance. Each cluster is divided into the most likely walls by dynamic programming; a full circle
+has no seam.
 
 Along a wall with the normal n at the distance c, the inverse range is linear in the direction of
 the beam: 1/r = (n_x·cos φ + n_y·sin φ)/c. With the variance s²/r⁴ of 1/r, the maximum-likelihood
 line of any run of beams is a linear least-squares fit of two numbers, which running sums give in
-a few operations; so every division of a cluster can be weighed, and the cheapest one be taken.
+a few operations; so every division of a cluster can be compared, and the cheapest one be taken.
 """
 
 from dataclasses import dataclass
@@ -99,9 +100,9 @@ class LocalWalls(NamedTuple):
 def _joined_returns(
     theta: float, angles: Float, ranges: Float, range_max: float, noise: RangeNoise, gap: float
 ) -> tuple[Beams, Bool]:
-    """The beams of the returns, and which of them go on in the next.
+    """The beams that returned, and which of them are connected to the next one.
 
-    The last of the returns goes on in the first only where the scan closes a circle.
+    The last is connected to the first only if the scan closes a circle.
     """
     count, lost, kept, circle = len(angles), longest_loss(ranges, range_max), 0, False
     if count >= 3:
@@ -144,7 +145,7 @@ def _joined_returns(
 
 @inner
 def _rolled(begin: int, beams: Beams) -> Beams:
-    """The beams of a whole turn from one on."""
+    """The beams of a full turn, from one on."""
     count = len(beams.ranges)
     rolled = Beams(np.empty((count, 2)), np.empty(count), np.empty(count))
     for k in range(count):
@@ -162,8 +163,8 @@ def extract_walls(
 ) -> int:  # fmt: skip
     """Fill in the walls (≥ n // 3 rows) of a scan with a heading [rad]; returns how many.
 
-    Of the ranges (n,) along rising angles (n,) those above 0 and up to range_max count; a gap [m]
-    parts clusters however far they are.
+    Ranges (n,) by rising angles (n,) are valid above 0 and up to range_max; a gap [m] separates
+    clusters at any distance.
     """
     beams, joined = _joined_returns(theta, angles, ranges, range_max, noise, gap)
     count = len(beams.ranges)
@@ -196,13 +197,13 @@ def extract_walls(
 
 @inner
 def _part(beams: Beams, first: int, last: int) -> Beams:
-    """The beams from a first one up to another."""
+    """The beams from one up to another."""
     return Beams(beams.units[first:last], beams.ranges[first:last], beams.deviations[first:last])
 
 
 @inner
 def _polyline(beams: Beams, spans: Records, local: LocalWalls, begin: int) -> int:
-    """Segments of the walls (m,) of one cluster, joined at corners where two of them meet."""
+    """Fill in the segments of one cluster of walls (m,), joined at corners; returns how many."""
     rows, ends = 0, local.ends[begin:]
     for wall in range(len(spans)):
         span, fit = spans[wall], local.fits[begin + rows]
@@ -259,7 +260,7 @@ def _measure(beams: Beams, x: float, y: float, fit: Any) -> None:
 def segment_cluster(returns: Beams, spans: Records) -> int:
     """Divide a cluster of returns into walls (≥ n // LEAST_POINTS,); returns how many.
 
-    Points between the first and the last of each are on none.
+    Returns between the last of one and the first of the next belong to no wall.
     """
     beams, ranges, deviations = returns
     count = len(ranges)
@@ -355,10 +356,10 @@ def fit_wall(returns: Beams) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True)
 class LikelihoodExtractor:
-    """Clusters that know the beams' spacing, divided into the likeliest walls under the noise.
+    """Extracts the most likely walls of a scan under the noise of its ranges.
 
-    A wider gap [m] always parts two clusters; sigma is the standard deviation of the noise at
-    range_max [m] (Eq. 7), and the floor that at no distance.
+    A gap [m] separates clusters at any distance; sigma is the standard deviation of the noise at
+    range_max [m] (Eq. 7), and the floor that at zero distance.
     """
 
     gap: float

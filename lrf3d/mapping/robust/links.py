@@ -58,7 +58,7 @@ LINK_SINE = 0.35
 
 @compiled
 def link_walls(walls: Walls, cells: Cells, rows: Int) -> None:
-    """Link some walls (n,) with those around them, and ask again about a few links of others."""
+    """Link some walls (n,) to those around them, and test a few links of others again."""
     lines, lengths = np.empty((MOST_LINKS + 1, 4)), np.empty(MOST_LINKS)
     others = np.empty(MOST_LINKS, np.int64)
     places = np.full(walls.counters[0].taken, -1)
@@ -101,7 +101,7 @@ def link_walls(walls: Walls, cells: Cells, rows: Int) -> None:
 
 @inner
 def _ask_again(walls: Walls, cells: Cells, line: Float) -> None:
-    """Check a few links in turn, and void those that beams have crossed."""
+    """Test a few links in turn, and void those that beams have crossed."""
     asked, counters = 0, walls.counters[0]
     for _ in range(counters.taken):
         counters.asked = (counters.asked + 1) % counters.taken
@@ -118,7 +118,7 @@ def _ask_again(walls: Walls, cells: Cells, line: Float) -> None:
 
 @borrower
 def _stands(walls: Walls, wall: int, place: int) -> bool:
-    """Whether a link still stands."""
+    """Whether a link is valid."""
     link = walls.links[wall, place]
     stands = link.linked == walls.rows[link.wall].linked
     return bool(stands and walls.fits[wall].shown and walls.fits[link.wall].shown)
@@ -126,7 +126,7 @@ def _stands(walls: Walls, wall: int, place: int) -> bool:
 
 @borrower
 def _measure_link(one: Float, other: Float, link: Float) -> bool:
-    """Fill in the link (4,) of two walls; whether it may join them."""
+    """Fill in the link (4,) of two walls; whether it is short enough to join them."""
     _shortest_link(one, other, link)
     length = length_of(link)
     return bool(length <= SHORT_LINK or (length <= LONGEST_LINK and _is_behind(one, other, link)))
@@ -134,7 +134,7 @@ def _measure_link(one: Float, other: Float, link: Float) -> bool:
 
 @borrower
 def _is_behind(one: Float, other: Float, line: Float) -> bool:
-    """Whether a line runs before neither of two walls that it begins and ends at."""
+    """Whether a line between two walls runs in front of neither."""
     before = max(_reach_before(one, line), _reach_before(other, line))
     return before <= BEHIND_SINE * length_of(line)
 
@@ -169,7 +169,7 @@ def _shortest_link(one: Float, other: Float, link: Float) -> None:
 
 @borrower
 def _reach_before(wall: Float, link: Float) -> float:
-    """How far [m] a link gets before the face of a wall that it begins or ends at."""
+    """How far [m] a line gets in front of the face of a wall."""
     (x, y), (dx, dy) = end_of(wall, 0), vector_of(wall)
     first, last = along_of(link, x, y, -dy, dx)
     size = np.hypot(dx, dy)
@@ -197,7 +197,7 @@ def _joins(link: Float, one: Float, other: Float, cells: Cells) -> bool:
 
 @inner
 def _is_blocked(one: Float, other: Float, cells: Cells) -> bool:
-    """Whether no beam has crossed any line of sight that runs behind both of two walls."""
+    """Whether no beam has crossed a line of sight behind both of two walls."""
     line = np.empty(4)
     for own in SIGHT_PLACES:
         for across in SIGHT_PLACES:

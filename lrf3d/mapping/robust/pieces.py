@@ -64,7 +64,7 @@ PIECE = record(
 
 
 class Lines(NamedTuple):
-    """Walls that are followed beyond their ends, in pieces, which claim the clusters near them.
+    """Walls extended at both ends and divided into pieces.
 
     Args:
         rows: (n,) the rows of the walls.
@@ -85,7 +85,7 @@ class Lines(NamedTuple):
 
 @inner
 def follow(rows: Int, ends: Float, near: float, clusters: int) -> Lines:
-    """Walls (rows, 4), those of some rows (n,), followed beyond their ends."""
+    """Extend some (n,) of the walls (rows, 4) at both ends."""
     count = len(rows)
     followed, first = np.empty((count, 4)), np.zeros(count + 1, np.int64)
     for k in range(count):
@@ -102,8 +102,8 @@ def follow(rows: Int, ends: Float, near: float, clusters: int) -> Lines:
 def gather_evidence(lines: Lines, cells: Cells, walls: Walls) -> int:
     """Count the hits and the free-space violations of each piece of each line.
 
-    A cluster of returns hits the wall that it lies nearest to, and no other; what other walls lose
-    to these is new evidence of them. Returns how many clusters are claimed; each has its piece.
+    A cluster is assigned to the nearest wall alone; what other walls lose is new evidence of them.
+    Returns the number of assigned clusters; each has its piece.
     """
     found = 0
     # What belongs to the walls before is free, so that all of it is claimed again.
@@ -159,7 +159,7 @@ def _add_cluster(cluster: Any, line: Float, piece: Any) -> None:
 
 @borrower
 def _count_violations(lines: Lines, k: int, cells: Cells) -> None:
-    """Count the beams that went through each piece of a line."""
+    """Count the beams that passed through each piece of a line."""
     x1, y1 = end_of(lines.ends[k], 0)
     ux, uy, length = unit_of(lines.ends[k])
     begin, pieces = lines.first[k], lines.first[k + 1] - lines.first[k]
@@ -179,7 +179,7 @@ def _count_violations(lines: Lines, k: int, cells: Cells) -> None:
 
 @borrower
 def _claim(lines: Lines, k: int, cells: Cells, walls: Walls, found: int) -> int:
-    """Claim the clusters that lie nearest to a line; how many are claimed by now."""
+    """Assign the clusters that are nearest to a line; returns how many are assigned so far."""
     band = lines.near + min(HIT_DEVIATIONS * cells.counters[0].widest, MOST_EXPLAINED)
     (x1, y1), (x2, y2) = end_of(lines.ends[k], 0), end_of(lines.ends[k], 1)
     ux, uy, _ = unit_of(lines.ends[k])
@@ -212,7 +212,7 @@ def _claim_one(
     lines: Lines, k: int, cells: Cells, place: int, walls: Walls, band: float,
     found: int,
 ) -> int:  # fmt: skip
-    """Claim a cluster if it may be of a line and lies nearer to it than to what it is of."""
+    """Assign a cluster to a line if it may hit it and is nearer to it than to its owner."""
     cluster, ends, rows = cells.clusters[place], lines.ends[k], walls.rows
     ux, uy, length = unit_of(ends)
     ox, oy = cluster.x - ends[0], cluster.y - ends[1]

@@ -46,11 +46,11 @@ def _unpacked(cell: int) -> tuple[int, int]:
 def _enter(
     x: float, y: float, dx: float, dy: float, scale: float
 ) -> tuple[int, int, int, int, int, int, int]:
-    """Where a ray from a place (x, y) [m] in a direction (dx, dy) begins its path through cells.
+    """Start the traversal of the cells by a ray from a place (x, y) [m] in a direction (dx, dy).
 
-    Its first cell, packed; what a step to the next column, and row, adds to it; how far it is from
-    column to column, and row to row; and how far to the next column, and row. Distances are whole
-    numbers: processors compare them, and choose by them, several times faster than floats.
+    Returns its first cell, packed; the steps to the next column and row; the distances between
+    columns and between rows; and those to the next column and row. Distances are integers, which
+    processors compare and select several times faster than floats.
     """
     px, py = x / CELL, y / CELL
     column, row = int(np.floor(px)), int(np.floor(py))
@@ -69,7 +69,7 @@ def _enter(
 
 @borrower
 def _steps_out(to_next: int, step: int, until: int) -> int:
-    """How many edges lie no farther than a distance, the first so far away, the others a step."""
+    """The number of edges within a distance: the first at one, the others a step apart."""
     return 0 if to_next > until else (until - to_next) // step + 1
 
 
@@ -79,7 +79,7 @@ def add_beams(
 ) -> int:
     """Add the beams of a scan from a place [m], from one on; returns the first without room.
 
-    The clusters that grow and are hits of no wall are noted (n,).
+    The clusters that gained a return but are hits of no wall are listed (n,).
     """
     x, y = place
     units, ranges, deviations = beams

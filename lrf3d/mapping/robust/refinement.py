@@ -36,10 +36,10 @@ UNCHANGED = 0.15
 
 @compiled
 def choose_walls(walls: Walls, cells: Cells, unowned: Int, dirty: Int, near_by: float) -> Int:
-    """The walls (n,) that are to be refit, rising.
+    """The walls (n,) to refit, rising.
 
-    They are those that are new or merged (m,), those with much new evidence, and one more: what a
-    wall lost to its neighbours, it has not noticed, so all walls have their turn.
+    Those that are new or merged (m,), those with much new evidence, and one more in turn: a wall
+    does not notice what it lost to its neighbours.
     """
     _count_unowned_hits(walls, cells, unowned, near_by)
     counters = walls.counters[0]
@@ -65,7 +65,7 @@ def choose_walls(walls: Walls, cells: Cells, unowned: Int, dirty: Int, near_by: 
 
 @inner
 def _count_unowned_hits(walls: Walls, cells: Cells, unowned: Int, near_by: float) -> None:
-    """Count clusters that are hits of no wall as new evidence of all walls that may reach them."""
+    """Count clusters that are hits of no wall as new evidence of the walls that may reach them."""
     point = np.empty(4)
     for k in range(walls.counters[0].unowned):
         cluster = cells.clusters[unowned[k]]
@@ -87,7 +87,7 @@ def _count_unowned_hits(walls: Walls, cells: Cells, unowned: Int, near_by: float
 
 @compiled
 def replace_walls(walls: Walls, cells: Cells, rows: Int, gone: Int, parts: Parts) -> Int:
-    """Put the parts of some walls (n,) in their places, and of those (m,) that became part of them.
+    """Put the parts in place of walls (n,), and of those (m,) that became part of them.
 
     Returns the rows that are new in their places: they are to be linked, and may fit others.
     """
@@ -124,7 +124,7 @@ def replace_walls(walls: Walls, cells: Cells, rows: Int, gone: Int, parts: Parts
 
 @borrower
 def _unmoved(walls: Walls, old: Int, taken: Bool, ends: Float) -> int:
-    """The place among old rows, not taken yet, of the wall that a part hardly differs from; −1."""
+    """The index of the former wall, not taken yet, that a part hardly differs from; −1."""
     best, least = -1, UNCHANGED
     for place in range(len(old)):
         apart = 0.0

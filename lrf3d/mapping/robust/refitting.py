@@ -88,10 +88,10 @@ the clusters (c,) that hit any of the walls, whose piece is that of the part tha
 
 @compiled
 def refit_walls(rows: Int, walls: Walls, cells: Cells, near: float, least: int) -> Parts:
-    """The `Parts` of walls, those of some rows (n,).
+    """Fit some walls (n,) to the evidence of all beams again; returns their `Parts`.
 
-    The cells, and the new evidence of all walls, are written. Returns may lie so near [m] to a wall
-    beside what noise explains; parts with fewer hits than the least are not shown.
+    The cells, and the new evidence of all walls, are written. Returns within a distance [m] beside
+    noise are hits; parts with fewer hits than the least are not shown.
     """
     lines = follow(rows, walls.ends, near, cells.counters[0].clusters)
     claimed = gather_evidence(lines, cells, walls)
@@ -131,7 +131,7 @@ def refit_walls(rows: Int, walls: Walls, cells: Cells, near: float, least: int) 
 
 @borrower
 def _weigh(pieces: Records, length: float, least: int, fit: Any) -> float:
-    """Fill in the evidence of a part's pieces (n,), and whether it is shown; returns its hits."""
+    """Fill in the evidence of a part by its pieces (n,), and if it is shown; returns its hits."""
     hits = against = before = scans = spell = 0.0
     for k in range(len(pieces)):
         piece = pieces[k]
@@ -154,7 +154,7 @@ def _weigh(pieces: Records, length: float, least: int, fit: Any) -> float:
 
 @borrower
 def violation_weight(count: Any) -> float:
-    """What a free-space violation weighs against a hit, by the counts of a piece."""
+    """The weight of a free-space violation at a piece, in hits."""
     hits, violations, scans = count.hits, count.violations, count.scans
     if hits == 0.0:
         return OPEN_WEIGHT
@@ -172,10 +172,10 @@ def violation_weight(count: Any) -> float:
 
 @compiled
 def real_pieces(counts: Records) -> Int:
-    """Which pieces (n,) of a wall are real, by the cheapest run of states along it.
+    """Which pieces (n,) of a wall are real, by the cheapest sequence of states along it.
 
-    A real piece is charged for each of its free-space violations, one that is not for each of its
-    hits, and each change from one to the other costs something too.
+    A real piece costs its free-space violations, another one its hits, and each change of state
+    costs something, too.
     """
     count = len(counts)
     # Where the wall begins and where it ends is free.
@@ -235,7 +235,7 @@ def _add(total: Any, piece: Any, factor: float) -> None:
 
 @inner
 def split_pieces(pieces: Records, breaks: Int) -> int:
-    """Split pieces (n,) of a wall into straight segments: fills in where each ends."""
+    """Split pieces (n,) of a wall into straight segments: fills in their ends, returns how many."""
     count = len(pieces)
     total = np.zeros(count + 1, PIECE)
     for i in range(count):
@@ -266,10 +266,10 @@ def split_pieces(pieces: Records, breaks: Int) -> int:
 
 @borrower
 def _end_of_hits(piece: Any, way: float) -> float:
-    """Where along a wall [m] the hits of its last piece end, one way (1) or the other (−1).
+    """Where along a wall [m] the hits of its last piece end, forwards (1) or backwards (−1).
 
-    The length over which n hits are evenly spread, each in the middle of its part, has a variance
-    of (n² − 1)/n² of a twelfth of its square.
+    The length over which n hits are evenly spread has a variance of (n² − 1)/n² of a twelfth of its
+    square.
     """
     middle = piece.along / piece.weight
     variance = max(piece.along_along / piece.weight - middle * middle, 0.0)
@@ -283,10 +283,10 @@ def _end_of_hits(piece: Any, way: float) -> float:
 def place_part(
     ends: Float, pieces: Records, total: Any, run: tuple[int, int, int, int], part: Float, fit: Any
 ) -> None:
-    """Fill in the ends (4,) and the moments of a part of a wall that is followed (4,) [m].
+    """Fill in the ends (4,) and the moments of a part of a wall with extended ends (4,) [m].
 
-    The total is the sum over those of its pieces (n,) that are the part; the run is the first piece
-    of a run of real ones, the first of the part, the first behind it, and the first behind the run.
+    The total is the sum over its pieces. The run is the first piece of a run of real ones, the
+    first of the part, the first behind the part, and the first behind the run.
     """
     begin, start, stop, end = run
     ux, uy, length = unit_of(ends)

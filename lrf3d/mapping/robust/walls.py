@@ -142,7 +142,7 @@ def give_back(walls: Walls, row: int) -> None:
 
 @borrower
 def widen_box(walls: Walls, row: int) -> None:
-    """Let the box of a row's block reach to the ends of its wall: searches find it from now on."""
+    """Extend the box of a row's block to the ends of its wall, so that searches find it."""
     box, (x1, y1, x2, y2) = walls.boxes[row // BLOCK], walls.ends[row]
     put_line(
         box, min(box[0], x1, x2), min(box[1], y1, y2), max(box[2], x1, x2), max(box[3], y1, y2)
@@ -151,7 +151,10 @@ def widen_box(walls: Walls, row: int) -> None:
 
 @borrower
 def near(walls: Walls, line: Float, reach: float) -> int:
-    """Fill in `found` with the walls whose boxes lie within a reach [m] of a line's, count them."""
+    """Fill in `found` with the walls whose boxes are within a reach [m] of that of a line.
+
+    Returns their number.
+    """
     x1, y1, x2, y2 = line
     left, right = min(x1, x2) - reach, max(x1, x2) + reach
     low, high = min(y1, y2) - reach, max(y1, y2) + reach
@@ -188,7 +191,7 @@ def end_of(line: Float, end: int) -> tuple[float, float]:
 
 @borrower
 def vector_of(line: Float) -> tuple[float, float]:
-    """From where a line (4,) begins to where it ends."""
+    """The vector from the first to the second end of a line (4,)."""
     return line[2] - line[0], line[3] - line[1]
 
 
@@ -210,7 +213,7 @@ def unit_of(line: Float) -> tuple[float, float, float]:
 
 @borrower
 def along_of(line: Float, x: float, y: float, u: float, v: float) -> tuple[float, float]:
-    """How far the ends of a line (4,) lie from a place along a vector (u, v), in its lengths."""
+    """Positions of the ends of a line (4,) from a place along a vector (u, v), in its lengths."""
     return (line[0] - x) * u + (line[1] - y) * v, (line[2] - x) * u + (line[3] - y) * v
 
 
@@ -222,7 +225,7 @@ def put_line(line: Float, x1: float, y1: float, x2: float, y2: float) -> None:
 
 @borrower
 def add_point(moments: Any, weight: float, x: float, y: float) -> None:
-    """Add a point to a weight, a mean and the scatter about it, which no offset makes inexact."""
+    """Add a point to a weight, a mean and the scatter about it, exact at any offset."""
     moments.weight += weight
     share = weight / moments.weight
     dx, dy = x - moments.x, y - moments.y

@@ -1,8 +1,7 @@
-"""Light: the last scans with intensities, if these fall with range and incidence as light does.
+"""Light: the last scans with intensities, if these depend on range and incidence as light does.
 
 Along a diffuse wall the light of a beam falls with the cosine of the incidence and the square of
-the range. Many devices report other numbers, from which nothing can be learnt about glass and
-mirrors.
+the range. The numbers that many devices report do not, and show neither glass nor mirrors.
 """
 
 import warnings
@@ -78,8 +77,8 @@ class LitScans:
     ) -> bool:
         """Keep a scan with its walls (w, 4) around the laser in place of the oldest.
 
-        Returns whether it was kept, and the intensities of the scans so far are light. A scan is
-        not kept if it has none, or the robot stands nearly where it did.
+        Returns whether it was kept and the intensities so far are light. A scan is dropped if it
+        has no intensities, or if the robot has hardly moved.
         """
         off = np.abs(np.array(pose) - self._last)
         if scan.intensities is None or (max(np.hypot(*off[:2]), off[2]) <= LEAST_MOTION):
@@ -110,7 +109,7 @@ class LitScans:
         return self._pairs >= LEAST_PAIRS and are_light
 
     def _read_reflectances(self, rays: Records, light: Float, walls: Float) -> None:
-        """Fill in how reflective the walls (w, 4) are that rays (n,) end on, and count pairs."""
+        """Fill in the reflectances of the walls (w, 4) that rays (n,) end on, and count pairs."""
         if not len(walls):
             return
         lit = np.flatnonzero(light)

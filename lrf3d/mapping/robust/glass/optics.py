@@ -1,12 +1,12 @@
-"""Optics: glass and mirrors in a map, from the light of scans with intensities.
+"""Optics: the glass and mirrors of a map, from the light of scans with intensities.
 
-Scans enter with their intensities; what leaves are scans without what mirrors show, and the glass
-and mirrors that stand in a map in place of what beams, most of which pass or are turned, left of
-them. Scans without intensities, or whose intensities are no light, change nothing here.
+Scans with intensities enter; scans without images of mirrors leave, and glass and mirrors, which
+take the place of the fragments of them in the map. Scans without intensities, or whose intensities
+are no light, change nothing.
 
-A flash, which is a return of a line across its beam, and a wall of a scan with a segment of the map
-that a line mirrors into it speak for a line. Most of these lines are nothing, since walls of rooms
-mirror each other: `surfaces` decides by what the beams of the kept scans did at them.
+Two observations vote for a line: a flash, which gives a line across its beam, and a wall of a scan
+that a line mirrors into a segment of the map. Most of these lines are nothing, since walls of rooms
+mirror each other: `surfaces` decides by what the beams of kept scans did there.
 """
 
 from dataclasses import replace
@@ -68,7 +68,7 @@ VOTES = record(
 
 
 class Optics:
-    """What the scans so far have shown of glass and mirrors."""
+    """The glass and mirrors that the scans so far have shown."""
 
     def __init__(self) -> None:
         self._scans, self._ground = LitScans(), np.zeros(0, PATCH)
@@ -101,7 +101,8 @@ class Optics:
     ) -> None:  # fmt: skip
         """Learn from a scan, its walls (w, 4) around the laser, and segments (m, 4) of the map.
 
-        What mirrors showed, as is known now, is forgotten: new evidence of the walls of it.
+        Returns that a mirror is now known to have turned are deleted, as new evidence of their
+        walls.
         """
         if not self._scans.keep(scan, pose, noise, walls):
             return
@@ -130,9 +131,9 @@ class Optics:
             turn_rays(places, rays, self.surfaces, cells, self._ground, table)
 
     def _vote(self, place: Float, lines: Float, votes: float) -> None:
-        """Let a scan from a place (2,) speak for lines (n, 3), each for that row which is the same.
+        """Add the votes of a scan from a place (2,) for lines (n, 3), each to the same known line.
 
-        A new one takes a free row, or that of the line last spoken for the longest ago.
+        A new line takes a free row, or that of the line without a vote for the longest time.
         """
         distances = line_distances(place, self._lines, lines)
         for line, apart in zip(lines, distances, strict=True):
@@ -204,9 +205,9 @@ def image_lines(place: Float, walls: Float, segments: Float) -> Float:
 
 
 def line_distances(place: Float, lines: Float, others: Float) -> Float:
-    """How far [m] lines (n, 3) lie from others (k, 3) where these are nearest to a place (2,).
+    """Distances [m] (k, n) of lines (n, 3) from others (k, 3), at their points nearest to a place.
 
-    Infinite where two are askew: (k, n).
+    Infinite where two are not parallel; the place is (2,).
     """
     feet = place - (others[:, :2] @ place - others[:, 2])[:, None] * others[:, :2]
     apart = np.abs(feet @ lines[:, :2].T - lines[:, 2])
@@ -214,7 +215,7 @@ def line_distances(place: Float, lines: Float, others: Float) -> Float:
 
 
 def with_surfaces(line_map: LineMap, surfaces: Float, mirrors: Bool) -> LineMap:
-    """A map with surfaces (s, 4) [m] in place of what lies by them: some (s,) mirrors, or glass."""
+    """A map with surfaces (s, 4) [m], mirrors (s,) or glass, in place of segments along them."""
     if not len(surfaces):
         return line_map
     segments, objects = line_map.segments, line_map.objects

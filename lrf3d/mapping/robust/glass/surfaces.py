@@ -1,14 +1,13 @@
 """Surfaces: which pieces of a line are glass or a mirror, by what beams did there.
 
 Glass is where beams pass between flashes: near its normal it returns many times the light of any
-diffuse wall, and askew next to nothing. A mirror is where what returns behind the line are images
-of what is in front, all a little darker: no mirror reflects all light, and a room that is merely
-symmetrical is as bright.
+diffuse wall, and askew almost none. A mirror is where returns behind the line are images of what is
+in front, all a little darker: no mirror reflects all light, and a symmetrical room is as bright.
 
-The rays of kept scans enter. The ground is divided into patches, which lie in the blocks of the
-cells, and tell how reflective what stands there is. As soon as it is known that a mirror turned a
-ray, its return no longer counts, and the cells where it seemed to end forget it: walls that only a
-mirror showed are gone at their next refit.
+The rays of kept scans enter. The ground is divided into patches, two cells wide, with the
+reflectance of what stands there. As soon as a mirror is known to have turned a ray, its return no
+longer counts, and is deleted from the cells where it seemed to end: walls that only a mirror showed
+are gone at their next refit.
 """
 
 from itertools import pairwise
@@ -105,7 +104,7 @@ def _patch_at(cells: Cells, x: float, y: float) -> int:
 
 @borrower
 def _ways(x: float, y: float, ux: float, uy: float, surfaces: Float) -> tuple[float, float]:
-    """How far [m] a ray goes to the first of surfaces (s, 5), and to the first that may turn it."""
+    """Distances [m] of a ray to the first of surfaces (s, 5), and to the first that may turn it."""
     first = turn = np.inf
     for x1, y1, x2, y2, mirror in surfaces:
         dx, dy = x2 - x1, y2 - y1
@@ -126,7 +125,7 @@ def _ways(x: float, y: float, ux: float, uy: float, surfaces: Float) -> tuple[fl
 def find_turned(
     place: Float, headings: Float, ranges: Float, surfaces: Float, turned: Bool
 ) -> None:
-    """Mark the beams (n,) that go on behind surfaces (s, 5), which may have turned them."""
+    """Mark the beams (n,) that continue behind surfaces (s, 5), which may have turned them."""
     for beam in range(len(headings)):
         ux, uy = np.cos(headings[beam]), np.sin(headings[beam])
         _, turn = _ways(place[0], place[1], ux, uy, surfaces)
@@ -137,9 +136,9 @@ def find_turned(
 def turn_rays(
     places: Float, rays: Records, surfaces: Float, cells: Cells, ground: Records, walls: Walls
 ) -> None:
-    """Find how far the rays (k, n) of scans go to surfaces (s, 5), and which these turn.
+    """Find the distances of the rays (k, n) of scans to surfaces (s, 5), and which these turn.
 
-    The ground (p,) is what the others showed of each patch.
+    The ground (p,) holds what the other rays showed of each patch.
     """
     for scan in range(len(places)):
         x, y = places[scan]
@@ -166,7 +165,7 @@ def turn_rays(
 
 @borrower
 def _reflectance_at(cells: Cells, ground: Records, x: float, y: float) -> float:
-    """The reflectance at a point [m]: −1 where nothing is, 0 where it is not known, or not one."""
+    """The reflectance at a point [m]: −1 if nothing is there, 0 if it is unknown or varies."""
     row = _patch_at(cells, x, y)
     patch = ground[row]
     if row == 0 or patch.returns <= 0.0:
@@ -183,10 +182,10 @@ def _reflectance_at(cells: Cells, ground: Records, x: float, y: float) -> float:
 def count_rays(
     line: Float, places: Float, rays: Records, cells: Cells, ground: Records, pieces: Records
 ) -> None:
-    """Count what rays (k, n) from places (k, 2) [m] did at the pieces (PIECES,) of a line.
+    """Classify the rays (k, n) from places (k, 2) [m] at the pieces (PIECES,) of a line.
 
-    The line (4,) is its unit normal, its distance from the origin [m], and where its pieces have
-    their middle, along the normal turned right.
+    The line (4,) is its unit normal, its distance from the origin [m], and the position of the
+    middle of its pieces along the normal turned right.
     """
     nx, ny, distance, middle = line
     half = 0.5 * PIECE * PIECES
@@ -273,9 +272,9 @@ def mirror_pieces(pieces: Records) -> Bool:
 
 
 def find_pieces(pieces: Records, former: Bool, kind: int) -> tuple[Bool, int]:
-    """Which pieces (PIECES,) of a line are glass, or a mirror, and which of the two they are.
+    """Which pieces (PIECES,) of a line are glass or mirrors, and which of the two.
 
-    Former ones, of a kind or of none, stay unless they are belied.
+    Former ones, of a kind or of none, stay unless they are contradicted.
     """
     found = glass_pieces(pieces)
     belied = pieces["opaque"] > pieces["shown"] + pieces["passed"] + SEEN
