@@ -20,9 +20,9 @@ from lrf3d.localization.joining import joined
 from lrf3d.mapping import LineMapper
 from lrf3d.run import Run
 from lrf3d.slam import Slam
+from lrf3d.slam.checks import doubtful_mount, doubtful_poses
 from lrf3d.slam.front_end import KEY_DISTANCE
 from lrf3d.slam.key_scans import Sight
-from lrf3d.slam.mounting import doubtful_mount, doubtful_poses
 from lrf3d.slam.odometry import (
     Recording,
     WheelPath,

@@ -25,11 +25,10 @@ from lrf3d.pose import Pose, compose
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.run import Run, is_snapshot
 from lrf3d.slam import Slam
+from lrf3d.slam.checks import SelfCheck, doubtful_mount
 from lrf3d.slam.closures import Refusal
 from lrf3d.slam.key_scans import Key
-from lrf3d.slam.mounting import doubtful_mount
 from lrf3d.slam.odometry import Repairs
-from lrf3d.slam.violation import SelfCheck
 from lrf3d.text import counted
 from lrf3d.world import World
 
