@@ -36,8 +36,8 @@ SAMPLES = np.arange(33.0)
 
 FACING_AWAY, FACING = math.radians(75.0), math.radians(15.0)
 """Bearings [rad] of the point to steer at beyond which a robot turns in place, on its way and at
-its start, where it may stand beside walls: from 15° the arc to a point 1 m ahead keeps within 0.07 m
-of the straight line."""
+its start, where it may stand beside walls: from 15° the arc to a point 1 m ahead keeps within
+0.07 m of the straight line."""
 
 ARRIVED = 1e-3
 """Distance to a way-point at which the robot has arrived [m]."""
