@@ -66,11 +66,11 @@ def together(scans: Sequence[LaserScan]) -> LaserScan:
     flat = [unrolled(scan) for scan in scans]
     parts = [_seen(scan, np.array([scan.mount])) for scan in flat]
     known = [name for name in parts[0] if all(name in part for part in parts)]
-    values = {name: np.concatenate([part[name] for part in parts]) for name in known}
-    values |= {name: None for name in LIGHT if name not in known}
-    values["angles"] = wrap_angle(values["angles"])
-    order = np.argsort(values["angles"], kind="stable")
-    values = {name: each if each is None else each[order] for name, each in values.items()}
+    arrays = {name: np.concatenate([part[name] for part in parts]) for name in known}
+    arrays["angles"] = wrap_angle(arrays["angles"])
+    order = np.argsort(arrays["angles"], kind="stable")
+    values: dict[str, Any] = dict.fromkeys(LIGHT)
+    values |= {name: each[order] for name, each in arrays.items()}
     limits = min(each.range_min for each in flat), max(each.range_max for each in flat)
     return replace(
         flat[0], **values, pose=flat[0].robot, mount=CENTRE, range_min=limits[0],
