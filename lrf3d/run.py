@@ -67,12 +67,9 @@ class Run(Value, Pictured):
 
     Examples:
         >>> import lrf3d
-        >>> room = lrf3d.load_world("paper_room")
-        >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], rng=0)
-        >>> len(run), run.ranges.shape
-        (2, (2, 181))
-        >>> run.scan(1).pose.x
-        2.0
+        >>> run = lrf3d.load_scenario("paper_room").run(rng=0)
+        >>> len(run), run.ranges.shape, run.scan(1).walls.shape
+        (3, (3, 181), (181,))
     """
 
     world: World
@@ -263,8 +260,7 @@ class Run(Value, Pictured):
 
         Examples:
             >>> import lrf3d
-            >>> room = lrf3d.load_world("paper_room")
-            >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], rng=0)
+            >>> run = lrf3d.load_scenario("paper_room").run(rng=0)
             >>> run.frame(0.5, size=(64, 36), renderer="embree").shape
             (36, 64, 3)
         """
