@@ -18,12 +18,16 @@ from lrf3d.files import opened, own_name
 from lrf3d.geometry import Bool, Float, Int, Value, sealed
 from lrf3d.interrupts import check
 from lrf3d.laser import LaserScan
-from lrf3d.laser.unrolling import with_motions
+from lrf3d.laser.unrolling import together, with_motions
 from lrf3d.pose import Pose
 from lrf3d.text import counted
 
 FINEST, MOST_BEAMS = 1e-4, 100_000
 """Least step [rad] and most beams of a fan on which scans are resampled."""
+
+
+AT_ONCE = 0.001
+"""Time [s] within which scans of several lasers are of one moment."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +129,29 @@ class LaserLog(Value):
             return self
         note = f"{counted(others, 'scan')} of other lasers not used"
         return replace(self, scans=scans, notes=(*self.notes, note))
+
+    def of_moments(self) -> "LaserLog":
+        """The log with the scans of all lasers at one moment as one.
+
+        It is that of the first laser where most scans have no others at their moment, or would have
+        to be unrolled first. What is left out is counted in a note.
+        """
+        names, moments = self.lasers, dict[int, dict[str, int]]()
+        for row, scan in enumerate(self.scans):
+            moments.setdefault(round(scan.time / AT_ONCE), {})[scan.laser] = row
+        rows = [[at[name] for name in names] for at in moments.values() if len(at) == len(names)]
+        rolling = any(scan.time_increment and scan.motion is None for scan in self.scans)
+        if len(names) == 1 or rolling or 2 * len(rows) * len(names) < len(self):
+            return self.of_laser(names[0])
+        note = f"scans of {len(names)} lasers at one moment taken together"
+        if left_out := len(self) - len(rows) * len(names):
+            note += f", {counted(left_out, 'scan')} without all others left out"
+        wheels = self.wheels
+        if wheels is not None:
+            places = wheels.places[[first for first, *_ in rows]]
+            wheels = replace(wheels, places=places, laser_offset=0.0)
+        scans = [together([self.scans[row] for row in moment]) for moment in rows]
+        return replace(self, scans=scans, wheels=wheels, notes=(*self.notes, note))
 
     @property
     def counts(self) -> dict[str, Any]:
