@@ -39,8 +39,8 @@ MOST_UNSEEN = 1.0
 """Largest distance [m] along bare walls on a drive by the laser alone."""
 
 MOST_UNSURE = 0.4
-"""Largest half axis of the ellipse that holds a position with 95 % probability [m], on such a drive:
-between the walls of a street matching errs a little more along them with each scan."""
+"""Largest half axis of an ellipse of 95 % probability [m] on such a drive. In a street the error
+along the walls grows with each scan."""
 
 PAUSE = 1.0
 """Time [s] between two drives in their joint run."""
@@ -81,10 +81,10 @@ class SolvedLog:
 
     def _unseen(self) -> list[str]:
         """What the laser alone does not show of the drive, in a sentence."""
-        weak = np.array([0, *(scan.weak for scan in self.slam.tracked[1:]), 0], dtype=np.int64)
-        steps = np.hypot(*np.diff(self.poses[:, :2], axis=0).T)
         if self.log.placed:
             return []
+        weak = np.array([0, *(scan.weak for scan in self.slam.tracked[1:]), 0], dtype=np.int64)
+        steps = np.hypot(*np.diff(self.poses[:, :2], axis=0).T)
         if weak.sum() * steps.mean() < MOST_UNSEEN:
             return self._unsure()
         starts, ends = np.flatnonzero(np.diff(weak)).reshape(-1, 2).T
