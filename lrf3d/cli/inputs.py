@@ -12,7 +12,7 @@ from contextlib import ExitStack
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from lrf3d.cli.console import Report, warn
 from lrf3d.cli.kernels import start_compiling, wait_for
@@ -20,16 +20,13 @@ from lrf3d.errors import InputError, check_names
 from lrf3d.files import check_ordinary
 from lrf3d.io import LaserLog, load_run
 from lrf3d.io.reading import is_run, load_log, odometry_of
+from lrf3d.planning import Side
 from lrf3d.run import Run
 from lrf3d.scenario import Scenario, read_scenario_file, scenario_of
 from lrf3d.world import World
 from lrf3d.world.cameras import check_view
-from lrf3d.world.size import size_problem
+from lrf3d.world.model import size_problem
 from lrf3d.world.toml_file import WorldFile
-
-if TYPE_CHECKING:
-    from lrf3d.planning.free_space import Side
-
 
 MapAndLog = tuple[Run | World, LaserLog]
 """A map, and the log of a drive on it."""
@@ -97,7 +94,7 @@ def read_sweep(args: Namespace) -> tuple[list[WorldFile], dict[str, Any]]:
     return files, {name: load_plugin("mapper", name) if ":" in name else name for name in names}
 
 
-def side_of(args: Namespace) -> "Side | None":
+def side_of(args: Namespace) -> Side | None:
     """The side of the walls that --inside or --outside names."""
     if args.inside and args.outside:
         raise InputError("--inside, --outside: choose one")

@@ -7,17 +7,21 @@ connected with that.
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
+import shapely
+from scipy.ndimage import maximum, minimum
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Bool, Float, Int
+from lrf3d.planning import Side
 from lrf3d.world import World
+from lrf3d.world.grid_walls import grown, on_border, parts_of
 from lrf3d.world.model import DEFAULT_HEIGHT
-
-Side = Literal["inside", "outside"]
-"""Side of the walls: inside, among them, or outside of them."""
 
 WIDEST_WINDOW = 500.0
 """Largest side [m] of the part of a world that is planned in, as much as a drive can show."""
@@ -50,9 +54,6 @@ class Ground:
     """
 
     def __init__(self, world: World, start: Float | None = None) -> None:
-        import shapely
-        from scipy.spatial import cKDTree
-
         segments = world.segments - np.tile(world.origin, 2)
         low, high = _window(
             segments.reshape(-1, 2), None if start is None else start - world.origin
@@ -97,13 +98,9 @@ class Ground:
 
     def _swept(self) -> Bool:
         """Which cells a disc as wide as a wide door sweeps from the border."""
-        from scipy.ndimage import distance_transform_edt
-
-        parts, _ = connected(self.gaps >= 0.5 * WIDEST_DOOR)
-        border = np.concatenate([parts[0], parts[-1], parts[:, 0], parts[:, -1]])
-        swept = np.isin(parts, border[border > 0])
-        reach = distance_transform_edt(~swept, sampling=self.size) <= 0.5 * WIDEST_DOOR
-        return np.asarray(reach & swept.any())
+        parts, _ = parts_of(self.gaps >= 0.5 * WIDEST_DOOR)
+        border = on_border(parts)
+        return grown(np.isin(parts, border[border > 0]), 0.5 * WIDEST_DOOR / self.size)
 
     @cached_property
     def _sides(self) -> tuple[Bool, bool]:
@@ -113,11 +110,9 @@ class Ground:
         or that encloses nothing else and is seen from outside next to others, unlike a plan whose
         outer wall has a line on each side.
         """
-        from scipy.ndimage import maximum, minimum
-
         # Neighbouring places that are farther than this from walls have none between them.
         world, free = self.world, self.gaps >= max(THINNEST, 1.25 * self.size)
-        parts, count = connected(free)
+        parts, count = parts_of(free)
         number, wall = np.arange(count + 1), self.walls[self.nearest]
         objects = world.objects[wall]
         is_open = np.bincount(parts[self.swept], minlength=count + 1) > 0
@@ -190,8 +185,6 @@ class FreeSpace:
     @cached_property
     def graph(self) -> Any:
         """The costs of the steps between neighbouring places, as a sparse matrix (k, k)."""
-        from scipy.sparse import coo_array
-
         count, padded = len(self.places), np.pad(self.number, (0, 1), constant_values=-1)
         pairs = []
         for step in ((1, 0), (0, 1), (1, 1), (1, -1)):
@@ -220,8 +213,6 @@ def find_free_space(
 
     If a start x, y [m] or a side of the walls is given, the space lies around or on it.
     """
-    from scipy.sparse.csgraph import connected_components
-
     name, least, begin = ground.world.name or "world", radius + MARGIN, None
     free = ground.gaps >= least
     if start is not None:
@@ -276,14 +267,3 @@ def _window(ends: Float, around: Float | None) -> tuple[Float, Float]:
         low = np.maximum(low, around - WIDEST_WINDOW / 2)
         high = np.minimum(high, around + WIDEST_WINDOW / 2)
     return low, high
-
-
-def connected(cells: Bool) -> tuple[Int, int]:
-    """The connected part (columns, rows) of each of some cells, from 1, and the number of parts.
-
-    Cells that touch at a corner are connected; 0 stands for the other cells.
-    """
-    from scipy.ndimage import label
-
-    parts, count = label(cells, np.ones((3, 3)))
-    return np.asarray(parts, dtype=np.int64), int(count)

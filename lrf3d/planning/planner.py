@@ -13,15 +13,15 @@ import numpy as np
 from lrf3d.collision import CollisionChecker
 from lrf3d.errors import InputError, expect, shown
 from lrf3d.geometry import LARGEST_COORDINATE, Float, Int, is_finite, numbers
-from lrf3d.planning.free_space import COMFORT, MARGIN, FreeSpace, Ground, Side, find_free_space
+from lrf3d.planning import Side
+from lrf3d.planning.free_space import COMFORT, MARGIN, FreeSpace, Ground, find_free_space
 from lrf3d.planning.rooms import USUAL_RADII, unreached_rooms
 from lrf3d.planning.tour import find_tour
 from lrf3d.pose import as_pose
-from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, SPEED
-from lrf3d.robot.laps import drive_laps
-from lrf3d.robot.unicycle import MOST_POSES, RADIUS
+from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, SPEED, drive_laps
+from lrf3d.robot.kinematics import MOST_POSES, RADIUS
 from lrf3d.world import World
-from lrf3d.world.size import check_size
+from lrf3d.world.model import check_size
 
 INDOOR_SPEED = 1.0
 """Speed indoors [m/s] if none is given: a brisk walk."""

@@ -5,6 +5,8 @@ through, nor what lies within walls, but rooms that it does not reach.
 """
 
 import numpy as np
+from scipy.ndimage import binary_dilation, maximum
+from scipy.sparse.csgraph import dijkstra
 
 from lrf3d.geometry import Bool, Float, Int, directions
 from lrf3d.planning.free_space import (
@@ -12,12 +14,12 @@ from lrf3d.planning.free_space import (
     THINNEST,
     FreeSpace,
     Ground,
-    connected,
     find_free_space,
 )
 from lrf3d.planning.tour import path_to
-from lrf3d.robot.unicycle import RADIUS
+from lrf3d.robot.kinematics import RADIUS
 from lrf3d.world import World
+from lrf3d.world.grid_walls import parts_of
 
 LEAST_ROOM, LEAST_WIDTH = 4.0, 1.8
 """Least area [m²] and width [m] of a closed part that is a room; less is a shaft or furniture."""
@@ -37,11 +39,9 @@ def separate_rooms(ground: Ground, inside: Bool, reached: Bool) -> tuple[Int, In
 
     What is closed in by walls of less than half the usual height is furniture.
     """
-    from scipy.ndimage import binary_dilation, maximum
-
     # Neighbouring places that are farther than this from walls have none between them.
     least = max(THINNEST + MARGIN, 1.25 * ground.size)
-    parts, count = connected(inside & (ground.gaps >= least))
+    parts, count = parts_of(inside & (ground.gaps >= least))
     number, heights = np.arange(count + 1), ground.world.heights
     areas = np.bincount(parts.ravel(), minlength=count + 1) * ground.size**2
     rooms = (areas >= LEAST_ROOM) & ~np.isin(number, parts[reached]) & (number > 0)
@@ -92,15 +92,12 @@ def _narrow_doors(space: FreeSpace, small: FreeSpace) -> list[str]:
 
     Only what is narrower than the robot needs is a reason; what is closed is no door.
     """
-    from scipy.ndimage import maximum
-    from scipy.sparse.csgraph import dijkstra
-
     ground, radius = space.ground, space.radius
     if small is space:
         return []
     # The land around the walls of a map is no room.
     other = small.allowed & ~space.allowed & ~ground.swept
-    parts, count = connected(other & (ground.gaps >= radius + MARGIN))
+    parts, count = parts_of(other & (ground.gaps >= radius + MARGIN))
     areas = np.bincount(parts.ravel()) * ground.size**2
     gaps = maximum(ground.gaps, parts, np.arange(count + 1))
     # A robot's middle can be in at least a square metre of a room: a nook behind a desk is none.

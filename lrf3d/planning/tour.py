@@ -4,6 +4,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from scipy.sparse.csgraph import dijkstra
 
 from lrf3d.casting import PlanarCaster
 from lrf3d.errors import InputError
@@ -89,8 +90,6 @@ def _shown(space: FreeSpace, legs: list[Int], seen: Bool, patch_of: Int) -> Bool
 
 def _patches(space: FreeSpace) -> tuple[Int, Int]:
     """The most open place in each of some 600 patches, and the patch nearest to each place."""
-    from scipy.sparse.csgraph import dijkstra
-
     size = max(np.sqrt(len(space.places) / 600), 2.0) * space.ground.size
     patch = np.floor(space.places / size)
     off_middle = np.abs(space.places / size - patch - 0.5).max(axis=1)
@@ -121,8 +120,6 @@ def _cover(seen: Bool, weights: Float, appeal: Float) -> list[int]:
 
 def _paths(space: FreeSpace, starts: Int, ends: Int) -> list[list[Int]]:
     """The places of the cheapest paths from each start to each end, which are places."""
-    from scipy.sparse.csgraph import dijkstra
-
     _, before = dijkstra(space.graph, indices=starts, return_predecessors=True)
     return [[path_to(row, int(end)) for end in ends] for row in before]
 

@@ -44,7 +44,7 @@ LEFT_OUT = {
 """Entities that are no walls, by what they are called in the line that counts them."""
 
 
-def draw_dxf(path: Path, scale: float) -> Canvas:
+def draw(path: Path, scale: float) -> Canvas:
     """The marks of a DXF drawing, enlarged by a scale."""
     file = readfile(path)
     # The frame of a clip is shown, but not plotted.

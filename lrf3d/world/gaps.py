@@ -8,6 +8,8 @@ beams and robots would slip through. Doors stay open: they are wider, and beams 
 from collections.abc import Iterator
 
 import numpy as np
+import shapely
+from scipy.spatial import cKDTree
 
 from lrf3d.geometry import Bool, Float, Int, cross, directions, lengths
 from lrf3d.world.free_cells import FreeCells
@@ -64,9 +66,6 @@ def _closings(ends: Float) -> Iterator[tuple[Int, Float]]:
     An end has twice the number of its wall, and one more if it is the second. A wall that meets
     another one between its ends has one end, which is given twice.
     """
-    import shapely
-    from scipy.spatial import cKDTree
-
     if not len(ends):
         return
     along = np.repeat(directions(ends.reshape(-1, 4)), 2, axis=0)

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import shapely
 
 from lrf3d.errors import WorldError, shown
 from lrf3d.files import own_name, replacing
@@ -119,8 +120,6 @@ def _check_zeros(path: Path) -> None:
 
 def _joined(segments: Float, tolerance: float) -> Float:
     """Segments (n, 4) joined where they go straight on."""
-    import shapely
-
     lines = shapely.linestrings(segments[without_repeats(segments)].reshape(-1, 2, 2))
     joined = []
     for chain in shapely.get_parts(shapely.line_merge(shapely.multilinestrings(lines))):
