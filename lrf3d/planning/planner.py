@@ -15,7 +15,7 @@ from lrf3d.errors import InputError, expect, shown
 from lrf3d.geometry import LARGEST_COORDINATE, Float, Int, is_finite, numbers
 from lrf3d.planning import Side
 from lrf3d.planning.free_space import COMFORT, MARGIN, FreeSpace, Ground, find_free_space
-from lrf3d.planning.rooms import USUAL_RADII, unreached_rooms
+from lrf3d.planning.rooms import USUAL_RADII, missed_rooms
 from lrf3d.planning.tour import find_tour
 from lrf3d.pose import as_pose
 from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, SPEED
@@ -165,7 +165,9 @@ def find_route(
         else:
             break
     if space.side == "inside":
-        notes += unreached_rooms(space)
+        entered = np.zeros(space.allowed.shape, dtype=np.bool_)
+        entered[tuple(np.argwhere(space.allowed)[np.concatenate(legs)].T)] = True
+        notes += missed_rooms(space, entered)
     return PlannedRoute(waypoints, space.side, radius, pace, lookahead, tuple(notes))
 
 

@@ -117,7 +117,8 @@ def contrast_of(colours: Any) -> tuple[Single, Single, Int]:
     # The paper of a blueprint is dark.
     usual = int(np.argmax(np.bincount(key[light] if light.mean() > 0.2 else key.ravel())))
     paper = np.median(colours[key == usual], axis=0).astype(np.float32)
-    most, scale = np.zeros(key.shape, dtype=np.float32), np.float32(255.0)
+    most: Any = np.zeros(key.shape, dtype=np.float32)
+    scale = np.float32(255.0)
     for channel in range(3):
         np.maximum(most, np.abs(colours[..., channel] - paper[channel]), out=most)
     lightness = np.abs(colours.mean(axis=2, dtype=np.float32) - paper.mean())
