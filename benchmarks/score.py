@@ -67,7 +67,7 @@ def maker_of(label: str, sigma: float) -> Callable[[], Any]:
         return lambda: LineMapper(label, sigma=sigma)
     if ":" not in label:
         raise InputError(f"--mapper {label}: expected {', '.join(MODES)} or FILE.py:NAME")
-    from lrf3d.cli.plugins import load_plugin, made
+    from lrf3d.cli.inputs import load_plugin, made
 
     found = load_plugin("mapper", label)
     return lambda: made(found)

@@ -16,7 +16,7 @@ from lrf3d.geometry import Float
 from lrf3d.localization import odometry_increments
 from lrf3d.recorded import solve_log
 from lrf3d.scoring.trajectory_score import Relations, score_trajectory
-from lrf3d.slam import Slam, WheelErrors
+from lrf3d.slam import Slam
 
 WORLD = "corridor"
 """The world of the simulated drive: there and back, and there again."""
@@ -69,7 +69,7 @@ def simulated(report: Report, spacing: float, scans: int) -> None:
     """A drive through a built-in world, with wheels that slip and drift."""
     run = lrf3d.load_scenario(WORLD).run(rng=0, scans=scans, mapper={"mode": "paper"}, snapshots=1)
     true, rng = run.trajectory.poses, np.random.default_rng(0)
-    errors = WheelErrors(turn_per_metre=0.03)
+    errors = lrf3d.WheelOdometry(turn_per_metre=0.03)
     increments = [errors(step, rng) for step in odometry_increments(true)]
     first, second = np.hstack([[np.arange(len(true) - apart), np.arange(apart, len(true))]
                                for apart in APART])  # fmt: skip

@@ -29,6 +29,9 @@ LARGEST_COORDINATE = 1e9
 TINY = 1e-44
 """Sizes below this count as 0: products of smaller numbers would underflow in exact decisions."""
 
+LEFT = np.array([[0.0, 1.0], [-1.0, 0.0]])
+"""Turns rows of vectors to the left by a right angle: ``vectors @ LEFT``."""
+
 
 def sealed(array: AnyArray) -> AnyArray:
     """Mark an array that was just made, and is to be handed out, as read-only; nothing is copied.

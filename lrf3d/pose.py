@@ -98,6 +98,11 @@ def _poses(x: Float, y: Float, turn: Float) -> Float:
     return poses
 
 
+def heading_of(x: Float, y: Float, z: Float, w: Float) -> Float:
+    """Headings [rad] of quaternions."""
+    return np.asarray(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+
+
 def turned(matrix: Float, angle: float) -> Float:
     """A covariance or information (3, 3) along a robot's axes at an angle [rad], in the map's."""
     cos, sin = np.cos(angle), np.sin(angle)

@@ -15,13 +15,14 @@ from lrf3d.geometry import Float
 from lrf3d.interrupts import Progress, check, silent, stoppable
 from lrf3d.io import LaserLog, load_log, load_run
 from lrf3d.io.reading import odometry_of
-from lrf3d.laser import LaserScan, doubtful_ranges
+from lrf3d.laser import doubtful_ranges
 from lrf3d.localization.joining import joined
 from lrf3d.mapping import LineMapper
 from lrf3d.run import Run
 from lrf3d.slam import Slam
+from lrf3d.slam.checks import doubtful_mount, doubtful_poses
 from lrf3d.slam.front_end import KEY_DISTANCE
-from lrf3d.slam.mounting import doubtful_mount, doubtful_poses
+from lrf3d.slam.key_scans import Sight
 from lrf3d.slam.odometry import (
     Recording,
     WheelPath,
@@ -31,8 +32,7 @@ from lrf3d.slam.odometry import (
     line_poses,
     turns_between,
 )
-from lrf3d.slam.sight import Sight
-from lrf3d.solved_log import SolvedLog, run_of
+from lrf3d.solved_log import SolvedLog, maps_of, run_of
 
 CALIBRATED = 400
 """Scans at the beginning of a log that give the first estimate of its wheels' errors. With it a
@@ -106,8 +106,8 @@ def map_log(
         raise InputError(f"{log.name}: no poses in it ({log.source}); lrf3d slam finds them")
     chosen, mapper = np.flatnonzero(~log.is_odd | all_scans), LineMapper(mode, sigma=sigma)
     scans, poses = [log.scans[k] for k in chosen], log.poses[chosen]
-    keys = range(len(scans))
-    run = run_of(log.name, scans, poses, keys, mapper, snapshots=1, progress=progress)
+    maps = maps_of(scans, poses, range(len(scans)), mapper, snapshots=1, progress=progress)
+    run = run_of(log.name, scans, poses, maps)
     mount = doubtful_mount(log.scans)
     for doubt in (doubtful_ranges(log.scans), mount or doubtful_poses(log.scans)):
         if doubt:
@@ -173,17 +173,12 @@ def solve_log(
     """
     expect(progress, Callable, "progress")
     known = on if on is None or isinstance(on, Run) else load_run(on)
-    if not isinstance(log, LaserLog):
-        log = load_log(log, poses=odometry_of(log))
-    log = readable(log)
-    log = log.of_laser(log.lasers[0])
-    offset = log.odometry.laser_offset
+    log, recording = followed(log)
+    offset, path = log.odometry.laser_offset, WheelPath(recording.wheels)
+    if not np.ptp(recording.wheels, axis=0).any():
+        # Odometry that never moves is none.
+        log = replace(log, placed=False)
     try:
-        recording = checked(log)
-        if not np.ptp(recording.wheels, axis=0).any():
-            # Odometry that never moves is none.
-            log = replace(log, placed=False)
-        path = WheelPath(recording.wheels)
         recording, turns = _right_handed(recording, path, offset)
     except InputError as error:
         raise InputError(f"{log.name}: {error}") from None
@@ -231,7 +226,7 @@ def solve_log(
         if known.further:
             words = f"{known!r}: of its {len(known.lasers)} lasers only the first is continued"
             warnings.warn(words, Lrf3dWarning, stacklevel=2)
-        both = joined(known, slam, slam.sight.surfaces(scans), poses, log.name)
+        both = joined(known, slam, map(slam.sight.surface, scans), poses, log.name)
         poses = both.poses
     lines = line_poses(path, places, lag, poses)[recording.rows]
     lines[:, 2] = np.unwrap(lines[:, 2])
@@ -247,18 +242,27 @@ def readable(log: LaserLog) -> LaserLog:
     if (latest := np.abs(stamps).max()) > LATEST:
         raise InputError(f"{log.name}: a stamp of {latest:g} s; expected seconds")
     first = log.scans[0].angles
-    even = [replace(scan, angles=first) if _alike(scan, first) else scan for scan in log.scans]
-    return replace(log, scans=even)
+    scans = []
+    for scan in log.scans:
+        own = scan.angles
+        same = own.shape == first.shape and np.abs(own - first).max() <= JITTER
+        scans.append(replace(scan, angles=first) if same and own is not first else scan)
+    return replace(log, scans=scans)
 
 
-def _alike(scan: LaserScan, angles: Float) -> bool:
-    """Whether a scan has other angles, which differ from these by rounding."""
-    own = scan.angles
-    near = own.shape == angles.shape and np.abs(own - angles).max() <= JITTER
-    return own is not angles and bool(near)
+def followed(log: LaserLog | str | Path) -> tuple[LaserLog, Recording]:
+    """The scans of the first laser of a log, or of its path, and these in order, to be followed."""
+    if not isinstance(log, LaserLog):
+        log = load_log(log, poses=odometry_of(log))
+    log = readable(log)
+    log = log.of_laser(log.lasers[0])
+    try:
+        return log, _checked(log)
+    except InputError as error:
+        raise InputError(f"{log.name}: {error}") from None
 
 
-def checked(log: LaserLog) -> Recording:
+def _checked(log: LaserLog) -> Recording:
     """A log in order, which is refused where no SLAM can solve it."""
     scans, wheels, times = log.scans, log.odometry.poses, log.odometry.times
     if len(scans) < 2 or not len(wheels):

@@ -239,9 +239,6 @@ class Scenario(Value):
         *,
         drive: "Trajectory | ArrayLike | Controller | None" = None,
         rng: np.random.Generator | int | None = None,
-        sigma: float | None = None,
-        noise: Any = None,
-        mode: str | None = None,
         mapper: "Mapper | Mapping[str, Any] | None" = None,
         caster: "Caster | str" = "embree",
         scans: int | None = None,
@@ -253,10 +250,6 @@ class Scenario(Value):
         Args:
             drive: A trajectory, poses (k, 3) a second apart or a controller instead of the route.
             rng: A generator for the noise, or a seed: 5 gives the run of ``--seed 5``.
-            sigma: Another standard deviation of the noise [m] at range_max.
-            noise: A noise instead of the scenario's; if it does not report its ``spread``, the
-                mapper is set up for the scenario's.
-            mode: Mode of the LineMapper.
             mapper: A mapper, or other keyword arguments of the LineMapper.
             caster: ``embree``, ``planar``, or a caster.
             scans: Number of scans, for which the route is driven there and back.
@@ -264,13 +257,16 @@ class Scenario(Value):
                 walls do not stop a controller then. ``stop`` lets the robot rest where it touches a
                 wall or a dynamic obstacle, ``raise`` makes this an error; if not given, it is one
                 with a wall, and for a controller.
-            **changes: Other values of any field of the Scenario.
+            **changes: Other values of any field of the Scenario; ``sigma``, another standard
+                deviation of the noise [m] at range_max; ``mode``, that of the LineMapper. A noise
+                that does not report its ``spread`` leaves the mapper set up for the scenario's.
         """
         # Imported here, so that films and figures do not load the compiler.
         from lrf3d.simulation import Simulation
 
         if isinstance(mapper, Mapping):
             mapper, changes = None, {**changes, "mapper": mapper}
+        measured = [changes.pop(name, None) for name in ("sigma", "noise", "mode")]
         scenario, controlled = self.changed(**changes), dict[str, Any]()
         checks = isinstance(on_collision, str)
         if drive is None:
@@ -289,7 +285,7 @@ class Scenario(Value):
         if checks:
             controlled |= {"radius": scenario.radius, "outline": scenario.outline}
             controlled["on_collision"] = "raise" if on_collision is None else on_collision
-        noises, usual = scenario.measuring(sigma, noise, mode)
+        noises, usual = scenario.measuring(*measured)
         made = Simulation(
             scenario.world, drive, scenario.lasers, caster=caster, rng=rng, scans=scans,
             noise=noises, mapper=usual if mapper is None else mapper,

@@ -13,13 +13,12 @@ import numpy as np
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import Bool, Float
 from lrf3d.interrupts import Progress, check, silent, stoppable
-from lrf3d.io import LaserLog, load_log, load_run
-from lrf3d.io.reading import is_run, odometry_of
+from lrf3d.io import LaserLog, load_run
+from lrf3d.io.reading import is_run
 from lrf3d.laser.unrolling import unrolled
-from lrf3d.localization.joining import Follower
-from lrf3d.localization.known_places import KnownPlaces
+from lrf3d.localization.place_search import KnownPlaces, PlaceSearch
 from lrf3d.pose import bent, between, compose
-from lrf3d.recorded import checked, readable
+from lrf3d.recorded import followed
 from lrf3d.run import Run
 from lrf3d.slam import Slam
 from lrf3d.slam.odometry import WheelPath
@@ -103,28 +102,21 @@ def localise_log(
         (LocalisedLog(drive, 20 of 20 scans), [4.8, 1.0, 0.0])
     """
     places = known if isinstance(known, KnownPlaces) else known_places(known)
-    if not isinstance(log, LaserLog):
-        log = load_log(log, poses=odometry_of(log))
-    log = readable(log)
-    log = log.of_laser(log.lasers[0])
-    try:
-        recording = checked(log)
-    except InputError as error:
-        raise InputError(f"{log.name}: {error}") from None
+    log, recording = followed(log)
     log = replace(log, scans=recording.scans)
-    slam, follower = Slam(laser_offset=log.odometry.laser_offset), Follower(places)
+    slam, search = Slam(laser_offset=log.odometry.laser_offset), PlaceSearch(places)
     increments: Sequence[Float | None] = [None] * len(log)
     if log.placed:
         increments = list(WheelPath(recording.wheels).increments(1.0 * recording.places))
     for number, (scan, increment) in enumerate(zip(log.scans, increments, strict=True)):
         slam.update(scan, increment)
-        follower.see(number, slam.sight.seen(unrolled(scan)), slam.tracked[-1].pose)
+        search.see(number, slam.sight.seen(unrolled(scan)), slam.tracked[-1].pose)
         progress(number + 1, len(log))
         check()
     front = np.array([tracked.pose for tracked in slam.tracked])
     poses = np.full((len(log), 3), np.nan)
     parts: list[Stretch] = []
-    for found in follower.found:
+    for found in search.found:
         first = parts[-1].last + 1 if parts else 0
         path = {k: pose for k, pose in found.path.items() if k >= first}
         if not path:
@@ -133,16 +125,15 @@ def localise_log(
         at = np.array(sorted(path), np.int64)
         there = np.array([path[k] for k in at.tolist()])
         poses[begin : end + 1] = bent(front[begin : end + 1], at - begin, there)
+        carried = False
         if parts:
             last = parts[-1].last
             step = between(front[last], front[begin])
             off = np.abs(between(compose(poses[last], step), poses[begin]))
             most = JUMPED + JUMPED_SHARE * np.hypot(step[0], step[1])
             carried = bool(np.hypot(off[0], off[1]) > most or off[2] > JUMPED_TURN)
-        else:
-            carried = False
         parts.append(Stretch(begin, end, found.probability, carried))
-    return LocalisedLog(log, poses, tuple(parts), follower.search.probability)
+    return LocalisedLog(log, poses, tuple(parts), search.probability)
 
 
 def known_places(known: Run | World | str | Path) -> KnownPlaces:

@@ -25,11 +25,10 @@ from lrf3d.pose import Pose, compose
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.run import Run, is_snapshot
 from lrf3d.slam import Slam
+from lrf3d.slam.checks import SelfCheck, doubtful_mount
 from lrf3d.slam.closures import Refusal
-from lrf3d.slam.mounting import doubtful_mount
+from lrf3d.slam.key_scans import Key
 from lrf3d.slam.odometry import Repairs
-from lrf3d.slam.views import Key
-from lrf3d.slam.violation import SelfCheck
 from lrf3d.text import counted
 from lrf3d.world import World
 
@@ -90,14 +89,14 @@ class SolvedLog:
     @property
     def refused(self) -> list[Refusal]:
         """The loop closures that were refused in the worst stretch of the self-check."""
-        first, last = self.check.worst_scans
-        scans = [key.scan for key in self.key_scans[0]]
+        (first, last), scans = self.check.worst_scans, [key.scan for key in self.key_scans[0]]
         before = len(scans) - len(self.slam.closer.keys)
-        all_refused = [
-            Refusal(before + old, before + new, why) for old, new, why in self.slam.closer.refusals
+        shifted = [
+            each._replace(old=before + each.old, new=before + each.new)
+            for each in self.slam.closer.refusals
         ]
         return [
-            each for each in all_refused
+            each for each in shifted
             if first <= scans[each.old] <= last or first <= scans[each.new] <= last
         ]  # fmt: skip
 
@@ -140,8 +139,8 @@ class SolvedLog:
             return joint_run(self.joined, slam, self.scans, poses, self.log.name)
         chosen = np.unique(np.linspace(0, len(keys) - 1, MOST_COVARIANCES).astype(np.int64))
         estimate = slam.estimate(poses, keys[chosen], slam.covariances(chosen))
-        scans, keys = self.scans, keys.tolist()
-        return run_of(self.log.name, scans, poses, keys, LineMapper(), estimate=estimate)
+        maps = maps_of(self.scans, poses, keys.tolist(), LineMapper())
+        return run_of(self.log.name, self.scans, poses, maps, estimate)
 
     def summary(self) -> dict[str, Any]:
         """The figures, in JSON's types."""
@@ -166,7 +165,7 @@ class SolvedLog:
                 "length_m": self.run.trajectory.length,
                 "key_scans": len(slam.key_scans),
                 "loop_closures": len(slam.closures),
-                "loop_closures_dropped": len(slam.unconfirmed_closures),
+                "loop_closures_dropped": len(slam.closer.unconfirmed),
                 "scans_by_odometry_alone": sum(not scan.matched for scan in tracked),
                 "scans_with_a_weak_direction": sum(scan.weak for scan in tracked),
             },
@@ -179,31 +178,40 @@ class SolvedLog:
         }
 
 
-def run_of(
-    name: str,
+def maps_of(
     scans: Sequence[LaserScan],
     poses: Float,
     keys: Sequence[int],
     mapper: LineMapper,
     *,
     snapshots: int | None = None,
-    estimate: EstimatedTrajectory | None = None,
     progress: Progress = silent,
-) -> Run:
-    """The scans (k,) of one laser at poses (k, 3) as a run, whose world is the map of some of them.
+) -> dict[int, LineMap]:
+    """The map of the key scans, by the number of the last scan (k,), and snapshots before it.
 
-    Maps of the scans before the last key scan are kept as in a simulated run.
+    Progress is called with the number of mapped key scans, and of all.
     """
-    scans = [unrolled(scan) for scan in scans]
     maps: dict[int, LineMap] = {}
     for done, number in enumerate(keys, 1):
-        mapper.update(replace(scans[number], pose=Pose(*poses[number].tolist())))
+        mapper.update(unrolled(replace(scans[number], pose=Pose(*poses[number].tolist()))))
         if is_snapshot(done - 1, len(keys), snapshots):
             maps[number] = mapper.map
         progress(done, len(keys))
         check()
     # The last map is that of all scans: those after the last key scan show nothing new.
-    maps[len(scans) - 1] = line_map = maps.pop(keys[-1])
+    maps[len(scans) - 1] = maps.pop(keys[-1])
+    return maps
+
+
+def run_of(
+    name: str,
+    scans: Sequence[LaserScan],
+    poses: Float,
+    maps: dict[int, LineMap],
+    estimate: EstimatedTrajectory | None = None,
+) -> Run:
+    """The scans (k,) of one laser at poses (k, 3) as a run, whose world is the last of the maps."""
+    scans, line_map = [unrolled(scan) for scan in scans], maps[len(scans) - 1]
     solid = lengths(line_map.segments) > 0.0
     if not solid.any():
         reason = doubtful_ranges(scans) or "expected walls within the laser's range"
@@ -253,7 +261,7 @@ def joint_run(both: Joined, slam: Slam, scans: Sequence[LaserScan], poses: Float
         np.vstack([earlier.dropped_closures, count + own.dropped_closures]),
     )  # fmt: skip
     keys = [*both.keys.tolist(), *(count + slam.key_scans).tolist()]
-    return run_of(name, shown, whole, keys, LineMapper(), estimate=estimate)
+    return run_of(name, shown, whole, maps_of(shown, whole, keys, LineMapper()), estimate)
 
 
 def rising(stamps: Float) -> Float:

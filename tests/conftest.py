@@ -3,9 +3,14 @@
 import functools
 import signal
 
+import hypothesis
 import pytest
 
 from lrf3d import interrupts
+
+# No test depends on the speed of the machine.
+hypothesis.settings.register_profile("lrf3d", deadline=None)
+hypothesis.settings.load_profile("lrf3d")
 
 # A shell without job control ignores Ctrl-C for what it starts in the background, and so do all
 # programs that these start in turn.

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from lrf3d.compiling import borrower, cache
-from lrf3d.compiling.stamps import stamp_of
+from lrf3d.compiling.cache import stamp_of
 from lrf3d.errors import Lrf3dWarning
 from lrf3d.geometry import Float
 from test_kernel_results import kernels
@@ -127,7 +127,7 @@ def test_a_kernel_is_compiled_once_for_all_numbers_and_then_found_on_disk(load):
 
 def test_each_kernel_has_the_same_stamp_in_each_process():
     # What cannot be described gets another description in each.
-    stamps = "from test_kernel_results import kernels; from lrf3d.compiling.stamps import stamp_of"
+    stamps = "from test_kernel_results import kernels; from lrf3d.compiling.cache import stamp_of"
     stamps += "; print(*(stamp_of(kernel) for kernel in kernels()))"
     other = subprocess.run([sys.executable, "-c", stamps], cwd=Path(__file__).parent,
                            capture_output=True, text=True, check=True)  # fmt: skip

@@ -120,6 +120,16 @@ def test_a_gzipped_log_of_lines_that_hold_nothing_ends_at_a_limit(tmp_path, monk
         lrf3d.load_log(tmp_path / "odom.log.gz")
 
 
+@pytest.mark.parametrize(
+    "text", ["a", "[", " ", "a,", "time: 1\n", ",".join(map("r{}".format, range(50)))]
+)
+def test_a_line_of_a_log_is_looked_at_once(text, tmp_path):
+    # What is looked for from each place to the end takes minutes here.
+    (tmp_path / "a.csv").write_text(f"{300_000 // len(text) * text}\n1,2\n")
+    with pytest.raises(lrf3d.InputError, match=r"a.csv"):
+        lrf3d.load_log(tmp_path / "a.csv")
+
+
 def test_what_a_bag_unpacks_to_is_bounded(tmp_path, monkeypatch):
     """A chunk, and chunks that overlap in time, are unpacked up to a limit."""
     pytest.importorskip("rosbags")

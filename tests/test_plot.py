@@ -53,11 +53,8 @@ def test_the_view_grows_with_what_is_drawn_and_a_metre_is_a_metre(axes):
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     assert left < 0.0 and right > 62.0 and bottom < 0.0 and top > 6.0
     assert axes.get_aspect() == 1.0
-
-
-def test_limits_that_were_set_by_hand_stay(run, axes):
     axes.set(xlim=(2, 5), ylim=(1, 3))
-    lrf3d.plot.run(run, axes)
+    lrf3d.plot.world(street(80.0), axes)
     assert axes.get_xlim() == (2, 5) and axes.get_ylim() == (1, 3)
 
 

@@ -14,6 +14,9 @@ from lrf3d.files import folder_name, locked, make_folder, read_text, write_text
 from lrf3d.interrupts import check, noting
 from lrf3d.world import world_names
 
+Drawing = tuple[str, Callable[[Path], object]]
+"""The file of a picture, and what draws it."""
+
 _ENDING = re.compile(r"(?<=[^/.])\.[^/]*$")
 
 
@@ -29,7 +32,7 @@ class ResultsFolder:
         self,
         summary: Mapping[str, Any],
         files: Mapping[str, str],
-        drawings: Mapping[str, tuple[str, Callable[[Path], object]]],
+        drawings: Mapping[str, Drawing],
         *,
         rows: Rows,
         following: str = "",

@@ -1,15 +1,22 @@
-"""What commands work on, read before the modules that work on it, which take a second to import."""
+"""What commands work on, read before the modules that work on it, which take a second to import.
 
+Of users' own mappers, controllers and noises only what the user names as ``module:object`` is ever
+imported: nothing in a world file or a log is executed. Errors in a user's own code keep their
+traceback.
+"""
+
+import sys
 from argparse import Namespace
 from collections.abc import Callable
 from contextlib import ExitStack
+from functools import partial
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 from lrf3d.cli.console import Report, warn
 from lrf3d.cli.kernels import start_compiling, wait_for
-from lrf3d.cli.plugins import load_plugin
-from lrf3d.errors import InputError
+from lrf3d.errors import InputError, check_names
 from lrf3d.files import check_ordinary
 from lrf3d.io import LaserLog, load_run
 from lrf3d.io.reading import is_run, load_log, odometry_of
@@ -114,6 +121,54 @@ def routed(scenario: Scenario, args: Namespace, report: Report) -> Scenario:
     return scenario
 
 
+FORMS = {
+    "mapper": ("update", "a method update(scan)"),
+    "controller": ("command", "a method command(time, pose, scan) -> (v, w)"),
+    "noise": ("__call__", "a function of (scan, rng) that returns a scan"),
+}
+"""The method that each kind of plug-in must have, and its form."""
+
+
+def load_plugin(kind: str, name: str) -> Any:
+    """Find a user's object, or a class to instantiate without arguments for each run.
+
+    The name is ``module:object``; the path of a ``.py`` file may replace the module.
+    """
+    (module_name, _, path), place = name.rpartition(":"), f"--{kind} {name}"
+    if not (module_name and path):
+        raise InputError(f"{place}: expected module:object, such as mymodule:MyClass")
+    file = Path(f"{module_name}.py" if module_name.isidentifier() else module_name)
+    is_file = file.suffix == ".py" and file.is_file()
+    folder, plain = (file.resolve().parent, file.stem) if is_file else (Path.cwd(), module_name)
+    # At the end, so that no file of the folder replaces an installed module.
+    sys.path.append(str(folder))
+    try:
+        if not all(part.isidentifier() for part in plain.split(".")):
+            raise ModuleNotFoundError(name=plain)
+        found: Any = import_module(plain)
+    except ModuleNotFoundError as error:
+        if error.name != plain and not plain.startswith(f"{error.name}."):
+            raise
+        missing = f"no module {module_name!r} in {Path.cwd()} or installed"
+        if file.suffix == ".py" and not module_name.isidentifier():
+            missing = f"no such file in {Path.cwd()}"
+        raise InputError(f"{place}: {missing}") from None
+    if is_file and Path(found.__file__ or "").resolve() != file.resolve():
+        raise InputError(f"{place}: another module is called {plain}; rename the file")
+    for part in path.split("."):
+        check_names(place, [part], [each for each in dir(found) if each[0] != "_"])
+        found = getattr(found, part)
+    method, form = FORMS[kind]
+    if not (callable(found) if method == "__call__" else hasattr(found, method)):
+        raise InputError(f"{place}: expected {form}")
+    return found
+
+
+def made(found: Any) -> Any:
+    """The object that a user names, or a new one of the class."""
+    return found() if isinstance(found, type | partial) else found
+
+
 COMMANDS: dict[str, tuple[Callable[[Namespace], Any], str]] = {
     "run": (read_run_parts, "run:run"),
     "render": (lambda args: load_run(args.run), "runs:render"),
@@ -121,11 +176,11 @@ COMMANDS: dict[str, tuple[Callable[[Namespace], Any], str]] = {
     "ros": (read_world, "runs:ros"),
     "score": (lambda args: load_run(args.run), "scores:score"),
     "export": (lambda args: load_run(args.run), "runs:export"),
-    "crosscheck": (read_world, "accuracy:crosscheck"),
+    "crosscheck": (read_world, "world:crosscheck"),
     "map": (read_log, "logs:map_"),
     "slam": (read_log, "logs:slam"),
     "degrade": (read_log, "logs:degrade"),
-    "localise": (read_map_and_log, "accuracy:localise"),
+    "localise": (read_map_and_log, "logs:localise"),
     "sweep": (read_sweep, "sweep:sweep"),
     "world show": (read_world, "world:show"),
     "world convert": (lambda args: None, "world:convert"),

@@ -1,8 +1,9 @@
 """``lrf3d map``, ``slam`` and ``localise``: logs with known poses, with odometry, and on a map."""
 
 from argparse import Namespace
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
+from math import radians
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -10,22 +11,25 @@ from typing import Any
 import numpy as np
 
 from lrf3d.cli.console import Report, warn
-from lrf3d.cli.folder import results_folder
+from lrf3d.cli.folder import Drawing, ResultsFolder, results_folder
+from lrf3d.cli.inputs import MapAndLog, on_collision, routed
 from lrf3d.degrading import degrade_log
 from lrf3d.errors import InputError
 from lrf3d.files import make_folder
-from lrf3d.geometry import Float
 from lrf3d.interrupts import Progress
 from lrf3d.io import LaserLog, load_run, save_run
 from lrf3d.io.carmen_writer import write_log
 from lrf3d.io.reading import CARMEN_ENDINGS
 from lrf3d.io.trajectory_files import load_relations, save_tum
+from lrf3d.localization import OdometryNoise
+from lrf3d.localization.monte_carlo import score_localisation
 from lrf3d.mapping import LineMap, save_map
 from lrf3d.pose import Pose, compose
 from lrf3d.recorded import map_log, solve_log
 from lrf3d.run import Run
+from lrf3d.scenario import Scenario
 from lrf3d.scoring import score_log, score_trajectory
-from lrf3d.sessions import LocalisedLog, localise_log
+from lrf3d.sessions import localise_log
 from lrf3d.solved_log import SolvedLog
 from lrf3d.text import counted
 from lrf3d.world import World
@@ -60,7 +64,11 @@ def map_(log: LaserLog, args: Namespace, report: Report) -> None:
         if score.explained < LEAST_EXPLAINED:
             warn(f"the map explains only {share}: the poses are wrong, or few walls are there")
     rows.append(("time", f"{milliseconds():.2f} ms a scan"))
-    _finish(args, report, run, run, summary, rows, "run {}/map.geojson", {})
+    output = results_folder(report, [args.log], run.world.name, args.out)
+    kept, drawings = _mapped(output, run, run)
+    following = f"lrf3d run {output.path}/map.geojson"
+    files = {"map": "map.geojson"}
+    output.finish(summary, files, drawings, rows=rows, following=following, kept=kept)
 
 
 def slam(log: LaserLog, args: Namespace, report: Report) -> None:
@@ -68,11 +76,10 @@ def slam(log: LaserLog, args: Namespace, report: Report) -> None:
     known = None if args.relations is None else load_relations(args.relations)
     chosen = {} if args.key_distance is None else {"key_distance": args.key_distance}
     on = None if args.on is None else load_run(args.on)
+    pairs = [[(min(pair), max(pair)) for pair in given or ()] for given in (args.close, args.not_)]
     with report.progress("scans") as progress:
         progress, milliseconds = timed(progress)
-        solved = solve_log(
-            log, on=on, close=args.close or (), apart=args.not_ or (), progress=progress, **chosen
-        )
+        solved = solve_log(log, on=on, close=pairs[0], apart=pairs[1], progress=progress, **chosen)
     score = None if known is None else score_trajectory(solved.line_poses, known).as_dict()
     for sentence in solved.warnings:
         warn(sentence)
@@ -82,24 +89,58 @@ def slam(log: LaserLog, args: Namespace, report: Report) -> None:
         keys = np.concatenate([both.keys, len(both.run) + keys])
 
     def draw(picture: Path) -> None:
-        from lrf3d.render.check_figure import draw_check
+        from lrf3d.render.figures import draw_check
 
         title = f"{log.name}: where the map contradicts itself"
         draw_check(*solved.key_scans, solved.check, solved.refused, title, picture)
 
-    _finish(
-        args, report, run, run.part(keys), summary, _slam_rows(solved, summary),
-        "view {}",
-        {
-            "run.npz": lambda path: save_run(run, path),
-            "trajectory.tum": lambda path: save_tum(log.odometry.times, solved.line_poses, path),
-        },
-        {"check picture": ("check.png", draw)} if solved.tried else {},
+    output = results_folder(report, [args.log], run.world.name, args.out)
+    kept, drawings = _mapped(output, run, run.part(keys))
+    save_run(run, output.path / "run.npz")
+    save_tum(log.odometry.times, solved.line_poses, output.path / "trajectory.tum")
+    if solved.tried:
+        drawings["check picture"] = "check.png", draw
+    output.finish(
+        summary,
+        {"map": "map.geojson", "run": "run.npz", "trajectory": "trajectory.tum"},
+        drawings,
+        rows=_slam_rows(solved, summary),
+        following=f"lrf3d view {output.path}",
+        kept=kept,
+    )
+
+
+def localise(source: Scenario | MapAndLog, args: Namespace, report: Report) -> None:
+    """Localise a recorded drive on a known map; or simulated ones, and score that."""
+    if isinstance(source, tuple):
+        return _localise_recorded(*source, args, report)
+    scenario = routed(source, args, report)
+    sigma = scenario.sigmas[0] if args.sigma is None else args.sigma
+    odometry = OdometryNoise(args.position, radians(args.heading))
+    with report.progress("first run") as progress:
+        run = scenario.run(
+            mode="robust", sigma=sigma, rng=0, snapshots=1, on_collision=on_collision(args),
+            progress=progress,
+        )  # fmt: skip
+    with report.progress("seeds") as progress:
+        score = score_localisation(
+            run, sigma, odometry, known=args.known, strategy=args.strategy, seeds=args.seeds,
+            workers=args.workers, progress=progress,
+        )  # fmt: skip
+    noise = {"position_m": args.position, "heading_deg": args.heading}
+    report.print(
+        {"name": scenario.name, "sigma_m": sigma, "odometry_noise": noise, **score},
+        [
+            ("known", f"{score['lines']} lines: the {args.known} of {scenario.name}"),
+            ("drives", f"{score['seeds']}, of {score['scans']} scans each"),
+            ("position", f"{score['mean_position_error_m']:.4f} m off on average, at most"
+                         f" {score['largest_position_error_m']:.3f} m"),
+            ("heading", f"{score['mean_heading_error_deg']:.4f}° off on average"),
+        ],
     )  # fmt: skip
 
 
-def localise_recorded(known: Run | World, log: LaserLog, args: Namespace, report: Report) -> None:
-    """Find a recorded drive on a map."""
+def _localise_recorded(known: Run | World, log: LaserLog, args: Namespace, report: Report) -> None:
     with report.progress("scans") as progress:
         progress, milliseconds = timed(progress)
         found = localise_log(known, log, progress=progress)
@@ -113,12 +154,16 @@ def localise_recorded(known: Run | World, log: LaserLog, args: Namespace, report
     poses, times = found.poses[chosen], found.log.times[chosen]
     # The path is broken where the place is not known.
     ends = [np.searchsorted(chosen, each.last) + 1 for each in found.stretches[:-1]]
-    drawn = np.insert(poses, ends, np.nan, axis=0)
+    drawn, points = np.insert(poses, ends, np.nan, axis=0), [np.empty((0, 2))]
+    for number, pose in zip(chosen.tolist(), poses, strict=True):
+        scan = found.log.scans[number]
+        laser = compose(pose, np.array(scan.mount))
+        points.append(replace(scan, pose=Pose(*laser.tolist())).points())
 
     def draw(picture: Path) -> None:
         from lrf3d.render.figures import draw_map
 
-        draw_map(line_map, picture, points=_points(found), poses=drawn,
+        draw_map(line_map, picture, points=np.concatenate(points), poses=drawn,
                  world=true, title=f"{found.log.name} on {world.name or 'the map'}")  # fmt: skip
 
     output = results_folder(report, [args.world, args.log], f"{found.log.name}_localised", args.out)
@@ -139,16 +184,6 @@ def localise_recorded(known: Run | World, log: LaserLog, args: Namespace, report
         rows=rows,
         kept=f"{output.path / 'trajectory.tum'} holds the poses",
     )
-
-
-def _points(found: LocalisedLog) -> Float:
-    """What the scans hit (n, 2) whose places are known."""
-    parts = [np.empty((0, 2))]
-    for number in np.flatnonzero(found.known):
-        scan = found.log.scans[number]
-        laser = compose(found.poses[number], np.array(scan.mount))
-        parts.append(replace(scan, pose=Pose(*laser.tolist())).points())
-    return np.concatenate(parts)
 
 
 def degrade(log: LaserLog, args: Namespace, report: Report) -> None:
@@ -195,18 +230,8 @@ def timed(progress: Progress) -> tuple[Progress, Callable[[], float]]:
     return note, lambda: 1e3 * (stamps[-1] - stamps[0]) / max(len(stamps) - 1, 1)
 
 
-def _finish(
-    args: Namespace,
-    report: Report,
-    run: Run,
-    mapped: Run,
-    summary: dict[str, Any],
-    rows: list[tuple[str, str]],
-    following: str,
-    files: Mapping[str, Callable[[Path], None]],
-    drawings: Mapping[str, tuple[str, Callable[[Path], None]]] | None = None,
-) -> None:
-    """Write the map of a run, which a part of it made, and other results, and print them."""
+def _mapped(output: ResultsFolder, run: Run, mapped: Run) -> tuple[str, dict[str, Drawing]]:
+    """Write the map of a run, which a part of it made; where it is, and its picture."""
 
     def draw(picture: Path) -> None:
         from lrf3d.render.figures import draw_map
@@ -216,18 +241,8 @@ def _finish(
             poses=run.trajectory.poses, estimate=run.estimate, title=run.world.name,
         )  # fmt: skip
 
-    output = results_folder(report, [args.log], run.world.name, args.out)
     save_map(run.map, output.path / "map.geojson", free=mapped.free_cells())
-    for name, save in files.items():
-        save(output.path / name)
-    output.finish(
-        summary,
-        {"map": "map.geojson", **{name.split(".")[0]: name for name in files}},
-        {"map picture": ("map.png", draw), **(drawings or {})},
-        rows=rows,
-        following=f"lrf3d {following.format(output.path)}",
-        kept=f"{output.path / 'map.geojson'} holds the map",
-    )
+    return f"{output.path / 'map.geojson'} holds the map", {"map picture": ("map.png", draw)}
 
 
 def log_rows(log: LaserLog, poses: str = "") -> list[tuple[str, str]]:
@@ -249,7 +264,6 @@ def log_rows(log: LaserLog, poses: str = "") -> list[tuple[str, str]]:
 
 
 def _slam_rows(solved: SolvedLog, summary: dict[str, Any]) -> list[tuple[str, str]]:
-    """What most users ask of a solved log, as a table."""
     found, poses = summary["slam"], counted(summary["log"]["odometry_lines"], "pose")
     rows = log_rows(solved.log, f", {poses} by odometry" if solved.log.placed else "")
     if not solved.log.placed:

@@ -52,7 +52,9 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     if name is None:
         _without_command(words)
     parser, options = _parser(name)
-    words, ros_words = _split(words) if name == "ros" else (words, [])
+    # What follows is for ROS.
+    end = list(words).index("--ros-args") if name == "ros" and "--ros-args" in words else len(words)
+    words, ros_words = words[:end], words[end:]
     several = [flag for option in options if option.value.endswith(",…") for flag in option.names]
     joined: list[str] = []
     for word in words[len(name.split()) :]:
@@ -70,19 +72,12 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     return given
 
 
-def _split(words: Sequence[str]) -> tuple[Sequence[str], Sequence[str]]:
-    """The words for lrf3d, and those for ROS, which begin with --ros-args."""
-    end = list(words).index("--ros-args") if "--ros-args" in words else len(words)
-    return words[:end], words[end:]
-
-
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         raise InputError(f"{message.removeprefix('argument ')}; see {self.prog} -h")
 
 
 def _parser(name: str) -> tuple[argparse.ArgumentParser, list[Option]]:
-    """The parser of a command, and its options."""
     parts = [*lists(name)]
     options = [option for _, found in parts for option in found]
     arguments = [option.names[0] for option in options if option.names[0][0] != "-"]
@@ -119,7 +114,6 @@ def _without_command(words: Sequence[str]) -> NoReturn:
 
 
 def _add(group: Any, option: Option) -> None:
-    """Let a parser take an option."""
     names, value, default, text = option
     name = names[-1].strip("-[].").split("|")[-1].replace("-", "_").lower()
     name = f"{name}_" if iskeyword(name) else name
@@ -172,28 +166,16 @@ def _number(
     return read, f"{what} from {least:g}" + (f" to {most:g}" if most < math.inf else "")
 
 
-def _size(word: str) -> tuple[int, int]:
-    """Width and height; both even, as H.264 needs them."""
-    width, height = map(int, word.lower().split("x"))
-    if not all(side % 2 == 0 and 64 <= side <= 7680 for side in (width, height)):
-        raise ValueError
-    return width, height
+def _two(mark: str, fits: Callable[[int, int], bool]) -> Callable[[str], tuple[int, int]]:
+    """What reads two whole numbers with a mark between them."""
 
+    def read(word: str) -> tuple[int, int]:
+        first, second = map(int, word.lower().split(mark))
+        if not fits(first, second):
+            raise ValueError
+        return first, second
 
-def _job(word: str) -> tuple[int, int]:
-    """The number of a job and of all jobs."""
-    number, count = map(int, word.split("/"))
-    if not 1 <= number <= count:
-        raise ValueError
-    return number, count
-
-
-def _pair(word: str) -> tuple[int, int]:
-    """The numbers of two scans, the earlier one first."""
-    first, second = sorted(map(int, word.split(":")))
-    if not 0 <= first < second:
-        raise ValueError
-    return first, second
+    return read
 
 
 def _mapper(word: str) -> str:
@@ -214,10 +196,19 @@ KINDS: dict[str, tuple[Callable[[str], Any], str]] = {
     "SHARE": _number(float, 0.0, 1.0),
     **dict.fromkeys(("DEG", "FACTOR", "M", "S"), _number(float, 0.0)),
     **dict.fromkeys(("FILE", "FOLDER", "LOG", "RUN", "TO"), (Path, "a path")),
-    "WxH": (_size, "WIDTHxHEIGHT, such as 1280x720, even numbers from 64 to 7680"),
+    "WxH": (  # H.264 needs even numbers.
+        _two("x", lambda *size: all(side % 2 == 0 and 64 <= side <= 7680 for side in size)),
+        "WIDTHxHEIGHT, such as 1280x720, even numbers from 64 to 7680",
+    ),
     "NAME": (_mapper, "robust, paper or FILE.py:NAME"),
-    "A:B": (_pair, "two numbers of scans, such as 120:2400"),
-    "I/N": (_job, "I/N, such as 2/8 for the second of eight jobs"),
+    "A:B": (
+        _two(":", lambda *pair: min(pair) >= 0 and pair[0] != pair[1]),
+        "two numbers of scans, such as 120:2400",
+    ),
+    "I/N": (
+        _two("/", lambda job, jobs: 1 <= job <= jobs),
+        "I/N, such as 2/8 for the second of eight jobs",
+    ),
 }
 """What reads a value, and what it expects, by what a help page calls it; others are texts."""
 

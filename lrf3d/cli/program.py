@@ -56,7 +56,6 @@ def open_streams() -> None:
 
 
 def _run(program: "Callable[[list[str]], int | None] | None") -> int:
-    """Run a program, flush its output, and return its exit status."""
     for stream in (sys.stdout, sys.stderr):
         # A terminal without a character, such as σ or one of a file name, is no reason to fail.
         if hasattr(stream, "reconfigure"):

@@ -1,32 +1,38 @@
-"""``lrf3d run``: simulate, map and draw a world."""
+"""``lrf3d run``: simulate, map and draw a world, with one robot or several on one route."""
 
 import json
 import re
 from argparse import Namespace
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from lrf3d.cli.console import Report, warn
-from lrf3d.cli.folder import results_folder
-from lrf3d.cli.inputs import on_collision, routed
-from lrf3d.cli.plugins import made
+import numpy as np
+
+from lrf3d.cli.console import Report, json_text, warn
+from lrf3d.cli.folder import Drawing, results_folder
+from lrf3d.cli.inputs import made, on_collision, routed
 from lrf3d.cli.runs import write_film
 from lrf3d.collecting import collect
+from lrf3d.collision import Body, find_collision
 from lrf3d.errors import InputError
+from lrf3d.files import make_folder, write_text
+from lrf3d.fleet import before_touching, giving_way, parts_of, simulate_fleet
 from lrf3d.interrupts import noting
-from lrf3d.io import record
+from lrf3d.io import record, save_run
 from lrf3d.mapping import save_map
 from lrf3d.render.figures import draw_map, draw_noise_levels, draw_world
 from lrf3d.run import Run
 from lrf3d.scenario import Scenario
 from lrf3d.scoring import seen_share
-from lrf3d.scoring.summary import drawn_part, judged_part, summarise
+from lrf3d.scoring.map_score import drawn_part, judged_part, summarise
 from lrf3d.simulation import Simulation, update_mapper
 from lrf3d.slam.simulated import SlamMapper
 from lrf3d.text import counted
+from lrf3d.world import World
 
 FEW = 0.6
 """Share of the walls below which a run says that it saw few of them."""
@@ -42,9 +48,7 @@ def run(source: tuple[Scenario, dict[str, Any]], args: Namespace, report: Report
     if args.slam:
         own["mapper"], named["mapper"] = partial(SlamMapper, rng=args.seed), "SLAM"
     if args.robots > 1:
-        from lrf3d.cli.fleet import run_fleet
-
-        run_fleet(scenario, own, named, args, report)
+        _run_fleet(scenario, own, named, args, report)
         return
     # All noise levels have the same drive, which is computed and checked once.
     if "controller" in own:
@@ -83,31 +87,45 @@ def run(source: tuple[Scenario, dict[str, Any]], args: Namespace, report: Report
             {"sigma_m": level, "segments": len(each.map), "objects": each.map.object_count}
             for level, each in zip(sigmas, runs, strict=True)
         ]
-    files, pictures = {"run": "run.npz"}, dict[str, Any]()
-    shown = drawn_part(run)
-    # A user's mapper may make no LineMap.
-    if run.maps:
-        files["map"] = "map.geojson"
-        save_map(run.map, output.path / files["map"], free=run.free_cells())
-        pictures["map picture"] = "map.png", partial(draw_map, shown)
-    pictures["world picture"] = (
-        "world.png",
-        lambda path: draw_world(
-            shown.world, path, scan=shown.scan(0), route=scenario.route, poses=scenario.poses
-        ),
-    )
+    files, pictures = _map_files(run, output.path)
+    pictures |= _pictures(run, scenario, args, report)
     if len(runs) > 1:
         pictures["noise picture"] = "noise.png", partial(draw_noise_levels, runs, sigmas)
-    if args.video:
-        pictures["video"] = "run.mp4", lambda path: write_film(run, path, args, report)
     output.finish(
         summary,
-        files,
+        {"run": "run.npz", **files},
         pictures,
         rows=_rows(runs, summary),
         following=f"lrf3d {'view' if args.video else 'render'} {output.path}",
         kept=KEPT,
     )
+
+
+def _map_files(
+    run: Run, folder: Path, robot: str = ""
+) -> tuple[dict[str, str], dict[str, Drawing]]:
+    """Write the map of a robot's run; its file, and its picture, which is drawn later."""
+    if not run.maps:  # A user's mapper may make no LineMap.
+        return {}, {}
+    place, name = f"{robot}/" if robot else "", f"{robot} map".strip()
+    save_map(run.map, folder / f"{place}map.geojson", free=run.free_cells())
+    draw = partial(draw_map, drawn_part(run))
+    return {name: f"{place}map.geojson"}, {f"{name} picture": (f"{place}map.png", draw)}
+
+
+def _pictures(run: Run, scenario: Scenario, args: Namespace, report: Report) -> dict[str, Drawing]:
+    shown, route, poses = drawn_part(run), scenario.route, scenario.poses
+    pictures: dict[str, Drawing] = {
+        "world picture": (
+            "world.png",
+            lambda path: draw_world(
+                shown.world, path, scan=shown.scan(0), route=route, poses=poses
+            ),
+        )
+    }
+    if args.video:
+        pictures["video"] = "run.mp4", lambda path: write_film(run, path, args, report)
+    return pictures
 
 
 def _figures(main: Simulation, run: Run, folder: Path) -> dict[str, Any]:
@@ -131,7 +149,6 @@ def _figures(main: Simulation, run: Run, folder: Path) -> dict[str, Any]:
 
 
 def _rows(runs: Sequence[Run], summary: dict[str, Any]) -> list[tuple[str, str]]:
-    """What most users ask of the runs, as a table."""
     run, drive, score = runs[0], summary["drive"], summary["score"]
     scans = f"{counted(drive['scans'], 'scan')} of {counted(run.ranges.shape[1], 'beam')}"
     rows = [("drive", f"{drive['length_m']:.1f} m in {drive['duration_s']:.1f} s, {scans}")]
@@ -162,3 +179,100 @@ def _rows(runs: Sequence[Run], summary: dict[str, Any]) -> list[tuple[str, str]]
         by = summary.get("mapper", "mapping")
         time += f", {summary['milliseconds_an_update']:.1f} ms of it {by}"
     return [*rows, ("time", time)]
+
+
+def _run_fleet(
+    scenario: Scenario, own: dict[str, Any], named: dict[str, Any], args: Namespace, report: Report
+) -> None:
+    """Drive several robots along the route of a world, scan it, map it, and draw the results."""
+    _check_fleet(scenario, own, args)
+    scenario = routed(scenario, args, report)
+    drives = _drives(scenario, args)
+    output = results_folder(report, [args.world], scenario.name, args.out)
+    sigma, noise = (args.sigma or [None])[0], made(own.get("noise"))
+
+    def mapper() -> Any:
+        return made(own["mapper"]) if "mapper" in own else measuring()[1]
+
+    measuring = partial(scenario.measuring, sigma, noise, args.mode)
+    begin = perf_counter()
+    with report.progress("scans") as progress:
+        runs = simulate_fleet(
+            scenario.world, drives, scenario.lasers, radius=scenario.radius,
+            outline=scenario.outline, obstacles=scenario.obstacles, mapper=mapper, rng=args.seed,
+            progress=progress, noise=measuring()[0], caster=args.caster,
+            odometry=scenario.odometry, imu=scenario.imu,
+        )  # fmt: skip
+    runs = [replace(run, film=scenario.film) for run in runs]
+    common = {
+        "name": scenario.name, "seed": args.seed, "caster": args.caster, **named,
+        "sigma_m": scenario.sigmas[0] if sigma is None else sigma, "planned": scenario.planned,
+        "seconds": perf_counter() - begin,
+    }  # fmt: skip
+    files, pictures, rows, robots = dict[str, str](), dict[str, Drawing](), [], []
+    for number, run in enumerate(runs, 1):
+        name = f"robot{number}"
+        folder = make_folder(output.path / name)
+        save_run(run, folder / "run.npz")
+        maps, drawings = _map_files(run, output.path, name)
+        figures = {"robot": name, **summarise(run), "seen_share": seen_share(judged_part(run))}
+        write_text(folder / "summary.json", json_text({**common, **figures}))
+        files |= {name: f"{name}/run.npz", **maps, f"{name} summary": f"{name}/summary.json"}
+        pictures |= drawings
+        robots.append(figures)
+        rows.append((name, _fleet_row(run, figures)))
+    output.finish(
+        {**common, "robots": robots},
+        files,
+        pictures | _pictures(runs[0], scenario, args, report),
+        rows=[*rows, ("time", f"{common['seconds']:.1f} s")],
+        following=f"lrf3d {'view' if args.video else 'render'} {output.path / 'robot1'}",
+        kept=f"the runs are kept in {output.path}",
+    )
+
+
+def _check_fleet(scenario: Scenario, own: dict[str, Any], args: Namespace) -> None:
+    for given, what in (
+        ("controller" in own, "--controller: give lrf3d.simulate_fleet its controllers"),
+        (args.resume, "--resume: runs of several robots are written when they end"),
+        (len(args.sigma or ()) > 1, "--sigma: give one"),
+        (scenario.poses is not None, f"{scenario.name}: it has poses, and no route to drive"),
+    ):
+        if given:
+            raise InputError(f"--robots {args.robots}: {what}")
+    if scenario.compared:
+        warn(f"{scenario.name}: --robots compares no noise levels; the first one is taken")
+
+
+def _drives(scenario: Scenario, args: Namespace) -> list[Any]:
+    """The drives of all robots on their parts of the route, cut where two touch."""
+    body = Body(scenario.radius, scenario.outline)
+    assert scenario.route is not None
+    parts = parts_of(scenario.route, args.robots, body)
+    each = [scenario.changed(route=part) for part in parts]
+    scans = args.scans or max(len(one.trajectory(on_collision=lambda note: None)) for one in each)
+    drives = [one.trajectory(scans=scans, on_collision=on_collision(args)) for one in each]
+    drives = giving_way(drives, body)
+    kept, touch = before_touching(drives, body)
+    if touch and args.ignore_collisions:
+        warn(f"{touch}; they drive through each other")
+    elif touch:
+        warn(f"{touch}; all drives end before, after {len(kept[0]):,} of {scans:,} scans each")
+        drives = kept
+    for number, drive in enumerate(drives, 1):
+        if len(drive) > 1 and (drive.poses[-1] == drive.poses[-2]).all():
+            still = int((drive.poses == drive.poses[-1]).all(axis=1).argmax())
+            warn(f"robot{number}: waits for another one from t = {drive.times[still]:.1f} s on")
+        hit = find_collision(drive, World(np.empty((0, 4))), body, scenario.obstacles)
+        if hit is not None:
+            warn(f"robot{number}: {hit}; its route takes no notice of it")
+    return drives
+
+
+def _fleet_row(run: Run, figures: dict[str, Any]) -> str:
+    drive = figures["drive"]
+    text = f"{drive['length_m']:.1f} m in {drive['duration_s']:.1f} s,"
+    text += f" {counted(drive['scans'], 'scan')}"
+    if (share := figures["seen_share"]) is not None:
+        text += f", {100 * share:.0f} % of the walls seen"
+    return f"{text}; {run.map.counts}" if run.maps else text

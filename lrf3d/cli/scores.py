@@ -1,6 +1,7 @@
 """``lrf3d score``: somebody else's trajectory and map of a run, against the truth."""
 
 from argparse import Namespace
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -19,9 +20,9 @@ from lrf3d.render.figures import draw_map
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.run import Run
 from lrf3d.scoring import score_map, visible_walls
-from lrf3d.scoring.pose_errors import PoseErrors, pose_errors
-from lrf3d.scoring.summary import drawn_part, judged_part
-from lrf3d.world import load_world
+from lrf3d.scoring.map_score import drawn_part, judged_part
+from lrf3d.scoring.trajectory_score import PoseErrors, pose_errors
+from lrf3d.world import World, load_world
 from lrf3d.world.pieces import joined_objects
 
 FAR_OFF = 3.0
@@ -36,28 +37,28 @@ def score(run: Run, args: Namespace, report: Report) -> None:
         raise InputError(f"{args.run}: a recorded drive, whose true trajectory is not known")
     estimate = load_tum(args.trajectory)
     errors = pose_errors(run.trajectory, estimate)
-    sources, name = [args.run, args.trajectory], f"{_name(args.run)}_score"
-    output = results_folder(report, sources, name, args.out)
+    path = Path(args.run).resolve()
+    name = path.parent.name if path.name == "run.npz" else path.stem
+    output = results_folder(report, [args.run, args.trajectory], f"{name}_score", args.out)
     figures: dict[str, Any] = {"name": run.world.name, "trajectory": errors.as_dict()}
-    line_map = None
+    line_map = LineMap.empty()
     if args.map is not None:
-        line_map = _moved(_read_map(args.map), errors.alignment)
+        line_map = _moved_map(args.map, errors.alignment)
         walls, numbers = visible_walls(judged_part(run))
         objects = joined_objects(run.world)[numbers]
         found = score_map(line_map, walls, objects, walls=run.world.segments)
         figures["map"] = found.as_dict()
     aligned = with_trajectory(run, estimate, errors.alignment)
-    shown = line_map if line_map is not None else LineMap.empty()
     draw = partial(
-        draw_map, shown, poses=run.trajectory.poses, world=run.world, estimate=aligned.estimate,
+        draw_map, line_map, poses=run.trajectory.poses, world=run.world,
         points=np.vstack([scan.points() for scan in drawn_part(run).scans]),
-        title=f"{run.world.name}: {Path(args.trajectory).name}",
+        estimate=aligned.estimate, title=f"{run.world.name}: {Path(args.trajectory).name}",
     )  # fmt: skip
     output.finish(
         figures,
         {},
-        {"score picture": ("score.png", lambda path: draw(path))},
-        rows=_rows(errors, figures),
+        {"score picture": ("score.png", draw)},
+        rows=_score_rows(errors, figures),
         following=f"lrf3d render {args.run} --trajectory {args.trajectory}",
         kept=f"{output.path / 'summary.json'} holds the figures",
     )
@@ -73,31 +74,18 @@ def with_trajectory(run: Run, estimate: Trajectory, alignment: Pose | None = Non
     return replace(run, estimate=EstimatedTrajectory(poses, *none))
 
 
-def _name(path: Path) -> str:
-    """The name of a run by its folder, or its file."""
-    resolved = Path(path).resolve()
-    return resolved.parent.name if resolved.name == "run.npz" else resolved.stem
-
-
-def _read_map(path: Path) -> LineMap:
-    """A map of lrf3d, or the walls of any file that holds a world."""
+def _moved_map(path: Path, pose: Pose) -> LineMap:
+    """A map of lrf3d, or the walls of any file of a world, in the frame that has this pose."""
+    found: LineMap | World | None = None
     if str(path).lower().endswith(".geojson"):
-        try:
-            return load_map(path)
-        except InputError:
-            pass
-    world = load_world(path)
-    return LineMap(world.segments, world.objects, np.full(len(world.segments), 2))
+        with suppress(InputError):
+            found = load_map(path)
+    found = load_world(path) if found is None else found
+    ends: Float = pose.apply(found.segments.reshape(-1, 2)).reshape(-1, 4)
+    return LineMap(ends, found.objects, np.full(len(ends), 2))
 
 
-def _moved(line_map: LineMap, pose: Pose) -> LineMap:
-    """A map as it lies in the frame that its own one has a pose in."""
-    ends: Float = pose.apply(line_map.segments.reshape(-1, 2)).reshape(-1, 4)
-    return LineMap(ends, line_map.objects, np.full(len(ends), 2))
-
-
-def _rows(errors: PoseErrors, figures: dict[str, Any]) -> list[tuple[str, str]]:
-    """What most users ask, as a table."""
+def _score_rows(errors: PoseErrors, figures: dict[str, Any]) -> list[tuple[str, str]]:
     trajectory, (matched, count) = figures["trajectory"], errors.matched
     how = "between whose stamps the truth is interpolated" if errors.interpolated else "by stamps"
     absolute, relative = trajectory["ape_m"], trajectory["rpe_m"]

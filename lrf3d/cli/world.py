@@ -1,10 +1,10 @@
-"""``lrf3d world``: look at worlds, convert and generate them."""
+"""``lrf3d world`` and ``crosscheck``: worlds, and how exact ranges are in them."""
 
 from argparse import Namespace
 from typing import Any
 
 from lrf3d.cli.console import Report, print_json, print_text
-from lrf3d.cli.inputs import options_of
+from lrf3d.cli.inputs import on_collision, options_of, routed
 from lrf3d.geometry import lengths
 from lrf3d.scenario import Scenario
 from lrf3d.text import counted
@@ -44,7 +44,6 @@ def show(scenario: Scenario | None, args: Namespace, report: Report) -> None:
 
 
 def _plan_rows(plan: Plan) -> list[tuple[str, str]]:
-    """What a drawing was taken for."""
     layers = [
         ("layer" if number == 0 else "", f"{name or '(none)'}  {length:.1f} m: {roles}")
         for number, (name, length, roles) in enumerate(plan.layers)
@@ -117,3 +116,33 @@ def _describe(
         longitude, latitude = world.place
         rows.append(("place", f"(0, 0) is at longitude {longitude:.7f}°, latitude {latitude:.7f}°"))
     report.print(figures | more, [*rows, *more_rows])
+
+
+def crosscheck(scenario: Scenario, args: Namespace, report: Report) -> int:
+    """Compare bare Embree in float32 with the exact ranges; 1 if a difference is unexplained."""
+    from lrf3d.casting import crosscheck as compare
+    from lrf3d.casting.comparison import CAUSES, UNEXPLAINED
+
+    scenario = routed(scenario, args, report)
+    world, lrf = scenario.world, scenario.lrf
+    poses = scenario.trajectory(on_collision=on_collision(args)).poses
+    with report.progress("crosscheck") as progress:
+        result = compare(world, lrf, poses, progress)
+    figures = {"world": scenario.name, "scans": len(poses), **result.as_dict()}
+    unexplained = result.counts.get(UNEXPLAINED, 0)
+    agree, largest = result.beams - len(result.causes), result.largest_difference
+    furthest = result.largest_error
+    rows = [
+        ("beams", f"{result.beams:,} in {len(poses)} scans"),
+        ("agree", f"{agree:,}, the largest difference {largest:.1e} m"),
+        ("differ", f"{len(result.causes)}, by up to {furthest:.2g} m, {unexplained} unexplained"),
+        *((f"  {cause}", f"{n}: {CAUSES[cause]}") for cause, n in result.counts.items()),
+    ]
+    if args.figure is not None:
+        from lrf3d.render.figures import draw_crosscheck
+
+        draw_crosscheck(world, lrf, poses, result, args.figure)
+        figures["picture"] = str(args.figure)
+        rows.append(("picture", str(args.figure)))
+    report.print(figures, rows)
+    return 1 if unexplained else 0

@@ -1,22 +1,137 @@
-"""Compiled kernels on disk, by the stamps of what they were compiled from."""
+"""Compiled kernels on disk, by stamps that change when a kernel may compute something else.
 
+Numba's own cache checks only the file of a kernel: it runs a stale kernel if a function that it
+calls has changed in another file, and compiles a kernel again after an edit of a comment. A stamp
+covers what numba compiles: the bytecode of the kernel and of all kernels that it calls, in any
+file, and the values of the constants that they use. Comments, docstrings and functions that the
+kernel does not call do not count.
+"""
+
+import os
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Set
 from contextlib import suppress
+from enum import EnumMeta
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from pickle import loads
+from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 from typing import Any
 
 import numba
+import numpy as np
+from numba import types
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, InTreeCacheLocator
+from numba.core.dispatcher import Dispatcher
 from numba.core.serialize import dumps
 
-from lrf3d.compiling.stamps import kind_of, stamp_of
 from lrf3d.errors import Lrf3dWarning
 from lrf3d.files import replacing
+
+VERSIONS = (numba.__version__, np.__version__)
+
+_NAMED = (type, BuiltinFunctionType, np.ufunc, type(np.where))
+"""Kinds of functions and types that their names determine, at given versions of the packages."""
+
+_SCALARS = (bool, int, float, complex, str, bytes, type(None), np.dtype, types.Type)
+"""Kinds of constants that their texts determine."""
+
+
+def stamp_of(kernel: Callable[..., Any], *compilers: Callable[..., Any]) -> str:
+    """A text that changes when a kernel, or one that it calls, may compute something else.
+
+    The code of the functions that compile it counts too.
+    """
+    functions, rows = [kernel], [code_of(compiler) for compiler in compilers]
+    for function in functions:  # The list grows by the functions that those in it call.
+        rows.append(_function(function, functions))
+    return sha256(repr((VERSIONS, rows)).encode()).hexdigest()[:16]
+
+
+def kind_of(kind: types.Type) -> Any:
+    """A description of the type of an argument, with the names of the fields, unlike numba's."""
+    if isinstance(kind, types.BaseTuple):
+        return type(kind).__name__, getattr(kind, "fields", ()), [kind_of(part) for part in kind]
+    return str(kind)
+
+
+def _function(function: Any, functions: list[Any]) -> Any:
+    """What numba compiles of a function; those that it calls are added to the functions."""
+    code, names = function.__code__, _names(function.__code__)
+    used = {name: function.__globals__[name] for name in names & function.__globals__.keys()}
+    for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
+        used[name] = cell.cell_contents
+    used[":defaults"] = function.__defaults__
+    return code_of(function), [
+        (name, _value(used[name], names, functions)) for name in sorted(used)
+    ]
+
+
+def _names(code: CodeType) -> Set[str]:
+    inner = (_names(part) for part in code.co_consts if isinstance(part, CodeType))
+    return set(code.co_names).union(*inner)
+
+
+@cache
+def code_of(function: Any) -> Any:
+    """A description of the code of a function, without its docstring, which is a constant."""
+    code, doc = function.__code__, function.__doc__
+    return _code(code, tuple(None if part == doc else part for part in code.co_consts))
+
+
+def _code(code: CodeType, constants: tuple[Any, ...]) -> Any:
+    names = code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars
+    counts = code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount, code.co_flags
+    parts = [
+        _code(part, part.co_consts) if isinstance(part, CodeType) else _value(part, set(), [])
+        for part in constants
+    ]
+    return code.co_code, code.co_exceptiontable, names, counts, parts
+
+
+def _value(value: Any, names: Set[str], functions: list[Any], within: tuple[Any, ...] = ()) -> Any:
+    """A description of a value that a function with these names uses.
+
+    Functions are described by their place in the list of functions, as they may call themselves.
+    What could change unnoticed gets a description that nothing else has: its user is compiled by
+    each process.
+    """
+    if isinstance(value, Dispatcher):
+        options = sorted(value.targetoptions.items())
+        return "kernel", _place(value.py_func, functions), repr(options)
+    if isinstance(value, FunctionType):
+        if value.__module__.split(".")[0] in ("numpy", "numba"):
+            return value.__module__, value.__qualname__
+        return "function", _place(value, functions)
+    if isinstance(value, _SCALARS):
+        return type(value).__name__, repr(value)
+    if isinstance(value, tuple | frozenset):
+        parts = [_value(part, names, functions, within) for part in value]
+        parts = sorted(parts, key=repr) if isinstance(value, frozenset) else parts
+        return _value(type(value), names, functions), parts
+    if isinstance(value, np.ndarray | np.generic) and not value.dtype.hasobject:
+        return repr(value.dtype), value.shape, value.strides, sha256(value.tobytes()).hexdigest()
+    if isinstance(value, EnumMeta):
+        members: dict[str, Any] = dict(value.__members__)
+        return value.__qualname__, [(name, repr(one.value)) for name, one in members.items()]
+    if isinstance(value, ModuleType) and (value is np or not hasattr(value, "__getattr__")):
+        inside = () if value in within else sorted(names & vars(value).keys())
+        within = (*within, value)
+        return value.__name__, [
+            (name, _value(vars(value)[name], names, functions, within)) for name in inside
+        ]
+    if type(value) in _NAMED:
+        fields = getattr(value, "_fields", ()), repr(getattr(value, "_field_defaults", ()))
+        return getattr(value, "__module__", ""), value.__name__, fields
+    return "unknown", os.urandom(16)
+
+
+def _place(function: Any, functions: list[Any]) -> int:
+    if function not in functions:
+        functions.append(function)
+    return functions.index(function)
 
 
 class _ReadOnlyLocator(InTreeCacheLocator):  # type: ignore[misc]

@@ -28,7 +28,6 @@ by LLVM in the middle of a run, without a message that helps."""
 
 
 def _check_memory() -> None:
-    """Check the limit of this process's memory."""
     try:
         from resource import RLIM_INFINITY, RLIMIT_AS, getrlimit
     except ImportError:  # Windows has no such limits.

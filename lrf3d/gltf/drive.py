@@ -18,9 +18,9 @@ from lrf3d.gltf.stage import add_body, add_stage
 from lrf3d.run import Run
 from lrf3d.scene import look
 from lrf3d.scene.camera import Look, SmoothPath
+from lrf3d.scene.cameras import behind
 from lrf3d.scene.drawn_map import DrawnMap
 from lrf3d.scene.estimate import DrawnEstimate, outlines
-from lrf3d.scene.following import behind
 from lrf3d.scene.moments import Scene
 from lrf3d.scene.shapes import Lines, Points, Seen
 from lrf3d.scene.timeline import DriveKeys, Timeline, drive_keys, obstacle_keys, scan_times
@@ -85,7 +85,7 @@ def _add_camera(document: Document, robot: int, scene: Scene) -> None:
     """The chase's camera, which the robot carries; in rooms it is over the top of the walls."""
     structures = scene.structures
     path = SmoothPath(np.zeros(1), np.zeros((1, 2)), np.zeros(1))
-    view = behind(path, structures).look(0.0)
+    view = behind(path, structures.setting.chase).look(0.0)
     over = structures.heights.max(initial=0.0) if structures.indoor else 0.0
     eye = view.eye + np.array([0.0, 0.0, over])
     # The film's picture is moved up instead, which glTF cannot.

@@ -6,17 +6,18 @@ plays no animation shows the end. All stands in a local frame, whose origin the 
 ``origin``: glTF counts in float32, which knows no centimetres far away.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 from PIL import Image
 
-from lrf3d.geometry import Bool, Float, Int, Single, quad_indices
+from lrf3d.geometry import Bool, Float, Single, quad_indices
 from lrf3d.gltf.document import Document
-from lrf3d.render.packing import GREY, exposed, ground_of
+from lrf3d.render.glsl import GREY, exposed, ground_of
 from lrf3d.scene import look
 from lrf3d.scene.drawn_map import DrawnMap
-from lrf3d.scene.exposure import Exposure, sampled
 from lrf3d.scene.shapes import Faces
-from lrf3d.scene.stage import Stage
+from lrf3d.scene.stage.stage import Stage
 
 _HORIZON = 800.0
 """How far the ground goes past its picture [m]."""
@@ -44,20 +45,20 @@ def add_stage(document: Document, stage: Stage, drawn: DrawnMap) -> None:
         _add_walls(document, rows, stage, drawn)
 
 
-def _step_of(exposure: Exposure, when: Float) -> Int:
-    """The step (n,) in which places of times (n, 4) are lit; −1 for never."""
-    step = np.ceil(np.clip(when[:, 0], 0.0, 1.0) * (_STEPS - 1)).astype(int)
-    return np.where(when[:, 1] > 0.05, step, -1)
+def _steps(seen: Float, sure: Float) -> Iterator[tuple[int, Bool]]:
+    """The steps in which places (n,) are lit that were first seen then, and how surely.
 
-
-def _begin(exposure: Exposure, step: int) -> float:
-    """When a step begins [s from the start of the run]."""
-    return exposure.length * step / (_STEPS - 1)
+    Each comes with those places; first, as −1, those that never are.
+    """
+    step = np.ceil(np.clip(seen, 0.0, 1.0) * (_STEPS - 1)).astype(int)
+    step[sure <= 0.05] = -1
+    for number in np.unique(step).tolist():
+        yield number, step == number
 
 
 def _add_ground(document: Document, stage: Stage) -> None:
     """The painted ground in the dark, as far as one sees, and what of it is lit."""
-    ground, exposure, indoor = stage.ground, stage.exposure, stage.structures.indoor
+    ground, exposure, setting = stage.ground, stage.exposure, stage.structures.setting
     picture = Image.fromarray(ground.picture)
     picture.thumbnail((_LARGEST, _LARGEST), Image.Resampling.LANCZOS)
     day = np.asarray(picture) / 255.0
@@ -66,69 +67,71 @@ def _add_ground(document: Document, stage: Stage) -> None:
         for low, count, size in zip(ground.corner, day.shape[1::-1], ground.size, strict=True)
     )
     places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    on = sampled(exposure, places)[:, 1].reshape(day.shape[:2])
+    on = exposure.sampled(places)["sure"].reshape(day.shape[:2])
     dark, seen = (
         Image.fromarray(np.round(255.0 * np.clip(each, 0.0, 1.0)).astype(np.uint8))
-        for each in (exposed(day, share, 0.0, indoor=indoor) for share in (np.zeros_like(on), on))
+        for each in (exposed(day, share, 0.0, setting) for share in (np.zeros_like(on), on))
     )
     # The first row of a picture lies at v = 0, here at the smallest y.
     level = ground_of(ground, _HORIZON)
     whole = (level - ground.corner) / ground.size
-    corners = np.column_stack([level, np.zeros(len(level))])
     texture = document.texture("ground", dark, "JPEG")
-    part = document.part(document.material("ground", texture=texture), corners, texture=whole)
+    material = document.material("ground", texture=texture)
+    part = document.part(material, np.insert(level, 2, 0.0, axis=1), texture=whole)
     document.node("ground", document.root, part)
-    rows, columns = (np.arange(0, side, _COARSE) for side in exposure.times.shape[:2])
+    rows, columns = (np.arange(0, side, _COARSE) for side in exposure.times.shape)
     low = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
     squares = low[:, None] + _COARSE * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
     squares = exposure.corner + exposure.cell * squares
-    cells = exposure.times[: len(rows) * _COARSE, : len(columns) * _COARSE]
-    covered = np.maximum.reduceat(np.maximum.reduceat(cells[..., 1], rows, 0), columns, 1)
-    first = np.minimum.reduceat(np.minimum.reduceat(cells[..., 0], rows, 0), columns, 1)
-    step = _step_of(exposure, np.column_stack([first.ravel(), covered.ravel()]))
+    first, covered = (
+        along.reduceat(along.reduceat(exposure.times[name], rows, 0), columns, 1).ravel()
+        for along, name in ((np.minimum, "seen"), (np.maximum, "sure"))
+    )
     material = document.material("lit ground", texture=document.texture("lit ground", seen, "JPEG"))
     group = document.node("lit ground", document.root)
-    for number in np.unique(step[step >= 0]).tolist():
-        chosen = squares[step == number].reshape(-1, 2)[quad_indices((step == number).sum())]
-        level = np.column_stack([chosen, np.full(len(chosen), _OVER)])
+    for number, those in _steps(first, covered):
+        if number < 0:
+            continue
+        chosen = squares[those].reshape(-1, 2)[quad_indices(those.sum())]
         uv = (chosen - ground.corner) / ground.size
-        part = document.part(material, level, texture=uv)
+        part = document.part(material, np.insert(chosen, 2, _OVER, axis=1), texture=uv)
         node = document.node(f"ground lit in step {number + 1}", group, part)
-        document.show(node, _begin(exposure, number), rests=True)
+        document.show(node, exposure.length * number / (_STEPS - 1), rests=True)
 
 
 def _add_walls(document: Document, rows: Single, stage: Stage, drawn: DrawnMap) -> None:
     """Walls and roofs, dark and lit."""
-    exposure, indoor = stage.exposure, stage.structures.indoor
-    wall, day = rows[..., 8], rows[..., 3:6]
-    when = sampled(exposure, rows[..., 6:8].reshape(-1, 2).astype(float)).reshape(*wall.shape, 4)
-    on, height = wall * when[..., 1], rows[..., 2]
-    dark = exposed(day, np.zeros_like(on), height, indoor=indoor)
-    places = np.where(wall[..., None] > 0.5, rows[..., :2], rows[..., 6:8]).mean(axis=1)
-    tints, found = drawn.tints(places, exposure.tolerance)
-    share = np.where(wall > 0.5, look.MAP_SHARE, look.ROOF_SHARE) * found[:, None]
-    share *= np.where(wall > 0.5, np.minimum(2.0 * when[..., 1], 1.0), 1.0)
+    exposure, setting = stage.exposure, stage.structures.setting
+    # Of each corner: place and height, colour, the place before it, and whether this is a wall.
+    places, height, day, before, wall = np.split(rows.astype(float), [2, 3, 6, 8], axis=2)
+    height, wall = height[..., 0], wall[..., 0]
+    when = exposure.sampled(before.reshape(-1, 2)).reshape(wall.shape)
+    on = wall * when["sure"]
+    dark, shown = (exposed(day, share, height, setting) for share in (np.zeros_like(on), on))
+    middles = np.where(wall[..., None] > 0.5, places, before).mean(axis=1)
+    tints, found = drawn.tints(middles, exposure.tolerance)
+    share = np.where(
+        wall > 0.5, look.MAP_SHARE * np.minimum(2.0 * when["sure"], 1.0), look.ROOF_SHARE
+    )
+    share *= found[:, None]
     low, more = look.MAP_LIGHT
-    mapped = tints[:, None] * (low + more * (day @ GREY))[..., None]
-    shown = exposed(day, on, height, indoor=indoor)
-    shown += share[..., None] * (mapped - shown)
-    first = np.column_stack([when[..., 0].min(axis=1), np.maximum(on, share).max(axis=1)])
-    step = _step_of(exposure, first)
+    shown += share[..., None] * (tints[:, None] * (low + more * (day @ GREY))[..., None] - shown)
     material = document.material("walls")
-
-    def part(chosen: Bool, colours: Float) -> dict[str, object]:
-        return document.part(material, rows[chosen][..., :3], colours[chosen], kind=np.uint16)
-
-    if (step < 0).any():
-        document.node("walls", document.root, part(step < 0, dark))
     group = document.node("lit walls", document.root)
-    for number in np.unique(step[step >= 0]).tolist():
-        chosen, begin = step == number, _begin(exposure, number)
+    for number, chosen in _steps(when["seen"].min(axis=1), np.maximum(on, share).max(axis=1)):
+        corners, begin = rows[chosen][..., :3], exposure.length * number / (_STEPS - 1)
+        if begin != 0.0:
+            unlit = document.part(material, corners, dark[chosen], kind=np.uint16)
+        if number < 0:
+            document.node("walls", document.root, unlit)
+            continue
         if begin > 0.0:
-            node = document.node(f"walls dark until step {number + 1}", group, part(chosen, dark))
+            node = document.node(f"walls dark until step {number + 1}", group, unlit)
             document.show(node, 0.0, begin, rests=False)
-        node = document.node(f"walls lit in step {number + 1}", group, part(chosen, shown))
-        document.show(node, begin, rests=True)
+        lit = document.part(material, corners, shown[chosen], kind=np.uint16)
+        document.show(
+            document.node(f"walls lit in step {number + 1}", group, lit), begin, rests=True
+        )
 
 
 def cut_small(quads: Single, step: float) -> Single:

@@ -19,15 +19,18 @@ from lrf3d.errors import InputError, one_line
 from lrf3d.files import check_ordinary
 from lrf3d.geometry import Float
 from lrf3d.io.intake import Intake
-from lrf3d.io.npz import DAMAGES, read_arrays
+from lrf3d.io.run_file import DAMAGES, read_arrays
 from lrf3d.io.table import Table
+from lrf3d.pose import heading_of
 
 RECORDS = re.compile(
-    rb"\s*\[?\s*\{|\s*(?:---\s+)?(?:header|seq|stamp):|[^\n\[(]*[A-Za-z]{3}[^\n\[(]*\n[^\n]*\w[^\n]*,\W*\["
+    rb"\s*+\[?\s*+\{|\s*+(?:---\s++)?(?:header|seq|stamp):|"
+    rb"(?=[^\n\[(]*?[A-Za-z]{3})[^\n\[(]*+\n[^\n\w]*+(?=\w)(?:[^\n,]*+,)+?[^\w,\[]*+\["
 ).match
-"""Matches what JSON, printed messages of ROS, and a CSV of lists begin with."""
+"""Matches what JSON, printed messages of ROS, and a CSV of lists begin with; no byte twice, since
+a header may have thousands of columns."""
 
-LISTS = re.compile(r"[\[(]([^\])]*)[\])]")
+LISTS = re.compile(r"[\[(]([^\[\](){}]*)[\])]")
 """Matches a list in a CSV."""
 
 BEGINNING = 4096
@@ -57,7 +60,16 @@ def array_table(intake: Intake) -> Table:
     path = intake.path
     check_ordinary(path, what="a file of arrays")
     try:
-        arrays = read_arrays(path) if path.suffix.lower() == ".npz" else _of_matlab(path)
+        if path.suffix.lower() == ".npz":
+            arrays: dict[str, Any] = read_arrays(path)
+        else:
+            from scipy.io import loadmat
+
+            # Those in structures are taken out of them.
+            whole = loadmat(path, simplify_cells=True).items()
+            parts = [value if isinstance(value, dict) else {name: value} for name, value in whole]
+            found = {name: each for part in parts for name, each in part.items()}
+            arrays = {name: np.asarray(each) for name, each in found.items() if name[:2] != "__"}
     except NotImplementedError:
         raise InputError(f"{path}: a .mat file of version 7.3; save it with -v7") from None
     except DAMAGES as error:
@@ -80,17 +92,6 @@ def _named(intake: Intake, arrays: dict[str, Any], what: str) -> Table:
         found = f"no ranges (scans, beams) among {one_line(names, 200)}"
         raise InputError(f"{intake.path}: {found}; name one of the {what} 'ranges'")
     return table
-
-
-def _of_matlab(path: Path) -> dict[str, Any]:
-    """The arrays of a .mat file, and those in its structures."""
-    from scipy.io import loadmat
-
-    found: dict[str, Any] = {}
-    for name, value in loadmat(path, simplify_cells=True).items():
-        parts = value if isinstance(value, dict) else {name: value}
-        found |= {part: np.asarray(each) for part, each in parts.items() if part[:2] != "__"}
-    return found
 
 
 def record_table(intake: Intake) -> Table:
@@ -135,8 +136,7 @@ def records(intake: Intake) -> dict[str, Float]:
 
 def _stacked(parts: list[Float]) -> Float:
     """Values of records, one below the other; what shorter ones lack is −inf."""
-    widest = max((part.shape for part in parts), key=len)
-    if len(widest) != 1:
+    if max(part.ndim for part in parts) != 1:
         return np.array(parts) if len({part.shape for part in parts}) == 1 else np.empty(0)
     stacked = np.full((len(parts), max(map(len, parts))), -np.inf)
     for row, part in zip(stacked, parts, strict=True):
@@ -174,8 +174,8 @@ def _flat(value: Any, name: str) -> Iterator[tuple[str, Float]]:
             sec, nanosec = value.values()
             yield name, np.array(float(sec) + 1e-9 * float(nanosec))
         elif keys == {"x", "y", "z", "w"}:
-            x, y, z, w = (float(value[each]) for each in "xyzw")
-            yield f"{name}.theta_rad", np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+            turn = (np.array(float(value[each])) for each in "xyzw")
+            yield f"{name}.theta_rad", heading_of(*turn)
         else:
             for key, each in value.items():
                 yield from _flat(each, f"{name}.{key}" if name else str(key))

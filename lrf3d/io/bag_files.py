@@ -128,7 +128,6 @@ def _check_size(size: int) -> None:
 
 
 def _unpack(path: Path, whole: Any) -> None:
-    """Unpack a file into another one."""
     left = MOST_UNPACKED + MOST_TIMES * path.stat().st_size
     with _zstd().open(path) as stream:
         while part := stream.read(BLOCK):
@@ -218,7 +217,6 @@ def _block(stream: Any) -> bytes:
 
 
 def _fields(header: bytes) -> dict[bytes, bytes]:
-    """The fields of a header of ROS 1."""
     stream, fields = io.BytesIO(header), {}
     while each := _block(stream):
         name, _, fields[name] = each.partition(b"=")

@@ -25,9 +25,8 @@ from pathlib import Path
 
 from lrf3d.errors import InputError, MissingLibraryError, missing_extra, one_line
 from lrf3d.interrupts import check
-from lrf3d.io.bag_contents import OLD_TRANSFORMS, SCAN, TRANSFORMS, TYPES, Contents
 from lrf3d.io.bag_files import ZSTD, Topic, bag_files, packets, unpacked
-from lrf3d.io.bag_poses import log_of
+from lrf3d.io.bag_poses import OLD_TRANSFORMS, SCAN, TRANSFORMS, TYPES, Contents, log_of
 from lrf3d.io.intake import Intake
 from lrf3d.io.laser_log import LaserLog
 

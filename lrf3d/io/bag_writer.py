@@ -14,7 +14,7 @@ import numpy as np
 
 from lrf3d.errors import InputError, OutputError
 from lrf3d.files import replacing, unfinished_folder, writing
-from lrf3d.io.bag_contents import ODOMETRY, SCAN, STATIC_FRAMES, TRANSFORMS
+from lrf3d.io.bag_poses import ODOMETRY, SCAN, STATIC_FRAMES, TRANSFORMS
 from lrf3d.io.bag_reader import missing_rosbags
 from lrf3d.io.ros_messages import (
     BASE,
@@ -100,29 +100,24 @@ def _fill(run: Run, folder: Path) -> None:
     bag = Writer(folder, version=BAG_VERSION, storage_plugin=StoragePlugin.MCAP)
     bag.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
     mapped = bool(run.maps) and len(run.map) > 0
+    missing = ["/imu"] * (run.imu is None) + [GRID, LINES] * (not mapped)
+    kinds = {topic: kind for topic, kind in TOPICS.items() if topic not in missing}
+    for lrf in run.lasers:
+        kinds[scan_topic(run, lrf)] = SCAN
+        if _is_simulated(run):
+            kinds[f"/ground_truth{scan_topic(run, lrf)}"] = BEAM_TRUTH
     with bag:
         topics = {
             topic: bag.add_connection(
                 topic, kind, typestore=store, offered_qos_profiles=_latched(topic)
             )
-            for topic, kind in _topics(run).items()
-            if mapped or topic not in (GRID, LINES)
+            for topic, kind in kinds.items()
         }
         for topic, stamp, fields in _messages(run, folder, mapped):
             connection = topics[topic]
             message = made(store, connection.msgtype, fields)
             data = store.serialize_cdr(message, connection.msgtype)
             bag.write(connection, stamp.nanoseconds, data)
-
-
-def _topics(run: Run) -> dict[str, str]:
-    """The topics of a run and their types."""
-    topics = {topic: kind for topic, kind in TOPICS.items() if run.imu or topic != "/imu"}
-    for lrf in run.lasers:
-        topics[scan_topic(run, lrf)] = SCAN
-        if _is_simulated(run):
-            topics[f"/ground_truth{scan_topic(run, lrf)}"] = BEAM_TRUTH
-    return topics
 
 
 def scan_topic(run: Run, lrf: LaserRangeFinder) -> str:
@@ -136,7 +131,6 @@ def _is_simulated(run: Run) -> bool:
 
 
 def _messages(run: Run, path: Path, mapped: bool) -> Iterator[tuple[str, Stamp, Fields]]:
-    """The messages of a run in the order of time: topic, stamp and fields."""
     times = run.trajectory.times
     steps = np.diff(times, append=times[-1])
     # The last scan is as far from a next one as the others are.
@@ -147,7 +141,9 @@ def _messages(run: Run, path: Path, mapped: bool) -> Iterator[tuple[str, Stamp, 
         fixed.append(transform(start, MAP, WORLD, here))
     yield STATIC_FRAMES, start, {"transforms": fixed}
     if mapped:
-        yield GRID, start, _grid(run, start, path)
+        free = run.free_cells()
+        world = World(run.map.segments, free=free)
+        yield GRID, start, occupancy_grid(world, free.resolution, start, path)
     snapshots = dict(zip(run.snapshot_scans, range(len(run.maps)), strict=True))
     simulated, inertial = _is_simulated(run), 0
     rows = zip(times.tolist(), run.odometry, run.trajectory.speeds, steps.tolist(), strict=True)
@@ -175,7 +171,8 @@ def _messages(run: Run, path: Path, mapped: bool) -> Iterator[tuple[str, Stamp, 
             if simulated:
                 yield f"/ground_truth{topic}", stamp, beam_truth(run, number, laser)
         if mapped and number in snapshots:
-            yield LINES, stamp, {"markers": [_lines(run, snapshots[number], stamp)]}
+            shown = run.maps[snapshots[number]].segments, run.lasting_objects[snapshots[number]]
+            yield LINES, stamp, {"markers": [line_marker(*shown, stamp)]}
 
 
 def made(store: Any, kind: str, fields: Mapping[str, Any]) -> Any:
@@ -188,7 +185,6 @@ def made(store: Any, kind: str, fields: Mapping[str, Any]) -> Any:
 
 
 def _value(store: Any, shape: Any, form: Any, given: Any) -> Any:
-    """The value of a field: a number, a message, or an array of either."""
     if shape.name == "NAME":
         return made(store, form, given or {})
     if shape.name == "BASE":
@@ -200,34 +196,13 @@ def _value(store: Any, shape: Any, form: Any, given: Any) -> Any:
     return np.asarray(np.zeros(count) if given is None else given, dtype=inner[0])
 
 
-def _grid(run: Run, stamp: Stamp, path: Path) -> Fields:
-    """The finished map as a grid: 100 where a wall is, 0 where beams passed, −1 elsewhere."""
-    free = run.free_cells()
-    world = World(run.map.segments, free=free)
-    return occupancy_grid(world, free.resolution, stamp, path)
-
-
-def _lines(run: Run, snapshot: int, stamp: Stamp) -> Fields:
-    """A map snapshot as lines in the colours of its objects."""
-    return line_marker(run.maps[snapshot].segments, run.lasting_objects[snapshot], stamp)
-
-
 def _latched(topic: str) -> list[Any]:
     """The quality of service of a topic whose last message late subscribers receive."""
     from rosbags import interfaces as ros
 
     if topic not in (STATIC_FRAMES, GRID, LINES):
         return []
+    kept, reliable = ros.QosHistory.KEEP_LAST, ros.QosReliability.RELIABLE
+    local, alive = ros.QosDurability.TRANSIENT_LOCAL, ros.QosLiveliness.AUTOMATIC
     for_ever = ros.QosTime(9223372036, 854775807)
-    latched = ros.Qos(
-        ros.QosHistory.KEEP_LAST,
-        depth=1,
-        reliability=ros.QosReliability.RELIABLE,
-        durability=ros.QosDurability.TRANSIENT_LOCAL,
-        deadline=for_ever,
-        lifespan=for_ever,
-        liveliness=ros.QosLiveliness.AUTOMATIC,
-        liveliness_lease_duration=for_ever,
-        avoid_ros_namespace_conventions=False,
-    )
-    return [latched]
+    return [ros.Qos(kept, 1, reliable, local, for_ever, for_ever, alive, for_ever, False)]

@@ -84,11 +84,18 @@ def load_carmen(intake: Intake, poses: str = "auto") -> LaserLog:
     if not reading.scans:
         expected = "no laser scan in it, expected FLASER or ROBOTLASER1 lines"
         raise InputError(f"{path}: {expected}{intake.first_bad}")
-    reading.note_assumptions()
-    wheels, mount = reading.wheels(), reading.mount()
+    if reading.untimed:
+        each = f"one each {UNTIMED:g} s assumed"
+        intake.notes.append(f"no stamps on {reading.untimed} scans: {each}")
+    if reading.others:
+        lines = ", ".join(f"{count} {name}" for name, count in sorted(reading.others.items()))
+        intake.notes.append(f"left out: lines of other lasers ({lines})")
+    scans, wheels, mount = reading.scans, None, Pose(reading.offset, 0.0, 0.0)
     # Without ODOM lines the poses of the scans are the odometry, and those are the laser's.
-    mount = mount if wheels else Pose(reading.offset, 0.0, 0.0)
-    scans = reading.scans
+    if odom := reading.stamped["odom"]:
+        times, driven = (np.array(column) for column in zip(*odom, strict=True))
+        wheels = WheelRecord(times, driven, np.array(reading.places), reading.offset)
+        mount = reading.mount()
     if mount != CENTRE:
         scans = [replace(scan, mount=mount) for scan in scans]
     log = intake.log(
@@ -187,7 +194,6 @@ def _ranges(words: list[bytes]) -> Float:
 
 
 def _angles(found: Mapping[str, list[bytes]], count: int) -> Float:
-    """The fan that a message names, or a half turn."""
     start, step = front_fan(count)
     if "step" in found:
         start, step = _number(found, "start"), _number(found, "step")
@@ -201,11 +207,11 @@ class _Reading:
 
     def __init__(self, intake: Intake) -> None:
         self._intake, self.scans = intake, list[LaserScan]()
-        self.not_numbers = self._untimed = 0
+        self.not_numbers = self.untimed = 0
         self.offset, self.placed, self._pose = 0.0, False, CENTRE
         self._kind, self._lacking = b"", cast("int | None", None)
-        self._robots, self._places, self._others = list[Pose](), list[int](), Counter[str]()
-        self._stamped: dict[str, list[tuple[float, Pose]]] = {"odom": [], "truth": []}
+        self._robots, self.places, self.others = list[Pose](), list[int](), Counter[str]()
+        self.stamped: dict[str, list[tuple[float, Pose]]] = {"odom": [], "truth": []}
 
     def take(self, words: list[bytes]) -> int:
         """Read a message, and return how many readings it takes in memory; or a ValueError."""
@@ -220,12 +226,12 @@ class _Reading:
             found, _ = _by_name(words, 0)
             self._pose, self.placed = _pose(found), True
             if name in TRACKS:
-                self._stamped[TRACKS[name]].append((_number(found, "time"), self._pose))
+                self.stamped[TRACKS[name]].append((_number(found, "time"), self._pose))
                 return A_MESSAGE // 2
         elif name in LAYOUTS:
             return self._take_scan(words)
         elif OTHER_LASERS(name):
-            self._others[name.decode()] += 1
+            self.others[name.decode()] += 1
         elif not name.startswith(b"#") and not (name.isupper() and name[:1].isalpha()):
             raise ValueError("not a CARMEN message")
         return 0
@@ -237,8 +243,8 @@ class _Reading:
             if self._kind not in RAW or name in RAW:
                 return 0
             # What has poses is better than what comes without.
-            self.scans, self._robots, self._places, self._lacking = [], [], [], None
-            self.not_numbers = self._untimed = 0
+            self.scans, self._robots, self.places, self._lacking = [], [], [], None
+            self.not_numbers = self.untimed = 0
         # All lines of a log are alike; one that ends before is cut.
         found, lacking = _by_name(words, self._lacking)
         range_max = _number(found, "range_max") if "range_max" in found else 0.0
@@ -258,21 +264,12 @@ class _Reading:
         angles = _angles(found, len(ranges))
         self.scans.append(LaserScan(pose, angles, ranges, range_max=farthest, time=stamp))
         self._robots.append(robot)
-        self._places.append(len(self._stamped["odom"]) - 1)
+        self.places.append(len(self.stamped["odom"]) - 1)
         self._kind, self._lacking = name, lacking
         self.not_numbers += not_numbers
-        self._untimed += not is_timed
+        self.untimed += not is_timed
         self.placed |= name not in RAW
         return len(ranges) + A_MESSAGE
-
-    def note_assumptions(self) -> None:
-        """Note what was assumed and left out."""
-        if self._untimed:
-            each = f"one each {UNTIMED:g} s assumed"
-            self._intake.notes.append(f"no stamps on {self._untimed} scans: {each}")
-        if self._others:
-            lines = ", ".join(f"{count} {name}" for name, count in sorted(self._others.items()))
-            self._intake.notes.append(f"left out: lines of other lasers ({lines})")
 
     def mount(self) -> Pose:
         """The pose of the laser on the robot, if all scans agree on one; else the centre."""
@@ -292,20 +289,12 @@ class _Reading:
         A pose that is no later than the one before is left out.
         """
         tracks = {}
-        for name, stamped in self._stamped.items():
+        for name, stamped in self.stamped.items():
             if stamped:
                 times, poses = (np.array(column) for column in zip(*stamped, strict=True))
                 later = np.diff(np.maximum.accumulate(times), prepend=-inf) > 0.0
                 tracks[name] = Trajectory(times[later], poses[later])
         return tracks
-
-    def wheels(self) -> WheelRecord | None:
-        """The ODOM messages as they stand, and the places of the scans between them."""
-        odom = self._stamped["odom"]
-        if not odom:
-            return None
-        times, poses = zip(*odom, strict=True)
-        return WheelRecord(np.array(times), np.array(poses), np.array(self._places), self.offset)
 
 
 def front_fan(count: int) -> tuple[float, float]:

@@ -18,7 +18,6 @@ import numpy as np
 
 from lrf3d.errors import InputError
 from lrf3d.files import replacing
-from lrf3d.geometry import Float
 from lrf3d.io.carmen import even_angles, front_fan
 from lrf3d.io.intake import LARGEST_RANGE
 from lrf3d.io.laser_log import LaserLog
@@ -123,26 +122,15 @@ def _scan_messages(
     scan: LaserScan, laser: int, robot: str, odometry: str, speeds: str, end: str
 ) -> Iterator[str]:
     """The messages of a scan; the first laser is that in front, the second that at the rear."""
-    pose, ranges = " ".join(map(repr, scan.pose)), _readings(scan)
+    pose, readings = " ".join(map(repr, scan.pose)), np.clip(scan.ranges, 0.0, scan.range_max)
+    ranges = " ".join(map(repr, readings.tolist()))
     start, stop, count = float(scan.angles[0]), float(scan.angles[-1]), len(scan.angles)
     step = (stop - start) / (count - 1) if count > 1 else 0.0
     yield (
         f"ROBOTLASER{laser + 1} 0 {start!r} {stop - start!r} {step!r} {scan.range_max!r} 0.0 0"
         f" {count} {ranges} 0 {pose} {robot} {speeds} 0.0 0.0 0.0 {end}"
     )
-    if laser < 2 and _is_front(scan.angles):
+    # FLASER and RLASER messages have a fan by the number of their beams.
+    fan = even_angles(count, *front_fan(count)) if count > 1 else start + 1.0
+    if laser < 2 and (np.abs(scan.angles - fan) <= SAME).all():
         yield f"{'FR'[laser]}LASER {count} {ranges} {pose} {odometry} {end}"
-
-
-def _readings(scan: LaserScan) -> str:
-    """The ranges as readings of CARMEN."""
-    ranges = np.where(scan.ranges > scan.range_max, scan.range_max, scan.ranges)
-    return " ".join(map(repr, np.where(ranges < 0.0, 0.0, ranges).tolist()))
-
-
-def _is_front(angles: Float) -> bool:
-    """Whether a fan is that of FLASER messages with the same number of beams."""
-    if len(angles) < 2:
-        return False
-    expected = even_angles(len(angles), *front_fan(len(angles)))
-    return bool((np.abs(angles - expected) <= SAME).all())

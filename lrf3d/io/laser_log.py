@@ -1,6 +1,5 @@
 """LaserLog: the scans of a recorded drive, from any format."""
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -107,12 +106,10 @@ class LaserLog(Value):
     @property
     def is_odd(self) -> Bool:
         """Which scans (k,) are the odd ones of their laser, counted from 0."""
-        seen: Counter[str] = Counter()
-        odd = []
-        for scan in self.scans:
-            odd.append(seen[scan.laser] % 2 == 1)
-            seen[scan.laser] += 1
-        return np.array(odd, dtype=np.bool_)
+        odd = np.zeros(len(self), dtype=np.bool_)
+        for laser in self.lasers:
+            odd[[k for k, scan in enumerate(self.scans) if scan.laser == laser][1::2]] = True
+        return odd
 
     def of_laser(self, name: str) -> "LaserLog":
         """The log with the scans of one laser; the others are counted in a note."""

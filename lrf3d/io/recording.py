@@ -24,8 +24,7 @@ from lrf3d.errors import InputError, OutputError, expect
 from lrf3d.files import as_path, check_ordinary, locked, opened_own, writing
 from lrf3d.geometry import Float
 from lrf3d.interrupts import Progress, noting, silent, stoppable
-from lrf3d.io.npz import DAMAGES, read_arrays, write_npz
-from lrf3d.io.run_file import load_run, run_arrays
+from lrf3d.io.run_file import DAMAGES, load_run, read_arrays, run_arrays, write_npz
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.laser.scan import LIGHT
 from lrf3d.pose import Pose
@@ -260,7 +259,6 @@ def _is_of(path: Path, fingerprint: str) -> bool:
 
 
 def _rng_state(rng: np.random.Generator) -> bytes:
-    """The state of a random generator as JSON."""
     try:
         state = json.dumps(rng.bit_generator.state).encode()
     except TypeError:
@@ -274,7 +272,6 @@ def _rng_state(rng: np.random.Generator) -> bytes:
 
 
 def _finished(path: Path, fingerprint: str) -> bool:
-    """Whether a file is the finished run."""
     if not path.exists():
         return False
     try:

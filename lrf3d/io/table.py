@@ -15,7 +15,7 @@ from lrf3d.geometry import Float, Int, sealed
 from lrf3d.io.intake import UNTIMED, Intake
 from lrf3d.io.laser_log import LaserLog, WheelRecord
 from lrf3d.laser import LaserScan
-from lrf3d.pose import Pose, compose
+from lrf3d.pose import Pose, compose, heading_of
 
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
@@ -188,30 +188,28 @@ class Table:
         if len(known) < 2 or np.ptp(known) == 0.0:
             what = f"all are {known[0]:g}" if len(known) else "none is a positive number"
             raise InputError(f"{path}: no ranges in it: {what}; name the columns by --format")
-        whole = not (known % 1.0).any()
-        unit, half, most = "m", float(np.median(known)), float(np.quantile(known, 0.9))
-        if whole or half > FAR:
-            unit = "mm"
-            if "ranges" not in self.units and most < ROOM:
-                raise InputError(
-                    f"{path}: ranges of {half:g} by the median and up to {known.max():g}: name"
-                    " their unit, --format 'ranges:mm', 'ranges:cm' or 'ranges:m'"
-                )
+        half, most = np.quantile(known, [0.5, 0.9])
+        unit = "m" if (known % 1.0).any() and half <= FAR else "mm"
+        if unit == "mm" and "ranges" not in self.units and most < ROOM:
+            raise InputError(
+                f"{path}: ranges of {half:g} by the median and up to {known.max():g}: name"
+                " their unit, --format 'ranges:mm', 'ranges:cm' or 'ranges:m'"
+            )
         ranges = self._in("ranges", unit, f", {half:g} by the median")
         # Drivers write 0 or less for a beam that measured nothing.
         return np.where(ranges <= 0.0, -np.inf, np.where(np.isnan(ranges), np.inf, ranges))
 
     def _angles(self) -> Float:
         count, path = self.values["ranges"].shape[1], self.intake.path
-        if "angles" in self.values:
-            angles = self.values["angles"]
-            if angles.shape != (count,):
-                found = f"{len(angles)} angles for {count} ranges"
-                raise InputError(f"{path}: {found}; expected one for each")
+        angles = self.values.get("angles")
+        if angles is None:
+            angles = self._fan(count)
+        elif angles.shape != (count,):
+            found = f"{len(angles)} angles for {count} ranges"
+            raise InputError(f"{path}: {found}; expected one for each")
+        else:
             in_degrees = np.ptp(angles) > 2.1 * np.pi or not (angles % 1.0).any()
             angles = self._in("angles", "deg" if in_degrees else "rad")
-        else:
-            angles = self._fan(count)
         if not NARROWEST < np.ptp(angles) <= 2.1 * np.pi:
             wide = f"{count} beams over {np.degrees(np.ptp(angles)):g}°"
             raise InputError(f"{path}: {wide}; expected more than 0.5° and at most a turn")
@@ -253,14 +251,12 @@ class Table:
         if {"left", "right"} <= has:
             return self._by_ticks()
         if {"dx", "dtheta"} <= has:
-            steps = np.column_stack([self._in("dx", "m"), np.zeros(len(self.values["dx"]))])
-            if "dy" in has:
-                steps[:, 1] = self._in("dy", "m")
-            return _driven(np.column_stack([steps, self._in("dtheta", "rad")]))
+            ahead = self._in("dx", "m")
+            left = self._in("dy", "m") if "dy" in has else 0.0 * ahead
+            return _driven(ahead, left, self._in("dtheta", "rad"))
         if "theta" not in has and {"qx", "qy", "qz", "qw"} <= has:
-            x, y, z, w = (self.values[name] for name in ("qx", "qy", "qz", "qw"))
-            self.values["theta"] = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-            self.units["theta"] = "rad"
+            turns = (self.values[name] for name in ("qx", "qy", "qz", "qw"))
+            self.values["theta"], self.units["theta"] = heading_of(*turns), "rad"
         if not {"x", "y", "theta"} <= has:
             return None
         moved = np.hypot(np.diff(self.values["x"]), np.diff(self.values["y"]))
@@ -282,16 +278,15 @@ class Table:
             )
         ticks = np.column_stack([self.values["left"], self.values["right"]])
         rolled = tick * np.diff(np.unwrap(ticks, axis=0, period=COUNTER), axis=0, prepend=ticks[:1])
-        ahead, turn = rolled.mean(axis=1), (rolled[:, 1] - rolled[:, 0]) / track
-        return _driven(np.column_stack([ahead, np.zeros(len(ahead)), turn]))
+        ahead, turns = rolled.mean(axis=1), (rolled[:, 1] - rolled[:, 0]) / track
+        return _driven(ahead, 0.0 * ahead, turns)
 
 
-def _driven(steps: Float) -> Float:
-    """Poses (k, 3) after each of the steps ahead, to the left [m] and turns [rad] (k, 3)."""
-    theta = np.cumsum(steps[:, 2])
+def _driven(ahead: Float, left: Float, turns: Float) -> Float:
+    """Poses (k, 3) after each of the steps ahead and to the left [m], with turns [rad] (k,)."""
+    theta = np.cumsum(turns)
     # Each step runs along the heading of its middle.
-    middle = theta - 0.5 * steps[:, 2]
+    middle = theta - 0.5 * turns
     cos, sin = np.cos(middle), np.sin(middle)
-    x = np.cumsum(cos * steps[:, 0] - sin * steps[:, 1])
-    y = np.cumsum(sin * steps[:, 0] + cos * steps[:, 1])
+    x, y = np.cumsum(cos * ahead - sin * left), np.cumsum(sin * ahead + cos * left)
     return np.column_stack([x, y, np.arctan2(np.sin(theta), np.cos(theta))])

@@ -34,25 +34,22 @@ SCANS = re.compile("scans?|lasers?|lidar|ranges?|lrf", re.IGNORECASE)
 
 def text_table(intake: Intake, format: str | None) -> Table:
     """The table of a text file."""
-    path, notes = intake.path, intake.notes
-    form = Form.of(path)
+    path, notes, form, table = intake.path, intake.notes, Form(intake.path), Table(intake, {})
     preset = (format or form.preset).strip()
-    spec = PRESETS.get(preset, format)
+    spec, layout = PRESETS.get(preset, format), Layout(table)
     if format is None and preset:
         notes.append(f"read as --format {preset}, by its columns")
-    layout = Layout.parsed(spec, form.header) if spec else Layout.found(path, form)
+    if spec:
+        layout.parse(spec, form.header)
+    else:
+        layout.find(form)
     if "ranges" not in layout.columns:
         raise InputError(f"--format: {shown(spec)}: no column of ranges; expected 'ranges'")
-    if not spec:
-        found = ", ".join(f"{role} {column + 1}" for role, column in layout.columns.items())
-        notes.append(f"columns found by {layout.reason}: {found}; --format says otherwise")
-    rows = layout.read(intake, form)
-    if not rows["ranges"]:
+    ranges, values = layout.read(form), table.values
+    if not ranges and "ranges" not in values:
         raise InputError(
             f"{path}: no scan in it, expected a scan of numbers a line{intake.first_bad}"
         )
-    values = {role: np.array(each) for role, each in rows.items() if role != "ranges"}
-    table = Table(intake, values, layout.units, layout.settings, layout.clockwise)
     if "angles" in layout.columns:
         angles, stamps = values["angles"], values.get("stamp", np.empty(0))
         # A scan begins with another stamp, or where the bearings start again.
@@ -60,15 +57,12 @@ def text_table(intake: Intake, format: str | None) -> Table:
         if len(stamps) and 2 * len(np.unique(stamps)) < len(stamps):
             again = np.diff(stamps) != 0.0
         begins = np.concatenate([[0], np.flatnonzero(again) + 1, [len(angles)]])
-        ranges = rows["ranges"]
-        table.gather(begins, np.concatenate(ranges) if type(ranges) is list else np.array(ranges))
+        table.gather(begins, np.concatenate(ranges) if ranges else values["ranges"])
     else:
-        spread = {"first", "last"} <= layout.settings.keys() and "step" not in layout.settings
-        values["ranges"] = _padded(rows["ranges"], notes, spread)
+        spread = {"first", "last"} <= table.settings.keys() and "step" not in table.settings
+        values["ranges"] = _padded(ranges, notes, spread)
         for role in SETTINGS.keys() & values.keys():
             table.settings[role] = float(np.median(values.pop(role)))
-    if layout.angles is not None:
-        values["angles"] = layout.angles
     if values["ranges"].shape[1] < 2:
         raise InputError(f"{path}: one beam in each scan; name the columns of ranges by --format")
     if preset == "lego":
@@ -112,11 +106,12 @@ def add_partner(table: Table, spec: str = "") -> None:
     if is_records(partner):
         other = Table.named(other.intake, records(other.intake))
     else:
-        form = Form.of(partner)
-        layout = Layout.parsed(spec, []) if spec else _of_poses(form)
-        rows = layout.read(other.intake, form)
-        other.values = {role: np.array(each) for role, each in rows.items() if len(each)}
-        other.units, other.settings = layout.units, layout.settings
+        form, layout = Form(partner), Layout(other)
+        if spec:
+            layout.parse(spec, [])
+        else:
+            _find_poses(layout, form)
+        layout.read(form)
     poses = other.poses()
     if poses is None:
         notes.append(f"{partner.name} beside it holds no poses that are understood: not used")
@@ -144,13 +139,14 @@ def add_partner(table: Table, spec: str = "") -> None:
     notes.append(f"odometry from {partner.name}")
 
 
-def _of_poses(form: Form) -> Layout:
-    """The layout of a text of poses: by its header, or as TUM files or tables usually have it."""
+def _find_poses(layout: Layout, form: Form) -> None:
+    """Find the columns of poses: by a header, or as TUM files or tables usually have them."""
     length = len(form.sample[0])
-    layout = Layout.by_header(form.header, length) if form.header else Layout()
+    if form.header:
+        layout.by_header(form.header, length)
     if not {"x", "dx"} & layout.columns.keys():
         usual = {8: "stamp x y - qx qy qz qw", 4: "stamp x y theta", 3: "x y theta"}
         names = usual.get(length, "").split()
-        layout = Layout(columns={name: k for k, name in enumerate(names) if name != "-"})
+        layout.table.units = {}
+        layout.columns = {name: k for k, name in enumerate(names) if name != "-"}
     layout.columns.pop("ranges", None)
-    return layout

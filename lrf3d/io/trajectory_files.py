@@ -10,6 +10,7 @@ The lines are the log's ODOM lines, counted from 0; the pose [m, rad] is that at
 the one at line a. ``certain`` is 0 where the lines may be others nearby, and 1 if not given.
 """
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -18,37 +19,23 @@ from lrf3d.errors import InputError
 from lrf3d.files import read_text, replacing
 from lrf3d.geometry import Float
 from lrf3d.io.intake import MOST_LINES
+from lrf3d.pose import heading_of
 from lrf3d.robot import Trajectory
 from lrf3d.scoring.trajectory_score import Relations
 
 
 def load_relations(path: str | Path) -> Relations:
     """Read relations from a text file."""
-    rows: list[list[float]] = []
-    for number, line in enumerate(read_text(path).split("\n"), 1):
-        words = line.partition("#")[0].split()
-        if not words:
-            continue
-        try:
-            row = [float(word) for word in words]
-        except ValueError:
-            row = []
-        lines = all(0.0 <= value <= MOST_LINES and value == int(value) for value in row[:2])
-        if len(row) not in (5, 6) or not np.isfinite(row).all() or not lines:
-            raise InputError(
-                f"{path}:{number}: expected two line numbers, of at most {MOST_LINES:,}, dx, dy,"
-                " dtheta and perhaps 0 or 1"
-            )
-        rows.append(row if len(row) == 6 else [*row, 1.0])
+    rows, expected = [], f"two line numbers, of at most {MOST_LINES:,}, dx, dy, dtheta and perhaps"
+    for place, row in _rows(path, f"{expected} 0 or 1", (5, 6)):
+        if not all(0.0 <= value <= MOST_LINES and value == int(value) for value in row[:2]):
+            raise InputError(f"{place}: expected {expected} 0 or 1")
+        rows.append([*row, 1.0][:6])
     if not rows:
         raise InputError(f"{path}: no relation in it, expected lines: a b dx dy dtheta")
     table = np.array(rows)
-    return Relations(
-        table[:, 0].astype(np.int64),
-        table[:, 1].astype(np.int64),
-        table[:, 2:5],
-        table[:, 5] > 0.0,
-    )
+    first, second = table[:, :2].T.astype(np.int64)
+    return Relations(first, second, table[:, 2:5], table[:, 5] > 0.0)
 
 
 def save_tum(times: Float, poses: Float, path: str | Path) -> None:
@@ -66,23 +53,30 @@ def load_tum(path: str | Path) -> Trajectory:
         InputError: A line is not eight finite numbers with a unit quaternion, or stamps do not
             rise; the message names the line.
     """
-    rows = list[list[float]]()
-    for number, line in enumerate(read_text(path).split("\n"), 1):
-        words = line.partition("#")[0].replace(",", " ").split()
-        if not words:
-            continue
-        try:
-            row = [float(word) for word in words]
-        except ValueError:
-            row = []
-        if len(row) != 8 or not np.isfinite(row).all() or not 0.5 < np.linalg.norm(row[4:]) < 2.0:
-            raise InputError(f"{path}:{number}: expected t x y z and a quaternion qx qy qz qw")
+    rows, expected = list[list[float]](), "t x y z and a quaternion qx qy qz qw"
+    for place, row in _rows(path, expected, (8,)):
+        if not 0.5 < np.linalg.norm(row[4:]) < 2.0:
+            raise InputError(f"{place}: expected {expected}")
         if rows and row[0] <= rows[-1][0]:
-            raise InputError(f"{path}:{number}: the stamp {row[0]:.6f} s is not after the last")
+            raise InputError(f"{place}: the stamp {row[0]:.6f} s is not after the last")
         rows.append(row)
     if not rows:
         raise InputError(f"{path}: no pose in it, expected lines t x y z qx qy qz qw")
     table = np.array(rows)
-    x, y, z, w = table[:, 4:].T
-    theta = np.unwrap(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+    theta = np.unwrap(heading_of(*table[:, 4:].T))
     return Trajectory(table[:, 0], np.column_stack([table[:, 1:3], theta]))
+
+
+def _rows(
+    path: str | Path, expected: str, lengths: tuple[int, ...]
+) -> Iterator[tuple[str, list[float]]]:
+    """The place and the finite numbers of each line of a text, but for comments."""
+    for number, line in enumerate(read_text(path).split("\n"), 1):
+        if words := line.partition("#")[0].replace(",", " ").split():
+            try:
+                row = [float(word) for word in words]
+            except ValueError:
+                row = []
+            if len(row) not in lengths or not np.isfinite(row).all():
+                raise InputError(f"{path}:{number}: expected {expected}")
+            yield f"{path}:{number}", row

@@ -5,86 +5,40 @@ the first without a guess; where its key scans fit there, the pose graphs of bot
 and optimised as one. The poses of both leave, in the frame of the first.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float, Int
-from lrf3d.localization.known_places import KnownPlaces
-from lrf3d.localization.place_search import EVEN, Hypothesis, PlaceSearch
+from lrf3d.geometry import Float, Int, Records
+from lrf3d.localization.place_search import EVEN, KnownPlaces, PlaceSearch
 from lrf3d.pose import bent, between, compose, turned
 from lrf3d.run import Run
 from lrf3d.slam import Slam
+from lrf3d.slam.checks import LATER, NEAR, SelfCheck, self_check
 from lrf3d.slam.closures import (
     CLOSURE_SHARE,
     FLOOR,
     LEAST_DISTANCE,
-    LEAST_SHARE,
     Closure,
     closure_edges,
     fixed,
 )
-from lrf3d.slam.front_end import refined
-from lrf3d.slam.pose_graph import Edges, optimised
-from lrf3d.slam.views import Key
-from lrf3d.slam.violation import LATER, MOST_THROUGH, SelfCheck, seen_through_both, self_check
+from lrf3d.slam.front_end import LEAST_SHARE, refined
+from lrf3d.slam.key_scans import MOST_THROUGH, Key, seen_through_both
+from lrf3d.slam.pose_graph import edges_of, optimised
+from lrf3d.slam.revisits import OFF
 
 STEP = np.array([0.01, 0.01, 0.003])
-"""How exactly a map fixes key scans relative to their neighbours, in its frame [m], [rad]."""
+"""Standard deviations of key scans of a map relative to their neighbours [m], [rad]."""
 
 BESIDE, BESIDE_TURN = 1.0, 0.5
 """Key scans of a map within this [m], [rad] of each other hold together, as neighbours do."""
 
-NEAR = 3.0
-"""Key scans of the second drive are tied to the map where it has one within this distance [m]."""
-
 ROUNDS = 4
-"""Times that ties are looked for, from where the last ones have moved the drive."""
-
-ITERATIONS = 20
-"""Most Gauss-Newton steps over both pose graphs."""
-
-TIED = np.diag([1.0 / 0.3**2, 1.0 / 0.3**2, 1.0 / 0.1**2])
-"""Information of where a key scan lies on the map before it is matched [1/m²], [1/rad²]."""
-
-
-@dataclass(slots=True, eq=False)
-class Found:
-    """A place that was certain: poses (3,) by numbers of scans, up to the last certain one."""
-
-    place: Hypothesis
-    probability: float = 0.0
-    path: dict[int, Float] = field(default_factory=dict)
-    last: int = 0
-
-    def take(self, number: int, probability: float) -> None:
-        """Keep what is known of the place at a scan."""
-        self.probability = max(probability, self.probability)
-        path, sure = self.place.path, self.place.sure
-        self.path = {k: pose for k, pose in path.items() if k <= sure}
-        self.last = number if sure == max(path) else sure
-
-
-class Follower:
-    """Finds a drive on a map, scan by scan, and keeps the places that were certain."""
-
-    def __init__(self, places: KnownPlaces) -> None:
-        self.search = PlaceSearch(places)
-        self.found: list[Found] = []
-        self._pose: Float | None = None
-
-    def see(self, number: int, scan: Key, pose: Float) -> None:
-        """Take in the next scan, by its number, at a pose (3,) in a frame of its own."""
-        step = np.zeros(3) if self._pose is None else between(self._pose, pose)
-        self._pose = pose
-        self.search.see(number, scan, step)
-        place = self.search.place
-        if place is not None:
-            if not self.found or self.found[-1].place is not place:
-                self.found.append(Found(place))
-            self.found[-1].take(number, self.search.probability)
+"""Searches for ties, each from where the last ones have moved the drive."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +72,7 @@ class Joined:
         }  # fmt: skip
 
 
-def joined(run: Run, slam: Slam, surfaces: list[Float], poses: Float, name: str) -> Joined:
+def joined(run: Run, slam: Slam, surfaces: Iterable[Records], poses: Float, name: str) -> Joined:
     """Join a first drive with a second one, which is solved: poses (k, 3) at its scans.
 
     Raises:
@@ -126,18 +80,20 @@ def joined(run: Run, slam: Slam, surfaces: list[Float], poses: Float, name: str)
     """
     places = KnownPlaces.from_run(run)
     keys, numbers = slam.closer.keys, slam.key_scans
-    follower = Follower(places)
+    search = PlaceSearch(places)
     for key, number in zip(keys, numbers.tolist(), strict=True):
-        follower.see(number, key, poses[number])
+        search.see(number, key, poses[number])
     nowhere = InputError(
         f"{name}: found nowhere on the map of {run.world.name} with certainty (the likeliest"
-        f" place has a probability of {follower.search.probability:.2g}); no map is made"
+        f" place has a probability of {search.probability:.2g}); no map is made"
     )
-    if not (sure := [each for each in follower.found if each.path]):
+    if not (sure := [each for each in search.found if each.path]):
         raise nowhere
     count = len(places.keys)
-    graph = Edges.joined([_graph(places), slam.edges.shifted(count)])
-    # Where the drive lies on the map, until ties say it better.
+    graph, second_edges = _graph(places), slam.edges.copy()
+    second_edges["first"] += count
+    second_edges["second"] += count
+    # Where the drive lies on the map, until ties fix it better.
     best = max(sure, key=lambda each: len(each.path))
     middle = sorted(best.path)[len(best.path) // 2]
     shift = compose(best.path[middle], between(poses[middle], np.zeros(3)))
@@ -152,14 +108,14 @@ def joined(run: Run, slam: Slam, surfaces: list[Float], poses: Float, name: str)
         if not ties:
             raise nowhere
         guesses = {}
-        edges = Edges.joined([graph, closure_edges(list(ties.values()))])
-        nodes = optimised(nodes, edges, ITERATIONS)
+        edges = np.concatenate([graph, second_edges, closure_edges(list(ties.values()))])
+        nodes = optimised(nodes, edges)
     first = _moved(run.trajectory.poses, places.numbers, places.poses, nodes[:count])
     second = _moved(poses, numbers, slam.key_poses, nodes[count:])
     whole = [*places.keys, *(replace(key, scan=len(run) + key.scan) for key in keys)]
     second = refined(surfaces, second, whole, nodes, numbers)
-    driven = np.concatenate([_driven(places.poses), _driven(nodes[count:])])
-    driven[count:] += driven[count - 1] + 2.0 * LATER
+    driven, later = _driven(places.poses), _driven(nodes[count:])
+    driven = np.concatenate([driven, later + driven[-1] + 2.0 * LATER])
     ends = [(places.numbers[tie.old], numbers[tie.new - count]) for tie in ties.values()]
     pairs = np.array(ends, np.int64).reshape(-1, 2)
     check = self_check(whole, nodes, driven, slam.closer.mixed_pixels.rate)
@@ -170,35 +126,34 @@ def joined(run: Run, slam: Slam, surfaces: list[Float], poses: Float, name: str)
 def _tie(places: KnownPlaces, key: Key, guess: Float, number: int) -> Closure | None:
     """The edge between a key scan, by its number among all, and the map near a guess (3,)."""
     apart = np.hypot(*(places.poses[:, :2] - guess[:2]).T)
-    found = places.judged(key, guess, TIED) if apart.min() < NEAR else None
+    found = places.judged(key, guess, np.diag(1.0 / OFF**2)) if apart.min() < NEAR else None
     if found is None or found.evidence < EVEN or found.match.explained < LEAST_SHARE:
         return None
-    pose, near = found.match.pose, places.around(key, guess)
-    olds = [places.keys[k] for k in near.tolist()]
+    pose, near = found.match.pose, places.around(key, guess).tolist()
+    olds = [places.keys[k] for k in near]
     through, seen = seen_through_both(olds, key, between(places.poses[near], pose))
     if through > MOST_THROUGH * max(seen, 1):
         return None
-    old = int(near[0])
-    information = turned(fixed(found.match.information), -float(places.poses[old, 2]))
-    relative = between(places.poses[old], pose)
-    return Closure(old, number, relative, CLOSURE_SHARE * information + FLOOR)
+    old, *_ = near
+    *_, heading = places.poses[old].tolist()
+    information = CLOSURE_SHARE * turned(fixed(found.match.information), -heading) + FLOOR
+    return Closure(old, number, between(places.poses[old], pose), information)
 
 
-def _graph(places: KnownPlaces) -> Edges:
+def _graph(places: KnownPlaces) -> Records:
     """The edges within a map: from each key scan to the last one, and to one taken beside it."""
     poses, driven = places.poses, _driven(places.poses)
     pairs = [(k, k + 1) for k in range(len(poses) - 1)]
     for k in range(len(poses)):
-        off = between(poses[k], poses[:k])
-        apart = np.hypot(off[:, 0], off[:, 1])
-        beside = (apart < BESIDE) & (np.abs(off[:, 2]) < BESIDE_TURN)
+        x, y, turn = between(poses[k], poses[:k]).T
+        apart = np.hypot(x, y)
+        beside = (apart < BESIDE) & (np.abs(turn) < BESIDE_TURN)
         beside &= driven[:k] < driven[k] - LEAST_DISTANCE
         if beside.any():
             pairs.append((int(np.where(beside, apart, np.inf).argmin()), k))
     first, second = np.array(pairs, np.int64).reshape(-1, 2).T
-    information = np.repeat(np.diag(1.0 / STEP**2)[None], len(first), axis=0)
-    measured = between(poses[first], poses[second])
-    return Edges(first, second, measured, information, np.zeros(len(first), np.bool_), information)
+    information = np.diag(1.0 / STEP**2)
+    return edges_of(first, second, between(poses[first], poses[second]), information, information)
 
 
 def _moved(poses: Float, numbers: Int, old: Float, new: Float) -> Float:
@@ -207,6 +162,6 @@ def _moved(poses: Float, numbers: Int, old: Float, new: Float) -> Float:
 
 
 def _driven(poses: Float) -> Float:
-    """How far a robot had driven at each of its poses (k, 3) [m]."""
+    """The distance at each of the poses (k, 3) [m]."""
     steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
     return np.concatenate([[0.0], np.cumsum(steps)])

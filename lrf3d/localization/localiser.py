@@ -223,14 +223,10 @@ class Localiser:
     Examples:
         >>> import lrf3d
         >>> import numpy as np
-        >>> room = lrf3d.load_world("paper_room")
-        >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], rng=0)
-        >>> known = lrf3d.KnownLines.from_world(room)
-        >>> start = lrf3d.PoseEstimate(run.scan(0).pose, np.diag([0.01, 0.01, 0.001]))
-        >>> localiser = lrf3d.Localiser(known, start)
-        >>> estimate = localiser.see(run.scan(0))
-        >>> bool(abs(estimate.pose.x - 1.0) < 0.05)
-        True
+        >>> known = lrf3d.KnownLines.from_world(lrf3d.load_world("paper_room"))
+        >>> start = lrf3d.PoseEstimate((1, 1, 0), 0.01 * np.eye(3))
+        >>> lrf3d.Localiser(known, start).move((0.5, 0, 0)).pose
+        Pose(x=1.5, y=1.0, theta=0.0)
     """
 
     def __init__(

@@ -59,9 +59,9 @@ class LocalLines(NamedTuple):
         floor = max(noise.floor, LEAST_FLOOR)
         extract = LikelihoodExtractor(GAP, 0.0, floor)
         found = extract.walls(scan, 0.0, RangeNoise(floor, noise.growth))
-        segments, moments = found.ends, found.moments
+        segments, fits = found.ends, found.fits
         lines = normal_lines(segments)
-        weight, x, y, xx, xy, yy = (moments[name] for name in moments.dtype.names or ())
+        weight, x, y, xx, xy, yy = (fits[name] for name in ("weight", "x", "y", "xx", "xy", "yy"))
         along_x, along_y = -np.sin(lines[:, 0]), np.cos(lines[:, 0])
         mean = along_x * x + along_y * y
         turn = 1.0 / (along_x**2 * xx + 2.0 * along_x * along_y * xy + along_y**2 * yy)

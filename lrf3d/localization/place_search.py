@@ -1,28 +1,70 @@
-"""Place search: hypotheses of where a robot is on a known map, kept until one of them is left.
+"""Place search: where a robot is on a known map, without a first guess.
 
-Scans and the steps between them enter. Each scan weighs every hypothesis by how well it fits there,
-against none of them: a robot may be where the map does not reach, in a room like those on the map.
+The map, as key scans of a run or cast in a world, enters, and then key scans of a drive with their
+poses in a frame of its own. The free cells and all headings are searched for the places where a
+scan fits. These are hypotheses, which each scan weighs by how well it fits there, against none of
+them: a robot may be where the map does not reach, in a room like those on the map. The places that
+were certain leave.
 """
 
 from collections import deque
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
-from lrf3d.geometry import Float
-from lrf3d.localization.known_places import KnownPlaces
+from lrf3d.casting import PlanarCaster
+from lrf3d.geometry import Float, Int
+from lrf3d.laser import LaserRangeFinder
+from lrf3d.planning.free_space import free_places
 from lrf3d.pose import between, compose, turned
-from lrf3d.slam.views import Key, same_place
+from lrf3d.run import Run
+from lrf3d.slam.front_end import KEY_DISTANCE, KEY_TURN
+from lrf3d.slam.key_scans import Key, Sight, same_place
+from lrf3d.slam.motion import size_of
+from lrf3d.slam.search import (
+    CELL,
+    FREE,
+    LOOSE,
+    Field,
+    Place,
+    Submap,
+    field_of,
+    thin,
+    window_scores,
+)
+from lrf3d.world import World
+
+SPACING, BEAMS, REACH = 1.0, 720, 30.0
+"""Distance of the scans that are cast in a world [m], their beams, and their range [m]."""
+
+MOST_SCANS, MOST_CELLS = 3000, 80_000
+"""Most scans that are cast, and cells that are searched: in a town both lie farther apart."""
+
+ROOM = 0.25
+"""Distance from walls at which a robot may be [m]."""
+
+STRIDE, STEP = 2, 0.04
+"""Stride of the search in cells, and step of its headings [rad]."""
+
+PEAKS, NEXT, NEXT_TURN = 80, 0.7, 0.25
+"""Most poses that are matched, and their least distance [m] or turn [rad] from each other."""
+
+PARTS, MOST_PEAKS = 16, 600
+"""Parts of the headings that are searched one after another, and poses kept of each."""
+
+AROUND = 6
+"""Key scans that a place is judged by, the nearest."""
 
 JUDGED, JUDGED_TURN = 0.4, 0.5
 """Hypotheses are weighed after this distance [m] or turn [rad]: scans nearer agree in any case."""
 
 EVEN = 3.8
-"""Evidence that speaks as much for a place as for none. At right places it is 5.4 ± 1.0 in offices;
-the best of all wrong places reaches 3.1 ± 1.0, and in the mean over ten scans 2.8."""
+"""Evidence at which a place and no place are equally likely. At right places it is 5.4 ± 1.0 in
+offices; the best of all wrong places reaches 3.1 ± 1.0, and in the mean over ten scans 2.8."""
 
 GAIN = 1.5
-"""Log odds against no place that one scan adds or takes, at most: neighbouring scans show the same
+"""Most log odds against no place that one scan adds or takes: neighbouring scans show the same
 walls, which may be those of a room like it."""
 
 BEGIN, MOST, LEAST = -3.0, 7.0, -6.0
@@ -30,10 +72,10 @@ BEGIN, MOST, LEAST = -3.0, 7.0, -6.0
 given up."""
 
 CERTAIN = 0.99
-"""Probability from which on a place is known."""
+"""Probability from which a place is known."""
 
 AGAIN = 3
-"""Scans that are weighed from one search of the whole map to the next, while no place is known."""
+"""Scans that are weighed between searches of the whole map, while no place is known."""
 
 REMEMBERED, TRIED = 8, 12
 """Number of earlier scans that weigh new hypotheses, and of hypotheses that are weighed so."""
@@ -42,11 +84,115 @@ OFF = np.diag([0.1**2, 0.1**2, 0.05**2])
 """Covariance of a step of a hypothesis, before it is matched [m²], [rad²]."""
 
 
+@dataclass(frozen=True, eq=False)
+class KnownPlaces:
+    """Key scans (k,) at poses (k, 3), which show a map; those of a run by their numbers (k,)."""
+
+    name: str
+    keys: list[Key]
+    poses: Float = field(repr=False)
+    numbers: Int = field(default_factory=lambda: np.empty(0, np.int64))
+
+    @classmethod
+    def from_run(cls, run: Run) -> "KnownPlaces":
+        """The map that the scans of a run show at its poses, which may be estimated ones."""
+        poses, chosen = run.trajectory.poses, [0]
+        for number in range(1, len(run)):
+            length, turn = size_of(between(poses[chosen[-1]], poses[number]))
+            if length >= KEY_DISTANCE or turn >= KEY_TURN:
+                chosen.append(number)
+        sight = Sight()
+        keys = [sight.seen(run.scans_at(number), number) for number in chosen]
+        return cls(run.world.name, keys, poses[chosen], np.array(chosen))
+
+    @classmethod
+    def from_world(cls, world: World) -> "KnownPlaces":
+        """The map that a world is: what a laser that looks all around would see in it."""
+        places = free_places(world, ROOM)
+        area = len(np.unique(np.floor(places), axis=0))
+        spacing = max(SPACING, np.sqrt(area / MOST_SCANS))
+        _, first = np.unique(np.floor(places / spacing), axis=0, return_index=True)
+        poses = np.column_stack([places[first], np.zeros(len(first))])
+        step = 2.0 * np.pi / BEAMS
+        lrf = LaserRangeFinder(-np.pi, np.pi - step, BEAMS, range_max=REACH)
+        caster, sight = PlanarCaster(world), Sight()
+        keys = [sight.seen(caster.cast(lrf, pose)) for pose in poses]
+        return cls(world.name, keys, poses)
+
+    @cached_property
+    def _field(self) -> Field:
+        return field_of(self.keys, self.poses)
+
+    @cached_property
+    def _free(self) -> Int:
+        """Columns and rows (s, 2) of the free cells that are searched."""
+        cells = self._field.cells == FREE
+        stride = int(np.ceil(max(STRIDE, np.sqrt(cells.sum() / MOST_CELLS))))
+        rows, columns = np.nonzero(cells[::stride, ::stride])
+        return np.ascontiguousarray(stride * np.column_stack([columns, rows]))
+
+    def search(self, scan: Key) -> list[Place]:
+        """The places of the whole map where a scan fits, the best first."""
+        peaks = self._peaks(scan) if len(self._free) else []
+        found: list[Place] = []
+        for candidate in (self.judged(scan, peak, LOOSE) for peak in peaks):
+            if candidate and not any(
+                same_place(candidate.match.pose, other.match.pose) for other in found
+            ):
+                found.append(candidate)
+        return sorted(found, key=lambda each: -each.evidence)
+
+    def _peaks(self, scan: Key) -> list[Float]:
+        """The poses (3,) at which the hits of a scan meet most walls."""
+        field, cells = self._field, self._free
+        centre = np.array([field.left + 0.5 * CELL, field.low + 0.5 * CELL, 0.0])
+        parts, scored = [], []
+        for headings in np.array_split(np.arange(-np.pi, np.pi, STEP), PARTS):
+            scores = window_scores(thin(scan.hits), field, centre, cells, headings)
+            most = min(MOST_PEAKS, scores.size)
+            best = np.argpartition(scores, scores.size - most, axis=None)[-most:]
+            a, s = np.unravel_index(best, scores.shape)
+            scored.append(scores[a, s])
+            parts.append(np.column_stack([centre[:2] + CELL * cells[s], headings[a]]))
+        ranked = np.concatenate(parts)[np.argsort(-np.concatenate(scored), kind="stable")]
+        peaks: list[Float] = []
+        while len(ranked) and len(peaks) < PEAKS:
+            peak, *_ = ranked
+            peaks.append(peak)
+            x, y, turn = np.abs(between(peak, ranked)).T
+            ranked = ranked[(np.hypot(x, y) > NEXT) | (turn > NEXT_TURN)]
+        return peaks
+
+    @cached_property
+    def _seen(self) -> Float:
+        """Where key scans were taken, and the middles of what they hit (k, 4) [m]."""
+        middles = [_middle(key, pose) for key, pose in zip(self.keys, self.poses, strict=True)]
+        return np.column_stack([self.poses[:, :2], np.array(middles)])
+
+    def around(self, scan: Key, pose: Float) -> Int:
+        """The key scans that see most of what a scan from a pose (3,) sees."""
+        apart = np.abs(self._seen - [*pose[:2], *_middle(scan, pose)]).sum(axis=1)
+        return np.argsort(apart, kind="stable")[:AROUND]
+
+    def judged(self, scan: Key, guess: Float, prior: Float) -> Place | None:
+        """The place near a guess (3,) where a scan fits, and the evidence for it."""
+        near = self.around(scan, guess)
+        around = Submap([self.keys[k] for k in near.tolist()], self.poses[near])
+        match = around.match(scan, guess, prior)
+        return None if match is None else around.place(scan, match)
+
+
+def _middle(scan: Key, pose: Float) -> Float:
+    """The middle (2,) of what a scan from a pose (3,) hit."""
+    x, y = (scan.hits[name].mean() if len(scan.hits) else 0.0 for name in "xy")
+    return compose(pose, np.array([x, y, 0.0]))[:2]
+
+
 @dataclass(slots=True, eq=False)
 class Hypothesis:
     """A pose (3,) where the robot may be, its log odds against no place, and poses by scans.
 
-    The last scan that spoke for it is ``sure``, by its number.
+    The last scan that supported it is ``sure``, by its number.
     """
 
     pose: Float
@@ -56,13 +202,23 @@ class Hypothesis:
 
 
 @dataclass(slots=True, eq=False)
+class Found:
+    """A place that was certain: poses (3,) by numbers of scans, up to the last certain one."""
+
+    place: Hypothesis
+    probability: float = 0.0
+    path: dict[int, Float] = field(default_factory=dict)
+    last: int = 0
+
+
+@dataclass(slots=True, eq=False)
 class _Weighed:
-    """A scan that was weighed: its number, its pose (3,) by steps, and its best evidence."""
+    """A scan that was weighed: its number, its pose (3,) in the drive, and its best evidence."""
 
     number: int
     scan: Key
     pose: Float
-    best: float
+    best: float = -np.inf
 
 
 class PlaceSearch:
@@ -71,42 +227,62 @@ class PlaceSearch:
     def __init__(self, places: KnownPlaces) -> None:
         self._places = places
         self.hypotheses: list[Hypothesis] = []
+        self.found: list[Found] = []
         self._moved = np.array([np.inf, np.inf])
-        self._pose = np.zeros(3)
+        self._pose: Float | None = None
         self._before: deque[_Weighed] = deque(maxlen=REMEMBERED)
         self._count = 0
 
-    def see(self, number: int, scan: Key, step: Float) -> None:
-        """Take in a scan, by its number, and the step (3,) since the one before."""
-        self._pose = compose(self._pose, step)
+    def see(self, number: int, scan: Key, pose: Float) -> None:
+        """Take in a scan, by its number, at a pose (3,) in a frame of the drive."""
+        step = np.zeros(3) if self._pose is None else between(self._pose, pose)
+        self._pose = pose
         for each in self.hypotheses:
             each.pose = compose(each.pose, step)
-        self._moved += [np.hypot(step[0], step[1]), abs(step[2])]
-        if (self._moved < [JUDGED, JUDGED_TURN]).all() or not len(scan.hits):
-            return
-        self._moved[:] = 0.0
-        now = _Weighed(number, scan, self._pose, -np.inf)
+        self._moved += size_of(step)
+        if (self._moved >= [JUDGED, JUDGED_TURN]).any() and len(scan.hits):
+            self._moved[:] = 0.0
+            self._weigh_all(number, scan, pose)
+        if place := self.place:
+            if not self.found or self.found[-1].place is not place:
+                self.found.append(Found(place))
+            found = self.found[-1]
+            found.probability = max(self.probability, found.probability)
+            found.path = {k: there for k, there in place.path.items() if k <= place.sure}
+            found.last = number if place.sure == max(place.path) else place.sure
+
+    def _weigh_all(self, number: int, scan: Key, pose: Float) -> None:
+        """Weigh all hypotheses by a scan, and search for new ones while no place is known."""
+        now = _Weighed(number, scan, pose)
         self._weigh(self.hypotheses, now)
         if self.probability < CERTAIN and self._count % AGAIN == 0:
             found = self._places.search(scan)[:TRIED]
             now.best = max([now.best, *(each.evidence for each in found)])
             new = [Hypothesis(each.match.pose) for each in found]
             for each, weighed in zip(new, found, strict=True):
-                self._add(each, now, weighed.evidence)
-            self._remember(new)
+                _add(each, now, weighed.evidence)
+            self._remember(new, pose)
             self.hypotheses += new
         self._count += 1
         self._before.append(now)
-        self._choose()
+        # Unlikely hypotheses are dropped, and of those that have met all but the best.
+        most = max((each.log_odds for each in self.hypotheses), default=0.0)
+        ranked = sorted(self.hypotheses, key=lambda one: -one.log_odds)
+        self.hypotheses = []
+        for each in ranked:
+            each.log_odds -= max(most - MOST, 0.0)
+            met = any(same_place(each.pose, other.pose, 2.0) for other in self.hypotheses)
+            if each.log_odds > LEAST and not met:
+                self.hypotheses.append(each)
 
-    def _remember(self, new: list[Hypothesis]) -> None:
-        """Weigh new hypotheses by the scans before, as far back as these speak for them.
+    def _remember(self, new: list[Hypothesis], pose: Float) -> None:
+        """Weigh new hypotheses by the scans before, as far back as these support them.
 
         Where they do not, the robot may have been put there since.
         """
         earlier = [Hypothesis(each.pose, each.log_odds, dict(each.path)) for each in new]
         for before in reversed(self._before):
-            back = between(self._pose, before.pose)
+            back = between(pose, before.pose)
             for each, now in zip(earlier, new, strict=True):
                 each.pose = compose(now.pose, back)
             self._weigh(earlier, before)
@@ -119,46 +295,31 @@ class PlaceSearch:
         """Weigh hypotheses by a scan."""
         worth = []
         for each in hypotheses:
-            prior = turned(np.linalg.inv(OFF), float(each.pose[2]))
-            found = self._places.judged(now.scan, each.pose, prior)
+            *_, heading = each.pose.tolist()
+            found = self._places.judged(now.scan, each.pose, turned(np.linalg.inv(OFF), heading))
             worth.append(-np.inf if found is None else found.evidence)
             each.pose = each.pose if found is None else found.match.pose
         now.best = max([now.best, *worth])
         for each, evidence in zip(hypotheses, worth, strict=True):
-            self._add(each, now, evidence)
-
-    def _add(self, place: Hypothesis, now: _Weighed, evidence: float) -> None:
-        """Add a scan's evidence for a place: bounded against no place, in full against others."""
-        gain = float(np.clip(now.best - EVEN, -GAIN, GAIN))
-        gain -= min(now.best - evidence, 2.0 * GAIN)
-        place.log_odds += gain
-        place.path[now.number] = place.pose
-        if gain > 0.0:
-            place.sure = max(place.sure, now.number)
-
-    def _choose(self) -> None:
-        """Drop unlikely hypotheses, and of those that have met all but the best."""
-        most = max((each.log_odds for each in self.hypotheses), default=0.0)
-        kept: list[Hypothesis] = []
-        for each in sorted(self.hypotheses, key=lambda one: -one.log_odds):
-            each.log_odds -= max(most - MOST, 0.0)
-            met = any(same_place(each.pose, other.pose, 2.0) for other in kept)
-            if each.log_odds > LEAST and not met:
-                kept.append(each)
-        self.hypotheses = kept
-
-    @property
-    def probabilities(self) -> Float:
-        """Probabilities (h,) of the hypotheses; what is missing to 1 is that of no place."""
-        odds = np.exp([each.log_odds for each in self.hypotheses])
-        return np.asarray(odds / (1.0 + odds.sum()))
+            _add(each, now, evidence)
 
     @property
     def probability(self) -> float:
-        """The probability of the best hypothesis."""
-        return float(self.probabilities.max(initial=0.0))
+        """The probability of the best hypothesis, against all others and no place."""
+        odds = np.exp([each.log_odds for each in self.hypotheses])
+        return float(odds.max(initial=0.0) / (1.0 + odds.sum()))
 
     @property
     def place(self) -> Hypothesis | None:
         """The one hypothesis that is left; None as long as it is not certain."""
         return self.hypotheses[0] if self.probability >= CERTAIN else None
+
+
+def _add(place: Hypothesis, now: _Weighed, evidence: float) -> None:
+    """Add a scan's evidence for a place: bounded against no place, in full against others."""
+    gain = float(np.clip(now.best - EVEN, -GAIN, GAIN))
+    gain -= min(now.best - evidence, 2.0 * GAIN)
+    place.log_odds += gain
+    place.path[now.number] = place.pose
+    if gain > 0.0:
+        place.sure = max(place.sure, now.number)

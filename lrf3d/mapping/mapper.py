@@ -1,7 +1,7 @@
 """LineMapper: unites the local map of each scan with the global map (section 3.1)."""
 
 from lrf3d.errors import InputError, shown
-from lrf3d.geometry import is_finite, whole_number
+from lrf3d.geometry import number, whole_number
 from lrf3d.laser import LaserScan
 from lrf3d.laser.noise import FLOOR, SIGMA
 from lrf3d.laser.unrolling import motion_since, unrolled
@@ -9,18 +9,13 @@ from lrf3d.mapping.line_map import LineMap
 from lrf3d.mapping.paper import PaperMapper, SplitMergeExtractor
 from lrf3d.mapping.robust.extraction import LikelihoodExtractor
 from lrf3d.mapping.robust.mapper import RobustMapper
-from lrf3d.mapping.robust.walls import Rule
 
 MODES = ("paper", "robust")
 
 MOST = {
-    "gap": 1e6,
-    "split": 1e6,
-    "merge_length": 100.0,
-    "merge_distance": 10.0,
+    "gap": 1e6, "split": 1e6, "merge_length": 100.0, "merge_distance": 10.0, "floor": 1e3,
     "sigma": 1e3,
-    "floor": 1e3,
-}
+}  # fmt: skip
 """Largest values [m] of the settings: more would join all walls of a place."""
 
 
@@ -74,26 +69,16 @@ class LineMapper:
             raise InputError(f"mapper mode {shown(mode)}: expected one of {', '.join(MODES)}")
         paper = mode == "paper"
         sigma = SIGMA if sigma is None else sigma
-        if not (is_finite(sigma) and 0.0 <= sigma <= MOST["sigma"]):
-            raise InputError(
-                f"mapper: sigma is {shown(sigma)}, expected metres from 0 to {MOST['sigma']:g}"
-            )
+        number(sigma, "mapper: sigma", "metres", most=MOST["sigma"])
         split = 0.1 + 1.5 * sigma if split is None else split
         length = (0.1 if paper else 0.5) if merge_length is None else merge_length
         usual = 0.1 + (0.5 * sigma if paper else 0.0)
         distance = usual if merge_distance is None else merge_distance
         for name, value in (
-            ("gap", gap),
-            ("split", split),
-            ("merge_length", length),
-            ("merge_distance", distance),
+            ("gap", gap), ("split", split), ("merge_length", length), ("merge_distance", distance),
             ("floor", floor),
-        ):
-            if not (is_finite(value) and 0.0 < value <= MOST[name]):
-                raise InputError(
-                    f"mapper: {name} is {shown(value)}, expected a positive number of metres, at"
-                    f" most {MOST[name]:g}"
-                )
+        ):  # fmt: skip
+            number(value, f"mapper: {name}", "metres", positive=True, most=MOST[name])
         least = 2 if paper else 4
         if min_points is not None:
             least = whole_number(min_points, "mapper: min_points", least=0)
@@ -111,8 +96,7 @@ class LineMapper:
         else:
             # Compiled code is made for floats alone.
             self._extract = LikelihoodExtractor(float(gap), sigma, floor)
-            rule = Rule.of(float(length), float(distance))
-            self._mapper = RobustMapper(self._extract, rule, least)
+            self._mapper = RobustMapper(self._extract, float(length), float(distance), least)
 
     def __repr__(self) -> str:
         return f"LineMapper({self._settings})"

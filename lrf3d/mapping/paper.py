@@ -81,10 +81,7 @@ def _split(points: Float, split: float) -> list[int]:
         chord = points[last] - points[first]
         offset = points[first : last + 1] - points[first]
         length = np.hypot(*chord)
-        if length > 0.0:
-            away = np.abs(cross(chord, offset)) / length
-        else:
-            away = np.hypot(offset[:, 0], offset[:, 1])
+        away = np.abs(cross(chord, offset)) / length if length > 0.0 else np.hypot(*offset.T)
         farthest = int(np.argmax(away))
         if 0 < farthest < last - first and away[farthest] > split:
             stack += [(first + farthest, last), (first, first + farthest)]
@@ -96,21 +93,15 @@ def _split(points: Float, split: float) -> list[int]:
 def _merge(points: Float, cuts: list[int], split: float) -> list[int]:
     """The vertices that are left when neighbours on one line are merged, straightest first."""
     while len(cuts) > 2:
-        spread = [
-            _largest_distance(points[first : last + 1])
-            for first, last in zip(cuts[:-2], cuts[2:], strict=True)
-        ]
+        spread = []
+        for first, last in zip(cuts[:-2], cuts[2:], strict=True):
+            mean, unit = fit_line(points[first : last + 1])
+            spread.append(np.abs(cross(unit, points[first : last + 1] - mean)).max())
         straightest = int(np.argmin(spread))
         if spread[straightest] > split:
             break
         del cuts[straightest + 1]
     return cuts
-
-
-def _largest_distance(points: Float) -> float:
-    """How far [m] the farthest of points (n, 2) lies off their best line."""
-    mean, unit = fit_line(points)
-    return float(np.abs(cross(unit, points - mean)).max())
 
 
 def ordered_returns(scan: LaserScan) -> tuple[Int, bool]:
@@ -185,8 +176,9 @@ def merges(segment: Float, others: Float, length: float, distance: float) -> Boo
     """
     a_end, b_end = segment[:2], segment[2:]
     c_ends, d_ends = others[:, :2], others[:, 2:]
-    a, b = _distance(c_ends, a_end), _distance(c_ends, b_end)
-    c, d = _distance(d_ends, a_end), _distance(d_ends, b_end)
+    (a, b), (c, d) = (
+        [np.hypot(*(ends - end).T) for end in (a_end, b_end)] for ends in (c_ends, d_ends)
+    )
     own, other = np.hypot(*(b_end - a_end)), lengths(others)
     c1, c2 = a + b < own + length, c + d < own + length
     c3, c4 = a + c < other + length, b + d < other + length
@@ -196,10 +188,6 @@ def merges(segment: Float, others: Float, length: float, distance: float) -> Boo
     beside = np.abs(offsets).max(axis=0) < distance
     two = c1.astype(int) + c2 + c3 + c4 >= 2
     return np.asarray((two & beside) | (c1 & c2) | (c3 & c4))
-
-
-def _distance(points: Float, point: Float) -> Float:
-    return np.asarray(np.hypot(points[:, 0] - point[0], points[:, 1] - point[1]))
 
 
 def unite(table: SegmentTable, row: int, other: int) -> None:

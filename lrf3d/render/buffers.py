@@ -57,85 +57,40 @@ def rewrite(kind: int, values: NDArray[Any]) -> None:
 
 
 class Texture:
-    """A picture (h, w, 3) that shaders read, with smaller copies of it."""
+    """What shaders read on a unit of its own: a picture (h, w, 3), or numbers (h, w, 4).
 
-    def __init__(self, picture: NDArray[np.uint8]) -> None:
-        kind, size = GL.GL_TEXTURE_2D, picture.shape[1::-1]
-        self._id = GL.glGenTextures(1)
-        GL.glBindTexture(kind, self._id)
+    Of a picture there are smaller copies.
+    """
+
+    def __init__(self, unit: int, texels: NDArray[Any]) -> None:
+        self.unit, self.size, kind = unit, texels.shape[1::-1], GL.GL_TEXTURE_2D
+        self.id = GL.glGenTextures(1)
+        self.bind()
+        GL.glActiveTexture(GL.GL_TEXTURE0 + unit)
         # Rows of three bytes a pixel do not fill whole words.
         GL.glPixelStorei(GL.GL_UNPACK_ALIGNMENT, 1)
-        data = np.ascontiguousarray(picture)
-        GL.glTexImage2D(kind, 0, GL.GL_RGBA8, *size, 0, GL.GL_RGB, GL.GL_UNSIGNED_BYTE, data)
-        smooth(GL.GL_LINEAR_MIPMAP_NEAREST)
-        GL.glGenerateMipmap(kind)
-
-    def bind(self) -> None:
-        """Make it the picture that shaders read."""
-        GL.glBindTexture(GL.GL_TEXTURE_2D, self._id)
-
-    def delete(self) -> None:
-        """Free it."""
-        GL.glDeleteTextures([self._id])
-
-
-class TimeTexture:
-    """Times (h, w, 4) that shaders read, on a unit of its own."""
-
-    UNIT = 2
-
-    def __init__(self, times: NDArray[np.float32]) -> None:
-        self._id = GL.glGenTextures(1)
-        self.bind()
-        GL.glActiveTexture(GL.GL_TEXTURE0 + self.UNIT)
-        size, data = times.shape[1::-1], np.ascontiguousarray(times)
-        GL.glTexImage2D(GL.GL_TEXTURE_2D, 0, GL.GL_RGBA16F, *size, 0, GL.GL_RGBA, GL.GL_FLOAT, data)
-        smooth()
+        picture = texels.dtype == np.uint8
+        kept, given = (GL.GL_RGBA8, GL.GL_RGB) if picture else (GL.GL_RGBA16F, GL.GL_RGBA)
+        form = given, GL.GL_UNSIGNED_BYTE if picture else GL.GL_FLOAT
+        GL.glTexImage2D(kind, 0, kept, *self.size, 0, *form, np.ascontiguousarray(texels))
+        smaller = GL.GL_LINEAR_MIPMAP_NEAREST if picture else GL.GL_LINEAR
+        GL.glTexParameteri(kind, GL.GL_TEXTURE_MIN_FILTER, smaller)
+        GL.glTexParameteri(kind, GL.GL_TEXTURE_MAG_FILTER, GL.GL_LINEAR)
+        for axis in (GL.GL_TEXTURE_WRAP_S, GL.GL_TEXTURE_WRAP_T):
+            GL.glTexParameteri(kind, axis, GL.GL_CLAMP_TO_EDGE)
+        if picture:
+            GL.glGenerateMipmap(kind)
         GL.glActiveTexture(GL.GL_TEXTURE0)
 
     def bind(self) -> None:
-        """Make it what shaders read."""
-        GL.glActiveTexture(GL.GL_TEXTURE0 + self.UNIT)
-        GL.glBindTexture(GL.GL_TEXTURE_2D, self._id)
+        """Make it what shaders read on its unit."""
+        GL.glActiveTexture(GL.GL_TEXTURE0 + self.unit)
+        GL.glBindTexture(GL.GL_TEXTURE_2D, self.id)
         GL.glActiveTexture(GL.GL_TEXTURE0)
 
     def delete(self) -> None:
         """Free it."""
-        GL.glDeleteTextures([self._id])
-
-
-class TintTexture(TimeTexture):
-    """The colours of the map on the same cells (h, w), which are drawn into it."""
-
-    UNIT = 3
-
-    def __init__(self, times: NDArray[np.float32]) -> None:
-        super().__init__(np.zeros_like(times))
-        self.size = times.shape[1::-1]
-        self._frame = GL.glGenFramebuffers(1)
-        GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._frame)
-        place = GL.GL_COLOR_ATTACHMENT0
-        GL.glFramebufferTexture2D(GL.GL_FRAMEBUFFER, place, GL.GL_TEXTURE_2D, self._id, 0)
-
-    def begin(self) -> None:
-        """Clear it, and draw into it from now on."""
-        GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._frame)
-        GL.glViewport(0, 0, *self.size)
-        GL.glClearColor(0.0, 0.0, 0.0, 0.0)
-        GL.glClear(GL.GL_COLOR_BUFFER_BIT)
-
-    def delete(self) -> None:
-        """Free it."""
-        GL.glDeleteFramebuffers(1, [self._frame])
-        super().delete()
-
-
-def smooth(smaller: int = GL.GL_LINEAR) -> None:
-    """Have the texture that is bound read between its texels, and not beyond its edges."""
-    GL.glTexParameteri(GL.GL_TEXTURE_2D, GL.GL_TEXTURE_MIN_FILTER, smaller)
-    GL.glTexParameteri(GL.GL_TEXTURE_2D, GL.GL_TEXTURE_MAG_FILTER, GL.GL_LINEAR)
-    for axis in (GL.GL_TEXTURE_WRAP_S, GL.GL_TEXTURE_WRAP_T):
-        GL.glTexParameteri(GL.GL_TEXTURE_2D, axis, GL.GL_CLAMP_TO_EDGE)
+        GL.glDeleteTextures([self.id])
 
 
 class Buffer(pyrender.Primitive):  # type: ignore[misc]

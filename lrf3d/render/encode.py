@@ -17,11 +17,9 @@ from PIL import Image
 from lrf3d.errors import InputError
 from lrf3d.scene.shapes import Pixels
 
-_RATES = 1000
-"""Frames a second are kept as a fraction of this denominator at most."""
-
-_SAMPLED = 360
-"""Lines of an example from which on not all of its pixels choose the colours of a palette."""
+_RATES, _SAMPLED = 1000, 360
+"""Largest denominator of frames a second, and the lines of an example from which on not all of its
+pixels choose the colours of a palette."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +99,12 @@ def encode(
     """Write pictures (h, w, 3) as a film; examples of them choose the colours of a palette."""
     rate = Fraction(fps).limit_denominator(_RATES)
     unit = kind.unit or 1 / rate
-    palette = _palette(examples) if kind.palette else None
+    palette = None
+    if kind.palette:
+        # The 256 colours that serve examples best; with one palette none changes between frames.
+        step = -(-len(examples[0]) // _SAMPLED)
+        seen = Image.fromarray(np.concatenate([each[::step, ::step] for each in examples]))
+        palette = seen.quantize(256, method=Image.Quantize.FASTOCTREE)
     with av.open(str(path), "w", format=path.suffix[1:], options=kind.file_options) as film:
         stream: Any = film.add_stream(kind.codec, rate, options=kind.codec_options)
         stream.codec_context.time_base = unit
@@ -116,13 +119,6 @@ def encode(
                 stream.pix_fmt = kind.colours
             film.mux(stream.encode(frame))
         film.mux(stream.encode(None))
-
-
-def _palette(examples: Sequence[Pixels]) -> Image.Image:
-    """The 256 colours that serve examples best; with one palette none changes between frames."""
-    step = -(-examples[0].shape[0] // _SAMPLED)
-    shown = Image.fromarray(np.concatenate([each[::step, ::step] for each in examples]))
-    return shown.quantize(256, method=Image.Quantize.FASTOCTREE)
 
 
 def _frame(picture: Pixels, palette: Image.Image | None) -> Any:

@@ -6,6 +6,7 @@ A run enters; a matplotlib figure leaves, and a picture file where a path is giv
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from string import ascii_lowercase
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,29 +20,28 @@ from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.mapping import LineMap
 from lrf3d.robot import EstimatedTrajectory
 from lrf3d.run import Run
-from lrf3d.scene.structures import Sight
+from lrf3d.scene.stage.structures import Sight
 from lrf3d.sheet import FAINT, INK, MARGIN, add_legend, dressed, plain, save_figure, sheet
 from lrf3d.text import counted
 from lrf3d.world import World
 from lrf3d.world.plan import Plan
 
-AREA = 54.0
-"""Area of all panels together [square inches], whatever the shape of the world."""
+if TYPE_CHECKING:
+    from lrf3d.slam.checks import SelfCheck
+    from lrf3d.slam.closures import Refusal
+    from lrf3d.slam.key_scans import Key
 
-LEAST, MOST = 2.0, 12.0
-"""Sides of a panel [inches]."""
+AREA, LEAST, MOST, NARROWEST = 54.0, 2.0, 12.0, 6.0
+"""Area of all panels together [square inches], whatever the shape of the world; sides of a panel,
+and the least width of a figure, in which a headline is legible [inches]."""
 
 AROUND = np.array([0.9, 1.6])
 """Room around all panels, for labels, headline and legend [inches]."""
 
-HALF = np.array([-0.5, 0.5])
-"""The ends of an axis, from its middle, in its length."""
-
-WRONG = "#7a3fb0"
-"""Colour of Embree's answer where it is not the exact one."""
-
-NARROWEST = 6.0
-"""Least width of a figure, in which a headline is legible [inches]."""
+NEW, OLD, WRONG, NEAR = "#d6361f", "#2f6fb3", "#7a3fb0", 6.0
+"""Colours of what the worst stretch of a drive saw, of what other passes saw, and of refused
+closures and of Embree's answer where it is not the exact one; key scans of other passes up to this
+far from the stretch [m] are drawn."""
 
 
 def draw_world(
@@ -152,7 +152,11 @@ def draw_map(
     estimated = poses if estimate is None else estimate.poses
     stops = poses[np.isfinite(poses[:, 0])]
     # The truth frames the picture where it is known: images behind mirrors lie far outside.
-    known = [_ends(walls)] if len(walls) else [_ends(line_map.segments), _bulk(points)]
+    known = [_ends(walls)]
+    if not len(walls):
+        # All returns but the outermost half percent a side.
+        bulk = np.percentile(points, [0.5, 99.5], axis=0) if len(points) else points
+        known = [_ends(line_map.segments), bulk]
     words = [line_map.counts]
     words += [counted(len(stops), "scan")] if len(stops) else []
     words += [counted(len(points), "return")] if len(points) else []
@@ -243,6 +247,58 @@ def draw_crosscheck(
     return finished(figure, [ax], path)
 
 
+def draw_check(
+    keys: "Sequence[Key]",
+    poses: Float,
+    check: "SelfCheck",
+    refused: "Sequence[Refusal]",
+    title: str,
+    path: str | Path | None = None,
+) -> Figure:
+    """Draw the worst stretch of a drive, at poses (k, 3) of its key scans.
+
+    Raises:
+        OutputError: The picture cannot be written.
+    """
+    from lrf3d.slam.checks import LATER
+    from lrf3d.slam.surface import SURFACE, moved
+
+    first, last = check.worst_scans
+    scans = np.array([key.scan for key in keys])
+    inside = (scans >= first) & (scans <= last)
+    low, high = poses[inside, :2].min(axis=0) - NEAR, poses[inside, :2].max(axis=0) + NEAR
+    driven = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))])
+    begin, end = driven[inside].min() - LATER, driven[inside].max() + LATER
+    others = ((driven < begin) | (driven > end)) & (
+        (poses[:, :2] > low) & (poses[:, :2] < high)
+    ).all(axis=1)
+    seen_by = (inside, NEW, f"scans {first} to {last}"), (others, OLD, "scans of other passes")
+    share = f"{100.0 * check.worst_violation:.0f} % of what others saw is passed by beams"
+    words = f"scans {first} to {last}" + f": {share}" * bool(check.worst_violation)
+    figure, axes = metre_sheet([np.array([low, high])], 3, title, words)
+    for ax, shown in zip(axes, (seen_by[:1], seen_by[1:], seen_by[::-1]), strict=True):
+        for chosen, colour, name in shown:
+            rows = np.flatnonzero(chosen).tolist()
+            seen = [moved(keys[k].surface, poses[k]) for k in rows]
+            points = np.concatenate([np.empty(0, SURFACE), *seen])
+            ax.plot(
+                points["x"], points["y"], ".", markersize=1.5, color=colour, label=name, zorder=3
+            )
+        ax.plot(*poses[inside, :2].T, color=NEW, linewidth=0.8, zorder=4)
+    ends = [poses[[each.old, each.new], :2] for each in refused]
+    axes[2].add_collection(
+        LineCollection(ends, colors=WRONG, linewidths=0.9, label="refused closures", zorder=5)
+    )
+    for row, why in enumerate(dict.fromkeys(each.why for each in refused)):
+        pairs = [f"{scans[each.old]}:{scans[each.new]}" for each in refused if each.why == why]
+        words = f"{len(pairs)} refused, such as {pairs[0]}: {why}"
+        axes[2].text(
+            0.02, 0.97 - 0.05 * row, words, transform=axes[2].transAxes, va="top", color=WRONG,
+            fontsize=7,
+        )  # fmt: skip
+    return finished(figure, axes, path)
+
+
 def metre_sheet(
     places: Iterable[Float], panels: int, title: str = "", words: str = ""
 ) -> tuple[Figure, list[Axes]]:
@@ -260,8 +316,9 @@ def metre_sheet(
     figure = sheet(max(width, NARROWEST), height, title, words)
     axes = [dressed(figure.add_subplot(rows, columns, 1 + number)) for number in range(panels)]
     middle = 0.5 * (low + high)
+    x, y = np.transpose([middle - 0.5 * size, middle + 0.5 * size])
     for ax in axes:
-        ax.set(xlim=middle[0] + size[0] * HALF, ylim=middle[1] + size[1] * HALF)
+        ax.set(xlim=x, ylim=y)
         ax.set_aspect("equal", adjustable="box")
     return figure, axes
 
@@ -279,11 +336,6 @@ def _head(ax: Axes, title: str, counts: str = "") -> None:
 
 def _ends(segments: Float) -> Float:
     return segments.reshape(-1, 2)
-
-
-def _bulk(points: Float) -> Float:
-    """Corners of the box that holds all points (n, 2) but the outermost half percent a side."""
-    return np.percentile(points, [0.5, 99.5], axis=0) if len(points) else points
 
 
 def _reflections(run: Run) -> Float:

@@ -44,7 +44,7 @@ class Surfaces(NamedTuple):
 
 
 class LaserLight(NamedTuple):
-    """What the laser has lit by now: see :mod:`lrf3d.scene.exposure`."""
+    """What the laser has lit by now: see :mod:`lrf3d.scene.stage.exposure`."""
 
     times: Single
     """(h, w, 4) the picture of times."""

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lrf3d.errors import InputError, expect, shown
-from lrf3d.geometry import is_finite, read_only
+from lrf3d.geometry import is_finite, number, read_only, whole_number
 from lrf3d.render.gl import gl_available, import_libraries, require_gl
 from lrf3d.render.hud import gap_of, lay_frame, lay_label
 from lrf3d.run import Run
 from lrf3d.scene import panel
-from lrf3d.scene.cameras import make_camera
 from lrf3d.scene.moments import LAYERS, Goal, Scene
 from lrf3d.scene.shapes import Pixels
-from lrf3d.scene.stage import Stage
+from lrf3d.scene.stage.stage import Stage
+from lrf3d.scene.story import make_camera
 from lrf3d.scene.timeline import Timeline
 from lrf3d.world.cameras import check_view
 
@@ -34,11 +34,9 @@ _INSET, _WIDEST, _LEAST_SIDE = 0.25, 0.34, 30
 """Side of a square as large as the inset, in shorter sides of the picture; its largest width, in
 those of the picture, and the least side [pixels]."""
 
-_CARD_FROM = 0.9
-"""How far what was never seen has become glass when the card comes."""
-
-_SETTLED = 4.0
-"""Time after the end in which light still fades and colours climb [s of the film]."""
+_CARD_FROM, _SETTLED = 0.9, 4.0
+"""How far what was never seen has become glass when the card comes, and the time after the end in
+which light still fades and colours climb [s of the film]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,33 +65,26 @@ class FilmOptions:
         view = run.film.view if self.view is None else self.view
         playback = run.playback if self.playback is None else self.playback
         sides = self.size if isinstance(self.size, tuple | list) else ()
-        if len(sides) != 2 or not all(
-            is_finite(side) and side == int(side) and _SMALLEST <= side <= _LARGEST
-            for side in sides
-        ):
-            raise InputError(
-                f"size {shown(self.size)}: expected width and height,"
-                f" {_SMALLEST} to {_LARGEST} pixels each"
-            )
+        limits = {"least": _SMALLEST, "most": _LARGEST}
+        if len(sides) != 2:
+            raise InputError(f"size {shown(self.size)}: expected width and height [pixels]")
         if not isinstance(view, str):
             raise InputError(f"view {shown(view)}: expected the name of a camera")
         check_view(view, run.world.cameras)
         if not (is_finite(self.samples) and self.samples in (0, 4)):
             raise InputError(f"samples {shown(self.samples)}: expected 0 or 4")
-        if not (is_finite(playback) and playback > 0.0):
-            raise InputError(f"playback {shown(playback)}: expected a number of more than 0")
         if self.panel not in panel.PANELS:
-            raise InputError(
-                f"panel {shown(self.panel)}: expected one of {', '.join(panel.PANELS)}"
-            )
+            found = f"panel {shown(self.panel)}"
+            raise InputError(f"{found}: expected one of {', '.join(panel.PANELS)}")
         goal = None if self.goal is None else read_only(self.goal, "goal")
         if goal is not None and (goal.shape != (3,) or not is_finite(*goal)):
             raise InputError(f"goal {shown(self.goal)}: expected x, y and radius [m]")
+        width, height = (whole_number(side, "size", **limits) for side in sides)
         return replace(
             self,
-            size=(int(sides[0]), int(sides[1])),
+            size=(width, height),
             view=view,
-            playback=float(playback),
+            playback=number(playback, "playback", positive=True),
             renderer=choose_renderer(self.renderer),
             layers=frozenset(self.layers),
             goal=None if goal is None else tuple(goal.tolist()),
@@ -128,8 +119,7 @@ class Film:
         self.timeline = Timeline(run, playback=chosen.playback)
         self.scene = Scene(self.timeline, chosen.goal, stage)
         self.renderer = _renderer(chosen, self.scene.stage)
-        structures = self.scene.structures
-        self.camera = make_camera(str(chosen.view), self.timeline, structures)
+        self.camera = make_camera(str(chosen.view), self.timeline, self.scene.structures)
         self._size, self._layers = chosen.size, chosen.layers
         self._facts = panel.Facts(run, self.timeline.playback, chosen.panel)
         self._window = self.scene.plan_window()

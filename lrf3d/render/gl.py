@@ -22,8 +22,6 @@ DRIVER_LINE = f"{_INSTALL} libegl-mesa0 libgl1-mesa-dri"
 
 _INSTEAD = "or draw with the renderer embree, which needs none"
 
-_LIBRARIES = ("libEGL.so.1", "libGL.so.1")
-
 _DEVICE, _OPENGL = 0x313F, 0x30A2
 """EGL's numbers for displays that are devices, and for OpenGL."""
 
@@ -52,9 +50,11 @@ def _failure() -> str:
     if not sys.platform.startswith("linux"):
         found = ctypes.util.find_library("GL") is not None or sys.platform == "win32"
         return "" if found else "no OpenGL library on this machine"
-    if any(_cannot_load(library) for library in _LIBRARIES):
+    try:
+        egl, _ = map(ctypes.CDLL, ("libEGL.so.1", "libGL.so.1"))
+    except OSError:
         return f"no OpenGL library on this machine; install it: {INSTALL_LINE}"
-    if not _starts(ctypes.CDLL(_LIBRARIES[0])):
+    if not _starts(egl):
         return f"OpenGL is installed, but no driver of it starts; install one: {DRIVER_LINE}"
     return ""
 
@@ -112,8 +112,7 @@ def import_libraries() -> tuple[Any, Any]:
                 OpenGL.ERROR_CHECKING = False
             # pyrender imports its viewer, which opens a window on import unless headless is set.
             pyglet.options["headless"] = True
-            _accept_references()
-            _do_without_checks()
+            _adapt()
             import pyrender
             from OpenGL import GL
         except (ImportError, OSError, AttributeError) as error:
@@ -123,29 +122,17 @@ def import_libraries() -> tuple[Any, Any]:
     return GL, pyrender
 
 
-def _cannot_load(library: str) -> bool:
-    try:
-        ctypes.CDLL(library)
-    except OSError:
-        return True
-    return False
+def _adapt() -> None:
+    """Mend PyOpenGL 3.1.0, which pyrender pins.
 
-
-def _accept_references() -> None:
-    """Let PyOpenGL 3.1.0, which pyrender pins, take ``ctypes.byref`` from Python 3.12 on.
-
-    There the type is called otherwise than PyOpenGL looks for: "No array-type handler".
+    From Python 3.12 on the type of ``ctypes.byref`` is called otherwise than it looks for: "No
+    array-type handler". With its checks off, it forgets to name one of EGL's.
     """
     from OpenGL.plugins import FormatHandler
+    from OpenGL.raw.EGL import _errors
 
     for handler in FormatHandler.registry:
         if handler.name == "ctypesparameter" and "_ctypes.CArgObject" not in handler.check:
             handler.check.append("_ctypes.CArgObject")
-
-
-def _do_without_checks() -> None:
-    """Name what PyOpenGL 3.1.0 forgets to name for EGL when its checks are off."""
-    from OpenGL.raw.EGL import _errors
-
     if not hasattr(_errors, "_error_checker"):
         _errors._error_checker = None

@@ -1,45 +1,79 @@
-"""Sources of the shaders, for OpenGL and for the browser, with the constants of the look."""
+"""What shaders take, in OpenGL and in the browser: their sources, constants and vertices.
 
-from collections.abc import Mapping
+The arrays of a mark are its vertex attributes, in the order of the shader's locations.
+"""
+
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from lrf3d.geometry import Float, Single
 from lrf3d.scene import look
+from lrf3d.scene.look import Setting
+from lrf3d.scene.shapes import Faces, GroundPicture, Mark
 
 _SHADERS = Path(__file__).parent / "shaders"
 
-_CONSTANTS: dict[str, Any] = {
-    name: getattr(look, name)
-    for name in (
-        "CLIMB", "DAWN", "EMBER", "EMBER_SHARE", "EXPLORED", "FALL", "FRONT",
-        "GHOST", "GHOST_STRENGTH", "GROUND_SHARPNESS", "HAZE", "LEAST_FALL", "MAP_LIGHT",
-        "MAP_SHARE", "NIGHT_LOW", "PEEP", "POINT_HALO", "POINT_HALO_STRENGTH", "REFLECTED",
-        "ROOF_SHARE", "VEIL_SHARE", "ZENITH",
-    )
-}  # fmt: skip
+_CONSTANTS = (
+    "CLIMB", "DAWN", "EMBER", "EMBER_SHARE", "EXPLORED", "FALL", "FRONT", "GHOST_STRENGTH",
+    "GROUND_SHARPNESS", "HAZE", "LEAST_FALL", "MAP_LIGHT", "MAP_SHARE", "NIGHT_LOW", "PEEP",
+    "POINT_HALO", "POINT_HALO_STRENGTH", "REFLECTED", "ROOF_SHARE", "VEIL_SHARE", "ZENITH",
+)  # fmt: skip
 """Constants of the look that shaders know by their names."""
 
+LAND_REACH = 3000.0
+"""How far the ground goes past its picture [m]: to the horizon, in the colour of its edge."""
 
-def night(*, indoor: bool) -> dict[str, Any]:
-    """Constants of what is dark and what is lit, outdoors and in rooms."""
-    return {
-        "COOL": look.COOL_INDOOR if indoor else look.COOL,
-        "NIGHT_HIGH": look.NIGHT_HIGH_INDOOR if indoor else look.NIGHT_HIGH,
-    }
+GREY = np.array([0.3, 0.55, 0.15])
+"""Shares of the colours in how bright something is."""
 
 
-def shader_source(name: str, *, vertex: bool, constants: Mapping[str, Any]) -> str:
+def shader_source(name: str, setting: Setting, *, vertex: bool) -> str:
     """The source of a shader without its version: ``common.glsl``, then ``name.glsl``.
 
     What stands after colons in the name is defined in it, and ``VERTEX`` in the vertex shader.
     """
     file, *defined = name.split(":")
     lines = [f"#define {each}\n" for each in (["VERTEX"] * vertex + defined)]
-    for constant, value in {**_CONSTANTS, **constants}.items():
-        values = np.ravel(value).tolist()
-        kind = f"vec{len(values)}" if len(values) > 1 else type(values[0]).__name__
-        lines.append(f"const {kind} {constant} = {kind}({', '.join(map(repr, values))});\n")
+    values = {each: getattr(look, each) for each in _CONSTANTS}
+    for constant, value in {**values, "COOL": setting.cool, "NIGHT_HIGH": setting.night}.items():
+        parts = np.ravel(value).tolist()
+        kind = f"vec{len(parts)}" if len(parts) > 1 else "float"
+        lines.append(f"const {kind} {constant} = {kind}({', '.join(map(repr, parts))});\n")
     common, own = ((_SHADERS / f"{each}.glsl").read_text() for each in ("common", file))
     return "".join([*lines, common, "#line 1\n", own])
+
+
+def exposed(day: Any, on: Any, height: Any, setting: Setting) -> Float:
+    """Colours (…, 3) in the laser's light, long after it came, as ``common.glsl`` has them.
+
+    How lit they are (…), and how high they lie [m].
+    """
+    dark = look.NIGHT_LOW + (day @ GREY)[..., None] * np.subtract(setting.night, look.NIGHT_LOW)
+    share = on * np.maximum(1.0 - look.FALL * height, look.LEAST_FALL)
+    return np.asarray(dark + share[..., None] * (day * setting.cool - dark))
+
+
+def columns_of(mark: Mark | Faces) -> dict[str, NDArray[Any]]:
+    """The arrays of a mark by their names."""
+    return {name: each for name, each in mark._asdict().items() if isinstance(each, np.ndarray)}
+
+
+def ground_of(ground: GroundPicture, reach: float = LAND_REACH) -> Single:
+    """Corners (6, 2) of the ground, so far past its picture [m]."""
+    return _rectangle(ground.corner - reach, ground.corner + ground.size + reach)
+
+
+def mesh(columns: int, rows: int) -> Single:
+    """Corners (6 · columns · rows, 2) of the triangles of a mesh over −1…1."""
+    first = np.indices((columns, rows)).reshape(2, -1).T
+    places = (first[:, None] + _rectangle([0.0, 0.0], [1.0, 1.0])) / [columns, rows]
+    return np.asarray((2.0 * places - 1.0).reshape(-1, 2), np.float32)
+
+
+def _rectangle(low: Any, high: Any) -> Single:
+    """Corners (6, 2) of two triangles."""
+    (x, y), (u, v) = low, high
+    return np.array([[x, y], [u, y], [u, v], [x, y], [u, v], [x, v]], np.float32)

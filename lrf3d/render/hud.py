@@ -3,29 +3,21 @@
 from functools import cache, lru_cache
 from importlib.util import find_spec
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from lrf3d.geometry import Int, Single
 from lrf3d.scene.moments import Window
-from lrf3d.scene.shapes import Label, Pixels, single
+from lrf3d.scene.shapes import Label, Pixels
 
-_LINE, _LESSER = 1.36, 0.8
-"""Height of a line in letters, and the size of all lines but the first."""
+_LINE, _LESSER, _GAP = 1.36, 0.8, 16
+"""Height of a line in letters, the size of all lines but the first, and the free border round text
+and the inset [pixels of 720 lines]."""
 
-_GAP = 16
-"""Free border round text and the inset [pixels of 720 lines]."""
-
-_LEAST_SCALE, _LEAST_LETTER = 0.47, 6.5
-"""Text is at least this number of times its size at 720 lines; smaller letters [pixels] are left
-out.
-"""
-
-_MOST_COVERED = 0.5
-"""Text that would cover more of the height of a picture is left out."""
+_LEAST_SCALE, _LEAST_LETTER, _MOST_COVERED = 0.47, 6.5, 0.5
+"""Text is at least this number of times its size at 720 lines; text of smaller letters [pixels], or
+that would cover more of the height of a picture, is left out."""
 
 _DARKEST, _SHADED = 0.62, 1.6
 """How much the picture is darkened in the corner under text, and how far, in the text's size."""
@@ -54,30 +46,14 @@ def _font(size: int) -> ImageFont.FreeTypeFont:
     return ImageFont.truetype(folder / "DejaVuSans.ttf", size)
 
 
-class Words(NamedTuple):
-    """A line of text: its width [pixels], the pixels (n,) that letters cover, and how much."""
+@lru_cache(maxsize=16)
+def _label(label: Label, size: tuple[int, int]) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
+    """Text on a soft gradient, in the lower left corner of a picture of a size [pixels].
 
-    width: int
-    places: tuple[Int, ...]
-    cover: Single
-    """(n, 1) share of each that is covered, 0…1."""
-
-
-@lru_cache(maxsize=64)
-def _words(text: str, size: int) -> Words:
-    font = _font(size)
-    picture = Image.new("L", (int(font.getlength(text)) + 1, round(_LINE * size)))
-    ImageDraw.Draw(picture).text((0, 0), text, font=font, fill=255)
-    pixels = np.asarray(picture)
-    # Most pixels of a line are free: blending all of them takes five times as long.
-    places = np.nonzero(pixels)
-    return Words(picture.width, places, single(pixels[places][:, None] / 255.0))
-
-
-def lay_label(picture: Pixels, label: Label) -> None:
-    """Lay text over the lower left corner of a picture, on a soft gradient."""
-    size, gap = (picture.shape[1], picture.shape[0]), gap_of(picture.shape[1::-1])
-    left, letters = round(1.4 * gap), [scale_of(size) * label.size]
+    What is left of the picture under it (h, w, 1), of 256, and what is added (h, w, 3).
+    """
+    gap, letters = gap_of(size), [scale_of(size) * label.size]
+    left = round(1.4 * gap)
     letters += [_LESSER * letters[0]] * (len(label.text) - 1)
     wide = max(
         _font(100).getlength(line) * high / 100
@@ -87,22 +63,30 @@ def lay_label(picture: Pixels, label: Label) -> None:
     heights = [int(fits * high) for high in letters]
     high = sum(round(_LINE * each) for each in heights)
     if min(heights) < _LEAST_LETTER or high > _MOST_COVERED * size[1]:
-        return
-    shading = _shading(round(_SHADED * fits * wide), round(_SHADED * high) + gap)
-    part = picture[-len(shading) :, : shading.shape[1], :3]
-    part[:] = (part * shading[-len(part) :, : part.shape[1]]) >> 8
-    top = size[1] - round(1.2 * gap) - high
+        return np.zeros((0, 0, 1), np.uint16), np.zeros((0, 0, 3), np.uint16)
+    shape = round(_SHADED * fits * wide), round(_SHADED * high) + gap
+    x, y = (np.arange(side) / side for side in shape)
+    shade = _DARKEST * np.outer(y * y * (3.0 - 2.0 * y), (1.0 - x) ** 2 * (1.0 + 2.0 * x))
+    kept = 256.0 * (1.0 - shade[..., None])
+    picture, cover = Image.new("RGB", shape), Image.new("L", shape)
+    place = left, shape[1] - round(1.2 * gap) - high
     for line, colour, each in zip(label.text, label.colours, heights, strict=True):
-        _write(picture, line, each, (left, top), colour)
-        top += round(_LINE * each)
+        for layer, fill in ((picture, colour), (cover, 255)):
+            ImageDraw.Draw(layer).text(place, line, font=_font(each), fill=fill)
+        place = place[0], place[1] + round(_LINE * each)
+    covered = np.asarray(cover)[..., None] / 255.0
+    return (
+        (kept * (1.0 - covered)).astype(np.uint16)[-size[1] :, : size[0]],
+        np.asarray(picture, np.uint16)[-size[1] :, : size[0]],
+    )
 
 
-@lru_cache(maxsize=8)
-def _shading(wide: int, high: int) -> NDArray[np.uint16]:
-    """What is left of the light (high, wide, 1) under text, of 256."""
-    x, y = 1.0 - np.arange(wide) / wide, np.arange(high) / high
-    dark = _DARKEST * np.outer(y * y * (3.0 - 2.0 * y), x * x * (3.0 - 2.0 * x))
-    return np.round(256.0 * (1.0 - dark)).astype(np.uint16)[..., None]
+def lay_label(picture: Pixels, label: Label) -> None:
+    """Lay text over the lower left corner of a picture, on a soft gradient."""
+    kept, added = _label(label, picture.shape[1::-1])
+    if len(kept):
+        part = picture[-len(kept) :, : kept.shape[1], :3]
+        part[:] = ((part * kept) >> 8) + added
 
 
 def lay_frame(picture: Pixels, box: tuple[int, int, int, int], window: Window) -> None:
@@ -113,19 +97,12 @@ def lay_frame(picture: Pixels, box: tuple[int, int, int, int], window: Window) -
     part = picture[top : top + high, left : left + wide, :3]
     part[:rim] = part[-rim:] = part[:, :rim] = part[:, -rim:] = _RIM
     # Under the inset, so that it hides nothing of the map.
-    letters = max(round(_SCALE_LETTER * scale), 9)
+    letters, words = max(round(_SCALE_LETTER * scale), 9), f"{window.bar:g} m"
     below, length = top + high + pad // 2, round(window.bar / window.width * wide)
-    right, words = left + wide, f"{window.bar:g} m"
-    picture[below : below + 2 * rim, right - length : right, :3] = _BAR
-    place = right - length - _words(words, letters).width - pad // 2, below - round(0.6 * letters)
-    _write(picture, words, letters, place, _BAR)
-
-
-def _write(
-    part: Pixels, text: str, letters: int, place: tuple[int, int], colour: tuple[int, int, int]
-) -> None:
-    """Write a line of text into a part of a picture, from a place to the right and down."""
-    words = _words(text, letters)
-    part = part[place[1] :, place[0] :, :3]
-    under = part[words.places]
-    part[words.places] = under + words.cover * (np.array(colour, np.float32) - under)
+    end = left + wide - length
+    picture[below : below + 2 * rim, end : left + wide, :3] = _BAR
+    under = picture[below - letters : below + letters, left:end, :3]
+    text = Image.fromarray(np.ascontiguousarray(under))
+    place = text.width - pad // 2, letters + rim
+    ImageDraw.Draw(text).text(place, words, font=_font(letters), fill=_BAR, anchor="rm")
+    under[:] = np.asarray(text)

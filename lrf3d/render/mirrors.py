@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.geometry import Float, Single
+from lrf3d.geometry import LEFT, Float, Single
 from lrf3d.scene.shapes import Lens, Seen, single
 
 _NEARER = 0.03
@@ -22,7 +22,9 @@ class Reflection(NamedTuple):
     lens: Lens
     """From the mirrored eye."""
     uniforms: dict[str, tuple[float, ...]]
-    """The mirror, for shaders."""
+    """The mirror, for shaders: an end and its direction, its length, height and distance [m]."""
+    turn: Float
+    """(4, 4) the matrix that mirrors places."""
     seal: Single
     """(2, 3, 3) the triangles that close it."""
 
@@ -34,7 +36,7 @@ def reflections(seen: Seen, mirrors: Float) -> Iterator[Reflection]:
         top, start, along = min(high, seen.cut), np.array([x1, y1]), np.array([x2 - x1, y2 - y1])
         length = float(np.hypot(*along))
         along /= length
-        normal = np.array([-along[1], along[0]])
+        normal = along @ LEFT
         off = float(normal @ (lens.eye[:2] - start))
         foot = start + np.sign(off) * _NEARER * normal
         ends = np.array([foot, foot + length * along])[[0, 1, 1, 0, 1, 0]]
@@ -46,10 +48,8 @@ def reflections(seen: Seen, mirrors: Float) -> Iterator[Reflection]:
         turn = np.eye(4)
         turn[:2, :2] -= 2.0 * np.outer(normal, normal)
         turn[:2, 3] = 2.0 * normal * (normal @ start)
-        eye = lens.eye - 2.0 * off * np.array([*normal, 0.0])
-        uniforms = {
-            "mirror": (x1, y1, *along.tolist()),
-            "mirror_size": (length, top, off),
-        }
-        seal = single(corners.reshape(2, 3, 3))
-        yield Reflection(lens._replace(matrix=lens.matrix @ turn, eye=eye), uniforms, seal)
+        lens_behind = lens._replace(
+            matrix=lens.matrix @ turn, eye=lens.eye - 2.0 * off * np.array([*normal, 0.0])
+        )
+        uniforms = {"mirror": (x1, y1, *along.tolist()), "mirror_size": (length, top, off)}
+        yield Reflection(lens_behind, uniforms, turn, single(corners.reshape(2, 3, 3)))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lrf3d.casting.triangle_rays import TriangleRays
-from lrf3d.geometry import Float, Single
+from lrf3d.geometry import LEFT, Float, Single
 from lrf3d.render.fill import (
     LaserLight,
     Surfaces,
@@ -20,24 +20,17 @@ from lrf3d.render.fill import (
     number_nearest,
     shade,
 )
-from lrf3d.render.glsl import night
 from lrf3d.render.mirrors import Reflection, reflections
 from lrf3d.scene import look
 from lrf3d.scene.shapes import Body, Lens, Lines, Mark, Pixels, Points, Seen, Soft, Tints, single
-from lrf3d.scene.stage import Stage
+from lrf3d.scene.stage.stage import Stage
 
-_LIFTED = 0.02
-"""How much nearer to the eye translucent faces are than what they lie on [m]."""
-
-_NEAR = 0.2
-"""Depth [m] before which lines are cut and other marks are left out."""
-
+_LIFTED, _NEAR, _AT_MIRROR = 0.02, 0.2, 0.03
+"""How much nearer to the eye translucent faces are than what they lie on, the depth before which
+lines are cut and other marks are left out, and how far from a mirror what rays meet is it [m]."""
 
 _MOST_LAYERS = 6
 """Most walls that a ray passes where these are open or glass."""
-
-_AT_MIRROR = 0.03
-"""How far from a mirror what rays meet is the mirror [m]."""
 
 
 class _Canvas(NamedTuple):
@@ -57,15 +50,14 @@ class PlainRenderer:
         self._corners = single(quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3, 9))
         self._cut = np.inf
         self._rays = TriangleRays(single(self._corners[..., :3]))
-        indoor, ground = stage.structures.indoor, stage.ground
-        tones = night(indoor=indoor)
+        setting, ground = stage.structures.setting, stage.ground
         self._surfaces = Surfaces(
             self._corners,
-            *_texels(_halved(ground.picture)),
+            *_texels(ground.picture),
             np.array([*ground.corner, *ground.size, *ground.land]),
-            np.array([look.HAZE, look.ZENITH, tones["NIGHT_HIGH"], tones["COOL"]]),
+            np.array([look.HAZE, look.ZENITH, setting.night, setting.cool]),
         )
-        times, self._mirrors = stage.exposure.times, stage.mirrors
+        times, self._mirrors = stage.exposure.texels, stage.mirrors
         area, clock = np.array(stage.exposure.area), np.zeros(2)
         self._laser = LaserLight(times, np.zeros_like(times), area, clock)
         self._tinted: Tints | None = None
@@ -109,12 +101,14 @@ class PlainRenderer:
         if tints is not None:
             # Their lines are of a width in cells, whatever the size of the picture.
             lines = tints.lines._replace(width=tints.lines.width / self._scale)
-            white = lines._replace(colours=np.ones_like(lines.colours))
-            for part, each in ((slice(0, 3), lines), (slice(3, 4), white)):
-                canvas = _Canvas(np.zeros((*found.shape[:2], 3), np.float32), found[..., 3].copy())
-                canvas.near[:] = 0.0
-                self._draw_lines(canvas, tints.lens, each)
-                found[..., part] = canvas.colours[..., : part.stop - part.start]
+            shape = found.shape[:2]
+            canvas, cover = (
+                _Canvas(np.zeros((*shape, 3), np.float32), np.zeros(shape, np.float32))
+                for _ in "ab"
+            )
+            self._draw_lines(canvas, tints.lens, lines)
+            self._draw_lines(cover, tints.lens, lines._replace(colours=lines.colours * 0.0 + 1.0))
+            found = np.dstack([canvas.colours, cover.colours[..., :1]])
         self._laser = self._laser._replace(tints=found)
 
     def _look(self, seen: Seen, lens: Lens, ways: Single, starts: Single | None) -> _Canvas:
@@ -156,7 +150,7 @@ class PlainRenderer:
             hits = self._rays.first(starts, ways[rest])
             behind, near, lit = shade(ways[rest], hits, fixed, self._surfaces, self._laser)
             # What was met shines through as much as it is solid, what lies behind as the rest.
-            ghost = colours + seen.glass * (np.array(look.GHOST, np.float32) - colours)
+            ghost = colours + seen.glass * (np.array(look.HAZE, np.float32) - colours)
             shown = solid * ghost + (1.0 - solid) * behind
             found[rest] += left[rest, None] * (shown - colours)
             left[rest] *= 1.0 - solid[:, 0]
@@ -164,19 +158,15 @@ class PlainRenderer:
 
     def _reflect(self, seen: Seen, reflection: Reflection, canvas: _Canvas, ways: Single) -> None:
         """Replace what a mirror covers by what it shows."""
-        start, far = reflection.seal[0, 0].astype(float), reflection.seal[0, 2].astype(float)
-        along = (far - start)[:2]
-        length = float(np.hypot(*along))
-        along /= length
-        normal = np.array([-along[1], along[0]])
+        x, y, *along = reflection.uniforms["mirror"]
+        length, *_ = reflection.uniforms["mirror_size"]
         near = canvas.near.ravel()
-        places = seen.lens.eye + ways / np.maximum(near, 1e-9)[:, None] - start
-        off, there = np.abs(places[:, :2] @ normal), places[:, :2] @ along
-        mirrored = (off < _AT_MIRROR) & (there >= 0.0) & (there <= length) & (near > 0.0)
+        places = seen.lens.eye + ways / np.maximum(near, 1e-9)[:, None]
+        there, off = ((places[:, :2] - [x, y]) @ np.column_stack([along, along @ LEFT])).T
+        mirrored = (np.abs(off) < _AT_MIRROR) & (there >= 0.0) & (there <= length) & (near > 0.0)
         chosen = np.flatnonzero(mirrored)
-        turned = ways[chosen].copy()
-        turned[:, :2] -= 2.0 * (turned[:, :2] @ normal)[:, None] * normal
-        starts = single(places[chosen] + start + _AT_MIRROR * turned)
+        turned = single(ways[chosen] @ reflection.turn[:3, :3])
+        starts = single(places[chosen] + _AT_MIRROR * turned)
         shown = self._look(seen._replace(robot=None), reflection.lens, turned, starts)
         whole = _Canvas(np.zeros_like(canvas.colours), np.full_like(canvas.near, 1e9))
         whole.colours.reshape(-1, 3)[chosen] = shown.colours.reshape(-1, 3)
@@ -251,21 +241,15 @@ class PlainRenderer:
         ends = np.where((depths < _NEAR)[..., None], cut, ends)
         drawn = [_projected(end, lens, lens.nearer, canvas) for end in ends]
         way = (drawn[1][0] - drawn[0][0])[:, :2]
-        across = np.column_stack([-way[:, 1], way[:, 0]])
+        across = way @ LEFT
         across /= np.maximum(np.hypot(*way.T), 1e-9)[:, None]
         wide, thick = max(lines.width * self._scale, 1.0), lines.thick * lens.focus
-        corners = [
-            np.column_stack(
-                [
-                    place[:, :2] + 0.5 * side * np.maximum(wide, thick / place[:, 2:]) * across,
-                    near,
-                    lines.colours,
-                    opacity,
-                ]
-            )
-            for (place, near), opacity in zip(drawn, lines.opacities.T, strict=True)
-            for side in (1.0, -1.0)
-        ]
+        corners = []
+        for (place, near), opacity in zip(drawn, lines.opacities.T, strict=True):
+            half = 0.5 * np.maximum(wide, thick / place[:, 2:]) * across
+            for side in (half, -half):
+                row = place[:, :2] + side, near, lines.colours, opacity
+                corners.append(np.column_stack(row))
         triangles = np.stack([corners[k] for k in (0, 1, 3, 0, 3, 2)], axis=1).reshape(-1, 3, 7)
         shown = np.repeat(depths.max(axis=0) > _NEAR, 2)
         fill_triangles(triangles[shown], False, canvas.colours, canvas.near)
@@ -320,17 +304,16 @@ def _projected(places: Any, lens: Lens, nearer: float, canvas: _Canvas) -> tuple
     return clip, 1.0 / np.maximum(depth, 1e-3)
 
 
-def _halved(picture: Pixels) -> tuple[Pixels, ...]:
-    """A picture and copies of it, each half as wide and high as the one before."""
+def _texels(picture: Pixels) -> tuple[Pixels, NDArray[np.int64]]:
+    """All texels of a picture and of copies of it, each half as wide and high as the one before.
+
+    Returns also the start, width and height (n, 3) of each of these levels.
+    """
     levels = [picture]
     while min(levels[-1].shape[:2]) > 2:
         levels.append(np.asarray(Image.fromarray(levels[-1]).reduce(2)))
-    return tuple(levels)
-
-
-def _texels(levels: tuple[Pixels, ...]) -> tuple[Pixels, NDArray[np.int64]]:
-    """All texels of levels one after the other, and start, width and height (n, 3) of each."""
-    sizes = np.array([level.size for level in levels])
-    sides = np.array([level.shape[-2:-4:-1] for level in levels])
-    table = np.column_stack([np.cumsum(sizes) - sizes, sides])
-    return np.concatenate([level.ravel() for level in levels]), table
+    ends = np.cumsum([level.size for level in levels])
+    table = [
+        (end - level.size, *level.shape[1::-1]) for end, level in zip(ends, levels, strict=True)
+    ]
+    return np.concatenate([level.ravel() for level in levels]), np.array(table)

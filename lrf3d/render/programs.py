@@ -11,6 +11,7 @@ import numpy as np
 from lrf3d.geometry import Single
 from lrf3d.render.buffers import GL, rewrite
 from lrf3d.render.glsl import shader_source
+from lrf3d.scene.look import Setting
 from lrf3d.scene.shapes import Lens
 
 Uniform = float | int | np.ndarray[Any, Any] | tuple[float, ...]
@@ -21,14 +22,14 @@ class ShaderProgram:
 
     Args:
         name: The file ``name.glsl`` and what is defined in it: see :func:`shader_source`.
-        constants: Values that shaders know by name, besides those of the look.
+        setting: How streets or rooms look.
     """
 
-    def __init__(self, name: str, constants: Mapping[str, Any]) -> None:
+    def __init__(self, name: str, setting: Setting) -> None:
         self.name = name
         self._id = GL.glCreateProgram()
         kinds = (GL.GL_VERTEX_SHADER, GL.GL_FRAGMENT_SHADER)
-        shaders = [_compile(name, kind, constants) for kind in kinds]
+        shaders = [_compile(name, kind, setting) for kind in kinds]
         for shader in shaders:
             GL.glAttachShader(self._id, shader)
         GL.glLinkProgram(self._id)
@@ -37,7 +38,11 @@ class ShaderProgram:
             raise RuntimeError(f"shader {name} does not link: {log!r}")
         for shader in shaders:
             GL.glDeleteShader(shader)
-        self._places = _uniforms(self._id)
+        count = GL.glGetProgramiv(self._id, GL.GL_ACTIVE_UNIFORMS)
+        names = [GL.glGetActiveUniform(self._id, number)[0].decode() for number in range(count)]
+        places = {each: GL.glGetUniformLocation(self._id, each) for each in names}
+        # The picture is on the unit that is read where nothing is said.
+        self._places = {each: at for each, at in places.items() if at >= 0 and each != "picture"}
         block = GL.glGetUniformBlockIndex(self._id, b"Camera")
         if block != GL.GL_INVALID_INDEX:
             GL.glUniformBlockBinding(self._id, block, CameraBlock.PLACE)
@@ -61,31 +66,14 @@ class ShaderProgram:
         GL.glDeleteProgram(self._id)
 
 
-def _uniforms(program: int) -> dict[str, int]:
-    """The names of a program's own uniforms but its picture, and their places.
-
-    Its pictures of times and of the map have units of their own.
-    """
-    count = GL.glGetProgramiv(program, GL.GL_ACTIVE_UNIFORMS)
-    names = [GL.glGetActiveUniform(program, number)[0] for number in range(count)]
-    places = {name.decode(): GL.glGetUniformLocation(program, name.decode()) for name in names}
-    places.pop("picture", None)
-    return {name: place for name, place in places.items() if place >= 0}
-
-
 def _set(place: int, value: Uniform) -> None:
     if isinstance(value, int):
         GL.glUniform1i(place, value)
-    elif isinstance(value, float):
-        GL.glUniform1f(place, value)
     elif isinstance(value, np.ndarray) and value.ndim == 2:
         GL.glUniformMatrix4fv(place, 1, GL.GL_TRUE, np.ascontiguousarray(value, np.float32))
-    elif len(value) == 2:
-        GL.glUniform2f(place, value[0], value[1])
-    elif len(value) == 3:
-        GL.glUniform3f(place, value[0], value[1], value[2])
     else:
-        GL.glUniform4f(place, value[0], value[1], value[2], value[3])
+        numbers = np.ravel(value).tolist()
+        getattr(GL, f"glUniform{len(numbers)}f")(place, *numbers)
 
 
 class CameraBlock:
@@ -114,8 +102,8 @@ class CameraBlock:
         GL.glDeleteBuffers(1, [self._buffer])
 
 
-def _compile(name: str, kind: int, constants: Mapping[str, Any]) -> int:
-    source = shader_source(name, vertex=kind == GL.GL_VERTEX_SHADER, constants=constants)
+def _compile(name: str, kind: int, setting: Setting) -> int:
+    source = shader_source(name, setting, vertex=kind == GL.GL_VERTEX_SHADER)
     shader: int = GL.glCreateShader(kind)
     GL.glShaderSource(shader, f"#version 330 core\n{source}")
     GL.glCompileShader(shader)

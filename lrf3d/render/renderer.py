@@ -8,17 +8,16 @@ import ctypes
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from lrf3d.geometry import Single
-from lrf3d.render.buffers import GL, Buffer, Texture, TimeTexture, TintTexture, make_current
-from lrf3d.render.glsl import night
+from lrf3d.geometry import Float, Int, Single, quad_indices
+from lrf3d.render.buffers import GL, Buffer, Texture, make_current
+from lrf3d.render.glsl import columns_of, ground_of, mesh
 from lrf3d.render.mirrors import Reflection, reflections
-from lrf3d.render.packing import columns_of, ground_of, mesh, walls_of
-from lrf3d.render.parts import Parts
 from lrf3d.render.programs import CameraBlock, ShaderProgram
 from lrf3d.scene import look
-from lrf3d.scene.shapes import Lens, Lines, Mark, Pixels, Plan, Points, Seen, Tints
-from lrf3d.scene.stage import Stage
+from lrf3d.scene.shapes import Lens, Lines, Mark, Painted, Pixels, Plan, Points, Seen, Tints
+from lrf3d.scene.stage.stage import Stage
 
 
 class Renderer:
@@ -33,7 +32,7 @@ class Renderer:
     def __init__(self, stage: Stage, size: tuple[int, int], samples: int) -> None:
         make_current()
         self._size = size
-        indoor = stage.structures.indoor
+        self._setting = stage.structures.setting
         self._buffers: dict[str, Buffer] = {}
         # With samples there is a second pair of targets, whose depth a shader can read.
         self._frame, self._targets = _framebuffer(size, 0)
@@ -43,25 +42,32 @@ class Renderer:
             self._sampled, self._samples_taken = _framebuffer(size, samples)
             corners = np.array([[-1.0, -1.0], [3.0, -1.0], [-1.0, 3.0]], np.float32)
             self._resolving = self._filled("resolve", corners)
-        self._constants = night(indoor=indoor)
         self._programs: dict[str, ShaderProgram] = {}
         self._picture: Pixels = np.zeros((size[1], size[0], 4), np.uint8)
         self._scale = max(min(size) / 720.0, look.LEAST_SCALE)
         self._camera = CameraBlock()
-        self._parts = Parts(stage.faces)
+        self._parts = _Parts(stage.faces)
         self._chosen = np.zeros(0, np.int64)
-        self._walls = self._filled("walls", *walls_of(stage.faces))
+        self._walls = self._filled("walls", *stage.faces[:3])
         ground = stage.ground
         self._ground = self._filled("ground", ground_of(ground))
         self._area = (*ground.corner.tolist(), *(1.0 / ground.size).tolist())
         self._sky = self._filled("sky", mesh(10, 10))
-        self._pavement = Texture(ground.picture)
+        self._pavement = Texture(0, ground.picture)
         exposure, self._mirrors = stage.exposure, stage.mirrors
-        self._times, self._tints = TimeTexture(exposure.times), TintTexture(exposure.times)
+        self._times, self._tints = (
+            Texture(unit, texels)
+            for unit, texels in ((2, exposure.texels), (3, np.zeros_like(exposure.texels)))
+        )
+        # The colours of the map on the same cells are drawn.
+        self._tinting = GL.glGenFramebuffers(1)
+        GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._tinting)
+        place, kind = GL.GL_COLOR_ATTACHMENT0, GL.GL_TEXTURE_2D
+        GL.glFramebufferTexture2D(GL.GL_FRAMEBUFFER, place, kind, self._tints.id, 0)
         self._tinted: Tints | None = None
         # What shaders that know of the laser's light read it with.
         self._light: dict[str, Any] = {
-            "grid": exposure.area, "times": TimeTexture.UNIT, "tints": TintTexture.UNIT,
+            "grid": exposure.area, "times": self._times.unit, "tints": self._tints.unit,
         }  # fmt: skip
 
     def draw(self, seen: Seen) -> Pixels:
@@ -98,7 +104,7 @@ class Renderer:
         for texture in (self._pavement, self._times, self._tints):
             texture.delete()
         self._camera.delete()
-        frames = [each for each in (self._frame, self._sampled) if each is not None]
+        frames = [each for each in (self._frame, self._tinting, self._sampled) if each is not None]
         GL.glDeleteFramebuffers(len(frames), frames)
         GL.glDeleteRenderbuffers(len(self._targets), self._targets)
         if self._samples_taken:
@@ -146,7 +152,7 @@ class Renderer:
             (GL.glEnable if on else GL.glDisable)(what)
         GL.glDepthMask(solid)
         if program not in self._programs:
-            self._programs[program] = ShaderProgram(program, self._constants)
+            self._programs[program] = ShaderProgram(program, self._setting)
         self._programs[program].use(uniforms)
         buffer.draw()
 
@@ -155,7 +161,10 @@ class Renderer:
         if tints is self._tinted:
             return
         self._tinted = tints
-        self._tints.begin()
+        GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._tinting)
+        GL.glViewport(0, 0, *self._tints.size)
+        GL.glClearColor(0.0, 0.0, 0.0, 0.0)
+        GL.glClear(GL.GL_COLOR_BUFFER_BIT)
         if tints is not None:
             GL.glDisable(GL.GL_DEPTH_TEST)
             GL.glDisable(GL.GL_SCISSOR_TEST)
@@ -266,6 +275,43 @@ class Renderer:
         place = ctypes.c_void_p(self._picture.ctypes.data)
         GL.glReadPixels(0, 0, *self._size, GL.GL_RGBA, GL.GL_UNSIGNED_BYTE, place)
         return self._picture
+
+
+class _Parts:
+    """The quads of walls and roofs by their objects, of which near ones are drawn first.
+
+    Farther pixels then fail their depth test and are not painted.
+    """
+
+    def __init__(self, faces: Painted) -> None:
+        owners, self.count = faces.objects, int(faces.objects.max(initial=-1)) + 1
+        order = np.argsort(owners, kind="stable")
+        self._quads = quad_indices(len(owners)).reshape(-1, 6)[order]
+        self._sizes = np.bincount(owners, minlength=self.count)
+        self._starts = np.cumsum(self._sizes) - self._sizes
+        self._low, self._high = np.full((self.count, 3), np.inf), np.full((self.count, 3), -np.inf)
+        np.minimum.at(self._low, owners, faces.places.min(axis=1))
+        np.maximum.at(self._high, owners, faces.places.max(axis=1))
+
+    def seen(self, matrix: Float, eye: Float) -> Int:
+        """Parts that a picture of a matrix (4, 4) from an eye (3,) may show, near ones first."""
+        inside = self._sizes > 0
+        x, y, _, w = matrix
+        for plane in (w, w + x, w - x, w + y, w - y):
+            # The corner that lies farthest on the inner side of the plane.
+            corner = np.where(plane[:3] > 0.0, self._high, self._low)[inside]
+            inside[inside] = corner @ plane[:3] + plane[3] > 0.0
+        parts = np.flatnonzero(inside)
+        gap = np.maximum(self._low[parts, :2] - eye[:2], eye[:2] - self._high[parts, :2])
+        gap = np.maximum(gap, 0.0)
+        return parts[np.argsort(np.hypot(gap[:, 0], gap[:, 1]), kind="stable")]
+
+    def choose(self, parts: Int) -> NDArray[np.uint32]:
+        """Vertices of parts in their order."""
+        sizes = self._sizes[parts]
+        before = np.cumsum(sizes) - sizes
+        chosen = np.repeat(self._starts[parts] - before, sizes) + np.arange(int(sizes.sum()))
+        return self._quads[chosen].ravel()
 
 
 _ATTACHMENTS = (

@@ -24,14 +24,12 @@ PANELS = (
 SHARES = ("length_f1", "segment_f1", "object_purity")
 """Measures up to 1, which have one scale in all figures unless one is below 0."""
 
-STYLES = ("-", "--", ":", "-.")
-"""Styles of lines for the choices of what else is varied; the mapper has the colour."""
+STYLES, WIDE_RATIO = ("-", "--", ":", "-."), 8.0
+"""Styles of lines for the choices of what else is varied, as the mapper has the colour; and the
+ratio of values from which on their axis is logarithmic."""
 
 COLUMNS, WIDE, TALL = 3, 3.6, 3.0
 """Panels of a row, and the room of each [inches]."""
-
-WIDE_RATIO = 8.0
-"""Values whose ratio is larger have a logarithmic axis."""
 
 
 def draw_sweep(

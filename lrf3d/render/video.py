@@ -1,6 +1,5 @@
 """Films and pictures of a run: drawn with OpenGL or with Embree, by as many processes as asked."""
 
-import math
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
 from dataclasses import asdict
@@ -14,14 +13,14 @@ from PIL import Image
 
 from lrf3d.errors import InputError, expect, shown
 from lrf3d.files import as_path, replacing, unfinished_folder
-from lrf3d.geometry import Float, is_finite, whole_number
+from lrf3d.geometry import Float, is_finite, number, whole_number
 from lrf3d.interrupts import Progress, silent, stoppable
 from lrf3d.render.film import Film, FilmOptions
 from lrf3d.render.workers import Job, draw
 from lrf3d.run import Run
-from lrf3d.scene.cameras import margins
 from lrf3d.scene.shapes import Pixels
-from lrf3d.scene.stage import stage_of
+from lrf3d.scene.stage.stage import stage_of
+from lrf3d.scene.story import margins
 from lrf3d.scene.timeline import Timeline
 
 _SLACK = 1e-6
@@ -77,8 +76,7 @@ def render_video(
 
     expect(progress, Callable, "progress")
     path, chosen = as_path(path), FilmOptions(**options).of(run)
-    if not (is_finite(fps) and fps > 0.0):
-        raise InputError(f"fps {shown(fps)}: expected a number of more than 0")
+    fps = number(fps, "fps", positive=True)
     if workers is not None:
         workers = whole_number(workers, "workers")
     kind, times = format_of(path, chosen.size, fps), _frame_times(run, chosen, fps, part)
@@ -87,19 +85,18 @@ def render_video(
     # Worked out here once, it goes with the run to all that draw.
     _ = run.lasting_objects
     job = Job(run, np.concatenate([times[examples], times]), chosen, stage_of(run))
+
+    def counted(pictures: Iterable[Pixels]) -> Iterator[Pixels]:
+        for done, picture in enumerate(pictures, 1):
+            yield picture
+            progress(done, total)
+
     with replacing(path) as unfinished, unfinished_folder(path) as folder:
         # A folder that cannot be written to is better known before the film is drawn.
         unfinished.touch()
         with closing(draw(job, folder, workers)) as pictures:
             first = list(islice(pictures, len(examples)))
-            encode(_counted(pictures, total, progress), unfinished, kind, fps=fps, examples=first)
-
-
-def _counted(pictures: Iterable[Pixels], total: int, progress: Progress) -> Iterator[Pixels]:
-    """The pictures; progress is called after each with their number and that of all."""
-    for number, picture in enumerate(pictures):
-        yield picture
-        progress(number + 1, total)
+            encode(counted(pictures), unfinished, kind, fps=fps, examples=first)
 
 
 def _frame_times(
@@ -109,8 +106,9 @@ def _frame_times(
     ends = part if isinstance(part, tuple) and len(part) == 2 else ("", "")
     if not all(end is None or is_finite(end) for end in ends):
         raise InputError(f"part {shown(part)}: expected the first and the last time [s], or None")
-    low = -math.inf if part[0] is None else part[0]
-    high = math.inf if part[1] is None else part[1]
+    low, high = (
+        limit if e is None else e for e, limit in zip(part, (-np.inf, np.inf), strict=True)
+    )
     timeline = Timeline(run, playback=options.playback)
     times = timeline.frame_times(fps, margins(str(options.view)))
     chosen = times[(times >= low - _SLACK) & (times <= high + _SLACK)]

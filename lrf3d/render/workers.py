@@ -28,7 +28,7 @@ from lrf3d.interrupts import check
 from lrf3d.render.film import Film, FilmOptions
 from lrf3d.run import Run
 from lrf3d.scene.shapes import Pixels
-from lrf3d.scene.stage import Stage
+from lrf3d.scene.stage.stage import Stage
 
 _FRAMES_A_WORKER = 20
 """A process that draws fewer frames than this takes longer to start than it saves."""

@@ -108,8 +108,6 @@ class Node:
         serve("Trigger", "step", lambda _: self.publish(stream.encoded(stream.step())))
 
     def _hear(self, robot: DrivenRobot) -> None:
-        """Let a robot obey the topics of its commands."""
-
         def place(message: Any) -> None:
             where, turn = message.pose.position, message.pose.orientation
             pose = where.x, where.y, 2.0 * atan2(turn.z, turn.w)
@@ -150,7 +148,6 @@ class Node:
 
 
 def _type(name: str) -> Any:
-    """A message type by its name in ROS."""
     package, kind, name = name.split("/")
     return getattr(import_module(f"{package}.{kind}"), name)
 

@@ -15,7 +15,7 @@ from lrf3d.errors import InputError, check_names, expect, missing_extra
 from lrf3d.geometry import is_finite, number, whole_number
 from lrf3d.interrupts import asked
 from lrf3d.io import ros_messages as ros
-from lrf3d.io.bag_contents import ODOMETRY, SCAN, TRANSFORMS
+from lrf3d.io.bag_poses import ODOMETRY, SCAN, TRANSFORMS
 from lrf3d.io.bag_writer import made
 from lrf3d.laser import Stamp
 from lrf3d.live import LiveRobot, live_fleet

@@ -6,19 +6,15 @@ is folded there, and so has a leg from each mirror to the next.
 
 import numpy as np
 
-from lrf3d.geometry import Bool, Float, Int, cross, directions, lengths
+from lrf3d.geometry import LEFT, Bool, Float, Int, cross, directions, lengths
 from lrf3d.laser import LaserScan, beam_directions
 from lrf3d.scene.look import EMBER, LAMP
 from lrf3d.scene.shapes import Lines, Points, Soft, level_lines, single
 from lrf3d.world import World
 
-_COLOUR, _STRENGTH, _WIDTH, _DRAWN = (1.0, 0.74, 0.42), 0.40, 1.1, 30
-"""Colour of a beam, its opacity at the robot, its width [pixels of 720 lines], and about how many
-are drawn: more would run into one plane."""
-
-REACH, REACH_INDOOR = 42.0, 14.0
-"""Range [m] at which beams have faded to nothing, as farther ones would only tint the street; the
-same in rooms."""
+_STRENGTH, _WIDTH, _DRAWN = 0.40, 1.1, 30
+"""Opacity of a beam at the robot, its width [pixels of 720 lines], and about how many are drawn:
+more would run into one plane."""
 
 RANGE_COLOURS = np.array(
     [
@@ -31,9 +27,10 @@ RANGE_COLOURS = np.array(
 )
 """Colours of hit points from near to far."""
 
-_FARTHEST, _INTENSITIES = 30.0, (1e-4, 1.0)
-"""Range [m] from which hit points have the last colour; and the intensities from which they have
-the last and the first where these are shown, in steps of factors."""
+FARTHEST, _INTENSITIES = 30.0, (1e-4, 1.0)
+"""Range [m] from which hit points have the last colour, and up to which beams without return light
+the ground; and the intensities from which hit points have the last and the first colour where these
+are shown, in steps of factors."""
 
 _POINT_SIZE, _POINT_PIXELS = 0.08, (2.6, 8.0)
 """Diameter of a hit point [m], and the smallest and largest in a picture of 720 lines [pixels]."""
@@ -45,9 +42,6 @@ its path: a beam does not meet again what it leaves."""
 _LAMP_BEAMS, _LAMP_SIDE, _LAMP_SHARE, _LAMP_HEIGHT = 60, float(np.radians(28.0)), 0.33, 0.012
 """About how many beams light the ground, the angle over which that ends at the sides of the field
 of view [rad], how far it goes, in the reach of beams, and its height [m]."""
-
-_LEFT = np.array([[0.0, 1.0], [-1.0, 0.0]])
-"""Turns rows of vectors to the left by a right angle."""
 
 
 def turning_walls(world: World) -> Bool:
@@ -61,8 +55,8 @@ def turning_walls(world: World) -> Bool:
 def draw_beams(
     scan: LaserScan,
     walls: Float,
+    mirrors: Float,
     apex: Float,
-    turning: Bool,
     *,
     height: float,
     reach: float,
@@ -70,23 +64,23 @@ def draw_beams(
 ) -> tuple[Lines, Points, Soft]:
     """A few beams of a scan, which fade to nothing at the reach [m], all its hits, and its lamp.
 
-    The pose of the scan, walls (n, 4) and apex (2,) are in the film's frame. The apex is where the
-    robot stands now, a little past that pose: beams follow the robot while points stay on their
-    walls. Some walls (n,) turn beams. Points are coloured by their range or intensity.
+    The pose of the scan, walls (n, 4), those that turn beams (m, 4) and apex (2,) are in the film's
+    frame. The apex is where the robot stands now, a little past that pose: beams follow the robot
+    while points stay on their walls. Points are coloured by their range or intensity.
     """
     origin, hits = np.array([scan.pose.x, scan.pose.y]), scan.hits
     # A beam without return goes as far as it can be measured; one too near ends at once.
     far = scan.range_max if np.isfinite(scan.range_max) else 100.0
     ranges = np.where(hits, scan.ranges, np.where(scan.ranges < 0.0, 0.0, far))
     ends = origin + ranges[:, None] * beam_directions(scan.pose.theta, scan.angles)
-    legs, beams, gone = folded(origin, ends, walls[turning])
+    legs, beams, gone = folded(origin, ends, mirrors)
     last = np.zeros(len(ends), np.int64)
     last[beams] = np.arange(len(beams))
     final = legs[last[hits]]
     sides = _sides(final[:, :2], walls, scan.walls[hits])
-    colours = np.column_stack([_point_colours(scan, by), np.ones(len(final))])
-    places = np.column_stack([final[:, 2:], np.full(len(final), height)])
-    points = Points(single(places), single(colours), single(sides), _POINT_SIZE, _POINT_PIXELS)
+    colours = single(np.insert(_point_colours(scan, by), 3, 1.0, axis=1))
+    places = single(np.insert(final[:, 2:], 2, height, axis=1))
+    points = Points(places, colours, single(sides), _POINT_SIZE, _POINT_PIXELS)
     legs[: len(ends), :2] = apex
     step = max(1, round(len(ends) / _DRAWN))
     chosen = np.isin(beams, np.arange((len(ends) - 1) % step // 2, len(ends), step))
@@ -96,7 +90,8 @@ def draw_beams(
     drawn = np.minimum(length, reach - gone)
     stops = starts + drawn / np.maximum(length, 1e-9) * (stops - starts)
     opacities = _STRENGTH * (1.0 - np.hstack([gone, gone + drawn]) / reach)
-    lines = level_lines(height, starts, stops, np.full((len(gone), 3), _COLOUR), opacities, _WIDTH)
+    amber = np.full((len(gone), 3), EMBER)
+    lines = level_lines(height, starts, stops, amber, opacities, _WIDTH)
     return lines, points, _lamp(legs[: len(ends)], scan.angles, _LAMP_SHARE * reach)
 
 
@@ -107,22 +102,30 @@ def _lamp(legs: Float, angles: Float, reach: float) -> Soft:
     """
     step = max(1, len(legs) // _LAMP_BEAMS)
     (starts, ends), angles = np.hsplit(legs[::step], 2), angles[::step]
-    away = np.hypot(*(ends - starts).T)
+    away = lengths(legs[::step])
     far = np.minimum(away, reach)
     ends = starts + (far / np.maximum(away, 1e-9))[:, None] * (ends - starts)
-    edge = np.minimum(angles - angles[0], angles[-1] - angles) / _LAMP_SIDE
-    bright = LAMP * (1.0 if np.ptp(angles) > 6.1 else np.clip(edge, 0.0, 1.0))
-    light = np.column_stack([bright + 0.0 * far, bright * (1.0 - far / reach) ** 2])
-    corners, colours = np.empty((len(ends) - 1, 3, 3)), np.empty((len(ends) - 1, 3, 4))
-    corners[..., 2], colours[..., :3] = _LAMP_HEIGHT, EMBER
-    corners[:, 0, :2], corners[:, 1, :2], corners[:, 2, :2] = starts[1:], ends[:-1], ends[1:]
-    colours[..., 3] = np.column_stack([light[1:, 0], light[:-1, 1], light[1:, 1]])
-    return Soft(single(corners), single(colours))
+    edge = np.minimum(angles - angles.min(), angles.max() - angles) / _LAMP_SIDE
+    bright = LAMP * (1.0 if np.ptp(angles) > 6.1 else np.clip(edge, 0.0, 1.0)) + 0.0 * far
+    dim = bright * (1.0 - far / reach) ** 2
+    # Each triangle stands at the robot's end of a beam, on the far ends of that and the one before.
+    rows = np.stack(
+        [
+            np.column_stack([places, np.tile([_LAMP_HEIGHT, *EMBER], (len(places), 1)), light])
+            for places, light in (
+                (starts[1:], bright[1:]),
+                (ends[:-1], dim[:-1]),
+                (ends[1:], dim[1:]),
+            )
+        ],
+        axis=1,
+    )
+    return Soft(single(rows[..., :3]), single(rows[..., 3:]))
 
 
 def _point_colours(scan: LaserScan, by: str) -> Float:
     """Colours (hits, 3) of the hits of a scan by their ranges or their intensities."""
-    share = scan.ranges[scan.hits] / min(scan.range_max, _FARTHEST)
+    share = scan.ranges[scan.hits] / min(scan.range_max, FARTHEST)
     if by == "intensity" and scan.intensities is not None:
         dark, bright = np.log(_INTENSITIES)
         with np.errstate(divide="ignore"):
@@ -145,10 +148,10 @@ def folded(origin: Float, ends: Float, mirrors: Float) -> tuple[Float, Int, Floa
         place = start + share[:, None] * path
         found.append((np.hstack([start, place]), going, gone))
         turned = mirror >= 0
-        gone = (gone + share * np.hypot(path[:, 0], path[:, 1]))[turned]
+        gone = (gone + share * np.hypot(*path.T))[turned]
         going, start, end = going[turned], place[turned], end[turned]
         along = directions(mirrors[mirror[turned]])
-        end = end - 2.0 * cross(along, end - start)[:, None] * along @ _LEFT
+        end = end - 2.0 * cross(along, end - start)[:, None] * along @ LEFT
     legs, beams, distances = (np.concatenate(column) for column in zip(*found, strict=True))
     return legs, beams, distances
 
@@ -175,4 +178,4 @@ def _sides(origins: Float, walls: Float, numbers: Int) -> Float:
         return np.zeros_like(origins)
     along = walls[numbers, 2:] - walls[numbers, :2]
     toward = np.sign(cross(along, origins - walls[numbers, :2]))
-    return np.asarray(along @ _LEFT * np.where(numbers >= 0, toward, 0.0)[:, None])
+    return np.asarray(along @ LEFT * np.where(numbers >= 0, toward, 0.0)[:, None])

@@ -11,11 +11,11 @@ import trimesh
 from numpy.typing import ArrayLike
 
 from lrf3d.files import data_folder
-from lrf3d.geometry import Float, directions
+from lrf3d.geometry import LEFT, Float, directions
 from lrf3d.robot.unicycle import RADIUS
 from lrf3d.scene.look import BODY_LIGHT, DART, ROBOT, SUN
 from lrf3d.scene.shapes import Body, Faces, Soft, single, together
-from lrf3d.scene.walls import triangles
+from lrf3d.scene.stage.walls import triangles
 
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
@@ -24,24 +24,17 @@ _LASER_HEIGHT, _DECK = 0.495, 0.31
 """Heights [m] of the laser's ring in the file, and of what carries the laser's column; above, the
 column is stretched."""
 
-_RIM = (0.12, 0.14, 0.18)
-"""Colour of the rim of the robot as a dart."""
-
 _GOAL, _GOAL_OPACITIES, _GOAL_RING, _GOAL_HEIGHT = (0.10, 0.70, 0.36), (0.28, 0.9), 0.86, 0.04
 """Colour of a goal, opacities of what is within and of its ring, the ring's inner radius in outer
 ones, and its height over the ground [m]."""
 
-_SHADOW_COLOUR = (0.02, 0.03, 0.05)
-"""What bodies darken the ground with."""
+_DARK, _SHADOW, _LIFT = (0.02, 0.03, 0.05), (0.35, 0.40), 0.01
+"""Colour of shadows and of the rim of a dart; width of the soft edge of a body's shadow [m], its
+darkness, and its height above ground [m]."""
 
-_SHADOW, _LIFT = (0.35, 0.40), 0.01
-"""Width of the soft edge of a body's shadow [m], its darkness, and its height above ground [m]."""
-
-_RADIUS = 0.27
-"""Radius of what of the usual robot casts a shadow [m]."""
-
-_LEAST_RADIUS = 0.05
-"""Smaller robots, also points, are drawn with this radius [m]."""
+_RADIUS, _LEAST_RADIUS = 0.27, 0.05
+"""Radius of what of the usual robot casts a shadow, and that with which smaller robots, also
+points, are drawn [m]."""
 
 _OBSTACLE_COLOURS = np.array(
     [[0.13, 0.48, 0.55], [0.46, 0.36, 0.62], [0.60, 0.58, 0.20], [0.66, 0.28, 0.36]]
@@ -51,11 +44,9 @@ _OBSTACLE_COLOURS = np.array(
 _OWN = 0.05
 """How far from the robot's colour a colour counts as it: the file rounds."""
 
-_FOOT = 0.10
-"""Height of the dark foot of an obstacle [m]."""
-
-_LEAST = 2.5
-"""Least half size of an obstacle in the inset [pixels], so that it can be seen."""
+_FOOT, _LEAST = 0.10, 2.5
+"""Height of the dark foot of an obstacle [m], and the least half size of one in the inset [pixels],
+so that it can be seen."""
 
 _DART = DART[[0, 1, 2, 0, 2, 3]]
 """Corners (6, 2) of the triangles of the robot as seen from above."""
@@ -69,16 +60,15 @@ def robot_body(laser_height: float, radius: float, colour: ArrayLike = ROBOT) ->
     mesh = trimesh.load_mesh(data_folder("assets") / "robot.glb", process=False)
     visual: Any = mesh.visual
     # glTF has y up, films have z up.
-    vertices, normals = (
-        np.asarray(each)[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
-        for each in (mesh.vertices, mesh.vertex_normals)
+    (x, z, y), normals = (
+        mesh.vertices.T,
+        np.asarray(mesh.vertex_normals)[:, [0, 2, 1]] * [1.0, -1.0, 1.0],
     )
     size = _size(radius)
     low = min(size, 1.0)
-    vertices *= [size, size, low]
-    above = vertices[:, 2] - low * _DECK
     stretch = max(0.3, (laser_height / low - _DECK) / (_LASER_HEIGHT - _DECK))
-    vertices[:, 2] += np.maximum(above, 0.0) * (stretch - 1.0)
+    z = low * z + np.maximum(low * (z - _DECK), 0.0) * (stretch - 1.0)
+    vertices = np.column_stack([size * x, -size * y, z])
     colours = np.asarray(visual.vertex_colors)[:, :3] / 255.0
     own = np.abs(colours - ROBOT).max(axis=1) < _OWN
     colours = np.where(own[:, None], colour, colours)
@@ -91,30 +81,28 @@ def _lit(colours: Float, normals: Float) -> Float:
     light = (
         everywhere
         + sunny * np.maximum(normals @ (SUN * [-1.0, 1.0, 1.0]), 0.0)
-        + upward * normals[..., 2]
+        + upward * (normals @ [0.0, 0.0, 1.0])
     )
     return np.asarray(colours * light[..., None])
 
 
 def world_from_robot(pose: Float) -> Float:
     """The matrix (4, 4) of a pose x, y [m], theta [rad]."""
-    cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    matrix = np.eye(4)
-    matrix[:2, :2] = [[cos, -sin], [sin, cos]]
-    matrix[:2, 3] = pose[:2]
-    return matrix
+    x, y, theta = pose.tolist()
+    cos, sin = np.cos(theta), np.sin(theta)
+    return np.array([[cos, -sin, 0, x], [sin, cos, 0, y], [0, 0, 1, 0], [0, 0, 0, 1]])
 
 
 def flat_dart(pose: Float, size: float, height: float) -> Soft:
     """The robot as a dart with a dark rim, of a size at a pose, seen from above."""
     outline = _placed(size * np.concatenate([1.4 * _DART, _DART]), pose)
-    return _flat(outline, height, np.repeat([(*_RIM, 1.0), (*ROBOT, 1.0)], 6, axis=0))
+    return _flat(outline, height, np.repeat([(*_DARK, 1.0), (*ROBOT, 1.0)], 6, axis=0))
 
 
 def goal_disc(goal: Float) -> Soft:
     """A goal (3,), x, y and radius [m], on the ground: a pale disc and a ring round it."""
-    inside, ring = _GOAL_OPACITIES
-    outlines = goal[:2] + goal[2] * _circle(48) * np.array([0.0, _GOAL_RING, 1.0])[:, None, None]
+    (inside, ring), (x, y, radius) = _GOAL_OPACITIES, goal.tolist()
+    outlines = [x, y] + radius * _circle(48) * np.array([0.0, _GOAL_RING, 1.0])[:, None, None]
     return _rings(outlines, [[inside, inside], [ring, ring]], _GOAL, _GOAL_HEIGHT)
 
 
@@ -136,7 +124,7 @@ def _shadow(outline: Float, pose: Float) -> Soft:
     away = hull - middle
     outer = hull + edge * away / np.maximum(np.hypot(*away.T), 1e-9)[:, None]
     outlines = np.stack([middle, hull, outer])
-    return _rings(outlines, [[dark, dark], [dark, 0.0]], _SHADOW_COLOUR, _LIFT)
+    return _rings(outlines, [[dark, dark], [dark, 0.0]], _DARK, _LIFT)
 
 
 class Obstacles:
@@ -151,46 +139,34 @@ class Obstacles:
         self._obstacles = obstacles
         self._origin = np.array([*origin, 0.0])
         self._colours = _OBSTACLE_COLOURS[np.arange(len(obstacles)) % len(_OBSTACLE_COLOURS)]
-        self._tops = [
-            triangles(np.array([shapely.make_valid(shapely.Polygon(each.outline))]))[0]
-            for each in obstacles
-        ]
-        self._bodies = [
-            robot_body(laser_height, each.reach, colour)
-            if each.is_robot
-            else _prism(each.outline, top, each.height, colour)
-            for each, top, colour in zip(obstacles, self._tops, self._colours, strict=True)
-        ]
+        self._tops, self._bodies = [], list[Faces]()
+        for each, colour in zip(obstacles, self._colours, strict=True):
+            top, _ = triangles(np.array([shapely.make_valid(shapely.Polygon(each.outline))]))
+            self._tops.append(top)
+            prism = _prism(each.outline, top, each.height, colour)
+            other = robot_body(laser_height, each.reach, colour) if each.is_robot else prism
+            self._bodies.append(other)
 
     def _poses(self, time: float) -> list[Float]:
         """Poses (3,) of all bodies at a time [s] in the film's frame."""
-        return [each.path.at(np.array([time]))[0] - self._origin for each in self._obstacles]
+        now = np.array([time])
+        return [pose - self._origin for each in self._obstacles for pose in each.path.at(now)]
 
     def bodies(self, time: float) -> list[tuple[str, Body]]:
         """The bodies at a time [s]."""
-        return [
-            (f"obstacle {number}", Body(faces, world_from_robot(pose)))
-            for number, (faces, pose) in enumerate(
-                zip(self._bodies, self._poses(time), strict=True)
-            )
-        ]
+        bodies = enumerate(zip(self._bodies, self._poses(time), strict=True))
+        return [(f"obstacle {n}", Body(one, world_from_robot(pose))) for n, (one, pose) in bodies]
 
     def shadows(self, time: float) -> Soft | None:
         """The shadows of all bodies at a time [s]."""
-        return _joined(
-            [
-                _shadow(each.outline, pose)
-                for each, pose in zip(self._obstacles, self._poses(time), strict=True)
-            ]
-        )
+        placed = zip(self._obstacles, self._poses(time), strict=True)
+        return _joined([_shadow(each.outline, pose) for each, pose in placed])
 
     def plans(self, time: float, pixel: float) -> Soft | None:
         """The bodies from straight above, in a picture whose pixels have a size [m]."""
-        plans = []
-        for top, colour, obstacle, pose in zip(
-            self._tops, self._colours, self._obstacles, self._poses(time), strict=True
-        ):
-            size = max(1.0, _LEAST * pixel / obstacle.reach)
+        plans, placed = list[Soft](), zip(self._obstacles, self._poses(time), strict=True)
+        for (each, pose), top, colour in zip(placed, self._tops, self._colours, strict=True):
+            size = max(1.0, _LEAST * pixel / each.reach)
             level = _placed(size * top.reshape(-1, 2), pose)
             plans.append(_flat(level, 0.0, np.tile([*colour, 1.0], (len(level), 1))))
         return _joined(plans)
@@ -209,10 +185,10 @@ def _prism(outline: Float, top: Float, height: float, colour: Float) -> Faces:
     if not shapely.is_ccw(shapely.linearrings(outline)):
         outline = outline[::-1]
     after = np.roll(outline, -1, axis=0)
-    outward = directions(np.hstack([outline, after])) @ np.array([[0.0, -1.0], [1.0, 0.0]])
+    outward = -directions(np.hstack([outline, after])) @ LEFT
     foot, up = min(_FOOT, 0.2 * height), np.array([0.0, 0.0, 1.0])
     sides = np.stack([outline, after, after, outline, after, outline], axis=1).reshape(-1, 2)
-    outward = np.column_stack([np.repeat(outward, 6, axis=0), np.zeros(len(sides))])
+    outward = np.insert(np.repeat(outward, 6, axis=0), 2, 0.0, axis=1)
     dart = 0.5 * float(np.abs(outline).max(axis=0).min()) * _DART
     parts = []
     for corners, levels, normals, paint in (
@@ -221,19 +197,15 @@ def _prism(outline: Float, top: Float, height: float, colour: Float) -> Faces:
         (top.reshape(-1, 2), np.full(3, height), up, 0.55 + 0.45 * colour),
         (dart, np.full(6, height + 0.005), up, 0.35 * colour),
     ):
-        high = np.resize(levels, len(corners))
-        places, looks = (
-            np.column_stack([corners, high]),
-            np.broadcast_to(normals, (len(corners), 3)),
-        )
+        places = np.column_stack([corners, np.resize(levels, len(corners))])
+        looks = np.broadcast_to(normals, places.shape)
         parts.append(np.stack([places, _lit(paint, looks)]).reshape(2, -1, 3, 3))
     return Faces(*map(single, np.concatenate(parts, axis=1)))
 
 
 def _placed(points: Float, pose: Float) -> Float:
     """Points (n, 2) of a body's frame at its pose."""
-    matrix = world_from_robot(pose)
-    return np.asarray(points @ matrix[:2, :2].T + matrix[:2, 3])
+    return np.asarray(points @ world_from_robot(pose)[:2, :2].T + pose[:2])
 
 
 def _circle(corners: int) -> Float:
@@ -244,7 +216,7 @@ def _circle(corners: int) -> Float:
 
 def _flat(corners: Float, height: float, colours: Float) -> Soft:
     """Triangles with corners (3 t, 2), which have colours (3 t, 4), at a height [m]."""
-    places = np.column_stack([corners, np.full(len(corners), height)])
+    places = np.insert(corners, 2, height, axis=1)
     return Soft(single(places.reshape(-1, 3, 3)), single(colours.reshape(-1, 3, 4)))
 
 

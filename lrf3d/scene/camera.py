@@ -12,9 +12,9 @@ import numpy as np
 import shapely
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d, minimum_filter1d
 
-from lrf3d.geometry import Float
-from lrf3d.scene.look import SECTION
-from lrf3d.scene.structures import Structures
+from lrf3d.geometry import LEFT, Float
+from lrf3d.scene.look import SECTION, Rig
+from lrf3d.scene.stage.structures import Structures
 from lrf3d.scene.timeline import Timeline, interpolated
 
 _NEAR, _NEAR_SHARE = 0.2, 0.004
@@ -28,15 +28,12 @@ _SMOOTH, _FOLLOW = 0.7, 0.15
 """Times of the film [s] over which turns and places are smoothed, however fast the run is played;
 with more for places, the robot would leave the middle of fast films."""
 
-_AIM = 0.35
+AIM = 0.35
 """Height of the robot's middle [m]."""
 
-_ASIDE, _CLEARANCE = 0.12, 0.3
-"""How far from the line to the eye walls count, as a share of its length, and how far before them
-the eye stays [m]."""
-
-_NEAREST = 1.6
-"""How near the eye comes to the robot at the most [m]: nearer, the robot would fill the picture."""
+_ASIDE, _CLEARANCE, _NEAREST = 0.12, 0.3, 1.6
+"""How far from the line to the eye walls count, as a share of its length; how far before them the
+eye stays, and how near it comes to the robot [m]: nearer, the robot would fill the picture."""
 
 _LOW, _BODY, _STEEPEST = 1.0, 0.1, float(np.radians(60.0))
 """Walls up to the first height [m] are looked over, so that what is higher of the robot than the
@@ -102,11 +99,9 @@ class Look:
         The picture is as wide as its aspect says, and shows things up to so far away [m].
         """
         tall, near = 1.0 / np.tan(0.5 * self.field), self.near
-        matrix = np.zeros((4, 4))
-        matrix[0, 0], matrix[1, 1], matrix[1, 2] = tall / aspect, -tall, self.shift
-        matrix[2, 2], matrix[2, 3] = (far + near) / (near - far), 2.0 * far * near / (near - far)
-        matrix[3, 2] = -1.0
-        return np.asarray(matrix @ np.linalg.inv(self.pose))
+        depth = (far + near) / (near - far), 2.0 * far * near / (near - far)
+        wide, up, deep = [tall / aspect, 0, 0, 0], [0, -tall, self.shift, 0], [0, 0, *depth]
+        return np.asarray(np.array([wide, up, deep, [0, 0, -1, 0]]) @ np.linalg.inv(self.pose))
 
 
 class Camera(Protocol):
@@ -133,26 +128,13 @@ class SmoothPath(NamedTuple):
         step = STEP * timeline.playback
         count = int(np.ceil((timeline.end - timeline.start) / step)) + 2
         times = timeline.start + step * np.arange(count, dtype=np.float64)
-        poses = timeline.poses(times)
-        places, headings = poses[:, :2] - timeline.origin, np.unwrap(poses[:, 2])
+        x, y, headings = timeline.poses(times).T
+        places = np.column_stack([x, y]) - timeline.origin
         return cls(
             times,
             gaussian_filter1d(places, _FOLLOW / STEP, axis=0, mode="nearest"),
-            gaussian_filter1d(headings, _SMOOTH / STEP, mode="nearest"),
+            gaussian_filter1d(np.unwrap(headings), _SMOOTH / STEP, mode="nearest"),
         )
-
-
-class Rig(NamedTuple):
-    """How a camera looks at the robot."""
-
-    away: float
-    """How far off it the eye is [m]."""
-    steep: float
-    """How steeply it looks down at the least [degrees]."""
-    field: float
-    """Angle of view [degrees]."""
-    shift: float = 0.0
-    """How far the picture is moved up, in halves of its height."""
 
 
 class Track(NamedTuple):
@@ -174,13 +156,9 @@ class Track(NamedTuple):
     @classmethod
     def along(cls, path: SmoothPath, turns: Float, rig: Rig) -> "Track":
         """Looks at the robot from sides (k,) [rad]."""
-        count = len(path.times)
-        middles = np.column_stack([path.places, np.full(count, _AIM)])
-        away, steep, field, shift = (
-            np.full(count, value)
-            for value in (rig.away, np.radians(rig.steep), np.radians(rig.field), rig.shift)
-        )
-        return cls(path.times, middles, turns, steep, away, field, shift)
+        how = np.radians(rig.steep), rig.away, np.radians(rig.field), rig.shift
+        even = np.broadcast_to(np.array(how)[:, None], (len(how), len(path.times)))
+        return cls(path.times, np.insert(path.places, 2, AIM, axis=1), turns, *even)
 
     def at(self, times: Float) -> "Track":
         """The looks at other times."""
@@ -189,17 +167,18 @@ class Track(NamedTuple):
 
     def eyes(self) -> Float:
         """Where the eye is, (k, 3) [m]."""
-        level = np.cos(self.steeps)
-        ways = [level * np.cos(self.turns), level * np.sin(self.turns), np.sin(self.steeps)]
-        return np.asarray(self.middles + self.aways[:, None] * np.column_stack(ways))
+        level, up = np.cos(self.steeps), np.sin(self.steeps)
+        back = np.column_stack([level * np.cos(self.turns), level * np.sin(self.turns), up])
+        return np.asarray(self.middles + self.aways[:, None] * back)
 
     def look(self, time: float, **others: Any) -> Look:
         """The look at a time [s]; the others are further fields of it."""
         now = self.at(np.array([time]))
-        turn, steep, _, field, shift = (float(each[0]) for each in now[2:])
+        turn, steep, _, field, shift = (each.item() for each in now[2:])
         # What is up in the picture, also when it is seen from straight above.
         up = -np.cos(turn) * np.sin(steep), -np.sin(turn) * np.sin(steep), np.cos(steep)
-        return Look(now.eyes()[0], now.middles[0], field, up, shift, **others)
+        (eye,), (middle,) = now.eyes(), now.middles
+        return Look(eye, middle, field, up, shift, **others)
 
     def past_walls(
         self, structures: Structures, robots: Float, smooth: float = _SMOOTH / STEP
@@ -211,9 +190,9 @@ class Track(NamedTuple):
         tops = np.minimum(structures.heights, SECTION if structures.indoor else np.inf)
         steeps, aways = self.steeps.copy(), self.aways.copy()
         way = self.eyes()[:, :2] - robots
-        aside = _ASIDE * np.column_stack([-way[:, 1], way[:, 0]])
-        for side in (-1.0, 0.0, 1.0):
-            ways = shapely.linestrings(np.stack([robots, robots + way + side * aside], axis=1))
+        for aside in (-_ASIDE, 0.0, _ASIDE):
+            ends = robots + way + aside * way @ LEFT
+            ways = shapely.linestrings(np.stack([robots, ends], axis=1))
             number, wall = structures.tree.query(ways, predicate="intersects")
             cuts = shapely.intersection(ways[number], structures.tree.geometries[wall])
             gap = shapely.distance(shapely.points(robots[number]), cuts)

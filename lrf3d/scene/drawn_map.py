@@ -10,20 +10,15 @@ from lrf3d.geometry import Bool, Float, Int, lengths
 from lrf3d.run import Run
 from lrf3d.scene.look import PALE_FROM, PALE_OBJECT, object_tints
 from lrf3d.scene.shapes import Lines, Soft, level_lines, single
-from lrf3d.scene.structures import Structures
+from lrf3d.scene.stage.structures import Structures
 
-_BAND, _BAND_THICK = 0.70, 0.06
-"""Height of the map's lines along the walls, above the beams, and how thick they are [m]."""
+_BAND, _BAND_THICK, _BAND_PIXELS = 0.70, 0.06, 3.0
+"""Height of the map's lines along the walls, above the beams, how thick they are [m], and at least
+[pixels of 720 lines]: they show from far away."""
 
-_BAND_PIXELS = 3.0
-"""Least thickness of these lines [pixels of 720 lines]: they show from far away."""
-
-_GHOST_HEIGHT, _GHOST_STRENGTH, _GHOST_STEP = 1.8, 0.55, 0.4
-"""Height of what the map has and the world has not [m], its opacity at its foot, and the length of
-its pieces [m]."""
-
-_MOST_PIECES = 500
-"""Most pieces of a segment that are looked for on walls: segments may be as long as the world."""
+_GHOST_HEIGHT, _GHOST_STRENGTH, _GHOST_STEP, _MOST_PIECES = 1.8, 0.55, 0.4, 500
+"""Height of what the map has and the world has not [m], its opacity at its foot, the length of its
+pieces [m], and the most of a segment: some are as long as the world."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -71,13 +66,15 @@ class DrawnMap:
         count = np.clip(pieces, 1, _MOST_PIECES).astype(int)
         owner = np.repeat(np.arange(len(count)), count)
         number = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
-        start, way = self.segments[owner, :2], (self.segments[:, 2:] - self.segments[:, :2])[owner]
-        low, high = number / count[owner], (number + 1) / count[owner]
-        middles = shapely.points(start + (0.5 * (low + high))[:, None] * way)
-        near = structures.tree.query(middles, predicate="dwithin", distance=tolerance)[0]
+        start, end = np.hsplit(self.segments[owner], 2)
+        low, middle, high = (
+            start + ((number + step) / count[owner])[:, None] * (end - start)
+            for step in (0.0, 0.5, 1.0)
+        )
+        on_walls = {"predicate": "dwithin", "distance": tolerance}
+        near, _ = structures.tree.query(shapely.points(middle), **on_walls)
         loose = np.setdiff1d(np.arange(len(owner)), near)
-        ends = (start + share[:, None] * way for share in (low, high))
-        a, b = (np.column_stack([end, np.zeros(len(end))])[loose] for end in ends)
+        a, b = (np.insert(place[loose], 2, 0.0, axis=1) for place in (low, high))
         up = np.array([0.0, 0.0, _GHOST_HEIGHT])
         corners = np.stack([a, b, b + up, a, b + up, a + up], axis=1).reshape(-1, 3, 3)
         strength = _GHOST_STRENGTH * np.tile([1.0, 1.0, 0.0, 1.0, 0.0, 0.0], len(loose))

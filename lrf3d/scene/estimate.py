@@ -15,17 +15,13 @@ from lrf3d.scene.look import ESTIMATE_COLOUR, ESTIMATE_FADED, TRAIL_COLOUR, TRAI
 from lrf3d.scene.shapes import Lines, level_lines
 from lrf3d.scene.timeline import DriveKeys, Timeline, interpolated
 
-_WIDTH, _RING_WIDTH = 3.4, 1.6
-"""Widths of trails and of the outlines of ellipses [pixels of 720 lines]."""
+_WIDTH, _RING_WIDTH, _FRESH, _OLD = 3.4, 1.6, 0.95, 0.35
+"""Widths of trails and of the outlines of ellipses [pixels of 720 lines], and the opacity of the
+trail where the robot is, and long after."""
 
-_FRESH, _OLD = 0.95, 0.35
-"""Opacity of the trail where the robot is, and long after."""
-
-MOST_KEPT = 40
-"""Most ellipses that stay along the path: more would be one band."""
-
-CORNERS = 48
-"""Corners of an ellipse, as it is drawn."""
+MOST_KEPT, CORNERS = 40, 48
+"""Most ellipses that stay along the path, as more would be one band; and corners of one as drawn.
+"""
 
 TRUTH = "truth"
 """What legends call the trail of where the robot was."""
@@ -42,9 +38,7 @@ def trail_lines(
     """The trail up to a time [s]; what is older is paler, after a time of fading [s]."""
     begun = min(len(keys.times) - 1, int(np.searchsorted(keys.times, now)))
     places, times = keys.poses[: begun + 1, :2].copy(), keys.times[: begun + 1]
-    if begun and times[-1] > now:
-        share = (now - times[-2]) / max(times[-1] - times[-2], 1e-12)
-        places[-1] = places[-2] + share * (places[-1] - places[-2])
+    places[begun:] = interpolated(np.array([now]), keys.times, keys.poses[:, :2])
     old = np.clip((now - times) / fade, 0.0, 1.0)
     left = _FRESH + (_OLD - _FRESH) * old * (2.0 - old)
     legs = np.flatnonzero(keys.driven[:begun])
@@ -108,15 +102,15 @@ def outlines(middles: Float, shapes: Float) -> Float:
 
 def kept_ellipses(estimate: EstimatedTrajectory) -> Int:
     """Which ellipses (n,) stay along the path: at most this number, and none that overlap."""
-    steps = np.diff(estimate.poses[:, :2], axis=0)
-    driven = np.append(0.0, np.cumsum(np.hypot(steps[:, 0], steps[:, 1])))
-    places = driven[estimate.known_scans]
-    kept: list[int] = []
-    for number, size in enumerate(np.linalg.norm(estimate.ellipses, axis=(1, 2)).tolist()):
-        gap = max(driven[-1] / MOST_KEPT, size)
+    steps = np.hypot(*np.diff(estimate.poses[:, :2], axis=0).T)
+    driven = np.append(0.0, np.cumsum(steps))
+    sizes = np.linalg.norm(estimate.ellipses, axis=(1, 2)).tolist()
+    kept, last = list[int](), -np.inf
+    for number, (place, size) in enumerate(zip(driven[estimate.known_scans], sizes, strict=True)):
         # The start is certain: a point, and no ellipse.
-        if size > 0.0 and (not kept or places[number] - places[kept[-1]] >= gap):
+        if size > 0.0 and place - last >= max(steps.sum() / MOST_KEPT, size):
             kept.append(number)
+            last = place
     return np.array(kept, dtype=np.int64)
 
 

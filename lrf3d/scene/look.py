@@ -14,7 +14,7 @@ from lrf3d.world.materials import Material
 SUN = np.array([0.33, -0.37, 0.868])
 """Direction to the brightest part of the sky, of unit length."""
 
-EVEN_LIGHT, SUN_LIGHT, FOOT_LIGHT = 0.72, 0.24, 0.80
+WALL_LIGHT = (0.72, 0.24, 0.80)
 """How bright a wall or roof is everywhere, how much brighter the more it looks at the sun, and what
 is left of that at its foot."""
 
@@ -25,15 +25,8 @@ so that strong colours belong to the laser and the map."""
 HAZE, ZENITH = (0.055, 0.078, 0.125), (0.039, 0.055, 0.09)
 """Colours of what is far away, and of the sky overhead."""
 
-NIGHT_LOW, NIGHT_HIGH, NIGHT_HIGH_INDOOR = (
-    (0.039, 0.059, 0.094),
-    (0.149, 0.2, 0.286),
-    (0.122, 0.165, 0.243),
-)
-"""What black and white become where no beam has been: a model at night."""
-
-COOL, COOL_INDOOR = (1.02, 1.10, 1.24), (0.74, 0.82, 0.95)
-"""Factors of the colours of what a beam has met."""
+NIGHT_LOW = (0.039, 0.059, 0.094)
+"""What black becomes where no beam has been: a model at night."""
 
 EMBER, EMBER_SHARE = (1.0, 0.749, 0.451), (0.45, 0.16, 0.72)
 """Colour of fresh light; the share of the surface that it covers, what it adds to black, and what
@@ -71,8 +64,8 @@ hold everything else."""
 BODY_LIGHT = (0.70, 0.30, 0.06)
 """How bright a body is everywhere, how much brighter in the sun, and on what looks up."""
 
-GHOST, GHOST_STRENGTH = (0.055, 0.078, 0.125), 0.86
-"""Colour of what was never seen once it has become glass, and the share of opacity it loses."""
+GHOST_STRENGTH = 0.86
+"""Share of opacity that what was never seen loses once it has become glass, in haze's colour."""
 
 SECTION = 0.8
 """Height [m] at which the walls of rooms are cut, as architects draw them: just above the bands of
@@ -105,10 +98,65 @@ INSET_WHOLE, INSET_FOLLOWED = 1400.0, 110.0
 DART = np.array([[1.1, 0.0], [-0.8, 0.75], [-0.4, 0.0], [-0.8, -0.75]])
 """Outline (4, 2) of the robot as seen from above, heading along x."""
 
-_TINT_START, _TINT_STEP = 0.85, 0.5698402910
-"""Hue of the first object of a map and the step to the next [turns]: a step of Roberts' sequence,
-which with five tones and this start leaves the nearest two of sixty objects furthest apart; with
-the golden step every 21st looks the same."""
+
+class Rig(NamedTuple):
+    """How a camera looks at the robot."""
+
+    away: float
+    """Distance of the eye [m]."""
+    steep: float
+    """How steeply it looks down at the least [degrees]."""
+    field: float
+    """Angle of view [degrees]."""
+    shift: float = 0.0
+    """How far the picture is moved up, in halves of its height."""
+
+
+class Setting(NamedTuple):
+    """What differs between the streets of a town and the rooms of a house."""
+
+    night: tuple[float, float, float]
+    """What white becomes where no beam has been."""
+    cool: tuple[float, float, float]
+    """Factors of the colours of what a beam has met."""
+    haze: float
+    """Distance at which half of what is seen is haze [m]."""
+    beams: float
+    """Range at which drawn beams have faded to nothing [m]: farther ones would tint the street."""
+    cell: float
+    """Side of a cell of the first-seen times [m]."""
+    before: float
+    """Cells from a wall to the cell that it looks at: light does not leak under the wall."""
+    light: float
+    """Speed of light in the picture [m/s of the film]: a scan comes as a wave."""
+    pixel: float
+    """Smallest pixel of the ground's picture [m]: finer ones show no more of a small place."""
+    margin: float
+    """How far that picture, and with it light on the ground, reaches past walls [m]."""
+    land: int
+    """Brightness of a street, or of the land round a house, 0…255."""
+    shade: float
+    """How far the loss of light next to walls reaches [m]."""
+    chase: Rig
+    orbit: Rig
+    wave: Rig
+    """How cameras go behind the robot, round it, and look down on its first scan."""
+    steep: float
+    """How steeply an overview looks down [rad]: more into rooms, so that near walls hide less."""
+
+
+TOWN = Setting(
+    night=(0.149, 0.2, 0.286), cool=(1.02, 1.10, 1.24), haze=190.0, beams=42.0, cell=0.25,
+    before=1.4, light=110.0, pixel=0.06, margin=30.0, land=108, shade=1.2,
+    chase=Rig(4.1, 24.0, 50.0, -0.45), orbit=Rig(7.0, 20.0, 46.0, -0.3),
+    wave=Rig(44.0, 62.0, 46.0), steep=float(np.radians(42.0)),
+)  # fmt: skip
+ROOMS = Setting(
+    night=(0.122, 0.165, 0.243), cool=(0.74, 0.82, 0.95), haze=120.0, beams=14.0, cell=0.08,
+    before=2.0, light=26.0, pixel=0.02, margin=3.0, land=96, shade=0.25,
+    chase=Rig(4.4, 33.0, 50.0, -0.3), orbit=Rig(7.0, 38.0, 42.0),
+    wave=Rig(11.0, 60.0, 46.0), steep=float(np.radians(56.0)),
+)  # fmt: skip
 
 
 class _Palette(NamedTuple):
@@ -121,6 +169,11 @@ class _Palette(NamedTuple):
     tones: Float
     """Lightness of one object after the other."""
     chroma: float
+    start: float = 0.85
+    step: float = 0.5698402910
+    """Hue of the first object and the step to the next [turns]: a step of Roberts' sequence, which
+    with five tones and this start leaves the nearest two of sixty objects furthest apart; with the
+    golden step every 21st looks the same."""
 
 
 _ON_PAPER = _Palette(0.708, 0.056, np.array([0.44, 0.628, 0.503, 0.69, 0.565]), 0.17)
@@ -142,8 +195,11 @@ _RGB_FROM_LMS = np.array(
     ]
 )
 
-MIRROR_COLOUR, GLASS_COLOUR = (0.80, 0.85, 0.90), (0.62, 0.82, 0.86)
-RETRO_COLOUR = (0.93, 0.80, 0.22)
+MATERIAL_COLOURS = {
+    "mirror": (0.80, 0.85, 0.90),
+    "glass": (0.62, 0.82, 0.86),
+    "retro": (0.93, 0.80, 0.22),
+}
 """Colours of mirrors, glass and retro-reflectors that have none of their own."""
 
 
@@ -151,19 +207,17 @@ def material_colour(material: Material | None) -> tuple[float, float, float] | N
     """The colour by which a material is known at sight; None where it has none."""
     if material is None:
         return None
-    if material.passes:
-        return GLASS_COLOUR
-    if material.mirrors:
-        return MIRROR_COLOUR
-    return RETRO_COLOUR if material.retro > 1.0 else None
+    kind = "glass" if material.passes else "mirror" if material.mirrors else ""
+    return MATERIAL_COLOURS.get(kind or ("retro" if material.retro > 1.0 else ""))
 
 
 def object_colours(world: World, *, indoor: bool) -> Float:
     """Colours (objects, 3) of a world's objects: their own, their material's, or clay."""
     numbers = np.arange(world.object_count)
     chosen = np.tile(CLAY, (len(numbers), 1))
-    # A slow drift in brightness keeps two houses of one colour from looking the same.
-    chosen *= (0.94 + 0.10 * spread(numbers, 0.0))[:, None]
+    # Multiples of the plastic number's inverse are far apart for neighbours: so is brightness, and
+    # two houses of one colour do not look the same.
+    chosen *= (0.94 + 0.10 * np.mod(numbers * 0.7548776662, 1.0))[:, None]
     given = np.full((world.object_count, 3), np.nan)
     rows = min(len(world.colours), world.object_count)
     given[:rows] = world.colours[:rows]
@@ -180,7 +234,7 @@ def object_tints(objects: Int, *, dark: bool = False) -> Float:
     palette = _ON_DARK if dark else _ON_PAPER
     number = np.asarray(objects, dtype=np.float64)
     # Hues such a step apart never come round; five tones part those that come near.
-    turn = np.mod(_TINT_START - number * _TINT_STEP, 1.0)
+    turn = np.mod(palette.start - number * palette.step, 1.0)
     hue = 2.0 * np.pi * (palette.taken + palette.free + turn * (1.0 - 2.0 * palette.free))
     lightness = palette.tones[number.astype(np.int64) % len(palette.tones)]
     # In Oklch (Ottosson, 2020) all hues look equally bright.
@@ -189,11 +243,3 @@ def object_tints(objects: Int, *, dark: bool = False) -> Float:
     curved = 1.055 * linear ** (1.0 / 2.4) - 0.055
     colours: Float = np.where(linear <= 0.0031308, 12.92 * linear, curved)
     return colours
-
-
-def spread(numbers: Int, start: float) -> Float:
-    """A value in 0…1 for each of some numbers: those of neighbours are far apart.
-
-    They are multiples of the plastic number's inverse, from a start on: each use has its own.
-    """
-    return np.asarray(np.modf(numbers * 0.7548776662 + start)[0])

@@ -7,14 +7,14 @@ moment before is the same object again, so that nothing is made or sent twice.
 from collections.abc import Collection, Iterator
 from dataclasses import replace
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from lrf3d.geometry import Float, Single
+from lrf3d.geometry import Float
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.scene import look
-from lrf3d.scene.beams import REACH, REACH_INDOOR, draw_beams, turning_walls
+from lrf3d.scene.beams import draw_beams, turning_walls
 from lrf3d.scene.bodies import (
     Obstacles,
     flat_dart,
@@ -23,13 +23,13 @@ from lrf3d.scene.bodies import (
     robot_shadow,
     world_from_robot,
 )
-from lrf3d.scene.camera import Look
+from lrf3d.scene.camera import AIM, Look
 from lrf3d.scene.drawn_map import DrawnMap
 from lrf3d.scene.estimate import DrawnEstimate, trail_lines
-from lrf3d.scene.exposure import LiveExposure
 from lrf3d.scene.shapes import Body, Lens, Lines, Mark, Plan, Points, Seen, Soft, Tints, together
-from lrf3d.scene.stage import Stage, stage_of
-from lrf3d.scene.structures import SIGHT_DISTANCE, outlines_of
+from lrf3d.scene.stage.exposure import LiveExposure
+from lrf3d.scene.stage.stage import Stage, stage_of
+from lrf3d.scene.stage.structures import SIGHT_DISTANCE, outlines_of
 from lrf3d.scene.timeline import Moment, Timeline, drive_keys
 
 LAYERS = (
@@ -41,37 +41,28 @@ LAYERS = (
 Goal = tuple[float, float, float]
 """Where a robot is to arrive: x, y and radius [m]."""
 
-_HALF_HAZE, _HALF_HAZE_INDOOR, _CLEAR = 190.0, 120.0, 2.6
-"""Distance [m] at which half of what is seen is haze, and what it is at the least, in distances to
-what is looked at: the whole is seen through clear air."""
+_CLEAR = 2.6
+"""Least distance at which half of what is seen is haze, in distances to what is looked at: the
+whole is seen through clear air."""
 
 _ROBOT_SIZE, _LEAST_ROBOT, _MARKER = 0.75, 26.0, 10.0
 """Width of the robot [m]; a robot of fewer pixels than the second has an arrow over it, whose unit
 is the third [pixels at 720 lines]."""
 
-_WALL_NEARER, _ON_TOP = 0.12, 1e6
+_WALL_NEARER, _ON_TOP, _SLACK = 0.12, 1e6, 0.002
 """How much nearer to the eye marks are than walls [m]; from straight above, tops of walls would
-hide them."""
-
-_SLACK = 0.002
-"""By how much the depth of marks gains with their distance [m/m], as depths are coarser far away;
-but not where the map is laid over all."""
+hide them; and by how much their depth gains with their distance [m/m], as depths are coarser far
+away, but not where the map is laid over all."""
 
 _PAST_GROUND = 3.0
-"""How far an eye far above the ground sees, in its heights: past all of it, at a slant too."""
+"""Far plane of a high eye, in its heights: past all of the ground, at a slant too."""
 
-_MAP_WIDTH = 4.0
-"""Width of the map as lines from above [pixels of 720 lines]."""
+_MAP_WIDTH, _PLAN_WIDTH = 4.0, 2.6
+"""Widths of the map as lines from above and in the plan [pixels of 720 lines]."""
 
-_PLAN_WIDTH, _DART_SHARE, _LEAST_PLAN = 2.6, 0.034, 4.0
-"""Width of the map in the plan [pixels of 720 lines], the robot's size as a share of what it shows,
-and its least size [m]: there may be no wall."""
-
-_PLAN_SHAPES = (0.22, 1.6)
-"""Least and largest height of the plan, in its width."""
-
-_ROBOT_MIDDLE = 0.4
-"""Height of the robot's middle [m], which is kept in sight."""
+_DART_SHARE, _LEAST_PLAN, _PLAN_SHAPES = 0.034, 4.0, (0.22, 1.6)
+"""The robot's size as a share of what the plan shows; the plan's least size [m], as there may be no
+wall; and its least and largest height, in its width."""
 
 _LASER_TINTS = np.array(
     [(1.0, 1.0, 1.0), (0.5, 1.2, 3.0), (0.6, 2.0, 0.9), (1.0, 0.7, 3.0)], np.float32
@@ -112,14 +103,14 @@ class Scene:
         self.robot = Body(robot_body(run.lrf.height, run.radius), np.eye(4))
         self.keys = drive_keys(timeline).thinned()
         self._goal = None if goal is None else goal_disc(np.array(goal) - [*self.origin, 0.0])
-        self._turning = turning_walls(run.world)
         self._walls = run.world.segments - np.tile(self.origin, 2)
-        self._reach = min(run.lrf.range_max, REACH_INDOOR if structures.indoor else REACH)
+        self._mirrors = self._walls[turning_walls(run.world)]
+        self._reach = min(run.lrf.range_max, structures.setting.beams)
         self._outlines = outlines_of(structures)
         self._map = lru_cache(1)(self._drawn_map)
         self._beams = lru_cache(1)(self._drawn_beams)
         self._trails = lru_cache(1)(self._drawn_trails)
-        self._hits = lru_cache(2 * _OLD_SCANS)(lambda number: self._drawn_beams(number)[1])
+        self._hits = lru_cache(2 * _OLD_SCANS)(self._drawn_hits)
         self._recent = lru_cache(1)(self._hits_together)
         self._estimate = DrawnEstimate.from_timeline(timeline)
 
@@ -129,31 +120,33 @@ class Scene:
         """What is to be seen at a moment through a look, in a picture of a size [pixels]."""
         pose = moment.pose - [*self.origin, 0.0]
         lens = self._lens(view, size)
-        bodies = [("robot", self.robot._replace(pose=world_from_robot(pose)))]
-        bodies += self.obstacles.bodies(moment.time)
+        robot = self.robot._replace(pose=world_from_robot(pose))
         marks = tuple(
             (name, mark)
             for layer, name, mark in self._marks(moment, pose, view, lens, size)
             if layer in layers and mark is not None
         )
-        clock = self.exposure.clock(moment.now, self.timeline.playback)
-        seen = Seen(lens, tuple(bodies), marks, clock, glass=view.glass)
-        if "map" in layers:
-            seen = seen._replace(tints=self._map(self.run.snapshot_after(moment.mapped)).tints)
-        if view.opens:
-            seen = seen._replace(robot=(float(pose[0]), float(pose[1]), _ROBOT_MIDDLE))
-        if view.cuts and self.structures.indoor:
-            seen = seen._replace(cut=look.SECTION)
-        return seen
+        x, y, _ = pose.tolist()
+        seen = Seen(
+            lens,
+            (("robot", robot), *self.obstacles.bodies(moment.time)),
+            marks,
+            self.exposure.clock(moment.now, self.timeline.playback),
+            tints=self._snapshot(moment).tints if "map" in layers else None,
+            glass=view.glass,
+            robot=(x, y, AIM) if view.opens else None,
+        )
+        cuts = view.cuts and self.structures.indoor
+        return seen._replace(cut=look.SECTION) if cuts else seen
 
     def _lens(self, view: Look, size: tuple[int, int]) -> Lens:
-        far = max(SIGHT_DISTANCE, _PAST_GROUND * float(view.eye[2]))
-        half = _HALF_HAZE_INDOOR if self.structures.indoor else _HALF_HAZE
+        (wide, tall), (*_, eye_height) = size, view.eye.tolist()
+        haze = max(self.structures.setting.haze, _CLEAR * view.away)
         return Lens(
-            matrix=view.matrix(size[0] / size[1], far),
+            matrix=view.matrix(wide / tall, max(SIGHT_DISTANCE, _PAST_GROUND * eye_height)),
             eye=view.eye,
-            focus=float(0.5 * size[1] / np.tan(0.5 * view.field)),
-            thick=0.0 if view.shows_map else 1.0 / max(half, _CLEAR * view.away),
+            focus=float(0.5 * tall / np.tan(0.5 * view.field)),
+            thick=0.0 if view.shows_map else 1.0 / haze,
             slack=0.0 if view.shows_map else _SLACK,
             nearer=_ON_TOP if view.shows_map else _WALL_NEARER,
         )
@@ -168,20 +161,23 @@ class Scene:
         yield "shadow", "shadows", self.obstacles.shadows(moment.time)
         yield "goal", "goal", self._goal
         yield from self._trails(moment.time)
-        beams = self._beams(moment.scan, *moment.pose) if moment.scanning else None
-        if beams is not None:
-            yield "lamp", "lamp", beams[2]
-            yield "beams", "beams", beams[0]
-        drawn = self._map(self.run.snapshot_after(moment.mapped))
+        beams = hits = lamp = None
+        if moment.scanning:
+            beams, hits, lamp = self._beams(moment.scan, *moment.pose)
+        yield "lamp", "lamp", lamp
+        yield "beams", "beams", beams
+        drawn = self._snapshot(moment)
         if view.shows_map:
             yield "map", "map lines", drawn.above
         else:
             yield "map", "ghosts", drawn.ghosts
             yield "map", "bands", drawn.bands
         yield "points", "recent", self._recent_hits(moment)
-        if beams is not None:
-            yield "points", "points", beams[1]
+        yield "points", "points", hits
         yield "marker", "marker", self._marker(pose, lens, size)
+
+    def _snapshot(self, moment: Moment) -> "_Snapshot":
+        return self._map(self.run.snapshot_after(moment.mapped))
 
     def _drawn_map(self, stage: int) -> "_Snapshot":
         exposure = self.exposure
@@ -214,20 +210,19 @@ class Scene:
         drawn = []
         for laser, (lrf, scan) in enumerate(zip(run.lasers, run.scans_at(number), strict=True)):
             scan = unrolled(scan)
-            lines, points, light = draw_beams(
-                replace(scan, pose=np.array(scan.pose) - origin),
-                self._walls,
-                (lrf.placed(robot) - origin)[:2],
-                self._turning,
-                height=lrf.height,
-                reach=self._reach,
-                by=run.film.points_by,
-            )
+            apex = (lrf.placed(robot) - origin)[:2]
+            scan = replace(scan, pose=np.array(scan.pose) - origin)
+            how: Any = {"height": lrf.height, "reach": self._reach, "by": run.film.points_by}
+            lines, *others = draw_beams(scan, self._walls, self._mirrors, apex, **how)
             tint = _LASER_TINTS[laser % len(_LASER_TINTS)]
             colours = np.minimum(lines.colours * tint, np.float32(1.0))
-            drawn.append((lines._replace(colours=colours), points, light))
-        lines, points, light = (together(marks) for marks in zip(*drawn, strict=True))
+            drawn.append((lines._replace(colours=colours), *others))
+        lines, points, light = map(together, zip(*drawn, strict=True))
         return lines, points, light
+
+    def _drawn_hits(self, number: int) -> Points:
+        _, hits, _ = self._drawn_beams(number)
+        return hits
 
     def _recent_hits(self, moment: Moment) -> Points:
         """The hits of the last seconds, which fade."""
@@ -240,25 +235,25 @@ class Scene:
         hits, counts = self._recent(chosen)
         left = np.clip(1.0 - (moment.time - times[list(chosen)]) / lasting, 0.0, 1.0)
         colours = hits.colours.copy()
-        colours[:, 3] = np.repeat(_HITS_STRENGTH * left, counts)
+        colours[:, 3:] = np.repeat(_HITS_STRENGTH * left, counts)[:, None]
         return hits._replace(colours=colours)
 
     def _hits_together(self, chosen: tuple[int, ...]) -> tuple[Points, list[int]]:
         """The hits of chosen scans, and the number of each."""
-        each = [self._hits(number)[:3] for number in chosen]
-        none: tuple[Single, ...] = tuple(np.zeros((0, k), np.float32) for k in (3, 4, 2))
-        places, colours, sides = (np.concatenate(part) for part in zip(none, *each, strict=True))
-        points = Points(places, colours, sides, _HIT_SIZE, _HIT_PIXELS, glows=False)
-        return points, [len(part[0]) for part in each]
+        places, colours, sides = (np.zeros((0, columns), np.float32) for columns in (3, 4, 2))
+        none = Points(places, colours, sides, _HIT_SIZE, _HIT_PIXELS, glows=False)
+        each = [self._hits(number) for number in chosen]
+        hits: Points = together([none, *each])
+        return hits, [len(one.places) for one in each]
 
     def _marker(self, pose: Float, lens: Lens, size: tuple[int, int]) -> Soft | None:
         """An arrow over a robot that is too small to be seen."""
-        place = np.array([*pose[:2], self.run.lrf.height])
-        away = float(np.linalg.norm(place - lens.eye))
+        height = self.run.lrf.height
+        away = float(np.linalg.norm([*pose[:2], height] - lens.eye))
         pixel = min(size) / 720.0 * away / lens.focus
         if _ROBOT_SIZE > _LEAST_ROBOT * pixel:
             return None
-        return flat_dart(pose, _MARKER * pixel, place[2])._replace(on_top=True)
+        return flat_dart(pose, _MARKER * pixel, height)._replace(on_top=True)
 
     def plan(self, moment: Moment, box: tuple[int, int, int, int], window: "Window") -> Plan:
         """The map so far from straight above, on what was seen: what is not known is dark.
@@ -268,13 +263,13 @@ class Scene:
         pose = moment.pose - [*self.origin, 0.0]
         middle = pose[:2] if window.middle is None else window.middle
         lens = _from_above(middle, window.width * np.array([1.0, -window.aspect]))
-        lines = self._map(self.run.snapshot_after(moment.mapped)).plan
-        marks: list[tuple[str, Mark | None]] = [("map", lines)]
+        marks: list[tuple[str, Mark | None]] = [("map", self._snapshot(moment).plan)]
         if moment.scanning:
-            hits = self._beams(moment.scan, *moment.pose)[1]
+            _, hits, _ = self._beams(moment.scan, *moment.pose)
             marks.append(("points", hits._replace(glows=False)))
         marks += [(name, line) for _, name, line in self._trails(moment.time)]
-        marks.append(("obstacles", self.obstacles.plans(moment.time, window.width / box[2])))
+        *_, wide, _ = box
+        marks.append(("obstacles", self.obstacles.plans(moment.time, window.width / wide)))
         marks.append(("robot", flat_dart(pose, _DART_SHARE * window.width, 0.0)))
         return Plan(box, lens, tuple((f"plan {name}", mark) for name, mark in marks if mark))
 

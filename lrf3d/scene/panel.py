@@ -22,9 +22,9 @@ _SIZE, _FULL_SIZE = 30.0, 19.0
 """Heights of letters [pixels of 720 lines]: a film that is shown 390 pixels wide is legible."""
 
 _INK, _PALE = (236, 240, 247), (150, 166, 192)
+"""Colours of the first line and of the others, 0…255."""
 
-
-_TOLD = 6.0
+_REFLECTION_TIME = 6.0
 """How long a recognised mirror is spoken of [s of the film]."""
 
 _FOUND, _FOUND_SHARE = 0.1, 0.5
@@ -61,21 +61,16 @@ _SHOTS = ("wave", "chase", "close", "rise", "high", "whole", "end")
 
 def reflected(run: Run, moment: Moment) -> bool:
     """Whether a mirror has been recognised in the map in the last seconds."""
-    newest, lasting = run.snapshot_after(moment.mapped), _TOLD * run.playback
-    before = run.snapshot_after(
-        int(np.searchsorted(run.trajectory.times, moment.time - lasting)) - 1
-    )
-    mirrors = [
-        int((run.maps[number].kinds == "mirror").sum()) if number >= 0 else 0
-        for number in (before, newest)
-    ]
-    return mirrors[0] == 0 < mirrors[1]
+    then = moment.time - _REFLECTION_TIME * run.playback
+    earlier = int(np.searchsorted(run.trajectory.times, then)) - 1
+    before, after = ("mirror" in run.map_after(scan).kinds for scan in (earlier, moment.mapped))
+    return after and not before
 
 
 def _laser(run: Run) -> str:
     """How much the laser sends out."""
     gaps = np.diff(run.trajectory.times)
-    beams = f"{run.ranges.shape[1]} laser beams"
+    beams = f"{len(run.ranges.T)} laser beams"
     rate = 1.0 / float(np.median(gaps)) if len(gaps) and np.median(gaps) > 0.0 else 0.0
     return f"{beams}, {rate:.3g} times a second" if rate >= 1.0 else f"{beams} a scan"
 
@@ -84,17 +79,18 @@ def panel(facts: Facts, moment: Moment, shot: str) -> Label:
     """The panel of a moment."""
     run, line_map = facts.run, facts.run.map_after(moment.mapped)
     walls = counted(len(line_map), "wall") if run.maps else ""
-    time = f"{moment.time - run.trajectory.times[0]:.0f} s"
-    lines = [(caption(facts, moment, shot), _INK), (f"{time}  ·  {walls}".rstrip(" ·"), _PALE)]
+    head = caption(facts, moment, shot), _INK
     if facts.panel == "short":
-        return _label([*lines, *_trails(run, moment.scan)], _SIZE)
-    x, y, turn = *moment.pose[:2], np.degrees(moment.pose[2])
+        passed = f"{moment.time - run.trajectory.times.min():.0f} s  ·  {walls}".rstrip(" ·")
+        return _label([head, (passed, _PALE), *_trails(run, moment.scan)], _SIZE)
+    x, y, theta = moment.pose
     scan = run.scan(moment.scan)
     nearest = f"min {scan.ranges[scan.hits].min():.2f} m" if scan.hits.any() else "nothing near"
     beams = f"{int(scan.hits.sum())} / {len(scan.ranges)} beams hit   {nearest}"
-    lines[1:] = [
+    lines = [
+        head,
         (f"t {moment.time:.1f} s   v {moment.speed:.2f} m/s   {facts.playback:g} x", _PALE),
-        (f"x {x:.2f} m   y {y:.2f} m   θ {turn:.1f}°", _PALE),
+        (f"x {x:.2f} m   y {y:.2f} m   θ {np.degrees(theta):.1f}°", _PALE),
         (beams if moment.scanning else "beams off", _PALE),
         *_trails(run, moment.scan),
         (line_map.counts if run.maps else "", _PALE),
@@ -107,12 +103,12 @@ def card(facts: Facts) -> Label:
     run = facts.run
     # A building of several colours is several objects.
     objects = counted(run.map.object_count, "object")
-    words = [f"{counted(len(run.map), 'wall')}, {objects}"]
-    if run.knows_truth and len(run.world.segments):
-        found, count = walls_found(run), len(run.world.segments)
-        words.insert(0, f"{found} of {counted(count, 'wall')} found, {100 * found / count:.0f} %")
-        words[1] = f"{len(run.map)} segments in the map, {objects}"
-    return _label([(words[0], _INK), *((each, _PALE) for each in words[1:])], _SIZE)
+    if not (run.knows_truth and len(run.world.segments)):
+        return _label([(f"{counted(len(run.map), 'wall')}, {objects}", _INK)], _SIZE)
+    found, count = walls_found(run), len(run.world.segments)
+    share = f"{found} of {counted(count, 'wall')} found, {100 * found / count:.0f} %"
+    more = f"{len(run.map)} segments in the map, {objects}"
+    return _label([(share, _INK), (more, _PALE)], _SIZE)
 
 
 def walls_found(run: Run) -> int:

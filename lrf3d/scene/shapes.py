@@ -180,9 +180,13 @@ class Seen(NamedTuple):
 
 def together(marks: Sequence[Any]) -> Any:
     """Marks of one kind and look as one."""
-    columns = zip(*marks, strict=True)
-    joined = [np.concatenate(c) if isinstance(c[0], np.ndarray) else c[0] for c in columns]
-    return marks[0] if len(marks) == 1 else type(marks[0])(*joined)
+    first, *others = marks
+    joined = {
+        name: np.concatenate([value, *(getattr(other, name) for other in others)])
+        for name, value in first._asdict().items()
+        if others and isinstance(value, np.ndarray)
+    }
+    return first._replace(**joined)
 
 
 def single(values: Any) -> Single:

@@ -8,7 +8,7 @@ import shapely
 
 from lrf3d.geometry import Bool, Float
 from lrf3d.run import Run
-from lrf3d.scene.structures import Sight
+from lrf3d.scene.stage.structures import Sight
 
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
@@ -16,14 +16,9 @@ if TYPE_CHECKING:
 _STOP_GAP = 1.0
 """Scans farther apart in time than this [s] are stops and not a drive."""
 
-_STANDING = 0.75
-"""Share of the time between two stops that the robot stands and scans."""
-
-_GLIDE_KEYS = 24
-"""Keys between two stops: enough for a soft start and end."""
-
-_SET_DOWN = 5e-4
-"""Half the time [s] in which a robot is set down behind a wall."""
+_STANDING, _GLIDE_KEYS, _SET_DOWN = 0.75, 24, 5e-4
+"""Share of the time between two stops that the robot stands and scans; keys between two stops,
+enough for a soft start and end; and half the time [s] in which it is set down behind a wall."""
 
 _FASTEST = 1000.0
 """A robot that went faster than this [m/s] did not drive but was set down elsewhere."""
@@ -78,7 +73,7 @@ class Timeline:
         gaps = np.diff(times)
         gap = float(np.median(gaps)) if len(gaps) else np.inf
         self.dwells = gap > _STOP_GAP
-        self.start, self.end = float(times[0]), float(times[-1])
+        self.start, self.end = float(times.min()), float(times.max())
         # Times of the film, and those of the drive that are shown then.
         self.keys, self._shown = times, times
         if self.dwells:
@@ -94,10 +89,9 @@ class Timeline:
             margins: How long the film goes on before and after the run [s of the film]; there the
                 run stands still, and only the camera moves.
         """
-        step = self.playback / fps
-        first = -int(np.floor(margins[0] * fps))
-        length = (self.end - self.start) / step + margins[1] * fps
-        frames = np.arange(first, int(np.floor(length + 1e-6)) + 1, dtype=np.float64)
+        step, (before, after) = self.playback / fps, margins
+        last = np.floor((self.end - self.start) / step + after * fps + 1e-6)
+        frames = np.arange(-np.floor(before * fps), last + 1.0)
         return self.start + step * frames
 
     def poses(self, times: Float) -> Float:
@@ -139,7 +133,8 @@ def _through_walls(run: Run) -> Bool:
     places = run.trajectory.poses[:, :2]
     legs = shapely.linestrings(np.stack([places[:-1], places[1:]], axis=1))
     walls = shapely.STRtree(shapely.linestrings(run.world.segments.reshape(-1, 2, 2)))
-    return np.isin(np.arange(len(legs)), walls.query(legs, predicate="intersects")[0])
+    crossing, _ = walls.query(legs, predicate="intersects")
+    return np.isin(np.arange(len(legs)), crossing)
 
 
 def interpolated(times: Float, knots: Float, values: Float) -> Float:
@@ -171,10 +166,11 @@ class DriveKeys(NamedTuple):
         if len(times) < 3:
             return self
         path = np.append(0.0, np.cumsum(np.hypot(*np.diff(places, axis=0).T)))
-        pace = path[-1] / (times[-1] - times[0])
+        pace = path.max() / np.ptp(times)
         lines = np.column_stack([places, times]), np.column_stack([path, pace * times, times])
         simple = shapely.simplify(shapely.linestrings(lines), error, preserve_topology=False)
-        kept = np.isin(times, shapely.get_coordinates(simple, include_z=True)[:, 2])
+        *_, left = shapely.get_coordinates(simple, include_z=True).T
+        kept = np.isin(times, left)
         return DriveKeys(times[kept], self.poses[kept])
 
 
@@ -193,9 +189,8 @@ def obstacle_keys(obstacle: "DynamicObstacle", timeline: Timeline) -> DriveKeys:
 
 def _keys(timeline: Timeline, times: Float, poses: Float) -> DriveKeys:
     """Keys at times (k,) of the run with poses (k, 3) in the world."""
-    poses = poses - [*timeline.origin, 0.0]
-    poses[:, 2] = np.unwrap(poses[:, 2])
-    return DriveKeys(times - timeline.start, poses)
+    x, y, theta = (poses - [*timeline.origin, 0.0]).T
+    return DriveKeys(times - timeline.start, np.column_stack([x, y, np.unwrap(theta)]))
 
 
 def scan_times(timeline: Timeline, every: int = 1) -> tuple[Float, Float]:
@@ -208,6 +203,5 @@ def scan_times(timeline: Timeline, every: int = 1) -> tuple[Float, Float]:
     if not timeline.dwells:
         middles = 0.5 * (times[:-1] + times[1:])
         return np.append(timeline.start, middles), np.append(middles, timeline.end)
-    ends = times + _STANDING * np.diff(times, append=timeline.end)
-    ends[-1] = timeline.end
-    return times, ends
+    ends = times[:-1] + _STANDING * np.diff(times)
+    return times, np.append(ends, timeline.end)

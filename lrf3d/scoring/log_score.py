@@ -11,7 +11,7 @@ from lrf3d.geometry import Float, lengths
 from lrf3d.laser import LaserScan, beam_directions, reflection_points
 from lrf3d.laser.unrolling import unrolled
 from lrf3d.mapping import LineMap
-from lrf3d.scoring.report import Report
+from lrf3d.scoring.map_score import Report
 from lrf3d.world import World
 
 NEAREST_RETURN, FARTHEST_RETURN = 0.1, 20.0

@@ -1,6 +1,8 @@
 """MapScore: the agreement of a map of line segments with the walls that a run could see."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from math import isfinite
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +13,6 @@ from lrf3d.mapping import LineMap
 from lrf3d.planning.rooms import shown_share
 from lrf3d.run import Run
 from lrf3d.scoring.matching import match_segments, sample_offsets
-from lrf3d.scoring.report import Report
 from lrf3d.world.pieces import joined_objects
 
 SAMPLE_TOLERANCE = 0.1
@@ -25,6 +26,24 @@ DIRECT = 1e-3
 
 LEAST_VISIBLE = 0.5
 """Length [m] above which the visible part of a wall counts."""
+
+MOST_JUDGED = 2000
+"""Largest number of scans from which visible walls are computed: a random sample of a
+long run shows as much of the walls, and the time does not grow with the run."""
+
+MOST_DRAWN = 4000
+"""Largest number of scans in a picture: the first ones of a longer run."""
+
+
+class Report:
+    """A dataclass of counts and figures that can be written as JSON."""
+
+    __slots__ = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        """The figures by name; None for values that are not finite, which JSON lacks."""
+        values = {each.name: getattr(self, each.name) for each in fields(self)}  # type: ignore[arg-type]
+        return {name: value if isfinite(value) else None for name, value in values.items()}
 
 
 def visible_walls(run: Run, least: float = LEAST_VISIBLE) -> tuple[Float, Int]:
@@ -235,3 +254,49 @@ def buildings_seen(run: Run) -> BuildingCount:
         seen_on_all_sides=int(seen.sum()),
         whole=int(whole.sum()),
     )
+
+
+def summarise(run: Run) -> dict[str, Any]:
+    """The figures of a run; those of the map are None if the mapper makes no LineMap."""
+    judged = judged_part(run)
+    # A row at a time, for a run may be larger than the memory.
+    returned = sum(int(np.isfinite(ranges).sum()) for ranges in run.ranges)
+    summary: dict[str, Any] = {
+        "world": {
+            "name": run.world.name,
+            "objects": run.world.object_count,
+            "walls": len(run.world.segments),
+        },
+        "drive": {
+            "scans": len(run),
+            "duration_s": run.trajectory.duration,
+            "length_m": run.trajectory.length,
+        },
+        "laser": {
+            "beams": run.ranges.shape[1],
+            "range_max_m": run.lrf.range_max,
+            "returned": returned,
+            "returned_share": returned / run.ranges.size,
+        },
+        **dict.fromkeys(("map", "score", "buildings")),
+    }
+    if len(judged) < len(run):
+        summary["judged_scans"] = len(judged)
+    if run.maps:
+        summary["map"] = {"segments": len(run.map), "objects": run.map.object_count}
+        summary["score"] = score_run(judged).as_dict()
+        summary["buildings"] = buildings_seen(judged).as_dict()
+    return summary
+
+
+def judged_part(run: Run) -> Run:
+    """The run, or a sample of the scans of a long one."""
+    if len(run) <= MOST_JUDGED:
+        return run
+    scans = np.random.default_rng(0).choice(len(run), MOST_JUDGED, replace=False)
+    return run.part(np.sort(scans))
+
+
+def drawn_part(run: Run) -> Run:
+    """The run, or the beginning of a long one, with the final map."""
+    return run if len(run) <= MOST_DRAWN else run.part(np.arange(MOST_DRAWN))

@@ -1,13 +1,26 @@
-"""TrajectoryScore: a trajectory against relative poses that are known (Kümmerle et al. 2009)."""
+"""How far a trajectory is off: by relative poses that are known, or by the true trajectory.
+
+Relations are scored as by Kümmerle et al. (2009). An estimate and the true trajectory are matched
+by their stamps; absolute errors after the best rigid alignment leave, and relative ones from each
+pose to the next, as evo defines them (Sturm et al. 2012).
+"""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from lrf3d.errors import InputError, expect
 from lrf3d.geometry import Bool, Float, Int, Value, wrap_angle
-from lrf3d.pose import as_poses, between
-from lrf3d.scoring.report import Report
+from lrf3d.pose import Pose, as_poses, between, compose
+from lrf3d.robot import Trajectory
+from lrf3d.scoring.map_score import Report
+
+MATCHED = 0.01
+"""Largest difference of two stamps [s] that are taken for one, as in evo."""
+
+LEAST_MATCHED = 3
+"""Poses that an alignment needs."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -79,3 +92,114 @@ def score_trajectory(poses: Float, relations: Relations) -> TrajectoryScore:
         certain_translation_mean=float(apart[certain].mean()) if certain.any() else np.nan,
         certain_rotation_mean=float(turned[certain].mean()) if certain.any() else np.nan,
     )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PoseErrors:
+    """The errors of a trajectory, in metres and degrees.
+
+    Args:
+        absolute: (m,) distances of the positions after the alignment.
+        unaligned: (m,) distances without it.
+        relative: (m − 1,) errors of the steps from pose to pose [m].
+        turned: (m − 1,) errors of their turns [°].
+        alignment: Pose of the estimate's frame in the true one.
+        matched: Number of matched poses, of all that the estimate has.
+        interpolated: Whether truth was interpolated, as no stamps are alike.
+    """
+
+    absolute: Float
+    unaligned: Float
+    relative: Float
+    turned: Float
+    alignment: Pose
+    matched: tuple[int, int]
+    interpolated: bool
+
+    def as_dict(self) -> dict[str, Any]:
+        """The figures of each kind of error by evo's names, in JSON's types."""
+        return {
+            "matched_poses": self.matched[0],
+            "poses": self.matched[1],
+            "alignment": list(self.alignment),
+            "ape_m": _figures(self.absolute),
+            "ape_unaligned_m": _figures(self.unaligned),
+            "rpe_m": _figures(self.relative),
+            "rpe_deg": _figures(self.turned),
+        }
+
+
+def pose_errors(truth: Trajectory, estimate: Trajectory) -> PoseErrors:
+    """Compare an estimated trajectory with the true one, of one robot by one clock.
+
+    Raises:
+        InputError: Their times do not overlap, or fewer than three poses match.
+
+    Examples:
+        >>> import lrf3d
+        >>> from lrf3d.scoring.trajectory_score import pose_errors
+        >>> truth = lrf3d.Trajectory([0, 1, 2], [(0, 0, 0), (1, 0, 0), (2, 0, 0)])
+        >>> turned = lrf3d.Trajectory([0, 1, 2], [(5, 0, 1.57), (5, 1, 1.57), (5, 2.1, 1.57)])
+        >>> pose_errors(truth, turned).absolute.round(3).tolist()
+        [0.05, 0.0, 0.05]
+    """
+    first, last = estimate.times[0], estimate.times[-1]
+    begin, end = truth.times[0], truth.times[-1]
+    spans = f"stamps from {first:.6g} to {last:.6g} s, the run's from {begin:.6g} to {end:.6g} s"
+    if last < begin - MATCHED or first > end + MATCHED:
+        raise InputError(f"trajectory: {spans}: they do not overlap")
+    ours, theirs = _matched(truth.times, estimate.times)
+    interpolated = len(ours) < LEAST_MATCHED
+    if interpolated:
+        theirs = np.flatnonzero((estimate.times >= begin) & (estimate.times <= end))
+        if len(theirs) < LEAST_MATCHED:
+            raise InputError(f"trajectory: {len(theirs)} poses match; {spans}; expected three")
+        true = truth.at(estimate.times[theirs])
+    else:
+        true = truth.poses[ours]
+    found = estimate.poses[theirs]
+    alignment = rigid_alignment(found[:, :2], true[:, :2])
+    aligned = compose(np.array(alignment), found)
+    steps = between(between(true[:-1], true[1:]), between(found[:-1], found[1:]))
+    return PoseErrors(
+        np.hypot(*(aligned - true)[:, :2].T),
+        np.hypot(*(found - true)[:, :2].T),
+        np.hypot(steps[:, 0], steps[:, 1]),
+        np.degrees(np.abs(wrap_angle(steps[:, 2]))),
+        alignment,
+        (len(theirs), len(estimate)),
+        interpolated,
+    )
+
+
+def rigid_alignment(points: Float, onto: Float) -> Pose:
+    """The motion that brings points (n, 2) nearest to others (n, 2) (Umeyama 1991, no scale)."""
+    middle, target = points.mean(axis=0), onto.mean(axis=0)
+    a, b = points - middle, onto - target
+    theta = float(np.arctan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a * b).sum()))
+    x, y = target - Pose(0.0, 0.0, theta).apply(middle[None])[0]
+    return Pose(float(x), float(y), theta)
+
+
+def _matched(truth: Float, estimate: Float) -> tuple[Int, Int]:
+    """Indices of stamps that are alike: for each of the shorter row the nearest of the other."""
+    short, long = (truth, estimate) if len(truth) < len(estimate) else (estimate, truth)
+    after = np.clip(np.searchsorted(long, short), 1, max(len(long) - 1, 1))
+    after = np.minimum(after, len(long) - 1)
+    before = np.maximum(after - 1, 0)
+    nearest = np.where(short - long[before] <= long[after] - short, before, after)
+    alike = np.flatnonzero(np.abs(long[nearest] - short) <= MATCHED)
+    pair = alike, nearest[alike]
+    return pair if len(truth) < len(estimate) else pair[::-1]
+
+
+def _figures(errors: Float) -> dict[str, float]:
+    """Statistics of errors (n,) as evo prints them."""
+    return {
+        "rmse": float(np.sqrt((errors**2).mean())),
+        "mean": float(errors.mean()),
+        "median": float(np.median(errors)),
+        "std": float(errors.std()),
+        "min": float(errors.min()),
+        "max": float(errors.max()),
+    }

@@ -11,74 +11,60 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lrf3d.geometry import Float, wrap_angle
+from lrf3d.geometry import Float, Records
 from lrf3d.pose import between, compose, turned
-from lrf3d.slam.front_end import WEAK, weakest_direction
-from lrf3d.slam.pose_graph import Edges, GraphPaths
+from lrf3d.slam.front_end import (
+    KEY_DISTANCE,
+    LEAST_FOUND,
+    LEAST_POINTS,
+    LEAST_SHARE,
+    WEAK,
+    weakest_direction,
+)
+from lrf3d.slam.key_scans import Key, MixedPixels
+from lrf3d.slam.motion import size_of
+from lrf3d.slam.pose_graph import GraphPaths, edges_of
 from lrf3d.slam.scan_matching import Match
-from lrf3d.slam.search import DEVIATIONS as WINDOW_DEVIATIONS
-from lrf3d.slam.search import field_of, search
-from lrf3d.slam.surface import wall_map
-from lrf3d.slam.views import Key, clearest, evidence
-from lrf3d.slam.violation import MixedPixels
+from lrf3d.slam.search import DEVIATIONS, Place, Submap, clearest
 
 LEAST_DISTANCE = 6.0
-"""Two key scans are worth closing a loop if the path between them along the graph is longer [m]."""
-
-LEAST_SHARE = 0.6
-"""A place that explains this share of a scan is beyond doubt: no other is tried."""
-
-LEAST_FOUND = 0.3
-"""A closure explains at least this share: in woods it is hardly half at the right place."""
+"""Least path length [m] over which a loop is closed, and between the old places that are tried."""
 
 NEAR = 4.0
-"""Key scans up to this far apart [m] may show the same walls."""
+"""Largest distance of key scans that show the same walls [m]."""
 
 DRIFT, DRIFT_TURN = 0.01, 0.0015
-"""How much farther [m], [rad] a robot may be off after each metre: twice what is usual."""
+"""Drift of the front end [m], [rad] for each metre: twice what is usual."""
 
 LEAST_SPREAD, MOST_SPREAD = np.array([0.1, 0.1, 0.02]), np.array([10.0, 10.0, 0.3])
 """Bounds of the standard deviations [m], [rad] of the window that is searched."""
 
 LOST = 10.0
-"""Distance [m] over which a robot drifts as far as in one scan that matches nothing: 0.1 m."""
+"""Path length [m] of the same drift as one scan that matches nothing: 0.1 m."""
 
-MOST_TRIES, MOST_PLACES = 6, 20
-"""Old places that are tried for each new key scan: in a small window, where they show the same, and
-in a wide one, the nearest first. If it holds more, those that were found are judged."""
-
-OTHER_PLACE = 6.0
-"""The next one that is tried lies farther from the last than this along the path [m]."""
+MOST_PLACES = 20
+"""Most old places that are tried for a key scan, the nearest first."""
 
 SUBMAP = 5
-"""Key scans before and after an old one that make the map a loop is closed with."""
-
-LEAST_POINTS = 10
-"""Points that a surface must have."""
-
-CLOSURE_LENGTH = 0.5
-"""What a closure counts as in path lengths along the graph [m]: the drift that it leaves."""
+"""Key scans before and after an old one in the map that a loop is closed with."""
 
 AGREEING, AGREEING_IN_THE_END = 3, 2
-"""Closures that have to agree with each other before any of them is accepted: while the robot
-drives, and when the drive is over, if no other contradicts them."""
+"""Closures that must agree before any of them is accepted: while the robot drives, and when the
+drive is over, if no other contradicts them."""
 
-STRETCH = 12.0
+STRETCH = 2.0 * LEAST_DISTANCE
 """Closures are compared if the old key scans of both are this near along the graph [m], and the new
 ones along the drive."""
 
-DEVIATIONS = 3.5
-"""Two closures agree if the loop that they form closes within this many deviations."""
-
 CLOSURE_SHARE = 0.3
-"""Share of the matching's information that a closure's edge counts with: old and new map were drawn
-by the same drifting front end, and both are bent a little."""
+"""Factor on the information of an edge from matching: both maps were made by the same drifting
+front end, and are bent a little."""
 
 KNOWN = np.diag([1.5**2, 1.5**2, 1.0])
-"""Covariance of the window in which a closure is searched that somebody knows [m²], [rad²]."""
+"""Covariance of the window of a closure that somebody knows [m²], [rad²]."""
 
 FLOOR = np.diag([0.01, 0.01, 1.0])
-"""Information that a closure has in any direction: 10 m and 1 rad, as it lay in the window."""
+"""Information of a closure in any direction: 10 m and 1 rad, as it lay in the window."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,14 +93,6 @@ class Refusal(NamedTuple):
     why: str
 
 
-class Place(NamedTuple):
-    """Where a key scan may have been taken, as seen from an old one, and what speaks for it."""
-
-    old: int
-    match: Match
-    evidence: float
-
-
 class LoopCloser:
     """Finds closures for new key scans, and keeps them until enough agree."""
 
@@ -122,36 +100,31 @@ class LoopCloser:
         self.mixed_pixels = mixed_pixels
         self.keys: list[Key] = []
         self.accepted: list[Closure] = []
-        # Those that were found, but too few others agree with them.
+        # Closures that too few others agree with.
         self.unconfirmed: list[Closure] = []
-        # Those that were found, but something speaks against them; and what somebody ruled out.
+        # Closures that are contradicted, and pairs of scans that somebody ruled out.
         self.refused: list[Refusal] = []
         self.ruled_out: list[tuple[int, int]] = []
         self.paths = GraphPaths()
         # Poses (k, 3) of the key scans by the graph.
         self._poses = np.empty((0, 3))
-        # How far the robot had driven at each key scan [m], and by now.
+        # The distance at each key scan [m], and now.
         self.driven = np.empty(0)
         self.distance = 0.0
-        # Key scans that follow each other without a known place or a lost scan between them.
+        # The number of the stretch of each key scan, without a known place or a lost scan in it.
         self._stretches = np.empty(0, np.int64)
 
     def drive(self, step: Float, lost: int) -> None:
-        """Add to the distance that the robot has driven, by how far it drifts."""
+        """Add a step and a number of lost scans to the distance, by the drift that they cause."""
         # A turn in place lets the robot drift like a path of the length of its lever.
-        self.distance += float(np.hypot(step[0], step[1]) + abs(step[2])) + LOST * lost
+        self.distance += sum(size_of(step)) + LOST * lost
 
     def add_key(self, key: Key, *, apart: bool = False) -> None:
-        """Take in the next key scan, which a known place may part from the one before."""
+        """Add the next key scan, which begins another stretch if it stands apart from the last."""
         stretch = int(self._stretches[-1]) + apart if self.keys else 0
         self.driven = np.append(self.driven, self.distance)
         self._stretches = np.append(self._stretches, stretch)
         self.keys.append(key)
-
-    def link(self, edge: Edges, length: float) -> None:
-        """Note the path to the next key scan."""
-        ends = int(edge.first[0]), int(edge.second[0])
-        self.paths.link(*ends, length, np.linalg.inv(edge.information[0]))
 
     def search(self, poses: Float) -> list[Closure]:
         """Closures that are accepted now: of the newest key scan, and older ones it confirms."""
@@ -171,12 +144,8 @@ class LoopCloser:
         for closure in list(self.unconfirmed):
             if closure in self.unconfirmed:
                 self._accept(closure, AGREEING_IN_THE_END, strict=True)
-        votes = [self._votes(closure, self.accepted) for closure in self.accepted]
-        wrong = [
-            closure
-            for closure, agree in zip(self.accepted, votes, strict=True)
-            if 2 * sum(agree.values()) < len(agree)
-        ]
+        votes = {closure: self._votes(closure, self.accepted) for closure in self.accepted}
+        wrong = [each for each, agree in votes.items() if 2 * sum(agree.values()) < len(agree)]
         self.accepted = [closure for closure in self.accepted if closure not in wrong]
         self.unconfirmed += wrong
 
@@ -207,75 +176,75 @@ class LoopCloser:
         for closure in agreeing:
             # A path over the graph from now on. Along a corridor it leaves the robot as uncertain
             # as a long drive does.
-            off = np.sqrt(np.linalg.eigvalsh(closure.covariance[:2, :2])[1]) / DRIFT
-            length = max(CLOSURE_LENGTH, float(off))
+            off = np.sqrt(np.linalg.norm(closure.covariance[:2, :2], 2)) / DRIFT
+            length = max(KEY_DISTANCE, float(off))
             self.paths.link(closure.old, closure.new, length, closure.covariance)
         return agreeing
 
     def _found(self, new: int) -> Closure | None:
         """The closure of a key scan with an old one, at the place that fits best of all."""
-        poses = self._poses
-        if len(self.keys[new].surface) < LEAST_POINTS:
-            return None
-        fits = self.driven < self.driven[new] - LEAST_DISTANCE
-        if not fits.any():
-            return None
-        lengths, spreads = self.paths.spreads(new, poses)
-        fits &= np.isfinite(lengths) & (lengths > LEAST_DISTANCE)
-        away = poses[:, :2] - poses[new, :2]
-        apart = np.hypot(away[:, 0], away[:, 1])
-        along = away / np.maximum(apart, 1e-9)[:, None]
-        sideways = np.sqrt(np.einsum("ki,kij,kj->k", along, spreads[:, :2, :2], along))
-        deviation = np.clip(sideways, LEAST_SPREAD[0], MOST_SPREAD[0])
-        fits &= apart < NEAR + WINDOW_DEVIATIONS * deviation
-        places: list[Place] = []
-        tries = 0
-        while fits.any():
-            old = int(np.where(fits, apart, np.inf).argmin())
-            spread = _bounded(spreads[old])
-            places += self._places(old, new, spread)
-            # The next try is at another place than this one; where the window is small, one that
-            # shows the place is enough. In a wide one all are tried, or else a place that looks
-            # like the right one would be believed.
-            fits &= np.abs(self.driven - self.driven[old]) > OTHER_PLACE
-            small = WINDOW_DEVIATIONS * np.sqrt(spread[:2, :2].trace()) < OTHER_PLACE
-            tries += 1
-            seen = any(place.match.explained > LEAST_SHARE for place in places)
-            if small and (seen or tries == MOST_TRIES):
-                break
-            if tries == MOST_PLACES:
-                break
-        there = [compose(poses[place.old], place.match.pose) for place in places]
-        best = clearest(there, [place.evidence for place in places])
+        places = self._all_places(new)
+        there = [compose(self._poses[old], place.match.pose) for old, place in places]
+        best = clearest(there, [place.evidence for _, place in places])
         if best is None:
-            if places:
-                self.refused.append(Refusal(places[0].old, new, "elsewhere fits as well"))
+            self.refused += [Refusal(old, new, "elsewhere fits as well") for old, _ in places[:1]]
             return None
-        old, match, worth = places[best]
-        around, seen_from = self._submap(old, new)
-        back = between(seen_from, match.pose)
+        old, (match, worth) = places[best]
+        around = self._submap(old, new)
         why = ""
         if worth <= 0.0 or match.explained < LEAST_FOUND:
             why = "too little is explained"
         elif any(self._near(old, one) and self._near(new, other) for one, other in self.ruled_out):
             why = "ruled out"
-        elif self.mixed_pixels.contradict(around, self.keys[new], back):
+        elif self.mixed_pixels.contradict(
+            around.keys, self.keys[new], around.seen_from(match.pose)
+        ):
             why = "beams pass through"
         if why:
             self.refused.append(Refusal(old, new, why))
             return None
-        return self._closure(old, new, match)
+        return _closure(old, new, match)
 
-    def _closure(self, old: int, new: int, match: Match) -> Closure:
-        """The closure of a match of a new key scan around an old one."""
-        relative = np.array([*match.pose[:2], wrap_angle(match.pose[2])])
-        return Closure(old, new, relative, CLOSURE_SHARE * fixed(match.information) + FLOOR)
+    def _all_places(self, new: int) -> list[tuple[int, Place]]:
+        """The places of a key scan as seen from all old ones that it may be near, with these."""
+        fits = self.driven < self.driven[new] - LEAST_DISTANCE
+        if len(self.keys[new].surface) < LEAST_POINTS or not fits.any():
+            return []
+        poses, places = self._poses, list[tuple[int, Place]]()
+        lengths, spreads = self.paths.spreads(new, poses)
+        fits &= np.isfinite(lengths) & (lengths > LEAST_DISTANCE)
+        away = (poses - poses[new])[:, :2]
+        apart = np.hypot(*away.T)
+        along = away / np.maximum(apart, 1e-9)[:, None]
+        sideways = np.sqrt(np.einsum("ki,kij,kj->k", along, spreads[:, :2, :2], along))
+        (least, *_), (most, *_) = LEAST_SPREAD, MOST_SPREAD
+        fits &= apart < NEAR + DEVIATIONS * np.clip(sideways, least, most)
+        for _ in range(MOST_PLACES):
+            if not fits.any():
+                break
+            old = int(np.where(fits, apart, np.inf).argmin())
+            spread, guess = _bounded(spreads[old]), between(poses[old], poses[new])
+            places += [(old, place) for place in self._places(old, new, spread, guess)]
+            # The next try is at another place than this one. Where the window is small, one that
+            # shows the place is enough; in a wide one all are tried, or else a place that looks
+            # like the right one would be accepted.
+            fits &= np.abs(self.driven - self.driven[old]) > LEAST_DISTANCE
+            small = DEVIATIONS * np.sqrt(spread[:2, :2].trace()) < LEAST_DISTANCE
+            if small and any(place.match.explained > LEAST_SHARE for _, place in places):
+                break
+        return places
 
-    def _submap(self, old: int, new: int) -> tuple[list[Key], Float]:
-        """The key scans of the map that a new one is matched with where it meets an old one.
+    def _places(self, old: int, new: int, spread: Float, guess: Float) -> list[Place]:
+        """The places of a new key scan in a window around a guess (3,), as seen from an old one."""
+        *_, heading = self._poses[old].tolist()
+        window = turned(spread, -heading)
+        return self._submap(old, new).places(self.keys[new], guess, window, NEAR)
 
-        Their poses (k, 3) are as seen from the old one, and by the front end: over a stretch so
-        short these are better than those of the graph.
+    def _submap(self, old: int, new: int) -> Submap:
+        """The map that a new key scan is matched with where it meets an old one.
+
+        The poses are as seen from the old one, and by the front end: over a stretch so short these
+        are better than those of the graph.
         """
         around = [
             self.keys[k]
@@ -283,12 +252,13 @@ class LoopCloser:
             if self._stretches[k] == self._stretches[old]
             and self.driven[k] < self.driven[new] - LEAST_DISTANCE
         ]
-        return around, between(self.keys[old].pose, np.array([key.pose for key in around]))
+        poses = np.array([key.pose for key in around])
+        return Submap(around, between(self.keys[old].pose, poses))
 
     def _near(self, key: int, scan: int) -> bool:
         """Whether a key scan lies near a scan, by its number, along the path."""
         at = min(self.number_at(scan), len(self.keys) - 1)
-        return bool(abs(self.driven[key] - self.driven[at]) < OTHER_PLACE)
+        return bool(abs(self.driven[key] - self.driven[at]) < LEAST_DISTANCE)
 
     def number_at(self, scan: int) -> int:
         """The number of the first key scan from a scan on."""
@@ -303,35 +273,14 @@ class LoopCloser:
     def known(self, old: int, new: int, poses: Float) -> Closure | None:
         """The closure of two key scans of which somebody knows that they show the same place."""
         self._poses = poses
-        guess = np.array([0.0, 0.0, between(poses[old], poses[new])[2]])
+        guess = between(poses[old], poses[new]) * [0.0, 0.0, 1.0]
         places = self._places(old, new, KNOWN, guess)
         if not places:
             return None
-        best = max(places, key=lambda place: place.evidence)
-        closure = self._closure(old, new, best.match)
+        closure = _closure(old, new, max(places, key=lambda place: place.evidence).match)
         self.accepted.append(closure)
-        self.paths.link(old, new, CLOSURE_LENGTH, closure.covariance)
+        self.paths.link(old, new, KEY_DISTANCE, closure.covariance)
         return closure
-
-    def _places(self, old: int, new: int, spread: Float, guess: Float | None = None) -> list[Place]:
-        """The places of a new key scan in a window around an old one, or around a guess there."""
-        around, seen_from = self._submap(old, new)
-        grid = wall_map((key.walls, pose) for key, pose in zip(around, seen_from, strict=True))
-        if grid is None or len(grid.surface) < LEAST_POINTS:
-            return []
-        scan, field = self.keys[new], field_of(around, seen_from)
-        if guess is None:
-            guess = between(self._poses[old], self._poses[new])
-        window = turned(spread, -float(self._poses[old, 2]))
-        found = search(scan, grid, field, guess, window, NEAR)
-        return [
-            Place(
-                old,
-                match,
-                evidence(scan.hits, match.explained, between(seen_from, match.pose), around),
-            )
-            for match in found
-        ]
 
     def _agree(self, first: Closure, second: Closure, length: float) -> bool:
         """Whether the loop over two closures closes, whose paths between have a length [m]."""
@@ -341,40 +290,43 @@ class LoopCloser:
         new = between(self.keys[first.new].pose, self.keys[second.new].pose)
         error = between(compose(first.relative, new), compose(old, second.relative))
         place, turn = 0.05 + DRIFT * length, 0.015 + DRIFT_TURN * length
-        spread = np.array([place, place, turn])
-        lever = np.hypot(old[0], old[1]) * 0.015
-        covariance = np.diag(spread**2 + np.array([lever, lever, 0.0]) ** 2)
+        lever, _ = size_of(0.015 * old)
+        covariance = np.diag(np.square([place, place, turn]) + np.square([lever, lever, 0.0]))
         for closure in (first, second):
             covariance = covariance + turned(closure.covariance, -float(second.relative[2]))
-        square = float(error @ np.linalg.solve(covariance, error))
-        return square < DEVIATIONS**2
+        return float(error @ np.linalg.solve(covariance, error)) < DEVIATIONS**2
 
 
-def closure_edges(closures: list[Closure]) -> Edges:
+def _closure(old: int, new: int, match: Match) -> Closure:
+    """The closure of a match of a new key scan around an old one."""
+    relative = between(np.zeros(3), match.pose)
+    return Closure(old, new, relative, CLOSURE_SHARE * fixed(match.information) + FLOOR)
+
+
+def closure_edges(closures: list[Closure], *, robust: bool = True) -> Records:
     """Closures as edges of the pose graph."""
-    return Edges(
-        np.array([closure.old for closure in closures]),
-        np.array([closure.new for closure in closures]),
+    return edges_of(
+        [closure.old for closure in closures],
+        [closure.new for closure in closures],
         np.array([closure.relative for closure in closures]),
         np.array([closure.information for closure in closures]),
-        np.ones(len(closures), np.bool_),
-        np.repeat(FLOOR[None], len(closures), axis=0),
-    )
+        FLOOR, robust=robust,
+    )  # fmt: skip
 
 
 def _bounded(spread: Float) -> Float:
-    """A covariance (3, 3) of a window, neither so small nor so large as to be of no use."""
+    """A covariance (3, 3) of a window within `LEAST_SPREAD` and `MOST_SPREAD`."""
     bounded = spread + np.diag(LEAST_SPREAD**2)
-    most = np.linalg.norm(bounded[:2, :2], 2) / MOST_SPREAD[0] ** 2
-    bounded[:2, :2] /= max(most, 1.0)
-    bounded[2, 2] = min(bounded[2, 2], MOST_SPREAD[2] ** 2)
+    place, _, turn = MOST_SPREAD**2
+    bounded[:2, :2] /= max(np.linalg.norm(bounded[:2, :2], 2) / place, 1.0)
+    bounded[2, 2] = min(bounded[2, 2], turn)
     return bounded
 
 
 def fixed(information: Float) -> Float:
     """Information (3, 3) of a match without that on a direction which its walls do not fix.
 
-    What it says of the distance along a corridor comes from the noise of normals.
+    Along a corridor it comes from the noise of normals.
     """
     direction, weakest = weakest_direction(information)
     if weakest >= WEAK:

@@ -5,9 +5,8 @@ information matrix enter; the pose leaves that minimises
 
     ρ₀((T − T₀)ᵀ Ω₀ (T − T₀)) + Σ ρ(n·(T p − q)) / σ²
 
-over x, y, θ, by Gauss-Newton, with the information matrix of the second part. Where the walls in
-view do not fix a direction, as along a corridor, that says nothing of it, and the guess, which
-comes from odometry, stands.
+over x, y, θ, by Gauss-Newton, with the information matrix of the second part. In a direction that
+the walls in view do not fix, as along a corridor, the guess stands.
 """
 
 from typing import NamedTuple
@@ -15,33 +14,31 @@ from typing import NamedTuple
 import numpy as np
 
 from lrf3d.compiling import compiled, inner
-from lrf3d.geometry import Float
-from lrf3d.slam.surface import ALONG, SurfaceGrid
+from lrf3d.geometry import Float, Records
+from lrf3d.slam.surface import ALONG, SurfaceGrid, placement
 
 ALIGNED = 0.85
-"""Least cosine between the normals of a point and of what it is matched to."""
+"""Least cosine between the normals of a point and of the wall that it is matched to."""
 
 FIRST_SCALE, LAST_SCALE = 0.15, 0.05
-"""Scale of the robust weight [m] in the first iteration and in the last: at first the guess is off,
+"""Scale of the robust weight [m] in the first iteration and in the last: at first the guess is off;
 in the end what lies farther off has moved or is not in the map."""
 
 PRIOR_SCALE = 4.0
-"""How many deviations the guess may be off before its weight has halved."""
+"""Standard deviations at which the weight of the guess has halved."""
 
 REACH = 0.3
-"""How far off walls are looked for [m]; at most a cell of the grid."""
+"""Largest distance between a point and its wall [m]; at most a cell of the grid."""
 
 SIGMA = 0.06
-"""Standard deviation [m] that a point's distance to its line counts with. The noise of a range is
-about 0.01 m, but points of one wall share the errors of its normal and of the map."""
+"""Standard deviation of a point's distance to its wall [m]. The noise of a range is about 0.01 m,
+but points of one wall share the errors of its normal and of the map."""
 
 POST = 0.25
-"""Strength of a post next to a point of a wall: from elsewhere another side of it is seen, and its
-middle is twice as far off."""
+"""Weight of a post next to that of a point of a wall: other sides of it are seen from elsewhere."""
 
 FEWER, COARSELY = 120, 4
-"""The first number of points is enough for as many first steps as the second says: they only lead
-near to where the last ones end."""
+"""Points in a coarse iteration, and number of these: they only lead near to the result."""
 
 ITERATIONS = 20
 """Most Gauss-Newton steps of a match; six are usual."""
@@ -51,7 +48,7 @@ STEP = 1e-4
 
 
 class Match(NamedTuple):
-    """What matching a scan came to: its pose (3,) in the frame of the map.
+    """The result of matching a scan: its pose (3,) in the frame of the map.
 
     The information (3, 3) is without that of the guess; explained is the share of the points that
     lie on the map, and the deviation their RMS distance [m] to it.
@@ -64,9 +61,9 @@ class Match(NamedTuple):
 
 
 def match_scan(
-    surface: Float, grid: SurfaceGrid, guess: Float, prior: Float, iterations: int = ITERATIONS
+    surface: Records, grid: SurfaceGrid, guess: Float, prior: Float, iterations: int = ITERATIONS
 ) -> Match:
-    """Match a surface (m, 4), in the frame of the robot, with a map from a guess (3,) on.
+    """Match a surface, in the frame of the robot, with a map, from a guess (3,) on.
 
     The prior (3, 3) is the information of the guess.
     """
@@ -75,7 +72,7 @@ def match_scan(
 
 @compiled
 def _matched(
-    surface: Float,
+    surface: Records,
     grid: SurfaceGrid,
     guess: Float,
     prior: Float,
@@ -92,14 +89,13 @@ def _matched(
         stride = 1 + len(surface) // FEWER if iteration < min(COARSELY, iterations - 1) else 1
         scan_part[:], gradient[:] = 0.0, 0.0
         explained = squares = 0.0
-        cos, sin = np.cos(pose[2]), np.sin(pose[2])
+        at = placement(pose)
         for i in range(0, len(surface), stride):
+            point = surface[i]
             # The lever of the turn: where the point lies from the robot, in the map's axes.
-            u = cos * surface[i, 0] - sin * surface[i, 1]
-            v = sin * surface[i, 0] + cos * surface[i, 1]
-            nx = cos * surface[i, 2] - sin * surface[i, 3]
-            ny = sin * surface[i, 2] + cos * surface[i, 3]
-            near, x, y, distance = _near(grid, pose[0] + u, pose[1] + v, nx, ny, reach)
+            u, v = at.cos * point.x - at.sin * point.y, at.sin * point.x + at.cos * point.y
+            nx, ny = at.cos * point.nx - at.sin * point.ny, at.sin * point.nx + at.cos * point.ny
+            near, x, y, distance = _near(grid, at.x + u, at.y + v, nx, ny, reach)
             if near == 0.0:
                 continue
             bounded = 1.0 + (distance / scale) ** 2
@@ -115,7 +111,7 @@ def _matched(
             squares += weight * distance * distance
         deviation = np.sqrt(squares / explained) if explained > 0.0 else np.inf
         explained /= max(len(surface), 1)
-        # Wheels slip, and bump into things: a guess that scans contradict loses its say.
+        # Wheels slip, and bump into things: a guess that scans contradict loses weight.
         off = pose - guess
         trust = 1.0 / (1.0 + off @ prior @ off / (PRIOR_SCALE * PRIOR_SCALE))
         step = np.linalg.solve(scan_part + trust * prior, gradient + trust * (prior @ off))
@@ -144,15 +140,15 @@ def _add(
 def _near(
     grid: SurfaceGrid, x: float, y: float, nx: float, ny: float, reach: float
 ) -> tuple[float, float, float, float]:
-    """How well a map knows a wall near a point, its normal, and the distance; 0 if it knows none.
+    """The weight of the map's wall near a point, its normal, and the distance; 0 if there is none.
 
     All map points around count, not just the nearest: the mean of several views of a wall is better
     than any one of them, and the nearest is always one whose error points to where we are. A point
-    without a normal is compared with posts; of these the distances along x and y leave.
+    without a normal is compared with posts; of these the distances along x and y are returned.
     """
-    columns, rows, cell = int(grid.size[0]), int(grid.size[1]), grid.size[2]
-    column = int(np.floor((x - grid.corner[0]) / cell))
-    row = int(np.floor((y - grid.corner[1]) / cell))
+    columns, rows = grid.columns, grid.rows
+    column = int(np.floor((x - grid.left) / grid.cell))
+    row = int(np.floor((y - grid.low) / grid.cell))
     total = sum_x = sum_y = sum_off = 0.0
     if column < 0 or row < 0 or column >= columns or row >= rows:
         return 0.0, 0.0, 0.0, 0.0
@@ -161,32 +157,32 @@ def _near(
         begin = grid.first[other_row * columns + max(column - 1, 0)]
         end = grid.first[other_row * columns + min(column + 1, columns - 1) + 1]
         for k in range(begin, end):
-            dx, dy = x - grid.surface[k, 0], y - grid.surface[k, 1]
+            wall = grid.surface[k]
+            dx, dy = x - wall.x, y - wall.y
             square = dx * dx + dy * dy
             if square > reach * reach + ALONG * ALONG:
                 continue
-            mx, my = grid.surface[k, 2], grid.surface[k, 3]
             if post:
-                if mx != 0.0 or my != 0.0:
+                if wall.nx != 0.0 or wall.ny != 0.0:
                     continue
-            elif mx * nx + my * ny < ALIGNED:
+            elif wall.nx * nx + wall.ny * ny < ALIGNED:
                 continue
-            off = mx * dx + my * dy
-            # Map points farther off along the wall do not count, and nearer ones the more; of two
-            # walls that lie one behind the other the nearer one is meant. Both are bumps that end
-            # at 0, which cost a few products where a Gaussian has a power.
+            off = wall.nx * dx + wall.ny * dy
+            # The weight falls with the distance along the wall and across it, so that of two walls
+            # one behind the other the nearer one counts. Both factors are bumps that end at 0,
+            # which cost a few products where a Gaussian has a power.
             along = 1.0 - (square - off * off) / (ALONG * ALONG)
             across = 1.0 - off * off / (reach * reach)
             if along <= 0.0 or across < 0.0:
                 continue
             weight = along * along * across * across
             total += weight
-            sum_x += weight * (dx if post else mx)
-            sum_y += weight * (dy if post else my)
+            sum_x += weight * (dx if post else wall.nx)
+            sum_y += weight * (dy if post else wall.ny)
             sum_off += weight * off
     if total < 1e-3:
         return 0.0, 0.0, 0.0, 0.0
-    # A point that only far-off map points speak for counts less.
+    # A point that only far-off map points support counts less.
     near, length = min(1.0, total), np.hypot(sum_x, sum_y)
     if post:
         return near, sum_x / total, sum_y / total, length / total

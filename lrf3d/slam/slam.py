@@ -11,35 +11,40 @@ from dataclasses import replace
 import numpy as np
 
 from lrf3d.errors import InputError, shown
-from lrf3d.geometry import Float, Int, is_finite, whole_number
+from lrf3d.geometry import Float, Int, Records, is_finite, whole_number
 from lrf3d.laser import LaserRangeFinder, LaserScan
 from lrf3d.laser.range_finder import lasers_of
 from lrf3d.laser.unrolling import unrolled
-from lrf3d.mapping import LineMap
+from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.pose import Pose, as_pose, bent, between, compose, turned
 from lrf3d.robot import EstimatedTrajectory
 from lrf3d.robot.estimated_trajectory import NO_POSES
-from lrf3d.slam.closures import Closure, LoopCloser, closure_edges
+from lrf3d.slam.checks import SelfCheck, self_check
+from lrf3d.slam.closures import CLOSURE_SHARE, Closure, LoopCloser, closure_edges
 from lrf3d.slam.front_end import KEY_DISTANCE, FrontEnd, Tracked, refined
-from lrf3d.slam.key_map import KeyMap
-from lrf3d.slam.known_places import Anchor, in_known_place
-from lrf3d.slam.pose_graph import Edges, optimised, pose_covariances, variance_factor
+from lrf3d.slam.key_scans import Key, Moment, Sight
+from lrf3d.slam.motion import Wheels
+from lrf3d.slam.pose_graph import (
+    EDGE,
+    edge_errors,
+    edges_of,
+    optimised,
+    pose_covariances,
+    variance_factor,
+)
+from lrf3d.slam.revisits import Anchor, in_known_place
 from lrf3d.slam.scan_matching import SIGMA
-from lrf3d.slam.sight import Moment, Sight
-from lrf3d.slam.views import Key
-from lrf3d.slam.violation import SelfCheck, self_check
-from lrf3d.slam.wheels import Wheels
 
-EDGE_SHARE = 0.3
-"""Share of the matching's information that the edge between two key scans has: adjacent ones are
-matched with the same local map, and share its errors."""
+NEGLIGIBLE = np.array([0.02, 0.02, 0.005])
+"""Errors of new closures [m], [rad] below which the poses are not optimised, which saves a tenth of
+the time in an office."""
 
-NEGLIGIBLE, NEGLIGIBLE_TURN = 0.02, 0.005
-"""The poses are not optimised while new closures are off by less than this [m], [rad], which saves
-a tenth of the time in an office."""
+MOVED = 0.02
+"""The map is drawn again once a key scan has moved by more than this [m]."""
 
-FINAL_ITERATIONS = 20
-"""Most Gauss-Newton steps over the pose graph in the end."""
+DRAWN = 2
+"""Key scans that are drawn again for each scan, on average, which takes as long as following the
+robot does. On a long drive the map is some seconds behind the poses."""
 
 FARTHEST_STEP = 1000.0
 """Longest step of the odometry [m], and largest turn [rad]: no robot moves as far between scans."""
@@ -93,25 +98,28 @@ class Slam:
             )
         self._lasers = () if lrf is None else lasers_of(lrf)
         self._time: float | None = None
-        self._start = np.array(as_pose(start))
         self.sight = Sight(laser_offset)
-        self._front = FrontEnd(key_distance=key_distance, wheels=wheels)
-        self._closer = LoopCloser(self._front.mixed_pixels)
-        self._closer.ruled_out = [*apart]
+        self._front = FrontEnd(as_pose(start), key_distance, wheels)
+        self.closer = LoopCloser(self._front.mixed_pixels)
+        self.closer.ruled_out = [*apart]
         self._known = [*close]
-        self._tracked: list[Tracked] = []
+        # How the front end placed each scan, in its own drifting frame.
+        self.tracked: list[Tracked] = []
         self._anchors: list[Anchor] = []
-        # The pose graph: poses (k, 3) of the key scans since the start, as estimated now, and the
-        # relative poses that were measured between them.
-        self._key_poses = np.empty((0, 3))
-        self._edges = Edges.none()
+        # The pose graph: poses (k, 3) of the key scans, as estimated now, and the relative poses
+        # that were measured between them.
+        self.key_poses = np.empty((0, 3))
+        self.edges = np.empty(0, EDGE)
         self._key_scans: list[Moment] = []
-        self._map = KeyMap()
+        # The map, its poses (k, 3), the number of key scans in it, and of those that could have
+        # been drawn again since.
+        self._mapper, self._map_poses = LineMapper(), self.key_poses
+        self._drawn = self._spare = 0
 
     def __repr__(self) -> str:
         return (
-            f"Slam({len(self._tracked)} scans, {len(self._closer.keys)} key scans,"
-            f" {len(self._closer.accepted)} closures)"
+            f"Slam({len(self.tracked)} scans, {len(self.closer.keys)} key scans,"
+            f" {len(self.closer.accepted)} closures)"
         )
 
     def update(
@@ -133,31 +141,25 @@ class Slam:
                 or the odometry is not three finite numbers that a robot can have moved by.
         """
         scans, increment = self._checked(scan, odometry)
-        key = self.sight.seen(scans, len(self._tracked))
-        self._tracked.append(self._front.track(key, increment))
+        key = self.sight.seen(scans, len(self.tracked))
+        self.tracked.append(self._front.track(key, increment))
         if self._front.key_due():
             key = self._front.key(key)
             self._front.add_key(key)
             self._add(key, scans)
-        self._map.update(self._key_poses)
-
-    def _add(self, key: Key, scans: Moment) -> None:
-        """Attach a scan to a known place, or add it to the graph and close loops."""
-        place = None
-        if self._anchors:
-            last = self._anchors[-1]
-            self._closer.drive(between(last.front, key.pose), self._lost())
-            place = in_known_place(self._closer, key, last, self._key_poses)
-        if place:
-            self._anchors.append(place)
+        # A mapper cannot remove a scan: once key scans have moved, all are mapped again.
+        self._spare += DRAWN
+        drawn = self._map_poses
+        moved = np.abs(self.key_poses[: len(drawn)] - drawn)[:, :2].max(initial=0.0) > MOVED
+        if moved and self._spare >= len(drawn):
+            self._redraw()
         else:
-            self._add_key(key, scans)
-            self._close_loops()
+            self._map_poses = np.concatenate([drawn, self.key_poses[len(drawn) :]])
 
     def _checked(
         self, scan: object, odometry: Sequence[float] | Float | None
     ) -> tuple[Moment, Float | None]:
-        """The unrolled scans and the increment (3,), once they are what they should be."""
+        """Check and unroll the scans, and check the increment (3,)."""
         scans = tuple(scan) if isinstance(scan, list | tuple) else (scan,)
         if not scans or not all(isinstance(each, LaserScan) for each in scans):
             raise InputError(f"slam: {shown(scan)}: expected a LaserScan")
@@ -176,91 +178,93 @@ class Slam:
                 f"slam: odometry {increment.tolist()}; expected the step from the last scan, at"
                 f" most {FARTHEST_STEP:g} m and rad"
             )
-        since = 0.0 if self._time is None else scans[0].time - self._time
-        self._time = scans[0].time
+        time, *_ = (each.time for each in scans)
+        since = 0.0 if self._time is None else time - self._time
+        self._time = time
         rate = np.zeros(3) if increment is None or since <= 0.0 else increment / since
         return tuple(
             unrolled(each, each.duration * rate if each.motion is None else None) for each in scans
         ), increment
 
-    def _add_key(self, key: Key, scans: Moment) -> None:
-        """Add a vertex to the pose graph, and an edge to it."""
-        closer, number, pose, apart = self._closer, len(self._key_scans), self._robot, False
+    def _add(self, key: Key, scans: Moment) -> None:
+        """Attach a scan to a known place, or add it to the graph and close loops."""
+        closer, pose, apart = self.closer, self._robot, False
         if self._anchors:
-            last, edge = self._anchors[-1], self._edge_to_last()
-            apart = last.scan != closer.keys[last.key].scan or self._lost() > 0
-            self._edges = Edges.joined([self._edges, edge])
-            closer.link(edge, last.drifted + closer.distance - last.driven)
-        self._key_poses = np.vstack([self._key_poses, pose])
+            last, lost = self._anchors[-1], self._lost()
+            closer.drive(between(last.front, key.pose), lost)
+            if place := in_known_place(closer, key, last, self.key_poses):
+                self._anchors.append(place)
+                return
+            edge, apart = self._edge_to_last(), last.scan != closer.keys[last.key].scan or lost > 0
+            self.edges = np.concatenate([self.edges, edge])
+            covariance = np.linalg.inv(edge["information"][-1])
+            drifted = last.drifted + closer.distance - last.driven
+            closer.paths.link(last.key, len(self._key_scans), drifted, covariance)
+        number = len(self._key_scans)
+        self.key_poses = np.vstack([self.key_poses, pose])
         self._key_scans.append(scans)
         closer.add_key(key, apart=apart)
         self._anchors.append(Anchor(key.scan, number, np.zeros(3), key.pose, closer.distance))
+        self._close_known()
+        if closures := closer.search(self.key_poses):
+            edges = closure_edges(closures)
+            self.edges = np.concatenate([self.edges, edges])
+            if (np.abs(edge_errors(self.key_poses, edges)) > NEGLIGIBLE).any():
+                self.key_poses = optimised(self.key_poses, self.edges, 1)
 
     def _close_known(self) -> None:
         """Close the loops that are known to be closed by the newest key scan."""
-        closer, new = self._closer, len(self._closer.keys) - 1
-        for pair in [pair for pair in self._known if pair[1] <= closer.keys[new].scan]:
+        closer, new = self.closer, len(self.closer.keys) - 1
+        for pair in [pair for pair in self._known if max(pair) <= closer.keys[new].scan]:
             self._known.remove(pair)
-            closure = closer.known(closer.number_at(pair[0]), new, self._key_poses)
+            closure = closer.known(closer.number_at(min(pair)), new, self.key_poses)
             if closure is None:
-                raise InputError(f"close {pair[0]}:{pair[1]}: these scans show nothing in common")
-            edge = replace(closure_edges([closure]), robust=np.array([False]))
-            self._edges = Edges.joined([self._edges, edge])
-            self._key_poses = optimised(self._key_poses, self._edges, FINAL_ITERATIONS)
+                names = ":".join(map(str, pair))
+                raise InputError(f"close {names}: these scans show nothing in common")
+            self.edges = np.concatenate([self.edges, closure_edges([closure], robust=False)])
+            self.key_poses = optimised(self.key_poses, self.edges)
 
-    def _close_loops(self) -> None:
-        """Find the loops that the newest key scan closes, and optimise if the poses are off."""
-        self._close_known()
-        if closures := self._closer.search(self._key_poses):
-            edges, poses = closure_edges(closures), self._key_poses
-            self._edges = Edges.joined([self._edges, edges])
-            ahead, left, turn = np.abs(edges.errors(poses)).max(axis=0)
-            if max(ahead, left) > NEGLIGIBLE or turn > NEGLIGIBLE_TURN:
-                self._key_poses = optimised(poses, self._edges, 1)
-
-    def _edge_to_last(self) -> Edges:
+    def _edge_to_last(self) -> Records:
         """The edge from the key scan of the last anchor to the last scan."""
-        last, tracked = self._anchors[-1], self._tracked[-1]
+        last, tracked = self._anchors[-1], self.tracked[-1]
         relative = self._since_key()
-        since = (scan.covariance for scan in self._tracked[last.scan + 1 :])
+        *_, turn = relative.tolist()
+        since = (scan.covariance for scan in self.tracked[last.scan + 1 :])
         covariance = sum(since, last.covariance)
         # The information is along the axes of the new pose; the edge's is along the old one's.
-        turn = float(relative[2])
         wheels = turned(np.diag(1.0 / covariance.diagonal()), turn)
-        information = turned(EDGE_SHARE * tracked.information, turn) + wheels
-        first, second = np.array([last.key]), np.array([len(self._key_scans)])
-        never = np.array([False])
-        return Edges(first, second, relative[None], information[None], never, wheels[None])
+        information = turned(CLOSURE_SHARE * tracked.information, turn) + wheels
+        return edges_of(last.key, len(self._key_scans), relative[None], information, wheels)
 
     def _lost(self) -> int:
         """How many scans after the last anchor match nothing."""
-        return sum(not scan.matched for scan in self._tracked[self._anchors[-1].scan + 1 :])
+        return sum(not scan.matched for scan in self.tracked[self._anchors[-1].scan + 1 :])
 
     def _since_key(self) -> Float:
         """Pose (3,) of the last scan as seen from the key scan of the last anchor."""
         last = self._anchors[-1]
-        return compose(last.relative, between(last.front, self._tracked[-1].pose))
+        return compose(last.relative, between(last.front, self.tracked[-1].pose))
 
     @property
     def _robot(self) -> Float:
-        """Pose (3,) of the robot since the start, at the last scan."""
+        """Pose (3,) of the robot at the last scan."""
         if not self._anchors:
-            return np.zeros(3)
-        return compose(self._key_poses[self._anchors[-1].key], self._since_key())
+            return self._front.pose
+        return compose(self.key_poses[self._anchors[-1].key], self._since_key())
 
     @property
     def pose(self) -> Pose:
         """Estimated pose of the robot at the last scan; the start before the first."""
-        return Pose(*compose(self._start, self._robot).tolist())
+        return Pose(*self._robot.tolist())
 
     def covariance(self) -> Float:
         """Covariance (3, 3) of the last scan's pose since the start; steps over the whole graph."""
-        poses, edges = self._key_poses, self._edges
-        if self._tracked and self._closer.keys[-1].scan < len(self._tracked) - 1:
+        poses, edges = self.key_poses, self.edges
+        if self.tracked and self.closer.keys[-1].scan < len(self.tracked) - 1:
             poses = np.vstack([poses, self._robot])
-            edges = Edges.joined([edges, self._edge_to_last()])
-        newest: Float = self._covariances(poses, edges, np.array([max(len(poses) - 1, 0)]))[0]
-        return newest
+            edges = np.concatenate([edges, self._edge_to_last()])
+        (newest,) = self._covariances(poses, edges, np.array([max(len(poses) - 1, 0)]))
+        return np.asarray(newest)
 
     def covariances(self, numbers: Sequence[int] | Int) -> Float:
         """Covariances (m, 3, 3) of the poses of some key scans (m,), x, y [m], theta [rad].
@@ -270,45 +274,41 @@ class Slam:
         """
         most = len(self._key_scans) - 1
         checked = [whole_number(number, "key scan", least=0, most=most) for number in numbers]
-        return self._covariances(self._key_poses, self._edges, np.array(checked, dtype=np.int64))
+        return self._covariances(self.key_poses, self.edges, np.array(checked, dtype=np.int64))
 
-    def _covariances(self, poses: Float, edges: Edges, numbers: Int) -> Float:
+    def _covariances(self, poses: Float, edges: Records, numbers: Int) -> Float:
         """Covariances (m, 3, 3) of some poses by number (m,), as large as the closures' errors."""
-        deviations = [scan.deviation for scan in self._tracked if scan.matched]
+        deviations = [scan.deviation for scan in self.tracked if scan.matched]
         deviation = float(np.median(deviations)) / SIGMA if deviations else 1.0
         variance = min(variance_factor(poses, edges, deviation), 1.0)
-        found = pose_covariances(poses, edges.scaled(variance), numbers)
-        return turned(found, float(self._start[2]))
+        return pose_covariances(poses, edges, numbers, variance)
 
     @property
     def map(self) -> LineMap:
-        """The map of the key scans, computed when it is read: see `lrf3d.slam.key_map`."""
-        return self._map.map(self._placed)
+        """The map of the key scans, computed when it is read."""
+        for number in range(self._drawn, len(self._map_poses)):
+            robot = Pose(*self._map_poses[number].tolist())
+            for scan in self._key_scans[number]:
+                self._mapper.update(replace(scan, pose=robot @ self.sight.mount(scan)))
+        self._drawn = len(self._map_poses)
+        return self._mapper.map
 
-    def _placed(self, number: int, pose: Float) -> list[LaserScan]:
-        """Key scans with the poses of their lasers, where the robot is at (3,) since the start."""
-        robot = compose(self._start, pose)
-        return [
-            replace(scan, pose=Pose(*compose(robot, np.array(self.sight.mount(scan))).tolist()))
-            for scan in self._key_scans[number]
-        ]
+    def _redraw(self) -> None:
+        """Draw the map again, once it is read."""
+        self._mapper, self._map_poses = LineMapper(), self.key_poses
+        self._drawn = self._spare = 0
 
     def trajectory(self) -> Float:
-        """Poses (k, 3) of the robot at all scans, by the current estimate; theta is continuous."""
-        return self._in_world(self._scan_poses())
+        """Poses (k, 3) of the robot at all scans, by the current estimate; theta is continuous.
 
-    def _in_world(self, poses: Float) -> Float:
-        """Poses (k, 3) since the start in the frame of the start; theta is continuous."""
-        poses = compose(self._start, poses)
-        poses[:, 2] = np.unwrap(poses[:, 2])
-        return poses
-
-    def _scan_poses(self) -> Float:
-        """Poses (k, 3) of all scans since the start: the front end's path, bent to the anchors."""
-        front = np.array([scan.pose for scan in self._tracked]).reshape(-1, 3)
+        They are the front end's path, bent to the anchors.
+        """
+        front = np.array([scan.pose for scan in self.tracked]).reshape(-1, 3)
         keys = [anchor.key for anchor in self._anchors]
         relative = np.array([anchor.relative for anchor in self._anchors]).reshape(-1, 3)
-        return bent(front, self._anchored, compose(self._key_poses[keys], relative))
+        poses = bent(front, self._anchored, compose(self.key_poses[keys], relative))
+        poses[:, 2] = np.unwrap(poses[:, 2])
+        return poses
 
     @property
     def _anchored(self) -> Int:
@@ -318,65 +318,41 @@ class Slam:
     @property
     def key_scans(self) -> Int:
         """The numbers (m,) of the key scans among all scans."""
-        return np.array([key.scan for key in self._closer.keys], dtype=np.int64)
-
-    @property
-    def closer(self) -> LoopCloser:
-        """What finds loop closures: it has the key scans, and what was refused."""
-        return self._closer
-
-    @property
-    def key_poses(self) -> Float:
-        """Poses (m, 3) of the key scans by the current estimate."""
-        return compose(self._start, self._key_poses)
-
-    @property
-    def edges(self) -> Edges:
-        """The relative poses between key scans that were measured."""
-        return self._edges
+        return np.array([key.scan for key in self.closer.keys], dtype=np.int64)
 
     @property
     def closures(self) -> list[Closure]:
         """The loops that were closed, by the numbers of key scans."""
-        return list(self._closer.accepted)
-
-    @property
-    def unconfirmed_closures(self) -> list[Closure]:
-        """Loop closures that were rejected, by the numbers of key scans."""
-        return self._closer.unconfirmed
+        return list(self.closer.accepted)
 
     def estimate(
         self, poses: Float, known: Int, covariances: Float, odometry: Float = NO_POSES
     ) -> EstimatedTrajectory:
         """Poses (k, 3) of all scans, with covariances (m, 3, 3) of known ones (m,) and closures."""
-        found = [(closure.old, closure.new) for closure in self.closures]
-        dropped = [(closure.old, closure.new) for closure in self.unconfirmed_closures]
-        pairs = self.key_scans[np.array([*found, *dropped], dtype=np.int64).reshape(-1, 2)]
-        closed, others = pairs[: len(found)], pairs[len(found) :]
-        return EstimatedTrajectory(poses, known, covariances, closed, others, odometry)
+        closed, dropped = (
+            self.key_scans[np.array([(each.old, each.new) for each in found], np.int64)]
+            .reshape(-1, 2)
+            for found in (self.closer.accepted, self.closer.unconfirmed)
+        )  # fmt: skip
+        return EstimatedTrajectory(poses, known, covariances, closed, dropped, odometry)
 
     @property
     def wheels(self) -> Wheels:
         """The wheels' errors as found so far; ``wheels.biases`` are the systematic ones."""
         return self._front.wheels
 
-    @property
-    def tracked(self) -> tuple[Tracked, ...]:
-        """How the front end placed each scan, in its own drifting frame."""
-        return tuple(self._tracked)
-
     def finish(self) -> None:
         """Adjust all poses, once the last scan is in and no more closures can come."""
-        self._known = [
-            (first, min(second, self._closer.keys[-1].scan)) for first, second in self._known
-        ]
+        last = len(self.tracked) - 1
+        self._known = [(min(pair), min(max(pair), last)) for pair in self._known]
         self._close_known()
-        self._closer.settle(self._key_poses)
-        path, closed = self._edges.part(~self._edges.robust), self._closer.accepted
-        self._edges = Edges.joined([path, closure_edges(closed)]) if closed else path
-        if len(self._edges):
-            self._key_poses = optimised(self._key_poses, self._edges, FINAL_ITERATIONS)
-            self._map.redraw(self._key_poses)
+        self.closer.settle(self.key_poses)
+        self.edges = self.edges[~self.edges["robust"]]
+        if closed := self.closer.accepted:
+            self.edges = np.concatenate([self.edges, closure_edges(closed)])
+        if len(self.edges):
+            self.key_poses = optimised(self.key_poses, self.edges)
+            self._redraw()
 
     def refined(self, scans: Sequence[LaserScan | Moment]) -> Float:
         """Poses (k, 3) of the robot at all scans (k,), matched with all key scans around them.
@@ -386,15 +362,16 @@ class Slam:
         Raises:
             InputError: These are not as many scans as were taken in.
         """
-        if len(scans) != len(self._tracked):
+        if len(scans) != len(self.tracked):
             raise InputError(
-                f"slam: {len(scans)} scans to refine; expected all {len(self._tracked)}"
+                f"slam: {len(scans)} scans to refine; expected all {len(self.tracked)}"
             )
-        poses, keys = self._scan_poses(), self._closer.keys
-        found = refined(self.sight.surfaces(scans), poses, keys, self._key_poses, self._anchored)
-        return self._in_world(found)
+        surfaces, keys = map(self.sight.surface, scans), self.closer.keys
+        poses = refined(surfaces, self.trajectory(), keys, self.key_poses, self._anchored)
+        poses[:, 2] = np.unwrap(poses[:, 2])
+        return poses
 
     def self_check(self) -> SelfCheck:
         """Compare the key scans, at their current poses, where the robot came by again."""
-        mixed = self._front.mixed_pixels.rate
-        return self_check(self._closer.keys, self._key_poses, self._closer.driven, mixed)
+        rate = self._front.mixed_pixels.rate
+        return self_check(self.closer.keys, self.key_poses, self.closer.driven, rate)

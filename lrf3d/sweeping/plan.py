@@ -133,7 +133,6 @@ def make_plan(
 
 
 def _check(varied: Mapping[str, Sequence[Any]], mappers: Mapping[str, Any], seeds: int) -> None:
-    """Refuse what cannot be run."""
     for name, values in varied.items():
         if not values or len(set(values)) < len(values):
             why = f"has a value twice: {', '.join(map(str, values))}" if values else "has no value"
@@ -151,7 +150,6 @@ def _check(varied: Mapping[str, Sequence[Any]], mappers: Mapping[str, Any], seed
 
 
 def _checked(name: str, value: object) -> SettingValue:
-    """A value in the type of its setting."""
     try:
         setting = _setting(name, value)
     except (TypeError, ValueError):

@@ -180,21 +180,16 @@ def kept_rows(plan: Plan, folder: Path) -> dict[str, Row]:
 def _fits(row: Row, columns: Row) -> bool:
     """Whether a row from a file is of a run with these columns, with measures that can be."""
     measures = {name: each for name, each in row.items() if name not in ("key", *columns)}
-    return (
-        columns.items() <= row.items()
-        and MEASURES.keys() <= measures.keys()
-        and all(
-            value is None
-            or (type(value) in (int, float, bool) and is_finite(value) and _can_be(name, value))
-            for name, value in measures.items()
-        )
-    )
-
-
-def _can_be(name: str, value: float) -> bool:
-    """Whether a measure can have a value: shares lie from 0 to 1, an adjusted index from −1."""
-    share = name.endswith(("_precision", "_recall", "_f1", "_purity"))
-    return (-1.0 if name == "object_purity" else 0.0) <= value <= (1.0 if share else inf)
+    if not (columns.items() <= row.items() and MEASURES.keys() <= measures.keys()):
+        return False
+    for name, value in measures.items():
+        # Shares lie from 0 to 1, an adjusted index from −1.
+        least = -1.0 if name == "object_purity" else 0.0
+        most = 1.0 if name.endswith(("_precision", "_recall", "_f1", "_purity")) else inf
+        number = type(value) in (int, float, bool) and is_finite(value)
+        if value is not None and not (number and least <= value <= most):
+            return False
+    return True
 
 
 @contextmanager
@@ -225,7 +220,6 @@ def executor_of(workers: int | None, scheduler: str | None = None) -> Iterator[E
 
 
 def _made(runs: Sequence[PlannedRun], executor: Executor | None) -> Iterator[list[Row]]:
-    """The rows of runs, in their order."""
     if executor is None:
         for run in runs:
             check()

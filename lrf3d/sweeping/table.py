@@ -133,7 +133,6 @@ class SweepTable:
         write_text(path, "\n".join([*text, r"\hline", r"\end{tabular}", ""]))
 
     def _cells(self, sign: str) -> tuple[list[str], list[list[str]]]:
-        """The heading and the lines of the table of means, as text."""
         varied = [name for name, values in self.plan.varied.items() if len(values) > 1]
         shown = list(dict.fromkeys(["world", "mapper", *varied, "sigma_m"]))
         lines = []
@@ -162,17 +161,16 @@ _LATEX = str.maketrans(
 """The characters that mean something to LaTeX, and what prints them."""
 
 
-def _as_cell(value: Any) -> Any:
-    """A value as a cell of a table: spreadsheets run a text that begins like a formula."""
-    formula = isinstance(value, str) and value.lstrip()[:1] in tuple("=+-@|%＝＋－＠")
-    return f"'{value}" if formula else value
-
-
 def _write_csv(lines: Sequence[Row], path: str | Path) -> None:
+    def cell(value: Any) -> Any:
+        # Spreadsheets run a text that begins like a formula.
+        formula = isinstance(value, str) and value.lstrip()[:1] in tuple("=+-@|%＝＋－＠")
+        return f"'{value}" if formula else value
+
     text = StringIO()
     writer = csv.DictWriter(text, lines[0], lineterminator="\n")
     writer.writeheader()
-    writer.writerows({key: _as_cell(each) for key, each in row.items()} for row in lines)
+    writer.writerows({key: cell(each) for key, each in row.items()} for row in lines)
     write_text(path, text.getvalue())
 
 

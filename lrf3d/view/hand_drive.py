@@ -17,21 +17,13 @@ from lrf3d.scene.timeline import DriveKeys, Moment, Timeline
 from lrf3d.simulation import line_mapper, update_mapper
 from lrf3d.world.cameras import USUAL_FILM
 
-TURN_RATE = 1.5
-"""Fastest turn [rad/s]: a full one in four seconds."""
+TURN_RATE, _RAMP, _LONGEST_STEP = 1.5, 0.25, 0.1
+"""Fastest turn [rad/s]; time from standing to full speed, and back; and what a step of the drive
+lasts at most [s], so that no hitch sends the robot off."""
 
-_RAMP = 0.25
-"""Time [s] from standing to full speed, and back."""
-
-_LONGEST_STEP = 0.1
-"""A step of the drive lasts at most this [s], so that no hitch sends the robot off."""
-
-_MAP_STEP, _MAP_TURN = 0.12, np.radians(5.0)
-"""Distance [m] and turn [rad] after which another scan is mapped: a robot at rest sees nothing new,
-and each update takes time."""
-
-_MAP_PAUSE = 0.25
-"""The map is worked out no more often than this [s]."""
+_MAP_STEP, _MAP_TURN, _MAP_PAUSE = 0.12, np.radians(5.0), 0.25
+"""Distance [m] and turn [rad] after which another scan is mapped, as a robot at rest sees nothing
+new and each update takes time; and how often the map is worked out at most [s]."""
 
 _KEPT = 500
 """Scans that are kept: those of the last seconds are still seen."""
@@ -80,7 +72,14 @@ class HandDrive(Timeline):
         aligned = self.facing == self.robot.pose.theta
         if not moves and aligned and not self._stale and not self.robot.bumped:
             return False
-        self._drive(min(seconds, _LONGEST_STEP), forward, turn)
+        seconds, robot = min(seconds, _LONGEST_STEP), self.robot
+        robot.drive(
+            seconds,
+            _towards(robot.speed, forward, self._fastest, seconds),
+            _towards(robot.turning, turn, TURN_RATE, seconds),
+        )
+        left = (robot.pose.theta - self.facing) * np.exp(-_CALM * seconds)
+        self.facing = robot.pose.theta - float(left) * (abs(left) > _ALIGNED)
         self.latest = self.robot.scans()
         x, y, theta = np.abs(np.array(self.robot.pose) - self.trajectory.poses[-1])
         if np.hypot(x, y) > _MAP_STEP or theta > _MAP_TURN:
@@ -122,17 +121,6 @@ class HandDrive(Timeline):
     def snapshot_after(self, scan: int) -> int:
         """The number of the map, which changes with it; −1 for none."""
         return max(self.maps, default=-1)
-
-    def _drive(self, seconds: float, forward: float, turn: float) -> None:
-        """Gain the speed that is wanted, and stop where the next step would touch something."""
-        self.robot.drive(
-            seconds,
-            _towards(self.robot.speed, forward, self._fastest, seconds),
-            _towards(self.robot.turning, turn, TURN_RATE, seconds),
-        )
-        goal = self.robot.pose
-        left = (goal.theta - self.facing) * np.exp(-_CALM * seconds)
-        self.facing = goal.theta - float(left) * (abs(left) > _ALIGNED)
 
     def _map_scan(self) -> None:
         update_mapper(self._mapper, self.latest)

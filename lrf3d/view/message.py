@@ -8,17 +8,16 @@ out.
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.render.glsl import night, shader_source
-from lrf3d.render.packing import columns_of, ground_of, mesh, walls_of
+from lrf3d.render.glsl import columns_of, ground_of, mesh, shader_source
 from lrf3d.scene.look import LEAST_SCALE, PLAN_BACK
 from lrf3d.scene.shapes import Faces, Mark
-from lrf3d.scene.stage import Stage
+from lrf3d.scene.stage.stage import Stage
 
 _PROGRAMS = (
     "walls", "walls:SOLID", "walls:VEIL", "walls:MIRRORED", "faces", "faces:MIRRORED", "ground",
@@ -58,7 +57,11 @@ class Sender:
                 # A picture of times is a part of the whole one, another one each time.
                 known = None if name == "times" else known
                 self._columns[name, key] = array, rows
-                first = 0 if known is None else _same(rows, known)
+                # The rows at the beginning that the page has already.
+                same = rows[:0] if known is None else known
+                count = min(len(rows), len(same))
+                differ = (rows[:count] != same[:count]).any(axis=1)
+                first = int(np.append(differ, True).argmax())
                 if known is not None and first == len(rows) == len(known):
                     continue
                 # What two marks share, such as the trail and that of the plan, is sent once.
@@ -80,17 +83,18 @@ def stage_message(stage: Stage, *, times: bool = True) -> bytes:
 
     The picture of times can be left out.
     """
-    faces, ground, indoor = stage.faces, stage.ground, stage.structures.indoor
-    seen = stage.exposure.times
+    ground, seen, setting = stage.ground, stage.exposure.texels, stage.structures.setting
+    # The corners of two triangles for each quad.
+    walls = (each[:, [0, 1, 2, 0, 2, 3]] for each in stage.faces[:3])
     parts = {
-        "walls": _part("walls", *(_triangles(each) for each in walls_of(faces))),
+        "walls": _part("walls", *walls),
         "ground": _part("ground", ground_of(ground)),
         "sky": _part("sky", mesh(10, 10)),
     }
     if times:
-        parts["times"] = times_part(seen, 0, 0)
+        parts["times"] = times_part(seen)
     programs = {
-        name: [shader_source(name, vertex=v, constants=night(indoor=indoor)) for v in (True, False)]
+        name: [shader_source(name, setting, vertex=vertex) for vertex in (True, False)]
         for name in _PROGRAMS
     }
     values = {
@@ -105,34 +109,25 @@ def stage_message(stage: Stage, *, times: bool = True) -> bytes:
     return Sender().message(parts, values)
 
 
-def times_part(times: NDArray[np.float32], column: int, row: int) -> Part:
-    """A part (h, w, 4) of the picture of times, in half floats, which begins at a cell."""
+def times_part(times: NDArray[np.float32], place: Sequence[int] = (0, 0)) -> Part:
+    """A part (h, w, 4) of the picture of times, in half floats, whose first cell is at a place."""
     rows, columns, _ = times.shape
     halves = np.ascontiguousarray(times, np.float16).reshape(-1, 4)
-    return {"box": [column, row, columns, rows]}, {"0": halves.view(np.float32)}
+    return {"box": [*place, columns, rows]}, {"0": halves.view(np.float32)}
 
 
 def _part(kind: str, *columns: NDArray[Any]) -> Part:
     return {"kind": kind}, {str(place): each for place, each in enumerate(columns)}
 
 
-def _triangles(quads: NDArray[Any]) -> NDArray[Any]:
-    """The corners (n, 6, k) of two triangles for each of quads (n, 4, k)."""
-    return quads[:, [0, 1, 2, 0, 2, 3]]
-
-
 def _bytes(array: NDArray[Any], *, colours: bool) -> NDArray[np.uint8]:
     """Rows (n, bytes) of an array as the page takes it: colours and opacities in four bytes."""
     rows = array.reshape(-1, array.shape[-1])
-    if colours:
-        tints = np.full((len(rows), 4), 255, np.uint8)
-        tints[:, : rows.shape[1]] = np.round(255.0 * np.clip(rows, 0.0, 1.0))
-        return tints
-    return np.ascontiguousarray(rows).view(np.uint8)
+    return as_bytes(rows) if colours else np.ascontiguousarray(rows).view(np.uint8)
 
 
-def _same(rows: NDArray[np.uint8], known: NDArray[np.uint8]) -> int:
-    """How many rows at the beginning are those that the page has."""
-    count = min(len(rows), len(known))
-    differ = np.flatnonzero((rows[:count] != known[:count]).any(axis=1))
-    return int(differ[0]) if len(differ) else count
+def as_bytes(rows: NDArray[Any]) -> NDArray[np.uint8]:
+    """Colours (n, 3) or colours and opacities (n, 4) in four bytes each."""
+    tints = np.full((len(rows), 4), 255, np.uint8)
+    tints[:, : rows.shape[1]] = np.round(255.0 * np.clip(rows, 0.0, 1.0))
+    return tints

@@ -14,14 +14,12 @@ from PIL import Image
 
 from lrf3d.interrupts import check
 from lrf3d.run import Run
-from lrf3d.view.message import Part, Sender, stage_message, times_part
+from lrf3d.view.message import Part, Sender, as_bytes, stage_message, times_part
 from lrf3d.view.server import PAGE, page_text
 from lrf3d.view.shown import Shown, Wanted
 
 RATE, MOST = 10.0, 400
 """Moments a second of the film, and the most of a run: longer ones are recorded in larger steps."""
-
-_VIEWS = ("story", "follow", "orbit", "top", "first")
 
 _SIZES = {"wide": (1280.0, 720.0), "tall": (720.0, 1280.0)}
 """The pictures that cameras are recorded for: the page fits the nearer one into its own."""
@@ -42,7 +40,7 @@ def page_file(run: Run, *, every: int = 1) -> bytes:
     step = max(setup["speed"] / RATE, (end - begin) / MOST) * every
     # The end of the run is one of the times.
     step = setup["end"] / np.ceil(setup["end"] / step) if setup["end"] else step
-    for view in _VIEWS:
+    for view in shown.cameras:
         low, high = (begin, end) if view == "story" else (0.0, setup["end"])
         for shape, (width, height) in _SIZES.items():
             record.begin(f"{view} {shape}")
@@ -51,8 +49,8 @@ def page_file(run: Run, *, every: int = 1) -> bytes:
                 check()
                 time = float(np.clip(number * step, low, high))
                 shown.answer(Wanted(view, time, width, height), 0.0)
-    times = np.round(stage.exposure.times * _SHARES) / _SHARES
-    style, halves = times_part(times.astype(np.float32), 0, 0)
+    times = np.round(stage.exposure.texels * _SHARES) / _SHARES
+    style, halves = times_part(times.astype(np.float32))
     recording = {
         "step": step,
         "views": record.views,
@@ -133,9 +131,7 @@ class _Record(Sender):
         """Keep an array as differences of its rows, column by column, low bytes first."""
         size, exponent = 2, 0
         if key == "colours":
-            whole = np.full((len(rows), 4), 255, np.uint8)
-            whole[:, : rows.shape[1]] = np.round(255.0 * np.clip(rows, 0.0, 1.0))
-            size = 1
+            whole, size = as_bytes(rows), 1
         elif key == "times":
             whole, size = rows, 0
         else:

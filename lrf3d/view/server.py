@@ -57,7 +57,6 @@ GUARDS = {
 PAGE = Path(__file__).parent / "page"
 """The files of the page."""
 
-
 Make = Callable[[], Shown]
 """Makes what one page shows: each has its own."""
 
@@ -99,7 +98,6 @@ def serve(
         raise missing_extra(f"the view needs a server ({error})", "view") from None
     port = door.getsockname()[1]
     address = f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
-
     transports: WeakSet[Any] = WeakSet()
 
     class Page(ServerConnection):

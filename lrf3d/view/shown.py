@@ -14,15 +14,13 @@ import numpy as np
 from lrf3d.run import Run
 from lrf3d.scene import look
 from lrf3d.scene.camera import Camera, SmoothPath, Track, Tracked
-from lrf3d.scene.cameras import margins
+from lrf3d.scene.cameras import First, behind, chase, overview, top
 from lrf3d.scene.estimate import TRUTH, estimate_words
-from lrf3d.scene.following import First, behind, chase
 from lrf3d.scene.moments import Scene
 from lrf3d.scene.shapes import Lens
-from lrf3d.scene.stage import Stage
-from lrf3d.scene.story import Story
+from lrf3d.scene.stage.stage import Stage
+from lrf3d.scene.story import Story, margins
 from lrf3d.scene.timeline import Moment, Timeline
-from lrf3d.scene.whole import overview, top
 from lrf3d.view.hand_drive import HandDrive
 from lrf3d.view.message import Part, Sender, part_of, times_part
 
@@ -36,11 +34,9 @@ _LIMITS = {
 }
 """The least and the largest of the numbers that a page sends."""
 
-_PLAN_WIDTH = 0.3
-"""Width of the plan in the corner, as a share of the shorter side of the picture."""
-
-_TURN_STEP = 0.05
-"""Half the time [s] over which the turn is measured."""
+_PLAN_WIDTH, _TURN_STEP = 0.3, 0.05
+"""Width of the plan in the corner, as a share of the shorter side of the picture, and half the time
+[s] over which the turn is measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +105,7 @@ class Shown:
         def track(aspect: float) -> Track:
             places = np.array([drive.robot.pose[:2]]) - scene.origin
             now = SmoothPath(np.zeros(1), places, np.array([drive.facing]))
-            return behind(now, structures).past_walls(structures, places, 1.0)
+            return behind(now, structures.setting.chase).past_walls(structures, places, 1.0)
 
         return cls(scene, {"follow": Tracked(track, {"cuts": True})}, drive)
 

@@ -14,7 +14,7 @@ from test_cli import ROOM
 
 import lrf3d
 from lrf3d import InputError, LaserRangeFinder, Simulation, World
-from lrf3d.cli.plugins import load_plugin
+from lrf3d.cli.inputs import load_plugin
 from lrf3d.laser.unrolling import unrolled
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lrf3d.io.bag_contents import ODOMETRY, POSE, SCAN, TRANSFORMS
+from lrf3d.io.bag_poses import ODOMETRY, POSE, SCAN, TRANSFORMS
 from lrf3d.io.bag_writer import made
 from lrf3d.laser import Stamp
 

@@ -4,11 +4,10 @@ import numpy as np
 
 from lrf3d.laser import RangeNoise
 from lrf3d.mapping import LineMapper
-from lrf3d.mapping.grid import filled
 from lrf3d.mapping.robust.beams import Beams
-from lrf3d.mapping.robust.cells import LEAST, Cells, NewEvidence, open_squares
-from lrf3d.mapping.robust.judging import add_beams
-from lrf3d.mapping.robust.objects import Links, find_objects, link_walls
+from lrf3d.mapping.robust.cells import LEAST, Cells, open_squares
+from lrf3d.mapping.robust.links import find_objects, link_walls
+from lrf3d.mapping.robust.rays import add_beams
 from lrf3d.mapping.robust.walls import Walls
 
 
@@ -22,12 +21,12 @@ def map_of(scans, mapper=None):
 
 def objects_of(ends, cells):
     """The object (n,) of each of some walls (n, 4)."""
-    walls, rows = Walls.of_size(256), np.arange(len(ends))
-    walls.ends[rows], walls.rows["points"][rows], walls.rows["shown"][rows] = ends, 9, True
+    walls, rows = Walls.of_size(LEAST), np.arange(len(ends))
+    walls.ends[rows], walls.fits["points"][rows], walls.fits["shown"][rows] = ends, 9, True
     walls.counters["taken"] = len(ends)
-    links, grid = Links.of_size(256), filled(walls.ends, walls.rows["points"], 1024)
-    link_walls(links, walls, grid, cells, rows)
-    return find_objects(links, walls, rows)
+    walls.boxes[0] = -1e9, -1e9, 1e9, 1e9
+    link_walls(walls, cells, rows)
+    return find_objects(walls, rows)
 
 
 def cells_of(scans, floor=1e-4, cells=None):
@@ -35,11 +34,10 @@ def cells_of(scans, floor=1e-4, cells=None):
     cells = Cells.of_size(LEAST) if cells is None else cells
     for scan in scans:
         beams = Beams.of(scan, float(scan.pose.theta), RangeNoise(floor, 0.0))
-        place, count = (float(scan.pose.x), float(scan.pose.y)), len(beams.ranges)
-        fresh = NewEvidence.of(Walls.of_size(1).rows, count, 0)
+        place, walls = (float(scan.pose.x), float(scan.pose.y)), Walls.of_size(LEAST)
         while not open_squares(cells, place, beams):
             cells = cells.doubled()
-        done = 0
-        while (done := add_beams(cells, done, place, beams, fresh)) < count:
+        done, unowned = 0, np.empty(len(beams.ranges), np.int64)
+        while (done := add_beams(cells, done, place, beams, walls, unowned)) < len(unowned):
             cells = cells.doubled()
     return cells

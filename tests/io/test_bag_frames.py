@@ -8,8 +8,8 @@ from bags import STORE, mounted, odometry, pose, rosbag2, scan, scans, transform
 
 import lrf3d
 from lrf3d.errors import InputError
-from lrf3d.io import bag_contents, intake, load_log
-from lrf3d.io.bag_contents import ODOMETRY, POSE, SCAN, TRANSFORMS
+from lrf3d.io import bag_poses, intake, load_log
+from lrf3d.io.bag_poses import ODOMETRY, POSE, SCAN, TRANSFORMS
 from lrf3d.laser import Stamp
 
 TURNS = {"upright": (0, 0, 0, 1), "upside down": (1, 0, 0, 0), "left": (0, 0, 0.5**0.5, 0.5**0.5)}
@@ -180,7 +180,7 @@ def test_the_first_parent_of_a_frame_counts(tmp_path):
 def test_a_bag_with_too_many_readings_is_to_be_cut(tmp_path, monkeypatch):
     monkeypatch.setattr(intake, "MOST_READINGS", 6)
     for name in ("A_MESSAGE", "A_POSE"):
-        monkeypatch.setattr(bag_contents, name, 0)
+        monkeypatch.setattr(bag_poses, name, 0)
     bag = write(tmp_path / "bag", mounted(), *wheels(3), *scans(0.5, 1.0))
     assert len(load_log(bag)) == 2
     bag = write(tmp_path / "more", mounted(), *wheels(3), *scans(0.5, 1.0, 1.5))

@@ -20,7 +20,7 @@ from lrf3d.errors import InputError, MissingLibraryError, OutputError
 from lrf3d.exporting import export_run
 from lrf3d.geometry import wrap_angle
 from lrf3d.io import load_log
-from lrf3d.io.bag_contents import ODOMETRY, SCAN, TRANSFORMS
+from lrf3d.io.bag_poses import ODOMETRY, SCAN, TRANSFORMS
 from lrf3d.laser import LaserRangeFinder, Stamp
 from lrf3d.pose import Pose
 from lrf3d.world import Material

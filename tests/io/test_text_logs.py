@@ -77,8 +77,8 @@ def test_columns_are_found_in_whatever_form(kind, drive, tmp_path):
     assert np.diff(log.times) == pytest.approx(np.diff(times), abs=1e-3)
     assert log.poses[:, :2] == pytest.approx(poses[:, :2], abs=1e-3)
     assert np.cos(log.poses[:, 2] - poses[:, 2]).min() > 1 - 1e-5
-    for scan, row in zip(log.scans, ranges, strict=True):
-        assert scan.angles == pytest.approx(ANGLES) and scan.ranges == pytest.approx(row, abs=1e-3)
+    assert np.allclose([scan.angles for scan in log.scans], ANGLES)
+    assert np.allclose([scan.ranges for scan in log.scans], ranges, rtol=0.0, atol=1e-3)
     assert len(map_log(log).map) == 4
 
 

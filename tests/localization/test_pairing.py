@@ -55,40 +55,25 @@ def predicted(pose, rng):
     return Pose(*(np.array(pose) + rng.multivariate_normal(np.zeros(3), PRIOR)).tolist())
 
 
-def test_seen_objects_first_finds_the_same_pairs_with_a_third_of_the_comparisons(drive):
-    known = KnownLines.from_world(drive.world)
+def test_pairs_are_the_walls_that_beams_hit_and_seen_objects_take_a_third_of_the_comparisons(drive):
+    known, rng = KnownLines.from_world(drive.world), np.random.default_rng(1)
     assert len(known) == 1024
-    rng = np.random.default_rng(1)
-    counts, seen = {"all": 0, "seen-objects-first": 0}, NONE
-    found = 0
+    right = wrong = count_all = count_first = 0
+    seen = NONE
     for scan in drive.scans:
         local, pose = LocalLines.from_scan(scan, NOISE), predicted(scan.pose, rng)
         every = pair_lines(local, known, pose, PRIOR, NONE)
         first = pair_lines(local, known, pose, PRIOR, seen)
-        assert np.array_equal(every.local, first.local)
-        assert np.array_equal(every.known, first.known)
-        counts["all"] += every.comparisons
-        counts["seen-objects-first"] += first.comparisons
-        found += len(first.local)
+        assert np.array_equal([every.local, every.known], [first.local, first.known])
+        count_all, count_first = count_all + every.comparisons, count_first + first.comparisons
         seen = first.objects
-    assert found > 4 * len(drive)
-    assert counts["seen-objects-first"] <= counts["all"] / 3
-
-
-def test_pairs_are_the_walls_that_the_beams_hit(drive):
-    known = KnownLines.from_world(drive.world)
-    rng = np.random.default_rng(2)
-    right = wrong = 0
-    for scan in list(drive.scans)[::4]:
-        local = LocalLines.from_scan(scan, NOISE)
-        pairs = pair_lines(local, known, predicted(scan.pose, rng), PRIOR, NONE)
         directions = np.arctan2(local.segments[:, 1::2], local.segments[:, ::2])
-        for row, wall in zip(pairs.local, pairs.known, strict=True):
+        for row, wall in zip(every.local, every.known, strict=True):
             inside = (scan.angles > directions[row, 0]) & (scan.angles < directions[row, 1])
-            hit = scan.walls[inside & (scan.walls >= 0)]
-            right += int(wall == np.bincount(hit).argmax())
-            wrong += int(wall != np.bincount(hit).argmax())
-    assert right > 150 and wrong <= 0.01 * right
+            hit = np.bincount(scan.walls[inside & (scan.walls >= 0)]).argmax()
+            right, wrong = right + (wall == hit), wrong + (wall != hit)
+    assert right > 600 and wrong <= 0.01 * right
+    assert count_first <= count_all / 3
 
 
 @given(angles, places, places, st.floats(1, 20), st.tuples(*[st.floats(-0.1, 0.1)] * 3))

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lrf3d.mapping.robust.objects import CORNER_REACH, CORNER_SINE, CORNER_TRIM, close_corners
+from lrf3d.mapping.robust.corners import CORNER_REACH, CORNER_SINE, CORNER_TRIM, close_corners
 
 
 def cross(one, other):

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lrf3d import LaserRangeFinder, LaserScan
-from lrf3d.geometry import fit_line, lengths
+from lrf3d.geometry import fit_line
 from lrf3d.mapping.paper import (
     PaperMapper,
     SegmentTable,
@@ -18,50 +18,36 @@ from lrf3d.mapping.paper import (
     unite,
 )
 
-CIRCLE = LaserRangeFinder(angle_min=-np.pi, angle_max=np.pi, beams=361, range_max=30.0)
-
 
 def table_of(ends, points=10):
     count = len(ends)
     return SegmentTable(np.array(ends, np.float64), np.full(count, points), np.arange(count))
 
 
-def scan_of(ranges, lrf=CIRCLE):
-    return LaserScan((0, 0, 0), lrf.angles, ranges, range_max=30.0)
-
-
-def test_lone_points_are_dropped_and_a_gap_parts_clusters():
-    lrf = LaserRangeFinder(beams=9, angle_min=-0.2, angle_max=0.2)
-    scan = scan_of([5, 5, np.inf, 5, np.inf, 5, 5, 9, 9.0], lrf)
-    assert not ordered_returns(scan)[1]
-    runs = list(clusters(scan, 1.0))
-    assert [run.tolist() for run in runs] == [[0, 1], [5, 6], [7, 8]]
-
-
-def test_points_on_one_wall_all_round_are_one_cluster():
-    scan = scan_of(np.full(361, 3.0))
-    order, circle = ordered_returns(scan)
-    assert circle and len(order) == 360
-    assert [len(run) for run in clusters(scan, 1.0)] == [360]
+@pytest.mark.parametrize(
+    ("span", "ranges", "circle", "runs"),
+    [
+        (0.2, [5, 5, np.inf, 5, np.inf, 5, 5, 9, 9.0], False, [[0, 1], [5, 6], [7, 8]]),
+        # Points on one wall all round are one cluster; the last beam looks where the first does.
+        (np.pi, [3.0] * 9, True, [list(range(8))]),
+    ],
+)
+def test_a_gap_parts_clusters_and_lone_points_are_dropped(span, ranges, circle, runs):
+    angles = LaserRangeFinder(-span, span, beams=9).angles
+    scan = LaserScan((0, 0, 0), angles, ranges, range_max=30.0)
+    assert ordered_returns(scan)[1] is circle
+    assert [run.tolist() for run in clusters(scan, 3.0 if circle else 1.0)] == runs
 
 
 def test_split_and_merge_finds_a_corner():
-    corner = np.vstack(
-        [np.column_stack([np.arange(11.0), np.zeros(11)]), [[10, y] for y in range(1, 8)]]
-    )
-    table = split_and_merge(corner, 0.1)
-    assert len(table.ends) == 2
-    assert table.ends[0] == pytest.approx([0, 0, 10, 0], abs=1e-9)
-    assert table.ends[1] == pytest.approx([10, 0, 10, 7], abs=1e-9)
+    corner = [[x, 0.0] for x in range(11)] + [[10.0, y] for y in range(1, 8)]
+    table = split_and_merge(np.array(corner), 0.1)
+    expected = [[0, 0, 10, 0], [10, 0, 10, 7]]
+    assert table.ends == pytest.approx(np.array(expected, float), abs=1e-9)
 
 
 def eq9(segment, other, length=0.1, distance=0.1):
     return bool(merges(np.array(segment), np.array([other]), length, distance)[0])
-
-
-def merged(table, row=0, other=1):
-    unite(table, row, other)
-    return table.ends[row]
 
 
 def equation_9(one, other, length, distance):
@@ -106,25 +92,17 @@ def test_thresholds_of_equation_9_themselves_are_too_far():
     assert not eq9(segment, other, 1.0, 0.5) and eq9(segment, other, 1.0, 0.501)
 
 
-@pytest.mark.parametrize("heading", [0.3, 1.2, 2.5, -0.7, -2.0, -3.0])
-def test_a_merged_segment_keeps_its_direction_at_any_heading(heading):
+@given(st.floats(-np.pi, np.pi))
+def test_a_merged_segment_fits_all_four_ends_and_keeps_its_direction(heading):
     way = np.array([np.cos(heading), np.sin(heading)])
-    aside = np.array([-way[1], way[0]])
-    first = [*(0.0 * way), *(10.0 * way)]
     # The second runs the other way, and a little askew.
-    second = [*(15.0 * way), *(9.0 * way + 0.05 * aside)]
-    ends = merged(table_of([first, second]))
-    assert (ends[2:] - ends[:2]) @ way == pytest.approx(15.0, abs=0.01)
-
-
-def test_merging_end_points_fits_all_four():
-    table = table_of([[0, 0, 10, 0], [5, 0.05, 15, 0.05]])
-    corners = table.ends.reshape(-1, 2).copy()
-    ends = merged(table)
-    mean, unit = fit_line(corners)
-    offset = ends.reshape(2, 2) - mean
+    second = [*(15.0 * way), *(9.0 * way + 0.05 * way[::-1] * [-1.0, 1.0])]
+    table = table_of([[0.0, 0.0, *(10.0 * way)], second])
+    mean, unit = fit_line(table.ends.reshape(-1, 2))
+    unite(table, 0, 1)
+    offset = table.ends[0].reshape(2, 2) - mean
     assert unit[0] * offset[:, 1] - unit[1] * offset[:, 0] == pytest.approx([0, 0], abs=1e-12)
-    assert lengths(ends[None])[0] == pytest.approx(15.0, abs=0.01)
+    assert (offset[1] - offset[0]) @ way == pytest.approx(15.0, abs=0.01)
 
 
 def united(*scans):
@@ -136,14 +114,12 @@ def united(*scans):
 
 def test_a_chain_of_pieces_becomes_one_segment_in_one_union():
     table = united(table_of([[k, 0.0, k + 1.05, 0.0] for k in range(9)]))
-    assert len(table.ends) == 1 and table.points.sum() == 90
+    assert table.points.tolist() == [90]
     assert np.abs(table.ends[0]) == pytest.approx([0, 0, 9.05, 0], abs=1e-6)
 
 
 def test_merging_unites_the_unions():
-    # 0 and 1 are of two unions; 2 bridges them; 3 is of the union of 0 but elsewhere.
+    # 0 and 1 are of two unions; the bridge joins them; 2 is of the union of 0 but elsewhere.
     table = table_of([[0, 0, 4, 0], [6, 0, 9, 0], [0, 5, 4, 5]])
-    table = table._replace(unions=np.array([0, 1, 0]))
-    bridge = table_of([[3, 0, 7, 0]])
-    whole = united(table, bridge)
+    whole = united(table._replace(unions=np.array([0, 1, 0])), table_of([[3, 0, 7, 0]]))
     assert len(whole.ends) == 2 and len(set(whole.unions.tolist())) == 1

@@ -67,15 +67,6 @@ def test_simulations_and_recordings_keep_what_moves(tmp_path):
 
 
 @RENDERERS
-def test_a_film_is_seen_as_its_run_says(renderer):
-    run = replace(room_run(), film=FilmPlan("top", 3.0))
-    own = framed(run, 1.0, renderer=renderer)
-    asked = framed(run, 1.0, renderer=renderer, view="top", playback=3.0)
-    assert np.array_equal(own, asked)
-    assert np.abs(own - framed(run, 1.0, renderer=renderer, view="chase")).mean() > 5.0
-
-
-@RENDERERS
 def test_bodies_are_drawn_where_they_are_and_nowhere_else(renderer):
     run = city_run()
     films = [

@@ -15,32 +15,12 @@ from lrf3d.render.film import Film
 from lrf3d.render.video import frame
 from lrf3d.robot import Trajectory
 from lrf3d.run import Run
-from lrf3d.scene import stage
 from lrf3d.scene.beams import draw_beams
 from lrf3d.scene.estimate import trail_lines
 from lrf3d.scene.shapes import Body, Faces
 from lrf3d.scene.timeline import Timeline, drive_keys
 from lrf3d.world import World
 from lrf3d.world.cameras import MOVING_VIEWS, FilmPlan
-
-kept_for_users = stage._in_memory
-
-
-@functools.lru_cache(8)
-def painted(*what_it_depends_on):
-    """What is painted of a drive in a world; baking its light takes seconds, so tests share it."""
-    return []
-
-
-def kept(run):
-    """The same for runs; other things that drive are kept as for users."""
-    if not isinstance(run, Run):
-        return kept_for_users(run)
-    # When the laser first lit a place also depends on where the robot believed itself to be.
-    return painted(run.world, run.trajectory, run.lrf, run.knows_truth, run.estimate, run.maps)
-
-
-stage._in_memory = kept
 
 needs_gl = pytest.mark.gl
 SIZE = (320, 180)
@@ -142,17 +122,6 @@ def test_a_world_far_from_the_origin_looks_the_same():
     assert np.abs(near - far).mean() < 0.2
 
 
-@needs_gl
-def test_the_picture_depends_on_the_time_alone():
-    run = city_run()
-    film = Film(run, size=SIZE, view="chase", samples=0)
-    alone = film.draw(3.1).copy()
-    film.draw(0.4)
-    film.draw(3.9)
-    assert np.array_equal(film.draw(3.1), alone)
-    film.close()
-
-
 @pytest.mark.parametrize("renderer", [pytest.param("gl", marks=needs_gl), "embree"])
 def test_hit_points_do_not_show_through_a_thin_wall_and_do_in_front_of_it(renderer):
     run, shape = room_run(), {"size": SIZE, "view": "first", "samples": 0, "renderer": renderer}
@@ -221,9 +190,7 @@ def test_hit_points_lie_on_their_walls_wherever_the_robot_has_gone_since():
     scan, walls = run.scan(6), run.world.segments
     for step in (0.0, 0.15, 0.29):
         apex = np.array([scan.pose.x + step, scan.pose.y])
-        _, points, _ = draw_beams(
-            scan, walls, apex, np.zeros(len(walls), bool), height=0.5, reach=9.0
-        )
+        _, points, _ = draw_beams(scan, walls, walls[:0], apex, height=0.5, reach=9.0)
         hit = shapely.linestrings(walls[run.walls[6][scan.hits]].reshape(-1, 2, 2))
         assert shapely.distance(shapely.points(points.places[:, :2]), hit).max() < 1e-5
 

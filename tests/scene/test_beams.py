@@ -8,7 +8,7 @@ import lrf3d
 from lrf3d.geometry import lengths
 from lrf3d.laser import LaserRangeFinder, beam_directions
 from lrf3d.scene.beams import RANGE_COLOURS, draw_beams, folded, turning_walls
-from lrf3d.scene.look import GLASS_COLOUR, MIRROR_COLOUR, RETRO_COLOUR, object_colours
+from lrf3d.scene.look import MATERIAL_COLOURS, object_colours
 
 WALLS = [[0, 0, 12, 0], [12, 0, 12, 8], [12, 8, 0, 8], [0, 8, 0, 0], [4, 1, 5, 2.5]]
 
@@ -22,9 +22,9 @@ POSE = (7.0, 4.0, 0.3)
 
 def drawn(world, by="range"):
     scan = lrf3d.PlanarCaster(world).cast(LaserRangeFinder(-np.pi, np.pi, 181), POSE)
-    place, turning = np.array(POSE[:2]), turning_walls(world)
+    walls, place = world.segments, np.array(POSE[:2])
     shape = {"height": 0.5, "reach": 80.0, "by": by}
-    return scan, *draw_beams(scan, world.segments, place, turning, **shape)[:2]
+    return scan, *draw_beams(scan, walls, walls[turning_walls(world)], place, **shape)[:2]
 
 
 def off_walls(points):
@@ -66,15 +66,10 @@ def test_points_are_coloured_by_their_intensity_if_asked():
     assert np.array_equal(one.colours, other.colours)
 
 
-def test_only_mirrors_turn_beams():
-    assert not turning_walls(lrf3d.load_world("paper_room")).any()
-    optics = turning_walls(hall("glass", "mirror", None, "brick", "metal"))
-    assert optics.tolist() == [False, True, False, False, False]
-
-
 def test_mirrors_glass_and_retro_reflectors_have_their_colours():
     world = hall("glass", "mirror", "retro-reflector", "brick", None)
-    colours = object_colours(world, indoor=True)
-    assert colours[:3] == pytest.approx(np.array([GLASS_COLOUR, MIRROR_COLOUR, RETRO_COLOUR]))
+    assert turning_walls(world).tolist() == [False, True, False, False, False]
+    colours, kinds = object_colours(world, indoor=True), ("glass", "mirror", "retro")
+    assert colours[:3] == pytest.approx(np.array([MATERIAL_COLOURS[kind] for kind in kinds]))
     own = lrf3d.World(WALLS, range(5), materials=["mirror"] * 5, colours=[[0.1, 0.2, 0.3]] * 5)
     assert object_colours(own, indoor=True)[0] == pytest.approx([0.1, 0.2, 0.3])

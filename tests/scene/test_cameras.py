@@ -7,12 +7,10 @@ import pytest
 import shapely
 from test_render import box, city_run, room_run, run_of
 
-from lrf3d.scene.cameras import margins
-from lrf3d.scene.following import Fixed, chase, orbit
-from lrf3d.scene.story import CLOSING, HELD, OPENING, Story
-from lrf3d.scene.structures import Structures
+from lrf3d.scene.cameras import Fixed, chase, orbit, overview, top
+from lrf3d.scene.stage.structures import Structures
+from lrf3d.scene.story import CLOSING, HELD, OPENING, Story, margins
 from lrf3d.scene.timeline import Timeline
-from lrf3d.scene.whole import overview, top
 from lrf3d.world import World
 from lrf3d.world.cameras import FixedCamera
 
@@ -140,9 +138,3 @@ def test_a_camera_that_turns_has_the_robot_in_its_middle_and_looks_closer_from_a
         fields.append(look.field)
         assert still.look(time, 1.0) is still.look(0.0, 1.0)
     assert fields[0] < still.look(0.0, 1.0).field and fields == sorted(fields, reverse=True)
-
-
-def test_in_rooms_the_chase_looks_ahead_and_not_down_on_the_robot():
-    look = chase(*filmed(room_run())).look(1.0, 16 / 9)
-    ahead = look.target - look.eye
-    assert look.cuts and -ahead[2] < np.hypot(*ahead[:2])

@@ -3,7 +3,7 @@
 import numpy as np
 
 from lrf3d.scene.drawn_map import DrawnMap
-from lrf3d.scene.structures import Structures
+from lrf3d.scene.stage.structures import Structures
 from lrf3d.world import World
 
 WALLS = np.array([[0.0, 0.0, 6.0, 0.0], [0.0, 4.0, 6.0, 4.0]])

@@ -8,8 +8,8 @@ from estimates import estimated
 from test_render import SIZE, city_run, drawn, needs_gl, room_run, run_of
 
 from lrf3d.mapping import LineMap
-from lrf3d.scene.exposure import LiveExposure, expose, sampled, unexposed
-from lrf3d.scene.structures import Structures
+from lrf3d.scene.stage.exposure import LiveExposure, expose, unexposed
+from lrf3d.scene.stage.structures import Structures
 from lrf3d.world import World
 
 HALF = np.array([60.0, 60.0])
@@ -33,7 +33,8 @@ def passed(shift=0.0):
 def test_a_place_is_seen_when_a_beam_first_passes_it_and_never_behind_a_wall():
     exposure, structures = exposed(passed())
     places = np.array([[2.0, 0.0], [6.0, -3.0], [6.0, 2.5], [-3.0, 0.0]]) - structures.origin
-    first, surely, *_ = sampled(exposure, places).T
+    times = exposure.sampled(places)
+    first, surely = times["seen"], times["sure"]
     assert surely[[0, 2]] == pytest.approx(1.0) and (surely[[1, 3]] < 0.02).all()
     # The second is seen past the wall's end from where the robot begins to look past it.
     assert first[0] * exposure.length < 1.0 < 1.5 < 8.0
@@ -44,11 +45,11 @@ def test_light_goes_as_far_as_was_measured_and_lies_where_the_estimate_put_it():
     place = np.array([[4.6, 0.0]])
     for run, lit in ((passed(), False), (passed(1.5), True)):
         exposure, structures = exposed(run)
-        assert (sampled(exposure, place - structures.origin)[0, 1] > 0.5) == lit
+        assert (exposure.sampled(place - structures.origin)["sure"] > 0.5) == lit
     run = estimated(passed(), (0.0, 30.0, 0.0))
     exposure, structures = exposed(run)
     where = np.array([[2.0, 0.0], [2.0, 30.0]]) - structures.origin
-    assert sampled(exposure, where)[:, 1] == pytest.approx([0.0, 1.0], abs=0.02)
+    assert exposure.sampled(where)["sure"] == pytest.approx([0.0, 1.0], abs=0.02)
 
 
 def test_scans_that_come_one_by_one_light_what_they_do_in_a_record():
@@ -63,10 +64,10 @@ def test_scans_that_come_one_by_one_light_what_they_do_in_a_record():
         assert live.fresh() is None
     rng = np.random.default_rng(0)
     places = rng.uniform([0.0, 0.0], [8.0, 6.0], (500, 2)) - structures.origin
-    one, other = (sampled(each, places) for each in (exposure, live.exposure))
-    assert (np.abs(one[:, 1] - other[:, 1]) < 0.2).mean() > 0.97
-    seen = (one[:, 1] > 0.9) & (other[:, 1] > 0.9)
-    late = np.abs(one[seen, 0] * exposure.length - other[seen, 0])
+    one, other = (each.sampled(places) for each in (exposure, live.exposure))
+    assert (np.abs(one["sure"] - other["sure"]) < 0.2).mean() > 0.97
+    seen = (one["sure"] > 0.9) & (other["sure"] > 0.9)
+    late = np.abs(one["seen"][seen] * exposure.length - other["seen"][seen])
     assert seen.sum() > 100 and (late < 0.3).mean() > 0.9
 
 

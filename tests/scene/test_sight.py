@@ -3,15 +3,16 @@
 import numpy as np
 import pytest
 from estimates import estimated
-from test_render import box, needs_gl, run_of
+from test_render import box, city_run, needs_gl, run_of
 
 from lrf3d.gltf import run_glb
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.mapping import LineMap
 from lrf3d.robot import Trajectory
 from lrf3d.run import Run
-from lrf3d.scene.stage import paint_stage
-from lrf3d.scene.structures import SIGHT_DISTANCE, Sight, Structures
+from lrf3d.scene.look import SECTION
+from lrf3d.scene.stage.stage import paint_stage, stage_of
+from lrf3d.scene.stage.structures import SIGHT_DISTANCE, Sight, Structures
 from lrf3d.view.shown import Shown, Wanted
 from lrf3d.world import World
 
@@ -142,5 +143,15 @@ def test_walls_known_from_scans_alone_are_low_and_others_as_high_as_they_are():
     run = run_of(tall(HOUSE), np.arange(3.0), [(-5, 0, 0), (-5, 1, 0), (-5, 2, 0)])
     recorded = estimated(run, shift=(0.0, 0.0, 0.0))
     assert Structures.from_run(run).heights == pytest.approx(8.0)
-    assert Structures.from_run(recorded).heights == pytest.approx(0.75)
+    assert Structures.from_run(recorded).heights == pytest.approx(SECTION)
     assert recorded.world.heights == pytest.approx(8.0)
+
+
+def test_the_stage_of_a_run_is_painted_once():
+    run, other = (city_run.__wrapped__() for _ in range(2))
+    stage = stage_of(run)
+    assert stage_of(run) is stage
+    again = stage_of(other)
+    assert again is not stage and np.array_equal(again.ground.picture, stage.ground.picture)
+    for first, second in zip(stage.faces, again.faces, strict=True):
+        assert np.array_equal(first, second)

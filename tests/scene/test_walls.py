@@ -6,9 +6,9 @@ import shapely
 from test_render import box
 
 from lrf3d.geometry import lengths
-from lrf3d.scene.exposure import unexposed
-from lrf3d.scene.structures import Structures
-from lrf3d.scene.walls import lay_faces
+from lrf3d.scene.stage.exposure import unexposed
+from lrf3d.scene.stage.structures import Structures
+from lrf3d.scene.stage.walls import lay_faces
 from lrf3d.world import World, load_world
 
 

@@ -2,16 +2,16 @@ import numpy as np
 
 from lrf3d.pose import between
 from lrf3d.slam.closures import Closure, LoopCloser
-from lrf3d.slam.views import Fan, Key
-from lrf3d.slam.violation import MixedPixels
+from lrf3d.slam.key_scans import Fan, Key, MixedPixels
+from lrf3d.slam.surface import SURFACE
 
-NOTHING, LASER = np.empty((0, 4)), np.zeros(2)
+NOTHING = np.empty(0, SURFACE)
 INFORMATION = np.diag([1e3, 1e3, 1e4])
 
 
 def key(number, pose):
     beams = np.linspace(-1.0, 1.0, 3), np.ones(3)
-    return Key(number, pose, NOTHING, NOTHING, NOTHING[:, :2], (Fan(LASER, *beams),), 0.01)
+    return Key(number, pose, NOTHING, NOTHING, NOTHING, (Fan(0.0, 0.0, *beams),), 0.01)
 
 
 def driven(poses, jump):

@@ -11,8 +11,8 @@ from lrf3d.errors import InputError
 from lrf3d.io.laser_log import LaserLog, WheelRecord
 from lrf3d.pose import between, compose
 from lrf3d.recorded import solve_log
+from lrf3d.slam.checks import SelfCheck
 from lrf3d.slam.odometry import Repairs, WheelPath, fitted_lag, in_order, without_jumps
-from lrf3d.slam.violation import SelfCheck
 
 COUNT = 100
 

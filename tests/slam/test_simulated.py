@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 import lrf3d
-from lrf3d.errors import InputError
-from lrf3d.slam import SlamMapper, WheelErrors
+from lrf3d.slam import SlamMapper
 from lrf3d.slam.simulated import COVARIANCE_INTERVAL, COVARIANCE_SHARE
 
 
@@ -48,11 +47,3 @@ def test_a_simulated_recording_is_solved_from_what_its_wheels_measured(corridor,
     assert not solved.knows_truth and len(solved.estimate.closures) > 0
     sizes = np.linalg.norm(solved.estimate.ellipses, axis=(1, 2))
     assert sizes[0] == 0.0 and 0.0 < sizes[1:].min() and sizes.max() < 2.0
-
-
-def test_wheels_without_errors_measure_the_truth():
-    wheels = WheelErrors(0.0, 0.0, 0.0, 0.0)
-    increment = np.array([1.0, 0.2, 0.3])
-    assert wheels(increment, np.random.default_rng(0)).tolist() == increment.tolist()
-    with pytest.raises(InputError, match="at least 0"):
-        WheelErrors(slip=-1.0)

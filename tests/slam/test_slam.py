@@ -9,8 +9,8 @@ import lrf3d
 from lrf3d.errors import InputError
 from lrf3d.pose import between
 from lrf3d.slam.front_end import weakest_direction
+from lrf3d.slam.motion import Wheels
 from lrf3d.slam.odometry import WheelPath
-from lrf3d.slam.wheels import Wheels
 from lrf3d.solved_log import rising
 
 
@@ -132,11 +132,10 @@ def test_updates_refuse_what_is_no_scan_of_this_laser_and_no_odometry(case):
     assert slam.trajectory().shape == (0, 3)
 
 
-def test_settings_that_make_no_sense_are_refused():
-    with pytest.raises(InputError, match="positive"):
-        lrf3d.Slam(key_distance=0.0)
-    with pytest.raises(InputError, match="expected finite numbers"):
-        lrf3d.Slam(laser_offset="a")
+@pytest.mark.parametrize("wrong", [{"key_distance": 0.0}, {"laser_offset": "a"}])
+def test_settings_that_make_no_sense_are_refused(wrong):
+    with pytest.raises(InputError, match=r"expected finite numbers.*positive"):
+        lrf3d.Slam(**wrong)
 
 
 def test_a_scan_without_any_return_leaves_the_robot_to_the_odometry():

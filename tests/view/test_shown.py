@@ -13,7 +13,7 @@ from yard import OBSTACLE, YARD, hand
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.robot import Trajectory
 from lrf3d.scene.shapes import Lines, Points, Soft
-from lrf3d.scene.stage import stage_of
+from lrf3d.scene.stage.stage import stage_of
 from lrf3d.view.message import Sender, part_of, stage_message
 from lrf3d.view.shown import Shown, Wanted
 

@@ -161,31 +161,6 @@ def page_end(run):
     return timeline.end - timeline.start
 
 
-@pytest.mark.slow
-@needs_browser
-def test_the_camera_follows_circles_and_is_turned_by_hand(played, chromium):
-    # Room is needed over the controls: views are framed into that.
-    with opened(chromium, played, (660, 480)) as page:
-        page.click("[aria-label=pause]")
-        follow = until(lambda: still(page))
-        seen = {"follow": follow}
-        for name in ("orbit", "top", "first"):
-            page.click(f"[data-view={name}]")
-            seen[name] = until(lambda: still(page))
-        for one, other in combinations(seen.values(), 2):
-            assert np.abs(one - other).mean() > 5.0
-        # V goes on to the first view again, then to this one, and the picture is the same.
-        page.keyboard.press("v")
-        page.keyboard.press("v")
-        page.mouse.move(330, 110)
-        again = until(lambda: still(page))
-        assert np.abs(again - follow)[:310].mean() < 1.0
-        page.mouse.down()
-        page.mouse.move(420, 110, steps=4)
-        page.mouse.up()
-        until(lambda: np.abs(picture(page) - follow)[:310].mean() > 5.0)
-
-
 def still(page):
     """The page, once two pictures in a row are the same."""
     before = picture(page)
@@ -271,13 +246,6 @@ def test_the_page_fits_a_telephone(driven, chromium, size):
         until(lambda: number(page, "v") > 0.2)
         page.keyboard.up("Space")
         until(lambda: number(page, "v") == 0.0)
-
-
-@needs_browser
-def test_pads_are_for_fingers_and_the_page_has_a_language(driven, chromium):
-    with opened(chromium, driven) as page:
-        assert not page.is_visible(".lrf3d-pads")
-        assert page.get_attribute("html", "lang") == "en"
 
 
 # Without it -------------------------------------------------------------------------------------

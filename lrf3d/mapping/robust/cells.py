@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lrf3d.compiling import borrower, compiled, record
-from lrf3d.geometry import Int, Records
+from lrf3d.geometry import Float, Int, Records
 from lrf3d.mapping.robust.beams import CELL, Beams
-from lrf3d.mapping.robust.records import NEWS
 
 SIDE_BITS = 4
 SIDE = 1 << SIDE_BITS
@@ -44,12 +43,31 @@ FREE_DEPTH = 0.2
 edges are a little wrong."""
 
 HIT_DEVIATIONS = 3.0
-"""[deviations] What the noise adds to how far a return may lie off a wall that its beam hit, and
+"""[deviations] What the noise adds to how far a return, or another segment, may lie off a wall, and
 how far a beam must go on behind a wall to violate it."""
+
+MOST_EXPLAINED = 1.0
+"""[m] Largest offset that noise may explain: a short far segment explains almost any."""
 
 OPEN_WEIGHT = 0.5
 """[hits] What a free-space violation weighs at a piece of a wall without hits, and as new evidence
 of a wall."""
+
+COSINES = np.cos(2.0 * np.pi * np.arange(PASS_DIRECTIONS) / PASS_DIRECTIONS)
+SINES = np.sin(2.0 * np.pi * np.arange(PASS_DIRECTIONS) / PASS_DIRECTIONS)
+"""The directions by which the beams through a cell are distinguished."""
+
+WALL_SINE = 0.5
+"""[sine] Angle from which on a beam through a cell of a wall crosses it: at less it may run before
+the wall as well, in the same cells."""
+
+LINE_END = 1.5 * CELL
+"""[m] How much of a line's ends is left out: beams that go by the end of a wall, through the same
+cells, go on as far as they like."""
+
+STRIDE = 8
+"""Steps from one to the next in each of the walks that together meet all cells of a line: most are
+crossed in wide open space, which the first walk finds."""
 
 EMPTY = -(2**62)
 """Key of a slot that no square has taken."""
@@ -136,27 +154,6 @@ class Cells(NamedTuple):
         return grown
 
 
-class NewEvidence(NamedTuple):
-    """What the beams of a scan have added to the evidence of which walls.
-
-    All walls; which of them (rows,) this scan added to, each once; clusters that are hits of no
-    wall and grew (≥ beams,); and how many of these two, :data:`NEWS`.
-    """
-
-    walls: Records
-    changed: Int
-    unowned: Int
-    counters: Records
-
-    @classmethod
-    def of(cls, walls: Records, beams: int, scan: int) -> "NewEvidence":
-        """Nothing yet of a scan, by its number."""
-        counters = np.zeros(1, NEWS)
-        counters["scan"] = scan
-        changed = np.empty(len(walls), np.int64)
-        return cls(walls, changed, np.empty(beams, np.int64), counters)
-
-
 @borrower
 def _slot_of(keys: Int, x: int, y: int) -> int:
     """The slot of a square in the hash table, or the free one that it would take."""
@@ -240,3 +237,64 @@ def open_squares(cells: Cells, place: tuple[float, float], beams: Beams) -> bool
                     cells.squares[slot] = counters.squares
                     counters.squares += 1
     return True
+
+
+@borrower
+def ways_across(ux: float, uy: float, sine: float) -> int:
+    """The directions of the beams that cross a direction (ux, uy), each a bit."""
+    ways = 0
+    for way in range(PASS_DIRECTIONS):
+        if abs(COSINES[way] * uy - SINES[way] * ux) > sine:
+            ways |= 1 << way
+    return ways
+
+
+@borrower
+def _passes(cells: Cells, x: float, y: float, way: int) -> int:
+    """How many beams went one way through the cell of a place [m]."""
+    column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
+    # Nothing has passed the cells of block 0.
+    passed: int = cells.passes[block_at(cells, column, row), way, cell_in(column, row)]
+    return passed & MOST_PASSES
+
+
+@borrower
+def count_beams(
+    cells: Cells, block: int, cell: int, ways: int, x: float, y: float, deeper: float
+) -> int:
+    """How many beams went in some directions through a cell at a place, and so much deeper [m]."""
+    count, ways = 0, ways & cells.passed[block, cell]
+    for way in range(PASS_DIRECTIONS if ways else 0):
+        if (ways >> way) & 1:
+            passed = cells.passes[block, way, cell] & MOST_PASSES
+            if deeper > 0.0:
+                dx, dy = COSINES[way], SINES[way]
+                passed = min(passed, _passes(cells, x + deeper * dx, y + deeper * dy, way))
+            count += passed
+    return count
+
+
+@borrower
+def is_crossed(line: Float, cells: Cells, depth: float, spare: int, sine: float) -> bool:
+    """Whether more beams than are to spare crossed a line (4,) and went so deep [m] behind it.
+
+    They cross it at the angle of the sine, or more; what is near its ends does not count.
+    """
+    x1, y1, x2, y2 = line
+    length = np.hypot(x2 - x1, y2 - y1)
+    if length == 0.0:
+        return False
+    ux, uy = (x2 - x1) / length, (y2 - y1) / length
+    end = min(LINE_END, 0.25 * length)
+    steps = int((length - 2.0 * end) / CELL) + 1
+    step = (length - 2.0 * end) / steps
+    ways = ways_across(ux, uy, sine)
+    for first in range(STRIDE):
+        for k in range(first, steps, STRIDE):
+            x, y = x1 + (end + (k + 0.5) * step) * ux, y1 + (end + (k + 0.5) * step) * uy
+            column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
+            block, cell = block_at(cells, column, row), cell_in(column, row)
+            spare -= count_beams(cells, block, cell, ways, x, y, depth - FREE_DEPTH)
+            if spare < 0:
+                return True
+    return False

@@ -3,7 +3,12 @@
 Enter a scan's beams and ranges; leave the walls in the world's directions around the laser, with
 the moments of their points. A gap that knows the spacing of the beams and the noise parts two
 clusters: a wall that is met at no less than a grazing angle never falls apart, however far it is.
-Each cluster is divided into the likeliest walls; a full circle has no seam.
+Each cluster is divided into the likeliest walls by dynamic programming; a full circle has no seam.
+
+Along a wall with the normal n at the distance c, the inverse range is linear in the direction of
+the beam: 1/r = (n_x·cos φ + n_y·sin φ)/c. With the variance s²/r⁴ of 1/r, the maximum-likelihood
+line of any run of beams is a linear least-squares fit of two numbers, which running sums give in
+a few operations; so every division of a cluster can be weighed, and the cheapest one be taken.
 """
 
 from dataclasses import dataclass
@@ -11,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lrf3d.compiling import compiled, inner
+from lrf3d.compiling import compiled, inner, record
 from lrf3d.geometry import Bool, Float, Int, Records
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.laser.noise import USUAL_RANGE
@@ -24,8 +29,7 @@ from lrf3d.mapping.robust.beams import (
     plain,
     range_deviation,
 )
-from lrf3d.mapping.robust.records import MOMENTS
-from lrf3d.mapping.robust.segmentation import LEAST_POINTS, fit_wall, segment_cluster
+from lrf3d.mapping.robust.walls import FIT, add_point, end_of, put_line
 
 GRAZING_ANGLE = np.radians(8.0)
 """[rad] Walls met at a smaller angle than this cannot be distinguished from a gap."""
@@ -53,21 +57,43 @@ SCAN_CORNER_BEAMS = 3
 """[beams] How many beams apart two walls of a scan may end and still share a corner."""
 
 SCAN_CORNER_STEPS = 1.5
-"""[steps] How far the corner may lie from the two ends, as a multiple of how far they lie apart."""
+"""[steps] How far the corner may lie from the two ends, as a multiple of how far they lie apart and
+of what noise adds between two returns of a cluster."""
 
-SCAN_CORNER_DEVIATIONS = 4.0
-"""[deviations] What the noise adds to how far the two ends lie apart."""
+
+WALL_COST = 20.0
+"""[χ²] Cost of a further wall: noise on one wall of some hundred points, divided at its best place,
+gains less than this but once in thousands of times. The refit of the map's walls uses it too."""
+
+OUTLIER_COST = 12.0
+"""[χ²] Cost of a point on no wall: as much as one 3.5 standard deviations off."""
+
+LEAST_POINTS = 3
+"""[points] Fewest points of a wall: two fit any line."""
+
+PRUNED_COST = max(0.0, (LEAST_POINTS - 1) * OUTLIER_COST - WALL_COST)
+"""[χ²] How much worse than the best a division may be and still lead to a better one later: what
+the points behind it could cost that are too few for a wall of their own. Exact: no tuning."""
+
+SUMS = record(
+    cc=float, cs=float, ss=float,  # of the cosine and the sine of the beam
+    ci=float, si=float, ii=float,  # of these and the inverse range
+)  # fmt: skip
+"""Weighted sums of products, of which a line is fitted to the inverse ranges."""
+
+
+SPAN = record(
+    first=int, last=int,  # the first and the last return of a wall
+    x=float, y=float,  # [1/m] its normal over its distance, n/c
+)  # fmt: skip
+"""A wall of a cluster."""
 
 
 class LocalWalls(NamedTuple):
-    """The walls (n, 4) [m] of one scan, seen from their left.
-
-    The :data:`MOMENTS` (n,) of their points, the number of these, and the cluster of each.
-    """
+    """The walls (n, 4) [m] of one scan, seen from their left, with the FIT and cluster of each."""
 
     ends: Float
-    moments: Records
-    points: Int
+    fits: Records
     clusters: Int
 
 
@@ -142,14 +168,14 @@ def extract_walls(
     """
     beams, joined = _joined_returns(theta, angles, ranges, range_max, noise, gap)
     count = len(beams.ranges)
-    walls = np.empty((count // LEAST_POINTS + 1, 2), np.int64)
+    spans = np.empty(count // LEAST_POINTS + 1, SPAN)
     begin = found = clusters = 0
     while begin < count and joined[begin]:
         begin += 1
     closed = begin == count
-    if closed and count and segment_cluster(beams, walls) > 1:
+    if closed and count and segment_cluster(beams, spans) > 1:
         # One object all round: begin at a corner, so that no wall is cut in two.
-        begin = walls[1, 0] - 1
+        begin = spans[1].first - 1
     # Begin behind a break, so that no cluster runs over the end of the list.
     beams = _rolled(begin + 1, beams)
     first = 0
@@ -159,9 +185,9 @@ def extract_walls(
             last += 1
         last += 1
         run = _part(beams, first, last)
-        parts = segment_cluster(run, walls) if last - first >= LEAST_POINTS else 0
+        parts = segment_cluster(run, spans) if last - first >= LEAST_POINTS else 0
         first = last
-        size = _polyline(run, walls[:parts], local, found)
+        size = _polyline(run, spans[:parts], local, found)
         for row in range(found, found + size):
             local.clusters[row] = clusters
         clusters += size > 0
@@ -176,73 +202,156 @@ def _part(beams: Beams, first: int, last: int) -> Beams:
 
 
 @inner
-def _polyline(beams: Beams, walls: Int, local: LocalWalls, begin: int) -> int:
-    """Segments of one cluster's walls (m, 2), joined at corners where two of them meet."""
-    inverses = np.empty((len(walls), 2))
-    spans = np.empty((len(walls), 2), np.int64)
+def _polyline(beams: Beams, spans: Records, local: LocalWalls, begin: int) -> int:
+    """Segments of the walls (m,) of one cluster, joined at corners where two of them meet."""
     rows, ends = 0, local.ends[begin:]
-    for wall in range(len(walls)):
-        first, last = walls[wall, 0], walls[wall, 1]
-        run, moments = _part(beams, first, last + 1), local.moments[begin + rows]
+    for wall in range(len(spans)):
+        span, fit = spans[wall], local.fits[begin + rows]
+        run = _part(beams, span.first, span.last + 1)
         x, y = fit_wall(run)
-        _measure(run, x, y, moments)
+        _measure(run, x, y, fit)
         size = np.sqrt(x * x + y * y)
         nx, ny = x / size, y / size
-        spread = moments.xx * ny * ny + moments.yy * nx * nx
-        spread -= 2.0 * moments.xy * nx * ny
+        spread = fit.xx * ny * ny + fit.yy * nx * nx
+        spread -= 2.0 * fit.xy * nx * ny
         if not spread * WEAKEST_DIRECTION**2 > 1.0:
             continue
-        inverses[rows, 0], inverses[rows, 1] = x, y
-        spans[rows, 0], spans[rows, 1] = first, last
-        local.points[begin + rows] = last - first + 1
+        span.x, span.y = x, y
+        spans[rows] = span
+        fit.points = span.last - span.first + 1
         for k in range(2):
-            beam = spans[rows, k]
+            beam = span.last if k else span.first
             # A noisy end goes along its beam onto the wall; near-parallel ones stay put.
-            unit, reach = beams.units[beam], beams.ranges[beam]
-            slope = unit[0] * x + unit[1] * y
+            (ux, uy), reach = beams.units[beam], beams.ranges[beam]
+            slope = ux * x + uy * y
             if slope > 0.0 and abs(1.0 / slope - reach) <= END_DEVIATIONS * beams.deviations[beam]:
                 reach = 1.0 / slope
-            for axis in range(2):
-                ends[rows, 2 * k + axis] = reach * unit[axis]
+            ends[rows, 2 * k], ends[rows, 2 * k + 1] = reach * ux, reach * uy
         rows += 1
     for row in range(rows - 1):
-        one, other = inverses[row], inverses[row + 1]
-        turn = one[0] * other[1] - one[1] * other[0]
-        lengths = np.sqrt((one[0] ** 2 + one[1] ** 2) * (other[0] ** 2 + other[1] ** 2))
-        last, first = spans[row, 1], spans[row + 1, 0]
-        if abs(turn) < SCAN_CORNER_SINE * lengths or first - last > SCAN_CORNER_BEAMS:
+        one, other = spans[row], spans[row + 1]
+        turn = one.x * other.y - one.y * other.x
+        lengths = np.sqrt((one.x**2 + one.y**2) * (other.x**2 + other.y**2))
+        if abs(turn) < SCAN_CORNER_SINE * lengths or other.first - one.last > SCAN_CORNER_BEAMS:
             continue
-        x, y = (other[1] - one[1]) / turn, (one[0] - other[0]) / turn
-        ax, ay, bx, by = ends[row, 2], ends[row, 3], ends[row + 1, 0], ends[row + 1, 1]
-        step = np.hypot(ax - bx, ay - by) + SCAN_CORNER_DEVIATIONS * beams.deviations[last]
+        x, y = (other.y - one.y) / turn, (one.x - other.x) / turn
+        (ax, ay), (bx, by) = end_of(ends[row], 1), end_of(ends[row + 1], 0)
+        step = np.hypot(ax - bx, ay - by) + CLUSTER_DEVIATIONS * beams.deviations[one.last]
         reach = SCAN_CORNER_STEPS * step
         if max(np.hypot(x - ax, y - ay), np.hypot(x - bx, y - by)) <= reach:
-            ends[row, 2], ends[row, 3], ends[row + 1, 0], ends[row + 1, 1] = x, y, x, y
+            put_line(ends[row], *end_of(ends[row], 0), x, y)
+            put_line(ends[row + 1], x, y, *end_of(ends[row + 1], 1))
     return rows
 
 
 @inner
-def _measure(beams: Beams, x: float, y: float, moments: Any) -> None:
+def _measure(beams: Beams, x: float, y: float, fit: Any) -> None:
     """Fill in the moments of the points of a wall n/c = (x, y), each with its own variance."""
     size = np.sqrt(x * x + y * y)
-    total = mx = my = xx = xy = yy = 0.0
+    fit.weight = fit.x = fit.y = fit.xx = fit.xy = fit.yy = 0.0
     for i in range(len(beams.ranges)):
-        unit = beams.units[i]
-        incidence = max(abs(unit[0] * x + unit[1] * y) / size, LEAST_INCIDENCE)
+        ux, uy = beams.units[i]
+        incidence = max(abs(ux * x + uy * y) / size, LEAST_INCIDENCE)
         weight = 1.0 / (beams.deviations[i] * incidence) ** 2
-        px, py = beams.ranges[i] * unit[0], beams.ranges[i] * unit[1]
-        # The running mean and the scatter about it, which no offset makes inexact.
-        total += weight
-        dx, dy = px - mx, py - my
-        share = weight / total
-        mx += share * dx
-        my += share * dy
-        spread = weight * (1.0 - share)
-        xx += spread * dx * dx
-        xy += spread * dx * dy
-        yy += spread * dy * dy
-    moments.weight, moments.x, moments.y = total, mx, my
-    moments.xx, moments.xy, moments.yy = xx, xy, yy
+        add_point(fit, weight, beams.ranges[i] * ux, beams.ranges[i] * uy)
+
+
+@compiled
+def segment_cluster(returns: Beams, spans: Records) -> int:
+    """Divide a cluster of returns into walls (≥ n // LEAST_POINTS,); returns how many.
+
+    Points between the first and the last of each are on none.
+    """
+    beams, ranges, deviations = returns
+    count = len(ranges)
+    sums = np.zeros(count + 1, SUMS)
+    for i in range(count):
+        cos, sin = beams[i]
+        square = ranges[i] * ranges[i]
+        # The inverse range and its fit are both scaled by r², which keeps the numbers near 1.
+        weight = square * square / (deviations[i] * deviations[i])
+        inverse = 1.0 / ranges[i]
+        before, after = sums[i], sums[i + 1]
+        after.cc = before.cc + weight * cos * cos
+        after.cs = before.cs + weight * cos * sin
+        after.ss = before.ss + weight * sin * sin
+        after.ci = before.ci + weight * cos * inverse
+        after.si = before.si + weight * sin * inverse
+        after.ii = before.ii + weight * inverse * inverse
+    best = np.zeros(count + 1)
+    origin = np.zeros(count + 1, np.int64)
+    # Where a wall may still begin; a beginning that has become too dear is struck off for good.
+    open_first = np.empty(count + 1, np.int64)
+    opened = 0
+    for last in range(1, count + 1):
+        # The last point lies on no wall …
+        cheapest = best[last - 1] + OUTLIER_COST
+        choice = -1
+        # … or it ends a wall that begins behind the point `first`.
+        if last >= LEAST_POINTS:
+            open_first[opened] = last - LEAST_POINTS
+            opened += 1
+        total = sums[last]
+        kept = 0
+        for place in range(opened):
+            first = open_first[place]
+            start = sums[first]
+            cc, cs, ss = total.cc - start.cc, total.cs - start.cs, total.ss - start.ss
+            ci, si = total.ci - start.ci, total.si - start.si
+            determinant = cc * ss - cs * cs
+            misfit = 0.0
+            if determinant > 1e-14 * cc * ss:
+                explained = (ss * ci * ci - 2.0 * cs * ci * si + cc * si * si) / determinant
+                misfit = max(total.ii - start.ii - explained, 0.0)
+                cost = best[first] + misfit + WALL_COST
+                if cost < cheapest:
+                    cheapest = cost
+                    choice = first
+            # Points that are added only raise the misfit, so a beginning that costs more
+            # without its wall than the best division does is never chosen later.
+            if best[first] + misfit <= cheapest + PRUNED_COST:
+                open_first[kept] = first
+                kept += 1
+        opened = kept
+        best[last] = cheapest
+        origin[last] = choice
+    found, last = 0, count
+    while last > 0:
+        if origin[last] >= 0:
+            spans[found].first, spans[found].last = origin[last], last - 1
+            found += 1
+        last = origin[last] if origin[last] >= 0 else last - 1
+    for i in range(found // 2):
+        one, other = spans[i], spans[found - 1 - i]
+        one.first, other.first = other.first, one.first
+        one.last, other.last = other.last, one.last
+    return found
+
+
+@compiled
+def fit_wall(returns: Beams) -> tuple[float, float]:
+    """The wall n/c [1/m] that fits returns best: 1/r = (n/c)·beam."""
+    beams, ranges, deviations = returns
+    cc = cs = ss = ci = si = 0.0
+    # In the frame of the middle beam the two unknowns are all but uncorrelated, so that a wall
+    # seen under a tiny angle loses no digits.
+    ax, ay = beams[len(ranges) // 2]
+    for i in range(len(ranges)):
+        ux, uy = beams[i]
+        cos, sin = ux * ax + uy * ay, uy * ax - ux * ay
+        square = ranges[i] * ranges[i]
+        weight = square * square / (deviations[i] * deviations[i])
+        cc += weight * cos * cos
+        cs += weight * cos * sin
+        ss += weight * sin * sin
+        ci += weight * cos / ranges[i]
+        si += weight * sin / ranges[i]
+    determinant = cc * ss - cs * cs
+    if determinant <= 0.0:
+        return ax * ci / cc, ay * ci / cc
+    along = (ss * ci - cs * si) / determinant
+    aside = (cc * si - cs * ci) / determinant
+    return along * ax - aside * ay, along * ay + aside * ax
 
 
 @dataclass(frozen=True, slots=True)
@@ -265,14 +374,15 @@ class LikelihoodExtractor:
     def walls(self, scan: LaserScan, heading: float, noise: RangeNoise) -> LocalWalls:
         """Walls of a scan around the laser's place, in a frame where it has a heading [rad]."""
         most = len(scan.ranges) // LEAST_POINTS
-        points, clusters = np.empty((2, most), np.int64)
-        local = LocalWalls(np.empty((most, 4)), np.empty(most, MOMENTS), points, clusters)
+        local = LocalWalls(np.empty((most, 4)), np.zeros(most, FIT), np.empty(most, np.int64))
         range_max = min(float(scan.range_max), MOST_RANGE)
         angles, ranges = map(plain, in_order(scan))
         found = slice(extract_walls(heading, angles, ranges, range_max, noise, self.gap, local))
-        return LocalWalls(local.ends[found], local.moments[found], points[found], clusters[found])
+        return LocalWalls._make(column[found] for column in local)
 
     def local_map(self, scan: LaserScan) -> LineMap:
         """The walls of one scan in the world; those of a cluster are an object."""
         found = self.walls(scan, float(scan.pose.theta), self.noise(scan))
-        return solid_map(found.ends + np.tile(scan.pose[:2], 2), found.clusters, found.points)
+        return solid_map(
+            found.ends + np.tile(scan.pose[:2], 2), found.clusters, found.fits["points"]
+        )

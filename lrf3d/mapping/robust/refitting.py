@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from lrf3d.compiling import borrower, compiled, inner
-from lrf3d.geometry import Bool, Float, Int, Records
-from lrf3d.mapping.robust.cells import OPEN_WEIGHT, Cells, NewEvidence
-from lrf3d.mapping.robust.crossing import end_of, put_line, unit_of
-from lrf3d.mapping.robust.evidence import FOLLOWED, PIECE, follow, gather_evidence
-from lrf3d.mapping.robust.records import MOMENTS, PIECE_SUMS
-from lrf3d.mapping.robust.segmentation import WALL_COST
+from lrf3d.geometry import Float, Int, Records
+from lrf3d.mapping.robust.beams import CELL
+from lrf3d.mapping.robust.cells import OPEN_WEIGHT, Cells
+from lrf3d.mapping.robust.extraction import WALL_COST
+from lrf3d.mapping.robust.pieces import FOLLOWED, PIECE, follow, gather_evidence
+from lrf3d.mapping.robust.walls import FIT, Walls, end_of, length_of, put_line, unit_of
 
 VIOLATION_WEIGHT = 0.01
 """[hits] What a free-space violation weighs against a hit where both take turns: poses and edges
@@ -77,89 +77,80 @@ clutter, and what moves, makes short ones of any few returns."""
 BEFORE, REAL, GAP, BEHIND = range(4)
 """Where a piece may be: before the wall, on it, in a gap of it, and behind it."""
 
-Parts = tuple[Float, Records, Int, Bool, Float, Int]
-"""Parts (n,) of walls, in their order: where they are (n, 4) [m], the moments and numbers of their
-points, whether they are enough to be shown, and their hits and weighed violations; and the clusters
-(c, 2) that hit any of the walls, with the part that each hit, or −1."""
+CHANGES = np.array([
+    (0.0, 0.0, np.inf, np.inf), (np.inf, 0.0, CHANGE_COST, 0.0),
+    (np.inf, CHANGE_COST, 0.0, np.inf), (np.inf, np.inf, np.inf, 0.0),
+])  # fmt: skip
+"""[hits] What it costs to go on from each of these to each."""
+
+Parts = tuple[Float, Records, Int]
+"""Parts (n,) of walls, in their order: where they are (n, 4) [m], and the :data:`FIT` of each; and
+the clusters (c,) that hit any of the walls, whose piece is that of the part that each hit."""
 
 
 @compiled
-def refit_walls(
-    rows: Int, ends: Float, cells: Cells, fresh: NewEvidence, near: float, least: int
-) -> Parts:
-    """The `Parts` of walls (rows, 4), those of some rows (n,).
+def refit_walls(rows: Int, walls: Walls, cells: Cells, near: float, least: int) -> Parts:
+    """The `Parts` of walls, those of some rows (n,).
 
     The cells, and the new evidence of all walls, are written. Returns may lie so near [m] to a wall
     beside what noise explains; parts with fewer hits than the least are not shown.
     """
-    lines = follow(rows, ends)
-    first, count = lines.first, len(rows)
-    counts, sums, clusters = gather_evidence(lines, cells, fresh, near)
-    parts_of = np.full(first[count], -1)
-    most = first[count]
-    parts, moments = np.empty((most, 4)), np.empty(most, MOMENTS)
-    points, real, evidence = np.empty(most, np.int64), np.empty(most, np.bool_), np.empty(most)
-    breaks, spare = np.empty(most + 1, np.int64), int(FOLLOWED / PIECE)
-    totals = np.empty(most, PIECE_SUMS)
+    lines = follow(rows, walls.ends, near, cells.counters[0].clusters)
+    claimed = gather_evidence(lines, cells, walls)
+    first, most, total = lines.first, len(lines.pieces), np.zeros(1, PIECE)
+    parts, fits = np.empty((most, 4)), np.empty(most, FIT)
+    breaks, spare = np.empty(most + 1, np.int64), int(FOLLOWED / CELL)
     found = 0
-    for wall in range(count):
-        low, high = first[wall], first[wall + 1]
-        states = real_pieces(counts[low:high])
+    for wall in range(len(rows)):
+        pieces = lines.pieces[first[wall] : first[wall + 1]]
+        states = real_pieces(pieces)
         stop = 0
-        while stop < high - low:
+        while stop < len(pieces):
             if not states[stop]:
                 stop += 1
                 continue
-            begin = stop
-            while stop < high - low and states[stop]:
+            begin = last = stop
+            while stop < len(pieces) and states[stop]:
                 stop += 1
-            number = split_pieces(sums[low + begin : low + stop], breaks)
-            for part in range(number):
-                start = begin + (breaks[part - 1] if part else 0)
-                last = begin + breaks[part]
-                totals[found] = sums[low + start]
-                for piece in range(low + start + 1, low + last):
-                    _add(totals[found], sums[piece], 1.0)
-                place_part(
-                    lines.ends[wall], counts[low:high], sums[low:high], totals[found],
-                    (begin, start, last, stop), parts[found], moments[found],
-                )  # fmt: skip
-                hits, against, lately = _weigh(counts[low + start : low + last])
-                _, _, length = unit_of(parts[found])
-                factor = 2 if length < SHORT_WALL else 1
-                shown = hits >= factor * least and factor * against <= hits
-                real[found] = shown and not (length < SHORT_WALL and lately)
-                points[found], evidence[found] = int(hits), hits
-                for piece in range(low + start, low + last):
-                    evidence[found] += OPEN_WEIGHT * counts[piece].violations
-                    parts_of[piece] = found
+            for part in range(split_pieces(pieces[begin:stop], breaks)):
+                start, last = last, begin + breaks[part]
+                total[0] = pieces[start]
+                for piece in range(start + 1, last):
+                    _add(total[0], pieces[piece], 1.0)
+                fit, run = fits[found], (begin, start, last, stop)
+                place_part(lines.ends[wall], pieces, total[0], run, parts[found], fit)
+                hits = _weigh(pieces[start:last], length_of(parts[found]), least, fit)
                 # What only continues a wall is a part of it when it is enough by itself.
-                if real[found] or (hits >= 1.0 and last > spare and start < high - low - spare):
+                if fit.shown or (hits >= 1.0 and last > spare and start < len(pieces) - spare):
                     found += 1
-                else:
-                    for piece in range(low + start, low + last):
-                        parts_of[piece] = -1
-    for k in range(len(clusters)):
-        clusters[k, 1] = parts_of[clusters[k, 1]]
-    return (
-        parts[:found], moments[:found], points[:found], real[:found], evidence[:found], clusters,
-    )  # fmt: skip
+                    for piece in range(start, last):
+                        pieces[piece].part = found
+    for k in range(claimed):
+        cluster = cells.clusters[lines.claimed[k]]
+        cluster.piece = lines.pieces[cluster.piece - 1].part
+    return parts[:found], fits[:found], lines.claimed[:claimed]
 
 
 @borrower
-def _weigh(counts: Records) -> tuple[float, float, bool]:
-    """The hits of a part's pieces (n,), what violations weigh, and whether it came lately."""
+def _weigh(pieces: Records, length: float, least: int, fit: Any) -> float:
+    """Fill in the evidence of a part's pieces (n,), and whether it is shown; returns its hits."""
     hits = against = before = scans = spell = 0.0
-    for k in range(len(counts)):
-        count = counts[k]
-        hits += count.hits
-        before += count.passes_before
-        scans += count.scans
-        spell = max(spell, count.spell)
-        weight = violation_weight(count) if count.hits else VIOLATION_WEIGHT
-        against += weight * count.violations
-    lately = came_lately(before / max(hits, 1e-9), scans / len(counts), spell)
-    return hits, against, lately
+    for k in range(len(pieces)):
+        piece = pieces[k]
+        hits += piece.hits
+        before += piece.passes_before
+        scans += piece.scans
+        spell = max(spell, piece.spell)
+        weight = violation_weight(piece) if piece.hits else VIOLATION_WEIGHT
+        against += weight * piece.violations
+    lately = came_lately(before / max(hits, 1e-9), scans / len(pieces), spell)
+    factor = 2 if length < SHORT_WALL else 1
+    shown = hits >= factor * least and factor * against <= hits
+    fit.points, fit.evidence = int(hits), hits
+    fit.shown = shown and not (length < SHORT_WALL and lately)
+    for k in range(len(pieces)):
+        fit.evidence += OPEN_WEIGHT * pieces[k].violations
+    return hits
 
 
 @borrower
@@ -201,18 +192,13 @@ def real_pieces(counts: Records) -> Int:
     for i in range(count):
         for state in range(4):
             following[state], came[i, state] = costs[state], state
-        if costs[BEFORE] < following[REAL]:
-            following[REAL], came[i, REAL] = costs[BEFORE], BEFORE
-        if costs[GAP] + CHANGE_COST < following[REAL]:
-            following[REAL], came[i, REAL] = costs[GAP] + CHANGE_COST, GAP
-        if costs[REAL] + CHANGE_COST < following[GAP]:
-            following[GAP], came[i, GAP] = costs[REAL] + CHANGE_COST, REAL
-        if costs[REAL] < following[BEHIND]:
-            following[BEHIND], came[i, BEHIND] = costs[REAL], REAL
+            for other in range(4):
+                cost = costs[other] + CHANGES[other, state]
+                if cost < following[state]:
+                    following[state], came[i, state] = cost, other
+            following[state] += counts[i].hits
         hits, violations, nearer = counts[i].hits, counts[i].violations, counts[i].nearer
         weight = violation_weight(counts[i])
-        for state in range(4):
-            following[state] += hits
         following[REAL] += weight * violations + DUPLICATE_WEIGHT * nearer + UNSEEN_COST - hits
         costs, following = following, costs
     states = np.zeros(count, np.int64)
@@ -244,25 +230,25 @@ def _misfit(before: Any, after: Any) -> float:
 
 
 @borrower
-def _add(total: Any, sums: Any, factor: float) -> None:
-    """Add the sums of a piece, times a factor, to a total."""
-    total.weight += factor * sums.weight
-    total.along += factor * sums.along
-    total.aside += factor * sums.aside
-    total.along_along += factor * sums.along_along
-    total.along_aside += factor * sums.along_aside
-    total.aside_aside += factor * sums.aside_aside
+def _add(total: Any, piece: Any, factor: float) -> None:
+    """Add the weighted sums of a piece, times a factor, to a total."""
+    total.weight += factor * piece.weight
+    total.along += factor * piece.along
+    total.aside += factor * piece.aside
+    total.along_along += factor * piece.along_along
+    total.along_aside += factor * piece.along_aside
+    total.aside_aside += factor * piece.aside_aside
 
 
 @inner
-def split_pieces(sums: Records, breaks: Int) -> int:
+def split_pieces(pieces: Records, breaks: Int) -> int:
     """Split pieces (n,) of a wall into straight segments: fills in where each ends."""
-    count = len(sums)
-    total = np.zeros(count + 1, PIECE_SUMS)
+    count = len(pieces)
+    total = np.zeros(count + 1, PIECE)
     for i in range(count):
         total[i + 1] = total[i]
         # No piece of a map is known better than this, however many beams hit it.
-        _add(total[i + 1], sums[i], 1.0 / (1.0 + sums[i].weight * MAP_DEVIATION * MAP_DEVIATION))
+        _add(total[i + 1], pieces[i], 1.0 / (1.0 + pieces[i].weight * MAP_DEVIATION**2))
     if _misfit(total[0], total[count]) <= WALL_COST:
         # No division gains what a further segment costs.
         breaks[0] = count
@@ -276,61 +262,52 @@ def split_pieces(sums: Records, breaks: Int) -> int:
             if cost < best[last]:
                 best[last] = cost
                 origin[last] = first
-    found = 0
-    last = count
+    found, last = 0, count
     while last > 0:
-        breaks[found] = last
-        found += 1
-        last = origin[last]
-    for i in range(found // 2):
-        breaks[i], breaks[found - 1 - i] = breaks[found - 1 - i], breaks[i]
+        found, last = found + 1, origin[last]
+    last = count
+    for part in range(found - 1, -1, -1):
+        breaks[part], last = last, origin[last]
     return found
 
 
 @borrower
-def _end_of_hits(count: Any, sums: Any, way: float) -> float:
+def _end_of_hits(piece: Any, way: float) -> float:
     """Where along a wall [m] the hits of its last piece end, one way (1) or the other (−1).
 
     The length over which n hits are evenly spread, each in the middle of its part, has a variance
     of (n² − 1)/n² of a twelfth of its square.
     """
-    middle = sums.along / sums.weight
-    variance = max(sums.along_along / sums.weight - middle * middle, 0.0)
+    middle = piece.along / piece.weight
+    variance = max(piece.along_along / piece.weight - middle * middle, 0.0)
     # One hit shows no length; halved evidence may be less than one.
-    hits = max(count.hits, 1.5)
+    hits = max(piece.hits, 1.5)
     place: float = middle + way * hits * np.sqrt(3.0 * variance / (hits * hits - 1.0))
     return place
 
 
 @inner
 def place_part(
-    ends: Float,
-    counts: Records,
-    sums: Records,
-    total: Any,
-    run: tuple[int, int, int, int],
-    part: Float,
-    moments: Any,
+    ends: Float, pieces: Records, total: Any, run: tuple[int, int, int, int], part: Float, fit: Any
 ) -> None:
     """Fill in the ends (4,) and the moments of a part of a wall that is followed (4,) [m].
 
-    Counts (n,) and sums (n,) are those of its pieces, and the total is the sum over the part; the
-    run is the first piece of a run of real ones, the first of the part, the first behind it, and
-    the first behind the run.
+    The total is the sum over those of its pieces (n,) that are the part; the run is the first piece
+    of a run of real ones, the first of the part, the first behind it, and the first behind the run.
     """
     begin, start, stop, end = run
     ux, uy, length = unit_of(ends)
-    pieces = len(counts)
-    a, b = start / pieces * length, stop / pieces * length
+    count = len(pieces)
+    a, b = start / count * length, stop / count * length
     # Where a wall ends and does not bend, it ends with its hits.
     if start == begin:
-        seen = begin > 0 and counts[begin - 1].violations > 0.0
-        place = _end_of_hits(counts[begin], sums[begin], -1.0)
-        a = max(a - PIECE, place if seen else place - END_SPARE)
+        seen = begin > 0 and pieces[begin - 1].violations > 0.0
+        place = _end_of_hits(pieces[begin], -1.0)
+        a = max(a - CELL, place if seen else place - END_SPARE)
     if stop == end:
-        seen = end < pieces and counts[end].violations > 0.0
-        place = _end_of_hits(counts[end - 1], sums[end - 1], 1.0)
-        b = min(b + PIECE, place if seen else place + END_SPARE)
+        seen = end < count and pieces[end].violations > 0.0
+        place = _end_of_hits(pieces[end - 1], 1.0)
+        b = min(b + CELL, place if seen else place + END_SPARE)
     # A part without hits would have cost a wall more.
     w = total.weight
     s, d = total.along / w, total.aside / w
@@ -344,9 +321,9 @@ def place_part(
         part, x + a * ux - da * uy, y + a * uy + da * ux,
         x + b * ux - db * uy, y + b * uy + db * ux,
     )  # fmt: skip
-    moments.weight = w
-    moments.x = x + s * ux - d * uy
-    moments.y = y + s * uy + d * ux
-    moments.xx = ss * ux * ux - 2 * sd * ux * uy + dd * uy * uy
-    moments.xy = (ss - dd) * ux * uy + sd * (ux * ux - uy * uy)
-    moments.yy = ss * uy * uy + 2 * sd * ux * uy + dd * ux * ux
+    fit.weight = w
+    fit.x = x + s * ux - d * uy
+    fit.y = y + s * uy + d * ux
+    fit.xx = ss * ux * ux - 2 * sd * ux * uy + dd * uy * uy
+    fit.xy = (ss - dd) * ux * uy + sd * (ux * ux - uy * uy)
+    fit.yy = ss * uy * uy + 2 * sd * ux * uy + dd * ux * ux

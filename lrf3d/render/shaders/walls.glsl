@@ -81,7 +81,7 @@ void main() {
     seen *= REFLECTED;
 #endif
 #ifdef VEIL
-    seen = mix(seen, GHOST, glass);
+    seen = mix(seen, HAZE, glass);
 #endif
     colour = vec4(seen, left);
 }

@@ -1,0 +1,396 @@
+"""Environments of Gymnasium in which robots drive to goals: one, or a thousand at once.
+
+``import lrf3d.gym`` registers ``lrf3d/Drive-v0``; then ``gymnasium.make("lrf3d/Drive-v0")`` gives a
+:class:`DriveEnv`, and ``gymnasium.make_vec("lrf3d/Drive-v0", num_envs=1024)`` a
+:class:`DriveVectorEnv`, whose robots' beams are cast together.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrf3d.casting import PlanarCaster
+from lrf3d.casting.crowd import moves_of
+from lrf3d.collision import Body, CollisionChecker, robots_among
+from lrf3d.errors import InputError, missing_extra, shown
+from lrf3d.geometry import Float, Int, is_finite, numbers, wrap_angle
+from lrf3d.laser import LaserScan, ProportionalNoise
+from lrf3d.laser.noise import at_sigma
+from lrf3d.planning.free_space import free_places
+from lrf3d.pose import Pose, as_pose
+from lrf3d.render.window import Window
+from lrf3d.robot import Trajectory
+from lrf3d.robot.unicycle import arcs
+from lrf3d.run import Run
+from lrf3d.scenario import Scenario, load_scenario
+from lrf3d.sensor import Sensor
+
+try:
+    import gymnasium
+    from gymnasium import spaces
+    from gymnasium.vector import AutoresetMode, VectorEnv
+    from gymnasium.vector.utils import batch_space
+except ModuleNotFoundError:
+    raise missing_extra("environments need Gymnasium", "gym") from None
+
+ID = "lrf3d/Drive-v0"
+"""The identifier of the environment in Gymnasium."""
+
+MAX_STEPS = 500
+"""Default number of steps after which an episode is truncated."""
+
+GOAL_NEAR, GOAL_FAR, GOAL_RADIUS = 5.0, 20.0, 0.5
+"""Least and largest distance of a goal from the start [m], in a world large enough, and that at
+which a robot has arrived."""
+
+CANDIDATES = 32
+"""Number of random candidates for a goal, of which the first at such a distance is used."""
+
+AT_GOAL, AT_WALL, EACH_STEP = 10.0, -10.0, -0.01
+"""Rewards at the goal, for a collision, and for each step, so that fast drives score higher."""
+
+ACTION_TURN_RATE = 1.5
+"""Largest turn rate of an action [rad/s], equal to that of the route follower."""
+
+GOAL_MARGIN = 0.1
+"""Clearance of a robot from walls at its start, in addition to its radius [m]."""
+
+Observation = dict[str, NDArray[np.float32]]
+Array = NDArray[Any]
+
+
+class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
+    """Robots that each drive to a goal, as in DriveEnv, in one world.
+
+    A robot whose episode has ended is placed again in the step after (autoreset ``NextStep``);
+    its action in that step is ignored. ``poses`` (k, 3) and ``goals`` (k, 2) are the current ones.
+
+    Args:
+        num_envs: Number of robots.
+        world: A built-in world or a world file, or a Scenario.
+        sigma: Noise of the ranges [m] at range_max; the noise of the scenario if not given.
+        max_steps: Steps after which an episode is cut off.
+        together: Whether the robots see and touch each other, and share the time of the dynamic
+            obstacles; without it each is alone with these.
+        render_mode: None; pictures are DriveEnv's.
+
+    Raises:
+        InputError: An argument is invalid, or there is no free space to drive in.
+        WorldError: There is no such world.
+    """
+
+    metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        world: str | Path | Scenario = "city",
+        *,
+        sigma: float | None = None,
+        max_steps: int = MAX_STEPS,
+        together: bool = False,
+        render_mode: str | None = None,
+    ) -> None:
+        if num_envs < 1 or max_steps < 1:
+            raise InputError(f"num_envs {num_envs}, max_steps {max_steps}: expected at least 1")
+        if render_mode is not None:
+            raise InputError(
+                f"render_mode {render_mode!r}: not available for many robots; use DriveEnv"
+            )
+        self.scenario = scenario = world if isinstance(world, Scenario) else load_scenario(world)
+        noises = [scenario.noise, *(noise for _, noise in scenario.further)]
+        if sigma is not None:
+            noises = [at_sigma(each, sigma) if sigma else ProportionalNoise(0.0) for each in noises]
+        self.num_envs, self.max_steps, self.render_mode = num_envs, max_steps, None
+        self.lrf, self.lasers, self.dt = scenario.lrf, scenario.lasers, scenario.scan_interval
+        self.together = bool(together)
+        # A scan takes no time, because the robot decides on its motion after it.
+        self._caster = PlanarCaster(scenario.world)
+        self._body = body = Body(scenario.radius, scenario.outline)
+        paths = [Trajectory([0.0], np.zeros((1, 3)))] * (num_envs if together else 0)
+        _, self._crowd = robots_among(body, paths, scenario.obstacles)
+        self._own = np.arange(num_envs) if together else np.full(num_envs, -1)
+        self._sensors = [
+            Sensor(scenario.world, each, caster=self._caster, noise=noise, obstacles=self._crowd)
+            for each, noise in zip(self.lasers, noises, strict=True)
+        ]
+        self._checker = CollisionChecker(scenario.world, self._crowd)
+        self._cells = free_places(scenario.world, scenario.radius + GOAL_MARGIN)
+        self._farthest = float(np.hypot(*np.ptp(self._cells, axis=0))) + GOAL_FAR
+        low, high = np.array([[0.0, -1.0, -1.0], [self._farthest, 1.0, 1.0]], np.float32)
+        reach = [np.full(each.beams, each.range_max, np.float32) for each in self.lasers]
+        self._reach = np.concatenate(reach)
+        seen = spaces.Box(np.zeros_like(self._reach), self._reach)
+        self.single_observation_space = spaces.Dict({"goal": spaces.Box(low, high), "ranges": seen})
+        self.single_action_space = spaces.Box(np.float32(-1.0), np.float32(1.0), (2,), np.float32)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.poses, self.goals = np.zeros((num_envs, 3)), np.zeros((num_envs, 2))
+        self._times, self._steps = np.zeros(num_envs), np.zeros(num_envs, np.int64)
+        self._ended = np.zeros(num_envs, np.bool_)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Place all robots; the same seed gives the same episodes.
+
+        Args:
+            seed: The seed.
+            options: ``pose`` (3,) and ``goal`` (2,) to set for all robots instead.
+
+        Raises:
+            InputError: One of the options is not finite numbers of this shape.
+        """
+        super().reset(seed=seed)
+        self._place(np.arange(self.num_envs))
+        options = options or {}
+        if "pose" in options:
+            self.poses[:] = as_pose(options["pose"])
+        if "goal" in options:
+            goal = numbers(options["goal"], "goal")
+            if goal.shape != (2,) or not is_finite(*goal):
+                raise InputError(f"goal {shown(options['goal'])}: expected x, y [m]")
+            self.goals[:] = goal
+        self._ended[:] = False
+        return self._observe(), {}
+
+    def step(self, actions: Array) -> tuple[Observation, Array, Array, Array, dict[str, Any]]:
+        """Drive with actions (num_envs, 2) for the time between two scans.
+
+        A robot that hits a wall or a dynamic obstacle stays at its last pose.
+        """
+        given, again = numbers(actions, "actions"), self._ended
+        if given.shape != (self.num_envs, 2):
+            raise InputError(f"actions {given.shape}: expected {(self.num_envs, 2)}")
+        given = np.where(again[:, None], 0.0, given)
+        if not (finite := np.isfinite(given).all(axis=1)).all():
+            robot = int(np.argmin(finite))
+            raise InputError(
+                f"action of robot {robot}: {given[robot].tolist()}; expected finite numbers from -1"
+                " to 1"
+            )
+        before = self.distances()
+        # Actions are shares of the scenario's speed and of the fastest turn, left positive.
+        v, omega = (np.clip(given, -1.0, 1.0) * (self.scenario.speed, ACTION_TURN_RATE)).T
+        seconds = np.full(self.num_envs, self.dt)
+        moved = arcs(self.poses, v, omega, seconds)
+        moved[:, 2] = wrap_angle(moved[:, 2])
+        twists = np.column_stack([v, np.zeros(self.num_envs), omega])
+        moves = moves_of(self._times, self.poses, twists)
+        if self.together:
+            self._crowd.hold(moves)
+        collided = self._checker.touch(self._body, moves, seconds, self._own)[0] < np.inf
+        self._times += self.dt
+        collided &= ~again
+        self.poses = np.where(collided[:, None], self.poses, moved)
+        after = self.distances()
+        reached = (after < GOAL_RADIUS) & ~collided & ~again
+        rewards = before - after + EACH_STEP + AT_GOAL * reached + AT_WALL * collided
+        self._steps += 1
+        ended = reached | collided
+        cut = (self._steps >= self.max_steps) & ~ended & ~again
+        self._ended = ended | cut
+        self._place(np.flatnonzero(again))
+        # Gymnasium's vector infos mark by a second array which environments have a value.
+        valid = np.ones(self.num_envs, np.bool_)
+        infos = {"reached": reached, "_reached": valid, "collided": collided, "_collided": valid}
+        return self._observe(), np.where(again, 0.0, rewards), ended, cut, infos
+
+    def distances(self) -> Float:
+        """Distances (k,) of the robots from their goals [m]."""
+        away = self.goals - self.poses[:, :2]
+        return np.hypot(away[:, 0], away[:, 1])
+
+    def _place(self, robots: Int) -> None:
+        rng = self.np_random
+        cells = self._cells[rng.integers(len(self._cells), size=(len(robots), CANDIDATES + 1))]
+        starts, goals = cells[:, 0], cells[:, 1:]
+        if self.together:
+            starts = self._apart(robots, starts, goals)
+        distances = np.hypot(*np.moveaxis(goals - starts[:, None], 2, 0))
+        # Distance of each candidate from the limits; argmin takes the first of those within them.
+        misfit = np.maximum(GOAL_NEAR - distances, distances - GOAL_FAR).clip(min=0.0)
+        self.goals[robots] = goals[np.arange(len(robots)), misfit.argmin(axis=1)]
+        headings = rng.uniform(-np.pi, np.pi, len(robots))
+        self.poses[robots] = np.column_stack([starts, headings])
+        self._steps[robots] = 0
+        if not self.together:
+            self._times[robots] = 0.0
+
+    def _apart(self, robots: Int, starts: Float, others: Float) -> Float:
+        """Starts (k, 2) of robots, or others of (k, n, 2), away from where other robots are."""
+        places, room = self.poses[:, :2].copy(), 2.0 * self._body.reach + GOAL_MARGIN
+        places[robots] = np.inf
+        for robot, start, candidates in zip(robots, starts, others, strict=True):
+            choices = np.vstack([start, candidates])
+            away = np.hypot(*(choices[:, None] - places).transpose(2, 0, 1)).min(axis=1)
+            places[robot] = choices[
+                np.argmax(away >= room) if (away >= room).any() else away.argmax()
+            ]
+        return places[robots]
+
+    def _scan(self) -> tuple[Float, Float, Int]:
+        """Measured and true ranges, and walls, (k, beams) each, after REP 117, laser by laser."""
+        if self.together:
+            self._crowd.hold(moves_of(self._times, self.poses))
+        parts = [self._scan_of(sensor) for sensor in self._sensors]
+        measured, truth, walls = map(np.hstack, zip(*parts, strict=True))
+        return (measured, truth, walls) if len(parts) > 1 else parts[0]
+
+    def _scan_of(self, sensor: Sensor) -> tuple[Float, Float, Int]:
+        lrf, rng = sensor.lrf, self.np_random
+        if self.scenario.world.materials:
+            # Intensities are of single scans.
+            places = zip(self._own.tolist(), self.poses, self._times.tolist(), strict=True)
+            scans = [sensor.without(own).cast(pose, time) for own, pose, time in places]
+            truth, walls = (np.array([getattr(s, n) for s in scans]) for n in ("ranges", "walls"))
+        else:
+            poses = lrf.placed(self.poses)
+            truth, walls = self._caster.scan_batch(lrf, poses)
+            for time in np.unique(self._times) if len(self._crowd) else ():
+                now = np.flatnonzero(self._times == time)
+                ranges, met, own = truth[now], walls[now], self._own[now]
+                self._crowd.stop_scans(lrf, poses[now], time, ranges, met, own)
+                truth[now], walls[now] = ranges, met
+            if sensor.noise == ProportionalNoise(0.0):
+                return truth, truth, walls
+            scans = [
+                LaserScan.unchecked(lrf, Pose(*pose.tolist()), *row).at_time(time)
+                for pose, time, *row in zip(poses, self._times, truth, walls, strict=True)
+            ]
+        return np.array([sensor.noisy(scan, rng).ranges for scan in scans]), truth, walls
+
+    def _observe(self) -> Observation:
+        """The observations of the robots, in finite float32 numbers.
+
+        A beam without return has range_max, one below range_min has 0: the limits of what can be
+        measured.
+        """
+        self.scan = self._scan()
+        """Measured and true ranges, and walls, of the last step."""
+        away, distances = self.goals - self.poses[:, :2], self.distances()
+        bearings = np.arctan2(away[:, 1], away[:, 0]) - self.poses[:, 2]
+        near = np.minimum(distances, self._farthest)
+        goal = np.column_stack([near, np.cos(bearings), np.sin(bearings)])
+        ranges = np.clip(self.scan[0], 0.0, self._reach)
+        return {"goal": goal.astype(np.float32), "ranges": ranges.astype(np.float32)}
+
+
+class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
+    """A robot that drives to a goal by its range finder, without hitting a wall.
+
+    The observation is ``ranges`` (beams,) [m] in float32, range_max without return and 0 below
+    range_min, and ``goal`` (3,): distance [m], cosine and sine of the bearing. The action is v and
+    ω, from −1 to 1 of the scenario's speed and of 1.5 rad/s, held until the next scan. The reward
+    is 1 for each metre nearer to the goal, 10 at the goal, −10 at a wall, and −0.01 for each step.
+    An episode ends at the goal or at a wall, and is truncated after max_steps.
+
+    Args:
+        world: A built-in world, a world file or a Scenario, with the range finder, the robot's
+            radius and speed, and the time between two steps.
+        sigma: Noise of the ranges [m] at range_max; the noise of the scenario if not given.
+        max_steps: Steps after which an episode is truncated.
+        render_mode: ``rgb_array`` for pictures by `render`, ``human`` for a window that shows each
+            step, or None.
+        size: Width and height of the pictures [pixels].
+        view: Their camera: ``chase``, ``first``, ``orbit`` or ``top``.
+
+    Raises:
+        InputError: An argument is invalid.
+        WorldError: There is no such world.
+        MissingLibraryError: No window can be opened.
+    """
+
+    metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 5}  # noqa: RUF012
+
+    def __init__(
+        self,
+        world: str | Path | Scenario = "city",
+        *,
+        sigma: float | None = None,
+        max_steps: int = MAX_STEPS,
+        render_mode: str | None = None,
+        size: tuple[int, int] = (640, 360),
+        view: str = "chase",
+    ) -> None:
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise InputError(f"render_mode {render_mode!r}: expected 'human', 'rgb_array' or None")
+        self.robots = DriveVectorEnv(1, world, sigma=sigma, max_steps=max_steps)
+        """The robot, as many robots that are one."""
+        self.observation_space = self.robots.single_observation_space
+        self.action_space = self.robots.single_action_space
+        self.render_mode = render_mode
+        self.metadata = {**self.metadata, "render_fps": max(1, round(1.0 / self.robots.dt))}
+        self._size, self._view = size, view
+        self._window = Window("lrf3d") if render_mode == "human" else None
+        self._film: list[tuple[Float, ...]] = []
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Place the robot and its goal at random, or at the ``pose`` and the ``goal`` in options.
+
+        The same seed gives the same episodes.
+
+        Raises:
+            InputError: One of the options is not finite numbers of its shape.
+        """
+        super().reset(seed=seed)
+        self.robots.np_random = self.np_random
+        observation, _ = self.robots.reset(options=options)
+        self._film = []
+        return self._shown(observation), self._info()
+
+    def step(
+        self, action: NDArray[np.float32]
+    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Drive with an action (2,)."""
+        observation, rewards, ended, cut, infos = self.robots.step(numbers([action], "action"))
+        ends = {name: bool(infos[name][0]) for name in ("reached", "collided")}
+        info = {**self._info(), **ends}
+        return self._shown(observation), float(rewards[0]), bool(ended[0]), bool(cut[0]), info
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """A picture (h, w, 3) uint8 of the current state, as in a film, with the goal.
+
+        None without a render_mode, and with ``human``, where the window shows it.
+        """
+        return self._picture() if self.render_mode == "rgb_array" and self._film else None
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._window is not None:
+            self._window.close()
+
+    def _shown(self, observation: Observation) -> Observation:
+        """The observation of the robot; it is kept for pictures, and shown in the window."""
+        if self.render_mode is not None:
+            self._film.append((self.robots.poses[0], *(rows[0] for rows in self.robots.scan)))
+        if self._window is not None:
+            self._window.show(self._picture(), self.robots.dt)
+        return {name: value[0] for name, value in observation.items()}
+
+    def _picture(self) -> NDArray[np.uint8]:
+        from lrf3d.render.video import frame
+
+        poses, ranges, truth, walls = (np.array(column) for column in zip(*self._film, strict=True))
+        times, scenario = self.robots.dt * np.arange(len(poses)), self.robots.scenario
+        obstacles = tuple(obstacle.until(times[-1]) for obstacle in scenario.obstacles)
+        path = Trajectory(times, poses)
+        drawn = scenario.world, scenario.lrf, path, ranges, truth, walls, (), (), obstacles
+        run = Run(*drawn, radius=scenario.radius, further=scenario.lasers[1:])
+        goal = (*self.robots.goals[0].tolist(), GOAL_RADIUS)
+        return frame(run, float(times[-1]), size=self._size, view=self._view, goal=goal)
+
+    def _info(self) -> dict[str, Any]:
+        return {"pose": self.robots.poses[0].copy(), "goal": self.robots.goals[0].copy()}
+
+
+if ID not in gymnasium.registry:
+    gymnasium.register(
+        ID,
+        entry_point="lrf3d.gym:DriveEnv",
+        vector_entry_point="lrf3d.gym:DriveVectorEnv",
+    )

@@ -1,0 +1,212 @@
+"""Clusters: the returns in one cell that came the same way, and what becomes of them.
+
+Returns are added to the moments of their cluster; beams that go on where others ended contradict
+it, until it is forgotten.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from lrf3d.compiling import borrower
+from lrf3d.geometry import Int
+from lrf3d.mapping.robust.beams import CELL, Beams
+from lrf3d.mapping.robust.cells import (
+    HIT_DIRECTIONS,
+    MOST_PASSES,
+    OPEN_WEIGHT,
+    PASS_DIRECTIONS,
+    SOLID,
+    Cells,
+    block_at,
+    cell_in,
+    take_block,
+)
+from lrf3d.mapping.robust.walls import Walls, add_point, count_evidence
+
+MOST_HITS = 255.0
+"""[beams] When more have ended in a cell from one direction, all that is kept of it is halved."""
+
+GONE_AFTER = 20
+"""[beams] When so many have gone on where others ended, the same way and without a hit between
+them, what stood there is gone. Less forgets panes and fences that one beam in so many hits."""
+
+LEAST_HITS = 0.5
+"""[beams] What fewer hits than this are left of is forgotten altogether."""
+
+SAME_WAY = 0.7
+"""[cosine] Angle between beams that go the same way."""
+
+
+@borrower
+def contradict(
+    cells: Cells, block: int, way: int, cell: int, dx: float, dy: float, walls: Walls
+) -> None:
+    """Count a beam that goes on through a cell where others ended."""
+    if cells.passes[block, way, cell] < SOLID + MOST_PASSES:
+        cells.passes[block, way, cell] += 1
+    else:
+        _forget(cells, block, cell)
+    before, place = 0, cells.heads[block, cell]
+    while place > 0:
+        weight, cluster = OPEN_WEIGHT, cells.clusters[place]
+        if cluster.last_scan != cells.counters[0].scans and goes_along(cluster, dx, dy):
+            cluster.misses += 1
+            if cluster.misses >= GONE_AFTER:
+                # What beams hit there is gone: each further few halve what is left of it.
+                cluster.misses -= GONE_AFTER // 4
+                weight += 0.5 * cluster.hits
+                _halve(cluster)
+        if walls.rows[cluster.owner].version == cluster.owner_version:
+            count_evidence(walls, cluster.owner, weight)
+        after = cluster.next
+        if cluster.hits < LEAST_HITS:
+            _give_back(cells, block, cell, before, place)
+        else:
+            before = place
+        place = after
+    if before == 0:
+        _unmark_solid(cells, block, cell)
+
+
+@borrower
+def forget_hits(
+    cells: Cells, x: float, y: float, dx: float, dy: float, reach: float, walls: Walls
+) -> None:
+    """Forget what beams of a direction hit around a place [m], about as near as a reach [m]."""
+    first_x, last_x = int(np.floor((x - reach) / CELL)), int(np.floor((x + reach) / CELL))
+    first_y, last_y = int(np.floor((y - reach) / CELL)), int(np.floor((y + reach) / CELL))
+    for cx in range(first_x, last_x + 1):
+        for cy in range(first_y, last_y + 1):
+            block, cell = block_at(cells, cx, cy), cell_in(cx, cy)
+            before, place = 0, cells.heads[block, cell]
+            while place > 0:
+                cluster = cells.clusters[place]
+                after = cluster.next
+                if goes_along(cluster, dx, dy):
+                    if walls.rows[cluster.owner].version == cluster.owner_version:
+                        count_evidence(walls, cluster.owner, cluster.hits)
+                    _give_back(cells, block, cell, before, place)
+                else:
+                    before = place
+                place = after
+            if before == 0:
+                _unmark_solid(cells, block, cell)
+
+
+@borrower
+def _unmark_solid(cells: Cells, block: int, cell: int) -> None:
+    """Where nothing is hit any more no direction is solid; the beams that passed stay counted."""
+    for direction in range(PASS_DIRECTIONS):
+        cells.passes[block, direction, cell] &= MOST_PASSES
+
+
+@borrower
+def goes_along(cluster: Any, dx: float, dy: float) -> bool:
+    """Whether a beam goes the way of those that a cluster is of."""
+    return bool(dx * cluster.toward_x + dy * cluster.toward_y > SAME_WAY)
+
+
+@borrower
+def _halve(cluster: Any) -> None:
+    """Let what is known of a cluster count half; where it lies stays."""
+    cluster.hits *= 0.5
+    cluster.weight *= 0.5
+    cluster.xx *= 0.5
+    cluster.xy *= 0.5
+    cluster.yy *= 0.5
+    cluster.scans *= 0.5
+    cluster.passes_between *= 0.5
+
+
+@borrower
+def _give_back(cells: Cells, block: int, cell: int, before: int, place: int) -> None:
+    """Take a cluster out of the list of its cell, where another may be before it."""
+    cluster, counters = cells.clusters[place], cells.counters[0]
+    if before == 0:
+        cells.heads[block, cell] = cluster.next
+    else:
+        cells.clusters[before].next = cluster.next
+    cells.clusters[place] = cells.clusters[0]
+    cluster.next, counters.free_cluster = counters.free_cluster, place
+
+
+@borrower
+def _forget(cells: Cells, block: int, cell: int) -> None:
+    """Halve the hits and the passes of a cell that has clusters.
+
+    Their proportion stays, and what comes counts twice as much as what was.
+    """
+    for way in range(PASS_DIRECTIONS):
+        passed = cells.passes[block, way, cell]
+        cells.passes[block, way, cell] = (passed & SOLID) + ((passed & MOST_PASSES) >> 1)
+        if passed & MOST_PASSES == 1:
+            cells.passed[block, cell] ^= np.uint16(1 << way)
+    place = cells.heads[block, cell]
+    while place > 0:
+        cluster = cells.clusters[place]
+        _halve(cluster)
+        cluster.passes_before *= 0.5
+        place = cluster.next
+
+
+@borrower
+def _new_cluster(cells: Cells, block: int, cell: int, way: int) -> int:
+    """A cluster for the returns that come one way in a cell."""
+    other, passed = cells.heads[block, cell], 0.0
+    if other == 0:
+        for passing in range(PASS_DIRECTIONS):
+            passed += cells.passes[block, passing, cell]
+            cells.passes[block, passing, cell] |= SOLID
+    counters, first = cells.counters[0], cells.clusters[other]
+    place: int = counters.free_cluster
+    if place > 0:
+        counters.free_cluster = cells.clusters[place].next
+    else:
+        place = counters.clusters
+        counters.clusters += 1
+    cluster = cells.clusters[place]
+    cluster.way, cluster.next = way, other
+    cluster.passes_before = first.passes_before if other > 0 else passed
+    cluster.first_scan = first.first_scan if other > 0 else counters.scans
+    cells.heads[block, cell] = place
+    return place
+
+
+@borrower
+def add_hit(
+    cells: Cells, place: tuple[float, float], beams: Beams, beam: int, turn: float,
+    walls: Walls, unowned: Int,
+) -> None:  # fmt: skip
+    """Add the return of a beam from a place [m], in a direction [turns], to its cluster."""
+    x, y = place
+    reading, deviation = beams.ranges[beam], beams.deviations[beam]
+    dx, dy = beams.units[beam]
+    x, y = x + reading * dx, y + reading * dy
+    way = int(np.floor(turn * HIT_DIRECTIONS + 0.5)) % HIT_DIRECTIONS
+    column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
+    block, cell = take_block(cells, column, row), cell_in(column, row)
+    at, counters = cells.heads[block, cell], cells.counters[0]
+    while at > 0 and cells.clusters[at].way != way:
+        at = cells.clusters[at].next
+    if at == 0:
+        at = _new_cluster(cells, block, cell, way)
+    cluster = cells.clusters[at]
+    counters.widest = max(counters.widest, deviation)
+    if cluster.hits >= MOST_HITS:
+        _forget(cells, block, cell)
+    if cluster.last_scan != counters.scans:
+        if cluster.scans > 0.0:
+            cluster.passes_between += cluster.misses
+        cluster.last_scan = counters.scans
+        cluster.scans += 1.0
+    cluster.misses = 0
+    cluster.hits += 1.0
+    add_point(cluster, 1.0 / (deviation * deviation), x, y)
+    cluster.toward_x += (dx - cluster.toward_x) / cluster.hits
+    cluster.toward_y += (dy - cluster.toward_y) / cluster.hits
+    if walls.rows[cluster.owner].version == cluster.owner_version:
+        count_evidence(walls, cluster.owner, 1.0)
+    else:
+        unowned[walls.counters[0].unowned] = at
+        walls.counters[0].unowned += 1

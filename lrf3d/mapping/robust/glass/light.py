@@ -1,0 +1,133 @@
+"""Light: the last scans with intensities, if these fall with range and incidence as light does.
+
+Along a diffuse wall the light of a beam falls with the cosine of the incidence and the square of
+the range. Many devices report other numbers, from which nothing can be learnt about glass and
+mirrors.
+"""
+
+import warnings
+
+import numpy as np
+
+from lrf3d.compiling import record
+from lrf3d.errors import Lrf3dWarning
+from lrf3d.geometry import Float, Records, cross, directions, lengths
+from lrf3d.laser import LaserScan, RangeNoise
+from lrf3d.mapping.robust.beams import CELL, Beams
+
+RAY = record(
+    ux=float, uy=float,  # the unit vector of the beam
+    range=float,  # [m] 0 where nothing returned
+    free=float,  # [m] how far it is free at least
+    deviation=float,  # [m] the standard deviation of the range
+    bright=float,  # the light of the return as if from 1 m, compared with the usual one
+    reflectance=float,  # how reflective the wall is that it is on, 0 where it is on none
+    first=float,  # [m] how far it goes to the first known glass or mirror
+    direct=float,  # 1 if it ended where it went to, and no mirror turned it
+)  # fmt: skip
+"""A beam of a kept scan."""
+
+MOST_SCANS = 160
+"""[scans] So many are kept: of a drive at least the last 80 m. What mirrors showed before stays."""
+
+LEAST_WAY, LEAST_TURN = 0.5, 0.5
+"""[m, rad] A scan is kept if the robot has moved or turned by so much since the last one."""
+
+USUAL_SHARE = 0.7
+"""[share] The usual light of a scan's returns is that which so many have at most: next to a front
+of glass most are dim."""
+
+WEAKEST_COSINE = 0.1
+"""[cosine] Beams at a smaller incidence are left out: the direction of a wall is not that well
+known."""
+
+APART, LEAST_CHANGE = 0.05, 0.2
+"""[share, log] Two returns of a wall are compared that are this part of the scan apart, if the
+laser equation has them differ by so much."""
+
+LARGEST_MISFIT = 0.3
+"""[share] By this part of the difference another one may deviate. Light that falls with the range
+alone deviates by a third."""
+
+LEAST_FITTING, LEAST_PAIRS = 0.5, 100
+"""[share, pairs] Intensities are light if so many of at least so many pairs fit: metal and glass
+never do."""
+
+NO_LIGHT = (
+    "intensities do not fall with range and incidence as light does: the map has no glass and no"
+    " mirrors"
+)
+
+
+class LitScans:
+    """The last kept scans: their places (k, 2) [m], and :data:`RAY` (k, n) by rising angle."""
+
+    def __init__(self) -> None:
+        self._places, self._rays = np.zeros((MOST_SCANS, 2)), np.zeros((MOST_SCANS, 0), RAY)
+        self._last, self._usual = np.full(3, np.inf), 0.0
+        self._fitting = self._pairs = self._count = 0
+        self._warned = False
+
+    def rows(self, newest: bool) -> tuple[Float, Records]:
+        """Places and rays of all kept scans, or of the newest alone."""
+        last = (self._count - 1) % MOST_SCANS
+        rows = slice(last, last + 1) if newest else slice(0, self._count)
+        return self._places[rows], self._rays[rows]
+
+    def keep(
+        self, scan: LaserScan, pose: tuple[float, float, float], noise: RangeNoise, walls: Float
+    ) -> bool:
+        """Keep a scan with its walls (w, 4) around the laser in place of the oldest.
+
+        Returns whether it was kept, and the intensities of the scans so far are light. A scan is
+        not kept if it has none, or the robot stands nearly where it did.
+        """
+        off = np.abs(np.array(pose) - self._last)
+        if scan.intensities is None or (np.hypot(*off[:2]) <= LEAST_WAY and off[2] <= LEAST_TURN):
+            return False
+        lights = scan.intensities[np.argsort(scan.angles, kind="stable")]
+        units, free, _ = Beams.of(scan, pose[2], noise)
+        ranges = free.clip(0.0)
+        light = np.where((lights > 0.0) & (lights < np.inf), lights * ranges * ranges, 0.0)
+        if not light.any():
+            return False
+        usual = float(np.log(np.quantile(light[light > 0.0], USUAL_SHARE)))
+        self._usual = (self._count * self._usual + usual) / (self._count + 1)
+        more = max(len(light) - self._rays.shape[1], 0)
+        self._rays = np.pad(self._rays, ((0, 0), (0, more))) if more else self._rays
+        row = self._count % MOST_SCANS
+        self._places[row], self._rays[row], self._last = pose[:2], 0, np.array(pose)
+        rays = self._rays[row, : len(light)]
+        rays["ux"], rays["uy"] = units.T
+        rays["range"], rays["free"] = ranges, np.abs(free)
+        rays["deviation"] = np.sqrt(noise.variance(ranges))
+        rays["bright"] = light / np.exp(self._usual)
+        self._read_reflectances(rays, light, walls)
+        self._count += 1
+        are_light = self._fitting >= LEAST_FITTING * self._pairs
+        if self._pairs >= LEAST_PAIRS and not are_light and not self._warned:
+            self._warned = True
+            warnings.warn(NO_LIGHT, Lrf3dWarning, stacklevel=2)
+        return self._pairs >= LEAST_PAIRS and are_light
+
+    def _read_reflectances(self, rays: Records, light: Float, walls: Float) -> None:
+        """Fill in how reflective the walls (w, 4) are that rays (n,) end on, and count pairs."""
+        if not len(walls):
+            return
+        lit = np.flatnonzero(light)
+        along, units = directions(walls), np.column_stack([rays["ux"], rays["uy"]])[lit, None]
+        off = units * rays["range"][lit, None, None] - walls[:, :2]
+        station, cosines = (off * along).sum(axis=2), np.abs(cross(along, units))
+        on = (np.abs(cross(along, off)) < CELL) & (cosines > WEAKEST_COSINE)
+        on &= (station > -CELL) & (station < lengths(walls) + CELL)
+        there, wall = on.any(axis=1), on.argmax(axis=1)
+        lit, wall, cosine = lit[there], wall[there], cosines[there, wall[there]]
+        rays["reflectance"][lit] = reflectance = light[lit] / cosine
+        # Neighbours differ by too little.
+        apart = int(APART * len(rays)) + 1
+        expected, found = np.log(cosine / rays["range"][lit] ** 2), np.log(reflectance)
+        change = np.abs(expected[apart:] - expected[:-apart])
+        compared = (wall[apart:] == wall[:-apart]) & (change > LEAST_CHANGE)
+        fits = np.abs(found[apart:] - found[:-apart]) < LARGEST_MISFIT * change
+        self._pairs += int(compared.sum())
+        self._fitting += int((fits & compared).sum())

@@ -1,0 +1,253 @@
+"""Optics: glass and mirrors in a map, from the light of scans with intensities.
+
+Scans enter with their intensities; what leaves are scans without what mirrors show, and the glass
+and mirrors that stand in a map in place of what beams, most of which pass or are turned, left of
+them. Scans without intensities, or whose intensities are no light, change nothing here.
+
+A flash, which is a return of a line across its beam, and a wall of a scan with a segment of the map
+that a line mirrors into it speak for a line. Most of these lines are nothing, since walls of rooms
+mirror each other: `surfaces` decides by what the beams of the kept scans did at them.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from lrf3d.compiling import record
+from lrf3d.geometry import Bool, Float, cross, directions, lengths
+from lrf3d.laser import LaserScan, RangeNoise
+from lrf3d.mapping.line_map import GLASS, MIRROR, LineMap
+from lrf3d.mapping.robust.cells import FREE_DEPTH, Cells
+from lrf3d.mapping.robust.glass.light import LitScans
+from lrf3d.mapping.robust.glass.surfaces import (
+    COUNTS,
+    FLASH,
+    IS_MIRROR,
+    PATCH,
+    PATCHES,
+    PIECE,
+    PIECES,
+    count_rays,
+    find_pieces,
+    find_turned,
+    turn_rays,
+)
+from lrf3d.mapping.robust.walls import Walls
+
+MOST_LINES = 256
+"""[lines] So many are kept."""
+
+LINES_A_SCAN, MOST_A_SCAN = 8, 64
+"""[lines] How many lines of images of a scan count, those first that most of its walls agree on;
+and how many images are compared for this, those first that share most with a wall."""
+
+LEAST_VOTES, FLASH_VOTES, MOST_VOTES = 2.0, 8.0, 50.0
+"""[votes] After so many new ones a line is looked at. An image gives one, a flash more, because
+only glass, mirrors and metal flash. By so many lines that spoke for it one is averaged."""
+
+SHORTEST = 0.6
+"""[m] Length of a pane or a mirror from which on it is found."""
+
+PARALLEL_SINE = 0.2
+"""[sine] Twice the sine of half the angle between two walls of which one may be the other's image:
+walls at right angles to the mirror go on in theirs, and do not say where it is."""
+
+NEAR = 0.1
+"""[m] How far off a wall an image may lie when it is mirrored back, two lines that are one may lie
+apart, and a segment of the map off the pane or the mirror that it is a part of."""
+
+SAME_COSINE = np.cos(np.radians(2.0))
+"""[cosine] Two lines that are one differ by no more: the faces of a thin wall are two."""
+
+ABSORBED = 0.5
+"""[share] So much of the length of such a segment lies by the pane or the mirror."""
+
+JOINS = 0.4
+"""[m] A pane or a mirror is of the object of a wall whose end it reaches so nearly."""
+
+VOTES = record(
+    total=float, new=float,  # in all, and since the line was looked at
+    last=float,  # the number of the last one
+    kind=int,  # what the line was found to be
+)  # fmt: skip
+"""The votes for a line."""
+
+
+class Optics:
+    """What the scans so far have shown of glass and mirrors."""
+
+    def __init__(self) -> None:
+        self._scans, self._ground = LitScans(), np.zeros(0, PATCH)
+        # Of each line: its unit normal, distance and middle, see `count_rays`; its votes; and which
+        # of its pieces are glass, or a mirror.
+        self._lines, self._votes = np.zeros((MOST_LINES, 4)), np.zeros(MOST_LINES, VOTES)
+        self._pieces = np.zeros((MOST_LINES, PIECES), np.bool_)
+        self.surfaces = np.zeros((0, 5))
+        """Glass and mirrors (s, 5) [m] in the map's frame, and whether each is a mirror."""
+
+    def without_images(
+        self, scan: LaserScan, place: tuple[float, float], heading: float
+    ) -> LaserScan:
+        """A scan from a place [m] with a heading [rad] in the map's frame, without images."""
+        if scan.intensities is None or not len(self.surfaces):
+            return scan
+        turned = np.zeros(len(scan.angles), np.bool_)
+        ranges, headings = np.array(scan.ranges), scan.angles + heading
+        find_turned(np.array(place), headings, ranges, self.surfaces, turned)
+        if not turned.any():
+            return scan
+        return replace(
+            scan, ranges=np.where(turned, -np.inf, ranges), walls=np.full(len(turned), -1),
+            intensities=None, echoes=None, echo_intensities=None,
+        )  # fmt: skip
+
+    def update(
+        self, scan: LaserScan, pose: tuple[float, float, float], noise: RangeNoise, walls: Float,
+        segments: Float, cells: Cells, table: Walls,
+    ) -> None:  # fmt: skip
+        """Learn from a scan, its walls (w, 4) around the laser, and segments (m, 4) of the map.
+
+        What mirrors showed, as is known now, is forgotten: new evidence of the walls of it.
+        """
+        if not self._scans.keep(scan, pose, noise, walls):
+            return
+        missing = len(cells.passes) * PATCHES - len(self._ground)
+        if missing > 0:
+            self._ground = np.pad(self._ground, (0, missing))
+        places, rays = self._scans.rows(newest=True)
+        turn_rays(places, rays, self.surfaces, cells, self._ground, table)
+        place, bright = places[0], rays["bright"][0]
+        peaks = (bright > FLASH) & (bright > np.roll(bright, 1)) & (bright >= np.roll(bright, -1))
+        normals = -np.column_stack([rays["ux"][0, peaks], rays["uy"][0, peaks]])
+        flashes = np.column_stack([normals, normals @ place - rays["range"][0, peaks]])
+        self._vote(place, image_lines(place, walls + np.tile(place, 2), segments), 1.0)
+        self._vote(place, flashes, FLASH_VOTES)
+        known = self._pieces.copy()
+        places, rays = self._scans.rows(newest=False)
+        # The line that waits with most votes, and one that has just flashed.
+        for row in np.argsort(-self._votes["new"], kind="stable")[: 1 + peaks.any()].tolist():
+            votes = self._votes[row]
+            if votes.new >= LEAST_VOTES:
+                counts, votes.new = np.zeros(PIECES, COUNTS), 0.0
+                count_rays(self._lines[row], places, rays, cells, self._ground, counts)
+                self._pieces[row], votes.kind = find_pieces(counts, known[row], votes.kind)
+        if not np.array_equal(known, self._pieces):
+            self.surfaces = self._stretches()
+            turn_rays(places, rays, self.surfaces, cells, self._ground, table)
+
+    def _vote(self, place: Float, lines: Float, votes: float) -> None:
+        """Let a scan from a place (2,) speak for lines (n, 3), each for that row which is the same.
+
+        A new one takes a free row, or that of the line last spoken for the longest ago.
+        """
+        distances = line_distances(place, self._lines, lines)
+        for line, apart in zip(lines, distances, strict=True):
+            row, own = int(apart.argmin()), self._lines[apart.argmin()]
+            if apart[row] >= NEAR:
+                row = int(np.where(self._votes["kind"], np.inf, self._votes["last"]).argmin())
+                self._votes[row] = 0
+                self._lines[row] = *line, line[1] * place[0] - line[0] * place[1]
+            elif self._votes[row].kind != IS_MIRROR:
+                own[:3] *= min(self._votes[row].total, MOST_VOTES)
+                own[:3] += np.sign(own[:2] @ line[:2]) * line
+                own[:3] /= np.hypot(own[0], own[1])
+            known = self._votes[row]
+            known.total += 1.0
+            known.new += votes
+            known.last = self._votes["last"].max() + 1.0
+
+    def _stretches(self) -> Float:
+        """The stretches (s, 5) [m] of all lines by their pieces, and whether each is a mirror."""
+        rows, places = np.nonzero(np.diff(self._pieces, axis=1, prepend=False, append=False))
+        rows, ends = rows[::2], places.reshape(-1, 2)
+        mirror = self._votes["kind"][rows] == IS_MIRROR
+        # A pane ends anywhere in the last piece that showed it; at that of a mirror most beams did.
+        ends = ends + np.where(mirror, 0.0, 0.5)[:, None] * [1.0, -1.0] - PIECES // 2
+        nx, ny, distance, middle = self._lines[rows].T[..., None]
+        along = middle + PIECE * ends
+        x, y = distance * nx + along * ny, distance * ny - along * nx
+        found = np.column_stack([x[:, 0], y[:, 0], x[:, 1], y[:, 1], mirror])
+        solid: Bool = along[:, 1] - along[:, 0] > SHORTEST
+        return np.asarray(found[solid])
+
+
+def image_lines(place: Float, walls: Float, segments: Float) -> Float:
+    """The lines (k, 3) that mirror segments (m, 4) of a map into most walls (w, 4) of a scan.
+
+    They are unit normals towards the laser's place (2,) and distances from the origin [m].
+    """
+    along, units = directions(walls), directions(segments)
+    # The normals of the two walls, (−y, x): a mirror turns both directions and sides.
+    turn = along[:, None] - units
+    wall, real = np.nonzero((turn * turn).sum(axis=2) >= PARALLEL_SINE**2)
+    normals = turn[wall, real, ::-1] * [1.0, -1.0]
+    normals /= np.hypot(*normals.T)[:, None]
+    apart = cross(along, walls[:, :2])[wall] - cross(units, segments[:, :2])[real]
+    distances = apart / (2.0 * cross(along[wall], normals))
+    ahead = normals @ place - distances
+    normals, distances = np.sign(ahead)[:, None] * normals, np.sign(ahead) * distances
+    ends = walls[wall].reshape(-1, 2, 2)
+    behind = (ends * normals[:, None]).sum(axis=2) - distances[:, None]
+    rows = np.flatnonzero((np.abs(ahead) >= FREE_DEPTH) & (behind <= FREE_DEPTH).all(axis=1))
+    wall, real, normals, distances = wall[rows], real[rows], normals[rows], distances[rows]
+    images = ends[rows] - 2.0 * behind[rows, :, None] * normals[:, None]
+    off, unit = images - segments[real, None, :2], units[real, None]
+    stations = (off * unit).sum(axis=2)
+    high = np.minimum(stations.max(axis=1), lengths(segments)[real])
+    shared = high - stations.min(axis=1).clip(0.0)
+    good = (np.abs(cross(unit, off)) <= NEAR).all(axis=1)
+    good &= shared > 0.5 * lengths(walls)[wall]
+    rows = np.flatnonzero(good)[np.argsort(-shared[good], kind="stable")]
+    lines = np.column_stack([normals, distances])[rows[:MOST_A_SCAN]]
+    same = line_distances(place, lines, lines) < NEAR
+    weights = same @ shared[rows[:MOST_A_SCAN]]
+    found: list[Float] = []
+    while weights.any() and len(found) < LINES_A_SCAN:
+        best = int(weights.argmax())
+        found.append(lines[best])
+        weights[same[best]] = 0.0
+    return np.reshape(found, (-1, 3))
+
+
+def line_distances(place: Float, lines: Float, others: Float) -> Float:
+    """How far [m] lines (n, 3) lie from others (k, 3) where these are nearest to a place (2,).
+
+    Infinite where two are askew: (k, n).
+    """
+    feet = place - (others[:, :2] @ place - others[:, 2])[:, None] * others[:, :2]
+    apart = np.abs(feet @ lines[:, :2].T - lines[:, 2])
+    return np.where(np.abs(others[:, :2] @ lines[:, :2].T) > SAME_COSINE, apart, np.inf)
+
+
+def with_surfaces(line_map: LineMap, surfaces: Float, mirrors: Bool) -> LineMap:
+    """A map with surfaces (s, 4) [m] in place of what lies by them: some (s,) mirrors, or glass."""
+    if not len(surfaces):
+        return line_map
+    segments, objects = line_map.segments, line_map.objects
+    along, size, length = directions(surfaces), lengths(surfaces), lengths(segments)[:, None]
+    # Where both ends (m, 2) of each segment lie along each surface (s,), and beside it.
+    off = segments.reshape(-1, 2, 1, 2) - surfaces[:, :2]
+    stations, aside = (off * along).sum(axis=3), cross(along, off)
+    low, high = stations.min(axis=1), stations.max(axis=1)
+    part = np.minimum(high, size) - np.maximum(low, 0.0) > ABSORBED * length
+    part &= np.abs(aside).max(axis=1) < NEAR
+    # Surfaces become as long as what they take in.
+    first = np.where(part, low, 0.0).min(axis=0, initial=0.0)
+    last = np.maximum(np.where(part, high, 0.0).max(axis=0, initial=0.0), size)
+    ends = np.tile(surfaces[:, :2], 2) + np.column_stack([first, first, last, last]) * np.tile(
+        along, 2
+    )
+    kept = ~part.any(axis=1)
+    segments, objects = segments[kept], objects[kept]
+    owners = objects.max(initial=-1) + 1 + np.arange(len(ends))
+    if len(segments):
+        tips = (segments.reshape(-1, 1, 2) - ends.reshape(-1, 2)).reshape(len(segments), 2, -1, 4)
+        apart = np.hypot(tips[..., ::2], tips[..., 1::2]).min(axis=(1, 3))
+        nearest = apart.argmin(axis=0)
+        owners = np.where(apart.min(axis=0) < JOINS, objects[nearest], owners)
+    return LineMap(
+        np.concatenate([segments, ends]),
+        np.unique(np.concatenate([objects, owners]), return_inverse=True)[1],
+        np.concatenate([line_map.points[kept], np.full(len(ends), 2)]),
+        np.concatenate([line_map.kinds[kept], np.where(mirrors, MIRROR, GLASS)]),
+    )

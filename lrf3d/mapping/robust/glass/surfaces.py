@@ -1,0 +1,289 @@
+"""Surfaces: which pieces of a line are glass or a mirror, by what beams did there.
+
+Glass is where beams pass between flashes: near its normal it returns many times the light of any
+diffuse wall, and askew next to nothing. A mirror is where what returns behind the line are images
+of what is in front, all a little darker: no mirror reflects all light, and a room that is merely
+symmetrical is as bright.
+
+The rays of kept scans enter. The ground is divided into patches, which lie in the blocks of the
+cells, and tell how reflective what stands there is. As soon as it is known that a mirror turned a
+ray, its return no longer counts, and the cells where it seemed to end forget it: walls that only a
+mirror showed are gone at their next refit.
+"""
+
+from itertools import pairwise
+
+import numpy as np
+
+from lrf3d.compiling import borrower, compiled, record
+from lrf3d.geometry import Bool, Float, Int, Records
+from lrf3d.mapping.robust.beams import CELL
+from lrf3d.mapping.robust.cells import FREE_DEPTH, HIT_DEVIATIONS, SIDE, SIDE_BITS, Cells, block_at
+from lrf3d.mapping.robust.clusters import forget_hits
+from lrf3d.mapping.robust.walls import Walls
+
+PATCHES = SIDE * SIDE // 4
+"""Patches of a block, two cells wide. A return counts in the four around it: within 0.1 m."""
+
+PATCH = record(
+    returns=float, lights=float,  # the number of returns, and of those with a reflectance
+    total=float, squares=float,  # the sum of these, and that of their squares
+)  # fmt: skip
+"""What the rays of kept scans showed of a patch."""
+
+LARGEST_SPREAD = 0.1
+"""[share] Where the reflectance differs by more, nothing is compared with it: metal."""
+
+EDGE = 0.3
+"""[m] Beams that pass a mirror by less may have met it."""
+
+SPACING = 0.02
+"""[rad] Half of the angle between two beams at most: between the returns of kept scans others did
+the same."""
+
+GRAZING = 0.26
+"""[cosine] At 75° and more from the normal glass mirrors beams as much as it lets them pass: such
+beams show neither glass nor mirrors."""
+
+IS_GLASS, IS_MIRROR = 1, 2
+"""What the pieces of a line may be, or else 0."""
+
+PIECE, PIECES = 0.25, 256
+"""[m, pieces] Length of a piece of a line, in which beams are counted, and their number: 64 m."""
+
+SEEN = 3
+"""[beams] Fewest that show glass, or a mirror. Hysteresis: a piece changes class only when
+contradicting beams outnumber supporting ones by this many."""
+
+FLASH, DIM = 5.0, 0.04
+"""[usual brightness] A return is a flash above the one and dim below the other. Diffuse walls reach
+about 3 at most, glass some hundreds and, askew, about a hundredth."""
+
+FLASHES, FLASHING = np.cos(0.04), np.cos(np.radians(0.55))
+"""[cosine] Glass may flash where a beam meets it so near its normal, and does so much nearer."""
+
+MOST_OPAQUE, PASSED_SHARE = 0.3, 0.6
+"""[share, share] At a piece of glass fewer than this part of what shows glass shows a wall;
+and beams pass so many of the pieces of a pane: it is seen through."""
+
+IMAGE_FACTOR = 3.0
+"""[factor] How many times more images than other returns there are at each piece of a mirror."""
+
+LONGEST_GAP = 3
+"""[pieces] Of a mirror, in which it shows what was not seen otherwise: narrower than a door."""
+
+LEAST_LIT, ALIKE_SHARE = 16, 0.85
+"""[beams, share] Images of walls of which the reflectance is known, at a mirror, and how many of
+them are as bright as those of a mirror: others are of metal, or at an edge of two walls."""
+
+DIMMED = 0.87, 0.98
+"""[share] How bright an image in a mirror is beside what it is of: what is seen through a pane of
+glass is darker, and a room as bright."""
+
+COUNTS = record(
+    shown=float, flashed=float,  # returns as of glass, and those of them that flash
+    passed=float, missing=float,  # beams that passed, and those that would have flashed on glass
+    opaque=float,  # returns as of a wall
+    images=float, wrong=float,  # returns behind the line that are images, and others
+    lit=float, alike=float,  # images of walls of known reflectance; as bright as a mirror's
+)  # fmt: skip
+"""The rays that are counted at a piece of a line."""
+
+
+@borrower
+def _patch_at(cells: Cells, x: float, y: float) -> int:
+    """The row of the patch of a point [m], 0 where there is none."""
+    column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
+    half = SIDE // 2 - 1
+    block = block_at(cells, column, row)
+    inside = (((row >> 1) & half) << (SIDE_BITS - 1)) + ((column >> 1) & half)
+    return block * PATCHES + inside if block > 0 else 0
+
+
+@borrower
+def _ways(x: float, y: float, ux: float, uy: float, surfaces: Float) -> tuple[float, float]:
+    """How far [m] a ray goes to the first of surfaces (s, 5), and to the first that may turn it."""
+    first = turn = np.inf
+    for x1, y1, x2, y2, mirror in surfaces:
+        dx, dy = x2 - x1, y2 - y1
+        across, size = ux * dy - uy * dx, np.hypot(dx, dy)
+        if across == 0.0:
+            continue
+        way = ((x1 - x) * dy - (y1 - y) * dx) / across
+        aside = abs(((x1 - x) * uy - (y1 - y) * ux) / across - 0.5) * size - 0.5 * size
+        if way > 0.0 and aside <= EDGE:
+            if aside <= 0.0:
+                first = min(first, way)
+            if mirror > 0.0 or abs(across) <= GRAZING * size:
+                turn = min(turn, way)
+    return first, turn
+
+
+@compiled
+def find_turned(
+    place: Float, headings: Float, ranges: Float, surfaces: Float, turned: Bool
+) -> None:
+    """Mark the beams (n,) that go on behind surfaces (s, 5), which may have turned them."""
+    for beam in range(len(headings)):
+        ux, uy = np.cos(headings[beam]), np.sin(headings[beam])
+        _, turn = _ways(place[0], place[1], ux, uy, surfaces)
+        turned[beam] = turn < ranges[beam] - FREE_DEPTH
+
+
+@compiled
+def turn_rays(
+    places: Float, rays: Records, surfaces: Float, cells: Cells, ground: Records, walls: Walls
+) -> None:
+    """Find how far the rays (k, n) of scans go to surfaces (s, 5), and which these turn.
+
+    The ground (p,) is what the others showed of each patch.
+    """
+    for scan in range(len(places)):
+        x, y = places[scan]
+        for beam in range(rays.shape[1]):
+            ray = rays[scan, beam]
+            reach = ray.range
+            ray.first, turn = _ways(x, y, ray.ux, ray.uy, surfaces)
+            direct = turn >= reach - FREE_DEPTH
+            if reach <= 0.0 or direct == (ray.direct > 0.0):
+                continue
+            sign = 1.0 if direct else -1.0
+            ray.direct += sign
+            x2, y2, light = x + reach * ray.ux, y + reach * ray.uy, ray.reflectance
+            for corner in range(4):
+                dx, dy = CELL * (corner // 2 * 2 - 1), CELL * (corner % 2 * 2 - 1)
+                patch = ground[_patch_at(cells, x2 + dx, y2 + dy)]
+                patch.returns += sign
+                patch.lights += sign * (light > 0.0)
+                patch.total += sign * light
+                patch.squares += sign * light * light
+            if not direct:
+                forget_hits(cells, x2, y2, ray.ux, ray.uy, CELL + SPACING * reach, walls)
+
+
+@borrower
+def _reflectance_at(cells: Cells, ground: Records, x: float, y: float) -> float:
+    """The reflectance at a point [m]: −1 where nothing is, 0 where it is not known, or not one."""
+    row = _patch_at(cells, x, y)
+    patch = ground[row]
+    if row == 0 or patch.returns <= 0.0:
+        return -1.0
+    if patch.lights <= 0.0:
+        return 0.0
+    mean = patch.total / patch.lights
+    spread = patch.squares / patch.lights - mean * mean
+    result: float = mean if spread <= (LARGEST_SPREAD * mean) ** 2 else 0.0
+    return result
+
+
+@compiled
+def count_rays(
+    line: Float, places: Float, rays: Records, cells: Cells, ground: Records, pieces: Records
+) -> None:
+    """Count what rays (k, n) from places (k, 2) [m] did at the pieces (PIECES,) of a line.
+
+    The line (4,) is its unit normal, its distance from the origin [m], and where its pieces have
+    their middle, along the normal turned right.
+    """
+    nx, ny, distance, middle = line
+    half = 0.5 * PIECE * PIECES
+    for scan in range(len(places)):
+        x, y = places[scan]
+        ahead = nx * x + ny * y - distance
+        if abs(ahead) < FREE_DEPTH:
+            continue
+        for beam in range(rays.shape[1]):
+            ray = rays[scan, beam]
+            rise = -(nx * ray.ux + ny * ray.uy)
+            cos = abs(rise)
+            farther = ray.free * cos - abs(ahead)
+            tolerance = CELL + HIT_DEVIATIONS * ray.deviation * cos
+            if rise * ahead <= 0.0 or farther < -tolerance:
+                continue
+            way = ahead / rise
+            station = ny * (x + way * ray.ux) - nx * (y + way * ray.uy) - middle
+            # What is behind another surface shows nothing of this one.
+            if abs(station) >= half or ray.first < way - FREE_DEPTH:
+                continue
+            count = pieces[int(np.floor((station + half) / PIECE))]
+            if farther < tolerance:
+                if ray.range > 0.0:
+                    flash = cos > FLASHES and ray.bright > FLASH
+                    count.flashed += flash
+                    count.shown += flash or ray.bright < DIM
+                    count.opaque += not (flash or ray.bright < DIM)
+                continue
+            if cos <= GRAZING:
+                continue
+            if farther > tolerance + FREE_DEPTH:
+                count.passed += 1.0
+                count.missing += cos > FLASHING
+            if ray.range > 0.0 and farther > FREE_DEPTH:
+                # Mirrored back to the side that it came from.
+                px, py = x + ray.range * ray.ux, y + ray.range * ray.uy
+                behind = 2.0 * (nx * px + ny * py) - 2.0 * distance
+                reflectance = _reflectance_at(cells, ground, px - behind * nx, py - behind * ny)
+                count.images += reflectance >= 0.0
+                count.wrong += reflectance < 0.0
+                if reflectance > 0.0 and ray.reflectance > 0.0:
+                    share = ray.reflectance / reflectance
+                    count.lit += 1.0
+                    count.alike += DIMMED[0] < share < DIMMED[1]
+
+
+def glass_pieces(pieces: Records) -> Bool:
+    """Which pieces (PIECES,) of a line are glass."""
+    shown, passed, flashed = pieces["shown"], pieces["passed"], pieces["flashed"]
+    found = np.zeros(PIECES, np.bool_)
+    if not flashed.any():
+        return found
+    good = (shown + passed > 0) & (pieces["opaque"] <= MOST_OPAQUE * (shown + passed))
+    good &= (pieces["missing"] == 0) | (shown > 0)
+    good |= flashed > 0
+    for first, last in runs(good):
+        if flashed[first:last].any():
+            lit = first + np.flatnonzero(shown[first:last])
+            own = slice(lit[0], lit[-1] + 1)
+            seen_through = (passed[own] > 0).mean() >= PASSED_SHARE
+            found[own] = seen_through and passed[own].sum() >= SEEN
+    return found
+
+
+def mirror_pieces(pieces: Records) -> Bool:
+    """Which pieces (PIECES,) of a line are a mirror."""
+    opaque, images, wrong = pieces["opaque"], pieces["images"], pieces["wrong"]
+    known, alike = pieces["lit"], pieces["alike"]
+    if alike.sum() < LEAST_LIT:
+        return np.zeros(PIECES, np.bool_)
+    # What a mirror shows that was not seen otherwise is no image of anything.
+    good = np.where(known > 0.0, alike > ALIKE_SHARE * known, images > IMAGE_FACTOR * wrong)
+    good &= (images >= SEEN) & (images > IMAGE_FACTOR * opaque)
+    for (_, last), (first, _) in pairwise(runs(good)):
+        # A mirror goes on between two pieces of it where nothing stands.
+        stands = opaque[last:first] > (images + wrong)[last:first] / IMAGE_FACTOR
+        good[last:first] |= first - last <= LONGEST_GAP and not stands.any()
+    for first, last in runs(good):
+        enough = alike[first:last].sum() >= LEAST_LIT
+        enough &= alike[first:last].sum() > ALIKE_SHARE * known[first:last].sum()
+        good[first:last] = enough and images[first:last].sum() > 2.0 * wrong[first:last].sum()
+    return np.asarray(good)
+
+
+def find_pieces(pieces: Records, former: Bool, kind: int) -> tuple[Bool, int]:
+    """Which pieces (PIECES,) of a line are glass, or a mirror, and which of the two they are.
+
+    Former ones, of a kind or of none, stay unless they are belied.
+    """
+    found = glass_pieces(pieces)
+    belied = pieces["opaque"] > pieces["shown"] + pieces["passed"] + SEEN
+    # What is seen through glass is darker as well.
+    if kind == IS_MIRROR or not (found.any() or kind):
+        found, kind = mirror_pieces(pieces), IS_MIRROR
+        belied = pieces["opaque"] + pieces["wrong"] > pieces["images"] + SEEN
+    found |= former & ~belied
+    return found, max(kind, IS_GLASS) if found.any() else 0
+
+
+def runs(chosen: Bool) -> Int:
+    """The first place of each run (r, 2) of chosen ones (n,), and the place behind its last."""
+    return np.flatnonzero(np.diff(chosen, prepend=False, append=False)).reshape(-1, 2)

@@ -1,0 +1,233 @@
+"""Links: which walls are of one object, though what joins them was never seen.
+
+Walls are of one object where a link, the shortest line from one to the other, exists that no beam
+has crossed. What lies behind the faces of both walls is taken for solid until a beam crosses it. A
+link that runs before one of them, to a corner that was not seen, must be short. A long link counts
+only where every line of sight from wall to wall behind both is blocked: it may cross a lane that no
+beam happened to pass.
+
+Enter walls that are new in their places: their links are checked against the beams, and those of
+other walls again in turn. Objects are worked out of the links when a map is read.
+"""
+
+import numpy as np
+
+from lrf3d.compiling import borrower, compiled, inner
+from lrf3d.geometry import Float, Int
+from lrf3d.mapping.robust.beams import CELL
+from lrf3d.mapping.robust.cells import FREE_DEPTH, Cells, is_crossed
+from lrf3d.mapping.robust.walls import (
+    MOST_LINKS,
+    Walls,
+    along_of,
+    end_of,
+    length_of,
+    near,
+    put_line,
+    put_row,
+    vector_of,
+)
+
+SHORT_LINK = 3.0
+"""[m] Longest link that may run before a wall: less than a lane between buildings. More joins
+buildings across lanes, less leaves corners of a building apart."""
+
+LONGEST_LINK = 15.0
+"""[m] Longest link behind two walls: as deep as most buildings are."""
+
+BEHIND_SINE = 0.3
+"""[sine] Angle by which a link may run before a wall and still count as behind it."""
+
+STRAY_BEAMS = 1
+"""[beams] How many may cross a short link: noise rarely lets one through, but links are many."""
+
+CORNER_BEAMS = 8
+"""[beams] How many may reach into the corner behind a short link: by more the corner was seen."""
+
+NICHE_DEPTH = 0.5
+"""[share] How deep such a corner may be, as a part of the link's length."""
+
+SIGHT_PLACES = (0.1, 0.5, 0.9)
+"""[share] Where along two walls the lines of sight between them begin and end."""
+
+LINKS_A_TURN = 16
+"""[links] How many an update asks the beams about again: so objects come apart that are two."""
+
+LINK_SINE = 0.35
+"""[sine] Angle from which on a beam crosses a link; no beam need run along it."""
+
+
+@compiled
+def link_walls(walls: Walls, cells: Cells, rows: Int) -> None:
+    """Link some walls (n,) with those around them, and ask again about a few links of others."""
+    lines, lengths = np.empty((MOST_LINKS + 1, 4)), np.empty(MOST_LINKS)
+    others = np.empty(MOST_LINKS, np.int64)
+    places = np.full(walls.counters[0].taken, -1)
+    for k in range(len(rows)):
+        places[rows[k]] = k
+        walls.rows[rows[k]].linked += 1
+    for k in range(len(rows)):
+        reach, found, farthest = LONGEST_LINK, 0, 0
+        own, line = walls.ends[rows[k]], lines[MOST_LINKS]
+        for i in range(near(walls, own, LONGEST_LINK)):
+            other = walls.found[i]
+            # A link of two of them is added once, by the later one.
+            if places[other] >= k or not walls.fits[other].shown:
+                continue
+            if not _measure_link(own, walls.ends[other], line):
+                continue
+            length = length_of(line)
+            if length > reach:
+                continue
+            place = found if found < MOST_LINKS else farthest
+            others[place], lengths[place] = other, length
+            put_row(lines, place, line)
+            found = min(found + 1, MOST_LINKS)
+            if found == MOST_LINKS:
+                # A search of numpy's takes half a second to compile.
+                farthest = 0
+                for link in range(1, MOST_LINKS):
+                    farthest = link if lengths[link] > lengths[farthest] else farthest
+                reach = lengths[farthest]
+        wall = walls.rows[rows[k]]
+        wall.links = 0
+        for place in range(found):
+            other = others[place]
+            if _joins(lines[place], own, walls.ends[other], cells):
+                link = walls.links[rows[k], wall.links]
+                link.wall, link.linked = other, walls.rows[other].linked
+                wall.links += 1
+    _ask_again(walls, cells, lines[0])
+
+
+@inner
+def _ask_again(walls: Walls, cells: Cells, line: Float) -> None:
+    """Check a few links in turn, and void those that beams have crossed."""
+    asked, counters = 0, walls.counters[0]
+    for _ in range(counters.taken):
+        counters.asked = (counters.asked + 1) % counters.taken
+        for place in range(walls.rows[counters.asked].links):
+            if _stands(walls, counters.asked, place):
+                link = walls.links[counters.asked, place]
+                one, other = walls.ends[counters.asked], walls.ends[link.wall]
+                asked += 1
+                if _measure_link(one, other, line) and not _joins(line, one, other, cells):
+                    link.linked = -1
+        if asked >= LINKS_A_TURN:
+            break
+
+
+@borrower
+def _stands(walls: Walls, wall: int, place: int) -> bool:
+    """Whether a link still stands."""
+    link = walls.links[wall, place]
+    stands = link.linked == walls.rows[link.wall].linked
+    return bool(stands and walls.fits[wall].shown and walls.fits[link.wall].shown)
+
+
+@borrower
+def _measure_link(one: Float, other: Float, link: Float) -> bool:
+    """Fill in the link (4,) of two walls; whether it may join them."""
+    _shortest_link(one, other, link)
+    length = length_of(link)
+    return bool(length <= SHORT_LINK or (length <= LONGEST_LINK and _is_behind(one, other, link)))
+
+
+@borrower
+def _is_behind(one: Float, other: Float, line: Float) -> bool:
+    """Whether a line runs before neither of two walls that it begins and ends at."""
+    before = max(_reach_before(one, line), _reach_before(other, line))
+    return before <= BEHIND_SINE * length_of(line)
+
+
+@borrower
+def _shortest_link(one: Float, other: Float, link: Float) -> None:
+    """Fill in the shortest line from one of two segments to the other."""
+    (dx, dy), (u, v) = vector_of(one), vector_of(other)
+    crossing = dx * v - dy * u
+    if crossing != 0.0:
+        (x, y), (its_x, its_y) = end_of(one, 0), end_of(other, 0)
+        ahead = ((its_x - x) * v - (its_y - y) * u) / crossing
+        along = ((its_x - x) * dy - (its_y - y) * dx) / crossing
+        if 0.0 <= ahead <= 1.0 and 0.0 <= along <= 1.0:
+            # They cross: one was united through the other.
+            x, y = x + ahead * dx, y + ahead * dy
+            put_line(link, x, y, x, y)
+            return
+    least = np.inf
+    for turn in range(4):
+        own, across = (one, other) if turn < 2 else (other, one)
+        x, y = end_of(own, turn % 2)
+        (u, v), (dx, dy) = end_of(across, 0), vector_of(across)
+        place = ((x - u) * dx + (y - v) * dy) / (dx * dx + dy * dy)
+        place = min(max(place, 0.0), 1.0)
+        u, v = u + place * dx, v + place * dy
+        away = (x - u) ** 2 + (y - v) ** 2
+        if away < least:
+            least = away
+            put_line(link, x, y, u, v)
+
+
+@borrower
+def _reach_before(wall: Float, link: Float) -> float:
+    """How far [m] a link gets before the face of a wall that it begins or ends at."""
+    (x, y), (dx, dy) = end_of(wall, 0), vector_of(wall)
+    first, last = along_of(link, x, y, -dy, dx)
+    size = np.hypot(dx, dy)
+    before: float = max(first / size, last / size)
+    return before
+
+
+@inner
+def _joins(link: Float, one: Float, other: Float, cells: Cells) -> bool:
+    """Whether no beam has crossed a link (4,) of two walls (4,), so that it joins them."""
+    length = length_of(link)
+    if length <= CELL:
+        # They touch: no beam between them need be trusted.
+        return True
+    if length > SHORT_LINK:
+        crossed = is_crossed(link, cells, FREE_DEPTH, 0, LINK_SINE)
+        return not crossed and _is_blocked(one, other, cells)
+    # A short one may be crossed by many beams, but not by any that go deeper than a corner.
+    before = not _is_behind(one, other, link)
+    depth = max(FREE_DEPTH, NICHE_DEPTH * length) if before else FREE_DEPTH
+    if is_crossed(link, cells, depth, STRAY_BEAMS, LINK_SINE):
+        return False
+    return not (before and is_crossed(link, cells, FREE_DEPTH, CORNER_BEAMS, LINK_SINE))
+
+
+@inner
+def _is_blocked(one: Float, other: Float, cells: Cells) -> bool:
+    """Whether no beam has crossed any line of sight that runs behind both of two walls."""
+    line = np.empty(4)
+    for own in SIGHT_PLACES:
+        for across in SIGHT_PLACES:
+            for k in range(2):
+                line[k] = one[k] + own * (one[k + 2] - one[k])
+                line[k + 2] = other[k] + across * (other[k + 2] - other[k])
+            if _is_behind(one, other, line) and is_crossed(line, cells, FREE_DEPTH, 0, LINK_SINE):
+                return False
+    return True
+
+
+@borrower
+def _root(parents: Int, wall: int) -> int:
+    while parents[wall] != wall:
+        parents[wall] = parents[parents[wall]]
+        wall = parents[wall]
+    return wall
+
+
+@compiled
+def find_objects(walls: Walls, rows: Int) -> Int:
+    """The object (n,) of each of the shown walls (n,), named by one of them."""
+    parents, labels = np.arange(len(walls.rows)), np.empty(len(rows), np.int64)
+    for k in range(len(rows)):
+        wall = rows[k]
+        for place in range(walls.rows[wall].links):
+            if _stands(walls, wall, place):
+                one, other = _root(parents, wall), _root(parents, walls.links[wall, place].wall)
+                parents[max(one, other)] = min(one, other)
+    for k in range(len(rows)):
+        labels[k] = _root(parents, rows[k])
+    return labels

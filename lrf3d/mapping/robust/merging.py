@@ -1,0 +1,261 @@
+"""Merging: how two walls become one.
+
+Two segments stand for one wall where the shorter one's ends lie on the longer one's line within
+what noise explains and a wall may bend, where they overlap or nearly so, and where the laser
+stood on the same side of both. The merged wall is the exact fit to all points of both. A gap is
+bridged only where no beam crossed it. Each merge takes one wall away, so the loop ends.
+
+The walls of a scan enter. Those that known walls cover add nothing that the cells do not know;
+the others are merged with what they fit, and are to be refit.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lrf3d.compiling import borrower, compiled, inner
+from lrf3d.geometry import Float, Int
+from lrf3d.mapping.robust.beams import CELL
+from lrf3d.mapping.robust.cells import (
+    FREE_DEPTH,
+    HIT_DEVIATIONS,
+    WALL_SINE,
+    Cells,
+    is_crossed,
+)
+from lrf3d.mapping.robust.extraction import LocalWalls
+from lrf3d.mapping.robust.walls import (
+    Walls,
+    along_of,
+    end_of,
+    give_back,
+    near,
+    put_line,
+    take_row,
+    unit_of,
+    vector_of,
+    widen_box,
+)
+
+SAME_DIRECTION = 0.5
+"""[cosine] Largest angle between two segments that may be one wall. Far more than noise explains;
+the offsets of the ends decide."""
+
+BEND = 0.4
+"""[share of merge_distance] How far a wall may bend where it is continued: two views of a wall
+differ by the error of the poses, but next to each other they share it. More bridges slight
+bends of a wall into one."""
+
+LONGEST_GAP = 3.0
+"""[m] Longest gap of a wall that is bridged where no beam crossed it: behind a longer one there may
+as well be a recess that beams could not look into."""
+
+SPARE_BEAMS = 20
+"""[beams] How many may cross a gap no longer than merge_length: as many as a refit needs to cut a
+wall there. So what is merged and what is cut agree."""
+
+
+class Rule(NamedTuple):
+    """What one wall is.
+
+    The largest gap [m] along the line between two segments of it; how far two views of it may lie
+    apart, and how far it may bend where it is continued, beside what noise explains; and the
+    largest offset that noise may explain.
+    """
+
+    length: float
+    distance: float
+    bend: float
+    most_explained: float
+
+
+@compiled
+def merge_walls(
+    walls: Walls, new: LocalWalls, place: tuple[float, float], waiting: Int, cells: Cells,
+    rule: Rule,
+) -> tuple[Int, Int]:  # fmt: skip
+    """Add the walls of a scan around its place [m], merge what fits.
+
+    Walls that have changed (n,) may fit others now, too. Returns the rows of the walls that are new
+    or were merged, rising, and of those that became a part of them, which are not free yet.
+    """
+    queue = np.empty(len(waiting) + 2 * len(new.ends) + walls.counters[0].taken + 1, np.int64)
+    marks = np.zeros(len(walls.rows), np.bool_)
+    gone = np.empty(len(queue), np.int64)
+    top = lost = 0
+    for k in range(len(waiting)):
+        if walls.fits[waiting[k]].points > 0:
+            queue[top] = waiting[k]
+            top += 1
+    known = top
+    for k in range(len(new.ends)):
+        row = take_row(walls)
+        for side in range(4):
+            walls.ends[row, side] = new.ends[k, side] + place[side % 2]
+        walls.fits[row] = new.fits[k]
+        walls.fits[row].x += place[0]
+        walls.fits[row].y += place[1]
+        # Searches do not find it before all are compared: the walls of one scan cover no others.
+        walls.fits[row].points *= -1
+        if _is_covered(walls, row, rule):
+            give_back(walls, row)
+        else:
+            queue[top] = row
+            top += 1
+    for k in range(known, top):
+        marks[queue[k]] = True
+        walls.fits[queue[k]].points *= -1
+        widen_box(walls, queue[k])
+    turn = 0
+    while turn < top:
+        row = queue[turn]
+        turn += 1
+        if walls.fits[row].points == 0:
+            continue
+        other = _partner(walls, row, cells, rule)
+        if other < 0:
+            continue
+        kept, taken = min(row, other), max(row, other)
+        merge(walls, kept, taken)
+        # Its hits are free for what it has become.
+        walls.rows[taken].version += 1
+        marks[kept] = True
+        gone[lost] = taken
+        lost += 1
+        queue[top] = kept
+        top += 1
+    dirty, count = np.empty(len(queue), np.int64), 0
+    for row in range(walls.counters[0].taken):
+        if marks[row] and walls.fits[row].points > 0:
+            dirty[count] = row
+            count += 1
+    return dirty[:count], gone[:lost]
+
+
+@inner
+def _is_covered(walls: Walls, row: int, rule: Rule) -> bool:
+    """Whether walls that are known as well, or better, cover all but a little of one of a scan."""
+    own = walls.ends[row]
+    ux, uy, length = unit_of(own)
+    x, y = end_of(own, 0)
+    steps = min(int(length / CELL) + 1, 1000)
+    covered = np.zeros(steps, np.bool_)
+    for k in range(near(walls, own, rule.distance + rule.most_explained)):
+        other = walls.found[k]
+        if walls.fits[other].points < -walls.fits[row].points:
+            continue
+        ends = walls.ends[other]
+        first, last = along_of(ends, x, y, ux, uy)
+        first, last = first / length, last / length
+        if last <= 0.0 or first >= 1.0:
+            continue
+        if misfit(own, walls.fits[row], ends, walls.fits[other], rule) < 1.0:
+            covered[int(max(first, 0.0) * steps + 0.5) : int(min(last, 1.0) * steps + 0.5)] = True
+    return bool((steps - covered.sum()) * length <= CELL * steps)
+
+
+@inner
+def _partner(walls: Walls, row: int, cells: Cells, rule: Rule) -> int:
+    """The wall that a row is one with: that which it fits best, or that goes on nearest; −1."""
+    # As straight as a wall is continued, and no farther off than two views of it: nothing overlaps
+    # that could tell where the two lead.
+    straight = Rule(LONGEST_GAP, rule.bend, rule.bend, rule.distance)
+    best, least, second, narrowest = -1, 1.0, -1, LONGEST_GAP
+    line = np.empty(4)
+    for k in range(near(walls, walls.ends[row], LONGEST_GAP + rule.distance)):
+        other = walls.found[k]
+        if other == row:
+            continue
+        one, two = walls.ends[row], walls.ends[other]
+        fit, its = walls.fits[row], walls.fits[other]
+        value = misfit(one, fit, two, its, rule)
+        if value < least or (value == least and other < best):
+            if _span(one, two, line) <= 0.0 or not is_crossed(
+                line, cells, FREE_DEPTH, SPARE_BEAMS, WALL_SINE
+            ):
+                best, least = other, value
+        elif best < 0 and fit.shown and its.shown:
+            if misfit(one, fit, two, its, straight) < 1.0:
+                gap = _span(one, two, line)
+                if gap < narrowest and not is_crossed(line, cells, FREE_DEPTH, 0, WALL_SINE):
+                    second, narrowest = other, gap
+    return best if best >= 0 else second
+
+
+@borrower
+def _span(one: Float, other: Float, line: Float) -> float:
+    """Fill in the line (4,) from the end of one wall to where the next begins: its length [m]."""
+    ux, uy = vector_of(one)
+    size = np.hypot(ux, uy)
+    (x, y), (u, v) = end_of(one, 1), end_of(other, 1)
+    ahead = along_of(other, x, y, ux, uy)[0] / size
+    back = along_of(one, u, v, ux, uy)[0] / size
+    if ahead > back:
+        put_line(line, x, y, *end_of(other, 0))
+    else:
+        put_line(line, u, v, *end_of(one, 0))
+    gap: float = max(ahead, back, 0.0)
+    return gap
+
+
+@compiled
+def misfit(ends: Float, moments: Any, other_ends: Float, other: Any, rule: Rule) -> float:
+    """How far the shorter of two segments lies off the longer one's line; 1 is the most allowed."""
+    (x, y), (u, v) = vector_of(ends), vector_of(other_ends)
+    size, length = np.sqrt(x * x + y * y), np.sqrt(u * u + v * v)
+    # Ends run so that the laser stood on the left: opposite ways are two faces of a wall.
+    if x * u + y * v <= SAME_DIRECTION * size * length:
+        return np.inf
+    if size > length:
+        ends, other_ends = other_ends, ends
+        moments, other = other, moments
+        x, y, size, u, v, length = u, v, length, x, y, size
+    x, y, u, v = x / size, y / size, u / length, v / length
+    low, high = along_of(other_ends, other.x, other.y, u, v)
+    first, last = along_of(ends, other.x, other.y, u, v)
+    if max(first - high, low - last) > rule.length:
+        return np.inf
+    shared = min(last, high) - max(first, low)
+    apart = rule.distance if shared > 0.5 * (last - first) else rule.bend
+    own_spread = moments.xx * x * x + 2.0 * moments.xy * x * y + moments.yy * y * y
+    spread = other.xx * u * u + 2.0 * other.xy * u * v + other.yy * v * v
+    worst = 0.0
+    for k in range(0, 4, 2):
+        dx, dy = ends[k] - other.x, ends[k + 1] - other.y
+        along = dx * u + dy * v
+        own = (ends[k] - moments.x) * x + (ends[k + 1] - moments.y) * y
+        variance = 1.0 / moments.weight + own * own / own_spread
+        variance += 1.0 / other.weight + along * along / spread
+        allowed = apart + min(HIT_DEVIATIONS * np.sqrt(variance), rule.most_explained)
+        worst = max(worst, abs(u * dy - v * dx) / allowed)
+    return worst
+
+
+@compiled
+def merge(walls: Walls, kept: int, gone: int) -> None:
+    """Make the first row the exact fit to the points of both, as long as both reach."""
+    ends, own, its = walls.ends, walls.fits[kept], walls.fits[gone]
+    total = own.weight + its.weight
+    share = its.weight / total
+    dx, dy = its.x - own.x, its.y - own.y
+    spread = own.weight * share
+    own.weight = total
+    own.x += share * dx
+    own.y += share * dy
+    own.xx += its.xx + spread * dx * dx
+    own.xy += its.xy + spread * dx * dy
+    own.yy += its.yy + spread * dy * dy
+    angle = 0.5 * np.arctan2(2.0 * own.xy, own.xx - own.yy)
+    u, v = np.cos(angle), np.sin(angle)
+    dx, dy = vector_of(ends[kept])
+    if u * dx + v * dy < 0.0:
+        u, v = -u, -v
+    x, y = own.x, own.y
+    low, high = np.inf, -np.inf
+    for row in (kept, gone):
+        first, last = along_of(ends[row], x, y, u, v)
+        low, high = min(low, first, last), max(high, first, last)
+    put_line(ends[kept], x + low * u, y + low * v, x + high * u, y + high * v)
+    own.points += its.points
+    its.points = 0
+    widen_box(walls, kept)

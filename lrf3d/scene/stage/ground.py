@@ -1,0 +1,136 @@
+"""The ground as a picture, painted once: streets and floors, darker next to walls."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from PIL import Image, ImageChops, ImageDraw, ImageFilter
+
+from lrf3d.geometry import Float
+from lrf3d.scene.shapes import GroundPicture
+from lrf3d.scene.stage.structures import Structures, filled_between
+
+_PIXELS = 2048
+"""Longest side of the picture [pixels]."""
+
+STREET, PAVEMENT = 8.0, 1.7
+"""How far a street reaches past the houses of a town, and the width of the pavement round them [m].
+"""
+
+_FINER, _BLUR = 2, 0.6
+"""Pixels to a side that shapes are painted with in place of one, and how far they are smoothed
+[pixels]: steps in their edges would show."""
+
+_PAVED, _TILE, _JOINT = 134, 178, 160
+"""Brightness, 0…255, of pavements, tiles of a floor, and the joints between them."""
+
+_FLOOR = np.array([1.0, 0.96, 0.90])
+"""Colour of floors."""
+
+_JOINT_WIDTH = 0.015
+"""Width of the joints between the tiles of a floor, which are a metre wide [m]."""
+
+_SHADED, _FADE = 0.45, 0.06
+"""What light is lost next to walls, and the share of the picture, at its edges, in which it goes
+over into the land around."""
+
+_HOLE, _RIM, _AROUND = 4.0, 0.1, 1.6
+"""A floor closes openings in walls of up to twice the first, goes past them by the second, and lies
+so far round the path of a robot where there are no rooms [m]."""
+
+
+class Canvas(NamedTuple):
+    """Where a picture of the ground lies."""
+
+    corner: Float
+    """(2,) its lower left corner [m]."""
+    pixel: float
+    """Size of a pixel [m]."""
+    size: tuple[int, int]
+    """Its width and height [pixels]."""
+
+    @property
+    def extent(self) -> Float:
+        """Width and height (2,) of what is painted [m]."""
+        return self.pixel * np.array(self.size)
+
+    def mask(self, polygons: Any) -> Image.Image:
+        """How much of each pixel polygons cover, with smooth edges."""
+        fine = Image.new("L", [_FINER * side for side in self.size])
+        draw = ImageDraw.Draw(fine)
+        parts = shapely.get_parts(polygons)
+        # Where nothing is near, a union is one polygon of no points.
+        parts = parts[~shapely.is_empty(parts)]
+        # Large ones come first, as what stands in their holes is painted again.
+        for polygon in parts[np.argsort(-shapely.area(parts), kind="stable")]:
+            for ring, value in [(polygon.exterior, 255), *((r, 0) for r in polygon.interiors)]:
+                places = (np.asarray(ring.coords) - self.corner) * (_FINER / self.pixel)
+                draw.polygon(places.ravel().tolist(), fill=value)
+        return fine.reduce(_FINER).filter(ImageFilter.BoxBlur(_BLUR))
+
+
+def canvas_of(structures: Structures) -> Canvas:
+    """Where the picture of the ground of a world lies, coarser the larger it is."""
+    setting = structures.setting
+    ends = structures.places if len(structures.places) else np.zeros((1, 2))
+    if structures.indoor:
+        ends = np.concatenate([ends, structures.path])
+    low, high = ends.min(axis=0) - setting.margin, ends.max(axis=0) + setting.margin
+    pixel = max(float((high - low).max()) / _PIXELS, setting.pixel)
+    width, height = np.ceil((high - low) / pixel).astype(int).tolist()
+    return Canvas(low, pixel, (width, height))
+
+
+def paint_ground(structures: Structures, canvas: Canvas) -> GroundPicture:
+    """Paint the ground of a world: asphalt and pavements, or the floor of a house."""
+    indoor, land = structures.indoor, structures.setting.land
+    cover = Image.new("L", canvas.size, land)
+    walls = shapely.buffer(structures.tree.geometries, 2.0 * canvas.pixel)
+    if indoor:
+        rooms = floor_of(structures)
+        tiles = canvas.mask(rooms)
+        cover.paste(_TILE, mask=tiles)
+        cover.paste(_JOINT, mask=ImageChops.multiply(tiles, canvas.mask(_joints(canvas))))
+    else:
+        around = shapely.buffer(structures.solids, PAVEMENT, join_style="mitre")
+        cover.paste(_PAVED, mask=canvas.mask(around))
+        walls = np.concatenate([walls, structures.solids])
+    # Little light gets next to walls; what changes slowly is painted coarsely.
+    blur = ImageFilter.GaussianBlur(0.25 * structures.setting.shade / canvas.pixel)
+    near = canvas.mask(walls).reduce(4).filter(blur)
+    shade = np.asarray(near.resize(canvas.size, Image.Resampling.BILINEAR)) / np.float32(255.0)
+    seen = np.asarray(cover) * (1.0 - _SHADED * shade)
+    seen = land + _fading(*canvas.size) * (seen - land)
+    paint = _FLOOR if indoor else np.ones(3)
+    picture = np.round(seen[..., None] * paint).astype(np.uint8)
+    return GroundPicture(picture, canvas.corner, canvas.extent, land / 255.0 * paint)
+
+
+def _joints(canvas: Canvas) -> list[Any]:
+    """The joints between the tiles of a floor."""
+    (left, low), (right, high) = canvas.corner, canvas.corner + canvas.extent
+    half = 0.5 * max(_JOINT_WIDTH, canvas.pixel)
+    x, y = (np.arange(np.ceil(begin), end) for begin, end in ((left, right), (low, high)))
+    rows = shapely.box(left, y - half, right, y + half)
+    return [*shapely.box(x - half, low, x + half, high), *rows]
+
+
+def _fading(width: int, height: int) -> Float:
+    """How much of the ground is seen: all of it but at the edges, where it fades."""
+    along, up = (
+        np.clip(np.minimum(places, 1.0 - places) / _FADE, 0.0, 1.0)
+        for places in ((np.arange(side) + 0.5) / side for side in (width, height))
+    )
+    return np.outer(up, along)
+
+
+def floor_of(structures: Structures) -> Any:
+    """The floor of a house, as a shapely geometry: its rooms, and under the path outside them."""
+    filled = filled_between(structures.segments, _HOLE)
+    rooms = shapely.union_all(shapely.buffer(filled, _RIM - _HOLE, join_style="mitre"))
+    shapely.prepare(rooms)
+    path = structures.path[:: max(1, len(structures.path) // 2000)]
+    outside = path[~shapely.contains_xy(rooms, *path.T)]
+    floor = shapely.union_all([rooms, *shapely.buffer(shapely.points(outside), _AROUND)])
+    # Where these meet rooms there are no corners.
+    return shapely.buffer(shapely.buffer(floor, _AROUND), -_AROUND)

@@ -1,0 +1,277 @@
+"""What of a world is in sight, and what its walls make up: buildings, and walls that stand free.
+
+Enters: a world and where the robot drove. Leaves: arrays of what is in sight, in the film's own
+frame. What is drawn costs what is looked at, however large the world is: walls end where nothing is
+drawn any more. The frame's origin lies among them, as graphics count in float32, which far from
+their origin knows no centimetres.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from lrf3d.geometry import LEFT, Bool, Float, Int, directions, lengths
+from lrf3d.run import Run
+from lrf3d.scene.look import (
+    NIGHT_LOW,
+    OUTLINE,
+    OUTLINE_STRENGTH,
+    ROOMS,
+    SECTION,
+    TOWN,
+    Setting,
+    object_colours,
+)
+from lrf3d.scene.shapes import Lines, single
+from lrf3d.world import World
+
+SIGHT_DISTANCE = 4000.0
+"""Distance [m] up to which things are drawn: haze hides what is far beyond a tenth of it."""
+
+
+class Sight(NamedTuple):
+    """The part of a world that can be seen."""
+
+    world: World
+    """The walls within :data:`SIGHT_DISTANCE` of the path; where those are all, the world itself.
+    """
+    origin: Float
+    """(2,) whole metres near their middle: the origin of the frame to draw in."""
+
+    @classmethod
+    def of(cls, world: World, path: Float | None = None) -> "Sight":
+        """What can be seen of a world from a path (k, 2) and from its cameras; all without one."""
+        if path is None or not len(path):
+            return cls(world, world.origin)
+        stands = [np.reshape([c.position[:2], c.target[:2]], (2, 2)) for c in world.cameras]
+        places = np.concatenate([path, *stands])
+        low, high = places.min(axis=0), places.max(axis=0)
+        world = _near(world, low - SIGHT_DISTANCE, high + SIGHT_DISTANCE)
+        there = len(world.segments) > 0
+        return cls(world, world.origin if there else np.round(0.5 * (low + high)))
+
+    @classmethod
+    def of_run(cls, run: Run) -> "Sight":
+        """What can be seen of a run's world."""
+        return cls.of(run.world, run.trajectory.poses[:, :2])
+
+
+def _near(world: World, low: Float, high: Float) -> World:
+    """The world within a box, its walls cut where they leave it; itself where none does."""
+    ends = world.segments.reshape(-1, 2)
+    if ((ends >= low) & (ends <= high)).all() and world.heights.max(initial=0.0) <= SIGHT_DISTANCE:
+        return world
+    pieces = shapely.clip_by_rect(shapely.linestrings(ends.reshape(-1, 2, 2)), *low, *high)
+    kept = np.flatnonzero(shapely.length(pieces) > 0.0)
+    objects = world.objects[kept]
+    count = int(objects.max(initial=-1)) + 1
+    return replace(
+        world,
+        segments=shapely.get_coordinates(pieces[kept]).reshape(-1, 4),
+        objects=objects,
+        heights=np.minimum(world.heights[kept], SIGHT_DISTANCE),
+        object_names=world.object_names[:count],
+        colours=world.colours[:count],
+        materials=world.materials[:count],
+    )
+
+
+INDOOR_HEIGHT = 3.5
+"""Walls up to here [m] are those of rooms: a storey."""
+
+_DOOR, _ENCLOSED, _AS_HIGH = 2.0, 0.9, 0.4
+"""Half the width of openings in the walls of a hall [m], the share of all walls that lie within
+them, and how high they are, beside the highest wall, at the least."""
+
+_PROBE = 0.005
+"""How far beside a wall [m] its inside is felt for: less than any wall is thick."""
+
+_OUTLINE_WIDTH, _STOREY, _STOREY_STRENGTH = 1.1, 3.1, 0.4
+"""Width of the edges of houses [pixels of 720 lines], height of a storey [m], and the opacity of
+the dark joint over it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Structures:
+    """The walls of a world in the film's frame, and the solids that they close round."""
+
+    segments: Float
+    """(n, 4) walls x1 y1 x2 y2 [m]; those of solids run with the inside on the left."""
+    objects: Int
+    """(n,) the object that each wall belongs to."""
+    heights: Float
+    """(n,) heights [m]."""
+    colours: Float
+    """(n, 3) red, green, blue in 0…1."""
+    closed: Bool
+    """(n,) whether the wall belongs to a solid and so has one visible side."""
+    solids: NDArray[Any]
+    """(k,) polygons of the solids."""
+    solid_objects: Int
+    """(k,) the object that each solid is."""
+    solid_heights: Float
+    """(k,) heights of their roofs [m]."""
+    solid_colours: Float
+    """(k, 3) colours of their walls."""
+    indoor: bool
+    """Whether this is the inside of a house."""
+    origin: Float
+    """(2,) where the origin of the film's frame lies in the world [m]."""
+    path: Float
+    """(k, 2) where a robot drives [m]."""
+
+    @cached_property
+    def tree(self) -> shapely.STRtree:
+        """A search tree of the walls."""
+        return shapely.STRtree(shapely.linestrings(self.segments.reshape(-1, 2, 2)))
+
+    @classmethod
+    def from_run(cls, run: Run) -> "Structures":
+        """Find the solids of a run's world; outlines that it drove inside of are not.
+
+        Walls that are known from scans alone are low: they hide neither the robot nor the map.
+        """
+        world = run.world
+        if not run.knows_truth:
+            world = replace(world, heights=np.minimum(world.heights, SECTION))
+        return cls.from_world(world, run.trajectory.poses[:, :2])
+
+    @classmethod
+    def from_world(cls, world: World, path: Float | None = None) -> "Structures":
+        """Find the solids of a world; an outline around a robot's path (k, 2) is not one.
+
+        What cannot be seen from the path is left out; all is there where no path is given.
+        """
+        sight = Sight.of(world, path)
+        world, origin = sight.world, sight.origin
+        segments = world.segments - np.tile(origin, 2)
+        path = np.zeros((0, 2)) if path is None else path - origin
+        areas = _areas(segments, world.objects, world.object_count)
+        areas[_rooms(areas, segments, world.objects, path)] = None
+        left, right = (_inside(areas[world.objects], segments, aside) for aside in (1.0, -1.0))
+        closed, turned, facing = left != right, right & ~left, segments.copy()
+        facing[turned] = segments[turned][:, [2, 3, 0, 1]]
+        indoor = bool(world.heights.max(initial=0.0) <= INDOOR_HEIGHT) or _enclosed(
+            segments, world.heights, closed, path
+        )
+        colours = object_colours(world, indoor=indoor)
+        found = np.flatnonzero(~shapely.is_missing(areas))
+        tops = np.zeros(world.object_count)
+        np.maximum.at(tops, world.objects, world.heights)
+        return cls(
+            segments=facing,
+            objects=world.objects,
+            heights=world.heights,
+            colours=colours[world.objects].reshape(-1, 3),
+            closed=closed,
+            solids=areas[found],
+            solid_objects=found,
+            solid_heights=tops[found],
+            solid_colours=colours[found].reshape(-1, 3),
+            indoor=indoor,
+            origin=origin,
+            path=path,
+        )
+
+    @property
+    def setting(self) -> Setting:
+        """How streets or rooms look."""
+        return ROOMS if self.indoor else TOWN
+
+    @property
+    def places(self) -> Float:
+        """Ends (m, 2) of all walls [m]."""
+        return self.segments.reshape(-1, 2)
+
+
+def outlines_of(structures: Structures) -> Lines:
+    """Edges and storeys of houses as faint lines; of rooms, where walls are cut."""
+    walls, tops = structures.segments, structures.heights
+    if structures.indoor:
+        tops = np.minimum(tops, SECTION)
+        storeys, levels = walls[:0], tops[:0]
+    else:
+        walls, tops = walls[structures.closed], tops[structures.closed]
+        count = np.maximum(np.ceil(tops / _STOREY) - 1.0, 0.0).astype(int)
+        number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + 1
+        storeys, levels = np.repeat(walls, count, axis=0), _STOREY * number
+    (a, b), (c, d) = (
+        [np.column_stack([ends, high]) for ends in np.hsplit(lines, 2)]
+        for lines, high in ((walls, tops), (storeys, levels))
+    )
+    starts, ends = np.concatenate([a, a * [1.0, 1.0, 0.0], c]), np.concatenate([b, a, d])
+    counts, strong = [len(walls), len(walls), len(storeys)], OUTLINE_STRENGTH
+    strengths = [strong, strong], [0.2 * strong, strong], [_STOREY_STRENGTH] * 2
+    opacities = single(np.repeat(strengths, counts, axis=0))
+    colours = single(np.repeat([OUTLINE, OUTLINE, NIGHT_LOW], counts, axis=0))
+    return Lines(single(starts), single(ends), colours, opacities, _OUTLINE_WIDTH)
+
+
+def _enclosed(segments: Float, heights: Float, closed: Bool, path: Float) -> bool:
+    """Whether walls that stand free enclose the rest and the path: a hall or a flat, no town."""
+    free = ~closed
+    if not free.any() or not len(path):
+        return False
+    if float(np.median(heights[free])) < _AS_HIGH * float(heights.max()):
+        return False
+    filled = filled_between(segments[free], _DOOR)
+    hall = shapely.simplify(filled[int(np.argmax(shapely.area(filled)))], 0.1)
+    shapely.prepare(hall)
+    middles = 0.5 * (segments[:, :2] + segments[:, 2:])
+    within = shapely.contains_xy(hall, *middles.T) * lengths(segments)
+    inside = shapely.contains_xy(shapely.buffer(hall, -_DOOR), *path.T)
+    return bool(inside.all() and within.sum() >= _ENCLOSED * lengths(segments).sum())
+
+
+def filled_between(segments: Float, reach: float) -> NDArray[Any]:
+    """Polygons (k,) of what walls (n, 4) and a reach round them [m] close round, without holes."""
+    walls = shapely.buffer(shapely.linestrings(segments.reshape(-1, 2, 2)), reach)
+    parts = shapely.get_parts(shapely.union_all(walls))
+    parts = parts[shapely.get_type_id(parts) == 3]
+    return np.asarray(shapely.polygons(shapely.get_exterior_ring(parts)))
+
+
+def enclosed_areas(segments: Float, objects: Int, count: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    """The walls (count,) of each object, and what they enclose; None for objects without walls."""
+    lines = shapely.linestrings(segments.reshape(-1, 2, 2))
+    order, groups = np.argsort(objects, kind="stable"), np.full(count, None, dtype=object)
+    groups = shapely.multilinestrings(lines[order], indices=objects[order], out=groups)
+    # Areas need an end wherever walls touch or cross, and one wall where two lie on each other.
+    # Ends a millimetre apart are one corner: files round their coordinates.
+    groups = shapely.union(groups, shapely.MultiLineString(), grid_size=1e-3)
+    return groups, shapely.build_area(groups)
+
+
+def _areas(segments: Float, objects: NDArray[Any], count: int) -> NDArray[Any]:
+    """The polygon (count,) that each object's walls close round, or None where they do not."""
+    areas = np.full(count, None, dtype=object)
+    groups, built = enclosed_areas(segments, objects, count)
+    # Each wall of a solid is a part of its outline; a wall that is not leaves the object open.
+    whole = shapely.length(shapely.boundary(built)) >= 0.99 * shapely.length(groups)
+    solid = whole & (shapely.area(built) > 1e-4)
+    areas[solid] = built[solid]
+    return areas
+
+
+def _rooms(areas: NDArray[Any], segments: Float, objects: Int, path: Float) -> Bool:
+    """Which areas (k,) are no solids: the robot was inside, or all walls of another object are."""
+    tree, count = shapely.STRtree(areas), len(areas)
+    _, rooms = tree.query(shapely.points(path), "within")
+    middles = shapely.points(0.5 * (segments[:, :2] + segments[:, 2:]))
+    wall, area = tree.query(middles, predicate="within")
+    # Pairs of an object and an area that some of its walls are in.
+    pairs, counts = np.unique(objects[wall] * count + area, return_counts=True)
+    owner, around = np.divmod(pairs, count)
+    whole = (owner != around) & (counts == np.bincount(objects, minlength=count)[owner])
+    return np.isin(np.arange(count), [*rooms, *around[whole]])
+
+
+def _inside(areas: NDArray[Any], walls: Float, aside: float) -> Bool:
+    """Whether areas (n,) lie on the left (1), or the right (−1), of walls (n, 4)."""
+    places = 0.5 * (walls[:, :2] + walls[:, 2:]) + aside * _PROBE * directions(walls) @ LEFT
+    shapely.prepare(areas)
+    return np.asarray(shapely.contains_xy(areas, *places.T))

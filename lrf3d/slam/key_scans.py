@@ -1,0 +1,239 @@
+"""Key scans: what the lasers of a robot saw at one moment, and how that agrees with other points.
+
+Scans enter, and become key scans. A point as seen from a key scan is out of view, hidden, hit, or
+passed by beams. At the right place most of what a scan hit was hit by others, or is new, and hardly
+any of it lies where their beams went through.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lrf3d.compiling import compiled
+from lrf3d.geometry import Float, Records, wrap_angle
+from lrf3d.laser import LaserScan
+from lrf3d.laser.range_finder import CENTRE
+from lrf3d.laser.unrolling import unrolled
+from lrf3d.pose import Pose, between
+from lrf3d.slam.motion import FORGETTING
+from lrf3d.slam.surface import (
+    CONNECTED,
+    CONNECTED_GROWTH,
+    FLATTEST,
+    LEAST_NOISE,
+    placement,
+    points_of,
+    range_noise,
+    surface_of_scan,
+    thinned,
+)
+
+BEHIND, AT = 0.3, 0.05
+"""A beam passed a point if it ends this far behind it [m], and hit it if within the second [m]."""
+
+COUNTED = 120
+"""Most points of a scan that count as evidence."""
+
+CHANCE, NEW = 0.05, 0.1
+"""Share of points that agree or disagree by chance, and share of new points that count as
+disagreeing."""
+
+APART, TURNED_APART = 0.3, 0.1
+"""Two poses that differ by more [m], [rad] are different places."""
+
+MOST_THROUGH = 0.04
+"""Largest share of points that beams may pass through: doors open and people walk."""
+
+FARTHER_OFF, ENOUGH_SEEN = 2.0, 1000
+"""Factor on the rate of mixed pixels, as more beams meet edges from farther off, and number of
+points from which that rate counts fully."""
+
+Moment = tuple[LaserScan, ...]
+"""The scans of all lasers at one moment."""
+
+
+class Fan(NamedTuple):
+    """The beams of a laser at x, y [m] on the robot: rising angles [rad], and ranges [m]."""
+
+    x: float
+    y: float
+    angles: Float
+    ranges: Float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Key:
+    """A key scan: its number among all scans, and its pose (3,) in the front end's drifting frame.
+
+    It is recognised by its surface, in the frame of the robot, and adds walls to a map; its hits
+    are the points of all returns, without normals. The ranges of its fans have a noise [m].
+    """
+
+    scan: int
+    pose: Float
+    surface: Records
+    walls: Records
+    hits: Records
+    fans: tuple[Fan, ...]
+    noise: float
+
+
+class Sight:
+    """Converts scans to key scans, and learns their range noise.
+
+    Lasers without a mount are a distance [m] ahead of the robot's centre.
+    """
+
+    def __init__(self, laser_offset: float = 0.0) -> None:
+        self._laser = Pose(float(laser_offset), 0.0, 0.0)
+        self._noise = 0.0
+
+    def seen(self, scan: LaserScan | Moment, number: int = 0) -> Key:
+        """Convert the scans of a moment to a key-scan candidate at the origin."""
+        scans = (scan,) if isinstance(scan, LaserScan) else scan
+        for each in scans:
+            kept = FORGETTING if self._noise else 0.0
+            self._noise = kept * self._noise + (1.0 - kept) * range_noise(each)
+        fans, surface = list[Fan](), self.surface(scans)
+        for each in scans:
+            x, y, heading = self.mount(each)
+            # A laser that is mounted upside down turns clockwise.
+            order = -1 if each.angles[0] > each.angles[-1] else 1
+            fans.append(Fan(x, y, (each.angles + heading)[::order], each.ranges[::order]))
+        hits = np.concatenate([points_of(each, self.mount(each)) for each in scans])
+        origin = np.zeros(3)
+        return Key(number, origin, surface, thinned(surface), hits, tuple(fans), self._noise)
+
+    def mount(self, scan: LaserScan) -> Pose:
+        """The pose of a scan's laser on the robot."""
+        return self._laser if scan.mount == CENTRE else scan.mount
+
+    def surface(self, scan: LaserScan | Moment) -> Records:
+        """The surface that the scans of a moment show, in the frame of the robot."""
+        scans = (scan,) if isinstance(scan, LaserScan) else scan
+        noise = max(self._noise, LEAST_NOISE)
+        return np.concatenate(
+            [surface_of_scan(unrolled(each), self.mount(each), noise) for each in scans]
+        )
+
+
+def views_of(points: Records, poses: Float, keys: Sequence[Key]) -> NDArray[np.uint8]:
+    """How key scans (k,) saw points (m,), whose frame is at poses (k, 3) as seen from them.
+
+    Walls that beams run along are out of view. Each of (k, m) is 0 for a point out of view, 1 in
+    view, 2 where beams pass through, and 3 where they hit something.
+    """
+    views = np.zeros((len(keys), len(points)), np.uint8)
+    for row, key in enumerate(keys):
+        for fan in key.fans:
+            # What one laser hit, another may have missed, and so on down to out of view.
+            np.maximum(views[row], _view(points, poses[row], fan, key.noise), out=views[row])
+    return views
+
+
+@compiled
+def _view(points: Records, pose: Float, fan: Fan, noise: float) -> NDArray[np.uint8]:
+    """How a scan saw points (m,), whose frame is at a pose (3,).
+
+    A beam counts with the least of its own and its neighbours' ranges, so that one that slips past
+    an edge contradicts nothing. What lies between two beams that met one surface was hit, too.
+    """
+    angles, ranges = fan.angles, fan.ranges
+    begin = angles[0]
+    step = (angles[-1] - begin) / (len(angles) - 1)
+    passed, hit = BEHIND + 3.0 * noise, AT + 3.0 * noise
+    at, views = placement(pose), np.zeros(len(points), np.uint8)
+    for i in range(len(points)):
+        point = points[i]
+        dx = at.x + at.cos * point.x - at.sin * point.y - fan.x
+        dy = at.y + at.sin * point.x + at.cos * point.y - fan.y
+        away = np.arctan2(dy, dx) - begin
+        away -= 2.0 * np.pi * np.floor(away / (2.0 * np.pi))
+        beam = int(away / step + 0.5)
+        if beam < 1 or beam > len(angles) - 2:
+            continue
+        least = min(ranges[beam - 1], ranges[beam], ranges[beam + 1])
+        if not (least > 0.0 and np.isfinite(least)):
+            continue
+        distance = np.sqrt(dx * dx + dy * dy)
+        nx, ny = at.cos * point.nx - at.sin * point.ny, at.sin * point.nx + at.cos * point.ny
+        # A post has no normal.
+        if 0.0 < abs(nx * dx + ny * dy) <= FLATTEST * distance:
+            continue
+        views[i] = 2 if least > distance + passed else 1
+        for side in range(-1, 2):
+            one, other = ranges[beam], ranges[beam + side]
+            joined = abs(one - other) < CONNECTED + CONNECTED_GROWTH * distance
+            if joined and min(one, other) - hit < distance < max(one, other) + hit:
+                views[i] = 3
+    return views
+
+
+def evidence(hits: Records, explained: float, poses: Float, keys: Sequence[Key]) -> float:
+    """The log odds of a place from which a scan hit points (m,).
+
+    The share of points that matching explains and the share that other beams hit support the place;
+    points that beams passed contradict it. The other arguments are those of `views_of`.
+    """
+    if not len(hits):
+        return -np.inf
+    views = views_of(np.ascontiguousarray(hits[:: 1 + len(hits) // COUNTED]), poses, keys)
+    hit = (views == 3).any(axis=0)
+    passed = float(((views == 2).any(axis=0) & ~hit).mean())
+    shares = np.array([float(hit.mean()), explained])
+    against = passed + NEW * np.maximum(1.0 - shares - passed, 0.0)
+    return float(np.log((shares + CHANCE) / (against + CHANCE)).sum())
+
+
+def same_place(first: Float, second: Float, tolerance: float = 1.0) -> bool:
+    """Whether two poses (3,) are the same place."""
+    x, y, turn = first - second
+    apart, turned = np.hypot(x, y), abs(wrap_angle(turn))
+    return bool(apart < tolerance * APART and turned < tolerance * TURNED_APART)
+
+
+def seen_through_both(olds: Sequence[Key], new: Key, poses: Float) -> tuple[int, int]:
+    """The number of points of a key scan and of others that the other's beams pass, and views.
+
+    The poses (k, 3) are those of the key scan as seen from the others.
+    """
+    views = [views_of(new.surface, poses, olds).ravel()]
+    for old, back in zip(olds, between(poses, np.zeros(3)), strict=True):
+        views.append(views_of(old.surface, back[None], [new])[0])
+    _, in_view, passed, hit = np.bincount(np.concatenate(views), minlength=4).tolist()
+    return passed, in_view + passed + hit
+
+
+class MixedPixels:
+    """The share of points that beams pass at right places, learnt from adjacent key scans.
+
+    Beams that meet two surfaces, hedges and glass set this rate for each recording.
+    """
+
+    def __init__(self) -> None:
+        self._through = self._seen = 0
+
+    def learn(self, olds: Iterable[Key], new: Key) -> None:
+        """Add a key scan and those just before it, at their poses by the front end."""
+        if olds := list(olds):
+            poses = between(np.array([key.pose for key in olds]), new.pose)
+            through, seen = seen_through_both(olds, new, poses)
+            self._through, self._seen = self._through + through, self._seen + seen
+
+    @property
+    def rate(self) -> float:
+        """The share; 0 before anything was learnt."""
+        return self._through / max(self._seen, ENOUGH_SEEN)
+
+    def contradict(self, olds: Sequence[Key], new: Key, poses: Float) -> bool:
+        """Whether beams pass more points than at a right place; arguments as above."""
+        through, seen = seen_through_both(olds, new, poses)
+        return through > most_through(self.rate) * max(seen, 1)
+
+
+def most_through(rate: float) -> float:
+    """Largest share of points that beams may pass, by the rate of mixed pixels."""
+    return MOST_THROUGH + FARTHER_OFF * rate

@@ -1,0 +1,44 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import lrf3d
+from lrf3d.slam.checks import doubtful_mount, doubtful_poses
+
+
+@pytest.fixture(scope="module")
+def scans():
+    run = lrf3d.load_scenario("corridor").run(scans=60)
+    return [run.scan(number) for number in range(len(run))]
+
+
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+@pytest.mark.parametrize("turn", [0.0, 90.0, 180.0, -90.0])
+def test_a_laser_that_is_mounted_otherwise_than_declared_is_named(turn, sense, scans):
+    declared = lrf3d.Pose(0.0, 0.0, -np.radians(turn))
+    changed = [
+        replace(each, angles=sense * each.angles, pose=each.pose @ declared, mount=declared)
+        for each in scans
+    ]
+    doubt = doubtful_mount(changed) or ""
+    assert (f"turned by {turn:.0f}°" in doubt) == (turn != 0.0)
+    assert ("mirrored" in doubt) == (sense < 0.0)
+
+
+@pytest.mark.parametrize(
+    ("changed", "reason"),
+    [
+        (lambda pose, k: pose, ""),
+        (
+            lambda pose, k: lrf3d.Pose(1e3 * pose.x, 1e3 * pose.y, pose.theta),
+            "contradict the scans",
+        ),
+        (lambda pose, k: lrf3d.Pose(pose.x + 30.0 * (k > 30), pose.y, pose.theta), "jump by 30"),
+        (lambda pose, k: lrf3d.Pose(0.0, 0.0, 0.0), "stay at one place"),
+    ],
+)
+def test_poses_that_do_not_fit_the_scans_are_named(changed, reason, scans):
+    moved = [replace(each, pose=changed(each.pose, k)) for k, each in enumerate(scans)]
+    doubt = doubtful_poses(moved)
+    assert reason in (doubt or "") and bool(doubt) == bool(reason)

@@ -1,0 +1,62 @@
+import numpy as np
+
+from lrf3d.casting import PlanarCaster
+from lrf3d.laser import LaserRangeFinder
+from lrf3d.pose import Pose, between
+from lrf3d.slam.front_end import FrontEnd
+from lrf3d.slam.key_scans import Fan, Key, Sight, evidence, views_of
+from lrf3d.slam.surface import SURFACE, thinned
+from lrf3d.world import World
+
+
+def seen_by(ranges, points):
+    """How a key scan of 11 beams saw points and normals (n, 4)."""
+    nothing = np.empty(0, SURFACE)
+    fan = Fan(0.0, 0.0, np.linspace(-0.5, 0.5, 11), ranges)
+    key = Key(0, np.zeros(3), nothing, nothing, nothing, (fan,), 0.01)
+    rows = np.ascontiguousarray(points, dtype=float).view(SURFACE)[:, 0]
+    return views_of(rows, np.zeros((1, 3)), [key]).tolist()
+
+
+def test_what_the_other_saw_is_passed_hidden_out_of_view_or_hit():
+    points = np.array([[2.0, 0.0], [4.2, 0.0], [3.8, 0.3], [2.0, 30.0], [4.0, 0.1]])
+    posts = np.pad(points, ((0, 0), (0, 2)))
+    assert seen_by(np.full(11, 4.0), posts) == [[2, 1, 1, 0, 3]]
+
+
+def test_a_wall_that_beams_run_along_is_out_of_view():
+    """Where the laser stands in the plane of a thin wall, its beams pass beside the wall."""
+    along, across, post = [4.0, 0.1, 0.0, 1.0], [4.0, 0.1, -1.0, 0.0], [4.0, 0.1, 0.0, 0.0]
+    assert seen_by(np.full(11, 9.0), [along, across, post]) == [[0, 2, 2]]
+
+
+def test_most_speaks_for_the_right_place_even_where_little_is_explained():
+    """Of trunks and bushes matching explains nothing."""
+    rng = np.random.default_rng(0)
+    trunks = rng.uniform([2.0, -6.0], [12.0, 6.0], (30, 2))
+    world = World(np.hstack([trunks, trunks + np.array([0.0, 0.1])]))
+    sight, lrf = Sight(), LaserRangeFinder(beams=721)
+    poses = np.array([[0.0, 0.0, 0.0], [0.5, 0.2, 0.3]])
+    old, new = (sight.seen(PlanarCaster(world).cast(lrf, tuple(pose))) for pose in poses)
+    true = between(poses[0], poses[1])
+    right = evidence(new.hits, 0.0, true[None], [old])
+    for off in ([0.4, 0.0, 0.0], [0.0, -0.4, 0.0], [0.0, 0.0, 0.15], [-1.0, 1.0, -0.3]):
+        assert right > evidence(new.hits, 0.0, (true + off)[None], [old]) + 1.0
+
+
+WORLD = World([[0, 0, 6, 0], [6, 0, 6, 4], [6, 4, 0, 4], [0, 4, 0, 0], [50, 0, 50, 9]])
+
+
+def test_a_lost_scan_adds_what_it_saw_itself_to_the_local_map():
+    """It is not where the map shows anything: the next scan can be matched with it alone."""
+    front, lrf = FrontEnd(Pose(0, 0, 0)), LaserRangeFinder(range_max=10)
+    poses = (3.0, 2.0, 0.0), (3.2, 2.0, 0.0), (44.0, 4.0, 0.0)
+    scans = [Sight().seen(PlanarCaster(WORLD).cast(lrf, pose)) for pose in poses]
+    steps = np.array([[0.0, 0.0, 0.0], [0.2, 0.0, 0.0], [40.8, 2.0, 0.0]])
+    for scan, step in zip(scans, steps, strict=True):
+        placed = front.track(scan, step)
+        key = front.key(scan)
+        if scan is scans[0]:
+            front.add_key(key)
+    assert not placed.matched
+    assert np.array_equal(key.walls, thinned(scans[2].surface))
