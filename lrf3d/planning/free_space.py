@@ -56,7 +56,9 @@ class Ground:
         low, high = _window(
             segments.reshape(-1, 2), None if start is None else start - world.origin
         )
-        lines = shapely.clip_by_rect(shapely.linestrings(segments.reshape(-1, 2, 2)), *low, *high)
+        # Walls just beyond the part that is planned in are near to its border.
+        box = *(low - WIDEST_DOOR), *(high + WIDEST_DOOR)
+        lines = shapely.clip_by_rect(shapely.linestrings(segments.reshape(-1, 2, 2)), *box)
         # Distances are measured to the ends of pieces of a decimetre, and off by 3 mm at most.
         pieces, walls = shapely.get_coordinates(shapely.segmentize(lines, 0.1), return_index=True)
         if not len(pieces):

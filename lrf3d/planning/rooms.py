@@ -148,7 +148,8 @@ def shown_share(world: World, positions: Float, shown: Float, walls: Int) -> flo
         side = ground.on_side("outside" if outside else "inside", None)
     if not outside:
         rooms = np.where(side, ground.rooms, 0)
-        reach = groups(*ground.doorways[0].T, int(rooms.max()) + 1)
+        one, other = ground.doorways[0].T
+        reach = groups(one, other, int(ground.rooms.max()) + 1)
         near = np.isin(reach[rooms], reach[rooms[reached & (rooms > 0)]])
         side = (near | np.isin(rooms, true_rooms(ground, side, closed=True))) & (rooms > 0)
     along = np.unique(ground.nearest[side])

@@ -130,7 +130,7 @@ def _cover(seen: Bool, weights: Float, appeal: Float) -> list[int]:
 
 def _paths(space: FreeSpace, start: int, ends: Int) -> list[Int]:
     """The places of the cheapest paths from a start to each end, which are places."""
-    _, before = dijkstra(space.graph, indices=start, return_predecessors=True)
+    before = dijkstra(space.graph, indices=[int(start)], return_predecessors=True)[1][0]
     paths = []
     for end in ends.tolist():
         path = [end]

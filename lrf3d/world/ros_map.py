@@ -60,7 +60,9 @@ def read_ros_map(path: Path) -> World:
         data = loader.construct_document(node) if node else None
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise WorldError(f"not YAML: {' '.join(str(error).split())[:120]}") from None
-    if not (isinstance(data, dict) and {"image", "resolution", "origin"} <= set(data)):
+    if node is None or not (
+        isinstance(data, dict) and {"image", "resolution", "origin"} <= set(data)
+    ):
         raise WorldError("expected the description of a ROS map: image, resolution, origin")
     lines: dict[str, int] = {}
     for key, _ in node.value:
@@ -69,7 +71,8 @@ def read_ros_map(path: Path) -> World:
             twice = f"the key {shown(name)} stands in line {first}, too; remove one"
             raise WorldError(f"line {line}: {twice}")
     texts = ("image", "mode")
-    values = {"occupied_thresh": 0.65, "free_thresh": 0.25, "negate": 0, "mode": "trinary"}
+    usual = {"occupied_thresh": 0.65, "free_thresh": 0.25, "negate": 0, "mode": "trinary"}
+    values: dict[str, Any] = {**usual}
     for key in filter(KEYS.__contains__, data):
         values[key] = KEYS[key](data[key] if key in texts else _plain(data[key]), key)
     name = re.split(r"[/\\]", values["image"])[-1]
