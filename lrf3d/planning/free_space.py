@@ -53,9 +53,8 @@ class Ground:
 
     def __init__(self, world: World, start: Float | None = None) -> None:
         segments = world.segments - np.tile(world.origin, 2)
-        low, high = _window(
-            segments.reshape(-1, 2), None if start is None else start - world.origin
-        )
+        around = None if start is None else start - world.origin
+        low, high = _window(segments.reshape(-1, 2), around)
         # Walls just beyond the part that is planned in are near to its border.
         box = *(low - WIDEST_DOOR), *(high + WIDEST_DOOR)
         lines = shapely.clip_by_rect(shapely.linestrings(segments.reshape(-1, 2, 2)), *box)
@@ -271,16 +270,13 @@ def find_free_space(
         begin = int(row), int(column)
         # A wall may be between them.
         if apart[begin] > ground.tree.query(start - ground.world.origin)[0]:
-            x, y = start.tolist()
-            raise InputError(
-                f"{name}: no room {least:g} m off walls around the start ({x:g}, {y:g})"
-            )
+            around = "around the start ({:g}, {:g})".format(*start)
+            raise InputError(f"{name}: no room {least:g} m off walls {around}")
     allowed = free & ground.on_side(where, begin)
     if not allowed.any():
         place = f"place {where} the walls" if where else "place"
-        raise InputError(
-            f"{name}: no {place} {least:g} m away from all walls; give a route or a smaller radius"
-        )
+        found = f"no {place} {least:g} m away from all walls"
+        raise InputError(f"{name}: {found}; give a route or a smaller radius")
     if begin is not None and not allowed[begin]:
         raise InputError(f"{name}: the start does not lie {where} the walls")
     space = FreeSpace(ground, radius, allowed, begin)
@@ -295,9 +291,8 @@ def find_free_space(
         along = np.unique(part * pieces + ground.nearest[allowed]) // pieces
         # Around the walls of a map there may be a strip of free cells.
         open_air = np.bincount(part, ground.swept[allowed]) > 0.5 * np.bincount(part)
-        chosen = np.argmax(
-            np.where(open_air, SUBSTANTIAL, 1.0) * np.bincount(along, minlength=count)
-        )
+        worth = np.where(open_air, SUBSTANTIAL, 1.0)
+        chosen = np.argmax(worth * np.bincount(along, minlength=count))
     kept = allowed.copy()
     kept[allowed] = part == chosen
     return FreeSpace(ground, radius, kept, begin)

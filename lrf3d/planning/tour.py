@@ -19,10 +19,6 @@ BEAMS, HEADINGS = 360, 8
 TIGHT, ROOM = 0.3, 4.0
 """Factor of the worth of a lookout without comfort; the worth of a room [m of wall]."""
 
-SHORTEST_ROUTE, LONGEST_ROUTE = 20.0, 800.0
-"""Shortest route [m], some seconds of driving: where a few steps show all walls, the robot also
-drives to the ends of the free space; and the longest one, some minutes."""
-
 
 def find_tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
     """The paths of a tour, through places of a free space, that shows much in few metres.
@@ -59,7 +55,8 @@ def find_tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
         detour = detours.min(axis=0)
         worth = views @ np.where(shown, 0.0, weights) / np.maximum(detour, 1.0)
         worth[order] = 0.0
-        worth[steps.sum() + detour > LONGEST_ROUTE] = 0.0
+        # Some minutes of driving.
+        worth[steps.sum() + detour > 800.0] = 0.0
         best = int(np.argmax(worth))
         # Another metre must show two centimetres of wall.
         if worth[best] < 0.02:
@@ -69,7 +66,8 @@ def find_tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
     tours = [_legs(space, paths, each) for each in ([order] if kept else [order, order[::-1]])]
     legs = max(tours, key=lambda legs: float(weights @ _shown(space, legs, seen, patch_of)))
     end = int(legs[-1][-1] if legs else lookouts[0])
-    while sum(_length(space, leg) for leg in legs) < SHORTEST_ROUTE:
+    # Where a few steps show all walls, the robot also drives to the ends of the free space.
+    while sum(_length(space, leg) for leg in legs) < 20.0:
         apart = np.hypot(*(space.places - space.places[end]).T)
         goal = int(np.argmax(apart * np.where(comfortable, 1.0, TIGHT)))
         if goal == end:
