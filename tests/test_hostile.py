@@ -10,7 +10,6 @@ from PIL import Image
 import lrf3d
 from lrf3d.errors import shown
 from lrf3d.io import bag_files
-from lrf3d.io.trajectory_files import load_relations
 
 WALL = "[[object]]\npoints = [[0, 0], [4, 0], [4, 3]]\n"
 FREE = "[free]\nresolution = 1.0\norigin = [0, 0, 0]\nrows = "
@@ -140,13 +139,6 @@ def test_what_a_bag_unpacks_to_is_bounded(tmp_path, monkeypatch):
     monkeypatch.setattr(bag_files, "MOST_UNPACKED", 1000)
     with pytest.raises(lrf3d.InputError, match=r"a\.mcap: .*more than the 0 MB that are unpacked"):
         lrf3d.load_log(tmp_path / "a.mcap")
-
-
-@pytest.mark.parametrize("line", ["1e21 3 0 0 0", f"{2**63} 3 0 0 0", "inf 3 0 0 0", "0.5 3 0 0 0"])
-def test_line_numbers_of_relations_are_bounded(line, tmp_path):
-    (tmp_path / "a.relations").write_text(f"{line}\n")
-    with pytest.raises(lrf3d.InputError, match=r"a\.relations:1: expected two line numbers"):
-        load_relations(tmp_path / "a.relations")
 
 
 def test_a_message_shows_no_more_of_a_value_than_it_can():

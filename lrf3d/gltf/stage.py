@@ -16,20 +16,15 @@ from lrf3d.gltf.document import Document
 from lrf3d.render.glsl import GREY, exposed, ground_of
 from lrf3d.scene import look
 from lrf3d.scene.drawn_map import DrawnMap
-from lrf3d.scene.shapes import Faces
 from lrf3d.scene.stage.stage import Stage
 
-_HORIZON = 800.0
-"""How far the ground goes past its picture [m]."""
+_HORIZON, _LARGEST = 800.0, 2048
+"""How far the ground goes past its picture [m], and the largest side of that [pixels]: old graphics
+cards take no larger ones."""
 
-_LARGEST = 2048
-"""Largest side of the ground's picture [pixels]: old graphics cards take no larger ones."""
-
-_STEPS = 12
-"""Steps in which a run's world is lit."""
-
-_COARSE, _OVER = 4, 0.004
-"""Side of the squares in which the ground is lit [cells], and how high they lie [m]."""
+_STEPS, _COARSE, _OVER = 12, 4, 0.004
+"""Steps in which a run's world is lit, the side of the squares in which the ground is [cells], and
+how high they lie [m]."""
 
 _STEP, _STEP_INDOOR, _MOST_PIECES = 3.2, 0.8, 60_000
 """Sides of the pieces that walls are lit in [m], which are longer where there would be more."""
@@ -57,7 +52,6 @@ def _steps(seen: Float, sure: Float) -> Iterator[tuple[int, Bool]]:
 
 
 def _add_ground(document: Document, stage: Stage) -> None:
-    """The painted ground in the dark, as far as one sees, and what of it is lit."""
     ground, exposure, setting = stage.ground, stage.exposure, stage.structures.setting
     picture = Image.fromarray(ground.picture)
     picture.thumbnail((_LARGEST, _LARGEST), Image.Resampling.LANCZOS)
@@ -100,7 +94,6 @@ def _add_ground(document: Document, stage: Stage) -> None:
 
 
 def _add_walls(document: Document, rows: Single, stage: Stage, drawn: DrawnMap) -> None:
-    """Walls and roofs, dark and lit."""
     exposure, setting = stage.exposure, stage.structures.setting
     # Of each corner: place and height, colour, the place before it, and whether this is a wall.
     places, height, day, before, wall = np.split(rows.astype(float), [2, 3, 6, 8], axis=2)
@@ -148,9 +141,3 @@ def cut_small(quads: Single, step: float) -> Single:
         # In turns along the walls and up.
         walls = np.roll(np.concatenate([walls[~long], one, other]), 1, axis=1)
     return np.concatenate([walls, quads[quads[:, 0, 8] <= 0.5]])
-
-
-def add_body(document: Document, name: str, faces: Faces) -> int:
-    """Add a body at the origin; gives its node."""
-    part = document.part(document.material(name), faces.corners, faces.colours, kind=np.uint16)
-    return document.node(name, document.root, part)

@@ -18,9 +18,8 @@ from lrf3d.planning.free_space import COMFORT, MARGIN, FreeSpace, Ground, find_f
 from lrf3d.planning.rooms import USUAL_RADII, missed_rooms
 from lrf3d.planning.tour import find_tour
 from lrf3d.pose import as_pose
-from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, SPEED
-from lrf3d.robot.laps import drive_laps
-from lrf3d.robot.unicycle import MOST_POSES, RADIUS
+from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, SPEED, drive_laps
+from lrf3d.robot.kinematics import MOST_POSES, RADIUS
 from lrf3d.world import World
 from lrf3d.world.model import check_size
 

@@ -9,7 +9,7 @@ from scipy.ndimage import binary_dilation, maximum
 
 from lrf3d.geometry import Bool, Float, Int, directions
 from lrf3d.planning.free_space import MARGIN, THINNEST, FreeSpace, Ground
-from lrf3d.robot.unicycle import RADIUS
+from lrf3d.robot.kinematics import RADIUS
 from lrf3d.world import World
 from lrf3d.world.pieces import groups
 

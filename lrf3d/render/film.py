@@ -103,12 +103,9 @@ def choose_renderer(wanted: str | None) -> str:
 
 
 class Film:
-    """Draws pictures of a run.
+    """Draws pictures of a run, whose stage may have been painted already.
 
-    Args:
-        run: The run.
-        stage: What stands in the run's world, if it has been painted already.
-        options: Those of :class:`FilmOptions`.
+    The options are those of :class:`FilmOptions`.
     """
 
     def __init__(self, run: Run, *, stage: Stage | None = None, **options: Any) -> None:
@@ -152,10 +149,6 @@ class Film:
             said = self._card() if ended else panel.panel(self._facts, moment, view.shot)
             lay_label(self._picture, said)
         return self._picture
-
-    def forget(self) -> None:
-        """Draw the next picture even where it is the last one again."""
-        self._key = None
 
     def close(self) -> None:
         """Free what the driver holds."""

@@ -74,6 +74,5 @@ def mesh(columns: int, rows: int) -> Single:
 
 
 def _rectangle(low: Any, high: Any) -> Single:
-    """Corners (6, 2) of two triangles."""
     (x, y), (u, v) = low, high
     return np.array([[x, y], [u, y], [u, v], [x, y], [u, v], [x, v]], np.float32)

@@ -93,7 +93,6 @@ class PlainRenderer:
         return self._picture
 
     def _tint(self, tints: Tints | None) -> None:
-        """Draw the map into the picture that walls take its colours from, where it has changed."""
         if tints is self._tinted:
             return
         self._tinted = tints
@@ -157,7 +156,6 @@ class PlainRenderer:
             colours, depth[rest] = behind, near
 
     def _reflect(self, seen: Seen, reflection: Reflection, canvas: _Canvas, ways: Single) -> None:
-        """Replace what a mirror covers by what it shows."""
         x, y, *along = reflection.uniforms["mirror"]
         length, *_ = reflection.uniforms["mirror_size"]
         near = canvas.near.ravel()
@@ -177,7 +175,6 @@ class PlainRenderer:
         canvas.colours.reshape(-1, 3)[chosen] = tinted
 
     def _explored(self, lens: Lens, size: tuple[int, int]) -> Single:
-        """What was seen by now (h, w, 3), in a plan of a size [pixels]."""
         scale = np.diag(lens.matrix)[:2]
         x, y = (
             (2.0 * (np.arange(side) + 0.5) / side - 1.0 - shift) / zoom
@@ -216,7 +213,6 @@ class PlainRenderer:
     def _fill(
         self, canvas: _Canvas, lens: Lens, corners: Any, colours: Any, nearer: float, solid: bool
     ) -> None:
-        """Fill triangles (t, 3, 3) with colours and opacities (t, 3, 4)."""
         clip, near = _projected(corners.reshape(-1, 3), lens, nearer, canvas)
         rows = np.column_stack([clip[:, :2], near, colours.reshape(-1, 4)]).reshape(-1, 3, 7)
         before = (clip[:, 2] > _NEAR).reshape(-1, 3).all(axis=1)

@@ -32,12 +32,10 @@ FARTHEST, _INTENSITIES = 30.0, (1e-4, 1.0)
 the ground; and the intensities from which hit points have the last and the first colour where these
 are shown, in steps of factors."""
 
-_POINT_SIZE, _POINT_PIXELS = 0.08, (2.6, 8.0)
-"""Diameter of a hit point [m], and the smallest and largest in a picture of 720 lines [pixels]."""
-
-_MOST_LEGS, _LEAST_LEG = 9, 1e-9
-"""Legs of a beam: casters turn it up to eight times; and the shortest, as a share of the rest of
-its path: a beam does not meet again what it leaves."""
+_POINT_SIZE, _POINT_PIXELS, _MOST_LEGS, _LEAST_LEG = 0.08, (2.6, 8.0), 9, 1e-9
+"""Diameter of a hit point [m], and its limits in a picture of 720 lines [pixels]; legs of a beam,
+which casters turn up to eight times, and the shortest, as a share of the rest of its path: a beam
+does not meet again what it leaves."""
 
 _LAMP_BEAMS, _LAMP_SIDE, _LAMP_SHARE, _LAMP_HEIGHT = 60, float(np.radians(28.0)), 0.33, 0.012
 """About how many beams light the ground, the angle over which that ends at the sides of the field

@@ -41,9 +41,9 @@ LAYERS = (
 Goal = tuple[float, float, float]
 """Where a robot is to arrive: x, y and radius [m]."""
 
-_CLEAR = 2.6
-"""Least distance at which half of what is seen is haze, in distances to what is looked at: the
-whole is seen through clear air."""
+_CLEAR, _PAST_GROUND = 2.6, 3.0
+"""Least distance at which half of what is seen is haze, in distances to what is looked at, as the
+whole is seen through clear air; and the far plane of a high eye, in its heights."""
 
 _ROBOT_SIZE, _LEAST_ROBOT, _MARKER = 0.75, 26.0, 10.0
 """Width of the robot [m]; a robot of fewer pixels than the second has an arrow over it, whose unit
@@ -53,9 +53,6 @@ _WALL_NEARER, _ON_TOP, _SLACK = 0.12, 1e6, 0.002
 """How much nearer to the eye marks are than walls [m]; from straight above, tops of walls would
 hide them; and by how much their depth gains with their distance [m/m], as depths are coarser far
 away, but not where the map is laid over all."""
-
-_PAST_GROUND = 3.0
-"""Far plane of a high eye, in its heights: past all of the ground, at a slant too."""
 
 _MAP_WIDTH, _PLAN_WIDTH = 4.0, 2.6
 """Widths of the map as lines from above and in the plan [pixels of 720 lines]."""
@@ -69,12 +66,12 @@ _LASER_TINTS = np.array(
 )
 """By what the colour of beams is multiplied, laser by laser."""
 
-_TRAIL_FADE = 15.0
-"""Time of the film [s] in which the trail fades."""
+_TRAIL_FADE, _HITS_FADE, _OLD_SCANS = 15.0, 2.5, 8
+"""Times of the film [s] in which the trail and hits fade, and the most scans that these are of."""
 
-_HITS_FADE, _HITS_STRENGTH, _HIT_SIZE, _HIT_PIXELS, _OLD_SCANS = 2.5, 0.8, 0.05, (2.0, 4.0), 8
-"""Time of the film [s] in which hits fade, their opacity at first, their size [m], the smallest and
-largest in a picture of 720 lines [pixels], and the most scans that they are of."""
+_HITS_STRENGTH, _HIT_SIZE, _HIT_PIXELS = 0.8, 0.05, (2.0, 4.0)
+"""Opacity of hits at first, their size [m], and the smallest and largest in a picture of 720 lines
+[pixels]."""
 
 
 class Scene:
@@ -192,7 +189,6 @@ class Scene:
         )
 
     def _drawn_trails(self, time: float) -> tuple[tuple[str, str, Lines], ...]:
-        """Layer, name and lines of the trails up to a time [s]."""
         now, found = time - self.timeline.start, []
         # Of a recorded drive only the estimate is known, which is drawn as such.
         if self.run.knows_truth:
@@ -225,7 +221,6 @@ class Scene:
         return hits
 
     def _recent_hits(self, moment: Moment) -> Points:
-        """The hits of the last seconds, which fade."""
         times, lasting = self.run.trajectory.times, _HITS_FADE * self.timeline.playback
         first = int(np.searchsorted(times, moment.time - lasting))
         last = moment.scan if moment.scanning else moment.mapped + 1
@@ -239,7 +234,6 @@ class Scene:
         return hits._replace(colours=colours)
 
     def _hits_together(self, chosen: tuple[int, ...]) -> tuple[Points, list[int]]:
-        """The hits of chosen scans, and the number of each."""
         places, colours, sides = (np.zeros((0, columns), np.float32) for columns in (3, 4, 2))
         none = Points(places, colours, sides, _HIT_SIZE, _HIT_PIXELS, glows=False)
         each = [self._hits(number) for number in chosen]
@@ -288,14 +282,14 @@ class Scene:
 
 
 class Window(NamedTuple):
-    """What the plan shows."""
+    """What the plan shows: its middle (2,), None where it follows the robot, and its width [m].
+
+    Its height is given in its width.
+    """
 
     middle: Float | None
-    """(2,) its middle; None where it follows the robot."""
     width: float
-    """How wide it is [m]."""
     aspect: float
-    """Its height in its width."""
 
     @property
     def bar(self) -> float:

@@ -3,7 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lrf3d.mapping.robust.corners import CORNER_REACH, CORNER_SINE, CORNER_TRIM, close_corners
+from lrf3d.mapping.robust.beams import CELL
+from lrf3d.mapping.robust.corners import CORNER_REACH, CORNER_SINE, close_corners
 
 
 def cross(one, other):
@@ -23,7 +24,7 @@ def crossing_of(one, other, side, turned):
         # How far beyond its end a wall reaches the corner.
         along = cross(begins[1] - begins[0], ways[way]) / turn
         beyond = size * (along - 1.0 if end else -along)
-        if not -min(CORNER_TRIM, 0.5 * size) <= beyond <= CORNER_REACH:
+        if not -min(CELL, 0.5 * size) <= beyond <= CORNER_REACH:
             return None
     return begins[0] + cross(begins[1] - begins[0], ways[1]) / turn * ways[0]
 

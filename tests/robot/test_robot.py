@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from lrf3d import CollisionError, InputError, Trajectory, Unicycle, World, drive, follow_route
 from lrf3d.collision import check_drive, find_collision
-from lrf3d.robot.laps import Patrol
+from lrf3d.robot.following import Patrol
 from lrf3d.scenario import Scenario, load_scenario
 
 speeds = st.floats(-3.0, 3.0)
@@ -34,15 +34,6 @@ def test_pieces_are_chained():
     whole = drive((0, 0, 0), [1.0, 0.0, 2.0], [0.0, np.pi / 2, 0.0], duration=[3.0, 1.0, 1.0])
     assert whole.poses[-1] == pytest.approx([3.0, 2.0, np.pi / 2])
     assert whole.times[-1] == 5.0
-
-
-def test_a_changing_turn_rate_follows_the_clothoid():
-    # With v = 1 and ω = t the heading is t²/2: x and y are Fresnel's integrals.
-    from scipy.special import fresnel
-
-    end = drive((0, 0, 0), 1.0, lambda t: t, duration=2.0, dt=0.1).poses[-1]
-    s, c = fresnel(2.0 / np.sqrt(np.pi))
-    assert end == pytest.approx([np.sqrt(np.pi) * c, np.sqrt(np.pi) * s, 2.0], abs=1e-8)
 
 
 def test_a_trajectory_interpolates_over_the_seam_the_short_way():
@@ -74,11 +65,6 @@ def test_a_drive_into_a_wall_names_time_place_and_wall():
         check_drive(trajectory, ROOM, 0.35)
 
 
-def test_a_wall_between_two_poses_is_not_leapt_over():
-    trajectory = Trajectory([0.0, 1.0], [[9, 4, 0], [11, 4, 0]])
-    assert find_collision(trajectory, ROOM, 0.0).wall == 1
-
-
 @pytest.mark.parametrize("settings", [["robot.scan_interval=1e-8"], ["robot.speed=1e-6"]])
 def test_a_drive_costs_what_is_asked_of_it(settings):
     scenario = load_scenario("city", settings)
@@ -102,12 +88,6 @@ def test_scans_of_a_long_drive_come_evenly_also_where_it_turns(length):
     route = np.array([[0.0, 0.0], [length, 0.0]])
     scenario = Scenario(world, route=route, speed=1.0, scan_interval=0.25)
     np.testing.assert_allclose(np.diff(scenario.trajectory(scans=100).times), 0.25, rtol=1e-9)
-
-
-def test_a_robot_that_stands_in_a_wall_collides():
-    world = World([[0.0, 0.0, 1.0, 0.0]])
-    assert find_collision(Trajectory([0.0], [(0.5, 0.1, 0.0)]), world, 0.3) is not None
-    assert find_collision(Trajectory([0.0], [(0.5, 0.4, 0.0)]), world, 0.3) is None
 
 
 @pytest.mark.parametrize(

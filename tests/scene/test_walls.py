@@ -7,8 +7,8 @@ from test_render import box
 
 from lrf3d.geometry import lengths
 from lrf3d.scene.stage.exposure import unexposed
+from lrf3d.scene.stage.stage import lay_faces
 from lrf3d.scene.stage.structures import Structures
-from lrf3d.scene.stage.walls import lay_faces
 from lrf3d.world import World, load_world
 
 

@@ -80,19 +80,14 @@ def _near(world: World, low: Float, high: Float) -> World:
     )
 
 
-INDOOR_HEIGHT = 3.5
-"""Walls up to here [m] are those of rooms: a storey."""
+INDOOR_HEIGHT, _DOOR, _ENCLOSED, _AS_HIGH = 3.5, 2.0, 0.9, 0.4
+"""Walls up to the first [m] are those of rooms. Half the width of openings in the walls of a hall
+[m], the share of all walls within, and how high they are, in the highest wall, at the least."""
 
-_DOOR, _ENCLOSED, _AS_HIGH = 2.0, 0.9, 0.4
-"""Half the width of openings in the walls of a hall [m], the share of all walls that lie within
-them, and how high they are, beside the highest wall, at the least."""
-
-_PROBE = 0.005
-"""How far beside a wall [m] its inside is felt for: less than any wall is thick."""
-
-_OUTLINE_WIDTH, _STOREY, _STOREY_STRENGTH = 1.1, 3.1, 0.4
-"""Width of the edges of houses [pixels of 720 lines], height of a storey [m], and the opacity of
-the dark joint over it."""
+_PROBE, _OUTLINE_WIDTH, _STOREY, _STOREY_STRENGTH = 0.005, 1.1, 3.1, 0.4
+"""How far beside a wall [m] its inside is looked for, less than any wall is thick; width of the
+edges of houses [pixels of 720 lines], height of a storey [m], and the opacity of the joint over it.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,21 +97,17 @@ class Structures:
     segments: Float
     """(n, 4) walls x1 y1 x2 y2 [m]; those of solids run with the inside on the left."""
     objects: Int
-    """(n,) the object that each wall belongs to."""
     heights: Float
-    """(n,) heights [m]."""
     colours: Float
-    """(n, 3) red, green, blue in 0…1."""
+    """(n,) the object of each wall, its height [m] and (n, 3) its colour."""
     closed: Bool
     """(n,) whether the wall belongs to a solid and so has one visible side."""
     solids: NDArray[Any]
     """(k,) polygons of the solids."""
     solid_objects: Int
-    """(k,) the object that each solid is."""
     solid_heights: Float
-    """(k,) heights of their roofs [m]."""
     solid_colours: Float
-    """(k, 3) colours of their walls."""
+    """(k,) the object that each is, the height of its roof [m], and (k, 3) its colour."""
     indoor: bool
     """Whether this is the inside of a house."""
     origin: Float
