@@ -48,7 +48,8 @@ def find_tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
         paths[best] = _paths(space, lookouts[best], lookouts)
         # The way back is as long.
         metres[best] = metres[:, best] = [_length(space, path) for path in paths[best]]
-        order = _two_opt(order, metres[np.ix_(order, order)], kept)
+        if len(order) > 1:
+            order = _two_opt(order, metres[np.ix_(order, order)], kept)
         steps, away = metres[order[:-1], order[1:]], metres[order]
         shown = _shown(space, _legs(space, paths, order), seen, patch_of)
         detours = np.vstack([away[:1], away[:-1] + away[1:] - steps[:, None], away[-1:]])[kept:]

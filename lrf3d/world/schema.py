@@ -81,7 +81,8 @@ def row(*names: str) -> Converter:
 
     def fits(found: Any) -> bool:
         plain = isinstance(found, list) and {type(each) for each in found} <= {int, float}
-        return plain and len(found) == len(names) and max(map(abs, found)) <= LARGEST_COORDINATE
+        near = plain and all(abs(each) <= LARGEST_COORDINATE for each in found)
+        return near and len(found) == len(names)
 
     expected = f"[{', '.join(names)}] of finite numbers up to {LARGEST_COORDINATE:g}"
     return accepting(expected, fits, lambda found: np.array(found, dtype=np.float64))

@@ -138,7 +138,7 @@ def test_a_robot_drives_through_the_doors_that_it_fits_through_and_stays_inside(
     world = house(door, entrance)
     found = find_route(world, radius=0.35, lookahead=0.4)
     assert found.side == "inside" and inside_the_house(found.waypoints).all()
-    drive = follow_route(found.waypoints, speed=3.0, lookahead=0.4, dt=0.05)
+    drive = follow_route(found.waypoints, speed=found.speed, lookahead=found.lookahead, dt=0.05)
     assert find_collision(drive, world, 0.35) is None
     assert len(rooms_of(drive.poses)) >= 3
 
