@@ -251,11 +251,11 @@ def readable(log: LaserLog) -> LaserLog:
 
 
 def followed(log: LaserLog | str | Path) -> tuple[LaserLog, Recording]:
-    """The scans of the first laser of a log, or of its path, and these in order, to be followed."""
+    """A log, or that of a path, with one scan a moment, and these in order, to be followed."""
     if not isinstance(log, LaserLog):
         log = load_log(log, poses=odometry_of(log))
     log = readable(log)
-    log = log.of_laser(log.lasers[0])
+    log = log.of_moments()
     try:
         return log, _checked(log)
     except InputError as error:

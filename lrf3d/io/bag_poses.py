@@ -10,8 +10,7 @@ import numpy as np
 from lrf3d.errors import InputError, one_line
 from lrf3d.geometry import LARGEST_COORDINATE
 from lrf3d.io.bag_frames import BACK, Frames, Part, Track, in_the_plane
-from lrf3d.io.intake import A_MESSAGE, A_POSE, Intake
-from lrf3d.io.laser_log import LaserLog
+from lrf3d.io.laser_log import A_MESSAGE, A_POSE, Intake, LaserLog
 from lrf3d.laser import LaserScan, Stamp
 from lrf3d.pose import Pose
 from lrf3d.text import counted

@@ -12,8 +12,7 @@ from lrf3d.interrupts import reading
 from lrf3d.io.array_log import RECORDS, array_table, is_foreign, record_table
 from lrf3d.io.bag_files import FILES, MCAP, OLD, SQLITE
 from lrf3d.io.carmen import WORDS, load_carmen
-from lrf3d.io.intake import GZIPPED, Intake
-from lrf3d.io.laser_log import LaserLog
+from lrf3d.io.laser_log import GZIPPED, Intake, LaserLog
 from lrf3d.io.text_log import add_partner, text_table
 from lrf3d.world import world_names
 

@@ -59,6 +59,11 @@ def test_pursuit_arrives_and_stays_near_the_route(corners):
     assert max(away) < 0.6
 
 
+def test_a_robot_that_starts_facing_away_turns_before_it_swings_out():
+    drive = follow_route([[0, 0], [0, 3]], start=(0.0, 0.0, -1.5), speed=1.0)
+    assert np.abs(drive.poses[:, 0]).max() < 0.1 and drive.poses[-1, 1] > 2.99
+
+
 def test_a_drive_into_a_wall_names_time_place_and_wall():
     trajectory = Trajectory([0.0, 1.0, 2.0], [[5, 4, 0], [9, 4, 0], [11, 4, 0]])
     with pytest.raises(CollisionError, match=r"wall 1 at t = 1\.32 s near \(9\.65, 4\.00\)"):

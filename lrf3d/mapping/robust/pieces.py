@@ -58,7 +58,7 @@ PIECE = record(
     weight=float,  # [1/m²] the weight of its hits
     along=float, aside=float,  # the weighted sums of their places along the wall and beside it
     along_along=float, along_aside=float, aside_aside=float,  # and those of their products
-    part=int,  # the part of a wall that it becomes, or −1
+    part=int,  # the part of a wall that it becomes, from 1, or 0
 )  # fmt: skip
 """What the beams did at a piece of a wall, which is as long as a cell."""
 

@@ -91,7 +91,7 @@ def replace_walls(walls: Walls, cells: Cells, rows: Int, gone: Int, parts: Parts
 
     Returns the rows that are new in their places: they are to be linked, and may fit others.
     """
-    ends, fits, clusters = parts
+    ends, fits, clusters, owners = parts
     old = np.concatenate((rows, gone))
     taken, places = np.zeros(len(old), np.bool_), np.full(len(ends), -1)
     for part in range(len(ends)):
@@ -114,8 +114,7 @@ def replace_walls(walls: Walls, cells: Cells, rows: Int, gone: Int, parts: Parts
             added += 1
             put_row(walls.placed, row, ends[part])
     for k in range(len(clusters)):
-        cluster = cells.clusters[clusters[k]]
-        part, cluster.piece = cluster.piece - 1, 0
+        cluster, part = cells.clusters[clusters[k]], owners[k]
         cluster.owner_version = 0
         if part >= 0:
             cluster.owner, cluster.owner_version = places[part], walls.rows[places[part]].version

@@ -81,9 +81,9 @@ CHANGES = np.array([
 ])  # fmt: skip
 """[hits] What it costs to go on from each of these to each."""
 
-Parts = tuple[Float, Records, Int]
+Parts = tuple[Float, Records, Int, Int]
 """Parts (n,) of walls, in their order: where they are (n, 4) [m], and the :data:`FIT` of each; and
-the clusters (c,) that hit any of the walls, whose piece is that of the part that each hit."""
+the clusters (c,) that hit any of the walls, with the part (c,) that each hit, or −1."""
 
 
 @compiled
@@ -123,10 +123,11 @@ def refit_walls(rows: Int, walls: Walls, cells: Cells, near: float, least: int) 
                     found += 1
                     for piece in range(start, last):
                         pieces[piece].part = found
+    owners = np.empty(claimed, np.int64)
     for k in range(claimed):
         cluster = cells.clusters[lines.claimed[k]]
-        cluster.piece = lines.pieces[cluster.piece - 1].part
-    return parts[:found], fits[:found], lines.claimed[:claimed]
+        owners[k], cluster.piece = lines.pieces[cluster.piece - 1].part - 1, 0
+    return parts[:found], fits[:found], lines.claimed[:claimed], owners
 
 
 @borrower

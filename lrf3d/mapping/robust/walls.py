@@ -27,7 +27,7 @@ FIT = record(
 )  # fmt: skip
 """What a segment is fitted to."""
 
-WALL = record(
+WALL_STATE = record(
     fresh=float,  # [beams] that hit it, or went through its hits, since it was refit
     last_scan=int,  # the last scan that added to these
     version=np.int32,  # how often it was refit, from 1; see CLUSTER
@@ -59,7 +59,7 @@ class Walls(NamedTuple):
     Args:
         ends: (rows, 4) x1 y1 x2 y2 [m]; the laser saw the wall from its left.
         fits: (rows,) of :data:`FIT`.
-        rows: (rows,) of :data:`WALL`.
+        rows: (rows,) of :data:`WALL_STATE`.
         placed: (rows, 4) where it was when it was linked with others [m]; ∞ without links.
         links: (rows, MOST_LINKS) of :data:`LINK`.
         free: (rows,) rows that were given back, the last of them first to be taken again.
@@ -83,7 +83,7 @@ class Walls(NamedTuple):
     @classmethod
     def of_size(cls, rows: int) -> "Walls":
         """Free rows, a multiple of a block of them."""
-        walls, boxes = np.zeros(rows, WALL), np.full((rows // BLOCK, 4), np.inf)
+        walls, boxes = np.zeros(rows, WALL_STATE), np.full((rows // BLOCK, 4), np.inf)
         walls["version"] = 1
         boxes[:, 2:] = -np.inf
         return cls(

@@ -26,7 +26,7 @@ from lrf3d.mapping.robust.glass.surfaces import (
     IS_MIRROR,
     PATCH,
     PATCHES,
-    PIECE,
+    PIECE_LENGTH,
     PIECES,
     count_rays,
     find_pieces,
@@ -159,7 +159,7 @@ class Optics:
         # A pane ends anywhere in the last piece that showed it; at that of a mirror most beams did.
         ends = ends + np.where(mirror, 0.0, 0.5)[:, None] * [1.0, -1.0] - PIECES // 2
         nx, ny, distance, middle = self._lines[rows].T[..., None]
-        along = middle + PIECE * ends
+        along = middle + PIECE_LENGTH * ends
         x, y = distance * nx + along * ny, distance * ny - along * nx
         found = np.column_stack([x[:, 0], y[:, 0], x[:, 1], y[:, 1], mirror])
         solid: Bool = along[:, 1] - along[:, 0] > SHORTEST

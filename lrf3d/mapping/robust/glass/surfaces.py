@@ -48,7 +48,7 @@ neither glass nor mirrors."""
 IS_GLASS, IS_MIRROR = 1, 2
 """Class of the pieces of a line, or 0."""
 
-PIECE, PIECES = 0.25, 256
+PIECE_LENGTH, PIECES = 0.25, 256
 """[m, pieces] Length of a piece of a line in which beams are counted, and the number of pieces: 64
 m."""
 
@@ -188,7 +188,7 @@ def count_rays(
     middle of its pieces along the normal turned right.
     """
     nx, ny, distance, middle = line
-    half = 0.5 * PIECE * PIECES
+    half = 0.5 * PIECE_LENGTH * PIECES
     for scan in range(len(places)):
         x, y = places[scan]
         ahead = nx * x + ny * y - distance
@@ -207,7 +207,7 @@ def count_rays(
             # What is behind another surface shows nothing of this one.
             if abs(station) >= half or ray.first < way - FREE_DEPTH:
                 continue
-            count = pieces[int(np.floor((station + half) / PIECE))]
+            count = pieces[int(np.floor((station + half) / PIECE_LENGTH))]
             if farther < tolerance:
                 if ray.range > 0.0:
                     flash = cos > FLASHES and ray.bright > FLASH
