@@ -178,7 +178,11 @@ class PlanarCaster:
 
         Beams end at the first wall, also at mirrors and glass.
         """
-        tree, many = self.tree(height), max(1, AT_ONCE // ranges.shape[1])
+        tree = self.tree(height)
+        if ranges.shape[1] > FEW and not self._guessing:
+            cast_scans(tree[:], laser, poses, ranges, walls)
+            return
+        many = max(1, AT_ONCE // ranges.shape[1])
         for part in (slice(k, k + many) for k in range(0, len(poses), many)):
             guesses = self._guesses(tree, height, laser, poses[part])
             if guesses is None:
@@ -194,6 +198,9 @@ class PlanarCaster:
     ) -> NDArray[np.int32] | None:
         """The rows of walls that beams probably meet; None where they are cast as fans."""
         return None if laser[0].shape[1] > FEW else NO_GUESSES
+
+    _guessing = False
+    """Whether there may be guesses for fans."""
 
     def _batch(self, lrf: LaserRangeFinder, poses: Float, *, keep_walls: bool) -> tuple[Float, Int]:
         laser, poses = laser_of(lrf), np.ascontiguousarray(poses)

@@ -149,6 +149,8 @@ class EmbreeCaster(PlanarCaster):
         rows = np.where(level, len(beams), np.cumsum(~level) - 1)
         return Lit(*(np.concatenate(both)[rows] for both in zip(lit, flat, strict=True)))
 
+    _guessing = True
+
     def _guesses(
         self, tree: Tree, height: float, laser: Plain, poses: Float
     ) -> NDArray[np.int32] | None:

@@ -23,6 +23,7 @@ from lrf3d.scene.drawn_map import DrawnMap
 from lrf3d.scene.estimate import DrawnEstimate, outlines
 from lrf3d.scene.moments import Scene
 from lrf3d.scene.shapes import Lines, Points, Seen
+from lrf3d.scene.stage.structures import panes_of
 from lrf3d.scene.timeline import DriveKeys, Timeline, drive_keys, obstacle_keys, scan_times
 
 _ABOVE = Look(np.array([0.0, 0.0, 1.0]), np.zeros(3), field=1e-6, up=(0.0, 1.0, 0.0))
@@ -32,13 +33,10 @@ _OFF_WALL, _AHEAD = 0.02, np.array([2.0, 0.0, 0.0])
 """How far hits lie before their walls, so that both never share a pixel, and how far ahead of the
 robot its camera looks [m]."""
 
-_TRAIL_WIDTH, _LIFT = 0.045, 0.005
-"""Width of trails [m], and how far the estimated one lies over the true one, and its ellipses over
-that [m]."""
-
-_PIECE_ERROR, _LEAST = 0.03, 1e-3
-"""How far a straight piece of the trail may be off [m], in place and along the path; and the least
-length of one, as of a robot that turns on the spot, and half axis of an ellipse [m]."""
+_TRAIL_WIDTH, _LIFT, _PIECE_ERROR, _LEAST = 0.045, 0.005, 0.03, 1e-3
+"""Width of trails; how far the estimated one lies over the true one, and its ellipses over that;
+largest error of a straight piece, and its least length, as of a robot that turns on the spot, which
+is the least half axis of an ellipse, too [m]."""
 
 
 def run_glb(run: Run, *, every: int = 1) -> bytes:
@@ -65,6 +63,11 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
         document.animate(nodes[-1], "translation", path.times, path.poses * [1.0, 1.0, 0.0])
         document.animate(nodes[-1], "rotation", path.times, turned(path.poses[:, 2]))
     _add_camera(document, nodes[0], scene)
+    if scene.structures.glass.any():
+        panes, edges = panes_of(scene.structures, np.inf)
+        material = document.material("glass", translucent=True)
+        parts = document.part(material, *panes[:2]), _lines(document, edges, material)
+        document.node("glass", document.root, *parts)
     _add_scans(document, scene, every)
     _add_maps(document, scene)
     if run.knows_truth:
@@ -100,10 +103,7 @@ def _add_scans(document: Document, scene: Scene, every: int) -> None:
         marks = dict(_seen(scene, time, "beams", "points").marks)
         hits, beams = marks["points"], marks["beams"]
         assert isinstance(hits, Points) and isinstance(beams, Lines)
-        tints = np.repeat(beams.colours[:, None], 2, axis=1)
-        tints = np.concatenate([tints, beams.opacities[..., None]], axis=2)
-        ends = np.stack([beams.starts, beams.ends], axis=1)
-        parts = [document.part(material, ends, tints, mode=LINES)]
+        parts = [_lines(document, beams, material)]
         if len(hits.places):
             robot = scene.run.trajectory.poses[number * every, :2] - scene.origin
             corners = _triangles(hits, robot)
@@ -111,6 +111,12 @@ def _add_scans(document: Document, scene: Scene, every: int) -> None:
             parts.append(document.part(material, corners, colours))
         node = document.node(f"scan {number * every}", group, *parts)
         document.show(node, begin, end)
+
+
+def _lines(document: Document, lines: Lines, material: int) -> dict[str, Any]:
+    tints = np.repeat(lines.colours[:, None], 2, axis=1)
+    tints = np.concatenate([tints, lines.opacities[..., None]], axis=2)
+    return document.part(material, np.stack([lines.starts, lines.ends], axis=1), tints, mode=LINES)
 
 
 def _triangles(hits: Points, robot: Float) -> Float:

@@ -123,8 +123,8 @@ def draw_map(
     """
     objects = None
     if isinstance(source, Run):
-        world, poses = Sight.of_run(source).world, source.trajectory.poses
-        estimate = source.estimate
+        poses, estimate = source.trajectory.poses, source.estimate
+        world = Sight.of(source.world, poses[:, :2]).world
         points, line_map = _reflections(source), source.map
         objects = source.lasting_objects[-1] if source.maps else None
     else:
@@ -160,7 +160,8 @@ def draw_noise_levels(
     runs: Sequence[Run], sigmas: Sequence[float], path: str | Path | None = None
 ) -> Figure:
     """Draw the world with the first scan, and next to it the map at each σ [m] (Fig. 5a–d)."""
-    world, poses = Sight.of_run(runs[0]).world, runs[0].trajectory.poses
+    poses = runs[0].trajectory.poses
+    world = Sight.of(runs[0].world, poses[:, :2]).world
     places = [world.segments.reshape(-1, 2), poses[:, :2]]
     figure, axes = metre_sheet(places, len(runs) + 1)
     plot.world(world, axes[0], poses=poses, linewidth=1.6)

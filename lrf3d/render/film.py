@@ -10,7 +10,7 @@ import numpy as np
 from lrf3d.errors import InputError, expect, shown
 from lrf3d.geometry import is_finite, number, read_only, whole_number
 from lrf3d.render.gl import gl_available, import_libraries, require_gl
-from lrf3d.render.hud import gap_of, lay_frame, lay_label
+from lrf3d.render.hud import GAP, lay_frame, lay_label, scale_of
 from lrf3d.run import Run
 from lrf3d.scene import panel
 from lrf3d.scene.moments import LAYERS, Goal, Scene
@@ -122,7 +122,7 @@ class Film:
         self._window = self.scene.plan_window()
         wide = _INSET * min(chosen.size) / self._window.aspect**0.5
         wide = round(min(wide, _WIDEST * chosen.size[0]))
-        gap, high = gap_of(chosen.size), round(wide * self._window.aspect)
+        gap, high = round(GAP * scale_of(chosen.size)), round(wide * self._window.aspect)
         self._box = chosen.size[0] - gap - wide, gap, wide, high
         self._key: object = None
         self._card = cache(lambda: panel.card(self._facts))

@@ -25,12 +25,10 @@ from lrf3d.scene import look
 from lrf3d.scene.shapes import Body, Lens, Lines, Mark, Pixels, Points, Seen, Soft, Tints, single
 from lrf3d.scene.stage.stage import Stage
 
-_LIFTED, _NEAR, _AT_MIRROR = 0.02, 0.2, 0.03
+_LIFTED, _NEAR, _AT_MIRROR, _MOST_LAYERS = 0.02, 0.2, 0.03, 6
 """How much nearer to the eye translucent faces are than what they lie on, the depth before which
-lines are cut and other marks are left out, and how far from a mirror what rays meet is it [m]."""
-
-_MOST_LAYERS = 6
-"""Most walls that a ray passes where these are open or glass."""
+lines are cut and other marks are left out, and how far from a mirror what rays meet is it [m]; and
+the most walls that a ray passes where these are open or glass."""
 
 
 class _Canvas(NamedTuple):

@@ -44,10 +44,8 @@ of view [rad], how far it goes, in the reach of beams, and its height [m]."""
 
 def turning_walls(world: World) -> Bool:
     """Which walls (n,) turn beams; glass turns little of the light, and lets the rest pass."""
-    if not world.materials:
-        return np.zeros(len(world.segments), dtype=bool)
     turning = [bool(one and one.mirrors and not one.passes) for one in world.materials]
-    return np.array(turning)[world.objects]
+    return np.array(turning or [False])[world.objects if turning else 0 * world.objects]
 
 
 def draw_beams(

@@ -21,10 +21,10 @@ _NEAR, _NEAR_SHARE = 0.2, 0.004
 """Distance [m] from which on things are drawn, and the share of the distance to the target that it
 is at the least: depths are then fine enough far away."""
 
-STEP, _SMOOTH, _FOLLOW, AIM = 0.04, 0.7, 0.15, 0.35
+STEP, _SMOOTH, _FOLLOW, _STRAY, AIM = 0.04, 0.7, 0.15, 0.5, 0.35
 """Times of the film [s] between the points of a smoothed path, and over which turns and places are
-smoothed, however fast the run is played; with more for places, the robot would leave the middle of
-fast films. Height of the robot's middle [m]."""
+smoothed, however fast the run is played; how far the smoothed place may be off the robot's [m], and
+the height of the robot's middle [m]."""
 
 _ASIDE, _CLEARANCE, _NEAREST = 0.12, 0.3, 1.6
 """How far from the line to the eye walls count, as a share of its length; how far before them the
@@ -120,11 +120,11 @@ class SmoothPath(NamedTuple):
         times = timeline.start + step * np.arange(count, dtype=np.float64)
         x, y, headings = timeline.poses(times).T
         places = np.column_stack([x, y]) - timeline.origin
-        return cls(
-            times,
-            gaussian_filter1d(places, _FOLLOW / STEP, axis=0, mode="nearest"),
-            gaussian_filter1d(np.unwrap(headings), _SMOOTH / STEP, mode="nearest"),
-        )
+        off = gaussian_filter1d(places, _FOLLOW / STEP, axis=0, mode="nearest") - places
+        # In fast films the robot stays in near pictures all the same.
+        off *= np.minimum(1.0, _STRAY / np.maximum(np.hypot(*off.T), 1e-9))[:, None]
+        headings = gaussian_filter1d(np.unwrap(headings), _SMOOTH / STEP, mode="nearest")
+        return cls(times, places + off, headings)
 
 
 class Track(NamedTuple):

@@ -50,8 +50,8 @@ of the walls that is left out there."""
 LAMP, REFLECTED = 0.28, (0.70, 0.78, 0.90)
 """Opacity of a scan's light on the ground at the robot, and what mirrors leave of light."""
 
-OUTLINE, OUTLINE_STRENGTH = (0.435, 0.561, 0.769), 0.42
-"""Colour and opacity of the edges of houses."""
+OUTLINE, OUTLINE_STRENGTH, PANE = (0.435, 0.561, 0.769), 0.42, 0.10
+"""Colour and opacity of the edges of houses, and the opacity of panes of glass."""
 
 PALE_OBJECT, PALE_FROM = (0.765, 0.812, 0.886), 0.4
 """Colour of the object that has more than this share of a map's length: the walls of a house that

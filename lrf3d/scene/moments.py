@@ -6,7 +6,7 @@ moment before is the same object again, so that nothing is made or sent twice.
 
 from collections.abc import Collection, Iterator
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,7 +29,7 @@ from lrf3d.scene.estimate import DrawnEstimate, trail_lines
 from lrf3d.scene.shapes import Body, Lens, Lines, Mark, Plan, Points, Seen, Soft, Tints, together
 from lrf3d.scene.stage.exposure import LiveExposure
 from lrf3d.scene.stage.stage import Stage, stage_of
-from lrf3d.scene.stage.structures import SIGHT_DISTANCE, outlines_of
+from lrf3d.scene.stage.structures import SIGHT_DISTANCE, outlines_of, panes_of
 from lrf3d.scene.timeline import Moment, Timeline, drive_keys
 
 LAYERS = (
@@ -54,12 +54,10 @@ _WALL_NEARER, _ON_TOP, _SLACK = 0.12, 1e6, 0.002
 hide them; and by how much their depth gains with their distance [m/m], as depths are coarser far
 away, but not where the map is laid over all."""
 
-_MAP_WIDTH, _PLAN_WIDTH = 4.0, 2.6
-"""Widths of the map as lines from above and in the plan [pixels of 720 lines]."""
-
-_DART_SHARE, _LEAST_PLAN, _PLAN_SHAPES = 0.034, 4.0, (0.22, 1.6)
-"""The robot's size as a share of what the plan shows; the plan's least size [m], as there may be no
-wall; and its least and largest height, in its width."""
+_MAP_WIDTH, _PLAN_WIDTH, _DART_SHARE, _LEAST_PLAN, _PLAN_SHAPES = 4.0, 2.6, 0.034, 4.0, (0.22, 1.6)
+"""Widths of the map as lines from above and in the plan [pixels of 720 lines]; the robot's size, as
+a share of what the plan shows; the plan's least size [m], as there may be no wall; and limits of
+its height, in its width."""
 
 _LASER_TINTS = np.array(
     [(1.0, 1.0, 1.0), (0.5, 1.2, 3.0), (0.6, 2.0, 0.9), (1.0, 0.7, 3.0)], np.float32
@@ -104,6 +102,7 @@ class Scene:
         self._mirrors = self._walls[turning_walls(run.world)]
         self._reach = min(run.lrf.range_max, structures.setting.beams)
         self._outlines = outlines_of(structures)
+        self._panes = lru_cache(2)(partial(panes_of, structures))
         self._map = lru_cache(1)(self._drawn_map)
         self._beams = lru_cache(1)(self._drawn_beams)
         self._trails = lru_cache(1)(self._drawn_trails)
@@ -154,6 +153,9 @@ class Scene:
         """Layer, name and mark, in the order in which they are drawn."""
         if view.cuts or not self.structures.indoor:
             yield "outlines", "outlines", self._outlines
+        if self.structures.glass.any():
+            cut = look.SECTION if view.cuts and self.structures.indoor else np.inf
+            yield from zip(("outlines",) * 2, ("panes", "edges"), self._panes(cut), strict=True)
         yield "shadow", "shadow", robot_shadow(pose, self.run.radius)
         yield "shadow", "shadows", self.obstacles.shadows(moment.time)
         yield "goal", "goal", self._goal

@@ -62,7 +62,7 @@ class Timeline:
     def __init__(self, run: Run, *, playback: float | None = None) -> None:
         self.run = run
         self.playback = run.playback if playback is None else playback
-        self.origin = Sight.of_run(run).origin
+        self.origin = Sight.of(run.world, run.trajectory.poses[:, :2]).origin
         times = run.trajectory.times
         gaps = np.diff(times)
         gap = float(np.median(gaps)) if len(gaps) else np.inf

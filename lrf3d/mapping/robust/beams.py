@@ -71,9 +71,6 @@ the noise by a few per cent."""
 
 RESIDUAL_BINS, PER_DECADE = 200, 24
 
-MEDIAN_SIZE = 0.6745
-"""[deviations] Median of the absolute value of normal deviates."""
-
 
 def pose_in(frame: Pose, scan: LaserScan) -> tuple[tuple[float, float], float]:
     """Where a scan was taken [m] in the map's frame, and its heading [rad]."""
@@ -230,7 +227,8 @@ class NoiseEstimate:
         before = np.log(np.maximum(assumed.variance(ranges), self._floor**2))
         seen = number > 0.0
         median = (2 * self._counts.cumsum(axis=1) >= number[:, None]).argmax(axis=1)
-        scale = NOISE_UNIT * 10.0 ** ((median + 0.5) / PER_DECADE) / MEDIAN_SIZE
+        # The median of the sizes of normal deviates is 0.6745 deviations.
+        scale = NOISE_UNIT * 10.0 ** ((median + 0.5) / PER_DECADE) / 0.6745
         found = np.where(seen, 2.0 * np.log(scale), before)
         # What was assumed counts the less the more is known, and nothing at ranges that were not
         # seen where others were.

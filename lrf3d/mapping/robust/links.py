@@ -43,9 +43,6 @@ STRAY_BEAMS = 1
 CORNER_BEAMS = 8
 """[beams] Beams that may reach into the corner behind a short link; more have seen that corner."""
 
-NICHE_DEPTH = 0.5
-"""[share] Largest depth of such a corner, relative to the length of the link."""
-
 SIGHT_PLACES = (0.1, 0.5, 0.9)
 """[share] Where along two walls the lines of sight between them begin and end."""
 
@@ -187,9 +184,10 @@ def _joins(link: Float, one: Float, other: Float, cells: Cells) -> bool:
     if length > SHORT_LINK:
         crossed = is_crossed(link, cells, FREE_DEPTH, 0, LINK_SINE)
         return not crossed and _is_blocked(one, other, cells)
-    # A short one may be crossed by many beams, but not by any that go deeper than a corner.
+    # A short one may be crossed by many beams, but not by any that go deeper than a
+    # corner, half as deep as it is long.
     before = not _is_behind(one, other, link)
-    depth = max(FREE_DEPTH, NICHE_DEPTH * length) if before else FREE_DEPTH
+    depth = max(FREE_DEPTH, 0.5 * length) if before else FREE_DEPTH
     if is_crossed(link, cells, depth, STRAY_BEAMS, LINK_SINE):
         return False
     return not (before and is_crossed(link, cells, FREE_DEPTH, CORNER_BEAMS, LINK_SINE))

@@ -24,14 +24,13 @@ from lrf3d.mapping.robust.cells import (
 from lrf3d.mapping.robust.clusters import add_hit, contradict
 from lrf3d.mapping.robust.walls import Walls
 
-ROW_BITS, FIRST_COLUMN = 32, 1 << 31
-"""A packed cell is its row, shifted by these bits, and its column, counted from this first one."""
+ROW_BITS = 32
+"""A packed cell is its row, shifted by these bits, and its column, counted from −2³¹."""
 
 REACH_BITS, FARTHEST = 52, 1 << 54
 """Distances along a beam are integers in units of 2⁻⁵² of its range; and one that no beam
 reaches."""
 
-ROW_MASK = (SIDE - 1) << SIDE_BITS
 LEAVES = ~((SIDE - 1) + ((SIDE - 1) << ROW_BITS))
 """Bits of a packed cell that change when a step leaves a block."""
 
@@ -39,7 +38,7 @@ LEAVES = ~((SIDE - 1) + ((SIDE - 1) << ROW_BITS))
 @borrower
 def _unpacked(cell: int) -> tuple[int, int]:
     """Column and row of a packed cell."""
-    return (cell & ((1 << ROW_BITS) - 1)) - FIRST_COLUMN, cell >> ROW_BITS
+    return (cell & ((1 << ROW_BITS) - 1)) - (1 << 31), cell >> ROW_BITS
 
 
 @inner
@@ -61,7 +60,7 @@ def _enter(
     wide = min(scale / abs(dx), far) if dx != 0.0 else far
     high = min(scale / abs(dy), far) if dy != 0.0 else far
     return (
-        (row << ROW_BITS) + column + FIRST_COLUMN,
+        (row << ROW_BITS) + column + (1 << 31),
         1 if dx > 0.0 else -1, (1 if dy > 0.0 else -1) << ROW_BITS, int(wide), int(high),
         int(across * wide) if wide < far else FARTHEST, int(up * high) if high < far else FARTHEST,
     )  # fmt: skip
@@ -123,7 +122,7 @@ def add_beams(
                     left, inside = min(across, up), cell ^ LEAVES
                     continue
                 inside = cell
-            at = ((cell >> (ROW_BITS - SIDE_BITS)) & ROW_MASK) | (cell & (SIDE - 1))
+            at = (((cell >> ROW_BITS) & (SIDE - 1)) << SIDE_BITS) | (cell & (SIDE - 1))
             count = passes[block, way, at]
             if count & MOST_PASSES == 0:
                 passed_ways[block, at] |= bit

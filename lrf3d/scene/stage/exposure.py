@@ -41,12 +41,10 @@ _LONGEST_WAVE, _NEVER = 0.7, 9.0
 """Longest delay of light [s of the film]: the robot must not overtake it; and the time of what is
 never seen [lengths of the run]."""
 
-_SOFT, _CLOSED = 1.3, 3
-"""How far times and rims are smoothed, and how wide gaps between beams are closed [cells]."""
-
-_COVERS, _TOLERANCE = 3.2, 1.6
-"""Half the width of the strip in which a segment sets the time of its cells, and how far from a
-wall it may lie to colour it [cells]."""
+_SOFT, _CLOSED, _COVERS, _TOLERANCE = 1.3, 3, 3.2, 1.6
+"""How far times and rims are smoothed, how wide gaps between beams are closed, half the width of
+the strip in which a segment sets the time of its cells, and how far off it colours walls [cells].
+"""
 
 _GAP, _BRIDGED, _MOVED = 0.3, 13, 1e-3
 """Least time between the light and the map's colour [s], and how wide what is not lit yet may be in

@@ -71,9 +71,10 @@ def _mirrors(world: World, origin: Float) -> Float:
 def wall_sides(structures: Structures) -> tuple[Int, Float]:
     """The walls (n,) whose sides can be seen: those of solids once, free ones from both sides.
 
-    Returns also the sides (n, 4) [m], which look to the right of their directions.
+    Returns also the sides (n, 4) [m], which look to the right of their directions; glass has none.
     """
-    solid, (free, parts) = np.flatnonzero(structures.closed), _free_walls(structures)
+    solid = np.flatnonzero(structures.closed & ~structures.glass)
+    free, parts = _free_walls(structures)
     sides = structures.segments[solid], parts, parts[:, [2, 3, 0, 1]]
     return np.concatenate([solid, free, free]), np.concatenate(sides)
 
@@ -83,7 +84,8 @@ def _free_walls(structures: Structures) -> tuple[Int, Float]:
 
     Plans have a line twice where rooms meet: of two faces at one place now this, now that is seen.
     """
-    free, lines = np.flatnonzero(~structures.closed), structures.tree.geometries
+    lines = structures.tree.geometries
+    free = np.flatnonzero(~structures.closed & ~structures.glass)
     later, other = structures.tree.query(lines[free], predicate="dwithin", distance=_APART)
     ranks = np.argsort(np.lexsort([np.arange(len(lines)), -structures.heights]))
     hides = ranks[other] < ranks[free[later]]

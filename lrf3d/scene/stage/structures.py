@@ -16,17 +16,9 @@ from numpy.typing import NDArray
 
 from lrf3d.geometry import LEFT, Bool, Float, Int, directions, lengths
 from lrf3d.run import Run
-from lrf3d.scene.look import (
-    NIGHT_LOW,
-    OUTLINE,
-    OUTLINE_STRENGTH,
-    ROOMS,
-    SECTION,
-    TOWN,
-    Setting,
-    object_colours,
-)
-from lrf3d.scene.shapes import Lines, single
+from lrf3d.scene import look
+from lrf3d.scene.look import ROOMS, SECTION, TOWN, Setting, object_colours
+from lrf3d.scene.shapes import Lines, Soft, single
 from lrf3d.world import World
 
 SIGHT_DISTANCE = 4000.0
@@ -53,11 +45,6 @@ class Sight(NamedTuple):
         world = _near(world, low - SIGHT_DISTANCE, high + SIGHT_DISTANCE)
         there = len(world.segments) > 0
         return cls(world, world.origin if there else np.round(0.5 * (low + high)))
-
-    @classmethod
-    def of_run(cls, run: Run) -> "Sight":
-        """What can be seen of a run's world."""
-        return cls.of(run.world, run.trajectory.poses[:, :2])
 
 
 def _near(world: World, low: Float, high: Float) -> World:
@@ -101,7 +88,8 @@ class Structures:
     colours: Float
     """(n,) the object of each wall, its height [m] and (n, 3) its colour."""
     closed: Bool
-    """(n,) whether the wall belongs to a solid and so has one visible side."""
+    glass: Bool
+    """(n,) whether a wall is of a solid, and so has one visible side, and whether it is glass."""
     solids: NDArray[Any]
     """(k,) polygons of the solids."""
     solid_objects: Int
@@ -150,6 +138,7 @@ class Structures:
             segments, world.heights, closed, path
         )
         colours = object_colours(world, indoor=indoor)
+        clear = [bool(one and one.passes) for one in world.materials]
         found = np.flatnonzero(~shapely.is_missing(areas))
         tops = np.zeros(world.object_count)
         np.maximum.at(tops, world.objects, world.heights)
@@ -159,6 +148,7 @@ class Structures:
             heights=world.heights,
             colours=colours[world.objects].reshape(-1, 3),
             closed=closed,
+            glass=np.array(clear or [False])[world.objects if clear else 0 * world.objects],
             solids=areas[found],
             solid_objects=found,
             solid_heights=tops[found],
@@ -179,6 +169,20 @@ class Structures:
         return self.segments.reshape(-1, 2)
 
 
+def panes_of(structures: Structures, cut: float) -> tuple[Soft, Lines]:
+    """Panes of glass up to the height of a cut [m], which are clear, and their bright edges."""
+    walls, tops = structures.segments[structures.glass], structures.heights[structures.glass]
+    a, b = (np.insert(ends, 2, 0.0, axis=1) for ends in np.hsplit(walls, 2))
+    c, d = (end + np.minimum(tops, cut)[:, None] * [0.0, 0.0, 1.0] for end in (b, a))
+    corners = np.stack([a, b, c, a, c, d], axis=1).reshape(-1, 3, 3)
+    tints = np.full((*corners.shape[:2], 4), (*look.MATERIAL_COLOURS["glass"], look.PANE))
+    starts, ends = np.concatenate([a, b, d]), np.concatenate([d, c, c])
+    colours = single(np.full((len(starts), 3), look.MATERIAL_COLOURS["glass"]))
+    full = np.ones((len(starts), 2), np.float32)
+    edges = Lines(single(starts), single(ends), colours, full, 2.0 * _OUTLINE_WIDTH)
+    return Soft(single(corners), single(tints)), edges
+
+
 def outlines_of(structures: Structures) -> Lines:
     """Edges and storeys of houses as faint lines; of rooms, where walls are cut."""
     walls, tops = structures.segments, structures.heights
@@ -195,10 +199,10 @@ def outlines_of(structures: Structures) -> Lines:
         for lines, high in ((walls, tops), (storeys, levels))
     )
     starts, ends = np.concatenate([a, a * [1.0, 1.0, 0.0], c]), np.concatenate([b, a, d])
-    counts, strong = [len(walls), len(walls), len(storeys)], OUTLINE_STRENGTH
+    counts, strong = [len(walls), len(walls), len(storeys)], look.OUTLINE_STRENGTH
     strengths = [strong, strong], [0.2 * strong, strong], [_STOREY_STRENGTH] * 2
     opacities = single(np.repeat(strengths, counts, axis=0))
-    colours = single(np.repeat([OUTLINE, OUTLINE, NIGHT_LOW], counts, axis=0))
+    colours = single(np.repeat([look.OUTLINE, look.OUTLINE, look.NIGHT_LOW], counts, axis=0))
     return Lines(single(starts), single(ends), colours, opacities, _OUTLINE_WIDTH)
 
 

@@ -51,11 +51,6 @@ LEAST_FITTING, LEAST_PAIRS = 0.5, 100
 """[share, pairs] Intensities are light if this share of at least this many pairs fits: metal and
 glass never do."""
 
-NO_LIGHT = (
-    "intensities do not fall with range and incidence as light does: the map has no glass and no"
-    " mirrors"
-)
-
 
 class LitScans:
     """The last kept scans: their places (k, 2) [m], and :data:`RAY` (k, n) by rising angle."""
@@ -105,7 +100,10 @@ class LitScans:
         are_light = self._fitting >= LEAST_FITTING * self._pairs
         if self._pairs >= LEAST_PAIRS and not are_light and not self._warned:
             self._warned = True
-            warnings.warn(NO_LIGHT, Lrf3dWarning, stacklevel=2)
+            warnings.warn(
+                "intensities do not fall with range and incidence as light does: the map has no"
+                " glass and no mirrors", Lrf3dWarning, stacklevel=2,
+            )  # fmt: skip
         return self._pairs >= LEAST_PAIRS and are_light
 
     def _read_reflectances(self, rays: Records, light: Float, walls: Float) -> None:
