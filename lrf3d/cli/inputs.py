@@ -25,6 +25,7 @@ from lrf3d.run import Run
 from lrf3d.scenario import Scenario, read_scenario_file, scenario_of
 from lrf3d.world import World
 from lrf3d.world.cameras import check_view
+from lrf3d.world.files import find_world, is_plan, load_plan
 from lrf3d.world.model import size_problem
 from lrf3d.world.toml_file import WorldFile
 
@@ -40,6 +41,15 @@ def read_world(args: Namespace) -> Scenario | None:
     return scenario_of(file, getattr(args, "set", None) or ())
 
 
+def read_shown(args: Namespace) -> tuple[Scenario | None, Any]:
+    """Read a world as `read_world` does, and the plan that a drawing or a picture is, once."""
+    if args.world is None or not is_plan(args.world):
+        return read_world(args), None
+    plan = load_plan(args.world, **options_of(args))
+    file = WorldFile(plan.world(path := find_world(args.world)), path=path)
+    return scenario_of(checked_size(args.world, file)), plan
+
+
 def options_of(args: Namespace) -> dict[str, Any]:
     """How a file is read, as far as that was given."""
     names = ("scale", "resolution", "threshold", "page", "layers", "without", "trees")
@@ -49,7 +59,11 @@ def options_of(args: Namespace) -> dict[str, Any]:
 
 def read_file(name: str, **options: Any) -> WorldFile:
     """Read a world file, and warn if its size is implausible."""
-    file = read_scenario_file(name, **options)
+    return checked_size(name, read_scenario_file(name, **options))
+
+
+def checked_size(name: str, file: WorldFile) -> WorldFile:
+    """A world file, with a warning if its size is implausible."""
     if warning := size_problem(file.world):
         warn(f"{name}: {warning}")
     return file
@@ -182,7 +196,7 @@ COMMANDS: dict[str, tuple[Callable[[Namespace], Any], str]] = {
     "degrade": (read_log, "logs:degrade"),
     "localise": (read_map_and_log, "logs:localise"),
     "sweep": (read_sweep, "sweep:sweep"),
-    "world show": (read_world, "world:show"),
+    "world show": (read_shown, "world:show"),
     "world convert": (lambda args: None, "world:convert"),
     "world generate": (lambda args: None, "world:generate"),
 }

@@ -1,6 +1,7 @@
 """Routes: followed once by pure pursuit with a unicycle, in laps, or on a patrol."""
 
 import math
+from bisect import bisect
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -85,6 +86,7 @@ def follow_route(
     step = dt / per_sample
     reach, poses, times = 0.0, [pose], [0.0]
     stops, starting = path.stops(), True
+    stop = path.at(stops[0])
     # After ten times the duration at full speed and a minute for turns, it will never arrive.
     limit = int((10.0 * path.length / speed + 60.0) / step)
     straight = path.length / speed / step
@@ -103,8 +105,8 @@ def follow_route(
         v, omega = _command(pose, goal, speed, step, starting)
         starting = starting and v == 0.0
         pose = robot.move(pose, v, omega, step)
-        if math.dist(path.at(stops[0]), pose[:2]) < ARRIVED and len(stops) > 1:
-            reach = stops.pop(0)
+        if len(stops) > 1 and math.dist(stop, pose[:2]) < ARRIVED:
+            reach, stop = stops.pop(0), path.at(stops[0])
         arrived = len(stops) == 1 and math.dist(path.end, pose[:2]) < ARRIVED
         if count % per_sample == 0 or arrived:
             poses.append(pose)
@@ -130,14 +132,20 @@ class _Path:
         self.points = distinct(as_rows(route, "route", 2, row="point"), "route")
         self.stations = np.append(0.0, np.cumsum(np.hypot(*np.diff(self.points, axis=0).T)))
         self.length = float(self.stations[-1])
+        self._known, self._rows = self.stations.tolist(), self.points.tolist()
         self.x, self.y = (np.ascontiguousarray(column) for column in self.points.T)
         (x, y), (x2, y2) = self.points[:2].tolist()
         self.start = Pose(x, y, float(np.arctan2(y2 - y, x2 - x)))
         self.end = float(self.x[-1]), float(self.y[-1])
 
     def at(self, station: float) -> tuple[float, float]:
-        x = np.interp(station, self.stations, self.x)
-        return float(x), float(np.interp(station, self.stations, self.y))
+        # As np.interp does it, which takes five times as long for a single station.
+        begin = bisect(self._known, station) - 1
+        if begin >= len(self._rows) - 1:
+            return self.end
+        (x, y), (x2, y2) = self._rows[begin : begin + 2]
+        long, off = self._known[begin + 1] - self._known[begin], station - self._known[begin]
+        return (x2 - x) / long * off + x, (y2 - y) / long * off + y
 
     def stops(self) -> list[float]:
         """Stations of the way-points that the robot must reach: sharp turns and the end.

@@ -21,9 +21,6 @@ CURVE_ERROR = 0.005
 MOST_MARKS, MOST_POINTS = 150_000, 2_000_000
 """Largest numbers of marks and of points: of larger drawings, blocks that hold each other."""
 
-PEN, PAPER_PEN = 0.12, 1.05e-3
-"""Width [m] in the world, or on paper, up to which a line is one; a wider one has two faces."""
-
 PALEST = 0.08
 """Contrast below which a mark has the colour of the paper."""
 
@@ -63,8 +60,9 @@ class Canvas:
     @classmethod
     def of_sheet(cls, side: float, scale: float) -> "Canvas":
         """The canvas of a sheet of paper, of which a side is so long [m], enlarged by a scale."""
-        # A drawing on paper is a thousandth of the size of what it shows.
-        return cls(min(CURVE_ERROR, 2e-4 * side), max(PEN, PAPER_PEN * scale))
+        # A drawing on paper is a thousandth of the size of what it shows. A line of over 12 cm, and
+        # over a millimetre on paper, has two faces.
+        return cls(min(CURVE_ERROR, 2e-4 * side), max(0.12, 1.05e-3 * scale))
 
     def count(self, steps: int = 1) -> None:
         """Count steps of work, also those that paint nothing."""
@@ -136,13 +134,6 @@ class Canvas:
         return Drawing(_seen(_on_paper(self.marks)), self.left_out)
 
 
-MOST_CROSSINGS = 10_000
-"""Largest number of crossings of the outlines of an area."""
-
-MOST_BOXES = 20
-"""Pairs of areas whose boxes meet, for each that lies on another: curved ones have most."""
-
-
 def area_of(rings: list[Float], winding: bool = False) -> Any:
     """The area in rings (k, 2), by the even-odd rule or by their winding numbers."""
     rings = [ring for ring in rings if len(ring) > 2 and np.isfinite(ring).all()]
@@ -151,13 +142,13 @@ def area_of(rings: list[Float], winding: bool = False) -> Any:
     plain = shapely.polygons([shapely.linearrings(ring) for ring in rings])
     turns = np.where(shapely.is_ccw(shapely.get_exterior_ring(plain)), 1, -1)
     # Curved outlines may cross themselves.
-    check_crossings(plain[~shapely.is_valid(plain)], MOST_CROSSINGS, "outlines of an area")
+    check_crossings(plain[~shapely.is_valid(plain)], 10_000, "outlines of an area")
     parts = shapely.buffer(shapely.make_valid(plain), 0.0)
     kept = shapely.area(parts) > 0.0
     parts, turns = parts[kept], turns[kept]
     tree = shapely.STRtree(parts)
-    # Pairs whose boxes meet take next to no time to count.
-    _check_overlaps(len(tree.query(parts)[0]) // MOST_BOXES)
+    # Pairs whose boxes meet take next to no time to count; curved ones have most of these.
+    _check_overlaps(len(tree.query(parts)[0]) // 20)
     inner, outer = tree.query(parts, predicate="covered_by")
     _check_overlaps(len(inner) - len(parts))
     depth = np.bincount(inner, minlength=len(parts))

@@ -44,9 +44,8 @@ def close_gaps(segments: Float, free: FreeCells | None = None) -> tuple[Float, I
     for closing, corner in _closings(ends):
         is_straight = np.isnan(corner).any()
         target = ends[closing[1]] if is_straight else corner
-        if taken[closing].any() or (
-            free is not None and _is_free(free, ends[closing], target, origin)
-        ):
+        open_way = free is not None and _is_free(free, ends[closing] + origin, target + origin)
+        if taken[closing].any() or open_way:
             continue
         taken[closing] = True
         if is_straight:
@@ -113,12 +112,12 @@ def _may_grow(growth: Float) -> Bool:
     return (growth >= -OVERSHOOT) & (growth <= WIDEST)
 
 
-def _is_free(free: FreeCells, begins: Float, corner: Float, origin: Float) -> bool:
+def _is_free(free: FreeCells, begins: Float, corner: Float) -> bool:
     """Whether beams went through any closing piece, each from an end to a corner."""
     for begin in begins:
         count = int(np.hypot(*(corner - begin)) / STEP) + 1
         shares = (np.arange(count) + 0.5) / count
         # The borders of free space are ragged.
-        if free.contain(begin + shares[:, None] * (corner - begin) + origin).mean() > 0.25:
+        if free.contain(begin + shares[:, None] * (corner - begin)).mean() > 0.25:
             return True
     return False

@@ -22,12 +22,6 @@ from lrf3d.world.plan import Plan
 POINT = 0.0254 / 72.0
 """The unit of PDF [m]."""
 
-PIXEL, LARGEST_SIDE = 0.02, 6000
-"""Side of a pixel [m] of a scanned page, and the most pixels of a side."""
-
-DEEPEST = 50
-"""Most forms within each other."""
-
 COUNTED = {1: "text", 3: "picture", 4: "shading"}
 """Objects that are not read, by pdfium's number of their type."""
 
@@ -59,7 +53,8 @@ def draw(
     painter = _Painter(raw, canvas, _hidden(file))
     painter.paint(objects, matrix, shapely.box(0.0, 0.0, *size), 0)
     if not canvas.marks and canvas.left_out["picture"]:
-        side = max(PIXEL, float(size.max()) / LARGEST_SIDE)
+        # Pixels of two centimetres, or 6,000 along a side.
+        side = max(0.02, float(size.max()) / 6000)
         picture = handle.render(scale=unit / side).to_pil().convert("RGB")
         return plan_of_picture(np.asarray(picture), side, threshold)
     if threshold is not None:
@@ -88,8 +83,8 @@ class _Painter:
     def paint(self, objects: list[Any], matrix: Float, clip: Any, depth: int) -> None:
         """Paint objects, and those in forms; their units become metres by a matrix."""
         raw = self.raw
-        if depth > DEEPEST:
-            raise WorldError(f"has forms within each other, more than {DEEPEST} deep")
+        if depth > 50:
+            raise WorldError("has forms within each other, more than 50 deep")
         for each in objects:
             self.canvas.count()
             kind, layer = raw.FPDFPageObj_GetType(each), self._layer(each)

@@ -31,14 +31,11 @@ DOOR, LONG = 1.4, 0.7
 """Largest size [m] of a door's leaf and arc together, and length from which on a side of larger
 strokes stays."""
 
-LETTER, PILLAR = 0.6, 0.12
-"""Largest size [m] of a letter, and least width of a pillar."""
+LETTER = 0.6
+"""Largest size [m] of a letter."""
 
 FULL = 0.7
 """Share of dark pixels in its box from which on a part is solid."""
-
-PALE = 0.5
-"""Difference in lightness from the paper's up to which a thick area may be a floor."""
 
 MOST_PIXELS = 1 << 24
 """Number of pixels above which a picture is made smaller."""
@@ -80,7 +77,8 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     found = threshold_of(contrast) if threshold is None else (255.0 - threshold) / 255.0
     dark = contrast > found
     pixels, left_out = 1.0 / resolution, Counter[str]()
-    drawn = dark & ~_floors(dark & (lightness < PALE), key, pixels, left_out)
+    # A thick area is a floor if it is pale.
+    drawn = dark & ~_floors(dark & (lightness < 0.5), key, pixels, left_out)
     walls, furniture, thin = _cleaned(drawn, pixels, left_out)
     parts = [walls_of_grid(walls), *thin, walls_of_grid(furniture)]
     segments = np.concatenate(parts) * resolution
@@ -219,7 +217,7 @@ def _loose(solid: Bool, drawn: Bool, pixels: float, left_out: Counter[str]) -> B
     word[parts[solid]] = words[solid]
     word = word[1:]
     alone = np.bincount(word, minlength=1)[word] == 1
-    stands = (area >= FULL * space) & (sides.min(axis=1) >= PILLAR * pixels) & alone
+    stands = (area >= FULL * space) & (sides.min(axis=1) >= 0.12 * pixels) & alone
     hollow = (inked < FULL * area) & (sides.max(axis=1) <= 0.3 * _extent(solid))
     out = small & ~stands
     left_out["small part"] = int(out.sum())

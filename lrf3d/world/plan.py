@@ -43,14 +43,8 @@ FURNITURE_HEIGHT = 0.8
 THICKEST = 0.6
 """Mean thickness [m] up to which an area is a wall, and not a floor, whatever its colour."""
 
-DARK = 0.45
-"""Contrast from which on a thick area stands, such as a solid house: floors are paler."""
-
 OUTLINE = 1e-4
 """Distance [m] up to which a line runs along the outline of an area."""
-
-LONGEST_LEAF = 2.2
-"""Length [m] above which a line on a layer of doors is no leaf, but a wall."""
 
 CRACK = 0.02
 """Half of a gap [m] between walls through which two rooms do not become one."""
@@ -223,8 +217,8 @@ def plan_of(drawing: Drawing, layers: Sequence[str] = (), without: Sequence[str]
     doors, opened = find_doors(segments, line, drawn)
     more, leaves = find_leaves(segments, line, drawn & ~opened)
     doors, opened = doors + more, opened | leaves
-    # Partitions are found on layers of doors, too.
-    stands = np.isin(role, STANDS) | ((role == "door") & (lengths(segments) > LONGEST_LEAF))
+    # Partitions are found on layers of doors, too; they are longer than leaves.
+    stands = np.isin(role, STANDS) | ((role == "door") & (lengths(segments) > 2.2))
     stands &= ~opened
     left = drawing.left_out + Counter(floor=roles.count("floor"))
     for what, symbols in SYMBOLS.items():
@@ -278,7 +272,8 @@ def _without_floors(marks: list[Mark], roles: list[str]) -> list[str]:
         area, edge = mark.shape.area, mark.shape.length
         stands = role in STANDS and role != "furniture" and is_area(mark.shape)
         if stands and 2.0 * area > THICKEST * edge:
-            pale = mark.contrast < DARK and role != "wall"
+            # What is darker is a solid house.
+            pale = mark.contrast < 0.45 and role != "wall"
             if pale or (tree.query(mark.shape, predicate="contains_properly") > number).any():
                 roles[number] = "floor"
     return roles

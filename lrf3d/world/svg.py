@@ -46,8 +46,6 @@ SHAPES = {
 }
 COUNTED = {"text": "text", "image": "picture", "foreignObject": "picture"}
 GROUPS = frozenset(("g", "a", "svg", "switch", "use"))
-DEEPEST = 100
-"""Most groups and uses within each other."""
 
 
 class State(NamedTuple):
@@ -112,8 +110,8 @@ class _Painter(NamedTuple):
             layer=chosen or outer.layer or (named if _tag(element) in GROUPS else ""),
             depth=outer.depth + 1,
         )
-        if state.depth > DEEPEST:
-            raise WorldError(f"has groups or uses within each other, more than {DEEPEST} deep")
+        if state.depth > 100:
+            raise WorldError("has groups or uses within each other, more than 100 deep")
         for key in ("clip-path", "mask"):
             if style.get(key, "none") != "none":
                 state = state._replace(clip=self._clipped(key, style[key], state))
@@ -283,19 +281,17 @@ def _moved(x: float, y: float) -> Float:
 
 def _size(root: Element) -> tuple[float, float]:
     """Width and height of a sheet [px]; a side that is not given follows from the ``viewBox``."""
-    sides: list[float | None] = []
+    sides: dict[str, float] = {}
     for key in ("width", "height"):
         text = root.get(key, "").strip()
-        given = text not in ("", "auto") and not text.endswith("%")
-        side = _length({key: text}, key, math.nan) if given else None
-        if side is not None and not 0.0 < side <= LARGEST_COORDINATE:
-            raise WorldError(f"{key} is {shown(text)}, expected a length above 0 such as 120mm")
-        sides.append(side)
-    width, height = sides
+        if text not in ("", "auto") and not text.endswith("%"):
+            sides[key] = _length({key: text}, key, math.nan)
+            if not 0.0 < sides[key] <= LARGEST_COORDINATE:
+                raise WorldError(f"{key} is {shown(text)}, expected a length above 0 such as 120mm")
     _, _, wide, high = _box(root)
-    if width is None:
-        width = wide if height is None else height * wide / high
-    return width, width * high / wide if height is None else height
+    usual = sides["height"] * wide / high if "height" in sides else wide
+    width = sides.get("width", usual)
+    return width, sides.get("height", width * high / wide)
 
 
 def _box(element: Element) -> tuple[float, ...]:
