@@ -18,7 +18,7 @@ import numpy as np
 from benchmarks.report import Figure, Report, scatter
 from benchmarks.timing import timed
 from lrf3d.geometry import Float
-from lrf3d.robot.unicycle import drive
+from lrf3d.robot.kinematics import drive
 
 HOUR = 3600.0
 """How long is driven [s]."""

@@ -113,7 +113,7 @@ def frames(film: Film | StockFilm) -> Callable[[int], object]:
 
     def draw(_: int) -> object:
         if isinstance(film, Film):
-            film.forget()
+            film._key = None
         return film.draw(next(order))
 
     return draw

@@ -62,7 +62,7 @@ class StockFilm:
         moment = self.timeline.moment(time)
         look = self._camera.look(time, self._size[0] / self._size[1])
         place = moment.pose - np.array([*self.timeline.origin, 0.0])
-        self._eye.camera.yfov, self._eye.camera.znear = look.field, look.near
+        self._eye.camera.yfov, self._eye.camera.znear = look.field, max(0.2, 0.004 * look.away)
         self._scene.set_pose(self._eye, look.pose)
         self._scene.set_pose(self._robot, world_from_robot(place))
         make_current()

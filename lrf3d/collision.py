@@ -10,14 +10,14 @@ from numpy.typing import ArrayLike
 
 from lrf3d.casting.crowd import Crowd, move_of, moves_of, records
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
-from lrf3d.casting.kernels.touch import TIP, touched, touched_among
+from lrf3d.casting.kernels.touch import EDGE, touched
 from lrf3d.casting.kernels.tree import Plain, build_tree
 from lrf3d.errors import CollisionError, InputError, each_of, expect
 from lrf3d.geometry import Float, Int, Records, Value, as_rows, number
 from lrf3d.pose import Pose, between
+from lrf3d.robot.kinematics import RADIUS, Twist, hold
 from lrf3d.robot.odometry import twist_of
 from lrf3d.robot.trajectory import Trajectory
-from lrf3d.robot.unicycle import RADIUS, Twist, hold
 from lrf3d.world import World
 
 ROBOT_HEIGHT = 1.0
@@ -69,16 +69,17 @@ class Body(Value):
     def plain(self) -> Plain:
         """The body as kernels take it."""
         if self.outline is None:
-            return np.zeros(1, TIP), float(self.radius), float(self.radius)
+            return np.zeros(1, EDGE), float(self.radius), float(self.radius)
         tips: Float = np.asarray(self.outline)
-        edges = np.roll(tips, -1, axis=0) - tips
+        after = np.roll(tips, -1, axis=0)
+        edges = after - tips
         normals = np.column_stack([-edges[:, 1], edges[:, 0]])
         normals /= np.hypot(*edges.T)[:, None]
         before = np.roll(edges, 1, axis=0)
-        notch = before[:, 0] * edges[:, 1] - before[:, 1] * edges[:, 0] < 0.0
+        notch = (before[:, 0] * edges[:, 1] - before[:, 1] * edges[:, 0] < 0.0).astype(np.float64)
         inner = normals + np.roll(normals, 1, axis=0)
-        reach = float(np.hypot(*tips.T).max())
-        return records(TIP, *tips.T, *inner.T, notch.astype(np.float64)), 0.0, reach
+        sides = records(EDGE, *tips.T, *after.T, *inner.T, notch, np.roll(notch, -1))
+        return sides, 0.0, float(np.hypot(*tips.T).max())
 
 
 def robots_among(
@@ -146,15 +147,11 @@ class CollisionChecker:
         They are +inf, −1 and −1 (k,) where nothing is touched within so many seconds (k,). Own (k,)
         are the obstacles that are the bodies themselves.
         """
-        times, walls = np.empty(len(moves)), np.empty(len(moves), np.int64)
-        touched(self._tree[:], body.plain, moves, seconds, times, walls)
-        if not len(self._crowd):
-            return times, walls, np.full(len(moves), -1)
         own = np.full(len(moves), self._crowd.own) if own is None else own
-        at, met = np.empty(len(moves)), np.empty(len(moves), np.int64)
-        most = np.minimum(seconds, times)
-        touched_among(self._crowd.plain, body.plain, moves, most, own, at, met)
-        return np.minimum(times, at), np.where(met < 0, walls, -1), met
+        walls, met = np.empty((2, len(moves)), np.int64)
+        found = np.empty(len(moves)), walls, met
+        touched((self._tree[:], self._crowd.plain), body.plain, moves, seconds, own, found)
+        return found
 
     def hit(self, starts: Float, ends: Float, radius: float) -> Int:
         """The walls (k,) that discs touch on straight ways from starts to ends (k, 2), or −1."""

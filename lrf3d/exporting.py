@@ -34,11 +34,10 @@ def export_run(run: Run, to: str, path: str | Path, *, every: int = 1) -> None:
 
     Examples:
         >>> import lrf3d
-        >>> room = lrf3d.load_world("paper_room")
-        >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], rng=0)
+        >>> run = lrf3d.load_scenario("paper_room").run(rng=0)
         >>> lrf3d.export_run(run, "carmen", "run.log.gz")
         >>> len(lrf3d.load_log("run.log.gz").scans)
-        2
+        3
     """
     expect(run, Run, "run")
     if not isinstance(to, str) or to not in EXPORTERS:

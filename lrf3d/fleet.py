@@ -28,7 +28,7 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.laser.range_finder import lasers_of
 from lrf3d.pose import Pose, as_pose, as_poses
 from lrf3d.robot import Trajectory
-from lrf3d.robot.unicycle import RADIUS, Twist, hold
+from lrf3d.robot.kinematics import RADIUS, Twist, hold
 from lrf3d.run import Run
 from lrf3d.sensor import caster_of
 from lrf3d.simulation import Mapper, Simulation

@@ -50,7 +50,11 @@ def read_only(values: Any, name: str, dtype: DTypeLike = np.float64) -> Any:
     call them by the name.
     """
     held = isinstance(values, np.ndarray) and values.dtype == dtype and values.flags.c_contiguous
-    if held and _is_read_only(values):
+    whole = values if held else None
+    while isinstance(whole, np.ndarray) and not whole.flags.writeable:
+        # So have to be all arrays that it is a view of.
+        whole = whole.base
+    if held and not isinstance(whole, np.ndarray):
         return values
     array = numbers(values, name)
     if array.dtype.kind == "f" and np.dtype(dtype).kind in "iu" and not np.isfinite(array).all():
@@ -134,15 +138,6 @@ def whole_number(value: Any, name: str, *, least: int = 1, most: int | None = No
         limit = f"of at least {least}" if most is None else f"from {least} to {most:,}"
         raise InputError(f"{name} {shown(value)}: expected a whole number {limit}")
     return int(value)
-
-
-def _is_read_only(array: Any) -> bool:
-    """Whether an array is read-only, and so are all arrays that it is a view of."""
-    while isinstance(array, np.ndarray):
-        if array.flags.writeable:
-            return False
-        array = array.base
-    return True
 
 
 class Value:

@@ -22,7 +22,8 @@ from lrf3d.planning.free_space import free_places
 from lrf3d.pose import Pose, as_pose
 from lrf3d.render.window import Window
 from lrf3d.robot import Trajectory
-from lrf3d.robot.unicycle import arcs
+from lrf3d.robot.following import MAX_TURN_RATE
+from lrf3d.robot.kinematics import arcs
 from lrf3d.run import Run
 from lrf3d.scenario import Scenario, load_scenario
 from lrf3d.sensor import Sensor
@@ -50,9 +51,6 @@ CANDIDATES = 32
 
 AT_GOAL, AT_WALL, EACH_STEP = 10.0, -10.0, -0.01
 """Rewards at the goal, for a collision, and for each step, so that fast drives score higher."""
-
-ACTION_TURN_RATE = 1.5
-"""Largest turn rate of an action [rad/s], equal to that of the route follower."""
 
 GOAL_MARGIN = 0.1
 """Clearance of a robot from walls at its start, in addition to its radius [m]."""
@@ -134,14 +132,12 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Place all robots; the same seed gives the same episodes.
+        """Place all robots at random, or at the ``pose`` (3,) and the ``goal`` (2,) in options.
 
-        Args:
-            seed: The seed.
-            options: ``pose`` (3,) and ``goal`` (2,) to set for all robots instead.
+        The same seed gives the same episodes.
 
         Raises:
-            InputError: One of the options is not finite numbers of this shape.
+            InputError: One of the options is not finite numbers of its shape.
         """
         super().reset(seed=seed)
         self._place(np.arange(self.num_envs))
@@ -166,14 +162,11 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
             raise InputError(f"actions {given.shape}: expected {(self.num_envs, 2)}")
         given = np.where(again[:, None], 0.0, given)
         if not (finite := np.isfinite(given).all(axis=1)).all():
-            robot = int(np.argmin(finite))
-            raise InputError(
-                f"action of robot {robot}: {given[robot].tolist()}; expected finite numbers from -1"
-                " to 1"
-            )
+            found = f"action of robot {(robot := int(np.argmin(finite)))}: {given[robot].tolist()}"
+            raise InputError(f"{found}; expected finite numbers from -1 to 1")
         before = self.distances()
         # Actions are shares of the scenario's speed and of the fastest turn, left positive.
-        v, omega = (np.clip(given, -1.0, 1.0) * (self.scenario.speed, ACTION_TURN_RATE)).T
+        v, omega = (np.clip(given, -1.0, 1.0) * (self.scenario.speed, MAX_TURN_RATE)).T
         seconds = np.full(self.num_envs, self.dt)
         moved = arcs(self.poses, v, omega, seconds)
         moved[:, 2] = wrap_angle(moved[:, 2])
@@ -226,9 +219,7 @@ class DriveVectorEnv(VectorEnv[Observation, Array, Array]):
         for robot, start, candidates in zip(robots, starts, others, strict=True):
             choices = np.vstack([start, candidates])
             away = np.hypot(*(choices[:, None] - places).transpose(2, 0, 1)).min(axis=1)
-            places[robot] = choices[
-                np.argmax(away >= room) if (away >= room).any() else away.argmax()
-            ]
+            places[robot] = choices[np.minimum(away, room).argmax()]
         return places[robots]
 
     def _scan(self) -> tuple[Float, Float, Int]:
@@ -330,13 +321,7 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Place the robot and its goal at random, or at the ``pose`` and the ``goal`` in options.
-
-        The same seed gives the same episodes.
-
-        Raises:
-            InputError: One of the options is not finite numbers of its shape.
-        """
+        """Place the robot and its goal, as `DriveVectorEnv.reset` does."""
         super().reset(seed=seed)
         self.robots.np_random = self.np_random
         observation, _ = self.robots.reset(options=options)

@@ -17,8 +17,8 @@ from lrf3d.geometry import Float, generator
 from lrf3d.laser import LaserScan
 from lrf3d.pose import Pose, as_pose, between, compose
 from lrf3d.robot import Trajectory
+from lrf3d.robot.kinematics import Twist, hold
 from lrf3d.robot.odometry import InertialUnit, WheelOdometry
-from lrf3d.robot.unicycle import Twist, hold
 from lrf3d.scenario import Scenario
 from lrf3d.sensor import Sensor, caster_of
 

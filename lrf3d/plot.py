@@ -222,10 +222,11 @@ def estimate(
 
 def run(run: Run, ax: Axes | None = None) -> Axes:
     """Plot a run: its map, the robot's path and its estimate, over the true walls."""
-    ax = world(Sight.of_run(run).world, ax, poses=run.trajectory.poses, **BELOW)
+    poses = run.trajectory.poses
+    ax = world(Sight.of(run.world, poses[:, :2]).world, ax, poses=poses, **BELOW)
     if run.maps:
         map(run.map, ax, objects=run.lasting_objects[-1])
-    return paths(run.trajectory.poses, run.estimate, ax)
+    return paths(poses, run.estimate, ax)
 
 
 def paths(poses: Float, estimated: EstimatedTrajectory | None, ax: Axes) -> Axes:

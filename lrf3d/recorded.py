@@ -20,9 +20,9 @@ from lrf3d.localization.joining import joined
 from lrf3d.mapping import LineMapper
 from lrf3d.run import Run
 from lrf3d.slam import Slam
+from lrf3d.slam.checks import doubtful_mount, doubtful_poses
 from lrf3d.slam.front_end import KEY_DISTANCE
 from lrf3d.slam.key_scans import Sight
-from lrf3d.slam.mounting import doubtful_mount, doubtful_poses
 from lrf3d.slam.odometry import (
     Recording,
     WheelPath,
@@ -251,11 +251,11 @@ def readable(log: LaserLog) -> LaserLog:
 
 
 def followed(log: LaserLog | str | Path) -> tuple[LaserLog, Recording]:
-    """The scans of the first laser of a log, or of its path, and these in order, to be followed."""
+    """A log, or that of a path, with one scan a moment, and these in order, to be followed."""
     if not isinstance(log, LaserLog):
         log = load_log(log, poses=odometry_of(log))
     log = readable(log)
-    log = log.of_laser(log.lasers[0])
+    log = log.of_moments()
     try:
         return log, _checked(log)
     except InputError as error:

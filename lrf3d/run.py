@@ -20,8 +20,8 @@ from lrf3d.lazy import PAINTERS, Pictured
 from lrf3d.mapping import LineMap
 from lrf3d.mapping.tracking import ObjectTracker, numbers_by_truth
 from lrf3d.robot import EstimatedTrajectory, Trajectory
+from lrf3d.robot.kinematics import RADIUS
 from lrf3d.robot.odometry import ImuRecord
-from lrf3d.robot.unicycle import RADIUS
 from lrf3d.world import World
 from lrf3d.world.cameras import USUAL_FILM, FilmPlan
 from lrf3d.world.free_cells import FreeCells
@@ -67,12 +67,9 @@ class Run(Value, Pictured):
 
     Examples:
         >>> import lrf3d
-        >>> room = lrf3d.load_world("paper_room")
-        >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], rng=0)
-        >>> len(run), run.ranges.shape
-        (2, (2, 181))
-        >>> run.scan(1).pose.x
-        2.0
+        >>> run = lrf3d.load_scenario("paper_room").run(rng=0)
+        >>> len(run), run.ranges.shape, run.scan(1).walls.shape
+        (3, (3, 181), (181,))
     """
 
     world: World
@@ -263,8 +260,7 @@ class Run(Value, Pictured):
 
         Examples:
             >>> import lrf3d
-            >>> room = lrf3d.load_world("paper_room")
-            >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], rng=0)
+            >>> run = lrf3d.load_scenario("paper_room").run(rng=0)
             >>> run.frame(0.5, size=(64, 36), renderer="embree").shape
             (36, 64, 3)
         """

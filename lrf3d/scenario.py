@@ -19,13 +19,20 @@ from lrf3d.geometry import Float, Value, whole_number
 from lrf3d.interrupts import Progress, silent
 from lrf3d.laser import LaserRangeFinder, Noise, ProportionalNoise
 from lrf3d.laser.noise import SIGMA, as_noise, at_sigma, spread_of
-from lrf3d.planning.free_space import Side
+from lrf3d.planning import Side
 from lrf3d.pose import Pose
 from lrf3d.robot import Trajectory, follow_route
-from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, SCAN_INTERVAL, SPEED
-from lrf3d.robot.laps import Patrol, chain_laps, drive_laps
+from lrf3d.robot.following import (
+    CONTROL_STEP,
+    LOOKAHEAD,
+    SCAN_INTERVAL,
+    SPEED,
+    Patrol,
+    chain_laps,
+    drive_laps,
+)
+from lrf3d.robot.kinematics import RADIUS
 from lrf3d.robot.odometry import Imu, WheelOdometry
-from lrf3d.robot.unicycle import RADIUS
 from lrf3d.world import World, load_world
 from lrf3d.world.cameras import USUAL_FILM, FilmPlan, check_view
 from lrf3d.world.files import find_world

@@ -16,8 +16,7 @@ from lrf3d.interrupts import Progress, check, silent, stoppable
 from lrf3d.io import LaserLog, load_run
 from lrf3d.io.reading import is_run
 from lrf3d.laser.unrolling import unrolled
-from lrf3d.localization.known_places import KnownPlaces
-from lrf3d.localization.place_search import PlaceSearch
+from lrf3d.localization.place_search import KnownPlaces, PlaceSearch
 from lrf3d.pose import bent, between, compose
 from lrf3d.recorded import followed
 from lrf3d.run import Run

@@ -24,8 +24,8 @@ from lrf3d.mapping import LineMapper
 from lrf3d.pose import Pose
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.robot.following import SCAN_INTERVAL
+from lrf3d.robot.kinematics import RADIUS
 from lrf3d.robot.odometry import Imu, InertialUnit, Odometer, WheelOdometry
-from lrf3d.robot.unicycle import RADIUS
 from lrf3d.sensor import Caster, Sensor, caster_of
 from lrf3d.steering import ControlledDrive, Controller, Robot, trajectory_of
 from lrf3d.world import World

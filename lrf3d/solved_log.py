@@ -25,11 +25,10 @@ from lrf3d.pose import Pose, compose
 from lrf3d.robot import EstimatedTrajectory, Trajectory
 from lrf3d.run import Run, is_snapshot
 from lrf3d.slam import Slam
+from lrf3d.slam.checks import SelfCheck, doubtful_mount
 from lrf3d.slam.closures import Refusal
 from lrf3d.slam.key_scans import Key
-from lrf3d.slam.mounting import doubtful_mount
 from lrf3d.slam.odometry import Repairs
-from lrf3d.slam.violation import SelfCheck
 from lrf3d.text import counted
 from lrf3d.world import World
 
@@ -37,7 +36,11 @@ MOST_COVARIANCES = 128
 """Key scans whose covariances are kept, at most: each takes a step over the whole pose graph."""
 
 MOST_UNSEEN = 1.0
-"""Distance [m] along bare walls from which on a drive by the laser alone may be wrong."""
+"""Largest distance [m] along bare walls on a drive by the laser alone."""
+
+MOST_UNSURE = 0.4
+"""Largest half axis of an ellipse of 95 % probability [m] on such a drive. In a street the error
+along the walls grows with each scan."""
 
 PAUSE = 1.0
 """Time [s] between two drives in their joint run."""
@@ -78,14 +81,26 @@ class SolvedLog:
 
     def _unseen(self) -> list[str]:
         """What the laser alone does not show of the drive, in a sentence."""
+        if self.log.placed:
+            return []
         weak = np.array([0, *(scan.weak for scan in self.slam.tracked[1:]), 0], dtype=np.int64)
         steps = np.hypot(*np.diff(self.poses[:, :2], axis=0).T)
-        if self.log.placed or weak.sum() * steps.mean() < MOST_UNSEEN:
-            return []
+        if weak.sum() * steps.mean() < MOST_UNSEEN:
+            return self._unsure()
         starts, ends = np.flatnonzero(np.diff(weak)).reshape(-1, 2).T
         longest = int((ends - starts).argmax())
         where = f"{counted(int(weak.sum()), 'scan')}, as {starts[longest] + 1} to {ends[longest]}"
         return [f"{where}, see bare walls and not how far the robot moved: the map may be wrong"]
+
+    def _unsure(self) -> list[str]:
+        """Where the position is least certain, in a sentence."""
+        if self.joined is not None or (estimate := self.run.estimate) is None:
+            return []
+        axes = np.linalg.norm(estimate.ellipses, 2, axis=(1, 2))
+        if (most := axes.max()) < MOST_UNSURE:
+            return []
+        where = f"the position at scan {estimate.known_scans[axes.argmax()]}"
+        return [f"by the laser alone {where} is known to {most:.2f} m: the map may be stretched"]
 
     @property
     def refused(self) -> list[Refusal]:

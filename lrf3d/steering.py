@@ -11,7 +11,7 @@ from lrf3d.geometry import Float, is_finite, number, numbers
 from lrf3d.laser import LaserScan
 from lrf3d.pose import Pose, as_pose
 from lrf3d.robot import Trajectory, Unicycle
-from lrf3d.robot.unicycle import Twist, hold
+from lrf3d.robot.kinematics import Twist, hold
 
 
 class Controller(Protocol):
@@ -27,7 +27,7 @@ class Controller(Protocol):
 
 
 class Robot(Protocol):
-    """How a robot moves by its commands: a Unicycle, or one of `lrf3d.robot.drives`."""
+    """How a robot moves by its commands: a Unicycle, or one of `lrf3d.robot.kinematics`."""
 
     commands: ClassVar[str]
     """What a command consists of, in words."""

@@ -19,7 +19,7 @@ from lrf3d import (
 from lrf3d.casting.dynamic_obstacle import round_outline
 from lrf3d.collision import Body, CollisionChecker
 from lrf3d.fleet import simulate_fleet
-from lrf3d.robot.unicycle import hold
+from lrf3d.robot.kinematics import hold
 from lrf3d.scenario import Scenario, load_scenario
 
 BOX = [(-0.3, -0.2), (0.3, -0.2), (0.3, 0.2), (-0.3, 0.2)]

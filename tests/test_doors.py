@@ -15,19 +15,7 @@ class Odd:
         raise RuntimeError
 
 
-WRONG = [
-    None,
-    True,
-    7,
-    float("nan"),
-    b"x",
-    [],
-    [1],
-    {"a": 1},
-    np.zeros((2, 3)),
-    np.array("a"),
-    Odd(),
-]
+WRONG = [None, True, 7, np.nan, b"x", [], [1], {"a": 1}, np.zeros((2, 3)), np.array("a"), Odd()]
 
 FLAT = Path(__file__).parents[1] / "examples" / "flat.png"
 ROOM = lrf3d.World([[0, 0, 5, 0], [5, 0, 5, 4], [5, 4, 0, 4], [0, 4, 0, 0]])

@@ -10,7 +10,6 @@ from PIL import Image
 import lrf3d
 from lrf3d.errors import shown
 from lrf3d.io import bag_files
-from lrf3d.io.trajectory_files import load_relations
 
 WALL = "[[object]]\npoints = [[0, 0], [4, 0], [4, 3]]\n"
 FREE = "[free]\nresolution = 1.0\norigin = [0, 0, 0]\nrows = "
@@ -114,13 +113,13 @@ def test_trees_at_one_place_are_one_and_others_all_stand(tmp_path):
 
 
 def test_a_gzipped_log_of_lines_that_hold_nothing_ends_at_a_limit(tmp_path, monkeypatch):
-    monkeypatch.setattr("lrf3d.io.intake.MOST_LINES", 1000)
+    monkeypatch.setattr("lrf3d.io.laser_log.MOST_LINES", 1000)
     odom = b"ODOM 0 0 0 0 0 0 1.0 h 1.0\n"
     for name, line in (("empty", b"\n"), ("odom", odom)):
         (tmp_path / f"{name}.log.gz").write_bytes(gzip.compress(line * 2000))
         with pytest.raises(lrf3d.InputError, match=r"line 1001: more than 1,000 lines or 2\.1 GB"):
             lrf3d.load_log(tmp_path / f"{name}.log.gz")
-    monkeypatch.setattr("lrf3d.io.intake.MOST_READINGS", 10_000)
+    monkeypatch.setattr("lrf3d.io.laser_log.MOST_READINGS", 10_000)
     with pytest.raises(lrf3d.InputError, match=r"line 313: more than .* readings"):
         lrf3d.load_log(tmp_path / "odom.log.gz")
 
@@ -145,13 +144,6 @@ def test_what_a_bag_unpacks_to_is_bounded(tmp_path, monkeypatch):
     monkeypatch.setattr(bag_files, "MOST_UNPACKED", 1000)
     with pytest.raises(lrf3d.InputError, match=r"a\.mcap: .*more than the 0 MB that are unpacked"):
         lrf3d.load_log(tmp_path / "a.mcap")
-
-
-@pytest.mark.parametrize("line", ["1e21 3 0 0 0", f"{2**63} 3 0 0 0", "inf 3 0 0 0", "0.5 3 0 0 0"])
-def test_line_numbers_of_relations_are_bounded(line, tmp_path):
-    (tmp_path / "a.relations").write_text(f"{line}\n")
-    with pytest.raises(lrf3d.InputError, match=r"a\.relations:1: expected two line numbers"):
-        load_relations(tmp_path / "a.relations")
 
 
 def test_a_message_shows_no_more_of_a_value_than_it_can():

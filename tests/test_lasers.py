@@ -5,7 +5,8 @@ import pytest
 
 import lrf3d
 from lrf3d.errors import InputError
-from lrf3d.laser.unrolling import unrolled
+from lrf3d.io.laser_log import LaserLog
+from lrf3d.laser.unrolling import together, unrolled
 from lrf3d.slam import SlamMapper
 
 WIDE = np.radians(135.0)
@@ -65,8 +66,30 @@ def test_two_lasers_map_as_one_that_sees_all_around(run):
     around = lrf3d.LaserRangeFinder(-np.pi, np.pi, 541, range_max=20.0)
     one = lrf3d.simulate(ROOM, ROUTE, around, rng=0, noise=QUIET)
     two, single = lrf3d.score_run(run), lrf3d.score_run(one)
-    assert two.length_f1 > single.length_f1 - 0.01
+    assert two.length_f1 > single.length_f1 - 0.01 and two.segment_f1 >= single.segment_f1
     assert two.perpendicular_rms < single.perpendicular_rms + 0.002
+
+
+def test_scans_of_a_moment_are_one_from_the_middle_of_the_robot(run):
+    scans = run.scans_at(3)
+    whole = together(scans)
+    points = np.vstack([unrolled(scan).points() for scan in scans])
+    assert np.sort(whole.points(), axis=0) == pytest.approx(np.sort(points, axis=0))
+    assert whole.robot == whole.pose == pytest.approx(tuple(run.trajectory.poses[3]))
+    assert (np.diff(whole.angles) >= 0.0).all() and len(whole.angles) == 2 * 271
+
+
+def test_slam_takes_the_scans_of_all_lasers_at_a_moment_or_those_of_the_first(run):
+    scans = [scan for index in range(len(run)) for scan in run.scans_at(index)]
+    log = LaserLog("two", scans[:-1])
+    assert log.of_moments().notes == (
+        "scans of 2 lasers at one moment taken together, 1 scan without all others left out",
+    )
+    found = lrf3d.slam_log(log).trajectory.poses
+    assert np.abs(found - run.trajectory.poses[:-1]).max() < 0.02
+    late = [scan.at_time(scan.time + 0.1 * (scan.laser == "rear")) for scan in scans]
+    (note,) = LaserLog("late", late).of_moments().notes
+    assert note == f"{len(run)} scans of other lasers not used"
 
 
 def test_a_robot_of_two_lasers_is_localised_and_finds_its_own_way(run):

@@ -6,10 +6,10 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from lrf3d.casting.kernels.beams import RAY, cast_rays
-from lrf3d.casting.kernels.scans import NOT_ASKED, cast_scans, laser_of, rays_from
+from lrf3d.casting.kernels.beams import NO_GUESSES, RAY, cast_rays
+from lrf3d.casting.kernels.scans import cast_scans, laser_of, rays_from
 from lrf3d.casting.kernels.tree import Plain, Tree, build_tree
 from lrf3d.cores import share
 from lrf3d.errors import InputError, expect
@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 
 FEW = 10
 """Largest number of beams of a scan that are cast one by one: a fan would take longer."""
+
+AT_ONCE = 12_000
+"""Number of rays that are prepared together: 600 kB."""
 
 MOST_TREES = 8
 """Heights of lasers whose walls are kept in trees."""
@@ -130,7 +133,7 @@ class PlanarCaster:
 
         def work(start: int, stop: int) -> None:
             part = slice(start, stop)
-            cast_rays(tree, limits, rays[part], ranges[part], walls[part])
+            cast_rays(tree, limits, rays[part], NO_GUESSES, ranges[part], walls[part])
 
         if len(rays) > MANY:
             share(work, len(rays))
@@ -175,13 +178,29 @@ class PlanarCaster:
 
         Beams end at the first wall, also at mirrors and glass.
         """
-        if ranges.shape[1] > FEW:
-            cast_scans(self.tree(height)[:], laser, *NOT_ASKED, poses, ranges, walls)
+        tree = self.tree(height)
+        if ranges.shape[1] > FEW and not self._guessing:
+            cast_scans(tree[:], laser, poses, ranges, walls)
             return
-        rays = np.empty(ranges.shape, RAY)
-        rays_from(laser, poses, np.zeros(len(poses)), rays)
-        flat = rays.ravel(), ranges.ravel(), walls.ravel()
-        cast_rays(self.tree(height)[:], laser[-2:], *flat)
+        many = max(1, AT_ONCE // ranges.shape[1])
+        for part in (slice(k, k + many) for k in range(0, len(poses), many)):
+            guesses = self._guesses(tree, height, laser, poses[part])
+            if guesses is None:
+                cast_scans(tree[:], laser, poses[part], ranges[part], walls[part])
+                continue
+            rays = np.empty(ranges[part].shape, RAY)
+            rays_from(laser, poses[part], np.zeros(len(rays)), rays)
+            flat = rays.ravel(), guesses, ranges[part].ravel(), walls[part].ravel()
+            cast_rays(tree[:], laser[-2:], *flat)
+
+    def _guesses(
+        self, tree: Tree, height: float, laser: Plain, poses: Float
+    ) -> NDArray[np.int32] | None:
+        """The rows of walls that beams probably meet; None where they are cast as fans."""
+        return None if laser[0].shape[1] > FEW else NO_GUESSES
+
+    _guessing = False
+    """Whether there may be guesses for fans."""
 
     def _batch(self, lrf: LaserRangeFinder, poses: Float, *, keep_walls: bool) -> tuple[Float, Int]:
         laser, poses = laser_of(lrf), np.ascontiguousarray(poses)

@@ -24,8 +24,8 @@ from lrf3d.cores import share
 from lrf3d.geometry import Float, Int, Records, wrap_angle
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.robot import Trajectory
-from lrf3d.robot.laps import Patrol
-from lrf3d.robot.unicycle import Twist
+from lrf3d.robot.following import Patrol
+from lrf3d.robot.kinematics import Twist
 
 
 class Crowd:

@@ -10,7 +10,7 @@ from lrf3d.errors import InputError, shown
 from lrf3d.geometry import Float, Value, as_rows, number
 from lrf3d.laser.range_finder import turn
 from lrf3d.robot import Trajectory
-from lrf3d.robot.laps import Patrol
+from lrf3d.robot.following import Patrol
 from lrf3d.world.model import DEFAULT_HEIGHT
 
 

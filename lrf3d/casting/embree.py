@@ -1,6 +1,7 @@
 """EmbreeCaster: Embree finds the walls, with the exact ranges of PlanarCaster; and casts in 3D.
 
-Level beams among walls are cast by a `WallScene`. A mesh is cut by the plane of the beams, and its
+Embree works in float32, so the wall that it finds for a beam is a guess: the planar kernels check
+that the beam meets it, and look for nearer ones. A mesh is cut by the plane of the beams, and its
 cuts are treated as walls. Layers and tilted lasers are cast in 3D, in float64.
 """
 
@@ -10,12 +11,13 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from lrf3d.casting.caster import FEW, MOST_TREES, PlanarCaster
+from lrf3d.casting.caster import MOST_TREES, PlanarCaster
 from lrf3d.casting.kernels.echoes import Lit
+from lrf3d.casting.kernels.scans import rays_of
 from lrf3d.casting.kernels.tree import Plain, Tree, build_tree
-from lrf3d.casting.triangle_rays import MeshScene, embreex_installed
-from lrf3d.casting.wall_scene import WallScene
+from lrf3d.casting.triangle_rays import MeshScene, TriangleRays, embreex_installed
 from lrf3d.errors import InputError, expect, shown
 from lrf3d.geometry import Bool, Float, Int, is_finite, numbers
 from lrf3d.laser import LaserRangeFinder, layer_directions
@@ -64,10 +66,18 @@ class EmbreeCaster(PlanarCaster):
         segments, faces = level_cut(self._triangles, level)
         return build_tree(segments, faces.astype(np.int32))
 
-    def _walls(self, level: float, exponent: int) -> WallScene | None:
-        """The walls for ranges up to a power of two; None where there are none."""
-        tree = self._tree(level)
-        return WallScene(tree, math.ldexp(1.0, exponent)) if len(tree.walls) else None
+    def _walls(self, level: float) -> TriangleRays:
+        """The walls as they stand in the tree, of two triangles each, seen from their middle."""
+        ends = (self._tree(level).walls - np.tile(self._middle(level), 2)).reshape(-1, 2, 2)
+        corners = np.empty((len(ends), 2, 3, 3), np.float32)
+        corners[..., :2] = ends[:, [[0, 1, 1], [0, 1, 0]]]
+        corners[..., 2] = [[-1.0, -1.0, 2.0], [-1.0, 2.0, 2.0]]
+        return TriangleRays(corners.reshape(-1, 3, 3))
+
+    def _middle(self, level: float) -> Float:
+        """The middle (2,) of the walls, from which Embree counts coordinates."""
+        box = self._tree(level).boxes[0]
+        return np.asarray(np.round(0.5 * (box[:2] + box[2:])))
 
     def cast_layers(
         self,
@@ -139,14 +149,17 @@ class EmbreeCaster(PlanarCaster):
         rows = np.where(level, len(beams), np.cumsum(~level) - 1)
         return Lit(*(np.concatenate(both)[rows] for both in zip(lit, flat, strict=True)))
 
-    def _fill(self, height: float, laser: Plain, poses: Float, ranges: Float, walls: Int) -> None:
-        scene = None
-        if ranges.shape[1] > FEW and embreex_installed():
-            scene = self._scene(self._level(height), math.frexp(laser[-1])[1])
-        if scene is None:
-            super()._fill(height, laser, poses, ranges, walls)
-        else:
-            scene.cast(laser, poses, ranges, walls)
+    _guessing = True
+
+    def _guesses(
+        self, tree: Tree, height: float, laser: Plain, poses: Float
+    ) -> NDArray[np.int32] | None:
+        guesses = super()._guesses(tree, height, laser, poses)
+        if guesses is not None or not len(tree.rows) or not embreex_installed():
+            return guesses
+        level = self._level(height)
+        rays = rays_of(laser, poses, *self._middle(level).tolist())
+        return self._scene(level).first(*rays) // 2
 
 
 def _level_layers(

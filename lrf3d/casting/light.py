@@ -6,7 +6,15 @@ from typing import Any
 import numpy as np
 
 from lrf3d.casting.kernels.beams import RAY
-from lrf3d.casting.kernels.echoes import FIRST, LAST, MOST_WALLS, STRONGEST, Lit, Receiver
+from lrf3d.casting.kernels.echoes import (
+    FIRST,
+    LAST,
+    MOST_WALLS,
+    STRONGEST,
+    SURFACE,
+    Lit,
+    Receiver,
+)
 from lrf3d.casting.kernels.light import Optics, light_rays
 from lrf3d.casting.kernels.movers import CORNER, LEG, MOVER
 from lrf3d.casting.kernels.tree import Plain, Tree
@@ -32,10 +40,11 @@ class Lighting:
         of_objects = [one or PLAIN for one in world.materials]
         rows = {material: row for row, material in enumerate(dict.fromkeys(of_objects))}
         kinds = np.array([rows[material] for material in of_objects], np.int64)[world.objects]
-        table = np.array([(*one.optics, float(one.mirrors)) for one in (*rows, OBSTACLES)])
+        surfaces = [(*one.optics, float(one.mirrors)) for one in (*rows, OBSTACLES)]
         along = world.segments[:, 2:] - world.segments[:, :2]
         bright = np.array([_dullness(one) for one in rows])[kinds]
         dull = along * (bright / lengths(world.segments))[:, None]
+        table = np.array(surfaces, SURFACE)
         self._optics = Optics(world.segments, world.heights, kinds, table, dull)
 
     def empty(self, lrf: LaserRangeFinder, *count: int, chains: bool = False) -> Lit:
@@ -74,11 +83,11 @@ class Lighting:
     ) -> None:  # fmt: skip
         count = rays.size
         flat: Any = tuple(each.reshape(count, *each.shape[rays.ndim :]) for each in lit)
-        (movers, own), reach = among, float(lrf.range_max)
-        numbers = own, float(lrf.height)
+        movers, own = among
+        numbers = own, float(lrf.height), float(lrf.range_max)
         plain = (tree[:], self._optics[:], movers), numbers
         if count:
-            light_rays(plain, _receiver(lrf), reach, rays.ravel(), inclined, flat)
+            light_rays(plain, _receiver(lrf), rays.ravel(), inclined, flat)
 
 
 def _receiver(lrf: LaserRangeFinder) -> tuple[float, float, int, float]:

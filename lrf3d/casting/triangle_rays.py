@@ -71,7 +71,7 @@ def require_embreex(task: str) -> None:
 
 
 class TriangleRays:
-    """Triangles (t, 3, 3) [m] for pictures: float32 is enough; without embreex by `MeshScene`."""
+    """Triangles (t, 3, 3) [m] where float32 is enough; without embreex cast by `MeshScene`."""
 
     def __init__(self, triangles: Single) -> None:
         self._triangles = triangles
@@ -89,6 +89,8 @@ class TriangleRays:
         self._embree = EmbreeScene()
         # Embree reads the corners from it for as long as the scene is used.
         self._kept = TriangleMesh(self._embree, corners, numbers)
+        # Its own tree is built at the first ray; threads that cast share it.
+        self._embree.run(corners[:1], corners[:1])
 
     def __reduce__(self) -> tuple[type["TriangleRays"], tuple[Single]]:
         # Embree's own structures stay in their process; they are built again within milliseconds.

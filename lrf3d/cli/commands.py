@@ -8,34 +8,31 @@ read: ``N`` is a whole number from 1, ``M`` a length [m], ``a|b`` a choice, and 
 WORLD = "WORLD: A built-in world, or a world file; ./NAME is a file named like a built-in world."
 RUN = "RUN: A run.npz, or its folder."
 OUT = """\
--o --out FOLDER: Folder for the results; out/NAME if not given, out/NAME_map for the map of a run
- and out/NAME_sweep for a sweep. NAME is the name in the file, or else of the file (for a map.yaml
- after that of its folder)."""
+-o --out FOLDER: Folder for the results; if not given out/NAME, by the name in the file or else of
+ the file, with _map for the map of a run and _sweep for a sweep."""
 SEED = "--seed SEED = 0: Seed; the same seed gives the same results."
 SCALE = """\
---scale FACTOR = 1.0: Enlarge the plan and its route by this factor: 100 for a drawing of 1:100,
- 0.001 for millimetres that were read as metres. Heights stay."""
+--scale FACTOR = 1.0: Enlarge the plan and its route, not the heights: 100 for a drawing of 1:100,
+ 0.001 for millimetres that were read as metres."""
 THRESHOLD = """\
 --threshold GREY: Grey from which on pixels of a bare picture, or of a scanned PDF page, are paper,
- below 255 (white); found from the picture if not given."""
+ below 255 (white); found if not given."""
 RESOLUTION = f"--resolution M: Side of a pixel [m], if the world is a bare picture.\n{THRESHOLD}"
 LAYERS = """\
 --page N: Page of a PDF file; 1 if not given.
---layers LAYER,LAYER,…: Layers of a drawing that are walls, such as A-WALL*; by their names if not
- given.
+--layers LAYER,LAYER,…: Layers of a drawing that are walls, such as A-WALL*; else by their names.
 --without LAYER,LAYER,…: Layers of a drawing to leave out."""
 TREES = "--trees: Make walls of the trunks of trees in a .osm file, too."
 ROUTE = """\
---inside: Plan the route inside the walls, if the world has none; depends on the world if neither
- side is given.
+--inside: Plan the route inside the walls, if the world has none; if not given, the world decides.
 --outside: Plan it outside the walls.
 --ignore-collisions: Only warn if the robot hits a wall."""
 MODE = "--mode robust|paper: Mode of the mapper."
 LOG = """\
 --largest-range M: Readings [m] of this or more are no return.
 --scan-topic TOPIC: Bags: topic of the scans; all lasers of the robot of /scan if not given.
---format FORMAT: Text: its columns, such as stamp:us,x,y,theta,ranges:mm@25,first=-120deg,
- last=120deg, or minesrover or lego; found if not given.
+--format FORMAT: Text: its columns, such as stamp:us,x,y,theta,ranges:mm@25,first=-90deg,last=90deg,
+ or minesrover or lego; found if not given.
 --part N: Bags whose stamps go back: which part is read; the longest one if not given."""
 WORKERS = "--workers PROCESSES: Number of processes; one for each core if not given."
 DRIVE = f"""\
@@ -80,8 +77,8 @@ from a file, the current folder or the installed modules.
 --caster embree|planar = embree: Caster of the beams.
 --scans N: Number of scans; the route is driven there and back until then.
 --resume: Continue this run where it was stopped.
---robots N = 1: Number of robots, which start spread along the route and see each other; they have
- a folder each, robot1, robot2, …, and the film is that of the first.
+--robots N = 1: Number of robots, which start spread along the route and see each other, with a
+ folder each; the film is that of the first.
 --video = yes: Make the film.
 
 {DRIVE}
@@ -113,13 +110,11 @@ Example: lrf3d render out/city --view top""",
     "view": f"""\
 Play a run in the browser, or drive through a world by hand.
 
-A run can be played, paused and scrubbed. In a world the arrow keys or the pads on the page drive
-the robot, which scans and maps as it goes. Ctrl-C ends the server.
+In a world the arrow keys or the pads on the page drive the robot. Ctrl-C ends the server.
 
 RUN|WORLD: A run.npz or its folder to play, or a world to drive in. A built-in world comes before a
  folder of the same name: write ./NAME for that.
---host HOST = 127.0.0.1: Address or name to listen at; 0.0.0.0 lets other machines in. The page
- opens only by this name, an address, or the machine's host name.
+--host HOST = 127.0.0.1: Address or name to listen at; 0.0.0.0 lets other machines in.
 --port PORT: Port; if not given, 8080, or any where that is taken.
 --browser = yes: Open the browser.
 --foxglove: Serve a world to Foxglove or Lichtblick instead, at ws://HOST:8765 or PORT.
@@ -155,7 +150,7 @@ Example: lrf3d ros city --rate 10""",
 Score somebody else's trajectory and map of a run against the truth.
 
 Absolute and relative errors are those of evo_ape and evo_rpe: poses are matched by their stamps,
-which are those of the run, and the trajectory is aligned with the true one. A map is moved along.
+and the trajectory, and the map with it, is aligned with the true one.
 
 Writes score.png and summary.json.
 
@@ -168,10 +163,9 @@ Example: lrf3d score out/city --trajectory theirs.tum""",
     "export": f"""\
 Write a run for another program.
 
-carmen is a text log; mcap is a ROS 2 bag in one file, for Foxglove; rosbag2 is a ROS 2 bag as a
-folder, for ros2 bag play, rviz and slam_toolbox; glb is an animated 3D scene for Blender and web
-viewers: the world, the robot, its beams and its map as it grows; html is the page of lrf3d view in
-one file, which plays in any browser.
+carmen is a text log; mcap is a ROS 2 bag in one file, for Foxglove; rosbag2 is one as a folder, for
+ros2 bag play, rviz and slam_toolbox; glb is an animated 3D scene for Blender and web viewers; html
+is the page of lrf3d view in one file, which plays in any browser.
 
 {RUN}
 --to carmen|mcap|rosbag2|glb|html: The format (required).
@@ -195,9 +189,6 @@ Example: lrf3d crosscheck city --json""",
 Map a log whose poses are known, and test the map.
 
 The even scans build the map, the odd ones test it.
-
-Poses are those logged with the scans; in a bag the ground truth, else the transforms up to the
-root, else odometry. The summary says which.
 
 Writes map.geojson, map.png and summary.json.
 
@@ -255,8 +246,7 @@ Localise a recorded drive on a known map, without a first pose; or score simulat
 With a LOG, places are kept as hypotheses until one is left: beside them that the robot is nowhere
 on the map. Writes map.png, trajectory.tum of the scans whose places are known, and summary.json.
 
-Without one, a filter of lines follows simulated drives from known starts. The NEES is the squared
-error in units of the filter's own covariance, 3 on average.
+Without one, a filter of lines follows simulated drives from known starts.
 
 MAP|WORLD: The map: a run.npz or its folder, as of lrf3d slam, a ROS map, a plan or a world.
 [LOG]: A log, as for slam.

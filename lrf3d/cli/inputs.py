@@ -12,7 +12,7 @@ from contextlib import ExitStack
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from lrf3d.cli.console import Report, warn
 from lrf3d.cli.kernels import start_compiling, wait_for
@@ -20,16 +20,14 @@ from lrf3d.errors import InputError, check_names
 from lrf3d.files import check_ordinary
 from lrf3d.io import LaserLog, load_run
 from lrf3d.io.reading import is_run, load_log, odometry_of
+from lrf3d.planning import Side
 from lrf3d.run import Run
 from lrf3d.scenario import Scenario, read_scenario_file, scenario_of
 from lrf3d.world import World
 from lrf3d.world.cameras import check_view
-from lrf3d.world.size import size_problem
+from lrf3d.world.files import find_world, is_plan, load_plan
+from lrf3d.world.model import size_problem
 from lrf3d.world.toml_file import WorldFile
-
-if TYPE_CHECKING:
-    from lrf3d.planning.free_space import Side
-
 
 MapAndLog = tuple[Run | World, LaserLog]
 """A map, and the log of a drive on it."""
@@ -43,6 +41,15 @@ def read_world(args: Namespace) -> Scenario | None:
     return scenario_of(file, getattr(args, "set", None) or ())
 
 
+def read_shown(args: Namespace) -> tuple[Scenario | None, Any]:
+    """Read a world as `read_world` does, and the plan that a drawing or a picture is, once."""
+    if args.world is None or not is_plan(args.world):
+        return read_world(args), None
+    plan = load_plan(args.world, **options_of(args))
+    file = WorldFile(plan.world(path := find_world(args.world)), path=path)
+    return scenario_of(checked_size(args.world, file)), plan
+
+
 def options_of(args: Namespace) -> dict[str, Any]:
     """How a file is read, as far as that was given."""
     names = ("scale", "resolution", "threshold", "page", "layers", "without", "trees")
@@ -52,7 +59,11 @@ def options_of(args: Namespace) -> dict[str, Any]:
 
 def read_file(name: str, **options: Any) -> WorldFile:
     """Read a world file, and warn if its size is implausible."""
-    file = read_scenario_file(name, **options)
+    return checked_size(name, read_scenario_file(name, **options))
+
+
+def checked_size(name: str, file: WorldFile) -> WorldFile:
+    """A world file, with a warning if its size is implausible."""
     if warning := size_problem(file.world):
         warn(f"{name}: {warning}")
     return file
@@ -97,7 +108,7 @@ def read_sweep(args: Namespace) -> tuple[list[WorldFile], dict[str, Any]]:
     return files, {name: load_plugin("mapper", name) if ":" in name else name for name in names}
 
 
-def side_of(args: Namespace) -> "Side | None":
+def side_of(args: Namespace) -> Side | None:
     """The side of the walls that --inside or --outside names."""
     if args.inside and args.outside:
         raise InputError("--inside, --outside: choose one")
@@ -185,7 +196,7 @@ COMMANDS: dict[str, tuple[Callable[[Namespace], Any], str]] = {
     "degrade": (read_log, "logs:degrade"),
     "localise": (read_map_and_log, "logs:localise"),
     "sweep": (read_sweep, "sweep:sweep"),
-    "world show": (read_world, "world:show"),
+    "world show": (read_shown, "world:show"),
     "world convert": (lambda args: None, "world:convert"),
     "world generate": (lambda args: None, "world:generate"),
 }

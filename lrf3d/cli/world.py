@@ -9,13 +9,14 @@ from lrf3d.geometry import lengths
 from lrf3d.scenario import Scenario
 from lrf3d.text import counted
 from lrf3d.world import World, load_world, save_world, world_names
-from lrf3d.world.files import is_picture, is_plan, load_plan
+from lrf3d.world.files import is_picture
 from lrf3d.world.generators import generate as generate_world
 from lrf3d.world.plan import Plan
 
 
-def show(scenario: Scenario | None, args: Namespace, report: Report) -> None:
-    """Describe a world, and draw it; without one list the built-in worlds."""
+def show(found: tuple[Scenario | None, Any], args: Namespace, report: Report) -> None:
+    """Describe a world and its plan, and draw it; without one list the built-in worlds."""
+    scenario, plan = found
     if scenario is None:
         names = world_names()
         print_json(names) if report.json else print_text("\n".join([*names, ""]))
@@ -27,7 +28,6 @@ def show(scenario: Scenario | None, args: Namespace, report: Report) -> None:
     }
     rows = [] if route is None else [("route", counted(len(route), "way-point"))]
     rows += [] if poses is None else [("poses", str(len(poses)))]
-    plan = load_plan(args.world, **options_of(args)) if is_plan(args.world) else None
     if plan is not None:
         rows += _plan_rows(plan)
         figures["layers"] = [layer._asdict() for layer in plan.layers]

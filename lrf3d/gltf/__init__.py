@@ -1,7 +1,4 @@
-"""Runs as glTF 2.0 in one file (GLB), which Blender, web viewers and engines read.
-
-What the film draws is written, in the film's light: no material needs a lamp.
-"""
+"""Runs as glTF 2.0 in one file (GLB), in the film's light: no material needs a lamp."""
 
 from lrf3d.gltf.drive import run_glb
 

@@ -22,10 +22,8 @@ _KINDS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 _COMPONENTS = {"float32": 5126, "uint8": 5121, "uint16": 5123, "uint32": 5125}
 _CLAMP, _LINEAR, _MIPMAPS = 33071, 9729, 9987
 
-_UNLIT = "KHR_materials_unlit"
-
-_ALIGNMENT = 4
-"""Bytes that the start of every array is a multiple of."""
+_UNLIT, _ALIGNMENT = "KHR_materials_unlit", 4
+"""The extension of all materials, and the bytes that the start of every array is a multiple of."""
 
 
 class Document:
@@ -42,8 +40,7 @@ class Document:
         self._samplers: list[dict[str, Any]] = []
         self._channels: list[dict[str, Any]] = []
         # A quarter turn about x: glTF has y up.
-        half = float(np.sqrt(0.5))
-        self.root = self.node(name, rotation=[-half, 0.0, 0.0, half], extras=dict(extras))
+        self.root = self.node(name, rotation=[-(0.5**0.5), 0.0, 0.0, 0.5**0.5], extras=dict(extras))
 
     def add(self, kind: str, **properties: Any) -> int:
         """Add an entry of a kind, such as ``cameras``, and give its number."""
@@ -162,11 +159,6 @@ class Document:
         self._samplers.append({"input": keys, "output": output, "interpolation": kind})
         target = {"node": node, "path": path}
         self._channels.append({"sampler": len(self._samplers) - 1, "target": target})
-
-    def drive(self, node: int, times: Float, poses: Float) -> None:
-        """Move a node over level ground: key times (k,) [s], poses (k, 3) with even headings."""
-        self.animate(node, "translation", times, poses * [1.0, 1.0, 0.0])
-        self.animate(node, "rotation", times, turned(poses[:, 2]))
 
     def show(
         self, node: int, begin: float, end: float | None = None, *, rests: bool | None = None

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Float
+from lrf3d.geometry import LEFT, Float
 from lrf3d.gltf.document import LINES, Document, turned
-from lrf3d.gltf.stage import add_body, add_stage
+from lrf3d.gltf.stage import add_stage
 from lrf3d.run import Run
 from lrf3d.scene import look
 from lrf3d.scene.camera import Look, SmoothPath
@@ -23,27 +23,20 @@ from lrf3d.scene.drawn_map import DrawnMap
 from lrf3d.scene.estimate import DrawnEstimate, outlines
 from lrf3d.scene.moments import Scene
 from lrf3d.scene.shapes import Lines, Points, Seen
+from lrf3d.scene.stage.structures import panes_of
 from lrf3d.scene.timeline import DriveKeys, Timeline, drive_keys, obstacle_keys, scan_times
 
 _ABOVE = Look(np.array([0.0, 0.0, 1.0]), np.zeros(3), field=1e-6, up=(0.0, 1.0, 0.0))
 """A look that nothing is made larger for, to be seen from far away."""
 
-_OFF_WALL = 0.02
-"""How far hits lie before their walls [m], so that both never share a pixel."""
+_OFF_WALL, _AHEAD = 0.02, np.array([2.0, 0.0, 0.0])
+"""How far hits lie before their walls, so that both never share a pixel, and how far ahead of the
+robot its camera looks [m]."""
 
-_AHEAD = np.array([2.0, 0.0, 0.0])
-"""How far ahead of the robot its camera looks [m]."""
-
-_TRAIL_WIDTH, _LIFT = 0.045, 0.005
-"""Width of trails [m], and how far the estimated one lies over the true one, and its ellipses over
-that [m]."""
-
-_PIECE_ERROR, _SHORTEST = 0.03, 1e-3
-"""How far a straight piece of the trail may be off [m], in place and along the path; shorter ones
-are left out: a robot that turns on the spot."""
-
-_LEAST = 1e-3
-"""The least half axis of an ellipse [m]: a node without a size has no axes."""
+_TRAIL_WIDTH, _LIFT, _PIECE_ERROR, _LEAST = 0.045, 0.005, 0.03, 1e-3
+"""Width of trails; how far the estimated one lies over the true one, and its ellipses over that;
+largest error of a straight piece, and its least length, as of a robot that turns on the spot, which
+is the least half axis of an ellipse, too [m]."""
 
 
 def run_glb(run: Run, *, every: int = 1) -> bytes:
@@ -63,11 +56,18 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
     add_stage(document, scene.stage, last)
     keys = drive_keys(timeline)
     paths = [keys, *(obstacle_keys(each, timeline) for each in run.obstacles)]
-    bodies = _seen(scene, timeline.start).bodies
-    nodes = [add_body(document, name, body.faces) for name, body in bodies]
-    for node, path in zip(nodes, paths, strict=True):
-        document.drive(node, *path)
+    nodes = []
+    for (name, body), path in zip(_seen(scene, timeline.start).bodies, paths, strict=True):
+        part = document.part(document.material(name), *body.faces, kind=np.uint16)
+        nodes.append(document.node(name, document.root, part))
+        document.animate(nodes[-1], "translation", path.times, path.poses * [1.0, 1.0, 0.0])
+        document.animate(nodes[-1], "rotation", path.times, turned(path.poses[:, 2]))
     _add_camera(document, nodes[0], scene)
+    if scene.structures.glass.any():
+        panes, edges = panes_of(scene.structures, np.inf)
+        material = document.material("glass", translucent=True)
+        parts = document.part(material, *panes[:2]), _lines(document, edges, material)
+        document.node("glass", document.root, *parts)
     _add_scans(document, scene, every)
     _add_maps(document, scene)
     if run.knows_truth:
@@ -77,7 +77,6 @@ def run_glb(run: Run, *, every: int = 1) -> bytes:
 
 
 def _seen(scene: Scene, time: float, *layers: str) -> Seen:
-    """Layers of the scene at a time [s], in their true sizes."""
     return scene.seen(scene.timeline.moment(time), _ABOVE, (1280, 720), layers)
 
 
@@ -96,7 +95,6 @@ def _add_camera(document: Document, robot: int, scene: Scene) -> None:
 
 
 def _add_scans(document: Document, scene: Scene, every: int) -> None:
-    """The beams of each scan, seen while it is the nearest in time."""
     times = scene.run.trajectory.times[::every]
     shown = np.column_stack(scan_times(scene.timeline, every)) - scene.timeline.start
     material = document.material("beams", translucent=True)
@@ -105,10 +103,7 @@ def _add_scans(document: Document, scene: Scene, every: int) -> None:
         marks = dict(_seen(scene, time, "beams", "points").marks)
         hits, beams = marks["points"], marks["beams"]
         assert isinstance(hits, Points) and isinstance(beams, Lines)
-        tints = np.repeat(beams.colours[:, None], 2, axis=1)
-        tints = np.concatenate([tints, beams.opacities[..., None]], axis=2)
-        ends = np.stack([beams.starts, beams.ends], axis=1)
-        parts = [document.part(material, ends, tints, mode=LINES)]
+        parts = [_lines(document, beams, material)]
         if len(hits.places):
             robot = scene.run.trajectory.poses[number * every, :2] - scene.origin
             corners = _triangles(hits, robot)
@@ -118,21 +113,25 @@ def _add_scans(document: Document, scene: Scene, every: int) -> None:
         document.show(node, begin, end)
 
 
+def _lines(document: Document, lines: Lines, material: int) -> dict[str, Any]:
+    tints = np.repeat(lines.colours[:, None], 2, axis=1)
+    tints = np.concatenate([tints, lines.opacities[..., None]], axis=2)
+    return document.part(material, np.stack([lines.starts, lines.ends], axis=1), tints, mode=LINES)
+
+
 def _triangles(hits: Points, robot: Float) -> Float:
     """Upright triangles (n, 3, 3) at hits, which look where their walls do, or at a robot (2,)."""
     loose = (hits.sides == 0.0).all(axis=1, keepdims=True)
     side = np.where(loose, robot - hits.places[:, :2], hits.sides)
-    side = side / np.maximum(np.hypot(side[:, 0], side[:, 1]), 1e-9)[:, None]
+    side = side / np.maximum(np.hypot(*side.T), 1e-9)[:, None]
     turns = np.radians([90.0, 210.0, 330.0])
-    along = hits.size * np.cos(turns)[None, :, None] * np.stack([-side[:, 1:], side[:, :1]], axis=2)
-    corners = np.empty((len(side), 3, 3))
-    corners[..., :2] = hits.places[:, None, :2] + _OFF_WALL * side[:, None] + along
-    corners[..., 2] = hits.places[:, None, 2] + hits.size * np.sin(turns)
-    return corners
+    across = np.insert(side @ LEFT, 2, 0.0, axis=1)[:, None] * np.cos(turns)[:, None]
+    up = np.array([0.0, 0.0, 1.0]) * np.sin(turns)[:, None]
+    places = hits.places + _OFF_WALL * np.insert(side, 2, 0.0, axis=1)
+    return np.asarray(places[:, None] + hits.size * (across + up))
 
 
 def _add_maps(document: Document, scene: Scene) -> None:
-    """Each map snapshot as bands along the walls, each object in its colour."""
     timeline, run = scene.timeline, scene.run
     material = document.material("map")
     group = document.node("map", document.root)
@@ -153,7 +152,6 @@ def _add_maps(document: Document, scene: Scene) -> None:
 def _add_trail(
     document: Document, keys: DriveKeys, name: str, colour: tuple[float, ...], height: float
 ) -> None:
-    """The path that was driven, as straight pieces on the ground that grow with the robot."""
     strip = np.array([[0, -0.5, 0], [1, -0.5, 0], [1, 0.5, 0], [0, 0.5, 0]])[[0, 1, 2, 0, 2, 3]]
     part = document.part(document.material(name), strip, np.tile(colour, (6, 1)))
     mesh = document.add("meshes", name=name, primitives=[part])
@@ -163,7 +161,7 @@ def _add_trail(
         (begin, end), (start, stop) = (column[number : number + 2] for column in pieces)
         along = (stop - start)[:2]
         length = np.hypot(*along)
-        if length < _SHORTEST:
+        if length < _LEAST:
             continue
         place = {"translation": [*start[:2].tolist(), height]}
         place["rotation"] = turned(np.arctan2(along[1:], along[:1]))[0].tolist()

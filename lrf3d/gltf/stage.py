@@ -7,6 +7,8 @@ plays no animation shows the end. All stands in a local frame, whose origin the 
 """
 
 from collections.abc import Iterator
+from functools import partial
+from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -16,20 +18,15 @@ from lrf3d.gltf.document import Document
 from lrf3d.render.glsl import GREY, exposed, ground_of
 from lrf3d.scene import look
 from lrf3d.scene.drawn_map import DrawnMap
-from lrf3d.scene.shapes import Faces
 from lrf3d.scene.stage.stage import Stage
 
-_HORIZON = 800.0
-"""How far the ground goes past its picture [m]."""
+_HORIZON, _LARGEST = 800.0, 2048
+"""How far the ground goes past its picture [m], and the largest side of that [pixels]: old graphics
+cards take no larger ones."""
 
-_LARGEST = 2048
-"""Largest side of the ground's picture [pixels]: old graphics cards take no larger ones."""
-
-_STEPS = 12
-"""Steps in which a run's world is lit."""
-
-_COARSE, _OVER = 4, 0.004
-"""Side of the squares in which the ground is lit [cells], and how high they lie [m]."""
+_STEPS, _COARSE, _LEAST_SURE = 12, 4, 0.05
+"""Steps in which a run's world is lit, the side of the squares in which the ground is [cells], and
+from which surety on."""
 
 _STEP, _STEP_INDOOR, _MOST_PIECES = 3.2, 0.8, 60_000
 """Sides of the pieces that walls are lit in [m], which are longer where there would be more."""
@@ -51,13 +48,12 @@ def _steps(seen: Float, sure: Float) -> Iterator[tuple[int, Bool]]:
     Each comes with those places; first, as −1, those that never are.
     """
     step = np.ceil(np.clip(seen, 0.0, 1.0) * (_STEPS - 1)).astype(int)
-    step[sure <= 0.05] = -1
+    step[sure <= _LEAST_SURE] = -1
     for number in np.unique(step).tolist():
         yield number, step == number
 
 
 def _add_ground(document: Document, stage: Stage) -> None:
-    """The painted ground in the dark, as far as one sees, and what of it is lit."""
     ground, exposure, setting = stage.ground, stage.exposure, stage.structures.setting
     picture = Image.fromarray(ground.picture)
     picture.thumbnail((_LARGEST, _LARGEST), Image.Resampling.LANCZOS)
@@ -72,13 +68,6 @@ def _add_ground(document: Document, stage: Stage) -> None:
         Image.fromarray(np.round(255.0 * np.clip(each, 0.0, 1.0)).astype(np.uint8))
         for each in (exposed(day, share, 0.0, setting) for share in (np.zeros_like(on), on))
     )
-    # The first row of a picture lies at v = 0, here at the smallest y.
-    level = ground_of(ground, _HORIZON)
-    whole = (level - ground.corner) / ground.size
-    texture = document.texture("ground", dark, "JPEG")
-    material = document.material("ground", texture=texture)
-    part = document.part(material, np.insert(level, 2, 0.0, axis=1), texture=whole)
-    document.node("ground", document.root, part)
     rows, columns = (np.arange(0, side, _COARSE) for side in exposure.times.shape)
     low = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
     squares = low[:, None] + _COARSE * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
@@ -87,20 +76,42 @@ def _add_ground(document: Document, stage: Stage) -> None:
         along.reduceat(along.reduceat(exposure.times[name], rows, 0), columns, 1).ravel()
         for along, name in ((np.minimum, "seen"), (np.maximum, "sure"))
     )
-    material = document.material("lit ground", texture=document.texture("lit ground", seen, "JPEG"))
+    unlit, lit = (
+        document.material(name, texture=document.texture(name, each, "JPEG"))
+        for name, each in (("ground", dark), ("lit ground", seen))
+    )
+    # Round the squares eight more reach to the horizon. None lies on another: far away viewers
+    # cannot tell which is nearer.
+    level = ground_of(ground, _HORIZON)
+    ends = level.min(axis=0), *squares[[0, -1], [0, 2]], level.max(axis=0)
+    grid = np.stack(np.meshgrid(*np.transpose(ends)), axis=-1)
+    nine = np.stack([grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]], axis=2)
+    around = np.delete(nine.reshape(9, 4, 2), 4, axis=0)
     group = document.node("lit ground", document.root)
+
+    def part(material: int, quads: Float) -> dict[str, Any]:
+        # The first row of a picture lies at v = 0, here at the smallest y.
+        level = quads.reshape(-1, 2)[quad_indices(len(quads))]
+        uv = (level - ground.corner) / ground.size
+        return document.part(material, np.insert(level, 2, 0.0, axis=1), texture=uv)
+
+    never = squares[covered <= _LEAST_SURE]
+    document.node("ground", document.root, part(unlit, np.concatenate([around, never])))
     for number, those in _steps(first, covered):
-        if number < 0:
-            continue
-        chosen = squares[those].reshape(-1, 2)[quad_indices(those.sum())]
-        uv = (chosen - ground.corner) / ground.size
-        part = document.part(material, np.insert(chosen, 2, _OVER, axis=1), texture=uv)
-        node = document.node(f"ground lit in step {number + 1}", group, part)
-        document.show(node, exposure.length * number / (_STEPS - 1), rests=True)
+        if number >= 0:
+            both = (partial(part, each, squares[those]) for each in (unlit, lit))
+            _show(document, group, exposure.length * number / (_STEPS - 1), *both)
+
+
+def _show(document: Document, group: int, begin: float, unlit: Any, lit: Any) -> None:
+    """Show one part until a time [s], and another from then on; both are functions."""
+    if begin > 0.0:
+        dark = document.node(f"dark until {begin:.1f} s", group, unlit())
+        document.show(dark, 0.0, begin, rests=False)
+    document.show(document.node(f"lit from {begin:.1f} s", group, lit()), begin, rests=True)
 
 
 def _add_walls(document: Document, rows: Single, stage: Stage, drawn: DrawnMap) -> None:
-    """Walls and roofs, dark and lit."""
     exposure, setting = stage.exposure, stage.structures.setting
     # Of each corner: place and height, colour, the place before it, and whether this is a wall.
     places, height, day, before, wall = np.split(rows.astype(float), [2, 3, 6, 8], axis=2)
@@ -119,19 +130,14 @@ def _add_walls(document: Document, rows: Single, stage: Stage, drawn: DrawnMap) 
     material = document.material("walls")
     group = document.node("lit walls", document.root)
     for number, chosen in _steps(when["seen"].min(axis=1), np.maximum(on, share).max(axis=1)):
-        corners, begin = rows[chosen][..., :3], exposure.length * number / (_STEPS - 1)
-        if begin != 0.0:
-            unlit = document.part(material, corners, dark[chosen], kind=np.uint16)
-        if number < 0:
-            document.node("walls", document.root, unlit)
-            continue
-        if begin > 0.0:
-            node = document.node(f"walls dark until step {number + 1}", group, unlit)
-            document.show(node, 0.0, begin, rests=False)
-        lit = document.part(material, corners, shown[chosen], kind=np.uint16)
-        document.show(
-            document.node(f"walls lit in step {number + 1}", group, lit), begin, rests=True
+        unlit, lit = (
+            partial(document.part, material, rows[chosen][..., :3], each[chosen], kind=np.uint16)
+            for each in (dark, shown)
         )
+        if number < 0:
+            document.node("walls", document.root, unlit())
+        else:
+            _show(document, group, exposure.length * number / (_STEPS - 1), unlit, lit)
 
 
 def cut_small(quads: Single, step: float) -> Single:
@@ -148,9 +154,3 @@ def cut_small(quads: Single, step: float) -> Single:
         # In turns along the walls and up.
         walls = np.roll(np.concatenate([walls[~long], one, other]), 1, axis=1)
     return np.concatenate([walls, quads[quads[:, 0, 8] <= 0.5]])
-
-
-def add_body(document: Document, name: str, faces: Faces) -> int:
-    """Add a body at the origin; gives its node."""
-    part = document.part(document.material(name), faces.corners, faces.colours, kind=np.uint16)
-    return document.node(name, document.root, part)

@@ -18,7 +18,7 @@ import numpy as np
 from lrf3d.errors import InputError, one_line
 from lrf3d.files import check_ordinary
 from lrf3d.geometry import Float
-from lrf3d.io.intake import Intake
+from lrf3d.io.laser_log import Intake
 from lrf3d.io.run_file import DAMAGES, read_arrays
 from lrf3d.io.table import Table
 from lrf3d.pose import heading_of

@@ -32,54 +32,25 @@ class Part:
     number: int
     by_receipt: bool = False
 
-    def times(self, stamps: "Stamps") -> tuple[Int, Bool]:
-        """Times (n,) [ns] of a stream of messages, and which of them are in this part.
-
-        Streams do not all go back at the same message: a run of rising stamps belongs to the part
-        in which most of it was received.
-        """
-        sent, received, numbers = (np.array(each, dtype=np.int64) for each in stamps.columns)
-        part = np.searchsorted(self.begins, numbers, side="right")
-        run = np.cumsum(np.diff(sent, prepend=sent[:1]) < -BACK)
-        votes = np.zeros((run.max(initial=0) + 1, len(self.begins) + 1), dtype=np.int64)
-        np.add.at(votes, (run, part), 1)
-        inside = votes.argmax(axis=1)[run] == self.number
-        return received if self.by_receipt else sent, inside
-
-
-class Stamps:
-    """When messages were sent and received [ns], and their numbers in the bag, packed."""
-
-    def __init__(self) -> None:
-        self.columns = array("q"), array("q"), array("q")
-
-    def __len__(self) -> int:
-        return len(self.columns[0])
-
-    def add(self, sent: int, received: int, number: int) -> None:
-        """Add the next message that was received."""
-        for column, value in zip(self.columns, (sent, received, number), strict=True):
-            column.append(value)
-
-    @property
-    def frozen(self) -> bool:
-        """Whether the sender has no clock: all of several messages have one stamp."""
-        return len(self) > 2 and len(set(self.columns[0])) == 1
-
-    def ahead(self) -> float:
-        """How far the sender's clock is ahead of the recorder's [ns], by the median."""
-        sent, received = (np.array(each, dtype=np.int64) for each in self.columns[:2])
-        return float(np.median(sent - received))
-
 
 class Track:
-    """The stamped poses of a frame in another one, packed: a bag holds millions of transforms."""
+    """When messages were sent and received, and poses of a frame in another one that they hold.
+
+    It is packed: a bag holds millions of transforms.
+    """
 
     def __init__(self, *, is_static: bool = False) -> None:
-        self.stamps, self._rows, self.is_static = Stamps(), array("d"), is_static
+        self._stamps, self._rows, self.is_static = array("q"), array("d"), is_static
 
-    def add(self, place: Any, turn: Any, *stamp: int) -> None:
-        """Add a position and a quaternion at a time, as `Stamps.add` takes it, in any order."""
+    def __len__(self) -> int:
+        return len(self._stamps) // 3
+
+    def add(self, sent: int, received: int, number: int) -> None:
+        """Add the times [ns] of the next message that was received, and its number in the bag."""
+        self._stamps.extend((sent, received, number))
+
+    def add_pose(self, place: Any, turn: Any, *stamp: int) -> None:
+        """Add a position and a quaternion at a time, in any order."""
         row = place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w
         # In this order the comparisons refuse NaN as well.
         if not (
@@ -87,21 +58,47 @@ class Track:
             and 0.5 < math.hypot(*row[3:]) < 2.0
         ):
             raise InputError(f"pose {row}: expected numbers and a unit quaternion")
-        self.stamps.add(*stamp)
+        self.add(*stamp)
         self._rows.extend(row)
 
     @property
+    def stamps(self) -> Int:
+        """When messages were sent and received [ns], and their numbers in the bag (3, n)."""
+        return np.array(self._stamps, dtype=np.int64).reshape(-1, 3).T
+
+    @property
     def is_frozen(self) -> bool:
-        """Whether it moves without a clock."""
-        rows = np.array(self._rows).reshape(-1, 7) if self.stamps.frozen else np.zeros((1, 7))
-        return bool((rows != rows[0]).any())
+        """Whether the sender has no clock: all of several messages, or moves, have one stamp."""
+        if len(self) < 3 or np.ptp(self.stamps[0]):
+            return False
+        rows = np.array(self._rows).reshape(-1, 7)
+        return not len(rows) or bool((rows != rows[0]).any())
+
+    def ahead(self) -> float:
+        """How far the sender's clock is ahead of the recorder's [ns], by the median."""
+        sent, received, _ = self.stamps
+        return float(np.median(sent - received))
+
+    def times(self, part: Part) -> tuple[Int, Bool]:
+        """Times (n,) [ns] of the messages, and which of them are in a part.
+
+        Streams do not all go back at the same message: a run of rising stamps belongs to the part
+        in which most of it was received.
+        """
+        sent, received, numbers = self.stamps
+        place = np.searchsorted(part.begins, numbers, side="right")
+        run = np.cumsum(np.diff(sent, prepend=sent[:1]) < -BACK)
+        votes = np.zeros((run.max(initial=0) + 1, len(part.begins) + 1), dtype=np.int64)
+        np.add.at(votes, (run, place), 1)
+        inside = votes.argmax(axis=1)[run] == part.number
+        return received if part.by_receipt else sent, inside
 
     def within(self, part: Part) -> "Motion | None":
         """Its motion in a part of the recording; None if it was not published there.
 
         Of rows with the same stamp the later one counts. What is static is so in all parts.
         """
-        times, inside = part.times(self.stamps)
+        times, inside = self.times(part)
         if self.is_static:
             inside = np.ones(len(times), dtype=np.bool_)
         rows = np.array(self._rows).reshape(-1, 7)[inside][::-1]

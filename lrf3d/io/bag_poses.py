@@ -9,9 +9,8 @@ import numpy as np
 
 from lrf3d.errors import InputError, one_line
 from lrf3d.geometry import LARGEST_COORDINATE
-from lrf3d.io.bag_frames import BACK, Frames, Part, Stamps, Track, in_the_plane
-from lrf3d.io.intake import A_MESSAGE, A_POSE, Intake
-from lrf3d.io.laser_log import LaserLog
+from lrf3d.io.bag_frames import BACK, Frames, Part, Track, in_the_plane
+from lrf3d.io.laser_log import A_MESSAGE, A_POSE, Intake, LaserLog
 from lrf3d.laser import LaserScan, Stamp
 from lrf3d.pose import Pose
 from lrf3d.text import counted
@@ -36,7 +35,7 @@ class Stream:
     topic: str
     frame: str
     scans: list[LaserScan] = field(default_factory=list)
-    stamps: Stamps = field(default_factory=Stamps)
+    track: Track = field(default_factory=Track)
 
     @property
     def words(self) -> str:
@@ -52,7 +51,7 @@ class Stream:
             # Scans with the same angles share one array.
             scan = replace(scan, angles=self.scans[-1].angles)
         self.scans.append(scan)
-        self.stamps.add(*stamp)
+        self.track.add(*stamp)
 
 
 @dataclass(slots=True)
@@ -89,7 +88,9 @@ class Contents:
                 # A frame has one parent; if programs publish different ones, the first counts.
                 if parent == above:
                     moved = each.transform
-                    track.add(moved.translation, moved.rotation, _stamp(each), received, number)
+                    track.add_pose(
+                        moved.translation, moved.rotation, _stamp(each), received, number
+                    )
             return A_POSE * len(message.transforms)
         stamp = _stamp(message), received, number
         if kind == SCAN:
@@ -102,7 +103,7 @@ class Contents:
         child = _frame(message.child_frame_id) if kind == ODOMETRY else ""
         # Of several robots on one topic, each has a track.
         name = topic if self.children.get(topic, child) == child else f"{topic} of {child}"
-        self.tracks[name].add(pose.position, pose.orientation, *stamp)
+        self.tracks[name].add_pose(pose.position, pose.orientation, *stamp)
         self.children[name] = child
         return A_POSE
 
@@ -170,7 +171,7 @@ def log_of(contents: Contents, wanted: str, part: int | None) -> LaserLog:
 def _part(contents: Contents, stream: Stream, wanted: int | None) -> Part:
     """The part that was chosen, or the longest one, of a recording whose stamps go back."""
     path, notes = contents.intake.path, contents.intake.notes
-    sent, _, numbers = (np.array(each, dtype=np.int64) for each in stream.stamps.columns)
+    sent, _, numbers = stream.track.stamps
     back = np.flatnonzero(np.diff(sent) < -BACK) + 1
     count = len(back) + 1
     if wanted is not None and not 1 <= wanted <= count:
@@ -208,7 +209,7 @@ class _Robot:
         chain = self._frames.chain(stream.frame)
         moves = [self._frames.moves(frame) for frame in chain]
         drifting = next((frame for frame in chain if basename(frame) == DRIFTING), "")
-        topics = [topic for topic in self._own(contents) if len(contents.tracks[topic].stamps) > 1]
+        topics = [topic for topic in self._own(contents) if len(contents.tracks[topic]) > 1]
         truths = [topic for topic in topics if "ground_truth" in topic]
         drives = [topic for topic in topics if topic not in truths]
         driven = [topic for topic in drives if contents.children[topic]]
@@ -267,13 +268,12 @@ class _Robot:
         tracks = {f"/tf of {frame}": self._edges[frame] for frame in chain if frame in self._edges}
         tracks |= {name: track for name, track in self._tracks.items() if name == self.source}
         tracks = {name: track for name, track in tracks.items() if not track.is_static}
-        own, frozen = self._stream.stamps, [name for name in tracks if tracks[name].is_frozen]
-        if own.frozen or frozen:
-            name = self._stream.topic if own.frozen else frozen[0]
-            stamps = own if own.frozen else tracks[name].stamps
-            return f"the stamps of {name} are all {1e-9 * stamps.columns[0][0]:g} s"
+        own = self._stream.track
+        for name, track in {self._stream.topic: own, **tracks}.items():
+            if track.is_frozen:
+                return f"the stamps of {name} are all {1e-9 * track.stamps[0, 0]:g} s"
         for name, track in tracks.items():
-            if abs(apart := own.ahead() - track.stamps.ahead()) > CLOCKS_APART:
+            if abs(apart := own.ahead() - track.ahead()) > CLOCKS_APART:
                 way = "ahead of" if apart > 0 else "behind"
                 return (
                     f"the stamps of {self._stream.topic} are {1e-9 * abs(apart):.3g} s {way} {name}"
@@ -288,7 +288,7 @@ class _Robot:
     def placed(self, stream: Stream) -> list[LaserScan]:
         """The scans of a stream with their poses and where the laser is mounted."""
         intake, frames = self._contents.intake, self._frames
-        times, inside = self.part.times(stream.stamps)
+        times, inside = stream.track.times(self.part)
         mounted = frames.poses(stream.frame, self._base, times)
         if not self.source:
             laser = np.where(np.isfinite(mounted), STANDING, np.nan)

@@ -27,8 +27,7 @@ from lrf3d.errors import InputError, MissingLibraryError, missing_extra, one_lin
 from lrf3d.interrupts import check
 from lrf3d.io.bag_files import ZSTD, Topic, bag_files, packets, unpacked
 from lrf3d.io.bag_poses import OLD_TRANSFORMS, SCAN, TRANSFORMS, TYPES, Contents, log_of
-from lrf3d.io.intake import Intake
-from lrf3d.io.laser_log import LaserLog
+from lrf3d.io.laser_log import Intake, LaserLog
 
 
 def load_bag(

@@ -20,8 +20,15 @@ import numpy as np
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import LARGEST_COORDINATE, Float, sealed, wrap_angle
-from lrf3d.io.intake import A_MESSAGE, LARGEST_RANGE, MOST_READINGS, UNTIMED, Intake
-from lrf3d.io.laser_log import LaserLog, WheelRecord
+from lrf3d.io.laser_log import (
+    A_MESSAGE,
+    LARGEST_RANGE,
+    MOST_READINGS,
+    UNTIMED,
+    Intake,
+    LaserLog,
+    WheelRecord,
+)
 from lrf3d.laser import LaserScan
 from lrf3d.laser.range_finder import CENTRE
 from lrf3d.pose import Pose, between

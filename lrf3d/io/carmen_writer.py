@@ -19,8 +19,7 @@ import numpy as np
 from lrf3d.errors import InputError
 from lrf3d.files import replacing
 from lrf3d.io.carmen import even_angles, front_fan
-from lrf3d.io.intake import LARGEST_RANGE
-from lrf3d.io.laser_log import LaserLog
+from lrf3d.io.laser_log import LARGEST_RANGE, LaserLog
 from lrf3d.laser import LaserScan
 from lrf3d.laser.range_finder import CENTRE
 from lrf3d.pose import as_pose

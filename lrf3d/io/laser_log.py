@@ -1,22 +1,33 @@
-"""LaserLog: the scans of a recorded drive, from any format."""
+"""LaserLog: the scans of a recorded drive, from any format; and what its readers take in.
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+An `Intake` keeps what was noted and refused, within limits, and makes the log of what was read.
+"""
+
+import gzip
+import zlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from lrf3d.files import own_name
+from lrf3d.errors import InputError
+from lrf3d.files import opened, own_name
 from lrf3d.geometry import Bool, Float, Int, Value, sealed
+from lrf3d.interrupts import check
 from lrf3d.laser import LaserScan
-from lrf3d.laser.unrolling import with_motions
+from lrf3d.laser.unrolling import together, with_motions
 from lrf3d.pose import Pose
 from lrf3d.text import counted
 
 FINEST, MOST_BEAMS = 1e-4, 100_000
 """Least step [rad] and most beams of a fan on which scans are resampled."""
+
+
+AT_ONCE = 0.001
+"""Time [s] within which scans of several lasers are of one moment."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +130,29 @@ class LaserLog(Value):
         note = f"{counted(others, 'scan')} of other lasers not used"
         return replace(self, scans=scans, notes=(*self.notes, note))
 
+    def of_moments(self) -> "LaserLog":
+        """The log with the scans of all lasers at one moment as one.
+
+        It is that of the first laser where most scans have no others at their moment, or would have
+        to be unrolled first. What is left out is counted in a note.
+        """
+        names, moments = self.lasers, dict[int, dict[str, int]]()
+        for row, scan in enumerate(self.scans):
+            moments.setdefault(round(scan.time / AT_ONCE), {})[scan.laser] = row
+        rows = [[at[name] for name in names] for at in moments.values() if len(at) == len(names)]
+        rolling = any(scan.time_increment and scan.motion is None for scan in self.scans)
+        if len(names) == 1 or rolling or 2 * len(rows) * len(names) < len(self):
+            return self.of_laser(names[0])
+        note = f"scans of {len(names)} lasers at one moment taken together"
+        if left_out := len(self) - len(rows) * len(names):
+            note += f", {counted(left_out, 'scan')} without all others left out"
+        wheels = self.wheels
+        if wheels is not None:
+            places = wheels.places[[first for first, *_ in rows]]
+            wheels = replace(wheels, places=places, laser_offset=0.0)
+        scans = [together([self.scans[row] for row in moment]) for moment in rows]
+        return replace(self, scans=scans, wheels=wheels, notes=(*self.notes, note))
+
     @property
     def counts(self) -> dict[str, Any]:
         """What was read and what was not, for summaries."""
@@ -171,3 +205,156 @@ def on_one_fan(scans: Sequence[LaserScan]) -> tuple[Float, Float]:
         near = np.abs(own[nearest] - angles) <= 0.51 * max(step, FINEST)
         row[near] = ranges[nearest][near]
     return angles, resampled
+
+
+LARGEST_RANGE = 50.0
+"""Least reading [m] that means no return where a log names no range: range finders of CARMEN's time
+then report about 81.9 m or 50 m, and none of them measures as far."""
+
+LEAST_READINGS, LEAST_SHARE = 50, 0.001
+"""Readings of the largest range, and their share of all readings, from which on it means no
+return."""
+
+BELOW, CROWDED = 0.5, 5.0
+"""The largest range stands out if it is read this many times as often (the second number) as all
+ranges within a distance [m] below it (the first). A wall at the end of a corridor does not: it is
+read at many ranges."""
+
+BESIDE = 0.3
+"""Share of these readings beside another one: what is open is open to more than one beam, and a
+robot that stands still reads the corner of a room again and again."""
+
+EQUAL = 0.011
+"""Readings that differ by less are the same [m]: logs are written in centimetres."""
+
+NAMED = 5
+"""Number of bad lines that are kept; the others are only counted."""
+
+MOST_READINGS = 50_000_000
+"""Largest number of readings in memory: 400 MB. Scans and poses count as some more."""
+
+A_MESSAGE, A_POSE, A_VALUE = 64, 8, 4
+"""What a message, as an object, a packed pose, and a value of a line count in memory, in readings:
+a gigabyte of a text with a reading a line is two million lines."""
+
+MOST_LINES, LARGEST_LOG = 10_000_000, 1 << 31
+"""Largest numbers of lines and of bytes of a text log, of which a gzipped one may hold a thousand
+for each of its own; a day's log has a tenth."""
+
+LONGEST_LINE = 1 << 20
+"""Bytes that are read of a line, enough for 100,000 beams; what is left counts as more lines."""
+
+UNTIMED = 0.1
+"""Time between scans that have no stamp [s]."""
+
+GZIPPED = b"\x1f\x8b"
+"""First bytes of gzipped files, whatever their name is."""
+
+
+@dataclass
+class Intake:
+    """What was noted and refused while a log was read, and how many readings are in memory.
+
+    ``largest_range`` is the least reading that means no return [m], if the user gave it.
+    """
+
+    path: Path
+    largest_range: float | None = None
+    notes: list[str] = field(default_factory=list)
+    bad: list[BadLine] = field(default_factory=list)
+    bad_count: int = 0
+    readings: int = 0
+
+    @property
+    def limit(self) -> float:
+        """Least reading [m] that means no return in a log that names no range."""
+        return LARGEST_RANGE if self.largest_range is None else self.largest_range
+
+    @property
+    def first_bad(self) -> str:
+        """The first bad line, for an error that says that nothing could be used."""
+        return (
+            f"; {self.bad_count} bad {self.bad[0].kind}s, first {self.bad[0]}" if self.bad else ""
+        )
+
+    def refuse(self, number: int, why: object, kind: str = "line") -> None:
+        """Count what cannot be used; the first few are kept."""
+        self.bad_count += 1
+        if len(self.bad) < NAMED:
+            self.bad.append(BadLine(number, str(why), kind))
+
+    def take(self, readings: int, number: int, kind: str = "line") -> None:
+        """Count readings that are kept in memory."""
+        self.readings += readings
+        if self.readings > MOST_READINGS:
+            where = f"{self.path}: {kind} {number}"
+            raise InputError(f"{where}: more than {MOST_READINGS:,} readings; cut it into parts")
+
+    def lines(self) -> Iterator[tuple[int, bytes]]:
+        """Numbers and bytes of the lines of the file, gzipped or not; damage is counted."""
+        number = size = 0
+        with opened(self.path, what="a log") as file:
+            packed = file.read(len(GZIPPED)) == GZIPPED
+            file.seek(0)
+            stream: Any = gzip.open(file) if packed else file
+            try:
+                for number, line in enumerate(iter(lambda: stream.readline(LONGEST_LINE), b""), 1):
+                    check()
+                    size += len(line)
+                    if number > MOST_LINES or size > LARGEST_LOG:
+                        most = f"{MOST_LINES:,} lines or {LARGEST_LOG / 1e9:.1f} GB"
+                        where = f"{self.path}: line {number}"
+                        raise InputError(f"{where}: more than {most}; cut it into parts")
+                    yield number, line
+            except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+                why = f"the packed data are damaged from here on ({error})"
+                self.refuse(number + 1, why)
+
+    def log(self, scans: Sequence[LaserScan], **more: Any) -> LaserLog:
+        """The log of these scans; what means no return becomes +inf, for each laser by itself."""
+        found = list(scans)
+        for laser in dict.fromkeys(scan.laser for scan in scans):
+            own = [k for k, scan in enumerate(scans) if scan.laser == laser]
+            changed, note = without_no_returns([scans[k] for k in own], self.largest_range)
+            self.notes += [note] * bool(note)
+            for k, scan in zip(own, changed, strict=True):
+                found[k] = scan
+        notes = tuple(self.notes)
+        return LaserLog(
+            log_name(self.path), found, self.bad_count, tuple(self.bad), notes=notes, **more
+        )
+
+
+def without_no_returns(
+    scans: Sequence[LaserScan], limit: float | None = None
+) -> tuple[list[LaserScan], str]:
+    """The scans of a laser with +inf for readings that mean no return, and a sentence on these.
+
+    They are those from the limit on, if it is given; else those of the largest reading, if it
+    stands out. Range finders write their largest range, such as 4, 8, 30 or 80 m, for beams that
+    met nothing; a log does not name it. Taken for walls, such readings are an arc that moves with
+    the robot.
+    """
+    note = ""
+    if limit is None:
+        if (limit := _usual_no_return(scans)) == np.inf:
+            return list(scans), ""
+        note = f"readings from {limit:.4g} m on mean no return; --largest-range sets another limit"
+    return [
+        replace(scan, ranges=np.where(scan.ranges >= limit, np.inf, scan.ranges)) for scan in scans
+    ], note
+
+
+def _usual_no_return(scans: Sequence[LaserScan]) -> float:
+    """The least reading [m] that means no return, if the largest one stands out; else +inf."""
+    finite = [scan.ranges[np.isfinite(scan.ranges)] for scan in scans]
+    largest = max((float(ranges.max()) for ranges in finite if len(ranges)), default=0.0)
+    near = np.concatenate([np.empty(0), *(r[r > largest - BELOW] for r in finite)])
+    most = int((near > largest - EQUAL).sum())
+    least = max(LEAST_READINGS, LEAST_SHARE * sum(map(len, finite)))
+    if most < least or most < CROWDED * (len(near) - most):
+        return np.inf
+    without = [np.isfinite(scan.ranges) & (scan.ranges > largest - EQUAL) for scan in scans]
+    if sum(int((beams[1:] & beams[:-1]).sum()) for beams in without) < BESIDE * most:
+        return np.inf
+    return float(near[near > largest - EQUAL].min())

@@ -12,8 +12,7 @@ from lrf3d.interrupts import reading
 from lrf3d.io.array_log import RECORDS, array_table, is_foreign, record_table
 from lrf3d.io.bag_files import FILES, MCAP, OLD, SQLITE
 from lrf3d.io.carmen import WORDS, load_carmen
-from lrf3d.io.intake import GZIPPED, Intake
-from lrf3d.io.laser_log import LaserLog
+from lrf3d.io.laser_log import GZIPPED, Intake, LaserLog
 from lrf3d.io.text_log import add_partner, text_table
 from lrf3d.world import world_names
 
@@ -81,12 +80,10 @@ def load_log(
 
     Examples:
         >>> import lrf3d
-        >>> room = lrf3d.load_world("paper_room")
-        >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], rng=0)
+        >>> run = lrf3d.load_scenario("paper_room").run(rng=0)
         >>> lrf3d.export_run(run, "carmen", "drive.log")
-        >>> log = lrf3d.load_log("drive.log")
-        >>> len(log.scans), log.scans[0].pose.x
-        (2, 1.0)
+        >>> len(lrf3d.load_log("drive.log").scans)
+        3
     """
     path = as_path(path)
     if largest_range is not None:

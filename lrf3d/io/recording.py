@@ -98,7 +98,11 @@ def record(
             # Files that cannot be replaced are found now, not after hours of work.
             if name.exists():
                 check_ordinary(name, what="a file of an earlier run")
-        if not (resume and _finished(path, fingerprint)):
+        finished = False
+        if resume and path.exists():
+            with suppress(*DAMAGES, KeyError):
+                finished = str(read_arrays(path)["origin"]) == fingerprint
+        if not finished:
             with writing(journal_path, "make room or choose another place"):
                 journal = Journal(journal_path, fingerprint, simulation, keep=resume)
                 try:
@@ -269,12 +273,3 @@ def _rng_state(rng: np.random.Generator) -> bytes:
             " numpy.random.default_rng"
         )
     return state
-
-
-def _finished(path: Path, fingerprint: str) -> bool:
-    if not path.exists():
-        return False
-    try:
-        return str(read_arrays(path)["origin"]) == fingerprint
-    except (*DAMAGES, KeyError):
-        return False

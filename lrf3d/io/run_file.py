@@ -29,8 +29,8 @@ from lrf3d.laser import LaserRangeFinder
 from lrf3d.laser.scan import LIGHT
 from lrf3d.mapping import LineMap
 from lrf3d.robot import EstimatedTrajectory, Trajectory
+from lrf3d.robot.kinematics import RADIUS
 from lrf3d.robot.odometry import ImuRecord
-from lrf3d.robot.unicycle import RADIUS
 from lrf3d.run import Run
 from lrf3d.world import World
 from lrf3d.world.cameras import FilmPlan, FixedCamera
@@ -152,11 +152,9 @@ def save_run(run: Run, path: str | Path) -> None:
 
     Examples:
         >>> import lrf3d
-        >>> room = lrf3d.load_world("paper_room")
-        >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], rng=0)
-        >>> lrf3d.save_run(run, "run.npz")
+        >>> lrf3d.save_run(lrf3d.load_scenario("paper_room").run(rng=0), "run.npz")
         >>> len(lrf3d.load_run("run.npz"))
-        2
+        3
     """
     expect(run, Run, "run")
     rows: dict[str, Array] = {"times": run.trajectory.times, "poses": run.trajectory.poses}
@@ -227,11 +225,9 @@ def load_run(path: str | Path) -> Run:
 
     Examples:
         >>> import lrf3d
-        >>> room = lrf3d.load_world("paper_room")
-        >>> run = lrf3d.simulate(room, [(1, 1, 0), (2, 1, 0)], rng=0)
-        >>> lrf3d.save_run(run, "run.npz")
-        >>> lrf3d.load_run("run.npz").trajectory.length
-        1.0
+        >>> lrf3d.save_run(lrf3d.load_scenario("paper_room").run(rng=0), "run.npz")
+        >>> lrf3d.load_run("run.npz").ranges.shape
+        (3, 181)
     """
     path = run_path(path)
     try:

@@ -12,8 +12,7 @@ import numpy as np
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, Int, sealed
-from lrf3d.io.intake import UNTIMED, Intake
-from lrf3d.io.laser_log import LaserLog, WheelRecord
+from lrf3d.io.laser_log import UNTIMED, Intake, LaserLog, WheelRecord
 from lrf3d.laser import LaserScan
 from lrf3d.pose import Pose, compose, heading_of
 

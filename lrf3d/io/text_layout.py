@@ -13,7 +13,7 @@ import numpy as np
 
 from lrf3d.errors import InputError, check_names, shown
 from lrf3d.geometry import Float
-from lrf3d.io.intake import A_VALUE, Intake
+from lrf3d.io.laser_log import A_VALUE, Intake
 from lrf3d.io.table import FANS, ROLES, SETTINGS, Table, meaning
 
 SAMPLE, SHORT, MANY = 60, 6, 4000

@@ -19,7 +19,7 @@ import numpy as np
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import Float
 from lrf3d.io.array_log import is_records, records
-from lrf3d.io.intake import Intake
+from lrf3d.io.laser_log import Intake
 from lrf3d.io.table import ROLES, SETTINGS, Table
 from lrf3d.io.text_layout import PRESETS, Form, Layout
 

@@ -18,7 +18,7 @@ import numpy as np
 from lrf3d.errors import InputError
 from lrf3d.files import read_text, replacing
 from lrf3d.geometry import Float
-from lrf3d.io.intake import MOST_LINES
+from lrf3d.io.laser_log import MOST_LINES
 from lrf3d.pose import heading_of
 from lrf3d.robot import Trajectory
 from lrf3d.scoring.trajectory_score import Relations

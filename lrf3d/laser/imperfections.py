@@ -94,7 +94,8 @@ class AngleNoise:
         ahead = np.clip(angles - scan.angles[before], 0.0, turn)
         ranges = scan.ranges[np.where(2.0 * ahead > turn, after, before)]
         # At the beams themselves the measured ranges are kept, to the last bit.
-        inside = on_one_wall(scan)[before] & (ahead > 0.0) & (ahead < turn)
+        known = on_one_wall(scan) & np.isfinite(scan.ranges[:-1]) & np.isfinite(scan.ranges[1:])
+        inside = known[before] & (ahead > 0.0) & (ahead < turn)
         near, far = scan.ranges[before[inside]], scan.ranges[after[inside]]
         turn, ahead = turn[inside], ahead[inside]
         opposite = near * np.sin(ahead) + far * np.sin(turn - ahead)

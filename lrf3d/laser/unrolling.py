@@ -1,4 +1,4 @@
-"""Unrolling: a scan that took some time, as one that all beams were sent at once for.
+"""Unrolling: a scan that took some time, or those of several lasers, as one from one place at once.
 
 A scan of a robot that moved meanwhile enters, with its motion; a scan from the pose of its first
 beam leaves, in which each return is where it was measured. Only the paths of the beams differ from
@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from lrf3d.geometry import Float, wrap_angle
+from lrf3d.laser.range_finder import CENTRE
 from lrf3d.laser.scan import LIGHT, LaserScan
 from lrf3d.pose import between, compose
 
@@ -47,6 +48,39 @@ def unrolled(scan: LaserScan, motion: Float | None = None) -> LaserScan:
     # Each laser as seen from where it was at its first beam.
     mount = np.array(scan.mount)
     places = between(mount, compose(share * motion, mount))
+    values = _seen(scan, places)
+    # A near edge and what is behind it may have changed their order.
+    angles = values["angles"]
+    order = np.argsort(angles if scan.angles[-1] >= scan.angles[0] else -angles, kind="stable")
+    values = {name: each[order] for name, each in values.items()}
+    return replace(scan, **values, time_increment=0.0, motion=None)
+
+
+def together(scans: Sequence[LaserScan]) -> LaserScan:
+    """The scans of several lasers at one moment as one, from the middle of their robot.
+
+    Each return is where it was measured, and beams without one keep their directions.
+    """
+    if len(scans) == 1:
+        return scans[0]
+    flat = [unrolled(scan) for scan in scans]
+    parts = [_seen(scan, np.array([scan.mount])) for scan in flat]
+    known = [name for name in parts[0] if all(name in part for part in parts)]
+    arrays = {name: np.concatenate([part[name] for part in parts]) for name in known}
+    arrays["angles"] = wrap_angle(arrays["angles"])
+    order = np.argsort(arrays["angles"], kind="stable")
+    values: dict[str, Any] = dict.fromkeys(LIGHT)
+    values |= {name: each[order] for name, each in arrays.items()}
+    limits = min(each.range_min for each in flat), max(each.range_max for each in flat)
+    return replace(
+        flat[0], **values, pose=flat[0].robot, mount=CENTRE, range_min=limits[0],
+        range_max=limits[1], laser="+".join(each.laser for each in flat), motion=None,
+        time_increment=0.0,
+    )  # fmt: skip
+
+
+def _seen(scan: LaserScan, places: Float) -> dict[str, Any]:
+    """The arrays of a scan as seen from one place, its beams sent from places (k, 3) or one."""
     headings = scan.angles + places[:, 2]
     away = np.where(scan.hits, scan.ranges, 0.0)
     x = places[:, 0] + away * np.cos(headings)
@@ -61,10 +95,7 @@ def unrolled(scan: LaserScan, motion: Float | None = None) -> LaserScan:
     if scan.echoes is not None:
         farther = np.where(scan.hits, ranges - away, 0.0)
         values["echoes"] = np.maximum(scan.echoes + farther[:, None], 0.0)
-    # A near edge and what is behind it may have changed their order.
-    order = np.argsort(angles if scan.angles[-1] >= scan.angles[0] else -angles, kind="stable")
-    values = {name: each[order] for name, each in values.items()}
-    return replace(scan, **values, time_increment=0.0, motion=None)
+    return values
 
 
 def motion_since(before: LaserScan | None, scan: LaserScan) -> Float | None:

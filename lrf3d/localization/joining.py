@@ -13,11 +13,11 @@ import numpy as np
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float, Int, Records
-from lrf3d.localization.known_places import KnownPlaces
-from lrf3d.localization.place_search import EVEN, PlaceSearch
+from lrf3d.localization.place_search import EVEN, KnownPlaces, PlaceSearch
 from lrf3d.pose import bent, between, compose, turned
 from lrf3d.run import Run
 from lrf3d.slam import Slam
+from lrf3d.slam.checks import LATER, NEAR, SelfCheck, self_check
 from lrf3d.slam.closures import (
     CLOSURE_SHARE,
     FLOOR,
@@ -30,7 +30,6 @@ from lrf3d.slam.front_end import LEAST_SHARE, refined
 from lrf3d.slam.key_scans import MOST_THROUGH, Key, seen_through_both
 from lrf3d.slam.pose_graph import edges_of, optimised
 from lrf3d.slam.revisits import OFF
-from lrf3d.slam.violation import LATER, NEAR, SelfCheck, self_check
 
 STEP = np.array([0.01, 0.01, 0.003])
 """Standard deviations of key scans of a map relative to their neighbours [m], [rad]."""

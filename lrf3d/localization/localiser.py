@@ -224,7 +224,7 @@ class Localiser:
         >>> import lrf3d
         >>> import numpy as np
         >>> known = lrf3d.KnownLines.from_world(lrf3d.load_world("paper_room"))
-        >>> start = lrf3d.PoseEstimate((1, 1, 0), 0.01 * np.eye(3))
+        >>> start = lrf3d.PoseEstimate(lrf3d.Pose(1, 1, 0), 0.01 * np.eye(3))
         >>> lrf3d.Localiser(known, start).move((0.5, 0, 0)).pose
         Pose(x=1.5, y=1.0, theta=0.0)
     """

@@ -163,21 +163,16 @@ def save_map(line_map: LineMap, path: str | Path, *, free: FreeCells | None = No
             f"{path}: a map is written as .geojson; load_world reads that, and save_world writes"
             " other formats"
         )
-    columns = (
-        line_map.segments.reshape(-1, 2, 2), line_map.objects, *line_map.lines.T, line_map.points,
-        line_map.kinds,
-    )  # fmt: skip
+    ends, objects, points = line_map.segments.reshape(-1, 2, 2), line_map.objects, line_map.points
+    columns = (*line_map.lines.T, objects, points, line_map.kinds, ends)
     features = []
-    for ends, *values, kind in zip(*(column.tolist() for column in columns), strict=True):
-        named = dict(zip(("object", "alpha", "p", "points"), values, strict=True))
-        shape = {"type": "LineString", "coordinates": ends}
-        features.append(
-            {
-                "type": "Feature",
-                "properties": named if kind == WALL else {**named, "kind": kind},
-                "geometry": shape,
-            }
-        )
+    for alpha, p, number, count, kind, shape in zip(
+        *(each.tolist() for each in columns), strict=True
+    ):
+        named = {"object": number, "alpha": alpha, "p": p, "points": count}
+        named |= {} if kind == WALL else {"kind": kind}
+        geometry = {"type": "LineString", "coordinates": shape}
+        features.append({"type": "Feature", "properties": named, "geometry": geometry})
     lines = ",\n".join(map(json.dumps, features))
     known = "" if free is None else f' "free": {json.dumps(free.as_dict())},'
     write_text(

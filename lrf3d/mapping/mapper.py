@@ -1,10 +1,12 @@
 """LineMapper: unites the local map of each scan with the global map (section 3.1)."""
 
+from collections.abc import Sequence
+
 from lrf3d.errors import InputError, shown
 from lrf3d.geometry import number, whole_number
 from lrf3d.laser import LaserScan
 from lrf3d.laser.noise import FLOOR, SIGMA
-from lrf3d.laser.unrolling import motion_since, unrolled
+from lrf3d.laser.unrolling import motion_since, together, unrolled
 from lrf3d.mapping.line_map import LineMap
 from lrf3d.mapping.paper import PaperMapper, SplitMergeExtractor
 from lrf3d.mapping.robust.extraction import LikelihoodExtractor
@@ -101,8 +103,11 @@ class LineMapper:
     def __repr__(self) -> str:
         return f"LineMapper({self._settings})"
 
-    def update(self, scan: LaserScan) -> None:
-        """Unite the map with what a scan shows.
+    several = True
+    """It takes the scans of several lasers together, so that walls do not end where fans do."""
+
+    def update(self, scan: LaserScan | Sequence[LaserScan]) -> None:
+        """Unite the map with what a scan shows, or those of several lasers at one moment.
 
         A scan that took some time is unrolled by its motion; where that is unknown the robot is
         taken to move on as since the scan before.
@@ -110,10 +115,12 @@ class LineMapper:
         Raises:
             InputError: It is no scan.
         """
-        if not isinstance(scan, LaserScan):
+        scans = tuple(scan) if isinstance(scan, list | tuple) else (scan,)
+        if not scans or not all(isinstance(each, LaserScan) for each in scans):
             raise InputError(f"mapper: expected a LaserScan, found {shown(scan)}")
-        self._last, before = scan, self._last
-        self._mapper.update(unrolled(scan, motion_since(before, scan)))
+        whole = together(scans)
+        self._last, before = whole, self._last
+        self._mapper.update(unrolled(whole, motion_since(before, whole)))
 
     def local_map(self, scan: LaserScan) -> LineMap:
         """The local map of one scan alone: each polyline is an object."""

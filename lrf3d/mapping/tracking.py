@@ -1,8 +1,8 @@
-"""Tracking: which object of a map is which object of the map a while before.
+"""Tracking: which object of a map is which object of the map before.
 
-A mapper numbers the objects of each map from the start. Who follows a growing map, by eye or by
-name, needs numbers that stay: an object keeps its number while it grows, of objects that become one
-the larger gives its number, and of the parts of one that falls apart the larger keeps it.
+A mapper numbers the objects of each map from the start. These numbers last: an object keeps its
+number while it grows, of objects that become one the larger gives its number, and of the parts of
+an object that falls apart the larger keeps it.
 """
 
 import numpy as np
@@ -20,7 +20,7 @@ _PLACES = np.array([1.0, 3.0, 5.0]) / 6.0
 
 
 class ObjectTracker:
-    """Numbers the objects of maps that follow each other; `count` is how many were given."""
+    """Assigns lasting numbers to the objects of successive maps; `count` is how many there are."""
 
     def __init__(self) -> None:
         self._map = LineMap.empty()
@@ -40,7 +40,7 @@ class ObjectTracker:
 
 
 def numbers_by_truth(numbers: Int, line_map: LineMap, walls: Float, objects: Int) -> dict[int, int]:
-    """The true object, of those (n,) of true walls (n, 4), that each number (m,) stands for.
+    """The true object, of those (n,) of true walls (n, 4), of each number (m,).
 
     A true object has one number at most.
     """
@@ -51,7 +51,7 @@ def numbers_by_truth(numbers: Int, line_map: LineMap, walls: Float, objects: Int
 
 
 def shared_lengths(segments: Float, others: Float, near: float) -> tuple[Int, Int, Float]:
-    """Which segments (v,) lie by which others (v,), and by how much (v,) [m]; some twice."""
+    """Pairs of segments (v,) and others (v,) that overlap, and by how much (v,) [m]; some twice."""
     if not len(segments) or not len(others):
         return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
     # Most segments of a large map have not moved since the map before.
@@ -71,7 +71,7 @@ def shared_lengths(segments: Float, others: Float, near: float) -> tuple[Int, In
 def _paired(first: Int, second: Int, shared: Float, count: int) -> Int:
     """For each of the first (count,) the second that it shares most with, or −1.
 
-    What shares most is paired first, and each is paired once.
+    Pairs are made in the order of what they share; each is in one pair.
     """
     result = np.full(count, -1, np.int64)
     if not len(first):

@@ -1,1 +1,6 @@
 """Planning: routes past most walls of a world, through its free space."""
+
+from typing import Literal
+
+Side = Literal["inside", "outside"]
+"""Side of the walls: inside, among them, or outside of them."""

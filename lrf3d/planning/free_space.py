@@ -7,27 +7,29 @@ connected with that.
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
+import shapely
+from scipy.ndimage import distance_transform_edt, maximum, minimum
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Bool, Float, Int
+from lrf3d.planning import Side
 from lrf3d.world import World
+from lrf3d.world.grid_walls import grown, on_border, parts_of
 from lrf3d.world.model import DEFAULT_HEIGHT
-
-Side = Literal["inside", "outside"]
-"""Side of the walls: inside, among them, or outside of them."""
+from lrf3d.world.pieces import groups
 
 WIDEST_WINDOW = 500.0
 """Largest side [m] of the part of a world that is planned in, as much as a drive can show."""
 
-CELLS, SMALLEST_CELL, PIECE = 250_000, 0.08, 0.1
-"""Approximate number of cells, their least side [m], so that a doorway is some cells wide, and the
-longest piece of wall [m] to which distances are measured, which are off by 3 mm at most."""
-
-WIDEST_DOOR = 2.5
-"""Width [m] of an opening above which what lies behind it is outside, like the land around."""
+WIDEST_DOOR, DOORWAY = 2.5, 1.3
+"""Widths [m] of an opening above which what lies behind it is outside, like the land around; and up
+to which it is a door between two rooms."""
 
 SUBSTANTIAL = 0.7
 """Least length of the walls along rooms, as a share of those along the outside, for the robot to
@@ -50,20 +52,20 @@ class Ground:
     """
 
     def __init__(self, world: World, start: Float | None = None) -> None:
-        import shapely
-        from scipy.spatial import cKDTree
-
         segments = world.segments - np.tile(world.origin, 2)
-        low, high = _window(
-            segments.reshape(-1, 2), None if start is None else start - world.origin
-        )
-        lines = shapely.clip_by_rect(shapely.linestrings(segments.reshape(-1, 2, 2)), *low, *high)
-        pieces, walls = shapely.get_coordinates(shapely.segmentize(lines, PIECE), return_index=True)
+        around = None if start is None else start - world.origin
+        low, high = _window(segments.reshape(-1, 2), around)
+        # Walls just beyond the part that is planned in are near to its border.
+        box = *(low - WIDEST_DOOR), *(high + WIDEST_DOOR)
+        lines = shapely.clip_by_rect(shapely.linestrings(segments.reshape(-1, 2, 2)), *box)
+        # Distances are measured to the ends of pieces of a decimetre, and off by 3 mm at most.
+        pieces, walls = shapely.get_coordinates(shapely.segmentize(lines, 0.1), return_index=True)
         if not len(pieces):
             near = " near the start" if len(segments) else ""
             raise InputError(f"{world.name or 'world'}: no walls{near}, so no route can be found")
         self.world, self.pieces, self.walls = world, pieces, walls
-        self.size = max(float(np.sqrt(np.prod(high - low) / CELLS)), SMALLEST_CELL)
+        # Some 250,000 cells; of the least side a doorway is still some cells wide.
+        self.size = max(float(np.sqrt(np.prod(high - low) / 250_000)), 0.08)
         self._corner = low + world.origin
         shape = tuple(np.ceil((high - low) / self.size).astype(int).tolist())
         self.places = low + self.size * (np.moveaxis(np.indices(shape), 0, -1) + 0.5)
@@ -95,15 +97,51 @@ class Ground:
             self.places[cells], self.gaps[cells] = moved[better], there[better]
             self.nearest[cells] = nearest[better]
 
+    @cached_property
+    def passable(self) -> Bool:
+        """Which cells are so far off walls that none stands between neighbouring ones."""
+        return np.asarray(self.gaps >= max(THINNEST, 1.25 * self.size))
+
+    @cached_property
+    def wide(self) -> Bool:
+        """Which cells are wider than a doorway."""
+        return np.asarray(self.gaps >= 0.5 * DOORWAY)
+
+    @cached_property
+    def rooms(self) -> Int:
+        """The room (columns, rows) of each passable cell, from 1; 0 in the others.
+
+        A room is what is wider than a doorway, and what is nearest to it. Narrow places, such as
+        passages, are pieces of their own.
+        """
+        cores, _ = parts_of(self.wide)
+        nearest = distance_transform_edt(cores == 0, return_distances=False, return_indices=True)
+        core = cores[tuple(nearest)].ravel()
+        one, other = neighbours(self.passable)
+        # What is nearest beyond a wall is not connected with it.
+        same = core[one] == core[other]
+        piece = groups(one[same], other[same], core.size).reshape(cores.shape)
+        _, number = np.unique(np.where(self.passable, piece, -1), return_inverse=True)
+        return number.reshape(cores.shape) + int(self.passable.all())
+
+    @cached_property
+    def doorways(self) -> tuple[Int, Int]:
+        """The pairs (k, 2) of rooms side by side, and the widest cell (k,) between each two."""
+        rooms, gaps = self.rooms.ravel(), self.gaps.ravel()
+        one, other = neighbours(self.passable)
+        between = rooms[one] != rooms[other]
+        one, other = one[between], other[between]
+        pairs = np.sort(np.column_stack([rooms[one], rooms[other]]), axis=1)
+        order = np.argsort(-np.minimum(gaps[one], gaps[other]), kind="stable")
+        found, first = np.unique(pairs[order], axis=0, return_index=True)
+        one, other = one[order][first], other[order][first]
+        return found, np.where(gaps[one] < gaps[other], one, other)
+
     def _swept(self) -> Bool:
         """Which cells a disc as wide as a wide door sweeps from the border."""
-        from scipy.ndimage import distance_transform_edt
-
-        parts, _ = connected(self.gaps >= 0.5 * WIDEST_DOOR)
-        border = np.concatenate([parts[0], parts[-1], parts[:, 0], parts[:, -1]])
-        swept = np.isin(parts, border[border > 0])
-        reach = distance_transform_edt(~swept, sampling=self.size) <= 0.5 * WIDEST_DOOR
-        return np.asarray(reach & swept.any())
+        parts, _ = parts_of(self.gaps >= 0.5 * WIDEST_DOOR)
+        border = on_border(parts)
+        return grown(np.isin(parts, border[border > 0]), 0.5 * WIDEST_DOOR / self.size)
 
     @cached_property
     def _sides(self) -> tuple[Bool, bool]:
@@ -113,11 +151,8 @@ class Ground:
         or that encloses nothing else and is seen from outside next to others, unlike a plan whose
         outer wall has a line on each side.
         """
-        from scipy.ndimage import maximum, minimum
-
-        # Neighbouring places that are farther than this from walls have none between them.
-        world, free = self.world, self.gaps >= max(THINNEST, 1.25 * self.size)
-        parts, count = connected(free)
+        world, free = self.world, self.passable
+        parts, count = parts_of(free)
         number, wall = np.arange(count + 1), self.walls[self.nearest]
         objects = world.objects[wall]
         is_open = np.bincount(parts[self.swept], minlength=count + 1) > 0
@@ -190,15 +225,8 @@ class FreeSpace:
     @cached_property
     def graph(self) -> Any:
         """The costs of the steps between neighbouring places, as a sparse matrix (k, k)."""
-        from scipy.sparse import coo_array
-
-        count, padded = len(self.places), np.pad(self.number, (0, 1), constant_values=-1)
-        pairs = []
-        for step in ((1, 0), (0, 1), (1, 1), (1, -1)):
-            other = np.roll(padded, (-step[0], -step[1]), (0, 1))[:-1, :-1]
-            both = (self.number >= 0) & (other >= 0)
-            pairs.append(np.stack([self.number[both], other[both]]))
-        one, other = np.concatenate(pairs, axis=1)
+        count = len(self.places)
+        one, other = (self.number.ravel()[cells] for cells in neighbours(self.allowed))
         length = np.hypot(*(self.places[one] - self.places[other]).T)
         # Where walls are nearer than this, one may come too near to the line between the two.
         clear = np.minimum(self.gaps[one], self.gaps[other]) >= np.hypot(self.radius, 0.5 * length)
@@ -206,6 +234,19 @@ class FreeSpace:
         costs = (0.5 * length * (price[one] + price[other]))[clear]
         graph = coo_array((costs, (one[clear], other[clear])), shape=(count, count)).tocsr()
         return graph + graph.T
+
+
+def neighbours(cells: Bool) -> tuple[Int, Int]:
+    """The flat indices (k,), (k,) of pairs of neighbouring cells, also round corners."""
+    index = np.where(cells, np.arange(cells.size).reshape(cells.shape), -1)
+    index = np.pad(index, 1, constant_values=-1)
+    inner, pairs = index[1:-1, 1:-1], []
+    for x, y in ((1, 0), (0, 1), (1, 1), (1, -1)):
+        other = np.roll(index, (-x, -y), (0, 1))[1:-1, 1:-1]
+        both = (inner >= 0) & (other >= 0)
+        pairs.append(np.stack([inner[both], other[both]]))
+    one, other = np.concatenate(pairs, axis=1)
+    return one, other
 
 
 def free_places(world: World, least: float) -> Float:
@@ -220,8 +261,6 @@ def find_free_space(
 
     If a start x, y [m] or a side of the walls is given, the space lies around or on it.
     """
-    from scipy.sparse.csgraph import connected_components
-
     name, least, begin = ground.world.name or "world", radius + MARGIN, None
     free = ground.gaps >= least
     if start is not None:
@@ -231,16 +270,13 @@ def find_free_space(
         begin = int(row), int(column)
         # A wall may be between them.
         if apart[begin] > ground.tree.query(start - ground.world.origin)[0]:
-            x, y = start.tolist()
-            raise InputError(
-                f"{name}: no room {least:g} m off walls around the start ({x:g}, {y:g})"
-            )
+            around = "around the start ({:g}, {:g})".format(*start)
+            raise InputError(f"{name}: no room {least:g} m off walls {around}")
     allowed = free & ground.on_side(where, begin)
     if not allowed.any():
         place = f"place {where} the walls" if where else "place"
-        raise InputError(
-            f"{name}: no {place} {least:g} m away from all walls; give a route or a smaller radius"
-        )
+        found = f"no {place} {least:g} m away from all walls"
+        raise InputError(f"{name}: {found}; give a route or a smaller radius")
     if begin is not None and not allowed[begin]:
         raise InputError(f"{name}: the start does not lie {where} the walls")
     space = FreeSpace(ground, radius, allowed, begin)
@@ -255,9 +291,8 @@ def find_free_space(
         along = np.unique(part * pieces + ground.nearest[allowed]) // pieces
         # Around the walls of a map there may be a strip of free cells.
         open_air = np.bincount(part, ground.swept[allowed]) > 0.5 * np.bincount(part)
-        chosen = np.argmax(
-            np.where(open_air, SUBSTANTIAL, 1.0) * np.bincount(along, minlength=count)
-        )
+        worth = np.where(open_air, SUBSTANTIAL, 1.0)
+        chosen = np.argmax(worth * np.bincount(along, minlength=count))
     kept = allowed.copy()
     kept[allowed] = part == chosen
     return FreeSpace(ground, radius, kept, begin)
@@ -276,14 +311,3 @@ def _window(ends: Float, around: Float | None) -> tuple[Float, Float]:
         low = np.maximum(low, around - WIDEST_WINDOW / 2)
         high = np.minimum(high, around + WIDEST_WINDOW / 2)
     return low, high
-
-
-def connected(cells: Bool) -> tuple[Int, int]:
-    """The connected part (columns, rows) of each of some cells, from 1, and the number of parts.
-
-    Cells that touch at a corner are connected; 0 stands for the other cells.
-    """
-    from scipy.ndimage import label
-
-    parts, count = label(cells, np.ones((3, 3)))
-    return np.asarray(parts, dtype=np.int64), int(count)

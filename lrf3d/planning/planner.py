@@ -13,29 +13,19 @@ import numpy as np
 from lrf3d.collision import CollisionChecker
 from lrf3d.errors import InputError, expect, shown
 from lrf3d.geometry import LARGEST_COORDINATE, Float, Int, is_finite, numbers
-from lrf3d.planning.free_space import COMFORT, MARGIN, FreeSpace, Ground, Side, find_free_space
-from lrf3d.planning.rooms import USUAL_RADII, unreached_rooms
+from lrf3d.planning import Side
+from lrf3d.planning.free_space import COMFORT, MARGIN, FreeSpace, Ground, find_free_space
+from lrf3d.planning.rooms import USUAL_RADII, missed_rooms
 from lrf3d.planning.tour import find_tour
 from lrf3d.pose import as_pose
-from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, SPEED
-from lrf3d.robot.laps import drive_laps
-from lrf3d.robot.unicycle import MOST_POSES, RADIUS
+from lrf3d.robot.following import CONTROL_STEP, LOOKAHEAD, SPEED, drive_laps
+from lrf3d.robot.kinematics import MOST_POSES, RADIUS
 from lrf3d.world import World
-from lrf3d.world.size import check_size
+from lrf3d.world.model import check_size
 
-INDOOR_SPEED = 1.0
-"""Speed indoors [m/s] if none is given: a brisk walk."""
-
-FAR_ENOUGH, SMALLEST = 2 / 3, 0.18
-"""Least share of the inside that the usual robot must get to, or a smaller one is tried, down to
-this radius [m]."""
-
-LEAST_LOOKAHEAD = 0.1
-"""Least look-ahead [m]: with it the robot keeps within centimetres of the route, and slowly."""
-
-LEAST_SPEED = 0.25
-"""A robot that would still touch something in a turn looks less far ahead and drives slower, down
-to about this [m/s]."""
+LEAST_LOOKAHEAD, LEAST_SPEED = 0.1, 0.25
+"""Least look-ahead [m], with which the robot keeps within centimetres of the route; and about the
+least speed [m/s], down to which one that would still touch something drives slower."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,10 +106,8 @@ def find_route(
     """
     sizes = (radius or RADIUS, speed or SPEED, range_max, lookahead, dt)
     if not (is_finite(*sizes) and min(sizes) > 0.0):
-        raise InputError(
-            f"radius {radius}, speed {speed}, range_max {range_max}, lookahead {lookahead}:"
-            " expected positive numbers"
-        )
+        found = f"radius {radius}, speed {speed}, range_max {range_max}, lookahead {lookahead}"
+        raise InputError(f"{found}: expected positive numbers")
     if where not in (None, "inside", "outside"):
         raise InputError(f"where {shown(where)}: expected 'inside', 'outside' or None")
     expect(world, World, "world")
@@ -134,16 +122,15 @@ def find_route(
     if radius is None:
         radius = _fitting_radius(ground, where, position)
         if radius < RADIUS:
-            notes.append(
-                f"the robot's radius is {radius:g} m instead of {RADIUS:g} m: doors are too narrow"
-                " for a wider one"
-            )
+            smaller = f"the robot's radius is {radius:g} m instead of {RADIUS:g} m"
+            notes.append(f"{smaller}: doors are too narrow for a wider one")
     space = find_free_space(ground, radius, where=where, start=position)
     legs = find_tour(space, world, range_max)
     waypoints = _straightened(space, legs) + world.origin
     if position is not None and (waypoints[0] != position).any():
         waypoints = np.vstack([position, waypoints])
-    pace = speed or (INDOOR_SPEED if space.side == "inside" else SPEED)
+    # Indoors, a brisk walk.
+    pace = speed or (1.0 if space.side == "inside" else SPEED)
     pose = None if start is None or len(start) < 3 else as_pose(start)
     touched = np.inf
     while True:
@@ -164,7 +151,9 @@ def find_route(
         else:
             break
     if space.side == "inside":
-        notes += unreached_rooms(space)
+        entered = np.zeros(space.allowed.shape, dtype=np.bool_)
+        entered[tuple(np.argwhere(space.allowed)[np.concatenate(legs)].T)] = True
+        notes += missed_rooms(space, entered)
     return PlannedRoute(waypoints, space.side, radius, pace, lookahead, tuple(notes))
 
 
@@ -184,7 +173,7 @@ def _checked_start(
 
 def _fitting_radius(ground: Ground, where: Side | None, start: Float | None) -> float:
     """The usual radius [m], or a smaller one where doors keep it from a third of the inside."""
-    *wider, smallest = (radius for radius in USUAL_RADII if radius >= SMALLEST)
+    *wider, smallest = (radius for radius in USUAL_RADII if radius >= 0.18)
     small = find_free_space(ground, smallest, where=where, start=start)
     if small.side == "outside":
         return RADIUS
@@ -193,7 +182,7 @@ def _fitting_radius(ground: Ground, where: Side | None, start: Float | None) -> 
         roomy = int((small.gaps >= radius + MARGIN).sum())
         with suppress(InputError):
             reached = find_free_space(ground, radius, where=where, start=start).allowed.sum()
-            if roomy and reached >= FAR_ENOUGH * roomy:
+            if roomy and reached >= 2 / 3 * roomy:
                 return radius
     return smallest
 
@@ -209,18 +198,15 @@ def _straightened(space: FreeSpace, legs: list[Int]) -> Float:
         steps = np.hypot(*np.diff(places, axis=0).T)
         prices = space.cost(gaps)
         costs = np.append(0.0, np.cumsum(steps * 0.5 * (prices[1:] + prices[:-1])))
-        here = 0
+        here, there = 0, 2
         while here < len(leg) - 1:
-            there = here + 1
-            while there + 1 < len(leg) and _is_better(
-                space,
-                places[[here, there + 1]],
-                costs[there + 1] - costs[here],
-                gaps[here : there + 2].min(),
-            ):
-                there += 1
-            waypoints.append(places[there])
-            here = there
+            if there < len(leg):
+                cost, least = costs[there] - costs[here], gaps[here : there + 1].min()
+                if _is_better(space, places[[here, there]], cost, least):
+                    there += 1
+                    continue
+            waypoints.append(places[there - 1])
+            here, there = there - 1, there + 1
     return np.array(waypoints)
 
 

@@ -1,83 +1,118 @@
-"""Rooms: parts of the ground that a route does not reach, and why; what a drive shows of walls.
+"""Rooms: those that a route does not enter, and why; what a drive shows of walls.
 
 What counts is what faces the drive's side of the walls: not the outside of a house that it goes
-through, nor what lies within walls, but rooms that it does not reach.
+through, nor what lies within walls, but rooms that it does not enter.
 """
 
 import numpy as np
+from scipy.ndimage import binary_dilation, maximum
 
 from lrf3d.geometry import Bool, Float, Int, directions
-from lrf3d.planning.free_space import (
-    MARGIN,
-    THINNEST,
-    FreeSpace,
-    Ground,
-    connected,
-    find_free_space,
-)
-from lrf3d.planning.tour import path_to
-from lrf3d.robot.unicycle import RADIUS
+from lrf3d.planning.free_space import MARGIN, THINNEST, FreeSpace, Ground
+from lrf3d.robot.kinematics import RADIUS
 from lrf3d.world import World
-
-LEAST_ROOM, LEAST_WIDTH = 4.0, 1.8
-"""Least area [m²] and width [m] of a closed part that is a room; less is a shaft or furniture."""
-
-POSTS = 1.5
-"""Distance [m] from a narrow place within which the posts of its door are looked for."""
+from lrf3d.world.pieces import groups
 
 USUAL_RADII = (RADIUS, 0.28, 0.22, 0.18, 0.15, THINNEST)
 """Radii of common robots [m], of which one is tried or proposed."""
 
-ENTRANCE = 1.4
-"""Width [m] of an opening to the outside above which what lies behind is a niche, and no room."""
 
+def true_rooms(ground: Ground, inside: Bool, closed: bool = False) -> Int:
+    """The numbers of the rooms among some cells (columns, rows) that are no niche and no table.
 
-def separate_rooms(ground: Ground, inside: Bool, reached: Bool) -> tuple[Int, Int]:
-    """The connected parts of some cells (columns, rows), from 1, and the unreached rooms of these.
-
-    What is closed in by walls of less than half the usual height is furniture.
+    What is closed is a shaft, unless it is larger than what has a door.
     """
-    from scipy.ndimage import binary_dilation, maximum
-
-    # Neighbouring places that are farther than this from walls have none between them.
-    least = max(THINNEST + MARGIN, 1.25 * ground.size)
-    parts, count = connected(inside & (ground.gaps >= least))
-    number, heights = np.arange(count + 1), ground.world.heights
-    areas = np.bincount(parts.ravel(), minlength=count + 1) * ground.size**2
-    rooms = (areas >= LEAST_ROOM) & ~np.isin(number, parts[reached]) & (number > 0)
-    rooms &= maximum(ground.gaps, parts, number) >= 0.5 * LEAST_WIDTH
+    rooms = np.where(inside, ground.rooms, 0)
+    number, area = np.arange(rooms.max() + 1), np.bincount(rooms.ravel()) * ground.size**2
+    found = (area >= (4.0 if closed else 2.0)) & (number > 0)
+    found &= maximum(ground.gaps, rooms, number) >= (0.9 if closed else 0.7)
+    # What is open to the outside by more than a door is a niche.
     entrance = binary_dilation(ground.swept, np.ones((3, 3), dtype=np.bool_))
-    rooms &= maximum(np.where(entrance, ground.gaps, 0.0), parts, number) < 0.5 * ENTRANCE
-    highest = maximum(heights[ground.walls[ground.nearest]], parts, number)
-    return parts, np.flatnonzero(rooms & (highest >= 0.5 * np.median(heights)))
+    found &= maximum(np.where(entrance, ground.gaps, 0.0), rooms, number) < 0.7
+    # What is closed in by walls of less than half the usual height is furniture.
+    heights = ground.world.heights
+    highest = maximum(heights[ground.walls[ground.nearest]], rooms, number)
+    return np.flatnonzero(found & (highest >= 0.5 * np.median(heights)))
 
 
-def unreached_rooms(space: FreeSpace) -> list[str]:
-    """Lines that name the rooms which a drive inside does not reach: at most two."""
-    ground, small = space.ground, space
-    where = space.side if ground.world.free is None else None
-    if space.radius > THINNEST:
-        start = space.places[0] + ground.world.origin
-        small = find_free_space(ground, THINNEST, where=where, start=start)
-    return _narrow_doors(space, small) + (_without_door(small) if where else [])
+def missed_rooms(space: FreeSpace, entered: Bool) -> list[str]:
+    """Lines that name the rooms without an entered cell (columns, rows), by the reason."""
+    ground, origin = space.ground, space.ground.world.origin
+    inside = ground.on_side("inside", None)
+    rooms = np.where(inside, ground.rooms, 0)
+    missed = np.setdiff1d(true_rooms(ground, inside), rooms[entered & ground.wide])
+    if not len(missed):
+        return []
+    areas = np.bincount(rooms.ravel()) * ground.size**2
+    via = _widest_ways(ground, rooms, space.allowed)
+    large = true_rooms(ground, inside, closed=True)
+    missed = missed[(via[missed] != SHUT) | np.isin(missed, large)]
+    doors, far, shut = list[tuple[float, Float]](), [], []
+    for room in missed.tolist():
+        cells = rooms == room
+        x, y = ground.places[cells][np.argmax(ground.gaps[cells])] + origin
+        named = float(areas[room]), f"m² at ({x:.1f}, {y:.1f})"
+        if via[room] == REACHED:
+            far.append(named)
+        elif via[room] == SHUT:
+            shut.append(named)
+        else:
+            width, middle = _door(ground, ground.places.reshape(-1, 2)[via[room]])
+            if all(np.hypot(*(middle - other)) > POSTS for _, other in doors):
+                doors.append((width, middle))
+    notes = []
+    if doors:
+        narrow = _largest([(width, f"m at ({x:.1f}, {y:.1f})") for width, (x, y) in doors], 2)
+        widths = [width for width, _ in doors]
+        fit = [
+            f"; --set robot.radius={usual:g}"
+            for width in (min(widths), max(widths))
+            for usual in USUAL_RADII
+            if usual < space.radius and 2.0 * (usual + MARGIN) + ground.size <= width
+        ]
+        what, verb = ("door", "is") if len(doors) == 1 else ("doors", "are")
+        wide = f"too narrow for a robot of {2.0 * space.radius:.2f} m"
+        behind = _count(len(missed) - len(far) - len(shut))
+        notes.append(f"{what} of {narrow} {verb} {wide}; {behind} not reached{''.join(fit[:1])}")
+    if shut:
+        why = "no door leads there, or one that is drawn shut"
+        drawn = "`lrf3d world show` draws what was read"
+        notes.append(f"{_count(len(shut))} not reached, {_largest(shut, 1)}: {why}; {drawn}")
+    if far:
+        long = "the route would be too long, or shows little more"
+        notes.append(f"{_count(len(far))} not entered, {_largest(far, 1)}: {long}")
+    return notes
 
 
-def _without_door(small: FreeSpace) -> list[str]:
-    """A line that names the rooms into which not even a small robot gets, or none."""
-    ground = small.ground
-    parts, rooms = separate_rooms(ground, ground.on_side("inside", None), small.allowed)
-    named = []
-    for room in rooms:
-        inside = np.flatnonzero(parts == room)
-        widest = inside[np.argmax(ground.gaps.ravel()[inside])]
-        x, y = ground.places.reshape(-1, 2)[widest] + ground.world.origin
-        named.append((len(inside) * ground.size**2, f"m² at ({x:.1f}, {y:.1f})"))
-    why = "no door leads there, or one that is drawn shut; `lrf3d world show` draws what was read"
-    return [f"{_missed(len(rooms))}, {_largest(named, 1)}: {why}"] if named else []
+REACHED, SHUT = -1, -2
+"""Where the way to a room is not narrow, and where there is none."""
+
+POSTS = 1.5
+"""Distance [m] from a narrow place within which the posts of its door are looked for."""
 
 
-def _missed(count: int) -> str:
-    return f"{count} rooms are not reached" if count > 1 else "1 room is not reached"
+def _widest_ways(ground: Ground, rooms: Int, reached: Bool) -> Int:
+    """The narrowest cell of the widest way from what is reached to each of the rooms."""
+    pairs, cell = ground.doorways
+    count, order = int(ground.rooms.max()) + 1, np.argsort(ground.gaps, axis=None, kind="stable")
+    # A room is reached where its widest place is; its nearest places may lie beyond its door.
+    widest = np.zeros(count, dtype=np.int64)
+    widest[rooms.ravel()[order]] = order
+    known = reached.ravel()[widest]
+    width, via = np.where(known, np.inf, 0.0), np.where(known, REACHED, SHUT)
+    gaps, known[0] = ground.gaps.ravel()[cell], False
+    inside = np.isin(pairs, rooms).all(axis=1)
+    while (crossing := inside & (known[pairs].sum(axis=1) == 1)).any():
+        wide = np.where(crossing, np.minimum(width[pairs].max(axis=1), gaps), -1.0)
+        best = int(np.argmax(wide))
+        old, new = pairs[best] if known[pairs[best, 0]] else pairs[best, ::-1]
+        via[new] = cell[best] if gaps[best] <= width[old] else via[old]
+        width[new], known[new] = wide[best], True
+    return via
+
+
+def _count(number: int) -> str:
+    return f"{number} rooms are" if number > 1 else "1 room is"
 
 
 def _largest(named: list[tuple[float, str]], digits: int) -> str:
@@ -87,61 +122,8 @@ def _largest(named: list[tuple[float, str]], digits: int) -> str:
     return ", ".join(f"{value:.{digits}f} {words}" for value, words in best) + more
 
 
-def _narrow_doors(space: FreeSpace, small: FreeSpace) -> list[str]:
-    """A line that names the doors behind which rooms are not reached, or none.
-
-    Only what is narrower than the robot needs is a reason; what is closed is no door.
-    """
-    from scipy.ndimage import maximum
-    from scipy.sparse.csgraph import dijkstra
-
-    ground, radius = space.ground, space.radius
-    if small is space:
-        return []
-    # The land around the walls of a map is no room.
-    other = small.allowed & ~space.allowed & ~ground.swept
-    parts, count = connected(other & (ground.gaps >= radius + MARGIN))
-    areas = np.bincount(parts.ravel()) * ground.size**2
-    gaps = maximum(ground.gaps, parts, np.arange(count + 1))
-    # A robot's middle can be in at least a square metre of a room: a nook behind a desk is none.
-    missed = np.flatnonzero((areas >= 1.0) & (gaps >= 0.7) & (np.arange(count + 1) > 0))
-    if not len(missed):
-        return []
-    steps = small.graph.tocoo()
-    # So steep a cost makes the widest path the cheapest.
-    steps.data = np.minimum(small.gaps[steps.row], small.gaps[steps.col]) ** -8.0
-    reached = np.flatnonzero(space.allowed[small.allowed])
-    costs, before, _ = dijkstra(
-        steps.tocsr(), indices=reached, min_only=True, return_predecessors=True
-    )
-    doors, rooms = list[tuple[float, Float]](), 0
-    for room in missed:
-        inside = np.flatnonzero(parts[small.allowed] == room)
-        path = path_to(before, int(inside[np.argmin(costs[inside])]))
-        width, middle = _door(space, small.places[path[np.argmin(small.gaps[path])]])
-        # A cell lies between the robot and each of the posts.
-        if width < 2.0 * (radius + MARGIN + ground.size):
-            rooms += 1
-            if all(np.hypot(*(middle - other)) > POSTS for _, other in doors):
-                doors.append((width, middle))
-    if not doors:
-        return []
-    named = _largest([(width, f"m at ({x:.1f}, {y:.1f})") for width, (x, y) in doors], 2)
-    widths = [width for width, _ in doors]
-    fit = [
-        f"; --set robot.radius={usual:g}"
-        for width in (min(widths), max(widths))
-        for usual in USUAL_RADII
-        if usual < radius and 2.0 * (usual + MARGIN) + ground.size <= width
-    ]
-    what, verb = ("door", "is") if len(doors) == 1 else ("doors", "are")
-    narrow = f"{named} {verb} too narrow for a robot of {2.0 * radius:.2f} m"
-    return [f"{what} of {narrow}; {_missed(rooms)}{''.join(fit[:1])}"]
-
-
-def _door(space: FreeSpace, place: Float) -> tuple[float, Float]:
+def _door(ground: Ground, place: Float) -> tuple[float, Float]:
     """Width [m] and middle (2,) of a door at a place (2,) of the local frame."""
-    ground = space.ground
     posts = ground.pieces[ground.tree.query_ball_point(place, POSTS)] - place
     one = posts[np.argmin(np.hypot(*posts.T))]
     others = posts[posts @ one < 0.0]
@@ -164,9 +146,12 @@ def shown_share(world: World, positions: Float, shown: Float, walls: Int) -> flo
     side: Bool = ground.gaps > 0.0
     if world.free is None:
         side = ground.on_side("outside" if outside else "inside", None)
-    parts, rooms = separate_rooms(ground, side, reached)
     if not outside:
-        side = np.isin(parts, [*rooms, *np.unique(parts[reached])]) & (parts > 0)
+        rooms = np.where(side, ground.rooms, 0)
+        one, other = ground.doorways[0].T
+        reach = groups(one, other, int(ground.rooms.max()) + 1)
+        near = np.isin(reach[rooms], reach[rooms[reached & (rooms > 0)]])
+        side = (near | np.isin(rooms, true_rooms(ground, side, closed=True))) & (rooms > 0)
     along = np.unique(ground.nearest[side])
     ends = np.full((len(world.segments), 2), np.nan)
     base, unit = world.segments[:, :2] - world.origin, directions(world.segments)

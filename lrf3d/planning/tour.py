@@ -1,26 +1,23 @@
 """Tours: drives past lookouts, from which most of the walls are seen."""
 
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
+from scipy.sparse.csgraph import dijkstra
 
 from lrf3d.casting import PlanarCaster
 from lrf3d.errors import InputError
 from lrf3d.geometry import Bool, Float, Int, lengths
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.planning.free_space import COMFORT, FreeSpace
+from lrf3d.planning.rooms import true_rooms
 from lrf3d.world import World
 
 BEAMS, HEADINGS = 360, 8
 """Number of beams all around, and of headings for which the view of a laser with 180° is stored."""
 
-TIGHT = 0.3
-"""Factor of the worth of a lookout without comfort."""
-
-SHORTEST_ROUTE, LONGEST_ROUTE = 20.0, 800.0
-"""Shortest route [m], some seconds of driving: where a few steps show all walls, the robot also
-drives to the ends of the free space; and the longest one, some minutes."""
+TIGHT, ROOM = 0.3, 4.0
+"""Factor of the worth of a lookout without comfort; the worth of a room [m of wall]."""
 
 
 def find_tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
@@ -31,44 +28,57 @@ def find_tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
     """
     patches, patch_of = _patches(space)
     seen, weights = _look(space.places[patches] + world.origin, world, range_max)
+    if space.side == "inside":
+        # To enter a room is worth as much as to see some metres of wall.
+        room = np.where(space.ground.wide, space.ground.rooms, 0)[space.allowed][patches]
+        true = true_rooms(space.ground, space.allowed)
+        entered = np.broadcast_to(room[:, None] == true, (HEADINGS, len(room), len(true)))
+        seen = np.concatenate([seen, entered], axis=2)
+        weights = np.append(weights, np.full(len(true), ROOM))
     around = np.asarray(seen.any(axis=0))
     comfortable = space.gaps >= space.radius + COMFORT
     lookouts = patches[_cover(around, weights, np.where(comfortable[patches], 1.0, TIGHT))]
     kept = int(space.start is not None)
     if space.start is not None:
         lookouts = np.append(space.number[space.start], lookouts)
-    paths = _paths(space, lookouts, lookouts)
-    metres = np.array([[_length(space, path) for path in row] for row in paths])
     views, order = around[patch_of[lookouts]], [0]
+    # Paths are found from those alone that the tour passes.
+    paths, metres, best = dict[int, list[Int]](), np.zeros((len(lookouts),) * 2), 0
     while True:
+        paths[best] = _paths(space, lookouts[best], lookouts)
+        # The way back is as long.
+        metres[best] = metres[:, best] = [_length(space, path) for path in paths[best]]
+        if len(order) > 1:
+            order = _two_opt(order, metres[np.ix_(order, order)], kept)
         steps, away = metres[order[:-1], order[1:]], metres[order]
         shown = _shown(space, _legs(space, paths, order), seen, patch_of)
         detours = np.vstack([away[:1], away[:-1] + away[1:] - steps[:, None], away[-1:]])[kept:]
         detour = detours.min(axis=0)
         worth = views @ np.where(shown, 0.0, weights) / np.maximum(detour, 1.0)
         worth[order] = 0.0
-        worth[steps.sum() + detour > LONGEST_ROUTE] = 0.0
+        # Some minutes of driving.
+        worth[steps.sum() + detour > 800.0] = 0.0
         best = int(np.argmax(worth))
         # Another metre must show two centimetres of wall.
         if worth[best] < 0.02:
             break
         order.insert(kept + int(np.argmin(detours[:, best])), best)
-        order = _two_opt(order, metres[np.ix_(order, order)], kept)
     # What is seen depends on the direction of the drive.
     tours = [_legs(space, paths, each) for each in ([order] if kept else [order, order[::-1]])]
     legs = max(tours, key=lambda legs: float(weights @ _shown(space, legs, seen, patch_of)))
     end = int(legs[-1][-1] if legs else lookouts[0])
-    while sum(_length(space, leg) for leg in legs) < SHORTEST_ROUTE:
+    # Where a few steps show all walls, the robot also drives to the ends of the free space.
+    while sum(_length(space, leg) for leg in legs) < 20.0:
         apart = np.hypot(*(space.places - space.places[end]).T)
         goal = int(np.argmax(apart * np.where(comfortable, 1.0, TIGHT)))
         if goal == end:
             raise InputError("no room to drive between the walls; give a route or poses")
-        legs += _paths(space, np.array([end]), np.array([goal]))[0]
+        legs += _paths(space, end, np.array([goal]))
         end = goal
     return legs
 
 
-def _legs(space: FreeSpace, paths: list[list[Int]], order: list[int]) -> list[Int]:
+def _legs(space: FreeSpace, paths: dict[int, list[Int]], order: list[int]) -> list[Int]:
     """The paths of a tour; at its ends the robot turns round, to see what lay behind it."""
     legs = [paths[one][other] for one, other in pairwise(order)]
     turn = int(1.0 / space.ground.size) + 2
@@ -89,8 +99,6 @@ def _shown(space: FreeSpace, legs: list[Int], seen: Bool, patch_of: Int) -> Bool
 
 def _patches(space: FreeSpace) -> tuple[Int, Int]:
     """The most open place in each of some 600 patches, and the patch nearest to each place."""
-    from scipy.sparse.csgraph import dijkstra
-
     size = max(np.sqrt(len(space.places) / 600), 2.0) * space.ground.size
     patch = np.floor(space.places / size)
     off_middle = np.abs(space.places / size - patch - 0.5).max(axis=1)
@@ -119,20 +127,16 @@ def _cover(seen: Bool, weights: Float, appeal: Float) -> list[int]:
     return chosen
 
 
-def _paths(space: FreeSpace, starts: Int, ends: Int) -> list[list[Int]]:
-    """The places of the cheapest paths from each start to each end, which are places."""
-    from scipy.sparse.csgraph import dijkstra
-
-    _, before = dijkstra(space.graph, indices=starts, return_predecessors=True)
-    return [[path_to(row, int(end)) for end in ends] for row in before]
-
-
-def path_to(before: Any, end: int) -> Int:
-    """The places of the path to an end, given the place before each."""
-    path = [end]
-    while before[path[-1]] >= 0:
-        path.append(int(before[path[-1]]))
-    return np.array(path[::-1])
+def _paths(space: FreeSpace, start: int, ends: Int) -> list[Int]:
+    """The places of the cheapest paths from a start to each end, which are places."""
+    before = dijkstra(space.graph, indices=[int(start)], return_predecessors=True)[1][0]
+    paths = []
+    for end in ends.tolist():
+        path = [end]
+        while before[path[-1]] >= 0:
+            path.append(int(before[path[-1]]))
+        paths.append(np.array(path[::-1]))
+    return paths
 
 
 def _length(space: FreeSpace, path: Int) -> float:

@@ -96,11 +96,7 @@ class Texture:
 class Buffer(pyrender.Primitive):  # type: ignore[misc]
     """Vertices, whose attributes are rewritten where their arrays have changed.
 
-    Args:
-        mode: What vertices make up, an OpenGL constant.
-
-    Attributes:
-        count: How many vertices, or indices, there are to draw.
+    The mode, an OpenGL constant, is what they make up; a count of them, or of indices, is drawn.
     """
 
     def __init__(self, mode: int) -> None:
@@ -144,7 +140,6 @@ class Buffer(pyrender.Primitive):  # type: ignore[misc]
             GL.glDrawArrays(self.mode, 0, self.count)
 
     def _write(self, place: int, values: NDArray[Any]) -> None:
-        """Rewrite the attribute (n, k) at a location."""
         new = place not in self._rooms
         self._store(GL.GL_ARRAY_BUFFER, place, values.astype(np.float32, copy=False))
         if new:

@@ -109,7 +109,16 @@ def encode(
         stream: Any = film.add_stream(kind.codec, rate, options=kind.codec_options)
         stream.codec_context.time_base = unit
         for number, picture in enumerate(pictures):
-            frame = _frame(picture, palette)
+            frame: Any = av.VideoFrame.from_ndarray(picture, format="rgb24")
+            if palette is not None:
+                # Spreading errors from pixel to pixel would flicker.
+                colours = np.full((256, 4), 255, np.uint8)
+                colours[:, 1:] = np.resize(palette.getpalette() or [0], (256, 3))
+                numbers = Image.fromarray(picture).quantize(
+                    palette=palette, dither=Image.Dither.NONE
+                )
+                indexed: Any = np.asarray(numbers), colours
+                frame = av.VideoFrame.from_ndarray(indexed, format="pal8")
             # Rounded from the start, so that it does not add up.
             frame.pts = round(number / (fps * unit))
             frame.duration = round((number + 1) / (fps * unit)) - frame.pts
@@ -119,15 +128,3 @@ def encode(
                 stream.pix_fmt = kind.colours
             film.mux(stream.encode(frame))
         film.mux(stream.encode(None))
-
-
-def _frame(picture: Pixels, palette: Image.Image | None) -> Any:
-    """A picture (h, w, 3) as a frame, in the colours of a palette if there is one."""
-    if palette is None:
-        return av.VideoFrame.from_ndarray(picture, format="rgb24")
-    # Spreading errors from pixel to pixel would flicker.
-    numbers = Image.fromarray(picture).quantize(palette=palette, dither=Image.Dither.NONE)
-    colours = np.full((256, 4), 255, np.uint8)
-    colours[:, 1:] = np.resize(palette.getpalette() or [0], (256, 3))
-    indexed: Any = np.asarray(numbers), colours
-    return av.VideoFrame.from_ndarray(indexed, format="pal8")

@@ -1,6 +1,7 @@
 """Figures: the world with a scan, and the map that was built, as in Fig. 5 and 7 of Teslić et al.
 
-A run enters; a matplotlib figure leaves, and a picture file where a path is given.
+A run enters; a matplotlib figure leaves, and a picture file where a path is given: OutputError is
+raised where that cannot be written.
 """
 
 from collections.abc import Iterable, Sequence
@@ -27,9 +28,9 @@ from lrf3d.world import World
 from lrf3d.world.plan import Plan
 
 if TYPE_CHECKING:
+    from lrf3d.slam.checks import SelfCheck
     from lrf3d.slam.closures import Refusal
     from lrf3d.slam.key_scans import Key
-    from lrf3d.slam.violation import SelfCheck
 
 AREA, LEAST, MOST, NARROWEST = 54.0, 2.0, 12.0, 6.0
 """Area of all panels together [square inches], whatever the shape of the world; sides of a panel,
@@ -54,19 +55,10 @@ def draw_world(
     poses: Float | None = None,
     plan: Plan | None = None,
 ) -> Figure:
-    """Draw a world, and in it a scan with its robot, a route and poses (Fig. 5a).
+    """Draw a world, and in it a scan with its robot, a route (n, 2) and poses (k, 3) (Fig. 5a).
 
-    Args:
-        world: The walls.
-        path: Where to write the picture; nowhere if not given.
-        scan: A scan to draw beam by beam, with the robot at its pose.
-        lrf: The range finder; with it, beams without return are drawn up to its range.
-        route: (n, 2) way-points to join by a line.
-        poses: (k, 3) poses; few are drawn as robots by name, many as a path.
-        plan: The plan of the drawing from which it was read: doors, rooms and what was left out.
-
-    Raises:
-        OutputError: The picture cannot be written.
+    With the range finder, beams without return are drawn up to its range. Few poses are drawn as
+    robots by name, many as a path; of the plan of a drawing doors, rooms and what was left out.
     """
     legs = np.empty((0, 2)) if route is None else np.asarray(route, dtype=np.float64)[:, :2]
     stops = np.empty((0, 3)) if poses is None else np.asarray(poses, dtype=np.float64)
@@ -77,8 +69,8 @@ def draw_world(
     title = world.name or "world"
     world = Sight.of(world, np.vstack([legs, stops[:, :2], where[:, :2]])).world
     robots = np.vstack([where, stops])
-    places = [_ends(world.segments), legs, robots[:, :2]]
-    places += [_ends(plan.rest)] if plan is not None else []
+    places = [world.segments.reshape(-1, 2), legs, robots[:, :2]]
+    places += [plan.rest.reshape(-1, 2)] if plan is not None else []
     figure, (ax,) = metre_sheet(places, 1, title, words)
     plot.world(world, ax, poses=robots, linewidth=1.6)
     if plan is not None:
@@ -124,24 +116,15 @@ def draw_map(
     estimate: EstimatedTrajectory | None = None,
     title: str = "",
 ) -> Figure:
-    """Draw a map, each object in its colour, over returns and true walls (Fig. 7).
+    """Draw a map, each object in its colour, over returns (n, 2) and true walls (Fig. 7).
 
-    Args:
-        source: A run, which brings all that follows along, or just a map.
-        path: Where to write the picture; nowhere if not given.
-        points: (n, 2) returns [m].
-        poses: (k, 3) poses of the scans; where one is NaN, the path is broken.
-        world: The true walls.
-        estimate: The estimated poses; `lrf3d.plot.estimate` also draws their loop closures.
-        title: The headline; the world's name if not given.
-
-    Raises:
-        OutputError: The picture cannot be written.
+    A run brings all that follows along. Where a pose (k, 3) is NaN, the path is broken;
+    `lrf3d.plot.estimate` also draws the loop closures of an estimate.
     """
     objects = None
     if isinstance(source, Run):
-        world, poses = Sight.of_run(source).world, source.trajectory.poses
-        estimate = source.estimate
+        poses, estimate = source.trajectory.poses, source.estimate
+        world = Sight.of(source.world, poses[:, :2]).world
         points, line_map = _reflections(source), source.map
         objects = source.lasting_objects[-1] if source.maps else None
     else:
@@ -152,11 +135,11 @@ def draw_map(
     estimated = poses if estimate is None else estimate.poses
     stops = poses[np.isfinite(poses[:, 0])]
     # The truth frames the picture where it is known: images behind mirrors lie far outside.
-    known = [_ends(walls)]
+    known = [walls.reshape(-1, 2)]
     if not len(walls):
         # All returns but the outermost half percent a side.
         bulk = np.percentile(points, [0.5, 99.5], axis=0) if len(points) else points
-        known = [_ends(line_map.segments), bulk]
+        known = [line_map.segments.reshape(-1, 2), bulk]
     words = [line_map.counts]
     words += [counted(len(stops), "scan")] if len(stops) else []
     words += [counted(len(points), "return")] if len(points) else []
@@ -176,13 +159,10 @@ def draw_map(
 def draw_noise_levels(
     runs: Sequence[Run], sigmas: Sequence[float], path: str | Path | None = None
 ) -> Figure:
-    """Draw the world with the first scan, and next to it the map at each σ [m] (Fig. 5a–d).
-
-    Raises:
-        OutputError: The picture cannot be written.
-    """
-    world, poses = Sight.of_run(runs[0]).world, runs[0].trajectory.poses
-    places = [_ends(world.segments), poses[:, :2]]
+    """Draw the world with the first scan, and next to it the map at each σ [m] (Fig. 5a–d)."""
+    poses = runs[0].trajectory.poses
+    world = Sight.of(runs[0].world, poses[:, :2]).world
+    places = [world.segments.reshape(-1, 2), poses[:, :2]]
     figure, axes = metre_sheet(places, len(runs) + 1)
     plot.world(world, axes[0], poses=poses, linewidth=1.6)
     plot.scan(runs[0].true_scan(0), axes[0])
@@ -210,11 +190,7 @@ def draw_crosscheck(
     result: CrossCheck,
     path: str | Path | None = None,
 ) -> Figure:
-    """Draw a world, the poses (k, 3), and the beams that the casters see differently.
-
-    Raises:
-        OutputError: The picture cannot be written.
-    """
+    """Draw a world, the poses (k, 3), and the beams that the casters see differently."""
     places = [world.segments.reshape(-1, 2), poses[:, :2]]
     found = "all agree on wall and range"
     if result.causes:
@@ -255,13 +231,9 @@ def draw_check(
     title: str,
     path: str | Path | None = None,
 ) -> Figure:
-    """Draw the worst stretch of a drive, at poses (k, 3) of its key scans.
-
-    Raises:
-        OutputError: The picture cannot be written.
-    """
+    """Draw the worst stretch of a drive, at poses (k, 3) of its key scans."""
+    from lrf3d.slam.checks import LATER
     from lrf3d.slam.surface import SURFACE, moved
-    from lrf3d.slam.violation import LATER
 
     first, last = check.worst_scans
     scans = np.array([key.scan for key in keys])
@@ -334,10 +306,5 @@ def _head(ax: Axes, title: str, counts: str = "") -> None:
     ax.set_title(counts, loc="right", color=FAINT, fontsize=8)
 
 
-def _ends(segments: Float) -> Float:
-    return segments.reshape(-1, 2)
-
-
 def _reflections(run: Run) -> Float:
-    """All measured points (n, 2) of a run."""
     return np.vstack([np.empty((0, 2)), *(scan.points() for scan in run.scans)])

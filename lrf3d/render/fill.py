@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.compiling import borrower, compiled, inner
+from lrf3d.compiling import borrower, compiled
 from lrf3d.geometry import Float, Single
 from lrf3d.scene.look import (
     CLIMB,
@@ -22,11 +22,9 @@ from lrf3d.scene.look import (
     ROOF_SHARE,
 )
 
-NEAREST = 0.05
-"""Depth [m] from which on walls are drawn."""
-
-_SLANT = 0.35
-"""How coarse copies of the ground's picture are, in lengths of a pixel: it is seen at a slant."""
+NEAREST, _SLANT = 0.05, 0.35
+"""Depth [m] from which on walls are drawn, and how coarse copies of the ground's picture are, in
+lengths of a pixel: it is seen at a slant."""
 
 
 class Surfaces(NamedTuple):
@@ -54,12 +52,6 @@ class LaserLight(NamedTuple):
     """(4,) corner of both [m], and one over their size [1/m]."""
     clock: Float
     """(2,) what time it is, and how fast that passes."""
-
-
-@inner
-def level_of(texels: float, levels: NDArray[np.int64]) -> int:
-    """The level of a texture whose texels are as large as a pixel, given in texels."""
-    return min(max(int(math.log2(max(texels, 1.0)) + 0.5), 0), len(levels) - 1)
 
 
 @borrower
@@ -230,8 +222,9 @@ def shade(
             seen[0], seen[1], seen[2] = area[4], area[5], area[6]
             if 0.0 <= u < 1.0 and 0.0 <= v < 1.0:
                 long = _SLANT * away * max(away / eye[2], 1.0) / focus
-                level = level_of(long * ground_levels[0, 1] / area[2], ground_levels)
-                begin, wide, high = ground_levels[level]
+                # The copy whose texels are as large as a pixel.
+                level = int(math.log2(max(long * ground_levels[0, 1] / area[2], 1.0)) + 0.5)
+                begin, wide, high = ground_levels[min(level, len(ground_levels) - 1)]
                 texel = begin + 3 * (int(v * high) * wide + int(u * wide))
                 for k in range(3):
                     seen[k] = ground[texel + k] / 255.0

@@ -10,7 +10,7 @@ import numpy as np
 from lrf3d.errors import InputError, expect, shown
 from lrf3d.geometry import is_finite, number, read_only, whole_number
 from lrf3d.render.gl import gl_available, import_libraries, require_gl
-from lrf3d.render.hud import gap_of, lay_frame, lay_label
+from lrf3d.render.hud import GAP, lay_frame, lay_label, scale_of
 from lrf3d.run import Run
 from lrf3d.scene import panel
 from lrf3d.scene.moments import LAYERS, Goal, Scene
@@ -103,12 +103,9 @@ def choose_renderer(wanted: str | None) -> str:
 
 
 class Film:
-    """Draws pictures of a run.
+    """Draws pictures of a run, whose stage may have been painted already.
 
-    Args:
-        run: The run.
-        stage: What stands in the run's world, if it has been painted already.
-        options: Those of :class:`FilmOptions`.
+    The options are those of :class:`FilmOptions`.
     """
 
     def __init__(self, run: Run, *, stage: Stage | None = None, **options: Any) -> None:
@@ -125,7 +122,7 @@ class Film:
         self._window = self.scene.plan_window()
         wide = _INSET * min(chosen.size) / self._window.aspect**0.5
         wide = round(min(wide, _WIDEST * chosen.size[0]))
-        gap, high = gap_of(chosen.size), round(wide * self._window.aspect)
+        gap, high = round(GAP * scale_of(chosen.size)), round(wide * self._window.aspect)
         self._box = chosen.size[0] - gap - wide, gap, wide, high
         self._key: object = None
         self._card = cache(lambda: panel.card(self._facts))
@@ -152,10 +149,6 @@ class Film:
             said = self._card() if ended else panel.panel(self._facts, moment, view.shot)
             lay_label(self._picture, said)
         return self._picture
-
-    def forget(self) -> None:
-        """Draw the next picture even where it is the last one again."""
-        self._key = None
 
     def close(self) -> None:
         """Free what the driver holds."""

@@ -15,10 +15,9 @@ from lrf3d.errors import MissingLibraryError
 
 _INSTALL = "apt-get install -y --no-install-recommends"
 INSTALL_LINE = f"{_INSTALL} libegl1 libgl1"
-"""What brings OpenGL to a bare Debian or Ubuntu; no wheel does."""
-
 DRIVER_LINE = f"{_INSTALL} libegl-mesa0 libgl1-mesa-dri"
-"""What brings its software driver, where its libraries are there and nothing draws."""
+"""What brings OpenGL to a bare Debian or Ubuntu, as no wheel does, and its software driver, where
+its libraries are there and nothing draws."""
 
 _INSTEAD = "or draw with the renderer embree, which needs none"
 
@@ -88,9 +87,6 @@ def _starts(egl: ctypes.CDLL) -> bool:
 
 def import_libraries() -> tuple[Any, Any]:
     """Import OpenGL.GL and pyrender, with what each of them needs set before.
-
-    Returns:
-        The modules ``OpenGL.GL`` and ``pyrender``.
 
     Raises:
         MissingLibraryError: There is no OpenGL on this machine.

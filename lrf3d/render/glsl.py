@@ -23,11 +23,9 @@ _CONSTANTS = (
 )  # fmt: skip
 """Constants of the look that shaders know by their names."""
 
-LAND_REACH = 3000.0
-"""How far the ground goes past its picture [m]: to the horizon, in the colour of its edge."""
-
-GREY = np.array([0.3, 0.55, 0.15])
-"""Shares of the colours in how bright something is."""
+LAND_REACH, GREY = 3000.0, np.array([0.3, 0.55, 0.15])
+"""How far the ground goes past its picture [m], to the horizon, in the colour of its edge; and
+shares of the colours in how bright something is."""
 
 
 def shader_source(name: str, setting: Setting, *, vertex: bool) -> str:
@@ -74,6 +72,5 @@ def mesh(columns: int, rows: int) -> Single:
 
 
 def _rectangle(low: Any, high: Any) -> Single:
-    """Corners (6, 2) of two triangles."""
     (x, y), (u, v) = low, high
     return np.array([[x, y], [u, y], [u, v], [x, y], [u, v], [x, v]], np.float32)

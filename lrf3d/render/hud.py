@@ -11,7 +11,7 @@ from PIL import Image, ImageDraw, ImageFont
 from lrf3d.scene.moments import Window
 from lrf3d.scene.shapes import Label, Pixels
 
-_LINE, _LESSER, _GAP = 1.36, 0.8, 16
+_LINE, _LESSER, GAP = 1.36, 0.8, 16
 """Height of a line in letters, the size of all lines but the first, and the free border round text
 and the inset [pixels of 720 lines]."""
 
@@ -32,11 +32,6 @@ def scale_of(size: tuple[int, int]) -> float:
     return max(_LEAST_SCALE, min(size) / 720.0)
 
 
-def gap_of(size: tuple[int, int]) -> int:
-    """Free border round panels [pixels]."""
-    return round(_GAP * scale_of(size))
-
-
 @cache
 def _font(size: int) -> ImageFont.FreeTypeFont:
     """The sans face of the page, which comes with matplotlib; that is not imported."""
@@ -52,7 +47,7 @@ def _label(label: Label, size: tuple[int, int]) -> tuple[NDArray[np.uint16], NDA
 
     What is left of the picture under it (h, w, 1), of 256, and what is added (h, w, 3).
     """
-    gap, letters = gap_of(size), [scale_of(size) * label.size]
+    gap, letters = round(GAP * scale_of(size)), [scale_of(size) * label.size]
     left = round(1.4 * gap)
     letters += [_LESSER * letters[0]] * (len(label.text) - 1)
     wide = max(

@@ -25,12 +25,10 @@ from lrf3d.scene import look
 from lrf3d.scene.shapes import Body, Lens, Lines, Mark, Pixels, Points, Seen, Soft, Tints, single
 from lrf3d.scene.stage.stage import Stage
 
-_LIFTED, _NEAR, _AT_MIRROR = 0.02, 0.2, 0.03
+_LIFTED, _NEAR, _AT_MIRROR, _MOST_LAYERS = 0.02, 0.2, 0.03, 6
 """How much nearer to the eye translucent faces are than what they lie on, the depth before which
-lines are cut and other marks are left out, and how far from a mirror what rays meet is it [m]."""
-
-_MOST_LAYERS = 6
-"""Most walls that a ray passes where these are open or glass."""
+lines are cut and other marks are left out, and how far from a mirror what rays meet is it [m]; and
+the most walls that a ray passes where these are open or glass."""
 
 
 class _Canvas(NamedTuple):
@@ -93,7 +91,6 @@ class PlainRenderer:
         return self._picture
 
     def _tint(self, tints: Tints | None) -> None:
-        """Draw the map into the picture that walls take its colours from, where it has changed."""
         if tints is self._tinted:
             return
         self._tinted = tints
@@ -157,7 +154,6 @@ class PlainRenderer:
             colours, depth[rest] = behind, near
 
     def _reflect(self, seen: Seen, reflection: Reflection, canvas: _Canvas, ways: Single) -> None:
-        """Replace what a mirror covers by what it shows."""
         x, y, *along = reflection.uniforms["mirror"]
         length, *_ = reflection.uniforms["mirror_size"]
         near = canvas.near.ravel()
@@ -177,7 +173,6 @@ class PlainRenderer:
         canvas.colours.reshape(-1, 3)[chosen] = tinted
 
     def _explored(self, lens: Lens, size: tuple[int, int]) -> Single:
-        """What was seen by now (h, w, 3), in a plan of a size [pixels]."""
         scale = np.diag(lens.matrix)[:2]
         x, y = (
             (2.0 * (np.arange(side) + 0.5) / side - 1.0 - shift) / zoom
@@ -216,7 +211,6 @@ class PlainRenderer:
     def _fill(
         self, canvas: _Canvas, lens: Lens, corners: Any, colours: Any, nearer: float, solid: bool
     ) -> None:
-        """Fill triangles (t, 3, 3) with colours and opacities (t, 3, 4)."""
         clip, near = _projected(corners.reshape(-1, 3), lens, nearer, canvas)
         rows = np.column_stack([clip[:, :2], near, colours.reshape(-1, 4)]).reshape(-1, 3, 7)
         before = (clip[:, 2] > _NEAR).reshape(-1, 3).all(axis=1)

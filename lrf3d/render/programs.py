@@ -18,12 +18,7 @@ Uniform = float | int | np.ndarray[Any, Any] | tuple[float, ...]
 
 
 class ShaderProgram:
-    """A linked pair of a vertex and a fragment shader.
-
-    Args:
-        name: The file ``name.glsl`` and what is defined in it: see :func:`shader_source`.
-        setting: How streets or rooms look.
-    """
+    """A linked pair of a vertex and a fragment shader, by their name: see :func:`shader_source`."""
 
     def __init__(self, name: str, setting: Setting) -> None:
         self.name = name
@@ -59,21 +54,17 @@ class ShaderProgram:
             if value is known or (not isinstance(value, np.ndarray) and value == known):
                 continue
             self._values[name] = value
-            _set(place, value)
+            if isinstance(value, int):
+                GL.glUniform1i(place, value)
+            elif isinstance(value, np.ndarray) and value.ndim == 2:
+                GL.glUniformMatrix4fv(place, 1, GL.GL_TRUE, np.ascontiguousarray(value, np.float32))
+            else:
+                numbers = np.ravel(value).tolist()
+                getattr(GL, f"glUniform{len(numbers)}f")(place, *numbers)
 
     def delete(self) -> None:
         """Free what the driver holds of it."""
         GL.glDeleteProgram(self._id)
-
-
-def _set(place: int, value: Uniform) -> None:
-    if isinstance(value, int):
-        GL.glUniform1i(place, value)
-    elif isinstance(value, np.ndarray) and value.ndim == 2:
-        GL.glUniformMatrix4fv(place, 1, GL.GL_TRUE, np.ascontiguousarray(value, np.float32))
-    else:
-        numbers = np.ravel(value).tolist()
-        getattr(GL, f"glUniform{len(numbers)}f")(place, *numbers)
 
 
 class CameraBlock:

@@ -21,12 +21,9 @@ from lrf3d.scene.stage.stage import Stage
 
 
 class Renderer:
-    """Draws what is to be seen of a stage into RGBA pictures.
+    """Draws what is to be seen of a stage into RGBA pictures of a size [pixels].
 
-    Args:
-        stage: What stands in the world.
-        size: Width and height of the pictures [pixels].
-        samples: Samples a pixel against jagged edges: 4, or 0 for none.
+    With 4 samples a pixel edges are smooth, with 0 they are not.
     """
 
     def __init__(self, stage: Stage, size: tuple[int, int], samples: int) -> None:
@@ -111,7 +108,6 @@ class Renderer:
             GL.glDeleteTextures(self._samples_taken)
 
     def _begin(self) -> None:
-        """Clear and set up."""
         GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._sampled or self._frame)
         GL.glDisable(GL.GL_SCISSOR_TEST)
         GL.glViewport(0, 0, *self._size)
@@ -130,7 +126,6 @@ class Renderer:
     def _filled(
         self, name: str, *columns: Single, mode: int = GL.GL_TRIANGLES, corners: int = 1
     ) -> Buffer:
-        """The buffer of a name, with these vertex attributes."""
         buffer = self._buffers.get(name) or self._buffers.setdefault(name, Buffer(mode))
         buffer.fill(columns, corners=corners)
         return buffer
@@ -145,7 +140,6 @@ class Renderer:
         solid: bool = True,
         **uniforms: Any,
     ) -> None:
-        """Draw a buffer with a program and its uniforms."""
         if not buffer.count:
             return
         for what, on in ((GL.GL_BLEND, blend), (GL.GL_CULL_FACE, cull)):
@@ -157,7 +151,6 @@ class Renderer:
         buffer.draw()
 
     def _draw_tints(self, tints: Tints | None) -> None:
-        """Draw the map into the picture that walls take its colours from, where it has changed."""
         if tints is self._tinted:
             return
         self._tinted = tints
@@ -177,7 +170,6 @@ class Renderer:
             self._paint("lines", buffer, blend=True, solid=False, width=(tints.lines.width, 0.0))
 
     def _reflect(self, seen: Seen, reflection: Reflection) -> None:
-        """Draw what a mirror shows, and close it with its depth."""
         self._camera.fill(reflection.lens, *self._size)
         GL.glFrontFace(GL.GL_CCW)
         self._draw_bodies(seen, ":MIRRORED", **reflection.uniforms)
@@ -201,7 +193,6 @@ class Renderer:
         self._paint(program, self._ground, area=self._area, **self._light, **how)
 
     def _draw_walls(self, seen: Seen, lens: Lens, variant: str, **uniforms: Any) -> None:
-        """Draw the walls that a lens sees, by a variant of their shader."""
         parts = self._parts.seen(lens.matrix, lens.eye)
         if not np.array_equal(parts, self._chosen):
             self._chosen = parts
@@ -237,7 +228,6 @@ class Renderer:
             GL.glDepthFunc(GL.GL_LEQUAL)
 
     def _draw_plan(self, plan: Plan) -> None:
-        """The map in its corner, on a dark ground."""
         left, top, wide, high = plan.box
         GL.glDisable(GL.GL_DEPTH_TEST)
         GL.glEnable(GL.GL_SCISSOR_TEST)
@@ -314,20 +304,15 @@ class _Parts:
         return self._quads[chosen].ravel()
 
 
-_ATTACHMENTS = (
-    (GL.GL_RGBA8, GL.GL_COLOR_ATTACHMENT0),
-    (GL.GL_DEPTH_COMPONENT24, GL.GL_DEPTH_ATTACHMENT),
-)
-"""What a framebuffer holds of each pixel or sample: its colour and its depth."""
-
-
 def _framebuffer(size: tuple[int, int], samples: int) -> tuple[int, list[int]]:
     """A framebuffer, and the buffers of its colour and its depth; textures, if with samples."""
     frame = GL.glGenFramebuffers(1)
     GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, frame)
-    make = GL.glGenTextures if samples else GL.glGenRenderbuffers
-    made = make(len(_ATTACHMENTS)).tolist()
-    for each, (kind, place) in zip(made, _ATTACHMENTS, strict=True):
+    colour, depth = GL.GL_COLOR_ATTACHMENT0, GL.GL_DEPTH_ATTACHMENT
+    made = (GL.glGenTextures if samples else GL.glGenRenderbuffers)(2).tolist()
+    for each, kind, place in zip(
+        made, (GL.GL_RGBA8, GL.GL_DEPTH_COMPONENT24), (colour, depth), strict=True
+    ):
         if samples:
             texture = GL.GL_TEXTURE_2D_MULTISAMPLE
             GL.glBindTexture(texture, each)

@@ -21,9 +21,6 @@ PANELS = (
 )
 """What the panels show: a measure, its name, and what its values are multiplied by."""
 
-SHARES = ("length_f1", "segment_f1", "object_purity")
-"""Measures up to 1, which have one scale in all figures unless one is below 0."""
-
 STYLES, WIDE_RATIO = ("-", "--", ":", "-."), 8.0
 """Styles of lines for the choices of what else is varied, as the mapper has the colour; and the
 ratio of values from which on their axis is logarithmic."""
@@ -84,8 +81,8 @@ def _scales(axes: Axes, values: Sequence[float], measure: str) -> None:
     axes.xaxis.set_major_locator(FixedLocator(values))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.set_xticks(values, [f"{value:g}" for value in values], rotation=45 * (len(values) > 5))
-    if measure in SHARES:
-        # Chance gives a purity of 0, so that one may be worse.
+    if measure.endswith(("_f1", "_purity")):
+        # Shares have one scale; chance gives a purity of 0, so that one may be worse.
         axes.set_ylim(min(-0.02, axes.get_ylim()[0]), 1.03)
         return
     if measure.endswith("_ratio"):

@@ -23,14 +23,10 @@ from lrf3d.scene.stage.stage import stage_of
 from lrf3d.scene.story import margins
 from lrf3d.scene.timeline import Timeline
 
-_SLACK = 1e-6
-"""How far past its end a run can still be looked at [s]: sums of steps are rounded."""
-
-_EFFORT = 4
-"""Compression of pictures 0…9: beyond, a file takes twice the time and hardly gets smaller."""
-
-_EXAMPLES = 24
-"""How many pictures of a film choose the colours of a GIF: more choose the same ones."""
+_SLACK, _EFFORT, _EXAMPLES = 1e-6, 4, 24
+"""How far past its end a run can still be looked at [s], as sums of steps are rounded; compression
+of pictures 0…9, beyond which a file takes twice the time and hardly gets smaller; and how many
+pictures of a film choose the colours of a GIF: more choose the same ones."""
 
 
 @stoppable()

@@ -7,21 +7,15 @@ from numpy.typing import NDArray
 
 from lrf3d.errors import MissingLibraryError
 
-LEAST_PAUSE = 1e-3
-"""Shortest time [s] that a window has to answer the mouse and be drawn."""
-
-DOTS_PER_INCH = 100.0
-"""Turns the size of pictures into that of the window, which matplotlib takes in inches."""
+LEAST_PAUSE, DOTS_PER_INCH = 1e-3, 100.0
+"""Shortest time [s] that a window has to answer the mouse and be drawn; and what turns the size of
+pictures into that of the window, which matplotlib takes in inches."""
 
 
 class Window:
-    """A window that shows pictures; it opens with the first.
+    """A window with a title that shows pictures; it opens with the first.
 
-    Args:
-        title: Its title.
-
-    Raises:
-        MissingLibraryError: There is no screen, or no library that opens windows.
+    MissingLibraryError is raised where there is no screen, or no library that opens windows.
     """
 
     def __init__(self, title: str) -> None:
@@ -43,9 +37,8 @@ class Window:
         """Show a picture (h, w, 3) uint8 for some seconds; a window that was closed stays so."""
         if self._image is None:
             height, width = picture.shape[:2]
-            figure = self._pyplot.figure(
-                self._title, figsize=(width / DOTS_PER_INCH, height / DOTS_PER_INCH)
-            )
+            inches = width / DOTS_PER_INCH, height / DOTS_PER_INCH
+            figure = self._pyplot.figure(self._title, figsize=inches)
             axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
             axes.set_axis_off()
             self._image = axes.imshow(picture)

@@ -30,11 +30,9 @@ from lrf3d.run import Run
 from lrf3d.scene.shapes import Pixels
 from lrf3d.scene.stage.stage import Stage
 
-_FRAMES_A_WORKER = 20
-"""A process that draws fewer frames than this takes longer to start than it saves."""
-
-_WAIT = 0.1
-"""How often it is checked whether the film is to be stopped [s]."""
+_FRAMES_A_WORKER, _WAIT = 20, 0.1
+"""A process that draws fewer frames than this takes longer to start than it saves; and how often it
+is checked whether the film is to be stopped [s]."""
 
 
 class Job(NamedTuple):

@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike
 
 from lrf3d.files import data_folder
 from lrf3d.geometry import LEFT, Float, directions
-from lrf3d.robot.unicycle import RADIUS
+from lrf3d.robot.kinematics import RADIUS
 from lrf3d.scene.look import BODY_LIGHT, DART, ROBOT, SUN
 from lrf3d.scene.shapes import Body, Faces, Soft, single, together
-from lrf3d.scene.stage.walls import triangles
+from lrf3d.scene.stage.stage import triangles
 
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
@@ -41,12 +41,9 @@ _OBSTACLE_COLOURS = np.array(
 )
 """Colours of dynamic obstacles: strong, and none is the robot's orange."""
 
-_OWN = 0.05
-"""How far from the robot's colour a colour counts as it: the file rounds."""
-
-_FOOT, _LEAST = 0.10, 2.5
-"""Height of the dark foot of an obstacle [m], and the least half size of one in the inset [pixels],
-so that it can be seen."""
+_OWN, _FOOT, _LEAST = 0.05, 0.10, 2.5
+"""How far from the robot's colour a colour counts as it, as the file rounds; height of the foot of
+an obstacle [m], and the least half size of one in the inset [pixels], so that it can be seen."""
 
 _DART = DART[[0, 1, 2, 0, 2, 3]]
 """Corners (6, 2) of the triangles of the robot as seen from above."""
@@ -148,7 +145,6 @@ class Obstacles:
             self._bodies.append(other)
 
     def _poses(self, time: float) -> list[Float]:
-        """Poses (3,) of all bodies at a time [s] in the film's frame."""
         now = np.array([time])
         return [pose - self._origin for each in self._obstacles for pose in each.path.at(now)]
 
@@ -160,7 +156,8 @@ class Obstacles:
     def shadows(self, time: float) -> Soft | None:
         """The shadows of all bodies at a time [s]."""
         placed = zip(self._obstacles, self._poses(time), strict=True)
-        return _joined([_shadow(each.outline, pose) for each, pose in placed])
+        shadows = [_shadow(each.outline, pose) for each, pose in placed]
+        return together(shadows) if shadows else None
 
     def plans(self, time: float, pixel: float) -> Soft | None:
         """The bodies from straight above, in a picture whose pixels have a size [m]."""
@@ -169,12 +166,7 @@ class Obstacles:
             size = max(1.0, _LEAST * pixel / each.reach)
             level = _placed(size * top.reshape(-1, 2), pose)
             plans.append(_flat(level, 0.0, np.tile([*colour, 1.0], (len(level), 1))))
-        return _joined(plans)
-
-
-def _joined(parts: list[Soft]) -> Soft | None:
-    """All in one; None for nothing."""
-    return together(parts) if parts else None
+        return together(plans) if plans else None
 
 
 def _prism(outline: Float, top: Float, height: float, colour: Float) -> Faces:
@@ -204,12 +196,10 @@ def _prism(outline: Float, top: Float, height: float, colour: Float) -> Faces:
 
 
 def _placed(points: Float, pose: Float) -> Float:
-    """Points (n, 2) of a body's frame at its pose."""
     return np.asarray(points @ world_from_robot(pose)[:2, :2].T + pose[:2])
 
 
 def _circle(corners: int) -> Float:
-    """Corners (n, 2) of a circle of radius 1."""
     turns = np.linspace(0.0, 2.0 * np.pi, corners, endpoint=False)
     return np.column_stack([np.cos(turns), np.sin(turns)])
 

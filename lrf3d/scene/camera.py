@@ -21,15 +21,10 @@ _NEAR, _NEAR_SHARE = 0.2, 0.004
 """Distance [m] from which on things are drawn, and the share of the distance to the target that it
 is at the least: depths are then fine enough far away."""
 
-STEP = 0.04
-"""Time of the film between the points of a smoothed path [s]."""
-
-_SMOOTH, _FOLLOW = 0.7, 0.15
-"""Times of the film [s] over which turns and places are smoothed, however fast the run is played;
-with more for places, the robot would leave the middle of fast films."""
-
-AIM = 0.35
-"""Height of the robot's middle [m]."""
+STEP, _SMOOTH, _FOLLOW, _STRAY, AIM = 0.04, 0.7, 0.15, 0.5, 0.35
+"""Times of the film [s] between the points of a smoothed path, and over which turns and places are
+smoothed, however fast the run is played; how far the smoothed place may be off the robot's [m], and
+the height of the robot's middle [m]."""
 
 _ASIDE, _CLEARANCE, _NEAREST = 0.12, 0.3, 1.6
 """How far from the line to the eye walls count, as a share of its length; how far before them the
@@ -79,11 +74,6 @@ class Look:
         return float(np.linalg.norm(self.target - self.eye))
 
     @property
-    def near(self) -> float:
-        """Distance [m] from which on things are drawn."""
-        return max(_NEAR, _NEAR_SHARE * self.away)
-
-    @property
     def pose(self) -> Float:
         """The matrix (4, 4) that takes the camera's frame, which looks along −z, to the film's."""
         back = self.eye - self.target
@@ -98,7 +88,7 @@ class Look:
 
         The picture is as wide as its aspect says, and shows things up to so far away [m].
         """
-        tall, near = 1.0 / np.tan(0.5 * self.field), self.near
+        tall, near = 1.0 / np.tan(0.5 * self.field), max(_NEAR, _NEAR_SHARE * self.away)
         depth = (far + near) / (near - far), 2.0 * far * near / (near - far)
         wide, up, deep = [tall / aspect, 0, 0, 0], [0, -tall, self.shift, 0], [0, 0, *depth]
         return np.asarray(np.array([wide, up, deep, [0, 0, -1, 0]]) @ np.linalg.inv(self.pose))
@@ -113,14 +103,14 @@ class Camera(Protocol):
 
 
 class SmoothPath(NamedTuple):
-    """The robot's path at even times, smoothed over time, for cameras that follow it."""
+    """The robot's path at even times (k,) [s], smoothed over time, for cameras that follow it.
+
+    Places (k, 2) [m] and headings (k,) [rad], which go on past half a turn.
+    """
 
     times: Float
-    """(k,) times of the run [s]."""
     places: Float
-    """(k, 2) where the robot is then [m]."""
     headings: Float
-    """(k,) where it goes [rad]; they go on past half a turn."""
 
     @classmethod
     def of(cls, timeline: Timeline) -> "SmoothPath":
@@ -130,11 +120,11 @@ class SmoothPath(NamedTuple):
         times = timeline.start + step * np.arange(count, dtype=np.float64)
         x, y, headings = timeline.poses(times).T
         places = np.column_stack([x, y]) - timeline.origin
-        return cls(
-            times,
-            gaussian_filter1d(places, _FOLLOW / STEP, axis=0, mode="nearest"),
-            gaussian_filter1d(np.unwrap(headings), _SMOOTH / STEP, mode="nearest"),
-        )
+        off = gaussian_filter1d(places, _FOLLOW / STEP, axis=0, mode="nearest") - places
+        # In fast films the robot stays in near pictures all the same.
+        off *= np.minimum(1.0, _STRAY / np.maximum(np.hypot(*off.T), 1e-9))[:, None]
+        headings = gaussian_filter1d(np.unwrap(headings), _SMOOTH / STEP, mode="nearest")
+        return cls(times, places + off, headings)
 
 
 class Track(NamedTuple):
@@ -147,11 +137,10 @@ class Track(NamedTuple):
     steeps: Float
     """(k,) the direction from there to the eye: around, and over the ground [rad]."""
     aways: Float
-    """(k,) how far off the eye is [m]."""
     fields: Float
-    """(k,) angles of view [rad]."""
     shifts: Float
-    """(k,) how far the picture is moved up, in halves of its height."""
+    """(k,) distances of the eye [m], angles of view [rad], and how far the picture is moved up, in
+    halves of its height."""
 
     @classmethod
     def along(cls, path: SmoothPath, turns: Float, rig: Rig) -> "Track":

@@ -30,9 +30,10 @@ _CALM, _NARROWEST = 12.5, 0.15
 """Distance [m] from which on the field of a fixed camera that turns narrows, and what is left of it
 at the least: the farther off the robot is, it stays in sight."""
 
-_FREE_ABOVE, _FREE_BELOW, CARD, _FILL = 0.05, 0.06, 0.10, 0.94
+_FREE_ABOVE, _FREE_BELOW, CARD, _FILL, _LONG = 0.05, 0.06, 0.10, 0.94, 1.2
 """Shares of the picture's height that are free above the whole, and below for text, more for a
-card; and the share of what is left that the world fills."""
+card; the share of what is left that the world fills; and how many times as long as wide a world is
+that is turned to fit better."""
 
 _LARGEST, _AROUND, _TALLEST = 600.0, 60.0, 14.0
 """Worlds longer than this [m] are shown as far as something was driven and seen, and what of them
@@ -49,9 +50,6 @@ shines; and in a story, where the whole is seen for seconds, so it is to be larg
 _DRIFT, _LONGEST = np.radians(1.2), 20.0
 """Angle per second of the film [rad/s] by which it goes round, and for how many seconds before and
 after its middle: long films do not end at the back."""
-
-_LONG = 1.2
-"""How many times as long as wide a world is that is turned to fit the picture better."""
 
 
 def chase(timeline: Timeline, structures: Structures) -> Tracked:

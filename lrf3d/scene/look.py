@@ -9,7 +9,6 @@ import numpy as np
 
 from lrf3d.geometry import Float, Int
 from lrf3d.world import World
-from lrf3d.world.materials import Material
 
 SUN = np.array([0.33, -0.37, 0.868])
 """Direction to the brightest part of the sky, of unit length."""
@@ -48,14 +47,11 @@ PEEP, VEIL_SHARE = 0.10, 0.80
 """Radius of the opening round the robot in what hides it, as a share of the distance, and the share
 of the walls that is left out there."""
 
-LAMP = 0.28
-"""Opacity of a scan's light on the ground at the robot."""
+LAMP, REFLECTED = 0.28, (0.70, 0.78, 0.90)
+"""Opacity of a scan's light on the ground at the robot, and what mirrors leave of light."""
 
-OUTLINE, OUTLINE_STRENGTH = (0.435, 0.561, 0.769), 0.42
-"""Colour and opacity of the edges of houses."""
-
-REFLECTED = (0.70, 0.78, 0.90)
-"""What mirrors leave of light."""
+OUTLINE, OUTLINE_STRENGTH, PANE = (0.435, 0.561, 0.769), 0.42, 0.10
+"""Colour and opacity of the edges of houses, and the opacity of panes of glass."""
 
 PALE_OBJECT, PALE_FROM = (0.765, 0.812, 0.886), 0.4
 """Colour of the object that has more than this share of a map's length: the walls of a house that
@@ -71,11 +67,9 @@ SECTION = 0.8
 """Height [m] at which the walls of rooms are cut, as architects draw them: just above the bands of
 the map."""
 
-GROUND_SHARPNESS = 0.6
-"""By how much finer copies of the ground's picture are taken: streets are seen at a slant."""
-
-POINT_HALO, POINT_HALO_STRENGTH = 2.6, 0.34
-"""Size of the bloom round a hit point, in its diameters, and its opacity at the point."""
+GROUND_SHARPNESS, POINT_HALO, POINT_HALO_STRENGTH = 0.6, 2.6, 0.34
+"""By how much finer copies of the ground's picture are taken, as streets are seen at a slant; the
+size of the bloom round a hit point, in its diameters, and its opacity at the point."""
 
 TRAIL_COLOUR, TRAIL_HEIGHT = (1.0, 0.702, 0.353), 0.015
 """Colour of the robot's trail, and its height over the ground [m]."""
@@ -83,56 +77,49 @@ TRAIL_COLOUR, TRAIL_HEIGHT = (1.0, 0.702, 0.353), 0.015
 ESTIMATE_COLOUR, ESTIMATE_FADED = (0.93, 0.09, 0.60), 0.45
 """Colour of the estimated trail, and opacity of the ellipses that it leaves behind."""
 
-LEAST_SCALE = 0.62
-"""Lines and points are at least this number of times their size at 720 lines."""
-
-PLAN_BACK, EXPLORED = (11, 16, 26), (0.153, 0.204, 0.294)
-"""Colour of the inset where nothing is known, 0…255, and of what was seen in it."""
-
-ROBOT = (0.98, 0.46, 0.06)
-"""Colour of the robot as a dart."""
+PLAN_BACK, EXPLORED, LEAST_SCALE = (11, 16, 26), (0.153, 0.204, 0.294), 0.62
+"""Colour of the inset where nothing is known, 0…255, and of what was seen in it; lines and points
+are at least this number of times their size at 720 lines."""
 
 INSET_WHOLE, INSET_FOLLOWED = 1400.0, 110.0
 """The largest world [m] that the inset shows whole, and what it shows of a larger one."""
 
-DART = np.array([[1.1, 0.0], [-0.8, 0.75], [-0.4, 0.0], [-0.8, -0.75]])
-"""Outline (4, 2) of the robot as seen from above, heading along x."""
+ROBOT, DART = (0.98, 0.46, 0.06), np.array([[1.1, 0.0], [-0.8, 0.75], [-0.4, 0.0], [-0.8, -0.75]])
+"""Colour of the robot, and its outline (4, 2) as seen from above, heading along x."""
 
 
 class Rig(NamedTuple):
-    """How a camera looks at the robot."""
+    """How a camera looks at the robot: its distance [m], and how steeply at the least [degrees].
+
+    The angle of view [degrees], and how far the picture is moved up, in halves of its height.
+    """
 
     away: float
-    """Distance of the eye [m]."""
     steep: float
-    """How steeply it looks down at the least [degrees]."""
     field: float
-    """Angle of view [degrees]."""
     shift: float = 0.0
-    """How far the picture is moved up, in halves of its height."""
 
 
 class Setting(NamedTuple):
     """What differs between the streets of a town and the rooms of a house."""
 
     night: tuple[float, float, float]
-    """What white becomes where no beam has been."""
     cool: tuple[float, float, float]
-    """Factors of the colours of what a beam has met."""
+    """What white becomes where no beam has been; factors of the colours of what one has met."""
     haze: float
     """Distance at which half of what is seen is haze [m]."""
     beams: float
     """Range at which drawn beams have faded to nothing [m]: farther ones would tint the street."""
     cell: float
-    """Side of a cell of the first-seen times [m]."""
     before: float
-    """Cells from a wall to the cell that it looks at: light does not leak under the wall."""
+    """Side of a cell of the first-seen times [m]; and cells from a wall to the one that it looks
+    at: light does not leak under the wall."""
     light: float
     """Speed of light in the picture [m/s of the film]: a scan comes as a wave."""
     pixel: float
-    """Smallest pixel of the ground's picture [m]: finer ones show no more of a small place."""
     margin: float
-    """How far that picture, and with it light on the ground, reaches past walls [m]."""
+    """Smallest pixel of the ground's picture, finer than which a small place shows no more, and how
+    far that picture, and with it light on the ground, reaches past walls [m]."""
     land: int
     """Brightness of a street, or of the land round a house, 0…255."""
     shade: float
@@ -160,20 +147,20 @@ ROOMS = Setting(
 
 
 class _Palette(NamedTuple):
-    """Colours of the objects of maps in Oklch."""
+    """Colours of the objects of maps in Oklch.
+
+    A hue that no object has, that of the laser or of the trail, and how far off it those of objects
+    are [turns]; the lightness of one object after the other, and their chroma. The hue of the first
+    object and the step to the next [turns] are of Roberts' sequence, and leave the nearest two of
+    sixty objects furthest apart; with the golden step every 21st looks the same.
+    """
 
     taken: float
-    """Hue that no object has [turns]: that of the laser, or of the trail."""
     free: float
-    """How far off it those of all objects are [turns]."""
     tones: Float
-    """Lightness of one object after the other."""
     chroma: float
     start: float = 0.85
     step: float = 0.5698402910
-    """Hue of the first object and the step to the next [turns]: a step of Roberts' sequence, which
-    with five tones and this start leaves the nearest two of sixty objects furthest apart; with the
-    golden step every 21st looks the same."""
 
 
 _ON_PAPER = _Palette(0.708, 0.056, np.array([0.44, 0.628, 0.503, 0.69, 0.565]), 0.17)
@@ -203,14 +190,6 @@ MATERIAL_COLOURS = {
 """Colours of mirrors, glass and retro-reflectors that have none of their own."""
 
 
-def material_colour(material: Material | None) -> tuple[float, float, float] | None:
-    """The colour by which a material is known at sight; None where it has none."""
-    if material is None:
-        return None
-    kind = "glass" if material.passes else "mirror" if material.mirrors else ""
-    return MATERIAL_COLOURS.get(kind or ("retro" if material.retro > 1.0 else ""))
-
-
 def object_colours(world: World, *, indoor: bool) -> Float:
     """Colours (objects, 3) of a world's objects: their own, their material's, or clay."""
     numbers = np.arange(world.object_count)
@@ -223,9 +202,10 @@ def object_colours(world: World, *, indoor: bool) -> Float:
     given[:rows] = world.colours[:rows]
     if not indoor:
         given = chosen + OWN_SHARE * (given - CLAY)
-    for number, material in enumerate(world.materials):
-        if (colour := material_colour(material)) is not None:
-            chosen[number] = colour
+    for number, one in enumerate(world.materials):
+        if one is not None and (one.passes or one.mirrors or one.retro > 1.0):
+            kind = "glass" if one.passes else "mirror" if one.mirrors else "retro"
+            chosen[number] = MATERIAL_COLOURS[kind]
     return np.clip(np.where(np.isnan(given), chosen, given), 0.0, 1.0)
 
 
@@ -243,3 +223,8 @@ def object_tints(objects: Int, *, dark: bool = False) -> Float:
     curved = 1.055 * linear ** (1.0 / 2.4) - 0.055
     colours: Float = np.where(linear <= 0.0031308, 12.92 * linear, curved)
     return colours
+
+
+def paler(colour: tuple[float, ...]) -> list[float]:
+    """A colour for text on a dark ground, where it is read more easily."""
+    return [0.65 * part + 0.35 for part in colour]

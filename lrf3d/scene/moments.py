@@ -6,7 +6,7 @@ moment before is the same object again, so that nothing is made or sent twice.
 
 from collections.abc import Collection, Iterator
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,7 +29,7 @@ from lrf3d.scene.estimate import DrawnEstimate, trail_lines
 from lrf3d.scene.shapes import Body, Lens, Lines, Mark, Plan, Points, Seen, Soft, Tints, together
 from lrf3d.scene.stage.exposure import LiveExposure
 from lrf3d.scene.stage.stage import Stage, stage_of
-from lrf3d.scene.stage.structures import SIGHT_DISTANCE, outlines_of
+from lrf3d.scene.stage.structures import SIGHT_DISTANCE, outlines_of, panes_of
 from lrf3d.scene.timeline import Moment, Timeline, drive_keys
 
 LAYERS = (
@@ -41,9 +41,9 @@ LAYERS = (
 Goal = tuple[float, float, float]
 """Where a robot is to arrive: x, y and radius [m]."""
 
-_CLEAR = 2.6
-"""Least distance at which half of what is seen is haze, in distances to what is looked at: the
-whole is seen through clear air."""
+_CLEAR, _PAST_GROUND = 2.6, 3.0
+"""Least distance at which half of what is seen is haze, in distances to what is looked at, as the
+whole is seen through clear air; and the far plane of a high eye, in its heights."""
 
 _ROBOT_SIZE, _LEAST_ROBOT, _MARKER = 0.75, 26.0, 10.0
 """Width of the robot [m]; a robot of fewer pixels than the second has an arrow over it, whose unit
@@ -54,27 +54,22 @@ _WALL_NEARER, _ON_TOP, _SLACK = 0.12, 1e6, 0.002
 hide them; and by how much their depth gains with their distance [m/m], as depths are coarser far
 away, but not where the map is laid over all."""
 
-_PAST_GROUND = 3.0
-"""Far plane of a high eye, in its heights: past all of the ground, at a slant too."""
-
-_MAP_WIDTH, _PLAN_WIDTH = 4.0, 2.6
-"""Widths of the map as lines from above and in the plan [pixels of 720 lines]."""
-
-_DART_SHARE, _LEAST_PLAN, _PLAN_SHAPES = 0.034, 4.0, (0.22, 1.6)
-"""The robot's size as a share of what the plan shows; the plan's least size [m], as there may be no
-wall; and its least and largest height, in its width."""
+_MAP_WIDTH, _PLAN_WIDTH, _DART_SHARE, _LEAST_PLAN, _PLAN_SHAPES = 4.0, 2.6, 0.034, 4.0, (0.22, 1.6)
+"""Widths of the map as lines from above and in the plan [pixels of 720 lines]; the robot's size, as
+a share of what the plan shows; the plan's least size [m], as there may be no wall; and limits of
+its height, in its width."""
 
 _LASER_TINTS = np.array(
     [(1.0, 1.0, 1.0), (0.5, 1.2, 3.0), (0.6, 2.0, 0.9), (1.0, 0.7, 3.0)], np.float32
 )
 """By what the colour of beams is multiplied, laser by laser."""
 
-_TRAIL_FADE = 15.0
-"""Time of the film [s] in which the trail fades."""
+_TRAIL_FADE, _HITS_FADE, _OLD_SCANS = 15.0, 2.5, 8
+"""Times of the film [s] in which the trail and hits fade, and the most scans that these are of."""
 
-_HITS_FADE, _HITS_STRENGTH, _HIT_SIZE, _HIT_PIXELS, _OLD_SCANS = 2.5, 0.8, 0.05, (2.0, 4.0), 8
-"""Time of the film [s] in which hits fade, their opacity at first, their size [m], the smallest and
-largest in a picture of 720 lines [pixels], and the most scans that they are of."""
+_HITS_STRENGTH, _HIT_SIZE, _HIT_PIXELS = 0.8, 0.05, (2.0, 4.0)
+"""Opacity of hits at first, their size [m], and the smallest and largest in a picture of 720 lines
+[pixels]."""
 
 
 class Scene:
@@ -107,6 +102,7 @@ class Scene:
         self._mirrors = self._walls[turning_walls(run.world)]
         self._reach = min(run.lrf.range_max, structures.setting.beams)
         self._outlines = outlines_of(structures)
+        self._panes = lru_cache(2)(partial(panes_of, structures))
         self._map = lru_cache(1)(self._drawn_map)
         self._beams = lru_cache(1)(self._drawn_beams)
         self._trails = lru_cache(1)(self._drawn_trails)
@@ -157,6 +153,9 @@ class Scene:
         """Layer, name and mark, in the order in which they are drawn."""
         if view.cuts or not self.structures.indoor:
             yield "outlines", "outlines", self._outlines
+        if self.structures.glass.any():
+            cut = look.SECTION if view.cuts and self.structures.indoor else np.inf
+            yield from zip(("outlines",) * 2, ("panes", "edges"), self._panes(cut), strict=True)
         yield "shadow", "shadow", robot_shadow(pose, self.run.radius)
         yield "shadow", "shadows", self.obstacles.shadows(moment.time)
         yield "goal", "goal", self._goal
@@ -192,7 +191,6 @@ class Scene:
         )
 
     def _drawn_trails(self, time: float) -> tuple[tuple[str, str, Lines], ...]:
-        """Layer, name and lines of the trails up to a time [s]."""
         now, found = time - self.timeline.start, []
         # Of a recorded drive only the estimate is known, which is drawn as such.
         if self.run.knows_truth:
@@ -225,7 +223,6 @@ class Scene:
         return hits
 
     def _recent_hits(self, moment: Moment) -> Points:
-        """The hits of the last seconds, which fade."""
         times, lasting = self.run.trajectory.times, _HITS_FADE * self.timeline.playback
         first = int(np.searchsorted(times, moment.time - lasting))
         last = moment.scan if moment.scanning else moment.mapped + 1
@@ -239,7 +236,6 @@ class Scene:
         return hits._replace(colours=colours)
 
     def _hits_together(self, chosen: tuple[int, ...]) -> tuple[Points, list[int]]:
-        """The hits of chosen scans, and the number of each."""
         places, colours, sides = (np.zeros((0, columns), np.float32) for columns in (3, 4, 2))
         none = Points(places, colours, sides, _HIT_SIZE, _HIT_PIXELS, glows=False)
         each = [self._hits(number) for number in chosen]
@@ -288,14 +284,14 @@ class Scene:
 
 
 class Window(NamedTuple):
-    """What the plan shows."""
+    """What the plan shows: its middle (2,), None where it follows the robot, and its width [m].
+
+    Its height is given in its width.
+    """
 
     middle: Float | None
-    """(2,) its middle; None where it follows the robot."""
     width: float
-    """How wide it is [m]."""
     aspect: float
-    """Its height in its width."""
 
     @property
     def bar(self) -> float:

@@ -18,17 +18,13 @@ from lrf3d.text import counted
 PANELS = ("full", "short")
 """What a panel may say: all numbers, or three facts."""
 
-_SIZE, _FULL_SIZE = 30.0, 19.0
-"""Heights of letters [pixels of 720 lines]: a film that is shown 390 pixels wide is legible."""
+_SIZE, _FULL_SIZE, _INK, _PALE = 30.0, 19.0, (236, 240, 247), (150, 166, 192)
+"""Heights of letters [pixels of 720 lines], legible in a film that is shown 390 pixels wide; and
+colours of the first line and of the others, 0…255."""
 
-_INK, _PALE = (236, 240, 247), (150, 166, 192)
-"""Colours of the first line and of the others, 0…255."""
-
-_REFLECTION_TIME = 6.0
-"""How long a recognised mirror is spoken of [s of the film]."""
-
-_FOUND, _FOUND_SHARE = 0.1, 0.5
-"""How far from a wall the map may lie [m], and along what share of it the map must have it."""
+_REFLECTION_TIME, _FOUND, _FOUND_SHARE = 6.0, 0.1, 0.5
+"""How long a recognised mirror is spoken of [s of the film]; how far from a wall the map may lie
+[m], and along what share of it the map must have it."""
 
 
 class Facts(NamedTuple):
@@ -52,7 +48,12 @@ def caption(facts: Facts, moment: Moment, shot: str) -> str:
         return f"{counted(len(line_map), 'wall')} in the map"
     if shot == "high" and len(line_map):
         return f"Walls become {counted(line_map.object_count, 'object')}"
-    return _laser(run) if shot in _SHOTS else shot
+    if shot not in _SHOTS:
+        return shot
+    gaps = np.diff(run.trajectory.times)
+    beams = f"{len(run.ranges.T)} laser beams"
+    rate = 1.0 / float(np.median(gaps)) if len(gaps) and np.median(gaps) > 0.0 else 0.0
+    return f"{beams}, {rate:.3g} times a second" if rate >= 1.0 else f"{beams} a scan"
 
 
 _SHOTS = ("wave", "chase", "close", "rise", "high", "whole", "end")
@@ -65,14 +66,6 @@ def reflected(run: Run, moment: Moment) -> bool:
     earlier = int(np.searchsorted(run.trajectory.times, then)) - 1
     before, after = ("mirror" in run.map_after(scan).kinds for scan in (earlier, moment.mapped))
     return after and not before
-
-
-def _laser(run: Run) -> str:
-    """How much the laser sends out."""
-    gaps = np.diff(run.trajectory.times)
-    beams = f"{len(run.ranges.T)} laser beams"
-    rate = 1.0 / float(np.median(gaps)) if len(gaps) and np.median(gaps) > 0.0 else 0.0
-    return f"{beams}, {rate:.3g} times a second" if rate >= 1.0 else f"{beams} a scan"
 
 
 def panel(facts: Facts, moment: Moment, shot: str) -> Label:
@@ -105,21 +98,17 @@ def card(facts: Facts) -> Label:
     objects = counted(run.map.object_count, "object")
     if not (run.knows_truth and len(run.world.segments)):
         return _label([(f"{counted(len(run.map), 'wall')}, {objects}", _INK)], _SIZE)
-    found, count = walls_found(run), len(run.world.segments)
+    # A wall is found that has a segment of the map along most of its length.
+    walls, mapped = (
+        shapely.linestrings(each.segments.reshape(-1, 2, 2)) for each in (run.world, run.map)
+    )
+    near = shapely.union_all(shapely.buffer(mapped, _FOUND, cap_style="flat"))
+    shapely.prepare(near)
+    along = shapely.length(shapely.intersection(walls, near))
+    found, count = int((along >= _FOUND_SHARE * shapely.length(walls)).sum()), len(walls)
     share = f"{found} of {counted(count, 'wall')} found, {100 * found / count:.0f} %"
     more = f"{len(run.map)} segments in the map, {objects}"
     return _label([(share, _INK), (more, _PALE)], _SIZE)
-
-
-def walls_found(run: Run) -> int:
-    """How many walls of a run's world have a segment of its map along most of their length."""
-    walls, found = (
-        shapely.linestrings(each.segments.reshape(-1, 2, 2)) for each in (run.world, run.map)
-    )
-    near = shapely.union_all(shapely.buffer(found, _FOUND, cap_style="flat"))
-    shapely.prepare(near)
-    along = shapely.length(shapely.intersection(walls, near))
-    return int((along >= _FOUND_SHARE * shapely.length(walls)).sum())
 
 
 def _trails(run: Run, scan: int) -> list[tuple[str, tuple[int, int, int]]]:
@@ -127,8 +116,7 @@ def _trails(run: Run, scan: int) -> list[tuple[str, tuple[int, int, int]]]:
     found = []
     for name, apart in estimate_words(run, scan):
         colour = look.TRAIL_COLOUR if name == TRUTH else look.ESTIMATE_COLOUR
-        # On a dark ground colours are read more easily when they are paler.
-        red, green, blue = (round(255 * (0.65 * part + 0.35)) for part in colour)
+        red, green, blue = (round(255 * part) for part in look.paler(colour))
         found.append((f"━ {name}  {apart}".rstrip(), (red, green, blue)))
     return found
 

@@ -36,57 +36,50 @@ class Painted(NamedTuple):
 
 
 class GroundPicture(NamedTuple):
-    """The ground in its light."""
+    """The ground in its light: a picture (h, w, 3), whose row 0 is at the smallest y.
+
+    Its lower left corner (2,), its width and height (2,) [m]; and the colour (3,) of the land,
+    in which it ends.
+    """
 
     picture: Pixels
-    """(h, w, 3) its picture, which ends in the colour of the land; row 0 at the smallest y."""
     corner: Float
-    """(2,) its lower left corner."""
     size: Float
-    """(2,) its width and height [m]."""
     land: Float
-    """(3,) colour of the land around it, in its light."""
 
 
 class Faces(NamedTuple):
-    """Opaque triangles."""
+    """Opaque triangles: corners (t, 3, 3) and their colours (t, 3, 3)."""
 
     corners: Single
-    """(t, 3, 3) corners."""
     colours: Single
-    """(t, 3, 3) colours."""
 
 
 class Body(NamedTuple):
-    """Faces at a place of their own: the robot, a dynamic obstacle."""
+    """Faces at a pose (4, 4) from their own frame to the film's: the robot, a dynamic obstacle."""
 
     faces: Faces
     pose: Float
-    """(4, 4) the matrix from the body's frame to the film's."""
 
 
 class Soft(NamedTuple):
-    """Translucent triangles: shadows on the ground, a goal, the robot as an arrow."""
+    """Translucent triangles, such as shadows, a goal, the robot as an arrow.
+
+    Corners (t, 3, 3), their colours and opacities (t, 3, 4), and whether nothing hides them.
+    """
 
     corners: Single
-    """(t, 3, 3) corners."""
     colours: Single
-    """(t, 3, 4) colours and opacities."""
     on_top: bool = False
-    """Whether nothing hides them."""
 
 
 class Lines(NamedTuple):
-    """Lines of even width in the picture."""
+    """Lines of even width in the picture: ends (n, 3), colours (n, 3), opacities (n, 2) at both."""
 
     starts: Single
-    """(n, 3) first ends."""
     ends: Single
-    """(n, 3) second ends."""
     colours: Single
-    """(n, 3) colours."""
     opacities: Single
-    """(n, 2) opacities at both ends."""
     width: float
     """Width [pixels of 720 lines]."""
     thick: float = 0.0
@@ -94,14 +87,14 @@ class Lines(NamedTuple):
 
 
 class Points(NamedTuple):
-    """Round points."""
+    """Round points: places (n, 3), colours and opacities (n, 4).
+
+    The sides (n, 2) are where the walls look that they lie on, or 0: from behind they are not seen.
+    """
 
     places: Single
-    """(n, 3) places."""
     colours: Single
-    """(n, 4) colours and opacities."""
     sides: Single
-    """(n, 2) where the wall looks that each lies on: from behind it is not seen; 0 for none."""
     size: float
     """Diameter [m]."""
     pixels: tuple[float, float]
@@ -111,14 +104,14 @@ class Points(NamedTuple):
 
 
 class Label(NamedTuple):
-    """Lines of text in the lower left corner, of which the first is the largest."""
+    """Lines of text in the lower left corner, of which the first is the largest.
+
+    The colour of each, 0…255, and the height of letters [pixels of 720 lines].
+    """
 
     text: tuple[str, ...]
-    """Its lines."""
     colours: tuple[tuple[int, int, int], ...]
-    """The colour of each, 0…255."""
     size: float
-    """Height of letters [pixels of 720 lines]."""
 
 
 Mark = Soft | Lines | Points
@@ -142,30 +135,29 @@ class Lens(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """A map in a corner of the picture, seen from straight above."""
+    """A map from straight above in a box of the picture: left, top, width and height [pixels]."""
 
     box: tuple[int, int, int, int]
-    """Left, top, width and height [pixels]."""
     lens: Lens
     marks: tuple[tuple[str, Mark], ...]
 
 
 class Tints(NamedTuple):
-    """The map of a moment as a picture over the cells of an exposure: walls take its colours."""
+    """The map of a moment over the cells of an exposure, from which walls take their colours.
+
+    Its segments are lines whose width is in cells.
+    """
 
     lens: Lens
     lines: Lines
-    """Its segments, whose width is in cells."""
 
 
 class Seen(NamedTuple):
-    """All that is to be seen in one picture."""
+    """All that is to be seen in one picture: bodies and marks by name, in the order of drawing."""
 
     lens: Lens
     bodies: tuple[tuple[str, Body], ...]
-    """Opaque bodies by name."""
     marks: tuple[tuple[str, Mark], ...]
-    """Marks by name, in the order in which they are drawn."""
     clock: tuple[float, float] = (0.0, 1.0)
     """What time it is, and how fast that passes: see :meth:`Exposure.clock`."""
     tints: Tints | None = None

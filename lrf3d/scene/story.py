@@ -26,13 +26,10 @@ SHOTS, _SHOT, HELD = ("chase", "rise", "close", "high"), 4.8, 3.2
 """Shots of the run, in their order, about how long each is, and how long the finished map and its
 card are held at the end [s of the film]."""
 
-_FIRST, _DARK, _DARK_TURN = 2.6, Rig(2.9, 13.0, 46.0, -0.25), 0.7
+_FIRST, _DARK, _DARK_TURN, _INTO_STREETS = 2.6, Rig(2.9, 13.0, 46.0, -0.25), 0.7, np.radians(25.0)
 """Time after the start in which the first scan is seen [s of the film]; how the eye looks at the
-robot in the dark, and how far that turns round it [rad]."""
-
-_INTO_STREETS = float(np.radians(25.0))
-"""How much steeper an eye looks down that goes to where the whole is seen from [rad]: into streets,
-over the houses beside the robot."""
+robot in the dark, and how far that turns round it [rad]; and how much steeper it looks down on its
+way to where the whole is seen from [rad]: into streets, over the houses beside the robot."""
 
 _ABOVE, _ABOVE_TURN, _SHARE = Rig(92.0, 66.0, 40.0), 0.5, 0.6
 """Where a rising shot ends, over the robot, what share of the robot's turns it follows, and how far

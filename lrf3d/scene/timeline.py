@@ -13,36 +13,30 @@ from lrf3d.scene.stage.structures import Sight
 if TYPE_CHECKING:
     from lrf3d.casting.dynamic_obstacle import DynamicObstacle
 
-_STOP_GAP = 1.0
-"""Scans farther apart in time than this [s] are stops and not a drive."""
-
 _STANDING, _GLIDE_KEYS, _SET_DOWN = 0.75, 24, 5e-4
 """Share of the time between two stops that the robot stands and scans; keys between two stops,
 enough for a soft start and end; and half the time [s] in which it is set down behind a wall."""
 
-_FASTEST = 1000.0
-"""A robot that went faster than this [m/s] did not drive but was set down elsewhere."""
-
-_SPEED_STEP = 0.05
-"""Half the time [s] over which the speed is measured: shorter shows the joints of the path."""
+_STOP_GAP, _FASTEST, _SPEED_STEP = 1.0, 1000.0, 0.05
+"""Scans farther apart in time [s] are stops and not a drive; a robot that went faster [m/s] was set
+down elsewhere; and half the time [s] over which the speed is measured: shorter shows the joints of
+the path."""
 
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """What is to be seen at one time of a run."""
+    """What is to be seen at one time of a run [s].
+
+    The pose (3,) in the world, the newest scan, the speed [m/s], whether the beams are on; now is
+    the time asked for, also before the start and after the end, where nothing moves.
+    """
 
     time: float
-    """Time of the run [s]."""
     pose: Float
-    """(3,) pose of the robot x, y [m], theta [rad] in the world."""
     scan: int
-    """Index of the newest scan."""
     speed: float
-    """Speed of the robot [m/s]."""
     scanning: bool
-    """Whether the beams are on."""
     now: float
-    """The time asked for [s], also before the start and after the end, where nothing moves."""
 
     @property
     def mapped(self) -> int:
@@ -68,7 +62,7 @@ class Timeline:
     def __init__(self, run: Run, *, playback: float | None = None) -> None:
         self.run = run
         self.playback = run.playback if playback is None else playback
-        self.origin = Sight.of_run(run).origin
+        self.origin = Sight.of(run.world, run.trajectory.poses[:, :2]).origin
         times = run.trajectory.times
         gaps = np.diff(times)
         gap = float(np.median(gaps)) if len(gaps) else np.inf
@@ -79,7 +73,11 @@ class Timeline:
         if self.dwells:
             # The last stop is looked at as long as the others.
             self.end += _STANDING * (gap if len(gaps) else _STOP_GAP)
-            self.keys, self._shown = _stops(times, _through_walls(run))
+            places = run.trajectory.poses[:, :2]
+            legs = shapely.linestrings(np.stack([places[:-1], places[1:]], axis=1))
+            walls = shapely.STRtree(shapely.linestrings(run.world.segments.reshape(-1, 2, 2)))
+            through, _ = walls.query(legs, predicate="intersects")
+            self.keys, self._shown = _stops(times, np.isin(np.arange(len(legs)), through))
 
     def frame_times(self, fps: float, margins: tuple[float, float] = (0.0, 0.0)) -> Float:
         """Times (frames,) of the run [s] that a film shows, first to last, at least one.
@@ -128,27 +126,19 @@ def _stops(times: Float, through_walls: Bool) -> tuple[Float, Float]:
     return keys, np.append(times, shown)[first]
 
 
-def _through_walls(run: Run) -> Bool:
-    """Which legs (k − 1,) between stops cross a wall."""
-    places = run.trajectory.poses[:, :2]
-    legs = shapely.linestrings(np.stack([places[:-1], places[1:]], axis=1))
-    walls = shapely.STRtree(shapely.linestrings(run.world.segments.reshape(-1, 2, 2)))
-    crossing, _ = walls.query(legs, predicate="intersects")
-    return np.isin(np.arange(len(legs)), crossing)
-
-
 def interpolated(times: Float, knots: Float, values: Float) -> Float:
     """Values (k, c) at knots (k,), which rise, as rows (m, c) at times (m,) between them."""
     return np.column_stack([np.interp(times, knots, column) for column in values.T])
 
 
 class DriveKeys(NamedTuple):
-    """The robot's path in key poses, between which it goes straight and evenly."""
+    """The robot's path in key poses (k, 3), between which it goes straight and evenly.
+
+    Their times (k,) rise from the start of the run on [s]; headings go on past half a turn.
+    """
 
     times: Float
-    """(k,) when it is there, from the start of the run on [s], rising."""
     poses: Float
-    """(k, 3) its poses in the film's frame; headings go on past half a turn."""
 
     @property
     def driven(self) -> Bool:

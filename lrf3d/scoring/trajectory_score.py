@@ -27,8 +27,8 @@ LEAST_MATCHED = 3
 class Relations(Value):
     """Known relative poses (r, 3) x, y [m], theta [rad] between poses of a trajectory.
 
-    Each is that of a second pose in the frame of a first one, by their indices (r,), which may both
-    be certain (r,) or not.
+    Each is the second pose in the frame of the first, by their indices (r,), which may be certain
+    (r,).
     """
 
     first: Int
@@ -42,7 +42,7 @@ class Relations(Value):
 
 @dataclass(frozen=True, slots=True)
 class TrajectoryScore(Report):
-    """How far the relative poses of a trajectory are from known ones.
+    """Errors of the relative poses of a trajectory.
 
     Errors of the translation are in [m], absolute errors of the rotation in [°], each with its mean
     and its standard deviation over the relations; the mean over certain ones is NaN without any.
@@ -182,7 +182,7 @@ def rigid_alignment(points: Float, onto: Float) -> Pose:
 
 
 def _matched(truth: Float, estimate: Float) -> tuple[Int, Int]:
-    """Indices of stamps that are alike: for each of the shorter row the nearest of the other."""
+    """Indices of equal stamps: for each of the shorter series the nearest of the other."""
     short, long = (truth, estimate) if len(truth) < len(estimate) else (estimate, truth)
     after = np.clip(np.searchsorted(long, short), 1, max(len(long) - 1, 1))
     after = np.minimum(after, len(long) - 1)

@@ -40,15 +40,9 @@ LOST_SHARE = 0.5
 EXPECTED = np.array([0.05, 0.05, 0.03])
 """Standard deviations of a, b [rad/m] and c before anything was driven."""
 
-STILL_POSITION, STILL_HEADING = 0.005, 0.003
-"""Standard deviations [m], [rad] of any increment, even of wheels that stood still."""
-
-SLIP, SLIP_TURN = 0.05, 0.05
-"""Standard deviation of an increment's place as a share of its length, and of its turn as a share
-of its turn, on carpets and sills."""
-
-SWERVE, SKID = 0.02, 0.05
-"""Standard deviation of the turn for each metre [rad/m], and of the place for each turn [m/rad]."""
+NOISE = np.array([[0.005, 0.05, 0.05], [0.003, 0.02, 0.05]])
+"""Standard deviations of an increment's place [m] and turn [rad]: a constant, even of wheels that
+stand still, and for each metre and each radian, as wheels slip on carpets and sills."""
 
 ROUGH, ROUGH_STRETCHES = 9.0, 20.0
 """Prior of the heading noise as a variance in units of that of good wheels, and its weight in
@@ -186,8 +180,7 @@ class Wheels:
     def _covariance(self, step: Float) -> Float:
         """Covariance (3, 3) of a step's random errors."""
         length, turn = size_of(step)
-        place = STILL_POSITION + SLIP * length + SKID * turn
-        heading = STILL_HEADING + SWERVE * length + SLIP_TURN * turn
+        place, heading = NOISE @ [1.0, length, turn]
         place, _, heading = self.excess.scale * np.array([place, place, heading]) ** 2
         # Wheels may slip anywhere on the path: the rest of it is turned by the slip.
         lever = length / 2.0
@@ -206,7 +199,7 @@ class Wheels:
         excess_ahead, _, excess_turn = (measured - matched).tolist()
         # The larger distance counts, so that wheels that measure twice as much are corrected, too.
         farthest, _, widest = np.maximum(np.abs(matched), np.abs(measured))
-        spread = STILL_HEADING + SWERVE * farthest + SLIP_TURN * widest
+        _, spread = NOISE @ [1.0, farthest, widest]
         error, row = excess_turn / spread, np.array([turn, ahead, 0.0]) / spread
         weight = self._regress(row, error, self.excess.heading)
         self._squares, self._stretches = self._squares + weight * error**2, self._stretches + weight
@@ -216,7 +209,7 @@ class Wheels:
         rough = (ROUGH_STRETCHES * ROUGH + left) / (ROUGH_STRETCHES + self._stretches)
         self.excess.heading = max(rough, 1.0)
         if ahead_known:
-            spread = STILL_POSITION + SLIP * farthest
+            spread, _ = NOISE @ [1.0, farthest, 0.0]
             self._regress(np.array([0.0, 0.0, ahead]) / spread, excess_ahead / spread, 1.0)
 
     def _regress(self, row: Float, error: float, variance: float) -> float:

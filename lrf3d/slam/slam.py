@@ -19,6 +19,7 @@ from lrf3d.mapping import LineMap, LineMapper
 from lrf3d.pose import Pose, as_pose, bent, between, compose, turned
 from lrf3d.robot import EstimatedTrajectory
 from lrf3d.robot.estimated_trajectory import NO_POSES
+from lrf3d.slam.checks import SelfCheck, self_check
 from lrf3d.slam.closures import CLOSURE_SHARE, Closure, LoopCloser, closure_edges
 from lrf3d.slam.front_end import KEY_DISTANCE, FrontEnd, Tracked, refined
 from lrf3d.slam.key_scans import Key, Moment, Sight
@@ -33,7 +34,6 @@ from lrf3d.slam.pose_graph import (
 )
 from lrf3d.slam.revisits import Anchor, in_known_place
 from lrf3d.slam.scan_matching import SIGMA
-from lrf3d.slam.violation import SelfCheck, self_check
 
 NEGLIGIBLE = np.array([0.02, 0.02, 0.005])
 """Errors of new closures [m], [rad] below which the poses are not optimised, which saves a tenth of

@@ -24,11 +24,9 @@ RATE, MOST = 10.0, 400
 _SIZES = {"wide": (1280.0, 720.0), "tall": (720.0, 1280.0)}
 """The pictures that cameras are recorded for: the page fits the nearer one into its own."""
 
-_SHARES = np.array([1024.0, 256.0, 2048.0, 256.0], np.float32)
-"""Steps in one of the first-seen times: a thousandth of the run is less than a moment."""
-
-_FAR = 500.0
-"""From this size on [m] numbers take four bytes: two are within a centimetre up to there."""
+_SHARES, _FAR = np.array([1024.0, 256.0, 2048.0, 256.0], np.float32), 500.0
+"""Steps in one of the first-seen times: a thousandth of the run is less than a moment; and the size
+[m] from which on numbers take four bytes: two are within a centimetre up to there."""
 
 
 def page_file(run: Run, *, every: int = 1) -> bytes:

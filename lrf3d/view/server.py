@@ -32,17 +32,13 @@ from lrf3d.view.hand_drive import HandDrive
 from lrf3d.view.message import stage_message
 from lrf3d.view.shown import Shown, Wanted
 
-PORT = 8080
-"""The port that is tried if none is given."""
+PORT, MESSAGE_SIZE = 8080, 10_000
+"""The port that is tried if none is given, and the longest message [bytes] from a page, whose own
+have some hundred."""
 
-MESSAGE_SIZE = 10_000
-"""Longest message [bytes] from a page, whose own have some hundred."""
-
-_STEP = 1.0 / 30.0
-"""Least time between two answers to a page that drives [s]."""
-
-_PATIENCE = 60.0
-"""How long a page may take to load a file [s]."""
+_STEP, _PATIENCE = 1.0 / 30.0, 60.0
+"""Least time between two answers to a page that drives, and how long a page may take to load a file
+[s]."""
 
 GUARDS = {
     "Content-Security-Policy": "frame-ancestors 'none'; base-uri 'none'; object-src 'none'",

@@ -51,9 +51,8 @@ class Wanted:
     """Size of what of the picture no controls cover [pixels]."""
     forward: float = 0.0
     turn: float = 0.0
-    """What shares of its highest speeds the robot is to have."""
     drive: float = 0.0
-    """The number of the drive: another one starts again."""
+    """Shares of the robot's highest speeds, and the number of the drive: another starts again."""
 
     def changed(self, text: str) -> "Wanted":
         """What is wanted after a message from the page; a malformed one changes nothing."""
@@ -207,11 +206,10 @@ class Shown:
 
 def _legend(colour: tuple[float, ...]) -> str:
     """A colour for text, paler on its dark ground."""
-    return f"rgb({', '.join(f'{100.0 * (0.65 * part + 0.35):.0f}%' for part in colour)})"
+    return f"rgb({', '.join(f'{100.0 * part:.0f}%' for part in look.paler(colour))})"
 
 
 def _camera(lens: Lens) -> dict[str, Any]:
-    """A lens for the page."""
     others = {"thick": lens.thick, "slack": lens.slack, "nearer": lens.nearer, "focus": lens.focus}
     # The first row of a browser's picture is the lower one.
     matrix = lens.matrix * np.array([[1.0], [-1.0], [1.0], [1.0]])

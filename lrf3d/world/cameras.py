@@ -61,11 +61,6 @@ class FixedCamera:
         )
 
 
-_PLAYBACK, _LONGEST = 4.0, 31.0
-"""Usual playback, and how long a run takes in a film at the most [s of the film]: with the opening
-and the end of a story that makes 40 s, also for a log of an hour."""
-
-
 @dataclass(frozen=True, slots=True)
 class FilmPlan:
     """The default settings of a film.
@@ -86,8 +81,8 @@ class FilmPlan:
 
     def playback_of(self, duration: float) -> float:
         """The playback of a run that takes some time [s]."""
-        usual = max(_PLAYBACK, duration / _LONGEST)
-        return usual if self.playback is None else self.playback
+        # A run takes 31 s of the film at most: a story takes 40 s, also of a log of an hour.
+        return max(4.0, duration / 31.0) if self.playback is None else self.playback
 
 
 USUAL_FILM = FilmPlan()

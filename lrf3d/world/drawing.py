@@ -8,6 +8,7 @@ from collections import Counter
 from typing import Any, NamedTuple
 
 import numpy as np
+import shapely
 
 from lrf3d.errors import WorldError
 from lrf3d.geometry import LARGEST_COORDINATE, Float
@@ -20,8 +21,8 @@ CURVE_ERROR = 0.005
 MOST_MARKS, MOST_POINTS = 150_000, 2_000_000
 """Largest numbers of marks and of points: of larger drawings, blocks that hold each other."""
 
-PEN, PAPER_PEN = 0.12, 1.05e-3
-"""Width [m] in the world, or on paper, up to which a line is one; a wider one has two faces."""
+PALEST = 0.08
+"""Contrast below which a mark has the colour of the paper."""
 
 HIDDEN = 0.002
 """Distance [m] within an area from which on a line is hidden: on its edge it is half seen."""
@@ -50,11 +51,18 @@ class Drawing(NamedTuple):
 class Canvas:
     """Takes what a reader paints, and bounds the work for it."""
 
-    def __init__(self, tolerance: float) -> None:
-        self.tolerance = tolerance
+    def __init__(self, tolerance: float, pen: float = 0.0) -> None:
+        self.tolerance, self.pen = tolerance, pen
         self.left_out = Counter[str]()
         self.marks = list[Mark]()
         self._work = self._points = 0
+
+    @classmethod
+    def of_sheet(cls, side: float, scale: float) -> "Canvas":
+        """The canvas of a sheet of paper, of which a side is so long [m], enlarged by a scale."""
+        # A drawing on paper is a thousandth of the size of what it shows. A line of over 12 cm, and
+        # over a millimetre on paper, has two faces.
+        return cls(min(CURVE_ERROR, 2e-4 * side), max(0.12, 1.05e-3 * scale))
 
     def count(self, steps: int = 1) -> None:
         """Count steps of work, also those that paint nothing."""
@@ -68,8 +76,6 @@ class Canvas:
 
     def line(self, points: Float, mark: Mark, clip: Any = None, cap: str = "flat") -> None:
         """Paint a line through points (k, 2) [m], with the looks of a mark."""
-        import shapely
-
         self._points += len(points)
         self.count()
         points = points[np.append(True, (points[1:] != points[:-1]).any(axis=1))]
@@ -92,6 +98,31 @@ class Canvas:
         self.count(len(rings))
         self._add(area_of(rings, winding), mark, clip)
 
+    def shape(
+        self,
+        lines: list[Float],
+        mark: Mark,
+        clip: Any,
+        fill: tuple[float, float, bool],
+        stroke: tuple[float, float, float, bool],
+    ) -> None:
+        """Fill and stroke lines (k, 2) [m].
+
+        A fill is its contrast, how opaque it is, and whether it goes by winding numbers; a stroke
+        is contrast, opacity, width [m], and whether it goes on beyond its ends.
+        """
+        contrast, alpha, winding = fill
+        if alpha > 0.02:
+            solid = mark._replace(contrast=contrast, opaque=alpha > 0.98)
+            self.area(lines, solid, clip, winding)
+        contrast, alpha, width, square = stroke
+        if alpha > 0.02:
+            # A pen of the colour of the paper hides.
+            wide = width if width > self.pen or contrast < PALEST else 0.0
+            pen = mark._replace(width=wide, contrast=contrast, opaque=alpha > 0.98)
+            for line in lines:
+                self.line(line, pen, clip, "square" if square else "flat")
+
     def _add(self, shape: Any, mark: Mark, clip: Any) -> None:
         inside = clip is None or clip.covers(shape)
         shape = shape if inside else shape.intersection(clip)
@@ -103,38 +134,24 @@ class Canvas:
         return Drawing(_seen(_on_paper(self.marks)), self.left_out)
 
 
-MOST_CROSSINGS = 10_000
-"""Largest number of crossings of the outlines of an area."""
-
-MOST_BOXES = 20
-"""Pairs of areas whose boxes meet, for each that lies on another: curved ones have most."""
-
-
-def pen_of(scale: float) -> float:
-    """Width [m] up to which a line of a drawing on paper was drawn by a pen."""
-    return max(PEN, PAPER_PEN * scale)
-
-
 def area_of(rings: list[Float], winding: bool = False) -> Any:
     """The area in rings (k, 2), by the even-odd rule or by their winding numbers."""
-    import shapely
-
     rings = [ring for ring in rings if len(ring) > 2 and np.isfinite(ring).all()]
     if not rings:
         return shapely.Polygon()
     plain = shapely.polygons([shapely.linearrings(ring) for ring in rings])
     turns = np.where(shapely.is_ccw(shapely.get_exterior_ring(plain)), 1, -1)
     # Curved outlines may cross themselves.
-    check_crossings(plain[~shapely.is_valid(plain)], MOST_CROSSINGS, "outlines of an area")
+    check_crossings(plain[~shapely.is_valid(plain)], 10_000, "outlines of an area")
     parts = shapely.buffer(shapely.make_valid(plain), 0.0)
     kept = shapely.area(parts) > 0.0
     parts, turns = parts[kept], turns[kept]
     tree = shapely.STRtree(parts)
-    # Pairs whose boxes meet take next to no time to count.
-    _check_overlaps(len(tree.query(parts)[0]) // MOST_BOXES)
+    # Pairs whose boxes meet take next to no time to count; curved ones have most of these.
+    _check_overlaps(len(tree.query(parts)[0]) // 20)
     inner, outer = tree.query(parts, predicate="covered_by")
-    depth = np.bincount(inner, minlength=len(parts))
     _check_overlaps(len(inner) - len(parts))
+    depth = np.bincount(inner, minlength=len(parts))
     number = np.bincount(inner, turns[outer], len(parts)) if winding else depth % 2
     area = shapely.union_all(parts[(depth == 1) & (number != 0)])
     for level in range(2, int(depth.max(initial=1)) + 1):
@@ -166,24 +183,18 @@ def _on_paper(marks: list[Mark]) -> list[Mark]:
 
     On dark paper what is light stands out.
     """
-    import shapely
-
-    first = marks[:1]
-    if not first or first[0].shape.geom_type != "Polygon" or len(marks) < 2:
+    if len(marks) < 2 or marks[0].shape.geom_type != "Polygon":
         return marks
-    sheet = shapely.box(*first[0].shape.bounds)
-    others = shapely.box(*shapely.total_bounds([mark.shape for mark in marks[1:]]))
-    paper = first[0].opaque and first[0].shape.area > 0.99 * sheet.area and sheet.covers(others)
-    if not paper:
+    first, *rest = marks
+    sheet = shapely.box(*first.shape.bounds)
+    others = shapely.box(*shapely.total_bounds([mark.shape for mark in rest]))
+    if not (first.opaque and first.shape.area > 0.99 * sheet.area and sheet.covers(others)):
         return marks
-    dark = first[0].contrast > 0.5
-    return [m._replace(contrast=1.0 - m.contrast) if dark else m for m in marks[1:]]
+    return [m._replace(contrast=1.0 - m.contrast) if first.contrast > 0.5 else m for m in rest]
 
 
 def _seen(marks: list[Mark]) -> list[Mark]:
     """What later areas leave of the marks, without what has the colour of the paper."""
-    import shapely
-
     shapes = np.array([mark.shape for mark in marks], dtype=object)
     whole = shapes.copy()
     hiding = np.flatnonzero([mark.opaque and is_area(mark.shape) for mark in marks])
@@ -208,7 +219,7 @@ def _seen(marks: list[Mark]) -> list[Mark]:
     return [
         mark._replace(shape=shape)
         for mark, shape in zip(marks, shapes, strict=True)
-        if mark.contrast >= 0.08 and not shape.is_empty
+        if mark.contrast >= PALEST and not shape.is_empty
     ]
 
 

@@ -44,7 +44,7 @@ LEFT_OUT = {
 """Entities that are no walls, by what they are called in the line that counts them."""
 
 
-def draw_dxf(path: Path, scale: float) -> Canvas:
+def draw(path: Path, scale: float) -> Canvas:
     """The marks of a DXF drawing, enlarged by a scale."""
     file = readfile(path)
     # The frame of a clip is shown, but not plotted.
@@ -54,7 +54,6 @@ def draw_dxf(path: Path, scale: float) -> Canvas:
         raise WorldError(f"$INSUNITS is {code!r}, expected 0 to 24")
     unit = units.conversion_factor(InsertUnits(code), InsertUnits.Meters) if code else 1.0
     canvas = Canvas(CURVE_ERROR / (unit * scale))
-    filled = [layout for layout in file.layouts if any(e.dxftype() != "VIEWPORT" for e in layout)]
     config = Configuration(
         max_flattening_distance=canvas.tolerance,
         line_policy=LinePolicy.SOLID,
@@ -62,7 +61,8 @@ def draw_dxf(path: Path, scale: float) -> Canvas:
         custom_bg_color=PAPER,
     )
     # Model space is the first.
-    for layout in filled[:1]:
+    filled = (layout for layout in file.layouts if any(e.dxftype() != "VIEWPORT" for e in layout))
+    if (layout := next(filled, None)) is not None:
         with redirect_stdout(StringIO()):
             _Walker(RenderContext(file), canvas, unit * scale, config).draw_layout(layout)
     return canvas

@@ -14,6 +14,9 @@ from operator import mul
 from typing import Any
 
 import numpy as np
+import shapely
+from scipy.spatial import cKDTree
+from shapely.geometry import shape
 
 from lrf3d.errors import WorldError, shown
 from lrf3d.geometry import LARGEST_COORDINATE, Float, is_finite
@@ -24,6 +27,7 @@ from lrf3d.world.pieces import (
     check_crossings,
     from_corner,
     groups,
+    members_of,
     pairs_within,
     walls,
     world_of_parts,
@@ -36,14 +40,12 @@ LEVEL_HEIGHT = 3.0
 DEFAULT_BUILDING_HEIGHT = 8.0
 """Default height of a building [m]: two storeys and a roof."""
 
-CLOSING = 0.05
-"""Widest gap [m] between footprints that touch: surveys leave hairline gaps."""
+CLOSING, STRAIGHT = 0.05, 0.01
+"""Widest gap [m] between footprints that touch, as surveys leave hairline gaps; largest distance
+[m] from a straight façade of a corner that is left out."""
 
 MOST_CROSSINGS = 200
 """How often an outline may cross itself; surveyors let it cross once or twice."""
-
-STRAIGHT = 0.01
-"""Largest distance [m] from a straight façade of a corner that is left out."""
 
 EARTH_RADIUS = 6_371_008.8
 """Mean radius of the Earth [m]."""
@@ -60,7 +62,6 @@ UNITS = {
 """Metres in the units of heights."""
 
 _LENGTH = re.compile(r"(\d+(?:[.,]\d*)?|[.,]\d+)\s*([^\s\d.,]*)")
-
 
 FLAT = frozenset(
     "highway railway waterway aeroway route boundary admin_level landuse natural water leisure"
@@ -89,17 +90,14 @@ class Feature:
 
     def part(self, number: int, segments: Float, default: float) -> Part:
         """Walls of an object that look like the feature, with its height or the default."""
-        height = self.height
+        height = default if self.height is None else self.height
         if isinstance(height, tuple) and len(height) != len(segments):
             height = max(height)
-        heights = np.array(default if height is None else height)
-        return Part(number, segments, heights, self.name, self.colour, self.material)
+        return Part(number, segments, np.array(height), self.name, self.colour, self.material)
 
 
 def moved(features: Sequence[Feature], move: Callable[[Float], Float]) -> list[Feature]:
     """Features with all their points (k, 2) moved."""
-    import shapely
-
     shapes = np.array([shape for feature in features for shape in feature.shapes], dtype=object)
     rest = iter(shapely.transform(shapes, move))
     return [replace(f, shapes=tuple(islice(rest, len(f.shapes)))) for f in features]
@@ -132,9 +130,6 @@ def feature_of(item: object) -> Feature:
 
 def _shapes(geometry: Any) -> Iterator[Any]:
     """The polygons and lines of a geometry, checked; points, such as trees, are left out."""
-    import shapely
-    from shapely.geometry import shape
-
     if geometry is None:
         return
     if not isinstance(geometry, dict) or not isinstance(geometry.get("type"), str):
@@ -159,8 +154,6 @@ def _shapes(geometry: Any) -> Iterator[Any]:
 
 def encloses(polygon: Any) -> bool:
     """Whether a polygon encloses anything; one that crosses itself time and again is an error."""
-    import shapely
-
     if not shapely.is_valid(polygon):
         check_crossings(polygon, MOST_CROSSINGS, "lines of one outline")
         polygon = shapely.make_valid(polygon)
@@ -182,11 +175,12 @@ def _height(properties: dict[str, Any]) -> float | tuple[float, ...] | None:
     given = properties.get("height")
     if isinstance(given, list) and given:
         return tuple(_number(value, "height") for value in given)
-    if given is not None and (height := _number(given, "height")):
-        return height
-    for key in ("building:levels", "levels"):
+    scales = {"height": 1.0, "building:levels": LEVEL_HEIGHT, "levels": LEVEL_HEIGHT}
+    for key, scale in scales.items():
         if properties.get(key) is not None:
-            return LEVEL_HEIGHT * _number(properties[key], key) or None
+            known = scale * _number(properties[key], key)
+            if known or key != "height":
+                return known or None
     return None
 
 
@@ -210,8 +204,6 @@ def metres_of(text: str) -> float | None:
 
 def looks_geographic(features: Sequence[Feature]) -> bool:
     """Whether the coordinates of features are in degrees and not in metres."""
-    import shapely
-
     shapes = [shape for feature in features for shape in feature.shapes]
     points, boxes = shapely.get_coordinates(shapes), shapely.bounds(shapes)
     if (np.abs(points) > [180.0, 90.0]).any():
@@ -224,8 +216,6 @@ def looks_geographic(features: Sequence[Feature]) -> bool:
 
 def laid_flat(features: Sequence[Feature]) -> tuple[list[Feature], Float, float]:
     """Features in degrees laid flat around their middle (2,) [°], and their largest extent [°]."""
-    import shapely
-
     points = shapely.get_coordinates([shape for feature in features for shape in feature.shapes])
     local = _from(points, points[0])
     low, high = local.min(axis=0), local.max(axis=0)
@@ -278,26 +268,21 @@ def _blocks(features: Sequence[Feature]) -> Iterator[Part]:
     Outer rings are counter-clockwise and courtyards clockwise; after them comes a part without
     walls for the looks of each footprint.
     """
-    import shapely
-    from scipy.spatial import cKDTree
-
     owned = [(feature, polygon) for feature in features for polygon in feature.of_kind("Polygon")]
     if not owned:
         return
-    owners, polygons = zip(*owned, strict=True)
-    alone = [each.part(0, np.empty((0, 4)), DEFAULT_BUILDING_HEIGHT) for each in owners]
+    polygons = np.array([polygon for _, polygon in owned])
+    alone = [each.part(0, np.empty((0, 4)), DEFAULT_BUILDING_HEIGHT) for each, _ in owned]
     tall = np.array([part.heights.max() for part in alone])
     corners = shapely.get_coordinates(polygons)
     origin = np.round(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
-    source = cKDTree(corners - origin)
-    local = shapely.transform(np.array(polygons), lambda xy: xy - origin)
+    source, number = cKDTree(corners - origin), 0
+    local = shapely.transform(polygons, lambda xy: xy - origin)
     # An outline that crosses itself is made valid; lines there and back enclose nothing.
     crossed = ~shapely.is_valid(local)
     local[crossed] = shapely.buffer(shapely.make_valid(local[crossed]), 0.0)
-    label = groups(*pairs_within(local, CLOSING, "footprints"), len(local))
-    number = 0
     # Labels are numbered by their first members, so blocks keep the order of the source.
-    for members in np.split(np.argsort(label, kind="stable"), np.cumsum(np.bincount(label))[:-1]):
+    for members in members_of(groups(*pairs_within(local, CLOSING, "footprints"), len(local))):
         rings = []
         if len(members) > 1:
             check_crossings(local[members], 100 * MOST_CROSSINGS, "footprints")
@@ -322,12 +307,7 @@ def _blocks(features: Sequence[Feature]) -> Iterator[Part]:
 
 
 def _rings(polygons: Any) -> Iterator[tuple[int, Float]]:
-    """The straightened rings (k, 2) of the union of polygons, of whose areas 0 is the outer one.
-
-    The gaps between polygons are closed.
-    """
-    import shapely
-
+    """The straightened rings (k, 2) of the union of polygons, of whose areas 0 is the outer one."""
     union = shapely.union_all(polygons)
     if len(polygons) > 1:
         # Slightly more than half on each side, so that a gap of exactly this width is closed.
@@ -344,8 +324,6 @@ def _rings(polygons: Any) -> Iterator[tuple[int, Float]]:
 
 def _heights(ring: Float, polygons: Any, heights: Float) -> Float:
     """Height (k,) of each wall of a ring: that of the tallest footprint at the wall's middle."""
-    import shapely
-
     middles = shapely.points(0.5 * (ring + np.roll(ring, -1, axis=0)))
     tree = shapely.STRtree(polygons)
     tallest = np.asarray(heights[tree.nearest(middles)], dtype=np.float64)

@@ -200,10 +200,9 @@ def find_world(name_or_path: str | Path) -> Path:
     near = get_close_matches(path.stem, names, n=1)
     suggestion = f"; did you mean {near[0]!r}?" if near else ""
     if (reader := READERS.get(path.suffix.lower())) is not None:
-        missing, largest = f"no such file{suggestion}", reader[1]
-        check_ordinary(
-            path, what="a world file", largest=largest, missing=missing, error=WorldError
-        )
+        known_file: dict[str, Any] = {"what": "a world file", "largest": reader[1]}
+        missing = f"no such file{suggestion}"
+        check_ordinary(path, missing=missing, error=WorldError, **known_file)
         return path
     if path.is_dir() or path.suffix.lower() == ".npz":
         run = not path.is_dir() or (path / "run.npz").exists()

@@ -1,6 +1,6 @@
 """FreeCells: a grid of the free space of a map, through which routes are planned."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -32,9 +32,9 @@ class FreeCells:
         if cells.ndim != 2 or not cells.size:
             raise InputError(f"free cells of shape {cells.shape}: expected (rows, columns)")
         side = number(self.resolution, "free cells: resolution", "metres", positive=True)
-        object.__setattr__(self, "cells", sealed(cells))
-        object.__setattr__(self, "resolution", side)
-        object.__setattr__(self, "origin", tuple(as_pose(self.origin)))
+        values = {"cells": sealed(cells), "resolution": side, "origin": (*as_pose(self.origin),)}
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
 
     def __repr__(self) -> str:
         return f"FreeCells({' x '.join(map(str, self.cells.shape))} cells of {self.resolution:g} m)"
@@ -54,9 +54,7 @@ class FreeCells:
     def scaled(self, factor: float) -> "FreeCells":
         """The grid scaled about (0, 0)."""
         x, y, yaw = self.origin
-        return replace(
-            self, resolution=factor * self.resolution, origin=(factor * x, factor * y, yaw)
-        )
+        return FreeCells(self.cells, factor * self.resolution, (factor * x, factor * y, yaw))
 
     def as_dict(self) -> dict[str, Any]:
         """The grid in JSON's types: each row as run lengths, alternating, occupied first."""
@@ -74,14 +72,11 @@ class FreeCells:
                 row.dtype.kind == "i" and 0 <= row.min() <= row.max() <= MOST_CELLS for row in rows
             ):
                 raise ValueError
-            columns = {int(row.sum()) for row in rows}
-            fits = len(values) == 3 and len(columns) == 1 and sum(columns) * len(rows) <= MOST_CELLS
-            if not fits:
+            (columns,) = {int(row.sum()) for row in rows}
+            if len(values) != 3 or columns * len(rows) > MOST_CELLS:
                 raise ValueError
-            cells = np.empty((len(rows), columns.pop()), dtype=np.bool_)
-            for place, row in enumerate(rows):
-                # Runs are not free and free in turn.
-                cells[place] = np.repeat(np.arange(len(row)) % 2 == 1, row)
+            # Runs are not free and free in turn.
+            cells = np.array([np.repeat(np.arange(len(row)) % 2 == 1, row) for row in rows])
             return cls(cells, values["resolution"], values["origin"])
         except (KeyError, TypeError, ValueError, OverflowError):
             expected = f"rows of run lengths, of equal sums, of at most {MOST_CELLS:,} cells"

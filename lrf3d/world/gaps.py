@@ -8,6 +8,8 @@ beams and robots would slip through. Doors stay open: they are wider, and beams 
 from collections.abc import Iterator
 
 import numpy as np
+import shapely
+from scipy.spatial import cKDTree
 
 from lrf3d.geometry import Bool, Float, Int, cross, directions, lengths
 from lrf3d.world.free_cells import FreeCells
@@ -42,9 +44,8 @@ def close_gaps(segments: Float, free: FreeCells | None = None) -> tuple[Float, I
     for closing, corner in _closings(ends):
         is_straight = np.isnan(corner).any()
         target = ends[closing[1]] if is_straight else corner
-        if taken[closing].any() or (
-            free is not None and _is_free(free, ends[closing], target, origin)
-        ):
+        open_way = free is not None and _is_free(free, ends[closing] + origin, target + origin)
+        if taken[closing].any() or open_way:
             continue
         taken[closing] = True
         if is_straight:
@@ -64,9 +65,6 @@ def _closings(ends: Float) -> Iterator[tuple[Int, Float]]:
     An end has twice the number of its wall, and one more if it is the second. A wall that meets
     another one between its ends has one end, which is given twice.
     """
-    import shapely
-    from scipy.spatial import cKDTree
-
     if not len(ends):
         return
     along = np.repeat(directions(ends.reshape(-1, 4)), 2, axis=0)
@@ -114,12 +112,12 @@ def _may_grow(growth: Float) -> Bool:
     return (growth >= -OVERSHOOT) & (growth <= WIDEST)
 
 
-def _is_free(free: FreeCells, begins: Float, corner: Float, origin: Float) -> bool:
+def _is_free(free: FreeCells, begins: Float, corner: Float) -> bool:
     """Whether beams went through any closing piece, each from an end to a corner."""
     for begin in begins:
         count = int(np.hypot(*(corner - begin)) / STEP) + 1
         shares = (np.arange(count) + 0.5) / count
         # The borders of free space are ragged.
-        if free.contain(begin + shares[:, None] * (corner - begin) + origin).mean() > 0.25:
+        if free.contain(begin + shares[:, None] * (corner - begin)).mean() > 0.25:
             return True
     return False

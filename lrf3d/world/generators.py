@@ -9,31 +9,26 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import shapely
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import minimum_spanning_tree
 
 from lrf3d.errors import InputError
 from lrf3d.geometry import Float
 from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.pieces import Part, walls, world_of_parts
 
-THICKNESS = 0.2
-"""Thickness of walls [m]."""
+THICKNESS, DOOR = 0.2, 2.2
+"""Thickness of walls, and clear width of a door [m]: three robots of usual size."""
 
-DOOR = 2.2
-"""Clear width of a door [m]: three robots of usual size."""
-
-PLASTER, WOOD, STONE = (0.80, 0.77, 0.71), (0.66, 0.50, 0.36), (0.62, 0.63, 0.65)
-"""Colours of walls, of furniture and of pillars."""
+WOOD = (0.66, 0.50, 0.36)
+"""The colour of furniture."""
 
 CORRIDOR, ROOM_DEPTH, ROOM_WIDTHS = 2.6, 5.0, (3.8, 6.0)
 """Width of an office's corridor, depth of its rooms, and their least and largest width [m]."""
 
 SMALLEST_ROOM = 4.0
 """Smallest side of a room of a house [m]."""
-
-FACADES = np.array(
-    [[181, 101, 78], [200, 180, 148], [168, 132, 104], [146, 154, 162], [207, 196, 176]]
-)
-"""Brick, sandstone, clay, slate and plaster, in 0…255."""
 
 BLOCK_SIDE, PASSAGE = 20.0, 2.6
 """Distances between the centres of buildings, and between neighbouring walls of a maze [m]."""
@@ -73,8 +68,6 @@ class FloorPlan:
 
     def world(self, name: str) -> World:
         """The world: walls that touch are one object, and so is each box."""
-        import shapely
-
         ends = np.array(self.lines).reshape(-1, 2, 2)
         low, high = ends.min(axis=1) - 0.5 * THICKNESS, ends.max(axis=1) + 0.5 * THICKNESS
         # A grid of a millimetre keeps walls that should meet from missing each other by rounding.
@@ -84,7 +77,7 @@ class FloorPlan:
             rings = [np.array(ring.coords)[:-1] for ring in (part.exterior, *part.interiors)]
             outline = np.concatenate([walls(np.round(ring, 3), closed=True) for ring in rings])
             called = f"walls {len(parts)}" if parts else "walls"
-            parts.append(Part(0, outline, np.array(DEFAULT_HEIGHT), called, PLASTER))
+            parts.append(Part(0, outline, np.array(DEFAULT_HEIGHT), called, (0.80, 0.77, 0.71)))
         parts += self.boxes
         return world_of_parts([p._replace(number=n) for n, p in enumerate(parts)], name)
 
@@ -112,7 +105,10 @@ def city(size: float, seed: int) -> World:
     plain = generate_city(4 * blocks**2, seed=seed)
     rng = np.random.default_rng([seed, 1])
     heights = np.repeat(np.round(rng.uniform(5.0, 16.0, blocks**2), 1), 4)
-    colours = FACADES[rng.integers(0, len(FACADES), blocks**2)] / 255.0
+    # Brick, sandstone, clay, slate and plaster.
+    facades = "b5654e c8b494 a88468 929aa2 cfc4b0".split()
+    shades = np.array([[*bytes.fromhex(each)] for each in facades]) / 255.0
+    colours = shades[rng.integers(0, len(shades), blocks**2)]
     segments = np.round(plain.segments, 3)
     return World(segments, plain.objects, heights, f"city {seed}", colours=colours)
 
@@ -144,9 +140,8 @@ def _row_of_rooms(plan: FloorPlan, rng: np.random.Generator, box: Box, faces: fl
     count = max(1, round((right - left) / float(np.mean(ROOM_WIDTHS))))
     shares = rng.uniform(*ROOM_WIDTHS, count)
     edges = left + (right - left) * np.concatenate([[0.0], np.cumsum(shares) / shares.sum()])
-    edges = np.round(edges, 2)
     doors, room = [], 0.5 * DOOR + THICKNESS
-    for start, end in pairwise(edges.tolist()):
+    for start, end in pairwise(np.round(edges, 2).tolist()):
         doors.append(float(rng.uniform(start + room, end - room)) - left)
         if end < right:
             plan.wall(end, bottom, end, top)
@@ -178,16 +173,17 @@ def rooms(size: float, seed: int) -> World:
     return plan.world(f"rooms {seed}")
 
 
-Door = tuple[int, float, float]
-"""The axis of a door's wall, the position of the wall, and that of the door along it."""
-
-
 def _divide(
-    plan: FloorPlan, rng: np.random.Generator, low: Float, high: Float, doors: list[Door]
+    plan: FloorPlan,
+    rng: np.random.Generator,
+    low: Float,
+    high: Float,
+    doors: list[tuple[int, float, float]],
 ) -> None:
     """Divide a box from its low to its high corner (2,) [m] by a wall with a door, then its parts.
 
-    No wall ends in front of one of the doors so far.
+    No wall ends in front of one of the doors so far: the axes of their walls, the positions of
+    these, and those of the doors along them.
     """
     clear, sides = 0.5 * DOOR + 2.0 * THICKNESS, high - low
     axis = int(np.argmax(sides * rng.uniform(0.8, 1.2, 2)))
@@ -203,9 +199,9 @@ def _divide(
     ]
     if not free or sides[axis] < float(rng.uniform(2.0, 3.0)) * SMALLEST_ROOM:
         if sides.min() > 1.8 * SMALLEST_ROOM:
-            middle = low + 0.5 * sides
-            corner, size = np.round(middle - 0.3, 2), np.array([0.6, 0.6])
-            plan.box("pillar", corner, size, DEFAULT_HEIGHT, STONE)
+            corner = np.round(low + 0.5 * sides - 0.3, 2)
+            stone = (0.62, 0.63, 0.65)
+            plan.box("pillar", corner, np.array([0.6, 0.6]), DEFAULT_HEIGHT, stone)
         return
     cut = float(np.round(rng.choice(free), 2))
     start, end = float(low[1 - axis]), float(high[1 - axis])
@@ -231,10 +227,8 @@ def generate_city(walls: int, *, seed: int = 0) -> World:
     halves = rng.uniform(4.0, 7.0, (count, 1, 2)) * [[-1, -1], [1, -1], [1, 1], [-1, 1]]
     turn = rng.uniform(-0.3, 0.3, count)
     cos, sin = np.cos(turn)[:, None], np.sin(turn)[:, None]
-    corners = middles[:, None] + np.stack(
-        [cos * halves[..., 0] - sin * halves[..., 1], sin * halves[..., 0] + cos * halves[..., 1]],
-        axis=2,
-    )
+    x, y = np.moveaxis(halves, -1, 0)
+    corners = middles[:, None] + np.stack([cos * x - sin * y, sin * x + cos * y], axis=2)
     segments = np.concatenate([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 4)
     return World(segments, np.repeat(np.arange(count), 4), name=f"city of {4 * count:,} walls")
 
@@ -250,13 +244,10 @@ def maze(size: float, seed: int) -> World:
 
     It is the smallest spanning tree of the grid under random weights (Kruskal 1956).
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import minimum_spanning_tree
-
     count = max(3, int(size / PASSAGE))
     cell = np.arange(count * count).reshape(count, count)
-    start = np.concatenate([cell[:, :-1].reshape(-1), cell[:-1].reshape(-1)])
-    end = np.concatenate([cell[:, 1:].reshape(-1), cell[1:].reshape(-1)])
+    start = np.append(cell[:, :-1], cell[:-1])
+    end = np.append(cell[:, 1:], cell[1:])
     weights = np.random.default_rng(seed).uniform(1.0, 2.0, len(start))
     tree = minimum_spanning_tree(coo_array((weights, (start, end)), shape=(cell.size, cell.size)))
     passages = set(zip(*(ends.tolist() for ends in tree.tocoo().coords), strict=True))

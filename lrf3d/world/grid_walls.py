@@ -12,7 +12,10 @@ from functools import reduce
 from typing import Any
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, label, maximum_filter
+from scipy.spatial import cKDTree
 
 from lrf3d.errors import WorldError
 from lrf3d.geometry import Bool, Float, Int, lengths
@@ -28,20 +31,35 @@ AROUND = [(0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)]
 """Rows and columns to the neighbours of a cell, counter-clockwise from the east."""
 
 
+def parts_of(cells: Bool) -> tuple[Int, int]:
+    """The connected part of each cell, from 1, 0 in the others, and the number of parts.
+
+    Cells that touch at a corner are connected.
+    """
+    parts, count = label(cells, np.ones((3, 3)))
+    return np.asarray(parts, dtype=np.int64), int(count)
+
+
+def grown(cells: Bool, radius: float) -> Bool:
+    """Which cells are within a radius [cells] of some cells."""
+    return np.asarray((distance_transform_edt(~cells) <= radius) & cells.any())
+
+
+def on_border(cells: Any) -> Any:
+    """The values of cells (rows, columns) at the border, each once."""
+    return np.unique(np.concatenate([cells[0], cells[-1], cells[:, 0], cells[:, -1]]))
+
+
 def walls_of_grid(occupied: Bool) -> Float:
     """Segments (n, 4) [cells] of a grid (rows, columns), the first row at the bottom.
 
     They begin at the outer corner of the first cell. Beyond the grid the cells at its border
     continue: no outline runs along the border.
     """
-    from scipy.ndimage import maximum_filter
-
     borders = sum(np.count_nonzero(np.diff(occupied, axis=axis)) for axis in (0, 1))
     if borders > MOST_BORDERS:
-        raise WorldError(
-            f"{borders:,} borders between occupied cells and others, over {MOST_BORDERS:,}: a"
-            " pattern, or noise; clean the picture, or cut it"
-        )
+        found = f"{borders:,} borders between occupied cells and others, over {MOST_BORDERS:,}"
+        raise WorldError(f"{found}: a pattern, or noise; clean the picture, or cut it")
     double = _opened(occupied, 2)
     # A slanted wall of two and a half cells has parts of three, about which nothing is thinned.
     double &= ~maximum_filter(_opened(occupied, 3), 13, mode="constant")
@@ -130,27 +148,19 @@ def _thin_links(grid: Bool, thick: Bool, thin: Int, cells: Complex) -> Iterator[
 
 def _merged(pairs: Any) -> list[Complex]:
     """Chains of the points of pairs (k, 2), from one end or branch to the next."""
-    import shapely
-
     lines = shapely.linestrings(np.stack([pairs.real, pairs.imag], axis=-1))
     merged = shapely.get_parts(shapely.line_merge(shapely.multilinestrings(lines)))
     chains = [shapely.get_coordinates(chain) for chain in merged]
-    starts = np.array([chain[0] @ [1.0, 1.0j] for chain in chains])
-    ends, count = np.unique(
-        [starts, [chain[-1] @ [1.0, 1.0j] for chain in chains]], return_counts=True
-    )
+    starts, last = (np.array([chain[end] @ [1.0, 1.0j] for chain in chains]) for end in (0, -1))
+    ends, count = np.unique([starts, last], return_counts=True)
     # A ring that another wall meets begins there.
     met = np.isin(starts, ends[count > 2])
-    chains = [
-        chain if kept else from_corner(chain) for chain, kept in zip(chains, met, strict=True)
-    ]
-    return [points[:, 0] + 1.0j * points[:, 1] for points in chains]
+    opened = (own if at else from_corner(own) for own, at in zip(chains, met, strict=True))
+    return [points[:, 0] + 1.0j * points[:, 1] for points in opened]
 
 
 def _bridges(chains: list[Complex], lone: Complex) -> Complex:
     """Pairs (k, 2) across holes, between ends of walls and single cells, the nearest first."""
-    from scipy.spatial import cKDTree
-
     ends = np.array([end for chain in chains for end in (chain[0], chain[-1])])
     _, where, count = np.unique(ends, return_inverse=True, return_counts=True)
     single = np.flatnonzero(count[where] == 1)
@@ -171,8 +181,6 @@ def _bridges(chains: list[Complex], lone: Complex) -> Complex:
 
 def _straightened(chains: list[Complex], occupied: Bool, double: Bool) -> Float:
     """Segments (n, 4) that fit the chains."""
-    import shapely
-
     if not chains:
         return np.empty((0, 4))
     count = np.array([len(chain) for chain in chains])

@@ -89,14 +89,8 @@ class Material:
         return {key: value for key, value in asdict(self).items() if value}
 
 
-LIMITS = {
-    "diffuse": 1.0,
-    "specular": 1.0,
-    "lobe_deg": 90.0,
-    "transmission": 1.0,
-    "index": 10.0,
-    "retro": 1e6,
-}
+LIMITS = dict.fromkeys(("diffuse", "specular", "lobe_deg", "transmission"), 1.0)
+LIMITS |= {"lobe_deg": 90.0, "index": 10.0, "retro": 1e6}
 """Largest value of each field but the name."""
 
 BUILT_IN = {
@@ -118,12 +112,6 @@ BUILT_IN = {
 PLAIN = BUILT_IN["plaster"]
 """The material of walls without one."""
 
-ALIASES = {
-    **dict.fromkeys(("cement_block", "concrete"), "plaster"),
-    **dict.fromkeys(("metal_plates", "steel"), "metal"),
-}
-"""Built-in materials for other values of OpenStreetMap's key ``building:material``."""
-
 
 def named(value: object, own: Iterable[Material] = (), place: str = "material") -> Material:
     """The material of a name at a place, among those of a file and the built-in ones."""
@@ -139,7 +127,10 @@ def material_of(value: object) -> Material | None:
         own: Material = made(Material)({"name": "", **value}, "material")
         return own
     name = str(value).strip().lower()
-    return BUILT_IN.get(ALIASES.get(name, name))
+    # Other values of OpenStreetMap's key ``building:material``.
+    aliases = {"cement_block": "plaster", "concrete": "plaster"}
+    aliases |= {"metal_plates": "metal", "steel": "metal"}
+    return BUILT_IN.get(aliases.get(name, name))
 
 
 def material_value(material: Material) -> str | dict[str, Any]:

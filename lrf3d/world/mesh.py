@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import shapely
 
 from lrf3d.errors import WorldError, shown
 from lrf3d.files import own_name, replacing
@@ -30,10 +31,6 @@ CUT = 0.5
 
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """From z up to y up, as in glTF."""
-
-
-MOST_ZEROS = 1_000_000
-"""Largest number of values of glTF that the file only counts."""
 
 
 def read_mesh(path: Path) -> World:
@@ -71,12 +68,11 @@ def _parts(path: Path) -> list[tuple[Part, Float]]:
     """The looks of the parts of a scene, and their triangles (n, 3, 3) [m], z up."""
     import trimesh
 
-    if path.suffix.lower() in (".glb", ".gltf"):
+    if y_up := path.suffix.lower() in (".glb", ".gltf"):
         _check_zeros(path)
-    # Of other options only materials of .obj files would read more files than this one.
+    # Only materials of .obj files would read more files than this one.
     options: dict[str, Any] = {"skip_materials": True} if path.suffix.lower() == ".obj" else {}
     scene = trimesh.load_scene(path, process=False, **options)
-    y_up = path.suffix.lower() in (".glb", ".gltf")
     single = len(scene.graph.nodes_geometry) == 1 and not y_up
     # The graph gives its nodes in any order; the file has its meshes in one.
     order = {key: place for place, key in enumerate(scene.geometry)}
@@ -90,8 +86,8 @@ def _parts(path: Path) -> list[tuple[Part, Float]]:
         vertices = trimesh.transform_points(np.asarray(mesh.vertices, dtype=np.float64), matrix)
         triangles = (vertices @ UPRIGHT if y_up else vertices)[mesh.faces]
         if not (np.abs(triangles) <= LARGEST_COORDINATE).all():
-            far = f"not finite, or over {LARGEST_COORDINATE:g} m away"
-            raise WorldError(f"part {shown(name)} has a vertex that is {far}")
+            far = f"has a vertex that is not finite, or over {LARGEST_COORDINATE:g} m away"
+            raise WorldError(f"part {shown(name)} {far}")
         look = getattr(mesh.visual, "material", None)
         factor = getattr(look, "baseColorFactor", None)
         colour = None if factor is None else np.asarray(factor[:3]) / 255.0
@@ -113,14 +109,12 @@ def _check_zeros(path: Path) -> None:
         counts = [int(each["count"]) for each in accessors if "bufferView" not in each]
     except (ValueError, LookupError, TypeError, OverflowError, RecursionError):
         return  # Its reader says what is wrong.
-    if max(counts, default=0) > MOST_ZEROS:
+    if max(counts, default=0) > 1_000_000:
         raise WorldError(f"an accessor of {max(counts):,} numbers without data")
 
 
 def _joined(segments: Float, tolerance: float) -> Float:
     """Segments (n, 4) joined where they go straight on."""
-    import shapely
-
     lines = shapely.linestrings(segments[without_repeats(segments)].reshape(-1, 2, 2))
     joined = []
     for chain in shapely.get_parts(shapely.line_merge(shapely.multilinestrings(lines))):

@@ -1,4 +1,4 @@
-"""World: the walls of a scene as line segments, grouped into objects."""
+"""World: the walls of a scene as line segments, grouped into objects; implausible sizes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
@@ -15,6 +15,7 @@ from lrf3d.geometry import (
     Int,
     Value,
     is_finite,
+    lengths,
     normal_lines,
     read_only,
     sealed,
@@ -27,6 +28,9 @@ from lrf3d.world.schema import MOST_OBJECTS, check_unique
 
 DEFAULT_HEIGHT = 2.5
 """Height of a wall [m] if none is given: a room's storey."""
+
+LEAST, SHEET = 0.5, 2.0
+"""Sides [m] below which there is no room for a robot, and below which a plan may be on paper."""
 
 
 def check_scale(factor: float) -> None:
@@ -92,22 +96,22 @@ class World(Value, Pictured):
     ) -> None:
         rows = _array(segments, "segments", (-1, 4))
         walls, far = len(rows), LARGEST_COORDINATE
-        known = (np.abs(rows) <= far).all(axis=1)
-        _check(known, "wall", "ends", rows, f"finite numbers of at most {far:g} m")
-        long = (rows[:, :2] != rows[:, 2:]).any(axis=1)
+        near, long = (np.abs(rows) <= far).all(axis=1), (rows[:, :2] != rows[:, 2:]).any(axis=1)
+        _check(near, "wall", "ends", rows, f"finite numbers of at most {far:g} m")
         _check(long, "wall", "ends", rows, "two different points; remove one")
         numbers = _array(np.zeros(walls) if objects is None else objects, "objects", (walls,))
         whole = (numbers >= 0.0) & (numbers <= MOST_OBJECTS) & (numbers == np.floor(numbers))
-        renumber = f"whole numbers from 0 to {MOST_OBJECTS}: renumber"
-        _check(whole, "wall", "object", numbers, renumber)
+        _check(
+            whole, "wall", "object", numbers, f"whole numbers from 0 to {MOST_OBJECTS}: renumber"
+        )
         owned = sealed(numbers.astype(np.int64))
         count = int(owned.max(initial=-1)) + 1
-        tops = np.full(walls, DEFAULT_HEIGHT) if heights is None else heights
-        tops = _array(tops, "heights", (walls,))
+        given = np.full(walls, DEFAULT_HEIGHT) if heights is None else heights
+        tops = _array(given, "heights", (walls,))
         stands = (tops > 0.0) & (tops <= far)
         _check(stands, "wall", "height", tops, f"more than 0 and at most {far:g} m")
-        shades = np.full((count, 3), np.nan) if colours is None else colours
-        shades = _array(shades, "colours", (count, 3))
+        given = np.full((count, 3), np.nan) if colours is None else colours
+        shades = _array(given, "colours", (count, 3))
         seen = ((shades >= 0.0) & (shades <= 1.0)).all(axis=1) | np.isnan(shades).all(axis=1)
         _check(seen, "object", "colour", shades, "red, green, blue from 0 to 1, or three NaN")
         names = _items(object_names, str, "object_names")
@@ -129,11 +133,9 @@ class World(Value, Pictured):
 
     def __repr__(self) -> str:
         name = f"{self.name!r}, " if self.name else ""
-        (x1, y1), (x2, y2) = self.bounds
-        return (
-            f"World({name}{len(self.segments)} walls, {self.object_count} objects,"
-            f" {x2 - x1:.4g} m x {y2 - y1:.4g} m)"
-        )
+        wide, high = np.ptp(self.bounds, axis=0)
+        held = f"{len(self.segments)} walls, {self.object_count} objects"
+        return f"World({name}{held}, {wide:.4g} m x {high:.4g} m)"
 
     @cached_property
     def lines(self) -> Float:
@@ -169,6 +171,35 @@ class World(Value, Pictured):
             place=None,
             free=None if self.free is None else self.free.scaled(factor),
         )
+
+
+def size_problem(world: World, least: float = SHEET) -> str | None:
+    """What is implausible about the size of a world, and the scale that would fit, or None."""
+    if not len(world.segments):
+        return None
+    width, height = np.ptp(world.bounds, axis=0).tolist()
+    if max(width, height) < least:
+        size = f"the world is {width:.3g} m by {height:.3g} m, a drawing on paper?"
+        return f"{size} --scale 100 makes one of 1:100 as large as the house"
+    # Half of all wall length is of walls of this length or more.
+    long = np.sort(lengths(world.segments))
+    usual = float(long[np.searchsorted(np.cumsum(long), 0.5 * long.sum())])
+    # A single wall that reaches far away does not make a large plan.
+    most = np.ptp(np.quantile(world.segments.reshape(-1, 2), [0.1, 0.9], axis=0), axis=0)
+    # A town may be as large, but its walls are shorter.
+    if most.max() <= 1000.0 or usual <= 100.0:
+        return None
+    scales = {0.01: "centimetres", 0.001: "millimetres"}
+    # Usual walls of plans are 4 m long.
+    scale = min(scales, key=lambda each: abs(np.log(each * usual / 4.0)))
+    large = f"{width:,.0f} m by {height:,.0f} m, with walls of {usual:,.0f} m, is too large"
+    return f"{large} to plan a route in; --scale {scale:g}, if the drawing is in {scales[scale]}"
+
+
+def check_size(world: World) -> None:
+    """Check that a world is not so large or small that it must be in other units than metres."""
+    if problem := size_problem(world, LEAST):
+        raise WorldError(f"{world.name or 'world'}: {problem}, or give a route")
 
 
 def _check(good: Any, row: str, what: str, values: Float, expected: str) -> None:

@@ -11,13 +11,14 @@ text, which OpenStreetMap's wiki defines; a value that cannot be read counts as 
 
 import warnings
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import numpy as np
+import shapely
 
 from lrf3d.errors import Lrf3dNote, WorldError
 from lrf3d.files import own_name
@@ -39,18 +40,10 @@ from lrf3d.world.schema import parse_colour
 DEFAULT_TREE = 8.0
 """Height [m] of a tree of which nothing is given: one along a street, some decades old."""
 
-CROWN, SLENDER = 0.6, 1.0 / 45.0
-"""Width of a crown, and radius of a trunk at the height of a laser, in heights of its tree."""
-
-SLIVER = 1e-7
-"""Half of the width [°], a centimetre, of what rounding leaves between a building and its parts."""
-
 Tags = dict[str, str]
 Place = tuple[float, float]
 Node = int | Place
-
-COMPLETE = 0.95
-"""Share of a building from which on its parts replace it, also where they leave the ground open."""
+"""A node without a number, as within a relation, is named by its place."""
 
 
 def read_osm(path: Path, *, trees: bool = False) -> World:
@@ -59,8 +52,7 @@ def read_osm(path: Path, *, trees: bool = False) -> World:
     Buildings that stand above the beams (``min_height`` of two metres or more) and mere roofs are
     left out, and so are outlines of which the extract holds a part only.
     """
-    extract = _read(path)
-    left_out = Counter[str]()
+    extract, left_out = _read(path), Counter[str]()
     features = [feature for feature in _buildings(extract, left_out) if feature.shapes]
     if not features:
         raise WorldError("holds no whole building, so there is no wall")
@@ -78,22 +70,62 @@ def read_osm(path: Path, *, trees: bool = False) -> World:
     return world_of_features(features, own_name(path), place=(float(centre[0]), float(centre[1])))
 
 
-class _Extract(NamedTuple):
-    """The places [°] of nodes, the trees, the nodes of ways, and the ways of relations.
+class _Extract:
+    """The places [°] of nodes, the trees, the nodes of ways, and the ways of relations."""
 
-    A node without a number, as within a relation, is named by its place.
-    """
+    def __init__(self) -> None:
+        self.nodes = dict[Node, Place]()
+        self.trees = dict[int, tuple[Place, Tags]]()
+        self.ways = dict[int, tuple[list[Node], Tags]]()
+        self.relations = dict[int, tuple[list[tuple[int, str]], Tags]]()
 
-    nodes: dict[Node, Place]
-    trees: dict[int, tuple[Place, Tags]]
-    ways: dict[int, tuple[list[Node], Tags]]
-    relations: dict[int, tuple[list[tuple[int, str]], Tags]]
+    def add(self, element: Element) -> None:
+        """Add an element to what is known of it."""
+        tags = {tag.get("k", ""): tag.get("v", "") for tag in element.iter("tag")}
+        number = int(element.get("id", ""))
+        if element.tag == "node":
+            place = self.nodes[number] = _place(element)
+            if tags.get("natural") == "tree" and tags.get("location") != "underground":
+                self.trees[number] = place, tags
+        elif element.tag == "way":
+            self._add_way(number, element, tags)
+        else:
+            members, before = self.relations.get(number, ([], {}))
+            for each in element.iter("member"):
+                if each.get("type") == "way":
+                    way = int(each.get("ref", ""))
+                    members.append((way, each.get("role", "")))
+                    self._add_way(way, each, {})
+            self.relations[number] = members, before | tags
+
+    def _add_way(self, number: int, element: Element, tags: Tags) -> None:
+        nodes = list[Node]()
+        for each in element.iter("nd"):
+            # Beyond the border of an extract places are missing.
+            place = _place(each) if "lat" in each.attrib else None
+            nodes.append(
+                int(each.get("ref", "")) if "ref" in each.attrib else place or (np.nan,) * 2
+            )
+            if place is not None:
+                self.nodes[nodes[-1]] = place
+        before, known = self.ways.get(number, ([], {}))
+        self.ways[number] = nodes or before, known | tags
+
+    def enclosed(self, ways: Iterable[int]) -> Any:
+        """What those of some ways that are whole enclose together."""
+        whole = [self.ways[n][0] for n in sorted({*ways}) if self.is_whole(n)]
+        lines = [[self.nodes[n] for n in refs] for refs in whole if len(refs) > 1]
+        enclosed = shapely.polygonize([shapely.LineString(line) for line in lines])
+        return shapely.union_all(shapely.get_parts(enclosed))
+
+    def is_whole(self, way: int) -> bool:
+        """Whether the places of all nodes of a way are known."""
+        return self.nodes.keys() >= set(self.ways[way][0])
 
 
 def _read(path: Path) -> _Extract:
     """The elements of a file; each is forgotten when it is read."""
-    extract = _Extract({}, {}, {}, {})
-    elements = ElementTree.iterparse(path, events=("start", "end"))
+    extract, elements = _Extract(), ElementTree.iterparse(path, events=("start", "end"))
     try:
         _, root = next(elements)
         if root.tag != "osm":
@@ -101,7 +133,12 @@ def _read(path: Path) -> _Extract:
         for event, element in elements:
             if event == "end" and element.tag in ("node", "way", "relation"):
                 if element.get("visible") != "false" and element.get("action") != "delete":
-                    _add(element, extract)
+                    called = f"{element.tag} {element.get('id', 'without id')[:40]}"
+                    try:
+                        extract.add(element)
+                    except ValueError as error:
+                        remedy = "export the extract again"
+                        raise WorldError(f"{called}: {error}; {remedy}") from None
                 root.clear()
     except WorldError:
         raise
@@ -109,43 +146,6 @@ def _read(path: Path) -> _Extract:
     except (ElementTree.ParseError, LookupError, ValueError) as error:
         raise WorldError(f"not XML: {error}; export the extract again") from None
     return extract
-
-
-def _add(element: Element, extract: _Extract) -> None:
-    tags = {tag.get("k", ""): tag.get("v", "") for tag in element.iter("tag")}
-    try:
-        number = int(element.get("id", ""))
-        if element.tag == "node":
-            place = extract.nodes[number] = _place(element)
-            if tags.get("natural") == "tree" and tags.get("location") != "underground":
-                extract.trees[number] = place, tags
-        elif element.tag == "way":
-            _add_way(number, element, tags, extract)
-        else:
-            members, before = extract.relations.get(number, ([], {}))
-            for each in element.iter("member"):
-                if each.get("type") == "way":
-                    way = int(each.get("ref", ""))
-                    members.append((way, each.get("role", "")))
-                    _add_way(way, each, {}, extract)
-            extract.relations[number] = members, before | tags
-    except ValueError as error:
-        called = f"{element.tag} {element.get('id', 'without id')[:40]}"
-        raise WorldError(f"{called}: {error}; export the extract again") from None
-
-
-def _add_way(number: int, element: Element, tags: Tags, extract: _Extract) -> None:
-    """Add the nodes and the tags of a way to those that are known of it."""
-    nodes = list[Node]()
-    for each in element.iter("nd"):
-        # Beyond the border of an extract places are missing.
-        place = _place(each) if "lat" in each.attrib else None
-        node = int(each.attrib["ref"]) if "ref" in each.attrib else place or (np.nan, np.nan)
-        nodes.append(node)
-        if place is not None:
-            extract.nodes[node] = place
-    before, known = extract.ways.get(number, ([], {}))
-    extract.ways[number] = nodes or before, known | tags
 
 
 def _place(element: Element) -> Place:
@@ -157,22 +157,11 @@ def _place(element: Element) -> Place:
 
 def _buildings(extract: _Extract, left_out: Counter[str]) -> Iterator[Feature]:
     """The buildings, in degrees of longitude and latitude; counts those that are left out."""
-    import shapely
-
-    nodes, ways = extract.nodes, extract.ways
-
-    def areas(members: list[tuple[int, str]], inner: bool) -> Any:
-        """What the ways of a role enclose together."""
-        own = sorted({n for n, role in members if role != "part" and (role == "inner") == inner})
-        whole = [ways[n][0] for n in own if nodes.keys() >= set(ways[n][0])]
-        lines = [[nodes[n] for n in refs] for refs in whole if len(refs) > 1]
-        enclosed = shapely.polygonize([shapely.LineString(line) for line in lines])
-        return shapely.union_all(shapely.get_parts(enclosed))
-
-    outlines, found = set[int](), list[tuple[Tags, Any]]()
+    outlines, found, ways = set[int](), list[tuple[Tags, Any]](), extract.ways
     for members, tags in extract.relations.values():
         if tags.get("type") not in ("multipolygon", "building"):
             continue
+        inner = [n for n, role in members if role == "inner"]
         outer = [n for n, role in members if role not in ("inner", "part")]
         # Old relations have the tags of the building on an outer way.
         own = [tags] if _kind(tags) else [ways[n][1] for n in outer]
@@ -181,16 +170,14 @@ def _buildings(extract: _Extract, left_out: Counter[str]) -> Iterator[Feature]:
             # A way within that has tags of its own is a building in the courtyard.
             outlines |= {n for n, _ in members if n in outer or ways[n][1] == building}
         if building is not None:
-            found.append(
-                (building, shapely.difference(areas(members, False), areas(members, True)))
-            )
+            area = shapely.difference(extract.enclosed(outer), extract.enclosed(inner))
+            found.append((building, area))
     for number, (refs, tags) in ways.items():
-        if number in outlines or not _kind(tags):
-            continue
-        closed = len(refs) > 3 and refs[0] == refs[-1] and nodes.keys() >= set(refs)
-        left_out["that are not whole"] += not closed
-        if closed:
-            found.append((tags, shapely.Polygon([nodes[n] for n in refs])))
+        if number not in outlines and _kind(tags):
+            closed = len(refs) > 3 and refs[0] == refs[-1] and extract.is_whole(number)
+            left_out["that are not whole"] += not closed
+            if closed:
+                found.append((tags, shapely.Polygon([extract.nodes[n] for n in refs])))
     for tags, area in _with_parts(found):
         if is_building(tags):
             yield _feature(tags, area)
@@ -201,15 +188,12 @@ def _buildings(extract: _Extract, left_out: Counter[str]) -> Iterator[Feature]:
 
 def _with_parts(found: list[tuple[Tags, Any]]) -> Iterator[tuple[Tags, Any]]:
     """Buildings and their parts; a part takes its place from the building around it."""
-    import shapely
-
     parts = [
         (tags, shapely.make_valid(area))
         for tags, area in found
         if "building" not in tags and encloses(area)
     ]
-    pairs = 0
-    tree = shapely.STRtree([area for _, area in parts])
+    tree, pairs = shapely.STRtree([area for _, area in parts]), 0
     for tags, area in found:
         own = tree.query(area, predicate="intersects") if parts and "building" in tags else ()
         if (pairs := pairs + len(own)) > MOST_PAIRS:
@@ -218,19 +202,18 @@ def _with_parts(found: list[tuple[Tags, Any]]) -> Iterator[tuple[Tags, Any]]:
             area = shapely.make_valid(area)
             stands = shapely.union_all([parts[n][1] for n in own if is_building(parts[n][0])])
             every = shapely.union_all([parts[n][1] for n in own])
-            whole = shapely.area(shapely.intersection(area, every)) >= COMPLETE * shapely.area(area)
+            # Parts of nearly all of it replace a building, also where they leave the ground open.
+            whole = shapely.area(shapely.intersection(area, every)) >= 0.95 * shapely.area(area)
             rest = shapely.get_parts(shapely.difference(area, every if whole else stands))
-            area = shapely.union_all(rest[~shapely.is_empty(shapely.buffer(rest, -SLIVER))])
+            # Rounding leaves slivers of centimetres between a building and its parts.
+            area = shapely.union_all(rest[~shapely.is_empty(shapely.buffer(rest, -1e-7))])
         yield tags, area
 
 
 def _feature(tags: Tags, area: Any) -> Feature:
-    import shapely
-
-    parts = shapely.get_parts([area]).tolist()
     address = f"{tags.get('addr:street', '')} {tags.get('addr:housenumber', '')}".strip()
     return Feature(
-        tuple(part for part in parts if encloses(part)),
+        tuple(part for part in shapely.get_parts([area]).tolist() if encloses(part)),
         tag_height(tags),
         tags.get("name") or address,
         parse_colour(tags.get("building:colour")),
@@ -249,18 +232,19 @@ def is_building(tags: Tags) -> bool:
     if _kind(tags) in ("", "roof", "carport") or tags.get("location") == "underground":
         return False
     above = metres_of(tags.get("min_height", ""))
-    if above is None:
-        above = LEVEL_HEIGHT * (metres_of(tags.get("building:min_level", "")) or 0.0)
     # The robot passes under what is higher.
-    return above < 2.0
+    return (LEVEL_HEIGHT * _metres(tags, "building:min_level") if above is None else above) < 2.0
+
+
+def _metres(tags: Tags, key: str) -> float:
+    return metres_of(tags.get(key, "")) or 0.0
 
 
 def tag_height(tags: Tags) -> float | None:
     """Height [m] of a building above the ground, or None if not given."""
     height = metres_of(tags.get("height", "")) or metres_of(tags.get("building:height", ""))
     if height is None:
-        levels = metres_of(tags.get("building:levels", "")) or 0.0
-        height = LEVEL_HEIGHT * (levels + (metres_of(tags.get("roof:levels", "")) or 0.0))
+        height = LEVEL_HEIGHT * (_metres(tags, "building:levels") + _metres(tags, "roof:levels"))
     # A building of over a kilometre is an error.
     return height if 0.0 < height <= 1000.0 else None
 
@@ -269,20 +253,18 @@ def tree_height(tags: Tags) -> float:
     """Height [m] of a tree: given, or as its crown is wide, or that of most."""
     height = metres_of(tags.get("height", ""))
     if height is None:
-        height = (metres_of(tags.get("diameter_crown", "")) or 0.0) / CROWN
+        height = _metres(tags, "diameter_crown") / 0.6
     return height if 1.0 <= height <= 100.0 else DEFAULT_TREE
 
 
 def trunk_radius(tags: Tags) -> float:
     """Radius [m] of the trunk of a tree: by its circumference, or as such trees have it."""
-    around = metres_of(tags.get("circumference", "")) or 0.0
-    return float(np.clip(around / (2.0 * np.pi) or SLENDER * tree_height(tags), 0.05, 1.2))
+    usual = tree_height(tags) * (1.0 / 45.0)
+    return float(np.clip(_metres(tags, "circumference") / (2.0 * np.pi) or usual, 0.05, 1.2))
 
 
 def trunks(places: Float, tags: list[Tags], buildings: list[Any]) -> list[Feature]:
     """The trunks of trees at places (k, 2) [m] that stand free of buildings and of each other."""
-    import shapely
-
     radii, points = np.array([trunk_radius(each) for each in tags]), shapely.points(places)
     # Maps are not as exact as a decimetre, and what touches a wall would be a part of it.
     houses = shapely.STRtree(shapely.make_valid(np.array(buildings)))
@@ -297,10 +279,12 @@ def trunks(places: Float, tags: list[Tags], buildings: list[Any]) -> list[Featur
     once = {*single.tolist()} - {*single[second[first < second]].tolist()}
     turn = np.arange(7) % 6 * (2.0 * np.pi / 6)
     circle = np.column_stack([np.cos(turn), np.sin(turn)])
-    found = []
-    for number in sorted(once - {*near.tolist()}):
-        own = tags[number]
-        outline = shapely.LineString(places[number] + radii[number] * circle)
-        name = own.get("name") or own.get("species") or own.get("genus") or ""
-        found.append(Feature((outline,), tree_height(own), name, material=BUILT_IN["bark"]))
-    return found
+    return [
+        Feature(
+            (shapely.LineString(places[number] + radii[number] * circle),),
+            tree_height(own := tags[number]),
+            own.get("name") or own.get("species") or own.get("genus") or "",
+            material=BUILT_IN["bark"],
+        )
+        for number in sorted(once - {*near.tolist()})
+    ]

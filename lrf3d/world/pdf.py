@@ -8,84 +8,58 @@ holds pictures alone was scanned, and is read as a picture.
 import ctypes
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
+import shapely
 
 from lrf3d.errors import WorldError, missing_extra
 from lrf3d.geometry import Float
-from lrf3d.world.drawing import CURVE_ERROR, Canvas, Mark, area_of, curve_points, pen_of
+from lrf3d.world.drawing import Canvas, Mark, area_of, curve_points
 from lrf3d.world.pictures import plan_of_picture
 from lrf3d.world.plan import Plan
 
 POINT = 0.0254 / 72.0
 """The unit of PDF [m]."""
 
-PIXEL, LARGEST_SIDE = 0.02, 6000
-"""Side of a pixel [m] of a scanned page, and the most pixels of a side."""
-
-DEEPEST = 50
-"""Most forms within each other."""
-
 COUNTED = {1: "text", 3: "picture", 4: "shading"}
 """Objects that are not read, by pdfium's number of their type."""
 
 
-class _Page(NamedTuple):
-    pdfium: Any
-    handle: Any
-    scale: float
-    """Metres in a unit of the page."""
-    matrix: Float
-    """From the units of the page to metres (3, 3), turned as it is shown."""
-    size: tuple[float, float]
-    """Width and height [m]."""
-    hidden: set[str]
-    """Names of layers that are off."""
-
-
-def draw_pdf(path: Path, scale: float, page: int) -> Canvas:
-    """The marks of a page of a PDF file, enlarged by a scale."""
-    import shapely
-
-    shown = _page(path, scale, page)
-    canvas = Canvas(min(CURVE_ERROR, 2e-4 * max(shown.size)))
-    painter = _Painter(shown, canvas, pen_of(scale))
-    raw, handle = shown.pdfium, shown.handle
-    objects = [raw.FPDFPage_GetObject(handle, n) for n in range(raw.FPDFPage_CountObjects(handle))]
-    painter.paint(objects, shown.matrix, shapely.box(0.0, 0.0, *shown.size), 0)
-    return canvas
-
-
-def read_scan(path: Path, scale: float, page: int, threshold: float | None) -> Plan:
-    """The plan of a scanned page, as of a picture."""
-    shown = _page(path, scale, page)
-    side = max(PIXEL, max(shown.size) / LARGEST_SIDE)
-    picture = shown.handle.render(scale=shown.scale / side).to_pil().convert("RGB")
-    return plan_of_picture(np.asarray(picture), side, threshold)
-
-
-def _page(path: Path, scale: float, number: int) -> _Page:
+def draw(
+    path: Path, scale: float, page: int = 1, threshold: float | None = None
+) -> "Canvas | Plan":
+    """The marks of a page of a PDF file, enlarged by a scale, or the plan of a scanned one."""
     try:
         import pypdf
         import pypdfium2
     except ImportError:
         raise missing_extra("a PDF drawing needs pypdfium2 and pypdf", "pdf") from None
     document = pypdfium2.PdfDocument(path)
-    if not 1 <= number <= len(document):
-        raise WorldError(f"has no page {number}; --page is 1 to {len(document)}")
-    handle, file = document[number - 1], pypdf.PdfReader(path)
-    unit = POINT * scale * float(file.pages[number - 1].user_unit)
+    if not 1 <= page <= len(document):
+        raise WorldError(f"has no page {page}; --page is 1 to {len(document)}")
+    handle, file = document[page - 1], pypdf.PdfReader(path)
+    unit = POINT * scale * float(file.pages[page - 1].user_unit)
     left, bottom, right, top = handle.get_cropbox()
-    turn = handle.get_rotation() // 90 % 4
     # Clockwise, as it is shown.
-    cosine, sine = [(1, 0), (0, -1), (-1, 0), (0, 1)][turn]
+    cosine, sine = [(1, 0), (0, -1), (-1, 0), (0, 1)][handle.get_rotation() // 90 % 4]
     matrix = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
     corners = np.array([[left, bottom, 1.0], [right, top, 1.0]]) @ matrix.T
     matrix[:2, 2] = -corners[:, :2].min(axis=0)
     matrix[:2] *= unit
-    wide, high = np.ptp(corners[:, :2], axis=0) * unit
-    return _Page(pypdfium2.raw, handle, unit, matrix, (wide, high), _hidden(file))
+    size = np.ptp(corners[:, :2], axis=0) * unit
+    raw, canvas = pypdfium2.raw, Canvas.of_sheet(float(size.max()), scale)
+    objects = [raw.FPDFPage_GetObject(handle, n) for n in range(raw.FPDFPage_CountObjects(handle))]
+    painter = _Painter(raw, canvas, _hidden(file))
+    painter.paint(objects, matrix, shapely.box(0.0, 0.0, *size), 0)
+    if not canvas.marks and canvas.left_out["picture"]:
+        # Pixels of two centimetres, or 6,000 along a side.
+        side = max(0.02, float(size.max()) / 6000)
+        picture = handle.render(scale=unit / side).to_pil().convert("RGB")
+        return plan_of_picture(np.asarray(picture), side, threshold)
+    if threshold is not None:
+        raise WorldError("is no scanned page: threshold is for pictures")
+    return canvas
 
 
 def _hidden(file: Any) -> set[str]:
@@ -100,58 +74,50 @@ def _hidden(file: Any) -> set[str]:
 
 
 class _Painter:
-    """Paints the objects of a page on a canvas."""
+    """Paints the objects of a page on a canvas, without those on hidden layers."""
 
-    def __init__(self, page: _Page, canvas: Canvas, pen: float) -> None:
-        self.raw, self.hidden = page.pdfium, page.hidden
-        self.canvas, self.pen = canvas, pen
+    def __init__(self, raw: Any, canvas: Canvas, hidden: set[str]) -> None:
+        self.raw, self.canvas, self.hidden = raw, canvas, hidden
         self._clips = dict[bytes, Any]()
 
     def paint(self, objects: list[Any], matrix: Float, clip: Any, depth: int) -> None:
         """Paint objects, and those in forms; their units become metres by a matrix."""
         raw = self.raw
-        if depth > DEEPEST:
-            raise WorldError(f"has forms within each other, more than {DEEPEST} deep")
+        if depth > 50:
+            raise WorldError("has forms within each other, more than 50 deep")
         for each in objects:
             self.canvas.count()
-            kind = raw.FPDFPageObj_GetType(each)
-            layer = self._layer(each)
+            kind, layer = raw.FPDFPageObj_GetType(each), self._layer(each)
             if layer in self.hidden:
                 self.canvas.left_out["hidden part"] += 1
-            elif kind == raw.FPDF_PAGEOBJ_FORM:
+            elif kind in (raw.FPDF_PAGEOBJ_FORM, raw.FPDF_PAGEOBJ_PATH):
+                visible, inner = self._clip(each, matrix, clip), matrix @ self._matrix(each)
+                if kind == raw.FPDF_PAGEOBJ_PATH:
+                    self._path(each, layer, inner, visible)
+                    continue
                 count = raw.FPDFFormObj_CountObjects(each)
-                inner = [raw.FPDFFormObj_GetObject(each, number) for number in range(count)]
-                visible = self._clip(each, matrix, clip)
-                self.paint(inner, matrix @ self._matrix(each), visible, depth + 1)
-            elif kind == raw.FPDF_PAGEOBJ_PATH:
-                self._path(each, layer, matrix, self._clip(each, matrix, clip))
+                held = [raw.FPDFFormObj_GetObject(each, number) for number in range(count)]
+                self.paint(held, inner, visible, depth + 1)
             else:
-                self.canvas.left_out[COUNTED.get(kind - 0, "unknown object")] += 1
+                self.canvas.left_out[COUNTED.get(kind, "unknown object")] += 1
 
-    def _path(self, each: Any, layer: str, outer: Float, clip: Any) -> None:
-        raw, canvas = self.raw, self.canvas
+    def _path(self, each: Any, layer: str, matrix: Float, clip: Any) -> None:
+        raw, width = self.raw, ctypes.c_float()
         rule, stroked = ctypes.c_int(), ctypes.c_int()
         raw.FPDFPath_GetDrawMode(each, rule, stroked)
-        matrix = outer @ self._matrix(each)
         count = raw.FPDFPath_CountSegments(each)
         segments = (raw.FPDFPath_GetPathSegment(each, number) for number in range(count))
-        lines = self._lines(segments, matrix)
-        mark = Mark(None, layer, (layer,))
-        if rule.value:
-            contrast, alpha = self._colour(raw.FPDFPageObj_GetFillColor, each)
-            solid = mark._replace(contrast=contrast, opaque=alpha > 0.98)
-            if alpha > 0.02:
-                canvas.area(lines, solid, clip, winding=rule.value == raw.FPDF_FILLMODE_WINDING)
-        if stroked.value:
-            width = ctypes.c_float()
-            raw.FPDFPageObj_GetStrokeWidth(each, width)
-            wide = width.value * float(np.sqrt(abs(np.linalg.det(matrix[:2, :2]))))
-            contrast, alpha = self._colour(raw.FPDFPageObj_GetStrokeColor, each)
-            wide = wide if wide > self.pen or contrast < 0.08 else 0.0
-            pen = mark._replace(width=wide, contrast=contrast, opaque=alpha > 0.98)
-            cap = "square" if raw.FPDFPageObj_GetLineCap(each) else "flat"
-            for line in lines if alpha > 0.02 else ():
-                canvas.line(line, pen, clip, cap)
+        raw.FPDFPageObj_GetStrokeWidth(each, width)
+        wide = width.value * float(np.sqrt(abs(np.linalg.det(matrix[:2, :2]))))
+        fill = self._colour(raw.FPDFPageObj_GetFillColor, each, rule)
+        stroke = self._colour(raw.FPDFPageObj_GetStrokeColor, each, stroked)
+        self.canvas.shape(
+            self._lines(segments, matrix),
+            Mark(None, layer, (layer,)),
+            clip,
+            (*fill, rule.value == raw.FPDF_FILLMODE_WINDING),
+            (*stroke, wide, bool(raw.FPDFPageObj_GetLineCap(each))),
+        )
 
     def _lines(self, segments: Iterator[Any], matrix: Float) -> list[Float]:
         """The lines (k, 2) [m] of a path."""
@@ -179,14 +145,13 @@ class _Painter:
         """What the clip paths of an object leave of a clip."""
         raw = self.raw
         own = raw.FPDFPageObj_GetClipPath(each)
-        for path in range(max(raw.FPDFClipPath_CountPaths(own), 0) if own else 0):
-            count = max(raw.FPDFClipPath_CountPathSegments(own, path), 0)
+        for path in range(raw.FPDFClipPath_CountPaths(own) if own else 0):
+            count = raw.FPDFClipPath_CountPathSegments(own, path)
             segments = (raw.FPDFClipPath_GetPathSegment(own, path, n) for n in range(count))
-            lines = self._lines(segments, matrix)
-            key = b"".join(line.tobytes() for line in lines)
-            if key not in self._clips:
-                self._clips[key] = area_of(lines, winding=True)
-            if lines:
+            if lines := self._lines(segments, matrix):
+                key = b"".join(line.tobytes() for line in lines)
+                if key not in self._clips:
+                    self._clips[key] = area_of(lines, winding=True)
                 region = self._clips[key]
                 clip = clip if region.covers(clip) else clip.intersection(region)
         return clip
@@ -194,7 +159,7 @@ class _Painter:
     def _layer(self, each: Any) -> str:
         """The name of the layer in which an object stands."""
         raw, name = self.raw, ""
-        for number in range(max(raw.FPDFPageObj_CountMarks(each), 0)):
+        for number in range(raw.FPDFPageObj_CountMarks(each)):
             mark = raw.FPDFPageObj_GetMark(each, number)
             if self._text(raw.FPDFPageObjMark_GetName, mark) == "OC":
                 name = self._text(raw.FPDFPageObjMark_GetParamStringValue, mark, b"Name") or name
@@ -213,11 +178,11 @@ class _Painter:
         return np.array([[m.a, m.c, m.e], [m.b, m.d, m.f], [0.0, 0.0, 1.0]])
 
     @staticmethod
-    def _colour(read: Callable[..., Any], each: Any) -> tuple[float, float]:
-        """How far a colour is from white, and how opaque it is, both from 0 to 1."""
-        red, green, blue, alpha = (ctypes.c_uint() for _ in range(4))
-        if not read(each, red, green, blue, alpha):
-            # A pattern.
-            return 0.3, 0.5
+    def _colour(read: Callable[..., Any], each: Any, used: Any) -> tuple[float, float]:
+        """How far a colour is from white, and how opaque it is where used, both from 0 to 1."""
+        *colours, alpha = channels = [ctypes.c_uint() for _ in range(4)]
+        if not used.value or not read(each, *channels):
+            # Of a pattern nothing is known.
+            return 0.3, 0.5 if used.value else 0.0
         opaque = alpha.value / 255.0
-        return opaque * (1.0 - min(red.value, green.value, blue.value) / 255.0), opaque
+        return opaque * (1.0 - min(each.value for each in colours) / 255.0), opaque

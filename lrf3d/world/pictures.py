@@ -12,13 +12,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt, find_objects, label, maximum
 
 from lrf3d.errors import WorldError
 from lrf3d.files import opened
 from lrf3d.geometry import Bool, Float, Int, Single, directions, lengths, number
 from lrf3d.text import counted
 from lrf3d.world.free_cells import MOST_CELLS
-from lrf3d.world.grid_walls import walls_of_grid
+from lrf3d.world.grid_walls import grown, on_border, parts_of, walls_of_grid
 from lrf3d.world.model import DEFAULT_HEIGHT
 from lrf3d.world.plan import FURNITURE_HEIGHT, THICKEST, Plan
 
@@ -30,14 +31,11 @@ DOOR, LONG = 1.4, 0.7
 """Largest size [m] of a door's leaf and arc together, and length from which on a side of larger
 strokes stays."""
 
-LETTER, PILLAR = 0.6, 0.12
-"""Largest size [m] of a letter, and least width of a pillar."""
+LETTER = 0.6
+"""Largest size [m] of a letter."""
 
 FULL = 0.7
 """Share of dark pixels in its box from which on a part is solid."""
-
-PALE = 0.5
-"""Difference in lightness from the paper's up to which a thick area may be a floor."""
 
 MOST_PIXELS = 1 << 24
 """Number of pixels above which a picture is made smaller."""
@@ -51,10 +49,9 @@ def read_picture(
         known, what = path.with_suffix(".yaml"), "a picture does not say how large it is; give"
         if known.exists():
             raise WorldError(f"{what} {known.name} next to it, or --resolution")
+        how = f"--resolution, the metres per pixel, or write {known.name} next to it"
         keys = f"image: {path.name}, resolution: 0.05, origin: [0, 0, 0]"
-        raise WorldError(
-            f"{what} --resolution, the metres per pixel, or write {known.name} next to it: {keys}"
-        )
+        raise WorldError(f"{what} {how}: {keys}")
     side = number(resolution, "resolution", positive=True, most=1e4)
     pixels = pixels_of(path)
     # What is transparent is paper.
@@ -80,22 +77,21 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     found = threshold_of(contrast) if threshold is None else (255.0 - threshold) / 255.0
     dark = contrast > found
     pixels, left_out = 1.0 / resolution, Counter[str]()
-    drawn = dark & ~_floors(dark & (lightness < PALE), key, pixels, left_out)
+    # A thick area is a floor if it is pale.
+    drawn = dark & ~_floors(dark & (lightness < 0.5), key, pixels, left_out)
     walls, furniture, thin = _cleaned(drawn, pixels, left_out)
     parts = [walls_of_grid(walls), *thin, walls_of_grid(furniture)]
     segments = np.concatenate(parts) * resolution
+    darker = f"darker than grey {255.0 * (1.0 - found):.0f} of 255"
     if not len(segments):
-        raise WorldError(
-            f"no wall: nothing, or all, is darker than grey {255.0 * (1.0 - found):.0f} of 255;"
-            " --threshold sets that grey"
-        )
+        raise WorldError(f"no wall: nothing, or all, is {darker}; --threshold sets that grey")
     how = "" if threshold is not None else ", found from the picture; --threshold sets it"
     return Plan(
         segments,
         np.repeat([DEFAULT_HEIGHT] * 2 + [FURNITURE_HEIGHT] * 2, list(map(len, parts))),
-        rest=_rows(dark & ~_grown(walls | furniture, 1.5)) * resolution,
+        rest=_rows(dark & ~grown(walls | furniture, 1.5)) * resolution,
         left_out=", ".join(counted(n, what) for what, n in left_out.items() if n),
-        said=f"walls are darker than grey {255.0 * (1.0 - found):.0f} of 255{how}{coarse}",
+        said=f"walls are {darker}{how}{coarse}",
         gap=0.5 * resolution,
     )
 
@@ -108,9 +104,9 @@ def _rows(cells: Bool) -> Float:
 
 
 def contrast_of(colours: Any) -> tuple[Single, Single, Int]:
-    """The differences (rows, columns) from the paper, from 0 to 1, and numbers of the colours.
+    """Differences (rows, columns) from the paper, of a channel and of lightness; the colours.
 
-    The differences are the largest of a channel's, and that of the lightness.
+    They are from 0 to 1, the first the largest of a channel; colours are numbered.
     """
     # Sixteen steps of each channel: the noise of a scan is one colour.
     red, green, blue = (colours[..., channel].astype(np.uint16) >> 4 for channel in range(3))
@@ -119,10 +115,11 @@ def contrast_of(colours: Any) -> tuple[Single, Single, Int]:
     # The paper of a blueprint is dark.
     usual = int(np.argmax(np.bincount(key[light] if light.mean() > 0.2 else key.ravel())))
     paper = np.median(colours[key == usual], axis=0).astype(np.float32)
-    channels = [np.abs(colours[..., each] - paper[each]) for each in range(3)]
-    lightness = np.abs(colours.mean(axis=2, dtype=np.float32) - paper.mean())
+    most: Any = np.zeros(key.shape, dtype=np.float32)
     scale = np.float32(255.0)
-    most = np.maximum(np.maximum(channels[0], channels[1]), channels[2])
+    for channel in range(3):
+        np.maximum(most, np.abs(colours[..., channel] - paper[channel]), out=most)
+    lightness = np.abs(colours.mean(axis=2, dtype=np.float32) - paper.mean())
     return most / scale, lightness / scale, key
 
 
@@ -159,11 +156,11 @@ def _separated(counts: Int) -> tuple[int, float]:
 def _floors(pale: Bool, key: Int, pixels: float, left_out: Counter[str]) -> Bool:
     """Which of the pale pixels are floors: thick areas, and their colours around lettering."""
     floors = _opened(pale, 0.5 * THICKEST * pixels)
-    left_out["floor"] = _parts(floors)[1]
+    left_out["floor"] = parts_of(floors)[1]
     if not floors.any():
         return floors
     usual = np.bincount(key[floors], minlength=1 << 12) > 0.02 * floors.sum()
-    return np.asarray(floors | (pale & usual[key] & _grown(floors, THICKEST * pixels)))
+    return np.asarray(floors | (pale & usual[key] & grown(floors, THICKEST * pixels)))
 
 
 def _cleaned(drawn: Bool, pixels: float, left_out: Counter[str]) -> tuple[Bool, Bool, list[Float]]:
@@ -176,7 +173,7 @@ def _cleaned(drawn: Bool, pixels: float, left_out: Counter[str]) -> tuple[Bool, 
     thin = [np.empty((0, 4)), np.empty((0, 4))]
     if not (_extent(solid) > 0.7 * _extent(dark) and solid.sum() > 0.4 * dark.sum()):
         solid = dark
-    elif (strokes := dark & ~_grown(solid, 1.5)).any():
+    elif (strokes := dark & ~grown(solid, 1.5)).any():
         thin = _thin_walls(strokes, solid, pixels, left_out)
     furniture = _loose(solid, drawn, pixels, left_out)
     return solid & ~furniture, furniture, thin
@@ -184,11 +181,9 @@ def _cleaned(drawn: Bool, pixels: float, left_out: Counter[str]) -> tuple[Bool, 
 
 def _thin_walls(strokes: Bool, solid: Bool, pixels: float, left_out: Counter[str]) -> list[Float]:
     """Long sides (n, 4) [pixels] of thin strokes, first those from wall to wall."""
-    from scipy.ndimage import distance_transform_edt
-
-    parts, count = _parts(strokes)
+    parts, count = parts_of(strokes)
     box = _sides(parts)
-    meets = np.isin(np.arange(1, count + 1), parts[_grown(solid, 3.0)])
+    meets = np.isin(np.arange(1, count + 1), parts[grown(solid, 3.0)])
     # A line for itself is one of a dimension.
     large = (box.max(axis=1) > DOOR * pixels) & (meets | (box.min(axis=1) > LONG * pixels))
     left_out["thin stroke"] = int((~large & (box.max(axis=1) > THIN * pixels)).sum())
@@ -205,12 +200,9 @@ def _thin_walls(strokes: Bool, solid: Bool, pixels: float, left_out: Counter[str
 
 def _loose(solid: Bool, drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
     """Take small loose parts out of the solid ones; returns those that are furniture."""
-    parts, count = _parts(solid)
+    parts, count = parts_of(solid)
     sides = _sides(parts)
-    area, inked = (
-        np.bincount(parts.ravel(), w, count + 1)[1:]
-        for w in (solid.ravel(), (solid & drawn).ravel())
-    )
+    area, inked = (np.bincount(parts[of], minlength=count + 1)[1:] for of in (solid, solid & drawn))
     space = sides.prod(axis=1)
     small = sides.max(axis=1) <= min(LETTER * pixels, 0.04 * _extent(solid))
     # The letters of a word may touch: the outline of such a part is long.
@@ -220,29 +212,26 @@ def _loose(solid: Bool, drawn: Bool, pixels: float, left_out: Counter[str]) -> B
     )
     small |= (sides.min(axis=1) <= LETTER * pixels) & (edges[1:] > 2.4 * sides.sum(axis=1))
     # Letters stand close to each other.
-    words, _ = _parts(_grown(np.append(False, small)[parts], 0.1 * pixels))
+    words, _ = parts_of(grown(np.append(False, small)[parts], 0.1 * pixels))
     word = np.zeros(count + 1, dtype=np.int64)
-    word[parts[parts > 0]] = words[parts > 0]
+    word[parts[solid]] = words[solid]
     word = word[1:]
     alone = np.bincount(word, minlength=1)[word] == 1
-    stands = (area >= FULL * space) & (sides.min(axis=1) >= PILLAR * pixels) & alone
-    hollow = inked < FULL * area
-    far = sides.max(axis=1) > 0.3 * _extent(solid)
+    stands = (area >= FULL * space) & (sides.min(axis=1) >= 0.12 * pixels) & alone
+    hollow = (inked < FULL * area) & (sides.max(axis=1) <= 0.3 * _extent(solid))
     out = small & ~stands
     left_out["small part"] = int(out.sum())
     solid &= ~np.append(False, out)[parts]
-    return np.asarray(np.append(False, ~far & ~out & hollow)[parts])
+    return np.asarray(np.append(False, ~out & hollow)[parts])
 
 
 def _filled(dark: Bool, pixels: float, left_out: Counter[str]) -> Bool:
     """The pixels with the space between the two faces of walls, and without patterns of floors."""
-    from scipy.ndimage import distance_transform_edt, label, maximum
-
     parts, count = label(~dark)
     radius = np.append(
         np.inf, maximum(distance_transform_edt(~dark), parts, np.arange(1, count + 1))
     )
-    radius[np.unique(np.concatenate([parts[0], parts[-1], parts[:, 0], parts[:, -1]]))] = np.inf
+    radius[on_border(parts)] = np.inf
     within = (radius <= 0.5 * THICKEST * pixels)[parts]
     rows, columns = (np.flatnonzero(dark.any(axis=axis)) for axis in (1, 0))
     # In a maze for mice all space is as narrow as a wall.
@@ -250,40 +239,19 @@ def _filled(dark: Bool, pixels: float, left_out: Counter[str]) -> Bool:
         return dark
     # Tiles and hatches that fill a room are no wall.
     room = _opened(dark | within, 0.55 * THICKEST * pixels)
-    pattern = room & ~_grown(_opened(dark, 0.5 * THIN * pixels), 1.5)
-    left_out["floor pattern"] = _parts(pattern)[1]
+    pattern = room & ~grown(_opened(dark, 0.5 * THIN * pixels), 1.5)
+    left_out["floor pattern"] = parts_of(pattern)[1]
     return (dark | within) & ~pattern
 
 
 def _opened(cells: Bool, radius: float) -> Bool:
     """Which cells are in a disc of a radius [pixels] of such cells."""
-    from scipy.ndimage import distance_transform_edt
-
     core = distance_transform_edt(np.pad(cells, 1, mode="edge")) > radius
-    return _grown(core, radius)[1:-1, 1:-1] & cells
-
-
-def _grown(cells: Bool, radius: float) -> Bool:
-    """Which cells are within a radius [pixels] of some cells."""
-    from scipy.ndimage import distance_transform_edt
-
-    if not cells.any():
-        return cells
-    return np.asarray(distance_transform_edt(~cells) <= radius)
-
-
-def _parts(cells: Bool) -> tuple[Int, int]:
-    """The part of each cell, from 1, and their number; cells that touch at a corner touch."""
-    from scipy.ndimage import label
-
-    parts, count = label(cells, np.ones((3, 3)))
-    return np.asarray(parts, dtype=np.int64), int(count)
+    return grown(core, radius)[1:-1, 1:-1] & cells
 
 
 def _sides(parts: Int) -> Int:
     """Height and width (count, 2) [pixels] of the box around each part."""
-    from scipy.ndimage import find_objects
-
     boxes = [[part.stop - part.start for part in box] for box in find_objects(parts)]
     return np.array(boxes, dtype=np.int64).reshape(-1, 2)
 

@@ -206,6 +206,12 @@ def groups(one: Int, other: Int, count: int) -> Int:
     return np.asarray(label, dtype=np.int64)
 
 
+def members_of(label: Int) -> list[Int]:
+    """The numbers of the members of each group, by their labels from 0."""
+    order = np.argsort(label, kind="stable")
+    return np.split(order, np.cumsum(np.bincount(label, minlength=1))[:-1])
+
+
 def joined_objects(world: World) -> Int:
     """The object (n,) of each wall where objects that touch count as one, by their lowest number.
 

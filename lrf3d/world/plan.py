@@ -2,10 +2,12 @@
 
 A drawing, of DXF, SVG or PDF, enters; walls (segments with heights) and doors leave, with what was
 left out and why, and become a world, in which walls that touch are one object. A layer whose name
-says what it holds is taken at its word. Elsewhere a leaf and its quarter arc are a door that stands
-open, and rows of small strokes are text. What has a thickness is two faces.
+says what it holds, in AIA's groups or words of the larger languages, is taken at its word.
+Elsewhere a leaf and its quarter arc are a door that stands open, and rows of small strokes are
+text. What has a thickness is two faces.
 """
 
+import re
 import warnings
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -13,20 +15,20 @@ from fnmatch import fnmatch
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
+from unicodedata import combining, normalize
 
 import numpy as np
+import shapely
 
 from lrf3d.errors import Lrf3dNote, WorldError
 from lrf3d.geometry import Bool, Float, lengths
 from lrf3d.text import counted
 from lrf3d.world.drawing import Drawing, Mark, is_area
-from lrf3d.world.layers import role_of
 from lrf3d.world.model import DEFAULT_HEIGHT, World
 from lrf3d.world.pieces import TOUCHING, world_of_walls
 from lrf3d.world.symbols import (
     LEAST_ROOM,
     Door,
-    Parts,
     find_doors,
     find_leaves,
     is_aside,
@@ -41,20 +43,71 @@ FURNITURE_HEIGHT = 0.8
 THICKEST = 0.6
 """Mean thickness [m] up to which an area is a wall, and not a floor, whatever its colour."""
 
-DARK = 0.45
-"""Contrast from which on a thick area stands, such as a solid house: floors are paler."""
-
 OUTLINE = 1e-4
 """Distance [m] up to which a line runs along the outline of an area."""
-
-LONGEST_LEAF = 2.2
-"""Length [m] above which a line on a layer of doors is no leaf, but a wall."""
 
 CRACK = 0.02
 """Half of a gap [m] between walls through which two rooms do not become one."""
 
 STANDS = ("wall", "window", "other", "furniture")
 """The roles of what stands; lines of ``other`` layers are walls, too."""
+
+WORDS = {
+    "annotation": (
+        "anno text txt dim bemass cota acot quot note tag symb title titl ttlb legend label schrift"
+        " beschrift etiquet rotul testo testi teks iden grid axis axes achs rast hatch patt schraff"
+        " hachur tratteg sombr defpoint vport viewport border clng ceiling roof lite elec"
+        " flooring tile paving pavim fliese parket parquet carpet projec ovhd"
+        " текст размер штрих оси 文字 标注 轴 填充 寸法 注記"
+    ),
+    "furniture": (
+        "furn eqpm equip mobel moebel mobil meubl muebl movei arred meubel mebl mebel nabyt"
+        " huonekal bútor sanit fixt plumb casework appl schrank sofa chair desk wardrobe einricht"
+        " stair strs trepp escal мебел лестн 家具 洁具 楼梯"
+    ),
+    "wall": (
+        "wall wand waend wande mauer mur muro mura muri pared paret cloison tabique tramezz alvenar"
+        " scian sten stena seina vagg vegg væg duvar zid fal стен 墙 牆 壁"
+    ),
+    "window": (
+        "glaz glass window fenet fenster ventan finestr serrament infiss janela raam kozijn okn"
+        " pencere ikkun fonster vindu ablak окн 窗 窓"
+    ),
+    "door": (
+        "door porte porta puert tur turen tuer tueren deur drzwi dver vrata kapi kapı ovi ovet dorr"
+        " dør ajto двер 门 門 扉 ドア"
+    ),
+}
+"""Beginnings or ends of words in names, by what a layer holds; the first that fits counts."""
+
+_KNOWN = {
+    role: ["".join(c for c in normalize("NFKD", part) if not combining(c)) for part in text.split()]
+    for role, text in WORDS.items()
+}
+NOT_DOORS = ("indoor", "outdoor", "ovid")
+
+
+def role_of(*names: str) -> str:
+    """What the first name that says so has: a key of WORDS, or ``other``.
+
+    >>> role_of("A-WALL-INTR"), role_of("Innentüren"), role_of("0", "SOFA_2"), role_of("Layer1")
+    ('wall', 'door', 'furniture', 'other')
+    """
+    for name in names:
+        plain = "".join(c for c in normalize("NFKD", name.casefold()) if not combining(c))
+        words = set(re.findall(r"[^\W\d_]+", plain)) - set(NOT_DOORS)
+        for role, known in _KNOWN.items():
+            if any(_means(word, part) for word in words for part in known):
+                return role
+    return "other"
+
+
+def _means(word: str, part: str) -> bool:
+    if not part.isascii():
+        return part in word
+    # Short beginnings are those of many words: all but a plural.
+    short = len(part) < 4 and len(word) > len(part) + 1
+    return word.endswith(part) or (word.startswith(part) and (not short or part == "dim"))
 
 
 class Layer(NamedTuple):
@@ -82,8 +135,6 @@ class Plan(NamedTuple):
 
     def rooms(self) -> list[tuple[float, Float]]:
         """Areas [m²] of the rooms between walls and closed doors, and points (2,) in them."""
-        import shapely
-
         walls = self.segments[self.heights > FURNITURE_HEIGHT].reshape(-1, 2, 2)
         # Openings are measured along the arc of a leaf, and end near their walls.
         ends = np.array([door.opening for door in self.doors]).reshape(-1, 2, 2)
@@ -123,47 +174,32 @@ class Plan(NamedTuple):
         return world
 
 
-PAINTERS = {".dxf": "dxf:draw_dxf", ".svg": "svg:draw_svg", ".pdf": "pdf:draw_pdf"}
-"""The module and the function that paint a drawing, by the ending of its file."""
-
-
 def read_drawing(
     path: Path,
     *,
     scale: float = 1.0,
-    page: int | None = None,
-    threshold: float | None = None,
     layers: Sequence[str] = (),
     without: Sequence[str] = (),
+    **options: Any,
 ) -> Plan:
     """Read a drawing as a plan; what the options are says ``load_world``."""
-    module, name = PAINTERS[path.suffix.lower()].split(":")
-    reader: Any = import_module(f"lrf3d.world.{module}")
-    if module == "pdf":
-        canvas = reader.draw_pdf(path, scale, page or 1)
-        if not canvas.marks and canvas.left_out["picture"]:
-            plan: Plan = reader.read_scan(path, scale, page or 1, threshold)
-            return plan
-        if threshold is not None:
-            raise WorldError("is no scanned page: threshold is for pictures")
-    else:
-        canvas = getattr(reader, name)(path, scale)
-    return plan_of(canvas.drawing(), layers, without)
+    reader: Any = import_module(f"lrf3d.world.{path.suffix[1:].lower()}")
+    # A scanned page of a PDF is a plan already.
+    found = reader.draw(path, scale, **options)
+    return found if isinstance(found, Plan) else plan_of(found.drawing(), layers, without)
 
 
 SYMBOLS: dict[str, Callable[[Float], Bool]] = {
     "frame line": is_frame,
     "pattern line": is_pattern,
-    "outside line": lambda segments: is_aside(parts := Parts(segments))[parts.number],
-    "letter stroke": lambda segments: is_lettering(parts := Parts(segments))[parts.number],
+    "outside line": is_aside,
+    "letter stroke": is_lettering,
 }
 """What is no wall where no layer says so, by what the note calls it."""
 
 
 def plan_of(drawing: Drawing, layers: Sequence[str] = (), without: Sequence[str] = ()) -> Plan:
     """Decide what of a drawing stands; of some layers alone, or without some, by patterns."""
-    import shapely
-
     marks = drawing.marks
     roles = _without_floors(marks, _roles(marks, layers, without))
     solids = _solids(marks, roles)
@@ -181,19 +217,18 @@ def plan_of(drawing: Drawing, layers: Sequence[str] = (), without: Sequence[str]
     doors, opened = find_doors(segments, line, drawn)
     more, leaves = find_leaves(segments, line, drawn & ~opened)
     doors, opened = doors + more, opened | leaves
-    # Partitions are found on layers of doors, too.
-    stands = np.isin(role, STANDS) | ((role == "door") & (lengths(segments) > LONGEST_LEAF))
+    # Partitions are found on layers of doors, too; they are longer than leaves.
+    stands = np.isin(role, STANDS) | ((role == "door") & (lengths(segments) > 2.2))
     stands &= ~opened
-    left = Counter(drawing.left_out)
-    left["floor"] = roles.count("floor")
+    left = drawing.left_out + Counter(floor=roles.count("floor"))
     for what, symbols in SYMBOLS.items():
         loose = np.flatnonzero(stands & (role == "other"))
         found = loose[symbols(segments[loose])]
         stands[found] = False
         left[what] += len(found)
-    hidden = {mark.layer for mark, role in zip(marks, roles, strict=True) if role == "left out"}
-    named = {mark.layer: role for mark, role in zip(marks, roles, strict=True)}
-    hidden |= {name for name, role in named.items() if role in ("annotation", "door")}
+    layered = [(mark.layer, role) for mark, role in zip(marks, roles, strict=True)]
+    hidden = {name for name, role in layered if role == "left out"}
+    hidden |= {name for name, role in dict(layered).items() if role in ("annotation", "door")}
     words = [counted(number, noun) for noun, number in sorted(left.items()) if number]
     words += [f"layers {', '.join(name or '(none)' for name in sorted(hidden))}"] if hidden else []
     return Plan(
@@ -201,17 +236,17 @@ def plan_of(drawing: Drawing, layers: Sequence[str] = (), without: Sequence[str]
         np.where(role[stands] == "furniture", FURNITURE_HEIGHT, DEFAULT_HEIGHT),
         doors,
         segments[~stands],
-        _listed(marks, roles),
+        _listed(marks, layered),
         ", ".join(words),
     )
 
 
 def _roles(marks: list[Mark], layers: Sequence[str], without: Sequence[str]) -> list[str]:
     """What each mark is, by the name of its layer and of its block, and by what was chosen."""
-    names = list(dict.fromkeys((mark.layer, mark.names) for mark in marks))
+    names = dict.fromkeys((mark.layer, mark.names) for mark in marks)
     for pattern in (*layers, *without):
         if not any(_fits(name, [pattern]) for name in names):
-            known = ", ".join(dict.fromkeys(layer or "(none)" for layer, _ in names[:100]))
+            known = ", ".join(dict.fromkeys(layer or "(none)" for layer, _ in [*names][:100]))
             raise WorldError(f"no layer is called {pattern}; with lines are {known}")
     kinds = dict[Any, str]()
     for name in names:
@@ -231,15 +266,14 @@ def _fits(name: tuple[str, tuple[str, ...]], patterns: Sequence[str]) -> bool:
 
 def _without_floors(marks: list[Mark], roles: list[str]) -> list[str]:
     """The roles, where areas that are floors are said to be that: thick, and pale or drawn on."""
-    import shapely
-
     shapes = [mark.shape for mark in marks]
     tree, roles = shapely.STRtree(shapes), list(roles)
     for number, (mark, role) in enumerate(zip(marks, roles, strict=True)):
         area, edge = mark.shape.area, mark.shape.length
         stands = role in STANDS and role != "furniture" and is_area(mark.shape)
         if stands and 2.0 * area > THICKEST * edge:
-            pale = mark.contrast < DARK and role != "wall"
+            # What is darker is a solid house.
+            pale = mark.contrast < 0.45 and role != "wall"
             if pale or (tree.query(mark.shape, predicate="contains_properly") > number).any():
                 roles[number] = "floor"
     return roles
@@ -247,30 +281,22 @@ def _without_floors(marks: list[Mark], roles: list[str]) -> list[str]:
 
 def _solids(marks: list[Mark], roles: list[str]) -> list[tuple[Any, str]]:
     """The areas that stand, joined where they touch, each with its role."""
-    import shapely
-
     solids = list[tuple[Any, str]]()
-    areas = np.array([is_area(mark.shape) for mark in marks], dtype=bool)
-    kinds = np.where(areas, np.array(roles, dtype=object), "")
-    shapes = np.array([mark.shape for mark in marks], dtype=object)
-    for group in (("wall", "window", "other"), ("furniture",)):
-        members = np.flatnonzero(np.isin(kinds, group))
-        parts = shapely.get_parts(shapely.union_all(shapes[members]))
-        part, member = shapely.STRtree(shapes[members]).query(parts, predicate="intersects")
-        named = np.zeros(len(parts), dtype=bool)
-        named[part[kinds[members[member]] != "other"]] = True
-        solids += [
-            (shape, ("wall" if known else "other") if "wall" in group else "furniture")
-            for shape, known in zip(parts, named, strict=True)
-            if is_area(shape)
-        ]
+    areas = [(mark.shape, r) for mark, r in zip(marks, roles, strict=True) if is_area(mark.shape)]
+    for name, group in (("wall", ("wall", "window", "other")), ("furniture", ("furniture",))):
+        members = [(shape, role) for shape, role in areas if role in group]
+        if not members:
+            continue
+        shapes = np.array([shape for shape, _ in members])
+        parts = [each for each in shapely.get_parts(shapely.union_all(shapes)) if is_area(each)]
+        known = shapely.STRtree(shapes[[role != "other" for _, role in members]])
+        named = set(known.query(parts, predicate="intersects")[0].tolist())
+        solids += [(part, name if n in named else "other") for n, part in enumerate(parts)]
     return solids
 
 
 def _segments(pieces: list[tuple[Any, str]]) -> tuple[Float, Any, Any]:
     """The segments (n, 4) of geometries, the number of the line and the role (n,) of each."""
-    import shapely
-
     shapes = [shape.boundary if is_area(shape) else shape for shape, _ in pieces]
     lines, piece = shapely.get_parts(shapes, return_index=True)
     points, line = shapely.get_coordinates(lines, return_index=True)
@@ -279,10 +305,10 @@ def _segments(pieces: list[tuple[Any, str]]) -> tuple[Float, Any, Any]:
     return np.hstack([points[joined], points[joined + 1]]), line[joined], role[piece[line[joined]]]
 
 
-def _listed(marks: list[Mark], roles: list[str]) -> list[Layer]:
-    """The layers, the longest first."""
+def _listed(marks: list[Mark], layered: list[tuple[str, str]]) -> list[Layer]:
+    """The layers, the longest first, with the roles in them."""
     long, held = Counter[str](), dict[str, dict[str, None]]()
-    for mark, role in zip(marks, roles, strict=True):
-        long[mark.layer] += mark.shape.length
-        held.setdefault(mark.layer, {})[role] = None
+    for mark, (name, role) in zip(marks, layered, strict=True):
+        long[name] += mark.shape.length
+        held.setdefault(name, {})[role] = None
     return [Layer(name, length, ", ".join(held[name])) for name, length in long.most_common()]

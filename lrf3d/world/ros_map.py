@@ -49,12 +49,6 @@ KEYS: Mapping[str, Converter] = {
 }
 """The keys of a description that are read, and the converters of their values."""
 
-_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
-_TRUTH = {**dict.fromkeys(("true", "yes", "on"), 1), **dict.fromkeys(("false", "no", "off"), 0)}
-
-USUAL = {"occupied_thresh": 0.65, "free_thresh": 0.25, "negate": 0, "mode": "trinary"}
-"""What a description says where it does not say it, as for map_server."""
-
 
 def read_ros_map(path: Path) -> World:
     """Read the occupied cells of a ROS map as walls."""
@@ -66,24 +60,21 @@ def read_ros_map(path: Path) -> World:
         data = loader.construct_document(node) if node else None
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise WorldError(f"not YAML: {' '.join(str(error).split())[:120]}") from None
-    if (
-        node is None
-        or not isinstance(data, dict)
-        or not {"image", "resolution", "origin"} <= set(data)
+    if node is None or not (
+        isinstance(data, dict) and {"image", "resolution", "origin"} <= set(data)
     ):
         raise WorldError("expected the description of a ROS map: image, resolution, origin")
     lines: dict[str, int] = {}
     for key, _ in node.value:
         name, line = str(key.value), key.start_mark.line + 1
         if (first := lines.setdefault(name, line)) != line:
-            key = f"line {line}: the key {shown(name)}"
-            raise WorldError(f"{key} stands in line {first}, too; remove one")
+            twice = f"the key {shown(name)} stands in line {first}, too; remove one"
+            raise WorldError(f"line {line}: {twice}")
     texts = ("image", "mode")
-    given = {key: value if key in texts else _plain(value) for key, value in data.items()}
-    values = {
-        **USUAL,
-        **{key: KEYS[key](value, key) for key, value in given.items() if key in KEYS},
-    }
+    usual = {"occupied_thresh": 0.65, "free_thresh": 0.25, "negate": 0, "mode": "trinary"}
+    values: dict[str, Any] = {**usual}
+    for key in filter(KEYS.__contains__, data):
+        values[key] = KEYS[key](data[key] if key in texts else _plain(data[key]), key)
     name = re.split(r"[/\\]", values["image"])[-1]
     if name != values["image"].removeprefix("./") or not name.strip("."):
         elsewhere = f"image is {shown(values['image'])}"
@@ -102,8 +93,9 @@ def _plain(value: Any) -> Any:
         return [_plain(each) if isinstance(each, str) else each for each in value]
     if not isinstance(value, str):
         return value
-    if not _NUMBER.fullmatch(value):
-        return _TRUTH.get(value.lower(), value)
+    if not re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", value):
+        truth = {"true": 1, "yes": 1, "on": 1, "false": 0, "no": 0, "off": 0}
+        return truth.get(value.lower(), value)
     return int(value) if value.isdigit() and len(value) < 16 else float(value)
 
 
@@ -185,11 +177,9 @@ def map_cells(
         raise OutputError(f"{path}: {found}; choose larger cells")
     cells = np.full((rows, columns), FREE, dtype=np.uint8)
     if world.free is not None:
-        x = resolution * (first[0] + 0.5 + np.arange(columns))
-        for row in range(rows):
-            y = resolution * (first[1] + 0.5 + row)
-            known = world.free.contain(np.column_stack([x, np.full(columns, y)]))
-            cells[row, ~known] = UNKNOWN
+        x, heights = (resolution * (first[n] + 0.5 + np.arange((columns, rows)[n])) for n in (0, 1))
+        for row, y in zip(cells, heights, strict=True):
+            row[~world.free.contain(np.column_stack([x, np.full(columns, y)]))] = UNKNOWN
     cells[_walled_cells(world.segments / resolution - np.tile(first, 2))] = OCCUPIED
     x, y = (first * resolution).tolist()
     return cells, (x, y)

@@ -65,10 +65,11 @@ def several(convert: Converter, what: str, *, least: int = 1, alone: bool = Fals
     """A list of values; or, where ``alone``, one of them, which is not wrapped in a list."""
 
     def convert_all(value: Any, key: str) -> Any:
-        if alone and not isinstance(value, list):
+        listed = isinstance(value, list)
+        if alone and not listed:
             return convert(value, key)
-        if not isinstance(value, list) or len(value) < least:
-            found = len(value) if isinstance(value, list) else shown(value)
+        if not listed or len(value) < least:
+            found = len(value) if listed else shown(value)
             raise InputError(f"{key}: expected a list of at least {least} {what}, found {found}")
         return tuple(convert(item, f"{key}[{place}]") for place, item in enumerate(value))
 
@@ -136,9 +137,13 @@ def tables(convert: Converter, *, alone: bool = False) -> Converter:
     return convert_all
 
 
-_ANGLE = partial(number, least=-3600.0, most=3600.0)
 _LENGTH = partial(number, positive=True, most=LARGEST_COORDINATE)
 _NOT_NEGATIVE = partial(number, most=LARGEST_COORDINATE)
+
+
+def _each(convert: Converter, *keys: str) -> dict[str, Converter]:
+    return dict.fromkeys(keys, convert)
+
 
 OBJECT: Mapping[str, Converter] = {
     "name": text(),
@@ -154,7 +159,7 @@ OBJECT: Mapping[str, Converter] = {
 OBSTACLE: Mapping[str, Converter] = {
     "route": rows("x", "y", least=2),
     "points": rows("x", "y", least=3),
-    **dict.fromkeys(("speed", "radius", "height"), _LENGTH),
+    **_each(_LENGTH, "speed", "radius", "height"),
 }
 
 TABLES: Mapping[str, Mapping[str, Converter]] = {
@@ -163,15 +168,13 @@ TABLES: Mapping[str, Mapping[str, Converter]] = {
         "route": rows("x", "y"),
         "poses": poses(rows("x", "y", "degrees")),
         "outline": rows("x", "y", least=3),
-        **dict.fromkeys(("speed", "scan_interval", "lookahead", "radius"), _LENGTH),
+        **_each(_LENGTH, "speed", "scan_interval", "lookahead", "radius"),
     },
     "laser": {
-        **dict.fromkeys(("angle_min_deg", "angle_max_deg"), _ANGLE),
+        **_each(partial(number, least=-3600.0, most=3600.0), "angle_min_deg", "angle_max_deg"),
         "beams": whole_number,
         "range_max": _LENGTH,
-        **dict.fromkeys(
-            ("range_min", "height", "scan_duration", "threshold", "near_field"), _NOT_NEGATIVE
-        ),
+        **_each(_NOT_NEGATIVE, "range_min", "height", "scan_duration", "threshold", "near_field"),
         "echo": text("first", "last", "strongest"),
         "echoes": partial(whole_number, most=5),
         "mount": poses(row("x", "y", "degrees")),
@@ -179,25 +182,23 @@ TABLES: Mapping[str, Mapping[str, Converter]] = {
     },
     "noise": {
         "sigma": several(_NOT_NEGATIVE, "sigmas", alone=True),
-        **dict.fromkeys(("constant", "resolution"), _NOT_NEGATIVE),
-        **dict.fromkeys(("angle_deg", "beam_deg"), partial(number, most=90.0)),
-        **dict.fromkeys(("drop_outs", "drop_outs_far"), partial(number, most=1.0)),
+        **_each(_NOT_NEGATIVE, "constant", "resolution"),
+        **_each(partial(number, most=90.0), "angle_deg", "beam_deg"),
+        **_each(partial(number, most=1.0), "drop_outs", "drop_outs_far"),
     },
     "odometry": {
-        **dict.fromkeys(
-            ("scale", "track", "turn_per_metre"), partial(number, least=-10.0, most=10.0)
-        ),
-        **dict.fromkeys(("slip", "swerve", "skid"), partial(number, most=10.0)),
+        **_each(partial(number, least=-10.0, most=10.0), "scale", "track", "turn_per_metre"),
+        **_each(partial(number, most=10.0), "slip", "swerve", "skid"),
     },
     "imu": {
         "rate": partial(number, positive=True, most=10_000.0),
-        **dict.fromkeys(("gyro_noise", "gyro_walk"), partial(number, most=10.0)),
-        **dict.fromkeys(("accelerometer_noise", "accelerometer_walk"), partial(number, most=100.0)),
+        **_each(partial(number, most=10.0), "gyro_noise", "gyro_walk"),
+        **_each(partial(number, most=100.0), "accelerometer_noise", "accelerometer_walk"),
     },
     "mapper": {
         "mode": text("paper", "robust"),
         "min_points": partial(whole_number, least=2),
-        **dict.fromkeys(("gap", "split", "merge_length", "merge_distance", "floor"), _LENGTH),
+        **_each(_LENGTH, "gap", "split", "merge_length", "merge_distance", "floor"),
     },
     "film": {"view": text(), "playback": _LENGTH, "points_by": text("range", "intensity")},
 }
@@ -211,8 +212,7 @@ def value_of(text: str) -> Any:
     """Parse a TOML value; strings need no quotes unless they begin like a list or with one."""
     text = text.strip()
     with suppress(ValueError, RecursionError):
-        found = tomllib.loads(f"value = {text}")
-        if list(found) == ["value"]:
+        if [*(found := tomllib.loads(f"value = {text}"))] == ["value"]:
             return found["value"]
     # Python also reads .5 and 5., which TOML does not.
     with suppress(ValueError):
@@ -230,9 +230,8 @@ def read_settings(texts: Iterable[str]) -> dict[str, dict[str, Any]]:
         name, equals, value = text.partition("=")
         table, dot, key = name.strip().partition(".")
         if not (equals and dot):
-            raise InputError(
-                f"setting {shown(text)}: expected TABLE.KEY=VALUE, such as laser.range_max=20"
-            )
+            expected = "expected TABLE.KEY=VALUE, such as laser.range_max=20"
+            raise InputError(f"setting {shown(text)}: {expected}")
         place = f"setting {name[:80]}"
         with at(place):
             check_names(place, [table], TABLES)

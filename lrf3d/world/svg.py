@@ -22,7 +22,7 @@ import tinycss2
 
 from lrf3d.errors import WorldError, shown
 from lrf3d.geometry import LARGEST_COORDINATE, Float
-from lrf3d.world.drawing import CURVE_ERROR, Canvas, Mark, curve_points, is_area, pen_of
+from lrf3d.world.drawing import Canvas, Mark, curve_points, is_area
 
 PIXEL = 0.0254 / 96.0
 """The unit of numbers without one [m]: 1/96 in."""
@@ -46,8 +46,6 @@ SHAPES = {
 }
 COUNTED = {"text": "text", "image": "picture", "foreignObject": "picture"}
 GROUPS = frozenset(("g", "a", "svg", "switch", "use"))
-DEEPEST = 100
-"""Most groups and uses within each other."""
 
 
 class State(NamedTuple):
@@ -65,7 +63,7 @@ class State(NamedTuple):
     depth: int = 0
 
 
-def draw_svg(path: Path, scale: float) -> Canvas:
+def draw(path: Path, scale: float) -> Canvas:
     """The marks of an SVG drawing, enlarged by a scale."""
     try:
         root = ElementTree.parse(path).getroot()
@@ -74,23 +72,23 @@ def draw_svg(path: Path, scale: float) -> Canvas:
     if _tag(root) != "svg":
         raise WorldError(f"<{_tag(root)[:40]}> where <svg> was expected: not an SVG drawing")
     width, height = _size(root)
-    # A drawing on paper is a thousandth of the size of what it shows.
-    tolerance = min(CURVE_ERROR, 2e-4 * max(width, height) * PIXEL * scale)
-    painter = _Painter(root, Canvas(tolerance), pen_of(scale))
+    canvas = Canvas.of_sheet(max(width, height) * PIXEL * scale, scale)
+    by_id = {each.get("id", ""): each for each in root.iter() if each.get("id")}
+    painter = _Painter(canvas, _style_sheet(root), by_id)
     up = np.diag([scale * PIXEL, -scale * PIXEL, 1.0])
     up[1, 2] = scale * PIXEL * height
     state = _framed(root, (0.0, 0.0, width, height), State(up, (width, height)))
     painter.children(root, painter.state(root, state, transformed=False))
-    return painter.canvas
+    return canvas
 
 
-class _Painter:
+class _Painter(NamedTuple):
     """Paints elements on a canvas."""
 
-    def __init__(self, root: Element, canvas: Canvas, pen: float) -> None:
-        self.canvas, self.pen = canvas, pen
-        self.sheet = _style_sheet(root)
-        self.by_id = {each.get("id"): each for each in root.iter() if each.get("id")}
+    canvas: Canvas
+    sheet: dict[Element, dict[str, str]]
+    """What the style sheets say of the elements."""
+    by_id: dict[str, Element]
 
     def state(self, element: Element, outer: State, transformed: bool = True) -> State:
         """The state of what is in an element."""
@@ -98,9 +96,8 @@ class _Painter:
         own |= self.sheet.get(element, {}) | _declarations(element.get("style", ""))
         style = {k: v for k, v in outer.style.items() if k in INHERITED}
         style |= {k: v for k, v in own.items() if v != "inherit"}
-        matrix = outer.matrix
-        if transformed and style.get("transform", "none") != "none":
-            matrix = np.asarray(matrix @ _transform(style, outer.size))
+        turned = transformed and style.get("transform", "none") != "none"
+        matrix = outer.matrix @ _transform(style, outer.size) if turned else outer.matrix
         label = next((v for k, v in own.items() if k.endswith("}label")), "")
         names = (label, own.get("data-name", ""), own.get("id", ""), own.get("class", ""))
         named = next(filter(None, names), "")
@@ -113,8 +110,8 @@ class _Painter:
             layer=chosen or outer.layer or (named if _tag(element) in GROUPS else ""),
             depth=outer.depth + 1,
         )
-        if state.depth > DEEPEST:
-            raise WorldError(f"has groups or uses within each other, more than {DEEPEST} deep")
+        if state.depth > 100:
+            raise WorldError("has groups or uses within each other, more than 100 deep")
         for key in ("clip-path", "mask"):
             if style.get(key, "none") != "none":
                 state = state._replace(clip=self._clipped(key, style[key], state))
@@ -169,8 +166,7 @@ class _Painter:
         if target is None or "objectBoundingBox" in target.attrib.values():
             self.canvas.left_out[f"unread {key}"] += 1
             return state.clip
-        inner = _Painter(target, Canvas(self.canvas.tolerance), self.pen)
-        inner.sheet, inner.by_id = self.sheet, self.by_id
+        inner = self._replace(canvas=Canvas(self.canvas.tolerance, self.canvas.pen))
         plain = State(state.matrix, state.size, depth=state.depth)
         paint = {"fill": "#fff", "stroke": "none"} if key == "clip-path" else {"fill": "#000"}
         inner.children(target, inner.state(target, plain)._replace(style=paint))
@@ -180,7 +176,7 @@ class _Painter:
             if is_area(mark.shape):
                 light = key == "clip-path" or mark.contrast < 0.5
                 region = region.union(mark.shape) if light else region.difference(mark.shape)
-        return region if state.clip is None else region.intersection(state.clip)
+        return _within(state.clip, region)
 
     def _shape(self, element: Element, state: State) -> None:
         style, canvas = state.style, self.canvas
@@ -194,18 +190,13 @@ class _Painter:
             canvas.left_out["gradient or pattern"] += 1
         contrast, alpha = _colour(style, "fill", "black", state.alpha)
         rule = style.get("clip-rule" if "clip-path" in style else "fill-rule", "nonzero")
-        if alpha > 0.02 and _tag(element) != "line":
-            solid = mark._replace(contrast=contrast, opaque=alpha > 0.98)
-            canvas.area(rings, solid, state.clip, winding=rule != "evenodd")
+        fill = contrast, 0.0 if _tag(element) == "line" else alpha, rule != "evenodd"
         contrast, alpha = _colour(style, "stroke", "none", state.alpha)
         width = _length(style, "stroke-width", math.hypot(*state.size) / math.sqrt(2.0), "1")
         width *= math.sqrt(abs(np.linalg.det(state.matrix[:2, :2])))
-        if alpha > 0.02 and width > 0.0:
-            wide = width if width > self.pen or contrast < 0.08 else 0.0
-            cap = "flat" if style.get("stroke-linecap", "butt") == "butt" else "square"
-            pen = mark._replace(width=wide, contrast=contrast, opaque=alpha > 0.98)
-            for ring in rings:
-                canvas.line(ring, pen, state.clip, cap)
+        square = style.get("stroke-linecap", "butt") != "butt"
+        stroke = contrast, alpha if width > 0.0 else 0.0, width, square
+        canvas.shape(rings, mark, state.clip, fill, stroke)
 
 
 def _outline(kind: str, state: State, tolerance: float) -> list[Float]:
@@ -241,6 +232,11 @@ def _outline(kind: str, state: State, tolerance: float) -> list[Float]:
     return [np.concatenate(line) for line in lines]
 
 
+def _within(region: Any, clip: Any) -> Any:
+    """What two clips leave, of which one may be None."""
+    return region if clip is None else clip if region is None else clip.intersection(region)
+
+
 def _viewport(element: Element, sized: Element, state: State, placed: bool = False) -> State:
     """The state in a nested drawing or a symbol, with a frame of its own."""
     wide, high = state.size
@@ -250,7 +246,7 @@ def _viewport(element: Element, sized: Element, state: State, placed: bool = Fal
     if state.style.get("overflow", "hidden") not in ("visible", "auto"):
         corners = np.array(shapely.box(x, y, x + width, y + height).exterior.coords)
         frame = shapely.Polygon(corners @ state.matrix[:2, :2].T + state.matrix[:2, 2])
-        state = state._replace(clip=frame if state.clip is None else state.clip.intersection(frame))
+        state = state._replace(clip=_within(frame, state.clip))
     return _framed(element, (x, y, width, height), state)
 
 
@@ -291,19 +287,17 @@ def _moved(x: float, y: float) -> Float:
 
 def _size(root: Element) -> tuple[float, float]:
     """Width and height of a sheet [px]; a side that is not given follows from the ``viewBox``."""
-    sides: list[float | None] = []
+    sides: dict[str, float] = {}
     for key in ("width", "height"):
         text = root.get(key, "").strip()
-        given = text not in ("", "auto") and not text.endswith("%")
-        side = _length({key: text}, key, math.nan) if given else None
-        if side is not None and not 0.0 < side <= LARGEST_COORDINATE:
-            raise WorldError(f"{key} is {shown(text)}, expected a length above 0 such as 120mm")
-        sides.append(side)
-    width, height = sides
+        if text not in ("", "auto") and not text.endswith("%"):
+            sides[key] = _length({key: text}, key, math.nan)
+            if not 0.0 < sides[key] <= LARGEST_COORDINATE:
+                raise WorldError(f"{key} is {shown(text)}, expected a length above 0 such as 120mm")
     _, _, wide, high = _box(root)
-    if width is None:
-        width = wide if height is None else height * wide / high
-    return width, width * high / wide if height is None else height
+    usual = sides["height"] * wide / high if "height" in sides else wide
+    width = sides.get("width", usual)
+    return width, sides.get("height", width * high / wide)
 
 
 def _box(element: Element) -> tuple[float, ...]:

@@ -5,13 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from exact_light import ExactLight
+from exact_light import ExactLight, brightness, shares, surface_of
+from hypothesis import given
+from hypothesis import strategies as st
 from lit_worlds import PERFECT, WHITE, world_of
 
 import lrf3d
 from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
 from lrf3d.casting.kernels.light import MOST_TURNS
-from lrf3d.laser.light import shares
 from lrf3d.world import Material
 from stress import NAMES, lit
 
@@ -19,6 +20,30 @@ CASTERS = (PlanarCaster, EmbreeCaster)
 both = pytest.mark.parametrize("caster", CASTERS)
 ROUND = LaserRangeFinder(-np.pi, np.pi, beams=91)
 AHEAD = LaserRangeFinder(0.0, 0.0, beams=1)
+
+
+@given(st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.floats(1.0, 3.0))
+def test_glass_splits_the_light_that_it_does_not_scatter_after_fresnel(cos, diffuse, index):
+    pane = surface_of(Material("pane", diffuse=diffuse, index=index))
+    rest, face = 1.0 - diffuse, ((index - 1.0) / (index + 1.0)) ** 2
+    mirrored, passed = shares(cos, pane)
+    assert 0.0 <= mirrored <= 1.0 and -1e-12 <= passed <= 1.0
+    assert mirrored + passed == pytest.approx(rest)
+    assert shares(1.0, pane)[0] == pytest.approx(rest * 2.0 * face / (1.0 + face))
+    assert shares(0.0, pane) == pytest.approx((rest, 0.0))
+
+
+@given(st.floats(-1.5, 1.5), st.floats(0.0, 0.5), st.floats(0.0, 1.0), st.floats(0.05, 1.0))
+def test_a_surface_is_as_bright_as_its_cosine_and_a_gaussian_of_twice_the_angle(
+    angle, diffuse, retro, lobe
+):
+    plain = Material("cloth", diffuse=diffuse, retro=retro, lobe_deg=math.degrees(lobe))
+    cos, sin = math.cos(angle), abs(math.sin(angle))
+    assert brightness(cos, sin, surface_of(plain), 0.0) == pytest.approx((diffuse + retro) * cos)
+    glossy = surface_of(replace(plain, specular=0.5))
+    shine = brightness(cos, sin, glossy, 0.5) - (diffuse + retro) * cos
+    want = 0.25 / lobe**2 * math.exp(-0.5 * (2.0 * angle / lobe) ** 2)
+    assert shine == pytest.approx(want, abs=1e-12)
 
 
 @both
@@ -95,7 +120,7 @@ def test_glass_returns_an_echo_and_lets_the_beam_through(caster):
     scan = caster(world).cast(replace(AHEAD, echoes=3), (0, 0, 0))
     assert scan.echoes.tolist() == [[2.0, 5.0, np.inf]]
     glass = Material.of("glass")
-    mirrored, passed = shares(1.0, glass.diffuse, 0.0, 0.0, glass.index)
+    mirrored, passed = shares(1.0, surface_of(glass))
     lobe = math.radians(glass.lobe_deg)
     want = [(glass.diffuse + mirrored / (2 * lobe**2)) / 4, passed**2 / 25, 0.0]
     assert scan.echo_intensities[0] == pytest.approx(want, rel=1e-12)

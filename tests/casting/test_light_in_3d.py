@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from exact_light import shares, surface_of
 from lit_worlds import PERFECT, WHITE, world_of
 
 from lrf3d import EmbreeCaster, LaserRangeFinder, PlanarCaster, World
 from lrf3d.errors import InputError
-from lrf3d.laser.light import shares
 from lrf3d.laser.range_finder import layer_directions
 from lrf3d.world import Material
 
@@ -74,7 +74,7 @@ def test_glass_that_is_met_from_above_divides_the_light_after_fresnel():
     caster = EmbreeCaster(world_of(*walls, heights=[99.0, 99.0]))
     for elevation in (0.2, 0.7, 1.2):
         cos = math.cos(elevation)
-        passed = shares(cos, 0.0, 0.0, 0.0, 1.5)[1]
+        passed = shares(cos, surface_of(Material("pane", index=1.5)))[1]
         found = caster.light_layers(AHEAD, (0, 0, 0), [elevation])
         want = passed**2 * cos / (5.0 / cos) ** 2
         assert found.intensities[0, 0] == pytest.approx(want, rel=1e-12)

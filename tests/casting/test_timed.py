@@ -2,7 +2,6 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from drives import NoMap
 from rational import ExactWorld
 
 import lrf3d
@@ -10,8 +9,7 @@ from lrf3d import LaserRangeFinder, PlanarCaster, Trajectory, World, load_world
 from lrf3d.casting import EmbreeCaster
 from lrf3d.casting.dynamic_obstacle import DynamicObstacle, round_outline
 from lrf3d.errors import InputError
-from lrf3d.fleet import simulate_fleet
-from lrf3d.robot.laps import Patrol
+from lrf3d.robot.following import Patrol
 from lrf3d.sensor import Sensor
 
 CITY = load_world("city")
@@ -87,19 +85,6 @@ def test_what_is_too_near_is_told_so_whoever_it_is():
     assert scan.ranges[0] == 4.6 and scan.walls[0] == -1
 
 
-def test_obstacles_move_while_the_beams_of_a_sweep_turn():
-    # It passes as fast as the beam turns: each beam sees it, though it is a metre wide.
-    lrf = LaserRangeFinder(-1.0, 1.0, 21, range_max=30.0, scan_duration=1.0)
-    angles = np.linspace(-1, 1, 21)
-    path = Trajectory(
-        np.linspace(0, 1, 21), np.column_stack([8 * np.cos(angles), 8 * np.sin(angles), angles])
-    )
-    stand = Trajectory([0.0, 2.0], np.zeros((2, 3)))
-    world = World([[20.0, -40, 20, 40]])
-    caster = timed(PlanarCaster(world), lrf, stand, [DynamicObstacle(SQUARE, path)])
-    assert caster(stand.poses[0], 0.0).ranges == pytest.approx(np.full(21, 7.6))
-
-
 @pytest.mark.parametrize("seed", range(2))
 def test_beams_of_a_sweep_among_moving_obstacles_are_exact(seed):
     rng = np.random.default_rng(seed)
@@ -126,18 +111,6 @@ def test_beams_of_a_sweep_among_moving_obstacles_are_exact(seed):
         assert scan.walls[beam] == (wall if near and wall < len(CITY.segments) else -1)
         met += near and wall >= len(CITY.segments)
     assert met > 5
-
-
-def test_robots_see_each_other_and_not_themselves():
-    apart = [Trajectory([0.0, 1.0], [(x, 31, 0), (x, 31, 0.2)]) for x in (50.0, 53.0)]
-    lrf = LaserRangeFinder(-np.pi, np.pi, 721)
-    one, other = simulate_fleet(CITY, apart, lrf, radius=0.5, mapper=NoMap)
-    ahead, behind = one.truth[0, 360], other.truth[0, 0]
-    assert ahead == pytest.approx(2.5) and behind == pytest.approx(2.5)
-    assert one.walls[0, 360] == -1 and one.truth.min() > 2.49
-    # As wide as a circle, and at most as wide as its corners.
-    seen = np.count_nonzero((one.truth[0] < 3.0) & (one.walls[0] == -1)) * np.pi / 360
-    assert 2 * np.arcsin(0.5 / 3) - 0.02 < seen < 2 * np.arcsin(0.52 / 3) + 0.02
 
 
 def test_a_patrol_goes_there_and_back_at_its_speed():
@@ -178,18 +151,6 @@ def test_no_obstacle_that_a_beam_meets_is_passed_over(seed):
         assert np.array_equal(scan.ranges, met)
         seen += bool(np.isfinite(met).any())
     assert 10 < seen < 140
-
-
-def test_mirrors_show_obstacles_and_intensities_are_those_of_them():
-    mirror = lrf3d.World([[4, -3, 4, 3], [-9, -9, -9, 9]], [0, 1], materials=["mirror", "brick"])
-    lrf = lrf3d.LaserRangeFinder(0.0, 0.0, beams=1)
-    rests = lrf3d.Trajectory([0.0], [(-2.0, 0.0, 0.0)])
-    behind = lrf3d.DynamicObstacle([[-1, -1], [1, -1], [1, 1], [-1, 1]], rests, 2.0)
-    cast = timed(lrf3d.PlanarCaster(mirror), lrf, None, [behind])
-    scan = cast(np.array([0.0, 0.0, 0.0]), 3.0)
-    # The mirror at 4 m shows the obstacle's side at x = -1, on the way to the wall at x = -9.
-    assert scan.ranges.tolist() == [9.0] and scan.walls.tolist() == [-1] and scan.time == 3.0
-    assert scan.intensities == pytest.approx([0.05 * 0.95**2 / 81], rel=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(4))

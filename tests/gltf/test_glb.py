@@ -171,15 +171,6 @@ def test_one_scan_is_seen_at_a_time_and_it_is_the_nearest(every):
         assert glb.gltf.nodes[node].name == f"scan {nearest}"
 
 
-def test_a_robot_that_stands_and_scans_goes_with_its_beams_off():
-    run = simulated("paper_room", 1)
-    timeline = Timeline(run)
-    assert timeline.dwells
-    glb = Glb(run_glb(run))
-    shown = [len(seen(glb, "beams", time)) for time in np.linspace(0.0, timeline.end, 90)[:-1]]
-    assert set(shown) == {0, 1}
-
-
 def test_hits_lie_on_the_points_that_the_scan_met():
     run = city_run(FAR)
     glb = Glb(run_glb(run))

@@ -15,18 +15,28 @@ Shares and intensities are computed in float64; they decide only which beams go 
 import math
 from collections.abc import Mapping
 from fractions import Fraction
-from types import MappingProxyType
+from types import MappingProxyType, SimpleNamespace
 from typing import NamedTuple
 
 from rational import integers, meet
 
-from lrf3d.casting.kernels.echoes import MOST_WALLS
+from lrf3d.casting.kernels import echoes
+from lrf3d.casting.kernels.echoes import LEAST_SHARE, MOST_WALLS, SHARES
 from lrf3d.casting.kernels.light import MOST_TURNS
 from lrf3d.geometry import Float
-from lrf3d.laser.light import LEAST_SHARE, brightness, intensity, shares
 from lrf3d.world.materials import PLAIN, Material
 
 Vector = tuple[int, int]
+
+shares, brightness, intensity = (
+    getattr(kernel, "py_func", kernel)  # They are Python functions where nothing is compiled.
+    for kernel in (echoes.shares, echoes.brightness, echoes.intensity)
+)
+
+
+def surface_of(material: Material) -> SimpleNamespace:
+    """A material as the kernels take it."""
+    return SimpleNamespace(**dict(zip(SHARES, (*material.optics, material.mirrors), strict=True)))
 
 
 class Echo(NamedTuple):
@@ -90,9 +100,8 @@ class ExactLight:
                 continue
             cos, sin = self._incidence(ray, wall)
             material = self._materials[wall]
-            diffuse, specular, lobe, transmission, index, retro = material.optics
-            mirrored, passed = shares(cos, diffuse, specular, transmission, index)
-            bright = brightness(cos, sin, diffuse, retro, mirrored, lobe)
+            mirrored, passed = shares(cos, surface_of(material))
+            bright = brightness(cos, sin, surface_of(material), mirrored)
             back = intensity(ray.gain * bright, float(there.way), near_field)
             if back > 0.0:
                 found.append(Echo(there.way, back, there.chain))

@@ -8,7 +8,7 @@ from bags import STORE, mounted, odometry, pose, rosbag2, scan, scans, transform
 
 import lrf3d
 from lrf3d.errors import InputError
-from lrf3d.io import bag_poses, intake, load_log
+from lrf3d.io import bag_poses, laser_log, load_log
 from lrf3d.io.bag_poses import ODOMETRY, POSE, SCAN, TRANSFORMS
 from lrf3d.laser import Stamp
 
@@ -178,7 +178,7 @@ def test_the_first_parent_of_a_frame_counts(tmp_path):
 
 
 def test_a_bag_with_too_many_readings_is_to_be_cut(tmp_path, monkeypatch):
-    monkeypatch.setattr(intake, "MOST_READINGS", 6)
+    monkeypatch.setattr(laser_log, "MOST_READINGS", 6)
     for name in ("A_MESSAGE", "A_POSE"):
         monkeypatch.setattr(bag_poses, name, 0)
     bag = write(tmp_path / "bag", mounted(), *wheels(3), *scans(0.5, 1.0))

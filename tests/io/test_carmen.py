@@ -12,7 +12,7 @@ from lrf3d.collecting import simulate
 from lrf3d.errors import InputError
 from lrf3d.exporting import export_run
 from lrf3d.geometry import wrap_angle
-from lrf3d.io import LaserLog, carmen, intake, load_log
+from lrf3d.io import LaserLog, carmen, laser_log, load_log
 from lrf3d.laser import LaserRangeFinder
 
 
@@ -112,7 +112,7 @@ def test_all_bad_lines_are_counted_and_the_first_few_named(tmp_path):
 
 def test_a_log_with_more_readings_than_memory_holds_is_given_up(tmp_path, monkeypatch):
     monkeypatch.setattr(carmen, "A_MESSAGE", 0)
-    monkeypatch.setattr(intake, "MOST_READINGS", 5)
+    monkeypatch.setattr(laser_log, "MOST_READINGS", 5)
     path = tmp_path / "a.log.gz"
     path.write_bytes(gzip.compress(b"FLASER 3 1 2 3 0 0 0 0 0 0 0 host 0\n" * 2))
     with pytest.raises(InputError, match=r"a\.log\.gz: line 2: more than 5 readings"):

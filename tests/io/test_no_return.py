@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from lrf3d.io import load_log
-from lrf3d.io.intake import without_no_returns
+from lrf3d.io.laser_log import without_no_returns
 from lrf3d.laser import LaserScan
 
 ANGLES = np.linspace(-1.0, 1.0, 21)

@@ -7,7 +7,7 @@ import pytest
 
 import lrf3d
 from lrf3d import LaserRangeFinder, World
-from lrf3d.laser import DropOuts, ProportionalNoise
+from lrf3d.laser import AngleNoise, Chain, DropOuts, ProportionalNoise
 
 LRF = LaserRangeFinder(-2.0, 2.0, beams=81, range_min=0.4, range_max=20.0, echoes=3)
 POSES = np.column_stack([np.linspace(1.0, 4.0, 7), np.full(7, 2.0), np.linspace(0.0, 1.0, 7)])
@@ -63,7 +63,7 @@ def test_the_echo_that_is_the_range_has_its_noise_and_each_other_one_its_own():
 
 def test_lost_echoes_have_no_intensity():
     lost = 0
-    for step in simulation(DropOuts(far=0.9)):
+    for step in simulation(Chain([AngleNoise(0.002), DropOuts(far=0.9)])):
         scan = step.scan
         gone = np.isinf(scan.echoes)
         assert (scan.echo_intensities[gone] == 0.0).all()

@@ -3,7 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lrf3d.mapping.robust.corners import CORNER_REACH, CORNER_SINE, CORNER_TRIM, close_corners
+from lrf3d.mapping.robust.beams import CELL
+from lrf3d.mapping.robust.corners import CORNER_REACH, CORNER_SINE, close_corners
 
 
 def cross(one, other):
@@ -23,7 +24,7 @@ def crossing_of(one, other, side, turned):
         # How far beyond its end a wall reaches the corner.
         along = cross(begins[1] - begins[0], ways[way]) / turn
         beyond = size * (along - 1.0 if end else -along)
-        if not -min(CORNER_TRIM, 0.5 * size) <= beyond <= CORNER_REACH:
+        if not -min(CELL, 0.5 * size) <= beyond <= CORNER_REACH:
             return None
     return begins[0] + cross(begins[1] - begins[0], ways[1]) / turn * ways[0]
 
@@ -70,3 +71,12 @@ def test_closed_corners_are_those_of_the_definition(seed, count, step):
     assert close_corners(ends, objects) == pytest.approx(
         closed_by_definition(ends, objects), abs=1e-9
     )
+
+
+@pytest.mark.parametrize(
+    ("gap", "cut", "closed"), [(0.29, 0, True), (0.31, 0, False), (0, 0.09, True), (0, 0.11, False)]
+)
+def test_a_wall_reaches_thirty_centimetres_to_a_corner_and_loses_ten_to_it(gap, cut, closed):
+    ends = np.array([[0.0, 0.0, 4.0 - gap + cut, 0.0], [4.0, 0.0, 4.0, 3.0]])
+    found = close_corners(ends, np.zeros(2, np.int64))[0]
+    assert found.tolist() == ([0.0, 0.0, 4.0, 0.0] if closed else ends[0].tolist())

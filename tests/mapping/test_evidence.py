@@ -91,6 +91,24 @@ def test_walls_are_one_object_unless_a_beam_passed_between_them(walls, world, po
     assert len(set(objects_of(walls, seen_from(world, poses)))) == objects
 
 
+@pytest.mark.parametrize("step", ["choose_walls", "replace_walls", "link_walls"])
+def test_a_mapper_goes_on_after_an_interrupted_update(step, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    poses = [(0.1 * k, 0.05 * k, 0.3 * k) for k in range(30)]
+    mapper, whole = LineMapper(), drive(None, ROOM, poses[:10] + poses[11:], lrf=CIRCLE)
+    drive(mapper, ROOM, poses[:10], lrf=CIRCLE)
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(f"lrf3d.mapping.robust.mapper.{step}", interrupted)
+        drive(mapper, ROOM, poses[10:11], lrf=CIRCLE)
+    found = drive(mapper, ROOM, poses[11:], lrf=CIRCLE)
+    assert len(found) == len(whole) == 4 and found.object_count == 1
+    assert np.sort(lengths(found.segments)) == pytest.approx(
+        np.sort(lengths(whole.segments)), abs=0.05
+    )
+
+
 def test_what_is_kept_does_not_grow_where_all_was_seen():
     mapper, sizes = LineMapper(sigma=0.02), []
     for _ in range(3):

@@ -138,7 +138,7 @@ def test_a_robot_drives_through_the_doors_that_it_fits_through_and_stays_inside(
     world = house(door, entrance)
     found = find_route(world, radius=0.35, lookahead=0.4)
     assert found.side == "inside" and inside_the_house(found.waypoints).all()
-    drive = follow_route(found.waypoints, speed=3.0, lookahead=0.4, dt=0.05)
+    drive = follow_route(found.waypoints, speed=found.speed, lookahead=found.lookahead, dt=0.05)
     assert find_collision(drive, world, 0.35) is None
     assert len(rooms_of(drive.poses)) >= 3
 
@@ -211,10 +211,37 @@ def test_rooms_without_a_door_are_named(tmp_path):
     # A flat that one enters from outside alone is one, a table and a pillar are none.
     doors = [[0, 0, 2.5, 0], [3.5, 0, 8.5, 0], [9.5, 0, 12, 0], [6, 0, 6, 9]]
     (note,) = find_route(World(np.vstack([doors, box(0, 0, 12, 9)[1:]]))).notes
-    assert note.startswith("1 room is not reached, 4")
+    assert note.startswith("1 room is not reached, 5")
     hall = [box(0, 0, 12, 9), box(2, 2, 3, 2), box(8, 4, 0.6, 0.6)]
     furnished = World(np.concatenate(hall), heights=[2.5] * 4 + [0.8] * 4 + [2.5] * 4)
     assert find_route(furnished).notes == ()
+
+
+def test_rooms_are_told_apart_by_their_open_doors():
+    # A hall, and behind a narrow door two rooms with an open door between them.
+    across = [[12, 0, 12, 3], [12, 3.5, 12, 8], [16, 0, 16, 3], [16, 4, 16, 8]]
+    world = World(np.vstack([across, box(0, 0, 20, 8)]))
+    (note,) = find_route(world, radius=0.35).notes
+    assert (
+        note.startswith("door of 0.50 m at (12.0, 3.2) is too narrow") and "; 2 rooms are" in note
+    )
+    (note,) = find_route(World(np.vstack([across[2:], box(0, 0, 20, 8)])), radius=0.6).notes
+    assert "1 room is not reached" in note
+
+
+def test_every_room_with_a_door_is_entered():
+    ends = [[x, 3, x + 3, 3] for x in range(0, 20, 4)] + [[x, 0, x, 3] for x in range(4, 20, 4)]
+    world = World(np.vstack([np.array(ends, dtype=float), box(0, 0, 20, 6)]))
+    found = find_route(world)
+    assert found.notes == ()
+    rooms = found.waypoints[found.waypoints[:, 1] < 2.8, 0] // 4
+    assert set(rooms.tolist()) == {0, 1, 2, 3, 4}
+
+
+def test_walls_just_beyond_what_is_planned_in_keep_the_robot_away():
+    far = [[250.3, -200, 250.3, 200], [0, 3000, 9, 3000]]
+    ground = Ground(World(np.vstack([PAIR.segments, far])), np.array([0.0, 0.0]))
+    assert ground.gaps[-1, 250] < 1.0
 
 
 def test_what_is_wide_enough_or_leads_outside_is_no_narrow_door(tmp_path):

@@ -11,7 +11,6 @@ from matplotlib.text import Text
 from synthetic_run import around, box, make_run, make_world, ring
 
 import lrf3d
-from lrf3d import plot
 from lrf3d.errors import OutputError
 from lrf3d.laser import LaserRangeFinder
 from lrf3d.mapping import LineMap
@@ -66,12 +65,6 @@ def test_walls_that_cross_and_touch_without_a_common_end_are_drawn():
     assert shows(figure, INSIDE, at_least=1000)
 
 
-def test_each_object_is_drawn_in_its_colour(run):
-    figure = draw_map(run)
-    for colour in object_tints(np.unique(run.map.objects)):
-        assert shows(figure, colour, at_least=500)
-
-
 def test_an_object_has_one_label_and_one_colour_at_all_noises(room_run):
     numbered_anew = replace(
         room_run,
@@ -87,12 +80,6 @@ def test_an_object_has_one_label_and_one_colour_at_all_noises(room_run):
         for axes in figure.axes[1:]
     )
     assert first == second and len(first) == 2
-
-
-def test_the_names_of_few_objects_have_no_gaps(run):
-    line_map = LineMap(run.world.segments, np.repeat([0, 8, 9, 13], 2), np.ones(8))
-    named = [text.get_text() for text in plot.map(line_map, objects=line_map.objects).texts]
-    assert named == ["G1", "G2", "G3", "G4"]
 
 
 def test_legends_name_only_what_is_there(run):
@@ -180,15 +167,6 @@ def test_a_drive_is_a_line_and_scattered_poses_are_dots(run):
     scattered = draw_map(run.map, poses=poses[[0, 6, 2, 8, 4, 10, 1, 7]])
     assert "poses" in texts(scattered)
     assert "path" not in texts(scattered)
-
-
-def test_noise_levels_stand_next_to_the_world(room_run):
-    figure = draw_noise_levels([room_run, room_run, room_run], [0.07, 0.42, 0.63])
-    assert len(figure.axes) == 4
-    titles = [axes.get_title(loc="left") for axes in figure.axes]
-    assert [title[:3] for title in titles] == ["(a)", "(b)", "(c)", "(d)"]
-    assert "σ = 0.42 m" in titles[2]
-    assert len({axes.get_xlim() for axes in figure.axes}) == 1
 
 
 @pytest.mark.parametrize("away", [(0.0, 0.0), AWAY])

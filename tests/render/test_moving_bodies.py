@@ -89,12 +89,3 @@ def test_bodies_are_drawn_where_they_are_and_nowhere_else(renderer):
         assert (away.min(axis=0) < 1.0 * metre).all()
     for film in films:
         film.close()
-
-
-@RENDERERS
-def test_bodies_move_while_the_robot_stands(renderer):
-    run = city_run()
-    stand = Trajectory(run.trajectory.times, np.tile(run.trajectory.poses[0], (len(run), 1)))
-    run = replace(run, trajectory=stand, obstacles=OBSTACLES)
-    first, second = (framed(run, time, renderer=renderer, view="chase") for time in (1.0, 1.05))
-    assert (np.abs(first - second).max(axis=2) > 20).sum() > 3

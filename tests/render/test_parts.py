@@ -39,7 +39,7 @@ def test_what_is_left_out_could_not_be_seen(large_run, view):
         some = film.draw(time).astype(int)
         drawn = film.renderer._walls.count
         parts.seen = lambda matrix, eye: every
-        film.forget()
+        film._key = None
         assert np.abs(some - film.draw(time)).max() == 0
         # From above, all of it is seen.
         assert view == "top" or drawn < 0.5 * film.renderer._walls.count

@@ -1,14 +1,21 @@
 """Walls and roofs: all of them is covered once."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
-from test_render import box
+from test_render import SIZE, box, run_of
 
 from lrf3d.geometry import lengths
+from lrf3d.gltf import run_glb
+from lrf3d.scene.cameras import chase
+from lrf3d.scene.look import SECTION
+from lrf3d.scene.moments import Scene
 from lrf3d.scene.stage.exposure import unexposed
+from lrf3d.scene.stage.stage import lay_faces
 from lrf3d.scene.stage.structures import Structures
-from lrf3d.scene.stage.walls import lay_faces
+from lrf3d.scene.timeline import Timeline
 from lrf3d.world import World, load_world
 
 
@@ -44,3 +51,18 @@ def test_where_two_walls_are_at_one_place_one_is_drawn():
     # Both sides of 5 m of wall: a wall that only meets it takes nothing away.
     assert np.ptp(sides, axis=1).sum() == pytest.approx(10.0, abs=0.05)
     assert sides.min() == pytest.approx(1.0) and sides.max() == pytest.approx(6.0)
+
+
+def test_glass_is_a_clear_pane_with_a_bright_edge_and_no_wall():
+    walls = [*box(0.0, 0.0, 8.0, 6.0), [4.0, 0.0, 4.0, 6.0]]
+    world = World(walls, [0] * 4 + [1], materials=["brick", "glass"])
+    run = run_of(world, np.arange(3.0), [(2.0, 3.0, 0.1 * turn) for turn in range(3)])
+    scene = Scene(Timeline(run))
+    assert set(scene.stage.faces.objects) == {0}
+    camera = chase(scene.timeline, scene.structures).look(1.0, 1.5)
+    for cuts, top in ((True, SECTION), (False, 2.5)):
+        marks = dict(scene.seen(scene.timeline.moment(1.0), replace(camera, cuts=cuts), SIZE).marks)
+        panes, edges = marks["panes"], marks["edges"]
+        assert panes.corners[..., 2].max() == edges.ends[:, 2].max() == pytest.approx(top)
+        assert panes.colours[..., 3].max() < 0.2 and edges.opacities.min() == 1.0
+    assert b'"name":"glass"' in run_glb(run)

@@ -115,10 +115,14 @@ def alone(scans):
     return LaserLog("alone", scans, placed=False)
 
 
-def test_the_laser_alone_is_enough():
+def test_the_laser_alone_is_enough_and_says_where_it_is_least_sure(monkeypatch):
     scans, _, true = drive(rooms(3), through(3), lrf=ROUND)
     solution = solve_log(alone(scans))
     assert errors(true, solution.poses).max() < 0.1
+    assert solution.warnings == []
+    monkeypatch.setattr("lrf3d.solved_log.MOST_UNSURE", 0.0)
+    [said] = solution.warnings
+    assert "by the laser alone the position at scan" in said
 
 
 def test_distances_that_the_laser_alone_does_not_see_are_named():

@@ -6,8 +6,8 @@ from drives import drive, errors, followed, recorded
 
 import lrf3d
 from lrf3d.errors import Lrf3dWarning
+from lrf3d.slam.checks import self_check
 from lrf3d.slam.revisits import CERTAIN, Anchor, in_known_place
-from lrf3d.slam.violation import self_check
 
 WORLD = lrf3d.World(
     [[0, 0, 10, 0], [10, 0, 10, 6], [10, 6, 4, 6], [4, 6, 0, 5.5], [0, 5.5, 0, 0],

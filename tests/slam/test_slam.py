@@ -11,6 +11,7 @@ from lrf3d.pose import between
 from lrf3d.slam.front_end import weakest_direction
 from lrf3d.slam.motion import Wheels
 from lrf3d.slam.odometry import WheelPath
+from lrf3d.slam.slam import DRAWN
 from lrf3d.solved_log import rising
 
 
@@ -65,6 +66,23 @@ def test_pose_and_map_are_current_after_every_scan():
     walls = shapely.linestrings(world.segments.reshape(-1, 2, 2))
     distances = shapely.distance(ends[:, None], walls)
     assert len(slam.map) >= 5 and distances.min(axis=1).max() < 0.1
+
+
+def test_the_map_does_not_depend_on_when_it_is_read_and_is_not_drawn_too_often(monkeypatch):
+    updates = []
+
+    class Counted(lrf3d.LineMapper):
+        def update(self, scan):
+            updates.append(scan)
+            super().update(scan)
+
+    monkeypatch.setattr("lrf3d.slam.slam.LineMapper", Counted)
+    scans, wheels, true = drive(rooms(1), [(1, 1), (4, 1), (4, 1.2), (1, 1.2), (1, 1)])
+    for slam in followed(lrf3d.Slam(start=true[0]), scans, wheels):
+        assert slam.map is not None
+    assert len(updates) <= DRAWN * len(scans) + len(slam.key_scans)
+    [*_, seldom] = followed(lrf3d.Slam(start=true[0]), scans, wheels)
+    assert np.array_equal(seldom.map.segments, slam.map.segments)
 
 
 def test_the_covariance_is_that_of_the_errors():

@@ -104,24 +104,6 @@ def test_a_thick_block_is_its_outline(tmp_path):
     assert world.bounds == pytest.approx(np.array([[0.5, 0.5], [2.5, 1.5]]))
 
 
-def test_origin_and_yaw_place_the_map(tmp_path):
-    plain = load_world(save_map(tmp_path, room()))
-    turned = load_world(save_map(tmp_path, room(), origin=[3.0, -1.0, np.pi / 2]))
-    x1, y1, x2, y2 = plain.segments.T
-    expected = np.column_stack([3.0 - y1, -1.0 + x1, 3.0 - y2, -1.0 + x2])
-    assert turned.segments == pytest.approx(expected)
-
-
-def test_thresholds_and_negate_tell_what_is_occupied(tmp_path):
-    grey = np.where(room() == 0, 100, 254)  # occupied to (255 − 100) / 255 = 0.61
-    assert len(load_world(save_map(tmp_path, grey, occupied_thresh=0.6)).segments) == 4
-    with pytest.raises(ValueError, match="no wall: all cells are alike"):
-        load_world(save_map(tmp_path, grey, occupied_thresh=0.65))
-    assert len(load_world(save_map(tmp_path, 255 - room(), negate=1)).segments) == 4
-
-
-# The rules of Nav2's map_server: at least occupied_thresh is occupied, at most free_thresh is free.
-# A pixel of "raw" is the percentage, whatever negate says; in "scale" only opaque cells count.
 @pytest.mark.parametrize(
     ("mode", "negate", "high", "low", "occupied", "free"),
     [
@@ -167,13 +149,6 @@ def test_colours_and_formats_make_no_difference(name, kind, tmp_path):
     elif not name.endswith("pgm") and kind != "I;16":
         Image.fromarray(room().astype(np.uint8)).convert(kind).save(tmp_path / name)
     assert np.array_equal(load_world(path).segments, expected)
-
-
-def test_what_is_transparent_is_paper(tmp_path):
-    path = save_map(tmp_path, room())
-    alpha = np.where(room() == 0, 255, 0).astype(np.uint8)
-    Image.merge("LA", [Image.new("L", (60, 50)), Image.fromarray(alpha)]).save(tmp_path / "map.png")
-    assert len(load_world(path).segments) == 4
 
 
 def test_a_bare_picture_is_read_with_a_resolution(tmp_path):

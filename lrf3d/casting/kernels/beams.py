@@ -1,7 +1,6 @@
 """Cast beams one by one, each from its own origin, compiled; every decision exact.
 
-A beam passes through the boxes that it meets, near ones first, and skips those that begin beyond
-the nearest wall so far. Walls are sorted out in float64 with bounds on its error; where these
+Walls are sorted out in float64 with bounds on its error; where these
 leave a question open, the exact predicates decide.
 """
 
@@ -9,8 +8,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from lrf3d.casting.kernels.buffer import ROOM
 from lrf3d.casting.kernels.predicates import (
     FILTER,
     Beam,
@@ -25,7 +24,7 @@ from lrf3d.casting.kernels.predicates import (
     plain_length,
     wall_at,
 )
-from lrf3d.casting.kernels.tree import STACK, Plain, Tree
+from lrf3d.casting.kernels.tree import BOX, ROOM, STACK, Plain, Tree, Way, enter, next_leaf
 from lrf3d.compiling import borrower, compiled, inner, record
 from lrf3d.geometry import Float, Int, Records
 
@@ -40,13 +39,6 @@ CLEAR_LENGTH = 1e-6
 
 MISSED, TAKEN, OPEN = 0, 1, 2
 """Verdicts about a wall: not met before the nearest so far, met, or left open by float64."""
-
-
-class Waiting(NamedTuple):
-    """The boxes that wait on the path through a tree, the nearest on top."""
-
-    nodes: Int  # (STACK,)
-    nears: Float  # (STACK,) at least so far away [m].
 
 
 class Nearest(NamedTuple):
@@ -65,18 +57,28 @@ class Place(NamedTuple):
     stop: int
 
 
+NO_GUESSES = np.empty(0, np.int32)
+"""In place of guesses, where there are none."""
+
+
 @compiled
 def cast_rays(
-    plain_tree: Plain, limits: tuple[float, float], rays: Records, ranges: Float, hits: Int
-) -> None:
-    """Fill the ranges (n,) of rays within limits, and hits (n,) unless empty, among walls."""
+    plain_tree: Plain, limits: tuple[float, float], rays: Records, guesses: NDArray[np.int32],
+    ranges: Float, hits: Int,
+) -> None:  # fmt: skip
+    """Fill the ranges (n,) of rays within limits, and hits (n,) unless empty, among walls.
+
+    Guesses (n,), unless empty, are the rows of the walls that rays probably meet, or −1. A wall
+    that is guessed counts if the ray meets it, and then only nearer ones are looked for.
+    """
     tree, (range_min, range_max) = Tree(*plain_tree), limits
-    waiting, row = Waiting(np.empty(STACK, np.int64), np.empty(STACK)), -1
+    waiting, row = np.empty(STACK, BOX), -1
     for i in range(len(rays)):
         beam = beam_of(rays, i)
         # Walls a little beyond the range may be met.
         nearest = Nearest(-1, np.inf, range_max * ROOM * ROOM)
-        # The wall of the beam before is often the one.
+        # Without a guess the wall of the beam before is often the one.
+        row = guesses[i] if len(guesses) > 0 and guesses[i] >= 0 else row
         nearest = proposed(tree, beam, row, nearest) if row >= 0 else nearest
         row = first_wall(tree, beam, nearest, waiting).row
         ranges[i] = np.inf
@@ -95,10 +97,9 @@ def beam_of(rays: Records, i: int) -> Beam:
 
 
 @inner
-def first_wall(tree: Tree, beam: Beam, nearest: Nearest, waiting: Waiting) -> Nearest:
+def first_wall(tree: Tree, beam: Beam, nearest: Nearest, waiting: Records) -> Nearest:
     """The wall that a beam meets first, if it is not the nearest one so far."""
-    waiting.nodes[0], waiting.nears[0] = 0, 0.0
-    place = Place(1 if len(tree.walls) > 0 else 0, 0, 0)
+    place = Place(enter(tree, waiting), 0, 0)
     while True:
         place, nearest = search(tree, beam, nearest, waiting, place)
         if place.row >= place.stop:
@@ -112,20 +113,14 @@ def first_wall(tree: Tree, beam: Beam, nearest: Nearest, waiting: Waiting) -> Ne
 
 @borrower
 def search(
-    tree: Tree, beam: Beam, nearest: Nearest, waiting: Waiting, place: Place
+    tree: Tree, beam: Beam, nearest: Nearest, waiting: Records, place: Place
 ) -> tuple[Place, Nearest]:
     """Search on from a place in the tree up to the next wall that float64 leaves open.
 
     Without one the row comes back as that behind a leaf.
     """
-    boxes, links, walls, _ = tree
-    nodes, nears = waiting
-    ox, oy, dx, dy = beam
+    walls, way = tree.walls, Way(beam.ox, beam.oy, 0.0, 0.0, beam.dx, beam.dy)
     top, row, stop = place
-    across, along = 1.0 / dx, 1.0 / dy
-    # Columns of the sides where a beam enters a box, and where it leaves it.
-    left, low = (0 if across > 0.0 else 2), (1 if along > 0.0 else 3)
-    right, high = 2 - left, 4 - low
     while True:
         while row < stop:
             verdict, least, most = judged(wall_at(walls, row), beam, nearest)
@@ -136,34 +131,7 @@ def search(
             row += 1
         if top == 0:
             return Place(0, row, row), nearest
-        top -= 1
-        if nears[top] > nearest.high * ROOM:
-            continue
-        node = nodes[top]
-        first, count = links[node, 0], links[node, 1]
-        if count > 0:
-            row, stop = first, first + count
-            continue
-        bottom = top
-        for child in range(first, first - count):
-            near, far = 0.0, nearest.high
-            # Along an axis 0 times infinity is no number, and no bound.
-            bound = (boxes[child, left] - ox) * across
-            near = bound if bound > near else near
-            bound = (boxes[child, low] - oy) * along
-            near = bound if bound > near else near
-            bound = (boxes[child, right] - ox) * across
-            far = bound if bound < far else far
-            bound = (boxes[child, high] - oy) * along
-            far = bound if bound < far else far
-            if near > far * ROOM:
-                continue
-            slot = top
-            while slot > bottom and nears[slot - 1] < near:
-                nears[slot], nodes[slot] = nears[slot - 1], nodes[slot - 1]
-                slot -= 1
-            nears[slot], nodes[slot] = near, child
-            top += 1
+        row, stop, top = next_leaf(tree, way, nearest.high, waiting, top)
 
 
 @inner
@@ -244,5 +212,5 @@ def within(t: float, range_min: float, range_max: float, beam: Beam, wall: Wall)
 @inner
 def length_of(beam: Beam, wall: Wall) -> float:
     """The t of a wall that the beam meets, to within half a unit in its last place."""
-    t, _, good = plain_length(beam, wall)
-    return t if good else length(beam, wall)
+    t, good = plain_length(beam, wall)
+    return t[0] if good else length(beam, wall)

@@ -1,22 +1,41 @@
-"""Echoes of a beam, compiled: which of them a laser keeps and reports.
+"""The light that returns to a laser, compiled: what surfaces send back, and the echoes it keeps.
+
+Intensities are relative: 1 is that of a white wall at 1 m that is met at a right angle.
+
+The laser equation is that of W. Wagner et al., "Gaussian decomposition and calibration of a novel
+small-footprint full-waveform digitising airborne laser scanner", 2006, for targets wider than the
+beam. Shares of a pane follow Fresnel's equations for unpolarised light, summed over all reflections
+between its two faces (M. Born and E. Wolf, "Principles of Optics", section 1.5).
 
 The echoes of a beam come one by one, in any order. One of them is its range, and the strongest are
 kept in the order of their ranges.
 """
 
+import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from lrf3d.compiling import borrower
+from lrf3d.compiling import borrower, record
 from lrf3d.geometry import Float, Int
+
+CLOSEST = 0.01
+"""Distance [m] up to which intensities do not depend on the distance."""
+
+LEAST_SHARE = 0.01
+"""Least share of the light, there and back, with which a beam goes on: less is lost in the noise of
+all but the strongest echoes."""
 
 MOST_WALLS = 16
 """Number of walls on the path of a beam, those that it passes through included."""
 
 FIRST, LAST, STRONGEST = 0, 1, 2
 """Which echo is the range of a beam."""
+
+SHARES = ("diffuse", "specular", "lobe", "transmission", "index", "retro", "mirrors")
+SURFACE = record(**dict.fromkeys(SHARES, float))
+"""The optics of a material, and whether beams go on mirrored, 0 or 1."""
 
 
 class Receiver(NamedTuple):
@@ -55,6 +74,58 @@ class Lit(NamedTuple):
         """The light of some of several scans."""
         rows: tuple[Any, ...] = tuple(each[scans] for each in self)
         return Lit(*rows)
+
+
+@borrower
+def shares(cos: float, surface: Any) -> tuple[float, float]:
+    """Shares of the light that a surface reflects in its lobe and lets through, at an incidence.
+
+    Cos is the cosine of its angle. Without the refractive index of a pane, 0, the shares are those
+    of the material: specular and transmission. The diffuse share is lost to both.
+    """
+    index = surface.index
+    if index == 0.0:
+        return surface.specular, surface.transmission
+    sin = math.sqrt(max(0.0, 1.0 - cos * cos)) / index
+    inside = math.sqrt(max(0.0, 1.0 - sin * sin))
+    across, along = 1.0, 1.0
+    if cos + inside > 0.0:
+        across = ((cos - index * inside) / (cos + index * inside)) ** 2
+        along = ((inside - index * cos) / (inside + index * cos)) ** 2
+    # With the share R at each face, 2 R / (1 + R) of each polarisation is mirrored.
+    mirrored, rest = across / (1.0 + across) + along / (1.0 + along), 1.0 - surface.diffuse
+    return rest * mirrored, rest * (1.0 - mirrored)
+
+
+@borrower
+def brightness(cos: float, sin: float, surface: Any, mirrored: float) -> float:
+    """How bright a lit surface is for the laser, compared with a white wall at a right angle.
+
+    The lobe [rad] about the mirrored direction is Gaussian, with the mirrored share of the light.
+    Seen from the laser its middle lies twice the angle of incidence away.
+    """
+    lobe, bright = surface.lobe, float((surface.diffuse + surface.retro) * cos)
+    # Beyond forty standard deviations float64 has no light left, and exp takes its longest.
+    if mirrored > 0.0 and lobe > 0.0 and sin < 20.0 * lobe:
+        angle = 2.0 * math.atan2(sin, cos) / lobe
+        # A share of 1 that is reflected diffusely has the density 1 / π along the normal.
+        bright += mirrored / (2.0 * lobe * lobe) * math.exp(-0.5 * angle * angle)
+    return bright
+
+
+@borrower
+def intensity(bright: float, distance: float, near_field: float) -> float:
+    """The laser equation: intensity of the light from a surface of a brightness at a distance [m].
+
+    In the near field the image of the spot is larger than the detector, which catches the share
+    1 − exp(−2 (distance / near_field)²) of its light (W. Fang et al., "Intensity correction of
+    terrestrial laser scanning data by estimating laser transmission function", 2015).
+    """
+    away = max(distance, CLOSEST)
+    value = bright / (away * away)
+    if near_field > 0.0:
+        value *= math.expm1(-2.0 * (away / near_field) ** 2) / math.expm1(-2.0 / near_field**2)
+    return value
 
 
 @borrower

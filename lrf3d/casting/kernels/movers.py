@@ -5,7 +5,7 @@ them; beams that are sent one by one meet them where they are at the time of the
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,16 +19,12 @@ from lrf3d.casting.kernels.beams import (
     settled,
     within,
 )
-from lrf3d.casting.kernels.buffer import ROOM, Fan, bearing
-from lrf3d.casting.kernels.fan import beams_between
+from lrf3d.casting.kernels.fan import beams_between, bearing
 from lrf3d.casting.kernels.predicates import Beam, Wall
 from lrf3d.casting.kernels.scans import PADDING, Laser, aim, turn
-from lrf3d.casting.kernels.tree import Plain
+from lrf3d.casting.kernels.tree import ROOM, Plain
 from lrf3d.compiling import compiled, inner, record
 from lrf3d.geometry import TINY, Float, Int, Records
-
-RINGS = 64
-"""Number of distance classes in which obstacles are sorted: near ones hide those behind."""
 
 ROWS, MEASURES = (
     ("first", "stop", "leg", "last"),
@@ -47,6 +43,9 @@ STAMPED, RATES = ("time", "x", "y", "theta"), ("ahead", "left", "turn")
 LEG = record(**dict.fromkeys((*STAMPED, *RATES), float))
 """A pose of a path [m, rad] and its time [s], and the speeds ahead, to the left [m/s] and about
 itself [rad/s] that are held from then on, where the period of the obstacle is HELD."""
+
+Pose = tuple[float, float, float]
+"""A pose x, y [m], theta [rad]."""
 
 HELD = -1.0
 """The period of an obstacle that holds its speeds."""
@@ -71,22 +70,6 @@ class Movers(NamedTuple):
     sides: Records
 
 
-class Twist(NamedTuple):
-    """Speeds ahead and to the left [m/s], and about itself [rad/s], of a body that holds them."""
-
-    ahead: float
-    left: float
-    turn: float
-
-
-class Queue(NamedTuple):
-    """Room to sort obstacles by distance."""
-
-    away: Float  # (m,) at least so far away [m];
-    ring: Int  # (m,) distance classes, −1 for those that no beam can meet;
-    order: Int  # (m,) those that remain, the nearest class first.
-
-
 @inner
 def wrapped(angle: float) -> float:
     """An angle in (−π, π], as by `wrap_angle`."""
@@ -97,9 +80,7 @@ def wrapped(angle: float) -> float:
 
 
 @inner
-def pose_at(
-    legs: Records, first: int, last: int, period: float, time: float
-) -> tuple[float, float, float]:
+def pose_at(legs: Records, first: int, last: int, period: float, time: float) -> Pose:
     """The pose at a time on a path, as by `Trajectory.at`."""
     if last - first == 1:
         rest = legs[first]
@@ -124,30 +105,25 @@ def pose_at(
 
 
 @inner
-def moved(
-    pose: tuple[float, float, float], twist: Twist, time: float
-) -> tuple[float, float, float]:
-    """The pose after a twist was held for a time."""
-    x, y, theta = pose
-    half = 0.5 * twist.turn * time
+def moved(leg: Any, time: float) -> Pose:
+    """The pose after the speeds of a leg were held for a time."""
+    half = 0.5 * leg.turn * time
     chord = time * math.sin(half) / half if half != 0.0 else time
-    cos, sin = chord * math.cos(theta + half), chord * math.sin(theta + half)
+    cos, sin = chord * math.cos(leg.theta + half), chord * math.sin(leg.theta + half)
     return (
-        x + cos * twist.ahead - sin * twist.left,
-        y + cos * twist.left + sin * twist.ahead,
-        theta + twist.turn * time,
+        leg.x + cos * leg.ahead - sin * leg.left,
+        leg.y + cos * leg.left + sin * leg.ahead,
+        leg.theta + leg.turn * time,
     )
 
 
 @inner
-def mover_at(among: Movers, j: int, time: float) -> tuple[float, float, float]:
+def mover_at(among: Movers, j: int, time: float) -> Pose:
     """The pose of an obstacle at a time."""
     mover, legs = among.movers[j], among.legs
     if mover.period != HELD:
         return pose_at(legs, mover.leg, mover.last, mover.period, time)
-    leg = legs[mover.leg]
-    twist = Twist(leg.ahead, leg.left, leg.turn)
-    return moved((leg.x, leg.y, leg.theta), twist, max(time - leg.time, 0.0))
+    return moved(legs[mover.leg], max(time - legs[mover.leg].time, 0.0))
 
 
 @inner
@@ -213,40 +189,6 @@ def range_to(among: Movers, row: int, beam: Beam, limits: tuple[float, float]) -
     return within(length_of(beam, side), limits[0], limits[1], beam, side)
 
 
-@inner
-def reach_of(reach: float, x: float, y: float) -> float:
-    """A reach around (x, y), widened by more than rounding may be."""
-    return reach * ROOM + 1e-12 * (abs(x) + abs(y))
-
-
-@inner
-def by_rings(
-    among: Movers, height: float, fan: Fan, own: int, farthest: float, queue: Queue
-) -> int:
-    """Sort the obstacles that beams may meet, roughly the nearest first; returns their number."""
-    (away, ring, order), placed, x, y = queue, among.placed, fan.x, fan.y
-    counts = np.zeros(RINGS + 1, np.int64)
-    scale = RINGS / (farthest * (1.0 + 1e-6) + 1e-9)
-    for j in range(len(placed)):
-        at = placed[j]
-        east, north, reach = at.x - x, at.y - y, reach_of(at.reach, at.x, at.y)
-        square, limit = east * east + north * north, farthest + reach
-        ring[j] = -1
-        if j == own or square > limit * limit * ROOM or among.movers[j].height < height:
-            continue
-        away[j] = math.sqrt(square) / ROOM
-        ring[j] = min(int(max(away[j] - reach, 0.0) * scale), RINGS - 1)
-        counts[ring[j] + 1] += 1
-    for k in range(RINGS):
-        counts[k + 1] += counts[k]
-    met = int(counts[RINGS])
-    for j in range(len(placed)):
-        if ring[j] >= 0:
-            order[counts[ring[j]]] = j
-            counts[ring[j]] += 1
-    return met
-
-
 @compiled
 def cast_among(
     plain: Plain, plain_laser: Plain, height: float, poses: Float, own: Int, ranges: Float,
@@ -261,22 +203,24 @@ def cast_among(
     beams = laser.fan.shape[1]
     dx, dy = np.empty(beams + PADDING), np.empty(beams + PADDING)
     row, low, high = np.empty(beams, np.int64), np.empty(beams), np.empty(beams)
-    queue = Queue(
-        np.empty(len(placed)), np.empty(len(placed), np.int64), np.empty(len(placed), np.int64)
-    )
     for k in range(len(poses)):
         fan = aim(laser, poses[k], dx, dy)
         x, y, farthest = fan.x, fan.y, 0.0
         for i in range(beams):
             row[i], low[i], high[i] = -1, np.inf, min(ranges[k, i], laser.range_max * ROOM) * ROOM
             farthest = max(farthest, high[i])
-        for n in range(by_rings(among, height, fan, own[k], farthest, queue)):
-            j = queue.order[n]
-            at, distance = placed[j], queue.away[j]
-            east, north, reach = at.x - x, at.y - y, reach_of(at.reach, at.x, at.y)
-            start, stop, near, wide = 0, beams, 0.0, reach + 1e-12 * distance
-            if distance > reach:
-                near, share = distance - reach, reach / distance
+        for j in range(len(placed)):
+            at = placed[j]
+            east, north = at.x - x, at.y - y
+            # Widened by more than rounding may be.
+            reach = at.reach * ROOM + 1e-12 * (abs(at.x) + abs(at.y))
+            distance = math.sqrt(east * east + north * north) / ROOM
+            near = distance - reach
+            if j == own[k] or near > farthest or among.movers[j].height < height:
+                continue
+            start, stop, wide = 0, beams, reach + 1e-12 * distance
+            if near > 0.0:
+                share = reach / distance
                 # At least the arc sine of the share.
                 half = share + (0.5 * np.pi - 1.0) * share * share * share
                 ahead = east * fan.ahead_x + north * fan.ahead_y

@@ -4,20 +4,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lrf3d.casting.kernels.beams import within
-from lrf3d.casting.kernels.buffer import ROOM, Fan, per_step_of
-from lrf3d.casting.kernels.embree import TRUST, UNSURE, near_a_wall, prove
-from lrf3d.casting.kernels.fan import trace
-from lrf3d.casting.kernels.predicates import (
-    LANES,
-    Beam,
-    length,
-    lengths,
-    wall_at,
-)
-from lrf3d.casting.kernels.tree import Plain, Tree
+from lrf3d.casting.kernels.fan import NARROW, Fan, trace
+from lrf3d.casting.kernels.predicates import LANES, Beam, length, lengths, wall_at
+from lrf3d.casting.kernels.tree import ROOM, Plain, Tree
 from lrf3d.compiling import compiled, inner
 from lrf3d.errors import expect
 from lrf3d.geometry import Float, Int, Records, Single
@@ -46,38 +37,19 @@ def laser_of(lrf: LaserRangeFinder, *, range_min: float | None = None) -> Plain:
     return lrf.fan, *lrf.spread, float(near), float(lrf.range_max)
 
 
-NOT_ASKED = np.empty((0, 4)), np.empty(1, TRUST), np.empty(0, np.int32)
-"""In place of what Embree found, where it was not asked."""
-
-
 @compiled
 def cast_scans(
-    plain_tree: Plain, plain_laser: Plain, clear: Float, trusts: Records,
-    found: NDArray[np.int32], poses: Float, ranges: Float, hits: Int,
-) -> None:  # fmt: skip
-    """Cast a scan at each of the poses (k, 3); fill ranges (k, beams), and hits unless empty.
-
-    Where Embree was asked, `found` (k beams,) are the faces that it met, `clear` (n, 4) the parts
-    of the walls where it is right, and the first of the trusts how far.
-    """
-    tree, laser, trust = Tree(*plain_tree), Laser(*plain_laser), trusts[0]
+    plain_tree: Plain, plain_laser: Plain, poses: Float, ranges: Float, hits: Int
+) -> None:
+    """Cast a scan at each of the poses (k, 3); fill ranges (k, beams), and hits unless empty."""
+    tree, laser = Tree(*plain_tree), Laser(*plain_laser)
     beams = laser.fan.shape[1]
     own = np.empty(0 if len(hits) > 0 else beams, np.int64)
     dx, dy = np.empty(beams + PADDING), np.empty(beams + PADDING)
     for k in range(len(poses)):
         hit = hits[k] if len(hits) > 0 else own
         fan = aim(laser, poses[k], dx, dy)
-        whole = len(found) == 0 or near_a_wall(tree, trust, fan.x, fan.y)
-        if not whole:
-            faces = found[k * beams : (k + 1) * beams]
-            prove(tree, clear, trust, faces, fan, laser.range_max, hit)
-        # A beam in doubt is a fan of one.
-        for i in range(1 if whole else beams):
-            if whole:
-                trace(tree, fan, laser.range_max, hit)
-            elif hit[i] == UNSURE:
-                part = dx[i : i + 1], dy[i : i + 1], dx[i], dy[i]
-                trace(tree, Fan(fan.x, fan.y, *part, 0.0, 0.0), laser.range_max, hit[i : i + 1])
+        trace(tree, fan, laser.range_max, hit)
         measure(tree, fan, laser, ranges[k], hit)
 
 
@@ -124,7 +96,8 @@ def aim(laser: Laser, pose: Float, dx: Float, dy: Float) -> Fan:
     for i in range(beams):
         dx[i], dy[i] = turn(cosines[i], sines[i], cos, sin)
     ahead_x, ahead_y = turn(math.cos(laser.middle), math.sin(laser.middle), cos, sin)
-    return Fan(x, y, dx, dy, ahead_x, ahead_y, laser.half, per_step_of(beams, laser.half))
+    per_step = 0.0 if laser.half <= NARROW else 0.5 * (beams - 1) / laser.half
+    return Fan(x, y, dx, dy, ahead_x, ahead_y, laser.half, per_step)
 
 
 @inner
@@ -149,7 +122,7 @@ def measure(tree: Tree, fan: Fan, laser: Laser, ranges: Float, hit: Int) -> None
                 ranges[i] = np.inf
             continue
         wall, name = wall_at(walls, row), rows[row]
-        lengths(ox, oy, dx, dy, wall, start, stop, values)
+        lengths((ox, oy), dx, dy, wall, (start, stop), values)
         for i in range(start, stop):
             # Near a limit t is compared exactly, as its rounding error must not decide.
             t = values[i]

@@ -9,10 +9,9 @@ that pass edges by more than about 1e-15 rad.
 
 import numpy as np
 
-from lrf3d.casting.kernels.buffer import ROOM
-from lrf3d.casting.kernels.tree import STACK, Plain, Tree
+from lrf3d.casting.kernels.tree import BOX, ROOM, STACK, Plain, Tree, Way, enter, next_leaf
 from lrf3d.compiling import borrower, compiled
-from lrf3d.geometry import Float, Int
+from lrf3d.geometry import Float, Int, Records
 
 Vector = tuple[float, float, float]
 
@@ -27,70 +26,32 @@ def cast_solid(
     Origins (n, 3) are those of the beams; of (1, 3) the one is that of all. Corners (m, 3, 3) are
     in the order of the tree. Of triangles at the same distance the first is met.
     """
-    tree = Tree(*plain_tree)
-    stack, nears = np.empty(STACK, np.int64), np.empty(STACK)
+    tree, waiting = Tree(*plain_tree), np.empty(STACK, BOX)
     for i in range(len(beams)):
         origin = origins[min(i, len(origins) - 1)]
         turn = beams[i, 0], beams[i, 1], beams[i, 2]
-        found = _first_met(tree, corners, origin, turn, reach, stack, nears)
-        distances[i], hits[i] = found
+        distances[i], hits[i] = _first_met(tree, corners, origin, turn, reach, waiting)
 
 
 @borrower
 def _first_met(
-    tree: Tree, corners: Float, origin: Float, turn: Vector, reach: float, stack: Int, nears: Float
+    tree: Tree, corners: Float, origin: Float, turn: Vector, reach: float, waiting: Records
 ) -> tuple[float, int]:
     """The distance and the triangle that a ray meets first; infinity and −1 for none.
 
-    Nothing needs to be found beyond reach [m]; stack and nears are room for boxes that wait.
+    Nothing needs to be found beyond reach [m].
     """
-    boxes, links, _, rows = tree
     dx, dy, dz = turn
-    best, hit = np.inf, -1
-    limit = reach * ROOM
-    stack[0], nears[0] = 0, 0.0
-    top = 1 if len(corners) > 0 else 0
+    way = Way(origin[0], origin[1], 0.0, 0.0, dx, dy)
+    best, hit, limit, top = np.inf, -1, reach * ROOM, enter(tree, waiting)
     while top > 0:
-        top -= 1
-        if nears[top] > limit:
-            continue
-        node = stack[top]
-        first, count = links[node, 0], links[node, 1]
-        # Boxes below this one wait with the nearest on top.
-        bottom = top
-        for k in range(first, first - count):
-            near = near_box(boxes[k], origin[0], origin[1], 0.0, 0.0, dx, dy)
-            if not near <= limit:
-                continue
-            place = top
-            while place > bottom and nears[place - 1] < near:
-                stack[place], nears[place] = stack[place - 1], nears[place - 1]
-                place -= 1
-            stack[place], nears[place] = k, near
-            top += 1
-        for k in range(first, first + count):
+        first, stop, top = next_leaf(tree, way, limit, waiting, top)
+        for k in range(first, stop):
             t = _meet(corners[k], origin, dx, dy, dz)
-            if t < best or (t == best and rows[k] < hit):
-                best, hit = t, rows[k]
+            if t < best or (t == best and tree.rows[k] < hit):
+                best, hit = t, tree.rows[k]
                 limit = min(limit, best * ROOM)
     return best, hit
-
-
-@borrower
-def near_box(box: Float, ox: float, oy: float, x: float, y: float, dx: float, dy: float) -> float:
-    """How far away at least a beam from (ox + x, oy + y) meets a box in plan; infinite if not."""
-    near, far = 0.0, np.inf
-    for axis in range(2):
-        o, from_o, d = (ox, x, dx) if axis == 0 else (oy, y, dy)
-        low, high = (box[axis] - o) - from_o, (box[axis + 2] - o) - from_o
-        if d == 0.0:
-            if low > 0.0 or high < 0.0:
-                return np.inf
-            continue
-        one, other = low / d, high / d
-        near = max(near, min(one, other) / ROOM)
-        far = min(far, max(one, other) * ROOM)
-    return near if near <= far else np.inf
 
 
 @borrower

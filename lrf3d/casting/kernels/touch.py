@@ -16,7 +16,6 @@ from lrf3d.casting.kernels.movers import (
     PLACED,
     SIDE,
     Movers,
-    Twist,
     anywhere,
     moved,
     mover_at,
@@ -40,14 +39,16 @@ LONGEST_TURN = 1.5
 STEP = 2e-5
 """Shortest step towards a dynamic obstacle [m]: cuts of corners that are shorter may be passed."""
 
-TIP = record(**dict.fromkeys(("x", "y", "inner_x", "inner_y", "reflex"), float))
-"""A corner of a body [m], the direction into the body, and whether it is a notch, 0 or 1."""
+ENDS, INWARD = ("px", "py", "qx", "qy"), ("inner_x", "inner_y", "notch", "next_notch")
+EDGE = record(**dict.fromkeys((*ENDS, *INWARD), float))
+"""A side of a body [m]; at the corner where it begins, the direction into the body, and whether it
+is a notch, 0 or 1; and whether the next corner is."""
 
 
 class Body(NamedTuple):
-    """An outline, counter-clockwise around the origin, or a disc: one corner with a radius [m]."""
+    """An outline, counter-clockwise around the origin, or a disc: one point with a radius [m]."""
 
-    tips: Records
+    edges: Records
     radius: float
     reach: float  # Largest distance of a point of the body from the origin [m].
 
@@ -76,37 +77,56 @@ class Line(NamedTuple):
 
 @compiled
 def touched(
-    plain_tree: Plain, plain_body: Plain, moves: Records, seconds: Float, times: Float, walls: Int
+    plain: Plain, plain_body: Plain, moves: Records, seconds: Float, own: Int, found: Plain
 ) -> None:
-    """Fill the times (k,) [s] after which bodies first touch walls, and these; or +inf and −1.
+    """Fill the times [s] after which bodies first touch something, and the wall or obstacle.
 
-    They hold moves (k,), which are legs, for some seconds (k,).
+    They hold moves (k,), which are legs, for some seconds (k,). What is found are times (k,), walls
+    (k,) and obstacles (k,), +inf and −1 for none. Own (k,) are the obstacles that are the bodies
+    themselves, or −1.
     """
-    tree, body, stack = Tree(*plain_tree), Body(*plain_body), np.empty(STACK, np.int64)
+    (plain_tree, plain_movers), (times, walls, met) = plain, found
+    tree, among, body = Tree(*plain_tree), anywhere(plain_movers), Body(*plain_body)
+    movers, stack, wall = among.movers, np.empty(STACK, np.int64), np.empty(1, SIDE)
+    begin, places, sides = np.nan, np.empty(len(movers), PLACED), np.empty(len(body.edges), SIDE)
     for k in range(len(moves)):
         move = moves[k]
-        pose, twist = (move.x, move.y, move.theta), Twist(move.ahead, move.left, move.turn)
-        times[k], walls[k] = _first_touch(tree, body, pose, twist, seconds[k], stack)
+        times[k], walls[k] = _first_touch(tree, body, move, seconds[k], stack, wall)
+        if begin != move.time:
+            begin = move.time
+            for j in range(len(movers)):
+                places[j].x, places[j].y, _ = mover_at(among, j, begin)
+        fastest = math.hypot(move.ahead, move.left) + abs(move.turn) * body.reach
+        met[k] = -1
+        for j in range(len(movers)):
+            mover, rate = movers[j], fastest + movers[j].rim
+            best = min(times[k], seconds[k])
+            room = rate * best + max(mover.reach, mover.disc) + body.reach + 1e-6
+            east, north = places[j].x - move.x, places[j].y - move.y
+            if j == own[k] or east * east + north * north > room * room:
+                continue
+            time = _first_meeting(among, j, body, move, best, sides, wall)
+            if time < np.inf:
+                times[k], walls[k], met[k] = time, -1, j
 
 
 @inner
 def _first_touch(
-    tree: Tree, body: Body, pose: tuple[float, float, float], twist: Twist, seconds: float,
-    stack: Int,
-) -> tuple[float, int]:  # fmt: skip
+    tree: Tree, body: Body, move: Any, seconds: float, stack: Int, seen: Records
+) -> tuple[float, int]:
     """The time at which a body first touches a wall, and the wall; +inf and −1 for none."""
     # After a whole turn it is where it was.
-    turned = min(abs(twist.turn) * seconds, 2.0 * np.pi)
-    seconds = turned / abs(twist.turn) if turned > 0.0 else seconds
+    turned = min(abs(move.turn) * seconds, 2.0 * np.pi)
+    seconds = turned / abs(move.turn) if turned > 0.0 else seconds
     pieces = 1 + int(turned / LONGEST_TURN)
     step = seconds / pieces
-    half = 0.5 * twist.turn * step
+    half = 0.5 * move.turn * step
     end = step * math.tan(half) / half if half != 0.0 else step
-    sweep = math.hypot(twist.ahead, twist.left) * step
-    room = body.reach + min(sweep, 0.125 * sweep * abs(twist.turn) * step) + 1e-6
+    sweep, wall = math.hypot(move.ahead, move.left) * step, seen[0]
+    room = body.reach + min(sweep, 0.125 * sweep * abs(move.turn) * step) + 1e-6
     for piece in range(pieces):
-        x, y, theta = moved(pose, twist, piece * step)
-        x1, y1, _ = moved(pose, twist, (piece + 1) * step)
+        x, y, theta = moved(move, piece * step)
+        x1, y1, _ = moved(move, (piece + 1) * step)
         low_x, high_x, low_y, high_y = min(x, x1), max(x, x1), min(y, y1), max(y, y1)
         cos, sin, best, found = math.cos(theta), math.sin(theta), np.inf, -1
         stack[0], top = 0, 1 if len(tree.walls) > 0 else 0
@@ -120,13 +140,12 @@ def _first_touch(
                 if max(min(py, qy) - high_y, low_y - max(py, qy)) > room:
                     continue
                 px, py, qx, qy = px - x, py - y, qx - x, qy - y
-                seen = Wall(
-                    cos * px + sin * py,
-                    cos * py - sin * px,
-                    cos * qx + sin * qy,
-                    cos * qy - sin * qx,
-                )
-                w = 0.0 if piece == 0 and _overlap(body, seen) else _contact(body, twist, end, seen)
+                wall.px, wall.py = cos * px + sin * py, cos * py - sin * px
+                wall.qx, wall.qy = cos * qx + sin * qy, cos * qy - sin * qx
+                if piece == 0 and _gap(body.edges, seen, 0, 1) - body.radius < -GRAZE:
+                    w = 0.0
+                else:
+                    w = _contact(body, move, end, side_at(seen, 0))
                 if w < best or (w == best < np.inf and tree.rows[row] < found):
                     best, found = w, tree.rows[row]
             for child in range(first, first - count):
@@ -135,44 +154,38 @@ def _first_touch(
                     stack[top] = child
                     top += 1
         if found >= 0:
-            angle = 0.5 * twist.turn * best
+            angle = 0.5 * move.turn * best
             time = best * math.atan(angle) / angle if angle != 0.0 else best
             return max(piece * step + time, 0.0), found
     return np.inf, -1
 
 
 @inner
-def _contact(body: Body, twist: Twist, end: float, wall: Wall) -> float:
+def _contact(body: Body, move: Any, end: float, wall: Wall) -> float:
     """The w up to an end at which a body touches a wall, which it sees from its pose at w = 0."""
-    tips, (ahead, left, turn) = body.tips, twist
-    first, best = tips[0], np.inf
-    line = _line(wall, 0.0, 0.0)
-    if len(tips) == 1:
-        motion = Motion(first.x, first.y, ahead - turn * first.y, left + turn * first.x, turn)
-        side = 1.0 if _beside(line, first.x, first.y) >= 0.0 else -1.0
-        best = _crossing(motion, line, side, body.radius, end)
-        # It may go round the end and come back from the other side.
-        best = min(best, _crossing(motion, line, -side, body.radius, end))
-        if body.radius > 0.0:
-            best = min(best, _nearing(motion, wall.px, wall.py, body.radius, end))
-            best = min(best, _nearing(motion, wall.qx, wall.qy, body.radius, end))
-        return best
+    edges, ahead, left, turn = body.edges, move.ahead, move.left, move.turn
+    best, line = np.inf, _line(wall, 0.0, 0.0)
     start = Motion(wall.px, wall.py, turn * wall.py - ahead, -turn * wall.px - left, -turn)
     stop = Motion(wall.qx, wall.qy, turn * wall.qy - ahead, -turn * wall.qx - left, -turn)
-    for k in range(len(tips)):
-        tip, after = tips[k], tips[k + 1 if k + 1 < len(tips) else 0]
-        motion = Motion(tip.x, tip.y, ahead - turn * tip.y, left + turn * tip.x, turn)
-        side = _beside(line, tip.x, tip.y)
-        clear = abs(side) > GRAZE
+    for k in range(len(edges)):
+        tip = edges[k]
+        motion = Motion(tip.px, tip.py, ahead - turn * tip.py, left + turn * tip.px, turn)
+        side = _beside(line, tip.px, tip.py)
+        clear = abs(side) > GRAZE or len(edges) == 1
         if not clear:
             side = line.ex * tip.inner_y - line.ey * tip.inner_x
         side = 1.0 if side >= 0.0 else -1.0
-        best = min(best, _crossing(motion, line, side, 0.0, end))
-        best = min(best, _crossing(motion, line, -side, 0.0, end)) if clear else best
-        # What comes to an edge comes from the right of it.
-        edge = _line(Wall(tip.x, tip.y, after.x, after.y), tip.reflex, after.reflex)
-        best = min(best, _crossing(start, edge, -1.0, 0.0, end))
-        best = min(best, _crossing(stop, edge, -1.0, 0.0, end))
+        best = min(best, _crossing(motion, line, side, body.radius, end))
+        # It may go round the end and come back from the other side.
+        best = min(best, _crossing(motion, line, -side, body.radius, end)) if clear else best
+        if body.radius > 0.0:
+            best = min(best, _nearing(motion, wall.px, wall.py, body.radius, end))
+            best = min(best, _nearing(motion, wall.qx, wall.qy, body.radius, end))
+        elif len(edges) > 1:
+            # What comes to an edge comes from the right of it.
+            edge = _line(side_at(edges, k), tip.notch, tip.next_notch)
+            best = min(best, _crossing(start, edge, -1.0, 0.0, end))
+            best = min(best, _crossing(stop, edge, -1.0, 0.0, end))
     return best
 
 
@@ -254,22 +267,21 @@ def _descent(a: float, b: float, c: float, turn: float, end: float) -> tuple[flo
 
 
 @inner
-def _overlap(body: Body, wall: Wall) -> bool:
-    """Whether a body overlaps a wall by more than GRAZE from the start."""
-    tips = body.tips
-    if len(tips) == 1:
-        near = Wall(tips[0].x, tips[0].y, tips[0].x, tips[0].y)
-        return separation(near, wall) < body.radius - GRAZE
-    inside, nearest = False, np.inf
-    for k in range(len(tips)):
-        tip, after = tips[k], tips[k + 1 if k + 1 < len(tips) else 0]
-        edge = Wall(tip.x, tip.y, after.x, after.y)
-        gap = separation(edge, wall)
-        if gap < -GRAZE:
-            return True
-        nearest = min(nearest, gap)
-        inside = inside != _under(edge, wall.px, wall.py)
-    return inside and nearest > GRAZE
+def _gap(mine: Records, theirs: Records, first: int, stop: int) -> float:
+    """The distance [m] of a body's sides from others, negative where the two overlap.
+
+    More than two others are around something, and a body inside it overlaps it.
+    """
+    gap, inside, around = np.inf, False, False
+    for row in range(first, stop):
+        there = side_at(theirs, row)
+        inside = inside != _under(there, mine[0].px, mine[0].py)
+        for k in range(len(mine)):
+            here = side_at(mine, k)
+            gap = min(gap, separation(here, there))
+            if row == first:
+                around = around != _under(here, there.px, there.py)
+    return -abs(gap) if around or (inside and stop - first > 2) else gap
 
 
 @inner
@@ -301,61 +313,26 @@ def _off(wall: Wall, x: float, y: float) -> tuple[float, float]:
     return math.sqrt(beyond * beyond + beside * beside), beside
 
 
-@compiled
-def touched_among(
-    plain: Plain, plain_body: Plain, moves: Records, seconds: Float, own: Int, times: Float,
-    met: Int,
-) -> None:  # fmt: skip
-    """Fill the times (k,) [s] after which bodies first touch obstacles, and these; or +inf and −1.
-
-    They hold moves (k,) for some seconds (k,). Own (k,) are the obstacles that are the bodies
-    themselves, or −1.
-    """
-    among, body = anywhere(plain), Body(*plain_body)
-    movers, sides = among.movers, np.empty(len(body.tips), SIDE)
-    begin, places = np.nan, np.empty(len(movers), PLACED)
-    for k in range(len(moves)):
-        move = moves[k]
-        if begin != move.time:
-            begin = move.time
-            for j in range(len(movers)):
-                places[j].x, places[j].y, _ = mover_at(among, j, begin)
-        fastest = math.hypot(move.ahead, move.left) + abs(move.turn) * body.reach
-        times[k], met[k] = np.inf, -1
-        for j in range(len(movers)):
-            mover, rate = movers[j], fastest + movers[j].rim
-            best = min(times[k], seconds[k])
-            room = rate * best + max(mover.reach, mover.disc) + body.reach + 1e-6
-            east, north = places[j].x - move.x, places[j].y - move.y
-            if j == own[k] or east * east + north * north > room * room:
-                continue
-            time = _first_meeting(among, j, body, move, best, sides)
-            if time < np.inf:
-                times[k], met[k] = time, j
-
-
 @inner
 def _first_meeting(
-    among: Movers, j: int, body: Body, move: Any, seconds: float, sides: Records
+    among: Movers, j: int, body: Body, move: Any, seconds: float, sides: Records, spot: Records
 ) -> float:
     """The seconds after which a body touches an obstacle, or infinity."""
-    pose, twist = (move.x, move.y, move.theta), Twist(move.ahead, move.left, move.turn)
-    rate = math.hypot(twist.ahead, twist.left) + abs(twist.turn) * body.reach + among.movers[j].rim
-    time, gap = 0.0, _gap_at(among, j, move.time, body, pose, sides)
+    rate = math.hypot(move.ahead, move.left) + abs(move.turn) * body.reach + among.movers[j].rim
+    time, gap = 0.0, _gap_at(among, j, body, move, 0.0, sides, spot)
     if gap < -GRAZE:
         return 0.0
     while time < seconds and rate > 0.0:
         before, free = time, gap > 0.0
         time = min(time + max(gap, STEP) / rate, seconds)
-        gap = _gap_at(among, j, move.time + time, body, moved(pose, twist, time), sides)
+        gap = _gap_at(among, j, body, move, time, sides, spot)
         if gap >= -GRAZE:
             continue
         # Where it was in contact before, without a depth, it touched there.
         low, high = before, time if free else before
         for _ in range(60):
             middle = 0.5 * (low + high)
-            at = moved(pose, twist, middle)
-            if _gap_at(among, j, move.time + middle, body, at, sides) > 0.0:
+            if _gap_at(among, j, body, move, middle, sides, spot) > 0.0:
                 low = middle
             else:
                 high = middle
@@ -365,33 +342,25 @@ def _first_meeting(
 
 @inner
 def _gap_at(
-    among: Movers, j: int, time: float, body: Body, pose: tuple[float, float, float],
-    sides: Records,
-) -> float:  # fmt: skip
-    """The distance [m] of a body at a pose from an obstacle at a time, negative where they overlap.
+    among: Movers, j: int, body: Body, move: Any, time: float, sides: Records, spot: Records
+) -> float:
+    """The distance [m] of a body that has held a move for a time from an obstacle.
 
-    From far away it is that of the circles around them.
+    From far away it is that of the circles around them. It is negative where they overlap. The
+    sides of the body and the middle of a disc are filled in.
     """
-    place(among, j, time)
-    (x, y, theta), at, mover = pose, among.placed[j], among.movers[j]
+    place(among, j, move.time + time)
+    (x, y, theta), at, mover = moved(move, time), among.placed[j], among.movers[j]
     away = math.hypot(at.x - x, at.y - y)
     reach = max(at.reach, mover.disc) + body.reach
     if away > 2.0 * reach:
         return float(away - reach)
-    cos, sin, count = math.cos(theta), math.sin(theta), len(sides)
-    for k in range(count):
-        tip, after = body.tips[k], body.tips[k + 1 if k + 1 < count else 0]
-        side = sides[k]
-        side.px, side.py = x + cos * tip.x - sin * tip.y, y + sin * tip.x + cos * tip.y
-        side.qx, side.qy = x + cos * after.x - sin * after.y, y + sin * after.x + cos * after.y
-    gap, inside, around = np.inf, False, False
-    for row in range(mover.first, mover.first + 1 if mover.disc > 0.0 else mover.stop):
-        there = Wall(at.x, at.y, at.x, at.y) if mover.disc > 0.0 else side_at(among.sides, row)
-        inside = inside != _under(there, sides[0].px, sides[0].py)
-        for k in range(count):
-            here = side_at(sides, k)
-            gap = min(gap, separation(here, there))
-            if row == mover.first:
-                around = around != _under(here, there.px, there.py)
-    gap = -abs(gap) if inside or around else gap
-    return float(gap - body.radius - mover.disc)
+    cos, sin = math.cos(theta), math.sin(theta)
+    for k in range(len(sides)):
+        edge, side = body.edges[k], sides[k]
+        side.px, side.py = x + cos * edge.px - sin * edge.py, y + sin * edge.px + cos * edge.py
+        side.qx, side.qy = x + cos * edge.qx - sin * edge.qy, y + sin * edge.qx + cos * edge.qy
+    if mover.disc == 0.0:
+        return _gap(sides, among.sides, mover.first, mover.stop) - body.radius
+    spot[0].px, spot[0].py, spot[0].qx, spot[0].qy = at.x, at.y, at.x, at.y
+    return float(_gap(sides, spot, 0, 1) - body.radius - mover.disc)

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lrf3d.compiling import compiled, inner, record
-from lrf3d.geometry import Float, Int
+from lrf3d.compiling import borrower, compiled, inner, record
+from lrf3d.geometry import Float, Int, Records
 
 SPLIT_BINS = 16
 """Places tried for a cut; more make a tree that is hardly better."""
@@ -33,6 +33,13 @@ STACK = 256
 """Boxes that may wait on the path through a tree: three for each of at most 40 + 31 levels."""
 
 
+ROOM = 1.0 + 1e-9
+"""Room for rounding and for directions that are not quite of unit length."""
+
+BOX = record(node=int, near=float)
+"""A box that waits on a ray's path, and how far away it is at least [m]; the nearest is on top."""
+
+
 class Tree(NamedTuple):
     """Boxes (m, 4) over walls (n, 4), in the order of the leaves, and their rows (n,) in a world.
 
@@ -52,6 +59,71 @@ PART = record(**dict.fromkeys(("node", "start", "stop", "level"), int))
 
 Plain = Any
 """A named tuple as Python passes it, as a tuple: Numba takes ten times as long to find its type."""
+
+
+class Way(NamedTuple):
+    """The path of a ray: a place [m], where the ray begins as seen from there, and its direction.
+
+    Seen from the place no digits of a ray's origin are lost far away.
+    """
+
+    ox: float
+    oy: float
+    x: float
+    y: float
+    dx: float
+    dy: float
+
+
+@borrower
+def next_leaf(
+    tree: Tree, way: Way, limit: float, waiting: Records, top: int
+) -> tuple[int, int, int]:
+    """The next leaf on a path up to a limit [m]: its first row and its end, which are 0 after all.
+
+    The last number is that of the boxes that still wait, of which the root is the first.
+    """
+    boxes, links, _, _ = tree
+    ox, oy, x, y, dx, dy = way
+    across, along = 1.0 / dx, 1.0 / dy
+    # Columns of the sides where a ray enters a box, and where it leaves it.
+    left, low = (0 if across > 0.0 else 2), (1 if along > 0.0 else 3)
+    right, high = 2 - left, 4 - low
+    while top > 0:
+        top -= 1
+        if waiting[top].near > limit * ROOM:
+            continue
+        first, count = links[waiting[top].node, 0], links[waiting[top].node, 1]
+        if count > 0:
+            return first, first + count, top
+        bottom = top
+        for child in range(first, first - count):
+            near, far = 0.0, limit
+            # Along an axis 0 times infinity is no number, and no bound.
+            bound = ((boxes[child, left] - ox) - x) * across
+            near = bound if bound > near else near
+            bound = ((boxes[child, low] - oy) - y) * along
+            near = bound if bound > near else near
+            bound = ((boxes[child, right] - ox) - x) * across
+            far = bound if bound < far else far
+            bound = ((boxes[child, high] - oy) - y) * along
+            far = bound if bound < far else far
+            if near > far * ROOM:
+                continue
+            slot = top
+            while slot > bottom and waiting[slot - 1].near < near:
+                waiting[slot] = waiting[slot - 1]
+                slot -= 1
+            waiting[slot].node, waiting[slot].near = child, near
+            top += 1
+    return 0, 0, 0
+
+
+@inner
+def enter(tree: Tree, waiting: Records) -> int:
+    """Let the root of a tree wait, if it has walls; the number of boxes that do."""
+    waiting[0].node, waiting[0].near = 0, 0.0
+    return 1 if len(tree.rows) > 0 else 0
 
 
 def build_tree(segments: Float, index: NDArray[np.int32] | None = None) -> Tree:

@@ -1,12 +1,11 @@
-"""What a robust mapper makes of a scan before it judges its beams.
+"""Beams: what a robust mapper makes of a scan before it enters the cells.
 
-A scan enters; leave where it was taken in the map's own frame, the noise of its ranges, how far
-each of its beams was free, and how far off the places may be where they ended.
+A scan enters; its pose in the map's own frame, the noise of its ranges, the free distance of each
+beam, and the standard deviation of its end point leave.
 
-The noise is that which the scans themselves show. On a flat wall the inverse of the range is a sine
-of the angle, so that the ranges before and behind a beam give its own; by how much it differs is
-noise. What differs at corners and in clutter differs by much more, and the median leaves it out
-(Huber and Ronchetti 2009, section 5.1).
+The noise is learnt from the scans. On a flat wall the inverse of the range is a sine of the angle,
+so that the ranges before and behind a beam predict its own; the difference is noise. At corners and
+in clutter it is much larger, and the median leaves it out (Huber and Ronchetti 2009, section 5.1).
 """
 
 from typing import NamedTuple
@@ -19,15 +18,15 @@ from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.pose import Pose
 
 CELL = 0.1
-"""[m] Size of a cell. What is kept of the ground grows with its square; at 0.2 the purity of the
-objects of a town falls by 0.05."""
+"""[m] Side of a cell. Memory grows with its inverse square; at 0.2 the purity of the objects of a
+town falls by 0.05."""
 
 LOSS_ODDS = 0.01
-"""[odds] A gap in a scan that lost beams leave by no more than such a chance is a real one."""
+"""[odds] A gap in a scan is real if lost beams leave it with at most this chance."""
 
 LEAST_LOST, MOST_LOST = 2, 8
-"""[beams] How many beams beside each other may be lost at least, also where hardly any are, and at
-most. More forgets what is seen through narrow gaps, less takes lost beams for gaps of walls."""
+"""[beams] Bounds on a run of missing returns attributed to lost beams. More ignores views through
+narrow gaps, less takes lost beams for gaps of walls."""
 
 
 SHIFT = (0.37 * CELL, 0.41 * CELL)
@@ -35,53 +34,42 @@ SHIFT = (0.37 * CELL, 0.41 * CELL)
 the edges of the cells, on which rounding would decide."""
 
 MOST_FREE = 1_000.0
-"""[m] How far a beam without return is taken to be free at most, however far its laser reaches."""
+"""[m] Largest free distance of a beam without return."""
 
 MOST_RANGE = 10_000.0
-"""[m] No laser of a robot measures farther than this: such a range is not known."""
+"""[m] Ranges above this are invalid: no laser of a robot measures farther."""
 
 NOISE_RANGES = np.geomspace(0.1, 200.0, 13)
-"""[m] The ranges between which noise is measured together: steps of a factor of two. It changes
-little: noise is fitted to all of them."""
+"""[m] Edges of the bins of range in which noise is measured, by factors of two. They matter little:
+the noise is fitted to all bins."""
 
 NOISE_UNIT = 1e-5
-"""[m] The smallest noise that is distinguished from none."""
+"""[m] Resolution of the noise."""
 
 NOISE_WIDEST = np.radians(6.0)
-"""[rad] Farthest apart of two beams that follow each other on a wall: several lost beams of common
-range finders. Wider, walls end in between more often; narrower, few beams show nothing."""
+"""[rad] Largest angle between consecutive beams: several lost beams of common range finders. More
+includes ends of walls, less leaves few beams."""
 
 NOISE_SLOPE = 6.0
-"""Steepest change of the range along a wall, as a share for each radian: walls met at 10° or more.
-Steeper ones magnify noise, and jumps from wall to wall hide among them."""
+"""[1/rad] Steepest relative change of the range along a wall: incidence above 10°. Steeper walls
+magnify noise, and jumps between walls hide among them."""
 
 NOISE_JUMP = 5.0
-"""[deviations] How much noise may add to that, by what is known of it so far."""
+"""[deviations] Tolerance that the present noise adds to the slope."""
 
 NOISE_SHARE = 0.05
-"""Largest noise, as a share of the range, that may add to that: were it more, a noise that is given
-far too large would take corners for noise and never be put right."""
+"""[share] Bound on that tolerance, relative to the range: with a far too large initial noise
+corners would count as noise for good."""
 
 NOISE_PRIOR = 50.0
-"""How many ranges the noise that is given counts as: a third of a scan. It matters for the first
-scans only."""
+"""[ranges] Weight of the initial noise: a third of a scan. It matters for the first scans only."""
 
 NOISE_STEPS = 1.2
-"""By which factor more must be known before noise is fitted again. It changes speed, and the error
-of the noise by a few per cent."""
+"""[share] Growth of the data after which noise is fitted again. It changes speed, and the error of
+the noise by a few per cent."""
 
 
-RANGE_BINS, RESIDUAL_BINS, PER_DECADE = len(NOISE_RANGES) - 1, 200, 24
-
-MEDIAN_SIZE = 0.6745
-"""[deviations] The median of the sizes of normal deviates."""
-
-
-@inner
-def range_deviation(noise: RangeNoise, reach: float) -> float:
-    """Standard deviation [m] of a range [m]."""
-    deviation: float = np.sqrt(noise.floor * noise.floor + (noise.growth * reach) ** 2)
-    return deviation
+RESIDUAL_BINS, PER_DECADE = 200, 24
 
 
 def pose_in(frame: Pose, scan: LaserScan) -> tuple[tuple[float, float], float]:
@@ -100,8 +88,8 @@ def in_world(frame: Pose, segments: Float) -> Float:
 class Beams(NamedTuple):
     """The beams of a scan in the map's frame.
 
-    Their unit vectors (n, 2); ranges (n,) [m], where nothing returned minus the range that is free,
-    and 0 where nothing is known; and standard deviations (n,) [m] of the places where they end.
+    Unit vectors (n, 2); ranges (n,) [m], minus the free distance where nothing returned and 0 where
+    nothing is known; and standard deviations (n,) [m] of the end points.
     """
 
     units: Float
@@ -131,7 +119,7 @@ def in_order(scan: LaserScan) -> tuple[Float, Float]:
 
 
 def plain(values: Float) -> Float:
-    """The values as an array of the one kind that the compiled code is made for."""
+    """The values as an array of the layout that kernels are compiled for."""
     if values.flags.c_contiguous and values.flags.writeable:
         return values
     return np.array(values)
@@ -139,10 +127,9 @@ def plain(values: Float) -> Float:
 
 @inner
 def longest_loss(ranges: Float, range_max: float) -> int:
-    """How many beams beside each other that return nothing are put down to beams that are lost.
+    """Longest run of missing returns that is attributed to lost beams.
 
-    Each gap in a scan is taken for a lost beam to learn how often one is lost, at worst: of a scan
-    without losses the gaps are few.
+    The rate of losses is bounded by the rate of gaps in the scan: a scan without losses has few.
     """
     hits = gaps = 0
     returned = False
@@ -165,11 +152,10 @@ def measure_beams(
     spread: tuple[float, float],
     beams: Beams,
 ) -> None:
-    """Find how far beams were free, and how far off the places may be where they ended.
+    """Fill in the free distances of beams and the standard deviations of their end points.
 
-    A beam that is lost between two that returned says nothing: only where more beside each other
-    return nothing, nothing is there. Ranges and deviations of the beams are filled in from measured
-    ranges (n,) [m] by rising angle; see `pose_spread` for the spread.
+    Ranges (n,) [m] are measured by rising angle. A short run of missing returns between two returns
+    is unknown, a longer one is free space; see `pose_spread` for the spread.
     """
     ranges = beams.ranges
     count, missed, lost = len(measured), 0, longest_loss(measured, range_max)
@@ -194,7 +180,7 @@ def measure_beams(
 
 
 def pose_spread(scan: LaserScan) -> tuple[float, float]:
-    """What the pose's error adds to the variance of places: at no distance, and by its square."""
+    """Variances that the pose's error adds to end points: constant, and times the range squared."""
     covariance = scan.pose_covariance
     if covariance is None:
         return 0.0, 0.0
@@ -202,9 +188,9 @@ def pose_spread(scan: LaserScan) -> tuple[float, float]:
 
 
 def widen(fits: Records, scan: LaserScan) -> None:
-    """Let fits (n,) around the laser weigh no more than the error of the pose leaves them.
+    """Reduce the weights of fits (n,) around the laser to what the error of the pose allows.
 
-    All points of a scan share it, so that it does not average out.
+    All points of a scan share this error, so that it does not average out.
     """
     if scan.pose_covariance is None:
         return
@@ -215,12 +201,12 @@ def widen(fits: Records, scan: LaserScan) -> None:
 
 
 class NoiseEstimate:
-    """The noise of ranges as it is `known`: what was assumed, and more and more what scans show."""
+    """The noise of ranges: the assumed one at first, then more and more the observed one."""
 
     def __init__(self, floor: float) -> None:
         self._floor = floor
         # How many differences there were, by range and by size.
-        self._counts = np.zeros((RANGE_BINS, RESIDUAL_BINS), np.int64)
+        self._counts = np.zeros((len(NOISE_RANGES) - 1, RESIDUAL_BINS), np.int64)
         self._total = self._fitted = 0
         self.known: RangeNoise | None = None
 
@@ -241,7 +227,8 @@ class NoiseEstimate:
         before = np.log(np.maximum(assumed.variance(ranges), self._floor**2))
         seen = number > 0.0
         median = (2 * self._counts.cumsum(axis=1) >= number[:, None]).argmax(axis=1)
-        scale = NOISE_UNIT * 10.0 ** ((median + 0.5) / PER_DECADE) / MEDIAN_SIZE
+        # The median of the sizes of normal deviates is 0.6745 deviations.
+        scale = NOISE_UNIT * 10.0 ** ((median + 0.5) / PER_DECADE) / 0.6745
         found = np.where(seen, 2.0 * np.log(scale), before)
         # What was assumed counts the less the more is known, and nothing at ranges that were not
         # seen where others were.
@@ -264,9 +251,10 @@ class NoiseEstimate:
 def count_residuals(
     angles: Float, ranges: Float, noise: RangeNoise, edges: Float, counts: Int
 ) -> int:
-    """Count by how much ranges differ from those that their neighbours give on a flat wall.
+    """Histogram the deviations of ranges from those that their neighbours predict on a flat wall.
 
-    Counts (bins, sizes) of those between two edges (bins + 1,) [m] are added to; returns how many.
+    Adds to the counts (bins, sizes) of deviations between edges (bins + 1,) [m] of the range;
+    returns how many were added.
     """
     returned = np.flatnonzero(np.isfinite(ranges) & (ranges > NOISE_UNIT))
     steps, ranges = np.abs(np.diff(angles[returned])), ranges[returned]

@@ -1,11 +1,11 @@
-"""Cells: what all beams have shown of the ground, each beam judged once.
+"""Cells: a sparse grid that counts the beams through each cell by their direction.
 
-A return adds to the moments of the returns in its cell that came the same way, a cluster; each cell
-that a beam goes through counts it as a pass, by the beam's direction. Sums do not depend on the
-order of the scans. What beams go through, where others ended before, is forgotten bit by bit.
+Beams enter; each cell that one passes through counts it, and the cell that it ends in keeps its
+return in a cluster (see `clusters`). `is_crossed` returns whether beams crossed a line. Sums do not
+depend on the order of the scans.
 
-The ground is divided into squares, which a hash table finds. Only squares in which something was
-hit, and those around them, have cells: memory grows with what was hit, not with how far beams go.
+The grid is divided into squares, which a hash table finds. Only squares with returns, and those
+around them, have cells: memory grows with the surfaces seen, not with the length of the beams.
 """
 
 from typing import NamedTuple
@@ -19,61 +19,61 @@ from lrf3d.mapping.robust.beams import CELL, Beams
 
 SIDE_BITS = 4
 SIDE = 1 << SIDE_BITS
-"""Cells along the side of a block, whose numbers lie together."""
+"""Cells along the side of a block; their numbers are adjacent in memory."""
 
 SQUARE_BITS = SIDE_BITS + 3
-"""A square has eight blocks along a side, 12.8 m: no place on the longest line by which two walls
-are compared is farther than half of its 15 m from one of them."""
+"""A square is eight blocks, 12.8 m, wide: no point of the longest link between two walls, 15 m, is
+farther than half of that from one of them."""
 
 PASS_DIRECTIONS = 16
-"""[directions] By how many directions the beams through a cell are distinguished: those that run
-along a wall do not violate it. Eight serve as well but for narrow lanes."""
+"""[bins] Directions of the beams through a cell: those that run along a wall do not violate it.
+Eight are as good except in narrow lanes."""
 
 HIT_DIRECTIONS = 8
-"""[directions] By how many directions returns are distinguished: thin walls are seen from both
-sides, and at a corner two walls share a cell."""
+"""[bins] Directions of returns: thin walls are seen from both sides, and two walls share the cell
+of a corner."""
 
 MOST_PASSES, SOLID = 127, np.uint8(128)
-"""[beams] When more have gone through a cell one way, all that is kept of the cell is halved: what
-came later counts more, so that a wall that goes away, or comes, is noticed after some hundred
-beams whatever was before. Seven bits: the eighth marks cells with returns."""
+"""[beams] Above this count in one direction all counts of the cell are halved, so that recent beams
+weigh more: a wall that appears or disappears is noticed after about a hundred beams. Seven bits;
+the eighth marks cells with returns."""
 
 FREE_DEPTH = 0.2
-"""[m] A beam that goes no farther than this behind a wall is no free-space violation: poses and
-edges are a little wrong."""
+"""[m] A beam that ends less than this behind a wall is no free-space violation: poses and edges
+have small errors."""
 
 HIT_DEVIATIONS = 3.0
-"""[deviations] What the noise adds to how far a return, or another segment, may lie off a wall, and
-how far a beam must go on behind a wall to violate it."""
+"""[deviations] Tolerance for noise: how far a return, or another segment, may lie from a wall, and
+how far a beam must continue behind a wall to violate it."""
 
 MOST_EXPLAINED = 1.0
-"""[m] Largest offset that noise may explain: a short far segment explains almost any."""
+"""[m] Largest offset that noise may explain: a short, distant segment would explain almost any."""
 
 OPEN_WEIGHT = 0.5
-"""[hits] What a free-space violation weighs at a piece of a wall without hits, and as new evidence
-of a wall."""
+"""[hits] Weight of a free-space violation at a piece of wall without hits, and as new evidence of a
+wall."""
 
 COSINES = np.cos(2.0 * np.pi * np.arange(PASS_DIRECTIONS) / PASS_DIRECTIONS)
 SINES = np.sin(2.0 * np.pi * np.arange(PASS_DIRECTIONS) / PASS_DIRECTIONS)
-"""The directions by which the beams through a cell are distinguished."""
+"""Unit vectors of the directions."""
 
 WALL_SINE = 0.5
-"""[sine] Angle from which on a beam through a cell of a wall crosses it: at less it may run before
-the wall as well, in the same cells."""
+"""[sine] Least angle at which a beam through the cells of a wall crosses it: at a smaller one it
+may run in front of the wall, through the same cells."""
 
 LINE_END = 1.5 * CELL
-"""[m] How much of a line's ends is left out: beams that go by the end of a wall, through the same
-cells, go on as far as they like."""
+"""[m] Length ignored at both ends of a line: beams that pass the end of a wall go on through the
+same cells."""
 
 STRIDE = 8
-"""Steps from one to the next in each of the walks that together meet all cells of a line: most are
-crossed in wide open space, which the first walk finds."""
+"""[cells] A line is checked in this many interleaved passes: most lines that are crossed lie in
+open space, where the first pass finds it."""
 
 EMPTY = -(2**62)
-"""Key of a slot that no square has taken."""
+"""Key of an empty slot."""
 
 LEAST = 256
-"""Squares and walls that there is room for at first; four times as many blocks."""
+"""Initial capacity in squares and in walls."""
 
 
 CLUSTER = record(
@@ -106,7 +106,7 @@ COUNTERS = record(
 
 
 class Cells(NamedTuple):
-    """The cells, as compiled code takes them. Blocks and clusters are counted from 1; 0 is none.
+    """The grid, for compiled code. Blocks and clusters are counted from 1; 0 is none.
 
     Args:
         keys: (slots,) the square that has each slot of the hash table; slots is a power of two.
@@ -156,7 +156,7 @@ class Cells(NamedTuple):
 
 @borrower
 def _slot_of(keys: Int, x: int, y: int) -> int:
-    """The slot of a square in the hash table, or the free one that it would take."""
+    """The slot of a square in the hash table, or the empty slot for it."""
     key, mask = (x << 31) + y, len(keys) - 1
     mixed = key * 0x9E3779B97F4A7C1
     slot = (mixed ^ (mixed >> 29)) & mask
@@ -200,7 +200,7 @@ def _place_of(column: int, row: int) -> int:
 
 @borrower
 def take_block(cells: Cells, column: int, row: int) -> int:
-    """The block of a cell, which is made where there is none; −1 outside of all squares."""
+    """The block of a cell, made if it does not exist; −1 outside of all squares."""
     slot = _slot_of(cells.keys, column >> SQUARE_BITS, row >> SQUARE_BITS)
     if cells.keys[slot] == EMPTY:
         return -1
@@ -215,7 +215,7 @@ def take_block(cells: Cells, column: int, row: int) -> int:
 
 @compiled
 def open_squares(cells: Cells, place: tuple[float, float], beams: Beams) -> bool:
-    """Make the squares around all hits of a scan from a place [m]; False where room ran out."""
+    """Make the squares around all hits of a scan from a place [m]; False if there is no room."""
     side, before_x, before_y = CELL * (1 << SQUARE_BITS), 1 << 40, 0
     counters = cells.counters[0]
     for beam in range(len(beams.ranges)):
@@ -241,7 +241,7 @@ def open_squares(cells: Cells, place: tuple[float, float], beams: Beams) -> bool
 
 @borrower
 def ways_across(ux: float, uy: float, sine: float) -> int:
-    """The directions of the beams that cross a direction (ux, uy), each a bit."""
+    """The directions of beams that cross a direction (ux, uy), as a bit mask."""
     ways = 0
     for way in range(PASS_DIRECTIONS):
         if abs(COSINES[way] * uy - SINES[way] * ux) > sine:
@@ -251,7 +251,7 @@ def ways_across(ux: float, uy: float, sine: float) -> int:
 
 @borrower
 def _passes(cells: Cells, x: float, y: float, way: int) -> int:
-    """How many beams went one way through the cell of a place [m]."""
+    """The number of beams of a direction that passed through the cell of a place [m]."""
     column, row = int(np.floor(x / CELL)), int(np.floor(y / CELL))
     # Nothing has passed the cells of block 0.
     passed: int = cells.passes[block_at(cells, column, row), way, cell_in(column, row)]
@@ -262,7 +262,7 @@ def _passes(cells: Cells, x: float, y: float, way: int) -> int:
 def count_beams(
     cells: Cells, block: int, cell: int, ways: int, x: float, y: float, deeper: float
 ) -> int:
-    """How many beams went in some directions through a cell at a place, and so much deeper [m]."""
+    """The number of beams of some directions through a cell, that also went deeper [m]."""
     count, ways = 0, ways & cells.passed[block, cell]
     for way in range(PASS_DIRECTIONS if ways else 0):
         if (ways >> way) & 1:
@@ -276,9 +276,9 @@ def count_beams(
 
 @borrower
 def is_crossed(line: Float, cells: Cells, depth: float, spare: int, sine: float) -> bool:
-    """Whether more beams than are to spare crossed a line (4,) and went so deep [m] behind it.
+    """Whether more beams than a number crossed a line (4,) and continued to a depth [m] behind it.
 
-    They cross it at the angle of the sine, or more; what is near its ends does not count.
+    They cross it at an angle of at least the sine; beams near its ends do not count.
     """
     x1, y1, x2, y2 = line
     length = np.hypot(x2 - x1, y2 - y1)

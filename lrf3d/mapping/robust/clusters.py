@@ -1,7 +1,7 @@
-"""Clusters: the returns in one cell that came the same way, and what becomes of them.
+"""Clusters: the returns in one cell whose beams had the same direction.
 
-Returns are added to the moments of their cluster; beams that go on where others ended contradict
-it, until it is forgotten.
+Returns enter the moments of their cluster; beams that continue where others ended contradict it,
+until it is forgotten.
 """
 
 from typing import Any
@@ -25,24 +25,24 @@ from lrf3d.mapping.robust.cells import (
 from lrf3d.mapping.robust.walls import Walls, add_point, count_evidence
 
 MOST_HITS = 255.0
-"""[beams] When more have ended in a cell from one direction, all that is kept of it is halved."""
+"""[beams] Above this number of returns in a cluster all counts of its cell are halved."""
 
 GONE_AFTER = 20
-"""[beams] When so many have gone on where others ended, the same way and without a hit between
-them, what stood there is gone. Less forgets panes and fences that one beam in so many hits."""
+"""[beams] A surface is gone when this many beams of a direction in a row have continued where
+others ended. Less forgets panes and fences, which few beams hit."""
 
 LEAST_HITS = 0.5
-"""[beams] What fewer hits than this are left of is forgotten altogether."""
+"""[beams] A cluster with fewer hits is deleted."""
 
 SAME_WAY = 0.7
-"""[cosine] Angle between beams that go the same way."""
+"""[cosine] Largest angle between beams of one direction."""
 
 
 @borrower
 def contradict(
     cells: Cells, block: int, way: int, cell: int, dx: float, dy: float, walls: Walls
 ) -> None:
-    """Count a beam that goes on through a cell where others ended."""
+    """Count a beam that continues through a cell where others ended."""
     if cells.passes[block, way, cell] < SOLID + MOST_PASSES:
         cells.passes[block, way, cell] += 1
     else:
@@ -73,7 +73,7 @@ def contradict(
 def forget_hits(
     cells: Cells, x: float, y: float, dx: float, dy: float, reach: float, walls: Walls
 ) -> None:
-    """Forget what beams of a direction hit around a place [m], about as near as a reach [m]."""
+    """Delete the clusters of a direction around a place [m], within about a reach [m]."""
     first_x, last_x = int(np.floor((x - reach) / CELL)), int(np.floor((x + reach) / CELL))
     first_y, last_y = int(np.floor((y - reach) / CELL)), int(np.floor((y + reach) / CELL))
     for cx in range(first_x, last_x + 1):
@@ -96,20 +96,20 @@ def forget_hits(
 
 @borrower
 def _unmark_solid(cells: Cells, block: int, cell: int) -> None:
-    """Where nothing is hit any more no direction is solid; the beams that passed stay counted."""
+    """Remove the marks of a cell without clusters; its passes stay counted."""
     for direction in range(PASS_DIRECTIONS):
         cells.passes[block, direction, cell] &= MOST_PASSES
 
 
 @borrower
 def goes_along(cluster: Any, dx: float, dy: float) -> bool:
-    """Whether a beam goes the way of those that a cluster is of."""
+    """Whether a beam has the direction of a cluster."""
     return bool(dx * cluster.toward_x + dy * cluster.toward_y > SAME_WAY)
 
 
 @borrower
 def _halve(cluster: Any) -> None:
-    """Let what is known of a cluster count half; where it lies stays."""
+    """Halve the weight of a cluster; its mean stays."""
     cluster.hits *= 0.5
     cluster.weight *= 0.5
     cluster.xx *= 0.5
@@ -121,7 +121,7 @@ def _halve(cluster: Any) -> None:
 
 @borrower
 def _give_back(cells: Cells, block: int, cell: int, before: int, place: int) -> None:
-    """Take a cluster out of the list of its cell, where another may be before it."""
+    """Take a cluster out of the list of its cell; another may precede it."""
     cluster, counters = cells.clusters[place], cells.counters[0]
     if before == 0:
         cells.heads[block, cell] = cluster.next
@@ -135,7 +135,7 @@ def _give_back(cells: Cells, block: int, cell: int, before: int, place: int) -> 
 def _forget(cells: Cells, block: int, cell: int) -> None:
     """Halve the hits and the passes of a cell that has clusters.
 
-    Their proportion stays, and what comes counts twice as much as what was.
+    Their ratio stays, and new beams count twice as much as earlier ones.
     """
     for way in range(PASS_DIRECTIONS):
         passed = cells.passes[block, way, cell]
@@ -152,7 +152,7 @@ def _forget(cells: Cells, block: int, cell: int) -> None:
 
 @borrower
 def _new_cluster(cells: Cells, block: int, cell: int, way: int) -> int:
-    """A cluster for the returns that come one way in a cell."""
+    """Make a cluster for the returns of a direction in a cell."""
     other, passed = cells.heads[block, cell], 0.0
     if other == 0:
         for passing in range(PASS_DIRECTIONS):

@@ -1,22 +1,20 @@
-"""Corners: ends of walls of one object that all but meet are moved to where their lines cross.
+"""Corners: the ends of two walls of one object are moved to where their lines cross.
 
-Enter the walls of a map and their objects; leave the walls with closed corners.
+The walls of a map and their objects enter; the walls with closed corners leave.
 """
 
 import numpy as np
 
 from lrf3d.compiling import borrower, compiled
 from lrf3d.geometry import Float, Int
+from lrf3d.mapping.robust.beams import CELL
 from lrf3d.mapping.robust.walls import end_of, vector_of
 
 CORNER_REACH = 0.3
-"""[m] Two walls meet where their lines cross no farther than this from an end of each."""
-
-CORNER_TRIM = 0.1
-"""[m] An end is taken back to a corner by no more than this: beams hit the wall beyond it."""
+"""[m] Largest distance from an end to the corner."""
 
 CORNER_SINE = 0.25
-"""[sine] Turn below which two walls have no corner: their lines cross at an arbitrary place."""
+"""[sine] Least angle of a corner: lines that are almost parallel cross at an arbitrary place."""
 
 
 def close_corners(ends: Float, objects: Int) -> Float:
@@ -59,7 +57,7 @@ def _close(ends: Float, objects: Int, order: Int) -> Float:
 
 @borrower
 def _crossing(ends: Float, end: int, other: int, corner: Float) -> bool:
-    """Fill in the corner (2,) where the walls of two ends cross; whether it is near to both."""
+    """Fill in the corner (2,) where the walls of two ends cross; whether both may end there."""
     one, side, two, turned = end >> 1, end & 1, other >> 1, other & 1
     (ux, uy), (vx, vy) = vector_of(ends[one]), vector_of(ends[two])
     own, across = np.hypot(ux, uy), np.hypot(vx, vy)
@@ -72,10 +70,11 @@ def _crossing(ends: Float, end: int, other: int, corner: Float) -> bool:
     ahead, back = (dx * vy - dy * vx) / turn, (dx * uy - dy * ux) / turn
     if abs(ahead) * own > CORNER_REACH or abs(back) * across > CORNER_REACH:
         return False
-    # The first end (side 0) is taken back when it moves ahead, the second when it moves back.
-    if (1.0 - 2.0 * side) * ahead * own > min(CORNER_TRIM, 0.5 * own):
+    # Beams hit a wall beyond its corner: it is shortened by no more than a cell. The first end
+    # (side 0) is taken back when it moves ahead, the second when it moves back.
+    if (1.0 - 2.0 * side) * ahead * own > min(CELL, 0.5 * own):
         return False
-    if (1.0 - 2.0 * turned) * back * across > min(CORNER_TRIM, 0.5 * across):
+    if (1.0 - 2.0 * turned) * back * across > min(CELL, 0.5 * across):
         return False
     corner[0], corner[1] = x + ahead * ux, y + ahead * uy
     return True

@@ -1,14 +1,15 @@
-"""Extraction: from one scan to its fitted wall segments, as one compiled pass.
+"""Extraction: the walls of one scan.
 
-Enter a scan's beams and ranges; leave the walls in the world's directions around the laser, with
-the moments of their points. A gap that knows the spacing of the beams and the noise parts two
-clusters: a wall that is met at no less than a grazing angle never falls apart, however far it is.
-Each cluster is divided into the likeliest walls by dynamic programming; a full circle has no seam.
+The beams and ranges of a scan enter; its walls leave, in the world's directions around the laser,
+with the moments of their points. Two returns are of different clusters if their gap is larger than
+the spacing of beams and the noise explain: a wall above a grazing angle is never separated, at any
+distance. Each cluster is divided into the most likely walls by dynamic programming; a full circle
+has no seam.
 
 Along a wall with the normal n at the distance c, the inverse range is linear in the direction of
 the beam: 1/r = (n_x·cos φ + n_y·sin φ)/c. With the variance s²/r⁴ of 1/r, the maximum-likelihood
 line of any run of beams is a linear least-squares fit of two numbers, which running sums give in
-a few operations; so every division of a cluster can be weighed, and the cheapest one be taken.
+a few operations; so every division of a cluster can be compared, and the cheapest one be taken.
 """
 
 from dataclasses import dataclass
@@ -27,53 +28,51 @@ from lrf3d.mapping.robust.beams import (
     in_order,
     longest_loss,
     plain,
-    range_deviation,
 )
 from lrf3d.mapping.robust.walls import FIT, add_point, end_of, put_line
 
 GRAZING_ANGLE = np.radians(8.0)
-"""[rad] Walls met at a smaller angle than this cannot be distinguished from a gap."""
+"""[rad] Walls at a smaller angle of incidence cannot be distinguished from a gap."""
 
 CLUSTER_DEVIATIONS = 4.0
-"""[deviations] How much farther apart than the beams' spacing allows two returns of a cluster may
-lie: the noise of both is added to the gap."""
+"""[deviations] Noise of two returns that is added to the largest gap in a cluster."""
 
 LEAST_INCIDENCE = 0.05
-"""[cosine] Smallest incidence that a weight is computed with: along grazing beams other errors than
-that of the range decide. Weights of returns on walls of the map use it too."""
+"""[cosine] Least incidence in weights: at grazing beams other errors than that of the range
+dominate."""
 
 WEAKEST_DIRECTION = 0.15
-"""[rad] A segment whose direction is known to no better than this is not taken into the map."""
+"""[rad] Largest standard deviation of the direction of a segment."""
 
 END_DEVIATIONS = 5.0
-"""[deviations] How far a noisy end is moved along its beam onto its wall at most: a beam that all
-but runs along the wall would carry it far off."""
+"""[deviations] Largest shift of an end along its beam onto its wall: a beam that almost runs along
+the wall would move it far."""
 
 SCAN_CORNER_SINE = 0.2
-"""[sine] Turn below which two neighbouring walls of a scan have no corner: their lines cross at an
-arbitrary place."""
+"""[sine] Least angle of a corner of a scan: lines that are almost parallel cross at an arbitrary
+place."""
 
 SCAN_CORNER_BEAMS = 3
-"""[beams] How many beams apart two walls of a scan may end and still share a corner."""
+"""[beams] Largest distance between the ends of two walls of a scan that share a corner."""
 
 SCAN_CORNER_STEPS = 1.5
-"""[steps] How far the corner may lie from the two ends, as a multiple of how far they lie apart and
-of what noise adds between two returns of a cluster."""
+"""[steps] Largest distance from the two ends to the corner, relative to their distance and
+noise."""
 
 
 WALL_COST = 20.0
-"""[χ²] Cost of a further wall: noise on one wall of some hundred points, divided at its best place,
-gains less than this but once in thousands of times. The refit of the map's walls uses it too."""
+"""[χ²] Cost of a further wall: the best division of one noisy wall of a hundred points gains more
+only once in thousands of times. Refits use it, too."""
 
 OUTLIER_COST = 12.0
-"""[χ²] Cost of a point on no wall: as much as one 3.5 standard deviations off."""
+"""[χ²] Cost of a point on no wall: that of 3.5 standard deviations."""
 
 LEAST_POINTS = 3
-"""[points] Fewest points of a wall: two fit any line."""
+"""[points] Fewest points of a wall: any two define a line."""
 
 PRUNED_COST = max(0.0, (LEAST_POINTS - 1) * OUTLIER_COST - WALL_COST)
-"""[χ²] How much worse than the best a division may be and still lead to a better one later: what
-the points behind it could cost that are too few for a wall of their own. Exact: no tuning."""
+"""[χ²] Largest excess of a division over the best that may still lead to a better one: the cost of
+the points behind it that are too few for a wall. Exact, no tuning."""
 
 SUMS = record(
     cc=float, cs=float, ss=float,  # of the cosine and the sine of the beam
@@ -101,9 +100,9 @@ class LocalWalls(NamedTuple):
 def _joined_returns(
     theta: float, angles: Float, ranges: Float, range_max: float, noise: RangeNoise, gap: float
 ) -> tuple[Beams, Bool]:
-    """The beams of the returns, and which of them go on in the next.
+    """The beams that returned, and which of them are connected to the next one.
 
-    The last of the returns goes on in the first only where the scan closes a circle.
+    The last is connected to the first only if the scan closes a circle.
     """
     count, lost, kept, circle = len(angles), longest_loss(ranges, range_max), 0, False
     if count >= 3:
@@ -119,7 +118,8 @@ def _joined_returns(
         if reach > 0.0 and reach <= range_max and reach < np.inf:
             angle = theta + angles[place]
             beams[kept, 0], beams[kept, 1] = np.cos(angle), np.sin(angle)
-            reaches[kept], deviations[kept] = reach, range_deviation(noise, reach)
+            reaches[kept] = reach
+            deviations[kept] = np.sqrt(noise.floor * noise.floor + (noise.growth * reach) ** 2)
             places[kept] = place
             kept += 1
     for i in range(kept):
@@ -145,7 +145,7 @@ def _joined_returns(
 
 @inner
 def _rolled(begin: int, beams: Beams) -> Beams:
-    """The beams of a whole turn from one on."""
+    """The beams of a full turn, from one on."""
     count = len(beams.ranges)
     rolled = Beams(np.empty((count, 2)), np.empty(count), np.empty(count))
     for k in range(count):
@@ -163,8 +163,8 @@ def extract_walls(
 ) -> int:  # fmt: skip
     """Fill in the walls (≥ n // 3 rows) of a scan with a heading [rad]; returns how many.
 
-    Of the ranges (n,) along rising angles (n,) those above 0 and up to range_max count; a gap [m]
-    parts clusters however far they are.
+    Ranges (n,) by rising angles (n,) are valid above 0 and up to range_max; a gap [m] separates
+    clusters at any distance.
     """
     beams, joined = _joined_returns(theta, angles, ranges, range_max, noise, gap)
     count = len(beams.ranges)
@@ -197,13 +197,13 @@ def extract_walls(
 
 @inner
 def _part(beams: Beams, first: int, last: int) -> Beams:
-    """The beams from a first one up to another."""
+    """The beams from one up to another."""
     return Beams(beams.units[first:last], beams.ranges[first:last], beams.deviations[first:last])
 
 
 @inner
 def _polyline(beams: Beams, spans: Records, local: LocalWalls, begin: int) -> int:
-    """Segments of the walls (m,) of one cluster, joined at corners where two of them meet."""
+    """Fill in the segments of one cluster of walls (m,), joined at corners; returns how many."""
     rows, ends = 0, local.ends[begin:]
     for wall in range(len(spans)):
         span, fit = spans[wall], local.fits[begin + rows]
@@ -260,7 +260,7 @@ def _measure(beams: Beams, x: float, y: float, fit: Any) -> None:
 def segment_cluster(returns: Beams, spans: Records) -> int:
     """Divide a cluster of returns into walls (≥ n // LEAST_POINTS,); returns how many.
 
-    Points between the first and the last of each are on none.
+    Returns between the last of one and the first of the next belong to no wall.
     """
     beams, ranges, deviations = returns
     count = len(ranges)
@@ -356,10 +356,10 @@ def fit_wall(returns: Beams) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True)
 class LikelihoodExtractor:
-    """Clusters that know the beams' spacing, divided into the likeliest walls under the noise.
+    """Extracts the most likely walls of a scan under the noise of its ranges.
 
-    A wider gap [m] always parts two clusters; sigma is the standard deviation of the noise at
-    range_max [m] (Eq. 7), and the floor that at no distance.
+    A gap [m] separates clusters at any distance; sigma is the standard deviation of the noise at
+    range_max [m] (Eq. 7), and the floor that at zero distance.
     """
 
     gap: float

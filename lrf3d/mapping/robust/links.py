@@ -1,13 +1,12 @@
-"""Links: which walls are of one object, though what joins them was never seen.
+"""Links: which walls belong to one object, although the wall that joins them was never seen.
 
-Walls are of one object where a link, the shortest line from one to the other, exists that no beam
-has crossed. What lies behind the faces of both walls is taken for solid until a beam crosses it. A
-link that runs before one of them, to a corner that was not seen, must be short. A long link counts
-only where every line of sight from wall to wall behind both is blocked: it may cross a lane that no
-beam happened to pass.
+Two walls belong to one object if no beam has crossed their link, the shortest line between them.
+The space behind the faces of both walls counts as solid until a beam crosses it. A link that runs
+in front of one of them, to an unseen corner, must be short. A long link also needs all lines of
+sight behind both walls to be blocked: it may cross a lane that no beam happened to pass.
 
-Enter walls that are new in their places: their links are checked against the beams, and those of
-other walls again in turn. Objects are worked out of the links when a map is read.
+Walls that are new in their places enter; their links are tested, and those of other walls again in
+turn. Objects are found from the links when a map is read.
 """
 
 import numpy as np
@@ -29,37 +28,34 @@ from lrf3d.mapping.robust.walls import (
 )
 
 SHORT_LINK = 3.0
-"""[m] Longest link that may run before a wall: less than a lane between buildings. More joins
-buildings across lanes, less leaves corners of a building apart."""
+"""[m] Longest link that may run in front of a wall: less than a lane between buildings. More joins
+buildings across lanes, less separates the corners of a building."""
 
 LONGEST_LINK = 15.0
-"""[m] Longest link behind two walls: as deep as most buildings are."""
+"""[m] Longest link behind two walls: the depth of most buildings."""
 
 BEHIND_SINE = 0.3
-"""[sine] Angle by which a link may run before a wall and still count as behind it."""
+"""[sine] Largest angle at which a link that runs in front of a wall still counts as behind it."""
 
 STRAY_BEAMS = 1
-"""[beams] How many may cross a short link: noise rarely lets one through, but links are many."""
+"""[beams] Beams that may cross a short link: noise rarely lets one through, but links are many."""
 
 CORNER_BEAMS = 8
-"""[beams] How many may reach into the corner behind a short link: by more the corner was seen."""
-
-NICHE_DEPTH = 0.5
-"""[share] How deep such a corner may be, as a part of the link's length."""
+"""[beams] Beams that may reach into the corner behind a short link; more have seen that corner."""
 
 SIGHT_PLACES = (0.1, 0.5, 0.9)
 """[share] Where along two walls the lines of sight between them begin and end."""
 
 LINKS_A_TURN = 16
-"""[links] How many an update asks the beams about again: so objects come apart that are two."""
+"""[links] Links that an update tests again, so that two objects that were joined are separated."""
 
 LINK_SINE = 0.35
-"""[sine] Angle from which on a beam crosses a link; no beam need run along it."""
+"""[sine] Least angle at which a beam crosses a link."""
 
 
 @compiled
 def link_walls(walls: Walls, cells: Cells, rows: Int) -> None:
-    """Link some walls (n,) with those around them, and ask again about a few links of others."""
+    """Link some walls (n,) to those around them, and test a few links of others again."""
     lines, lengths = np.empty((MOST_LINKS + 1, 4)), np.empty(MOST_LINKS)
     others = np.empty(MOST_LINKS, np.int64)
     places = np.full(walls.counters[0].taken, -1)
@@ -102,7 +98,7 @@ def link_walls(walls: Walls, cells: Cells, rows: Int) -> None:
 
 @inner
 def _ask_again(walls: Walls, cells: Cells, line: Float) -> None:
-    """Check a few links in turn, and void those that beams have crossed."""
+    """Test a few links in turn, and void those that beams have crossed."""
     asked, counters = 0, walls.counters[0]
     for _ in range(counters.taken):
         counters.asked = (counters.asked + 1) % counters.taken
@@ -119,7 +115,7 @@ def _ask_again(walls: Walls, cells: Cells, line: Float) -> None:
 
 @borrower
 def _stands(walls: Walls, wall: int, place: int) -> bool:
-    """Whether a link still stands."""
+    """Whether a link is valid."""
     link = walls.links[wall, place]
     stands = link.linked == walls.rows[link.wall].linked
     return bool(stands and walls.fits[wall].shown and walls.fits[link.wall].shown)
@@ -127,7 +123,7 @@ def _stands(walls: Walls, wall: int, place: int) -> bool:
 
 @borrower
 def _measure_link(one: Float, other: Float, link: Float) -> bool:
-    """Fill in the link (4,) of two walls; whether it may join them."""
+    """Fill in the link (4,) of two walls; whether it is short enough to join them."""
     _shortest_link(one, other, link)
     length = length_of(link)
     return bool(length <= SHORT_LINK or (length <= LONGEST_LINK and _is_behind(one, other, link)))
@@ -135,7 +131,7 @@ def _measure_link(one: Float, other: Float, link: Float) -> bool:
 
 @borrower
 def _is_behind(one: Float, other: Float, line: Float) -> bool:
-    """Whether a line runs before neither of two walls that it begins and ends at."""
+    """Whether a line between two walls runs in front of neither."""
     before = max(_reach_before(one, line), _reach_before(other, line))
     return before <= BEHIND_SINE * length_of(line)
 
@@ -170,7 +166,7 @@ def _shortest_link(one: Float, other: Float, link: Float) -> None:
 
 @borrower
 def _reach_before(wall: Float, link: Float) -> float:
-    """How far [m] a link gets before the face of a wall that it begins or ends at."""
+    """How far [m] a line gets in front of the face of a wall."""
     (x, y), (dx, dy) = end_of(wall, 0), vector_of(wall)
     first, last = along_of(link, x, y, -dy, dx)
     size = np.hypot(dx, dy)
@@ -188,9 +184,10 @@ def _joins(link: Float, one: Float, other: Float, cells: Cells) -> bool:
     if length > SHORT_LINK:
         crossed = is_crossed(link, cells, FREE_DEPTH, 0, LINK_SINE)
         return not crossed and _is_blocked(one, other, cells)
-    # A short one may be crossed by many beams, but not by any that go deeper than a corner.
+    # A short one may be crossed by many beams, but not by any that go deeper than a
+    # corner, half as deep as it is long.
     before = not _is_behind(one, other, link)
-    depth = max(FREE_DEPTH, NICHE_DEPTH * length) if before else FREE_DEPTH
+    depth = max(FREE_DEPTH, 0.5 * length) if before else FREE_DEPTH
     if is_crossed(link, cells, depth, STRAY_BEAMS, LINK_SINE):
         return False
     return not (before and is_crossed(link, cells, FREE_DEPTH, CORNER_BEAMS, LINK_SINE))
@@ -198,7 +195,7 @@ def _joins(link: Float, one: Float, other: Float, cells: Cells) -> bool:
 
 @inner
 def _is_blocked(one: Float, other: Float, cells: Cells) -> bool:
-    """Whether no beam has crossed any line of sight that runs behind both of two walls."""
+    """Whether no beam has crossed a line of sight behind both of two walls."""
     line = np.empty(4)
     for own in SIGHT_PLACES:
         for across in SIGHT_PLACES:

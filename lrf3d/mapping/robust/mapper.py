@@ -1,8 +1,8 @@
-"""RobustMapper: the default, made to get the number of walls right, each in its place and object.
+"""RobustMapper: the default mapper, whose walls are right in number, place and object.
 
-An update judges each beam of the scan once, by the cells that it goes through, merges the walls of
-the scan with those of the map, and refits the walls whose evidence has changed. What it costs does
-not depend on the size of the map or on the number of scans.
+A scan enters. Its beams are added to the cells, its walls are merged with those of the map, and the
+walls whose evidence has changed are refit and linked to objects. The cost of an update depends
+neither on the size of the map nor on the number of scans.
 """
 
 import numpy as np
@@ -27,7 +27,7 @@ Place = tuple[float, float]
 
 
 class RobustMapper:
-    """Likeliest walls, exact fits to all points, and the evidence of all beams.
+    """Maps with the most likely walls, fitted to all points, by the evidence of all beams.
 
     Walls with fewer hits than the least are kept back until they have more.
     """
@@ -69,7 +69,7 @@ class RobustMapper:
         link_walls(self._walls, cells, self._waiting)
 
     def _judge_beams(self, beams: Beams, place: Place) -> Int:
-        """Add what the beams show to the cells; returns the clusters that are hits of no wall."""
+        """Add the beams to the cells; returns the clusters that are hits of no wall."""
         counters, unowned = self._walls.counters[0], np.empty(len(beams.ranges), np.int64)
         counters.scan += 1
         counters.changed = counters.unowned = 0

@@ -1,12 +1,11 @@
-"""Merging: how two walls become one.
+"""Merging: which segments are one wall, and the wall that they become.
 
-Two segments stand for one wall where the shorter one's ends lie on the longer one's line within
-what noise explains and a wall may bend, where they overlap or nearly so, and where the laser
-stood on the same side of both. The merged wall is the exact fit to all points of both. A gap is
-bridged only where no beam crossed it. Each merge takes one wall away, so the loop ends.
+Two segments are one wall if the ends of the shorter one lie on the line of the longer one within
+noise and a slight bend, if they overlap or nearly so, and if the laser saw both from the same side.
+The merged wall is the exact fit to all points of both. A gap is bridged only if no beam crossed it.
 
-The walls of a scan enter. Those that known walls cover add nothing that the cells do not know;
-the others are merged with what they fit, and are to be refit.
+The walls of a scan enter. Those that known walls cover are dropped: their returns are in the cells.
+The others are merged with what they fit, and are to be refit.
 """
 
 from typing import Any, NamedTuple
@@ -38,29 +37,27 @@ from lrf3d.mapping.robust.walls import (
 )
 
 SAME_DIRECTION = 0.5
-"""[cosine] Largest angle between two segments that may be one wall. Far more than noise explains;
-the offsets of the ends decide."""
+"""[cosine] Largest angle between two segments of one wall: far more than noise, the offsets of the
+ends decide."""
 
 BEND = 0.4
-"""[share of merge_distance] How far a wall may bend where it is continued: two views of a wall
-differ by the error of the poses, but next to each other they share it. More bridges slight
-bends of a wall into one."""
+"""[share of merge_distance] Largest bend where a wall is continued: two views of a wall differ by
+the error of poses, but adjacent views share it. More merges slightly bent walls."""
 
 LONGEST_GAP = 3.0
-"""[m] Longest gap of a wall that is bridged where no beam crossed it: behind a longer one there may
-as well be a recess that beams could not look into."""
+"""[m] Longest gap that is bridged if no beam crossed it: a longer one may hide a recess."""
 
 SPARE_BEAMS = 20
-"""[beams] How many may cross a gap no longer than merge_length: as many as a refit needs to cut a
-wall there. So what is merged and what is cut agree."""
+"""[beams] Beams that may cross a gap of at most merge_length: a refit needs more to cut a wall
+there, so that merging and cutting agree."""
 
 
 class Rule(NamedTuple):
-    """What one wall is.
+    """When two segments are one wall.
 
-    The largest gap [m] along the line between two segments of it; how far two views of it may lie
-    apart, and how far it may bend where it is continued, beside what noise explains; and the
-    largest offset that noise may explain.
+    The largest gap [m] between them along the line; beside noise, the largest offset of two views
+    of a wall, and the largest bend where it is continued; and the largest offset that noise may
+    explain.
     """
 
     length: float
@@ -74,10 +71,10 @@ def merge_walls(
     walls: Walls, new: LocalWalls, place: tuple[float, float], waiting: Int, cells: Cells,
     rule: Rule,
 ) -> tuple[Int, Int]:  # fmt: skip
-    """Add the walls of a scan around its place [m], merge what fits.
+    """Add the walls of a scan around its place [m], and merge those that are one.
 
-    Walls that have changed (n,) may fit others now, too. Returns the rows of the walls that are new
-    or were merged, rising, and of those that became a part of them, which are not free yet.
+    Walls that have changed (n,) may fit others now, too. Returns the rows, rising, of walls that
+    are new or merged, and those that became part of them, which are not free yet.
     """
     queue = np.empty(len(waiting) + 2 * len(new.ends) + walls.counters[0].taken + 1, np.int64)
     marks = np.zeros(len(walls.rows), np.bool_)
@@ -134,7 +131,7 @@ def merge_walls(
 
 @inner
 def _is_covered(walls: Walls, row: int, rule: Rule) -> bool:
-    """Whether walls that are known as well, or better, cover all but a little of one of a scan."""
+    """Whether walls with as many points cover all but a cell of a wall of a scan."""
     own = walls.ends[row]
     ux, uy, length = unit_of(own)
     x, y = end_of(own, 0)
@@ -156,7 +153,7 @@ def _is_covered(walls: Walls, row: int, rule: Rule) -> bool:
 
 @inner
 def _partner(walls: Walls, row: int, cells: Cells, rule: Rule) -> int:
-    """The wall that a row is one with: that which it fits best, or that goes on nearest; −1."""
+    """The wall to merge a row with: the best fit, or the nearest continuation; −1 if none."""
     # As straight as a wall is continued, and no farther off than two views of it: nothing overlaps
     # that could tell where the two lead.
     straight = Rule(LONGEST_GAP, rule.bend, rule.bend, rule.distance)
@@ -184,7 +181,7 @@ def _partner(walls: Walls, row: int, cells: Cells, rule: Rule) -> int:
 
 @borrower
 def _span(one: Float, other: Float, line: Float) -> float:
-    """Fill in the line (4,) from the end of one wall to where the next begins: its length [m]."""
+    """Fill in the line (4,) from the end of one wall to the begin of the next; its length [m]."""
     ux, uy = vector_of(one)
     size = np.hypot(ux, uy)
     (x, y), (u, v) = end_of(one, 1), end_of(other, 1)
@@ -200,7 +197,7 @@ def _span(one: Float, other: Float, line: Float) -> float:
 
 @compiled
 def misfit(ends: Float, moments: Any, other_ends: Float, other: Any, rule: Rule) -> float:
-    """How far the shorter of two segments lies off the longer one's line; 1 is the most allowed."""
+    """Offset of the shorter of two segments from the line of the longer; up to 1 is allowed."""
     (x, y), (u, v) = vector_of(ends), vector_of(other_ends)
     size, length = np.sqrt(x * x + y * y), np.sqrt(u * u + v * v)
     # Ends run so that the laser stood on the left: opposite ways are two faces of a wall.
@@ -233,7 +230,7 @@ def misfit(ends: Float, moments: Any, other_ends: Float, other: Any, rule: Rule)
 
 @compiled
 def merge(walls: Walls, kept: int, gone: int) -> None:
-    """Make the first row the exact fit to the points of both, as long as both reach."""
+    """Make the first row the exact fit to the points of both, over the extent of both."""
     ends, own, its = walls.ends, walls.fits[kept], walls.fits[gone]
     total = own.weight + its.weight
     share = its.weight / total

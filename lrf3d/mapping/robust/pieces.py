@@ -1,7 +1,7 @@
-"""Pieces: which walls the beams hit, and where they violate them by going on behind.
+"""Pieces: the hits and free-space violations of each cell's length of a wall.
 
-Enter walls and the cells of all beams; leave, for each piece of a wall, how many beams hit it and
-how many are free-space violations.
+Walls and cells enter; each wall is extended at both ends and divided into pieces, and each cluster
+of returns is assigned to the nearest wall.
 """
 
 from typing import Any, NamedTuple
@@ -26,26 +26,26 @@ from lrf3d.mapping.robust.extraction import LEAST_INCIDENCE
 from lrf3d.mapping.robust.walls import Walls, end_of, unit_of
 
 FOLLOWED = 2.0
-"""[m] How far a wall is followed beyond its ends, to what single beams hit."""
+"""[m] Extension of a wall beyond both ends, to reach single hits."""
 
 ROUNDING = 1e-6
-"""[m] A wall may end just where its last hit is: rounding does not decide what continues it."""
+"""[m] A wall may end exactly at its last hit: rounding must not make that hit an extension."""
 
 CONTINUATION_STRICTNESS = 0.5
-"""[share] How far off a return may lie that makes a wall longer, as a part of what is usual."""
+"""[share] Tolerance for returns beyond the ends of a wall, relative to that along it."""
 
 CONTINUATION_PENALTY = 2.0
-"""[share] By how much of what is usual a return counts as farther off a wall that it would make
-longer, so that walls that were seen there come first."""
+"""[share] Distance added to returns beyond the ends, in tolerances, so that walls that were seen
+there come first."""
 
 DEEPEST_HIT = 5.0
-"""[share] How far a hit may lie from the wall along its beam, as a multiple of how far it may lie
-off: beams that all but run along a wall hit it anywhere."""
+"""[share] Largest distance from a hit to the wall along its beam, in tolerances: beams that almost
+run along a wall hit it anywhere."""
 
 SPREAD_FACTOR = 16.0
-"""[share] How many times the variance of the noise returns may be spread across a wall in a cell
-and still be of that wall alone: four standard deviations. At 4 walls of rooms are a fifth nearer to
-the truth, and a map of an office explains 0.1 % less of its returns."""
+"""[share] Largest spread of the returns in a cell across a wall, in variances of the noise; above
+it they are of two walls. At 4 walls of rooms are a fifth closer to the truth, and a map of an
+office explains 0.1 % less of its returns."""
 
 
 PIECE = record(
@@ -58,13 +58,13 @@ PIECE = record(
     weight=float,  # [1/m²] the weight of its hits
     along=float, aside=float,  # the weighted sums of their places along the wall and beside it
     along_along=float, along_aside=float, aside_aside=float,  # and those of their products
-    part=int,  # the part of a wall that it becomes, or −1
+    part=int,  # the part of a wall that it becomes, from 1, or 0
 )  # fmt: skip
 """What the beams did at a piece of a wall, which is as long as a cell."""
 
 
 class Lines(NamedTuple):
-    """Walls that are followed beyond their ends, in pieces, which claim the clusters near them.
+    """Walls extended at both ends and divided into pieces.
 
     Args:
         rows: (n,) the rows of the walls.
@@ -85,7 +85,7 @@ class Lines(NamedTuple):
 
 @inner
 def follow(rows: Int, ends: Float, near: float, clusters: int) -> Lines:
-    """Walls (rows, 4), those of some rows (n,), followed beyond their ends."""
+    """Extend some (n,) of the walls (rows, 4) at both ends."""
     count = len(rows)
     followed, first = np.empty((count, 4)), np.zeros(count + 1, np.int64)
     for k in range(count):
@@ -102,8 +102,8 @@ def follow(rows: Int, ends: Float, near: float, clusters: int) -> Lines:
 def gather_evidence(lines: Lines, cells: Cells, walls: Walls) -> int:
     """Count the hits and the free-space violations of each piece of each line.
 
-    A cluster of returns hits the wall that it lies nearest to, and no other; what other walls lose
-    to these is new evidence of them. Returns how many clusters are claimed; each has its piece.
+    A cluster is assigned to the nearest wall alone; what other walls lose is new evidence of them.
+    Returns the number of assigned clusters; each has its piece.
     """
     found = 0
     # What belongs to the walls before is free, so that all of it is claimed again.
@@ -159,7 +159,7 @@ def _add_cluster(cluster: Any, line: Float, piece: Any) -> None:
 
 @borrower
 def _count_violations(lines: Lines, k: int, cells: Cells) -> None:
-    """Count the beams that went through each piece of a line."""
+    """Count the beams that passed through each piece of a line."""
     x1, y1 = end_of(lines.ends[k], 0)
     ux, uy, length = unit_of(lines.ends[k])
     begin, pieces = lines.first[k], lines.first[k + 1] - lines.first[k]
@@ -179,7 +179,7 @@ def _count_violations(lines: Lines, k: int, cells: Cells) -> None:
 
 @borrower
 def _claim(lines: Lines, k: int, cells: Cells, walls: Walls, found: int) -> int:
-    """Claim the clusters that lie nearest to a line; how many are claimed by now."""
+    """Assign the clusters that are nearest to a line; returns how many are assigned so far."""
     band = lines.near + min(HIT_DEVIATIONS * cells.counters[0].widest, MOST_EXPLAINED)
     (x1, y1), (x2, y2) = end_of(lines.ends[k], 0), end_of(lines.ends[k], 1)
     ux, uy, _ = unit_of(lines.ends[k])
@@ -212,7 +212,7 @@ def _claim_one(
     lines: Lines, k: int, cells: Cells, place: int, walls: Walls, band: float,
     found: int,
 ) -> int:  # fmt: skip
-    """Claim a cluster if it may be of a line and lies nearer to it than to what it is of."""
+    """Assign a cluster to a line if it may hit it and is nearer to it than to its owner."""
     cluster, ends, rows = cells.clusters[place], lines.ends[k], walls.rows
     ux, uy, length = unit_of(ends)
     ox, oy = cluster.x - ends[0], cluster.y - ends[1]

@@ -1,7 +1,7 @@
 """Rays: the path of each beam of a scan through the cells.
 
-The beams of a scan enter; the cells count what goes through them, the clusters what ends in them,
-and both what is new of the evidence of walls.
+The beams of a scan enter; the cells count those that pass, the clusters gain those that end, and
+the walls both as new evidence.
 """
 
 import numpy as np
@@ -24,33 +24,32 @@ from lrf3d.mapping.robust.cells import (
 from lrf3d.mapping.robust.clusters import add_hit, contradict
 from lrf3d.mapping.robust.walls import Walls
 
-ROW_BITS, FIRST_COLUMN = 32, 1 << 31
-"""A packed cell is its row, and its column counted from the first below the row's bits."""
+ROW_BITS = 32
+"""A packed cell is its row, shifted by these bits, and its column, counted from −2³¹."""
 
 REACH_BITS, FARTHEST = 52, 1 << 54
-"""A beam's way through the cells is measured in so small parts of its reach; a distance that it
-does not get to."""
+"""Distances along a beam are integers in units of 2⁻⁵² of its range; and one that no beam
+reaches."""
 
-ROW_MASK = (SIDE - 1) << SIDE_BITS
 LEAVES = ~((SIDE - 1) + ((SIDE - 1) << ROW_BITS))
-"""The bits of a packed cell that change when a step leaves a block."""
+"""Bits of a packed cell that change when a step leaves a block."""
 
 
 @borrower
 def _unpacked(cell: int) -> tuple[int, int]:
     """Column and row of a packed cell."""
-    return (cell & ((1 << ROW_BITS) - 1)) - FIRST_COLUMN, cell >> ROW_BITS
+    return (cell & ((1 << ROW_BITS) - 1)) - (1 << 31), cell >> ROW_BITS
 
 
 @inner
 def _enter(
     x: float, y: float, dx: float, dy: float, scale: float
 ) -> tuple[int, int, int, int, int, int, int]:
-    """Where a ray from a place (x, y) [m] in a direction (dx, dy) begins its path through cells.
+    """Start the traversal of the cells by a ray from a place (x, y) [m] in a direction (dx, dy).
 
-    Its first cell, packed; what a step to the next column, and row, adds to it; how far it is from
-    column to column, and row to row; and how far to the next column, and row. Distances are whole
-    numbers: processors compare them, and choose by them, several times faster than floats.
+    Returns its first cell, packed; the steps to the next column and row; the distances between
+    columns and between rows; and those to the next column and row. Distances are integers, which
+    processors compare and select several times faster than floats.
     """
     px, py = x / CELL, y / CELL
     column, row = int(np.floor(px)), int(np.floor(py))
@@ -61,7 +60,7 @@ def _enter(
     wide = min(scale / abs(dx), far) if dx != 0.0 else far
     high = min(scale / abs(dy), far) if dy != 0.0 else far
     return (
-        (row << ROW_BITS) + column + FIRST_COLUMN,
+        (row << ROW_BITS) + column + (1 << 31),
         1 if dx > 0.0 else -1, (1 if dy > 0.0 else -1) << ROW_BITS, int(wide), int(high),
         int(across * wide) if wide < far else FARTHEST, int(up * high) if high < far else FARTHEST,
     )  # fmt: skip
@@ -69,7 +68,7 @@ def _enter(
 
 @borrower
 def _steps_out(to_next: int, step: int, until: int) -> int:
-    """How many edges lie no farther than a distance, the first so far away, the others a step."""
+    """The number of edges within a distance: the first at one, the others a step apart."""
     return 0 if to_next > until else (until - to_next) // step + 1
 
 
@@ -79,7 +78,7 @@ def add_beams(
 ) -> int:
     """Add the beams of a scan from a place [m], from one on; returns the first without room.
 
-    The clusters that grow and are hits of no wall are noted (n,).
+    The clusters that gained a return but are hits of no wall are listed (n,).
     """
     x, y = place
     units, ranges, deviations = beams
@@ -123,7 +122,7 @@ def add_beams(
                     left, inside = min(across, up), cell ^ LEAVES
                     continue
                 inside = cell
-            at = ((cell >> (ROW_BITS - SIDE_BITS)) & ROW_MASK) | (cell & (SIDE - 1))
+            at = (((cell >> ROW_BITS) & (SIDE - 1)) << SIDE_BITS) | (cell & (SIDE - 1))
             count = passes[block, way, at]
             if count & MOST_PASSES == 0:
                 passed_ways[block, at] |= bit

@@ -1,9 +1,8 @@
-"""Refinement: walls are checked against what all beams have shown, and corrected by it.
+"""Refinement: which walls are refit, and how their new parts replace them.
 
-Enter the walls whose evidence has changed; their real parts take their places in the pool: cut
-where beams went through them, split where the points bend, without second copies. A part that
-hardly differs from where a wall was keeps that wall's row and links, and waits for no merge; so a
-wall that is merged and cut again and again settles.
+Walls with enough new evidence enter. Their real parts take their rows: cut where beams passed
+through, split where the points bend. A part that hardly differs from a former wall keeps its row
+and links, and is not merged again, so that a wall that is merged and cut repeatedly settles.
 """
 
 import numpy as np
@@ -27,20 +26,20 @@ from lrf3d.mapping.robust.walls import (
 )
 
 FRESH_SHARE = 0.1
-"""[share] A wall is refined again when this part of what it was refit by is new. Less
-takes time, more leaves walls behind what is known of them."""
+"""[share] New evidence after which a wall is refit, relative to that of its last fit. Less takes
+time, more leaves walls outdated."""
 
 UNCHANGED = 0.15
-"""[m] A part that lies no farther than this from where a wall was linked with others keeps its row
-and its links. Its ends move by whole pieces of 0.1 m. Less takes time."""
+"""[m] A part within this distance of a linked wall keeps its row and links. Ends move by pieces of
+0.1 m. Less takes time."""
 
 
 @compiled
 def choose_walls(walls: Walls, cells: Cells, unowned: Int, dirty: Int, near_by: float) -> Int:
-    """The walls (n,) that are to be refit, rising.
+    """The walls (n,) to refit, rising.
 
-    They are those that are new or merged (m,), those with much new evidence, and one more: what a
-    wall lost to its neighbours, it has not noticed, so all walls have their turn.
+    Those that are new or merged (m,), those with much new evidence, and one more in turn: a wall
+    does not notice what it lost to its neighbours.
     """
     _count_unowned_hits(walls, cells, unowned, near_by)
     counters = walls.counters[0]
@@ -66,7 +65,7 @@ def choose_walls(walls: Walls, cells: Cells, unowned: Int, dirty: Int, near_by: 
 
 @inner
 def _count_unowned_hits(walls: Walls, cells: Cells, unowned: Int, near_by: float) -> None:
-    """Count clusters that are hits of no wall as new evidence of all walls that may reach them."""
+    """Count clusters that are hits of no wall as new evidence of the walls that may reach them."""
     point = np.empty(4)
     for k in range(walls.counters[0].unowned):
         cluster = cells.clusters[unowned[k]]
@@ -88,11 +87,11 @@ def _count_unowned_hits(walls: Walls, cells: Cells, unowned: Int, near_by: float
 
 @compiled
 def replace_walls(walls: Walls, cells: Cells, rows: Int, gone: Int, parts: Parts) -> Int:
-    """Put the parts of some walls (n,) in their places, and of those (m,) that became part of them.
+    """Put the parts in place of walls (n,), and of those (m,) that became part of them.
 
     Returns the rows that are new in their places: they are to be linked, and may fit others.
     """
-    ends, fits, clusters = parts
+    ends, fits, clusters, owners = parts
     old = np.concatenate((rows, gone))
     taken, places = np.zeros(len(old), np.bool_), np.full(len(ends), -1)
     for part in range(len(ends)):
@@ -115,8 +114,7 @@ def replace_walls(walls: Walls, cells: Cells, rows: Int, gone: Int, parts: Parts
             added += 1
             put_row(walls.placed, row, ends[part])
     for k in range(len(clusters)):
-        cluster = cells.clusters[clusters[k]]
-        part, cluster.piece = cluster.piece - 1, 0
+        cluster, part = cells.clusters[clusters[k]], owners[k]
         cluster.owner_version = 0
         if part >= 0:
             cluster.owner, cluster.owner_version = places[part], walls.rows[places[part]].version
@@ -125,7 +123,7 @@ def replace_walls(walls: Walls, cells: Cells, rows: Int, gone: Int, parts: Parts
 
 @borrower
 def _unmoved(walls: Walls, old: Int, taken: Bool, ends: Float) -> int:
-    """The place among old rows, not taken yet, of the wall that a part hardly differs from; −1."""
+    """The index of the former wall, not taken yet, that a part hardly differs from; −1."""
     best, least = -1, UNCHANGED
     for place in range(len(old)):
         apart = 0.0

@@ -1,8 +1,8 @@
-"""Refitting: the parts of a wall that are real, and the straight segments that they are made of.
+"""Refitting: the real parts of a wall, divided into straight segments.
 
-Enter the hits and free-space violations at each piece of the walls; leave new walls. A part is
-real where the beams that hit it outweigh those that went through it or hit a nearer wall; it is
-split where its points bend by more than a map can be trusted.
+The hits and free-space violations of each piece of the walls enter; new walls leave. A part is real
+if the beams that hit it outweigh those that passed through it or hit a nearer wall; it is split
+where its points bend by more than the accuracy of a map.
 """
 
 from typing import Any
@@ -18,60 +18,58 @@ from lrf3d.mapping.robust.pieces import FOLLOWED, PIECE, follow, gather_evidence
 from lrf3d.mapping.robust.walls import FIT, Walls, end_of, length_of, put_line, unit_of
 
 VIOLATION_WEIGHT = 0.01
-"""[hits] What a free-space violation weighs against a hit where both take turns: poses and edges
-are a little wrong, and beams miss thin legs, so a wall that one beam in a hundred hit is still more
-than nothing. At 0.04 maps of cluttered offices explain 0.5 % less of the returns."""
+"""[hits] Weight of a free-space violation where hits and violations alternate: poses and edges have
+small errors, and beams miss thin legs, so that a wall hit by one beam in a hundred is kept. At 0.04
+maps of cluttered offices explain 0.5 % less of the returns."""
 
 TRANSIENT_WEIGHT = 0.16
-"""[scans] What it weighs against a scan that hit, where hits and violations do not take turns, as
-what moves leaves them: it is hit in few scans, from near by many beams of each. More takes what
-robots saw only in passing out of maps of offices, less leaves more of the trails of people …"""
+"""[scans] Weight of a violation against a scan with hits where they do not alternate, as at a
+moving object, which few scans hit with many beams each. More removes what robots saw only in
+passing from maps of offices, less leaves more trails of people."""
 
 TAKEN_TURNS = 0.3
-"""[share] … and they take turns where for each scan that hit so many beams went through before the
-next one did. More takes legs of furniture out, less keeps more of slow obstacles."""
+"""[share] Hits and violations alternate if this many beams for each scan with hits passed before
+the next hit. More removes legs of furniture, less keeps more slow obstacles."""
 
 TURNS_SHARE = 0.1
-"""[share] They take turns only if at least this share of the violations came between two scans that
-hit, and not before the first or after the last. Without it slow obstacles leave half as many false
-walls more; of short walls of furniture one in ten has less."""
+"""[share] They alternate only if at least this share of the violations lies between the first and
+the last hit. Without it slow obstacles leave half as many false walls more; one in ten short walls
+of furniture has less."""
 
 SETTLED_AFTER = 30
-"""[scans] What was free before, and then was hit by scans so far apart, has come to stay, as a door
-that closed: what went through before counts no more. Less keeps the last that was seen of who walks
-slowly, more forgets doors for longer …"""
+"""[scans] An object that was hit over this many scans is permanent, like a door that closed:
+earlier violations no longer count. Less keeps the last views of slow walkers, more ignores doors
+for longer."""
 
-CAME_BEAMS, CAME_SCANS = 8.0, 1.0
-"""[beams] … and what is shorter than SHORT_WALL, was hit for less than that, and was gone through
-before by more beams than this, and than this for each scan that hit, has not. At 20 beams and 3
-more of slow obstacles stays; at 5 and 0.5 a map of an office explains 0.1 % less of its returns."""
+CAME_BEAMS = 8.0
+"""[beams] A wall shorter than SHORT_WALL that was hit over fewer scans is transient if more beams
+than this, and than scans with hits, passed before. At 20 more slow obstacles remain; at 5 a map of
+an office explains 0.1 % less of its returns."""
 
 DUPLICATE_WEIGHT = 0.2
-"""[hits] What a beam weighs that hit another wall more nearly: a second copy of a wall is not
-kept."""
+"""[hits] Weight of a beam that hit a nearer wall, against a second copy of a wall."""
 
 END_SPARE = 0.04
-"""[m] How far a wall goes on beyond its last hit where no beam went through beyond: about half of
-the distance between two beams. More explains more returns at corners, and hides more of what is
-seen beside the ends."""
+"""[m] Extension of a wall beyond its last hit where no beam passed: half of the spacing of beams.
+More explains more returns at corners, and hides more behind the ends."""
 
 UNSEEN_COST = 0.1
-"""[hits] Cost of each piece of wall, so that walls end where their hits do."""
+"""[hits] Cost of each piece of wall, so that walls end at their hits."""
 
 CHANGE_COST = 5.0
-"""[hits] Cost of a gap's begin and of its end: less would cut walls for stray beams."""
+"""[hits] Cost of each end of a gap: less cuts walls for stray beams."""
 
 MAP_DEVIATION = 0.025
-"""[m] No piece of a map is known better than this, however many beams hit it: what they share, the
-errors of poses, does not average out. Less divides straight walls, more straightens bent ones."""
+"""[m] Least standard deviation of a piece of a map: errors of poses are shared by beams and do not
+average out. Less divides straight walls, more straightens bent ones."""
 
 LEAST_SPREAD = 0.01
-"""[m²] Mean square spread of its points along a wall below which a segment keeps the wall's
-direction: shorter ones know none."""
+"""[m²] Least mean square spread of points along a segment that determines its direction; shorter
+segments keep that of the wall."""
 
 SHORT_WALL = 0.5
-"""[m] Walls shorter than this need twice min_points hits, and twice the violations' weight of them:
-clutter, and what moves, makes short ones of any few returns."""
+"""[m] Walls shorter than this need twice min_points hits, at twice the weight of violations:
+clutter and dynamic obstacles leave short segments."""
 
 
 BEFORE, REAL, GAP, BEHIND = range(4)
@@ -83,17 +81,17 @@ CHANGES = np.array([
 ])  # fmt: skip
 """[hits] What it costs to go on from each of these to each."""
 
-Parts = tuple[Float, Records, Int]
+Parts = tuple[Float, Records, Int, Int]
 """Parts (n,) of walls, in their order: where they are (n, 4) [m], and the :data:`FIT` of each; and
-the clusters (c,) that hit any of the walls, whose piece is that of the part that each hit."""
+the clusters (c,) that hit any of the walls, with the part (c,) that each hit, or −1."""
 
 
 @compiled
 def refit_walls(rows: Int, walls: Walls, cells: Cells, near: float, least: int) -> Parts:
-    """The `Parts` of walls, those of some rows (n,).
+    """Fit some walls (n,) to the evidence of all beams again; returns their `Parts`.
 
-    The cells, and the new evidence of all walls, are written. Returns may lie so near [m] to a wall
-    beside what noise explains; parts with fewer hits than the least are not shown.
+    The cells, and the new evidence of all walls, are written. Returns within a distance [m] beside
+    noise are hits; parts with fewer hits than the least are not shown.
     """
     lines = follow(rows, walls.ends, near, cells.counters[0].clusters)
     claimed = gather_evidence(lines, cells, walls)
@@ -125,15 +123,16 @@ def refit_walls(rows: Int, walls: Walls, cells: Cells, near: float, least: int) 
                     found += 1
                     for piece in range(start, last):
                         pieces[piece].part = found
+    owners = np.empty(claimed, np.int64)
     for k in range(claimed):
         cluster = cells.clusters[lines.claimed[k]]
-        cluster.piece = lines.pieces[cluster.piece - 1].part
-    return parts[:found], fits[:found], lines.claimed[:claimed]
+        owners[k], cluster.piece = lines.pieces[cluster.piece - 1].part - 1, 0
+    return parts[:found], fits[:found], lines.claimed[:claimed], owners
 
 
 @borrower
 def _weigh(pieces: Records, length: float, least: int, fit: Any) -> float:
-    """Fill in the evidence of a part's pieces (n,), and whether it is shown; returns its hits."""
+    """Fill in the evidence of a part by its pieces (n,), and if it is shown; returns its hits."""
     hits = against = before = scans = spell = 0.0
     for k in range(len(pieces)):
         piece = pieces[k]
@@ -143,7 +142,8 @@ def _weigh(pieces: Records, length: float, least: int, fit: Any) -> float:
         spell = max(spell, piece.spell)
         weight = violation_weight(piece) if piece.hits else VIOLATION_WEIGHT
         against += weight * piece.violations
-    lately = came_lately(before / max(hits, 1e-9), scans / len(pieces), spell)
+    passed = before / max(hits, 1e-9)
+    lately = spell < SETTLED_AFTER and passed > max(CAME_BEAMS, scans / len(pieces))
     factor = 2 if length < SHORT_WALL else 1
     shown = hits >= factor * least and factor * against <= hits
     fit.points, fit.evidence = int(hits), hits
@@ -155,7 +155,7 @@ def _weigh(pieces: Records, length: float, least: int, fit: Any) -> float:
 
 @borrower
 def violation_weight(count: Any) -> float:
-    """What a free-space violation weighs against a hit, by the counts of a piece."""
+    """The weight of a free-space violation at a piece, in hits."""
     hits, violations, scans = count.hits, count.violations, count.scans
     if hits == 0.0:
         return OPEN_WEIGHT
@@ -171,18 +171,12 @@ def violation_weight(count: Any) -> float:
     return weight
 
 
-@borrower
-def came_lately(before: float, scans: float, spell: float) -> bool:
-    """Whether a place that so many beams went through before was hit for a short spell [scans]."""
-    return spell < SETTLED_AFTER and before > max(CAME_BEAMS, CAME_SCANS * scans)
-
-
 @compiled
 def real_pieces(counts: Records) -> Int:
-    """Which pieces (n,) of a wall are real, by the cheapest run of states along it.
+    """Which pieces (n,) of a wall are real, by the cheapest sequence of states along it.
 
-    A real piece is charged for each of its free-space violations, one that is not for each of its
-    hits, and each change from one to the other costs something too.
+    A real piece costs its free-space violations, another one its hits, and each change of state
+    costs something, too.
     """
     count = len(counts)
     # Where the wall begins and where it ends is free.
@@ -242,7 +236,7 @@ def _add(total: Any, piece: Any, factor: float) -> None:
 
 @inner
 def split_pieces(pieces: Records, breaks: Int) -> int:
-    """Split pieces (n,) of a wall into straight segments: fills in where each ends."""
+    """Split pieces (n,) of a wall into straight segments: fills in their ends, returns how many."""
     count = len(pieces)
     total = np.zeros(count + 1, PIECE)
     for i in range(count):
@@ -273,10 +267,10 @@ def split_pieces(pieces: Records, breaks: Int) -> int:
 
 @borrower
 def _end_of_hits(piece: Any, way: float) -> float:
-    """Where along a wall [m] the hits of its last piece end, one way (1) or the other (−1).
+    """Where along a wall [m] the hits of its last piece end, forwards (1) or backwards (−1).
 
-    The length over which n hits are evenly spread, each in the middle of its part, has a variance
-    of (n² − 1)/n² of a twelfth of its square.
+    The length over which n hits are evenly spread has a variance of (n² − 1)/n² of a twelfth of its
+    square.
     """
     middle = piece.along / piece.weight
     variance = max(piece.along_along / piece.weight - middle * middle, 0.0)
@@ -290,10 +284,10 @@ def _end_of_hits(piece: Any, way: float) -> float:
 def place_part(
     ends: Float, pieces: Records, total: Any, run: tuple[int, int, int, int], part: Float, fit: Any
 ) -> None:
-    """Fill in the ends (4,) and the moments of a part of a wall that is followed (4,) [m].
+    """Fill in the ends (4,) and the moments of a part of a wall with extended ends (4,) [m].
 
-    The total is the sum over those of its pieces (n,) that are the part; the run is the first piece
-    of a run of real ones, the first of the part, the first behind it, and the first behind the run.
+    The total is the sum over its pieces. The run is the first piece of a run of real ones, the
+    first of the part, the first behind the part, and the first behind the run.
     """
     begin, start, stop, end = run
     ux, uy, length = unit_of(ends)

@@ -1,7 +1,7 @@
-"""Walls: the one table of a growing map's walls, which finds those near a place.
+"""Walls: the table of a growing map's walls, which finds those near a place.
 
-A row holds a wall: its ends, what they were fitted to, what beams have shown of it since, and its
-links to other walls. Rows that are given back are taken again. Lines are rows x1 y1 x2 y2 [m].
+A row holds a wall: its ends, the moments of the points that it is fitted to, the new evidence of
+beams, and its links to other walls. Free rows are used again. Lines are x1 y1 x2 y2 [m].
 """
 
 from typing import Any, NamedTuple
@@ -15,10 +15,7 @@ BLOCK = 64
 """[walls] Rows that share a bounding box. It changes speed only."""
 
 MOST_LINKS = 24
-"""[links] Others that a new wall is linked with, the nearest ones."""
-
-UNLINKED = np.inf
-"""Where a wall is placed that is not shown, and so is linked with no other."""
+"""[links] Largest number of links of a wall, to the nearest others."""
 
 FIT = record(
     weight=float,  # [1/m²] sum of the inverse variances of the points
@@ -30,7 +27,7 @@ FIT = record(
 )  # fmt: skip
 """What a segment is fitted to."""
 
-WALL = record(
+WALL_STATE = record(
     fresh=float,  # [beams] that hit it, or went through its hits, since it was refit
     last_scan=int,  # the last scan that added to these
     version=np.int32,  # how often it was refit, from 1; see CLUSTER
@@ -62,8 +59,8 @@ class Walls(NamedTuple):
     Args:
         ends: (rows, 4) x1 y1 x2 y2 [m]; the laser saw the wall from its left.
         fits: (rows,) of :data:`FIT`.
-        rows: (rows,) of :data:`WALL`.
-        placed: (rows, 4) where it was when it was linked with others [m].
+        rows: (rows,) of :data:`WALL_STATE`.
+        placed: (rows, 4) where it was when it was linked with others [m]; ∞ without links.
         links: (rows, MOST_LINKS) of :data:`LINK`.
         free: (rows,) rows that were given back, the last of them first to be taken again.
         changed: (rows,) the rows whose evidence the last scan has changed.
@@ -86,11 +83,11 @@ class Walls(NamedTuple):
     @classmethod
     def of_size(cls, rows: int) -> "Walls":
         """Free rows, a multiple of a block of them."""
-        walls, boxes = np.zeros(rows, WALL), np.full((rows // BLOCK, 4), np.inf)
+        walls, boxes = np.zeros(rows, WALL_STATE), np.full((rows // BLOCK, 4), np.inf)
         walls["version"] = 1
         boxes[:, 2:] = -np.inf
         return cls(
-            np.zeros((rows, 4)), np.zeros(rows, FIT), walls, np.full((rows, 4), UNLINKED),
+            np.zeros((rows, 4)), np.zeros(rows, FIT), walls, np.full((rows, 4), np.inf),
             np.zeros((rows, MOST_LINKS), LINK), np.zeros(rows, np.int64), np.zeros(rows, np.int64),
             np.zeros(rows, np.int64), boxes, np.zeros(1, WALL_COUNTERS),
         )  # fmt: skip
@@ -138,14 +135,14 @@ def give_back(walls: Walls, row: int) -> None:
     counters = walls.counters[0]
     walls.fits[row].points, walls.fits[row].shown = 0, False
     walls.rows[row].version += 1
-    walls.placed[row] = UNLINKED
+    walls.placed[row] = np.inf
     walls.free[counters.free] = row
     counters.free += 1
 
 
 @borrower
 def widen_box(walls: Walls, row: int) -> None:
-    """Let the box of a row's block reach to the ends of its wall: searches find it from now on."""
+    """Extend the box of a row's block to the ends of its wall, so that searches find it."""
     box, (x1, y1, x2, y2) = walls.boxes[row // BLOCK], walls.ends[row]
     put_line(
         box, min(box[0], x1, x2), min(box[1], y1, y2), max(box[2], x1, x2), max(box[3], y1, y2)
@@ -154,7 +151,10 @@ def widen_box(walls: Walls, row: int) -> None:
 
 @borrower
 def near(walls: Walls, line: Float, reach: float) -> int:
-    """Fill in `found` with the walls whose boxes lie within a reach [m] of a line's, count them."""
+    """Fill in `found` with the walls whose boxes are within a reach [m] of that of a line.
+
+    Returns their number.
+    """
     x1, y1, x2, y2 = line
     left, right = min(x1, x2) - reach, max(x1, x2) + reach
     low, high = min(y1, y2) - reach, max(y1, y2) + reach
@@ -191,7 +191,7 @@ def end_of(line: Float, end: int) -> tuple[float, float]:
 
 @borrower
 def vector_of(line: Float) -> tuple[float, float]:
-    """From where a line (4,) begins to where it ends."""
+    """The vector from the first to the second end of a line (4,)."""
     return line[2] - line[0], line[3] - line[1]
 
 
@@ -213,7 +213,7 @@ def unit_of(line: Float) -> tuple[float, float, float]:
 
 @borrower
 def along_of(line: Float, x: float, y: float, u: float, v: float) -> tuple[float, float]:
-    """How far the ends of a line (4,) lie from a place along a vector (u, v), in its lengths."""
+    """Positions of the ends of a line (4,) from a place along a vector (u, v), in its lengths."""
     return (line[0] - x) * u + (line[1] - y) * v, (line[2] - x) * u + (line[3] - y) * v
 
 
@@ -225,7 +225,7 @@ def put_line(line: Float, x1: float, y1: float, x2: float, y2: float) -> None:
 
 @borrower
 def add_point(moments: Any, weight: float, x: float, y: float) -> None:
-    """Add a point to a weight, a mean and the scatter about it, which no offset makes inexact."""
+    """Add a point to a weight, a mean and the scatter about it, exact at any offset."""
     moments.weight += weight
     share = weight / moments.weight
     dx, dy = x - moments.x, y - moments.y

@@ -37,25 +37,18 @@ _MOST_CELLS, _MOST_SCANS = 1_500_000, 1500
 """Most cells, which are larger where there would be more; and most scans, of which longer runs are
 lit by every n-th: a film has no more frames."""
 
-_LONGEST_WAVE = 0.7
-"""Longest delay of light [s of the film]: the robot must not overtake it."""
+_LONGEST_WAVE, _NEVER = 0.7, 9.0
+"""Longest delay of light [s of the film]: the robot must not overtake it; and the time of what is
+never seen [lengths of the run]."""
 
-_NEVER = 9.0
-"""Time of what is never seen [lengths of the run]."""
+_SOFT, _CLOSED, _COVERS, _TOLERANCE = 1.3, 3, 3.2, 1.6
+"""How far times and rims are smoothed, how wide gaps between beams are closed, half the width of
+the strip in which a segment sets the time of its cells, and how far off it colours walls [cells].
+"""
 
-_SOFT, _CLOSED = 1.3, 3
-"""How far times and rims are smoothed, and how wide gaps between beams are closed [cells]."""
-
-_COVERS, _TOLERANCE = 3.2, 1.6
-"""Half the width of the strip in which a segment sets the time of its cells, and how far from a
-wall it may lie to colour it [cells]."""
-
-_MOVED = 1e-3
-"""A robot that has moved by less [m, rad] sees nothing new."""
-
-_GAP, _BRIDGED = 0.3, 13
+_GAP, _BRIDGED, _MOVED = 0.3, 13, 1e-3
 """Least time between the light and the map's colour [s], and how wide what is not lit yet may be in
-the colour of the map [cells]."""
+the colour of the map [cells]. A robot that has moved by less [m, rad] sees nothing new."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -65,9 +58,8 @@ class Exposure:
     times: Records
     """(h, w) cells of :data:`TIME`."""
     corner: Float
-    """(2,) its lower left corner in the film's frame [m]."""
     cell: float
-    """Side of a cell [m]."""
+    """(2,) its lower left corner in the film's frame, and the side of a cell [m]."""
     start: float
     length: float
     """When the run starts and how long it is [s]."""
@@ -101,12 +93,6 @@ class Exposure:
         cells = np.floor((places - self.corner) / self.cell).astype(int)
         columns, rows = np.clip(cells, 0, np.array(self.times.shape[::-1]) - 1).T
         return np.asarray(self.times[rows, columns])
-
-    def strips(self, segments: Float, picture: Image.Image, value: int) -> None:
-        """Paint a value into a picture where segments (m, 4) cover cells."""
-        draw, width = ImageDraw.Draw(picture), round(2.0 * _COVERS)
-        for ends in (segments - np.tile(self.corner, 2)) / self.cell - 0.5:
-            draw.line(ends.tolist(), fill=value, width=width)
 
     def fan(self, scan: LaserScan, mirrors: Float, picture: Image.Image, value: int) -> None:
         """Paint a value into a picture where the beams of a scan in the film's frame pass."""
@@ -183,8 +169,11 @@ def expose(run: Run, structures: Structures, low: Float, high: Float) -> Exposur
     # Beyond the picture nothing is seen.
     cells["sure"][1:-1, 1:-1] = soft_rim(seen)[1:-1, 1:-1]
     covered = Image.new("I", size)
+    draw = ImageDraw.Draw(covered)
     for number, line_map in reversed(list(zip(run.snapshot_scans, run.maps, strict=True))):
-        exposure.strips(line_map.segments - np.tile(origin, 2), covered, number + 1)
+        segments = (line_map.segments - np.tile(origin + low, 2)) / exposure.cell - 0.5
+        for ends in segments.tolist():
+            draw.line(ends, fill=number + 1, width=round(2.0 * _COVERS))
     mapped = np.append(_NEVER, share)[np.asarray(covered)]
     # What the map has between two lit places is coloured with them.
     cells["mapped"] = np.maximum(mapped, minimum_filter(cells["seen"], _BRIDGED) + _GAP / length)

@@ -24,11 +24,8 @@ _FINER, _BLUR = 2, 0.6
 _PAVED, _TILE, _JOINT = 134, 178, 160
 """Brightness, 0…255, of pavements, tiles of a floor, and the joints between them."""
 
-_FLOOR = np.array([1.0, 0.96, 0.90])
-"""Colour of floors."""
-
-_JOINT_WIDTH = 0.015
-"""Width of the joints between the tiles of a floor, which are a metre wide [m]."""
+_FLOOR, _JOINT_WIDTH = np.array([1.0, 0.96, 0.90]), 0.015
+"""Colour of floors, and the width of joints between their tiles, which are a metre wide [m]."""
 
 _SHADED, _FADE = 0.45, 0.06
 """What light is lost next to walls, and the share of the picture, at its edges, in which it goes
@@ -90,7 +87,12 @@ def paint_ground(structures: Structures, canvas: Canvas) -> GroundPicture:
         rooms = floor_of(structures)
         tiles = canvas.mask(rooms)
         cover.paste(_TILE, mask=tiles)
-        cover.paste(_JOINT, mask=ImageChops.multiply(tiles, canvas.mask(_joints(canvas))))
+        (left, low), (right, high) = canvas.corner, canvas.corner + canvas.extent
+        half = 0.5 * max(_JOINT_WIDTH, canvas.pixel)
+        x, y = (np.arange(np.ceil(begin), end) for begin, end in ((left, right), (low, high)))
+        across = shapely.box(left, y - half, right, y + half)
+        joints = canvas.mask([*shapely.box(x - half, low, x + half, high), *across])
+        cover.paste(_JOINT, mask=ImageChops.multiply(tiles, joints))
     else:
         around = shapely.buffer(structures.solids, PAVEMENT, join_style="mitre")
         cover.paste(_PAVED, mask=canvas.mask(around))
@@ -100,28 +102,15 @@ def paint_ground(structures: Structures, canvas: Canvas) -> GroundPicture:
     near = canvas.mask(walls).reduce(4).filter(blur)
     shade = np.asarray(near.resize(canvas.size, Image.Resampling.BILINEAR)) / np.float32(255.0)
     seen = np.asarray(cover) * (1.0 - _SHADED * shade)
-    seen = land + _fading(*canvas.size) * (seen - land)
+    # At the edges it goes over into the land.
+    fading = (
+        np.clip(np.minimum(places, 1.0 - places) / _FADE, 0.0, 1.0)
+        for places in ((np.arange(side) + 0.5) / side for side in canvas.size[::-1])
+    )
+    seen = land + np.outer(*fading) * (seen - land)
     paint = _FLOOR if indoor else np.ones(3)
     picture = np.round(seen[..., None] * paint).astype(np.uint8)
     return GroundPicture(picture, canvas.corner, canvas.extent, land / 255.0 * paint)
-
-
-def _joints(canvas: Canvas) -> list[Any]:
-    """The joints between the tiles of a floor."""
-    (left, low), (right, high) = canvas.corner, canvas.corner + canvas.extent
-    half = 0.5 * max(_JOINT_WIDTH, canvas.pixel)
-    x, y = (np.arange(np.ceil(begin), end) for begin, end in ((left, right), (low, high)))
-    rows = shapely.box(left, y - half, right, y + half)
-    return [*shapely.box(x - half, low, x + half, high), *rows]
-
-
-def _fading(width: int, height: int) -> Float:
-    """How much of the ground is seen: all of it but at the edges, where it fades."""
-    along, up = (
-        np.clip(np.minimum(places, 1.0 - places) / _FADE, 0.0, 1.0)
-        for places in ((np.arange(side) + 0.5) / side for side in (width, height))
-    )
-    return np.outer(up, along)
 
 
 def floor_of(structures: Structures) -> Any:

@@ -1,40 +1,45 @@
-"""What stands in a run's world, painted once for all pictures of it.
+"""What stands in a run's world, painted once for all pictures: walls, roofs, ground and light.
 
-That takes a second, so the stage asked for last is kept; it can be pickled, to be handed to other
-processes.
+Walls and roofs are faces, as bright as they look at the sky. Painting takes a second, so the stage
+asked for last is kept; it can be pickled, to be handed to other processes.
 """
 
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import shapely
 
-from lrf3d.geometry import Float, lengths
+from lrf3d.geometry import LEFT, Float, Int, directions, lengths
 from lrf3d.run import Run
 from lrf3d.scene.beams import turning_walls
-from lrf3d.scene.shapes import GroundPicture, Painted
+from lrf3d.scene.look import SUN, WALL_LIGHT
+from lrf3d.scene.shapes import GroundPicture, Painted, single
 from lrf3d.scene.stage.exposure import Exposure, expose, unexposed
 from lrf3d.scene.stage.ground import canvas_of, paint_ground
 from lrf3d.scene.stage.structures import Structures
-from lrf3d.scene.stage.walls import lay_faces
 from lrf3d.world import World
+
+_TOGETHER, _APART, _LEAST = 0.05, 0.004, 1e-7
+"""Length [m] over which two walls at one place are one; half the gap between both faces of a free
+wall [m], as a ray meets the one that looks at it; and the least area of a triangle [m²]: outlines
+that touch themselves have smaller ones."""
 
 _MOST_MIRRORS = 4
 """Most walls that show reflections: each takes the time of a picture."""
 
 
 class Stage(NamedTuple):
-    """What stands in a world."""
+    """What stands in a world: what its walls make up, their faces, the ground, and its light.
+
+    Of the walls that are mirrors, the longest (m, 4) and their heights [m] as the fifth column.
+    """
 
     structures: Structures
-    """What its walls make up."""
     faces: Painted
-    """Walls and roofs."""
     ground: GroundPicture
     exposure: Exposure
-    """When the laser first lit it."""
     mirrors: Float
-    """(m, 5) the longest walls that are mirrors, and their heights [m]."""
 
 
 @lru_cache(maxsize=1)
@@ -61,3 +66,88 @@ def _mirrors(world: World, origin: Float) -> Float:
     chosen = chosen[np.argsort(-lengths(world.segments[chosen]), kind="stable")[:_MOST_MIRRORS]]
     walls = world.segments[chosen] - np.tile(origin, 2)
     return np.column_stack([walls, world.heights[chosen]])
+
+
+def wall_sides(structures: Structures) -> tuple[Int, Float]:
+    """The walls (n,) whose sides can be seen: those of solids once, free ones from both sides.
+
+    Returns also the sides (n, 4) [m], which look to the right of their directions; glass has none.
+    """
+    solid = np.flatnonzero(structures.closed & ~structures.glass)
+    free, parts = _free_walls(structures)
+    sides = structures.segments[solid], parts, parts[:, [2, 3, 0, 1]]
+    return np.concatenate([solid, free, free]), np.concatenate(sides)
+
+
+def _free_walls(structures: Structures) -> tuple[Int, Float]:
+    """The free walls (n,), and the parts (n, 4) of them that lie on no higher or earlier wall.
+
+    Plans have a line twice where rooms meet: of two faces at one place now this, now that is seen.
+    """
+    lines = structures.tree.geometries
+    free = np.flatnonzero(~structures.closed & ~structures.glass)
+    later, other = structures.tree.query(lines[free], predicate="dwithin", distance=_APART)
+    ranks = np.argsort(np.lexsort([np.arange(len(lines)), -structures.heights]))
+    hides = ranks[other] < ranks[free[later]]
+    later, other = later[hides], other[hides]
+    strips = shapely.buffer(lines[other], _APART, cap_style="flat")
+    along = shapely.length(shapely.intersection(lines[free[later]], strips)) > _TOGETHER
+    hidden = np.full(len(free), shapely.Polygon(), dtype=object)
+    shapely.geometrycollections(strips[along], indices=later[along], out=hidden)
+    left = shapely.difference(lines[free], shapely.union_all(hidden[:, None], axis=1))
+    parts, owner = shapely.get_parts(left, return_index=True)
+    there = shapely.length(parts) > _APART
+    return free[owner[there]], shapely.get_coordinates(parts[there]).reshape(-1, 4)
+
+
+def lay_faces(structures: Structures, exposure: Exposure) -> Painted:
+    """All walls and flat roofs.
+
+    A wall looks at the cell before it, a roof at that wall of its house which was mapped first.
+    """
+    number, segments = wall_sides(structures)
+    along = directions(segments)
+    off, (*_, sun_up), (even, sunny, foot) = -along @ LEFT, SUN, WALL_LIGHT
+    apart = np.where(structures.closed[number], 0.0, _APART)[:, None]
+    level = segments.reshape(-1, 2, 2)[:, [0, 1, 1, 0]] + (apart * off)[:, None]
+    high = structures.heights[number, None] * [0.0, 0.0, 1.0, 1.0]
+    light = (even + sunny * (off @ SUN[:2]))[:, None] * [foot, foot, 1.0, 1.0]
+    steps = exposure.cell * structures.setting.before
+    before = np.insert(level + steps * off[:, None], 2, 1.0, axis=2)
+    walls = Painted(
+        single(np.dstack([level, high])),
+        single(light[..., None] * structures.colours[number, None]),
+        single(before),
+        structures.objects[number],
+    )
+    corners, owner = triangles(structures.solids)
+    level, count = corners[:, [0, 1, 2, 2]], len(corners)
+    high = np.broadcast_to(structures.solid_heights[owner, None], (count, 4))
+    light = even + sunny * sun_up
+    objects = structures.solid_objects[owner]
+    roofs = Painted(
+        single(np.dstack([level, high])),
+        single(np.repeat(light * structures.solid_colours[owner, None], 4, axis=1)),
+        np.zeros((count, 4, 3), np.float32),
+        objects,
+    )
+    if count:
+        middles = before[..., :2].mean(axis=1)
+        order = np.lexsort((exposure.sampled(middles)["mapped"], walls.objects))
+        among, first = np.unique(walls.objects[order], return_index=True)
+        best = order[first][np.searchsorted(among, objects)]
+        roofs.before[..., :2] = middles[best, None]
+    columns: zip[Any] = zip(walls, roofs, strict=True)
+    return Painted(*map(np.concatenate, columns))
+
+
+def triangles(polygons: Any) -> tuple[Float, Int]:
+    """Cut polygons (p,) into counter-clockwise triangles (t, 3, 2), and which each (t,) is of."""
+    if not len(polygons):
+        return np.zeros((0, 3, 2)), np.zeros(0, np.int64)
+    found, piece = shapely.get_parts(
+        shapely.constrained_delaunay_triangles(polygons), return_index=True
+    )
+    there = shapely.area(found) > _LEAST
+    turned = shapely.orient_polygons(found[there])
+    return shapely.get_coordinates(turned).reshape(-1, 4, 2)[:, :3], piece[there]

@@ -16,17 +16,9 @@ from numpy.typing import NDArray
 
 from lrf3d.geometry import LEFT, Bool, Float, Int, directions, lengths
 from lrf3d.run import Run
-from lrf3d.scene.look import (
-    NIGHT_LOW,
-    OUTLINE,
-    OUTLINE_STRENGTH,
-    ROOMS,
-    SECTION,
-    TOWN,
-    Setting,
-    object_colours,
-)
-from lrf3d.scene.shapes import Lines, single
+from lrf3d.scene import look
+from lrf3d.scene.look import ROOMS, SECTION, TOWN, Setting, object_colours
+from lrf3d.scene.shapes import Lines, Soft, single
 from lrf3d.world import World
 
 SIGHT_DISTANCE = 4000.0
@@ -54,11 +46,6 @@ class Sight(NamedTuple):
         there = len(world.segments) > 0
         return cls(world, world.origin if there else np.round(0.5 * (low + high)))
 
-    @classmethod
-    def of_run(cls, run: Run) -> "Sight":
-        """What can be seen of a run's world."""
-        return cls.of(run.world, run.trajectory.poses[:, :2])
-
 
 def _near(world: World, low: Float, high: Float) -> World:
     """The world within a box, its walls cut where they leave it; itself where none does."""
@@ -80,19 +67,14 @@ def _near(world: World, low: Float, high: Float) -> World:
     )
 
 
-INDOOR_HEIGHT = 3.5
-"""Walls up to here [m] are those of rooms: a storey."""
+INDOOR_HEIGHT, _DOOR, _ENCLOSED, _AS_HIGH = 3.5, 2.0, 0.9, 0.4
+"""Walls up to the first [m] are those of rooms. Half the width of openings in the walls of a hall
+[m], the share of all walls within, and how high they are, in the highest wall, at the least."""
 
-_DOOR, _ENCLOSED, _AS_HIGH = 2.0, 0.9, 0.4
-"""Half the width of openings in the walls of a hall [m], the share of all walls that lie within
-them, and how high they are, beside the highest wall, at the least."""
-
-_PROBE = 0.005
-"""How far beside a wall [m] its inside is felt for: less than any wall is thick."""
-
-_OUTLINE_WIDTH, _STOREY, _STOREY_STRENGTH = 1.1, 3.1, 0.4
-"""Width of the edges of houses [pixels of 720 lines], height of a storey [m], and the opacity of
-the dark joint over it."""
+_PROBE, _OUTLINE_WIDTH, _STOREY, _STOREY_STRENGTH = 0.005, 1.1, 3.1, 0.4
+"""How far beside a wall [m] its inside is looked for, less than any wall is thick; width of the
+edges of houses [pixels of 720 lines], height of a storey [m], and the opacity of the joint over it.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,21 +84,18 @@ class Structures:
     segments: Float
     """(n, 4) walls x1 y1 x2 y2 [m]; those of solids run with the inside on the left."""
     objects: Int
-    """(n,) the object that each wall belongs to."""
     heights: Float
-    """(n,) heights [m]."""
     colours: Float
-    """(n, 3) red, green, blue in 0…1."""
+    """(n,) the object of each wall, its height [m] and (n, 3) its colour."""
     closed: Bool
-    """(n,) whether the wall belongs to a solid and so has one visible side."""
+    glass: Bool
+    """(n,) whether a wall is of a solid, and so has one visible side, and whether it is glass."""
     solids: NDArray[Any]
     """(k,) polygons of the solids."""
     solid_objects: Int
-    """(k,) the object that each solid is."""
     solid_heights: Float
-    """(k,) heights of their roofs [m]."""
     solid_colours: Float
-    """(k, 3) colours of their walls."""
+    """(k,) the object that each is, the height of its roof [m], and (k, 3) its colour."""
     indoor: bool
     """Whether this is the inside of a house."""
     origin: Float
@@ -159,6 +138,7 @@ class Structures:
             segments, world.heights, closed, path
         )
         colours = object_colours(world, indoor=indoor)
+        clear = [bool(one and one.passes) for one in world.materials]
         found = np.flatnonzero(~shapely.is_missing(areas))
         tops = np.zeros(world.object_count)
         np.maximum.at(tops, world.objects, world.heights)
@@ -168,6 +148,7 @@ class Structures:
             heights=world.heights,
             colours=colours[world.objects].reshape(-1, 3),
             closed=closed,
+            glass=np.array(clear or [False])[world.objects if clear else 0 * world.objects],
             solids=areas[found],
             solid_objects=found,
             solid_heights=tops[found],
@@ -188,6 +169,20 @@ class Structures:
         return self.segments.reshape(-1, 2)
 
 
+def panes_of(structures: Structures, cut: float) -> tuple[Soft, Lines]:
+    """Panes of glass up to the height of a cut [m], which are clear, and their bright edges."""
+    walls, tops = structures.segments[structures.glass], structures.heights[structures.glass]
+    a, b = (np.insert(ends, 2, 0.0, axis=1) for ends in np.hsplit(walls, 2))
+    c, d = (end + np.minimum(tops, cut)[:, None] * [0.0, 0.0, 1.0] for end in (b, a))
+    corners = np.stack([a, b, c, a, c, d], axis=1).reshape(-1, 3, 3)
+    tints = np.full((*corners.shape[:2], 4), (*look.MATERIAL_COLOURS["glass"], look.PANE))
+    starts, ends = np.concatenate([a, b, d]), np.concatenate([d, c, c])
+    colours = single(np.full((len(starts), 3), look.MATERIAL_COLOURS["glass"]))
+    full = np.ones((len(starts), 2), np.float32)
+    edges = Lines(single(starts), single(ends), colours, full, 2.0 * _OUTLINE_WIDTH)
+    return Soft(single(corners), single(tints)), edges
+
+
 def outlines_of(structures: Structures) -> Lines:
     """Edges and storeys of houses as faint lines; of rooms, where walls are cut."""
     walls, tops = structures.segments, structures.heights
@@ -204,10 +199,10 @@ def outlines_of(structures: Structures) -> Lines:
         for lines, high in ((walls, tops), (storeys, levels))
     )
     starts, ends = np.concatenate([a, a * [1.0, 1.0, 0.0], c]), np.concatenate([b, a, d])
-    counts, strong = [len(walls), len(walls), len(storeys)], OUTLINE_STRENGTH
+    counts, strong = [len(walls), len(walls), len(storeys)], look.OUTLINE_STRENGTH
     strengths = [strong, strong], [0.2 * strong, strong], [_STOREY_STRENGTH] * 2
     opacities = single(np.repeat(strengths, counts, axis=0))
-    colours = single(np.repeat([OUTLINE, OUTLINE, NIGHT_LOW], counts, axis=0))
+    colours = single(np.repeat([look.OUTLINE, look.OUTLINE, look.NIGHT_LOW], counts, axis=0))
     return Lines(single(starts), single(ends), colours, opacities, _OUTLINE_WIDTH)
 
 

@@ -75,19 +75,9 @@ export async function source(take) {
       const pose = style.pose && next.marks[name] ? { pose: between(style.pose, next.marks[name].pose, share) } : {};
       marks[name] = { ...style, ...pose, columns: columnsOf(name, columns, lists) };
     }
-    if (!sent.times) {
-      const light = decoded(bytes, arrays[times[1]]);
-      marks.times = { ...times[0], columns: [[0, lists.size]] };
-      lists.push(new Uint8Array(light.buffer));
-      lists.size += light.byteLength;
-      sent.times = true;
-    }
+    if (!sent.times) marks.times = { ...times[0], columns: columnsOf("times", [times[1]], lists) };
     const arraysNow = new Uint8Array(lists.size);
-    let end = 0;
-    for (const list of lists) {
-      arraysNow.set(list, end);
-      end += list.length;
-    }
+    lists.reduce((end, list) => (arraysNow.set(list, end), end + list.length), 0);
     take({ ...moment, camera, marks }, arraysNow);
   }
   return { world: unpacked(data), ground: await createImageBitmap(new Blob([picture])), ask };

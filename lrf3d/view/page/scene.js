@@ -104,25 +104,22 @@ export class Scene {
     return made;
   }
 
-  program(sources) {
+  // A program of a name, compiled when it is first used.
+  use(name) {
     const { gl } = this;
-    const made = gl.createProgram();
+    const made = (this.programs[name] ??= gl.createProgram());
+    if (made.places) {
+      gl.useProgram(made);
+      return made.places;
+    }
     [gl.VERTEX_SHADER, gl.FRAGMENT_SHADER].forEach((kind, i) => {
       const shader = gl.createShader(kind);
-      gl.shaderSource(shader, HEAD + sources[i]);
+      gl.shaderSource(shader, HEAD + this.sources[name][i]);
       gl.compileShader(shader);
       gl.attachShader(made, shader);
     });
     gl.linkProgram(made);
-    return made;
-  }
-
-  // A program of a name, compiled when it is first used.
-  use(name) {
-    const { gl } = this;
-    const made = (this.programs[name] ??= this.program(this.sources[name]));
     gl.useProgram(made);
-    if (made.places) return made.places;
     if (!gl.getProgramParameter(made, gl.LINK_STATUS)) {
       const logs = gl.getAttachedShaders(made).map((shader) => gl.getShaderInfoLog(shader));
       throw new Error(`a shader does not compile: ${gl.getProgramInfoLog(made)} ${logs.join(" ")}`);

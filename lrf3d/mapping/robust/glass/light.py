@@ -1,8 +1,7 @@
-"""Light: the last scans with intensities, if these fall with range and incidence as light does.
+"""Light: the last scans with intensities, if these depend on range and incidence as light does.
 
 Along a diffuse wall the light of a beam falls with the cosine of the incidence and the square of
-the range. Many devices report other numbers, from which nothing can be learnt about glass and
-mirrors.
+the range. The numbers that many devices report do not, and show neither glass nor mirrors.
 """
 
 import warnings
@@ -28,35 +27,29 @@ RAY = record(
 """A beam of a kept scan."""
 
 MOST_SCANS = 160
-"""[scans] So many are kept: of a drive at least the last 80 m. What mirrors showed before stays."""
+"""[scans] Scans kept: at least the last 80 m of a drive. Mirrors found before remain."""
 
-LEAST_WAY, LEAST_TURN = 0.5, 0.5
-"""[m, rad] A scan is kept if the robot has moved or turned by so much since the last one."""
+LEAST_MOTION = 0.5
+"""[m, rad] Motion of the robot after which a scan is kept."""
 
 USUAL_SHARE = 0.7
-"""[share] The usual light of a scan's returns is that which so many have at most: next to a front
-of glass most are dim."""
+"""[share] Quantile of the light of the returns of a scan that is its usual light: near a front of
+glass most are dim."""
 
 WEAKEST_COSINE = 0.1
-"""[cosine] Beams at a smaller incidence are left out: the direction of a wall is not that well
-known."""
+"""[cosine] Least incidence: the direction of a wall is not known well enough for smaller ones."""
 
 APART, LEAST_CHANGE = 0.05, 0.2
-"""[share, log] Two returns of a wall are compared that are this part of the scan apart, if the
-laser equation has them differ by so much."""
+"""[share, log] Distance in the scan, and difference by the laser equation, from which on two
+returns of a wall are compared."""
 
 LARGEST_MISFIT = 0.3
-"""[share] By this part of the difference another one may deviate. Light that falls with the range
-alone deviates by a third."""
+"""[share] Largest relative error of that difference. Light that falls with the range alone has a
+third."""
 
 LEAST_FITTING, LEAST_PAIRS = 0.5, 100
-"""[share, pairs] Intensities are light if so many of at least so many pairs fit: metal and glass
-never do."""
-
-NO_LIGHT = (
-    "intensities do not fall with range and incidence as light does: the map has no glass and no"
-    " mirrors"
-)
+"""[share, pairs] Intensities are light if this share of at least this many pairs fits: metal and
+glass never do."""
 
 
 class LitScans:
@@ -79,11 +72,11 @@ class LitScans:
     ) -> bool:
         """Keep a scan with its walls (w, 4) around the laser in place of the oldest.
 
-        Returns whether it was kept, and the intensities of the scans so far are light. A scan is
-        not kept if it has none, or the robot stands nearly where it did.
+        Returns whether it was kept and the intensities so far are light. A scan is dropped if it
+        has no intensities, or if the robot has hardly moved.
         """
         off = np.abs(np.array(pose) - self._last)
-        if scan.intensities is None or (np.hypot(*off[:2]) <= LEAST_WAY and off[2] <= LEAST_TURN):
+        if scan.intensities is None or (max(np.hypot(*off[:2]), off[2]) <= LEAST_MOTION):
             return False
         lights = scan.intensities[np.argsort(scan.angles, kind="stable")]
         units, free, _ = Beams.of(scan, pose[2], noise)
@@ -107,11 +100,14 @@ class LitScans:
         are_light = self._fitting >= LEAST_FITTING * self._pairs
         if self._pairs >= LEAST_PAIRS and not are_light and not self._warned:
             self._warned = True
-            warnings.warn(NO_LIGHT, Lrf3dWarning, stacklevel=2)
+            warnings.warn(
+                "intensities do not fall with range and incidence as light does: the map has no"
+                " glass and no mirrors", Lrf3dWarning, stacklevel=2,
+            )  # fmt: skip
         return self._pairs >= LEAST_PAIRS and are_light
 
     def _read_reflectances(self, rays: Records, light: Float, walls: Float) -> None:
-        """Fill in how reflective the walls (w, 4) are that rays (n,) end on, and count pairs."""
+        """Fill in the reflectances of the walls (w, 4) that rays (n,) end on, and count pairs."""
         if not len(walls):
             return
         lit = np.flatnonzero(light)

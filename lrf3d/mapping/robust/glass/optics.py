@@ -1,12 +1,12 @@
-"""Optics: glass and mirrors in a map, from the light of scans with intensities.
+"""Optics: the glass and mirrors of a map, from the light of scans with intensities.
 
-Scans enter with their intensities; what leaves are scans without what mirrors show, and the glass
-and mirrors that stand in a map in place of what beams, most of which pass or are turned, left of
-them. Scans without intensities, or whose intensities are no light, change nothing here.
+Scans with intensities enter; scans without images of mirrors leave, and glass and mirrors, which
+take the place of the fragments of them in the map. Scans without intensities, or whose intensities
+are no light, change nothing.
 
-A flash, which is a return of a line across its beam, and a wall of a scan with a segment of the map
-that a line mirrors into it speak for a line. Most of these lines are nothing, since walls of rooms
-mirror each other: `surfaces` decides by what the beams of the kept scans did at them.
+Two observations vote for a line: a flash, which gives a line across its beam, and a wall of a scan
+that a line mirrors into a segment of the map. Most of these lines are nothing, since walls of rooms
+mirror each other: `surfaces` decides by what the beams of kept scans did there.
 """
 
 from dataclasses import replace
@@ -17,6 +17,7 @@ from lrf3d.compiling import record
 from lrf3d.geometry import Bool, Float, cross, directions, lengths
 from lrf3d.laser import LaserScan, RangeNoise
 from lrf3d.mapping.line_map import GLASS, MIRROR, LineMap
+from lrf3d.mapping.robust.beams import CELL
 from lrf3d.mapping.robust.cells import FREE_DEPTH, Cells
 from lrf3d.mapping.robust.glass.light import LitScans
 from lrf3d.mapping.robust.glass.surfaces import (
@@ -25,7 +26,7 @@ from lrf3d.mapping.robust.glass.surfaces import (
     IS_MIRROR,
     PATCH,
     PATCHES,
-    PIECE,
+    PIECE_LENGTH,
     PIECES,
     count_rays,
     find_pieces,
@@ -35,35 +36,28 @@ from lrf3d.mapping.robust.glass.surfaces import (
 from lrf3d.mapping.robust.walls import Walls
 
 MOST_LINES = 256
-"""[lines] So many are kept."""
+"""[lines] Number of lines that are kept."""
 
 LINES_A_SCAN, MOST_A_SCAN = 8, 64
-"""[lines] How many lines of images of a scan count, those first that most of its walls agree on;
-and how many images are compared for this, those first that share most with a wall."""
+"""[lines] Largest numbers of lines of a scan that count, those that most of its walls support; and
+of images that are compared for this, those that share most with a wall."""
 
 LEAST_VOTES, FLASH_VOTES, MOST_VOTES = 2.0, 8.0, 50.0
-"""[votes] After so many new ones a line is looked at. An image gives one, a flash more, because
-only glass, mirrors and metal flash. By so many lines that spoke for it one is averaged."""
+"""[votes] New votes after which a line is examined; votes of a flash, as only glass, mirrors and
+metal flash, while an image gives one; and number of observations that a line is averaged over."""
 
 SHORTEST = 0.6
-"""[m] Length of a pane or a mirror from which on it is found."""
+"""[m] Least length of a pane or a mirror."""
 
 PARALLEL_SINE = 0.2
-"""[sine] Twice the sine of half the angle between two walls of which one may be the other's image:
-walls at right angles to the mirror go on in theirs, and do not say where it is."""
-
-NEAR = 0.1
-"""[m] How far off a wall an image may lie when it is mirrored back, two lines that are one may lie
-apart, and a segment of the map off the pane or the mirror that it is a part of."""
+"""[sine] Twice the sine of half the least angle between a wall and its image: walls at right angles
+to a mirror continue in their images, and do not locate it."""
 
 SAME_COSINE = np.cos(np.radians(2.0))
-"""[cosine] Two lines that are one differ by no more: the faces of a thin wall are two."""
-
-ABSORBED = 0.5
-"""[share] So much of the length of such a segment lies by the pane or the mirror."""
+"""[cosine] Largest angle between two observations of one line."""
 
 JOINS = 0.4
-"""[m] A pane or a mirror is of the object of a wall whose end it reaches so nearly."""
+"""[m] A pane or mirror belongs to the object of a wall whose end is this close."""
 
 VOTES = record(
     total=float, new=float,  # in all, and since the line was looked at
@@ -74,7 +68,7 @@ VOTES = record(
 
 
 class Optics:
-    """What the scans so far have shown of glass and mirrors."""
+    """The glass and mirrors that the scans so far have shown."""
 
     def __init__(self) -> None:
         self._scans, self._ground = LitScans(), np.zeros(0, PATCH)
@@ -107,7 +101,8 @@ class Optics:
     ) -> None:  # fmt: skip
         """Learn from a scan, its walls (w, 4) around the laser, and segments (m, 4) of the map.
 
-        What mirrors showed, as is known now, is forgotten: new evidence of the walls of it.
+        Returns that a mirror is now known to have turned are deleted, as new evidence of their
+        walls.
         """
         if not self._scans.keep(scan, pose, noise, walls):
             return
@@ -136,14 +131,14 @@ class Optics:
             turn_rays(places, rays, self.surfaces, cells, self._ground, table)
 
     def _vote(self, place: Float, lines: Float, votes: float) -> None:
-        """Let a scan from a place (2,) speak for lines (n, 3), each for that row which is the same.
+        """Add the votes of a scan from a place (2,) for lines (n, 3), each to the same known line.
 
-        A new one takes a free row, or that of the line last spoken for the longest ago.
+        A new line takes a free row, or that of the line without a vote for the longest time.
         """
         distances = line_distances(place, self._lines, lines)
         for line, apart in zip(lines, distances, strict=True):
             row, own = int(apart.argmin()), self._lines[apart.argmin()]
-            if apart[row] >= NEAR:
+            if apart[row] >= CELL:
                 row = int(np.where(self._votes["kind"], np.inf, self._votes["last"]).argmin())
                 self._votes[row] = 0
                 self._lines[row] = *line, line[1] * place[0] - line[0] * place[1]
@@ -164,7 +159,7 @@ class Optics:
         # A pane ends anywhere in the last piece that showed it; at that of a mirror most beams did.
         ends = ends + np.where(mirror, 0.0, 0.5)[:, None] * [1.0, -1.0] - PIECES // 2
         nx, ny, distance, middle = self._lines[rows].T[..., None]
-        along = middle + PIECE * ends
+        along = middle + PIECE_LENGTH * ends
         x, y = distance * nx + along * ny, distance * ny - along * nx
         found = np.column_stack([x[:, 0], y[:, 0], x[:, 1], y[:, 1], mirror])
         solid: Bool = along[:, 1] - along[:, 0] > SHORTEST
@@ -195,11 +190,11 @@ def image_lines(place: Float, walls: Float, segments: Float) -> Float:
     stations = (off * unit).sum(axis=2)
     high = np.minimum(stations.max(axis=1), lengths(segments)[real])
     shared = high - stations.min(axis=1).clip(0.0)
-    good = (np.abs(cross(unit, off)) <= NEAR).all(axis=1)
+    good = (np.abs(cross(unit, off)) <= CELL).all(axis=1)
     good &= shared > 0.5 * lengths(walls)[wall]
     rows = np.flatnonzero(good)[np.argsort(-shared[good], kind="stable")]
     lines = np.column_stack([normals, distances])[rows[:MOST_A_SCAN]]
-    same = line_distances(place, lines, lines) < NEAR
+    same = line_distances(place, lines, lines) < CELL
     weights = same @ shared[rows[:MOST_A_SCAN]]
     found: list[Float] = []
     while weights.any() and len(found) < LINES_A_SCAN:
@@ -210,9 +205,9 @@ def image_lines(place: Float, walls: Float, segments: Float) -> Float:
 
 
 def line_distances(place: Float, lines: Float, others: Float) -> Float:
-    """How far [m] lines (n, 3) lie from others (k, 3) where these are nearest to a place (2,).
+    """Distances [m] (k, n) of lines (n, 3) from others (k, 3), at their points nearest to a place.
 
-    Infinite where two are askew: (k, n).
+    Infinite where two are not parallel; the place is (2,).
     """
     feet = place - (others[:, :2] @ place - others[:, 2])[:, None] * others[:, :2]
     apart = np.abs(feet @ lines[:, :2].T - lines[:, 2])
@@ -220,7 +215,7 @@ def line_distances(place: Float, lines: Float, others: Float) -> Float:
 
 
 def with_surfaces(line_map: LineMap, surfaces: Float, mirrors: Bool) -> LineMap:
-    """A map with surfaces (s, 4) [m] in place of what lies by them: some (s,) mirrors, or glass."""
+    """A map with surfaces (s, 4) [m], mirrors (s,) or glass, in place of segments along them."""
     if not len(surfaces):
         return line_map
     segments, objects = line_map.segments, line_map.objects
@@ -229,8 +224,8 @@ def with_surfaces(line_map: LineMap, surfaces: Float, mirrors: Bool) -> LineMap:
     off = segments.reshape(-1, 2, 1, 2) - surfaces[:, :2]
     stations, aside = (off * along).sum(axis=3), cross(along, off)
     low, high = stations.min(axis=1), stations.max(axis=1)
-    part = np.minimum(high, size) - np.maximum(low, 0.0) > ABSORBED * length
-    part &= np.abs(aside).max(axis=1) < NEAR
+    part = np.minimum(high, size) - np.maximum(low, 0.0) > 0.5 * length
+    part &= np.abs(aside).max(axis=1) < CELL
     # Surfaces become as long as what they take in.
     first = np.where(part, low, 0.0).min(axis=0, initial=0.0)
     last = np.maximum(np.where(part, high, 0.0).max(axis=0, initial=0.0), size)

@@ -1,14 +1,13 @@
 """Surfaces: which pieces of a line are glass or a mirror, by what beams did there.
 
 Glass is where beams pass between flashes: near its normal it returns many times the light of any
-diffuse wall, and askew next to nothing. A mirror is where what returns behind the line are images
-of what is in front, all a little darker: no mirror reflects all light, and a room that is merely
-symmetrical is as bright.
+diffuse wall, and askew almost none. A mirror is where returns behind the line are images of what is
+in front, all a little darker: no mirror reflects all light, and a symmetrical room is as bright.
 
-The rays of kept scans enter. The ground is divided into patches, which lie in the blocks of the
-cells, and tell how reflective what stands there is. As soon as it is known that a mirror turned a
-ray, its return no longer counts, and the cells where it seemed to end forget it: walls that only a
-mirror showed are gone at their next refit.
+The rays of kept scans enter. The ground is divided into patches, two cells wide, with the
+reflectance of what stands there. As soon as a mirror is known to have turned a ray, its return no
+longer counts, and is deleted from the cells where it seemed to end: walls that only a mirror showed
+are gone at their next refit.
 """
 
 from itertools import pairwise
@@ -32,53 +31,56 @@ PATCH = record(
 """What the rays of kept scans showed of a patch."""
 
 LARGEST_SPREAD = 0.1
-"""[share] Where the reflectance differs by more, nothing is compared with it: metal."""
+"""[share] Largest relative deviation of the reflectance of a patch; it is unknown where it varies
+more, as on metal."""
 
 EDGE = 0.3
 """[m] Beams that pass a mirror by less may have met it."""
 
 SPACING = 0.02
-"""[rad] Half of the angle between two beams at most: between the returns of kept scans others did
-the same."""
+"""[rad] Half of the largest angle between two beams: beams between those of the kept scans met the
+same mirror."""
 
 GRAZING = 0.26
-"""[cosine] At 75° and more from the normal glass mirrors beams as much as it lets them pass: such
-beams show neither glass nor mirrors."""
+"""[cosine] Above 75° from the normal glass reflects as much as it transmits: such beams show
+neither glass nor mirrors."""
 
 IS_GLASS, IS_MIRROR = 1, 2
-"""What the pieces of a line may be, or else 0."""
+"""Class of the pieces of a line, or 0."""
 
-PIECE, PIECES = 0.25, 256
-"""[m, pieces] Length of a piece of a line, in which beams are counted, and their number: 64 m."""
+PIECE_LENGTH, PIECES = 0.25, 256
+"""[m, pieces] Length of a piece of a line in which beams are counted, and the number of pieces: 64
+m."""
 
 SEEN = 3
 """[beams] Fewest that show glass, or a mirror. Hysteresis: a piece changes class only when
 contradicting beams outnumber supporting ones by this many."""
 
 FLASH, DIM = 5.0, 0.04
-"""[usual brightness] A return is a flash above the one and dim below the other. Diffuse walls reach
-about 3 at most, glass some hundreds and, askew, about a hundredth."""
+"""[usual light] Returns above the one are flashes, below the other dim. Diffuse walls reach 3 at
+most, glass some hundreds and, askew, about a hundredth."""
 
 FLASHES, FLASHING = np.cos(0.04), np.cos(np.radians(0.55))
-"""[cosine] Glass may flash where a beam meets it so near its normal, and does so much nearer."""
+"""[cosine] Glass may flash at this incidence, and always does at the second."""
 
 MOST_OPAQUE, PASSED_SHARE = 0.3, 0.6
-"""[share, share] At a piece of glass fewer than this part of what shows glass shows a wall;
-and beams pass so many of the pieces of a pane: it is seen through."""
+"""[share, share] Largest share of returns as of a wall at a piece of glass; and least share of the
+pieces of a pane that beams pass."""
 
 IMAGE_FACTOR = 3.0
-"""[factor] How many times more images than other returns there are at each piece of a mirror."""
+"""[factor] Least ratio of images to other returns at a piece of a mirror."""
 
-LONGEST_GAP = 3
-"""[pieces] Of a mirror, in which it shows what was not seen otherwise: narrower than a door."""
+WIDEST_HOLE = 3
+"""[pieces] Longest gap of a mirror, where it shows what was not seen otherwise: narrower than a
+door."""
 
 LEAST_LIT, ALIKE_SHARE = 16, 0.85
-"""[beams, share] Images of walls of which the reflectance is known, at a mirror, and how many of
-them are as bright as those of a mirror: others are of metal, or at an edge of two walls."""
+"""[beams, share] Least number of images of walls of known reflectance, and least share of them that
+are as bright as in a mirror: others are of metal, or at an edge of two walls."""
 
 DIMMED = 0.87, 0.98
-"""[share] How bright an image in a mirror is beside what it is of: what is seen through a pane of
-glass is darker, and a room as bright."""
+"""[share] Brightness of an image in a mirror relative to its object: through a pane of glass it is
+lower, in a real room equal."""
 
 COUNTS = record(
     shown=float, flashed=float,  # returns as of glass, and those of them that flash
@@ -102,7 +104,7 @@ def _patch_at(cells: Cells, x: float, y: float) -> int:
 
 @borrower
 def _ways(x: float, y: float, ux: float, uy: float, surfaces: Float) -> tuple[float, float]:
-    """How far [m] a ray goes to the first of surfaces (s, 5), and to the first that may turn it."""
+    """Distances [m] of a ray to the first of surfaces (s, 5), and to the first that may turn it."""
     first = turn = np.inf
     for x1, y1, x2, y2, mirror in surfaces:
         dx, dy = x2 - x1, y2 - y1
@@ -123,7 +125,7 @@ def _ways(x: float, y: float, ux: float, uy: float, surfaces: Float) -> tuple[fl
 def find_turned(
     place: Float, headings: Float, ranges: Float, surfaces: Float, turned: Bool
 ) -> None:
-    """Mark the beams (n,) that go on behind surfaces (s, 5), which may have turned them."""
+    """Mark the beams (n,) that continue behind surfaces (s, 5), which may have turned them."""
     for beam in range(len(headings)):
         ux, uy = np.cos(headings[beam]), np.sin(headings[beam])
         _, turn = _ways(place[0], place[1], ux, uy, surfaces)
@@ -134,9 +136,9 @@ def find_turned(
 def turn_rays(
     places: Float, rays: Records, surfaces: Float, cells: Cells, ground: Records, walls: Walls
 ) -> None:
-    """Find how far the rays (k, n) of scans go to surfaces (s, 5), and which these turn.
+    """Find the distances of the rays (k, n) of scans to surfaces (s, 5), and which these turn.
 
-    The ground (p,) is what the others showed of each patch.
+    The ground (p,) holds what the other rays showed of each patch.
     """
     for scan in range(len(places)):
         x, y = places[scan]
@@ -163,7 +165,7 @@ def turn_rays(
 
 @borrower
 def _reflectance_at(cells: Cells, ground: Records, x: float, y: float) -> float:
-    """The reflectance at a point [m]: −1 where nothing is, 0 where it is not known, or not one."""
+    """The reflectance at a point [m]: −1 if nothing is there, 0 if it is unknown or varies."""
     row = _patch_at(cells, x, y)
     patch = ground[row]
     if row == 0 or patch.returns <= 0.0:
@@ -180,13 +182,13 @@ def _reflectance_at(cells: Cells, ground: Records, x: float, y: float) -> float:
 def count_rays(
     line: Float, places: Float, rays: Records, cells: Cells, ground: Records, pieces: Records
 ) -> None:
-    """Count what rays (k, n) from places (k, 2) [m] did at the pieces (PIECES,) of a line.
+    """Classify the rays (k, n) from places (k, 2) [m] at the pieces (PIECES,) of a line.
 
-    The line (4,) is its unit normal, its distance from the origin [m], and where its pieces have
-    their middle, along the normal turned right.
+    The line (4,) is its unit normal, its distance from the origin [m], and the position of the
+    middle of its pieces along the normal turned right.
     """
     nx, ny, distance, middle = line
-    half = 0.5 * PIECE * PIECES
+    half = 0.5 * PIECE_LENGTH * PIECES
     for scan in range(len(places)):
         x, y = places[scan]
         ahead = nx * x + ny * y - distance
@@ -205,7 +207,7 @@ def count_rays(
             # What is behind another surface shows nothing of this one.
             if abs(station) >= half or ray.first < way - FREE_DEPTH:
                 continue
-            count = pieces[int(np.floor((station + half) / PIECE))]
+            count = pieces[int(np.floor((station + half) / PIECE_LENGTH))]
             if farther < tolerance:
                 if ray.range > 0.0:
                     flash = cos > FLASHES and ray.bright > FLASH
@@ -261,7 +263,7 @@ def mirror_pieces(pieces: Records) -> Bool:
     for (_, last), (first, _) in pairwise(runs(good)):
         # A mirror goes on between two pieces of it where nothing stands.
         stands = opaque[last:first] > (images + wrong)[last:first] / IMAGE_FACTOR
-        good[last:first] |= first - last <= LONGEST_GAP and not stands.any()
+        good[last:first] |= first - last <= WIDEST_HOLE and not stands.any()
     for first, last in runs(good):
         enough = alike[first:last].sum() >= LEAST_LIT
         enough &= alike[first:last].sum() > ALIKE_SHARE * known[first:last].sum()
@@ -270,9 +272,9 @@ def mirror_pieces(pieces: Records) -> Bool:
 
 
 def find_pieces(pieces: Records, former: Bool, kind: int) -> tuple[Bool, int]:
-    """Which pieces (PIECES,) of a line are glass, or a mirror, and which of the two they are.
+    """Which pieces (PIECES,) of a line are glass or mirrors, and which of the two.
 
-    Former ones, of a kind or of none, stay unless they are belied.
+    Former ones, of a kind or of none, stay unless they are contradicted.
     """
     found = glass_pieces(pieces)
     belied = pieces["opaque"] > pieces["shown"] + pieces["passed"] + SEEN

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import lrf3d
-from lrf3d.slam.mounting import doubtful_mount, doubtful_poses
+from lrf3d.slam.checks import doubtful_mount, doubtful_poses
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,205 @@
+"""Checks of a drive: whether its scans agree with each other at their poses.
+
+Key scans of a solved drive enter; the share of points that beams of other scans pass through
+leaves, for the whole drive and for its worst part. Poses that are wrong by more than a door's width
+put rooms onto each other. Of recorded poses sentences leave that say how the laser seems to be
+mounted, or why they are not those of its robot.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.spatial import cKDTree
+
+from lrf3d.geometry import Float
+from lrf3d.interrupts import check
+from lrf3d.laser import LaserScan
+from lrf3d.laser.range_finder import beam_directions
+from lrf3d.pose import Pose, between, compose
+from lrf3d.slam.key_scans import MOST_THROUGH, Key, most_through, seen_through_both
+from lrf3d.slam.motion import size_of
+
+NEAR = 3.0
+"""Key scans up to this far apart [m] are compared: most of what they see is the same."""
+
+LATER = 20.0
+"""Least path length [m] between key scans that are compared: adjacent ones agree in any case."""
+
+COMPARED = 4
+"""Most earlier key scans that each one is compared with, the nearest."""
+
+PART = 20
+"""Key scans in a part of a drive."""
+
+MOST_THROUGH_PART = 0.2
+"""Largest share of points that beams may pass in a part. A closed door, or a lorry that has left,
+is seen by a few scans; and lasers of ten beams see corners where there are none."""
+
+PAIRS, LEAST_PAIRS = 60, 5
+"""Most and least pairs of scans that are compared."""
+
+APART, TURNED = 0.4, 0.2
+"""Least distance [m] or turn [rad] between the scans of a pair."""
+
+POINTS = 200
+"""Points of a scan that are compared: they show its shape."""
+
+CLEARLY, CLOSE = 3.0, 0.03
+"""Factor and distance [m] by which pairs must fit better with another mount to name it."""
+
+SHARE = 0.8
+"""Quantile of the distances between the points of a pair: walls along the drive fit in any case."""
+
+CONTRADICTED = 0.5
+"""Distance of scans [m] that do not fit their poses, however the laser is mounted."""
+
+JUMP, USUAL = 3.0, 10.0
+"""Least step of a jump [m], also as a multiple of nearly all steps."""
+
+
+class SelfCheck(NamedTuple):
+    """How well the scans of a solved drive agree with each other.
+
+    Attributes:
+        violation: Share of the points seen by one scan that beams of another pass through.
+        worst_violation: The same in the worst part of the drive; 0 if fewer key scans than a part
+            has could be compared.
+        worst_scans: Numbers of the first and the last scan of that part.
+        key_scans_compared: Number of key scans that could be compared with earlier ones.
+        mixed_pixels: Share of points that beams pass through in adjacent scans.
+
+    Examples:
+        >>> from lrf3d.slam.checks import SelfCheck
+        >>> check = SelfCheck(violation=0.06, key_scans_compared=500, mixed_pixels=0.005)
+        >>> check.passed, check.sentences()[0].split(':')[0]
+        (False, 'the map contradicts itself')
+    """
+
+    violation: float = 0.0
+    worst_violation: float = 0.0
+    worst_scans: tuple[int, int] = (0, 0)
+    key_scans_compared: int = 0
+    mixed_pixels: float = 0.0
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing contradicts the poses."""
+        most = most_through(self.mixed_pixels)
+        return self.violation <= most and self.worst_violation <= MOST_THROUGH_PART
+
+    def sentences(self) -> list[str]:
+        """What is wrong, in a sentence; an empty list where nothing is."""
+        first, last = self.worst_scans
+        share = f"{100.0 * self.violation:.0f} % of what scans saw"
+        where = f"beams of scans {first} to {last}"
+        worst = f"{100.0 * self.worst_violation:.0f} % of what others saw"
+        if self.violation > most_through(self.mixed_pixels):
+            return [f"the map contradicts itself: beams pass through {share}; poses are wrong"]
+        if not self.passed:
+            return [f"{where} pass through {worst}: poses are wrong, or the world has changed"]
+        if self.violation <= MOST_THROUGH:
+            return []
+        mixed = f"{100.0 * self.mixed_pixels:.1f} % in adjacent scans"
+        doubt = f"the map may be wrong: beams pass through {share} ({mixed})"
+        return [f"{doubt}; {where} pass through {worst}" if self.worst_violation else doubt]
+
+
+def self_check(
+    keys: Sequence[Key], poses: Float, driven: Float, mixed_pixels: float = 0.0
+) -> SelfCheck:
+    """Compare the key scans (k,) of a solved drive, at poses (k, 3), where the robot came by again.
+
+    Driven (k,) is the distance at each of them [m].
+    """
+    scans, counts = [], []
+    for number, key in enumerate(keys):
+        apart = np.hypot(*(poses[:number, :2] - poses[number, :2]).T)
+        near = np.flatnonzero((apart < NEAR) & (driven[:number] < driven[number] - LATER))
+        near = near[np.argsort(apart[near], kind="stable")][:COMPARED]
+        if len(near):
+            olds = [keys[k] for k in near.tolist()]
+            counts.append(seen_through_both(olds, key, between(poses[near], poses[number])))
+            scans.append(key.scan)
+    if not counts:
+        return SelfCheck(mixed_pixels=mixed_pixels)
+    part = min(PART, len(counts))
+    through, seen = sliding_window_view(np.array(counts), part, axis=0).sum(axis=2).T
+    shares = through / np.maximum(seen, 1)
+    worst = int(shares.argmax())
+    all_through, all_seen = np.sum(counts, axis=0).tolist()
+    return SelfCheck(
+        all_through / max(all_seen, 1),
+        float(shares[worst]) if part == PART else 0.0,
+        (scans[worst], scans[worst + part - 1]),
+        len(counts),
+        mixed_pixels,
+    )
+
+
+def doubtful_mount(scans: Sequence[LaserScan], *, mirrored: bool = True) -> str | None:
+    """A sentence that says how the laser seems to be mounted; None if it is as declared."""
+    own, _, pairs = _paired(scans)
+    if len(pairs) < LEAST_PAIRS:
+        return None
+    mounts = [(turn, sense) for sense in (1, -1)[: 1 + mirrored] for turn in (0, 90, 180, -90)]
+    apart = [[_distance(own[a], own[b], *mount) for mount in mounts] for a, b in pairs]
+    found = np.median(apart, axis=0)
+    best, (declared, *_) = int(found.argmin()), found.tolist()
+    if best == 0 or declared < CLEARLY * found[best] + CLOSE:
+        return None
+    turn, sense = mounts[best]
+    seems = [f"turned by {turn}°"] * (turn != 0) + ["mirrored"] * (sense < 0)
+    return (
+        f"the poses contradict the laser's mount: scans fit each other to {found[best]:.2f} m"
+        f" instead of {declared:.2f} m if it is {' and '.join(seems)}; check its transform"
+    )
+
+
+def doubtful_poses(scans: Sequence[LaserScan]) -> str | None:
+    """A sentence that says why the poses of scans are hardly those of their robot, or None."""
+    own, robots, pairs = _paired(scans)
+    steps, several = np.hypot(*np.diff(robots[:, :2], axis=0).T), len(own) > LEAST_PAIRS
+    if several and steps.max() > max(JUMP, USUAL * float(np.quantile(steps, 0.95))):
+        at = int(steps.argmax()) + 1
+        return f"the poses jump by {steps.max():.3g} m at scan {at}; expected one drive, in metres"
+    if not pairs and several:
+        far = max(_distance(own[0], own[k]) for k in (len(own) // 4, len(own) // 2, -1))
+        moved = f"scans of it lie {far:.2g} m apart: they are not those of a robot that moved"
+        return f"the poses stay at one place, but {moved}" if far > CONTRADICTED else None
+    far = float(np.median([_distance(own[a], own[b]) for a, b in pairs] or [0.0]))
+    if len(pairs) < LEAST_PAIRS or far < CONTRADICTED:
+        return None
+    apart = f"scans near each other lie {far:.2g} m apart"
+    return f"the poses contradict the scans: {apart}; are they this robot's, in metres?"
+
+
+def _paired(scans: Sequence[LaserScan]) -> tuple[list[LaserScan], Float, list[tuple[int, int]]]:
+    """Scans of the first laser, its robot's poses (k, 3), and pairs that it moved between."""
+    own = [scan for scan in scans if scan.laser == scans[0].laser and scan.hits.any()]
+    robots = np.array([scan.robot for scan in own]).reshape(-1, 3)
+    pairs, first = list[tuple[int, int]](), 0
+    for number in range(1, len(robots)):
+        distance, turn = size_of(between(robots[first], robots[number]))
+        if distance > APART or turn > TURNED:
+            pairs.append((first, number))
+            first = number
+    return own, robots, pairs[:: max(len(pairs) // PAIRS, 1)]
+
+
+def _distance(before: LaserScan, after: LaserScan, turn: float = 0.0, sense: int = 1) -> float:
+    """Distance [m] of the points of a scan from those of another, with a mount turned by [°]."""
+    check()
+    mount = np.array(before.mount) + np.array([0.0, 0.0, np.radians(turn)])
+    lasers = [compose(np.array(scan.robot), mount) for scan in (before, after)]
+    here, there = (_points(scan, sense) for scan in (before, after))
+    moved = Pose(*between(*lasers).tolist()).apply(there)
+    return float(np.quantile(cKDTree(here).query(moved)[0], SHARE))
+
+
+def _points(scan: LaserScan, sense: int) -> Float:
+    """Points (n, 2) of a scan in the frame of its laser."""
+    hits = np.flatnonzero(scan.hits & (scan.ranges > 0.0))
+    hits = hits[:: max(len(hits) // POINTS, 1)]
+    return scan.ranges[hits, None] * beam_directions(0.0, sense * scan.angles[hits])
