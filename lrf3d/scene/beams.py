@@ -8,7 +8,7 @@ import numpy as np
 
 from lrf3d.geometry import LEFT, Bool, Float, Int, cross, directions, lengths
 from lrf3d.laser import LaserScan, beam_directions
-from lrf3d.scene.look import EMBER, LAMP
+from lrf3d.scene.look import EMBER, LAMP, TRAIL_HEIGHT
 from lrf3d.scene.shapes import Lines, Points, Soft, level_lines, single
 from lrf3d.world import World
 
@@ -37,9 +37,9 @@ _POINT_SIZE, _POINT_PIXELS, _MOST_LEGS, _LEAST_LEG = 0.08, (2.6, 8.0), 9, 1e-9
 which casters turn up to eight times, and the shortest, as a share of the rest of its path: a beam
 does not meet again what it leaves."""
 
-_LAMP_BEAMS, _LAMP_SIDE, _LAMP_SHARE, _LAMP_HEIGHT = 60, float(np.radians(28.0)), 0.33, 0.012
+_LAMP_BEAMS, _LAMP_SIDE, _LAMP_SHARE = 60, float(np.radians(28.0)), 0.33
 """About how many beams light the ground, the angle over which that ends at the sides of the field
-of view [rad], how far it goes, in the reach of beams, and its height [m]."""
+of view [rad], and how far it goes, in the reach of beams."""
 
 
 def turning_walls(world: World) -> Bool:
@@ -107,7 +107,7 @@ def _lamp(legs: Float, angles: Float, reach: float) -> Soft:
     # Each triangle stands at the robot's end of a beam, on the far ends of that and the one before.
     rows = np.stack(
         [
-            np.column_stack([places, np.tile([_LAMP_HEIGHT, *EMBER], (len(places), 1)), light])
+            np.column_stack([places, np.tile([TRAIL_HEIGHT, *EMBER], (len(places), 1)), light])
             for places, light in (
                 (starts[1:], bright[1:]),
                 (ends[:-1], dim[:-1]),
