@@ -42,7 +42,8 @@ def parts_of(cells: Bool) -> tuple[Int, int]:
 
 def grown(cells: Bool, radius: float) -> Bool:
     """Which cells are within a radius [cells] of some cells."""
-    return np.asarray((distance_transform_edt(~cells) <= radius) & cells.any())
+    # The distances take much memory.
+    return np.asarray(distance_transform_edt(~cells) <= radius) if cells.any() else cells
 
 
 def on_border(cells: Any) -> Any:
