@@ -147,8 +147,10 @@ def shown_share(world: World, positions: Float, shown: Float, walls: Int) -> flo
     if world.free is None:
         side = ground.on_side("outside" if outside else "inside", None)
     if not outside:
-        rooms = np.where(side, ground.rooms, 0)
-        one, other = ground.doorways[0].T
+        # What only the thinnest robot could see, such as walls behind a cupboard, is not asked for.
+        rooms = np.where(side & (ground.gaps >= THINNEST + MARGIN), ground.rooms, 0)
+        pairs, cell = ground.doorways
+        one, other = pairs[ground.gaps.ravel()[cell] >= THINNEST + MARGIN].T
         reach = groups(one, other, int(ground.rooms.max()) + 1)
         near = np.isin(reach[rooms], reach[rooms[reached & (rooms > 0)]])
         side = (near | np.isin(rooms, true_rooms(ground, side, closed=True))) & (rooms > 0)
