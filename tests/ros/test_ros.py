@@ -24,12 +24,12 @@ FRAMES = [["base_link", "laser"], ["map", "odom"], ["odom", "base_link"]]
 
 
 @pytest.fixture
-def started():
+def started(tmp_path):
     """Start programs in the environment of ROS, and end what is left of them."""
     running = []
 
     def start(*words):
-        running.append(subprocess.Popen([PYTHON, *words], **RUNNING))
+        running.append(subprocess.Popen([PYTHON, *words], cwd=tmp_path, **RUNNING))
         return running[-1]
 
     yield start
