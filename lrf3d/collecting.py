@@ -1,7 +1,7 @@
-"""Collecting: a simulation, or a loop of one's own, is kept as a Run.
+"""Collecting: a simulation, or a user's own loop, is kept as a Run.
 
-A simulation enters, its parts, or the scans of a loop that casts, decides, moves and maps as it
-likes; a Run in memory leaves. `lrf3d.io.recording` keeps the same rows in a file.
+A simulation or its parts enter, or the scans of a user's own loop; a Run in memory leaves.
+`lrf3d.io.recording` keeps the same rows in a file.
 """
 
 from collections.abc import Callable, Mapping, Sequence

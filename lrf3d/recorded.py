@@ -176,7 +176,7 @@ def solve_log(
     log, recording = followed(log)
     offset, path = log.odometry.laser_offset, WheelPath(recording.wheels)
     if not np.ptp(recording.wheels, axis=0).any():
-        # Odometry that never moves is none.
+        # Odometry that never moves counts as missing.
         log = replace(log, placed=False)
     try:
         recording, turns = _right_handed(recording, path, offset)

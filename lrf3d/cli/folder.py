@@ -15,7 +15,7 @@ from lrf3d.interrupts import check, noting
 from lrf3d.world import world_names
 
 Drawing = tuple[str, Callable[[Path], object]]
-"""The file of a picture, and what draws it."""
+"""The file of a picture, and the function that draws it."""
 
 _ENDING = re.compile(r"(?<=[^/.])\.[^/]*$")
 

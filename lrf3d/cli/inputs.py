@@ -1,4 +1,4 @@
-"""What commands work on, read before the modules that work on it, which take a second to import.
+"""Inputs of commands, read before the modules that process them, which take a second to import.
 
 Of users' own mappers, controllers and noises only what the user names as ``module:object`` is ever
 imported: nothing in a world file or a log is executed. Errors in a user's own code keep their

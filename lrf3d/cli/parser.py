@@ -167,7 +167,7 @@ def _number(
 
 
 def _two(mark: str, fits: Callable[[int, int], bool]) -> Callable[[str], tuple[int, int]]:
-    """What reads two whole numbers with a mark between them."""
+    """The parser of two whole numbers with a mark between them."""
 
     def read(word: str) -> tuple[int, int]:
         first, second = map(int, word.lower().split(mark))

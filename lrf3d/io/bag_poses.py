@@ -1,4 +1,4 @@
-"""What a bag holds, and which poses its scans have: whose odometry, by which clock."""
+"""The contents of a bag, and the poses of its scans: whose odometry, by which clock."""
 
 from collections import defaultdict
 from dataclasses import dataclass, field, replace
@@ -39,7 +39,7 @@ class Stream:
 
     @property
     def words(self) -> str:
-        """How many scans of what."""
+        """The number of scans, their topic and their frame."""
         return f"{counted(len(self.scans), 'scan')} of {self.topic} ({self.frame})"
 
     def add(self, message: Any, *stamp: int) -> None:
@@ -56,7 +56,7 @@ class Stream:
 
 @dataclass(slots=True)
 class Contents:
-    """What a bag holds: scans, the poses of each topic and their frames, and transforms.
+    """The contents of a bag: scans, the poses of each topic and their frames, and transforms.
 
     Scans are kept by topic and frame; transforms by namespace: in its own, a robot may have frames
     of the usual names.

@@ -221,8 +221,8 @@ ranges within a distance [m] below it (the first). A wall at the end of a corrid
 read at many ranges."""
 
 BESIDE = 0.3
-"""Share of these readings beside another one: what is open is open to more than one beam, and a
-robot that stands still reads the corner of a room again and again."""
+"""Share of these readings next to another one: open space is seen by several adjacent beams, but a
+robot at rest reads the corner of a room again and again."""
 
 EQUAL = 0.011
 """Readings that differ by less are the same [m]: logs are written in centimetres."""
@@ -234,7 +234,7 @@ MOST_READINGS = 50_000_000
 """Largest number of readings in memory: 400 MB. Scans and poses count as some more."""
 
 A_MESSAGE, A_POSE, A_VALUE = 64, 8, 4
-"""What a message, as an object, a packed pose, and a value of a line count in memory, in readings:
+"""Memory of a message as an object, of a packed pose, and of a value of a line, in readings:
 a gigabyte of a text with a reading a line is two million lines."""
 
 MOST_LINES, LARGEST_LOG = 10_000_000, 1 << 31

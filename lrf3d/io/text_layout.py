@@ -267,7 +267,7 @@ class Layout:
 
 
 def _by_count(sample: list[list[str]]) -> dict[str, int]:
-    """The columns of lines that hold how many ranges follow."""
+    """The columns of lines that state the number of their ranges."""
     for place in range(min(8, min(map(len, sample), default=0) - 1)):
         rests = [(words[place], len(words) - place - 1) for words in sample]
         if all(rest > 8 and is_number(word) and float(word) == rest for word, rest in rests):
@@ -304,7 +304,7 @@ def _by_sweep(sample: list[list[str]], length: int) -> dict[str, int]:
 
 
 def _by_length(sample: list[list[str]], length: int) -> dict[str, int]:
-    """The columns of lines whose number leaves that of a usual range finder."""
+    """The columns of lines with a usual number of beams after the stamp and the pose, if any."""
     leading = ["stamp"] if rises(sample, 0) else []
     for names in (leading, [*leading, "x", "y", "theta"]):
         if length - len(names) in FANS:

@@ -93,7 +93,7 @@ def joined(run: Run, slam: Slam, surfaces: Iterable[Records], poses: Float, name
     graph, second_edges = _graph(places), slam.edges.copy()
     second_edges["first"] += count
     second_edges["second"] += count
-    # Where the drive lies on the map, until ties fix it better.
+    # The pose of the drive on the map, until ties refine it.
     best = max(sure, key=lambda each: len(each.path))
     middle = sorted(best.path)[len(best.path) // 2]
     shift = compose(best.path[middle], between(poses[middle], np.zeros(3)))
@@ -162,6 +162,6 @@ def _moved(poses: Float, numbers: Int, old: Float, new: Float) -> Float:
 
 
 def _driven(poses: Float) -> Float:
-    """The distance at each of the poses (k, 3) [m]."""
+    """The distance travelled up to each of the poses (k, 3) [m]."""
     steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
     return np.concatenate([[0.0], np.cumsum(steps)])

@@ -78,7 +78,7 @@ AGAIN = 3
 """Scans that are weighed between searches of the whole map, while no place is known."""
 
 REMEMBERED, TRIED = 8, 12
-"""Number of earlier scans that weigh new hypotheses, and of hypotheses that are weighed so."""
+"""Number of earlier scans by which new hypotheses are weighed, and of these hypotheses."""
 
 OFF = np.diag([0.1**2, 0.1**2, 0.05**2])
 """Covariance of a step of a hypothesis, before it is matched [m²], [rad²]."""
@@ -107,7 +107,7 @@ class KnownPlaces:
 
     @classmethod
     def from_world(cls, world: World) -> "KnownPlaces":
-        """The map that a world is: what a laser that looks all around would see in it."""
+        """The map of a world: full-circle scans that are cast in it."""
         places = free_places(world, ROOM)
         area = len(np.unique(np.floor(places), axis=0))
         spacing = max(SPACING, np.sqrt(area / MOST_SCANS))
@@ -265,7 +265,7 @@ class PlaceSearch:
             self.hypotheses += new
         self._count += 1
         self._before.append(now)
-        # Unlikely hypotheses are dropped, and of those that have met all but the best.
+        # Unlikely hypotheses are dropped, and of those that have converged all but the best.
         most = max((each.log_odds for each in self.hypotheses), default=0.0)
         ranked = sorted(self.hypotheses, key=lambda one: -one.log_odds)
         self.hypotheses = []

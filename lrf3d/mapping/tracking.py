@@ -1,8 +1,8 @@
 """Tracking: which object of a map is which object of the map before.
 
 A mapper numbers the objects of each map from the start. These numbers last: an object keeps its
-number while it grows, of objects that become one the larger gives its number, and of the parts of
-an object that falls apart the larger keeps it.
+number while it grows, merged objects take the number of the largest, and when an object splits, its
+largest part keeps the number.
 """
 
 import numpy as np

@@ -28,7 +28,7 @@ WIDEST_WINDOW = 500.0
 """Largest side [m] of the part of a world that is planned in, as much as a drive can show."""
 
 WIDEST_DOOR, DOORWAY = 2.5, 1.3
-"""Widths [m] of an opening above which what lies behind it is outside, like the land around; and up
+"""Widths [m] of an opening above which the space behind it is outside, like the land around; and up
 to which it is a door between two rooms."""
 
 SUBSTANTIAL = 0.7
@@ -55,7 +55,7 @@ class Ground:
         segments = world.segments - np.tile(world.origin, 2)
         around = None if start is None else start - world.origin
         low, high = _window(segments.reshape(-1, 2), around)
-        # Walls just beyond the part that is planned in are near to its border.
+        # Walls just outside of the planned area count, too, near its border.
         box = *(low - WIDEST_DOOR), *(high + WIDEST_DOOR)
         lines = shapely.clip_by_rect(shapely.linestrings(segments.reshape(-1, 2, 2)), *box)
         # Distances are measured to the ends of pieces of a decimetre, and off by 3 mm at most.
@@ -99,7 +99,7 @@ class Ground:
 
     @cached_property
     def passable(self) -> Bool:
-        """Which cells are so far off walls that none stands between neighbouring ones."""
+        """Which cells are far enough from walls that none stands between neighbouring cells."""
         return np.asarray(self.gaps >= max(THINNEST, 1.25 * self.size))
 
     @cached_property
@@ -111,14 +111,14 @@ class Ground:
     def rooms(self) -> Int:
         """The room (columns, rows) of each passable cell, from 1; 0 in the others.
 
-        A room is what is wider than a doorway, and what is nearest to it. Narrow places, such as
-        passages, are pieces of their own.
+        A room is a connected area wider than a doorway, with the cells nearest to it. Narrow
+        places, such as passages, are rooms of their own.
         """
         cores, _ = parts_of(self.wide)
         nearest = distance_transform_edt(cores == 0, return_distances=False, return_indices=True)
         core = cores[tuple(nearest)].ravel()
         one, other = neighbours(self.passable)
-        # What is nearest beyond a wall is not connected with it.
+        # Cells beyond a wall may be near to a room, but are not connected with it.
         same = core[one] == core[other]
         piece = groups(one[same], other[same], core.size).reshape(cores.shape)
         _, number = np.unique(np.where(self.passable, piece, -1), return_inverse=True)

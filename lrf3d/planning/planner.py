@@ -25,7 +25,7 @@ from lrf3d.world.model import check_size
 
 LEAST_LOOKAHEAD, LEAST_SPEED = 0.1, 0.25
 """Least look-ahead [m], with which the robot keeps within centimetres of the route; and about the
-least speed [m/s], down to which one that would still touch something drives slower."""
+least speed [m/s] to which a robot that would still touch something is slowed down."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,16 +20,16 @@ USUAL_RADII = (RADIUS, 0.28, 0.22, 0.18, 0.15, THINNEST)
 def true_rooms(ground: Ground, inside: Bool, closed: bool = False) -> Int:
     """The numbers of the rooms among some cells (columns, rows) that are no niche and no table.
 
-    What is closed is a shaft, unless it is larger than what has a door.
+    A closed space may be a shaft, so it must be larger than a room with a door to count.
     """
     rooms = np.where(inside, ground.rooms, 0)
     number, area = np.arange(rooms.max() + 1), np.bincount(rooms.ravel()) * ground.size**2
     found = (area >= (4.0 if closed else 2.0)) & (number > 0)
     found &= maximum(ground.gaps, rooms, number) >= (0.9 if closed else 0.7)
-    # What is open to the outside by more than a door is a niche.
+    # A space whose opening to the outside is wider than a door is a niche.
     entrance = binary_dilation(ground.swept, np.ones((3, 3), dtype=np.bool_))
     found &= maximum(np.where(entrance, ground.gaps, 0.0), rooms, number) < 0.7
-    # What is closed in by walls of less than half the usual height is furniture.
+    # A space within walls of less than half the usual height is furniture.
     heights = ground.world.heights
     highest = maximum(heights[ground.walls[ground.nearest]], rooms, number)
     return np.flatnonzero(found & (highest >= 0.5 * np.median(heights)))
@@ -85,14 +85,14 @@ def missed_rooms(space: FreeSpace, entered: Bool) -> list[str]:
 
 
 REACHED, SHUT = -1, -2
-"""Where the way to a room is not narrow, and where there is none."""
+"""Markers of a room whose path has no narrow place, and of one without a path."""
 
 POSTS = 1.5
 """Distance [m] from a narrow place within which the posts of its door are looked for."""
 
 
 def _widest_ways(ground: Ground, rooms: Int, reached: Bool) -> Int:
-    """The narrowest cell of the widest way from what is reached to each of the rooms."""
+    """The narrowest cell of the widest path from the reached cells to each of the rooms."""
     pairs, cell = ground.doorways
     count, order = int(ground.rooms.max()) + 1, np.argsort(ground.gaps, axis=None, kind="stable")
     # A room is reached where its widest place is; its nearest places may lie beyond its door.

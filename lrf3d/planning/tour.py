@@ -17,7 +17,7 @@ BEAMS, HEADINGS = 360, 8
 """Number of beams all around, and of headings for which the view of a laser with 180° is stored."""
 
 TIGHT, ROOM = 0.3, 4.0
-"""Factor of the worth of a lookout without comfort; the worth of a room [m of wall]."""
+"""Factor on the value of a lookout close to walls; the value of entering a room [m of wall]."""
 
 
 def find_tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
@@ -29,7 +29,7 @@ def find_tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
     patches, patch_of = _patches(space)
     seen, weights = _look(space.places[patches] + world.origin, world, range_max)
     if space.side == "inside":
-        # To enter a room is worth as much as to see some metres of wall.
+        # Entering a room is worth as much as seeing some metres of wall.
         room = np.where(space.ground.wide, space.ground.rooms, 0)[space.allowed][patches]
         true = true_rooms(space.ground, space.allowed)
         entered = np.broadcast_to(room[:, None] == true, (HEADINGS, len(room), len(true)))
@@ -46,7 +46,7 @@ def find_tour(space: FreeSpace, world: World, range_max: float) -> list[Int]:
     paths, metres, best = dict[int, list[Int]](), np.zeros((len(lookouts),) * 2), 0
     while True:
         paths[best] = _paths(space, lookouts[best], lookouts)
-        # The way back is as long.
+        # The return path is as long.
         metres[best] = metres[:, best] = [_length(space, path) for path in paths[best]]
         if len(order) > 1:
             order = _two_opt(order, metres[np.ix_(order, order)], kept)

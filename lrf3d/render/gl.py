@@ -16,8 +16,8 @@ from lrf3d.errors import MissingLibraryError
 _INSTALL = "apt-get install -y --no-install-recommends"
 INSTALL_LINE = f"{_INSTALL} libegl1 libgl1"
 DRIVER_LINE = f"{_INSTALL} libegl-mesa0 libgl1-mesa-dri"
-"""What brings OpenGL to a bare Debian or Ubuntu, as no wheel does, and its software driver, where
-its libraries are there and nothing draws."""
+"""Commands that install OpenGL on a bare Debian or Ubuntu, as no wheel does, and a software driver,
+where the libraries are there but nothing draws."""
 
 _INSTEAD = "or draw with the renderer embree, which needs none"
 
@@ -119,10 +119,10 @@ def import_libraries() -> tuple[Any, Any]:
 
 
 def _adapt() -> None:
-    """Mend PyOpenGL 3.1.0, which pyrender pins.
+    """Fix PyOpenGL 3.1.0, which pyrender pins.
 
-    From Python 3.12 on the type of ``ctypes.byref`` is called otherwise than it looks for: "No
-    array-type handler". With its checks off, it forgets to name one of EGL's.
+    It does not find the type of ``ctypes.byref``, which was renamed in Python 3.12: "No
+    array-type handler". With its checks off, a name of EGL's is missing.
     """
     from OpenGL.plugins import FormatHandler
     from OpenGL.raw.EGL import _errors

@@ -1,4 +1,4 @@
-"""What shaders take, in OpenGL and in the browser: their sources, constants and vertices.
+"""Inputs of shaders, in OpenGL and in the browser: their sources, constants and vertices.
 
 The arrays of a mark are its vertex attributes, in the order of the shader's locations.
 """
@@ -25,7 +25,7 @@ _CONSTANTS = (
 
 LAND_REACH, GREY = 3000.0, np.array([0.3, 0.55, 0.15])
 """How far the ground goes past its picture [m], to the horizon, in the colour of its edge; and
-shares of the colours in how bright something is."""
+weights of red, green and blue in brightness."""
 
 
 def shader_source(name: str, setting: Setting, *, vertex: bool) -> str:

@@ -21,7 +21,7 @@ from lrf3d.scene.stage.stage import Stage
 
 
 class Renderer:
-    """Draws what is to be seen of a stage into RGBA pictures of a size [pixels].
+    """Draws the scenes of a stage into RGBA pictures of a size [pixels].
 
     With 4 samples a pixel edges are smooth, with 0 they are not.
     """

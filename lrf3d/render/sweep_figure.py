@@ -22,7 +22,7 @@ PANELS = (
 """What the panels show: a measure, its name, and what its values are multiplied by."""
 
 STYLES, WIDE_RATIO = ("-", "--", ":", "-."), 8.0
-"""Styles of lines for the choices of what else is varied, as the mapper has the colour; and the
+"""Line styles for the values of the other varied setting, as colours stand for mappers; and the
 ratio of values from which on their axis is logarithmic."""
 
 COLUMNS, WIDE, TALL = 3, 3.6, 3.0

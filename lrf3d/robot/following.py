@@ -36,8 +36,8 @@ SAMPLES = np.arange(33.0)
 """Samples of the route between which the nearest one to the robot is looked for."""
 
 FACING_AWAY, FACING = math.radians(75.0), math.radians(15.0)
-"""Bearings [rad] of the point to steer at beyond which a robot turns in place, on its way and at
-its start, where it may stand beside walls: from 15° the arc to a point 1 m ahead keeps within
+"""Bearings [rad] of the point to steer at beyond which a robot turns in place, en route and at
+the start, where walls may be near: from 15° the arc to a point 1 m ahead keeps within
 0.07 m of the straight line."""
 
 ARRIVED = 1e-3
@@ -190,7 +190,7 @@ def drive_laps(
 ) -> tuple[Trajectory, ...]:
     """A first lap along a route, and a second one that ends where it begins, to be repeated.
 
-    A route (m, 2) that does not end where it begins is driven back the way it came. There is no
+    A route (m, 2) that does not end where it begins is driven back along itself. There is no
     second lap if the first one alone has as many poses as are needed at most.
     """
     closed = (route[0] == route[-1]).all()

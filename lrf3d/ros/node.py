@@ -21,7 +21,7 @@ tenth, but what a busy machine loses is repeated after 3 s."""
 SECOND_CLOCK = (
     f"another program publishes {CLOCK.name}; pass --no-clock, or set another ROS_DOMAIN_ID"
 )
-"""Why a program ends at its start, and what it says where it finds out later."""
+"""The error if another clock is found at the start, and the warning if it is found later."""
 
 CHECKED_EVERY, SAID_EVERY = 2.0, 5.0
 """Wall time from a check of foreign topics to the next, and from a warning to the same one [s]."""

@@ -35,7 +35,7 @@ are shown, in steps of factors."""
 _POINT_SIZE, _POINT_PIXELS, _MOST_LEGS, _LEAST_LEG = 0.08, (2.6, 8.0), 9, 1e-9
 """Diameter of a hit point [m], and its limits in a picture of 720 lines [pixels]; legs of a beam,
 which casters turn up to eight times, and the shortest, as a share of the rest of its path: a beam
-does not meet again what it leaves."""
+does not meet the wall that it has just left."""
 
 _LAMP_BEAMS, _LAMP_SIDE, _LAMP_SHARE = 60, float(np.radians(28.0)), 0.33
 """About how many beams light the ground, the angle over which that ends at the sides of the field

@@ -33,8 +33,8 @@ _DARK, _SHADOW, _LIFT = (0.02, 0.03, 0.05), (0.35, 0.40), 0.01
 darkness, and its height above ground [m]."""
 
 _RADIUS, _LEAST_RADIUS = 0.27, 0.05
-"""Radius of what of the usual robot casts a shadow, and that with which smaller robots, also
-points, are drawn [m]."""
+"""Radius of the part of the usual robot that casts a shadow, and that of smaller robots, also of
+points, as drawn [m]."""
 
 _OBSTACLE_COLOURS = np.array(
     [[0.13, 0.48, 0.55], [0.46, 0.36, 0.62], [0.60, 0.58, 0.20], [0.66, 0.28, 0.36]]

@@ -31,8 +31,8 @@ _ASIDE, _CLEARANCE, _NEAREST = 0.12, 0.3, 1.6
 eye stays, and how near it comes to the robot [m]: nearer, the robot would fill the picture."""
 
 _LOW, _BODY, _STEEPEST = 1.0, 0.1, float(np.radians(60.0))
-"""Walls up to the first height [m] are looked over, so that what is higher of the robot than the
-second is seen, and how steeply an eye then looks down at the most [rad]."""
+"""The eye looks over walls up to the first height [m], so that the robot is seen above the second
+height, and how steeply an eye then looks down at the most [rad]."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from lrf3d.scene.timeline import Timeline, interpolated
 from lrf3d.world.cameras import FixedCamera
 
 _CHASE_MIRRORS = Rig(3.4, 15.0, 56.0, -0.25)
-"""How the chase goes where mirrors stand in rooms: so low, in walls that are not cut, they show the
+"""The chase camera in rooms with mirrors: it is low, and walls are not cut, so mirrors show the
 robot."""
 
 _TURN, PHASE = np.radians(9.0), -2.2
@@ -27,8 +27,8 @@ _FIRST_FIELD, _FIRST_UP, _FIRST_OVER = float(np.radians(62.0)), 0.09, 0.36
 the laser the eye is [m], above the bands of the map."""
 
 _CALM, _NARROWEST = 12.5, 0.15
-"""Distance [m] from which on the field of a fixed camera that turns narrows, and what is left of it
-at the least: the farther off the robot is, it stays in sight."""
+"""Distance [m] from which on the field of a fixed camera that turns narrows, and its least
+share of the full one: the robot stays in sight when it is far off."""
 
 _FREE_ABOVE, _FREE_BELOW, CARD, _FILL, _LONG = 0.05, 0.06, 0.10, 0.94, 1.2
 """Shares of the picture's height that are free above the whole, and below for text, more for a
@@ -36,8 +36,8 @@ card; the share of what is left that the world fills; and how many times as long
 that is turned to fit better."""
 
 _LARGEST, _AROUND, _TALLEST = 600.0, 60.0, 14.0
-"""Worlds longer than this [m] are shown as far as something was driven and seen, and what of them
-is shown around the path [m]; and the height up to which buildings are in the picture [m]."""
+"""Worlds longer than this [m] are shown only as far as they were driven and seen, with this margin
+around the path [m]; and the height up to which buildings are in the picture [m]."""
 
 _FIELD, _TOP_FIELD = float(np.radians(34.0)), float(np.radians(3.0))
 """Angles of view of an overview and from straight above [rad], where rays are nearly parallel, so

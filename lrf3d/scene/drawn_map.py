@@ -17,8 +17,8 @@ _BAND, _BAND_THICK, _BAND_PIXELS = 0.70, 0.06, 3.0
 [pixels of 720 lines]: they show from far away."""
 
 _GHOST_HEIGHT, _GHOST_STRENGTH, _GHOST_STEP, _MOST_PIECES = 1.8, 0.55, 0.4, 500
-"""Height of what the map has and the world has not [m], its opacity at its foot, the length of its
-pieces [m], and the most of a segment: some are as long as the world."""
+"""Height of walls of the map that the world lacks [m], opacity at their foot, length of pieces [m],
+and the most of a segment: some are as long as the world."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

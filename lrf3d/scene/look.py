@@ -61,7 +61,7 @@ BODY_LIGHT = (0.70, 0.30, 0.06)
 """How bright a body is everywhere, how much brighter in the sun, and on what looks up."""
 
 GHOST_STRENGTH = 0.86
-"""Share of opacity that what was never seen loses once it has become glass, in haze's colour."""
+"""Share of opacity that walls that were never seen lose as they turn to glass, of haze's colour."""
 
 SECTION = 0.8
 """Height [m] at which the walls of rooms are cut, as architects draw them: just above the bands of
@@ -101,7 +101,7 @@ class Rig(NamedTuple):
 
 
 class Setting(NamedTuple):
-    """What differs between the streets of a town and the rooms of a house."""
+    """Settings that differ between the streets of a town and the rooms of a house."""
 
     night: tuple[float, float, float]
     cool: tuple[float, float, float]

@@ -23,8 +23,8 @@ _SIZE, _FULL_SIZE, _INK, _PALE = 30.0, 19.0, (236, 240, 247), (150, 166, 192)
 colours of the first line and of the others, 0…255."""
 
 _REFLECTION_TIME, _FOUND, _FOUND_SHARE = 6.0, 0.1, 0.5
-"""How long a recognised mirror is spoken of [s of the film]; how far from a wall the map may lie
-[m], and along what share of it the map must have it."""
+"""How long a recognised mirror is mentioned [s of the film]; a wall is found if the map lies within
+a distance [m] of it along a share of its length."""
 
 
 class Facts(NamedTuple):

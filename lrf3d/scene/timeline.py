@@ -25,7 +25,7 @@ the path."""
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """What is to be seen at one time of a run [s].
+    """The state of a run at one time [s].
 
     The pose (3,) in the world, the newest scan, the speed [m/s], whether the beams are on; now is
     the time asked for, also before the start and after the end, where nothing moves.

@@ -1,4 +1,4 @@
-"""How far a trajectory is off: by relative poses that are known, or by the true trajectory.
+"""Errors of a trajectory: against known relative poses, or against the true trajectory.
 
 Relations are scored as by Kümmerle et al. (2009). An estimate and the true trajectory are matched
 by their stamps; absolute errors after the best rigid alignment leave, and relative ones from each
@@ -27,8 +27,7 @@ LEAST_MATCHED = 3
 class Relations(Value):
     """Known relative poses (r, 3) x, y [m], theta [rad] between poses of a trajectory.
 
-    Each is the second pose in the frame of the first, by their indices (r,), which may be certain
-    (r,).
+    Each is the second pose in the frame of the first, by their indices (r,), certain (r,) or not.
     """
 
     first: Int

@@ -2,8 +2,8 @@
 
 Key scans of a solved drive enter; the share of points that beams of other scans pass through
 leaves, for the whole drive and for its worst part. Poses that are wrong by more than a door's width
-put rooms onto each other. Of recorded poses sentences leave that say how the laser seems to be
-mounted, or why they are not those of its robot.
+make rooms overlap. Recorded poses are also checked: a wrong mount of the laser is reported, and
+poses that cannot be those of its robot.
 """
 
 from collections.abc import Sequence
@@ -35,7 +35,7 @@ PART = 20
 
 MOST_THROUGH_PART = 0.2
 """Largest share of points that beams may pass in a part. A closed door, or a lorry that has left,
-is seen by a few scans; and lasers of ten beams see corners where there are none."""
+is seen by a few scans; lasers with ten beams see false corners."""
 
 PAIRS, LEAST_PAIRS = 60, 5
 """Most and least pairs of scans that are compared."""
@@ -90,7 +90,7 @@ class SelfCheck(NamedTuple):
         return self.violation <= most and self.worst_violation <= MOST_THROUGH_PART
 
     def sentences(self) -> list[str]:
-        """What is wrong, in a sentence; an empty list where nothing is."""
+        """The contradiction, in one sentence; an empty list if there is none."""
         first, last = self.worst_scans
         share = f"{100.0 * self.violation:.0f} % of what scans saw"
         where = f"beams of scans {first} to {last}"
@@ -109,9 +109,9 @@ class SelfCheck(NamedTuple):
 def self_check(
     keys: Sequence[Key], poses: Float, driven: Float, mixed_pixels: float = 0.0
 ) -> SelfCheck:
-    """Compare the key scans (k,) of a solved drive, at poses (k, 3), where the robot came by again.
+    """Compare the key scans (k,) of a solved drive, at poses (k, 3), where places are revisited.
 
-    Driven (k,) is the distance at each of them [m].
+    Driven (k,) is the distance travelled up to each of them [m].
     """
     scans, counts = [], []
     for number, key in enumerate(keys):
@@ -158,7 +158,7 @@ def doubtful_mount(scans: Sequence[LaserScan], *, mirrored: bool = True) -> str 
 
 
 def doubtful_poses(scans: Sequence[LaserScan]) -> str | None:
-    """A sentence that says why the poses of scans are hardly those of their robot, or None."""
+    """A sentence on why the poses cannot be those of the robot of the scans; None if they can."""
     own, robots, pairs = _paired(scans)
     steps, several = np.hypot(*np.diff(robots[:, :2], axis=0).T), len(own) > LEAST_PAIRS
     if several and steps.max() > max(JUMP, USUAL * float(np.quantile(steps, 0.95))):
@@ -166,12 +166,12 @@ def doubtful_poses(scans: Sequence[LaserScan]) -> str | None:
         return f"the poses jump by {steps.max():.3g} m at scan {at}; expected one drive, in metres"
     if not pairs and several:
         far = max(_distance(own[0], own[k]) for k in (len(own) // 4, len(own) // 2, -1))
-        moved = f"scans of it lie {far:.2g} m apart: they are not those of a robot that moved"
+        moved = f"its scans differ by {far:.2g} m: the robot moved, unlike its poses"
         return f"the poses stay at one place, but {moved}" if far > CONTRADICTED else None
     far = float(np.median([_distance(own[a], own[b]) for a, b in pairs] or [0.0]))
     if len(pairs) < LEAST_PAIRS or far < CONTRADICTED:
         return None
-    apart = f"scans near each other lie {far:.2g} m apart"
+    apart = f"scans from nearby poses differ by {far:.2g} m"
     return f"the poses contradict the scans: {apart}; are they this robot's, in metres?"
 
 

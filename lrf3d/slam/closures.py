@@ -34,13 +34,13 @@ NEAR = 4.0
 """Largest distance of key scans that show the same walls [m]."""
 
 DRIFT, DRIFT_TURN = 0.01, 0.0015
-"""Drift of the front end [m], [rad] for each metre: twice what is usual."""
+"""Drift of the front end [m], [rad] per metre: twice the usual drift."""
 
 LEAST_SPREAD, MOST_SPREAD = np.array([0.1, 0.1, 0.02]), np.array([10.0, 10.0, 0.3])
 """Bounds of the standard deviations [m], [rad] of the window that is searched."""
 
 LOST = 10.0
-"""Path length [m] of the same drift as one scan that matches nothing: 0.1 m."""
+"""Path length [m] with the same drift, 0.1 m, as one unmatched scan."""
 
 MOST_PLACES = 20
 """Most old places that are tried for a key scan, the nearest first."""
@@ -61,7 +61,7 @@ CLOSURE_SHARE = 0.3
 front end, and are bent a little."""
 
 KNOWN = np.diag([1.5**2, 1.5**2, 1.0])
-"""Covariance of the window of a closure that somebody knows [m²], [rad²]."""
+"""Covariance of the search window of a closure given by the user [m²], [rad²]."""
 
 FLOOR = np.diag([0.01, 0.01, 1.0])
 """Information of a closure in any direction: 10 m and 1 rad, as it lay in the window."""
@@ -102,7 +102,7 @@ class LoopCloser:
         self.accepted: list[Closure] = []
         # Closures that too few others agree with.
         self.unconfirmed: list[Closure] = []
-        # Closures that are contradicted, and pairs of scans that somebody ruled out.
+        # Closures that are contradicted, and pairs of scans that the user ruled out.
         self.refused: list[Refusal] = []
         self.ruled_out: list[tuple[int, int]] = []
         self.paths = GraphPaths()
@@ -206,7 +206,7 @@ class LoopCloser:
         return _closure(old, new, match)
 
     def _all_places(self, new: int) -> list[tuple[int, Place]]:
-        """The places of a key scan as seen from all old ones that it may be near, with these."""
+        """Pairs of an old key scan that may be near, and a place of a new one as seen from it."""
         fits = self.driven < self.driven[new] - LEAST_DISTANCE
         if len(self.keys[new].surface) < LEAST_POINTS or not fits.any():
             return []
@@ -225,9 +225,8 @@ class LoopCloser:
             old = int(np.where(fits, apart, np.inf).argmin())
             spread, guess = _bounded(spreads[old]), between(poses[old], poses[new])
             places += [(old, place) for place in self._places(old, new, spread, guess)]
-            # The next try is at another place than this one. Where the window is small, one that
-            # shows the place is enough; in a wide one all are tried, or else a place that looks
-            # like the right one would be accepted.
+            # Next, an old key scan elsewhere is tried. In a small window one good match is enough;
+            # in a wide one all are tried, so that a place that only looks right is not accepted.
             fits &= np.abs(self.driven - self.driven[old]) > LEAST_DISTANCE
             small = DEVIATIONS * np.sqrt(spread[:2, :2].trace()) < LEAST_DISTANCE
             if small and any(place.match.explained > LEAST_SHARE for _, place in places):

@@ -48,14 +48,14 @@ LEAST_EXPLAINED, LEAST_FOUND, LEAST_SHARE = 0.1, 0.3, 0.6
 have been before (in woods it is hardly half at the right one), and of a place beyond doubt."""
 
 LEAST_POINTS = 8
-"""Least points of a scan to search it: among trees and cars there are a dozen."""
+"""Fewest points of a scan that is searched: among trees and cars there are a dozen."""
 
 ENOUGH, RECENT = 150, 32
 """Points that show walls well; a key scan of fewer adds some of the last few scans."""
 
 WATCHED, THROUGH = 12, 2
-"""A point belongs to a dynamic obstacle if beams of at least the second number of the last key
-scans, out of the first, passed it."""
+"""Number of last key scans, and of those among them whose beams must have passed a point for it to
+belong to a dynamic obstacle."""
 
 WEAK = 2500.0
 """Information [1/m²] below which scans leave a direction to the odometry: 0.02 m."""
@@ -226,7 +226,7 @@ class FrontEnd:
         return match if found else None
 
     def _standing(self, points: Records, guess: Float, expected: Prediction) -> Records:
-        """Those of a scan's points that no beams passed when the robot came by."""
+        """The points of a scan without dynamic obstacles, which beams of key scans passed."""
         if len(self._keys) < THROUGH:
             return points
         # Where a guess may be off by more than `BEHIND`, nothing is known.
@@ -235,7 +235,7 @@ class FrontEnd:
         known = 3.0 * (max(x, y) + turn * far) < BEHIND
         poses = between(np.array([key.pose for key in self._keys]), guess)
         gone = known & ((views_of(points, poses, self._keys) == 2).sum(axis=0) >= THROUGH)
-        # Where most is new the guess is wrong.
+        # If beams passed most of the points, the guess is wrong.
         return points if 2 * gone.sum() >= len(gone) else points[~gone]
 
     def key_due(self) -> bool:

@@ -1,4 +1,4 @@
-"""Key scans: what the lasers of a robot saw at one moment, and how that agrees with other points.
+"""Key scans: the scans of all lasers at one moment, and how they agree with other points.
 
 Scans enter, and become key scans. A point as seen from a key scan is out of view, hidden, hit, or
 passed by beams. At the right place most of what a scan hit was hit by others, or is new, and hardly
@@ -129,7 +129,7 @@ def views_of(points: Records, poses: Float, keys: Sequence[Key]) -> NDArray[np.u
     views = np.zeros((len(keys), len(points)), np.uint8)
     for row, key in enumerate(keys):
         for fan in key.fans:
-            # What one laser hit, another may have missed, and so on down to out of view.
+            # Of several lasers the highest value counts: a hit outweighs a beam that passed.
             np.maximum(views[row], _view(points, poses[row], fan, key.noise), out=views[row])
     return views
 
@@ -138,8 +138,8 @@ def views_of(points: Records, poses: Float, keys: Sequence[Key]) -> NDArray[np.u
 def _view(points: Records, pose: Float, fan: Fan, noise: float) -> NDArray[np.uint8]:
     """How a scan saw points (m,), whose frame is at a pose (3,).
 
-    A beam counts with the least of its own and its neighbours' ranges, so that one that slips past
-    an edge contradicts nothing. What lies between two beams that met one surface was hit, too.
+    A beam counts with the smallest range of itself and its neighbours, so that one that slips past
+    an edge is no free-space violation. A point between two hits on one surface is a hit, too.
     """
     angles, ranges = fan.angles, fan.ranges
     begin = angles[0]

@@ -142,8 +142,8 @@ class Wheels:
     """Corrects odometry increments by the errors of the wheels that scan matching has shown."""
 
     def __init__(self) -> None:
-        # The regression of what wheels measure too much, as shares of the true turn and distance
-        # (of turns), and distance (of distances).
+        # The regression of the wheels' errors: those of turns as shares of the true turn and
+        # distance, those of distances as a share of the true distance.
         self._information, self._sums = np.zeros((3, 3)), np.zeros(3)
         # Squares of the turns' errors, and their number.
         self._squares = self._stretches = 0.0
@@ -156,7 +156,7 @@ class Wheels:
         return -np.array([a / (1.0 + a), b / (1.0 + a), c / (1.0 + c)])
 
     def _fit(self) -> tuple[Float, Float]:
-        """What wheels measure too much (3,), and the information (3, 3) on that."""
+        """The wheels' errors (3,) as shares of the true motion, and their information (3, 3)."""
         noise = self.excess.heading
         variances = np.array([noise, noise, 1.0])
         known = np.diag(EXPECTED**-2.0) + self._information / variances

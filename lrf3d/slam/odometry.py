@@ -32,8 +32,8 @@ SHORTER = 0.5
 """The order of the stamps is taken where the path is shorter in it by this [m]."""
 
 OUT, BACK = 0.25, 0.3
-"""Least step to a line that was corrupted [m], [rad], and most of it that is left at the next line,
-as a share."""
+"""Least step to a corrupted line [m], [rad], and largest share of it that remains at the next
+line."""
 
 MOST_JUMPS = 0.1
 """Share of lines that may jump: in other units than metres and radians they do so everywhere."""

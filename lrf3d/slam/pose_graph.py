@@ -114,9 +114,9 @@ def optimised(poses: Float, edges: Records, iterations: int = 20) -> Float:
 def variance_factor(poses: Float, edges: Records, deviation: float) -> float:
     """The ratio of the squared errors of closures to the variances that matching gives.
 
-    Matching counts each point with one deviation, whatever the walls and the laser are; closed
-    loops show the true size of its errors. The deviation is the RMS distance of matched points to
-    their walls, in units of that one.
+    Matching assumes one standard deviation for all points, walls and lasers; closed loops show the
+    true size of its errors. The deviation is the RMS distance of matched points to their walls, in
+    units of the assumed one.
     """
     squares, weights = edge_squares(poses, edges)
     before = PRIOR_RESIDUALS * (POINT_DEVIATIONS * deviation) ** 2

@@ -1,4 +1,4 @@
-"""Revisits: where older key scans show what a scan shows, no new key scan is needed.
+"""Revisits: in places that older key scans already show, no new key scan is needed.
 
 A scan, the anchor before it and the key scans enter. If the robot is certainly where it has been
 before, an anchor leaves: the scan is attached to the nearest key scan, and the pose graph does not

@@ -225,7 +225,7 @@ class Submap:
 
 
 def thin(points: Records) -> Records:
-    """Some of many points, which are enough to find a place."""
+    """A subsample of many points that is enough to find a place."""
     return np.ascontiguousarray(points[:: 1 + len(points) // COARSE_POINTS])
 
 

@@ -31,7 +31,7 @@ them, of each increment [m] and of its turn [rad], and a turn that is not made f
 
 
 def calibrated_wheels(increment: Float, rng: np.random.Generator) -> Float:
-    """What calibrated wheels measure of an increment (3,): ahead, to the left [m], turn [rad]."""
+    """Odometry of calibrated wheels for a true increment (3,): ahead, left [m], turn [rad]."""
     longer, ahead, left, tighter, turn = rng.normal(size=5)
     measured: Float = increment * (1.0 + SLIP * np.array([longer, 0.0, tighter]))
     distance, *_ = increment
@@ -44,7 +44,7 @@ class SlamMapper:
     """A mapper for simulations that finds the robot's poses itself; ``lrf3d run --slam`` uses it.
 
     Args:
-        wheels: What makes odometry of true increments, in simulations without odometry, such as a
+        wheels: The model of the odometry in simulations without odometry, such as a
             `WheelOdometry`.
         rng: The source of the wheels' noise, or a seed of it.
 
@@ -71,7 +71,7 @@ class SlamMapper:
         self.slam = Slam()
         self._wheels, self._rng = wheels, generator(rng)
         self._measured: Float | None = None
-        # Poses at all scans: true ones, by the wheels, and as estimated when the scan was in.
+        # Poses at all scans: true ones, by the wheels, and as estimated online.
         self._true: list[Float] = []
         self._by_wheels: list[Float] = []
         self._estimated: list[Float] = []
@@ -112,7 +112,7 @@ class SlamMapper:
 
     @property
     def estimate(self) -> EstimatedTrajectory:
-        """The poses that were estimated when each scan was in, with covariances."""
+        """The online pose estimates of all scans, with covariances."""
         return self.slam.estimate(
             np.array(self._estimated).reshape(-1, 3),
             np.array(list(self._covariances), dtype=np.int64),

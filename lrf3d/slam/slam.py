@@ -43,8 +43,8 @@ MOVED = 0.02
 """The map is drawn again once a key scan has moved by more than this [m]."""
 
 DRAWN = 2
-"""Key scans that are drawn again for each scan, on average, which takes as long as following the
-robot does. On a long drive the map is some seconds behind the poses."""
+"""Key scans that are drawn again for each scan, on average, which takes as long as tracking the
+robot. On a long drive the map lags behind the poses by some seconds."""
 
 FARTHEST_STEP = 1000.0
 """Longest step of the odometry [m], and largest turn [rad]: no robot moves as far between scans."""

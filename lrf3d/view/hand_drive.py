@@ -18,8 +18,8 @@ from lrf3d.simulation import line_mapper, update_mapper
 from lrf3d.world.cameras import USUAL_FILM
 
 TURN_RATE, _RAMP, _LONGEST_STEP = 1.5, 0.25, 0.1
-"""Fastest turn [rad/s]; time from standing to full speed, and back; and what a step of the drive
-lasts at most [s], so that no hitch sends the robot off."""
+"""Fastest turn [rad/s]; time from standing to full speed, and back; and the longest step of the
+drive [s], so that the robot does not jump after a delay."""
 
 _MAP_STEP, _MAP_TURN, _MAP_PAUSE = 0.12, np.radians(5.0), 0.25
 """Distance [m] and turn [rad] after which another scan is mapped, as a robot at rest sees nothing

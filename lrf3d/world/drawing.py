@@ -117,7 +117,7 @@ class Canvas:
             self.area(lines, solid, clip, winding)
         contrast, alpha, width, square = stroke
         if alpha > 0.02:
-            # A pen of the colour of the paper hides.
+            # A stroke in the colour of the paper hides the marks below it.
             wide = width if width > self.pen or contrast < PALEST else 0.0
             pen = mark._replace(width=wide, contrast=contrast, opaque=alpha > 0.98)
             for line in lines:

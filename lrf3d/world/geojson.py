@@ -190,7 +190,7 @@ def in_metres(
 
 
 def _name_of(reference: Any) -> str:
-    """What a ``crs`` names: a text, or that in its properties; empty where there is none."""
+    """The name in a ``crs``: a text, or one in its properties; empty where there is none."""
     if reference is None:
         return ""
     values = reference

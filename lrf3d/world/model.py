@@ -174,7 +174,7 @@ class World(Value, Pictured):
 
 
 def size_problem(world: World, least: float = SHEET) -> str | None:
-    """What is implausible about the size of a world, and the scale that would fit, or None."""
+    """The problem with an implausible size of a world, and a scale that would fit, or None."""
     if not len(world.segments):
         return None
     width, height = np.ptp(world.bounds, axis=0).tolist()

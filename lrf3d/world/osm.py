@@ -112,7 +112,7 @@ class _Extract:
         self.ways[number] = nodes or before, known | tags
 
     def enclosed(self, ways: Iterable[int]) -> Any:
-        """What those of some ways that are whole enclose together."""
+        """The area that some ways enclose together; those that are not whole are ignored."""
         whole = [self.ways[n][0] for n in sorted({*ways}) if self.is_whole(n)]
         lines = [[self.nodes[n] for n in refs] for refs in whole if len(refs) > 1]
         enclosed = shapely.polygonize([shapely.LineString(line) for line in lines])

@@ -182,7 +182,7 @@ class _Painter:
         """How far a colour is from white, and how opaque it is where used, both from 0 to 1."""
         *colours, alpha = channels = [ctypes.c_uint() for _ in range(4)]
         if not used.value or not read(each, *channels):
-            # Of a pattern nothing is known.
+            # The colour of a pattern is unknown.
             return 0.3, 0.5 if used.value else 0.0
         opaque = alpha.value / 255.0
         return opaque * (1.0 - min(each.value for each in colours) / 255.0), opaque

@@ -1,4 +1,4 @@
-"""A plan: what of a drawing stands as a wall, and what are doors, furniture, text and floors.
+"""A plan: a drawing divided into walls, doors, furniture, text and floors.
 
 A drawing, of DXF, SVG or PDF, enters; walls (segments with heights) and doors leave, with what was
 left out and why, and become a world, in which walls that touch are one object. A layer whose name
@@ -88,7 +88,7 @@ NOT_DOORS = ("indoor", "outdoor", "ovid")
 
 
 def role_of(*names: str) -> str:
-    """What the first name that says so has: a key of WORDS, or ``other``.
+    """The role that the first recognised name gives: a key of WORDS, or ``other``.
 
     >>> role_of("A-WALL-INTR"), role_of("Innentüren"), role_of("0", "SOFA_2"), role_of("Layer1")
     ('wall', 'door', 'furniture', 'other')

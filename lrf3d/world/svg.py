@@ -87,7 +87,7 @@ class _Painter(NamedTuple):
 
     canvas: Canvas
     sheet: dict[Element, dict[str, str]]
-    """What the style sheets say of the elements."""
+    """The properties that style sheets give to elements."""
     by_id: dict[str, Element]
 
     def state(self, element: Element, outer: State, transformed: bool = True) -> State:
@@ -233,7 +233,7 @@ def _outline(kind: str, state: State, tolerance: float) -> list[Float]:
 
 
 def _within(region: Any, clip: Any) -> Any:
-    """What two clips leave, of which one may be None."""
+    """The intersection of two clips, of which one may be None."""
     return region if clip is None else clip if region is None else clip.intersection(region)
 
 

@@ -154,8 +154,8 @@ def _is_covered(walls: Walls, row: int, rule: Rule) -> bool:
 @inner
 def _partner(walls: Walls, row: int, cells: Cells, rule: Rule) -> int:
     """The wall to merge a row with: the best fit, or the nearest continuation; −1 if none."""
-    # As straight as a wall is continued, and no farther off than two views of it: nothing overlaps
-    # that could tell where the two lead.
+    # A continuation must be straight, and no farther off than two views of one wall: without an
+    # overlap nothing shows where the two lead.
     straight = Rule(LONGEST_GAP, rule.bend, rule.bend, rule.distance)
     best, least, second, narrowest = -1, 1.0, -1, LONGEST_GAP
     line = np.empty(4)

@@ -227,7 +227,7 @@ class LiveExposure:
         self._fresh = np.minimum(low, before), np.maximum(high, after)
 
     def fresh(self) -> tuple[Single, list[int]] | None:
-        """What of the times (h, w, 4) is new since the last call, and its first column and row."""
+        """The part of the times (h, w, 4) that changed since the last call, and its first cell."""
         if self._fresh is None:
             return None
         (low, high), self._fresh = self._fresh, None

@@ -28,8 +28,8 @@ _FLOOR, _JOINT_WIDTH = np.array([1.0, 0.96, 0.90]), 0.015
 """Colour of floors, and the width of joints between their tiles, which are a metre wide [m]."""
 
 _SHADED, _FADE = 0.45, 0.06
-"""What light is lost next to walls, and the share of the picture, at its edges, in which it goes
-over into the land around."""
+"""Share of light that is lost next to walls, and the share of the picture, at its edges, in which
+the ground fades into the land around."""
 
 _HOLE, _RIM, _AROUND = 4.0, 0.1, 1.6
 """A floor closes openings in walls of up to twice the first, goes past them by the second, and lies
