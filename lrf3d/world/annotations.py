@@ -38,6 +38,9 @@ class _Markers(NamedTuple):
 
 ARROW, TICK, DOT, RING = range(4)
 
+_Found = tuple[Float, float, Float, int, Int]
+"""Place, size, direction, kind and segments of a marker."""
+
 
 def is_annotation(segments: Float, line: Int, mark: Int, pattern: Bool) -> Bool:
     """Which segments (n, 4) are of annotations; those of the same line (n,) are joined.
@@ -85,57 +88,62 @@ def _is_alone(line: Int) -> Bool:
 def _markers(segments: Float, line: Int) -> _Markers:
     """What may be a marker: by itself, it may also be a letter or a chair."""
     long = lengths(segments)
-    found = list[tuple[Float, float, Float, int, Int]]()
-    nowhere = np.zeros(2)
+    found = list[_Found]()
+    small = np.bincount(line, long) < 7.0 * BUBBLE
     for own in members_of(line) if len(line) else []:
-        count, points = len(own), segments[own, :2]
-        if count == 1 and 0.05 < long[own[0]] < LARGEST:
-            (each,) = segments[own]
-            middle = 0.5 * (each[:2] + each[2:])
-            found.append((middle, long[own[0]], (each[2:] - each[:2]) / long[own[0]], TICK, own))
-        elif count == 2 and long[own].max() < LARGEST:
-            found += _heads(segments, *own)
-        elif count < 3 or (points[0] != segments[own[-1], 2:]).any():
-            continue
-        elif count == 3 and long[own].max() < LARGEST:
-            one, two = np.delete(own, np.argmin(long[own]))
-            found += _heads(segments, one, two, own)
-        elif count == 4 and long[own].max() < LARGEST and long[own].min() < 0.35 * long[own].max():
-            widest = own[np.argmax(long[own])]
-            along = (segments[widest, 2:] - segments[widest, :2]) / long[widest]
-            found.append((points.mean(axis=0), long[widest], along, TICK, own))
-        elif count >= 6 and long[own].sum() < 7.0 * BUBBLE:
-            middle = points.mean(axis=0)
-            radii = np.hypot(*(points - middle).T)
-            if np.ptp(radii) < 0.1 * radii.mean() and radii.mean() < BUBBLE:
-                kind = DOT if radii.mean() < 0.12 else RING
-                found.append((middle, float(radii.mean()), nowhere, kind, own))
+        if small[line[own[0]]]:
+            found += _marker(segments[own], long[own], own)
     short = np.flatnonzero(_is_alone(line) & (long < LARGEST))
     if len(short):
-        for one, two in cKDTree(segments[short].reshape(-1, 2)).query_pairs(2e-3):
-            found += _heads(segments, short[one // 2], short[two // 2])
-    if not found:
-        return _Markers(np.empty((0, 2)), np.empty(0), np.empty((0, 2)), *[np.empty(0, int)] * 3)
-    place, size, along, kind, own = zip(*found, strict=True)
-    owner = np.repeat(np.arange(len(own)), [len(each) for each in own])
-    return _Markers(np.array(place), np.array(size), np.array(along), np.array(kind), np.concatenate(own), owner)
+        for pair in cKDTree(segments[short].reshape(-1, 2)).query_pairs(2e-3):
+            barbs = short[np.array(pair) // 2]
+            found += _heads(segments[barbs], barbs)
+    place, size, along, kind, parts = zip(*found, strict=True) if found else [()] * 5
+    owner = np.repeat(np.arange(len(found)), np.array([len(each) for each in parts], dtype=int))
+    return _Markers(
+        np.reshape(place, (-1, 2)),
+        np.array(size, dtype=float),
+        np.reshape(along, (-1, 2)),
+        np.array(kind, dtype=np.int64),
+        np.concatenate([np.empty(0, np.int64), *parts]),
+        owner,
+    )
 
 
-def _heads(segments: Float, one: int, two: int, own: Int | None = None) -> list[tuple[Float, float, Float, int, Int]]:
-    """The arrowhead of two barbs that meet, if they are one."""
-    a, b = segments[one].reshape(2, 2), segments[two].reshape(2, 2)
+def _marker(chords: Float, long: Float, own: Int) -> list[_Found]:
+    """The marker that the chords (k, 4) of a line are, if they are one."""
+    count, longest = len(chords), int(np.argmax(long))
+    if count < 3 and long[longest] > LARGEST:
+        return []
+    if count == 2:
+        return _heads(chords, own)
+    closed = (chords[0, :2] == chords[-1, 2:]).all()
+    middle, along = chords.reshape(-1, 2).mean(axis=0), directions(chords)[longest]
+    if count == 1 or (count == 4 and closed and long.min() < 0.35 * long.max() < 0.35 * LARGEST):
+        return [(middle, float(long[longest]), along, TICK, own)] if long[longest] > 0.05 else []
+    if count == 3 and closed and long[longest] < LARGEST:
+        return _heads(np.delete(chords, np.argmin(long), axis=0), own)
+    radii = np.hypot(*(chords[:, :2] - middle).T)
+    if count < 6 or not closed or np.ptp(radii) > 0.1 * radii.mean() or radii.mean() > BUBBLE:
+        return []
+    kind = DOT if radii.mean() < 0.12 else RING
+    return [(middle, float(radii.mean()), np.zeros(2), kind, own)]
+
+
+def _heads(barbs: Float, own: Int) -> list[_Found]:
+    """The arrowhead of two barbs (2, 4) that meet, if they are one."""
+    a, b = barbs.reshape(2, 2, 2)
     apart = np.hypot(*(a[:, None] - b[None]).transpose(2, 0, 1))
     i, j = np.unravel_index(np.argmin(apart), (2, 2))
-    barbs = a[1 - i] - a[i], b[1 - j] - b[j]
-    sizes = [float(np.hypot(*barb)) for barb in barbs]
-    if not 0.03 < min(sizes) or max(sizes) > 1.2 * min(sizes) or apart[i, j] > 3e-3:
+    back = np.stack([a[1 - i] - a[i], b[1 - j] - b[j]])
+    sizes = np.hypot(*back.T)
+    back /= np.maximum(sizes[:, None], 1e-9)
+    angle = np.degrees(np.arccos(np.clip(back[0] @ back[1], -1.0, 1.0)))
+    even = 0.03 < sizes.min() > sizes.max() / 1.2 and apart[i, j] < 3e-3
+    if not even or not 6.0 < angle < 80.0:
         return []
-    cosine = float(barbs[0] @ barbs[1]) / (sizes[0] * sizes[1])
-    if not np.cos(np.radians(80.0)) < cosine < np.cos(np.radians(6.0)):
-        return []
-    along = -(barbs[0] / sizes[0] + barbs[1] / sizes[1])
-    along /= np.hypot(*along)
-    return [(a[i], max(sizes), along, ARROW, np.array([one, two]) if own is None else own)]
+    along = -back.sum(axis=0) / np.hypot(*back.sum(axis=0))
+    return [(a[i], float(sizes.max()), along, ARROW, own)]
 
 
 def _met(hosts: Float, markers: _Markers) -> tuple[Int, Int, Int, Float]:
@@ -151,18 +159,17 @@ def _met(hosts: Float, markers: _Markers) -> tuple[Int, Int, Int, Float]:
     station = (off * along).sum(axis=1)
     aside = np.abs(off[:, 0] * along[:, 1] - off[:, 1] * along[:, 0])
     cosine = (markers.along[marker] * along).sum(axis=1)
-    beyond = np.where(kind == TICK, OVERSHOOT, 0.25 * size + 0.02)
-    close = np.where(kind == RING, 1.15 * size, np.where(kind == TICK, 0.5, 1.0) * size) + 0.02
-    first, last = np.abs(station) < np.maximum(close, beyond), np.abs(station - long) < np.maximum(close, beyond)
-    # The apex of an arrow is at an end, in the direction of that end.
-    slanted = (np.abs(cosine) > np.cos(np.radians(68.0))) & (np.abs(cosine) < np.cos(np.radians(22.0)))
+    close = np.choose(kind, [size, 0.5 * size, size, 1.15 * size]) + 0.02
+    close = np.maximum(close, np.where(kind == TICK, OVERSHOOT, 0.0))
+    first, last = np.abs(station) < close, np.abs(station - long) < close
+    # An arrow points along its line, a tick is slanted.
+    slanted = (np.abs(cosine) > np.cos(np.radians(68))) & (np.abs(cosine) < np.cos(np.radians(22)))
     fits = aside < np.where(kind == RING, 0.3, 0.2) * size + 2e-3
     fits &= np.select([kind == ARROW, kind == TICK], [np.abs(cosine) > 0.985, slanted], True)
-    fits &= long > 1.2 * size
-    fits &= (kind != RING) | first | last
-    out = np.where(first & ((kind != ARROW) | (cosine < 0)), 0, np.where(last & ((kind != ARROW) | (cosine > 0)), 1, 2))
-    # Arrowheads from outside point inwards.
-    out = np.where((kind == ARROW) & (out == 2) & first, 0, np.where((kind == ARROW) & (out == 2) & last, 1, out))
+    fits &= (long > 1.2 * size) & ((kind != RING) | first | last)
+    # The tip of an arrow is at the end to which it points, or else comes from outside.
+    away = (kind == ARROW) & (cosine > 0.0)
+    out = np.where(first & ~(away & last), 0, np.where(last, 1, 2))
     return host[fits], marker[fits], out[fits], place[fits]
 
 
@@ -192,7 +199,9 @@ def _extensions(segments: Float, hosts: Int, host: Int, place: Float, found: Boo
     which, other = shapely.STRtree(body).query(
         shapely.points(place), predicate="dwithin", distance=0.06
     )
-    across = (directions(segments[lines[other]]) * directions(segments[hosts[host[which]]])).sum(axis=1)
+    across = (directions(segments[lines[other]]) * directions(segments[hosts[host[which]]])).sum(
+        axis=1
+    )
     ends = segments[lines[other]].reshape(-1, 2, 2)
     away = np.hypot(*(ends - place[which][:, None]).transpose(2, 0, 1))
     tip = ends[np.arange(len(away)), np.argmin(away, axis=1)]

@@ -49,8 +49,8 @@ WORDS = {
         " title titl titul titel ttlb legend leyend label schrift beschrift etiquet rotul testo"
         " testi texto scritt opis cajetin cartigl cartouch tabel stempel iden grid raster stramien"
         " axis axes achs assi ejes eixo osie hatch patt schraff hachur tratteg sombr arcer kresk"
-        " retin skrav defpoint vport viewport border clng ceiling roof lite elec echel escala podzial"
-        " masstab schaal flooring tile paving pavim fliese"
+        " retin skrav defpoint vport viewport border clng ceiling roof lite elec echel escala"
+        " podzial masstab schaal flooring tile paving pavim fliese"
         " parket parquet carpet projec ovhd"
         " текст размер штрих оси штамп легенд масштаб"
         " 文字 标注 轴 填充 图框 寸法 注記 치수 문자"
@@ -74,7 +74,10 @@ WORDS = {
         " dør ajto pintu двер πορτ דלת باب 门 門 扉 ドア 문"
     ),
     # Windows and doors have frames, too.
-    "sheet": "frame rahmen cadre marco ramk kader squadr cornice sheet nord north norte noord рамк север",
+    "sheet": (
+        "frame rahmen cadre marco ramk kader squadr cornice sheet nord north norte noord polnoc"
+        " рамк север"
+    ),
 }
 """Beginnings or ends of words in names, by what a layer holds; the first that fits counts."""
 
@@ -195,7 +198,7 @@ def plan_of(drawing: Drawing, layers: Sequence[str] = (), without: Sequence[str]
     flat = [(mark.shape, role) for mark, role in zip(marks, roles, strict=True)
             if not (is_area(mark.shape) and role in STANDS)]  # fmt: skip
     # An arrowhead does not cut the line that it is on.
-    large = [shape for shape, _ in solids if np.ptp(np.reshape(shape.bounds, (2, 2)), 0).max() > 0.5]
+    large = [shape for shape, _ in solids if shape.length > 1.5]
     solid = shapely.union_all(large).buffer(OUTLINE)
     shapely.prepare(solid)
     pieces = [
@@ -213,7 +216,8 @@ def plan_of(drawing: Drawing, layers: Sequence[str] = (), without: Sequence[str]
     stands &= ~opened
     left = drawing.left_out + Counter(floor=roles.count("floor"))
     known = np.flatnonzero(stands)
-    for what, found in symbols(Strokes(*(each[known] for each in (segments, line, mark, role == "other")))):
+    strokes = Strokes(segments[known], line[known], mark[known], role[known] == "other")
+    for what, found in symbols(strokes, sheet="annotation" in roles):
         stands[known[found]] = False
         left[what] += int(found.sum())
     layered = [(mark.layer, role) for mark, role in zip(marks, roles, strict=True)]
@@ -293,9 +297,13 @@ def _segments(pieces: list[tuple[Any, str]]) -> tuple[Float, Int, Int, Any]:
     joined = np.flatnonzero((line[1:] == line[:-1]) & (points[1:] != points[:-1]).any(axis=1))
     role = np.array([role for _, role in pieces] or [""], dtype=object)
     segments = np.hstack([points[joined], points[joined + 1]])
-    once = without_repeats(segments)
-    line = line[joined[once]]
-    return segments[once], line, piece[line], role[piece[line]]
+    line = line[joined]
+    role = role[piece[line]]
+    # What stands may be drawn on a floor's outline.
+    same = [np.flatnonzero(role == each) for each in dict.fromkeys(role.tolist())]
+    kept = [each[without_repeats(segments[each])] for each in same]
+    once = np.sort(np.concatenate([np.empty(0, np.int64), *kept]))
+    return segments[once], line[once], piece[line[once]], role[once]
 
 
 def _listed(marks: list[Mark], layered: list[tuple[str, str]]) -> list[Layer]:

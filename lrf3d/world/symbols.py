@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from lrf3d.geometry import Bool, Float, Int, cross, directions, lengths
 from lrf3d.world.annotations import is_annotation
-from lrf3d.world.pieces import TOUCHING, connected, groups, members_of
+from lrf3d.world.pieces import connected, groups, members_of, pairs_within
 
 CORNER, SWEEP = np.radians(32.0), np.radians([40.0, 130.0])
 """Turn [rad] between two segments above which they are no chords of one arc; least and largest
@@ -158,7 +158,7 @@ class Strokes(NamedTuple):
     free: Bool
 
 
-def symbols(strokes: Strokes) -> Iterator[tuple[str, Bool]]:
+def symbols(strokes: Strokes, sheet: bool = False) -> Iterator[tuple[str, Bool]]:
     """What of the strokes is no wall, by what it is called, and which (n,) are that.
 
     Each kind is looked for among what the others leave. Annotations and frames show that a drawing
@@ -180,7 +180,7 @@ def symbols(strokes: Strokes) -> Iterator[tuple[str, Bool]]:
     yield "pattern line", among(lambda _: pattern[left], left.copy())
     yield "letter stroke", among(is_lettering, left.copy())
     stands = left | ~strokes.free
-    sheet = bool(noted.any())
+    sheet |= bool(noted.any())
     yield "frame line", (framed := among(lambda each: is_frame(each, sheet), stands))
     sheet |= bool(framed.any())
     yield "outside line", among(lambda each: is_aside(each, sheet), stands & ~framed)
@@ -255,11 +255,10 @@ def is_frame(segments: Float, sheet: bool) -> Bool:
                 return framed
         rim = (off < MARGIN).any(axis=1)
         inner = left[~rim]
-        part = connected(segments[inner], THICKEST_WALL)
-        hulls = _hulls(segments[inner], part)
+        part, _, near, hulls = _parts(segments[inner], THICKEST_WALL)
         if not len(hulls):
             return framed
-        area = shapely.area(hulls)
+        part, area = near[part], shapely.area(hulls)
         block = np.zeros(len(hulls), dtype=bool)
         block[part[reach[~rim].min(axis=(1, 2)) < 1.01 * MARGIN]] = True
         # Proportions of sheets of paper.
@@ -273,13 +272,17 @@ def is_frame(segments: Float, sheet: bool) -> Bool:
     return framed
 
 
-def _hulls(segments: Float, part: Int) -> Any:
-    """The convex hull of each part of the segments (n, 4)."""
-    if not len(segments):
-        return np.empty(0, dtype=object)
-    return shapely.convex_hull([
-        shapely.multipoints(segments[each].reshape(-1, 2)) for each in members_of(part)
-    ])
+def _parts(segments: Float, gap: float) -> tuple[Int, Any, Int, Any]:
+    """The part (n,) that touches, of each segment (n, 4), and the hulls of the parts.
+
+    Then the group of each part, in which hulls are within a gap [m], and the hulls of the groups.
+    """
+    part = connected(segments)
+    owned = [segments[each].reshape(-1, 2) for each in members_of(part)] if len(segments) else []
+    hulls = shapely.convex_hull(np.array([shapely.multipoints(own) for own in owned], dtype=object))
+    near = groups(*pairs_within(hulls, gap, "parts"), len(hulls)) if len(hulls) else part
+    close = [shapely.union_all(hulls[each]) for each in members_of(near)] if len(hulls) else []
+    return part, hulls, near, shapely.convex_hull(np.array(close, dtype=object))
 
 
 def is_pattern(segments: Float) -> Bool:
@@ -326,8 +329,7 @@ def is_aside(segments: Float, sheet: bool) -> Bool:
 
     Where nothing else shows that a drawing is a sheet, such a part encloses nothing.
     """
-    part = connected(segments)
-    hulls, whole = _hulls(segments, part), _hulls(segments, connected(segments, ASIDE))
+    part, hulls, _, whole = _parts(segments, ASIDE)
     area = shapely.area(whole)
     if not len(hulls) or area.max() < max(LEAST_PLAN, 0.5 * area.sum()):
         return part < 0
