@@ -19,9 +19,6 @@ _LEAST_SCALE, _LEAST_LETTER, _MOST_COVERED = 0.47, 6.5, 0.5
 """Text is at least this number of times its size at 720 lines; text of smaller letters [pixels], or
 that would cover more of the height of a picture, is left out."""
 
-_DARKEST, _SHADED = 0.62, 1.6
-"""How much the picture is darkened in the corner under text, and how far, in the text's size."""
-
 _RIM, _BAR, _SCALE_LETTER = (38, 50, 72), (150, 166, 192), 20
 """Colours of the frame of the inset and of its scale, and the height of the letters of that [pixels
 of 720 lines]."""
@@ -59,9 +56,11 @@ def _label(label: Label, size: tuple[int, int]) -> tuple[NDArray[np.uint16], NDA
     high = sum(round(_LINE * each) for each in heights)
     if min(heights) < _LEAST_LETTER or high > _MOST_COVERED * size[1]:
         return np.zeros((0, 0, 1), np.uint16), np.zeros((0, 0, 3), np.uint16)
-    shape = round(_SHADED * fits * wide), round(_SHADED * high) + gap
+    # How much the picture is darkened in the corner under text, and how far, in the text's size.
+    darkest, shaded = 0.62, 1.6
+    shape = round(shaded * fits * wide), round(shaded * high) + gap
     x, y = (np.arange(side) / side for side in shape)
-    shade = _DARKEST * np.outer(y * y * (3.0 - 2.0 * y), (1.0 - x) ** 2 * (1.0 + 2.0 * x))
+    shade = darkest * np.outer(y * y * (3.0 - 2.0 * y), (1.0 - x) ** 2 * (1.0 + 2.0 * x))
     kept = 256.0 * (1.0 - shade[..., None])
     picture, cover = Image.new("RGB", shape), Image.new("L", shape)
     place = left, shape[1] - round(1.2 * gap) - high
