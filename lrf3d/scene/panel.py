@@ -23,9 +23,9 @@ _SIZE, _FULL_SIZE, _INK, _PALE = 30.0, 19.0, (236, 240, 247), (150, 166, 192)
 colours of the first line and of the others, 0…255."""
 
 _REFLECTION_TIME, _DROPPED, _FOUND, _FOUND_SHARE = 6.0, 3, 0.1, 0.5
-"""How long a recognised mirror is mentioned [s of the film], and a loss of walls of at least a number
-while there is one; a wall is found if the map lies within a distance [m] of it along a share of its
-length."""
+"""Time for which a recognised mirror is mentioned [s of the film], and the loss of walls that is
+mentioned while there is one; a wall is found if the map lies within a distance [m] of it along a
+share of its length."""
 
 
 class Facts(NamedTuple):
