@@ -19,7 +19,10 @@ _LEAST_SCALE, _LEAST_LETTER, _MOST_COVERED = 0.47, 6.5, 0.5
 """Text is at least this number of times its size at 720 lines; text of smaller letters [pixels], or
 that would cover more of the height of a picture, is left out."""
 
-_RIM, _BAR, _SCALE_LETTER = (38, 50, 72), (150, 166, 192), 20
+_DARKEST, _SHADED = 0.62, 1.6
+"""How much the picture is darkened in the corner under text, and how far, in the text's size."""
+
+_RIM, _BAR, _SCALE_LETTER = (38, 50, 72), (200, 210, 228), 20
 """Colours of the frame of the inset and of its scale, and the height of the letters of that [pixels
 of 720 lines]."""
 
@@ -56,11 +59,9 @@ def _label(label: Label, size: tuple[int, int]) -> tuple[NDArray[np.uint16], NDA
     high = sum(round(_LINE * each) for each in heights)
     if min(heights) < _LEAST_LETTER or high > _MOST_COVERED * size[1]:
         return np.zeros((0, 0, 1), np.uint16), np.zeros((0, 0, 3), np.uint16)
-    # How much the picture is darkened in the corner under text, and how far, in the text's size.
-    darkest, shaded = 0.62, 1.6
-    shape = round(shaded * fits * wide), round(shaded * high) + gap
+    shape = round(_SHADED * fits * wide), round(_SHADED * high) + gap
     x, y = (np.arange(side) / side for side in shape)
-    shade = darkest * np.outer(y * y * (3.0 - 2.0 * y), (1.0 - x) ** 2 * (1.0 + 2.0 * x))
+    shade = _DARKEST * np.outer(y * y * (3.0 - 2.0 * y), (1.0 - x) ** 2 * (1.0 + 2.0 * x))
     kept = 256.0 * (1.0 - shade[..., None])
     picture, cover = Image.new("RGB", shape), Image.new("L", shape)
     place = left, shape[1] - round(1.2 * gap) - high
@@ -90,13 +91,14 @@ def lay_frame(picture: Pixels, box: tuple[int, int, int, int], window: Window) -
     rim, pad = max(1, round(1.2 * scale)), round(10 * scale)
     part = picture[top : top + high, left : left + wide, :3]
     part[:rim] = part[-rim:] = part[:, :rim] = part[:, -rim:] = _RIM
-    # Under the inset, so that it hides nothing of the map.
+    # Under the inset, so that it hides nothing of the map, and darkened, so that it is legible.
     letters, words = max(round(_SCALE_LETTER * scale), 9), f"{window.bar:g} m"
-    below, length = top + high + pad // 2, round(window.bar / window.width * wide)
-    end = left + wide - length
-    picture[below : below + 2 * rim, end : left + wide, :3] = _BAR
-    under = picture[below - letters : below + letters, left:end, :3]
-    text = Image.fromarray(np.ascontiguousarray(under))
-    place = text.width - pad // 2, letters + rim
+    foot = picture[top + high : top + high + letters + pad, left : left + wide, :3]
+    foot[:] = ((1.0 - _DARKEST) * foot).astype(np.uint8)
+    middle, end = len(foot) // 2, foot.shape[1] - pad
+    begin = end - round(window.bar / window.width * wide)
+    foot[middle - rim : middle + rim, begin:end] = _BAR
+    text = Image.fromarray(np.ascontiguousarray(foot[:, :begin]))
+    place = text.width - pad, middle
     ImageDraw.Draw(text).text(place, words, font=_font(letters), fill=_BAR, anchor="rm")
-    under[:] = np.asarray(text)
+    foot[:, :begin] = np.asarray(text)
