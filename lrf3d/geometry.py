@@ -7,7 +7,7 @@ form x·cos α + y·sin α = p with p ≥ 0 (Eq. 3 of Teslić et al.).
 import math
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -20,6 +20,8 @@ Int = NDArray[np.int64]
 Bool = NDArray[np.bool_]
 Records = NDArray[Any]
 """Rows of fields with names, as kernels take them."""
+Radians = Annotated[float, "rad"]
+"""An angle, which files give in degrees."""
 AnyArray = TypeVar("AnyArray", bound=NDArray[Any])
 
 
