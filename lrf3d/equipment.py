@@ -65,7 +65,8 @@ def lasers_with_noise(
     """The lasers of a file, each with its own noise or the file's; settings hold for all."""
     found = []
     for place, table in enumerate(file.lasers or [{}]):
-        with file.at(f"laser[{place}]" if len(file.lasers) > 1 else "laser"):
+        key = f"laser[{place}]" if len(file.lasers) > 1 else "laser"
+        with file.at(f"{key} with settings" if settings else key):
             own = {**noise, **table.get("noise", {})}
             found.append(laser_with_noise(**{**table, **settings, "noise": own}))
     with file.at("laser"):
