@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from lrf3d.scene.look import PLAN_BACK
 from lrf3d.scene.moments import Window
 from lrf3d.scene.shapes import Label, Pixels
 
@@ -93,11 +94,11 @@ def lay_frame(picture: Pixels, box: tuple[int, int, int, int], window: Window) -
     part[:rim] = part[-rim:] = part[:, :rim] = part[:, -rim:] = _RIM
     # Under the inset, so that it hides nothing of the map.
     letters, words = max(round(_SCALE_LETTER * scale), 9), f"{window.bar:g} m"
-    below, length = top + high + pad // 2, round(window.bar / window.width * wide)
-    end = left + wide - length
-    picture[below : below + 2 * rim, end : left + wide, :3] = _BAR
-    under = picture[below - letters : below + letters, left:end, :3]
-    text = Image.fromarray(np.ascontiguousarray(under))
-    place = text.width - pad // 2, letters + rim
-    ImageDraw.Draw(text).text(place, words, font=_font(letters), fill=_BAR, anchor="rm")
-    under[:] = np.asarray(text)
+    length, deep = round(window.bar / window.width * wide), letters + pad
+    strip = Image.new("RGB", (wide, deep), PLAN_BACK)
+    draw, end, middle = ImageDraw.Draw(strip), wide - pad, deep // 2
+    draw.rectangle((end - length, middle - rim, end, middle + rim), fill=_BAR)
+    place = end - length - pad // 2, middle
+    draw.text(place, words, font=_font(letters), fill=_BAR, anchor="rm")
+    under = picture[top + high : top + high + deep, left : left + wide, :3]
+    under[:] = np.asarray(strip)[: len(under)]

@@ -73,6 +73,9 @@ class Renderer:
         self._light["clock"] = seen.clock
         self._draw_tints(seen.tints)
         self._begin()
+        # No sky is drawn into mirrors.
+        GL.glClearColor(*look.HAZE, 1.0)
+        GL.glClear(GL.GL_COLOR_BUFFER_BIT if len(self._mirrors) else 0)
         for reflection in reflections(seen, self._mirrors):
             self._reflect(seen, reflection)
         self._camera.fill(seen.lens, *self._size)

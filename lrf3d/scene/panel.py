@@ -22,9 +22,9 @@ _SIZE, _FULL_SIZE, _INK, _PALE = 30.0, 19.0, (236, 240, 247), (150, 166, 192)
 """Heights of letters [pixels of 720 lines], legible in a film that is shown 390 pixels wide; and
 colours of the first line and of the others, 0…255."""
 
-_REFLECTION_TIME, _FOUND, _FOUND_SHARE = 6.0, 0.1, 0.5
+_REFLECTION_TIME, _FOUND, _FOUND_SHARE, _MINUTES = 6.0, 0.1, 0.5, 600.0
 """How long a recognised mirror is mentioned [s of the film]; a wall is found if the map lies within
-a distance [m] of it along a share of its length."""
+a distance [m] of it along a share of its length; from when on [s] time is given in minutes."""
 
 
 class Facts(NamedTuple):
@@ -39,25 +39,28 @@ def caption(facts: Facts, moment: Moment, shot: str) -> str:
     """What a shot shows, with one number; a world's own camera is named."""
     run, line_map = facts.run, facts.run.map_after(moment.mapped)
     if moment.mapped < 0:
-        return "Nothing is known yet"
+        return "The robot knows nothing yet"
     if shot in ("chase", "close") and reflected(run, moment):
-        return "That room is a reflection"
+        return "A mirror: the room behind it is a reflection"
     if shot == "close":
-        return f"{np.isfinite(run.ranges[: moment.scan + 1]).sum():,} ranges measured"
-    if shot in ("rise", "whole", "end") and len(line_map):
+        return f"{np.isfinite(run.ranges[: moment.scan + 1]).sum():,} distances measured"
+    if shot in _WALLS and len(line_map):
         return f"{counted(len(line_map), 'wall')} in the map"
     if shot == "high" and len(line_map):
-        return f"Walls become {counted(line_map.object_count, 'object')}"
+        return f"{counted(line_map.object_count, 'object')}, a colour for each"
     if shot not in _SHOTS:
         return shot
     gaps = np.diff(run.trajectory.times)
     beams = f"{len(run.ranges.T)} laser beams"
+    if shot == "wave":
+        return f"{beams} light up what they reach"
     rate = 1.0 / float(np.median(gaps)) if len(gaps) and np.median(gaps) > 0.0 else 0.0
-    return f"{beams}, {rate:.3g} times a second" if rate >= 1.0 else f"{beams} a scan"
+    return f"{beams}, {round(rate, 1):g} times a second" if rate >= 1.0 else f"{beams} a scan"
 
 
-_SHOTS = ("wave", "chase", "close", "rise", "high", "whole", "end")
-"""Shots of the film's own cameras."""
+_WALLS = ("rise", "whole", "end")
+_SHOTS = ("wave", "chase", "close", "high", *_WALLS)
+"""Shots whose caption counts walls, and all shots of the film's own cameras."""
 
 
 def reflected(run: Run, moment: Moment) -> bool:
@@ -74,8 +77,12 @@ def panel(facts: Facts, moment: Moment, shot: str) -> Label:
     walls = counted(len(line_map), "wall") if run.maps else ""
     head = caption(facts, moment, shot), _INK
     if facts.panel == "short":
-        passed = f"{moment.time - run.trajectory.times.min():.0f} s  ·  {walls}".rstrip(" ·")
-        return _label([head, (passed, _PALE), *_trails(run, moment.scan)], _SIZE)
+        seconds = moment.time - run.trajectory.times.min()
+        passed = f"{seconds:.0f} s" if seconds < _MINUTES else f"{seconds / 60.0:.0f} min"
+        # What the caption does not count.
+        count = counted(line_map.object_count, "object") if shot in _WALLS and walls else walls
+        said = f"{passed}  ·  {count}".rstrip(" ·")
+        return _label([head, (said, _PALE), *_trails(run, moment.scan)], _SIZE)
     x, y, theta = moment.pose
     scan = run.scan(moment.scan)
     nearest = f"min {scan.ranges[scan.hits].min():.2f} m" if scan.hits.any() else "nothing near"

@@ -55,7 +55,7 @@ def test_light_goes_as_far_as_was_measured_and_lies_where_the_estimate_put_it():
 def test_scans_that_come_one_by_one_light_what_they_do_in_a_record():
     run = room_run()
     exposure, structures = exposed(run)
-    live = LiveExposure(unexposed(structures, -HALF, HALF), structures, run.world)
+    live = LiveExposure(unexposed(structures, -HALF, HALF), structures)
     for number, time in enumerate(run.trajectory.times.tolist()):
         live.see(run.scans_at(number), time)
         assert live.fresh() is not None and live.fresh() is None

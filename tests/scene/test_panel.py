@@ -36,7 +36,7 @@ def test_the_card_counts_the_walls_found_and_the_objects_of_the_map(make):
 def test_before_the_start_nothing_is_known():
     run = city_run()
     facts = Facts(run, 1.0, "short")
-    assert panel(facts, Timeline(run).moment(-0.5), "wave").text[0] == "Nothing is known yet"
+    assert panel(facts, Timeline(run).moment(-0.5), "wave").text[0] == "The robot knows nothing yet"
 
 
 def test_a_panel_of_another_kind_is_refused():
