@@ -2,7 +2,6 @@
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -34,9 +33,8 @@ _INSET, _WIDEST, _LEAST_SIDE = 0.25, 0.34, 30
 """Side of a square as large as the inset, in shorter sides of the picture; its largest width, in
 those of the picture, and the least side [pixels]."""
 
-_CARD_FROM, _SETTLED = 0.9, 4.0
-"""How far what was never seen has become glass when the card comes, and the time after the end in
-which light still fades and colours climb [s of the film]."""
+_SETTLED = 4.0
+"""Time after the end in which light still fades and colours climb [s of the film]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +123,6 @@ class Film:
         gap, high = round(GAP * scale_of(chosen.size)), round(wide * self._window.aspect)
         self._box = chosen.size[0] - gap - wide, gap, wide, high
         self._key: object = None
-        self._card = cache(lambda: panel.card(self._facts))
         self._picture: Pixels = np.zeros((0, 0, 4), np.uint8)
 
     def draw(self, time: float) -> Pixels:
@@ -145,9 +142,7 @@ class Film:
         if inset:
             lay_frame(self._picture, self._box, self._window)
         if "hud" in self._layers:
-            ended = view.shot == "end" and view.glass >= _CARD_FROM
-            said = self._card() if ended else panel.panel(self._facts, moment, view.shot)
-            lay_label(self._picture, said)
+            lay_label(self._picture, panel.panel(self._facts, moment, view))
         return self._picture
 
     def close(self) -> None:

@@ -3,6 +3,7 @@
 A run and a moment of it enter, lines of text leave.
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ import shapely
 
 from lrf3d.run import Run
 from lrf3d.scene import look
+from lrf3d.scene.camera import Look
 from lrf3d.scene.estimate import TRUTH, estimate_words
 from lrf3d.scene.shapes import Label
 from lrf3d.scene.timeline import Moment
@@ -22,9 +24,10 @@ _SIZE, _FULL_SIZE, _INK, _PALE = 30.0, 19.0, (236, 240, 247), (150, 166, 192)
 """Heights of letters [pixels of 720 lines], legible in a film that is shown 390 pixels wide; and
 colours of the first line and of the others, 0…255."""
 
-_REFLECTION_TIME, _FOUND, _FOUND_SHARE, _MINUTES = 6.0, 0.1, 0.5, 600.0
+_REFLECTION_TIME, _FOUND, _FOUND_SHARE, _MINUTES, _CARD_FROM = 6.0, 0.1, 0.5, 600.0, 0.9
 """How long a recognised mirror is mentioned [s of the film]; a wall is found if the map lies within
-a distance [m] of it along a share of its length; from when on [s] time is given in minutes."""
+a distance [m] of it along a share of its length; from when on [s] time is given in minutes; and how
+far what was never seen has become glass when the card comes."""
 
 
 class Facts(NamedTuple):
@@ -35,12 +38,12 @@ class Facts(NamedTuple):
     panel: str
 
 
-def caption(facts: Facts, moment: Moment, shot: str) -> str:
+def _caption(facts: Facts, moment: Moment, shot: str) -> str:
     """What a shot shows, with one number; a world's own camera is named."""
     run, line_map = facts.run, facts.run.map_after(moment.mapped)
     if moment.mapped < 0:
         return "The robot knows nothing yet"
-    if shot in ("chase", "close") and reflected(run, moment):
+    if shot in ("chase", "close") and _reflected(run, moment):
         return "A mirror: the room behind it is a reflection"
     if shot == "close":
         return f"{np.isfinite(run.ranges[: moment.scan + 1]).sum():,} distances measured"
@@ -63,7 +66,7 @@ _SHOTS = ("wave", "chase", "close", "high", *_WALLS)
 """Shots whose caption counts walls, and all shots of the film's own cameras."""
 
 
-def reflected(run: Run, moment: Moment) -> bool:
+def _reflected(run: Run, moment: Moment) -> bool:
     """Whether a mirror has been recognised in the map in the last seconds."""
     then = moment.time - _REFLECTION_TIME * run.playback
     earlier = int(np.searchsorted(run.trajectory.times, then)) - 1
@@ -71,11 +74,13 @@ def reflected(run: Run, moment: Moment) -> bool:
     return after and not before
 
 
-def panel(facts: Facts, moment: Moment, shot: str) -> Label:
-    """The panel of a moment."""
-    run, line_map = facts.run, facts.run.map_after(moment.mapped)
+def panel(facts: Facts, moment: Moment, view: Look) -> Label:
+    """The panel of a moment through a look; at the end of a story the card."""
+    if view.shot == "end" and view.glass >= _CARD_FROM:
+        return card(facts)
+    run, line_map, shot = facts.run, facts.run.map_after(moment.mapped), view.shot
     walls = counted(len(line_map), "wall") if run.maps else ""
-    head = caption(facts, moment, shot), _INK
+    head = _caption(facts, moment, shot), _INK
     if facts.panel == "short":
         seconds = moment.time - run.trajectory.times.min()
         passed = f"{seconds:.0f} s" if seconds < _MINUTES else f"{seconds / 60.0:.0f} min"
@@ -98,6 +103,7 @@ def panel(facts: Facts, moment: Moment, shot: str) -> Label:
     return _label(lines, _FULL_SIZE)
 
 
+@lru_cache(maxsize=1)
 def card(facts: Facts) -> Label:
     """What was found in the end: of the walls of the world, if they are known."""
     run = facts.run
