@@ -120,8 +120,8 @@ def card(facts: Facts) -> Label:
     along = shapely.length(shapely.intersection(walls, near))
     found, count = int((along >= _FOUND_SHARE * shapely.length(walls)).sum()), len(walls)
     share = f"{found} of {counted(count, 'wall')} found, {100 * found / count:.0f} %"
-    more = f"{len(run.map)} segments in the map, {objects}"
-    return _label([(share, _INK), (more, _PALE)], _SIZE)
+    rest = f"what was never seen is glass  ·  {objects}"
+    return _label([(share, _INK), (rest, _PALE)], _SIZE)
 
 
 def _trails(run: Run, scan: int) -> list[tuple[str, tuple[int, int, int]]]:
