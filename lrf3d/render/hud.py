@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from lrf3d.scene.look import PLAN_BACK
 from lrf3d.scene.moments import Window
 from lrf3d.scene.shapes import Label, Pixels
 
@@ -20,10 +19,10 @@ _LEAST_SCALE, _LEAST_LETTER, _MOST_COVERED = 0.47, 6.5, 0.5
 """Text is at least this number of times its size at 720 lines; text of smaller letters [pixels], or
 that would cover more of the height of a picture, is left out."""
 
-_DARKEST, _SHADED = 0.62, 1.6
+_DARKEST, _SHADED = 0.74, 1.6
 """How much the picture is darkened in the corner under text, and how far, in the text's size."""
 
-_RIM, _BAR, _SCALE_LETTER = (38, 50, 72), (150, 166, 192), 20
+_RIM, _BAR, _SCALE_LETTER = (38, 50, 72), (200, 210, 228), 20
 """Colours of the frame of the inset and of its scale, and the height of the letters of that [pixels
 of 720 lines]."""
 
@@ -92,13 +91,14 @@ def lay_frame(picture: Pixels, box: tuple[int, int, int, int], window: Window) -
     rim, pad = max(1, round(1.2 * scale)), round(10 * scale)
     part = picture[top : top + high, left : left + wide, :3]
     part[:rim] = part[-rim:] = part[:, :rim] = part[:, -rim:] = _RIM
-    # Under the inset, so that it hides nothing of the map.
+    # Under the inset, so that it hides nothing of the map, and darkened, so that it is legible.
     letters, words = max(round(_SCALE_LETTER * scale), 9), f"{window.bar:g} m"
-    length, deep = round(window.bar / window.width * wide), letters + pad
-    strip = Image.new("RGB", (wide, deep), PLAN_BACK)
-    draw, end, middle = ImageDraw.Draw(strip), wide - pad, deep // 2
-    draw.rectangle((end - length, middle - rim, end, middle + rim), fill=_BAR)
-    place = end - length - pad // 2, middle
-    draw.text(place, words, font=_font(letters), fill=_BAR, anchor="rm")
-    under = picture[top + high : top + high + deep, left : left + wide, :3]
-    under[:] = np.asarray(strip)[: len(under)]
+    foot = picture[top + high : top + high + letters + pad, left : left + wide, :3]
+    foot[:] = ((1.0 - _DARKEST) * foot).astype(np.uint8)
+    middle, end = len(foot) // 2, foot.shape[1] - pad
+    begin = end - round(window.bar / window.width * wide)
+    foot[middle - rim : middle + rim, begin:end] = _BAR
+    text = Image.fromarray(np.ascontiguousarray(foot[:, :begin]))
+    place = text.width - pad, middle
+    ImageDraw.Draw(text).text(place, words, font=_font(letters), fill=_BAR, anchor="rm")
+    foot[:, :begin] = np.asarray(text)

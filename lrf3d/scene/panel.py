@@ -20,14 +20,22 @@ from lrf3d.text import counted
 PANELS = ("full", "short")
 """What a panel may say: all numbers, or three facts."""
 
-_SIZE, _FULL_SIZE, _INK, _PALE = 30.0, 19.0, (236, 240, 247), (150, 166, 192)
+_SIZE, _FULL_SIZE, _INK, _PALE = 30.0, 19.0, (236, 240, 247), (184, 196, 216)
 """Heights of letters [pixels of 720 lines], legible in a film that is shown 390 pixels wide; and
 colours of the first line and of the others, 0…255."""
 
-_REFLECTION_TIME, _FOUND, _FOUND_SHARE, _MINUTES, _CARD_FROM = 6.0, 0.1, 0.5, 600.0, 0.9
-"""How long a recognised mirror is mentioned [s of the film]; a wall is found if the map lies within
-a distance [m] of it along a share of its length; from when on [s] time is given in minutes; and how
-far what was never seen has become glass when the card comes."""
+_REFLECTION_TIME, _DROPPED, _FOUND, _FOUND_SHARE, _MINUTES, _CARD_FROM = (
+    4.0,
+    3,
+    0.1,
+    0.5,
+    600.0,
+    0.9,
+)
+"""Time for which a loss of walls behind mirrors is mentioned [s of the film], and the least such
+loss; a wall is found if the map lies within a distance [m] of it along a share of its length; from
+when on [s] time is given in minutes; and how far what was never seen has become glass when the card
+comes."""
 
 
 class Facts(NamedTuple):
@@ -43,14 +51,14 @@ def _caption(facts: Facts, moment: Moment, shot: str) -> str:
     run, line_map = facts.run, facts.run.map_after(moment.mapped)
     if moment.mapped < 0:
         return "The robot knows nothing yet"
-    if shot in ("chase", "close") and _reflected(run, moment):
-        return "A mirror: the room behind it is a reflection"
+    if shot in ("chase", "close") and (words := _reflected(run, moment)):
+        return words
     if shot == "close":
         return f"{np.isfinite(run.ranges[: moment.scan + 1]).sum():,} distances measured"
     if shot in _WALLS and len(line_map):
         return f"{counted(len(line_map), 'wall')} in the map"
     if shot == "high" and len(line_map):
-        return f"{counted(line_map.object_count, 'object')}, a colour for each"
+        return f"{counted(line_map.object_count, 'object')}, each in its own colour"
     if shot not in _SHOTS:
         return shot
     gaps = np.diff(run.trajectory.times)
@@ -66,12 +74,17 @@ _SHOTS = ("wave", "chase", "close", "high", *_WALLS)
 """Shots whose caption counts walls, and all shots of the film's own cameras."""
 
 
-def _reflected(run: Run, moment: Moment) -> bool:
-    """Whether a mirror has been recognised in the map in the last seconds."""
+def _reflected(run: Run, moment: Moment) -> str:
+    """Words on the walls that the map has dropped in the last seconds since it knows a mirror."""
+    line_map = run.map_after(moment.mapped)
+    if "mirror" not in line_map.kinds:
+        return ""
     then = moment.time - _REFLECTION_TIME * run.playback
-    earlier = int(np.searchsorted(run.trajectory.times, then)) - 1
-    before, after = ("mirror" in run.map_after(scan).kinds for scan in (earlier, moment.mapped))
-    return after and not before
+    earlier = max(int(np.searchsorted(run.trajectory.times, then)) - 1, 0)
+    most = max(len(run.map_after(scan)) for scan in range(earlier, moment.mapped + 1))
+    dropped = most - len(line_map)
+    said = f"The room in the mirror is a reflection: {dropped} walls dropped"
+    return said if dropped >= _DROPPED else ""
 
 
 def panel(facts: Facts, moment: Moment, view: Look) -> Label:
@@ -84,10 +97,11 @@ def panel(facts: Facts, moment: Moment, view: Look) -> Label:
     if facts.panel == "short":
         seconds = moment.time - run.trajectory.times.min()
         passed = f"{seconds:.0f} s" if seconds < _MINUTES else f"{seconds / 60.0:.0f} min"
-        # What the caption does not count.
-        count = counted(line_map.object_count, "object") if shot in _WALLS and walls else walls
-        said = f"{passed}  ·  {count}".rstrip(" ·")
-        return _label([head, (said, _PALE), *_trails(run, moment.scan)], _SIZE)
+        if facts.playback > 1.0:
+            passed += f" at {facts.playback:.2g} × speed"
+        if walls and walls not in head[0]:
+            passed += f"  ·  {walls}"
+        return _label([head, (passed, _PALE), *_trails(run, moment.scan)], _SIZE)
     x, y, theta = moment.pose
     scan = run.scan(moment.scan)
     nearest = f"min {scan.ranges[scan.hits].min():.2f} m" if scan.hits.any() else "nothing near"
