@@ -204,18 +204,16 @@ COMMANDS: dict[str, tuple[Callable[[Namespace], Any], str]] = {
 with the options and the report."""
 
 
-COMPILED = ("run", "map", "slam", "sweep", "localise")
-"""Commands that need the kernels of casting, mapping or SLAM."""
-
-
 def start(args: Namespace) -> int | None:
     """Read the input of a command and run it; returns its exit status."""
     read, target = COMMANDS[args.command]
+    # Commands that need the kernels of casting, mapping or SLAM.
+    compiled = ("run", "map", "slam", "sweep", "localise")
     with ExitStack() as stack:
         report = Report(args.command, args.json, args.quiet, args.verbose, stack)
         slam = args.command == "slam" or getattr(args, "slam", None) or getattr(args, "log", None)
         parts = ["slam"] if slam else []
-        compiling = start_compiling(*parts) if args.command in COMPILED else None
+        compiling = start_compiling(*parts) if args.command in compiled else None
         if compiling is not None:
             stack.callback(compiling.kill)
         source = read(args)

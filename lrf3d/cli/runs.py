@@ -19,12 +19,6 @@ from lrf3d.text import counted
 _LARGE, _SMALL = (1280, 720), (640, 360)
 """Sizes [pixels] of films for players, and of films that are drawn slowly or shared."""
 
-_NOTED, _LONG = 3.0, 20.0
-"""After this time [s] the frames and the time of a film are printed, if it takes longer [s]."""
-
-_RATE, _GIF_RATE = 25.0, 10.0
-"""Frames a second. A GIF of 15 s then has less than 10 MB."""
-
 
 def render(run: Run, args: Namespace, report: Report) -> None:
     """Draw the film of a run, or a picture of one moment."""
@@ -79,7 +73,8 @@ def write_film(
     ending, look = path.suffix.lower(), _look(args)
     if args.size is None and ending in (".gif", ".webp"):
         look["size"] = _SMALL
-    rate = args.fps or (_GIF_RATE if ending == ".gif" else _RATE)
+    film_rate, gif_rate = 25.0, 10.0  # Frames a second. A GIF of 15 s then has less than 10 MB.
+    rate = args.fps or (gif_rate if ending == ".gif" else film_rate)
     began, frames, noted = perf_counter(), 0, False
     first = 0.0
     with report.progress("film") as progress:
@@ -88,10 +83,13 @@ def write_film(
             nonlocal frames, noted, first
             frames, first = frames + 1, first or perf_counter()
             progress(number, total)
+            # After this time [s] the frames and the time of a film are printed, if it takes longer
+            # [s].
+            noted_after, long = 3.0, 20.0
             # A terminal has a bar that shows it.
-            if not noted and (passed := perf_counter() - first) > _NOTED:
+            if not noted and (passed := perf_counter() - first) > noted_after:
                 noted, time = True, passed * total / max(frames - 1, 1)
-                if time > _LONG and not sys.stderr.isatty():
+                if time > long and not sys.stderr.isatty():
                     report.note(f"film: {total:,} frames, which take about {time:.0f} s")
 
         render_video(run, path, fps=rate, workers=args.workers, part=part, progress=note, **look)

@@ -70,9 +70,6 @@ OTHER_LASERS = re.compile(rb"[FRL]LASER|(ROBOT|RAW)LASER\d+").fullmatch
 FARTHEST_LASER = 10.0
 """How far a laser may stand from its robot's centre [m]: farther, the number is in other units."""
 
-STEADY = 1e-3
-"""How far mounts of one laser may differ [m], [rad]: logs round their numbers."""
-
 
 def load_carmen(intake: Intake, poses: str = "auto") -> LaserLog:
     """Read the scans of a CARMEN log; see `load_log`.
@@ -285,9 +282,11 @@ class _Reading:
         apart = mounts - mounts[0]
         apart[:, 2] = wrap_angle(apart[:, 2])
         far = float(np.hypot(*mounts[0, :2]))
-        if np.abs(apart).max() > STEADY or far > FARTHEST_LASER:
+        # How far mounts of one laser may differ [m], [rad]: logs round their numbers.
+        steady = 1e-3
+        if np.abs(apart).max() > steady or far > FARTHEST_LASER:
             return CENTRE
-        mount: Float = np.where(np.abs(mounts[0]) > STEADY, np.median(mounts, axis=0), 0.0)
+        mount: Float = np.where(np.abs(mounts[0]) > steady, np.median(mounts, axis=0), 0.0)
         return Pose(*mount.tolist())
 
     def tracks(self) -> dict[str, Trajectory]:

@@ -22,9 +22,10 @@ _SIZE, _FULL_SIZE, _INK, _PALE = 30.0, 19.0, (236, 240, 247), (150, 166, 192)
 """Heights of letters [pixels of 720 lines], legible in a film that is shown 390 pixels wide; and
 colours of the first line and of the others, 0…255."""
 
-_REFLECTION_TIME, _FOUND, _FOUND_SHARE = 6.0, 0.1, 0.5
-"""How long a recognised mirror is mentioned [s of the film]; a wall is found if the map lies within
-a distance [m] of it along a share of its length."""
+_REFLECTION_TIME, _DROPPED, _FOUND, _FOUND_SHARE = 6.0, 3, 0.1, 0.5
+"""Time for which a recognised mirror is mentioned [s of the film], and the loss of walls that is
+mentioned while there is one; a wall is found if the map lies within a distance [m] of it along a
+share of its length."""
 
 
 class Facts(NamedTuple):
@@ -40,8 +41,8 @@ def caption(facts: Facts, moment: Moment, shot: str) -> str:
     run, line_map = facts.run, facts.run.map_after(moment.mapped)
     if moment.mapped < 0:
         return "Nothing is known yet"
-    if shot in ("chase", "close") and reflected(run, moment):
-        return "That room is a reflection"
+    if shot in ("chase", "close") and (words := _reflected(run, moment)):
+        return words
     if shot == "close":
         return f"{np.isfinite(run.ranges[: moment.scan + 1]).sum():,} ranges measured"
     if shot in ("rise", "whole", "end") and len(line_map):
@@ -60,12 +61,18 @@ _SHOTS = ("wave", "chase", "close", "rise", "high", "whole", "end")
 """Shots of the film's own cameras."""
 
 
-def reflected(run: Run, moment: Moment) -> bool:
-    """Whether a mirror has been recognised in the map in the last seconds."""
+def _reflected(run: Run, moment: Moment) -> str:
+    """Words on a mirror that the map recognised in the last seconds, and on walls dropped since."""
     then = moment.time - _REFLECTION_TIME * run.playback
     earlier = int(np.searchsorted(run.trajectory.times, then)) - 1
-    before, after = ("mirror" in run.map_after(scan).kinds for scan in (earlier, moment.mapped))
-    return after and not before
+    line_map = run.map_after(moment.mapped)
+    if "mirror" not in line_map.kinds:
+        return ""
+    most = max(len(run.map_after(scan)) for scan in range(earlier, moment.mapped + 1))
+    if "mirror" in run.map_after(earlier).kinds and most < len(line_map) + _DROPPED:
+        return ""
+    dropped = counted(most - len(line_map), "wall")
+    return "That room is a reflection" + f": {dropped} dropped" * (most > len(line_map))
 
 
 def panel(facts: Facts, moment: Moment, shot: str) -> Label:
@@ -74,7 +81,11 @@ def panel(facts: Facts, moment: Moment, shot: str) -> Label:
     walls = counted(len(line_map), "wall") if run.maps else ""
     head = caption(facts, moment, shot), _INK
     if facts.panel == "short":
-        passed = f"{moment.time - run.trajectory.times.min():.0f} s  ·  {walls}".rstrip(" ·")
+        passed = f"{moment.time - run.trajectory.times.min():.0f} s"
+        if facts.playback > 1.0:
+            passed += f" at {facts.playback:.2g} × speed"
+        if walls and walls not in head[0]:
+            passed += f"  ·  {walls}"
         return _label([head, (passed, _PALE), *_trails(run, moment.scan)], _SIZE)
     x, y, theta = moment.pose
     scan = run.scan(moment.scan)

@@ -23,6 +23,12 @@ def test_a_short_panel_says_what_is_shown_when_and_what_is_found_and_a_full_one_
     assert len(full) > 3 and full[0] == short[0] and any("beams hit" in line for line in full)
 
 
+def test_a_number_is_said_once_and_a_film_that_runs_faster_says_so():
+    run = city_run()
+    head, passed = panel(Facts(run, 3.0, "short"), Timeline(run).moment(1.0), "whole").text
+    assert head == f"{len(run.map)} walls in the map" and passed == "1 s at 3 × speed"
+
+
 @pytest.mark.parametrize("make", [city_run, room_run])
 def test_the_card_counts_the_walls_found_and_the_objects_of_the_map(make):
     facts, _ = said(make(), "short")
