@@ -18,14 +18,13 @@ from lrf3d.text import counted
 PANELS = ("full", "short")
 """What a panel may say: all numbers, or three facts."""
 
-_SIZE, _FULL_SIZE, _INK, _PALE = 30.0, 19.0, (236, 240, 247), (150, 166, 192)
+_SIZE, _FULL_SIZE, _INK, _PALE = 30.0, 19.0, (236, 240, 247), (184, 196, 216)
 """Heights of letters [pixels of 720 lines], legible in a film that is shown 390 pixels wide; and
 colours of the first line and of the others, 0…255."""
 
-_REFLECTION_TIME, _DROPPED, _FOUND, _FOUND_SHARE = 6.0, 3, 0.1, 0.5
-"""Time for which a recognised mirror is mentioned [s of the film], and the loss of walls that is
-mentioned while there is one; a wall is found if the map lies within a distance [m] of it along a
-share of its length."""
+_REFLECTION_TIME, _DROPPED, _FOUND, _FOUND_SHARE = 4.0, 3, 0.1, 0.5
+"""Time for which a loss of walls behind mirrors is mentioned [s of the film], and the least such
+loss; a wall is found if the map lies within a distance [m] of it along a share of its length."""
 
 
 class Facts(NamedTuple):
@@ -48,7 +47,7 @@ def caption(facts: Facts, moment: Moment, shot: str) -> str:
     if shot in ("rise", "whole", "end") and len(line_map):
         return f"{counted(len(line_map), 'wall')} in the map"
     if shot == "high" and len(line_map):
-        return f"Walls become {counted(line_map.object_count, 'object')}"
+        return f"{counted(line_map.object_count, 'object')}, each in its own colour"
     if shot not in _SHOTS:
         return shot
     gaps = np.diff(run.trajectory.times)
@@ -62,17 +61,15 @@ _SHOTS = ("wave", "chase", "close", "rise", "high", "whole", "end")
 
 
 def _reflected(run: Run, moment: Moment) -> str:
-    """Words on a mirror that the map recognised in the last seconds, and on walls dropped since."""
-    then = moment.time - _REFLECTION_TIME * run.playback
-    earlier = int(np.searchsorted(run.trajectory.times, then)) - 1
+    """Words on the walls that the map has dropped in the last seconds since it knows a mirror."""
     line_map = run.map_after(moment.mapped)
     if "mirror" not in line_map.kinds:
         return ""
+    then = moment.time - _REFLECTION_TIME * run.playback
+    earlier = max(int(np.searchsorted(run.trajectory.times, then)) - 1, 0)
     most = max(len(run.map_after(scan)) for scan in range(earlier, moment.mapped + 1))
-    if "mirror" in run.map_after(earlier).kinds and most < len(line_map) + _DROPPED:
-        return ""
-    dropped = counted(most - len(line_map), "wall")
-    return "That room is a reflection" + f": {dropped} dropped" * (most > len(line_map))
+    dropped = most - len(line_map)
+    return f"That room is a reflection: {dropped} walls dropped" if dropped >= _DROPPED else ""
 
 
 def panel(facts: Facts, moment: Moment, shot: str) -> Label:

@@ -41,10 +41,10 @@ _LONGEST_WAVE, _NEVER = 0.7, 9.0
 """Longest delay of light [s of the film]: the robot must not overtake it; and the time of what is
 never seen [lengths of the run]."""
 
-_SOFT, _CLOSED, _COVERS, _TOLERANCE = 1.3, 3, 3.2, 1.6
-"""How far times and rims are smoothed, how wide gaps between beams are closed, half the width of
-the strip in which a segment sets the time of its cells, and how far off it colours walls [cells].
-"""
+_SOFT, _SLOPE, _CLOSED, _COVERS, _TOLERANCE = 1.3, 5.0, 3, 3.2, 1.6
+"""How far times and rims, and the times of the map, are smoothed, how wide gaps between beams are
+closed, half the width of the strip in which a segment sets the time of its cells, and how far off
+it colours walls [cells]."""
 
 _GAP, _BRIDGED, _MOVED = 0.3, 13, 1e-3
 """Least time between the light and the map's colour [s], and how wide what is not lit yet may be in
@@ -174,7 +174,13 @@ def expose(run: Run, structures: Structures, low: Float, high: Float) -> Exposur
         segments = (line_map.segments - np.tile(origin + low, 2)) / exposure.cell - 0.5
         for ends in segments.tolist():
             draw.line(ends, fill=number + 1, width=round(2.0 * _COVERS))
-    mapped = np.append(_NEVER, share)[np.asarray(covered)]
+    within: Bool = np.asarray(covered) > 0
+    # A wall that grows scan by scan is coloured by an even slope, without steps.
+    sums, weights = (
+        gaussian_filter(each.astype(np.float32), _SLOPE)
+        for each in (np.append(0.0, share)[np.asarray(covered)], within)
+    )
+    mapped = np.where(within, sums / np.maximum(weights, 1e-6), _NEVER)
     # What the map has between two lit places is coloured with them.
     cells["mapped"] = np.maximum(mapped, minimum_filter(cells["seen"], _BRIDGED) + _GAP / length)
     delay = wave(exposure, poses[scans, :2], structures.setting.light)
