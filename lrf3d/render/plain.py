@@ -27,8 +27,8 @@ from lrf3d.scene.stage.stage import Stage
 
 _LIFTED, _NEAR, _AT_MIRROR, _MOST_LAYERS = 0.02, 0.2, 0.03, 6
 """How much nearer to the eye translucent faces are than what they lie on, the depth before which
-lines and faces are cut and points are left out, and how far from a mirror what rays meet is it [m]; and
-the most walls that a ray passes where these are open or glass."""
+lines and faces are cut and points are left out, and how far from a mirror what rays meet is it [m];
+and the most walls that a ray passes where these are open or glass."""
 
 
 class _Canvas(NamedTuple):
@@ -211,9 +211,9 @@ class PlainRenderer:
     def _fill(
         self, canvas: _Canvas, lens: Lens, corners: Any, colours: Any, nearer: float, solid: bool
     ) -> None:
-        rows = _before_eye(np.dstack([corners, colours]), lens).reshape(-1, 7)
-        clip, near = _projected(rows[:, :3], lens, nearer, canvas)
-        rows = np.column_stack([clip[:, :2], near, rows[:, 3:]]).reshape(-1, 3, 7)
+        shown = _before_eye(np.dstack([corners, colours]), lens).reshape(-1, 7)
+        clip, near = _projected(shown[:, :3], lens, nearer, canvas)
+        rows = np.column_stack([clip[:, :2], near, shown[:, 3:]]).reshape(-1, 3, 7)
         fill_triangles(rows, solid, canvas.colours, canvas.near)
 
     def _draw_points(self, canvas: _Canvas, lens: Lens, points: Points) -> None:

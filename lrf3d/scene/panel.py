@@ -24,18 +24,9 @@ _SIZE, _FULL_SIZE, _INK, _PALE = 30.0, 19.0, (236, 240, 247), (184, 196, 216)
 """Heights of letters [pixels of 720 lines], legible in a film that is shown 390 pixels wide; and
 colours of the first line and of the others, 0…255."""
 
-_REFLECTION_TIME, _DROPPED, _FOUND, _FOUND_SHARE, _MINUTES, _CARD_FROM = (
-    4.0,
-    3,
-    0.1,
-    0.5,
-    600.0,
-    0.9,
-)
+_REFLECTION_TIME, _DROPPED, _FOUND, _FOUND_SHARE = 4.0, 3, 0.1, 0.5
 """Time for which a loss of walls behind mirrors is mentioned [s of the film], and the least such
-loss; a wall is found if the map lies within a distance [m] of it along a share of its length; from
-when on [s] time is given in minutes; and how far what was never seen has become glass when the card
-comes."""
+loss; a wall is found if the map lies within a distance [m] of it along a share of its length."""
 
 
 class Facts(NamedTuple):
@@ -89,14 +80,15 @@ def _reflected(run: Run, moment: Moment) -> str:
 
 def panel(facts: Facts, moment: Moment, view: Look) -> Label:
     """The panel of a moment through a look; at the end of a story the card."""
-    if view.shot == "end" and view.glass >= _CARD_FROM:
+    card_from, minutes = 0.9, 600.0  # A share of the glass, and when seconds are too many [s].
+    if view.shot == "end" and view.glass >= card_from:
         return card(facts)
     run, line_map, shot = facts.run, facts.run.map_after(moment.mapped), view.shot
     walls = counted(len(line_map), "wall") if run.maps else ""
     head = _caption(facts, moment, shot), _INK
     if facts.panel == "short":
         seconds = moment.time - run.trajectory.times.min()
-        passed = f"{seconds:.0f} s" if seconds < _MINUTES else f"{seconds / 60.0:.0f} min"
+        passed = f"{seconds:.0f} s" if seconds < minutes else f"{seconds / 60.0:.0f} min"
         if facts.playback > 1.0:
             passed += f" at {facts.playback:.2g} × speed"
         if walls and walls not in head[0]:
