@@ -137,7 +137,7 @@ def test_every_mark_is_drawn_as_it_is_and_the_same_while_nothing_changes(monkeyp
     scene = Scene(timeline, goal=(2.0, 2.0, 0.5))
     moment = timeline.moment(0.6 * timeline.end)
     view = overview(timeline, scene.structures).look(moment.time, 1.5)
-    with pytest.raises(InputError, match="mark 'cross'.*define it in a module"):
+    with pytest.raises(InputError, match=r"mark 'cross'.*define it in a module"):
         lrf3d.render_video(scene.run, "run.gif", size=(64, 64), renderer="embree")
     marks, again = (dict(scene.seen(moment, view, (90, 60)).marks) for _ in range(2))
     assert {"cross", "goal", "shadow", "trail", "points"} <= set(marks)

@@ -19,7 +19,7 @@ _LEAST_SCALE, _LEAST_LETTER, _MOST_COVERED = 0.47, 6.5, 0.5
 """Text is at least this number of times its size at 720 lines; text of smaller letters [pixels], or
 that would cover more of the height of a picture, is left out."""
 
-_DARKEST, _SHADED = 0.62, 1.6
+_DARKEST, _SHADED = 0.74, 1.6
 """How much the picture is darkened in the corner under text, and how far, in the text's size."""
 
 _RIM, _BAR, _SCALE_LETTER = (38, 50, 72), (200, 210, 228), 20
