@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 FEW = 10
 """Largest number of beams of a scan that are cast one by one: a fan would take longer."""
 
-AT_ONCE = 12_000
+AT_ONCE = 4000
 """Number of rays that are prepared together: 600 kB."""
 
 MOST_TREES = 8
