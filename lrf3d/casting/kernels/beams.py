@@ -131,9 +131,9 @@ def _follow(
         # Without guesses the wall of the two beams before is often the one.
         guess, before = (guesses[i] if len(guesses) > 0 else row if row == before else -1), row
         row = rows[i] = clear_wall(tree, beam, guess, reach, block.sifted, stack)
-        k, wall = index_of(i), wall_at(tree.walls, max(row, 0))
-        numbers[0, k], numbers[1, k], numbers[2, k], numbers[3, k] = beam
-        numbers[4, k], numbers[5, k], numbers[6, k], numbers[7, k] = wall
+        if row >= 0:
+            numbers[0, i], numbers[1, i], numbers[2, i], numbers[3, i] = beam
+            numbers[4, i], numbers[5, i], numbers[6, i], numbers[7, i] = wall_at(tree.walls, row)
     for k in range(whole(len(rays))):
         beam = Beam(numbers[0, k], numbers[1, k], numbers[2, k], numbers[3, k])
         wall = Wall(numbers[4, k], numbers[5, k], numbers[6, k], numbers[7, k])
@@ -175,9 +175,7 @@ def clear_wall(
 
 
 @borrower
-def sift(
-    columns: Float, first: int, stop: int, beam: Beam, limit: float, sifted: Float
-) -> None:
+def sift(columns: Float, first: int, stop: int, beam: Beam, limit: float, sifted: Float) -> None:
     """Sift the walls of a leaf: what is above zero shows that one is not met up to a limit [m].
 
     One loop without branches, with the bounds of `judged`.

@@ -26,12 +26,12 @@ CHILDREN = LANES
 SMALL = 24
 """Walls up to which a world gets one leaf and no tree."""
 
-FREE_LEVELS = 40
+FREE_LEVELS = 20
 """Levels from the root on that are cut where it is cheapest. Below, walls are halved by number:
 walls whose scales span many powers of ten could else make a tree as deep as they are many."""
 
-STACK = 512
-"""Boxes that may wait on the path through a tree: seven for each of at most 40 + 31 levels."""
+STACK = 256
+"""Boxes that may wait on the path through a tree: seven for each of at most 20 + 11 levels."""
 
 ROOM = 1.0 + 1e-9
 """Room for rounding and for directions that are not quite of unit length."""
