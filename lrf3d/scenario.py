@@ -46,18 +46,8 @@ if TYPE_CHECKING:
     from lrf3d.simulation import Mapper, Simulation
     from lrf3d.steering import Controller
 
-POSE_INTERVAL = 4.0
-"""Time between two scans [s] at single poses, between which the robot does not drive."""
-
-CONTROLLED_SCANS = 1000
-"""Default number of scans of a controller's drive."""
-
 MOST_SCANS = 10_000_000
 """Largest number of scans, eleven days at 10 Hz: their poses are in memory, 32 bytes each."""
-
-PLANNED_LOOKAHEAD = 0.4
-"""Look-ahead [m] on planned routes, short enough for the doors of a house; with 1 m the robot would
-cut their corners."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,12 +161,15 @@ class Scenario(Value):
             return self
         from lrf3d.planning.planner import find_route
 
+        # Look-ahead [m] on planned routes, short enough for the doors of a house; with 1 m the
+        # robot would cut their corners.
+        planned_lookahead = 0.4
         found = find_route(
             self.world,
             radius=None if self.radius == RADIUS else self.radius,
             speed=None if self.speed == SPEED else self.speed,
             range_max=self.lrf.range_max,
-            lookahead=min(self.lookahead, PLANNED_LOOKAHEAD),
+            lookahead=min(self.lookahead, planned_lookahead),
             dt=self.scan_interval / self._commands,
             where=where,
             start=self.start,
@@ -210,9 +203,11 @@ class Scenario(Value):
         ``say`` is called with the first collision with a dynamic obstacle, which ends no drive.
         """
         scans = None if scans is None else whole_number(scans, "scans", most=MOST_SCANS)
+        # Time between two scans [s] at single poses, between which the robot does not drive.
+        pose_interval = 4.0
         if self.poses is not None:
             stops = np.arange(len(self.poses) if scans is None else scans)
-            return Trajectory(POSE_INTERVAL * stops, self.poses[stops % len(self.poses)])
+            return Trajectory(pose_interval * stops, self.poses[stops % len(self.poses)])
         if self.route is None:
             raise InputError(f"{self.name}: neither poses nor a route to drive")
         commands = self._commands
@@ -276,12 +271,13 @@ class Scenario(Value):
         measured = [changes.pop(name, None) for name in ("sigma", "noise", "mode")]
         scenario, controlled = self.changed(**changes), dict[str, Any]()
         checks = isinstance(on_collision, str)
+        controlled_scans = 1000  # Default number of scans of a controller's drive.
         if drive is None:
             scenario = scenario.with_route()
             ignored = (lambda note: None) if isinstance(on_collision, str) else on_collision
             drive = scenario.trajectory(scans=scans, on_collision=ignored)
         elif callable(getattr(drive, "command", None)):
-            scans = CONTROLLED_SCANS if scans is None else scans
+            scans = controlled_scans if scans is None else scans
             scans = whole_number(scans, "scans", most=MOST_SCANS)
             start = (0.0, 0.0, 0.0) if scenario.poses is None else scenario.poses[0]
             controlled = {

@@ -76,9 +76,6 @@ WORDS = re.compile(
 FARTHEST_LASER = 10.0
 """How far a laser may stand from its robot's centre [m]: farther, the number is in other units."""
 
-STEADY = 1e-3
-"""How far mounts of one laser may differ [m], [rad]: logs round their numbers."""
-
 
 def load_carmen(intake: Intake, poses: str = "auto") -> LaserLog:
     """Read the scans of a CARMEN log; see `load_log`.
@@ -306,7 +303,7 @@ class _Reading:
 
         Of one laser alone the poses of FLASER messages are taken for those of its robot.
         """
-        notes, numbers = self._intake.notes, sorted(self._counts)
+        notes, numbers = self._intake.notes, sorted({row.laser for row in self.rows})
         mounts = {laser: self._mount(laser) for laser in numbers}
         first = numbers[0]
         if len(numbers) == 1 or mounts[first] is None:
@@ -339,9 +336,11 @@ class _Reading:
         # About half a turn headings may have either sign.
         mounts[:, 2] += 2.0 * pi * np.round((mounts[0, 2] - mounts[:, 2]) / (2.0 * pi))
         far = float(np.hypot(*mounts[0, :2]))
-        if np.abs(mounts - mounts[0]).max() > STEADY or far > FARTHEST_LASER:
+        # How far mounts of one laser may differ [m], [rad]: logs round their numbers.
+        steady = 1e-3
+        if np.abs(mounts - mounts[0]).max() > steady or far > FARTHEST_LASER:
             return None
-        mount: Float = np.where(np.abs(mounts[0]) > STEADY, np.median(mounts, axis=0), 0.0)
+        mount: Float = np.where(np.abs(mounts[0]) > steady, np.median(mounts, axis=0), 0.0)
         return Pose(*mount.tolist())
 
     def tracks(self) -> dict[str, Trajectory]:

@@ -43,12 +43,6 @@ FURNITURE_HEIGHT = 0.8
 THICKEST = 0.6
 """Mean thickness [m] up to which an area is a wall, and not a floor, whatever its colour."""
 
-OUTLINE = 1e-4
-"""Distance [m] up to which a line runs along the outline of an area."""
-
-CRACK = 0.02
-"""Half of a gap [m] between walls through which two rooms do not become one."""
-
 STANDS = ("wall", "window", "other", "furniture")
 """The roles of what stands; lines of ``other`` layers are walls, too."""
 
@@ -140,11 +134,12 @@ class Plan(NamedTuple):
         ends = np.array([door.opening for door in self.doors]).reshape(-1, 2, 2)
         ends = ends + 0.06 * (ends - ends[:, ::-1])
         lines = shapely.linestrings(np.concatenate([walls, ends]))
-        thick = shapely.union_all(shapely.buffer(lines, CRACK, cap_style="square"))
+        crack = 0.02  # Half of a gap [m] between walls through which two rooms do not become one.
+        thick = shapely.union_all(shapely.buffer(lines, crack, cap_style="square"))
         holes = [hole for part in shapely.get_parts(thick) for hole in part.interiors]
         if not holes:
             return []
-        faces = shapely.buffer(shapely.polygons(holes), CRACK, join_style="mitre")
+        faces = shapely.buffer(shapely.polygons(holes), crack, join_style="mitre")
         area, edge = shapely.area(faces), shapely.length(faces)
         rooms = faces[(area > LEAST_ROOM) & (2.0 * area > THICKEST * edge)]
         rooms = rooms[np.argsort(-shapely.area(rooms))]
@@ -205,7 +200,8 @@ def plan_of(drawing: Drawing, layers: Sequence[str] = (), without: Sequence[str]
     solids = _solids(marks, roles)
     flat = [(mark.shape, role) for mark, role in zip(marks, roles, strict=True)
             if not (is_area(mark.shape) and role in STANDS)]  # fmt: skip
-    solid = shapely.union_all([shape for shape, _ in solids]).buffer(OUTLINE)
+    outline = 1e-4  # Distance [m] up to which a line runs along the outline of an area.
+    solid = shapely.union_all([shape for shape, _ in solids]).buffer(outline)
     shapely.prepare(solid)
     pieces = [
         (shape.difference(solid) if role in STANDS and solid.intersects(shape) else shape, role)
