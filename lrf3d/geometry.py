@@ -83,9 +83,8 @@ def as_rows(values: Any, name: str, columns: int, *, least: int = 0, row: str = 
     array = np.asarray(numbers(values, name), dtype=np.float64)
     if array.ndim != 2 or array.shape[1] != columns or len(array) < least:
         raise InputError(f"{name} of shape {array.shape}: expected (n, {columns}), n ≥ {least}")
-    inside = (np.abs(array) <= LARGEST_COORDINATE).all(axis=1)
-    if not inside.all():
-        place = int(np.argmin(inside))
+    if not (inside := np.abs(array) <= LARGEST_COORDINATE).all():
+        place = int(np.argmin(inside.all(axis=1)))
         raise InputError(
             f"{name}: {row} {place} is {array[place].tolist()}, expected finite numbers of at most"
             f" {LARGEST_COORDINATE:g}"
