@@ -12,7 +12,6 @@ import warnings
 from collections import Counter
 from collections.abc import Sequence
 from fnmatch import fnmatch
-from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 from unicodedata import combining, normalize
@@ -33,12 +32,6 @@ FURNITURE_HEIGHT = 0.8
 
 THICKEST = 0.6
 """Mean thickness [m] up to which an area is a wall, and not a floor, whatever its colour."""
-
-OUTLINE = 1e-4
-"""Distance [m] up to which a line runs along the outline of an area."""
-
-CRACK = 0.02
-"""Half of a gap [m] between walls through which two rooms do not become one."""
 
 STANDS = ("wall", "window", "other", "furniture")
 """The roles of what stands; lines of ``other`` layers are walls, too."""
@@ -141,11 +134,12 @@ class Plan(NamedTuple):
         ends = np.array([door.opening for door in self.doors]).reshape(-1, 2, 2)
         ends = ends + 0.06 * (ends - ends[:, ::-1])
         lines = shapely.linestrings(np.concatenate([walls, ends]))
-        thick = shapely.union_all(shapely.buffer(lines, CRACK, cap_style="square"))
+        crack = 0.02  # Half of a gap [m] between walls through which two rooms do not become one.
+        thick = shapely.union_all(shapely.buffer(lines, crack, cap_style="square"))
         holes = [hole for part in shapely.get_parts(thick) for hole in part.interiors]
         if not holes:
             return []
-        faces = shapely.buffer(shapely.polygons(holes), CRACK, join_style="mitre")
+        faces = shapely.buffer(shapely.polygons(holes), crack, join_style="mitre")
         area, edge = shapely.area(faces), shapely.length(faces)
         rooms = faces[(area > LEAST_ROOM) & (2.0 * area > THICKEST * edge)]
         rooms = rooms[np.argsort(-shapely.area(rooms))]
@@ -175,21 +169,6 @@ class Plan(NamedTuple):
         return world
 
 
-def read_drawing(
-    path: Path,
-    *,
-    scale: float = 1.0,
-    layers: Sequence[str] = (),
-    without: Sequence[str] = (),
-    **options: Any,
-) -> Plan:
-    """Read a drawing as a plan; what the options are says ``load_world``."""
-    reader: Any = import_module(f"lrf3d.world.{path.suffix[1:].lower()}")
-    # A scanned page of a PDF is a plan already.
-    found = reader.draw(path, scale, **options)
-    return found if isinstance(found, Plan) else plan_of(found.drawing(), layers, without)
-
-
 def plan_of(drawing: Drawing, layers: Sequence[str] = (), without: Sequence[str] = ()) -> Plan:
     """Decide what of a drawing stands; of some layers alone, or without some, by patterns."""
     marks = drawing.marks
@@ -199,7 +178,8 @@ def plan_of(drawing: Drawing, layers: Sequence[str] = (), without: Sequence[str]
             if not (is_area(mark.shape) and role in STANDS)]  # fmt: skip
     # An arrowhead does not cut the line that it is on.
     large = [shape for shape, _ in solids if shape.length > 1.5]
-    solid = shapely.union_all(large).buffer(OUTLINE)
+    outline = 1e-4  # Distance [m] up to which a line runs along the outline of an area.
+    solid = shapely.union_all(large).buffer(outline)
     shapely.prepare(solid)
     pieces = [
         (shape.difference(solid) if role in STANDS and solid.intersects(shape) else shape, role)
