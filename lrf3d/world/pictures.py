@@ -70,8 +70,9 @@ def plan_of_picture(colours: Any, resolution: float, threshold: float | None) ->
     found = threshold_of(contrast) if threshold is None else (255.0 - threshold) / 255.0
     dark = contrast > found
     pixels, left_out = 1.0 / resolution, Counter[str]()
+    stands = dark & ~_marked(colours, dark, left_out)
     # A thick area is a floor if it is pale.
-    drawn = dark & ~_floors(dark & (lightness < 0.5), key, pixels, left_out)
+    drawn = stands & ~_floors(stands & (lightness < 0.5), key, pixels, left_out)
     walls, furniture, thin = _cleaned(drawn, pixels, left_out)
     parts = [walls_of_grid(walls), *thin, walls_of_grid(furniture)]
     segments = np.concatenate(parts) * resolution
@@ -170,7 +171,7 @@ def _cleaned(drawn: Bool, pixels: float, left_out: Counter[str]) -> tuple[Bool, 
     share = _extent(solid & building) / max(_extent(dark), 1.0)
     if share > 0.35 and solid[building].sum() > 0.4 * dark[building].sum():
         strokes = dark & ~grown(solid, 1.5)
-        left_out["part beside the plan"] = parts_of((strokes | solid) & ~building)[1]
+        left_out["outside part"] = parts_of((strokes | solid) & ~building)[1]
         thin = _thin_walls(strokes & building, solid, pixels, left_out)
         thin = [sides[~_goes_on(sides, building, dark, pixels)] for sides in thin]
         solid &= building
@@ -178,6 +179,19 @@ def _cleaned(drawn: Bool, pixels: float, left_out: Counter[str]) -> tuple[Bool, 
         solid = dark
     furniture = _loose(solid, drawn, pixels, left_out)
     return solid & ~furniture, furniture, thin
+
+
+def _marked(colours: Any, dark: Bool, left_out: Counter[str]) -> Bool:
+    """The pixels of coloured parts that touch nothing black or grey, where walls are that."""
+    grey = dark & (np.ptp(colours, axis=2) < 64)
+    if _extent(grey) < 0.7 * _extent(dark) or grey.sum() < 0.5 * dark.sum():
+        return np.zeros_like(dark)
+    parts, count = parts_of(dark & ~grey)
+    loose = np.ones(count + 1, dtype=bool)
+    # The rim of a coloured line may be greyish.
+    loose[np.unique(parts[grown(_opened(grey, 1.0), 2.0)])] = loose[0] = False
+    left_out["coloured part"] = int(loose.sum())
+    return np.asarray(grown(loose[parts], 1.5))
 
 
 def _frame(drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
@@ -201,7 +215,7 @@ def _frame(drawn: Bool, pixels: float, left_out: Counter[str]) -> Bool:
     sheet = _extent(thick) > 0.3 * _extent(drawn)
     found = is_frame(np.concatenate(lines) / pixels, sheet)
     framed = np.bincount(owner, found, len(boxes)) > 0.5 * np.bincount(owner, minlength=len(boxes))
-    left_out["part of a frame"] = int(framed.sum())
+    left_out["frame part"] = int(framed.sum())
     return np.asarray(np.append(False, framed)[parts])
 
 
