@@ -161,6 +161,8 @@ def test_a_collision_can_be_ignored(room, tmp_path):
         ("map drive.log --sigma 0.1 0.2", "unexpected 0.2"),
         ("export out/city", "required: --to"),
         ("sweep city --shard 3/2", "--shard: '3/2': expected I/N"),
+        ("sweep city --sigma ,", "--sigma: ',': expected a number from 0"),
+        ("sweep city --mapper rubust", "--mapper: 'rubust': expected robust, paper or FILE.py:"),
     ],
 )
 def test_wrong_usage_ends_with_two_and_one_line_that_says_what_is_wrong(words, said):
