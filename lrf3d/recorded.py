@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from lrf3d.errors import InputError, Lrf3dWarning, expect
-from lrf3d.geometry import Float
+from lrf3d.geometry import Float, usual_step
 from lrf3d.interrupts import Progress, check, silent, stoppable
 from lrf3d.io import LaserLog, load_log, load_run
 from lrf3d.io.reading import odometry_of
@@ -26,6 +26,7 @@ from lrf3d.slam.checks import doubtful_mount, doubtful_poses
 from lrf3d.slam.front_end import KEY_DISTANCE
 from lrf3d.slam.key_scans import Sight
 from lrf3d.slam.odometry import (
+    SURE_OF_POSES,
     Recording,
     Repairs,
     WheelPath,
@@ -34,7 +35,6 @@ from lrf3d.slam.odometry import (
     is_mirrored,
     line_poses,
     turns_between,
-    usual_interval,
 )
 from lrf3d.solved_log import SolvedLog, maps_of, run_of
 
@@ -121,10 +121,10 @@ def punctual(log: LaserLog) -> LaserLog:
     for laser in log.lasers:
         numbers = [number for number, scan in enumerate(scans) if scan.laser == laser]
         own, places, sight = [scans[number] for number in numbers], np.arange(len(numbers)), Sight()
-        interval = usual_interval(np.array([scan.time for scan in own]))
+        interval = usual_step(np.array([scan.time for scan in own]))
         path = WheelPath(np.array([scan.robot for scan in own]), interval)
         turns = turns_between(lambda k, own=own: sight.seen(unrolled(own[k])), path, places)
-        lags = fitted_lag(turns, path, places)
+        lags = fitted_lag(turns, path, places, SURE_OF_POSES)
         said = Repairs(late=path.late(lags)).sentences()
         notes += said
         for number, robot in zip(numbers * len(said), path.at(places - lags), strict=False):

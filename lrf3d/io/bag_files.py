@@ -12,7 +12,7 @@ import sqlite3
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -28,8 +28,8 @@ megabyte, some of a hundred."""
 MOST_TIMES = 200
 """Largest factor by which a packed file is unpacked to a temporary one: bags have 2 to 20."""
 
-BLOCK = 1 << 20
-"""Bytes of a packed file that are unpacked at a time."""
+BLOCK = 1 << 16
+"""Bytes of a packed file that are unpacked at a time; the last ones of one that is cut are lost."""
 
 FILES = (".mcap", ".db3", ".bag")
 """Endings of the files of bags; the last one is that of ROS 1."""
@@ -81,17 +81,27 @@ def packets(path: Path, note: Callable[[str], None]) -> Iterator[Packet]:
             _unpack(path, file)
             head = file.read(len(SQLITE))
         if head == SQLITE:
-            yield from _of_sqlite(Path(file.name))
+            try:
+                yield from _of_sqlite(Path(file.name))
+            except sqlite3.DatabaseError as error:
+                raise InputError(f"{error}; sqlite3's .recover saves what is whole") from None
             return
         is_mcap = head.startswith(MCAP)
         if not is_mcap and not head.startswith(OLD):
             raise InputError("none of a known kind")
-        file.seek(len(MCAP if is_mcap else OLD))
-        yield from _of_mcap(file, {}, {}) if is_mcap else _of_ros1(file, {})
         end = file.seek(0, 2)
-        file.seek(max(end - len(MCAP), 0))
-        if is_mcap and file.read() != MCAP:
+        if is_mcap:
+            file.seek(max(end - len(MCAP), 0))
+            whole = file.read() == MCAP
+            file.seek(len(MCAP))
+        else:
+            file.seek(len(OLD))
+            index = int.from_bytes(_fields(_block(file)).get(b"index_pos", b""), "little")
+            whole = 0 < index <= end
+            _block(file)
+        if not whole:
             note(f"{path.name} was cut short: what is whole in it was read")
+        yield from _of_mcap(file, {}, {}) if is_mcap else _of_ros1(file, {})
 
 
 def unpacked(packing: str, data: bytes) -> bytes:
@@ -128,14 +138,17 @@ def _check_size(size: int) -> None:
 
 
 def _unpack(path: Path, whole: Any) -> None:
+    # Of a file that is cut short, what comes before is unpacked.
     left = MOST_UNPACKED + MOST_TIMES * path.stat().st_size
-    with _zstd().open(path) as stream:
+    with suppress(EOFError), _zstd().open(path) as stream:
         while part := stream.read(BLOCK):
             check()
             left -= len(part)
             if left < 0:
                 raise InputError(f"a packed file unpacks to more than {MOST_TIMES} times its size")
             whole.write(part)
+    if not whole.tell():
+        raise InputError("cut short, so that nothing in it is whole")
     whole.seek(0)
 
 

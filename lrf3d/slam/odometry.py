@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from lrf3d.errors import InputError
-from lrf3d.geometry import Bool, Float, Int
+from lrf3d.geometry import Bool, Float, Int, usual_step
 from lrf3d.laser import LaserScan
 from lrf3d.pose import bent, between, compose
 from lrf3d.slam.key_scans import Key
@@ -57,9 +57,11 @@ LEAST_EXPLAINED = 0.5
 LAGS, LATEST = np.array([-1.0, 2.0]), np.array([-0.5, 0.5])
 """Bounds of the lag, in lines and [s], whichever is wider."""
 
-SURE = 1.3
+SURE, SURE_OF_POSES = 1.3, 3.0
 """Accept the lag, or its drift, only if the cost without it is 1.3 times higher. In logs it is by
-1.7 and more; between two lines the noise of both cancels in part, which looks like a lag of 1.1."""
+1.7 and more; between two lines the noise of both cancels in part, which looks like a lag of 1.1.
+Poses that are not found but believed move only if it is 3 times higher: odometry of a second's
+interval looks early by 1.8."""
 
 LATE = 0.03
 """Lag of the scans [s] that is reported: by more than that maps of fast turns are blurred."""
@@ -148,14 +150,8 @@ def in_order(scans: Sequence[LaserScan], wheels: Float, times: Float, places: In
     copies = len(scans) - len(chosen), len(wheels) - len(lines)
     repairs = Repairs(sort, *copies, len(jumps))
     kept = [scans[k] for k in chosen.tolist()]
-    path = WheelPath(straightened, usual_interval(times[lines]) if stamped else 0.0)
+    path = WheelPath(straightened, usual_step(times[lines]) if stamped else 0.0)
     return Recording(kept, path, rows[places[chosen]], rows, repairs)
-
-
-def usual_interval(times: Float) -> float:
-    """The usual time between two of rising times (n,) [s]; 0 if none rises."""
-    steps = np.diff(times)
-    return float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
 
 
 def _length(wheels: Float) -> float:
@@ -281,7 +277,7 @@ def is_mirrored(turns: Float, path: WheelPath, places: Int) -> bool:
     return CLEARLY * mirrored < alike
 
 
-def fitted_lag(turns: Float, path: WheelPath, places: Int) -> Float:
+def fitted_lag(turns: Float, path: WheelPath, places: Int, sure: float = SURE) -> Float:
     """The lags (k,) [lines] at which odometry fits the turns (k − 1,) of scans; 0 if not known.
 
     They are the same for all scans, or grow evenly where two clocks drift.
@@ -312,7 +308,7 @@ def fitted_lag(turns: Float, path: WheelPath, places: Int) -> Float:
     best = fit(0.0, 0.0)
     for start in ((0.0, 0.0, first), (0.0, 0.0, first, 0.0)):
         found = fit(*start)
-        best = found if best.cost > SURE * found.cost else best
+        best = found if best.cost > sure * found.cost else best
     return lags(*best.x[2:])
 
 
