@@ -130,7 +130,7 @@ def generator(rng: Any) -> "np.random.Generator":
         ) from None
 
 
-def usual_step(values: Float) -> float:
+def usual_step(values: NDArray[Any]) -> float:
     """The median of the steps by which values (n,), such as stamps, rise; 0 if none does."""
     steps = np.diff(values)
     return float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0

@@ -16,7 +16,6 @@ from lrf3d.interrupts import Progress, check, silent, stoppable
 from lrf3d.io import LaserLog, load_log, load_run
 from lrf3d.io.reading import odometry_of
 from lrf3d.laser import doubtful_ranges
-from lrf3d.laser.unrolling import unrolled
 from lrf3d.localization.joining import joined
 from lrf3d.mapping import LineMapper
 from lrf3d.pose import Pose, compose
@@ -120,10 +119,10 @@ def punctual(log: LaserLog) -> LaserLog:
     scans, notes = list(log.scans), list(log.notes)
     for laser in log.lasers:
         numbers = [number for number, scan in enumerate(scans) if scan.laser == laser]
-        own, places, sight = [scans[number] for number in numbers], np.arange(len(numbers)), Sight()
+        own, places = [scans[number] for number in numbers], np.arange(len(numbers))
         interval = usual_step(np.array([scan.time for scan in own]))
         path = WheelPath(np.array([scan.robot for scan in own]), interval)
-        turns = turns_between(lambda k, own=own: sight.seen(unrolled(own[k])), path, places)
+        turns = turns_between(Sight(), own, path, places)
         lags = fitted_lag(turns, path, places, SURE_OF_POSES)
         said = Repairs(late=path.late(lags)).sentences()
         notes += said
@@ -322,8 +321,8 @@ def _checked(log: LaserLog) -> Recording:
 
 def _right_handed(recording: Recording, offset: float) -> tuple[Recording, Float]:
     """A recording whose laser turns as the odometry does, and the turns that its scans show."""
-    sight, scans, path = Sight(offset), recording.scans, recording.path
-    turns = turns_between(lambda number: sight.seen(scans[number]), path, recording.places)
+    scans, path = recording.scans, recording.path
+    turns = turns_between(Sight(offset), scans, path, recording.places)
     if not is_mirrored(turns, path, recording.places):
         return recording, turns
     # The order of the beams in time is lost with that of their angles.

@@ -282,7 +282,9 @@ class _Robot:
                         for track in (self._tracks[self.source], self._stream.track))  # fmt: skip
         if not scans or apart < max(COARSE, SELDOM * scans):
             return ""
-        return f"poses of {self.source} are {apart:.2g} s apart: interpolated for scans between them"
+        return (
+            f"poses of {self.source} are {apart:.2g} s apart: interpolated for scans between them"
+        )
 
     def doubt(self) -> str:
         """What is wrong with the stamps of this robot's scans or poses; "" if nothing is."""

@@ -5,7 +5,7 @@ taken, each once. Then the turns between following scans, as scans show them, sa
 stamps are, and whether the laser and the odometry count turns alike.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,8 +16,9 @@ from scipy.optimize import least_squares
 from lrf3d.errors import InputError
 from lrf3d.geometry import Bool, Float, Int, usual_step
 from lrf3d.laser import LaserScan
+from lrf3d.laser.unrolling import unrolled
 from lrf3d.pose import bent, between, compose
-from lrf3d.slam.key_scans import Key
+from lrf3d.slam.key_scans import Sight
 from lrf3d.slam.search import Submap
 from lrf3d.text import counted
 
@@ -243,19 +244,20 @@ class WheelPath:
         return np.vstack([np.zeros(3), between(poses[:-1], poses[1:])])
 
 
-def turns_between(seen: Callable[[int], Key], path: WheelPath, places: Int) -> Float:
-    """Turn (k − 1,) from each scan to the next [rad] as the scans show it; NaN where unknown.
+def turns_between(sight: Sight, scans: Sequence[LaserScan], path: WheelPath, places: Int) -> Float:
+    """Turn (k − 1,) from each of scans (k,) to the next [rad] as they show it; NaN where unknown.
 
     All headings around are searched, not those near the odometry, which may count them the other
-    way or in degrees. ``seen(number)`` is what a scan saw.
+    way or in degrees.
     """
     turns = np.full(max(len(places) - 1, 0), np.nan)
     x, y, turn = path.increments(places)[1:].T
     chosen = np.flatnonzero((np.abs(turn) > LEAST_TURN) & (np.hypot(x, y) < MOST_DISTANCE))
     for number in chosen[np.argsort(-np.abs(turn[chosen]), kind="stable")][:PAIRS].tolist():
-        before = Submap([seen(number)], np.zeros((1, 3)))
+        seen, following = (sight.seen(unrolled(scan)) for scan in scans[number : number + 2])
+        before = Submap([seen], np.zeros((1, 3)))
         guess = np.array([x[number], y[number], 0.0])
-        for match, _ in before.places(seen(number + 1), guess, PAIR)[:1]:
+        for match, _ in before.places(following, guess, PAIR)[:1]:
             if match.explained > LEAST_EXPLAINED:
                 *_, turns[number] = match.pose
     return turns
@@ -295,7 +297,9 @@ def fitted_lag(turns: Float, path: WheelPath, places: Int, sure: float = SURE) -
         return np.asarray(turns[known] - (1.0 + by_turn) * turned - by_distance * distances)
 
     def fit(*start: float) -> Any:
-        return least_squares(lambda all_: left(*all_), start, loss="huber", f_scale=LEAST_TURN)
+        return least_squares(
+            lambda values: left(*values), np.array(start), loss="huber", f_scale=LEAST_TURN
+        )
 
     least, most = path.lags.tolist()
     moved = np.abs(left(0.0, 0.0, most) - left(0.0, 0.0, least))
