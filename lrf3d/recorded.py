@@ -33,6 +33,7 @@ from lrf3d.slam.odometry import (
     turns_between,
 )
 from lrf3d.solved_log import SolvedLog, maps_of, run_of
+from lrf3d.text import counted
 
 CALIBRATED = 400
 """Scans at the beginning of a log that give the first estimate of its wheels' errors. With it a
@@ -257,7 +258,7 @@ def _checked(log: LaserLog) -> Recording:
     """A log in order, which is refused where no SLAM can solve it."""
     scans, wheels, times = log.scans, log.odometry.poses, log.odometry.times
     if len(scans) < 2 or not len(wheels):
-        count = f"{len(scans)} scans and {len(wheels)} odometry lines"
+        count = f"{counted(len(scans), 'scan')} and {counted(len(wheels), 'odometry line')}"
         raise InputError(f"{count}; expected at least two scans and one line")
     first = scans[0].angles
     least_beams = 3  # Beams that a scan must have to show a wall.

@@ -62,7 +62,8 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
             joined[-1] += f",{word}"
         else:
             joined.append(word)
-    named = argparse.Namespace(command=name, ros_words=ros_words)
+    flags = [word.partition("=")[0] for word in joined if word.startswith("-")]
+    named = argparse.Namespace(command=name, ros_words=ros_words, flags=flags)
     given, rest = parser.parse_known_intermixed_args(joined, named)
     unknown = [word.partition("=")[0] for word in rest if word.startswith("-")]
     check_names(name, unknown, [flag for option in options for flag in option.names])

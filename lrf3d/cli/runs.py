@@ -8,7 +8,7 @@ from time import perf_counter
 from typing import Any
 
 from lrf3d.cli.console import Report, say, warn
-from lrf3d.cli.inputs import routed
+from lrf3d.cli.inputs import refuse, routed
 from lrf3d.errors import InputError, MissingLibraryError
 from lrf3d.exporting import EXPORTERS, export_run
 from lrf3d.files import make_folder, replacing
@@ -23,6 +23,8 @@ _LARGE, _SMALL = (1280, 720), (640, 360)
 def render(run: Run, args: Namespace, report: Report) -> None:
     """Draw the film of a run, or a picture of one moment."""
     picture = args.at is not None
+    if picture:
+        refuse(args, "--from --to --fps --workers", "of a film, and --at draws a picture")
     if args.out is not None and picture != (args.out.suffix.lower() == ".png"):
         raise InputError(
             f"--out {args.out}: expected a name that ends in .png, as --at draws a picture"
@@ -129,7 +131,8 @@ def view(scenario: Scenario | None, args: Namespace, report: Report) -> None:
 
         if scenario is None:
             raise InputError(
-                f"--foxglove: {args.world} is a run; lrf3d export RUN --to mcap plays it"
+                f"--foxglove: {args.world} is a run; lrf3d export {args.world} --to mcap writes it"
+                " for Foxglove"
             )
         serve_foxglove(
             routed(scenario, args, report),

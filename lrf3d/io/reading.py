@@ -89,6 +89,9 @@ def load_log(
     if not isinstance(poses, str) or poses not in sources:
         raise InputError(f"poses from {shown(poses)}: expected one of {', '.join(sources)}")
     intake, kind = Intake(path, largest_range), "text" if format else _kind(path)
+    if kind != "bag" and (scan_topic or part):
+        name = "scan topic" if scan_topic else "part"
+        raise InputError(f"{path}: no bag, so that there is no {name} to choose")
     if kind == "CARMEN":
         return load_carmen(intake, poses)
     if kind == "run":

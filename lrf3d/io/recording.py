@@ -155,7 +155,8 @@ class Journal:
     """A journal, open for appending; the rows of one of the same run may be kept."""
 
     def __init__(self, path: Path, fingerprint: str, simulation: Simulation, *, keep: bool) -> None:
-        fields = row_type(simulation)
+        wheels = simulation.motion_sensors[0] is not None
+        fields = row_type(simulation.world, simulation.lasers, wheels)
         self.path, self._rng = path, simulation.rng
         self.dtype: np.dtype[Any] = np.dtype(
             [("number", np.int64), *fields.descr, ("rng", f"S{RNG_BYTES}")]

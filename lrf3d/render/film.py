@@ -2,7 +2,6 @@
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -118,16 +117,13 @@ class Film:
         gap, high = round(GAP * scale_of(chosen.size)), round(wide * self._window.aspect)
         self._box = chosen.size[0] - gap - wide, gap, wide, high
         self._key: object = None
-        self._card = cache(lambda: panel.card(self._facts))
         self._picture: Pixels = np.zeros((0, 0, 4), np.uint8)
 
     def draw(self, time: float) -> Pixels:
         """The picture (h, w, 4) uint8 at a time of the run [s]; the next one writes over it."""
         moment = self.timeline.moment(time)
         view = self.camera.look(time, self._size[0] / self._size[1])
-        # How far what was never seen has become glass when the card comes, and the time after the
-        # end in which light still fades and colours climb [s of the film].
-        card_from, settled = 0.9, 4.0
+        settled = 4.0  # After the end light still fades, and colours climb [s of the film].
         key = min(moment.now, self.timeline.end + settled * self.timeline.playback), view.key
         if key == self._key:
             # Nothing has moved: the last picture is this one.
@@ -141,9 +137,7 @@ class Film:
         if inset:
             lay_frame(self._picture, self._box, self._window)
         if "hud" in self._layers:
-            ended = view.shot == "end" and view.glass >= card_from
-            said = self._card() if ended else panel.panel(self._facts, moment, view.shot)
-            lay_label(self._picture, said)
+            lay_label(self._picture, panel.panel(self._facts, moment, view))
         return self._picture
 
     def close(self) -> None:

@@ -3,6 +3,7 @@
 A run and a moment of it enter, lines of text leave.
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ import shapely
 
 from lrf3d.run import Run
 from lrf3d.scene import look
+from lrf3d.scene.camera import Look
 from lrf3d.scene.estimate import TRUTH, estimate_words
 from lrf3d.scene.shapes import Label
 from lrf3d.scene.timeline import Moment
@@ -35,16 +37,16 @@ class Facts(NamedTuple):
     panel: str
 
 
-def caption(facts: Facts, moment: Moment, shot: str) -> str:
+def _caption(facts: Facts, moment: Moment, shot: str) -> str:
     """What a shot shows, with one number; a world's own camera is named."""
     run, line_map = facts.run, facts.run.map_after(moment.mapped)
     if moment.mapped < 0:
-        return "Nothing is known yet"
+        return "The robot knows nothing yet"
     if shot in ("chase", "close") and (words := _reflected(run, moment)):
         return words
     if shot == "close":
-        return f"{np.isfinite(run.ranges[: moment.scan + 1]).sum():,} ranges measured"
-    if shot in ("rise", "whole", "end") and len(line_map):
+        return f"{np.isfinite(run.ranges[: moment.scan + 1]).sum():,} distances measured"
+    if shot in _WALLS and len(line_map):
         return f"{counted(len(line_map), 'wall')} in the map"
     if shot == "high" and len(line_map):
         return f"{counted(line_map.object_count, 'object')}, each in its own colour"
@@ -52,12 +54,15 @@ def caption(facts: Facts, moment: Moment, shot: str) -> str:
         return shot
     gaps = np.diff(run.trajectory.times)
     beams = f"{len(run.ranges.T)} laser beams"
+    if shot == "wave":
+        return f"{beams} light up what they reach"
     rate = 1.0 / float(np.median(gaps)) if len(gaps) and np.median(gaps) > 0.0 else 0.0
-    return f"{beams}, {rate:.3g} times a second" if rate >= 1.0 else f"{beams} a scan"
+    return f"{beams}, {round(rate, 1):g} times a second" if rate >= 1.0 else f"{beams} a scan"
 
 
-_SHOTS = ("wave", "chase", "close", "rise", "high", "whole", "end")
-"""Shots of the film's own cameras."""
+_WALLS = ("rise", "whole", "end")
+_SHOTS = ("wave", "chase", "close", "high", *_WALLS)
+"""Shots whose caption counts walls, and all shots of the film's own cameras."""
 
 
 def _reflected(run: Run, moment: Moment) -> str:
@@ -69,16 +74,21 @@ def _reflected(run: Run, moment: Moment) -> str:
     earlier = max(int(np.searchsorted(run.trajectory.times, then)) - 1, 0)
     most = max(len(run.map_after(scan)) for scan in range(earlier, moment.mapped + 1))
     dropped = most - len(line_map)
-    return f"That room is a reflection: {dropped} walls dropped" if dropped >= _DROPPED else ""
+    said = f"The room in the mirror is a reflection: {dropped} walls dropped"
+    return said if dropped >= _DROPPED else ""
 
 
-def panel(facts: Facts, moment: Moment, shot: str) -> Label:
-    """The panel of a moment."""
-    run, line_map = facts.run, facts.run.map_after(moment.mapped)
+def panel(facts: Facts, moment: Moment, view: Look) -> Label:
+    """The panel of a moment through a look; at the end of a story the card."""
+    card_from, minutes = 0.9, 600.0  # A share of the glass, and when seconds are too many [s].
+    if view.shot == "end" and view.glass >= card_from:
+        return card(facts)
+    run, line_map, shot = facts.run, facts.run.map_after(moment.mapped), view.shot
     walls = counted(len(line_map), "wall") if run.maps else ""
-    head = caption(facts, moment, shot), _INK
+    head = _caption(facts, moment, shot), _INK
     if facts.panel == "short":
-        passed = f"{moment.time - run.trajectory.times.min():.0f} s"
+        seconds = moment.time - run.trajectory.times.min()
+        passed = f"{seconds:.0f} s" if seconds < minutes else f"{seconds / 60.0:.0f} min"
         if facts.playback > 1.0:
             passed += f" at {facts.playback:.2g} × speed"
         if walls and walls not in head[0]:
@@ -99,6 +109,7 @@ def panel(facts: Facts, moment: Moment, shot: str) -> Label:
     return _label(lines, _FULL_SIZE)
 
 
+@lru_cache(maxsize=1)
 def card(facts: Facts) -> Label:
     """What was found in the end: of the walls of the world, if they are known."""
     run = facts.run
@@ -115,8 +126,8 @@ def card(facts: Facts) -> Label:
     along = shapely.length(shapely.intersection(walls, near))
     found, count = int((along >= _FOUND_SHARE * shapely.length(walls)).sum()), len(walls)
     share = f"{found} of {counted(count, 'wall')} found, {100 * found / count:.0f} %"
-    more = f"{len(run.map)} segments in the map, {objects}"
-    return _label([(share, _INK), (more, _PALE)], _SIZE)
+    rest = f"what was never seen is glass  ·  {objects}"
+    return _label([(share, _INK), (rest, _PALE)], _SIZE)
 
 
 def _trails(run: Run, scan: int) -> list[tuple[str, tuple[int, int, int]]]:

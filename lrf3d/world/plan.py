@@ -12,7 +12,6 @@ import warnings
 from collections import Counter
 from collections.abc import Callable, Sequence
 from fnmatch import fnmatch
-from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 from unicodedata import combining, normalize
@@ -167,21 +166,6 @@ class Plan(NamedTuple):
             note = f"{path}: {walls}; {words}; `lrf3d world show` draws it"
             warnings.warn(note, Lrf3dNote, stacklevel=4)
         return world
-
-
-def read_drawing(
-    path: Path,
-    *,
-    scale: float = 1.0,
-    layers: Sequence[str] = (),
-    without: Sequence[str] = (),
-    **options: Any,
-) -> Plan:
-    """Read a drawing as a plan; what the options are says ``load_world``."""
-    reader: Any = import_module(f"lrf3d.world.{path.suffix[1:].lower()}")
-    # A scanned page of a PDF is a plan already.
-    found = reader.draw(path, scale, **options)
-    return found if isinstance(found, Plan) else plan_of(found.drawing(), layers, without)
 
 
 SYMBOLS: dict[str, Callable[[Float], Bool]] = {
