@@ -40,7 +40,7 @@ def test_walls_that_go_once_a_mirror_is_known_were_a_reflection():
         LineMap(one.segments[:2], np.arange(2), one.points[:2], one.kinds[:2])
         for one in (known, plain)
     )
-    dropped = f"That room is a reflection: {len(plain) - 2} walls dropped"
+    dropped = f"The room in the mirror is a reflection: {len(plain) - 2} walls dropped"
     for maps, words in (((known, left), dropped), ((known,) * 2, "91 "), ((plain, few), "91 ")):
         head, *_ = said(replace(run, maps=maps, snapshot_scans=(0, 3)), "short")
         assert head.startswith(words)
